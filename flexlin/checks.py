@@ -1,0 +1,43 @@
+"""Checks at the boundary: shape, finite, range; made once, where a value comes in."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexlin.errors import ArgumentError
+
+Array = NDArray[Any]
+
+
+def real_array(name: str, value: ArrayLike, shape: Sequence[int | None] | None = None) -> Array:
+    """Return `value` as a finite float array of the given shape (None: any length on that axis)."""
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ArgumentError(f"{name} is not numeric", got=repr(value)[:80], expected="real numbers") from None
+    if shape is not None:
+        fits = array.ndim == len(shape) and all(
+            want in (None, have) for want, have in zip(shape, array.shape, strict=False)
+        )
+        if not fits:
+            wanted = "(" + ", ".join("any" if want is None else str(want) for want in shape) + ")"
+            raise ArgumentError(f"{name} has the wrong shape", got=array.shape, expected=wanted)
+    if not np.all(np.isfinite(array)):
+        where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise ArgumentError(f"{name} is not finite", got=f"{array[where]} at index {where}", expected="finite numbers")
+    return array
+
+
+def positive(name: str, value: float) -> float:
+    """Return `value` as a finite float greater than zero."""
+    number = float(real_array(name, value, ()))
+    if number <= 0:
+        raise ArgumentError(f"{name} is not positive", got=number, expected="a number greater than 0")
+    return number
+
+
+def times(t: ArrayLike) -> Array:
+    """Return `t` as a finite array of shape (N,)."""
+    return real_array("t", t, (None,))

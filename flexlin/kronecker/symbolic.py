@@ -1,0 +1,29 @@
+"""Derivatives of CasADi matrices with respect to a vector, in the Kronecker layout of Khang, Dat and Tuan (2019)."""
+
+import casadi as ca
+
+from flexlin.errors import ArgumentError
+
+
+def derivative(A: ca.SX, x: ca.SX, order: int = 1) -> ca.SX:
+    """Differentiate a matrix with respect to a vector, `order` times.
+
+        dA/dx = [da_1/dx ... da_p/dx],   d^k A/dx^k = d/dx (d^(k-1) A/dx^(k-1))
+
+    so the column index of the result is (j, i_1, ..., i_k) with i_k fastest.
+
+    Parameters: A: (m, p) expression; x: (n,) column of symbols; order: k >= 0.
+    Returns: (m, p * n**k) expression.
+    Raises: ArgumentError when x is not a column of symbols or the order is negative.
+    Source: Khang, Dat, Tuan (2019), Eqs (15) and (18).
+    """
+    if not (x.is_column() and x.is_valid_input()):
+        raise ArgumentError("x is not a column of symbols", got=x, expected="SX.sym or MX.sym of shape (n, 1)")
+    if order < 0:
+        raise ArgumentError("the order of a derivative is negative", got=order, expected="0, 1, 2 ...")
+    if order == 0:
+        return A
+    rows, columns = A.shape
+    jacobian = ca.jacobian(ca.vec(A), x)
+    first = ca.horzcat(*ca.vertsplit(jacobian, rows)) if columns else ca.SX(rows, 0)
+    return derivative(first, x, order - 1)

@@ -1,0 +1,5 @@
+"""Periodic linear systems, numpy and scipy only: usable without any manipulator."""
+
+from flexlin.periodic.system import PeriodicSystem
+
+__all__ = ["PeriodicSystem"]

@@ -1,0 +1,73 @@
+"""The one checked door between CasADi and NumPy: many points, one mapped call."""
+
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from flexlin.checks import Array, real_array
+from flexlin.errors import ArgumentError
+
+CHUNK = 65536
+"""Points in one mapped call at the most: bounds the memory of a call to CHUNK * (numbers in + numbers out) * 8 bytes."""
+
+
+@lru_cache(maxsize=64)
+def mapped(function: ca.Function, points: int) -> ca.Function:
+    """Return `function` mapped over `points` points (kept: building the map costs more than a small call)."""
+    return function.map(points)
+
+
+def evaluate(function: ca.Function, *arguments: Array) -> tuple[Array, ...]:
+    """Evaluate a CasADi function at N points at once.
+
+    Assumes dense inputs and outputs, each input a column vector.
+
+    Parameters: arguments: one array (N, rows) for each input of the function.
+    Returns: one array (N, rows, columns) for each output.
+    Raises: ArgumentError when the number of inputs or a shape does not fit (nothing is broadcast), or a number is not finite.
+    """
+    arrays = checked_inputs(function, arguments)
+    points = len(arrays[0])
+    chunks = [call(function, [a[i : i + CHUNK] for a in arrays]) for i in range(0, points, CHUNK)]
+    if len(chunks) == 1:
+        return tuple(chunks[0])
+    return tuple(np.concatenate(parts) for parts in zip(*chunks, strict=True))
+
+
+def checked_inputs(function: ca.Function, arguments: tuple[Array, ...]) -> list[Array]:
+    """Check that each argument is finite and fits its input."""
+    if len(arguments) != function.n_in():
+        raise ArgumentError(f"{function.name()} takes {function.n_in()} inputs", got=len(arguments))
+    arrays = [
+        np.ascontiguousarray(real_array(function.name_in(i), a, (None, function.numel_in(i))))
+        for i, a in enumerate(arguments)
+    ]
+    lengths = {len(a) for a in arrays}
+    if len(lengths) != 1 or 0 in lengths:
+        raise ArgumentError("inputs of unequal or zero length", got=sorted(lengths), expected="the same N > 0 for all")
+    return arrays
+
+
+def call(function: ca.Function, arrays: list[Array]) -> list[Array]:
+    """Run one mapped call through CasADi's buffers; its column-major memory is (N, columns, rows) here."""
+    points = len(arrays[0])
+    buffer: Any
+    buffer, trigger = mapped(function, points).buffer()
+    for i, array in enumerate(arrays):
+        if array.size:
+            buffer.set_arg(i, memoryview(array))
+    outputs = []
+    for i in range(function.n_out()):
+        rows, columns = function.size_out(i)
+        if function.nnz_out(i) != rows * columns:
+            raise ArgumentError(
+                f"output {function.name_out(i)} of {function.name()} is sparse",
+                expected="a dense output (casadi.densify)",
+            )
+        output = np.empty((points, columns, rows))
+        buffer.set_res(i, memoryview(output))
+        outputs.append(output)
+    trigger()
+    return [output.transpose(0, 2, 1) for output in outputs]
