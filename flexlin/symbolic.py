@@ -57,7 +57,7 @@ def call(function: ca.Function, arrays: list[Array]) -> list[Array]:
     buffer, trigger = mapped(function, points).buffer()
     for i, array in enumerate(arrays):
         if array.size:
-            buffer.set_arg(i, memoryview(array))
+            buffer.set_arg(i, array.data)
     outputs = []
     for i in range(function.n_out()):
         rows, columns = function.size_out(i)
@@ -67,7 +67,7 @@ def call(function: ca.Function, arrays: list[Array]) -> list[Array]:
                 expected="a dense output (casadi.densify)",
             )
         output = np.empty((points, columns, rows))
-        buffer.set_res(i, memoryview(output))
+        buffer.set_res(i, output.data)
         outputs.append(output)
     trigger()
     return [output.transpose(0, 2, 1) for output in outputs]
