@@ -1,0 +1,96 @@
+"""Exact modes of a uniform Euler-Bernoulli beam for any boundary conditions, stable up to high orders.
+
+    X'''' = beta^4 X,   X = c1 cos(beta xi) + c2 sin(beta xi) + c3 exp(-beta xi) + c4 exp(-beta (1 - xi))
+
+The two exponentials decay from the two ends, so nothing overflows and no cosh - sinh cancels.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+from flexlin.checks import Array
+from flexlin.errors import ToleranceNotReached
+
+Boundary = Callable[[Array, Array, Array], Array]
+"""Boundary conditions: (beta, basis at xi = 0, basis at xi = 1) -> (N, 4, 4); a basis is (N, derivative, function)."""
+
+STEP = 0.02
+"""Width of the scan for roots; roots of a uniform beam lie near pi apart."""
+
+
+@dataclass(frozen=True)
+class UniformShapes:
+    """Modes of a uniform beam from roots beta (n,) and coefficients (n, 4) in the stable basis."""
+
+    beta: Array
+    coefficients: Array
+    breaks: tuple[float, ...] = ()
+
+    @property
+    def n(self) -> int:
+        """The number of modes."""
+        return len(self.beta)
+
+    def values(self, xi: Array, derivative: int = 0) -> Array:
+        """Return X or its derivative with respect to xi: (N,) -> (n, N)."""
+        return np.einsum("nb,nNb->nN", self.coefficients, basis(self.beta[:, None], np.asarray(xi), derivative))
+
+
+def basis(beta: Array, xi: Array, derivative: int) -> Array:
+    """Return the derivative of (cos, sin, exp from the left, exp from the right) on a new last axis."""
+    phase = beta * xi + derivative * np.pi / 2
+    left, right = (-1.0) ** derivative * np.exp(-beta * xi), np.exp(-beta * (1 - xi))
+    return np.asarray(beta**derivative)[..., None] * np.stack([np.cos(phase), np.sin(phase), left, right], axis=-1)
+
+
+def boundary_matrix(beta: Array, boundary: Boundary) -> Array:
+    """Return the matrix (N, 4, 4) that is singular at a root, its rows scaled to unit size."""
+    start, end = (
+        np.stack([basis(beta, np.full_like(beta, xi), d) / beta[:, None] ** d for d in range(4)], axis=1)
+        for xi in (0.0, 1.0)
+    )
+    rows = boundary(beta, start, end)
+    return rows / np.linalg.norm(rows, axis=2, keepdims=True)
+
+
+def solve_modes(n: int, boundary: Boundary, lowest: float = 1e-3) -> UniformShapes:
+    """Find the n lowest modes of a uniform beam.
+
+        det boundary_matrix(beta) = 0,   boundary_matrix(beta) c = 0,   int_0^1 X^2 = 1
+
+    Assumes that no root lies below `lowest` (rigid modes have beta = 0 and are left out) and that roots lie further apart than STEP.
+
+    Parameters: n modes; boundary: the four conditions in scaled derivatives X^(d) / beta^d.
+    Returns: modes whose curvature at the base, or slope where that is zero, is positive.
+    Raises: ToleranceNotReached when fewer than n roots are found.
+    """
+
+    def determinant(beta: Array) -> Array:
+        return np.linalg.det(boundary_matrix(np.atleast_1d(beta), boundary))
+
+    # below beta = 0.1 the scan is logarithmic: a heavy tip drives the first root towards zero
+    grid = np.concatenate([np.geomspace(lowest, 0.1, 200), np.arange(0.1, np.pi * (n + 2), STEP)[1:]])
+    values = determinant(grid)
+    brackets = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0)[:n]
+    if len(brackets) < n:
+        raise ToleranceNotReached("not all roots of the beam were found", got=len(brackets), expected=f"{n} roots")
+    roots = [
+        brentq(lambda b: determinant(b)[0], grid[i], grid[i + 1], xtol=1e-15, rtol=4 * np.finfo(float).eps)
+        for i in brackets
+    ]
+    beta = np.array(roots, dtype=float)
+    null = np.linalg.svd(boundary_matrix(beta, boundary))[2][:, -1, :] if n else np.zeros((0, 4))
+    return normalised(UniformShapes(beta, null))
+
+
+def normalised(shapes: UniformShapes) -> UniformShapes:
+    """Scale to int X^2 = 1 and to a positive curvature at the base (a positive slope where the base is pinned)."""
+    nodes, weights = np.polynomial.legendre.leggauss(64 + 3 * shapes.n)
+    size = np.sqrt(shapes.values((nodes + 1) / 2) ** 2 @ weights / 2)
+    start = np.zeros(1)
+    slope, curvature = (shapes.values(start, d)[:, 0] / shapes.beta**d for d in (1, 2))
+    sign = np.where(np.abs(slope) > np.sqrt(np.finfo(float).eps) * size, np.sign(slope), np.sign(curvature))
+    return UniformShapes(shapes.beta, shapes.coefficients * (sign / size)[:, None])
