@@ -1,6 +1,7 @@
 """The integrals of the shapes that the energies of a link need, computed once, before any expression graph is built."""
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -61,7 +62,7 @@ def shape_integrals(
     return ShapeIntegrals(**first, error=difference(first, integrate(shapes, mu, eps, edges, order + 15)))
 
 
-def integrate(shapes: Shapes, mu: Profile, eps: Profile, edges: Array, order: int) -> dict[str, Array]:
+def integrate(shapes: Shapes, mu: Profile, eps: Profile, edges: Array, order: int) -> dict[str, Any]:
     """Compute all fields with one rule; int mu Gamma = int X' X'^T (int_xi^1 mu), by parts."""
     xi, weight = panels(edges, order)
     outer, outer_first = remaining(mu, edges, order)
@@ -107,7 +108,7 @@ def remaining(mu: Profile, edges: Array, order: int) -> tuple[Array, Array]:
     return load.sum(axis=1) + np.repeat(beyond[0], order), (load * inner).sum(axis=1) + np.repeat(beyond[1], order)
 
 
-def difference(first: dict[str, Array], second: dict[str, Array]) -> float:
+def difference(first: dict[str, Any], second: dict[str, Any]) -> float:
     """Return the largest difference of two sets of integrals, relative to the size of each field."""
     return max(
         float(np.max(np.abs(first[f.name] - second[f.name])) / np.max(np.abs(second[f.name])))
