@@ -1,0 +1,128 @@
+"""The identities and rules of the Kronecker calculus: hypothesis on shapes, CasADi against NumPy, finite differences nowhere."""
+
+import subprocess
+import sys
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+import flexlin.kronecker as kr
+from flexlin.errors import ArgumentError
+
+SIZES = st.integers(1, 4)
+
+
+def normal(*shape, seed=0):
+    return np.random.default_rng([seed, *shape]).normal(size=shape)
+
+
+def polynomial_matrix(x, m, p, seed):
+    """A matrix of x that is nonlinear in every entry."""
+    n = x.shape[0]
+    W, V = normal(m * p, n, seed=seed), normal(m * p, n, seed=seed + 1)
+    return ca.reshape(ca.sin(W @ x) + (V @ x) ** 2 + ca.exp(0.3 * W @ x), m, p)
+
+
+def numbers(x, x0, *expressions):
+    return [value.full() for value in ca.Function("f", [x], list(expressions)).call([x0])]
+
+
+@settings(deadline=None, max_examples=25)
+@given(SIZES, SIZES, SIZES, SIZES)
+def test_identities_3_to_9(m, n, p, q):
+    A, B, C, D = normal(m, n), normal(p, q), normal(n, p), normal(q, m)
+    d, x, a, b = normal(m, 1), normal(n, 1), normal(m, 1, seed=1), normal(n, 1, seed=1)
+    E, kron = np.eye, kr.kron
+    assert_allclose(kron(kron(A, B), C), kron(A, kron(B, C)), atol=1e-14)  # (3)
+    assert_allclose(kron(A, B).T, kron(A.T, B.T), atol=1e-14)  # (4)
+    assert_allclose(kron(A, B) @ kron(C, D), kron(A @ C, B @ D), atol=1e-12)  # (5)
+    F = normal(p, m)
+    assert_allclose(kron(E(p), x) @ F @ d, kron(F, E(n)) @ kron(d, x), atol=1e-13)  # (6)
+    assert_allclose(kron(d, x), kron(d, E(n)) @ x, atol=1e-14)  # (7)
+    assert_allclose(kron(E(n), a) @ b, kron(b, E(m)) @ a, atol=1e-14)  # (8)
+    assert_allclose(a @ b.T, kron(b.T, E(m)) @ kron(E(n), a), atol=1e-14)  # (9)
+
+
+@settings(deadline=None, max_examples=25)
+@given(SIZES, SIZES)
+def test_swap_exchanges_factors(n, q):
+    a, b = normal(n, 1), normal(q, 1, seed=2)
+    P = kr.swap(n, q)
+    assert_allclose(P @ np.kron(b, a), np.kron(a, b), atol=0)
+    assert_allclose(P @ P.T, np.eye(n * q), atol=0)
+    assert_allclose(P.T, kr.swap(q, n), atol=0)
+
+
+@pytest.mark.parametrize(("m", "p", "s", "n"), [(2, 3, 2, 3), (1, 2, 4, 2), (3, 1, 1, 4), (2, 2, 2, 1)])
+def test_rules_against_casadi_derivatives(m, p, s, n):
+    x = ca.SX.sym("x", n)
+    x0 = normal(n, 1, seed=5)
+    A, B = polynomial_matrix(x, m, p, 10), polynomial_matrix(x, p, s, 20)
+    derivative = kr.derivative
+    a, da, b, db = numbers(x, x0, A, derivative(A, x), B, derivative(B, x))
+    product, kronecker = numbers(x, x0, derivative(A @ B, x), derivative(ca.kron(A, B), x))
+    assert_allclose(kr.product_rule(a, da, b, db), product, rtol=1e-12, atol=1e-13)
+    assert_allclose(kr.kronecker_rule(a, da, b, db), kronecker, rtol=1e-12, atol=1e-13)
+
+    symbolic = kr.product_rule(A, derivative(A, x), B, derivative(B, x))
+    symbolic_kron = kr.kronecker_rule(A, derivative(A, x), B, derivative(B, x))
+    for value, expected in zip(numbers(x, x0, symbolic, symbolic_kron), (product, kronecker), strict=True):
+        assert_allclose(value, expected, rtol=1e-12, atol=1e-13)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_constant_factor_21(order):
+    x, C = ca.SX.sym("x", 2), normal(3, 2)
+    A = polynomial_matrix(x, 2, 3, 30)
+    dA, dAC = numbers(x, normal(2, 1), kr.derivative(A, x, order), kr.derivative(A @ C, x, order))
+    assert_allclose(dA @ np.kron(C, kr.kronecker_power(np.eye(2), order)), dAC, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_columns_and_rows_22_to_25(order):
+    x = ca.SX.sym("x", 3)
+    A = polynomial_matrix(x, 2, 2, 40)
+    E = np.eye(2)
+    x0 = normal(3, 1)
+    (whole,) = numbers(x, x0, kr.derivative(A, x, order))
+    columns = numbers(x, x0, *[kr.derivative(A[:, i], x, order) for i in range(2)])
+    rows = numbers(x, x0, *[kr.derivative(A[i, :], x, order) for i in range(2)])
+    joined = sum(c @ np.kron(E[[i]], np.eye(3**order)) for i, c in enumerate(columns))
+    assert_allclose(joined, whole, rtol=1e-13)  # (25)
+    assert_allclose(sum(E[:, [i]] @ r for i, r in enumerate(rows)), whole, rtol=1e-13)  # (23), row by row
+
+
+def test_chain_and_inverse_rules():
+    c, b = ca.SX.sym("c", 2), ca.SX.sym("b", 3)
+    A = polynomial_matrix(b, 3, 3, 50) + 5 * ca.DM.eye(3)
+    inner = polynomial_matrix(c, 3, 1, 60)
+    c0 = normal(2, 1, seed=9)
+    DcA = kr.derivative(ca.substitute(A, b, inner), c)
+    inner0, Db = numbers(c, c0, inner, kr.derivative(inner, c))
+    a, DbA = numbers(b, inner0, A, kr.derivative(A, b))
+    assert_allclose(kr.chain_rule(DbA, Db), numbers(c, c0, DcA)[0], rtol=1e-11, atol=1e-12)
+    (D_inverse,) = numbers(b, inner0, kr.derivative(ca.inv(A), b))
+    assert_allclose(kr.inverse_rule(np.linalg.inv(a), DbA), D_inverse, rtol=1e-9, atol=1e-11)
+    symbolic = kr.inverse_rule(ca.inv(A), kr.derivative(A, b))
+    assert_allclose(numbers(b, inner0, symbolic)[0], D_inverse, rtol=1e-9, atol=1e-11)
+
+
+def test_shapes_that_do_not_fit_are_refused():
+    with pytest.raises(ArgumentError, match="DB"):
+        kr.product_rule(np.eye(2), np.ones((2, 4)), np.eye(2), np.ones((2, 6)))
+    with pytest.raises(ArgumentError, match="does not fit A"):
+        kr.kronecker_rule(np.eye(2), np.ones((2, 3)), np.eye(2), np.ones((2, 4)))
+    with pytest.raises(ArgumentError, match="factor"):
+        kr.kronecker_power(np.eye(2), 0)
+
+
+def test_numpy_side_leaves_casadi_unloaded():
+    script = (
+        "import sys, numpy as np, flexlin.kronecker as k;"
+        "k.taylor_sum([np.eye(2), np.ones((2, 4))], np.ones((2, 1))); assert 'casadi' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", script], check=True)
