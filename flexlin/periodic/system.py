@@ -1,7 +1,7 @@
 """The periodic linear system x' = A(t) x + B(t) u, the common currency of the numeric wing."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,11 +14,31 @@ MatrixFunction = Callable[[Array], Array]
 
 @dataclass(frozen=True)
 class SecondOrder:
-    """M(t) y'' + D(t) y' + K(t) y = B(t) u: each a function (N,) -> (N, n, n) or (N, n, m)."""
+    """M(t) y'' + D(t) y' + K(t) y = force(t) u: each a function (N,) -> (N, n, n) or (N, n, m)."""
 
     M: MatrixFunction
     D: MatrixFunction
     K: MatrixFunction
+    force: MatrixFunction | None = None
+    together: Callable[[Array], tuple[Array, Array, Array]] | None = None
+
+    def sample(self, t: Array) -> tuple[Array, Array, Array]:
+        """M, D, K at the times t, in one call where the maker gave `together`."""
+        return (self.M(t), self.D(t), self.K(t)) if self.together is None else self.together(t)
+
+    def feedback(self, gain: MatrixFunction) -> "SecondOrder":
+        """The equations with u = -gain(t) [y; y']."""
+        force = self.force
+        if force is None:
+            raise ArgumentError("the equations have no input", got="force = None", expected="an input matrix")
+
+        def together(t: Array) -> tuple[Array, Array, Array]:
+            M, D, K = self.sample(t)
+            n = M.shape[-1]
+            feedback = force(t) @ gain(t)
+            return M, D + feedback[..., n:], K + feedback[..., :n]
+
+        return SecondOrder(self.M, lambda t: together(t)[1], lambda t: together(t)[2], force, together)
 
 
 @dataclass(frozen=True)
@@ -86,16 +106,19 @@ class PeriodicSystem:
         period: float,
         B: MatrixFunction | ArrayLike | None = None,
         breaks: Sequence[float] = (),
+        together: Callable[[Array], tuple[Array, Array, Array]] | None = None,
     ) -> "PeriodicSystem":
         """Build the first-order system of M y'' + D y' + K y = B u with x = [y; y'].
 
             A = [[0, I], [-M^-1 K, -M^-1 D]],   B = [0; M^-1 B]
 
-        Parameters: M, D, K: functions (N,) -> (N, n, n) or constants; B: (N,) -> (N, n, m), constant or None; period in s.
+        Parameters: M, D, K: functions (N,) -> (N, n, n) or constants; B: (N,) -> (N, n, m), constant or None; period in s;
+        together: t -> (M, D, K) in one call, where that is cheaper than three.
         Returns: a system that keeps M, D, K, so that methods made for second order can use them.
         Raises: ArgumentError on shapes; SingularMassMatrix when M cannot be inverted.
         """
         M, D, K = (as_matrix_function(name, f) for name, f in (("M", M), ("D", D), ("K", K)))
+        second_order = SecondOrder(M, D, K, None, together)
         size = check_samples("M", M, positive("period", period)).shape[1:]
         for name, f in (("D", D), ("K", K)):
             got = check_samples(name, f, period).shape[1:]
@@ -106,10 +129,10 @@ class PeriodicSystem:
             n = size[0]
             A = np.zeros((len(t), 2 * n, 2 * n))
             A[:, :n, n:] = np.eye(n)
-            A[:, n:, :] = -solve_mass(M(t), np.concatenate([K(t), D(t)], axis=2), t)
+            mass, damping, stiffness = second_order.sample(t)
+            A[:, n:, :] = -solve_mass(mass, np.concatenate([stiffness, damping], axis=2), t)
             return A
 
-        second_order = SecondOrder(M, D, K)
         if B is None:
             return cls(state_matrix, period, None, breaks, second_order)
         force = as_matrix_function("B", B)
@@ -118,17 +141,22 @@ class PeriodicSystem:
             lower = solve_mass(M(t), force(t), t)
             return np.concatenate([np.zeros_like(lower), lower], axis=1)
 
-        return cls(state_matrix, period, input_matrix, breaks, second_order)
+        return cls(state_matrix, period, input_matrix, breaks, replace(second_order, force=force))
 
     def feedback(self, gain: MatrixFunction | ArrayLike, breaks: Sequence[float] = ()) -> "PeriodicSystem":
-        """Close the loop u = -K(t) x: the system x' = (A - B K) x + B u."""
+        """Close the loop u = -K(t) x: the system x' = (A - B K) x + B u.
+
+        A second-order system stays one: M y'' + (D + F K_v) y' + (K + F K_y) y = F u with the gain [K_y, K_v].
+        """
         if self.B is None:
             raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
         K, A, B = as_matrix_function("gain", gain), self.A, self.B
         got = check_samples("gain", K, self.period).shape[1:]
         if got != (self.m, self.n):
             raise ArgumentError("the gain does not fit the system", got=got, expected=f"({self.m}, {self.n})")
-        return PeriodicSystem(lambda t: A(t) - B(t) @ K(t), self.period, B, (*self.breaks, *breaks))
+        second_order = None if self.second_order is None else self.second_order.feedback(K)
+        corners = (*self.breaks, *breaks)
+        return PeriodicSystem(lambda t: A(t) - B(t) @ K(t), self.period, B, corners, second_order)
 
 
 def as_matrix_function(name: str, value: MatrixFunction | ArrayLike) -> MatrixFunction:

@@ -1,0 +1,160 @@
+"""Transition matrices by Gauss-Legendre collocation: all segments of a period in one batched solve."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.polynomial.legendre import leggauss, legvander
+
+from flexlin.checks import Array
+from flexlin.errors import SingularMassMatrix
+from flexlin.periodic.system import MatrixFunction, SecondOrder
+
+CHUNK_BYTES = 2**25
+"""The stage matrices of one batched solve take at most this many bytes (one segment at the least)."""
+FIRST_NODES = 512
+"""Stages sampled in the first chunk, before the size of the matrices is known."""
+
+
+@dataclass(frozen=True)
+class Tableau:
+    """The Butcher tableau of a collocation method on [0, 1]: order 2 s at the ends, s + 1 in between."""
+
+    c: Array
+    a: Array
+    b: Array
+
+
+@lru_cache(maxsize=64)
+def gauss(stages: int) -> Tableau:
+    """Return the s-stage Gauss-Legendre tableau, a_ij = int_0^c_i l_j, to working precision.
+
+    The Lagrange polynomial is l_j = b_j sum_k (2 k + 1) P_k(x_j) P_k on the Gauss nodes, and
+    int_0^c P_k = (P_(k+1) - P_(k-1)) / (2 (2 k + 1)), so no Vandermonde matrix is inverted.
+    Source: Hairer, Wanner, Solving ODEs II, IV.5.
+    """
+    x, w = leggauss(stages)
+    b = w / 2
+    P = legvander(x, stages)
+    k = np.arange(1, stages)
+    integral = np.column_stack([(1 + x) / 2, (P[:, 2:] - P[:, :-2]) / (2 * (2 * k + 1))])
+    a = integral @ ((2 * np.arange(stages) + 1)[:, None] * P[:, :stages].T) * b
+    return Tableau((1 + x) / 2, a, b)
+
+
+def nodes(edges: Array, c: Array) -> Array:
+    """Return the times (K, s) of the stages of all segments."""
+    return edges[:-1, None] + np.diff(edges)[:, None] * c
+
+
+def gauss_transitions(A: MatrixFunction, edges: Array, stages: int) -> Array:
+    """Transition matrices of x' = A(t) x over the segments between consecutive edges.
+
+        Y_i = I + h sum_j a_ij A_j Y_j,   Phi = I + h sum_j b_j A_j Y_j
+
+    Assumes A smooth inside each segment. The error is O(h^(2 stages)); quadratic invariants (a symplectic form) are kept.
+
+    Parameters: A: function (N,) -> (N, n, n); edges: increasing times (K + 1,); stages >= 1.
+    Returns: Phi (K, n, n), x(edges[k + 1]) = Phi[k] x(edges[k]).
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, II.1, IV.2.
+    """
+    rule = gauss(stages)
+    h = np.diff(edges)
+    return in_chunks(lambda t, k: transitions(samples(A, t), h[k], rule), edges, rule)
+
+
+def second_order_transitions(second: SecondOrder, edges: Array, stages: int) -> Array:
+    """Transition matrices of M y'' + D y' + K y = 0 for x = [y; y'], collocated in the accelerations.
+
+        M_i w_i + D_i v_i + K_i y_i = 0,   v_i = v_0 + h sum_j a_ij w_j,   y_i = y_0 + h c_i v_0 + h^2 sum_j (a^2)_ij w_j
+
+    The linear systems have s n unknowns for n coordinates, half of those in x, and M is never inverted.
+
+    Parameters: second: M, D, K as functions (N,) -> (N, n, n); edges: increasing times (K + 1,); stages >= 1.
+    Returns: Phi (K, 2n, 2n).
+    Source: Hairer, Norsett, Wanner, Solving ODEs I, II.14 (Nystrom methods from collocation).
+    """
+    rule = gauss(stages)
+    h = np.diff(edges)
+
+    def part(t: Array, k: slice) -> Array:
+        M, D, K = (values.reshape(*t.shape, *values.shape[1:]) for values in second.sample(t.ravel()))
+        return accelerations(M, D, K, h[k], rule)
+
+    return in_chunks(part, edges, rule)
+
+
+def samples(A: MatrixFunction, t: Array) -> Array:
+    """Sample a coefficient at times of any shape: (..., n, m)."""
+    values = A(t.ravel())
+    return values.reshape(*t.shape, *values.shape[1:])
+
+
+def in_chunks(part: Callable[[Array, slice], Array], edges: Array, rule: Tableau) -> Array:
+    """Collect `part(stage times, segments)` over all segments, with few enough at a time to stay within CHUNK_BYTES."""
+    t = nodes(edges, rule.c)
+    segments, stages = t.shape
+    done = [part(t[: (size := max(1, FIRST_NODES // stages))], slice(0, size))]
+    start, unknowns = size, stages * done[0].shape[-1]
+    size = max(1, CHUNK_BYTES // (8 * unknowns**2))
+    for i in range(start, segments, size):
+        done.append(part(t[i : i + size], slice(i, i + size)))
+    return done[0] if len(done) == 1 else np.concatenate(done)
+
+
+def transitions(A: Array, h: Array, rule: Tableau) -> Array:
+    """Transition matrices (..., n, n) from stage samples A (..., s, n, n) and lengths h (...)."""
+    s, n = A.shape[-3:-1]
+    right = np.broadcast_to(np.eye(n), (*A.shape[:-3], s, n, n))
+    hA = A * h[..., None, None, None]
+    Y = stage_values(hA, rule, right)
+    return np.eye(n) + weighted(hA, rule, Y)
+
+
+def weighted(hA: Array, rule: Tableau, Y: Array) -> Array:
+    """h sum_j b_j A_j Y_j for stage values Y (..., s, n, r)."""
+    s, n, r = Y.shape[-3:]
+    row = np.swapaxes(hA * rule.b[:, None, None], -3, -2).reshape(*hA.shape[:-3], n, s * n)
+    return row @ Y.reshape(*Y.shape[:-3], s * n, r)
+
+
+def stage_values(hA: Array, rule: Tableau, right: Array) -> Array:
+    """Solve Y_i - sum_j a_ij h A_j Y_j = right_i for the stages: hA (..., s, n, n), right (..., s, n, r)."""
+    s, n, r = right.shape[-3:]
+    G = np.empty((*hA.shape[:-3], s, n, s, n))
+    np.multiply(-rule.a[:, None, :, None], np.swapaxes(hA, -3, -2)[..., None, :, :, :], out=G)
+    G = G.reshape(*hA.shape[:-3], s * n, s * n)
+    diagonal = np.arange(s * n)
+    G[..., diagonal, diagonal] += 1
+    return np.linalg.solve(G, right.reshape(*right.shape[:-3], s * n, r)).reshape(right.shape)
+
+
+def accelerations(M: Array, D: Array, K: Array, h: Array, rule: Tableau) -> Array:
+    """Transition matrices (..., 2n, 2n) from stage samples M, D, K (..., s, n, n) and lengths h (...)."""
+    s, n = M.shape[-3:-1]
+    lead = M.shape[:-3]
+    h = h[..., None, None, None]
+    hD, hhK = h * D, h * h * K
+    twice = rule.a @ rule.a
+    G = rule.a[:, None, :, None] * hD[..., None, :] + twice[:, None, :, None] * hhK[..., None, :]
+    stage = np.arange(s)
+    G[..., stage, :, stage, :] += np.moveaxis(M, -3, 0)
+    right = np.concatenate([K, D + rule.c[:, None, None] * (h * K)], axis=-1)
+    try:
+        w = -np.linalg.solve(G.reshape(*lead, s * n, s * n), right.reshape(*lead, s * n, 2 * n))
+    except np.linalg.LinAlgError:
+        raise SingularMassMatrix(
+            "the accelerations are not determined on some segment of the period",
+            todo="give every coordinate inertia, or remove the coordinate",
+        ) from None
+    h = h[..., 0]
+    w = w.reshape(*lead, s, n * 2 * n)
+    rows = np.stack([rule.b * (1 - rule.c), rule.b]) @ w
+    Phi = rows.reshape(*lead, 2 * n, 2 * n)
+    Phi[..., :n, :] *= h * h
+    Phi[..., n:, :] *= h
+    diagonal = np.arange(2 * n)
+    Phi[..., diagonal, diagonal] += 1
+    Phi[..., diagonal[:n], diagonal[n:]] += h[..., 0]
+    return Phi

@@ -1,0 +1,94 @@
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from flexlin.errors import ArgumentError, SingularMassMatrix
+from flexlin.periodic import PeriodicSystem, collocation
+from flexlin.periodic.collocation import gauss, gauss_transitions, second_order_transitions
+from flexlin.periodic.grid import edges
+from tests.periodic.systems import mathieu
+
+
+def product(factors):
+    total = np.eye(factors.shape[-1])
+    for factor in factors:
+        total = factor @ total
+    return total
+
+
+@pytest.mark.parametrize("stages", [1, 2, 3, 8, 16])
+def test_tableau_integrates_polynomials(stages):
+    rule = gauss(stages)
+    for k in range(stages):
+        np.testing.assert_allclose(rule.a @ rule.c**k, rule.c ** (k + 1) / (k + 1), atol=2e-15)
+    np.testing.assert_allclose(rule.b @ rule.c ** (2 * stages - 1), 1 / (2 * stages), rtol=1e-13)
+
+
+@pytest.mark.parametrize("stages", [1, 2, 3])
+def test_order_of_convergence_is_twice_the_stages(stages):
+    A = mathieu(1.3, 0.7)
+    exact = product(gauss_transitions(A, np.linspace(0, np.pi, 41), 10))
+    count = np.array([8, 16, 32])
+    error = [np.abs(product(gauss_transitions(A, np.linspace(0, np.pi, k + 1), stages)) - exact).max() for k in count]
+    slope = -np.polyfit(np.log(count), np.log(error), 1)[0]
+    assert abs(slope - 2 * stages) < 0.25
+
+
+def test_constant_coefficients_give_the_exponential():
+    A = np.array([[0, 1.0], [-4, -0.3]])
+    Phi = gauss_transitions(lambda t: np.broadcast_to(A, (len(t), 2, 2)), np.array([0, 0.3, 1.0]), 9)
+    np.testing.assert_allclose(Phi, [expm(0.3 * A), expm(0.7 * A)], rtol=1e-14, atol=1e-15)
+
+
+def test_second_order_path_agrees_with_first_order_path():
+    def M(t):
+        return np.eye(2) * 2 + np.cos(t)[:, None, None] * np.array([[0.3, 0.2], [0.2, 0.4]])
+
+    D = np.array([[0.2, 0.5], [-0.5, 0.1]])
+    K = np.array([[30.0, 1.0], [2.0, 5.0]])
+    system = PeriodicSystem.from_second_order(M, D, K, 2 * np.pi)
+    grid = edges(system.period, (), 12)
+    np.testing.assert_allclose(
+        second_order_transitions(system.second_order, grid, 9), gauss_transitions(system.A, grid, 11), atol=2e-12
+    )
+
+
+def test_gauss_transitions_are_symplectic():
+    J = np.array([[0, 1.0], [-1, 0]])
+    Phi = gauss_transitions(mathieu(3.0, 2.0), np.linspace(0, np.pi, 5), 3)
+    np.testing.assert_allclose(np.swapaxes(Phi, 1, 2) @ J @ Phi, np.broadcast_to(J, Phi.shape), atol=1e-14)
+
+
+def test_chunks_do_not_change_the_result(monkeypatch):
+    grid = np.linspace(0, np.pi, 12)
+    whole = gauss_transitions(mathieu(3.0, 2.0), grid, 3)
+    monkeypatch.setattr(collocation, "CHUNK_BYTES", 2 * 6 * 6 * 8)
+    monkeypatch.setattr(collocation, "FIRST_NODES", 4)
+    np.testing.assert_array_equal(gauss_transitions(mathieu(3.0, 2.0), grid, 3), whole)
+
+
+def test_edges_hit_the_breaks():
+    grid = edges(2.0, (0.3, 1.9), 10)
+    assert grid[0] == 0
+    assert grid[-1] == 2
+    assert {0.3, 1.9} <= set(grid)
+    assert np.diff(grid).max() <= 0.2 + 1e-15
+    assert len(edges(1.0, (), 7)) == 8
+    with pytest.raises(ArgumentError, match="segments"):
+        edges(1.0, (), 0)
+
+
+def test_feedback_keeps_the_second_order():
+    system = PeriodicSystem.from_second_order(2 * np.eye(2), np.eye(2), 3 * np.eye(2), 1.0, B=[[1.0], [0.5]])
+    loop = system.feedback(np.array([[4.0, 0.0, 0.5, 1.0]]))
+    grid = edges(1.0, (), 4)
+    np.testing.assert_allclose(
+        second_order_transitions(loop.second_order, grid, 6), gauss_transitions(loop.A, grid, 6), atol=1e-13
+    )
+
+
+def test_singular_mass_is_named():
+    system = PeriodicSystem.from_second_order(np.eye(2), np.zeros((2, 2)), np.eye(2), 1.0)
+    second = type(system.second_order)(lambda t: np.zeros((len(t), 2, 2)), *2 * [lambda t: np.zeros((len(t), 2, 2))])
+    with pytest.raises(SingularMassMatrix, match="inertia"):
+        second_order_transitions(second, np.array([0, 1.0]), 2)
