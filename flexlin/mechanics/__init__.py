@@ -1,0 +1,6 @@
+"""The symbolic wing: equations of motion of planar chains with rigid and flexible links."""
+
+from flexlin.mechanics.chain import build_manipulator
+from flexlin.mechanics.manipulator import Manipulator
+
+__all__ = ["Manipulator", "build_manipulator"]

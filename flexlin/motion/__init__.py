@@ -1,0 +1,50 @@
+"""Basic motions, from a scene's motion table."""
+
+from typing import Any
+
+import casadi as ca
+
+from flexlin.errors import MotionError
+from flexlin.mechanics.parameters import Parameters
+from flexlin.motion.base import Motion, SampledMotion, SymbolicMotion
+from flexlin.motion.point_to_point import point_to_point
+from flexlin.motion.smooth import fourier, harmonic, rotation
+from flexlin.motion.table import table_motion
+from flexlin.scene.motion import AnyMotion, Fourier, Harmonic, PointToPoint, Rotation, TableMotion
+
+__all__ = ["Motion", "SampledMotion", "SymbolicMotion", "build_motion"]
+
+
+def build_motion(table: AnyMotion, joints: int, parameters: Parameters | None = None) -> Motion:
+    """Make the basic motion that a scene's motion table describes.
+
+    Parameters: joints: of the manipulator; parameters: free scene parameters, those below `motion.` become symbols of the motion.
+    Returns: a `Motion` with q(t), q'(t), q''(t), period in s and breaks.
+    Raises: MotionError when the table does not fit the manipulator or describes no usable motion.
+    """
+    tables = table.joints or (None,) * joints
+    if len(tables) != joints:
+        raise MotionError("the motion has the wrong number of joints", got=len(tables), expected=str(joints))
+    prescribed = tuple((joint.drive if joint and joint.drive else table.drive) == "prescribed" for joint in tables)
+    if isinstance(table, TableMotion):
+        return table_motion(table, joints, prescribed)
+    parameters = parameters or Parameters()
+    free, phase = parameters.placed_in(table, "motion."), ca.SX.sym("phase")
+    breaks: tuple[float, ...] = ()
+    if isinstance(free, PointToPoint):
+        angles, duration, breaks = point_to_point(free, phase)
+    else:
+        expressions: dict[type, Any] = {Harmonic: harmonic, Rotation: rotation, Fourier: fourier}
+        angles, duration = expressions[type(free)](free, phase, parameters)
+    period = float(ca.evalf(ca.substitute(duration, parameters.symbols, ca.DM(parameters.values))))
+    return SymbolicMotion(
+        joints,
+        period,
+        prescribed,
+        breaks=tuple(period * edge for edge in breaks),
+        periodic=getattr(table, "course", "there-and-back") != "one-way",
+        phase=phase,
+        angles=angles,
+        duration=duration,
+        parameters=parameters,
+    )

@@ -1,0 +1,60 @@
+"""What an effect may add to a chain; each method's default adds nothing."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+from flexlin.mechanics.body import Body, Moments
+from flexlin.mechanics.frames import Frame
+from flexlin.mechanics.links import BentLink
+
+
+@dataclass(frozen=True)
+class Chain:
+    """The chain as its kinematics left it: joint coordinates, a frame behind each joint, links, tip, and all bodies that have mass."""
+
+    q: ca.SX
+    q_rate: ca.SX
+    joints: tuple[Frame, ...]
+    links: tuple[BentLink, ...]
+    tip: Frame
+    bodies: tuple[Body, ...] = ()
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One physical effect, switched on by its table in the scene."""
+
+    table: Any
+
+    def joint_radius(self, joint: int) -> Any:
+        """Distance from the joint's axis to where its link begins, in m."""
+        return 0
+
+    def tip_shortening(self, link: BentLink) -> tuple[ca.SX, ca.SX]:
+        """Displacement of the link's tip along the link, with its rate, in m and m/s."""
+        return ca.SX(0), ca.SX(0)
+
+    def link_moments(self, link: BentLink) -> Moments | None:
+        """What is added to the moments of a link."""
+        return None
+
+    def bodies(self, chain: Chain) -> tuple[Body, ...]:
+        """Bodies added to the chain."""
+        return ()
+
+    def potential_energy(self, chain: Chain) -> ca.SX:
+        """Potential energy, in J; `chain.bodies` is complete here."""
+        return ca.SX(0)
+
+    def dissipation(self, chain: Chain) -> ca.SX:
+        """Rayleigh's dissipation function, in W: the resisting force is its gradient by the rates."""
+        return ca.SX(0)
+
+
+def per_joint(value: Any, joint: int, *, single: str) -> Any:
+    """Read a table's value for one joint: a tuple by index; a single number stands for the `"first"` joint or for `"every"` one."""
+    if isinstance(value, tuple):
+        return value[joint] if joint < len(value) else 0.0
+    return value if single == "every" or joint == 0 else 0.0

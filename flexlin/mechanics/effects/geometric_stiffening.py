@@ -1,0 +1,35 @@
+"""Geometric (centrifugal) stiffening: a bent link is shorter, u(x) = -1/2 int_0^x w'^2.
+
+Kept to second order in w it adds to the moments of the link, with Gamma(x) = int_0^x X' X'^T,
+
+    first.x += -1/2 w^T (int rhoA Gamma) w,   second += -w^T (int rhoA x Gamma) w,
+
+and moves the tip, and with it every link beyond, by u(l). On a single link this is q'^2 G - g sin(q) H in K_L(2, 2).
+
+Source: Simo, Vu-Quoc (1987); Kane, Ryan, Banerjee (1987); Meirovitch, Analytical Methods in Vibrations (1967), section 10.4.
+"""
+
+import casadi as ca
+
+from flexlin.mechanics.body import Moments
+from flexlin.mechanics.effects.base import Effect
+from flexlin.mechanics.links import BentLink
+
+
+class GeometricStiffening(Effect):
+    """The shortening of bent links in kinetic and potential energy."""
+
+    def tip_shortening(self, link: BentLink) -> tuple[ca.SX, ca.SX]:
+        gamma = ca.DM(link.integrals.tip_shortening) / link.table.length
+        return -ca.bilin(gamma, link.w, link.w) / 2, -ca.bilin(gamma, link.w, link.w_rate)
+
+    def link_moments(self, link: BentLink) -> Moments | None:
+        if not link.table.modes:
+            return None
+        k = link.integrals
+        along = link.mass / link.table.length * ca.DM(k.shortening)
+        return Moments(
+            first=ca.vertcat(-ca.bilin(along, link.w, link.w) / 2, 0),
+            first_rate=ca.vertcat(-ca.bilin(along, link.w, link.w_rate), 0),
+            second=-link.mass * ca.bilin(ca.DM(k.shortening_moment), link.w, link.w),
+        )

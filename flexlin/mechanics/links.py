@@ -1,0 +1,62 @@
+"""One link of the chain: rigid, or bent along its assumed modes."""
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from flexlin.mechanics.beam import ShapeIntegrals
+from flexlin.mechanics.body import Moments
+from flexlin.mechanics.frames import Frame
+from flexlin.scene.links import Link
+
+
+@dataclass(frozen=True)
+class BentLink:
+    """A link whose axis is displaced by w(x, t) = sum X_k(x) w_k(t) across its frame's x-axis.
+
+    Assumes small deflections of an Euler-Bernoulli beam; `w`, `w_rate` are (modes, 1) in m and m/s (X is dimensionless).
+    The shape integrals are dimensionless numbers, so length, mass and stiffness may be symbols.
+    """
+
+    table: Link
+    integrals: ShapeIntegrals
+    base: Frame
+    w: ca.SX
+    w_rate: ca.SX
+
+    @property
+    def mass(self) -> ca.SX:
+        """rho A l, in kg."""
+        return self.table.mass_per_length * self.table.length
+
+    @property
+    def bending_energy(self) -> ca.SX:
+        """1/2 int EI w''^2 dx, in J."""
+        if not self.table.modes:
+            return ca.SX(0)
+        stiffness = ca.SX(self.table.bending_stiffness) / self.table.length**3
+        return stiffness / 2 * ca.bilin(ca.DM(self.integrals.bending), self.w, self.w)
+
+    def moments(self) -> Moments:
+        """Moments of the bent link about its base frame, first order in w except where energy is of second order.
+
+        first = (int rhoA x, int rhoA w),  second = int rhoA (x^2 + w^2),  swirl = int rhoA x w',  agitation = int rhoA w'^2.
+        """
+        k, m, length = self.integrals, self.mass, self.table.length
+        mode, gram = ca.DM(k.mode), ca.DM(k.gram)
+        return Moments(
+            mass=m * k.mass,
+            first=m * ca.vertcat(length * k.first, ca.dot(mode, self.w)),
+            first_rate=m * ca.vertcat(0, ca.dot(mode, self.w_rate)),
+            second=m * (length**2 * k.second + ca.bilin(gram, self.w, self.w)),
+            swirl=m * length * ca.dot(ca.DM(k.mode_moment), self.w_rate),
+            agitation=m * ca.bilin(gram, self.w_rate, self.w_rate),
+        )
+
+    def tip(self, shortening: ca.SX, shortening_rate: ca.SX) -> Frame:
+        """The frame at the tip, turned by the slope w'(l); `shortening` is the tip's displacement along x (negative when bent)."""
+        k, length = self.integrals, self.table.length
+        across, slope = ca.DM(k.tip), ca.DM(k.tip_slope) / length
+        offset = ca.vertcat(length + shortening, ca.dot(across, self.w))
+        offset_rate = ca.vertcat(shortening_rate, ca.dot(across, self.w_rate))
+        return self.base.moved(offset, offset_rate).turned(ca.dot(slope, self.w), ca.dot(slope, self.w_rate))

@@ -1,0 +1,207 @@
+"""The equations of motion of a manipulator, M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import casadi as ca
+
+from flexlin.errors import ModelError
+from flexlin.kronecker import derivative
+from flexlin.mechanics.parameters import Parameters
+
+
+@dataclass(frozen=True, eq=False)
+class Manipulator:
+    """A manipulator as CasADi expressions of its coordinates s and rates s_dot.
+
+        M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau
+
+    `mass_torque(s, s', s'')` stands for the left side in its cheapest form; M, C, g are built when they are asked for.
+
+    Fields: s, s_dot: (n, 1) symbols (rad, m); residual: (n, 1) left side with s_ddot; B: (n, m) input matrix;
+    reference: (n, joints) constant matrix, the rigid motion is s_R = reference q; drives: the coordinate that each joint's motor moves;
+    names: of the coordinates; parameters: free scene parameters; points: (2, k) world positions from the base to the tip, in m.
+    """
+
+    s: ca.SX
+    s_dot: ca.SX
+    s_ddot: ca.SX
+    residual: ca.SX
+    M: ca.SX
+    g: ca.SX
+    damping: ca.SX
+    B: ca.SX
+    reference: ca.DM
+    drives: tuple[int, ...]
+    names: tuple[str, ...]
+    parameters: Parameters = field(default_factory=Parameters)
+    energy: ca.SX | None = None
+    points: ca.SX | None = None
+    coriolis: ca.SX | None = None
+
+    @property
+    def n(self) -> int:
+        """The number of coordinates."""
+        return int(self.s.numel())
+
+    @property
+    def joints(self) -> int:
+        """The number of joints that follow the basic motion."""
+        return int(self.reference.size2())
+
+    @cached_property
+    def C(self) -> ca.SX:
+        """The matrix of centrifugal and Coriolis forces, from M unless the user gave one."""
+        return coriolis_matrix(self.M, self.s, self.s_dot) if self.coriolis is None else self.coriolis
+
+    @cached_property
+    def functions(self) -> dict[str, ca.Function]:
+        """Named functions of (s, p) or (s, s_dot, p) or (s, s_dot, s_ddot, p): M, C, g, damping, residual; points and energy if known."""
+        p = self.parameters.symbols
+        at, moving = {"s": self.s, "p": p}, {"s": self.s, "s_dot": self.s_dot, "p": p}
+        accelerated = {"s": self.s, "s_dot": self.s_dot, "s_ddot": self.s_ddot, "p": p}
+        table = {
+            "M": (at, self.M),
+            "C": (moving, self.C),
+            "g": (at, self.g),
+            "damping": (moving, self.damping),
+            "residual": (accelerated, self.residual),
+        }
+        if self.energy is not None:
+            table["energy"] = (moving, self.energy)
+        if self.points is not None:
+            table["points"] = (at, self.points)
+        return {
+            name: ca.Function(name, list(inputs.values()), [ca.densify(value)], list(inputs), [name])
+            for name, (inputs, value) in table.items()
+        }
+
+    @classmethod
+    def from_matrices(
+        cls,
+        s: ca.SX,
+        s_dot: ca.SX,
+        M: ca.SX,
+        C: ca.SX,
+        g: ca.SX,
+        B: ca.SX | None = None,
+        damping: ca.SX | None = None,
+        joints: Sequence[int] | None = None,
+        names: Sequence[str] | None = None,
+        points: ca.SX | None = None,
+    ) -> "Manipulator":
+        """Make a manipulator from its matrices, M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau.
+
+        Assumes the basic motion moves the coordinates `joints` (default: those that B drives) and leaves the others at zero.
+
+        Parameters: s, s_dot: (n, 1) symbols; M, C: (n, n); g, damping: (n, 1); B: (n, m), default the identity.
+        Raises: ModelError when a shape does not fit or an expression holds other symbols.
+        """
+        n = s.numel()
+        B = ca.DM.eye(n) if B is None else B
+        damping = ca.SX.zeros(n) if damping is None else damping
+        s_ddot = ca.SX.sym("s_ddot", n)
+        _check_shapes(n, M=(M, n), C=(C, n), g=(g, 1), damping=(damping, 1), B=(B, None))
+        _check_symbols(ca.vertcat(s, s_dot), M=M, C=C, g=g, damping=damping, B=B)
+        driven = tuple(i for i in range(n) if not ca.SX(B[i, :]).is_zero()) if joints is None else tuple(joints)
+        return cls(
+            s,
+            s_dot,
+            s_ddot,
+            residual=M @ s_ddot + C @ s_dot + g + damping,
+            M=ca.SX(M),
+            g=ca.SX(g),
+            damping=ca.SX(damping),
+            B=ca.SX(B),
+            reference=ca.DM.eye(n)[:, list(driven)],
+            drives=driven,
+            names=tuple(names or (f"s{i + 1}" for i in range(n))),
+            points=points,
+            coriolis=ca.SX(C),
+        )
+
+    @classmethod
+    def from_lagrangian(
+        cls,
+        s: ca.SX,
+        s_dot: ca.SX,
+        T: ca.SX,
+        V: ca.SX,
+        dissipation: ca.SX | None = None,
+        B: ca.SX | None = None,
+        joints: Sequence[int] | None = None,
+        names: Sequence[str] | None = None,
+        parameters: Parameters | None = None,
+        points: ca.SX | None = None,
+    ) -> "Manipulator":
+        """Make a manipulator from its energies by Lagrange's equations of the second kind.
+
+            d/dt (dT/ds') - dT/ds + dV/ds + dR/ds' = B tau
+
+        Assumes T quadratic in s'. The basic motion moves the coordinates `joints` (default: those that B drives).
+
+        Parameters: T, V: kinetic and potential energy (J); dissipation: Rayleigh's function R (W); B: (n, m), default the identity.
+        Raises: ModelError when a shape does not fit or an expression holds other symbols.
+        Source: Khang, Dat, Tuan (2019), Eq. (55).
+        """
+        n = s.numel()
+        B = ca.DM.eye(n) if B is None else B
+        R = ca.SX(0) if dissipation is None else dissipation
+        parameters = parameters or Parameters()
+        _check_shapes(1, T=(T, 1), V=(V, 1), dissipation=(R, 1))
+        _check_shapes(n, B=(B, None))
+        _check_symbols(ca.vertcat(s, s_dot, parameters.symbols), T=T, V=V, dissipation=R, B=B)
+        s_ddot = ca.SX.sym("s_ddot", n)
+        momentum, g, damping = ca.gradient(T, s_dot), ca.gradient(V, s), ca.gradient(R, s_dot)
+        rate_of_momentum = ca.jtimes(momentum, ca.vertcat(s, s_dot), ca.vertcat(s_dot, s_ddot))
+        driven = tuple(i for i in range(n) if not ca.SX(B[i, :]).is_zero()) if joints is None else tuple(joints)
+        return cls(
+            s,
+            s_dot,
+            s_ddot,
+            residual=rate_of_momentum - ca.gradient(T, s) + g + damping,
+            M=ca.densify(ca.jacobian(momentum, s_dot)),
+            g=ca.densify(g),
+            damping=ca.densify(damping),
+            B=ca.SX(B),
+            reference=ca.DM.eye(n)[:, list(driven)],
+            drives=driven,
+            names=tuple(names or (f"s{i + 1}" for i in range(n))),
+            parameters=parameters,
+            energy=T + V,
+            points=points,
+        )
+
+
+def coriolis_matrix(M: ca.SX, s: ca.SX, s_dot: ca.SX) -> ca.SX:
+    """The matrix of Christoffel's symbols in Kronecker layout, for which M' - 2 C is skew.
+
+        C(s, s') = 1/2 [dM/ds (I (x) s') + dM/ds (s' (x) I) - (dM/ds (s' (x) I))^T]
+
+    Parameters: M: (n, n); s, s_dot: (n, 1). Returns: (n, n).
+    Source: Khang, Dat, Tuan (2019), property (19), with the symmetry of M.
+    """
+    dM, eye = derivative(M, s), ca.DM.eye(s.numel())
+    along = dM @ ca.kron(eye, s_dot)
+    across = dM @ ca.kron(s_dot, eye)
+    return (along + across - across.T) / 2
+
+
+def _check_shapes(rows: int, **expressions: tuple[ca.SX, int | None]) -> None:
+    for name, (expression, columns) in expressions.items():
+        got = ca.SX(expression).shape
+        if got[0] != rows or columns not in (None, got[1]):
+            raise ModelError(
+                f"{name} has the wrong shape", got=got, expected=f"({rows}, {'any' if columns is None else columns})"
+            )
+
+
+def _check_symbols(known: ca.SX, **expressions: ca.SX) -> None:
+    names = {symbol.name() for symbol in ca.symvar(known)}
+    for name, expression in expressions.items():
+        strange = [symbol.name() for symbol in ca.symvar(ca.SX(expression)) if symbol.name() not in names]
+        if strange:
+            raise ModelError(
+                f"{name} holds symbols that are neither coordinates, rates nor parameters", got=", ".join(strange)
+            )

@@ -1,0 +1,41 @@
+"""Scene parameters left free: symbols in the expressions, each with its dotted path and nominal value."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+import casadi as ca
+import numpy as np
+from pydantic import BaseModel
+
+from flexlin.checks import Array, real_array
+from flexlin.scene.parameters import get_value, replace_value
+
+AnyTable = TypeVar("AnyTable", bound=BaseModel)
+
+
+@dataclass(frozen=True, eq=False)
+class Parameters:
+    """The free parameters of a manipulator, p of shape (n_p, 1)."""
+
+    paths: tuple[str, ...] = ()
+    symbols: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
+    values: Array = field(default_factory=lambda: np.zeros(0))
+
+    @classmethod
+    def of_scene(cls, scene: BaseModel, paths: Iterable[str]) -> "Parameters":
+        """Make a symbol for each dotted path of the scene.
+
+        Raises: ArgumentError when a path does not lead to a number of the scene.
+        """
+        paths = tuple(paths)
+        values = real_array("parameters", [get_value(scene, path) for path in paths], (None,))
+        symbols = [ca.SX.sym(path) for path in paths]
+        return cls(paths, ca.vertcat(*symbols) if symbols else ca.SX(0, 1), values)
+
+    def placed_in(self, table: AnyTable, prefix: str = "") -> AnyTable:
+        """The table with the symbols in the place of their numbers; `prefix` names where in the scene the table stands."""
+        for i, path in enumerate(self.paths):
+            if path.startswith(prefix):
+                table = replace_value(table, path.removeprefix(prefix), self.symbols[i])
+        return table

@@ -1,0 +1,86 @@
+"""Motions read from a table of samples, joined by a periodic quintic spline."""
+
+from pathlib import Path
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.errors import MotionError
+from flexlin.motion.base import Angles, SampledMotion
+from flexlin.scene.motion import TableMotion
+
+FEWEST_ROWS = 7
+CLOSURE = 1e-6
+"""The last row must repeat the first to this share of the joint's range (whole turns apart)."""
+
+
+def table_motion(table: TableMotion, joints: int, prescribed: tuple[bool, ...]) -> SampledMotion:
+    """A periodic motion through the samples of a CSV file: t, q1, q2 ..., the last row closing the period.
+
+    Assumes evenly or unevenly spaced, increasing times; a joint may advance by whole turns over the period.
+    Raises: MotionError naming the row or column that does not fit.
+    Source: de Boor, A Practical Guide to Splines (2001), through scipy.interpolate.make_interp_spline.
+    """
+    from scipy.interpolate import make_interp_spline
+
+    t, q = _read(Path(table.file), joints)
+    turns = _whole_turns(t, q, table.file)
+    period = float(t[-1] - t[0])
+    drift = turns / period
+    residual = q - np.outer(t - t[0], drift)
+    residual[-1] = residual[0]
+    spline = make_interp_spline(t - t[0], residual, k=5, bc_type="periodic")
+
+    def sample(times: Array) -> Angles:
+        inside = times % period
+        return spline(inside) + np.outer(inside, drift), spline(inside, 1) + drift, spline(inside, 2)
+
+    return SampledMotion(joints, period, prescribed, sampler=sample)
+
+
+def _read(path: Path, joints: int) -> tuple[Array, Array]:
+    """Times (N,) and angles (N, joints) of a CSV file with or without a line of names."""
+    try:
+        lines = [line for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
+    except (OSError, UnicodeDecodeError) as error:
+        raise MotionError(
+            f"the table {path} cannot be read", got=str(error), expected="a CSV file of t, q1, q2 ..."
+        ) from None
+    rows = []
+    for number, line in enumerate(lines, start=1):
+        try:
+            rows.append([float(cell) for cell in line.split(",")])
+        except ValueError:
+            if number > 1:
+                raise MotionError(
+                    f"{path}, row {number} is not numeric", got=repr(line[:60]), expected="numbers parted by commas"
+                ) from None
+    widths = {len(row) for row in rows}
+    if len(rows) < FEWEST_ROWS or widths != {joints + 1}:
+        raise MotionError(
+            f"{path} has the wrong shape",
+            got=f"{len(rows)} rows of {sorted(widths)} columns",
+            expected=f"{FEWEST_ROWS} rows or more of {joints + 1} columns (t and one angle a joint)",
+        )
+    data = np.array(rows)
+    if not np.all(np.isfinite(data)):
+        raise MotionError(f"{path} holds a number that is not finite", got="nan or inf", expected="finite numbers")
+    if not np.all(np.diff(data[:, 0]) > 0):
+        raise MotionError(f"{path}: the times do not increase", got=f"row {int(np.argmin(np.diff(data[:, 0]))) + 2}")
+    return data[:, 0], data[:, 1:]
+
+
+def _whole_turns(t: Array, q: Array, file: str) -> Array:
+    """The advance of each joint over the period, a whole number of turns or nothing."""
+    advance = q[-1] - q[0]
+    turns = 2 * np.pi * np.round(advance / (2 * np.pi))
+    gap = np.abs(advance - turns)
+    scale = np.maximum(np.ptp(q, axis=0), 1e-9)
+    if np.any(gap > CLOSURE * scale):
+        joint = int(np.argmax(gap / scale))
+        raise MotionError(
+            f"the table motion of {file} is not periodic",
+            got=f"joint {joint + 1} ends {gap[joint]:.3g} rad from where it began",
+            expected="a last row that repeats the first, whole turns apart",
+        )
+    return turns

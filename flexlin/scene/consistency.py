@@ -1,0 +1,95 @@
+"""What one table of a scene demands of another; checked on the raw data, so that all errors come at once."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from flexlin.errors import Problem
+
+
+def contradictions(raw: dict[str, Any]) -> list[Problem]:
+    """List where the tables of a raw scene do not fit each other."""
+    return [*_links(raw), *_joint_counts(raw), *_design_names(raw)]
+
+
+def _links(raw: dict[str, Any]) -> Iterator[Problem]:
+    links, model = _tables(raw.get("links")), raw.get("model")
+    if model is None and not links:
+        yield Problem("links", "none", "at least one [[links]] table, or model = the name of a registered model")
+    if model is not None and links:
+        yield Problem("links", f"{len(links)} tables beside model = {model!r}", "either links or a model")
+    if model is not None and raw.get("effects"):
+        yield Problem(
+            "effects", f"tables beside model = {model!r}", "no effects: a registered model has its own parameters"
+        )
+    if model is None and raw.get("parameters"):
+        yield Problem(
+            "parameters", "a table without model", "parameters only beside model = the name of a registered model"
+        )
+    for i, link in enumerate(links):
+        if link.get("modes", 0) != 0 and link.get("bending_stiffness") is None:
+            yield Problem(
+                f"links.{i}.bending_stiffness", "nothing", "a positive number in N m^2, because modes is not 0"
+            )
+    if links and not _has_mass(links[-1], raw):
+        yield Problem(
+            f"links.{len(links) - 1}.mass_per_length",
+            "0",
+            "a positive number, or a hub or payload that gives the last link inertia",
+        )
+    for i, link in enumerate(links):
+        if link.get("mass_per_length") == 0 and link.get("modes", 0) != 0:
+            yield Problem(
+                f"links.{i}.mass_per_length", "0", "a positive number, because a link without mass has no modes"
+            )
+
+
+def _has_mass(link: dict[str, Any], raw: dict[str, Any]) -> bool:
+    """Whether the last link, with what it carries, has inertia; unknown counts as yes."""
+    effects = raw.get("effects")
+    effects = effects if isinstance(effects, dict) else {}
+    carried = [
+        table.get(key) for table in _tables([effects.get("payload"), effects.get("hub")]) for key in ("mass", "inertia")
+    ]
+    return link.get("mass_per_length") != 0 or any(value not in (None, 0) for value in carried)
+
+
+def _joint_counts(raw: dict[str, Any]) -> Iterator[Problem]:
+    links = _tables(raw.get("links"))
+    motion = raw["motion"] if isinstance(raw.get("motion"), dict) else {}
+    joints = motion.get("joints")
+    if not links or not isinstance(joints, list):
+        return
+    if len(joints) not in ({0, len(links)} if motion.get("kind") == "table" else {len(links)}):
+        yield Problem("motion.joints", f"{len(joints)} tables", f"{len(links)}, one for each link's joint")
+        return
+    default = motion.get("drive", "torque")
+    driven = sum(joint.get("drive", default) == "torque" for joint in _tables(joints))
+    feedback = raw["control"].get("feedback") if isinstance(raw.get("control"), dict) else None
+    for key in ("kp", "kd"):
+        gains = feedback.get(key) if isinstance(feedback, dict) else None
+        if isinstance(gains, list) and len(gains) != driven:
+            yield Problem(
+                f"control.feedback.{key}", f"{len(gains)} gains", f"{driven}, one for each torque-driven joint"
+            )
+    modes = [link.get("modes", 0) for link in links]
+    coordinates = driven + sum(count for count in modes if isinstance(count, int))
+    for i, design in enumerate(_tables(raw.get("designs"))):
+        for key, wanted, what in (
+            ("state_weight", 2 * coordinates, "state"),
+            ("input_weight", driven, "torque-driven joint"),
+        ):
+            weights = design.get(key)
+            if isinstance(weights, list) and len(weights) != wanted:
+                yield Problem(f"designs.{i}.{key}", f"{len(weights)} numbers", f"{wanted}, one for each {what}")
+
+
+def _design_names(raw: dict[str, Any]) -> Iterator[Problem]:
+    names = [design.get("name") for design in _tables(raw.get("designs"))]
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            yield Problem(f"designs.{i}.name", f"{name!r} a second time", "a name of its own")
+
+
+def _tables(value: object) -> list[dict[str, Any]]:
+    """The tables in a raw list; anything else is the schema's to complain about."""
+    return [table for table in value if isinstance(table, dict)] if isinstance(value, list) else []

@@ -1,0 +1,58 @@
+"""The scenes and hand-written models that travel with flexlin."""
+
+import importlib.util
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from flexlin.errors import Problem, SceneError
+
+
+def models_folder() -> Path:
+    """The folder of built-in scenes: inside the installed package, or beside it in a checkout."""
+    package = Path(__file__).resolve().parent.parent
+    inside = package / "models"
+    return inside if inside.is_dir() else package.parent / "models"
+
+
+def builtin_scenes() -> dict[str, Path]:
+    """The built-in scenes by name."""
+    return {path.stem: path for path in sorted(models_folder().glob("*.toml"))}
+
+
+@dataclass(frozen=True)
+class RegisteredModel:
+    """A model written in Python: `schema` checks the scene's parameters table, `build` makes the manipulator from it."""
+
+    schema: type
+    build: Callable[..., Any]
+
+
+_REGISTRY: dict[str, RegisteredModel] = {}
+
+
+def register_model(name: str, schema: type, build: Callable[..., Any]) -> None:
+    """Let scenes say `model = name`; `schema` is a pydantic model of the parameters, `build(parameters)` returns a Manipulator."""
+    _REGISTRY[name] = RegisteredModel(schema, build)
+
+
+def registered_model(name: str) -> RegisteredModel:
+    """Find a model that Python code has registered; the shipped ones are registered on first use.
+
+    Raises: SceneError when no code has registered that name.
+    """
+    if name not in _REGISTRY:
+        _register_shipped()
+    if name not in _REGISTRY:
+        expected = f"a registered model, one of {', '.join(sorted(_REGISTRY))}; flexlin.scene.register_model adds one from Python"
+        raise SceneError("scene", [Problem("model", repr(name), expected)])
+    return _REGISTRY[name]
+
+
+def _register_shipped() -> None:
+    """Run the model files that flexlin itself ships: each calls `register_model`. No name from a scene is ever imported."""
+    for path in sorted(models_folder().glob("*.py")):
+        spec = importlib.util.spec_from_file_location(f"flexlin_models.{path.stem}", path)
+        if spec is not None and spec.loader is not None:
+            spec.loader.exec_module(importlib.util.module_from_spec(spec))

@@ -1,0 +1,64 @@
+"""Dotted overrides: `effects.payload.mass=0.3` on the command line, {"effects.payload.mass": 0.3} in Python."""
+
+import copy
+import tomllib
+from collections.abc import Mapping
+from typing import Any
+
+from flexlin.errors import ArgumentError, Problem
+
+OFF = "off"
+
+
+def parse_assignment(text: str) -> tuple[str, Any]:
+    """Read `key=value`; the value is a TOML value, or else a bare string.
+
+    Raises: ArgumentError when there is no `=` or no key.
+    """
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip():
+        raise ArgumentError(
+            "an override cannot be read", got=repr(text), expected="key=value, such as effects.payload.mass=0.3"
+        )
+    try:
+        return key.strip(), tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        return key.strip(), value.strip()
+
+
+def apply_overrides(raw: dict[str, Any], overrides: Mapping[str, Any]) -> tuple[dict[str, Any], list[Problem]]:
+    """Return a copy of raw scene data with the overrides in place, and what could not be placed.
+
+    An effect that is off has no table, so its parameters cannot be set: the whole table turns it on, the word "off" turns it off.
+    """
+    result, problems = copy.deepcopy(raw), []
+    for key, value in overrides.items():
+        problem = _place(result, key.split("."), value)
+        if problem:
+            problems.append(Problem(key, *problem))
+    return result, problems
+
+
+def _place(tree: Any, path: list[str], value: Any) -> tuple[str, str] | None:
+    for depth, step in enumerate(path[:-1]):
+        if path[:1] == ["effects"] and depth == 1 and step not in tree:
+            return (
+                "a parameter of an effect that is off",
+                f"effects.{step} on: set the whole table, effects.{step}={{...}}",
+            )
+        try:
+            tree = tree[int(step)] if isinstance(tree, list) else tree.setdefault(step, {})
+        except (ValueError, IndexError):
+            return f"index {step!r}", f"a number from 0 to {len(tree) - 1}"
+        if not isinstance(tree, (dict, list)):
+            return f"a key below {'.'.join(path[: depth + 1])}, which is {tree!r}", "a key that exists"
+    last = path[-1]
+    if isinstance(tree, list):
+        if not last.isdigit() or int(last) >= len(tree):
+            return f"index {last!r}", f"a number from 0 to {len(tree) - 1}"
+        tree[int(last)] = value
+    elif path[:1] == ["effects"] and len(path) == 2 and value == OFF:
+        tree.pop(last, None)
+    else:
+        tree[last] = value
+    return None

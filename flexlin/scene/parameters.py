@@ -1,0 +1,64 @@
+"""Numbers of a scene by dotted path: read them, replace them, list them."""
+
+from typing import Any
+
+from pydantic import BaseModel
+
+from flexlin.errors import ArgumentError
+
+
+def get_value(scene: BaseModel, path: str) -> Any:
+    """Read what stands at a dotted path, such as `effects.payload.mass` or `links.0.length`.
+
+    Raises: ArgumentError when nothing stands there.
+    """
+    node: Any = scene
+    for step in path.split("."):
+        node = _child(node, step, path)
+    return node
+
+
+def replace_value(node: Any, path: str, value: Any) -> Any:
+    """Return a copy with another value at a dotted path.
+
+    The value is not checked: it may be a CasADi symbol, which then flows into the expressions as the number would.
+    """
+    step, _, rest = path.partition(".")
+    child = _child(node, step, path)
+    new = replace_value(child, rest, value) if rest else value
+    if isinstance(node, tuple):
+        i = int(step)
+        return (*node[:i], new, *node[i + 1 :])
+    if isinstance(node, dict):
+        return {**node, step: new}
+    return node.model_copy(update={step: new})
+
+
+def numeric_paths(node: Any, prefix: str = "") -> list[str]:
+    """List the dotted paths of all real numbers (not counts) below a table."""
+    if isinstance(node, float):
+        return [prefix]
+    if isinstance(node, BaseModel):
+        children = [(name, getattr(node, name)) for name in type(node).model_fields]
+    elif isinstance(node, tuple):
+        children = [(str(i), child) for i, child in enumerate(node)]
+    elif isinstance(node, dict):
+        children = list(node.items())
+    else:
+        return []
+    return [path for name, child in children for path in numeric_paths(child, f"{prefix}.{name}" if prefix else name)]
+
+
+def _child(node: Any, step: str, path: str) -> Any:
+    try:
+        if isinstance(node, tuple):
+            return node[int(step)]
+        if isinstance(node, dict):
+            return node[step]
+        if isinstance(node, BaseModel) and step in type(node).model_fields and getattr(node, step) is not None:
+            return getattr(node, step)
+    except (IndexError, KeyError, ValueError):
+        pass
+    raise ArgumentError(
+        f"the scene has nothing at {path!r}", got=step, expected="a dotted path such as effects.payload.mass"
+    )

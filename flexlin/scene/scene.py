@@ -1,0 +1,30 @@
+"""The whole scene."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from flexlin.scene.base import Table
+from flexlin.scene.control import Control, Design
+from flexlin.scene.effects import Effects
+from flexlin.scene.links import Link
+from flexlin.scene.motion import AnyMotion
+
+
+class Scene(Table):
+    """All that flexlin needs to know of an arm, its motion and its control. A scene is data: nothing in it is evaluated as code.
+
+    Either `links` describe a planar chain, or `model` names a model that Python code has registered, with its `parameters`.
+    SI units and radians everywhere.
+    """
+
+    schema_version: Annotated[Literal[1], Field(alias="schema")]
+    title: str
+    source: str = ""
+    model: str | None = None
+    parameters: dict[str, Any] = Field(default_factory=dict)
+    links: tuple[Link, ...] = ()
+    effects: Effects = Effects()
+    motion: AnyMotion
+    control: Control = Control()
+    designs: tuple[Design, ...] = ()
