@@ -50,14 +50,14 @@ def shape_integrals(
         mass = int mu,  first = int mu xi,  second = int mu xi^2,  mode = int mu X,  mode_moment = int mu xi X,
         gram = int mu X X^T,  bending = int eps X'' X''^T,  shortening = int mu Gamma,  shortening_moment = int mu xi Gamma
 
-    Assumes shapes and profiles smooth between their breaks, and resolved by 48 + 3 n nodes a panel; `error` tells.
+    Assumes shapes and profiles smooth between their breaks, and the profiles resolved by 8 nodes more than the shapes need; `error` tells.
 
     Parameters: profiles relative to the link's own mass per length and stiffness; None is 1 everywhere.
     Returns: ShapeIntegrals, (n,) and (n, n) arrays; zero-size when there are no modes.
     """
     mu, eps = mass_profile or UNIFORM, stiffness_profile or UNIFORM
     edges = np.unique([0.0, *shapes.breaks, *mu.breaks, *eps.breaks, 1.0])
-    order = 48 + 3 * shapes.n
+    order = shapes.order + 8
     first = integrate(shapes, mu, eps, edges, order)
     return ShapeIntegrals(**first, error=difference(first, integrate(shapes, mu, eps, edges, order + 15)))
 
@@ -109,9 +109,9 @@ def remaining(mu: Profile, edges: Array, order: int) -> tuple[Array, Array]:
 
 
 def difference(first: dict[str, Any], second: dict[str, Any]) -> float:
-    """Return the largest difference of two sets of integrals, relative to the size of each field."""
+    """Return the largest difference of two sets of integrals, relative to the size of each field (a zero field against 1e-9)."""
     return max(
-        float(np.max(np.abs(first[f.name] - second[f.name])) / np.max(np.abs(second[f.name])))
+        float(np.max(np.abs(first[f.name] - second[f.name])) / max(float(np.max(np.abs(second[f.name]))), 1e-9))
         for f in fields(ShapeIntegrals)
         if f.name in first and np.size(first[f.name])
     )

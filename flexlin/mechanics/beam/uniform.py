@@ -34,6 +34,11 @@ class UniformShapes:
         """The number of modes."""
         return len(self.beta)
 
+    @property
+    def order(self) -> int:
+        """Nodes that resolve cos(2 beta xi) and the boundary layers."""
+        return 40 + 3 * self.n
+
     def values(self, xi: Array, derivative: int = 0) -> Array:
         """Return X or its derivative with respect to xi: (N,) -> (n, N)."""
         return np.einsum("nb,nNb->nN", self.coefficients, basis(self.beta[:, None], np.asarray(xi), derivative))
@@ -88,7 +93,7 @@ def solve_modes(n: int, boundary: Boundary, lowest: float = 1e-3) -> UniformShap
 
 def normalised(shapes: UniformShapes) -> UniformShapes:
     """Scale to int X^2 = 1 and to a positive curvature at the base (a positive slope where the base is pinned)."""
-    nodes, weights = np.polynomial.legendre.leggauss(64 + 3 * shapes.n)
+    nodes, weights = np.polynomial.legendre.leggauss(shapes.order + 16)
     size = np.sqrt(shapes.values((nodes + 1) / 2) ** 2 @ weights / 2)
     start = np.zeros(1)
     slope, curvature = (shapes.values(start, d)[:, 0] / shapes.beta**d for d in (1, 2))
