@@ -1,0 +1,126 @@
+"""Closed loops of screws: the closure equations and all their derivatives without differentiation."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexlin.checks import Array, real_array
+from flexlin.errors import ArgumentError, SingularClosure, ToleranceNotReached
+from flexlin.kronecker.closure import closure_jacobians
+from flexlin.mechanics.screws import OpenChain
+
+SINGULAR = 1e-12
+"""A closure whose V has a reciprocal condition number below this is called singular."""
+
+
+@dataclass(frozen=True)
+class Branch:
+    """A weighted point of a chain, W H(s_joints) x.
+
+    Parameters: chain; joints: for each joint of the chain its index in s; point x (3,) in the last body (m);
+    weight W (m, 3): how the point's coordinates enter the m closure equations.
+    """
+
+    chain: OpenChain
+    joints: tuple[int, ...]
+    point: Array
+    weight: Array
+
+    def derivative(self, s: Array, k: int) -> Array:
+        """Return all k-th partial derivatives by the chain's own joints, (m, joints, ..., joints)."""
+        q = s[list(self.joints)]
+
+        @cache
+        def partial(alpha: tuple[int, ...]) -> Array:
+            return self.weight @ (self.chain.partial(q, alpha) @ np.append(self.point, 1.0))[:3]
+
+        joints = self.chain.n
+        tensor = np.empty((len(self.weight), *[joints] * k))
+        for index in np.ndindex(*[joints] * k):
+            tensor[(slice(None), *index)] = partial(tuple(np.bincount(index, minlength=joints) if k else [0] * joints))
+        return tensor
+
+
+@dataclass(frozen=True)
+class Closure:
+    """Closure equations that join points of open chains.
+
+        f(s) = E s + e + sum_b W_b H_b(s_b) x_b = 0
+
+    Assumes as many equations as dependent coordinates.
+
+    Parameters: branches; linear E (m, n), for coordinates that are themselves a position; constant e (m,).
+    Source: de Jong et al., Eqs (26), (27), with the sign and the rows of (27) corrected.
+    """
+
+    branches: tuple[Branch, ...]
+    linear: Array
+    constant: Array
+
+    def derivative(self, s: ArrayLike, k: int) -> Array:
+        """Return D_s^k f (m, n^k) in Kronecker layout; k = 0 gives f itself (m, 1)."""
+        m, n = self.linear.shape
+        s = real_array("s", s, (n,))
+        tensor = np.zeros((m, *[n] * k))
+        if k < 2:
+            tensor += self.linear if k else self.linear @ s + self.constant
+        for branch in self.branches:
+            tensor[np.ix_(range(m), *[branch.joints] * k)] += branch.derivative(s, k)
+        return tensor.reshape(m, -1)
+
+    def close(self, s: ArrayLike, independent: Sequence[int]) -> Array:
+        """Return s with its dependent coordinates moved by Newton's method until f(s) = 0.
+
+        Raises: ToleranceNotReached when 50 steps do not close the loop from this start; SingularClosure when V becomes singular.
+        """
+        s = real_array("s", s, (self.linear.shape[1],)).copy()
+        dependent = self.dependent(independent)
+        for _ in range(50):
+            step = np.linalg.solve(self.checked_V(s, dependent), self.derivative(s, 0)[:, 0])
+            s[dependent] -= step
+            if np.abs(step).max() < 1e-14 * (1 + np.abs(s).max()):
+                return s
+        raise ToleranceNotReached(
+            "the loop does not close", got=f"a step of {np.abs(step).max():.3g}", todo="start nearer to a solution"
+        )
+
+    def jacobians(self, s: ArrayLike, independent: Sequence[int], order: int) -> list[Array]:
+        """Return C_1 ... C_order of the dependent by the independent coordinates, from screw derivatives alone.
+
+        Parameters: s (n,): a configuration with f(s) = 0; independent: indices of u in s, the others are v, both in the order of s.
+        Returns: C_k (nv, nu^k).
+        Raises: ArgumentError when the loop is open at s or the numbers do not fit; SingularClosure when V is singular.
+        Source: de Jong et al., Eqs (14)-(27), corrected.
+        """
+        m, n = self.linear.shape
+        dependent = self.dependent(independent)
+        gap = float(np.abs(self.derivative(s, 0)).max())
+        if gap > 1e-9:
+            raise ArgumentError("the loop is open at s", got=f"|f| = {gap:.3g}", todo="close it: closure.close(s, u)")
+        self.checked_V(real_array("s", s, (n,)), dependent)
+        sequence = [*dependent, *independent]
+        derivatives = [
+            self.derivative(s, k).reshape(m, *[n] * k)[np.ix_(range(m), *[sequence] * k)].reshape(m, -1)
+            for k in range(1, order + 1)
+        ]
+        return closure_jacobians(derivatives, m)
+
+    def dependent(self, independent: Sequence[int]) -> list[int]:
+        """Return the indices of v, those of s that are not independent."""
+        m, n = self.linear.shape
+        dependent = [i for i in range(n) if i not in set(independent)]
+        if len(dependent) != m or len(independent) != n - m:
+            raise ArgumentError(
+                "independent coordinates do not fit", got=list(independent), expected=f"{n - m} indices"
+            )
+        return dependent
+
+    def checked_V(self, s: Array, dependent: Sequence[int]) -> Array:
+        """Return V = D_v f, refusing a singular one."""
+        V = self.derivative(s, 1)[:, dependent]
+        if np.linalg.cond(V) > 1 / SINGULAR:
+            raise SingularClosure("V is singular", got=f"s = {s.tolist()}", todo="choose other independent coordinates")
+        return V
