@@ -1,0 +1,115 @@
+"""The linear-quadratic problem of a system with time-varying coefficients: its Hamiltonian, Riccati equation and gain."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexlin.checks import Array
+from flexlin.errors import ArgumentError
+from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_matrix_function, check_samples
+
+SAMPLES = 64
+"""Times of a period at which the weights are checked before anything is solved."""
+
+
+@dataclass(frozen=True)
+class LinearQuadratic:
+    """Minimise the integral of x' Q x + 2 x' N u + u' R u along x' = A x + B u.
+
+    With the costate l = X x the optimum obeys a Hamiltonian system, where Ar = A - B R^-1 N', Qr = Q - N R^-1 N':
+
+        [x'; l'] = [[Ar, -B R^-1 B'], [-Qr, -Ar']] [x; l],   u = -K x,   K = R^-1 (B' X + N')
+
+    Each coefficient is a function (N,) -> (N, rows, columns).
+    """
+
+    A: MatrixFunction
+    B: MatrixFunction
+    Q: MatrixFunction
+    R: MatrixFunction
+    N: MatrixFunction
+
+    def reduced(self, t: Array) -> tuple[Array, Array, Array]:
+        """Return Ar, B R^-1 B', Qr: the problem without its cross term."""
+        A, B, Q, R, N = self.A(t), self.B(t), self.Q(t), self.R(t), self.N(t)
+        n = A.shape[1]
+        weighted = np.linalg.solve(R, np.concatenate([np.swapaxes(B, 1, 2), np.swapaxes(N, 1, 2)], axis=2))
+        return A - B @ weighted[:, :, n:], B @ weighted[:, :, :n], Q - N @ weighted[:, :, n:]
+
+    def hamiltonian(self, t: Array) -> Array:
+        """Return the Hamiltonian matrix, (N, 2n, 2n)."""
+        A, S, Q = self.reduced(t)
+        return np.concatenate(
+            [np.concatenate([A, -S], axis=2), np.concatenate([-Q, -np.swapaxes(A, 1, 2)], axis=2)], axis=1
+        )
+
+    def rate(self, t: Array, X: Array) -> Array:
+        """Return X' of the Riccati equation  -X' = Ar' X + X Ar - X B R^-1 B' X + Qr."""
+        A, S, Q = self.reduced(t)
+        product = X @ A
+        return -(product + np.swapaxes(product, 1, 2) - X @ S @ X + Q)
+
+    def gain(self, t: Array, X: Array) -> Array:
+        """Return K = R^-1 (B' X + N'), (N, m, n)."""
+        return np.linalg.solve(self.R(t), np.swapaxes(self.B(t), 1, 2) @ X + np.swapaxes(self.N(t), 1, 2))
+
+
+def linear_quadratic(
+    system: PeriodicSystem,
+    Q: MatrixFunction | ArrayLike,
+    R: MatrixFunction | ArrayLike,
+    N: MatrixFunction | ArrayLike | None = None,
+) -> LinearQuadratic:
+    """Pose the problem of a system with an input and check its weights at samples of the period.
+
+    Parameters: Q (n, n), R (m, m), N (n, m): constants or functions (N,) -> (N, ., .); N = None: no cross term.
+    Returns: the problem; its weights are used as they are given.
+    Raises: ArgumentError when the system has no input, a shape does not fit, a weight is not symmetric, R is not positive
+    definite, or Q - N R^-1 N' is indefinite: each names the time and the eigenvalue.
+    """
+    if system.B is None:
+        raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
+    n, m = system.n, system.m
+    cross = np.zeros((n, m)) if N is None else N
+    weights = [
+        checked_weight(name, value, shape, system.period)
+        for name, value, shape in (("Q", Q, (n, n)), ("R", R, (m, m)), ("N", cross, (n, m)))
+    ]
+    problem = LinearQuadratic(system.A, system.B, *weights)
+    t = system.period * np.arange(SAMPLES) / SAMPLES
+    check_definite("R", problem.R, t, strict=True)
+    check_definite("Q" if N is None else "Q - N R^-1 N'", lambda times: problem.reduced(times)[2], t, strict=False)
+    return problem
+
+
+def checked_weight(
+    name: str, value: MatrixFunction | ArrayLike, shape: tuple[int, int], period: float
+) -> MatrixFunction:
+    """Return a weight as a function of time, its shape and symmetry checked."""
+    function = as_matrix_function(name, value)
+    samples = check_samples(name, function, period)
+    if samples.shape[1:] != shape:
+        raise ArgumentError(f"{name} does not fit the system", got=samples.shape[1:], expected=str(shape))
+    asymmetry = np.abs(samples - np.swapaxes(samples, 1, 2)).max() if shape[0] == shape[1] and name != "N" else 0.0
+    if asymmetry > 1e-12 * np.abs(samples).max():
+        raise ArgumentError(f"{name} is not symmetric", got=f"|{name} - {name}'| = {asymmetry:.3g}", expected="0")
+    return function
+
+
+def check_definite(name: str, weight: Callable[[Array], Array], t: Array, strict: bool) -> None:
+    """Refuse a weight with an eigenvalue that is negative (or zero, when strict), naming it, its direction and time."""
+    samples = weight(t)
+    values, vectors = np.linalg.eigh(samples)
+    floor = 1e-13 * max(np.abs(values).max(), np.finfo(float).tiny)
+    smallest = values[:, 0]
+    worst = int(np.argmin(smallest))
+    if smallest[worst] < -floor or (strict and smallest[worst] <= floor):
+        direction = np.array2string(vectors[worst][:, 0], precision=3, suppress_small=True)
+        raise ArgumentError(
+            f"{name} is {'not positive definite' if strict else 'indefinite'}",
+            got=f"eigenvalue {smallest[worst]:.6g} at t = {t[worst]:.6g} s in the direction {direction}",
+            expected=f"eigenvalues {'> 0' if strict else '>= 0'}",
+            todo=f"raise the weight of that direction in {name}",
+        )

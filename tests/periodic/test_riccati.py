@@ -1,0 +1,234 @@
+"""The periodic Riccati equation against exact answers, python-control, SciPy's integrators and its own identities."""
+
+import decimal
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from flexlin.errors import ArgumentError, IllPosedSegment, NotDetectable, NotStabilizable
+from flexlin.periodic import PeriodicSystem
+from flexlin.periodic.riccati import edges, finite_horizon_riccati, linear_quadratic, periodic_riccati, solve_on
+from flexlin.periodic.scattering import (
+    Segment,
+    cost_before,
+    costs_at_edges,
+    from_hamiltonian,
+    product_tree,
+    star_product,
+)
+
+A0, B0 = np.array([[1.0, 0.5], [3.0, 5.0]]), np.array([[3.0], [1.0]])
+
+
+def rotation(t):
+    c, s = np.cos(2 * t), np.sin(2 * t)
+    return np.stack([np.stack([c, s], -1), np.stack([-s, c], -1)], -2)
+
+
+def rotation_rate(t):
+    c, s = np.cos(2 * t), np.sin(2 * t)
+    return 2 * np.stack([np.stack([-s, c], -1), np.stack([-c, -s], -1)], -2)
+
+
+def rotated():
+    """Johansson, Kagstrom, Shiriaev, Varga (2007): x = P z with a constant problem for z; A = P' P^-1 + P A0 P^-1, B = P B0."""
+
+    def A(t):
+        P = rotation(t)
+        return (rotation_rate(t) + P @ A0) @ np.swapaxes(P, 1, 2)
+
+    return PeriodicSystem(A, np.pi, lambda t: rotation(t) @ B0)
+
+
+def square_wave():
+    """A pendulum-like system whose stiffness jumps twice in a period."""
+
+    def A(t):
+        out = np.zeros((len(t), 2, 2))
+        out[:, 0, 1] = 1.0
+        out[:, 1, 0] = np.where(np.mod(t, 2.0) < 0.7, 3.0, -5.0) + np.sin(np.pi * t)
+        return out
+
+    return PeriodicSystem(A, 2.0, np.array([[0.0], [1.0]]), breaks=(0.0, 0.7))
+
+
+def backward(problem, end, begin_time, end_time, at):
+    """Integrate the Riccati equation backwards with SciPy."""
+
+    def rate(t, x):
+        return problem.rate(np.array([t]), x.reshape(1, *end.shape))[0].ravel()
+
+    stops = np.sort(np.asarray(at))[::-1]
+    run = solve_ivp(rate, (end_time, begin_time), end.ravel(), "DOP853", stops, rtol=1e-12, atol=1e-13, max_step=0.05)
+    return stops, run.y.T.reshape(-1, *end.shape)
+
+
+def random_segments(seed, count, n=3):
+    rng = np.random.default_rng(seed)
+    root_G, root_H = rng.normal(size=(2, count, n, n))
+    return Segment(
+        rng.normal(size=(count, n, n)), root_G @ np.swapaxes(root_G, 1, 2), root_H @ np.swapaxes(root_H, 1, 2)
+    )
+
+
+def test_rotated_example_at_random_times():
+    Z, _, gain = control.care(A0, B0, np.eye(2), np.eye(1))
+    t = np.random.default_rng(7).uniform(-10, 10, 500)
+    P = rotation(t)
+    found = periodic_riccati(rotated(), np.eye(2), np.eye(1), tol=1e-11)
+    assert np.abs(found.X(t) - P @ Z @ np.swapaxes(P, 1, 2)).max() < 1e-10
+    assert np.abs(found.K(t) - gain @ np.swapaxes(P, 1, 2)).max() < 1e-10
+    assert found.status == "converged"
+    assert max(found.error, found.residual, found.closure, found.symmetry) < 1e-10
+
+
+@pytest.mark.parametrize("tol", [1e-6, 1e-9, 1e-12])
+def test_error_figure_covers_the_error(tol):
+    Z, *_ = control.care(A0, B0, np.eye(2), np.eye(1))
+    t = np.linspace(0, np.pi, 301)
+    P = rotation(t)
+    found = periodic_riccati(rotated(), np.eye(2), np.eye(1), tol=tol)
+    exact = P @ Z @ np.swapaxes(P, 1, 2)
+    assert np.abs(found.X(t) - exact).max() / np.abs(exact).max() <= found.error <= tol
+
+
+def test_dense_output_has_order_ten():
+    Z, *_ = control.care(A0, B0, np.eye(2), np.eye(1))
+    problem = linear_quadratic(rotated(), np.eye(2), np.eye(1))
+    t = np.linspace(0, np.pi, 400)
+    exact = rotation(t) @ Z @ np.swapaxes(rotation(t), 1, 2)
+    errors = [np.abs(solve_on(edges(np.pi, (), p), problem, None).X(t) - exact).max() for p in (4, 8)]
+    assert 9.0 < np.log2(errors[0] / errors[1]) < 11.0
+
+
+def test_constant_system_is_lqr_with_cross_term():
+    rng = np.random.default_rng(3)
+    A, B, N = rng.normal(size=(5, 5)), rng.normal(size=(5, 2)), 0.1 * rng.normal(size=(5, 2))
+    K, X, _ = control.lqr(A, B, np.eye(5), 0.3 * np.eye(2), N)
+    found = periodic_riccati(PeriodicSystem(A, 0.8, B), np.eye(5), 0.3 * np.eye(2), N, tol=1e-11)
+    t = np.array([0.0, 0.123, 0.5])
+    assert np.abs(found.X(t) - X).max() < 1e-10 * np.abs(X).max()
+    assert np.abs(found.K(t) - K).max() < 1e-10 * np.abs(K).max()
+
+
+def test_varying_weights_and_breaks_against_scipy():
+    def Q(t):
+        return (2 + np.cos(np.pi * t))[:, None, None] * np.eye(2)
+
+    def R(t):
+        return (0.1 + 0.05 * np.sin(np.pi * t))[:, None, None] * np.eye(1)
+
+    found = periodic_riccati(square_wave(), Q, R, tol=1e-10)
+    stops, X = backward(found.problem, np.eye(2), 0.0, 12.0, [0.1, 0.69, 0.71, 1.3, 1.999])
+    assert np.abs(found.X(stops) - X).max() < 1e-8 * np.abs(X).max()
+
+
+def test_finite_horizon_against_scipy():
+    end = np.array([[2.0, 0.3], [0.3, 1.0]])
+    found = finite_horizon_riccati(rotated(), np.eye(2), np.eye(1), end, tol=1e-10)
+    stops, X = backward(found.problem, end, 0.0, np.pi, [0.0, 0.5, 2.0, 3.0, np.pi])
+    assert np.abs(found.X(stops) - X).max() < 1e-9 * np.abs(X).max()
+
+
+def test_fast_unstable_arm_does_not_overflow():
+    rng = np.random.default_rng(1)
+    V = np.linalg.qr(rng.normal(size=(4, 4)))[0]
+    A, B = V @ np.diag([200.0, -200.0, 150.0, 0.0]) @ V.T, rng.normal(size=(4, 2))
+    X = control.care(A, B, np.eye(4), np.eye(2))[0]
+    found = periodic_riccati(PeriodicSystem(A, 1.0, B), np.eye(4), np.eye(2))
+    assert np.abs(found.X(np.array([0.3]))[0] - X).max() < 1e-9 * np.abs(X).max()
+
+
+@pytest.mark.parametrize(("damping", "weight"), [(1e-6, 1.0), (1e-6, 1e8), (1e-6, 1e20), (1e-8, 1e20)])
+def test_hardly_damped_loop_converges_in_doublings(damping, weight):
+    """The scalar equations of an oscillator's X, solved with 60 digits, lie within the error that is reported."""
+    with decimal.localcontext() as digits:
+        digits.prec = 60
+        R, z = decimal.Decimal(weight), decimal.Decimal(damping)
+        x12 = R * ((1 + 1 / R).sqrt() - 1)
+        x22 = R * ((4 * z**2 + (1 + 2 * x12) / R).sqrt() - 2 * z)
+        x11 = x22 + 2 * z * x12 + x12 * x22 / R
+    exact = np.array([[float(x11), float(x12)], [float(x12), float(x22)]])
+    system = PeriodicSystem(np.array([[0.0, 1.0], [-1.0, -2 * damping]]), 1.0, np.array([[0.0], [1.0]]))
+    found = periodic_riccati(system, np.eye(2), weight * np.eye(1))
+    assert found.doublings < 40
+    assert np.abs(found.X(np.array([0.3]))[0] - exact).max() / np.abs(exact).max() < found.error
+
+
+@pytest.mark.parametrize(
+    ("A", "B", "Q", "error", "rate"),
+    [
+        (np.diag([1.0, 2.0]), [[1.0], [0.0]], np.eye(2), NotStabilizable, 2.0),
+        (np.diag([1.0, -2.0]), [[1.0], [1.0]], np.diag([0.0, 1.0]), NotDetectable, 1.0),
+        (np.diag([0.0, -2.0]), [[0.0], [1.0]], np.eye(2), NotStabilizable, 0.0),
+        (np.diag([0.0, -2.0]), [[1.0], [1.0]], np.diag([0.0, 1.0]), NotDetectable, 0.0),
+    ],
+)
+def test_missing_solution_names_the_mode(A, B, Q, error, rate):
+    with pytest.raises(error, match=r"real part of its exponent about") as caught:
+        periodic_riccati(PeriodicSystem(A, 1.0, B), Q, np.eye(1))
+    named = float(str(caught.value).split("about ")[1].split("/s")[0])
+    assert abs(named - rate) < 0.05
+
+
+@pytest.mark.parametrize("rate", [0.7, 3.0])
+def test_unreachable_mode_hidden_by_a_rotating_frame_is_found(rate):
+    """Uncontrollable only up to rounding: the third mode is mixed with the others by similarity and rotation."""
+    V = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
+    A, B = V @ np.diag([1.0, -2.0, rate]) @ V.T, V @ np.array([[1.0], [1.0], [0.0]])
+    spin = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+
+    def P(t):
+        out = np.tile(np.eye(3), (len(t), 1, 1))
+        out[:, :2, :2] = rotation(t / 2)
+        return out
+
+    system = PeriodicSystem(lambda t: spin + P(t) @ A @ np.swapaxes(P(t), 1, 2), 2 * np.pi, lambda t: P(t) @ B)
+    with pytest.raises(NotStabilizable) as caught:
+        periodic_riccati(system, np.eye(3), np.eye(1))
+    assert abs(float(str(caught.value).split("about ")[1].split("/s")[0]) - rate) < 0.1 * rate
+
+
+@pytest.mark.parametrize(
+    ("Q", "R", "N", "message"),
+    [
+        (np.eye(2), -np.eye(1), None, "R is not positive definite"),
+        (np.diag([1.0, -1e-3]), np.eye(1), None, "Q is indefinite"),
+        (np.eye(2), np.eye(1), np.array([[2.0], [0.0]]), "Q - N R\\^-1 N' is indefinite"),
+        (np.eye(3), np.eye(1), None, "Q does not fit"),
+        (np.array([[1.0, 1.0], [0.0, 1.0]]), np.eye(1), None, "Q is not symmetric"),
+    ],
+)
+def test_bad_weights_are_refused(Q, R, N, message):
+    with pytest.raises(ArgumentError, match=message):
+        periodic_riccati(rotated(), Q, R, N)
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=25, deadline=None)
+def test_star_product_is_associative(seed):
+    a, b, c = (random_segments(seed, 3)[i] for i in range(3))
+    left, right = star_product(star_product(a, b), c), star_product(a, star_product(b, c))
+    for x, y in ((left.F, right.F), (left.G, right.G), (left.H, right.H)):
+        assert np.abs(x - y).max() < 1e-8 * max(1.0, np.abs(y).max())
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 13))
+@settings(max_examples=25, deadline=None)
+def test_tree_carries_costs_like_a_walk(seed, count):
+    segments = random_segments(seed, count)
+    end = 2.0 * np.eye(3)
+    found = costs_at_edges(product_tree(segments), end)
+    X = end
+    for k in reversed(range(count)):
+        X = cost_before(segments[k], X)
+        assert np.abs(found[k] - X).max() < 1e-8 * np.abs(X).max()
+
+
+def test_singular_segment_is_named():
+    with pytest.raises(IllPosedSegment, match="P22 of segment 1 of 2"):
+        from_hamiltonian(np.stack([np.eye(2), np.zeros((2, 2))]))
