@@ -1,10 +1,12 @@
 """The planar chain: from a scene's links and effects to kinetic energy, potential energy and dissipation."""
 
 from collections.abc import Iterable
-from itertools import pairwise
+from dataclasses import replace
+from itertools import accumulate
 
 import casadi as ca
 
+from flexlin.errors import ArgumentError
 from flexlin.mechanics.beam import clamped_free, shape_integrals
 from flexlin.mechanics.body import Body, Moments
 from flexlin.mechanics.effects import Effect, effects_of
@@ -15,6 +17,7 @@ from flexlin.mechanics.manipulator import Manipulator
 from flexlin.mechanics.parameters import Parameters
 from flexlin.scene.library import registered_model
 from flexlin.scene.links import Link
+from flexlin.scene.loading import checked_table
 from flexlin.scene.scene import Scene
 
 
@@ -33,7 +36,7 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
     """
     free = Parameters.of_scene(scene, parameters)
     if scene.model is not None:
-        return _registered(scene)
+        return _registered(scene, free)
     scene = free.placed_in(scene)
     effects = effects_of(scene.effects)
     joints, sizes = len(scene.links), [link.modes for link in scene.links]
@@ -46,10 +49,16 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
     return Manipulator.from_lagrangian(s, s_dot, T, V, R, B, range(joints), names, free, points)
 
 
-def _registered(scene: Scene) -> Manipulator:
+def _registered(scene: Scene, free: Parameters) -> Manipulator:
+    """Build a model that Python code has registered, with its own checked parameters."""
+    if any(path.startswith("parameters.") for path in free.paths):
+        raise ArgumentError(
+            "the parameters of a registered model cannot be left free", got=free.paths, expected="none of parameters.*"
+        )
     entry = registered_model(str(scene.model))
-    manipulator: Manipulator = entry.build(entry.schema(**scene.parameters))
-    return manipulator
+    table = checked_table(entry.schema, scene.parameters, f"model {scene.model}", "parameters")
+    manipulator: Manipulator = entry.build(table)
+    return replace(manipulator, parameters=free)
 
 
 def _coordinate_names(sizes: list[int]) -> tuple[str, ...]:
@@ -66,10 +75,9 @@ def _coordinate_names(sizes: list[int]) -> tuple[str, ...]:
 
 def _split(s: ca.SX, joints: int, sizes: list[int]) -> tuple[ca.SX, list[ca.SX]]:
     """Separate coordinates into joint angles and one elastic vector a link."""
-    edges = [joints]
-    for size in sizes:
-        edges.append(edges[-1] + size)
-    return s[:joints], [s[a:b] for a, b in pairwise(edges)]
+    edges = [0, joints, *[joints + total for total in accumulate(sizes)]]
+    q, *w = ca.vertsplit(s, edges)
+    return q, w
 
 
 def _chain(

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel
+
 from flexlin.errors import Problem, SceneError
 
 
@@ -25,14 +27,14 @@ def builtin_scenes() -> dict[str, Path]:
 class RegisteredModel:
     """A model written in Python: `schema` checks the scene's parameters table, `build` makes the manipulator from it."""
 
-    schema: type
+    schema: type[BaseModel]
     build: Callable[..., Any]
 
 
 _REGISTRY: dict[str, RegisteredModel] = {}
 
 
-def register_model(name: str, schema: type, build: Callable[..., Any]) -> None:
+def register_model(name: str, schema: type[BaseModel], build: Callable[..., Any]) -> None:
     """Let scenes say `model = name`; `schema` is a pydantic model of the parameters, `build(parameters)` returns a Manipulator."""
     _REGISTRY[name] = RegisteredModel(schema, build)
 

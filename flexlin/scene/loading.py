@@ -4,15 +4,17 @@ import difflib
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from flexlin.errors import Problem, SceneError
 from flexlin.scene.consistency import contradictions
 from flexlin.scene.library import builtin_scenes
 from flexlin.scene.overrides import apply_overrides
 from flexlin.scene.scene import Scene
+
+AnyTable = TypeVar("AnyTable", bound=BaseModel)
 
 
 def load_scene(source: str | Path, overrides: Mapping[str, Any] | None = None) -> Scene:
@@ -46,6 +48,15 @@ def parse_scene(
     if problems:
         raise SceneError(source, problems)
     return scene
+
+
+def checked_table(schema: type[AnyTable], raw: Mapping[str, Any], source: str, key: str) -> AnyTable:
+    """Check one raw table by its schema; raises SceneError with all problems, their keys below `key`."""
+    try:
+        return schema.model_validate(dict(raw))
+    except ValidationError as error:
+        problems = [_problem(entry) for entry in error.errors(include_url=False)]
+        raise SceneError(source, [Problem(f"{key}.{p.key}", p.got, p.expected) for p in problems]) from None
 
 
 def _find(source: str | Path) -> Path:

@@ -1,0 +1,196 @@
+"""The bridge: two routes, known answers of independent programs, and limits."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.linalg import eigh
+
+import flexlin as fl
+from flexlin.errors import ArgumentError, InputError, MotionError
+from flexlin.scene import parse_scene
+
+LINK = {"length": 0.7, "mass_per_length": 0.4, "bending_stiffness": 3.0, "modes": 2}
+ALL = {
+    "gravity": {},
+    "payload": {"mass": 0.2, "inertia": 0.01},
+    "hub": {"inertia": [0.05, 0.02], "mass": [0.0, 0.3], "radius": [0.05, 0.02]},
+    "geometric_stiffening": {},
+    "modal_damping": {"ratio": 0.02},
+    "viscous_friction": {"coefficient": 0.1},
+}
+
+
+def two_links(effects=None, **motion):
+    motion = motion or {
+        "kind": "harmonic",
+        "frequency": 0.8,
+        "joints": [{"amplitude": 0.7, "mean": 0.3}, {"amplitude": -0.9, "mean": 0.8, "phase": 0.5}],
+    }
+    return parse_scene(
+        {
+            "schema": 1,
+            "title": "two",
+            "links": [LINK, {**LINK, "length": 0.5}],
+            "effects": effects or {},
+            "motion": motion,
+        }
+    )
+
+
+@pytest.mark.parametrize("effects", [{}, {"gravity": {}}, ALL], ids=["none", "gravity", "all"])
+def test_both_routes_agree_on_two_links(effects):
+    scene = two_links(effects)
+    arm = fl.build_manipulator(scene)
+    fast, paper = (fl.linearize(arm, scene.motion, route=route) for route in ("jacobian", "kronecker"))
+    t = np.linspace(0.0, fast.period, 11)
+    for name in ("M", "D", "K", "h", "B"):
+        a, b = getattr(fast, name)(t), getattr(paper, name)(t)
+        np.testing.assert_allclose(a, b, rtol=0, atol=1e-12 * np.abs(a).max())
+    assert np.abs(fast.D(t)).max() > 0.1  # on two links D_L is full
+
+
+def test_coefficients_are_the_slopes_of_the_residual():
+    """Central differences of the nonlinear residual: another route, of second order, to the same D_L and K_L."""
+    scene = two_links(ALL)
+    arm = fl.build_manipulator(scene)
+    lin = fl.linearize(arm, scene.motion)
+    t = np.array([0.37])
+    q, q1, q2 = (np.append(part[0], np.zeros(4)) for part in lin.motion.sample(t))
+    residual = arm.functions["residual"]
+    errors = []
+    for step in (1e-2, 5e-3):
+        worst = 0.0
+        for matrix, which in ((lin.K(t)[0], 0), (lin.D(t)[0], 1), (lin.M(t)[0], 2)):
+            for column, d in enumerate(step * np.eye(6)):
+                up, down = ([*(x + sign * d * (i == which) for i, x in enumerate((q, q1, q2))), []] for sign in (1, -1))
+                slope = (residual(*up) - residual(*down)).full()[:, 0] / (2 * step)
+                worst = max(worst, np.abs(slope - matrix[:, column]).max())
+        errors.append(worst)
+    assert errors[0] < 1.0
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.02)
+
+
+def test_rigid_two_link_arm():
+    """l = m = 1, centre inertias 1/12, g = 9.81: K and D as computed with CasADi, SymPy and Pinocchio, which agree to the digits given."""
+    q, q1, q2 = np.array([0.3, 0.7]), np.array([1.5, -2.0]), np.array([3.0, -5.0])
+    link = {"length": 1.0, "mass_per_length": 1.0}
+    motion = {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.0}] * 2}
+    scene = parse_scene(
+        {"schema": 1, "title": "rigid", "links": [link, link], "effects": {"gravity": {}}, "motion": motion}
+    )
+    arm = fl.build_manipulator(scene)
+    for route in (fl.linearization.by_jacobian, fl.linearization.by_kronecker):
+        matrices = ca.Function("f", [arm.s, arm.s_dot, arm.s_ddot], list(route(arm)))
+        _, D, K = (m.full() for m in matrices(q, q1, q2))
+        np.testing.assert_allclose(K, [[-8.475995, -3.684682], [-4.127415, -4.233294]], atol=5e-7)
+        np.testing.assert_allclose(D, [[1.288435, 0.322109], [0.966327, 0.0]], atol=5e-7)
+
+
+@pytest.mark.parametrize(
+    ("modes", "speed", "flap", "lead_lag"),
+    [(8, 2.0, 4.1373, 3.6218), (8, 6.0, 7.3604, 4.2632), (8, 12.0, 13.170, None), (12, 10.0, None, 5.0490)],
+)
+def test_rotating_beam(modes, speed, flap, lead_lag):
+    """Frequencies out of and in the plane of rotation. Source: Wright, Smith, Thresher, Wang (1982), Table 2 (flap).
+
+    In the plane at speed 10 eight clamped-free modes give 5.0498, 1.6e-4 above the limit; twelve are within 1e-4.
+    """
+    scene = parse_scene(
+        {
+            "schema": 1,
+            "title": "rotating beam",
+            "links": [{"length": 1.0, "mass_per_length": 1.0, "bending_stiffness": 1.0, "modes": modes}],
+            "effects": {"geometric_stiffening": {}},
+            "motion": {"kind": "rotation", "drive": "prescribed", "joints": [{"rate": speed}]},
+        }
+    )
+    lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    t = np.zeros(1)
+    in_plane = eigh(lin.K(t)[0], lin.M(t)[0], eigvals_only=True)[0]
+    if lead_lag is not None:
+        assert np.sqrt(in_plane) == pytest.approx(lead_lag, rel=1e-4)
+    if flap is not None:
+        assert np.sqrt(in_plane + speed**2) == pytest.approx(flap, rel=1e-4)
+
+
+def test_prescribed_link_is_mathieu():
+    """One mode, gravity, stiffening, q = W t: x'' + (a - 2 q cos 2 tau) x = 0 with tau = W t/2 - pi/4.
+
+    Derived by hand: K_L = k11 + (G - m11) W^2 - g H sin W t; the integrals come from SciPy's quadrature here.
+    """
+    scene = fl.load_scene("spinning-link")
+    lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    W, g = scene.motion.joints[0].rate, scene.effects.gravity.acceleration
+    k = 1.8751040687119612
+    sigma = (np.cosh(k) + np.cos(k)) / (np.sinh(k) + np.sin(k))
+
+    def slope(x):
+        return k * (np.sinh(k * x) + np.sin(k * x) - sigma * (np.cosh(k * x) - np.cos(k * x)))
+
+    G = quad(lambda x: (1 - x**2) / 2 * slope(x) ** 2, 0, 1)[0]
+    H = quad(lambda x: (1 - x) * slope(x) ** 2, 0, 1)[0]
+    a, q = 4 * (12.36236337 + (G - 1) * W**2) / W**2, 2 * g * H / W**2
+    t = np.linspace(0.0, lin.period, 9)
+    tau = W * t / 2 - np.pi / 4
+    stiffness = W**2 / 4 * (a - 2 * q * np.cos(2 * tau))
+    np.testing.assert_allclose(lin.M(t)[:, 0, 0], 1.0, rtol=1e-12)
+    np.testing.assert_allclose(lin.K(t)[:, 0, 0], stiffness, rtol=1e-8)
+    assert lin.inputs == ()
+
+
+def test_zero_motion_is_constant():
+    """At rest the coefficients are those of the linear vibration problem, whatever the phase."""
+    scene = two_links(
+        ALL, kind="harmonic", frequency=1.0, joints=[{"amplitude": 0.0, "mean": -0.5}, {"amplitude": 0.0}]
+    )
+    lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    A = lin.periodic_system().A(np.linspace(0.0, lin.period, 5))
+    np.testing.assert_allclose(A, np.broadcast_to(A[0], A.shape), rtol=0, atol=1e-13 * np.abs(A).max())
+
+
+def test_free_parameters_change_nothing_at_their_nominal_values():
+    scene = two_links(ALL)
+    fixed = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    free = ["links.0.length", "effects.payload.mass", "motion.frequency", "effects.hub.radius.1"]
+    freed = fl.linearize(fl.build_manipulator(scene, free), scene.motion)
+    t = np.linspace(0.0, fixed.period, 5)
+    assert freed.period == fixed.period
+    for name in ("M", "D", "K", "h"):
+        np.testing.assert_allclose(
+            getattr(freed, name)(t), getattr(fixed, name)(t), atol=1e-12 * np.abs(fixed.K(t)).max()
+        )
+
+
+def test_closed_loop_adds_the_gains():
+    scene = two_links(ALL)
+    control = scene.control.model_copy(
+        update={"feedback": fl.scene.control.Pd(kind="pd", kp=(7.0, 3.0), kd=(2.0, 1.0))}
+    )
+    arm = fl.build_manipulator(scene)
+    open_loop, loop = fl.linearize(arm, scene.motion), fl.linearize(arm, scene.motion, control)
+    t = np.array([0.1, 0.2])
+    expected = np.zeros((6, 6))
+    expected[[0, 1], [0, 1]] = 7.0, 3.0
+    np.testing.assert_allclose(loop.K(t) - open_loop.K(t), np.broadcast_to(expected, (2, 6, 6)), atol=1e-11)
+
+
+def test_bad_requests():
+    scene = two_links()
+    arm = fl.build_manipulator(scene)
+    with pytest.raises(ArgumentError, match="route"):
+        fl.linearize(arm, scene.motion, route="guess")
+    with pytest.raises(MotionError, match="number of joints"):
+        fl.linearize(arm, fl.load_scene("single-link").motion)
+    with pytest.raises(ArgumentError, match="kp"):
+        fl.linearize(arm, scene.motion, fl.load_scene("single-link").control)
+    rigid = parse_scene(
+        {
+            "schema": 1,
+            "title": "rigid",
+            "links": [{"length": 1.0, "mass_per_length": 1.0}],
+            "motion": {"kind": "rotation", "joints": [{"rate": 1.0, "drive": "prescribed"}]},
+        }
+    )
+    with pytest.raises(InputError, match="nothing is left"):
+        fl.linearize(fl.build_manipulator(rigid), rigid.motion)
