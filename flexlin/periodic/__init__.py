@@ -1,5 +1,6 @@
 """Periodic linear systems, numpy and scipy only: usable without any manipulator."""
 
+from flexlin.periodic.floquet import FloquetResult, floquet
 from flexlin.periodic.system import PeriodicSystem
 
-__all__ = ["PeriodicSystem"]
+__all__ = ["FloquetResult", "PeriodicSystem", "floquet"]

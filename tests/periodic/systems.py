@@ -30,3 +30,30 @@ def mathieu_second_order(a, q):
     return PeriodicSystem.from_second_order(
         np.eye(1), np.zeros((1, 1)), lambda t: (a - 2 * q * np.cos(2 * t))[:, None, None], np.pi
     )
+
+
+def meissner(t):
+    """x'' + (1 - 0.2 psi) x = 0, psi = 1 on [0, pi/3), then -1; T = pi, a break at pi/3."""
+    A = np.zeros((len(t), 2, 2))
+    A[:, 0, 1] = 1
+    A[:, 1, 0] = -(1 - 0.2 * np.where(np.mod(t, np.pi) < np.pi / 3, 1, -1))
+    return A
+
+
+def lyapunov_transformed(constant, frequency, harmonics, rng, size=0.3):
+    """A(t) = P' P^-1 + P A0 P^-1 with P = I + a random trigonometric polynomial: the exponents are the eigenvalues of A0."""
+    n = len(constant)
+    cosine, sine = (size / harmonics * rng.standard_normal((harmonics, n, n)) / np.sqrt(n) for _ in range(2))
+    order = np.arange(1, harmonics + 1)
+
+    def A(t):
+        phase = frequency * t[:, None] * order
+        P = np.eye(n) + np.einsum("th,hij->tij", np.cos(phase), cosine) + np.einsum("th,hij->tij", np.sin(phase), sine)
+        slope = frequency * (
+            np.einsum("th,h,hij->tij", np.cos(phase), order, sine)
+            - np.einsum("th,h,hij->tij", np.sin(phase), order, cosine)
+        )
+        right = np.swapaxes(slope + P @ constant, 1, 2)
+        return np.swapaxes(np.linalg.solve(np.swapaxes(P, 1, 2), right), 1, 2)
+
+    return A

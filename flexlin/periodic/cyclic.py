@@ -1,0 +1,98 @@
+"""The cyclic two-point system of a period, condensed by orthogonal transformations: stable however fast modes grow or decay."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlin.checks import Array
+
+
+@dataclass(frozen=True)
+class Level:
+    """One halving: R x_mid = top - left x_left - right x_right, and the rows Q that make it."""
+
+    Q: Array
+    R: Array
+    left: Array
+    right: Array
+    odd: bool
+
+
+@dataclass(frozen=True)
+class CyclicSystem:
+    """The condensed form of x_(k+1) - F_k x_k = g_k, x_K = x_0.
+
+    Neighbouring rows C1 x_0 + D1 x_1 = g1, C2 x_1 + D2 x_2 = g2 are rotated by the full QR of [D1; C2]:
+    the upper half gives x_1 from its neighbours, the lower half is one row between x_0 and x_2. Halving repeats until
+    (C + D) x_0 = g. No product of factors is ever formed.
+
+    Source: Wright, Stable parallel algorithms for two-point boundary value problems, SIAM J. Sci. Stat. Comput. 13 (1992).
+    """
+
+    levels: tuple[Level, ...]
+    closure: Array
+
+    def solve(self, g: Array) -> Array:
+        """Return x_0 ... x_(K-1) of shape (..., K, n, r) for right sides g of the same shape."""
+        tops = []
+        for level in self.levels:
+            top, g = condensed_right(level, g)
+            tops.append(top)
+        return self.expand(np.linalg.solve(self.closure, g[..., 0, :, :]), tops)
+
+    def expand(self, x: Array, tops: list[Array] | None = None) -> Array:
+        """Return all x_k (..., K, n, r) from x_0 (..., n, r); without tops for zero right sides."""
+        x = x[..., None, :, :]
+        for i in range(len(self.levels) - 1, -1, -1):
+            level = self.levels[i]
+            pairs = level.R.shape[-3]
+            left, right = x[..., :pairs, :, :], np.roll(x, -1, axis=-3)[..., :pairs, :, :]
+            inner = -(level.left @ left + level.right @ right)
+            if tops is not None:
+                inner = inner + tops[i]
+            middle = np.linalg.solve(level.R, inner)
+            both = np.stack([left, middle], axis=-3).reshape(*middle.shape[:-3], 2 * pairs, *middle.shape[-2:])
+            x = np.concatenate([both, x[..., pairs:, :, :]], axis=-3) if level.odd else both
+        return x
+
+    def null_vectors(self, count: int) -> tuple[Array, Array]:
+        """Return x_k (..., K, n, count) of nearly zero residual, and the singular values of the closure, smallest first.
+
+        Scaling: x_0 has orthonormal columns; the other x_k follow.
+        """
+        _, sigma, Vh = np.linalg.svd(self.closure)
+        x0 = np.conj(np.swapaxes(Vh[..., ::-1, :][..., :count, :], -1, -2))
+        return self.expand(x0), sigma[..., ::-1]
+
+
+def cyclic_system(F: Array) -> CyclicSystem:
+    """Condense x_(k+1) - F_k x_k = g_k, x_K = x_0 for factors F (..., K, n, n), real or complex."""
+    C, D = -F, np.broadcast_to(np.eye(F.shape[-1], dtype=F.dtype), F.shape)
+    levels = []
+    while C.shape[-3] > 1:
+        level, C, D = halved(C, D)
+        levels.append(level)
+    return CyclicSystem(tuple(levels), (C + D)[..., 0, :, :])
+
+
+def halved(C: Array, D: Array) -> tuple[Level, Array, Array]:
+    """Eliminate every second unknown from the rows C_k x_k + D_k x_(k+1)."""
+    count, n = C.shape[-3:-1]
+    even, odd = slice(0, count - count % 2, 2), slice(1, None, 2)
+    Q, R = np.linalg.qr(np.concatenate([D[..., even, :, :], C[..., odd, :, :]], axis=-2), mode="complete")
+    Qh = np.conj(np.swapaxes(Q, -1, -2))
+    left, right = Qh[..., :n] @ C[..., even, :, :], Qh[..., n:] @ D[..., odd, :, :]
+    level = Level(Qh, R[..., :n, :], left[..., :n, :], right[..., :n, :], count % 2 == 1)
+    C_next, D_next = left[..., n:, :], right[..., n:, :]
+    if level.odd:
+        C_next = np.concatenate([C_next, C[..., -1:, :, :]], axis=-3)
+        D_next = np.concatenate([D_next, D[..., -1:, :, :]], axis=-3)
+    return level, C_next, D_next
+
+
+def condensed_right(level: Level, g: Array) -> tuple[Array, Array]:
+    """Rotate the right sides of one level: those of the eliminated rows, and of the rows that remain."""
+    n, last = g.shape[-2], g.shape[-3] - level.odd
+    rotated = level.Q @ np.concatenate([g[..., 0:last:2, :, :], g[..., 1:last:2, :, :]], axis=-2)
+    rest = rotated[..., n:, :]
+    return rotated[..., :n, :], np.concatenate([rest, g[..., last:, :, :]], axis=-3) if level.odd else rest

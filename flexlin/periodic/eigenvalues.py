@@ -1,0 +1,150 @@
+"""Eigenvalues of a long product of matrices, taken from the factors: 1e-1300 and 1e+1300 come out beside each other."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+from scipy.linalg.lapack import dgeqrf, dorgqr
+
+from flexlin.checks import Array
+from flexlin.periodic.product import balanced, grouped, scaled_product
+
+CLEAN = 1e-14
+"""A cut between two groups of moduli is clean when the coupling below it is this small (times n)."""
+SPREAD = 4.6
+"""The logs of moduli inside one multiplied-out cluster may differ by this much: log 100, so two digits are lost."""
+MAX_SWEEPS = 400
+NOISE, PROBES = 8.0, 2
+"""Random perturbations of the factors that measure the conditioning: roundings per factor, and how many trials."""
+
+
+@dataclass(frozen=True)
+class ProductSpectrum:
+    """Logarithms of the eigenvalues of F_(K-1) ... F_0.
+
+    logs (n,) complex by falling real part, imaginary parts in (-pi, pi]; `rounding` (n,): how far they move when the factors
+    are perturbed as rounding perturbs them; `groups`: factors left after grouping; `sweeps`: QR sweeps made.
+    """
+
+    logs: Array
+    rounding: Array
+    groups: int
+    sweeps: int
+
+
+def product_spectrum(factors: Array) -> ProductSpectrum:
+    """Logs of the eigenvalues of the product F_(K-1) ... F_0 without forming it, and what rounding does to them.
+
+    The conditioning is measured, not bounded: the grouped factors are perturbed at random, PROBES times by NOISE roundings
+    per factor, and the largest motion of each eigenvalue is kept. So multiple and defective eigenvalues need no special case.
+
+    Parameters: factors (K, n, n) real, the first acts first.
+    Source: Watkins, Product eigenvalue problems, SIAM Review 47 (2005); Bojanczyk, Golub, Van Dooren (1992) for the periodic Schur form.
+    """
+    groups = grouped(balanced(factors)[0])
+    level = NOISE * np.finfo(float).eps * np.sqrt(len(factors) / len(groups))
+    size = np.abs(groups).max(axis=(-2, -1), keepdims=True)
+    noisy = groups + level * size * noise((PROBES, *groups.shape))
+    if len(groups) == 1:
+        logs, *moved = log_eigenvalues(np.concatenate([groups, noisy[:, 0]]))
+        sweeps, backward = 0, 0.0
+    else:
+        logs, backward, sweeps, Q = cyclic_logs(groups, np.eye(groups.shape[-1]))
+        moved = [cyclic_logs(probe, Q)[0] for probe in noisy]
+    rounding = np.max([distances(logs, other) for other in moved], axis=0) + backward
+    order = np.argsort(-logs.real, kind="stable")
+    return ProductSpectrum(logs[order], rounding[order], len(groups), sweeps)
+
+
+@lru_cache(maxsize=64)
+def noise(shape: tuple[int, ...]) -> Array:
+    """Standard normal numbers, the same in every run."""
+    return np.random.default_rng(20190610).standard_normal(shape)
+
+
+def cyclic_logs(factors: Array, Q: Array) -> tuple[Array, float, int, Array]:
+    """Logs of the eigenvalues of the product by cyclic QR sweeps that start from Q.
+
+        F_k Q_k = Q_(k+1) R_k,   k = 0 ... K - 1;   W = Q_0' Q_K;   product ~ W R_(K-1) ... R_0
+
+    Sweeps (orthogonal iteration on the product) repeat from Q_0 := Q_K until W is block diagonal with blocks whose
+    eigenvalues have moduli close together; these blocks alone are multiplied out, rescaled at each step.
+
+    Returns: logs, the backward error of the cuts and of the blocks, the number of sweeps, and the last Q_0.
+    """
+    W, R, sweeps, Q = triangularized(factors, Q)
+    cuts, coupling, spread = clusters(W, R, CLEAN * len(W))
+    blocks = [cluster_logs(W, R, start, stop) for start, stop in pairwise(cuts)]
+    loss = float(np.exp(min(max(0.0, spread - SPREAD), 36.0)))
+    return np.concatenate(blocks), coupling + np.finfo(float).eps * (loss - 1), sweeps, Q
+
+
+def triangularized(factors: Array, Q: Array) -> tuple[Array, Array, int, Array]:
+    """Sweep until every cluster is narrow; the width that is accepted rises slowly so that equal gaps end too."""
+    n = factors.shape[-1]
+    for sweep in range(1, MAX_SWEEPS + 1):
+        end, R = swept(factors, Q)
+        W = Q.T @ end
+        if clusters(W, R, CLEAN * n)[2] <= SPREAD + sweep / 20:
+            break
+        Q = end
+    return W, R, sweep, Q
+
+
+def swept(factors: Array, Q: Array) -> tuple[Array, Array]:
+    """One sweep F_k Q_k = Q_(k+1) R_k; returns Q_K and all R_k (K, n, n)."""
+    R = np.empty_like(factors)
+    for k, factor in enumerate(factors):
+        packed, tau, _, _ = dgeqrf(factor @ Q, overwrite_a=1)
+        R[k] = packed
+        Q = dorgqr(packed, tau, overwrite_a=1)[0]
+    return Q, np.triu(R)
+
+
+def clusters(W: Array, R: Array, clean: float) -> tuple[list[int], float, float]:
+    """Cut where W is decoupled: the bounds of the clusters, the coupling that is dropped, the widest spread of log moduli."""
+    n = len(W)
+    coupling = [0.0, *(float(np.abs(W[i:, :i]).max()) for i in range(1, n)), 0.0]
+    cuts = [i for i in range(n + 1) if coupling[i] <= clean]
+    size = log_moduli(R)
+    spread = max(float(np.ptp(size[a:b])) if b - a > 1 else 0.0 for a, b in pairwise(cuts))
+    return cuts, max(coupling[i] for i in cuts), spread
+
+
+def log_moduli(R: Array) -> Array:
+    """Sum of log |r_ii| over the factors; a zero counts as the smallest number."""
+    diagonal = np.abs(np.diagonal(R, axis1=-2, axis2=-1))
+    return np.log(np.maximum(diagonal, np.finfo(float).tiny)).sum(axis=0)
+
+
+def cluster_logs(W: Array, R: Array, start: int, stop: int) -> Array:
+    """Logs of the eigenvalues of one diagonal block of W R_(K-1) ... R_0."""
+    part = slice(start, stop)
+    if stop - start == 1:
+        negative = (np.signbit(R[:, start, start]).sum() + np.signbit(W[start, start])) % 2
+        return np.array([log_moduli(R[:, part, part])[0] + 1j * np.pi * negative])
+    P, log_scale = scaled_product(R[:, part, part])
+    return log_eigenvalues(W[part, part] @ P) + log_scale
+
+
+def log_eigenvalues(P: Array) -> Array:
+    """Logs of the eigenvalues of matrices (..., n, n), imaginary parts in (-pi, pi]."""
+    values = np.linalg.eigvals(P)
+    size = np.maximum(np.abs(values), np.finfo(float).tiny)
+    angle = np.angle(values)
+    return np.log(size) + 1j * np.where(angle == -np.pi, np.pi, angle)
+
+
+def distances(logs: Array, others: Array) -> Array:
+    """Distance of each of the n logs to its partner in another set, imaginary parts modulo 2 pi; partners are nearest pairs first."""
+    apart = logs[:, None] - others[None, :]
+    size = np.hypot(apart.real, np.remainder(apart.imag + np.pi, 2 * np.pi) - np.pi)
+    partner = size.argmin(axis=1)
+    if len(np.unique(partner)) < len(logs):
+        free = size.copy()
+        for _ in range(len(logs)):
+            i, j = np.unravel_index(free.argmin(), free.shape)
+            partner[i] = j
+            free[i, :] = free[:, j] = np.inf
+    return size[np.arange(len(logs)), partner]

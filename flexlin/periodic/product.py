@@ -1,0 +1,59 @@
+"""Products of many factors without loss: balancing, grouping while well conditioned, and rescaled products."""
+
+import numpy as np
+from scipy.linalg.lapack import dgebal
+
+from flexlin.checks import Array
+
+GROUP_CONDITION = 100.0
+"""Factors are multiplied together while the product's condition number stays below this: two digits at the most are lost."""
+
+
+def balanced(factors: Array) -> tuple[Array, Array]:
+    """Return S^-1 F_k S and the diagonal of S, one scaling by powers of two that evens rows and columns of sum |F_k|."""
+    n = factors.shape[-1]
+    scale = dgebal(np.abs(factors).sum(axis=0), scale=1, permute=0)[3]
+    if n == 1 or np.all(scale == 1):
+        return factors, np.ones(n)
+    return factors * (scale / scale[:, None]), scale
+
+
+def grouped(factors: Array) -> Array:
+    """Multiply neighbours, F_(k+1) F_k, while every product's condition number stays below GROUP_CONDITION.
+
+    Parameters: factors (K, n, n), the first acts first. Returns: (K', n, n) with the same product, K' <= K.
+    """
+    while len(factors) > 1:
+        pairs = paired(factors)
+        if not condition(pairs) <= GROUP_CONDITION:
+            break
+        factors = pairs
+    return factors
+
+
+def paired(factors: Array) -> Array:
+    """The products F_1 F_0, F_3 F_2, ...; an odd last factor stays as it is."""
+    even = len(factors) - len(factors) % 2
+    pairs = factors[1:even:2] @ factors[0:even:2]
+    return pairs if even == len(factors) else np.concatenate([pairs, factors[-1:]])
+
+
+def condition(matrices: Array) -> float:
+    """The largest condition number of a batch in the 1-norm; infinite when one is singular."""
+    try:
+        inverses = np.linalg.inv(matrices)
+    except np.linalg.LinAlgError:
+        return float("inf")
+    return float((np.abs(matrices).sum(axis=-2).max(axis=-1) * np.abs(inverses).sum(axis=-2).max(axis=-1)).max())
+
+
+def scaled_product(factors: Array) -> tuple[Array, float]:
+    """The product F_(K-1) ... F_0 as (P, s) with P exp(s): neither overflows nor underflows."""
+    log_scale = 0.0
+    while True:
+        size = np.abs(factors).max(axis=(-2, -1), keepdims=True)
+        size[size == 0] = 1
+        factors, log_scale = factors / size, log_scale + float(np.log(size).sum())
+        if len(factors) == 1:
+            return factors[0], log_scale
+        factors = paired(factors)

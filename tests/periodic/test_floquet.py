@@ -1,0 +1,87 @@
+import numpy as np
+import pytest
+from scipy.special import mathieu_a, mathieu_b
+
+import flexlin as fl
+from flexlin.errors import ArgumentError, TooManySegments
+from tests.periodic.systems import colaneri, lyapunov_transformed, mathieu, mathieu_second_order, meissner
+
+
+def test_colaneri_keeps_the_strongly_damped_exponent():
+    result = fl.floquet(fl.PeriodicSystem(colaneri, 2 * np.pi), tol=1e-10)
+    np.testing.assert_allclose(result.exponents, [0, -24], atol=1e-12)
+    assert result.verdict == "undecided"
+    assert abs(result.multipliers[1] / np.exp(-48 * np.pi) - 1) < 1e-10
+
+
+@pytest.mark.parametrize(
+    "build", [lambda: fl.PeriodicSystem(mathieu(1, 0.2), np.pi), lambda: mathieu_second_order(1, 0.2)]
+)
+def test_mathieu_exponent(build):
+    result = fl.floquet(build(), tol=1e-12)
+    np.testing.assert_allclose(result.exponents, [0.099536437275513447 + 1j, -0.099536437275513447 + 1j], atol=1e-14)
+    assert result.verdict == "unstable"
+
+
+@pytest.mark.parametrize(("characteristic", "side"), [(mathieu_a, -1), (mathieu_b, +1)])
+@pytest.mark.parametrize("index", [1, 2, 3])
+def test_verdicts_on_both_sides_of_a_tongue(characteristic, side, index):
+    """Between b_k and a_k the solution grows (q > 0): just inside it is unstable, on the boundary undecided."""
+    q, boundary = 0.8, float(characteristic(index, 0.8))
+    assert fl.floquet(mathieu_second_order(boundary + side * 1e-5, q)).verdict == "unstable"
+    assert fl.floquet(mathieu_second_order(boundary - side * 1e-5, q)).verdict == "undecided"
+    assert fl.floquet(mathieu_second_order(boundary, q)).verdict == "undecided"
+
+
+def test_meissner_with_its_break():
+    result = fl.floquet(fl.PeriodicSystem(meissner, np.pi, breaks=(np.pi / 3,)))
+    np.testing.assert_allclose(result.exponents.real, [0.04137974466122074514, -0.04137974466122074514], atol=1e-14)
+    np.testing.assert_allclose(result.exponents.imag, 1, atol=1e-14)
+
+
+def test_a_forgotten_break_shows_in_the_error():
+    result = fl.floquet(fl.PeriodicSystem(meissner, np.pi), order=12, segments=50)
+    assert result.error > abs(result.exponents[0].real - 0.04137974466122074514) > 1e-9
+    assert "was not reached" in result.status
+
+
+def test_constant_system_and_the_range_of_imaginary_parts():
+    A = np.array([[0, 1.0], [-9.0, -0.2]])
+    result = fl.floquet(fl.PeriodicSystem(A, 2.0), tol=1e-12)
+    eigenvalue = -0.1 + 1j * np.sqrt(9 - 0.01)
+    folded = eigenvalue - 1j * np.pi * np.round(eigenvalue.imag / np.pi)
+    assert np.abs(result.exponents - folded).min() < 1e-13
+    assert np.all(np.abs(result.exponents.imag) <= np.pi / 2 + 1e-15)
+    assert result.verdict == "stable"
+
+
+def test_multipliers_beyond_the_range_of_floats():
+    A = lyapunov_transformed(np.diag([60.0, 1.0, -2.0, -60.0]), 1.0, 1, np.random.default_rng(1))
+    result = fl.floquet(fl.PeriodicSystem(A, 10 * np.pi), tol=1e-8)
+    np.testing.assert_allclose(result.exponents, [60, 1, -2, -60], atol=1e-9)
+    assert result.multipliers[0] == np.inf
+    assert result.multipliers[-1] == 0
+
+
+def test_liouville_identity():
+    A = lyapunov_transformed(np.array([[0.3, 2.0, 0], [-2.0, 0.1, 1], [0, 0, -1.5]]), 3.0, 2, np.random.default_rng(4))
+    period = 2 * np.pi / 3
+    result = fl.floquet(fl.PeriodicSystem(A, period))
+    t = np.arange(64) * period / 64
+    trace = np.trace(A(t), axis1=1, axis2=2).mean()
+    assert abs(result.exponents.sum() - trace) < 1e-12
+
+
+def test_defective_double_exponent_is_undecided():
+    result = fl.floquet(fl.PeriodicSystem(np.array([[0, 1.0], [0, 0]]), 3.0))
+    assert result.verdict == "undecided"
+    assert np.abs(result.exponents).max() <= result.error < 1e-6
+
+
+def test_errors_name_the_figure():
+    with pytest.raises(TooManySegments, match="segments of the period"):
+        fl.floquet(fl.PeriodicSystem(np.diag([-1e6, 1.0]), 10.0))
+    with pytest.raises(ArgumentError, match="method"):
+        fl.floquet(mathieu_second_order(1, 0.2), method="euler")
+    with pytest.raises(ArgumentError, match="even"):
+        fl.floquet(mathieu_second_order(1, 0.2), order=3)
