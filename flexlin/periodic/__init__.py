@@ -1,6 +1,7 @@
 """Periodic linear systems, numpy and scipy only: usable without any manipulator."""
 
 from flexlin.periodic.floquet import FloquetResult, floquet
+from flexlin.periodic.forced import ForcedResponse, forced_response
 from flexlin.periodic.system import PeriodicSystem
 
-__all__ = ["FloquetResult", "PeriodicSystem", "floquet"]
+__all__ = ["FloquetResult", "ForcedResponse", "PeriodicSystem", "floquet", "forced_response"]

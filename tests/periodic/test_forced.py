@@ -1,0 +1,95 @@
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.errors import ArgumentError, ResonantForcing, TooManySegments
+from flexlin.periodic.cyclic import cyclic_system
+from tests.periodic.systems import colaneri, lyapunov_transformed
+
+
+def test_cyclic_system_solves_and_survives_growth_of_both_signs(rng):
+    frames = np.linalg.qr(rng.standard_normal((38, 3, 3)))[0]
+    frames[-1] = frames[0]
+    F = frames[1:] @ np.diag([1e9, 0.5, 1e-9]) @ np.swapaxes(frames[:-1], 1, 2)
+    x = rng.standard_normal((37, 3, 2))
+    g = np.roll(x, -1, axis=0) - F @ x
+    np.testing.assert_allclose(cyclic_system(F).solve(g), x, atol=1e-6)  # g is 1e9 large: ten digits are left at most
+
+
+def test_null_vectors_close_the_period(rng):
+    frames = np.linalg.qr(rng.standard_normal((12, 3, 3)))[0]
+    frames[-1] = frames[0]
+    F = frames[1:] @ np.diag([1e9, 1.0, 1e-9]) @ np.swapaxes(frames[:-1], 1, 2)
+    x, sigma = cyclic_system(F).null_vectors(1)
+    np.testing.assert_allclose(np.abs(np.einsum("kin,ki->kn", x, frames[:-1, :, 1])), 1, atol=1e-7)
+    assert sigma[0] < 1e-7 < 0.1 < sigma[1]
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(7)
+
+
+def test_oscillator_has_its_textbook_response():
+    """m x'' + d x' + k x = cos w t has the amplitude 1 / |k - m w^2 + i w d|."""
+    w, d, k = 2.0, 0.3, 3.0
+    system = fl.PeriodicSystem(np.array([[0, 1.0], [-k, -d]]), 2 * np.pi / w)
+    response = fl.forced_response(system, lambda t: np.column_stack([0 * t, np.cos(w * t)]), tol=1e-11)
+    t = np.linspace(-3, 9, 401)
+    X = 1 / (k - w**2 + 1j * w * d)
+    np.testing.assert_allclose(response(t)[:, 0], (X * np.exp(1j * w * t)).real, atol=1e-11)
+    np.testing.assert_allclose(response(t)[:, 1], (1j * w * X * np.exp(1j * w * t)).real, atol=1e-11)
+    assert np.abs(response(t)[:, 0] - (X * np.exp(1j * w * t)).real).max() <= response.error <= 1e-11
+
+
+@pytest.mark.parametrize("exponents", [[2.0, -1.0], [80.0, -90.0], [-0.5, -300.0]])
+def test_manufactured_solution_of_a_stiff_or_unstable_system(exponents, rng):
+    A = lyapunov_transformed(np.diag(exponents), 1.0, 2, rng)
+
+    def exact(t):
+        return np.column_stack([np.sin(t) + 0.5 * np.cos(3 * t), np.cos(2 * t)])
+
+    def force(t):
+        slope = np.column_stack([np.cos(t) - 1.5 * np.sin(3 * t), -2 * np.sin(2 * t)])
+        return slope - (A(t) @ exact(t)[..., None])[..., 0]
+
+    response = fl.forced_response(fl.PeriodicSystem(A, 2 * np.pi), force, tol=1e-10)
+    t = np.linspace(0, 2 * np.pi, 333)
+    error = np.abs(response(t) - exact(t)).max()
+    assert error <= response.error <= 2e-10
+
+
+def test_square_wave_on_a_relaxation():
+    """x' = -x + s, s = +1 then -1 on halves of T: x = 1 - 2 exp(-t) / (1 + exp(-T/2)) on the first half."""
+    T = 3.0
+    system = fl.PeriodicSystem(np.array([[-1.0]]), T)
+    response = fl.forced_response(system, lambda t: np.where(t < T / 2, 1.0, -1.0)[:, None], tol=1e-12, breaks=(T / 2,))
+    t = np.linspace(0, T / 2, 50)
+    np.testing.assert_allclose(response(t)[:, 0], 1 - 2 * np.exp(-t) / (1 + np.exp(-T / 2)), atol=1e-12)
+    np.testing.assert_allclose(response(t + T / 2), -response(t), atol=1e-12)
+
+
+def test_resonance_names_the_multiplier():
+    oscillator = fl.PeriodicSystem(np.array([[0, 1.0], [-4.0, 0]]), np.pi)
+    with pytest.raises(ResonantForcing, match="the multiplier 1") as caught:
+        fl.forced_response(oscillator, lambda t: np.column_stack([0 * t, np.cos(2 * t)]))
+    assert "damping" in str(caught.value)
+    with pytest.raises(ResonantForcing, match="multiplier"):
+        fl.forced_response(fl.PeriodicSystem(colaneri, 2 * np.pi), [0.0, 1.0])
+
+
+def test_near_resonance_keeps_what_rounding_allows():
+    """x' = -1e-5 x + 1 has x = 1e5."""
+    response = fl.forced_response(fl.PeriodicSystem(np.array([[-1e-5]]), 1.0), [1.0], tol=1e-9)
+    assert abs(response(np.array([0.3]))[0, 0] - 1e5) <= response.error < 1e-3
+    assert response.amplification > 9e4
+
+
+def test_bad_forces_are_refused():
+    system = fl.PeriodicSystem(-np.eye(2), 1.0)
+    with pytest.raises(ArgumentError, match="shape"):
+        fl.forced_response(system, lambda t: np.zeros((len(t), 3)))
+    with pytest.raises(ArgumentError, match="finite"):
+        fl.forced_response(system, [np.nan, 0.0])
+    with pytest.raises(TooManySegments):
+        fl.forced_response(system, lambda t: np.where(t < 0.512, 1.0, 0.0)[:, None] * np.ones(2), max_segments=100)
