@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from flexlin.checks import Array
 from flexlin.mechanics.beam import ShapeIntegrals
 from flexlin.mechanics.body import Moments
 from flexlin.mechanics.frames import Frame
@@ -14,12 +15,14 @@ from flexlin.scene.links import Link
 class BentLink:
     """A link whose axis is displaced by w(x, t) = sum X_k(x) w_k(t) across its frame's x-axis.
 
-    Assumes small deflections of an Euler-Bernoulli beam; `w`, `w_rate` are (modes, 1) in m and m/s (X is dimensionless).
-    The shape integrals are dimensionless numbers, so length, mass and stiffness may be symbols.
+    Assumes small deflections of a slender beam; `w`, `w_rate` are (n, 1) in m and m/s (X is dimensionless): the link's modes, then
+    its shear functions if it has any. The shape integrals are dimensionless numbers, so length, mass and stiffness may be symbols.
     """
 
+    index: int
     table: Link
     integrals: ShapeIntegrals
+    beta: Array
     base: Frame
     w: ca.SX
     w_rate: ca.SX
@@ -30,9 +33,14 @@ class BentLink:
         return self.table.mass_per_length * self.table.length
 
     @property
+    def bends(self) -> bool:
+        """Whether the link has any mode."""
+        return self.table.modes > 0
+
+    @property
     def bending_energy(self) -> ca.SX:
         """1/2 int EI w''^2 dx, in J."""
-        if not self.table.modes:
+        if not self.bends:
             return ca.SX(0)
         stiffness = ca.SX(self.table.bending_stiffness) / self.table.length**3
         return stiffness / 2 * ca.bilin(ca.DM(self.integrals.bending), self.w, self.w)

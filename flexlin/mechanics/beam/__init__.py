@@ -1,5 +1,6 @@
 """Assumed modes of a link and their integrals; numpy and scipy only."""
 
+from flexlin.mechanics.beam.bases import ShearFunctions
 from flexlin.mechanics.beam.clamped import clamped_free, clamped_with_tip
 from flexlin.mechanics.beam.integrals import ShapeIntegrals, shape_integrals
 from flexlin.mechanics.beam.pinned import pinned_free, pinned_with_hub
@@ -12,6 +13,7 @@ __all__ = [
     "Profile",
     "ShapeIntegrals",
     "Shapes",
+    "ShearFunctions",
     "clamped_free",
     "clamped_with_tip",
     "finite_elements",

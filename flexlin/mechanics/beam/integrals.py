@@ -1,5 +1,6 @@
 """The integrals of the shapes that the energies of a link need, computed once, before any expression graph is built."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -14,7 +15,7 @@ from flexlin.mechanics.beam.shapes import Shapes
 class ShapeIntegrals:
     """Integrals over xi in [0, 1] of shapes X with relative mass mu and relative bending stiffness eps.
 
-        Gamma(xi) = int_0^xi X' X'^T
+        Gamma(xi) = int_0^xi X' X'^T,   psi = X' without the shear functions: the section's rotation
 
     All are dimensionless; the chain scales them: int rhoA X dx = rhoA l mode, int EI X''^2 dx = EI / l^3 bending,
     int rhoA Gamma dx = rhoA shortening, and so on. Shapes: n = number of modes. `error` is the largest difference to a
@@ -34,6 +35,10 @@ class ShapeIntegrals:
     tip_slope: Array
     tip_shortening: Array
     base_slope: Array
+    section: float
+    rotation: Array
+    rotations: Array
+    shear: Array
     error: float = 0.0
 
     @property
@@ -43,32 +48,46 @@ class ShapeIntegrals:
 
 
 def shape_integrals(
-    shapes: Shapes, mass_profile: Profile | None = None, stiffness_profile: Profile | None = None
+    shapes: Shapes,
+    mass_profile: Profile | None = None,
+    stiffness_profile: Profile | None = None,
+    shear: Shapes | None = None,
 ) -> ShapeIntegrals:
     """Integrate the shapes by Gauss-Legendre quadrature between their breaks.
 
         mass = int mu,  first = int mu xi,  second = int mu xi^2,  mode = int mu X,  mode_moment = int mu xi X,
-        gram = int mu X X^T,  bending = int eps X'' X''^T,  shortening = int mu Gamma,  shortening_moment = int mu xi Gamma
+        gram = int mu X X^T,  bending = int eps psi' psi'^T,  shortening = int mu Gamma,  shortening_moment = int mu xi Gamma,
+        section = int eps,  rotation = int eps psi,  rotations = int eps psi psi^T,  shear = int mu (X' - psi) (X' - psi)^T
 
     Assumes shapes and profiles smooth between their breaks, and the profiles resolved by 8 nodes more than the shapes need; `error` tells.
 
-    Parameters: profiles relative to the link's own mass per length and stiffness; None is 1 everywhere.
+    Parameters: profiles relative to the link's own mass per length (and section's area) and stiffness (and second moment of area);
+    None is 1 everywhere; shear: functions that deflect the axis without turning the section, appended to the shapes.
     Returns: ShapeIntegrals, (n,) and (n, n) arrays; zero-size when there are no modes.
     """
-    mu, eps = mass_profile or UNIFORM, stiffness_profile or UNIFORM
-    edges = np.unique([0.0, *shapes.breaks, *mu.breaks, *eps.breaks, 1.0])
-    order = shapes.order + 8
-    first = integrate(shapes, mu, eps, edges, order)
-    return ShapeIntegrals(**first, error=difference(first, integrate(shapes, mu, eps, edges, order + 15)))
+    mu, eps, parts = (
+        mass_profile or UNIFORM,
+        stiffness_profile or UNIFORM,
+        [shapes] if shear is None else [shapes, shear],
+    )
+    edges = np.unique([0.0, *(x for part in (*parts, mu, eps) for x in part.breaks), 1.0])
+    order = max(part.order for part in parts) + 8
+    first = integrate(parts, mu, eps, edges, order)
+    return ShapeIntegrals(**first, error=difference(first, integrate(parts, mu, eps, edges, order + 15)))
 
 
-def integrate(shapes: Shapes, mu: Profile, eps: Profile, edges: Array, order: int) -> dict[str, Any]:
+def integrate(parts: Sequence[Shapes], mu: Profile, eps: Profile, edges: Array, order: int) -> dict[str, Any]:
     """Compute all fields with one rule; int mu Gamma = int X' X'^T (int_xi^1 mu), by parts."""
     xi, weight = panels(edges, order)
     outer, outer_first = remaining(mu, edges, order)
-    X, slope, curvature = (shapes.values(xi, d) for d in range(3))
+    bending = np.arange(sum(part.n for part in parts)) < parts[0].n  # the first part alone turns the sections
+
+    def values(x: Array, derivative: int) -> Array:
+        return np.concatenate([part.values(x, derivative) for part in parts])
+
+    X, slope, psi, curvature = values(xi, 0), values(xi, 1), *(values(xi, d) * bending[:, None] for d in (1, 2))
     ends = np.array([0.0, 1.0])
-    load = weight * mu(xi)
+    load, second = weight * mu(xi), weight * eps(xi)
     return {
         "mass": load.sum(),
         "first": load @ xi,
@@ -76,13 +95,17 @@ def integrate(shapes: Shapes, mu: Profile, eps: Profile, edges: Array, order: in
         "mode": X @ load,
         "mode_moment": X @ (load * xi),
         "gram": (X * load) @ X.T,
-        "bending": (curvature * weight * eps(xi)) @ curvature.T,
+        "bending": (curvature * second) @ curvature.T,
         "shortening": (slope * weight * outer) @ slope.T,
         "shortening_moment": (slope * weight * outer_first) @ slope.T,
-        "tip": shapes.values(ends)[:, 1],
-        "tip_slope": shapes.values(ends, 1)[:, 1],
+        "tip": values(ends, 0)[:, 1],
+        "tip_slope": values(ends, 1)[:, 1] * bending,
         "tip_shortening": (slope * weight) @ slope.T,
-        "base_slope": shapes.values(ends, 1)[:, 0],
+        "base_slope": values(ends, 1)[:, 0] * bending,
+        "section": second.sum(),
+        "rotation": psi @ second,
+        "rotations": (psi * second) @ psi.T,
+        "shear": ((slope - psi) * load) @ (slope - psi).T,
     }
 
 
@@ -109,7 +132,7 @@ def remaining(mu: Profile, edges: Array, order: int) -> tuple[Array, Array]:
 
 
 def difference(first: dict[str, Any], second: dict[str, Any]) -> float:
-    """Return the largest difference of two sets of integrals, relative to the size of each field (a zero field against 1e-9)."""
+    """Return the largest difference of two sets of integrals, relative to the size of each field (a field of zeros against 1e-9)."""
     return max(
         float(np.max(np.abs(first[f.name] - second[f.name])) / max(float(np.max(np.abs(second[f.name]))), 1e-9))
         for f in fields(ShapeIntegrals)

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.polynomial import legendre
 from scipy.linalg import eigh
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
+from flexlin.mechanics.beam.bases import HermiteElements, Polynomials
 from flexlin.mechanics.beam.integrals import ShapeIntegrals, shape_integrals
 from flexlin.mechanics.beam.profile import Profile
 from flexlin.mechanics.beam.shapes import Shapes
@@ -51,72 +51,6 @@ class ReducedShapes:
         """Return X or its derivative with respect to xi: (N,) -> (n, N)."""
         rigid = (np.asarray(xi), np.ones_like(xi), np.zeros_like(xi), np.zeros_like(xi))[derivative]
         return self.coefficients @ self.basis.values(xi, derivative) - np.multiply.outer(self.turn, rigid)
-
-
-@dataclass(frozen=True)
-class Polynomials:
-    """The basis phi_k'' = sqrt(2k + 1) P_k(2 xi - 1), phi_k(0) = phi_k'(0) = 0: orthonormal in bending on a uniform beam."""
-
-    n: int
-    breaks: tuple[float, ...] = ()
-
-    @property
-    def beta(self) -> Array:
-        """Not modes: no roots."""
-        return np.full(self.n, np.nan)
-
-    @property
-    def order(self) -> int:
-        """Exact for products of two."""
-        return self.n + 4
-
-    def values(self, xi: Array, derivative: int = 0) -> Array:
-        """Return phi or its derivative with respect to xi: (N,) -> (n, N)."""
-        curvature = np.diag(np.sqrt(2 * np.arange(self.n) + 1.0))
-        if derivative < 2:
-            series = legendre.legint(curvature, 2 - derivative, lbnd=-1, scl=0.5)
-        else:
-            series = legendre.legder(curvature, derivative - 2, scl=2.0)
-        return legendre.legval(2 * np.asarray(xi) - 1, series)
-
-
-@dataclass(frozen=True)
-class HermiteElements:
-    """The cubic Hermite basis on equal elements, clamped at xi = 0: deflection and slope (times the element's length) at each node."""
-
-    elements: int
-
-    @property
-    def n(self) -> int:
-        """Two functions a node."""
-        return 2 * self.elements
-
-    @property
-    def beta(self) -> Array:
-        """Not modes: no roots."""
-        return np.full(self.n, np.nan)
-
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        """The nodes between elements."""
-        return tuple((np.arange(1, self.elements) / self.elements).tolist())
-
-    @property
-    def order(self) -> int:
-        """Exact for products of two cubics."""
-        return 4
-
-    def values(self, xi: Array, derivative: int = 0) -> Array:
-        """Return phi or its derivative with respect to xi: (N,) -> (n, N)."""
-        place = np.asarray(xi) * self.elements
-        element = np.clip(place.astype(int), 0, self.elements - 1)
-        cubics = np.array([[1, 0, -3, 2], [0, 1, -2, 1], [0, 0, 3, -2], [0, 0, -1, 1]], dtype=float)
-        local = np.polynomial.polynomial.polyval(
-            place - element, np.polynomial.polynomial.polyder(cubics, derivative, axis=1).T
-        )
-        whole = np.zeros((self.n + 2, len(place)))
-        whole[2 * element + np.arange(4)[:, None], np.arange(len(place))] = local
-        return whole[2:] * float(self.elements) ** derivative
 
 
 def tapered(

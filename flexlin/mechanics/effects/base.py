@@ -8,17 +8,24 @@ import casadi as ca
 from flexlin.mechanics.body import Body, Moments
 from flexlin.mechanics.frames import Frame
 from flexlin.mechanics.links import BentLink
+from flexlin.scene.links import Link
 
 
 @dataclass(frozen=True)
 class Chain:
-    """The chain as its kinematics left it: joint coordinates, a frame behind each joint, links, tip, and all bodies that have mass."""
+    """The chain as its kinematics left it.
+
+    q, q_rate: the joints' displacements as their bearings see them, (joints, 1), in rad or m; motor, motor_rate: the same as the motors
+    see them, behind any joint flexibility; a frame behind each joint; links; a frame at each link's tip; all bodies that have mass.
+    """
 
     q: ca.SX
     q_rate: ca.SX
+    motor: ca.SX
+    motor_rate: ca.SX
     joints: tuple[Frame, ...]
     links: tuple[BentLink, ...]
-    tip: Frame
+    tips: tuple[Frame, ...]
     bodies: tuple[Body, ...] = ()
 
 
@@ -27,6 +34,14 @@ class Effect:
     """One physical effect, switched on by its table in the scene."""
 
     table: Any
+
+    def shear_functions(self, link: Link) -> int:
+        """Number of coordinates added to a link, for deflections by shear."""
+        return 0
+
+    def frees_motors(self) -> bool:
+        """Whether each motor has a coordinate of its own."""
+        return False
 
     def joint_radius(self, joint: int) -> Any:
         """Distance from the joint's axis to where its link begins, in m."""
@@ -44,6 +59,10 @@ class Effect:
         """Bodies added to the chain."""
         return ()
 
+    def kinetic_energy(self, chain: Chain) -> ca.SX:
+        """Kinetic energy beside that of the bodies, in J."""
+        return ca.SX(0)
+
     def potential_energy(self, chain: Chain) -> ca.SX:
         """Potential energy, in J; `chain.bodies` is complete here."""
         return ca.SX(0)
@@ -52,9 +71,24 @@ class Effect:
         """Rayleigh's dissipation function, in W: the resisting force is its gradient by the rates."""
         return ca.SX(0)
 
+    def joint_resistance(self, chain: Chain) -> ca.SX:
+        """Resisting force of each joint's bearing that no quadratic dissipation function gives, (joints, 1), in N m or N."""
+        return ca.SX.zeros(len(chain.joints))
+
+    def input_gain(self, joint: int) -> Any:
+        """Force of a joint's motor for one unit of the input; None when the effect leaves the input as it is."""
+        return None
+
 
 def per_joint(value: Any, joint: int, *, single: str) -> Any:
     """Read a table's value for one joint: a tuple by index; a single number stands for the `"first"` joint or for `"every"` one."""
     if isinstance(value, tuple):
         return value[joint] if joint < len(value) else 0.0
     return value if single == "every" or joint == 0 else 0.0
+
+
+def at_tip(value: Any, link: int, links: int) -> Any:
+    """Read a table's value for the tip of one link: a tuple by index; a single number stands for the last link."""
+    if isinstance(value, tuple):
+        return value[link] if link < len(value) else 0.0
+    return value if link == links - 1 else 0.0

@@ -24,7 +24,7 @@ class GeometricStiffening(Effect):
         return -ca.bilin(gamma, link.w, link.w) / 2, -ca.bilin(gamma, link.w, link.w_rate)
 
     def link_moments(self, link: BentLink) -> Moments | None:
-        if not link.table.modes:
+        if not link.bends:
             return None
         k = link.integrals
         along = link.mass / link.table.length * ca.DM(k.shortening)

@@ -1,36 +1,27 @@
-"""Modal damping: each mode of a clamped link loses energy as a damped oscillator of ratio zeta.
+"""Modal damping: each mode of a link loses energy as a damped oscillator of ratio zeta, d_k = 2 zeta_k omega_k m_k.
 
-    D = 2 zeta G^(1/2) (G^(-1/2) K G^(-1/2))^(1/2) G^(1/2)     (2 zeta omega_k m_k for orthogonal modes)
-
-with the link's own mass matrix rhoA l G and stiffness EI/l^3 K. Source: Craig, Kurdila, Fundamentals of Structural Dynamics (2006), 10.3.
+With omega_k = beta_k^2 sqrt(EI / (rho A l^4)) and m_k = EI / l^3 int X_k''^2 / omega_k^2 of the beam that the shapes belong to.
+Source: Craig, Kurdila, Fundamentals of Structural Dynamics (2006), section 10.3.
 """
 
 import casadi as ca
 import numpy as np
 
-from flexlin.checks import Array
 from flexlin.mechanics.effects.base import Chain, Effect
 from flexlin.mechanics.links import BentLink
 
 
 class ModalDamping(Effect):
-    """The same ratio on every mode, or a tuple of ratios in the order of the modes."""
+    """The same ratio on every mode, or a tuple of ratios in the order of the modes; modes beyond the tuple have its last ratio."""
 
     def dissipation(self, chain: Chain) -> ca.SX:
-        """R = 1/2 sum_links w'^T D w'."""
-        return sum((self._of_link(link) for link in chain.links if link.table.modes), ca.SX(0))
+        """R = 1/2 sum_k d_k w_k'^2 over the modes of all links."""
+        return sum((self._of_link(link) for link in chain.links if link.bends), ca.SX(0))
 
     def _of_link(self, link: BentLink) -> ca.SX:
-        ratios, table = self.table.ratio, link.table
-        per_mode = ratios if isinstance(ratios, tuple) else (ratios,) * table.modes
-        scale = ca.sqrt(link.mass * table.bending_stiffness / table.length**3)
-        vectors = ca.DM(modal_vectors(link.integrals.gram, link.integrals.bending))
-        rates = vectors @ link.w_rate
-        return scale * ca.dot(ca.vertcat(*per_mode), rates**2)
-
-
-def modal_vectors(gram: Array, bending: Array) -> Array:
-    """Rows that map w' to sqrt(omega_k) times the rate of the k-th mass-normalised mode, (n, n), dimensionless."""
-    inverse_root = np.linalg.inv(np.linalg.cholesky(gram))
-    squares, modes = np.linalg.eigh(inverse_root @ bending @ inverse_root.T)
-    return np.sqrt(np.sqrt(squares))[:, None] * (modes.T @ np.linalg.inv(inverse_root).T)
+        table, modes = link.table, link.table.modes
+        given = self.table.ratio if isinstance(self.table.ratio, tuple) else (self.table.ratio,)
+        ratios = ca.vertcat(*[given[min(k, len(given) - 1)] for k in range(modes)])
+        shape = ca.DM(np.diag(link.integrals.bending)[:modes] / link.beta**2)
+        scale = ca.sqrt(ca.SX(table.mass_per_length) * table.bending_stiffness) / table.length
+        return scale * ca.dot(ratios * shape, link.w_rate[:modes] ** 2)

@@ -1,0 +1,26 @@
+"""Rotary inertia: the sections of a link turn, T = 1/2 int rho I (q' + psi')^2, psi = w'_x without shear.
+
+With the radius of gyration r, rho I = rho A r^2. Source: Rayleigh, Theory of Sound (1877), section 186.
+"""
+
+import casadi as ca
+
+from flexlin.mechanics.body import Moments
+from flexlin.mechanics.effects.base import Effect, per_joint
+from flexlin.mechanics.links import BentLink
+
+
+class RotaryInertia(Effect):
+    """One radius of gyration of the section a link, or one for every link, in m."""
+
+    def link_moments(self, link: BentLink) -> Moments | None:
+        k, length = link.integrals, link.table.length
+        radius = per_joint(self.table.radius_of_gyration, link.index, single="every")
+        inertia = link.mass * radius**2
+        return Moments(
+            second=inertia * k.section,
+            swirl=inertia / length * ca.dot(ca.DM(k.rotation), link.w_rate) if link.bends else ca.SX(0),
+            agitation=inertia / length**2 * ca.bilin(ca.DM(k.rotations), link.w_rate, link.w_rate)
+            if link.bends
+            else ca.SX(0),
+        )
