@@ -234,7 +234,7 @@ def feedback_gains(arm: Manipulator, driven: list[int], control: Control) -> tup
                 expected=f"{len(driven)} torque-driven joints",
             )
         for row, joint in enumerate(driven):
-            matrix[row, arm.drives[joint]] = gains[row]
+            matrix[row, :] = gains[row] * arm.encoders[joint, :]
     return kp, kd
 
 

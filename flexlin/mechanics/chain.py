@@ -2,16 +2,18 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
-from itertools import accumulate
 
 import casadi as ca
 
+from flexlin.checks import Array
 from flexlin.errors import ArgumentError
-from flexlin.mechanics.beam import clamped_free, shape_integrals
+from flexlin.mechanics.beam import ShapeIntegrals, ShearFunctions, shape_integrals
 from flexlin.mechanics.body import Body, Moments
+from flexlin.mechanics.coordinates import Coordinates
 from flexlin.mechanics.effects import Effect, effects_of
 from flexlin.mechanics.effects.base import Chain
 from flexlin.mechanics.frames import Frame
+from flexlin.mechanics.link_shapes import profiles, shapes_of
 from flexlin.mechanics.links import BentLink
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.mechanics.parameters import Parameters
@@ -24,10 +26,11 @@ from flexlin.scene.scene import Scene
 def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulator:
     """Derive the equations of the manipulator that a scene describes.
 
-    Coordinates: first the relative joint angles q, then the elastic coordinates w link by link. Energies by recursion over the links,
+    Coordinates: first the relative joint displacements q, then the elastic coordinates w link by link, then those that effects add
+    (shear v, motors theta). Energies by recursion over the links,
     M, C, g by Lagrange's equations. An effect that is off adds no instruction and no coordinate.
 
-    Assumes Euler-Bernoulli links in a plane, deflections small against the length.
+    Assumes slender links in a plane, deflections small against the length.
 
     Parameters: parameters: dotted paths of scene numbers to keep as free symbols (their values may then change without a rebuild).
     Returns: a `Manipulator`.
@@ -37,16 +40,34 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
     free = Parameters.of_scene(scene, parameters)
     if scene.model is not None:
         return _registered(scene, free)
+    basis = [_basis(scene, i, effects_of(scene.effects)) for i in range(len(scene.links))]
     scene = free.placed_in(scene)
     effects = effects_of(scene.effects)
-    joints, sizes = len(scene.links), [link.modes for link in scene.links]
-    names = _coordinate_names(sizes)
-    s, s_dot = (ca.vertcat(*[ca.SX.sym(mark + name) for name in names]) for mark in ("", "d_"))
-    chain = _chain(scene.links, effects, _split(s, joints, sizes), _split(s_dot, joints, sizes))
+    modes, shear = [link.modes for link in scene.links], [_shear_count(link, effects) for link in scene.links]
+    free_motors = any(effect.frees_motors() for effect in effects)
+    at, rate = (Coordinates.named(modes, shear, free_motors, mark) for mark in ("", "d_"))
+    chain = _chain(scene.links, effects, basis, at, rate)
     T, V, R = _energies(chain, effects)
-    points = ca.horzcat(*[frame.position for frame in (*chain.joints, chain.tip)])
-    B = ca.DM.eye(len(names))[:, :joints]
-    return Manipulator.from_lagrangian(s, s_dot, T, V, R, B, range(joints), names, free, points)
+    measured = ca.jacobian(chain.motor, at.all)
+    joints = range(len(scene.links))
+    arm = Manipulator.from_lagrangian(
+        at.all,
+        rate.all,
+        T,
+        V,
+        R,
+        resistance=_resistance(chain, effects, at.all),
+        B=ca.densify(measured.T @ ca.diag(ca.vertcat(*[_input_gain(effects, i) for i in joints]))),
+        joints=joints,
+        names=at.names,
+        parameters=free,
+        points=ca.horzcat(*[frame.position for frame in (*chain.joints, chain.tips[-1])]),
+    )
+    if not free_motors:
+        return replace(arm, measured=measured)
+    eye, motors = ca.DM.eye(arm.n), [arm.n - len(joints) + i for i in joints]
+    reference = eye[:, list(joints)] + eye[:, motors]  # rigidly, each motor turns with its joint
+    return replace(arm, measured=measured, reference=reference, drives=tuple(motors))
 
 
 def _registered(scene: Scene, free: Parameters) -> Manipulator:
@@ -61,49 +82,54 @@ def _registered(scene: Scene, free: Parameters) -> Manipulator:
     return replace(manipulator, parameters=free)
 
 
-def _coordinate_names(sizes: list[int]) -> tuple[str, ...]:
-    joints = [f"q{i + 1}" for i in range(len(sizes))]
-    return (
-        *joints,
-        *[
-            f"w{i + 1}{k + 1}" if size < 10 else f"w{i + 1}_{k + 1}"
-            for i, size in enumerate(sizes)
-            for k in range(size)
-        ],
-    )
+def _shear_count(link: Link, effects: tuple[Effect, ...]) -> int:
+    return sum(effect.shear_functions(link) for effect in effects)
 
 
-def _split(s: ca.SX, joints: int, sizes: list[int]) -> tuple[ca.SX, list[ca.SX]]:
-    """Separate coordinates into joint angles and one elastic vector a link."""
-    edges = [0, joints, *[joints + total for total in accumulate(sizes)]]
-    q, *w = ca.vertsplit(s, edges)
-    return q, w
+def _basis(scene: Scene, index: int, effects: tuple[Effect, ...]) -> tuple[ShapeIntegrals, Array]:
+    """The integrals of a link's shapes and shear functions, and the roots of its modes: numbers, computed before any graph is built."""
+    link, shapes = scene.links[index], shapes_of(scene, index)
+    count = _shear_count(link, effects)
+    integrals = shape_integrals(shapes, *profiles(link), ShearFunctions(count) if count else None)
+    return integrals, shapes.beta
 
 
 def _chain(
     tables: tuple[Link, ...],
     effects: tuple[Effect, ...],
-    positions: tuple[ca.SX, list[ca.SX]],
-    rates: tuple[ca.SX, list[ca.SX]],
+    basis: list[tuple[ShapeIntegrals, Array]],
+    at: Coordinates,
+    rate: Coordinates,
 ) -> Chain:
     """Carry a frame from the base over joints and links to the tip."""
-    (q, w), (q_rate, w_rate) = positions, rates
-    frame, joints, links = Frame.fixed(), [], []
+    frame, joints, links, tips = Frame.fixed(), [], [], []
     for i, table in enumerate(tables):
-        frame = frame.turned(q[i], q_rate[i])
-        joints.append(frame)
+        frame = _behind_joint(frame, table, at.q[i], rate.q[i])
         radius = sum((effect.joint_radius(i) for effect in effects), ca.SX(0))
         base = frame.moved(ca.vertcat(radius, 0), ca.SX.zeros(2))
-        links.append(BentLink(table, shape_integrals(clamped_free(table.modes)), base, w[i], w_rate[i]))
-        shortening = [effect.tip_shortening(links[-1]) for effect in effects]
-        frame = links[-1].tip(
-            sum((u for u, _ in shortening), ca.SX(0)), sum((u_rate for _, u_rate in shortening), ca.SX(0))
+        link = BentLink(i, table, *basis[i], base, at.elastic[i], rate.elastic[i])
+        joints.append(frame.turned(*link.base_turn))
+        links.append(link)
+        shortening = [effect.tip_shortening(link) for effect in effects]
+        frame = link.tip(sum((u for u, _ in shortening), ca.SX(0)), sum((u_rate for _, u_rate in shortening), ca.SX(0)))
+        tips.append(frame)
+    q, q_rate = at.q, rate.q
+    if links:
+        q, q_rate = (
+            q + ca.vertcat(*[k.base_turn[0] for k in links]),
+            q_rate + ca.vertcat(*[k.base_turn[1] for k in links]),
         )
-    bare = Chain(q, q_rate, tuple(joints), tuple(links), frame)
-    bodies = [Body(link.base, _moments(link, effects)) for link in links] + [
-        b for effect in effects for b in effect.bodies(bare)
-    ]
-    return Chain(q, q_rate, tuple(joints), tuple(links), frame, tuple(bodies))
+    motor, motor_rate = (at.motors, rate.motors) if at.motors.numel() else (q, q_rate)
+    bare = Chain(q, q_rate, motor, motor_rate, tuple(joints), tuple(links), tuple(tips))
+    bodies = [Body(link.base, _moments(link, effects)) for link in links]
+    return replace(bare, bodies=(*bodies, *(body for effect in effects for body in effect.bodies(bare))))
+
+
+def _behind_joint(frame: Frame, link: Link, q: ca.SX, q_rate: ca.SX) -> Frame:
+    """The frame that a link's joint carries: turned by q, or moved by q along itself."""
+    if link.joint == "revolute":
+        return frame.turned(q + link.mount_angle, q_rate)
+    return frame.turned(ca.SX(link.mount_angle), ca.SX(0)).moved(ca.vertcat(q, 0), ca.vertcat(q_rate, 0))
 
 
 def _moments(link: BentLink, effects: tuple[Effect, ...]) -> Moments:
@@ -113,8 +139,21 @@ def _moments(link: BentLink, effects: tuple[Effect, ...]) -> Moments:
 
 def _energies(chain: Chain, effects: tuple[Effect, ...]) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Kinetic energy, potential energy and Rayleigh's dissipation of the whole chain."""
-    kinetic = sum((body.kinetic_energy() for body in chain.bodies), ca.SX(0))
+    carried = sum((body.kinetic_energy() for body in chain.bodies), ca.SX(0))
+    kinetic = sum((effect.kinetic_energy(chain) for effect in effects), carried)
     bending = sum((link.bending_energy for link in chain.links), ca.SX(0))
     potential = sum((effect.potential_energy(chain) for effect in effects), bending)
     dissipation = sum((effect.dissipation(chain) for effect in effects), ca.SX(0))
     return kinetic, potential, dissipation
+
+
+def _resistance(chain: Chain, effects: tuple[Effect, ...], s: ca.SX) -> ca.SX:
+    """The generalised forces of what resists each joint without being the gradient of a dissipation function."""
+    at_joints = sum((effect.joint_resistance(chain) for effect in effects), ca.SX.zeros(len(chain.joints)))
+    return ca.densify(ca.jacobian(chain.q, s).T @ at_joints)
+
+
+def _input_gain(effects: tuple[Effect, ...], joint: int) -> ca.SX:
+    """Force of one unit of the joint's input: 1, unless a motor makes it of a voltage."""
+    gains = [gain for effect in effects if (gain := effect.input_gain(joint)) is not None]
+    return ca.SX(gains[-1]) if gains else ca.SX(1)

@@ -23,12 +23,12 @@ def shapes_of(scene: Scene, index: int) -> Shapes:
     free as a symbol (the basis then is no longer exact, but remains a basis).
     """
     link = scene.links[index]
-    ends, base = ends_of(scene, index), "pinned" if link.mode_shapes.startswith("pinned") else "clamped"
+    ends, base = ends_of(scene, index), "pinned" if link.pinned else "clamped"
     if link.mode_shapes == "finite-element":
         return finite_elements(link.modes, link.elements, *profiles(link), ends)
     if link.sections is not None:
         return tapered(link.modes, *profiles(link), ends, base)
-    if base == "pinned":
+    if link.pinned:
         return pinned_with_hub(link.modes, ends.hub_inertia)
     if link.mode_shapes == "clamped-loaded":
         return clamped_with_tip(link.modes, ends.mass, ends.inertia)

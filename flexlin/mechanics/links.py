@@ -45,6 +45,14 @@ class BentLink:
         stiffness = ca.SX(self.table.bending_stiffness) / self.table.length**3
         return stiffness / 2 * ca.bilin(ca.DM(self.integrals.bending), self.w, self.w)
 
+    @property
+    def base_turn(self) -> tuple[ca.SX, ca.SX]:
+        """The slope w'(0) of pinned shapes, with its rate: the hub turns by it beside the joint coordinate; zero when clamped."""
+        if not self.table.pinned:
+            return ca.SX(0), ca.SX(0)
+        slope = ca.DM(self.integrals.base_slope) / self.table.length
+        return ca.dot(slope, self.w), ca.dot(slope, self.w_rate)
+
     def moments(self) -> Moments:
         """Moments of the bent link about its base frame, first order in w except where energy is of second order.
 

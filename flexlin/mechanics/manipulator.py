@@ -21,6 +21,7 @@ class Manipulator:
 
     Fields: s, s_dot: (n, 1) symbols (rad, m); residual: (n, 1) left side with s_ddot; B: (n, m) input matrix;
     reference: (n, joints) constant matrix, the rigid motion is s_R = reference q; drives: the coordinate that each joint's motor moves;
+    measured: (joints, n) what each motor's encoder reads of s, None: the coordinates in drives;
     names: of the coordinates; parameters: free scene parameters; points: (2, k) world positions from the base to the tip, in m.
     """
 
@@ -39,6 +40,7 @@ class Manipulator:
     energy: ca.SX | None = None
     points: ca.SX | None = None
     coriolis: ca.SX | None = None
+    measured: ca.SX | None = None
 
     @property
     def n(self) -> int:
@@ -49,6 +51,11 @@ class Manipulator:
     def joints(self) -> int:
         """The number of joints that follow the basic motion."""
         return int(self.reference.size2())
+
+    @property
+    def encoders(self) -> ca.SX:
+        """What the motors' encoders read, (joints, n): angles = encoders s."""
+        return ca.SX.eye(self.n)[list(self.drives), :] if self.measured is None else self.measured
 
     @cached_property
     def C(self) -> ca.SX:
@@ -129,6 +136,7 @@ class Manipulator:
         T: ca.SX,
         V: ca.SX,
         dissipation: ca.SX | None = None,
+        resistance: ca.SX | None = None,
         B: ca.SX | None = None,
         joints: Sequence[int] | None = None,
         names: Sequence[str] | None = None,
@@ -137,23 +145,26 @@ class Manipulator:
     ) -> "Manipulator":
         """Make a manipulator from its energies by Lagrange's equations of the second kind.
 
-            d/dt (dT/ds') - dT/ds + dV/ds + dR/ds' = B tau
+            d/dt (dT/ds') - dT/ds + dV/ds + dR/ds' + r = B tau
 
         Assumes T quadratic in s'. The basic motion moves the coordinates `joints` (default: those that B drives).
 
-        Parameters: T, V: kinetic and potential energy (J); dissipation: Rayleigh's function R (W); B: (n, m), default the identity.
+        Parameters: T, V: kinetic and potential energy (J); dissipation: Rayleigh's function R (W); resistance: (n, 1) resisting
+        forces r(s, s') that no R gives; B: (n, m), default the identity.
         Raises: ModelError when a shape does not fit or an expression holds other symbols.
         Source: Khang, Dat, Tuan (2019), Eq. (55).
         """
         n = s.numel()
         B = ca.DM.eye(n) if B is None else B
         R = ca.SX(0) if dissipation is None else dissipation
+        resisting = ca.SX.zeros(n) if resistance is None else resistance
         parameters = parameters or Parameters()
         _check_shapes(1, T=(T, 1), V=(V, 1), dissipation=(R, 1))
-        _check_shapes(n, B=(B, None))
-        _check_symbols(ca.vertcat(s, s_dot, parameters.symbols), T=T, V=V, dissipation=R, B=B)
+        _check_shapes(n, B=(B, None), resistance=(resisting, 1))
+        known = ca.vertcat(s, s_dot, parameters.symbols)
+        _check_symbols(known, T=T, V=V, dissipation=R, resistance=resisting, B=B)
         s_ddot = ca.SX.sym("s_ddot", n)
-        momentum, g, damping = ca.gradient(T, s_dot), ca.gradient(V, s), ca.gradient(R, s_dot)
+        momentum, g, damping = ca.gradient(T, s_dot), ca.gradient(V, s), ca.gradient(R, s_dot) + resisting
         rate_of_momentum = ca.jtimes(momentum, ca.vertcat(s, s_dot), ca.vertcat(s_dot, s_ddot))
         driven = tuple(i for i in range(n) if not ca.SX(B[i, :]).is_zero()) if joints is None else tuple(joints)
         return cls(

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from flexlin.errors import Problem
+from flexlin.scene.link_rules import link_contradictions
 
 
 def contradictions(raw: dict[str, Any]) -> list[Problem]:
@@ -25,22 +26,20 @@ def _links(raw: dict[str, Any]) -> Iterator[Problem]:
         yield Problem(
             "parameters", "a table without model", "parameters only beside model = the name of a registered model"
         )
-    for i, link in enumerate(links):
-        if link.get("modes", 0) != 0 and link.get("bending_stiffness") is None:
-            yield Problem(
-                f"links.{i}.bending_stiffness", "nothing", "a positive number in N m^2, because modes is not 0"
-            )
     if links and not _has_mass(links[-1], raw):
         yield Problem(
             f"links.{len(links) - 1}.mass_per_length",
             "0",
             "a positive number, or a hub or payload that gives the last link inertia",
         )
-    for i, link in enumerate(links):
-        if link.get("mass_per_length") == 0 and link.get("modes", 0) != 0:
-            yield Problem(
-                f"links.{i}.mass_per_length", "0", "a positive number, because a link without mass has no modes"
-            )
+    effects = raw["effects"] if isinstance(raw.get("effects"), dict) else {}
+    yield from link_contradictions(links, effects, _motion_joints(raw))
+
+
+def _motion_joints(raw: dict[str, Any]) -> list[Any]:
+    """The raw tables of the joints' motion, each with the motion's default drive."""
+    motion = raw["motion"] if isinstance(raw.get("motion"), dict) else {}
+    return [{"drive": motion.get("drive", "torque"), **joint} for joint in _tables(motion.get("joints"))]
 
 
 def _has_mass(link: dict[str, Any], raw: dict[str, Any]) -> bool:
@@ -71,8 +70,7 @@ def _joint_counts(raw: dict[str, Any]) -> Iterator[Problem]:
             yield Problem(
                 f"control.feedback.{key}", f"{len(gains)} gains", f"{driven}, one for each torque-driven joint"
             )
-    modes = [link.get("modes", 0) for link in links]
-    coordinates = driven + sum(count for count in modes if isinstance(count, int))
+    coordinates = driven + _added_coordinates(links, raw)
     for i, design in enumerate(_tables(raw.get("designs"))):
         for key, wanted, what in (
             ("state_weight", 2 * coordinates, "state"),
@@ -81,6 +79,16 @@ def _joint_counts(raw: dict[str, Any]) -> Iterator[Problem]:
             weights = design.get(key)
             if isinstance(weights, list) and len(weights) != wanted:
                 yield Problem(f"designs.{i}.{key}", f"{len(weights)} numbers", f"{wanted}, one for each {what}")
+
+
+def _added_coordinates(links: list[dict[str, Any]], raw: dict[str, Any]) -> int:
+    """How many coordinates there are beside the driven joints: modes, shear functions, free motors."""
+    effects = raw["effects"] if isinstance(raw.get("effects"), dict) else {}
+    modes = [count for link in links if isinstance(count := link.get("modes", 0), int)]
+    shear = effects.get("shear")
+    functions = shear.get("functions", 2) if isinstance(shear, dict) else 0
+    sheared = functions * sum(count > 0 for count in modes) if isinstance(functions, int) else 0
+    return sum(modes) + sheared + (len(links) if "joint_flexibility" in effects else 0)
 
 
 def _design_names(raw: dict[str, Any]) -> Iterator[Problem]:

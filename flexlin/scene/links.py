@@ -51,3 +51,8 @@ class Link(Table):
     sections: Sections | None = None
     joint: Literal["revolute", "prismatic"] = "revolute"
     mount_angle: Number = 0.0
+
+    @property
+    def pinned(self) -> bool:
+        """Whether the shapes turn at the base, so that the hub turns by more than the joint's coordinate."""
+        return self.mode_shapes.startswith("pinned")

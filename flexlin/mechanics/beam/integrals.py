@@ -70,7 +70,8 @@ def shape_integrals(
         stiffness_profile or UNIFORM,
         [shapes] if shear is None else [shapes, shear],
     )
-    edges = np.unique([0.0, *(x for part in (*parts, mu, eps) for x in part.breaks), 1.0])
+    breaks = [x for part in parts for x in part.breaks]
+    edges = np.unique([0.0, *breaks, *mu.breaks, *eps.breaks, 1.0])
     order = max(part.order for part in parts) + 8
     first = integrate(parts, mu, eps, edges, order)
     return ShapeIntegrals(**first, error=difference(first, integrate(parts, mu, eps, edges, order + 15)))

@@ -1,0 +1,48 @@
+"""Small scenes for the tests of mechanics, and numbers from their manipulators."""
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.mechanics import Manipulator, build_manipulator
+from flexlin.scene import Scene, parse_scene
+
+LINK = {"length": 0.5, "mass_per_length": 0.2, "bending_stiffness": 1.0, "modes": 2}
+
+
+def scene_of(*links: dict[str, Any], effects: dict[str, Any] | None = None, **more: Any) -> Scene:
+    """A scene of these links (each on top of LINK), swinging harmonically."""
+    joints = [{"mean": 0.1, "amplitude": 0.2} for _ in links]
+    motion = {"kind": "harmonic", "frequency": 1.0, "joints": joints}
+    tables = [{**LINK, **link} for link in links]
+    return parse_scene(
+        {"schema": 1, "title": "test", "links": tables, "effects": effects or {}, "motion": motion, **more}
+    )
+
+
+def arm_of(*links: dict[str, Any], effects: dict[str, Any] | None = None) -> Manipulator:
+    """The manipulator of `scene_of`."""
+    return build_manipulator(scene_of(*links, effects=effects))
+
+
+def value(arm: Manipulator, name: str, *state: Array) -> Array:
+    """One of the manipulator's named functions at one state."""
+    return np.array(arm.functions[name](*state, arm.parameters.values))
+
+
+def matrices_at_rest(arm: Manipulator) -> tuple[Array, Array]:
+    """Mass and stiffness matrix at s = 0, s' = 0."""
+    state, p = ca.vertcat(arm.s, arm.s_dot), arm.parameters.symbols
+    function = ca.Function("MK", [state, p], [ca.densify(arm.M), ca.densify(ca.jacobian(arm.g, arm.s))])
+    M, K = function(np.zeros(2 * arm.n), arm.parameters.values)
+    return np.array(M), np.array(K)
+
+
+def random_state(arm: Manipulator, seed: int = 0, elastic: float = 0.02) -> tuple[Array, Array, Array]:
+    """Coordinates, rates and accelerations: joints of order 1, elastic coordinates small."""
+    rng, joints = np.random.default_rng(seed), arm.joints
+    scale = np.where(np.arange(arm.n) < joints, 1.0, elastic)
+    s, s_dot, s_ddot = rng.normal(size=(3, arm.n)) * scale
+    return s, s_dot, s_ddot
