@@ -1,0 +1,11 @@
+"""Controllers for a periodic linear system: each design the same interface, each closed loop ready for Floquet's verdict."""
+
+from flexlin.control.averaged import averaged_lqr
+from flexlin.control.catalogue import design
+from flexlin.control.design import Design
+from flexlin.control.finite_horizon import finite_horizon_lqr
+from flexlin.control.frozen import frozen_lqr
+from flexlin.control.pd import pd_feedback
+from flexlin.control.periodic import periodic_lqr
+
+__all__ = ["Design", "averaged_lqr", "design", "finite_horizon_lqr", "frozen_lqr", "pd_feedback", "periodic_lqr"]

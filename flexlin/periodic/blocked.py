@@ -10,6 +10,8 @@ from flexlin.periodic.scattering import Segment, cost_before, transpose
 
 STAGES = 8
 MAX_PERIODS = 100
+LARGEST = 1e100
+"""A size that only growth without end reaches."""
 
 
 def sizes_without_coupling(problem: LinearQuadratic, horizon: float) -> tuple[float, float]:
@@ -18,10 +20,13 @@ def sizes_without_coupling(problem: LinearQuadratic, horizon: float) -> tuple[fl
     One mode of rate a needs X = 2 a / b for its share b of B R^-1 B', and dually 2 a / q of G for its share q of Q.
     """
     A, S, Q = problem.reduced(horizon * (np.arange(32) + 0.5) / 32)
-    tiny = np.finfo(float).tiny
+    tiny = 1e-100
     rate = np.linalg.norm(A, 2, axis=(1, 2)).max() + 1 / horizon
     S_size, Q_size = np.abs(S).max() + tiny, np.abs(Q).max() + tiny
-    return 1e13 * max(rate / S_size, Q_size / rate), 1e13 * max(rate / Q_size, S_size / rate)
+    return (
+        min(1e13 * max(rate / S_size, Q_size / rate), LARGEST),
+        min(1e13 * max(rate / Q_size, S_size / rate), LARGEST),
+    )
 
 
 def blocked_mode(

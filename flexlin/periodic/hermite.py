@@ -28,9 +28,9 @@ class PanelPolynomials:
         width = np.diff(self.starts)[:, None, None, None]
         return self._sum(t, slopes * 2 / width)
 
-    def tail(self) -> float:
-        """Return the largest sum of the last two coefficients: what one degree less would have left out."""
-        return float(np.abs(self.coefficients[:, -2:]).sum(axis=1).max())
+    def tails(self) -> Array:
+        """Return each panel's largest sum of the last two coefficients, (P,): what one degree less would have left out."""
+        return np.abs(self.coefficients[:, -2:]).sum(axis=1).max(axis=(1, 2))
 
     def _sum(self, t: Array, coefficients: Array) -> Array:
         panel = np.clip(np.searchsorted(self.starts, t, side="right") - 1, 0, len(self.starts) - 2)

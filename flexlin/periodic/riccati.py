@@ -1,36 +1,40 @@
 """The periodic Riccati equation by segments in scattering form, combined in a tree and doubled until the cost stands still."""
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, positive, real_array, times
-from flexlin.errors import ToleranceNotReached
-from flexlin.periodic.blocked import blocked_mode, sizes_without_coupling
-from flexlin.periodic.collocation import gauss, nodes, samples, transitions
+from flexlin.errors import NumericalError, ToleranceNotReached
+from flexlin.periodic.doubling import costs_to_go
 from flexlin.periodic.grid import edges
 from flexlin.periodic.hermite import NODES, PanelPolynomials, interpolate, panel_nodes
 from flexlin.periodic.linear_quadratic import LinearQuadratic, linear_quadratic
-from flexlin.periodic.scattering import Segment, costs_at_edges, from_hamiltonian, product_tree, star_product
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
+from flexlin.periodic.transport import gauss_segments, magnus_segments
 
 STAGES = 8
 MAX_SEGMENTS = 2**15
-MAX_DOUBLINGS = 64
-ROUNDS = 8
-ROUNDING = 64 * np.finfo(float).eps
-"""Relative error that rounding makes in one period: a few units for each of the operations that touch an entry."""
+ROUNDS = 12
+TRIAL_PANELS = 32
+MAGNUS_GAIN = 6.0
+"""Segments that Magnus' exponential does in the time that collocation needs for one."""
+MAGNUS_ORDER = 4
+"""Order on which its error figure relies: 6 on slow coefficients, between 4 and 5 was seen beside very fast eigenvalues."""
 
 
 @dataclass(frozen=True)
 class RiccatiSolution:
     """X(t) and the gain K(t) of a linear-quadratic problem, at any time, with the evidence that they are right.
 
-    `error` bounds |X error| / max |X| over the horizon: the difference to a second order of collocation plus what the dense
-    output leaves out. `residual` is how far X(t) misses its differential equation between the nodes, relative to |X| per
-    fastest time constant; `closure` is |X(T) - X(0)| / |X| (0 for a finite horizon); `symmetry` is the largest relative
-    asymmetry of a segment's cost before it was symmetrised. Times are wrapped into the period when `periodic`.
+    `error` bounds |X error| / max |X| over the horizon: the difference between two accuracies of the segments
+    (`method_error`), what the dense output leaves out, and rounding. `residual` is how far X(t) misses its differential
+    equation between the nodes, relative to |X| per fastest time constant; `closure` is |X(T) - X(0)| / |X| (0 for a finite
+    horizon); `symmetry` is the largest relative asymmetry of a segment's cost before it was symmetrised. Times are wrapped
+    into the period when `periodic`.
     """
 
     problem: LinearQuadratic
@@ -38,6 +42,7 @@ class RiccatiSolution:
     periodic: bool
     polynomials: PanelPolynomials
     error: float
+    method_error: float
     residual: float
     symmetry: float
     closure: float
@@ -103,24 +108,37 @@ def finite_horizon_riccati(
     return refined(linear_quadratic(system, Q, R, N), system.period, system.breaks, end, positive("tol", tol))
 
 
+def periodic_lyapunov(system: PeriodicSystem, Q: MatrixFunction | ArrayLike, tol: float = 1e-9) -> RiccatiSolution:
+    """Find the cost x' X x of letting a stable system run: the Riccati equation without an input.
+
+        -X' = A' X + X A + Q,   X(t + T) = X(t)
+
+    Parameters: Q (n, n) symmetric positive semidefinite, constant or a function (N,) -> (N, n, n).
+    Returns: X(t) with its error; its K(t) is zero.
+    Raises: ArgumentError; NotStabilizable, naming the mode, when the system is not stable; ToleranceNotReached.
+    """
+    idle = PeriodicSystem(system.A, system.period, np.zeros((system.n, 1)), system.breaks)
+    return periodic_riccati(idle, Q, np.eye(1), tol=tol)
+
+
 def refined(
     problem: LinearQuadratic, horizon: float, breaks: tuple[float, ...], end: Array | None, tol: float
 ) -> RiccatiSolution:
     """Solve on finer and finer panels until the error is below tol or rounding stops it."""
-    segments = first_guess(problem, horizon, tol)
+    starts, stages = first_panels(problem, horizon, breaks, end, tol)
     best: RiccatiSolution | None = None
     for _ in range(ROUNDS):
-        solution = solve_on(edges(horizon, breaks, -(-segments // (NODES - 1))), problem, end)
-        if solution.error <= tol:
-            return solution
-        if best is not None and solution.error > 0.5 * best.error:
+        solution, parts = solve_on(starts, problem, end, stages, tol)
+        if best is None or solution.error < best.error:
+            best = solution
+        if best.error <= tol:
+            return best
+        finer = split(starts, parts)
+        if len(finer) == len(starts) or (len(finer) - 1) * (NODES - 1) > MAX_SEGMENTS:
             break
-        best = solution
-        segments = int(solution.segments * np.clip((solution.error / tol) ** (1 / 9), 1.25, 4.0))
-        if segments > MAX_SEGMENTS:
-            break
+        starts = finer
     assert best is not None
-    if best.error > 1e-6:
+    if best.error > max(1e-6, 10 * tol):
         raise ToleranceNotReached(
             "the Riccati equation was not solved to the asked accuracy",
             got=f"error {best.error:.2g} with {best.segments} segments",
@@ -131,84 +149,79 @@ def refined(
     return replace(best, status=limited)
 
 
-def first_guess(problem: LinearQuadratic, horizon: float, tol: float) -> int:
-    """Segments h with c (h rho)^(2 s - 1) = tol for the check's s - 1 stages, rho the Hamiltonian's largest spectral radius.
+def first_panels(
+    problem: LinearQuadratic, horizon: float, breaks: tuple[float, ...], end: Array | None, tol: float
+) -> tuple[Array, int]:
+    """Choose panels and the stages of collocation, 0 for Magnus' exponential where that is less work.
 
-    c = (s!)^2 / ((2 s)! (2 s + 1)!) is the error constant of the diagonal Pade approximation of the exponential.
+    Collocation needs c (h rho)^(2 s - 1) = tol for the check's s - 1 stages, rho the Hamiltonian's largest spectral radius and
+    c = (s!)^2 / ((2 s)! (2 s + 1)!) the error constant of the diagonal Pade approximation. Magnus' need is seen from a trial.
     """
     s = STAGES - 1
     powers = np.cumprod(np.append(1.0, np.arange(1, 2 * s + 2)))
     reach = (max(tol, 1e-13) * powers[2 * s] * powers[2 * s + 1] / powers[s] ** 2) ** (1 / (2 * s + 1))
     sampled = problem.hamiltonian(horizon * (np.arange(32) + 0.5) / 32)
-    radius = np.abs(np.linalg.eigvals(sampled)).max()
-    return int(np.clip(np.ceil(horizon * radius / reach), 4 * (NODES - 1), MAX_SEGMENTS))
+    collocated = int(np.ceil(horizon * np.abs(np.linalg.eigvals(sampled)).max() / reach))
+    trial = edges(horizon, breaks, TRIAL_PANELS)
+    if collocated > 2 * (NODES - 1) * TRIAL_PANELS:
+        with suppress(NumericalError):
+            solution, _ = solve_on(trial, problem, end, 0, tol)
+            averaged = solution.segments * max(solution.method_error / tol, 1.0) ** (1 / MAGNUS_ORDER)
+            if averaged < MAGNUS_GAIN * collocated:
+                return trial, 0
+    panels = min(-(-collocated // (NODES - 1)), MAX_SEGMENTS // (NODES - 1) // 2)
+    return edges(horizon, breaks, max(panels, 4)), STAGES
 
 
-def solve_on(starts: Array, problem: LinearQuadratic, end: Array | None) -> RiccatiSolution:
-    """Solve on given panels, with two orders of collocation and the dense output of the better one."""
+def solve_on(
+    starts: Array, problem: LinearQuadratic, end: Array | None, stages: int = STAGES, tol: float = 0.0
+) -> tuple[RiccatiSolution, Array]:
+    """Solve on given panels with two accuracies of the segments, and the dense output of the better one.
+
+    Returns: the solution, and into how many parts each panel should be split to reach tol.
+    """
     at = panel_nodes(starts)
     marks = np.append(at[:, :-1].ravel(), starts[-1])
-    coarse, *_ = costs(marks, problem, end, STAGES - 1)
-    X, symmetry, closure, doublings, rounding = costs(marks, problem, end, STAGES)
-    size = np.abs(X).max() or 1.0
-    values = np.stack(
-        [X[i : len(X) - NODES + 1 + i : NODES - 1] for i in range(NODES - 1)] + [X[NODES - 1 :: NODES - 1]], 1
-    )
+    if stages:
+        check, _ = gauss_segments(problem, marks, stages - 1)
+        segments, symmetry = gauss_segments(problem, marks, stages)
+        every, order = 1, 2 * stages - 2
+    else:
+        check, _ = magnus_segments(problem, marks[::2])
+        segments, symmetry = magnus_segments(problem, marks)
+        every, order = 2, MAGNUS_ORDER
+    coarse = costs_to_go(check, end, problem, marks)
+    fine = costs_to_go(segments, end, problem, marks)
+    X, size = fine.X, float(np.abs(fine.X).max()) or 1.0
+    values = X[np.arange(len(starts) - 1)[:, None] * (NODES - 1) + np.arange(NODES)]
     polynomials = interpolate(starts, values, slopes_inside(problem, at, values))
-    return RiccatiSolution(
+    left_out, method_error = polynomials.tails() / size, float(np.abs(X[::every] - coarse.X).max() / size)
+    if not stages:
+        method_error /= 2 ** (MAGNUS_ORDER - 1)
+    solution = RiccatiSolution(
         problem=problem,
         horizon=float(starts[-1]),
         periodic=end is None,
         polynomials=polynomials,
-        error=float(np.abs(X - coarse).max() / size + polynomials.tail() / size + closure + rounding),
+        error=method_error + float(left_out.max()) + fine.closure + fine.rounding,
+        method_error=method_error,
         residual=relative_residual(problem, polynomials, size),
         symmetry=symmetry,
-        closure=closure,
-        doublings=doublings,
+        closure=fine.closure,
+        doublings=fine.doublings,
         segments=len(marks) - 1,
         status="converged",
     )
+    room = max(0.5 * tol, 1e-15)
+    for_method = np.ceil(np.clip((method_error / room) ** (1 / order), 1, 4))
+    for_output = np.ceil(np.clip((left_out / room) ** (1 / (2 * NODES)), 1, 4))
+    return solution, np.maximum(for_method, for_output).astype(int)
 
 
-def costs(
-    marks: Array, problem: LinearQuadratic, end: Array | None, stages: int
-) -> tuple[Array, float, float, int, float]:
-    """Return X at all marks, the segments' asymmetry, the closure, the number of doublings, and the share of rounding.
-
-    A rounding error made once in every period adds up over the periods that the closed loop remembers.
-    """
-    rule = gauss(stages)
-    Phi = transitions(samples(problem.hamiltonian, nodes(marks, rule.c)), np.diff(marks), rule)
-    segments, symmetry = from_hamiltonian(Phi)
-    levels = product_tree(segments)
-    if end is not None:
-        return costs_at_edges(levels, end), symmetry, 0.0, 0, ROUNDING
-    last, doublings, memory = doubled(segments, levels[-1][0], problem, marks)
-    X = costs_at_edges(levels, last)
-    closure = float(np.abs(X[0] - last).max() / (np.abs(X).max() or 1.0))
-    return X, symmetry, closure, doublings, ROUNDING * memory
-
-
-def doubled(segments: Segment, period: Segment, problem: LinearQuadratic, marks: Array) -> tuple[Array, int, float]:
-    """Double one period until the cost H of 2^k periods stops changing and the loop's memory F is gone.
-
-    Returns: H, the number of doublings, and the norm of the sum of (F^k)' F^k over all periods: the loop's memory.
-    Raises: NotStabilizable when H grows for ever; NotDetectable when G does, or F does not decay.
-    """
-    limits = sizes_without_coupling(problem, float(marks[-1]))
-    whole, scale, memory = period, max(float(np.abs(period.F).max()), 1.0), np.eye(len(period.F))
-    for k in range(MAX_DOUBLINGS):
-        twice = star_product(whole, whole)
-        if not np.abs(twice.H).max() < limits[0]:
-            raise blocked_mode(True, segments, whole, 1e-6 * limits[0], problem, marks)
-        if not np.abs(twice.G).max() < limits[1]:
-            break
-        memory = memory + whole.F.T @ memory @ whole.F
-        before, whole = whole, twice
-        rests = np.abs(whole.H - before.H).max() <= 1e-16 * np.abs(whole.H).max()
-        if rests and np.abs(whole.F).max() <= 1e-8 * scale:
-            return whole.H, k + 1, float(np.linalg.norm(memory, 2))
-    raise blocked_mode(False, segments, whole, 1e-6 * limits[1], problem, marks)
+def split(starts: Array, parts: Array) -> Array:
+    """Split each panel into its number of equal parts."""
+    pieces = [np.linspace(a, b, p + 1)[:-1] for (a, b), p in zip(pairwise(starts), parts, strict=True)]
+    return np.append(np.concatenate(pieces), starts[-1])
 
 
 def slopes_inside(problem: LinearQuadratic, at: Array, values: Array) -> Array:

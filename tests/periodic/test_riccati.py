@@ -101,7 +101,7 @@ def test_dense_output_has_order_ten():
     problem = linear_quadratic(rotated(), np.eye(2), np.eye(1))
     t = np.linspace(0, np.pi, 400)
     exact = rotation(t) @ Z @ np.swapaxes(rotation(t), 1, 2)
-    errors = [np.abs(solve_on(edges(np.pi, (), p), problem, None).X(t) - exact).max() for p in (4, 8)]
+    errors = [np.abs(solve_on(edges(np.pi, (), p), problem, None)[0].X(t) - exact).max() for p in (4, 8)]
     assert 9.0 < np.log2(errors[0] / errors[1]) < 11.0
 
 

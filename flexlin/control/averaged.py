@@ -1,0 +1,54 @@
+"""One constant LQR gain for the average of the coefficients over a period."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexlin.checks import Array
+from flexlin.control.design import Design
+from flexlin.control.weights import check_constant_pair
+from flexlin.periodic.collocation import gauss, nodes, samples
+from flexlin.periodic.grid import edges
+from flexlin.periodic.linear_quadratic import linear_quadratic
+from flexlin.periodic.system import MatrixFunction, PeriodicSystem
+
+SEGMENTS, STAGES = 16, 8
+
+
+def averaged_lqr(
+    system: PeriodicSystem,
+    Q: MatrixFunction | ArrayLike,
+    R: MatrixFunction | ArrayLike,
+    N: MatrixFunction | ArrayLike | None = None,
+    name: str = "averaged LQR",
+) -> Design:
+    """Design one constant gain from the coefficients averaged over the period.
+
+        A0 = 1/T int A dt, and so on;   A0' X + X A0 - (X B0 + N0) R0^-1 (B0' X + N0') + Q0 = 0,   u = -K x
+
+    Assumes fast coefficients (averaging): nothing guarantees a stable loop, so look at its Floquet verdict.
+
+    Returns: a design with a constant gain, which is exact: error 0.
+    Raises: ArgumentError; NotStabilizable, NotDetectable, naming eigenvalue and direction.
+    Source: Sanders, Verhulst, Murdock, Averaging Methods (2007); `control.lqr`.
+    """
+    import control
+
+    problem = linear_quadratic(system, Q, R, N)
+    A, B, state, effort, cross = (
+        mean(system, coefficient) for coefficient in (problem.A, problem.B, problem.Q, problem.R, problem.N)
+    )
+    check_constant_pair(A, B, state, "on average")
+    K = control.lqr(A, B, state, effort, cross)[0]
+
+    def gain(t: Array) -> Array:
+        return np.broadcast_to(K, (len(t), *K.shape))
+
+    status = "one constant gain for the averaged coefficients; the verdict is Floquet's"
+    return Design(name, "averaged-lqr", gain, system.feedback(gain), 0.0, status, problem)
+
+
+def mean(system: PeriodicSystem, coefficient: MatrixFunction) -> Array:
+    """Average a coefficient over the period by Gauss quadrature between the breaks."""
+    rule, marks = gauss(STAGES), edges(system.period, system.breaks, SEGMENTS)
+    values = samples(coefficient, nodes(marks, rule.c))
+    return np.einsum("k,s,ksij->ij", np.diff(marks), rule.b, values) / system.period

@@ -1,0 +1,56 @@
+"""The optimal time-varying feedback of a motion with an end."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexlin.checks import Array
+from flexlin.control.design import Design
+from flexlin.control.weights import check_constant_pair
+from flexlin.periodic.linear_quadratic import linear_quadratic
+from flexlin.periodic.riccati import finite_horizon_riccati
+from flexlin.periodic.system import MatrixFunction, PeriodicSystem
+
+
+def finite_horizon_lqr(
+    system: PeriodicSystem,
+    Q: MatrixFunction | ArrayLike,
+    R: MatrixFunction | ArrayLike,
+    N: MatrixFunction | ArrayLike | None = None,
+    end: ArrayLike | None = None,
+    tol: float = 1e-9,
+    name: str = "finite-horizon LQR",
+) -> Design:
+    """Design the feedback that is optimal over [0, T] and ends with the cost x(T)' end x(T).
+
+        -X' = A' X + X A - (X B + N) R^-1 (B' X + N') + Q,   X(T) = end
+
+    With end = None the cost after T is that of the LQR for the coefficients at rest at T, so the gain goes over into it.
+
+    Parameters: system: its period is the horizon T in s; end (n, n) symmetric positive semidefinite.
+    Returns: a design; K(t), X(t) hold for 0 <= t <= T. Its closed loop repeats the horizon: a Floquet verdict on it answers for a
+    motion that is repeated.
+    Raises: ArgumentError; NotStabilizable, NotDetectable at the end; ToleranceNotReached.
+    Source: Anderson, Moore, Optimal Control: Linear Quadratic Methods (1990), ch. 2-3.
+    """
+    final = cost_at_rest(system, Q, R, N) if end is None else end
+    solution = finite_horizon_riccati(system, Q, R, final, N, tol)
+    repeated = system.feedback(lambda t: solution.K(np.mod(t, system.period)), (0.0,))
+    return Design(
+        name, "finite-horizon-lqr", solution.K, repeated, solution.error, solution.status, solution.problem, solution
+    )
+
+
+def cost_at_rest(
+    system: PeriodicSystem,
+    Q: MatrixFunction | ArrayLike,
+    R: MatrixFunction | ArrayLike,
+    N: MatrixFunction | ArrayLike | None,
+) -> Array:
+    """Return the LQR cost of the coefficients at the end of the horizon."""
+    import control
+
+    problem, last = linear_quadratic(system, Q, R, N), np.array([system.period * (1 - 1e-12)])
+    A, B, state, effort, cross = (f(last)[0] for f in (problem.A, problem.B, problem.Q, problem.R, problem.N))
+    check_constant_pair(A, B, state, "at the end of the horizon")
+    X = control.lqr(A, B, state, effort, cross)[1]
+    return 0.5 * (X + X.T)

@@ -1,0 +1,164 @@
+"""Every kind of design: one interface, costs that agree with integration, optimality, and named refusals."""
+
+from types import SimpleNamespace
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+import flexlin as fl
+from flexlin.control import averaged_lqr, design, finite_horizon_lqr, frozen_lqr, pd_feedback, periodic_lqr
+from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
+
+KINDS = ("periodic-lqr", "frozen-lqr", "averaged-lqr", "finite-horizon-lqr")
+
+
+def pendulums(depth=0.8, damping=0.02):
+    """Two coupled oscillators, one driven, whose stiffness swings through a parametric resonance."""
+
+    def stiffness(t):
+        out = np.tile(np.array([[2.0, -0.6], [-0.6, 1.3]]), (len(t), 1, 1))
+        out[:, 0, 0] += depth * np.cos(2 * t)
+        out[:, 1, 1] += depth * np.sin(2 * t)
+        return out
+
+    return fl.PeriodicSystem.from_second_order(
+        np.array([[1.5, 0.2], [0.2, 1.0]]), damping * np.eye(2), stiffness, np.pi, np.array([[1.0], [0.0]])
+    )
+
+
+Q, R = np.diag([2.0, 2.0, 1.0, 1.0]), np.array([[0.5]])
+
+
+def table(kind, **changes):
+    content = {"name": "mine", "kind": kind, "state_weight": np.diag(Q), "input_weight": np.diag(R), "phases": 24}
+    return SimpleNamespace(**(content | changes))
+
+
+def integrated_cost(made, x0, periods=40):
+    """The integral of x' Q x + u' R u along the closed loop, by SciPy."""
+
+    def rate(t, z):
+        at, x = np.array([t]), z[:-1]
+        u = -made.K(at)[0] @ x
+        return np.append(made.closed_loop.A(at)[0] @ x, x @ Q @ x + u @ R @ u)
+
+    run = solve_ivp(rate, (0, periods * np.pi), np.append(x0, 0.0), "DOP853", rtol=1e-10, atol=1e-12)
+    return run.y[-1, -1]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_all_kinds_share_one_interface(kind):
+    system = pendulums()
+    made = design(system, table(kind))
+    t = np.array([0.1, 1.0, 2.5])
+    assert made.name == "mine"
+    assert made.kind == kind
+    assert made.K(t).shape == (3, 1, 4)
+    assert np.allclose(made.closed_loop.A(t), system.A(t) - system.B(t) @ made.K(t), atol=1e-12)
+    assert fl.floquet(made.closed_loop).verdict == "stable"
+    assert np.isfinite(made.error)
+    assert made.status
+
+
+@pytest.mark.parametrize("kind", KINDS[:3])
+def test_cost_is_the_integral_along_the_loop(kind):
+    made = design(pendulums(), table(kind))
+    x0 = np.array([0.3, -0.2, 0.1, 0.4])
+    assert made.cost(x0) == pytest.approx(integrated_cost(made, x0), rel=1e-7)
+
+
+@given(st.lists(st.floats(-1, 1), min_size=4, max_size=4), st.floats(0, 3))
+@settings(max_examples=20, deadline=None)
+def test_no_design_is_cheaper_than_the_periodic_one(start, t):
+    best, *others = DESIGNS
+    for other in others:
+        assert best.cost(start, t) <= other.cost(start, t) * (1 + 1e-9) + 1e-12
+
+
+DESIGNS = [
+    periodic_lqr(pendulums(), Q, R),
+    frozen_lqr(pendulums(), Q, R),
+    averaged_lqr(pendulums(), Q, R),
+    pd_feedback(pendulums(), [0], [3.0], [2.0], problem=periodic_lqr(pendulums(), Q, R).problem),
+]
+
+
+def test_constant_system_gives_the_lqr_of_python_control_in_every_kind():
+    system = pendulums(depth=0.0)
+    A, B = system.A(np.zeros(1))[0], system.B(np.zeros(1))[0]
+    K, X, poles = control.lqr(A, B, Q, R)
+    for kind in KINDS:
+        made = design(system, table(kind))
+        assert np.abs(made.K(np.array([0.0, 0.7, 2.0])) - K).max() < 1e-8
+        assert np.abs(made.X(np.array([0.7])) - X).max() < 1e-8 * np.abs(X).max()
+        real = np.sort(fl.floquet(made.closed_loop).exponents.real)
+        assert np.abs(real - np.sort(poles.real)).max() < 1e-7
+
+
+def test_unstable_loop_costs_without_end():
+    weak = pd_feedback(pendulums(damping=-0.05), [0], [0.0], [0.0], problem=DESIGNS[0].problem)
+    assert fl.floquet(weak.closed_loop).verdict == "unstable"
+    assert weak.cost(np.ones(4)) == np.inf
+
+
+def test_frozen_schedule_converges_with_the_phases():
+    errors = [frozen_lqr(pendulums(), Q, R, phases=k).error for k in (8, 16, 32)]
+    assert errors[0] > 8 * errors[1] > 64 * errors[2]
+
+
+def test_finite_horizon_ends_with_the_given_cost():
+    end = np.diag([3.0, 2.0, 1.0, 0.5])
+    made = finite_horizon_lqr(pendulums(), Q, R, end=end)
+    assert np.allclose(made.X(np.array([np.pi])), end, atol=1e-12)
+
+
+def test_periodic_gain_is_the_limit_of_long_horizons():
+    end = periodic_lqr(pendulums(), Q, R)
+    made = finite_horizon_lqr(pendulums(), Q, R, end=end.X(np.zeros(1))[0])
+    t = np.linspace(0, 3.1, 9)
+    assert np.abs(made.K(t) - end.K(t)).max() < 1e-8
+
+
+@pytest.mark.parametrize("kind", ["frozen-lqr", "averaged-lqr", "periodic-lqr"])
+def test_blocked_modes_are_named(kind):
+    A = np.diag([0.5, -1.0, 0.25])
+    unreached = fl.PeriodicSystem(A, 1.0, np.array([[1.0], [1.0], [0.0]]))
+    with pytest.raises(NotStabilizable, match=r"0\.25"):
+        design(unreached, table(kind, state_weight=(1, 1, 1)))
+    unseen = fl.PeriodicSystem(A, 1.0, np.ones((3, 1)))
+    with pytest.raises(NotDetectable, match=r"0\.5"):
+        design(unseen, table(kind, state_weight=(0, 1, 1)))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"kind": "magic"}, "no such kind"),
+        ({"state_weight": (1, 1, 1)}, "state_weight has the wrong length"),
+        ({"input_weight": (0.0,)}, "R is not positive definite"),
+        ({"state_weight": (1, 1, -1, 1)}, "Q is indefinite"),
+    ],
+)
+def test_bad_tables_are_refused(changes, message):
+    with pytest.raises(ArgumentError, match=message):
+        design(pendulums(), table(**({"kind": "periodic-lqr"} | changes)))
+
+
+def test_a_stiff_loop_takes_the_exponential_and_agrees_with_collocation():
+    """Cheap control of a light inertia: a loop at -3e3/s beside slow modes."""
+    from flexlin.periodic.riccati import edges, linear_quadratic, solve_on
+
+    def stiffness(t):
+        return np.array([[3.0, -1.0], [-1.0, 2.0]]) * (1 + 0.3 * np.cos(2 * np.pi * t))[:, None, None]
+
+    system = fl.PeriodicSystem.from_second_order(
+        np.diag([1e-3, 1.0]), 0.01 * np.eye(2), stiffness, 1.0, np.array([[1.0], [0.0]])
+    )
+    made = periodic_lqr(system, np.eye(4), 0.1 * np.eye(1), tol=1e-9)
+    reference, _ = solve_on(edges(1.0, (), 400), linear_quadratic(system, np.eye(4), 0.1 * np.eye(1)), None)
+    t = np.random.default_rng(3).uniform(0, 1, 50)
+    assert np.abs(made.X(t) - reference.X(t)).max() < 1e-9 * np.abs(reference.X(t)).max()
