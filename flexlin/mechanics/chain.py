@@ -5,16 +5,14 @@ from dataclasses import replace
 
 import casadi as ca
 
-from flexlin.checks import Array
 from flexlin.errors import ArgumentError
-from flexlin.mechanics.beam import ShapeIntegrals, ShearFunctions, shape_integrals
 from flexlin.mechanics.body import Body, Moments
 from flexlin.mechanics.coordinates import Coordinates
 from flexlin.mechanics.effects import Effect, effects_of
 from flexlin.mechanics.effects.base import Chain
 from flexlin.mechanics.frames import Frame
-from flexlin.mechanics.link_shapes import profiles, shapes_of
-from flexlin.mechanics.links import BentLink
+from flexlin.mechanics.link_shapes import basis_of
+from flexlin.mechanics.links import Basis, BentLink
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.mechanics.parameters import Parameters
 from flexlin.scene.library import registered_model
@@ -26,8 +24,8 @@ from flexlin.scene.scene import Scene
 def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulator:
     """Derive the equations of the manipulator that a scene describes.
 
-    Coordinates: first the relative joint displacements q, then the elastic coordinates w link by link, then those that effects add
-    (shear v, motors theta). Energies by recursion over the links,
+    Coordinates: first the relative joint displacements q, then the elastic coordinates w link by link, then those of motors behind
+    flexible joints. Energies by recursion over the links,
     M, C, g by Lagrange's equations. An effect that is off adds no instruction and no coordinate.
 
     Assumes slender links in a plane, deflections small against the length.
@@ -40,12 +38,12 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
     free = Parameters.of_scene(scene, parameters)
     if scene.model is not None:
         return _registered(scene, free)
-    basis = [_basis(scene, i, effects_of(scene.effects)) for i in range(len(scene.links))]
+    basis = [basis_of(scene, i) for i in range(len(scene.links))]
     scene = free.placed_in(scene)
     effects = effects_of(scene.effects)
-    modes, shear = [link.modes for link in scene.links], [_shear_count(link, effects) for link in scene.links]
+    modes = [link.modes for link in scene.links]
     free_motors = any(effect.frees_motors() for effect in effects)
-    at, rate = (Coordinates.named(modes, shear, free_motors, mark) for mark in ("", "d_"))
+    at, rate = (Coordinates.named(modes, free_motors, mark) for mark in ("", "d_"))
     chain = _chain(scene.links, effects, basis, at, rate)
     T, V, R = _energies(chain, effects)
     measured = ca.jacobian(chain.motor, at.all)
@@ -82,22 +80,10 @@ def _registered(scene: Scene, free: Parameters) -> Manipulator:
     return replace(manipulator, parameters=free)
 
 
-def _shear_count(link: Link, effects: tuple[Effect, ...]) -> int:
-    return sum(effect.shear_functions(link) for effect in effects)
-
-
-def _basis(scene: Scene, index: int, effects: tuple[Effect, ...]) -> tuple[ShapeIntegrals, Array]:
-    """The integrals of a link's shapes and shear functions, and the roots of its modes: numbers, computed before any graph is built."""
-    link, shapes = scene.links[index], shapes_of(scene, index)
-    count = _shear_count(link, effects)
-    integrals = shape_integrals(shapes, *profiles(link), ShearFunctions(count) if count else None)
-    return integrals, shapes.beta
-
-
 def _chain(
     tables: tuple[Link, ...],
     effects: tuple[Effect, ...],
-    basis: list[tuple[ShapeIntegrals, Array]],
+    basis: list[Basis],
     at: Coordinates,
     rate: Coordinates,
 ) -> Chain:
@@ -107,7 +93,7 @@ def _chain(
         frame = _behind_joint(frame, table, at.q[i], rate.q[i])
         radius = sum((effect.joint_radius(i) for effect in effects), ca.SX(0))
         base = frame.moved(ca.vertcat(radius, 0), ca.SX.zeros(2))
-        link = BentLink(i, table, *basis[i], base, at.elastic[i], rate.elastic[i])
+        link = BentLink(i, table, basis[i], base, at.modes[i], rate.modes[i])
         joints.append(frame.turned(*link.base_turn))
         links.append(link)
         shortening = [effect.tip_shortening(link) for effect in effects]

@@ -1,4 +1,4 @@
-"""The coordinates of a chain: joints, elastic ones link by link, shear ones link by link, motors."""
+"""The coordinates of a chain: joints, elastic ones link by link, motors."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -8,33 +8,26 @@ import casadi as ca
 
 @dataclass(frozen=True, eq=False)
 class Coordinates:
-    """Named symbols s = [q; w; v; theta]: q of each joint, w and v of each link's modes and shear functions, theta of free motors."""
+    """Named symbols s = [q; w; theta]: q of each joint, w of each link's modes, theta of free motors."""
 
     q: ca.SX
     modes: tuple[ca.SX, ...]
-    shear: tuple[ca.SX, ...]
     motors: ca.SX
 
     @classmethod
-    def named(cls, modes: Sequence[int], shear: Sequence[int], free_motors: bool, mark: str = "") -> "Coordinates":
-        """Make the symbols for links with these numbers of modes and shear functions; `mark` goes before each name."""
+    def named(cls, modes: Sequence[int], free_motors: bool, mark: str = "") -> "Coordinates":
+        """Make the symbols for links with these numbers of modes; `mark` goes before each name."""
         joints = range(1, len(modes) + 1)
         return cls(
             q=_symbols(f"{mark}q{i}" for i in joints),
             modes=tuple(_of_link(f"{mark}w{i}", n) for i, n in zip(joints, modes, strict=True)),
-            shear=tuple(_of_link(f"{mark}v{i}", n) for i, n in zip(joints, shear, strict=True)),
             motors=_symbols(f"{mark}theta{i}" for i in joints) if free_motors else ca.SX(0, 1),
         )
 
     @property
     def all(self) -> ca.SX:
         """s, (n, 1)."""
-        return ca.vertcat(self.q, *self.modes, *self.shear, self.motors)
-
-    @property
-    def elastic(self) -> tuple[ca.SX, ...]:
-        """One vector a link: its modes, then its shear functions."""
-        return tuple(ca.vertcat(w, v) for w, v in zip(self.modes, self.shear, strict=True))
+        return ca.vertcat(self.q, *self.modes, self.motors)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -1,38 +1,62 @@
 """Which assumed modes a link has: from its table, and from the bodies that its ends carry."""
 
+import numpy as np
+
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.beam import (
     Ends,
     Profile,
+    Section,
     Shapes,
     clamped_free,
     clamped_with_tip,
     finite_elements,
     pinned_with_hub,
+    shape_integrals,
     tapered,
 )
 from flexlin.mechanics.carried import carried_by, hub_inertia
+from flexlin.mechanics.effects.base import per_joint
+from flexlin.mechanics.links import Basis
 from flexlin.scene.links import Link
 from flexlin.scene.scene import Scene
 
 
-def shapes_of(scene: Scene, index: int) -> Shapes:
-    """Return the shapes that the table of a link asks for.
+def basis_of(scene: Scene, index: int) -> Basis:
+    """Return the integrals of the shapes that the table of a link asks for: numbers, computed before any graph is built.
 
-    Loaded and hub shapes take the bodies of the scene as they are; shapes are numbers, so they keep those bodies when a mass is left
-    free as a symbol (the basis then is no longer exact, but remains a basis).
+    Loaded, hub and sheared shapes take the scene's numbers as they are, and keep them when a mass is left free as a symbol
+    (the basis then is no longer exact, but remains a basis).
     """
-    link = scene.links[index]
+    shapes, section = shapes_of(scene, index), section_of(scene, index)
+    integrals = shape_integrals(shapes, *profiles(scene.links[index]))
+    stiffness = np.diag(integrals.bending) + (section.shear or 0.0) * np.diag(integrals.shear)
+    return Basis(integrals, shapes.beta, stiffness)
+
+
+def shapes_of(scene: Scene, index: int) -> Shapes:
+    """Return the shapes themselves."""
+    link, section = scene.links[index], section_of(scene, index)
     ends, base = ends_of(scene, index), "pinned" if link.pinned else "clamped"
     if link.mode_shapes == "finite-element":
         return finite_elements(link.modes, link.elements, *profiles(link), ends)
-    if link.sections is not None:
-        return tapered(link.modes, *profiles(link), ends, base)
+    if link.sections is not None or section.shear is not None:
+        return tapered(link.modes, *profiles(link), ends, base, section)
     if link.pinned:
         return pinned_with_hub(link.modes, ends.hub_inertia)
     if link.mode_shapes == "clamped-loaded":
         return clamped_with_tip(link.modes, ends.mass, ends.inertia)
     return clamped_free(link.modes)
+
+
+def section_of(scene: Scene, index: int) -> Section:
+    """The height of a link's sections, relative to its length and bending stiffness, where the scene lets them shear."""
+    link, shear, rotary = scene.links[index], scene.effects.shear, scene.effects.rotary_inertia
+    if shear is None or not link.modes:
+        return Section()
+    gyration = per_joint(rotary.radius_of_gyration, index, single="every") / link.length if rotary else 0.0
+    stiffness = per_joint(shear.stiffness, index, single="every")
+    return Section(stiffness * link.length**2 / link.bending_stiffness, gyration)
 
 
 def profiles(link: Link) -> tuple[Profile | None, Profile | None]:

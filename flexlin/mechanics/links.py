@@ -12,17 +12,25 @@ from flexlin.scene.links import Link
 
 
 @dataclass(frozen=True)
+class Basis:
+    """A link's assumed modes as numbers: integrals, roots beta (n,), and each mode's stiffness (n,) relative to EI / l^3."""
+
+    integrals: ShapeIntegrals
+    beta: Array
+    stiffness: Array
+
+
+@dataclass(frozen=True)
 class BentLink:
     """A link whose axis is displaced by w(x, t) = sum X_k(x) w_k(t) across its frame's x-axis.
 
-    Assumes small deflections of a slender beam; `w`, `w_rate` are (n, 1) in m and m/s (X is dimensionless): the link's modes, then
-    its shear functions if it has any. The shape integrals are dimensionless numbers, so length, mass and stiffness may be symbols.
+    Assumes small deflections of a slender beam; `w`, `w_rate` are (modes, 1) in m and m/s (X is dimensionless).
+    The shape integrals are dimensionless numbers, so length, mass and stiffness may be symbols.
     """
 
     index: int
     table: Link
-    integrals: ShapeIntegrals
-    beta: Array
+    basis: Basis
     base: Frame
     w: ca.SX
     w_rate: ca.SX
@@ -43,14 +51,14 @@ class BentLink:
         if not self.bends:
             return ca.SX(0)
         stiffness = ca.SX(self.table.bending_stiffness) / self.table.length**3
-        return stiffness / 2 * ca.bilin(ca.DM(self.integrals.bending), self.w, self.w)
+        return stiffness / 2 * ca.bilin(ca.DM(self.basis.integrals.bending), self.w, self.w)
 
     @property
     def base_turn(self) -> tuple[ca.SX, ca.SX]:
         """The slope w'(0) of pinned shapes, with its rate: the hub turns by it beside the joint coordinate; zero when clamped."""
         if not self.table.pinned:
             return ca.SX(0), ca.SX(0)
-        slope = ca.DM(self.integrals.base_slope) / self.table.length
+        slope = ca.DM(self.basis.integrals.base_slope) / self.table.length
         return ca.dot(slope, self.w), ca.dot(slope, self.w_rate)
 
     def moments(self) -> Moments:
@@ -58,7 +66,7 @@ class BentLink:
 
         first = (int rhoA x, int rhoA w),  second = int rhoA (x^2 + w^2),  swirl = int rhoA x w',  agitation = int rhoA w'^2.
         """
-        k, m, length = self.integrals, self.mass, self.table.length
+        k, m, length = self.basis.integrals, self.mass, self.table.length
         mode, gram = ca.DM(k.mode), ca.DM(k.gram)
         return Moments(
             mass=m * k.mass,
@@ -71,7 +79,7 @@ class BentLink:
 
     def tip(self, shortening: ca.SX, shortening_rate: ca.SX) -> Frame:
         """The frame at the tip, turned by the slope w'(l); `shortening` is the tip's displacement along x (negative when bent)."""
-        k, length = self.integrals, self.table.length
+        k, length = self.basis.integrals, self.table.length
         across, slope = ca.DM(k.tip), ca.DM(k.tip_slope) / length
         offset = ca.vertcat(length + shortening, ca.dot(across, self.w))
         offset_rate = ca.vertcat(shortening_rate, ca.dot(across, self.w_rate))

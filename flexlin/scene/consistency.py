@@ -82,13 +82,10 @@ def _joint_counts(raw: dict[str, Any]) -> Iterator[Problem]:
 
 
 def _added_coordinates(links: list[dict[str, Any]], raw: dict[str, Any]) -> int:
-    """How many coordinates there are beside the driven joints: modes, shear functions, free motors."""
+    """How many coordinates there are beside the driven joints: modes and free motors."""
     effects = raw["effects"] if isinstance(raw.get("effects"), dict) else {}
     modes = [count for link in links if isinstance(count := link.get("modes", 0), int)]
-    shear = effects.get("shear")
-    functions = shear.get("functions", 2) if isinstance(shear, dict) else 0
-    sheared = functions * sum(count > 0 for count in modes) if isinstance(functions, int) else 0
-    return sum(modes) + sheared + (len(links) if "joint_flexibility" in effects else 0)
+    return sum(modes) + (len(links) if "joint_flexibility" in effects else 0)
 
 
 def _design_names(raw: dict[str, Any]) -> Iterator[Problem]:

@@ -50,10 +50,9 @@ class RotaryInertia(Table):
 
 
 class Shear(Table):
-    """Timoshenko's shear: stiffness kappa G A in N, for every link or one a link, with `functions` coordinates a bent link."""
+    """Timoshenko's shear: stiffness kappa G A in N, for every link or one a link."""
 
     stiffness: AllPositive
-    functions: Annotated[int, Field(strict=True, ge=1, le=20)] = 2
 
 
 class RayleighDamping(Table):

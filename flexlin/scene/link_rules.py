@@ -12,7 +12,7 @@ def link_contradictions(links: Sequence[RawLink], effects: dict[str, Any], joint
     """List what does not fit in the raw tables of the links, of their effects and of their joints' motion."""
     for i, link in enumerate(links):
         yield from _bending(f"links.{i}", link)
-        yield from _shapes(f"links.{i}", link)
+        yield from _shapes(f"links.{i}", link, "shear" in effects)
         if _pinned(link):
             yield from _pinned_joint(i, effects, joints)
     for name, table in effects.items():
@@ -36,11 +36,15 @@ def _bending(key: str, link: RawLink) -> Iterator[Problem]:
         yield Problem(f"{key}.length", "0", "a positive number, because modes is not 0")
 
 
-def _shapes(key: str, link: RawLink) -> Iterator[Problem]:
+def _shapes(key: str, link: RawLink, sheared: bool) -> Iterator[Problem]:
     shapes = link.get("mode_shapes", "clamped-free")
     for setting, needed in (("carried", "clamped-loaded"), ("elements", "finite-element")):
         if setting in link and shapes != needed:
             yield Problem(f"{key}.{setting}", f"a value beside mode_shapes = {shapes!r}", f"only beside {needed!r}")
+    if shapes == "finite-element" and sheared:
+        yield Problem(
+            f"{key}.mode_shapes", repr(shapes), "other shapes beside effects.shear, because these elements do not shear"
+        )
 
 
 def _pinned(link: RawLink) -> bool:

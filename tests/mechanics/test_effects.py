@@ -14,7 +14,7 @@ ON = {
     "hub": {"mass": [0.3, 0.2], "inertia": [0.02, 0.01], "radius": [0.04, 0.02]},
     "geometric_stiffening": {},
     "rotary_inertia": {"radius_of_gyration": 0.02},
-    "shear": {"stiffness": 300.0, "functions": 2},
+    "shear": {"stiffness": 300.0},
     "modal_damping": {"ratio": [0.01, 0.03]},
     "rayleigh_damping": {"mass_factor": 0.1, "stiffness_factor": 1e-3},
     "kelvin_voigt_damping": {"retardation_time": 2e-3},
@@ -23,7 +23,7 @@ ON = {
     "coulomb_friction": {"torque": [0.3, 0.1], "rate": 0.05},
     "motor": {"torque_constant": 0.05, "resistance": 2.0, "gear_ratio": [50.0, 30.0], "rotor_inertia": 1e-5},
 }
-ADDED = {"shear": 4, "joint_flexibility": 2}
+ADDED = {"joint_flexibility": 2}
 
 
 def test_all_effects_are_covered():
@@ -142,7 +142,7 @@ def test_an_effect_adds_its_own_coordinates_and_instructions_only(name):
 
 
 def test_taking_effects_off_one_by_one_always_shortens_the_graph():
-    tables = {name: ON[name] for name in ON if name not in ("shear", "joint_flexibility")}
+    tables = {name: ON[name] for name in ON if name != "joint_flexibility"}
     counts = [instructions(arm_of({}, {}, effects=tables))]
     for name in list(tables):
         del tables[name]

@@ -29,6 +29,10 @@ class Polynomials:
         """Return phi or its derivative with respect to xi: (N,) -> (n, N)."""
         return legendre_series(self.n, derivative - 2, xi)
 
+    def rotation(self, xi: Array, derivative: int = 0) -> Array:
+        """Return X', the section's rotation, or its derivative: (N,) -> (n, N)."""
+        return self.values(xi, derivative + 1)
+
 
 @dataclass(frozen=True)
 class HermiteElements:
@@ -68,13 +72,22 @@ class HermiteElements:
         whole[2 * element + np.arange(4)[:, None], np.arange(len(place))] = local
         return whole[2:] * float(self.elements) ** derivative
 
+    def rotation(self, xi: Array, derivative: int = 0) -> Array:
+        """Return X', the section's rotation, or its derivative: (N,) -> (n, N)."""
+        return self.values(xi, derivative + 1)
+
 
 @dataclass(frozen=True)
-class ShearFunctions:
-    """Y_k' = sqrt(2k + 1) P_k(2 xi - 1), Y_k(0) = 0: deflections by shear alone, orthonormal in shear on a uniform beam."""
+class ShearedPolynomials:
+    """The polynomials phi, that bend and turn the sections, and Y_k' = sqrt(2k + 1) P_k(2 xi - 1), Y_k(0) = 0, that shear alone."""
 
-    n: int
+    degree: int
     breaks: tuple[float, ...] = ()
+
+    @property
+    def n(self) -> int:
+        """As many of one kind as of the other."""
+        return 2 * self.degree
 
     @property
     def beta(self) -> Array:
@@ -84,11 +97,16 @@ class ShearFunctions:
     @property
     def order(self) -> int:
         """Exact for products of two."""
-        return self.n + 4
+        return self.degree + 4
 
     def values(self, xi: Array, derivative: int = 0) -> Array:
-        """Return Y or its derivative with respect to xi: (N,) -> (n, N)."""
-        return legendre_series(self.n, derivative - 1, xi)
+        """Return the deflections or their derivative with respect to xi: (N,) -> (n, N)."""
+        return np.concatenate([legendre_series(self.degree, derivative - below, xi) for below in (2, 1)])
+
+    def rotation(self, xi: Array, derivative: int = 0) -> Array:
+        """Return phi' above zeros, or its derivative: (N,) -> (n, N)."""
+        bending = legendre_series(self.degree, derivative - 1, xi)
+        return np.concatenate([bending, np.zeros_like(bending)])
 
 
 def legendre_series(n: int, derivative: int, xi: Array) -> Array:

@@ -1,6 +1,5 @@
 """The integrals of the shapes that the energies of a link need, computed once, before any expression graph is built."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -15,7 +14,7 @@ from flexlin.mechanics.beam.shapes import Shapes
 class ShapeIntegrals:
     """Integrals over xi in [0, 1] of shapes X with relative mass mu and relative bending stiffness eps.
 
-        Gamma(xi) = int_0^xi X' X'^T,   psi = X' without the shear functions: the section's rotation
+        Gamma(xi) = int_0^xi X' X'^T,   psi: the section's rotation, X' where nothing shears
 
     All are dimensionless; the chain scales them: int rhoA X dx = rhoA l mode, int EI X''^2 dx = EI / l^3 bending,
     int rhoA Gamma dx = rhoA shortening, and so on. Shapes: n = number of modes. `error` is the largest difference to a
@@ -51,7 +50,6 @@ def shape_integrals(
     shapes: Shapes,
     mass_profile: Profile | None = None,
     stiffness_profile: Profile | None = None,
-    shear: Shapes | None = None,
 ) -> ShapeIntegrals:
     """Integrate the shapes by Gauss-Legendre quadrature between their breaks.
 
@@ -62,31 +60,22 @@ def shape_integrals(
     Assumes shapes and profiles smooth between their breaks, and the profiles resolved by 8 nodes more than the shapes need; `error` tells.
 
     Parameters: profiles relative to the link's own mass per length (and section's area) and stiffness (and second moment of area);
-    None is 1 everywhere; shear: functions that deflect the axis without turning the section, appended to the shapes.
+    None is 1 everywhere.
     Returns: ShapeIntegrals, (n,) and (n, n) arrays; zero-size when there are no modes.
     """
-    mu, eps, parts = (
-        mass_profile or UNIFORM,
-        stiffness_profile or UNIFORM,
-        [shapes] if shear is None else [shapes, shear],
-    )
-    breaks = [x for part in parts for x in part.breaks]
-    edges = np.unique([0.0, *breaks, *mu.breaks, *eps.breaks, 1.0])
-    order = max(part.order for part in parts) + 8
-    first = integrate(parts, mu, eps, edges, order)
-    return ShapeIntegrals(**first, error=difference(first, integrate(parts, mu, eps, edges, order + 15)))
+    mu, eps = mass_profile or UNIFORM, stiffness_profile or UNIFORM
+    edges = np.unique([0.0, *shapes.breaks, *mu.breaks, *eps.breaks, 1.0])
+    order = shapes.order + 8
+    first = integrate(shapes, mu, eps, edges, order)
+    return ShapeIntegrals(**first, error=difference(first, integrate(shapes, mu, eps, edges, order + 15)))
 
 
-def integrate(parts: Sequence[Shapes], mu: Profile, eps: Profile, edges: Array, order: int) -> dict[str, Any]:
+def integrate(shapes: Shapes, mu: Profile, eps: Profile, edges: Array, order: int) -> dict[str, Any]:
     """Compute all fields with one rule; int mu Gamma = int X' X'^T (int_xi^1 mu), by parts."""
     xi, weight = panels(edges, order)
     outer, outer_first = remaining(mu, edges, order)
-    bending = np.arange(sum(part.n for part in parts)) < parts[0].n  # the first part alone turns the sections
-
-    def values(x: Array, derivative: int) -> Array:
-        return np.concatenate([part.values(x, derivative) for part in parts])
-
-    X, slope, psi, curvature = values(xi, 0), values(xi, 1), *(values(xi, d) * bending[:, None] for d in (1, 2))
+    X, slope = shapes.values(xi), shapes.values(xi, 1)
+    psi, curvature = shapes.rotation(xi), shapes.rotation(xi, 1)
     ends = np.array([0.0, 1.0])
     load, second = weight * mu(xi), weight * eps(xi)
     return {
@@ -99,10 +88,10 @@ def integrate(parts: Sequence[Shapes], mu: Profile, eps: Profile, edges: Array, 
         "bending": (curvature * second) @ curvature.T,
         "shortening": (slope * weight * outer) @ slope.T,
         "shortening_moment": (slope * weight * outer_first) @ slope.T,
-        "tip": values(ends, 0)[:, 1],
-        "tip_slope": values(ends, 1)[:, 1] * bending,
+        "tip": shapes.values(ends)[:, 1],
+        "tip_slope": shapes.rotation(ends)[:, 1],
         "tip_shortening": (slope * weight) @ slope.T,
-        "base_slope": values(ends, 1)[:, 0] * bending,
+        "base_slope": shapes.rotation(ends)[:, 0],
         "section": second.sum(),
         "rotation": psi @ second,
         "rotations": (psi * second) @ psi.T,

@@ -7,7 +7,7 @@ from scipy.linalg import eigh
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
-from flexlin.mechanics.beam.bases import HermiteElements, Polynomials
+from flexlin.mechanics.beam.bases import HermiteElements, Polynomials, ShearedPolynomials
 from flexlin.mechanics.beam.integrals import ShapeIntegrals, shape_integrals
 from flexlin.mechanics.beam.profile import Profile
 from flexlin.mechanics.beam.shapes import Shapes
@@ -21,6 +21,14 @@ class Ends:
     moment: float = 0.0
     inertia: float = 0.0
     hub_inertia: float = 0.0
+
+
+@dataclass(frozen=True)
+class Section:
+    """What a section of some height adds: shear stiffness kappa G A l^2 / EI (None: it does not shear), radius of gyration / l."""
+
+    shear: float | None = None
+    gyration: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -52,6 +60,11 @@ class ReducedShapes:
         rigid = (np.asarray(xi), np.ones_like(xi), np.zeros_like(xi), np.zeros_like(xi))[derivative]
         return self.coefficients @ self.basis.values(xi, derivative) - np.multiply.outer(self.turn, rigid)
 
+    def rotation(self, xi: Array, derivative: int = 0) -> Array:
+        """Return the section's rotation psi or its derivative: (N,) -> (n, N)."""
+        rigid = np.ones_like(xi) if derivative == 0 else np.zeros_like(xi)
+        return self.coefficients @ self.basis.rotation(xi, derivative) - np.multiply.outer(self.turn, rigid)
+
 
 def tapered(
     n: int,
@@ -59,10 +72,11 @@ def tapered(
     stiffness: Profile | None = None,
     ends: Ends | None = None,
     base: str = "clamped",
+    section: Section | None = None,
 ) -> ReducedShapes:
     """Return the n lowest modes of a beam with varying section, by Ritz's method on polynomials of degree 2 n + 25.
 
-        d^2/dxi^2 (eps X'') = beta^4 mu X,   int mu X^2 = 1
+        d^2/dxi^2 (eps X'') = beta^4 mu X,   int mu X^2 = 1,      or Timoshenko's equations of X and psi with a `section`
 
     Assumes profiles smooth enough: the error falls exponentially with the degree for smooth ones, algebraically past a kink.
 
@@ -70,7 +84,9 @@ def tapered(
     Raises: ArgumentError for an unknown base.
     Source: Ritz (1909); Meirovitch, Analytical Methods in Vibrations (1967), section 6.5.
     """
-    return reduce_by_modes(n, Polynomials(2 * n + 24), mass, stiffness, ends or Ends(), base)
+    section = section or Section()
+    basis = Polynomials(2 * n + 24) if section.shear is None else ShearedPolynomials(2 * n + 24)
+    return reduce_by_modes(n, basis, mass, stiffness, ends or Ends(), base, section)
 
 
 def finite_elements(
@@ -89,36 +105,34 @@ def finite_elements(
     """
     if 2 * elements < n:
         raise ArgumentError("too few elements", got=elements, expected=f"at least {(n + 1) // 2} for {n} modes")
-    return reduce_by_modes(n, HermiteElements(elements), mass, stiffness, ends or Ends(), base)
+    return reduce_by_modes(n, HermiteElements(elements), mass, stiffness, ends or Ends(), base, Section())
 
 
 def reduce_by_modes(
-    n: int, basis: Shapes, mass: Profile | None, stiffness: Profile | None, ends: Ends, base: str
+    n: int, basis: Shapes, mass: Profile | None, stiffness: Profile | None, ends: Ends, base: str, section: Section
 ) -> ReducedShapes:
     """Solve K c = beta^4 M c in a clamped basis; for a pinned base the rigid rotation is taken out by mass-orthogonality."""
     if base not in ("clamped", "pinned"):
         raise ArgumentError("there is no such base", got=repr(base), expected="'clamped' or 'pinned'")
     k = shape_integrals(basis, mass, stiffness)
-    M, coupling, rotation = mass_products(k, ends)
+    M, coupling, rotation = mass_products(k, ends, section.gyration)
     turn = coupling / rotation if base == "pinned" else np.zeros(basis.n)
     M = M - np.outer(turn, turn) * rotation
-    flexibility, vectors = eigh(M, k.bending)  # the large ones are the slow modes, and keep their digits
+    # flexibilities: the large ones are the slow modes and keep their digits, though M may be singular
+    flexibility, vectors = eigh(M, k.bending + (section.shear or 0.0) * k.shear)
     c = vectors[:, ::-1][:, :n].T
-    own = (
-        c
-        @ (k.gram - np.outer(turn, k.mode_moment) - np.outer(k.mode_moment, turn) + k.second * np.outer(turn, turn))
-        @ c.T
-    )
-    c = c / np.sqrt(np.diag(own))[:, None]
+    own = k.gram - np.outer(turn, k.mode_moment) - np.outer(k.mode_moment, turn) + k.second * np.outer(turn, turn)
+    c = c / np.sqrt(np.diag(c @ own @ c.T))[:, None]
     shapes = ReducedShapes(flexibility[::-1][:n] ** -0.25, basis, c, c @ turn)
-    sign = np.sign(shapes.values(np.zeros(1), 1 if base == "pinned" else 2)[:, 0])
+    sign = np.sign(shapes.rotation(np.zeros(1), 0 if base == "pinned" else 1)[:, 0])
     return ReducedShapes(shapes.beta, basis, c * sign[:, None], shapes.turn * sign)
 
 
-def mass_products(k: ShapeIntegrals, ends: Ends) -> tuple[Array, Array, float]:
+def mass_products(k: ShapeIntegrals, ends: Ends, gyration: float) -> tuple[Array, Array, float]:
     """Products in the whole mass, ends included: of the basis with itself, with the rotation xi, and of xi with itself."""
     cross = np.outer(k.tip, k.tip_slope)
     basis = k.gram + ends.mass * np.outer(k.tip, k.tip) + ends.moment * (cross + cross.T)
-    basis = basis + ends.inertia * np.outer(k.tip_slope, k.tip_slope)
+    basis = basis + ends.inertia * np.outer(k.tip_slope, k.tip_slope) + gyration**2 * k.rotations
     coupling = k.mode_moment + (ends.mass + ends.moment) * k.tip + (ends.moment + ends.inertia) * k.tip_slope
-    return basis, coupling, k.second + ends.mass + 2 * ends.moment + ends.inertia + ends.hub_inertia
+    rigid = k.second + ends.mass + 2 * ends.moment + ends.inertia + ends.hub_inertia
+    return basis, coupling + gyration**2 * k.rotation, rigid + gyration**2 * k.section

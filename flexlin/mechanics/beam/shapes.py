@@ -28,3 +28,7 @@ class Shapes(Protocol):
     def values(self, xi: Array, derivative: int = 0) -> Array:
         """Return X or its derivative (0 to 3) with respect to xi: (N,) -> (n, N)."""
         ...
+
+    def rotation(self, xi: Array, derivative: int = 0) -> Array:
+        """Return the section's rotation psi or its derivative: (N,) -> (n, N); psi = X' where nothing shears."""
+        ...

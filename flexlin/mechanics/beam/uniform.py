@@ -43,6 +43,10 @@ class UniformShapes:
         """Return X or its derivative with respect to xi: (N,) -> (n, N)."""
         return np.einsum("nb,nNb->nN", self.coefficients, basis(self.beta[:, None], np.asarray(xi), derivative))
 
+    def rotation(self, xi: Array, derivative: int = 0) -> Array:
+        """Return X', the section's rotation, or its derivative: (N,) -> (n, N)."""
+        return self.values(xi, derivative + 1)
+
 
 def basis(beta: Array, xi: Array, derivative: int) -> Array:
     """Return the derivative of (cos, sin, exp from the left, exp from the right) on a new last axis."""

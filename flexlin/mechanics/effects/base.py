@@ -8,7 +8,6 @@ import casadi as ca
 from flexlin.mechanics.body import Body, Moments
 from flexlin.mechanics.frames import Frame
 from flexlin.mechanics.links import BentLink
-from flexlin.scene.links import Link
 
 
 @dataclass(frozen=True)
@@ -34,10 +33,6 @@ class Effect:
     """One physical effect, switched on by its table in the scene."""
 
     table: Any
-
-    def shear_functions(self, link: Link) -> int:
-        """Number of coordinates added to a link, for deflections by shear."""
-        return 0
 
     def frees_motors(self) -> bool:
         """Whether each motor has a coordinate of its own."""

@@ -20,13 +20,13 @@ class GeometricStiffening(Effect):
     """The shortening of bent links in kinetic and potential energy."""
 
     def tip_shortening(self, link: BentLink) -> tuple[ca.SX, ca.SX]:
-        gamma = ca.DM(link.integrals.tip_shortening) / link.table.length
+        gamma = ca.DM(link.basis.integrals.tip_shortening) / link.table.length
         return -ca.bilin(gamma, link.w, link.w) / 2, -ca.bilin(gamma, link.w, link.w_rate)
 
     def link_moments(self, link: BentLink) -> Moments | None:
         if not link.bends:
             return None
-        k = link.integrals
+        k = link.basis.integrals
         along = link.mass / link.table.length * ca.DM(k.shortening)
         return Moments(
             first=ca.vertcat(-ca.bilin(along, link.w, link.w) / 2, 0),

@@ -18,4 +18,4 @@ class KelvinVoigtDamping(Effect):
     def _of_link(self, link: BentLink) -> ca.SX:
         eta = per_joint(self.table.retardation_time, link.index, single="every")
         stiffness = eta * ca.SX(link.table.bending_stiffness) / link.table.length**3
-        return stiffness / 2 * ca.bilin(ca.DM(link.integrals.bending), link.w_rate, link.w_rate)
+        return stiffness / 2 * ca.bilin(ca.DM(link.basis.integrals.bending), link.w_rate, link.w_rate)

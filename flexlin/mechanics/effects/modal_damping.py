@@ -1,11 +1,10 @@
 """Modal damping: each mode of a link loses energy as a damped oscillator of ratio zeta, d_k = 2 zeta_k omega_k m_k.
 
-With omega_k = beta_k^2 sqrt(EI / (rho A l^4)) and m_k = EI / l^3 int X_k''^2 / omega_k^2 of the beam that the shapes belong to.
+With omega_k = beta_k^2 sqrt(EI / (rho A l^4)) and m_k = (mode's stiffness) / omega_k^2 of the beam that the shapes belong to.
 Source: Craig, Kurdila, Fundamentals of Structural Dynamics (2006), section 10.3.
 """
 
 import casadi as ca
-import numpy as np
 
 from flexlin.mechanics.effects.base import Chain, Effect
 from flexlin.mechanics.links import BentLink
@@ -19,9 +18,9 @@ class ModalDamping(Effect):
         return sum((self._of_link(link) for link in chain.links if link.bends), ca.SX(0))
 
     def _of_link(self, link: BentLink) -> ca.SX:
-        table, modes = link.table, link.table.modes
+        table = link.table
         given = self.table.ratio if isinstance(self.table.ratio, tuple) else (self.table.ratio,)
-        ratios = ca.vertcat(*[given[min(k, len(given) - 1)] for k in range(modes)])
-        shape = ca.DM(np.diag(link.integrals.bending)[:modes] / link.beta**2)
+        ratios = ca.vertcat(*[given[min(k, len(given) - 1)] for k in range(table.modes)])
+        shape = ca.DM(link.basis.stiffness / link.basis.beta**2)
         scale = ca.sqrt(ca.SX(table.mass_per_length) * table.bending_stiffness) / table.length
-        return scale * ca.dot(ratios * shape, link.w_rate[:modes] ** 2)
+        return scale * ca.dot(ratios * shape, link.w_rate**2)

@@ -16,7 +16,7 @@ class RayleighDamping(Effect):
         return sum((self._of_link(link) for link in chain.links if link.bends), ca.SX(0))
 
     def _of_link(self, link: BentLink) -> ca.SX:
-        k, table = link.integrals, link.table
+        k, table = link.basis.integrals, link.table
         stiffness = ca.SX(table.bending_stiffness) / table.length**3
         mass = self.table.mass_factor * link.mass * ca.bilin(ca.DM(k.gram), link.w_rate, link.w_rate)
         return (

@@ -14,7 +14,7 @@ class RotaryInertia(Effect):
     """One radius of gyration of the section a link, or one for every link, in m."""
 
     def link_moments(self, link: BentLink) -> Moments | None:
-        k, length = link.integrals, link.table.length
+        k, length = link.basis.integrals, link.table.length
         radius = per_joint(self.table.radius_of_gyration, link.index, single="every")
         inertia = link.mass * radius**2
         return Moments(

@@ -1,8 +1,7 @@
-"""Shear (Timoshenko): the axis deflects by bending and by shear, w = w_b + w_s, and only bending turns the sections, psi = w_b'.
+"""Shear (Timoshenko): the axis' slope and the section's rotation part, V = 1/2 int kappa G A (w' - psi)^2.
 
-    V = 1/2 int kappa G A (w' - psi)^2 = 1/2 int kappa G A w_s'^2
-
-A link gets coordinates of its own for w_s, along integrated Legendre polynomials. With rotary inertia this is Timoshenko's beam;
+Each assumed mode has a deflection X and a rotation psi of its own, the modes of Timoshenko's beam with these ends; so shear adds no
+coordinate, and none of the fast motions in which the sections turn against the axis. With rotary inertia this is Timoshenko's beam;
 kappa G A to infinity leaves Euler-Bernoulli's. Source: Timoshenko (1921).
 """
 
@@ -10,18 +9,14 @@ import casadi as ca
 
 from flexlin.mechanics.effects.base import Chain, Effect, per_joint
 from flexlin.mechanics.links import BentLink
-from flexlin.scene.links import Link
 
 
 class Shear(Effect):
     """Shear stiffness kappa G A in N, one a link or one for every link."""
-
-    def shear_functions(self, link: Link) -> int:
-        return int(self.table.functions) if link.modes else 0
 
     def potential_energy(self, chain: Chain) -> ca.SX:
         return sum((self._of_link(link) for link in chain.links if link.bends), ca.SX(0))
 
     def _of_link(self, link: BentLink) -> ca.SX:
         stiffness = per_joint(self.table.stiffness, link.index, single="every") / ca.SX(link.table.length)
-        return stiffness / 2 * ca.bilin(ca.DM(link.integrals.shear), link.w, link.w)
+        return stiffness / 2 * ca.bilin(ca.DM(link.basis.integrals.shear), link.w, link.w)

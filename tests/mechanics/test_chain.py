@@ -1,0 +1,148 @@
+"""The chain's geometry: prismatic joints, a moving base, other shapes, tapers, and the energy of a free motion."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import eigh
+
+import flexlin as fl
+from flexlin.errors import ArgumentError, SceneError
+from flexlin.mechanics.beam import pinned_with_hub
+
+from .scenes import arm_of, matrices_at_rest, random_state, scene_of, value
+
+CARRIAGE = {"length": 0.0, "mass_per_length": 0.0, "modes": 0, "joint": "prismatic"}
+ROD = {"length": 0.6, "mass_per_length": 0.5, "modes": 0}
+
+
+def test_pendulum_on_a_cart():
+    """Cart mass m_c on a rail, rod of mass m, length l: the textbook's equations."""
+    arm = arm_of(CARRIAGE, ROD, effects={"gravity": {}, "hub": {"mass": [0.7, 0.0]}})
+    m, length, g = 0.3, 0.6, 9.81
+    for seed in range(3):
+        (x, q), (_, rate), (a, b) = random_state(arm, seed)
+        expected = [
+            (0.7 + m) * a - m * length / 2 * (np.sin(q) * b + np.cos(q) * rate**2),
+            m * length**2 / 3 * b - m * length / 2 * np.sin(q) * a + m * g * length / 2 * np.cos(q),
+        ]
+        got = value(arm, "residual", np.array([x, q]), np.array([1.3, rate]), np.array([a, b]))[:, 0]
+        np.testing.assert_allclose(got, expected, rtol=1e-12)
+
+
+def test_moving_base_is_a_prescribed_carriage():
+    """A base that shakes sideways with x = a cos wt turns gravity's direction: K = -m l/2 (sin q g + cos q x'') about q."""
+    mean, amplitude, frequency = 0.4, 0.05, 2.0
+    joints = [{"amplitude": amplitude, "drive": "prescribed"}, {"mean": mean, "amplitude": 0.0}]
+    motion = {"kind": "harmonic", "frequency": frequency, "joints": joints}
+    scene = scene_of(CARRIAGE, ROD, effects={"gravity": {}}).model_dump()
+    scene |= {"schema": scene.pop("schema_version"), "motion": motion}
+    scene["links"] = [CARRIAGE, ROD]
+    scene["effects"], scene["control"], scene["designs"] = {"gravity": {}}, {}, []
+    scene = fl.scene.parse_scene(scene)
+    lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    t = np.linspace(0, 0.5, 7)
+    omega = 2 * np.pi * frequency
+    _, _, acceleration = lin.motion.sample(t)
+    np.testing.assert_allclose(np.abs(acceleration[:, 0]).max(), amplitude * omega**2, rtol=0.2)
+    half = 0.3 * 0.6 / 2
+    expected = -half * (np.cos(mean) * acceleration[:, 0] + np.sin(mean) * 9.81)
+    assert lin.names == ("q2",)
+    np.testing.assert_allclose(lin.K(t)[:, 0, 0], expected, rtol=1e-10, atol=1e-12)
+
+
+def test_mount_angle_turns_a_joint():
+    turned, straight = arm_of(ROD, {**ROD, "mount_angle": 0.9}), arm_of(ROD, ROD)
+    M = value(turned, "M", np.array([0.2, 0.1]))
+    np.testing.assert_allclose(M, value(straight, "M", np.array([0.2, 1.0])), rtol=1e-13)
+
+
+def free_frequencies(shapes, modes, hub=0.03):
+    M, K = matrices_at_rest(arm_of({"mode_shapes": shapes, "modes": modes}, effects={"hub": {"inertia": hub}}))
+    return np.sqrt(np.abs(eigh(K, M, eigvals_only=True)))
+
+
+def test_pinned_shapes_are_the_free_modes():
+    """A link on a free hub: pinned-hub shapes give its frequencies at once, clamped ones converge to them from above."""
+    exact = pinned_with_hub(3, 0.03 / (0.2 * 0.5**3)).beta ** 2 * np.sqrt(1.0 / (0.2 * 0.5**4))
+    np.testing.assert_allclose(free_frequencies("pinned-hub", 3)[1:], exact, rtol=1e-10)
+    errors = [free_frequencies("clamped-free", modes)[1:4] / exact - 1 for modes in (4, 8, 16)]
+    assert np.all(np.diff(errors, axis=0) < 0)
+    assert np.all(np.array(errors) > 0)
+    assert np.all(errors[-1] < 1e-3)
+
+
+def test_loaded_shapes_are_the_modes_with_payload():
+    from flexlin.mechanics.beam import clamped_with_tip
+
+    effects = {"payload": {"mass": 0.2, "inertia": 0.004}}
+    exact = clamped_with_tip(2, 2.0, 0.004 / (0.2 * 0.5**3)).beta ** 2 * np.sqrt(1.0 / (0.2 * 0.5**4))
+    M, K = matrices_at_rest(arm_of({"mode_shapes": "clamped-loaded"}, effects=effects))
+    np.testing.assert_allclose(np.sqrt(eigh(K[1:, 1:], M[1:, 1:], eigvals_only=True)), exact, rtol=1e-10)
+    given = arm_of({"mode_shapes": "clamped-loaded", "carried": {"mass": 0.2, "inertia": 0.004}}, effects=effects)
+    np.testing.assert_allclose(value(given, "M", np.zeros(3)), M, rtol=1e-13, atol=1e-16)
+
+
+def test_bases_agree_on_a_tapered_link():
+    """Polynomial modes and finite elements of the same taper carry the same physics."""
+    sections = {"at": [0.0, 0.4, 1.0], "mass": [1.6, 1.0, 0.6], "stiffness": [2.0, 1.0, 0.4]}
+    arms = [
+        arm_of({"sections": sections, "mode_shapes": kind, "modes": 4}) for kind in ("clamped-free", "finite-element")
+    ]
+    frequencies = []
+    for arm in arms:
+        M, K = matrices_at_rest(arm)
+        frequencies.append(np.sqrt(np.abs(eigh(K, M, eigvals_only=True)))[1:])
+    np.testing.assert_allclose(frequencies[0], frequencies[1], rtol=3e-4)
+
+
+def test_energy_of_an_undamped_two_link_arm_drifts_with_the_integrators_tolerance():
+    """100 periods of the first elastic mode, free motion under gravity with stiffening."""
+    tables = {"gravity": {}, "geometric_stiffening": {}, "hub": {"inertia": [0.1, 0.1], "mass": [0.0, 1.0]}}
+    arm = arm_of({"modes": 1, "bending_stiffness": 20.0}, {"modes": 1, "bending_stiffness": 20.0}, effects=tables)
+    acceleration = ca.solve(arm.M, -ca.substitute(arm.residual, arm.s_ddot, ca.SX.zeros(arm.n)))
+    x = ca.vertcat(arm.s, arm.s_dot)
+    rate = ca.Function("f", [x], [ca.vertcat(arm.s_dot, acceleration)])
+    M, K = matrices_at_rest(arm)
+    period = 2 * np.pi / np.sqrt(eigh(K[2:, 2:], M[2:, 2:], eigvals_only=True)[0])
+    buffer, trigger = rate.buffer()
+    state, out = np.zeros(8), np.zeros(8)
+    buffer.set_arg(0, memoryview(state))
+    buffer.set_res(0, memoryview(out))
+
+    def field(t, y):
+        state[:] = y
+        trigger()
+        return out.copy()
+
+    start = np.array([-1.2, 0.5, 0.005, 0.003, 0, 0, 0, 0])
+    energy = arm.functions["energy"]
+    drifts = []
+    for tolerance in (1e-6, 1e-9):
+        end = solve_ivp(field, (0, 100 * period), start, method="DOP853", rtol=tolerance, atol=tolerance).y[:, -1]
+        first, last = (float(energy(y[:4], y[4:], [])) for y in (start, end))
+        drifts.append(abs(last / first - 1))
+    assert np.all(np.array(drifts) < [1e-3, 1e-6])
+
+
+@pytest.mark.parametrize(
+    ("link", "effects", "message"),
+    [
+        ({"length": 0.0}, {}, "length"),
+        ({"carried": {"mass": 1.0}}, {}, "clamped-loaded"),
+        ({"elements": 10}, {}, "finite-element"),
+        ({"mode_shapes": "pinned-free"}, {"hub": {"radius": 0.1}}, "effects.hub.radius"),
+        ({}, {"hub": {"inertia": [1.0, 2.0]}}, "at most 1"),
+        ({"sections": {"at": [0.0, 0.5], "mass": [1.0, 1.0], "stiffness": [1.0, 1.0]}}, {}, "from 0 to 1"),
+        ({}, {"shear": {"stiffness": 0.0}}, "greater than 0"),
+        ({}, {"motor": {"torque_constant": 1.0}}, "resistance"),
+    ],
+)
+def test_contradictions_are_named(link, effects, message):
+    with pytest.raises(SceneError, match=message):
+        scene_of(link, effects=effects)
+
+
+def test_pinned_hub_shapes_need_a_hub():
+    with pytest.raises(ArgumentError, match=r"effects\.hub"):
+        arm_of({"mode_shapes": "pinned-hub"})
