@@ -15,7 +15,8 @@ CLEAN = 1e-14
 SPREAD = 4.6
 """The logs of moduli inside one multiplied-out cluster may differ by this much: log 100, so two digits are lost."""
 MAX_SWEEPS = 400
-NOISE, PROBES = 8.0, 2
+EPS, TINY = float(np.finfo(float).eps), float(np.finfo(float).tiny)
+NOISE, PROBES = 20.0, 2
 """Random perturbations of the factors that measure the conditioning: roundings per factor, and how many trials."""
 
 
@@ -33,26 +34,29 @@ class ProductSpectrum:
     sweeps: int
 
 
-def product_spectrum(factors: Array) -> ProductSpectrum:
+def product_spectrum(factors: Array, probes: int = PROBES, turns: float = 0.0) -> ProductSpectrum:
     """Logs of the eigenvalues of the product F_(K-1) ... F_0 without forming it, and what rounding does to them.
 
-    The conditioning is measured, not bounded: the grouped factors are perturbed at random, PROBES times by NOISE roundings
+    The conditioning is measured, not bounded: the grouped factors are perturbed at random, `probes` times by NOISE roundings
     per factor, and the largest motion of each eigenvalue is kept. So multiple and defective eigenvalues need no special case.
 
-    Parameters: factors (K, n, n) real, the first acts first.
+    Parameters: factors (K, n, n) real, the first acts first; probes: 0 where the rounding is not asked;
+    turns: norm of the logarithm of the whole product where that is large (its rounding is in the factors).
     Source: Watkins, Product eigenvalue problems, SIAM Review 47 (2005); Bojanczyk, Golub, Van Dooren (1992) for the periodic Schur form.
     """
     groups = grouped(balanced(factors)[0])
-    level = NOISE * np.finfo(float).eps * np.sqrt(len(factors) / len(groups))
+    level = EPS * (NOISE * np.sqrt(len(factors) / len(groups)) + turns / len(groups))
     size = np.abs(groups).max(axis=(-2, -1), keepdims=True)
-    noisy = groups + level * size * noise((PROBES, *groups.shape))
+    noisy = groups + level * size * noise((probes, *groups.shape))
     if len(groups) == 1:
         logs, *moved = log_eigenvalues(np.concatenate([groups, noisy[:, 0]]))
         sweeps, backward = 0, 0.0
     else:
         logs, backward, sweeps, Q = cyclic_logs(groups, np.eye(groups.shape[-1]))
         moved = [cyclic_logs(probe, Q)[0] for probe in noisy]
-    rounding = np.max([distances(logs, other) for other in moved], axis=0) + backward
+    rounding = backward + 4 * EPS * np.abs(logs)
+    if moved:
+        rounding += np.max([partners(logs, other)[1] for other in moved], axis=0)
     order = np.argsort(-logs.real, kind="stable")
     return ProductSpectrum(logs[order], rounding[order], len(groups), sweeps)
 
@@ -77,7 +81,7 @@ def cyclic_logs(factors: Array, Q: Array) -> tuple[Array, float, int, Array]:
     cuts, coupling, spread = clusters(W, R, CLEAN * len(W))
     blocks = [cluster_logs(W, R, start, stop) for start, stop in pairwise(cuts)]
     loss = float(np.exp(min(max(0.0, spread - SPREAD), 36.0)))
-    return np.concatenate(blocks), coupling + np.finfo(float).eps * (loss - 1), sweeps, Q
+    return np.concatenate(blocks), coupling + EPS * (loss - 1), sweeps, Q
 
 
 def triangularized(factors: Array, Q: Array) -> tuple[Array, Array, int, Array]:
@@ -104,18 +108,18 @@ def swept(factors: Array, Q: Array) -> tuple[Array, Array]:
 
 def clusters(W: Array, R: Array, clean: float) -> tuple[list[int], float, float]:
     """Cut where W is decoupled: the bounds of the clusters, the coupling that is dropped, the widest spread of log moduli."""
-    n = len(W)
-    coupling = [0.0, *(float(np.abs(W[i:, :i]).max()) for i in range(1, n)), 0.0]
-    cuts = [i for i in range(n + 1) if coupling[i] <= clean]
-    size = log_moduli(R)
-    spread = max(float(np.ptp(size[a:b])) if b - a > 1 else 0.0 for a, b in pairwise(cuts))
+    below = np.maximum.accumulate(np.maximum.accumulate(np.abs(W)[::-1])[::-1], axis=1)
+    coupling = [0.0, *np.diagonal(below, offset=-1).tolist(), 0.0]
+    cuts = [i for i, value in enumerate(coupling) if value <= clean]
+    size = log_moduli(R).tolist()
+    spread = max(max(size[a:b]) - min(size[a:b]) for a, b in pairwise(cuts))
     return cuts, max(coupling[i] for i in cuts), spread
 
 
 def log_moduli(R: Array) -> Array:
     """Sum of log |r_ii| over the factors; a zero counts as the smallest number."""
     diagonal = np.abs(np.diagonal(R, axis1=-2, axis2=-1))
-    return np.log(np.maximum(diagonal, np.finfo(float).tiny)).sum(axis=0)
+    return np.log(np.maximum(diagonal, TINY)).sum(axis=0)
 
 
 def cluster_logs(W: Array, R: Array, start: int, stop: int) -> Array:
@@ -131,20 +135,20 @@ def cluster_logs(W: Array, R: Array, start: int, stop: int) -> Array:
 def log_eigenvalues(P: Array) -> Array:
     """Logs of the eigenvalues of matrices (..., n, n), imaginary parts in (-pi, pi]."""
     values = np.linalg.eigvals(P)
-    size = np.maximum(np.abs(values), np.finfo(float).tiny)
+    size = np.maximum(np.abs(values), TINY)
     angle = np.angle(values)
     return np.log(size) + 1j * np.where(angle == -np.pi, np.pi, angle)
 
 
-def distances(logs: Array, others: Array) -> Array:
-    """Distance of each of the n logs to its partner in another set, imaginary parts modulo 2 pi; partners are nearest pairs first."""
+def partners(logs: Array, others: Array) -> tuple[Array, Array]:
+    """Pair two sets of n logs, nearest first, imaginary parts modulo 2 pi: the index of each partner and its distance."""
     apart = logs[:, None] - others[None, :]
     size = np.hypot(apart.real, np.remainder(apart.imag + np.pi, 2 * np.pi) - np.pi)
     partner = size.argmin(axis=1)
-    if len(np.unique(partner)) < len(logs):
+    if len(set(partner.tolist())) < len(logs):
         free = size.copy()
         for _ in range(len(logs)):
             i, j = np.unravel_index(free.argmin(), free.shape)
             partner[i] = j
             free[i, :] = free[:, j] = np.inf
-    return size[np.arange(len(logs)), partner]
+    return partner, size[np.arange(len(logs)), partner]

@@ -1,13 +1,25 @@
 """Floquet exponents of a periodic system, with their own error and a verdict that admits doubt."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from flexlin.checks import Array, positive
-from flexlin.periodic.eigenvalues import distances, product_spectrum
-from flexlin.periodic.setting import MAX_SEGMENTS, Setting, chosen, factors, too_many
+from flexlin.errors import ToleranceNotReached
+from flexlin.periodic.collocation import gauss, nodes, samples
+from flexlin.periodic.eigenvalues import PROBES, partners, product_spectrum
+from flexlin.periodic.grid import edges
+from flexlin.periodic.product import GROUP_CONDITION
+from flexlin.periodic.setting import MAX_SEGMENTS, Setting, chosen, factors, rates, too_many
 from flexlin.periodic.system import PeriodicSystem
+
+QUADRATURE = 32
+"""Gauss nodes in one panel of the trace integral: more accurate than the transition matrices on as many samples."""
+PILOT = 256
+"""Segments of Gauss collocation beyond which the Magnus series is tried."""
+SAFETY, TRUST = 6.0, 0.75
+"""Factor on the estimated error, and the part of a method's order that the estimate relies on."""
 
 
 @dataclass(frozen=True)
@@ -75,28 +87,58 @@ def floquet(
     Raises: ArgumentError; TooManySegments with the figure when tol needs more than max_segments.
     """
     setting = chosen(system, positive("tol", tol), method, order, segments)
+    if method == "auto" and setting.segments > PILOT:
+        setting = piloted(system, setting, tol, max_segments)
     if setting.segments > max_segments:
         raise too_many(setting.segments, max_segments, tol)
-    count = setting.segments
-    levels = [level(system, setting.with_segments(max(1, k))) for k in (count // 4, count // 2, count)]
+    levels = three_levels(system, setting)
     while segments is None:
-        errors = estimated_errors(levels[-3:], setting.order) / system.period
-        worst = float((errors / (tol * np.maximum(1, np.abs(levels[-1].logs) / system.period))).max())
-        limited = np.all(errors * system.period <= np.maximum(4 * levels[-1].rounding, 1e-300))
-        if worst <= 1 or limited:
+        excess = missing_factor(system, setting, levels, tol)
+        if excess <= 1:
             break
-        count = next_count(levels[-1].segments, worst, setting.order)
+        count = next_count(levels[-1].segments, excess, setting.order)
         if count > max_segments:
             raise too_many(count, max_segments, tol)
         levels.append(level(system, setting.with_segments(count)))
-    fine = levels[-1]
-    errors = estimated_errors(levels[-3:], setting.order) / system.period
-    return judged(fine.logs / system.period, errors, system.period, setting.with_segments(fine.segments), tol)
+    fine, setting = levels[-1], setting.with_segments(levels[-1].segments)
+    errors = estimated_errors(levels[-3:], setting.order)
+    errors *= max(1.0, liouville_defect(system, setting, fine.logs) / errors.sum())
+    return judged(fine.logs / system.period, errors / system.period, system.period, setting, tol)
 
 
-def level(system: PeriodicSystem, setting: Setting) -> Level:
-    """The spectrum at one resolution."""
-    spectrum = product_spectrum(factors(system, setting)[1])
+def three_levels(system: PeriodicSystem, setting: Setting) -> list[Level]:
+    """The spectrum on a quarter, a half and all of the segments; the rounding is measured on the last."""
+    count = setting.segments
+    coarse = [level(system, setting.with_segments(max(1, k)), probes=False) for k in (count // 4, count // 2)]
+    return [*coarse, level(system, setting)]
+
+
+def missing_factor(system: PeriodicSystem, setting: Setting, levels: list[Level], tol: float) -> float:
+    """By how much the worst exponent misses tol (1 or less: reached, or rounding allows no more)."""
+    errors = estimated_errors(levels[-3:], setting.order)
+    allowed = tol * np.maximum(system.period, np.abs(levels[-1].logs))
+    return float((errors / np.maximum(allowed, 4 * levels[-1].rounding)).max())
+
+
+def piloted(system: PeriodicSystem, gauss_plan: Setting, tol: float, max_segments: int) -> Setting:
+    """Try the Magnus series, which is exact on the constant part, where Gauss collocation would need many segments."""
+    least = math.ceil(system.period * rates(system)[1] / math.log(GROUP_CONDITION))
+    plans = [gauss_plan]
+    for order in (4, 6):
+        pilot = Setting("magnus", order, max(PILOT, least), "the Magnus series carries fast modes exactly")
+        if pilot.segments <= max_segments and pilot.work(system.n) < gauss_plan.work(system.n):
+            try:
+                excess = missing_factor(system, pilot, three_levels(system, pilot), tol)
+            except ToleranceNotReached:
+                continue
+            plans.append(pilot.with_segments(math.ceil(pilot.segments * max(1.0, excess ** (1 / order)))))
+    return min(plans, key=lambda plan: plan.work(system.n))
+
+
+def level(system: PeriodicSystem, setting: Setting, probes: bool = True) -> Level:
+    """The spectrum at one resolution; the rounding is measured only where it is asked."""
+    turns = rates(system)[0] * system.period if setting.method == "magnus" else 0.0
+    spectrum = product_spectrum(factors(system, setting)[1], PROBES if probes else 0, turns)
     return Level(setting.segments, spectrum.logs, spectrum.rounding)
 
 
@@ -108,20 +150,37 @@ def next_count(segments: int, worst: float, order: int) -> int:
 def estimated_errors(levels: list[Level], order: int) -> Array:
     """Errors of the logs at the finest of three resolutions, from their differences and from rounding.
 
-        d_12 ~ C k_1^-p,   d_23 ~ C k_2^-p   give p (never above the method's order),   error_3 ~ d_23 (k_2 / k_3)^p
+        d_12 ~ C k_1^-p,   d_23 ~ C k_2^-p   give p,   error_3 ~ d_23 (k_2 / k_3)^p
 
-    A missing break or a rough coefficient shows as a small p, so the estimate stays honest there.
+    p is taken for all exponents together and for each alone, whichever is less, and never near the method's full order:
+    a forgotten break or a rough coefficient shows as a small p, so the estimate stays honest there.
     """
     coarse, middle, fine = levels
-    d_12, d_23 = distances(middle.logs, coarse.logs).max(), distances(fine.logs, middle.logs)
+    partner, d_23 = partners(fine.logs, middle.logs)
+    d_12 = partners(middle.logs, coarse.logs)[1][partner]
     tiny = np.finfo(float).tiny
-    ratio = np.log(max(middle.segments / coarse.segments, 1.01))
-    observed = np.log(max(d_12, tiny) / max(d_23.max(), tiny)) / ratio
-    p = min(max(observed, 0.0), float(order))
-    return SAFETY * d_23 * (middle.segments / fine.segments) ** p + fine.rounding
+    together = np.log(max(d_12.max(), tiny) / max(d_23.max(), tiny))
+    alone = np.log(np.maximum(d_12, tiny) / np.maximum(d_23, tiny))
+    p = np.minimum(together, alone) / np.log(max(middle.segments / coarse.segments, 1.01))
+    reduction = (middle.segments / fine.segments) ** np.clip(p, 0.0, TRUST * order)
+    return SAFETY * reduction * d_23 + fine.rounding
 
 
-SAFETY = 4.0
+def liouville_defect(system: PeriodicSystem, setting: Setting, logs: Array) -> float:
+    """How far the exponents miss Liouville's identity, sum_i log mu_i = int_0^T tr A dt (real parts), by Gauss quadrature.
+
+    The sum of the errors cannot be less than this; the quadrature's own error is forgiven.
+    """
+    grid = edges(system.period, system.breaks, -(-setting.segments * setting.order // (2 * QUADRATURE)))
+    integral, check = (trace_integral(system, grid, stages) for stages in (QUADRATURE, QUADRATURE * 2 // 3))
+    return max(0.0, abs(float(logs.real.sum()) - integral) - abs(integral - check))
+
+
+def trace_integral(system: PeriodicSystem, grid: Array, stages: int) -> float:
+    """int_0^T tr A dt by Gauss quadrature on the panels of the grid."""
+    rule = gauss(stages)
+    trace = np.trace(samples(system.A, nodes(grid, rule.c)), axis1=-2, axis2=-1)
+    return float(np.diff(grid) @ (trace @ rule.b))
 
 
 def judged(exponents: Array, errors: Array, period: float, setting: Setting, tol: float) -> FloquetResult:

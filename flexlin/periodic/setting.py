@@ -10,9 +10,14 @@ from flexlin.checks import Array
 from flexlin.errors import ArgumentError, TooManySegments
 from flexlin.periodic.collocation import gauss_transitions, second_order_transitions
 from flexlin.periodic.grid import edges
+from flexlin.periodic.magnus import magnus_transitions
+from flexlin.periodic.product import GROUP_CONDITION
 from flexlin.periodic.system import PeriodicSystem
 
 MAX_SEGMENTS = 20_000
+MIN_SEGMENTS = 8
+STAGES = range(3, 11)
+"""Gauss stages among which the engine chooses."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +35,13 @@ class Setting:
     def with_segments(self, segments: int) -> "Setting":
         return replace(self, segments=segments)
 
+    def work(self, n: int) -> float:
+        """Rough work for n states in units of one sample of A, one call's overhead counted as 100 samples."""
+        if self.method == "magnus":
+            return 100 + self.segments * (self.order / 2 + 4 + 0.02 * n**3)
+        stages = self.order // 2
+        return 100 + self.segments * (stages + 2 + 0.001 * (stages * n) ** 2 + 0.0002 * (stages * n) ** 3)
+
 
 def gauss_factors(system: PeriodicSystem, grid: Array, order: int) -> Array:
     """Gauss collocation of even order, in the accelerations where the system is of second order."""
@@ -38,7 +50,11 @@ def gauss_factors(system: PeriodicSystem, grid: Array, order: int) -> Array:
     return gauss_transitions(system.A, grid, order // 2)
 
 
-METHODS: dict[str, Callable[[PeriodicSystem, Array, int], Array]] = {"gauss": gauss_factors}
+def magnus_factors(system: PeriodicSystem, grid: Array, order: int) -> Array:
+    return magnus_transitions(system.A, grid, order)
+
+
+METHODS: dict[str, Callable[[PeriodicSystem, Array, int], Array]] = {"gauss": gauss_factors, "magnus": magnus_factors}
 """Each: (system, edges, order) -> transition matrices (K, n, n)."""
 
 
@@ -49,28 +65,33 @@ def factors(system: PeriodicSystem, setting: Setting) -> tuple[Array, Array]:
 
 
 def chosen(system: PeriodicSystem, tol: float, method: str, order: int | None, segments: int | None) -> Setting:
-    """Fill in what the user left open.
+    """Fill in what the user left open; the refinement that follows corrects the guess.
 
     A Gauss step of s stages has the error of the diagonal Pade approximation on the fastest eigenvalue `rate` of A(t),
 
         error of the exponents ~ rate c (h rate)^(2 s),   c = (s!)^2 / ((2 s)! (2 s + 1)!)
 
-    so h follows from tol and s, and the s of least work is taken. The refinement that follows corrects the guess.
+    so h follows from tol and s, and the s of least work is taken. No segment may separate two modes by more than
+    GROUP_CONDITION: beyond that its transition matrix cannot hold the weaker one.
     """
     if method not in ("auto", *METHODS):
         raise ArgumentError("unknown method", got=repr(method), expected=", ".join(["auto", "hill", *METHODS]))
     if order is not None and (order < 2 or order % 2):
         raise ArgumentError("order is not an even number", got=order, expected="2, 4, 6 ...")
-    name = "gauss" if method == "auto" else method
     if order is not None and segments is not None:
-        return Setting(name, order, segments, "as given")
-    rate = fastest_rate(system)
-    n = system.n
-    stages = range(2, 13) if order is None else [order // 2]
-    plans = {s: math.ceil(system.period / gauss_step(rate, tol, s)) for s in stages}
-    best = min(plans, key=lambda s: plans[s] * (2 * s + 3 + 0.0005 * (s * n) ** 3))
+        return Setting("gauss" if method == "auto" else method, order, segments, "as given")
+    rate, spread = rates(system)
+    least = max(MIN_SEGMENTS, math.ceil(system.period * spread / math.log(GROUP_CONDITION)))
+    if method == "magnus":
+        return Setting(
+            "magnus", order or 6, segments or max(2 * least, math.ceil(rate * system.period / 30)), "as asked"
+        )
     reason = f"least work for tol {tol:.0e} with eigenvalues of A(t) up to {rate:.3g} 1/s"
-    return Setting(name, 2 * best, segments or max(4, plans[best]), reason)
+    plans = [
+        Setting("gauss", 2 * s, segments or max(least, math.ceil(system.period / gauss_step(rate, tol, s))), reason)
+        for s in (STAGES if order is None else [order // 2])
+    ]
+    return min(plans, key=lambda plan: plan.work(system.n))
 
 
 def gauss_step(rate: float, tol: float, stages: int) -> float:
@@ -79,10 +100,10 @@ def gauss_step(rate: float, tol: float, stages: int) -> float:
     return (tol * max(1.0, rate) / (rate * c)) ** (0.5 / stages) / rate
 
 
-def fastest_rate(system: PeriodicSystem) -> float:
-    """The largest modulus of an eigenvalue of A(t) on a few samples of the period, at least the basic frequency."""
-    t = system.period * (np.arange(16) + 0.37) / 16
-    return max(float(np.abs(np.linalg.eigvals(system.A(t))).max()), 2 * np.pi / system.period)
+def rates(system: PeriodicSystem) -> tuple[float, float]:
+    """The largest modulus of an eigenvalue of A(t) (at least the basic frequency), and the spread of their real parts."""
+    values = np.linalg.eigvals(system.A(system.period * (np.arange(16) + 0.37) / 16))
+    return max(float(np.abs(values).max()), 2 * np.pi / system.period), float(np.ptp(values.real))
 
 
 def too_many(wanted: float, limit: int, tol: float) -> TooManySegments:

@@ -1,0 +1,47 @@
+"""The error that floquet reports against the true error, over random systems with known exponents."""
+
+import numpy as np
+import pytest
+from scipy.linalg import block_diag
+
+import flexlin as fl
+from flexlin.periodic.eigenvalues import partners
+from tests.periodic.systems import lyapunov_transformed
+
+SYSTEMS = 200
+
+
+def random_constant(rng, n):
+    """A real matrix with eigenvalues from -30 to about 3, complex pairs among them, in a random basis."""
+    blocks, size = [], 0
+    while size < n:
+        real = rng.choice([rng.normal(), -(10 ** rng.uniform(-2, 1.5))])
+        pair = n - size >= 2 and rng.random() < 0.6
+        turn = 10 ** rng.uniform(-1, 1)
+        blocks.append(np.array([[real, turn], [-turn, real]]) if pair else np.array([[real]]))
+        size += len(blocks[-1])
+    D, S = block_diag(*blocks), rng.standard_normal((n, n))
+    return S @ D @ np.linalg.inv(S), np.linalg.eigvals(D)
+
+
+def errors_of(seed, tol):
+    rng = np.random.default_rng(seed)
+    constant, exponents = random_constant(rng, int(rng.integers(1, 7)))
+    frequency = 10 ** rng.uniform(-0.3, 0.7)
+    A = lyapunov_transformed(constant, frequency, int(rng.integers(1, 4)), rng, size=rng.uniform(0, 0.6))
+    period = 2 * np.pi / frequency
+    result = fl.floquet(fl.PeriodicSystem(A, period), tol=tol)
+    true = partners(result.log_multipliers, exponents * period)[1] / period
+    growth = exponents.real.max()
+    verdicts = {"undecided", "unstable" if growth > 0 else "stable"}
+    return true.max(), result.error, np.mean(true <= result.errors), result.verdict in verdicts
+
+
+@pytest.mark.parametrize("tol", [1e-4, 1e-8, 1e-12])
+def test_own_error_covers_the_true_error_without_exaggeration(tol):
+    true, own, covered, verdict = np.transpose([errors_of(seed, tol) for seed in range(SYSTEMS)])
+    assert np.mean(true <= own) >= 0.99
+    assert np.mean(covered) >= 0.985
+    assert np.median(own / np.maximum(true, 1e-300)) < 100
+    assert verdict.all()
+    assert np.mean(true <= tol) > (0.99 if tol > 1e-11 else 0.9)
