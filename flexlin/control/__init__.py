@@ -3,9 +3,21 @@
 from flexlin.control.averaged import averaged_lqr
 from flexlin.control.catalogue import design
 from flexlin.control.design import Design
+from flexlin.control.estimator import Estimator, kalman_filter, output_feedback
 from flexlin.control.finite_horizon import finite_horizon_lqr
 from flexlin.control.frozen import frozen_lqr
 from flexlin.control.pd import pd_feedback
 from flexlin.control.periodic import periodic_lqr
 
-__all__ = ["Design", "averaged_lqr", "design", "finite_horizon_lqr", "frozen_lqr", "pd_feedback", "periodic_lqr"]
+__all__ = [
+    "Design",
+    "Estimator",
+    "averaged_lqr",
+    "design",
+    "finite_horizon_lqr",
+    "frozen_lqr",
+    "kalman_filter",
+    "output_feedback",
+    "pd_feedback",
+    "periodic_lqr",
+]
