@@ -60,6 +60,7 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
         names=at.names,
         parameters=free,
         points=ca.horzcat(*[frame.position for frame in (*chain.joints, chain.tips[-1])]),
+        check=False,
     )
     if not free_motors:
         return replace(arm, measured=measured)

@@ -7,8 +7,9 @@ from functools import cached_property
 import casadi as ca
 
 from flexlin.errors import ModelError
-from flexlin.kronecker import derivative
+from flexlin.mechanics.coriolis import coriolis_matrix
 from flexlin.mechanics.parameters import Parameters
+from flexlin.mechanics.validation import validate
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +104,8 @@ class Manipulator:
         Assumes the basic motion moves the coordinates `joints` (default: those that B drives) and leaves the others at zero.
 
         Parameters: s, s_dot: (n, 1) symbols; M, C: (n, n); g, damping: (n, 1); B: (n, m), default the identity.
-        Raises: ModelError when a shape does not fit or an expression holds other symbols.
+        Raises: ModelError when a shape does not fit, an expression holds other symbols, or the matrices contradict mechanics
+        (see `flexlin.mechanics.validation`).
         """
         n = s.numel()
         B = ca.DM.eye(n) if B is None else B
@@ -112,7 +114,7 @@ class Manipulator:
         _check_shapes(n, M=(M, n), C=(C, n), g=(g, 1), damping=(damping, 1), B=(B, None))
         _check_symbols(ca.vertcat(s, s_dot), M=M, C=C, g=g, damping=damping, B=B)
         driven = tuple(i for i in range(n) if not ca.SX(B[i, :]).is_zero()) if joints is None else tuple(joints)
-        return cls(
+        arm = cls(
             s,
             s_dot,
             s_ddot,
@@ -127,6 +129,8 @@ class Manipulator:
             points=points,
             coriolis=ca.SX(C),
         )
+        validate(arm)
+        return arm
 
     @classmethod
     def from_lagrangian(
@@ -142,6 +146,7 @@ class Manipulator:
         names: Sequence[str] | None = None,
         parameters: Parameters | None = None,
         points: ca.SX | None = None,
+        check: bool = True,
     ) -> "Manipulator":
         """Make a manipulator from its energies by Lagrange's equations of the second kind.
 
@@ -151,7 +156,9 @@ class Manipulator:
 
         Parameters: T, V: kinetic and potential energy (J); dissipation: Rayleigh's function R (W); resistance: (n, 1) resisting
         forces r(s, s') that no R gives; B: (n, m), default the identity.
-        Raises: ModelError when a shape does not fit or an expression holds other symbols.
+        check: look whether the model obeys mechanics.
+        Raises: ModelError when a shape does not fit, an expression holds other symbols, or the energies contradict mechanics
+        (see `flexlin.mechanics.validation`).
         Source: Khang, Dat, Tuan (2019), Eq. (55).
         """
         n = s.numel()
@@ -167,7 +174,7 @@ class Manipulator:
         momentum, g, damping = ca.gradient(T, s_dot), ca.gradient(V, s), ca.gradient(R, s_dot) + resisting
         rate_of_momentum = ca.jtimes(momentum, ca.vertcat(s, s_dot), ca.vertcat(s_dot, s_ddot))
         driven = tuple(i for i in range(n) if not ca.SX(B[i, :]).is_zero()) if joints is None else tuple(joints)
-        return cls(
+        arm = cls(
             s,
             s_dot,
             s_ddot,
@@ -183,20 +190,9 @@ class Manipulator:
             energy=T + V,
             points=points,
         )
-
-
-def coriolis_matrix(M: ca.SX, s: ca.SX, s_dot: ca.SX) -> ca.SX:
-    """The matrix of Christoffel's symbols in Kronecker layout, for which M' - 2 C is skew.
-
-        C(s, s') = 1/2 [dM/ds (I (x) s') + dM/ds (s' (x) I) - (dM/ds (s' (x) I))^T]
-
-    Parameters: M: (n, n); s, s_dot: (n, 1). Returns: (n, n).
-    Source: Khang, Dat, Tuan (2019), property (19), with the symmetry of M.
-    """
-    dM, eye = derivative(M, s), ca.DM.eye(s.numel())
-    along = dM @ ca.kron(eye, s_dot)
-    across = dM @ ca.kron(s_dot, eye)
-    return (along + across - across.T) / 2
+        if check:
+            validate(arm)
+        return arm
 
 
 def _check_shapes(rows: int, **expressions: tuple[ca.SX, int | None]) -> None:

@@ -1,0 +1,124 @@
+"""A user's own models: what is right passes, each mistake is named; a user's own effect."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.errors import ArgumentError, InputError, ModelError, SceneError
+from flexlin.mechanics.effects import Effect, register_effect
+from flexlin.scene.base import Positive, Table
+
+from .scenes import arm_of, scene_of, value
+
+S, RATE = ca.SX.sym("s", 2), ca.SX.sym("s_dot", 2)
+COS, SIN = ca.cos(S[1]), ca.sin(S[1])
+
+
+def two_rods(**wrong):
+    """Two rods of unit length and mass, joint angles relative; `wrong` replaces a matrix."""
+    m = ca.vertcat(ca.horzcat(5 / 3 + COS, 1 / 3 + COS / 2), ca.horzcat(1 / 3 + COS / 2, 1 / 3))
+    h = SIN / 2
+    c = ca.vertcat(ca.horzcat(-h * RATE[1], -h * (RATE[0] + RATE[1])), ca.horzcat(h * RATE[0], 0))
+    g = 9.81 * ca.vertcat(1.5 * ca.cos(S[0]) + 0.5 * ca.cos(S[0] + S[1]), 0.5 * ca.cos(S[0] + S[1]))
+    parts = {"M": m, "C": c, "g": g, **wrong}
+    return fl.Manipulator.from_matrices(S, RATE, parts["M"], parts["C"], parts["g"], damping=parts.get("damping"))
+
+
+def changed(matrix, i, j, value):
+    copy = ca.SX(matrix)
+    copy[i, j] = value
+    return copy
+
+
+def test_a_right_model_passes_and_equals_its_lagrangian():
+    arm = two_rods()
+    T, V = ca.bilin(arm.M, RATE, RATE) / 2, 9.81 * (1.5 * ca.sin(S[0]) + 0.5 * ca.sin(S[0] + S[1]))
+    other = fl.Manipulator.from_lagrangian(S, RATE, T, V)
+    state = np.random.default_rng(0).normal(size=(3, 2))
+    np.testing.assert_allclose(value(arm, "residual", *state), value(other, "residual", *state), rtol=1e-12)
+
+
+def test_any_true_factorisation_of_the_coriolis_forces_passes():
+    """C = dM/ds (I (x) s') - 1/2 (dM/ds (s' (x) I))^T is not skew with M', but is the same force."""
+    M = two_rods().M
+    dM = fl.kronecker.derivative(M, S)
+    eye = ca.DM.eye(2)
+    two_rods(C=dM @ ca.kron(eye, RATE) - (dM @ ca.kron(RATE, eye)).T / 2)
+
+
+M_RIGHT, C_RIGHT, G_RIGHT = two_rods().M, two_rods().C, two_rods().g
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"M": changed(M_RIGHT, 0, 1, 0.4)}, r"M is not symmetric.*M\[1, 0\].*M\[0, 1\]|M\[0, 1\].*M\[1, 0\]"),
+        ({"M": changed(M_RIGHT, 1, 1, -0.1)}, r"not positive definite.*M\[1, 1\]"),
+        ({"M": changed(M_RIGHT, 1, 1, 1 / (S[0] - S[0] * 1.0))}, r"M\[1, 1\] is not finite"),
+        ({"M": changed(M_RIGHT, 1, 1, 1 + RATE[0] ** 2)}, r"M\[1, 1\] depends on the rates"),
+        ({"C": changed(C_RIGHT, 1, 0, -SIN / 2 * RATE[0])}, r"row 1 of C s' the product s1' s1'.*skew"),
+        ({"C": ca.SX.zeros(2, 2)}, "C does not belong to M"),
+        ({"g": changed(G_RIGHT, 1, 0, ca.sin(S[0]))}, r"dg/ds is not symmetric"),
+        ({"g": changed(G_RIGHT, 1, 0, RATE[0])}, r"g\[1, 0\] depends on the rates"),
+        ({"damping": ca.vertcat(ca.log(S[0] - 7), 0)}, r"damping\[0, 0\] is not finite"),
+        ({"g": G_RIGHT[0]}, "g has the wrong shape"),
+        ({"g": G_RIGHT + ca.SX.sym("mystery")}, "mystery"),
+    ],
+)
+def test_each_mistake_is_named(wrong, message):
+    with pytest.raises(ModelError, match=message):
+        two_rods(**wrong)
+
+
+def test_energies_must_be_mechanical():
+    with pytest.raises(ModelError, match="not positive definite"):
+        fl.Manipulator.from_lagrangian(S, RATE, RATE[0] ** 2, S[0] ** 2)
+    with pytest.raises(ModelError, match="rates"):
+        fl.Manipulator.from_lagrangian(S, RATE, ca.sumsqr(RATE), S[0] * RATE[0])
+    with pytest.raises(ModelError, match="rates"):
+        fl.Manipulator.from_lagrangian(S, RATE, ca.sumsqr(RATE) ** 2 + ca.sumsqr(RATE), S[0] ** 2)
+
+
+class SpringTable(Table):
+    """A spring between the tip and a wall."""
+
+    stiffness: Positive
+
+
+class TipSpring(Effect):
+    """V = 1/2 k y^2 of the tip."""
+
+    def potential_energy(self, chain):
+        return self.table.stiffness / 2 * chain.tips[-1].position[1] ** 2
+
+
+@pytest.fixture
+def tip_spring(monkeypatch):
+    from flexlin.mechanics import effects
+    from flexlin.scene import effects as tables
+
+    monkeypatch.setattr(effects, "EFFECTS", dict(effects.EFFECTS))
+    monkeypatch.setattr(tables, "_OWN", {})
+    register_effect("tip_spring", SpringTable, TipSpring)
+
+
+@pytest.mark.usefixtures("tip_spring")
+def test_an_effect_of_ones_own():
+    arm = arm_of({"modes": 0}, effects={"tip_spring": {"stiffness": 3.0}})
+    q = 0.3
+    np.testing.assert_allclose(value(arm, "g", np.array([q])), 3.0 * 0.25 * np.sin(q) * np.cos(q), rtol=1e-12)
+    assert arm_of({"modes": 0}).functions["g"].n_instructions() < arm.functions["g"].n_instructions()
+    free = fl.build_manipulator(
+        scene_of({"modes": 0}, effects={"tip_spring": {"stiffness": 3.0}}), ["effects.tip_spring.stiffness"]
+    )
+    assert free.parameters.values.tolist() == [3.0]
+    with pytest.raises(SceneError, match=r"effects\.tip_spring\.stiffness"):
+        arm_of({"modes": 0}, effects={"tip_spring": {"stiffness": -3.0}})
+    with pytest.raises(ArgumentError, match="name"):
+        register_effect("gravity", SpringTable, TipSpring)
+
+
+def test_unregistered_effects_are_refused():
+    with pytest.raises(InputError, match=r"effects\.tip_spring"):
+        arm_of({}, effects={"tip_spring": {"stiffness": 1.0}})
