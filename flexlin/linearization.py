@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from typing import Literal
 
 import casadi as ca
@@ -47,8 +47,8 @@ class Linearization:
 
     arm: Manipulator
     motion: Motion
-    names: tuple[str, ...]
-    inputs: tuple[str, ...]
+    kept: tuple[int, ...]
+    driven: tuple[int, ...]
     coefficients: ca.Function
     route: Route
     control: Control | None = None
@@ -61,7 +61,22 @@ class Linearization:
     @property
     def n(self) -> int:
         """The number of coordinates of the linear equations."""
-        return len(self.names)
+        return len(self.kept)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the coordinates y."""
+        return tuple(self.arm.names[k] for k in self.kept)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The names of the coordinates that the inputs drive."""
+        return tuple(self.arm.names[self.arm.drives[i]] for i in self.driven)
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Times in [0, T) at which the coefficients lose smoothness."""
+        return self.motion.breaks
 
     def sample(self, t: Array) -> Coefficients:
         """All coefficients at the times t (N,), in one mapped call."""
@@ -104,7 +119,7 @@ class Linearization:
         Raises: MotionError for a one-way motion, which has no period.
         """
         self._need_period()
-        second_order = SecondOrder(self.M, self.D, self.K)
+        second_order = SecondOrder(self.M, self.D, self.K, self.B, self._together)
         return PeriodicSystem(self._state_matrix, self.period, self._input_matrix, self.motion.breaks, second_order)
 
     def forcing(self, t: Array) -> Array:
@@ -113,10 +128,9 @@ class Linearization:
         acceleration = solve_mass(c.M, c.h[:, :, None], t)[:, :, 0]
         return np.concatenate([np.zeros_like(acceleration), acceleration], axis=1)
 
-    @cached_property
-    def breaks(self) -> tuple[float, ...]:
-        """Times in [0, T) at which the coefficients lose smoothness."""
-        return self.motion.breaks
+    def _together(self, t: Array) -> tuple[Array, Array, Array]:
+        c = self.sample(t)
+        return c.M, c.D, c.K
 
     def _state_matrix(self, t: Array) -> Array:
         c, n = self.sample(t), self.n
@@ -175,10 +189,9 @@ def linearize(
         raise InputError(
             "nothing is left to move", got="every coordinate prescribed", expected="a link with modes or a driven joint"
         )
-    angles, expressions = _along(arm, routes[route](arm), kept, driven, control)
-    coefficients = _function(arm, motion, angles, expressions)
-    names, inputs = tuple(arm.names[k] for k in kept), tuple(arm.names[arm.drives[i]] for i in driven)
-    return Linearization(arm, motion, names, inputs, coefficients, route, control)
+    angles, outputs = _along(arm, routes[route](arm), kept, driven, control)
+    coefficients = along_motion(arm, motion, angles, {}, outputs)
+    return Linearization(arm, motion, tuple(kept), tuple(driven), coefficients, route, control)
 
 
 def by_jacobian(arm: Manipulator) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -202,8 +215,8 @@ def by_kronecker(arm: Manipulator) -> tuple[ca.SX, ca.SX, ca.SX]:
 
 def _along(
     arm: Manipulator, matrices: tuple[ca.SX, ca.SX, ca.SX], kept: list[int], driven: list[int], control: Control | None
-) -> tuple[ca.SX, list[ca.SX]]:
-    """Set s = E_q q, s' = E_q q', s'' = E_q q'' and leave out what is prescribed; returns [q; q'; q''] and M, D, K, h, B, tau."""
+) -> tuple[ca.SX, dict[str, ca.SX]]:
+    """Set s = E_q q, s' = E_q q', s'' = E_q q'' and leave out what is prescribed; returns [q; q'; q''] and all outputs."""
     angles = ca.SX.sym("angles", 3 * arm.joints)
     rigid = ca.densify(ca.vertcat(*[arm.reference @ part for part in ca.vertsplit(angles, arm.joints)]))
     full = ca.vertcat(arm.s, arm.s_dot, arm.s_ddot)
@@ -215,7 +228,8 @@ def _along(
             left -= inputs @ tau
         kp, kd = feedback_gains(arm, driven, control)
         D, K = D + inputs @ kd, K + inputs @ kp
-    return angles, [M[kept, kept], D[kept, kept], K[kept, kept], -left[kept], inputs[kept, :], tau]
+    M, D, K = M[kept, kept], D[kept, kept], K[kept, kept]
+    return angles, {"M": M, "D": D, "K": K, "h": -left[kept], "B": inputs[kept, :], "tau": tau}
 
 
 def feedback_gains(arm: Manipulator, driven: list[int], control: Control) -> tuple[ca.SX, ca.SX]:
@@ -238,12 +252,20 @@ def feedback_gains(arm: Manipulator, driven: list[int], control: Control) -> tup
     return kp, kd
 
 
-def _function(arm: Manipulator, motion: Motion, angles: ca.SX, expressions: list[ca.SX]) -> ca.Function:
-    """One function for all coefficients: of phase and parameters, or of q, q', q'' and parameters for a sampled motion."""
-    p, names = arm.parameters.symbols, ["M", "D", "K", "h", "B", "tau"]
+def along_motion(
+    arm: Manipulator, motion: Motion, angles: ca.SX, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]
+) -> ca.Function:
+    """A function of `inputs`, the place on the motion, and the free parameters.
+
+    The place is the phase, or q, q', q'' for a motion that is given by numbers; `angles` are the symbols [q; q'; q''].
+    """
+    p, values = arm.parameters.symbols, list(outputs.values())
     if isinstance(motion, SymbolicMotion):
-        expressions = ca.substitute(expressions, [angles, motion.parameters.symbols], [ca.vertcat(*motion.rates), p])
-        inputs, labels = [motion.phase, p], ["phase", "p"]
+        values = ca.substitute(values, [angles, motion.parameters.symbols], [ca.vertcat(*motion.rates), p])
+        place = {"phase": motion.phase}
     else:
-        inputs, labels = [*ca.vertsplit(angles, arm.joints), p], ["q", "q1", "q2", "p"]
-    return ca.Function("coefficients", inputs, [ca.densify(e) for e in expressions], labels, names)
+        place = dict(zip(("q", "q1", "q2"), ca.vertsplit(angles, arm.joints), strict=True))
+    named = {**inputs, **place, "p": p}
+    return ca.Function(
+        "along_motion", list(named.values()), [ca.densify(v) for v in values], list(named), list(outputs)
+    )

@@ -71,3 +71,41 @@ def call(function: ca.Function, arrays: list[Array]) -> list[Array]:
         outputs.append(output)
     trigger()
     return [output.transpose(0, 2, 1) for output in outputs]
+
+
+def dense_outputs(function: ca.Function, outputs: list[Array]) -> list[Array]:
+    """The outputs, if CasADi will fill every number of them."""
+    for i in range(function.n_out()):
+        if function.nnz_out(i) != function.numel_out(i):
+            raise ArgumentError(
+                f"output {function.name_out(i)} of {function.name()} is sparse",
+                expected="a dense output (casadi.densify)",
+            )
+    return outputs
+
+
+class Pointwise:
+    """A CasADi function called at one point after another, as integrators do: buffers are laid out once.
+
+    Parameters of the call: one array for each input, of as many numbers as the input has. Returns: one array (rows, columns) for each
+    output, valid until the next call. Raises: ArgumentError when a number of inputs or a size does not fit.
+    """
+
+    def __init__(self, function: ca.Function):
+        self.function = function
+        self._inputs = [np.zeros(function.numel_in(i)) for i in range(function.n_in())]
+        self._outputs = [np.zeros(function.size_out(i)[::-1]) for i in range(function.n_out())]
+        self._buffer: Any
+        self._buffer, self._trigger = function.buffer()
+        for i, array in enumerate(self._inputs):
+            self._buffer.set_arg(i, array.data)
+        for i, output in enumerate(dense_outputs(function, self._outputs)):
+            self._buffer.set_res(i, output.data)
+
+    def __call__(self, *arguments: Array) -> list[Array]:
+        for name, inside, value in zip(self.function.name_in(), self._inputs, arguments, strict=True):
+            if np.shape(value) != inside.shape:
+                raise ArgumentError(f"{name} has the wrong shape", got=np.shape(value), expected=str(inside.shape))
+            inside[:] = value
+        self._trigger()
+        return [output.T for output in self._outputs]
