@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -70,6 +71,14 @@ class Closure:
         for branch in self.branches:
             tensor[np.ix_(range(m), *[branch.joints] * k)] += branch.derivative(s, k)
         return tensor.reshape(m, -1)
+
+    def expression(self, s: Any) -> Any:
+        """Return f as a CasADi column (m, 1) of a CasADi column s (n, 1)."""
+        f = self.linear @ s + self.constant
+        for branch in self.branches:
+            H = branch.chain.expression([s[i] for i in branch.joints])
+            f = f + branch.weight @ (H @ np.append(branch.point, 1.0))[:3]
+        return f
 
     def close(self, s: ArrayLike, independent: Sequence[int]) -> Array:
         """Return s with its dependent coordinates moved by Newton's method until f(s) = 0.

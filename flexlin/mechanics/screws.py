@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,25 +51,23 @@ def prismatic(direction: ArrayLike) -> Array:
     return np.concatenate([np.zeros(3), unit("direction", direction)])
 
 
-def exponential(t: Array, q: float) -> Array:
+def exponential(t: Array, q: Any) -> Any:
     """Return the motion along a constant screw.
 
-        exp([t x] q) = [[R, p], [0, 1]],   R = I + s W + c W^2,   p = (q I + c W + (q - s)/|w|^2 W^2) v
+        exp([t x] q) = I + q X + (1 - cos w q)/w^2 X^2 + (w q - sin w q)/w^3 X^3,   X = [t x],  w = |omega|
 
-    with W = [w x], s = sin(|w| q)/|w|, c = (1 - cos(|w| q))/|w|^2, and R = I, p = q v for w = 0.
+    and I + q X for w = 0.
 
-    Parameters: t = [w; v] (6,); q in rad (revolute, helical) or m (prismatic).
-    Returns: (4, 4).
-    Source: Rodrigues; Brockett (1984), de Jong et al., Eq (5).
+    Parameters: t = [omega; v] (6,); q in rad (revolute, helical) or m (prismatic): a float or a CasADi scalar.
+    Returns: (4, 4), of the kind of q.
+    Source: Rodrigues' formula by the minimal polynomial X^4 = -w^2 X^2; Brockett (1984), de Jong et al., Eq (5).
     """
-    W, rate, H = cross(t[:3]), float(np.linalg.norm(t[:3])), np.eye(4)
-    if rate == 0.0:
-        H[:3, 3] = q * t[3:]
-        return H
-    s, c = np.sin(rate * q) / rate, 2 * np.sin(rate * q / 2) ** 2 / rate**2
-    H[:3, :3] += s * W + c * W @ W
-    H[:3, 3] = (q * np.eye(3) + c * W + (q - s) / rate**2 * W @ W) @ t[3:]
-    return H
+    X, w = hat(t), float(np.linalg.norm(t[:3]))
+    if w == 0.0:
+        return np.eye(4) + q * X
+    sin = np.sin if isinstance(q, float) else type(q).sin
+    versine, rest = 2 * sin(w * q / 2) ** 2 / w**2, (w * q - sin(w * q)) / w**3
+    return np.eye(4) + q * X + versine * (X @ X) + rest * (X @ X @ X)
 
 
 @dataclass(frozen=True)
@@ -103,6 +102,13 @@ class OpenChain:
     def pose(self, q: ArrayLike) -> Array:
         """Return H(q) (4, 4)."""
         return self.motions(q)[-1] @ self.home
+
+    def expression(self, q: Sequence[Any]) -> Any:
+        """Return H(q) as a CasADi expression (4, 4) of n CasADi scalars."""
+        H = self.home
+        for t, angle in zip(reversed(self.screws), reversed(q), strict=True):
+            H = exponential(t, angle) @ H
+        return H
 
     def adjoint(self, q: ArrayLike) -> Array:
         """Return Ad(H(q)) (6, 6)."""

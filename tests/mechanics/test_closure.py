@@ -89,6 +89,14 @@ def test_closed_configuration_satisfies_the_equations_by_hand(loop):
     assert np.abs(ca.Function("f", [s], [equations(s)])(s0).full()).max() < 1e-14
 
 
+def test_expression_equals_the_equations_by_hand(loop):
+    closure, equations, s0, _ = loop
+    s = ca.SX.sym("s", len(s0))
+    away = s0 + 0.3 * np.cos(np.arange(len(s0)))
+    ours, judge = ca.Function("f", [s], [closure.expression(s), equations(s)]).call([away])
+    assert_allclose(ours.full(), judge.full(), atol=1e-14)
+
+
 @pytest.mark.parametrize("k", [1, 2, 3])
 def test_derivatives_of_the_closure(loop, k):
     closure, equations, s0, _ = loop

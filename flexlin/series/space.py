@@ -1,0 +1,147 @@
+"""Coefficients of truncated series: numbers (real or complex, many points at once) or CasADi scalars, under one arithmetic.
+
+The coefficients of one series are an array (size, ...), a homogeneous part of degree k is its slice `indices.degree(k)`.
+Parts not yet computed are zero, so one full convolution serves products, quotients and roots alike.
+"""
+
+from collections.abc import Callable
+
+import casadi as ca
+import numpy as np
+from scipy.special import erf
+
+from flexlin.checks import Array
+from flexlin.series.indices import Indices
+
+
+def atan2(y: Array, x: Array) -> Array:
+    """Return the angle of (x, y), also for complex y and x."""
+    if np.iscomplexobj(y) or np.iscomplexobj(x):
+        return -1j * np.log((x + 1j * y) / np.sqrt(x * x + y * y))
+    return np.arctan2(y, x)
+
+
+NUMPY = {
+    "exp": np.exp,
+    "log": np.log,
+    "sin": np.sin,
+    "cos": np.cos,
+    "tan": np.tan,
+    "asin": np.arcsin,
+    "acos": np.arccos,
+    "atan": np.arctan,
+    "sinh": np.sinh,
+    "cosh": np.cosh,
+    "tanh": np.tanh,
+    "asinh": np.arcsinh,
+    "acosh": np.arccosh,
+    "atanh": np.arctanh,
+    "erf": erf,
+    "log1p": np.log1p,
+    "expm1": np.expm1,
+    "sqrt": np.sqrt,
+    "atan2": atan2,
+    "power": np.power,
+}
+CASADI: dict[str, Callable] = {name: getattr(ca, name) for name in NUMPY if name != "power"} | {"power": ca.power}
+
+
+class Numeric:
+    """Series with numbers as coefficients, at one point or at many (trailing axes)."""
+
+    def __init__(self, indices: Indices, batch: tuple[int, ...] = (), dtype: type = float):
+        self.indices, self.batch, self.dtype = indices, batch, dtype
+
+    def zero(self) -> Array:
+        """Return the series 0."""
+        return np.zeros((self.indices.size, *self.batch), dtype=self.dtype)
+
+    def convolve(self, a: Array, b: Array, k: int) -> Array:
+        """Return the part of degree k of a product."""
+        pairs = self.indices.pairs(k)
+        return np.add.reduceat(a[pairs.left] * b[pairs.right], pairs.start, axis=0)
+
+    def apply(self, name: str, *arguments: Array) -> Array:
+        """Apply an elementary function elementwise."""
+        return NUMPY[name](*arguments)
+
+    def clean(self, part: Array) -> Array:
+        """Return a part as it is kept."""
+        return part
+
+    def solve(self, V: Array, right: Array) -> Array:
+        """Solve V x = right; V (m, m, ...), right (m, size, ...)."""
+        inside = np.linalg.solve(np.moveaxis(V, (0, 1), (-2, -1)), np.moveaxis(right, (0, 1), (-2, -1)))
+        return np.moveaxis(inside, (-2, -1), (0, 1))
+
+
+class Symbolic:
+    """Series with CasADi scalars as coefficients; a structural zero is the integer 0 and costs no instruction.
+
+    Parameters: pivots: the order of rows for Gauss elimination of V, chosen from numbers near by.
+    """
+
+    dtype = object
+
+    def __init__(self, indices: Indices, pivots: Array | None = None):
+        self.indices, self.pivots = indices, pivots
+
+    def zero(self) -> Array:
+        """Return the series 0."""
+        return np.zeros(self.indices.size, dtype=object)
+
+    def convolve(self, a: Array, b: Array, k: int) -> Array:
+        """Return the part of degree k of a product, over the pairs of nonzeros only."""
+        pairs, where = self.indices.pairs(k), self.indices.degree(k)
+        keep = occupied(a)[pairs.left] & occupied(b)[pairs.right]
+        if a is b:
+            keep &= pairs.left <= pairs.right
+        present = np.flatnonzero(keep)
+        group = np.searchsorted(pairs.start, present, side="right") - 1
+        part = np.zeros(where.stop - where.start, dtype=object)
+        for g, i, j in zip(group, pairs.left[present], pairs.right[present], strict=True):
+            part[g] = part[g] + a[i] * b[j] * (2 if a is b and i != j else 1)
+        return part
+
+    def apply(self, name: str, *arguments: Array) -> Array:
+        """Apply an elementary function elementwise."""
+        result = np.zeros(len(arguments[0]), dtype=object)
+        for i, values in enumerate(zip(*arguments, strict=True)):
+            result[i] = CASADI[name](*[ca.SX(value) for value in values])
+        return result
+
+    def clean(self, part: Array) -> Array:
+        """Return a part with its zeros made structural."""
+        for i, value in enumerate(part):
+            if not isinstance(value, int) and ca.SX(value).is_zero():
+                part[i] = 0
+        return part
+
+    def solve(self, V: Array, right: Array) -> Array:
+        """Solve V x = right by Gauss elimination in the chosen order of rows; V (m, m), right (m, size)."""
+        A, x = V[self.pivots].copy(), right[self.pivots].copy()
+        m = len(A)
+        for j in range(m):
+            for i in range(j + 1, m):
+                if occupied(A[i, j : j + 1])[0]:
+                    factor = A[i, j] / A[j, j]
+                    A[i, j + 1 :] = self.clean(A[i, j + 1 :] - scaled(factor, A[j, j + 1 :]))
+                    x[i] = self.clean(x[i] - scaled(factor, x[j]))
+        for i in reversed(range(m)):
+            for j in range(i + 1, m):
+                x[i] = self.clean(x[i] - scaled(A[i, j], x[j]))
+            x[i] = scaled(1 / A[i, i], x[i])
+        return x
+
+
+def occupied(part: Array) -> Array:
+    """Tell which coefficients are not structural zeros."""
+    return np.array([type(value) is not int or value != 0 for value in part], dtype=bool)
+
+
+def scaled(factor: ca.SX, part: Array) -> Array:
+    """Multiply a part by a scalar, leaving structural zeros alone."""
+    result = np.zeros(len(part), dtype=object)
+    for i in np.flatnonzero(occupied(part)):
+        result[i] = factor * part[i]
+    return result

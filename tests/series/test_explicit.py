@@ -1,0 +1,130 @@
+"""Taylor maps of expressions: every elementary operation against CasADi's repeated differentiation, slopes, sizes, refusals."""
+
+import tracemalloc
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import flexlin as fl
+from flexlin.errors import ArgumentError, TooLarge
+
+X = ca.SX.sym("x", 2)
+A, B = 0.6 * X[0] - 0.3 * X[1] + 0.4, 0.5 * X[0] * X[1] + 0.2 * X[1] + 0.3
+OPERATIONS = {
+    **{name: getattr(ca, name)(A) for name in ("exp", "sin", "cos", "tan", "asin", "acos", "atan", "sqrt", "log")},
+    **{name: getattr(ca, name)(B) for name in ("sinh", "cosh", "tanh", "asinh", "atanh", "erf", "log1p", "expm1")},
+    "acosh": ca.acosh(2 + A),
+    "atan2": ca.atan2(A, B),
+    "atan2 behind": ca.atan2(A, B - 3),
+    "hypot": ca.hypot(A, B),
+    "division": A / (B + 1),
+    "inverse": 1 / A,
+    "square": A**2,
+    "cube": A**3,
+    "fifth power": (A + B) ** 5,
+    "negative power": A**-3,
+    "broken power": A**2.7,
+    "varying power": ca.power(A, B),
+    "constant base": ca.power(2.5, B),
+    "twice": A + A,
+    "mixed": ca.sin(ca.exp(A) * ca.cos(B)) / (1 + B**2) - ca.sqrt(1 + A * B),
+}
+POINT = np.array([0.13, -0.21])
+
+
+def slope(errors, steps):
+    return np.polyfit(np.log(steps), np.log(errors), 1)[0]
+
+
+@pytest.mark.parametrize("name", OPERATIONS)
+def test_every_operation_against_repeated_differentiation(name):
+    expression = OPERATIONS[name]
+    P = fl.taylor(expression, X, POINT, 4)
+    derivatives = [fl.kronecker.derivative(expression, X, k) for k in range(5)]
+    for k, judge in enumerate(ca.Function("D", [X], derivatives).call([POINT])):
+        assert_allclose(P.derivative(k), judge.full(), rtol=1e-11, atol=1e-11 * np.abs(judge.full()).max())
+
+
+def test_layout_of_a_matrix():
+    matrix = ca.blockcat([[ca.sin(X[0] * X[1]), X[0] ** 2, 3], [X[1], ca.exp(X[0]), ca.cos(X[1])]])
+    P = fl.taylor(matrix, X, POINT, 3)
+    derivatives = [fl.kronecker.derivative(matrix, X, k) for k in range(4)]
+    for k, judge in enumerate(ca.Function("D", [X], derivatives).call([POINT])):
+        assert_allclose(P.derivative(k), judge.full(), atol=1e-13)
+    dx = np.array([[0.02, -0.03], [0.01, 0.05]])
+    sums = [fl.kronecker.taylor_sum([P.derivative(k) for k in range(4)], d[:, None]) for d in dx]
+    assert_allclose(P(dx), sums, atol=1e-14)
+    assert_allclose(P(dx[0]), sums[0], atol=1e-14)
+    assert_allclose(P.function()(dx[1]).full(), sums[1], atol=1e-14)
+
+
+@pytest.mark.parametrize("order", range(9))
+def test_remainder_falls_with_order(order):
+    expression = ca.exp(ca.sin(2 * X[0]) - X[1]) / (1.5 + X[0])
+    P, exact = fl.taylor(expression, X, POINT, order), ca.Function("f", [X], [expression])
+    steps = np.geomspace(0.03, 0.06, 4)
+    errors = [abs(P(h * np.array([0.8, -0.6])) - exact(POINT + h * np.array([0.8, -0.6])).full()).max() for h in steps]
+    assert abs(slope(errors, steps) - (order + 1)) < 0.2
+
+
+def test_matrix_symbols_of_mx_kind():
+    x = ca.MX.sym("x", 2)
+    P = fl.taylor(ca.sin(x) * x[0], x, POINT, 2)
+    assert_allclose(P(np.zeros(2))[:, 0], np.sin(POINT) * POINT[0], atol=1e-16)
+
+
+def test_geometric_series():
+    x = ca.SX.sym("x")
+    P = fl.taylor(1 / (1 - x), x, [0.0], 30)
+    assert_allclose(P.polynomial.coefficients[:, 0], np.ones(31), atol=0)
+
+
+def test_whole_powers_are_analytic_at_zero():
+    x = ca.SX.sym("x")
+    P = fl.taylor((x + x**2) ** 6, x, [0.0], 9)
+    assert_allclose(P.polynomial.coefficients[6:, 0], [1, 6, 15, 20], atol=1e-13)
+
+
+def test_unreasonable_sizes_are_refused_before_anything_is_allocated():
+    x = ca.SX.sym("x", 12)
+    P = fl.taylor(ca.sin(ca.sum1(x)), x, np.zeros(12), 3)
+    tracemalloc.start()
+    with pytest.raises(TooLarge, match=r"\d+ bytes"):
+        fl.taylor(ca.sin(ca.sum1(x)), x, np.zeros(12), 14)
+    big = fl.taylor(ca.sin(X[0]), X, POINT, 28)
+    with pytest.raises(TooLarge, match=str(8 * 2**28 * 3)):
+        big.derivative(28)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 5e6
+    assert P.derivative(3).shape == (1, 12**3)
+
+
+@pytest.mark.parametrize(
+    ("expression", "point", "message"),
+    [
+        (ca.fabs(A), POINT, "fabs"),
+        (ca.if_else(A > 0, A, B), POINT, "no power series"),
+        (A * ca.SX.sym("z"), POINT, "free"),
+        (ca.sqrt(X[0]), np.zeros(2), "no power series"),
+        (ca.log(X[0]), np.array([-1.0, 0]), "no power series"),
+        (A, np.zeros(3), "x0"),
+    ],
+)
+def test_what_has_no_series_is_refused(expression, point, message):
+    with pytest.raises(ArgumentError, match=message):
+        fl.taylor(expression, X, point, 2)
+
+
+def test_wrong_arguments_are_named():
+    with pytest.raises(ArgumentError, match="column of symbols"):
+        fl.taylor(A, X + 1, POINT, 2)
+    with pytest.raises(ArgumentError, match="order"):
+        fl.taylor(A, X, POINT, -1)
+    P = fl.taylor(A, X, POINT, 2)
+    with pytest.raises(ArgumentError, match="derivative"):
+        P.derivative(3)
+    with pytest.raises(ArgumentError, match="dx"):
+        P(np.zeros(3))

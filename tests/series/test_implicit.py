@@ -1,0 +1,202 @@
+"""Taylor maps of closed loops against the dense recursion, CasADi's repeated implicit differentiation and closed forms."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import flexlin as fl
+from flexlin.errors import ArgumentError, SingularClosure, ToleranceNotReached
+from flexlin.mechanics.linkages import five_bar, four_bar, rssr
+
+LEFT, RIGHT, BASE = (0.3, 0.5), (0.35, 0.45), 0.25
+POSE = [2.2, -1.7, 0.9, 1.4, 0.1, 0.5]
+LOOPS = {
+    "5-bar inverse": (five_bar(BASE, LEFT, RIGHT), POSE, (4, 5)),
+    "5-bar forward": (five_bar(BASE, LEFT, RIGHT), POSE, (0, 2)),
+    "4-bar": (four_bar(0.4, 0.2, 0.5, 0.35), [0.9, -0.8, 1.3], (0,)),
+    "4-bar from its rocker": (four_bar(0.4, 0.2, 0.5, 0.35), [0.9, -0.8, 1.3], (2,)),
+    "RSSR": (rssr(0.15, 0.4, 0.3, (0.2, 0.3, 0.1), (1, 0, 0)), [0.7, 0.6, -0.3, 2.8], (0,)),
+}
+
+
+def split(closure, independent):
+    """The closure's equations in u and v, as a user writes them."""
+    n = closure.linear.shape[1]
+    dependent = [i for i in range(n) if i not in independent]
+    u, v = ca.SX.sym("u", len(independent)), ca.SX.sym("v", len(dependent))
+    s = ca.SX(n, 1)
+    s[list(independent)], s[dependent] = u, v
+    return closure.expression(s), u, v, dependent
+
+
+def expand(name, order):
+    closure, guess, independent = LOOPS[name]
+    s0 = closure.close(guess, independent)
+    f, u, v, dependent = split(closure, independent)
+    return fl.implicit_taylor(f, u, v, s0[list(independent)], s0[dependent], order)
+
+
+@pytest.fixture(scope="module")
+def inverse():
+    return expand("5-bar inverse", 5)
+
+
+def implicit_derivatives(f, u, v, u0, v0, order):
+    """C_1 = -V^-1 U, C_(k+1) = D_u C_k + D_v C_k (E (x) C_1), by CasADi's Jacobians."""
+    C = [-ca.solve(ca.jacobian(f, v), ca.jacobian(f, u))]
+    derivative = fl.kronecker.derivative
+    for _ in range(1, order):
+        inner = fl.kronecker.chain_rule(derivative(C[-1], v), C[0])
+        C.append(derivative(C[-1], u) + inner)
+    return [Ck.full() for Ck in ca.Function("C", [u, v], C).call([u0, v0])]
+
+
+def slope(errors, steps):
+    return np.polyfit(np.log(steps), np.log(errors), 1)[0]
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_engine_against_the_recursion_from_screws(name):
+    closure, guess, independent = LOOPS[name]
+    c = expand(name, 6)
+    for k, judge in enumerate(closure.jacobians(closure.close(guess, independent), independent, 6), start=1):
+        assert_allclose(c.jacobian(k), judge, rtol=0, atol=1e-12 * np.abs(judge).max())
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_engine_against_repeated_implicit_differentiation(name):
+    closure, _, independent = LOOPS[name]
+    c = expand(name, 6)
+    order = 6
+    f, u, v, _ = split(closure, independent)
+    for k, judge in enumerate(implicit_derivatives(f, u, v, c.u0, c.v0, order), start=1):
+        assert_allclose(c.jacobian(k), judge, rtol=0, atol=1e-12 * np.abs(judge).max())
+
+
+@pytest.mark.parametrize("order", range(9))
+def test_error_falls_with_order(order):
+    c = expand("5-bar inverse", order)
+    steps = np.geomspace(0.025, 0.05, 4)
+    angles = np.linspace(0, 2 * np.pi, 9)[:-1]
+    circle = np.column_stack([np.cos(angles), np.sin(angles)])
+    errors = [np.linalg.norm(c(h * circle) - c.refined(h * circle)) for h in steps]
+    assert abs(slope(errors, steps) - (order + 1)) < 0.25
+
+
+def reach_circle_distances(point, d):
+    """All t, complex too, at which point + t d leaves the reach of an arm, or meets its hinge's isotropic lines."""
+    roots = []
+    for origin, (a, b) in (((0, 0), LEFT), ((BASE, 0), RIGHT)):
+        p = point - origin
+        for reach in (a + b, abs(a - b), 0.0):
+            roots += list(np.roots([1.0, 2 * p @ d, p @ p - reach**2]))
+    return sorted(roots, key=abs)
+
+
+def arm_angles(point, elbow):
+    """Inverse kinematics of both arms in closed form."""
+    angles = []
+    for origin, (a, b), sign in zip(((0, 0), (BASE, 0)), (LEFT, RIGHT), elbow, strict=True):
+        p = point - origin
+        bend = sign * np.arccos((p @ p - a**2 - b**2) / (2 * a * b))
+        angles += [np.arctan2(p[1], p[0]) - np.arctan2(b * np.sin(bend), a + b * np.cos(bend)), bend]
+    return np.array(angles)
+
+
+def test_radius_against_reach_circles():
+    f, u, v, _ = split(*LOOPS["5-bar inverse"][::2])
+    kinds = {"real singularity": 0, "complex pair": 0, "not found": 0}
+    for i, (x, y) in enumerate([(0.1, 0.5), (0.3, 0.45), (-0.15, 0.4), (0.05, 0.3)]):
+        point = np.array([x, y])
+        c = fl.implicit_taylor(f, u, v, point, arm_angles(point, [(1, 1), (-1, 1), (1, -1), (-1, -1)][i]), 2)
+        for angle in np.linspace(0.1, 2 * np.pi, 9)[:-1]:
+            d = np.array([np.cos(angle), np.sin(angle)])
+            exact = reach_circle_distances(point, d)[0]
+            radius = c.radius(2.5 * d)
+            kinds[radius.kind] += 1
+            if radius.kind != "not found":
+                assert abs(radius - abs(exact)) < 1e-6
+                assert (radius.kind == "real singularity") == (abs(exact.imag) < 1e-9)
+            assert abs(exact.imag) > 0 or radius.kind == "real singularity"
+    assert kinds["real singularity"] >= 10
+    assert kinds["complex pair"] >= 5
+    assert kinds["not found"] <= 2
+
+
+def test_radius_names_the_singular_configuration(inverse):
+    radius = inverse.radius([0, 1])
+    assert radius.location.real > 0
+    assert "ahead" in radius.status
+    assert abs(np.sin(radius.v[1])) < 1e-9 or abs(np.sin(radius.v[3])) < 1e-9  # an arm is stretched or folded
+
+
+def test_entire_solution_has_no_radius():
+    u, v = ca.SX.sym("u"), ca.SX.sym("v")
+    line = fl.implicit_taylor(v - 3 * u, u, v, [0.2], [0.6], 4).radius([1.0])
+    assert line.kind == "not found"
+    assert np.isnan(line)
+    assert line.estimate == np.inf
+
+
+def test_pole_is_not_called_a_fold():
+    u, v = ca.SX.sym("u"), ca.SX.sym("v")
+    radius = fl.implicit_taylor(v * (1 - u) - 1, u, v, [0.0], [1.0], 4).radius([1.0])
+    assert radius.kind == "not found"
+    assert radius.estimate == pytest.approx(1, rel=0.06)  # read with the growth law of a fold
+    assert "error" in radius.status
+
+
+def test_error_is_within_20_percent_inside_half_the_radius(inverse):
+    angles = np.linspace(0, 2 * np.pi, 13)[:-1]
+    for angle in angles:
+        d = np.array([np.cos(angle), np.sin(angle)])
+        du = np.linspace(0.1, 0.5, 9)[:, None] * inverse.radius(d) * d
+        true = np.linalg.norm(inverse(du) - inverse.refined(du), axis=1)
+        assert_allclose(inverse.error(du), true, rtol=0.2, atol=1e-15)
+        assert inverse.error(du[3]) == pytest.approx(inverse.error(du)[3], rel=1e-12)
+
+
+@pytest.mark.parametrize("angle", np.linspace(0.2, 6, 5))
+def test_linear_range(inverse, angle):
+    d, tol = np.array([np.cos(angle), np.sin(angle)]), 1e-3
+    reach = inverse.linear_range(tol, 3 * d)
+    C2 = inverse.jacobian(2)
+    assert reach == pytest.approx(np.sqrt(2 * tol / np.linalg.norm(C2 @ np.kron(d, d))), rel=1e-12)
+    linear = inverse.v0 + inverse.jacobian(1) @ (reach * d)
+    assert np.linalg.norm(inverse.refined(reach * d) - linear) == pytest.approx(tol, rel=0.06)
+
+
+def test_straight_solution_is_linear_everywhere():
+    u, v = ca.SX.sym("u"), ca.SX.sym("v")
+    assert fl.implicit_taylor(v - 3 * u, u, v, [0.2], [0.6], 4).linear_range(1e-3, [1.0]) == np.inf
+    cubic = fl.implicit_taylor(v - 3 * u - 8 * u**3, u, v, [0.0], [0.0], 4)
+    assert cubic.linear_range(1e-3, [1.0]) == pytest.approx(0.05, rel=1e-12)
+
+
+def test_few_digits_are_refined(inverse):
+    closure, _, independent = LOOPS["5-bar inverse"]
+    f, u, v, _ = split(closure, independent)
+    rounded = fl.implicit_taylor(f, u, v, inverse.u0, np.round(inverse.v0, 4), 5)
+    assert_allclose(rounded.v0, inverse.v0, atol=1e-14)
+
+
+def test_singular_point_is_named():
+    f, u, v, _ = split(five_bar(1.6, LEFT, LEFT), (4, 5))
+    with pytest.raises(SingularClosure, match="closest singular configuration: u = ") as caught:
+        fl.implicit_taylor(f, u, v, [0.8, 0.0], [0, 0, np.pi, 0], 3)
+    assert "can move along" in str(caught.value)
+
+
+def test_open_loop_is_refused():
+    f, u, v, _ = split(*LOOPS["5-bar inverse"][::2])
+    with pytest.raises(ArgumentError, match="does not solve"):
+        fl.implicit_taylor(f, u, v, [0.1, 0.5], [1.0, 1.0, 1.0, 1.0], 3)
+    with pytest.raises(ArgumentError, match="equations"):
+        fl.implicit_taylor(f[:3], u, v, [0.1, 0.5], [1.0, 1.0, 1.0, 1.0], 3)
+
+
+def test_refinement_outside_the_reach_says_so(inverse):
+    with pytest.raises(ToleranceNotReached, match="radius"):
+        inverse.refined([2.0, 0.0])
+    assert inverse.error([2.0, 0.0]) > 0.1
