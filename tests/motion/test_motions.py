@@ -1,0 +1,193 @@
+"""Basic motions: exact rates, closed periods, smooth joints, and refusal of what is not periodic."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import TypeAdapter
+
+from flexlin.errors import MotionError
+from flexlin.mechanics.parameters import Parameters
+from flexlin.motion import build_motion
+from flexlin.motion.point_to_point import PROFILES
+from flexlin.scene.motion import AnyMotion
+
+TABLE = TypeAdapter(AnyMotion)
+
+MOTIONS = {
+    "harmonic": {"kind": "harmonic", "frequency": 1.7, "joints": [{"mean": 0.1, "amplitude": 0.5, "phase": 0.3}]},
+    "rotation": {"kind": "rotation", "joints": [{"rate": -2.5, "start": 0.4}]},
+    "fourier": {
+        "kind": "fourier",
+        "period": 0.9,
+        "joints": [{"mean": 0.2, "cos": [0.3, 0.1], "sin": [0.0, -0.2, 0.05]}],
+    },
+    "quintic": {
+        "kind": "point-to-point",
+        "move_time": 0.4,
+        "dwell_time": 0.1,
+        "joints": [{"waypoints": [0.0, 1.0, 0.3]}],
+    },
+    "septic": {"kind": "point-to-point", "move_time": 0.4, "profile": "septic", "joints": [{"waypoints": [0.0, 1.0]}]},
+}
+
+
+def motion(table):
+    return build_motion(TABLE.validate_python(table), max(1, len(table.get("joints", [1]))))
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_rates_are_derivatives(name):
+    """Central differences away from the breaks converge with order 2."""
+    m = motion(MOTIONS[name])
+    t = m.period * np.array([0.03, 0.21, 0.47, 0.61, 0.83])
+    _, q1, q2 = m.sample(t)
+    gaps = []
+    for step in (1e-3 * m.period, 5e-4 * m.period):
+        up, down = m.sample(t + step), m.sample(t - step)
+        gaps.append([np.abs((up[k] - down[k]) / (2 * step) - exact).max() for k, exact in ((0, q1), (1, q2))])
+    for coarse, fine in zip(*gaps, strict=True):
+        assert fine < 1e-9 or coarse / fine == pytest.approx(4.0, rel=0.05)
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_a_period_closes(name):
+    m = motion(MOTIONS[name])
+    t = np.linspace(0, m.period, 7)[:-1]
+    for now, later in zip(m.sample(t), m.sample(t + 3 * m.period), strict=True):
+        np.testing.assert_allclose(np.sin(later), np.sin(now), atol=1e-9)
+
+
+def test_harmonic_formula():
+    m = motion(MOTIONS["harmonic"])
+    t = np.linspace(0, 1, 5)
+    q, q1, q2 = m.sample(t)
+    w = 2 * np.pi * 1.7
+    np.testing.assert_allclose(q[:, 0], 0.1 + 0.5 * np.sin(w * t + 0.3), atol=1e-14)
+    np.testing.assert_allclose(q1[:, 0], 0.5 * w * np.cos(w * t + 0.3), atol=1e-12)
+    np.testing.assert_allclose(q2[:, 0], -0.5 * w**2 * np.sin(w * t + 0.3), atol=1e-11)
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_point_to_point_rests_at_its_waypoints(profile):
+    m = motion(
+        {
+            "kind": "point-to-point",
+            "move_time": 0.5,
+            "dwell_time": 0.25,
+            "profile": profile,
+            "joints": [{"waypoints": [0.2, 1.2]}],
+        }
+    )
+    assert m.period == pytest.approx(1.5)
+    np.testing.assert_allclose(m.breaks, [0.0, 0.5, 0.75, 1.25])
+    q, q1, q2 = m.sample(np.array([0.0, 0.5, 0.6, 0.75, 1.25, 1.4]))
+    np.testing.assert_allclose(q[:, 0], [0.2, 1.2, 1.2, 1.2, 0.2, 0.2], atol=1e-13)
+    np.testing.assert_allclose(q1, 0.0, atol=1e-12)
+    np.testing.assert_allclose(q2, 0.0, atol=1e-11)
+
+
+def test_one_way_motion_ends():
+    m = motion({"kind": "point-to-point", "move_time": 0.5, "course": "one-way", "joints": [{"waypoints": [0.0, 1.0]}]})
+    assert not m.periodic
+    np.testing.assert_allclose(m.sample(np.array([0.5, 2.0]))[0][:, 0], 1.0)
+
+
+def test_rotations_share_a_period():
+    m = motion({"kind": "rotation", "joints": [{"rate": 3.0}, {"rate": -2.0}, {"rate": 0.0}]})
+    assert m.period == pytest.approx(2 * np.pi)
+    q, q1, _ = m.sample(np.array([0.5]))
+    np.testing.assert_allclose(q[0], [1.5, -1.0, 0.0], atol=1e-14)
+    np.testing.assert_allclose(q1[0], [3.0, -2.0, 0.0], atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("joints", "says"),
+    [([{"rate": 0.0}], "no joint turns"), ([{"rate": 1.0}, {"rate": np.sqrt(2.0)}], "no common period")],
+)
+def test_rotations_without_a_period(joints, says):
+    with pytest.raises(MotionError, match=says):
+        motion({"kind": "rotation", "joints": joints})
+
+
+def test_unequal_waypoints():
+    with pytest.raises(MotionError, match="unequal"):
+        motion(
+            {
+                "kind": "point-to-point",
+                "move_time": 1.0,
+                "joints": [{"waypoints": [0.0, 1.0]}, {"waypoints": [0.0, 1.0, 2.0]}],
+            }
+        )
+
+
+@pytest.mark.parametrize(
+    ("default", "own", "expected"),
+    [("torque", "prescribed", True), ("prescribed", None, True), ("prescribed", "torque", False)],
+)
+def test_drive_of_a_joint_overrides_the_default(default, own, expected):
+    joint = {"amplitude": 0.1} | ({"drive": own} if own else {})
+    assert motion({"kind": "harmonic", "frequency": 1.0, "drive": default, "joints": [joint]}).prescribed == (expected,)
+
+
+def write(path, t, q):
+    np.savetxt(path, np.column_stack([t, q]), delimiter=",", header="t,q1", comments="")
+    return {"kind": "table", "file": str(path)}
+
+
+def test_table_converges_with_its_spacing(tmp_path):
+    """A quintic spline's second derivative is of order 4 in the spacing."""
+    gaps = []
+    for rows in (41, 81):
+        t = np.linspace(0, 1.0, rows)
+        m = motion(write(tmp_path / f"{rows}.csv", t, np.exp(np.sin(2 * np.pi * t))))
+        x = np.linspace(0, 1, 333)
+        angle = 2 * np.pi * x
+        exact = (2 * np.pi) ** 2 * (np.cos(angle) ** 2 - np.sin(angle)) * np.exp(np.sin(angle))
+        gaps.append(np.abs(m.sample(x)[2][:, 0] - exact).max())
+    assert np.log2(gaps[0] / gaps[1]) > 3.5
+
+
+def test_table_may_turn_around(tmp_path):
+    t = np.linspace(0, 2.0, 21)
+    m = motion(write(tmp_path / "turn.csv", t, np.pi * t + 0.1 * np.sin(np.pi * t)))
+    _, q1, _ = m.sample(np.array([0.3, 2.3]))
+    np.testing.assert_allclose(q1[0], q1[1], rtol=1e-12)
+    np.testing.assert_allclose(q1[0], np.pi + 0.1 * np.pi * np.cos(0.3 * np.pi), rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda t, q: (t, q + 0.1 * t), "not periodic"),
+        (lambda t, q: (t[::-1], q), "do not increase"),
+        (lambda t, q: (t[:4], q[:4]), "wrong shape"),
+        (lambda t, q: (t, np.where(t > 0.5, np.nan, q)), "not finite"),
+    ],
+)
+def test_tables_that_cannot_be_used(tmp_path, change, says):
+    t = np.linspace(0, 1.0, 21)
+    with pytest.raises(MotionError, match=says):
+        motion(write(tmp_path / "bad.csv", *change(t, np.sin(2 * np.pi * t))))
+
+
+def test_table_with_text_or_without_file(tmp_path):
+    path = tmp_path / "text.csv"
+    path.write_text("t,q1\n0,0\n0.1,zero\n")
+    with pytest.raises(MotionError, match="row 3"):
+        motion({"kind": "table", "file": str(path)})
+    with pytest.raises(MotionError, match="cannot be read"):
+        motion({"kind": "table", "file": str(tmp_path / "none.csv")})
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(0.1, 10), st.floats(-2, 2), st.floats(0, 1))
+def test_free_parameters_take_the_place_of_numbers(frequency, amplitude, phase):
+    table = TABLE.validate_python({"kind": "harmonic", "frequency": frequency, "joints": [{"amplitude": amplitude}]})
+    scene_like = {"motion": table}
+    free = Parameters.of_scene(scene_like, ["motion.frequency", "motion.joints.0.amplitude"])
+    fixed, freed = build_motion(table, 1), build_motion(table, 1, free)
+    t = np.array([phase / frequency])
+    assert freed.period == fixed.period
+    for a, b in zip(fixed.sample(t), freed.sample(t), strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-12 * (1 + np.abs(a).max()))

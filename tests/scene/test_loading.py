@@ -1,0 +1,182 @@
+"""Scenes: all problems at once, each with key, got and expected; overrides; nothing evaluated."""
+
+import copy
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+import flexlin as fl
+from flexlin.errors import ArgumentError, SceneError
+from flexlin.scene import builtin_scenes, parse_scene
+from flexlin.scene.overrides import apply_overrides, parse_assignment
+from flexlin.scene.parameters import get_value, numeric_paths, replace_value
+
+GOOD = {
+    "schema": 1,
+    "title": "good",
+    "links": [{"length": 1.0, "mass_per_length": 0.3, "bending_stiffness": 2.0, "modes": 2}],
+    "effects": {"gravity": {}, "payload": {"mass": 0.1}},
+    "motion": {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.5}]},
+    "control": {"feedback": {"kind": "pd", "kp": [1.0], "kd": [0.1]}},
+}
+
+
+def with_change(path, value):
+    raw = copy.deepcopy(GOOD)
+    node = raw
+    *steps, last = path
+    for step in steps:
+        node = node[step]
+    node[last] = value
+    return raw
+
+
+@pytest.mark.parametrize("name", sorted(builtin_scenes()))
+def test_shipped_scenes_load(name):
+    scene = fl.load_scene(name)
+    assert scene.title
+    assert scene.source
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "key", "says"),
+    [
+        (["links", 0, "length"], -1.0, "links.0.length", "greater than"),
+        (["links", 0, "length"], "long", "links.0.length", "valid number"),
+        (["links", 0, "length"], True, "links.0.length", "valid number"),
+        (["links", 0, "length"], float("nan"), "links.0.length", "finite"),
+        (["links", 0, "modes"], 61, "links.0.modes", "60"),
+        (["links", 0, "modes"], 1.5, "links.0.modes", "integer"),
+        (["links", 0, "bending_stiffness"], None, "links.0.bending_stiffness", "positive"),
+        (["links", 0, "colour"], "red", "links.0.colour", "keys of the scene format"),
+        (["links", 0, "mass_per_length"], 0.0, "links.0.mass_per_length", "mass"),
+        (["effects", "wind"], {}, "effects.wind", "keys of the scene format"),
+        (["effects", "payload"], {"mass": -0.1}, "effects.payload.mass", "greater than or equal to 0"),
+        (["motion", "kind"], "circus", "motion", "harmonic"),
+        (["motion", "joints"], [], "motion.joints", "1"),
+        (["motion", "joints"], [{"amplitude": 0.5}] * 2, "motion.joints", "1, one for each"),
+        (["control", "feedback", "kp"], [1.0, 2.0], "control.feedback.kp", "1, one for each"),
+        (["links"], [], "links", "at least one"),
+        (["model"], "khang-2019", "links", "either"),
+        (["schema"], 2, "schema", "1"),
+    ],
+)
+def test_each_problem_names_its_key(path, value, key, says):
+    with pytest.raises(SceneError) as caught:
+        parse_scene(with_change(path, value))
+    found = [problem for problem in caught.value.problems if problem.key.startswith(key)]
+    assert found, caught.value
+    assert any(says in problem.expected for problem in found), found
+
+
+def test_all_problems_come_at_once():
+    raw = with_change(["links", 0, "length"], -1.0)
+    raw["effects"]["payload"]["mass"] = "heavy"
+    raw["motion"]["joints"] = [{"amplitude": 0.1}] * 3
+    raw["control"]["gain"] = 1.0
+    raw["colour"] = "red"
+    with pytest.raises(SceneError) as caught:
+        parse_scene(raw)
+    keys = {problem.key for problem in caught.value.problems}
+    assert {"links.0.length", "motion.joints", "control.gain", "colour"} <= keys
+    assert any(key.startswith("effects.payload.mass") for key in keys)
+    assert "heavy" in str(caught.value)
+
+
+def test_missing_file_suggests_a_name():
+    with pytest.raises(SceneError, match="did you mean 'single-link'"):
+        fl.load_scene("single-lnk")
+
+
+def test_broken_toml(tmp_path):
+    path = tmp_path / "broken.toml"
+    path.write_text("schema = 1\n[[links]\n")
+    with pytest.raises(SceneError, match=r"broken\.toml"):
+        fl.load_scene(path)
+
+
+def test_scenes_are_frozen():
+    scene = parse_scene(GOOD)
+    with pytest.raises(ValidationError):
+        scene.title = "other"
+
+
+def test_overrides():
+    scene = fl.load_scene("single-link", {"effects.payload.mass": 0.3, "links.0.modes": 1, "designs": []})
+    assert scene.effects.payload.mass == 0.3
+    assert scene.links[0].modes == 1
+    assert fl.load_scene("single-link").effects.payload.mass == 0.03
+
+
+def test_an_effect_is_switched_by_its_whole_table():
+    on = parse_scene(GOOD, overrides={"effects.hub": {"inertia": 0.1}})
+    assert on.effects.hub.inertia == 0.1
+    assert parse_scene(GOOD, overrides={"effects.payload": "off"}).effects.payload is None
+    with pytest.raises(SceneError, match="effect that is off"):
+        parse_scene(GOOD, overrides={"effects.hub.inertia": 0.1})
+
+
+@pytest.mark.parametrize("key", ["links.7.length", "links.one.length", "title.x"])
+def test_overrides_that_lead_nowhere(key):
+    with pytest.raises(SceneError):
+        parse_scene(GOOD, overrides={key: 1.0})
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "value"),
+    [
+        ("effects.payload.mass=0.3", "effects.payload.mass", 0.3),
+        ("links.0.modes = 3", "links.0.modes", 3),
+        ("effects.hub={inertia=0.1}", "effects.hub", {"inertia": 0.1}),
+        ("motion.kind=rotation", "motion.kind", "rotation"),
+        ("title=a=b", "title", "a=b"),
+    ],
+)
+def test_assignments(text, key, value):
+    assert parse_assignment(text) == (key, value)
+
+
+@pytest.mark.parametrize("text", ["mass", "=3", ""])
+def test_assignments_that_cannot_be_read(text):
+    with pytest.raises(ArgumentError, match="key=value"):
+        parse_assignment(text)
+
+
+@given(st.floats(min_value=1e-6, max_value=1e6))
+def test_override_equals_edited_file(mass):
+    edited = with_change(["effects", "payload", "mass"], mass)
+    assert parse_scene(GOOD, overrides={"effects.payload.mass": mass}) == parse_scene(edited)
+    assert apply_overrides(GOOD, {"effects.payload.mass": mass})[0] == edited
+
+
+def test_numbers_by_path():
+    scene = parse_scene(GOOD)
+    paths = numeric_paths(scene)
+    assert {"links.0.length", "effects.payload.mass", "motion.joints.0.amplitude", "control.feedback.kp.0"} <= set(
+        paths
+    )
+    assert "links.0.modes" not in paths
+    for path in paths:
+        changed = replace_value(scene, path, 12.5)
+        assert get_value(changed, path) == 12.5
+        assert get_value(scene, path) != 12.5
+    with pytest.raises(ArgumentError, match="nothing at"):
+        get_value(scene, "effects.hub.inertia")
+
+
+def test_nothing_is_evaluated():
+    with pytest.raises(SceneError, match="registered model"):
+        fl.build_manipulator(parse_scene({"schema": 1, "title": "x", "model": "os.system", "motion": GOOD["motion"]}))
+    hostile = with_change(["links", 0, "length"], "__import__('os').getcwd()")
+    with pytest.raises(SceneError, match="valid number"):
+        parse_scene(hostile)
+
+
+def test_a_registered_model_checks_its_parameters():
+    raw = {"schema": 1, "title": "x", "model": "khang-2019", "parameters": {"length": -1.0}, "motion": GOOD["motion"]}
+    with pytest.raises(SceneError) as caught:
+        fl.build_manipulator(parse_scene(raw))
+    keys = {problem.key for problem in caught.value.problems}
+    assert {"parameters.length", "parameters.mass_per_length"} <= keys
