@@ -189,7 +189,7 @@ def solve_on(
     else:
         check, _ = magnus_segments(problem, marks[::2])
         segments, symmetry = magnus_segments(problem, marks)
-        every, order = 2, MAGNUS_ORDER
+        every, order = 2, MAGNUS_ORDER + 1
     coarse = costs_to_go(check, end, problem, marks)
     fine = costs_to_go(segments, end, problem, marks)
     X, size = fine.X, float(np.abs(fine.X).max()) or 1.0
@@ -213,7 +213,7 @@ def solve_on(
         status="converged",
     )
     room = max(0.5 * tol, 1e-15)
-    for_method = np.ceil(np.clip((method_error / room) ** (1 / order), 1, 4))
+    for_method = np.ceil(np.clip((method_error / room) ** (1 / order), 1, 32))
     for_output = np.ceil(np.clip((left_out / room) ** (1 / (2 * NODES)), 1, 4))
     return solution, np.maximum(for_method, for_output).astype(int)
 

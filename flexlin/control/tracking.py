@@ -1,0 +1,110 @@
+"""Feedforward for tracking: the motion that the elastic arm should make, and the torque that it takes."""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from flexlin import symbolic
+from flexlin.checks import Array
+from flexlin.control.periodic_motion import Closing, PeriodicMotion, Unknowns, periodic_motion
+from flexlin.errors import ArgumentError
+from flexlin.linearization import Linearization
+
+
+@dataclass(frozen=True, eq=False)
+class Feedforward:
+    """What to feed forward: torque(t) (N, m) in N m, and the deviation [y; y'] from the rigid motion that belongs to it.
+
+    The loop then runs as  torque = torque(t) - K ([y; y'] - reference(t)).
+    `linear_tip_error`, `tip_error` (m): largest distance of the tip from the rigid motion's tip when the reference is met, by the
+    linear and by the nonlinear equations; `error`: of the periodic solution, relative; status: what to make of it.
+    """
+
+    kind: str
+    motion: PeriodicMotion | None
+    lin: Linearization
+    tip_error: float
+    linear_tip_error: float
+    error: float
+    status: str
+
+    def torque(self, t: Array) -> Array:
+        """The torque to feed forward at times (N,): (N, m)."""
+        return self.lin.feedforward(t) if self.motion is None else self.motion.torque(t)
+
+    def reference(self, t: Array) -> Array:
+        """The deviation [y; y'] from the rigid motion that the feedback should hold: (N, 2n)."""
+        return np.zeros((len(t), 2 * self.lin.n)) if self.motion is None else self.motion.state(t)
+
+
+def joints_exact(lin: Linearization, at: Unknowns) -> ca.SX:
+    """The motors' encoders read exactly what they would on the rigid arm."""
+    return lin.arm.encoders[list(lin.driven), :] @ (at.s - at.rigid)
+
+
+def tip_exact(lin: Linearization, at: Unknowns) -> ca.SX:
+    """Each link's end lies on the line of the rigid link: the chord's cross product with the rigid direction, in m."""
+    arm = lin.arm
+    if arm.points is None:
+        raise ArgumentError(
+            "the manipulator does not say where its tip is", got="points = None", expected="positions (2, k)"
+        )
+    bent, straight = (
+        ca.substitute([arm.points], [arm.s], [at.s])[0],
+        ca.substitute([arm.points], [arm.s], [at.rigid])[0],
+    )
+    chords, lines = bent[:, 1:] - bent[:, :-1], straight[:, 1:] - straight[:, :-1]
+    return ca.vertcat(
+        *[(lines[0, i] * chords[1, i] - lines[1, i] * chords[0, i]) / ca.norm_2(lines[:, i]) for i in lin.driven]
+    )
+
+
+CLOSINGS: dict[str, Closing] = {"joint-exact": joints_exact, "tip-exact": tip_exact}
+KINDS = ("rigid", *CLOSINGS)
+
+
+def feedforward(lin: Linearization, kind: str = "tip-exact", tol: float = 1e-8) -> Feedforward:
+    """Compute the feedforward of a periodic motion.
+
+        rigid: the torque of the rigid arm, nothing else. The elastic links bend and the loop drags the joints off.
+        joint-exact: encoders(s) = encoders(s_R); the links take their periodic bending.
+        tip-exact: each link's end on its rigid line. The plant is not of minimum phase there: integrated forwards the torque would
+        grow without bound, but its periodic solution exists (stable inversion).
+
+    Assumes a periodic, smooth motion, and no multiplier at 1 of the arm with its joints (or its tip) held.
+
+    Parameters: lin: the linearization, with or without a loop; kind: rigid, joint-exact or tip-exact.
+    Returns: torque and reference, with the tip errors that remain.
+    Raises: ArgumentError for an unknown kind or a manipulator without points; NumericalError when no periodic motion is found.
+    Source: Bayo, J. Robotic Systems 4 (1987) 63; Devasia, Chen, Paden, IEEE TAC 41 (1996) 930.
+    """
+    if kind not in KINDS:
+        raise ArgumentError("there is no such feedforward", got=repr(kind), expected=", ".join(KINDS))
+    if not lin.driven:
+        raise ArgumentError("nothing to feed forward", got="every joint prescribed", expected="a torque-driven joint")
+    closing = CLOSINGS.get(kind)
+    motion = periodic_motion(lin, closing, tol=tol)
+    first = periodic_motion(lin, closing, tol=tol, linear=True)
+    kept = motion if closing else None
+    return Feedforward(
+        kind, kept, lin, tip_distance(lin, motion), tip_distance(lin, first), motion.error, motion.status
+    )
+
+
+def tip_distance(lin: Linearization, motion: PeriodicMotion) -> float:
+    """The largest distance of the tip from the rigid motion's tip, in m; nan when the manipulator has no points."""
+    t = lin.period * np.arange(512) / 512
+    return float(np.linalg.norm(tip(lin, t, motion(t)) - tip(lin, t, np.zeros((len(t), lin.n))), axis=1).max())
+
+
+def tip(lin: Linearization, t: Array, y: Array) -> Array:
+    """World positions of the tip (N, 2) in m for deviations y (N, n) from the rigid motion."""
+    if lin.arm.points is None:
+        return np.full((len(t), 2), np.nan)
+    s = lin.motion.sample(t)[0] @ lin.arm.reference.full().T
+    s[:, list(lin.kept)] += y
+    values = lin.arm.parameters.values
+    return symbolic.evaluate(lin.arm.functions["points"], s, np.broadcast_to(values, (len(t), len(values))))[0][
+        :, :, -1
+    ]
