@@ -34,6 +34,10 @@ class ArgumentError(InputError):
     """An argument of a public function has the wrong shape, type or range, or is not finite."""
 
 
+class OutputError(InputError):
+    """Results cannot be written where the user asked for them."""
+
+
 class ModelError(InputError):
     """A manipulator's equations contradict mechanics (M not symmetric, not positive definite, not finite ...)."""
 

@@ -1,0 +1,73 @@
+"""What a control engineer should do with the result."""
+
+import numpy as np
+
+from flexlin.report.analysis import Analysis, Loop
+from flexlin.report.wording import quantity
+
+WORTHWHILE = 1.05
+"""A design counts as faster when it settles this many times as fast as the scene's own loop."""
+
+
+def next_steps(analysis: Analysis) -> list[str]:
+    """What to do, most urgent first."""
+    return [*about_verdict(analysis), *about_designs(analysis), *about_tip(analysis), *about_trust(analysis)]
+
+
+def about_verdict(a: Analysis) -> list[str]:
+    """What the verdict on the own loop asks for."""
+    if a.own.verdict == "undecided":
+        return [
+            "The growth rate cannot be told from zero, as of a mode that is free or undamped: "
+            "add feedback or damping, or treat the motion as marginal."
+        ]
+    if a.own.verdict == "stable":
+        return []
+    better = [loop for loop in a.designs if loop.verdict == "stable"]
+    remedy = f"use the design “{better[0].name}”, which is" if better else "change gains, speed or payload until it is"
+    return [f"Under its {a.own.name} the arm is unstable along this motion: {remedy} stable."]
+
+
+def about_designs(a: Analysis) -> list[str]:
+    """Which designed controller is worth a try, and which is not."""
+    said = [warning(loop) for loop in a.designs if loop.verdict != "stable"]
+    stable = [loop for loop in a.designs if loop.verdict == "stable"]
+    if not stable or a.own.verdict != "stable":
+        return said
+    best = min(stable, key=lambda loop: loop.growth[0])
+    gain = best.growth[0] / a.own.growth[0]
+    if gain > WORTHWHILE:
+        return [
+            *said,
+            f"The design “{best.name}” settles {gain:.3g} times as fast as the {a.own.name}: "
+            "compare its gains with what the drive allows.",
+        ]
+    return [*said, f"No design settles faster than the {a.own.name}: change the weights, or keep the loop you have."]
+
+
+def warning(loop: Loop) -> str:
+    """Why a design should not be used."""
+    if loop.floquet is None:
+        return f"The design “{loop.name}” has no answer: {loop.problem}."
+    return f"The design “{loop.name}” is {loop.verdict} along this motion: do not use it as it is."
+
+
+def about_tip(a: Analysis) -> list[str]:
+    """Where the steady tip error comes from, and what lowers it."""
+    if a.response is None:
+        return [f"There is no periodic response: {a.problems['response']}."]
+    largest = float(a.response.tip_error.max())
+    if not np.isfinite(largest) or largest == 0:
+        return []
+    return [
+        f"In steady motion the tip stays up to {quantity(largest, 'm')} away from its rigid path, most of it the links' bending, "
+        "which no joint feedback removes: feed forward the elastic motion too, or slow down."
+    ]
+
+
+def about_trust(a: Analysis) -> list[str]:
+    """How far the linear numbers can be trusted."""
+    if a.simulation is None:
+        return [f"The nonlinear simulation has no answer: {a.problems['simulation']}."]
+    status = a.simulation.status
+    return [status[0].upper() + status[1:] + "."]

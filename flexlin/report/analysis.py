@@ -1,0 +1,181 @@
+"""All numbers of a report, from one scene."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.control import Design, design
+from flexlin.errors import ArgumentError, NumericalError, TooLarge
+from flexlin.linearization import Coefficients, Linearization, linearize
+from flexlin.mechanics import Manipulator, build_manipulator
+from flexlin.periodic import FloquetResult, ForcedResponse, PeriodicSystem, floquet, forced_response
+from flexlin.report.clock import Clock, Step
+from flexlin.scene.control import Design as DesignTable
+from flexlin.scene.scene import Scene
+from flexlin.simulation import Simulation, simulate, tip_positions
+
+SAMPLES = 257
+"""Points of a period in the figures and in report.json, both ends included."""
+SIMULATED_PERIODS = 3.0
+
+Answer = TypeVar("Answer")
+
+
+@dataclass(frozen=True)
+class Loop:
+    """One loop on the arm and Floquet's verdict on it; `problem` says why there is none, `design` is the designed controller, if any."""
+
+    name: str
+    kind: str
+    floquet: FloquetResult | None
+    problem: str = ""
+    design: Design | None = None
+
+    @property
+    def verdict(self) -> str:
+        """stable, unstable, undecided, or failed where no controller could be had."""
+        return "failed" if self.floquet is None else self.floquet.verdict
+
+    @property
+    def growth(self) -> tuple[float, float]:
+        """The largest growth rate and its error, in 1/s."""
+        if self.floquet is None:
+            return float("nan"), float("nan")
+        return float(self.floquet.exponents[0].real), float(self.floquet.errors[0])
+
+
+@dataclass(frozen=True)
+class Response:
+    """The periodic response of the scene's own loop: states [y; y'] (N, 2n), and how far the tip is from its rigid motion, (N, 2) in m."""
+
+    solution: ForcedResponse
+    states: Array
+    tip: Array
+
+    @property
+    def tip_error(self) -> Array:
+        """The distance of the tip from its rigid motion, (N,) in m; not a number where the model has no points."""
+        return np.linalg.norm(self.tip, axis=1)
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """What a report says: `own` is the scene's own loop, `open_loop` the arm without feedback; `problems` tells what could not be had."""
+
+    scene: Scene
+    plant: Linearization
+    closed: Linearization
+    t: Array
+    coefficients: Coefficients
+    own: Loop
+    open_loop: Loop
+    designs: tuple[Loop, ...]
+    response: Response | None
+    simulation: Simulation | None
+    problems: dict[str, str]
+    steps: tuple[Step, ...]
+
+    @property
+    def arm(self) -> Manipulator:
+        """The manipulator."""
+        return self.plant.arm
+
+    @property
+    def loops(self) -> tuple[Loop, ...]:
+        """Open loop, own loop, designs; the open loop is left out where the scene has no feedback."""
+        first = () if self.own.floquet is self.open_loop.floquet else (self.open_loop,)
+        return (*first, self.own, *self.designs)
+
+
+def analyse(scene: Scene, clock: Clock | None = None, tol: float = 1e-9) -> Analysis:
+    """Linearize a scene's arm along its motion, judge every loop by Floquet, and compare with the nonlinear equations.
+
+    Parameters: clock: collects the steps, and tells of their progress; tol: wanted error of exponents and responses.
+    Returns: an `Analysis`; a design, response or simulation that fails is a message in it.
+    Raises: InputError for a scene that cannot be used; NumericalError when the scene's own loop cannot be judged.
+    """
+    clock = clock or Clock()
+    with clock.step("equations of motion"):
+        arm = build_manipulator(scene)
+    with clock.step("linearization"):
+        plant, closed = linearize(arm, scene.motion), linearize(arm, scene.motion, scene.control)
+        system, loop = plant.periodic_system(), closed.periodic_system()
+    t = np.linspace(0.0, plant.period, SAMPLES)
+    with clock.step("coefficients over a period"):
+        coefficients = plant.sample(t)
+    own, open_loop = own_loops(scene, system, loop, tol, clock)
+    designs = tuple(designed(system, table, tol, clock) for table in scene.designs)
+    problems: dict[str, str] = {}
+    with clock.step("forced response"):
+        response = attempt(problems, "response", lambda: periodic_response(closed, loop, t, tol))
+    with clock.step(f"nonlinear simulation of {SIMULATED_PERIODS:g} periods"):
+        simulation = attempt(problems, "simulation", lambda: simulate(closed, SIMULATED_PERIODS))
+    steps = tuple(clock.steps)
+    return Analysis(
+        scene, plant, closed, t, coefficients, own, open_loop, designs, response, simulation, problems, steps
+    )
+
+
+def design_all(scene: Scene, clock: Clock, tol: float = 1e-9) -> tuple[Linearization, tuple[Loop, ...]]:
+    """The open-loop linearization of a scene, and its designs with their verdicts.
+
+    Raises: ArgumentError when the scene asks for no design.
+    """
+    if not scene.designs:
+        raise ArgumentError("nothing to design", got="no [[designs]] table", expected="at least one in the scene")
+    with clock.step("linearization"):
+        plant = linearize(build_manipulator(scene), scene.motion)
+        system = plant.periodic_system()
+    return plant, tuple(designed(system, table, tol, clock) for table in scene.designs)
+
+
+def own_loops(
+    scene: Scene, system: PeriodicSystem, loop: PeriodicSystem, tol: float, clock: Clock
+) -> tuple[Loop, Loop]:
+    """The scene's own loop and the open loop; one result for both where the scene has no feedback."""
+    feedback = scene.control.feedback
+    with clock.step("Floquet: open loop" if feedback is None else "Floquet: own loop"):
+        result = floquet(loop, tol)
+    if feedback is None:
+        return Loop("no feedback", "open", result), Loop("open loop", "open", result)
+    with clock.step("Floquet: open loop"):
+        open_loop = judged("open loop", "open", system, tol)
+    return Loop(f"own loop ({feedback.kind.upper()})", feedback.kind, result), open_loop
+
+
+def judged(name: str, kind: str, system: PeriodicSystem, tol: float, made: Design | None = None) -> Loop:
+    """Floquet's verdict on a loop beside the scene's own, or why there is none."""
+    problems: dict[str, str] = {}
+    result = attempt(problems, name, lambda: floquet(system, tol))
+    return Loop(name, kind, result, problems.get(name, ""), made)
+
+
+def designed(system: PeriodicSystem, table: DesignTable, tol: float, clock: Clock) -> Loop:
+    """A designed controller with the verdict on its closed loop."""
+    problems: dict[str, str] = {}
+    with clock.step(f"design: {table.name}"):
+        made = attempt(problems, table.name, lambda: design(system, table))
+    if made is None:
+        return Loop(table.name, table.kind, None, problems[table.name])
+    with clock.step(f"Floquet: {table.name}"):
+        return judged(table.name, table.kind, made.closed_loop, tol, made)
+
+
+def periodic_response(closed: Linearization, loop: PeriodicSystem, t: Array, tol: float) -> Response:
+    """The periodic response to what the rigid motion leaves over, and what it does to the tip."""
+    solution = forced_response(loop, closed.forcing, tol)
+    states = solution(t)
+    tip = tip_positions(closed, t, states) - tip_positions(closed, t, np.zeros_like(states))
+    return Response(solution, states, tip)
+
+
+def attempt(problems: dict[str, str], name: str, work: Callable[[], Answer]) -> Answer | None:
+    """Do the work; where it has no trustworthy answer, note why and return nothing."""
+    try:
+        return work()
+    except (NumericalError, TooLarge) as error:
+        problems[name] = str(error)
+        return None

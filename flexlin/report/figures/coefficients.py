@@ -1,0 +1,97 @@
+"""The coefficients that vary over a period, entry by entry."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from flexlin.checks import Array
+from flexlin.report.analysis import Analysis
+from flexlin.report.figures.style import BLUE, GREEN, PURPLE, VERMILION, canvas, subscript, time_axis
+from flexlin.report.wording import coordinate_unit
+
+MOST = 12
+"""Entries shown; the others stand in the file that `flexlin linearize` writes."""
+NOISE = 1e-9
+COLUMNS = 3
+COLOURS = {"M": GREEN, "D": PURPLE, "K": BLUE, "h": VERMILION}
+UNITS = {"M": ("kg", "kg m", "kg m²"), "D": ("N s/m", "N s", "N m s"), "K": ("N/m", "N", "N m")}
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One entry over a period: its matrix, its title with unit, its values (N,), and how much of its matrix's size it varies by."""
+
+    matrix: str
+    title: str
+    values: Array
+    swing: float
+
+
+def draw_coefficients(a: Analysis) -> tuple[Figure, str, str]:
+    """A panel for each entry of M_L, D_L, K_L and h_L that varies."""
+    varying = list(entries(a))
+    shown = sorted(sorted(varying, key=lambda entry: -entry.swing)[:MOST], key=lambda entry: "MDKh".index(entry.matrix))
+    rows = max(1, -(-len(shown) // COLUMNS))
+    figure, axes = canvas(rows, COLUMNS, 0.35 + 1.3 * rows, sharex=True)
+    for place, entry in zip(axes.flat, shown, strict=False):
+        place.plot(a.t, entry.values, color=COLOURS[entry.matrix])
+        place.set_title(entry.title)
+        place.ticklabel_format(axis="y", useOffset=False)
+        time_axis(place, a.plant.period, label=False)
+    for i, place in enumerate(axes.flat):
+        if i >= len(shown):
+            place.remove()
+        elif i >= len(shown) - COLUMNS:
+            place.set_xlabel("time in s")
+            place.tick_params(labelbottom=True)
+    return figure, "The coefficients over a period", caption(len(varying), len(shown))
+
+
+def caption(varying: int, shown: int) -> str:
+    """What is shown, and what is not."""
+    if not varying:
+        return (
+            "Every entry of M, D, K and h is constant along this motion: the linear system has constant coefficients."
+        )
+    rest = f" The {varying - shown} entries that vary least are left out." if varying > shown else ""
+    return (
+        "Entries of M y″ + D y′ + K y = h that vary along the rigid motion, open loop; y collects the deviations "
+        f"(joints in rad, elastic coordinates in m).{rest} Constant entries stand in the table below."
+    )
+
+
+def entries(a: Analysis) -> Iterator[Entry]:
+    """All entries that vary; of a pair that is equal at all times, the upper one."""
+    for name in ("M", "D", "K"):
+        matrix = getattr(a.coefficients, name)
+        size = np.abs(matrix).max() or 1.0
+        for i, j in np.ndindex(a.plant.n, a.plant.n):
+            values, mirror = matrix[:, i, j], matrix[:, j, i]
+            symmetric = bool(np.all(np.abs(values - mirror) <= NOISE * size))
+            if np.ptp(values) > NOISE * size and not (symmetric and j < i):
+                yield Entry(
+                    name, f"{name}{index(i, j)} in {matrix_unit(a, name, i, j)}", values, float(np.ptp(values) / size)
+                )
+    size = np.abs(a.coefficients.h).max() or 1.0
+    for i in range(a.plant.n):
+        values = a.coefficients.h[:, i]
+        if np.ptp(values) > NOISE * size:
+            yield Entry("h", f"h{subscript(str(i + 1))} in {force_unit(a, i)}", values, float(np.ptp(values) / size))
+
+
+def index(i: int, j: int) -> str:
+    """Subscripts, with a comma where an index has two digits."""
+    comma = "," if max(i, j) > 8 else ""
+    return subscript(f"{i + 1}{comma}{j + 1}")
+
+
+def force_unit(a: Analysis, i: int) -> str:
+    """N m for a row of a rotation, N for one of a displacement."""
+    return "N" if coordinate_unit(a, i) == "m" else "N m"
+
+
+def matrix_unit(a: Analysis, name: str, i: int, j: int) -> str:
+    """The unit of an entry, by how many of its row and its column are rotations."""
+    return UNITS[name][sum(coordinate_unit(a, k) == "rad" for k in (i, j))]

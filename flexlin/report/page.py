@@ -1,0 +1,118 @@
+"""report.html: one self-contained page, which asks no other file or host for anything."""
+
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+
+from flexlin.report.advice import next_steps
+from flexlin.report.analysis import Analysis, Loop
+from flexlin.report.figures.coefficients import NOISE, matrix_unit
+from flexlin.report.figures.style import Picture
+from flexlin.report.wording import largest_multiplier, modulus, pace, quantity, rate
+
+
+def page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture], command: str) -> str:
+    """Fill the page's template: verdict first, then what to do, figures, and everything that went in."""
+    environment = Environment(
+        loader=PackageLoader("flexlin.report"),
+        autoescape=select_autoescape(),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("page.html.j2").render(
+        analysis=analysis,
+        own=analysis.own,
+        pace=pace(analysis.own, analysis.plant.period),
+        facts=facts(analysis),
+        steps=next_steps(analysis),
+        loops=[loop_row(loop, analysis.plant.period) for loop in analysis.loops],
+        exponents=[exponent_rows(loop) for loop in analysis.loops if loop.floquet is not None],
+        pictures=pictures,
+        constants=constants(analysis),
+        parameters=leaves({key: value for key, value in data["scene"].items() if key not in ("title", "source")}),
+        effects=data["effects"],
+        versions=data["versions"],
+        command=command,
+        total=sum(step.seconds for step in analysis.steps),
+    )
+
+
+def facts(a: Analysis) -> list[tuple[str, str]]:
+    """The figures of merit, as name and value."""
+    growth, error = a.own.growth
+    said = [
+        ("growth rate", rate(growth, error)),
+        ("largest multiplier", f"|µ| = {largest_multiplier(a.own)}"),
+        ("period", quantity(a.plant.period, "s", 5)),
+    ]
+    if a.response is not None and np.all(np.isfinite(a.response.tip)):
+        said.append(("largest tip error", quantity(float(a.response.tip_error.max()), "m")))
+    if a.simulation is not None and np.isfinite(a.simulation.difference):
+        said.append(("linear against nonlinear tip", quantity(a.simulation.difference, "m")))
+    return said
+
+
+def loop_row(loop: Loop, period: float) -> dict[str, str]:
+    """One row of the comparison of loops."""
+    growth, error = loop.growth
+    settled = "–"
+    if loop.verdict == "stable":
+        settled = quantity(np.log(50) / -growth, "s")
+    return {
+        "name": loop.name,
+        "verdict": loop.verdict,
+        "rate": rate(growth, error) if loop.floquet is not None else "–",
+        "multiplier": largest_multiplier(loop),
+        "settled": settled,
+        "status": loop.problem or (loop.floquet.status if loop.floquet else ""),
+        "design": loop.design.status if loop.design is not None else "",
+    }
+
+
+def exponent_rows(loop: Loop) -> dict[str, Any]:
+    """The exponents of a loop: growth rate, error, frequency, modulus of the multiplier."""
+    assert loop.floquet is not None
+    result = loop.floquet
+    rows = [
+        (
+            f"{value.real:.6g}",
+            f"{error:.0e}",
+            f"{abs(value.imag) / (2 * np.pi):.4g}",
+            modulus(float(log.real)),
+        )
+        for value, error, log in zip(result.exponents, result.errors, result.log_multipliers, strict=True)
+        if value.imag >= -error
+    ]
+    return {"name": loop.name, "rows": rows}
+
+
+def constants(a: Analysis) -> list[tuple[str, str, str]]:
+    """Entries of M, D, K that do not vary and are not zero: name, value, unit."""
+    found = []
+    for name in ("M", "D", "K"):
+        matrix = getattr(a.coefficients, name)
+        size = np.abs(matrix).max() or 1.0
+        for i, j in np.ndindex(a.plant.n, a.plant.n):
+            values = matrix[:, i, j]
+            if np.ptp(values) <= NOISE * size and np.abs(values).max() > NOISE * size:
+                found.append(
+                    (
+                        f"{name}({a.plant.names[i]}, {a.plant.names[j]})",
+                        f"{values.mean():.6g}",
+                        matrix_unit(a, name, i, j),
+                    )
+                )
+    return found
+
+
+def leaves(node: Any, path: str = "") -> list[tuple[str, str]]:
+    """Every value below a table by its dotted path; a list of numbers is one value."""
+    if isinstance(node, dict):
+        children = list(node.items())
+    elif isinstance(node, list) and any(isinstance(child, dict) for child in node):
+        children = list(enumerate(node))
+    else:
+        return [(path, ", ".join(map(str, node)) if isinstance(node, list) else str(node))]
+    return [leaf for name, child in children for leaf in leaves(child, f"{path}.{name}" if path else str(name))]

@@ -1,0 +1,136 @@
+"""report.json: the truth of a report, versioned by its `schema`; complex numbers as [re, im], SI units and radians."""
+
+import json
+from importlib.metadata import version
+from platform import platform, python_version
+from typing import Any
+
+import numpy as np
+
+import flexlin
+from flexlin.checks import Array
+from flexlin.report.analysis import Analysis, Loop
+from flexlin.scene.scene import Scene
+
+SCHEMA = 1
+PACKAGES = ("casadi", "control", "matplotlib", "numpy", "pydantic", "scipy")
+
+
+def record(analysis: Analysis) -> dict[str, Any]:
+    """Everything that the report says, as data that JSON can hold.
+
+    A number that is not finite (a multiplier beyond 1e308, say) becomes null; its logarithm stands in `log_multipliers`.
+    """
+    a = analysis
+    return {
+        "schema": SCHEMA,
+        "title": a.scene.title,
+        "scene": a.scene.model_dump(mode="json", by_alias=True, exclude_none=True),
+        "effects": effects(a.scene),
+        "coordinates": list(a.plant.names),
+        "inputs": list(a.plant.inputs),
+        "period": a.plant.period,
+        "floquet": loop_block(a.own),
+        "open_loop": loop_block(a.open_loop),
+        "designs": {loop.name: loop_block(loop) for loop in a.designs},
+        "t": a.t.tolist(),
+        "coefficients": {name: numbers(getattr(a.coefficients, name)) for name in ("M", "D", "K", "h", "B", "tau")},
+        "forced_response": response_block(a),
+        "simulation": simulation_block(a),
+        "versions": versions(),
+        "steps": [{"name": step.name, "seconds": round(step.seconds, 4)} for step in a.steps],
+    }
+
+
+def to_json(data: dict[str, Any]) -> str:
+    """The text of report.json."""
+    return json.dumps(data, allow_nan=False, ensure_ascii=False, indent=1) + "\n"
+
+
+def effects(scene: Scene) -> dict[str, list[str]]:
+    """Which effects are on, and which are off."""
+    on = [name for name in type(scene.effects).model_fields if getattr(scene.effects, name) is not None]
+    return {"on": on, "off": [name for name in type(scene.effects).model_fields if name not in on]}
+
+
+def loop_block(loop: Loop) -> dict[str, Any]:
+    """What is known of one loop."""
+    block: dict[str, Any] = {"name": loop.name, "kind": loop.kind, "verdict": loop.verdict}
+    if loop.design is not None:
+        block |= {"design_error": number(loop.design.error), "design_status": loop.design.status}
+    if loop.floquet is None:
+        return block | {"status": loop.problem}
+    result, setting = loop.floquet, loop.floquet.setting
+    growth, growth_error = loop.growth
+    return block | {
+        "status": result.status,
+        "growth_rate": growth,
+        "growth_rate_error": growth_error,
+        "exponents": numbers(result.exponents),
+        "errors": numbers(result.errors),
+        "error": number(result.error),
+        "log_multipliers": numbers(result.log_multipliers),
+        "multipliers": numbers(result.multipliers),
+        "setting": {
+            "method": setting.method,
+            "order": setting.order,
+            "segments": setting.segments,
+            "reason": setting.reason,
+        },
+    }
+
+
+def response_block(analysis: Analysis) -> dict[str, Any]:
+    """The periodic response of the scene's own loop at the times `t`."""
+    response = analysis.response
+    if response is None:
+        return {"problem": analysis.problems["response"]}
+    return {
+        "states": numbers(response.states),
+        "tip_error_xy": numbers(response.tip),
+        "largest_tip_error": number(response.tip_error.max()),
+        "rms_tip_error": number(np.sqrt(np.mean(response.tip_error[:-1] ** 2))),
+        "error": number(response.solution.error),
+        "amplification": number(response.solution.amplification),
+        "status": response.solution.status,
+    }
+
+
+def simulation_block(analysis: Analysis) -> dict[str, Any]:
+    """The nonlinear equations beside the linear prediction."""
+    simulation = analysis.simulation
+    if simulation is None:
+        return {"problem": analysis.problems["simulation"]}
+    return {
+        "t": numbers(simulation.t),
+        "nonlinear": numbers(simulation.nonlinear),
+        "linear": numbers(simulation.linear),
+        "torque": numbers(simulation.torque),
+        "tip": numbers(simulation.tip),
+        "tip_linear": numbers(simulation.tip_linear),
+        "tip_rigid": numbers(simulation.tip_rigid),
+        "largest_tip_difference": number(simulation.difference),
+        "largest_tip_error": number(simulation.tip_error),
+        "error": number(simulation.error),
+        "status": simulation.status,
+    }
+
+
+def versions() -> dict[str, str]:
+    """Versions of flexlin, Python and the packages that made the numbers."""
+    packages = {package: version(package) for package in PACKAGES}
+    return {"flexlin": flexlin.__version__, "python": python_version(), "platform": platform(), **packages}
+
+
+def numbers(array: Array) -> Any:
+    """An array as nested lists, complex numbers as [re, im]."""
+    if np.iscomplexobj(array):
+        return numbers(np.stack([array.real, array.imag], axis=-1))
+    if np.all(np.isfinite(array)):
+        return np.asarray(array, dtype=float).tolist()
+    return [numbers(part) if np.ndim(part) else number(part) for part in array]
+
+
+def number(value: float) -> float | None:
+    """A number, or nothing where it is not finite."""
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,88 @@
+"""Coefficients, gains and simulations as files that other tools read: netCDF through xarray, and npz."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import xarray
+
+import flexlin
+from flexlin.control import Design
+from flexlin.files import replacing
+from flexlin.linearization import Linearization
+from flexlin.scene.scene import Scene
+
+MEANING = {
+    "M": "mass matrix M_L",
+    "D": "matrix of y', D_L",
+    "K": "matrix of y, K_L",
+    "h": "forcing h_L that the rigid motion leaves over",
+    "B": "input matrix B_L",
+    "tau": "feedforward torque of the rigid motion",
+    "D_loop": "D_L with the scene's feedback",
+    "K_loop": "K_L with the scene's feedback",
+    "h_loop": "h_L with the scene's feedforward",
+}
+EQUATION = "M y'' + D y' + K y = h + B u, deviations y from the rigid motion; joint rows in N m and rad, elastic rows in N and m"
+
+
+def coefficients_dataset(scene: Scene, plant: Linearization, closed: Linearization, points: int) -> xarray.Dataset:
+    """The coefficients at `points` equally spaced times of a period, without and with the scene's own loop."""
+    t = plant.period * np.arange(points) / points
+    free, loop = plant.sample(t), closed.sample(t)
+    matrix, vector = ("time", "row", "column"), ("time", "row")
+    series = {
+        "M": (matrix, free.M),
+        "D": (matrix, free.D),
+        "K": (matrix, free.K),
+        "h": (vector, free.h),
+        "B": (("time", "row", "input"), free.B),
+        "tau": (("time", "input"), free.tau),
+        "D_loop": (matrix, loop.D),
+        "K_loop": (matrix, loop.K),
+        "h_loop": (vector, loop.h),
+    }
+    names = list(plant.names)
+    data = xarray.Dataset(series, {"time": t, "row": names, "column": names, "input": list(plant.inputs)})
+    for name, meaning in MEANING.items():
+        data[name].attrs["long_name"] = meaning
+    data["tau"].attrs["units"] = "N m"
+    return described(data, scene, plant.period, EQUATION)
+
+
+def gains_dataset(scene: Scene, plant: Linearization, designs: list[Design], points: int) -> xarray.Dataset:
+    """The gains K(t) of designed controllers at `points` equally spaced times of a period."""
+    t = plant.period * np.arange(points) / points
+    states = [*plant.names, *[f"{name}_rate" for name in plant.names]]
+    gains = np.stack([design.K(t) for design in designs])
+    data = xarray.Dataset(
+        {"K": (("design", "time", "input", "state"), gains)},
+        {"design": [design.name for design in designs], "time": t, "input": list(plant.inputs), "state": states},
+    )
+    data["K"].attrs["long_name"] = "feedback gain"
+    return described(data, scene, plant.period, "u = -K(t) [y; y'], beside the feedforward torque of the rigid motion")
+
+
+def described(data: xarray.Dataset, scene: Scene, period: float, equation: str) -> xarray.Dataset:
+    """The data with what a reader needs to know: units, period, equation, the whole scene, the program."""
+    data["time"].attrs["units"] = "s"
+    data.attrs |= {
+        "title": scene.title,
+        "equation": equation,
+        "units": "SI units and radians",
+        "period": period,
+        "scene": json.dumps(scene.model_dump(mode="json", by_alias=True, exclude_none=True)),
+        "program": f"flexlin {flexlin.__version__}",
+    }
+    return data
+
+
+def write_dataset(data: xarray.Dataset, folder: Path, stem: str) -> list[Path]:
+    """Write `stem`.nc and `stem`.npz; returns their paths."""
+    netcdf, npz = folder / f"{stem}.nc", folder / f"{stem}.npz"
+    with replacing(netcdf) as temporary:
+        data.to_netcdf(temporary, engine="scipy")
+    arrays = {str(name): np.asarray(data[name].values) for name in data.variables}
+    with replacing(npz) as temporary, temporary.open("wb") as file:
+        np.savez(file, allow_pickle=False, **arrays)
+    return [netcdf, npz]

@@ -1,0 +1,82 @@
+"""How numbers and verdicts are said, the same on the terminal and on the page."""
+
+import math
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.report.analysis import Analysis, Loop
+from flexlin.scene.scene import Scene
+
+PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
+
+
+def quantity(value: float, unit: str, digits: int = 3) -> str:
+    """A value with an SI prefix: 0.0123 m -> 12.3 mm."""
+    if not math.isfinite(value):
+        return f"not finite {unit}"
+    if value == 0:
+        return f"0 {unit}"
+    power = prefix_power(float(f"{value:.{digits}g}"))
+    return f"{value / 10.0**power:.{digits}g} {PREFIXES[power]}{unit}"
+
+
+def scaled(values: Array, unit: str) -> tuple[Array, str]:
+    """Values with the SI prefix that makes the largest readable, and the unit with it."""
+    largest = float(np.abs(values).max()) if values.size else 0.0
+    power = prefix_power(largest)
+    return values / 10.0**power, PREFIXES[power] + unit
+
+
+def prefix_power(value: float) -> int:
+    """The power of ten of a value's SI prefix; none for zero and for what is not finite."""
+    if value == 0 or not math.isfinite(value):
+        return 0
+    return min(max(3 * math.floor(math.log10(abs(value)) / 3), min(PREFIXES)), max(PREFIXES))
+
+
+def joint_unit(scene: Scene, joint: int) -> str:
+    """rad, or m for a prismatic joint."""
+    prismatic = joint < len(scene.links) and scene.links[joint].joint == "prismatic"
+    return "m" if prismatic else "rad"
+
+
+def coordinate_unit(analysis: Analysis, index: int) -> str:
+    """The unit of a coordinate of the linear equations: elastic ones are in m, joints and motors in their joint's unit."""
+    name = analysis.plant.names[index]
+    if not name.startswith("q"):
+        return "m" if name.startswith("w") else "rad"
+    return joint_unit(analysis.scene, int(name[1:]) - 1)
+
+
+def rate(value: float, error: float) -> str:
+    """A growth rate with its error: -2.5207 ± 8e-14 1/s."""
+    return f"{value:.5g} ± {error:.0e} 1/s"
+
+
+def pace(loop: Loop, period: float) -> str:
+    """What a loop's growth rate means for a disturbance."""
+    growth, error = loop.growth
+    if loop.floquet is None:
+        return loop.problem
+    if abs(growth) <= error:
+        return f"growth rate zero to within {error:.0e} 1/s"
+    half = math.log(2) / abs(growth)
+    does = "halves" if growth < 0 else "doubles"
+    return f"a disturbance {does} every {quantity(half, 's')} ({half / period:.2g} periods) at {rate(growth, error)}"
+
+
+def largest_multiplier(loop: Loop) -> str:
+    """The modulus of the largest multiplier, from its logarithm."""
+    if loop.floquet is None:
+        return "–"
+    return modulus(float(loop.floquet.log_multipliers[0].real))
+
+
+def modulus(log: float) -> str:
+    """exp(log) as text, however far from 1."""
+    if abs(log) < 600:
+        return f"{math.exp(log):.4g}"
+    power = log / math.log(10)
+    exponent = math.floor(power)
+    return f"{10 ** (power - exponent):.3g}e{exponent:+d}"

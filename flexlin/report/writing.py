@@ -1,0 +1,39 @@
+"""From a scene to report.json and report.html."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from flexlin.files import write_text
+from flexlin.report.clock import Clock, Progress
+from flexlin.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from flexlin.report.analysis import Analysis
+
+
+def write_report(
+    scene: Scene, folder: Path, command: str = "", progress: Progress | None = None
+) -> "tuple[Analysis, list[Path]]":
+    """Analyse a scene and write report.html and report.json into a folder, each whole or not at all.
+
+    Parameters: command: the command line, which the page shows; progress: called with the name of each step as it begins.
+    Returns: the analysis and the paths of the files.
+    Raises: what `analyse` raises; OutputError when the folder cannot be written.
+    """
+    clock = Clock(progress)
+    with clock.step("load the numerical libraries"):
+        from flexlin.report.analysis import analyse
+        from flexlin.report.record import record, to_json
+    analysis = analyse(scene, clock)
+    with clock.step("load the drawing library"):
+        from flexlin.report.figures import pictures
+        from flexlin.report.page import page
+    with clock.step("figures"):
+        drawn = pictures(analysis)
+    analysis = replace(analysis, steps=tuple(clock.steps))
+    data = record(analysis)
+    paths = [folder / "report.html", folder / "report.json"]
+    write_text(paths[0], page(analysis, data, drawn, command))
+    write_text(paths[1], to_json(data))
+    return analysis, paths

@@ -1,0 +1,53 @@
+"""report.json says what the library says, and survives numbers that JSON cannot hold."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+
+import flexlin as fl
+from flexlin.report.analysis import Analysis, Loop
+from flexlin.report.record import loop_block, numbers, record, to_json
+
+
+def test_the_record_holds_what_the_library_computes(single_link: Analysis) -> None:
+    data = json.loads(to_json(record(single_link)))
+    scene = single_link.scene
+    closed = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    expected = fl.floquet(closed.periodic_system())
+    block = data["floquet"]
+    exponents = np.array(block["exponents"]) @ [1, 1j]
+    assert data["schema"] == 1
+    assert block["verdict"] == expected.verdict == "stable"
+    assert np.all(np.abs(exponents - expected.exponents) <= expected.error + block["error"])
+    multipliers = np.array(block["multipliers"]) @ [1, 1j]
+    assert np.allclose(multipliers, np.exp(exponents * data["period"]), rtol=1e-9, atol=1e-300)
+    assert data["open_loop"]["verdict"] == "unstable"
+    assert data["effects"]["on"] == ["gravity", "payload", "hub", "geometric_stiffening", "modal_damping"]
+    assert data["scene"]["effects"]["payload"]["mass"] == scene.effects.payload.mass
+    assert all(step["seconds"] >= 0 for step in data["steps"])
+
+
+def test_the_periodic_response_repeats_and_solves_its_equation(single_link: Analysis) -> None:
+    states, t = single_link.response.states, single_link.t
+    assert np.allclose(states[0], states[-1], atol=1e-8)
+    system = single_link.closed.periodic_system()
+    rate = np.einsum("kij,kj->ki", system.A(t), states) + single_link.closed.forcing(t)
+    step = t[1] - t[0]
+    central = (states[2:] - states[:-2]) / (2 * step)
+    assert np.abs(central - rate[1:-1]).max() < 2e-3 * np.abs(rate).max()
+
+
+def test_numbers_beyond_floating_point_become_null_and_keep_their_logs(single_link: Analysis) -> None:
+    found = single_link.own.floquet
+    far = replace(found, exponents=np.array([1e4 + 1j, -1e4 + 0j, -1.0 + 0j]), errors=np.full(3, 1e-9))
+    block = loop_block(Loop("far", "pd", far))
+    text = to_json(block)
+    assert json.loads(text)["multipliers"][0] == [None, 0.0] or json.loads(text)["multipliers"][0][0] is None
+    assert block["log_multipliers"][0][0] == 2e4
+    assert block["multipliers"][1] == [0.0, 0.0]
+
+
+def test_numbers_keep_every_digit() -> None:
+    values = np.array([[1 / 3, np.pi], [1e-300, -0.1]])
+    assert np.array_equal(np.array(json.loads(json.dumps(numbers(values)))), values)

@@ -1,0 +1,66 @@
+"""The command line: exit codes, files, and words."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+
+import flexlin as fl
+from flexlin.cli import main
+
+SMALL = ["--set", "links.0.modes=1", "designs=[]"]
+
+
+def test_list_names_every_built_in_scene(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list"]) == 0
+    assert "single-link" in capsys.readouterr().out
+
+
+def test_check_says_what_moves(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "single-link"]) == 0
+    assert "q1, w11, w12" in capsys.readouterr().out
+
+
+def test_report_writes_both_files_and_nothing_else(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["report", "single-link", *SMALL, "--out", str(tmp_path / "new")]) == 0
+    assert sorted(p.name for p in (tmp_path / "new").iterdir()) == ["report.html", "report.json"]
+    assert json.loads((tmp_path / "new/report.json").read_text())["floquet"]["verdict"] == "stable"
+    captured = capsys.readouterr()
+    assert "stable" in captured.out
+    assert captured.err == ""
+
+
+def test_a_verdict_other_than_the_required_one_is_exit_code_3(tmp_path: Path) -> None:
+    unstable = ["report", "khang-2019", "--set", "designs=[]", "control={}", "--out", str(tmp_path)]
+    assert main([*unstable, "--require", "stable"]) == 3
+    assert main(unstable) == 0
+
+
+def test_linearize_writes_what_the_library_samples(tmp_path: Path) -> None:
+    assert main(["linearize", "single-link", "--points", "8", "--out", str(tmp_path)]) == 0
+    scene = fl.load_scene("single-link")
+    lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    with xarray.open_dataset(tmp_path / "coefficients.nc", engine="scipy") as data:
+        t = data["time"].values
+        assert np.array_equal(data["K"].values, lin.K(t))
+        assert [str(name) for name in data["row"].values] == list(lin.names)
+        assert data["time"].attrs["units"] == "s"
+        assert json.loads(data.attrs["scene"])["links"][0]["length"] == 0.96
+    with np.load(tmp_path / "coefficients.npz") as arrays:
+        assert np.array_equal(arrays["M"], lin.M(t))
+
+
+def test_design_writes_the_gains(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene = ["design", "khang-2019", "--points", "8", "--out", str(tmp_path), "--require", "stable"]
+    assert main(scene) == 0
+    assert "stable" in capsys.readouterr().out
+    with xarray.open_dataset(tmp_path / "gains.nc", engine="scipy") as data:
+        assert data["K"].shape == (1, 8, 1, 4)
+
+
+def test_simulate_writes_both_answers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["simulate", "spinning-link", "--periods", "1", "--out", str(tmp_path)]) == 0
+    assert "linear" in capsys.readouterr().out
+    assert (tmp_path / "simulation.nc").exists()
