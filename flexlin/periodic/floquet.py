@@ -10,6 +10,7 @@ from flexlin.errors import ToleranceNotReached
 from flexlin.periodic.collocation import gauss, nodes, samples
 from flexlin.periodic.eigenvalues import PROBES, partners, product_spectrum
 from flexlin.periodic.grid import edges
+from flexlin.periodic.hill import hill_spectrum
 from flexlin.periodic.product import GROUP_CONDITION
 from flexlin.periodic.setting import MAX_SEGMENTS, Setting, chosen, factors, rates, too_many
 from flexlin.periodic.system import PeriodicSystem
@@ -82,10 +83,12 @@ def floquet(
     Assumes A smooth between the system's breaks. The product is never formed, so exponents far apart keep their digits.
 
     Parameters: tol: wanted error of an exponent, in 1/s up to |lambda| = 1/s and relative beyond;
-    method: auto, gauss, magnus or hill; order and segments: fix the resolution (no refinement then).
+    method: auto, gauss, magnus or hill; order and segments: fix the resolution (no refinement then; order means harmonics for hill).
     Returns: FloquetResult.
     Raises: ArgumentError; TooManySegments with the figure when tol needs more than max_segments.
     """
+    if method == "hill":
+        return by_hill(system, positive("tol", tol), order)
     setting = chosen(system, positive("tol", tol), method, order, segments)
     if method == "auto" and setting.segments > PILOT:
         setting = piloted(system, setting, tol, max_segments)
@@ -104,6 +107,15 @@ def floquet(
     errors = estimated_errors(levels[-3:], setting.order)
     errors *= max(1.0, liouville_defect(system, setting, fine.logs) / errors.sum())
     return judged(fine.logs / system.period, errors / system.period, system.period, setting, tol)
+
+
+def by_hill(system: PeriodicSystem, tol: float, harmonics: int | None) -> FloquetResult:
+    """The same exponents by the independent Fourier route, imaginary parts folded into (-pi/T, pi/T]."""
+    spectrum = hill_spectrum(system, tol, harmonics)
+    w = 2 * np.pi / system.period
+    folded = spectrum.exponents - 1j * w * np.ceil(spectrum.exponents.imag / w - 0.5)
+    setting = Setting("hill", spectrum.harmonics, 1, "as asked")
+    return judged(folded, spectrum.errors, system.period, setting, tol)
 
 
 def three_levels(system: PeriodicSystem, setting: Setting) -> list[Level]:

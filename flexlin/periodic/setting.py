@@ -30,6 +30,8 @@ class Setting:
     reason: str
 
     def __str__(self) -> str:
+        if self.method == "hill":
+            return f"Hill's matrix with {self.order} harmonics ({self.reason})"
         return f"{self.method} of order {self.order} on {self.segments} segments ({self.reason})"
 
     def with_segments(self, segments: int) -> "Setting":

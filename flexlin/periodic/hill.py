@@ -1,0 +1,126 @@
+"""Floquet exponents by Hill's infinite determinant: harmonic balance, no transition matrix and no product of factors."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.polynomial.legendre import leggauss
+from scipy.linalg import eig, matrix_balance
+
+from flexlin.checks import Array
+from flexlin.periodic.system import PeriodicSystem
+
+MAX_SIZE = 900
+"""Rows of the largest Hill matrix: its eigenvalues take some seconds."""
+SAME, SHIFTED = 1e-4, 0.3
+"""Eigenvalues closer than SAME omega modulo i omega, whose shifted vectors differ by less than SHIFTED, are one solution."""
+
+
+@dataclass(frozen=True)
+class HillSpectrum:
+    """Exponents (n,) whose imaginary parts are those of the mean motion (not folded), their errors, and the harmonics kept."""
+
+    exponents: Array
+    errors: Array
+    harmonics: int
+
+
+def hill_spectrum(system: PeriodicSystem, tol: float, harmonics: int | None = None) -> HillSpectrum:
+    """Compute the exponents of x' = A(t) x from the truncated Hill matrix.
+
+        p' + lambda p = A p,   p = sum_j p_j e^(i j w t):   sum_k A_(j-k) p_k - i j w p_j = lambda p_j
+
+    Every exponent appears as often as harmonics are kept, shifted by i w; the copy is taken whose mean harmonic
+    sum_j j |p_j|^2 is nearest zero, and copies of a solution that was taken already are left out. Harmonics are doubled
+    until the exponents stay within tol. At jumps of A convergence is algebraic, which the errors show.
+
+    Source: Hill (1886); sorting by the mean harmonic after Lazarus, Thomas, C. R. Mecanique 338 (2010).
+    """
+    n, count = system.n, harmonics or 8
+    coarse = truncated(system, max(1, count // 2))
+    fine = truncated(system, count)
+    while True:
+        errors = 2 * nearest(fine[0], coarse[0], system.period) + fine[1]
+        reached = np.all((errors <= tol * np.maximum(1, np.abs(fine[0]))) | (errors <= 2 * fine[1]))
+        if reached or harmonics is not None or n * (4 * count + 1) > MAX_SIZE:
+            return HillSpectrum(fine[0], errors, count)
+        count *= 2
+        coarse, fine = fine, truncated(system, count)
+
+
+def truncated(system: PeriodicSystem, harmonics: int) -> tuple[Array, Array]:
+    """Exponents (n,) from harmonics -N ... N, and the rounding of each from its eigenvalue's condition."""
+    n, w = system.n, 2 * np.pi / system.period
+    H = hill_matrix(fourier_coefficients(system, 2 * harmonics), w)
+    values, left, right = eig(H, left=True, right=True)
+    right, left = right / np.linalg.norm(right, axis=0), left / np.linalg.norm(left, axis=0)
+    modes = right.reshape(2 * harmonics + 1, n, -1)
+    taken = principal_copies(values, modes, w)
+    angle = np.maximum(np.abs((left[:, taken].conj() * right[:, taken]).sum(axis=0)), 1e-300)
+    noise = 4 * np.finfo(float).eps * np.linalg.norm(H, 2)
+    return values[taken], np.minimum(noise / angle, np.sqrt(noise * np.linalg.norm(H, 2)))
+
+
+def fourier_coefficients(system: PeriodicSystem, count: int) -> Array:
+    """A_k, k = -count ... count, of the balanced A: trapezoidal rule, or Gauss panels between breaks."""
+    T = system.period
+    corners = np.unique([0.0, *system.breaks, T])
+    if system.breaks:
+        x, b = leggauss(2 * count + 8)
+        t = np.concatenate([(c + d) / 2 + (d - c) / 2 * x for c, d in pairwise(corners)])
+        weight = np.concatenate([(d - c) / (2 * T) * b for c, d in pairwise(corners)])
+    else:
+        points = 4 * count
+        t, weight = T * np.arange(points) / points, np.full(points, 1 / points)
+    A = system.A(t)
+    scale = matrix_balance(np.abs(A).sum(axis=0), permute=False, separate=True)[1][0]
+    k = np.arange(-count, count + 1)
+    kernel = weight * np.exp(-2j * np.pi / T * k[:, None] * t)
+    return np.einsum("kt,tij->kij", kernel, A * (scale / scale[:, None]))
+
+
+def hill_matrix(coefficients: Array, w: float) -> Array:
+    """Blocks A_(j-k) - i j w delta_jk for j, k = -N ... N from coefficients A_(-2N) ... A_(2N)."""
+    count, n = (len(coefficients) - 1) // 4, coefficients.shape[1]
+    j = np.arange(-count, count + 1)
+    blocks = coefficients[j[:, None] - j + 2 * count].transpose(0, 2, 1, 3)
+    H = blocks.reshape(len(j) * n, len(j) * n).astype(complex)
+    H[np.diag_indices(len(H))] -= 1j * w * np.repeat(j, n)
+    return H
+
+
+def principal_copies(values: Array, modes: Array, w: float) -> list[int]:
+    """Indices of n independent solutions among all copies, those with mean harmonic nearest zero first."""
+    n, half = modes.shape[1], (len(modes) - 1) // 2
+    energy = (np.abs(modes) ** 2).sum(axis=1)
+    mean = np.arange(-half, half + 1) @ energy
+    taken: list[int] = []
+    for i in np.argsort(np.abs(mean), kind="stable"):
+        if len(taken) == n:
+            break
+        if not is_copy(int(i), taken, values, modes, w):
+            taken.append(int(i))
+    return sorted(taken, key=lambda i: -values[i].real)
+
+
+def is_copy(i: int, taken: list[int], values: Array, modes: Array, w: float) -> bool:
+    """Whether eigenvector i, shifted by whole harmonics, lies in the span of taken ones with the same exponent modulo i w."""
+    shift = np.rint((values[taken].imag - values[i].imag) / w).astype(int)
+    apart = np.abs(values[taken] - values[i] - 1j * w * shift)
+    span = [
+        np.roll(modes[:, :, j], m, axis=0).ravel()
+        for j, m, d in zip(taken, shift, apart, strict=True)
+        if m != 0 and d < SAME * w
+    ]
+    if not span:
+        return False
+    basis = np.linalg.qr(np.column_stack(span))[0]
+    vector = modes[:, :, i].ravel()
+    return bool(np.linalg.norm(vector - basis @ (basis.conj().T @ vector)) < SHIFTED)
+
+
+def nearest(fine: Array, coarse: Array, period: float) -> Array:
+    """Distance of each exponent to the nearest of the other set, imaginary parts modulo 2 pi / T."""
+    apart = fine[:, None] - coarse[None, :]
+    turns = np.round(apart.imag * period / (2 * np.pi))
+    return np.abs(apart - 2j * np.pi / period * turns).min(axis=1)

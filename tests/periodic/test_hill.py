@@ -1,0 +1,64 @@
+import numpy as np
+import pytest
+from scipy.linalg import block_diag
+from scipy.special import mathieu_a
+
+import flexlin as fl
+from flexlin.periodic.hill import hill_spectrum
+from tests.periodic.systems import colaneri, lyapunov_transformed, mathieu, meissner
+
+
+def pairs(first, second, period):
+    """The largest distance between two sets of exponents, imaginary parts modulo 2 pi / T."""
+    apart = first[:, None] - second[None, :]
+    apart = np.abs(apart - 2j * np.pi / period * np.round(apart.imag * period / (2 * np.pi)))
+    return max(apart.min(axis=0).max(), apart.min(axis=1).max())
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_both_routes_agree(seed):
+    rng = np.random.default_rng(seed)
+    constant = block_diag([[-0.3, 2.7], [-2.7, -0.3]], [[0.2]], [[-2.0]])[: 2 + seed % 3, : 2 + seed % 3]
+    frequency = rng.uniform(0.5, 3)
+    period = 2 * np.pi / frequency
+    system = fl.PeriodicSystem(lyapunov_transformed(constant, frequency, 2, rng), period)
+    hill, transition = fl.floquet(system, tol=1e-9, method="hill"), fl.floquet(system, tol=1e-11)
+    assert pairs(hill.exponents, transition.exponents, period) <= hill.error + transition.error < 1e-7
+    assert np.abs(hill.exponents.imag).max() <= np.pi / period * (1 + 1e-12)
+    assert pairs(hill.exponents, np.linalg.eigvals(constant), period) <= hill.error
+
+
+def test_known_exponents():
+    result = fl.floquet(fl.PeriodicSystem(mathieu(1, 0.2), np.pi), method="hill")
+    np.testing.assert_allclose(result.exponents.real, [0.099536437275513447, -0.099536437275513447], atol=1e-13)
+    assert result.verdict == "unstable"
+    assert "harmonics" in result.status
+    far = fl.floquet(fl.PeriodicSystem(colaneri, 2 * np.pi), method="hill", tol=1e-6)
+    assert np.abs(far.exponents - [0, -24]).max() <= far.error < 1e-4
+
+
+def test_copies_of_double_exponents_are_told_from_solutions():
+    """Two equal, uncoupled Mathieu equations: each exponent twice, none missed, none taken as its own shifted copy."""
+
+    def twice(t):
+        A = mathieu(1, 0.2)(t)
+        return np.block([[A, np.zeros_like(A)], [np.zeros_like(A), A]])
+
+    spectrum = hill_spectrum(fl.PeriodicSystem(twice, np.pi), 1e-9)
+    np.testing.assert_allclose(
+        np.sort(spectrum.exponents.real), np.repeat([-1, 1], 2) * 0.099536437275513447, atol=1e-12
+    )
+
+
+def test_imaginary_parts_are_the_mean_motion():
+    """x'' + 30 x = 0 seen over T = pi turns nearly three times a period; the unfolded frequency is sqrt 30."""
+    spectrum = hill_spectrum(fl.PeriodicSystem(mathieu(30, 0), np.pi), 1e-9)
+    np.testing.assert_allclose(np.sort(spectrum.exponents.imag), [-np.sqrt(30), np.sqrt(30)], atol=1e-12)
+
+
+def test_boundary_and_jumps_show_in_the_error():
+    boundary = fl.floquet(fl.PeriodicSystem(mathieu(mathieu_a(2, 0.8), 0.8), np.pi), method="hill")
+    assert boundary.verdict == "undecided"
+    assert np.abs(boundary.exponents).max() <= boundary.error
+    jump = fl.floquet(fl.PeriodicSystem(meissner, np.pi, breaks=(np.pi / 3,)), method="hill", order=32)
+    assert abs(jump.exponents[0].real - 0.04137974466122074514) <= jump.error < 1e-5
