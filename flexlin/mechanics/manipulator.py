@@ -18,8 +18,6 @@ class Manipulator:
 
         M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau
 
-    `mass_torque(s, s', s'')` stands for the left side in its cheapest form; M, C, g are built when they are asked for.
-
     Fields: s, s_dot: (n, 1) symbols (rad, m); residual: (n, 1) left side with s_ddot; B: (n, m) input matrix;
     reference: (n, joints) constant matrix, the rigid motion is s_R = reference q; drives: the coordinate that each joint's motor moves;
     measured: (joints, n) what each motor's encoder reads of s, None: the coordinates in drives;
