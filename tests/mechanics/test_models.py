@@ -1,0 +1,64 @@
+"""The shipped scenes of chains: their sources' numbers come back out of them, and each makes a sound linear system."""
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+import flexlin as fl
+
+from .scenes import matrices_at_rest
+
+CHAINS = (
+    "de-luca-siciliano-1991",
+    "flexible-joint-link",
+    "pick-and-place",
+    "rigid-flexible-forearm",
+    "rotating-beam",
+    "three-link",
+)
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_each_scene_makes_a_sound_system(name):
+    scene = fl.load_scene(name)
+    assert scene.source
+    arm = fl.build_manipulator(scene)
+    lin = fl.linearize(arm, scene.motion, scene.control)
+    c = lin.sample(np.linspace(0, lin.period, 9))
+    for array in (c.M, c.D, c.K, c.h, c.B):
+        assert np.all(np.isfinite(array))
+    np.testing.assert_allclose(c.M, c.M.transpose(0, 2, 1), rtol=1e-9, atol=1e-14)
+    assert np.linalg.eigvalsh(c.M).min() > 0
+
+
+@pytest.mark.parametrize("name", ["de-luca-siciliano-1991", "flexible-joint-link", "rigid-flexible-forearm"])
+def test_their_own_loops_are_stable(name):
+    scene = fl.load_scene(name)
+    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    assert fl.floquet(lin.periodic_system(), tol=1e-6).verdict == "stable"
+
+
+def test_forearm_has_its_measured_frequencies_and_inertias():
+    """l = 0.3, 0.7 m; J = 0.447, 0.303 kg m^2; 4.716 and 14.395 Hz with the forearm's hub free (De Luca et al. 1990)."""
+    scene = fl.load_scene("rigid-flexible-forearm")
+    assert [link.length for link in scene.links] == [0.3, 0.7]
+    M, K = matrices_at_rest(fl.build_manipulator(scene))
+    M, K = M[1:, 1:], K[1:, 1:]
+    assert M[0, 0] == pytest.approx(0.303, rel=1e-6)
+    hertz = np.sqrt(np.abs(eigh(K, M, eigvals_only=True))) / (2 * np.pi)
+    np.testing.assert_allclose(hertz[1:], [4.716, 14.395], rtol=1e-5)
+
+
+def test_flexible_joint_has_its_frequency():
+    """Motor locked: sqrt(k / J) with k = 1.3 N m/rad, J = 0.064 kg (0.298 m)^2 / 3."""
+    M, K = matrices_at_rest(fl.build_manipulator(fl.load_scene("flexible-joint-link")))
+    assert np.sqrt(K[0, 0] / M[0, 0]) == pytest.approx(np.sqrt(1.3 * 3 / 0.064) / 0.298, rel=1e-5)
+
+
+@pytest.mark.parametrize(("rate", "modes", "frequency"), [(2.0, 8, 3.6218), (6.0, 8, 4.2632), (10.0, 12, 5.0490)])
+def test_rotating_beam_has_its_published_frequencies(rate, modes, frequency):
+    """Wright et al. (1982), in the plane of rotation; the flap frequencies squared are larger by the rate squared."""
+    scene = fl.load_scene("rotating-beam", {"motion.joints.0.rate": rate, "links.0.modes": modes})
+    c = fl.linearize(fl.build_manipulator(scene), scene.motion).sample(np.zeros(1))
+    lowest = np.sqrt(eigh(c.K[0], c.M[0], eigvals_only=True)[0])
+    assert lowest == pytest.approx(frequency, rel=1e-4)
