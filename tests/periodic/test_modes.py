@@ -1,0 +1,148 @@
+import numpy as np
+import pytest
+from scipy.linalg import block_diag, expm
+
+import flexlin as fl
+from flexlin.errors import ArgumentError
+from flexlin.periodic.collocation import gauss_transitions
+from flexlin.periodic.hill import hill_spectrum
+from flexlin.periodic.modes import floquet_modes
+from flexlin.periodic.real_factor import real_factor
+from flexlin.periodic.resonance import resonances
+from flexlin.periodic.sensitivity import exponent_derivatives
+from flexlin.periodic.tracking import tracked_frequencies
+from tests.periodic.systems import colaneri, lyapunov_transformed, mathieu, meissner
+
+
+def transformed(seed=4):
+    constant = block_diag([[0.3, 2.0], [-2.0, 0.3]], [[-1.5]])
+    return fl.PeriodicSystem(lyapunov_transformed(constant, 3.0, 2, np.random.default_rng(seed)), 2 * np.pi / 3)
+
+
+SYSTEMS = {
+    "transformed": transformed,
+    "colaneri": lambda: fl.PeriodicSystem(colaneri, 2 * np.pi),
+    "mathieu": lambda: fl.PeriodicSystem(mathieu(1, 0.2), np.pi),
+    "meissner": lambda: fl.PeriodicSystem(meissner, np.pi, breaks=(np.pi / 3,)),
+}
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_modes_solve_the_equations_and_are_biorthogonal(name):
+    system = SYSTEMS[name]()
+    modes = floquet_modes(system)
+    grid = np.append(modes.times, system.period)
+    Phi = gauss_transitions(system.A, grid, 8)
+    shrink = np.exp(-modes.exponents * np.diff(grid)[:, None])[:, None, :]
+    np.testing.assert_allclose(np.abs(modes.right).max(axis=(0, 1)), 1, rtol=0.9)
+    np.testing.assert_allclose(np.roll(modes.right, -1, axis=0), shrink * (Phi @ modes.right), atol=1e-9)
+    gram = np.einsum("tki,tkj->tij", modes.left.conj(), modes.right)
+    scale = np.linalg.norm(modes.left, axis=1)[:, :, None] * np.linalg.norm(modes.right, axis=1)[:, None, :]
+    # colaneri's fast mode swells by exp(20) within the period: that many digits are lost where it is small
+    assert (np.abs(gram - np.eye(system.n)) / np.maximum(scale, 1)).max() < (1e-7 if name == "colaneri" else 1e-11)
+    assert abs(modes.weights.sum() - 1) < 1e-13
+    np.testing.assert_allclose(modes.participation.sum(axis=0), 1)
+
+
+def test_participation_of_uncoupled_states():
+    system = fl.PeriodicSystem(lambda t: np.stack([np.diag([-1 + np.cos(s), -3.0]) for s in t]), 2 * np.pi)
+    np.testing.assert_allclose(floquet_modes(system).participation, np.eye(2), atol=1e-12)
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_real_factor_reproduces_the_transition_matrix(name):
+    system = SYSTEMS[name]()
+    factor = real_factor(floquet_modes(system))
+    assert np.isrealobj(factor.P)
+    assert factor.period == pytest.approx(system.period * (2 if name in ("mathieu", "meissner") else 1))
+    for i, t in list(enumerate(factor.times))[1 :: len(factor.times) // 7]:
+        Phi = gauss_transitions(system.A, np.union1d(np.linspace(0, t, 80), [b for b in system.breaks if b < t]), 8)
+        whole = np.linalg.multi_dot(Phi[::-1])
+        expected = factor.P[i] @ expm(factor.R * t) @ np.linalg.inv(factor.P[0])
+        np.testing.assert_allclose(expected, whole, atol=1e-8 * max(1, np.abs(whole).max()))
+
+
+def test_derivatives_against_exact_ones_of_a_transformed_system():
+    """A + theta I moves every exponent by theta; A0 + theta C moves the eigenvalues of A0 by left and right eigenvectors."""
+    system = transformed()
+    modes = floquet_modes(system, tol=1e-11)
+    shift = np.broadcast_to(np.eye(3), (len(modes.times), 3, 3))
+    np.testing.assert_allclose(exponent_derivatives(modes, shift), 1, atol=1e-9)
+    # time and A scaled together, A(t) -> (1 + theta) A((1 + theta) t): lambda -> (1 + theta) lambda, T -> T / (1 + theta)
+    A = system.A(modes.times)
+    unfolded = exponent_derivatives(modes, A, A, period_slope=-system.period)
+    np.testing.assert_allclose(unfolded, modes.exponents, atol=1e-9)
+
+
+def test_derivatives_of_mathieu_against_differences():
+    """d lambda / dq inside the first tongue, against a central difference of independent solutions."""
+    modes = floquet_modes(fl.PeriodicSystem(mathieu(1, 0.2), np.pi), tol=1e-12)
+    slope = np.zeros((2, len(modes.times), 2, 2))
+    slope[0, :, 1, 0] = 2 * np.cos(2 * modes.times)
+    slope[1, :, 1, 0] = -1
+    step = 1e-4
+    exact = exponent_derivatives(modes, slope)
+    for row, (da, dq) in enumerate([(0, step), (step, 0)]):
+        plus, minus = (
+            fl.floquet(fl.PeriodicSystem(mathieu(1 + s * da, 0.2 + s * dq), np.pi), tol=1e-12).exponents[0].real
+            for s in (1, -1)
+        )
+        assert abs(exact[row, 0].real - (plus - minus) / (2 * step)) < 1e-6
+    with pytest.raises(ArgumentError, match="shape"):
+        exponent_derivatives(modes, slope[:, :-1])
+    with pytest.raises(ArgumentError, match="missing"):
+        exponent_derivatives(modes, slope, period_slope=1.0)
+
+
+def test_frequencies_are_tracked_through_the_folding():
+    """Two oscillators of 5.3 and 9.1 rad/s, weakly modulated at 2 rad/s; Hill's mean harmonic is the independent route."""
+
+    def K(t):
+        c = np.cos(2 * t)[:, None, None]
+        return np.diag([5.3**2, 9.1**2]) + c * np.array([[1.0, 0.7], [0.7, -2.0]])
+
+    system = fl.PeriodicSystem.from_second_order(np.eye(2), 0.05 * np.eye(2), K, np.pi)
+    result = fl.floquet(system)
+    frequency, start = tracked_frequencies(system, result)
+    np.testing.assert_allclose(np.sort(frequency), np.sort(hill_spectrum(system, 1e-9).exponents.imag), atol=1e-8)
+    np.testing.assert_allclose(np.abs(np.sort(frequency)), [9.1, 5.3, 5.3, 9.1], atol=0.05)
+    np.testing.assert_allclose(frequency, start.imag, atol=0.05)
+
+
+def coupled(frequency, coupling):
+    """Oscillators of 3 and 5 rad/s with stiffness coupling * cos(w t), coupling a symmetric or skew matrix."""
+    return fl.PeriodicSystem.from_second_order(
+        np.eye(2),
+        0.01 * np.eye(2),
+        lambda t: np.diag([9.0, 25.0]) + np.cos(frequency * t)[:, None, None] * np.array(coupling),
+        2 * np.pi / frequency,
+    )
+
+
+@pytest.mark.parametrize(
+    ("frequency", "coupling", "kind", "order", "pair"),
+    [
+        (6.0, [[2.0, 0], [0, 0]], "principal", 1, (3, 3)),
+        (10.0, [[0, 0], [0, 4.0]], "principal", 1, (5, 5)),
+        (3.0, [[6.0, 0], [0, 0]], "principal", 2, (3, 3)),
+        (8.0, [[0, 2.0], [2.0, 0]], "sum", 1, (5, 3)),
+        (2.0, [[0, 2.0], [-2.0, 0]], "difference", 1, (5, 3)),
+    ],
+)
+def test_resonances_are_named(frequency, coupling, kind, order, pair):
+    """Symmetric coupling gives sum resonances, skew coupling difference resonances (Nayfeh, Mook 1979, section 5.3)."""
+    system = coupled(frequency, coupling)
+    found = resonances(system, floquet_modes(system))
+    assert found
+    for resonance in found:
+        assert (resonance.kind, resonance.order) == (kind, order)
+        np.testing.assert_allclose(resonance.frequencies, pair, atol=1e-3)
+        assert resonance.detuning < 1e-2
+        assert "order" in str(resonance)
+
+
+def test_an_unstable_average_is_no_resonance():
+    system = fl.PeriodicSystem(np.array([[0, 1.0], [-4.0, 0.1]]), 1.0)
+    (found,) = resonances(system, floquet_modes(system))
+    assert found.kind == "average"
+    assert "by itself" in str(found)
