@@ -1,6 +1,11 @@
-"""Controllers for a periodic linear system: each design the same interface, each closed loop ready for Floquet's verdict."""
+"""Controllers for a periodic linear system: each design the same interface, each closed loop ready for Floquet's verdict.
 
-from flexlin.control.about_motion import linearize_about
+What needs a manipulator, and with it CasADi, is loaded when it is first used.
+"""
+
+from importlib import import_module
+from typing import Any
+
 from flexlin.control.averaged import averaged_lqr
 from flexlin.control.catalogue import design
 from flexlin.control.design import Design
@@ -9,23 +14,32 @@ from flexlin.control.finite_horizon import finite_horizon_lqr
 from flexlin.control.frozen import frozen_lqr
 from flexlin.control.pd import pd_feedback
 from flexlin.control.periodic import periodic_lqr
-from flexlin.control.periodic_motion import PeriodicMotion, periodic_motion
-from flexlin.control.tracking import Feedforward, feedforward
+
+_ON_MANIPULATORS = {
+    "Feedforward": "tracking",
+    "PeriodicMotion": "harmonic_balance",
+    "feedforward": "tracking",
+    "linear_range": "validity",
+    "linearize_about": "about_motion",
+    "periodic_motion": "harmonic_balance",
+}
 
 __all__ = [
     "Design",
     "Estimator",
-    "Feedforward",
-    "PeriodicMotion",
     "averaged_lqr",
     "design",
-    "feedforward",
     "finite_horizon_lqr",
     "frozen_lqr",
     "kalman_filter",
-    "linearize_about",
     "output_feedback",
     "pd_feedback",
     "periodic_lqr",
-    "periodic_motion",
+    *_ON_MANIPULATORS,
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _ON_MANIPULATORS:
+        raise AttributeError(f"module 'flexlin.control' has no attribute {name!r}")
+    return getattr(import_module(f"flexlin.control.{_ON_MANIPULATORS[name]}"), name)

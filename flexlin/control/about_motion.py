@@ -4,7 +4,7 @@ import casadi as ca
 
 from flexlin import symbolic
 from flexlin.checks import Array
-from flexlin.control.periodic_motion import PeriodicMotion, constant, place_on_motion, scene_gain
+from flexlin.control.harmonic_balance import PeriodicMotion, constant, own_gain, place_on_motion
 from flexlin.linearization import Linearization, along_motion
 from flexlin.periodic.system import PeriodicSystem
 
@@ -34,7 +34,7 @@ def linearize_about(motion: PeriodicMotion, closed: bool = True) -> PeriodicSyst
 
     M, D, K, B = ((lambda t, i=i: evaluate(t)[i]) for i in range(4))
     system = PeriodicSystem.from_second_order(M, D, K, lin.period, B, lin.breaks, together)
-    return system.feedback(constant(scene_gain(lin))) if closed else system
+    return system.feedback(constant(own_gain(lin))) if closed else system
 
 
 def slopes(lin: Linearization) -> ca.Function:

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlin import symbolic
 from flexlin.checks import Array
-from flexlin.control.periodic_motion import Closing, PeriodicMotion, Unknowns, periodic_motion
+from flexlin.control.harmonic_balance import Closing, PeriodicMotion, Unknowns, periodic_motion
 from flexlin.errors import ArgumentError
 from flexlin.linearization import Linearization
 
@@ -95,16 +95,18 @@ def feedforward(lin: Linearization, kind: str = "tip-exact", tol: float = 1e-8) 
 def tip_distance(lin: Linearization, motion: PeriodicMotion) -> float:
     """The largest distance of the tip from the rigid motion's tip, in m; nan when the manipulator has no points."""
     t = lin.period * np.arange(512) / 512
-    return float(np.linalg.norm(tip(lin, t, motion(t)) - tip(lin, t, np.zeros((len(t), lin.n))), axis=1).max())
+    return float(
+        np.linalg.norm(
+            tip_positions(lin, t, motion(t)) - tip_positions(lin, t, np.zeros((len(t), lin.n))), axis=1
+        ).max()
+    )
 
 
-def tip(lin: Linearization, t: Array, y: Array) -> Array:
-    """World positions of the tip (N, 2) in m for deviations y (N, n) from the rigid motion."""
+def tip_positions(lin: Linearization, t: Array, states: Array) -> Array:
+    """World positions of the tip (N, 2) in m for deviations y (N, n) or [y; y'] (N, 2n) from the rigid motion."""
     if lin.arm.points is None:
         return np.full((len(t), 2), np.nan)
     s = lin.motion.sample(t)[0] @ lin.arm.reference.full().T
-    s[:, list(lin.kept)] += y
-    values = lin.arm.parameters.values
-    return symbolic.evaluate(lin.arm.functions["points"], s, np.broadcast_to(values, (len(t), len(values))))[0][
-        :, :, -1
-    ]
+    s[:, list(lin.kept)] += states[:, : lin.n]
+    p = np.broadcast_to(lin.arm.parameters.values, (len(t), len(lin.arm.parameters.values)))
+    return symbolic.evaluate(lin.arm.functions["points"], s, p)[0][:, :, -1]

@@ -6,8 +6,8 @@ import pytest
 import flexlin as fl
 from flexlin import symbolic
 from flexlin.control.about_motion import linearize_about
-from flexlin.control.periodic_motion import periodic_motion
-from flexlin.control.tracking import KINDS, feedforward, tip
+from flexlin.control.harmonic_balance import periodic_motion
+from flexlin.control.tracking import KINDS, feedforward, tip_positions
 from flexlin.errors import ArgumentError
 
 BARE = {"control": {"feedforward": "rigid"}}
@@ -64,7 +64,7 @@ def test_joint_exact_is_the_arm_with_its_joint_prescribed(lin):
 def across(lin, found):
     """The largest distance of the tip from the rigid link's line, in m."""
     t = np.linspace(0, lin.period, 101)
-    at, rigid = tip(lin, t, found.motion(t)), tip(lin, t, np.zeros((len(t), lin.n)))
+    at, rigid = tip_positions(lin, t, found.motion(t)), tip_positions(lin, t, np.zeros((len(t), lin.n)))
     return np.abs(at[:, 0] * rigid[:, 1] - at[:, 1] * rigid[:, 0]).max() / np.linalg.norm(rigid[0])
 
 

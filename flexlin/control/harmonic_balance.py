@@ -101,7 +101,7 @@ def periodic_motion(
         raise MotionError("a one-way motion has no periodic solution", todo="use course = 'there-and-back'")
     closing = default_closing(lin) if closing is None else closing
     equations = balance(lin, closing)
-    gain = constant(scene_gain(lin)) if gain is None else gain
+    gain = constant(own_gain(lin)) if gain is None else gain
     before: FourierSeries | None = None
     for points in POINTS:
         y, torque = solve_at(lin, equations, gain, points, linear, before)
@@ -197,7 +197,7 @@ def place_on_motion(lin: Linearization, t: Array) -> list[Array]:
     return [*where, np.broadcast_to(values, (len(t), len(values)))]
 
 
-def scene_gain(lin: Linearization) -> Array:
+def own_gain(lin: Linearization) -> Array:
     """The scene's feedback as a matrix (m, 2n); zero when there is none."""
     if lin.control is None:
         return np.zeros((len(lin.driven), 2 * lin.n))

@@ -1,0 +1,20 @@
+"""The full nonlinear closed loop: the judge of every linear answer."""
+
+from flexlin.control.harmonic_balance import own_gain
+from flexlin.control.tracking import tip_positions
+from flexlin.simulation.attraction import Attraction, region_of_attraction
+from flexlin.simulation.loop import NonlinearLoop
+from flexlin.simulation.predict import predict
+from flexlin.simulation.result import Simulation
+from flexlin.simulation.run import simulate
+
+__all__ = [
+    "Attraction",
+    "NonlinearLoop",
+    "Simulation",
+    "own_gain",
+    "predict",
+    "region_of_attraction",
+    "simulate",
+    "tip_positions",
+]

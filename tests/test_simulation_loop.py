@@ -1,0 +1,95 @@
+"""Feedforward, drives, energy, cost and attraction, judged by the nonlinear equations."""
+
+import numpy as np
+import pytest
+from scipy.integrate import simpson
+
+import flexlin as fl
+from flexlin.control import feedforward, linearize_about, periodic_lqr
+from flexlin.control.validity import linear_range
+from flexlin.errors import ArgumentError
+from flexlin.simulation import region_of_attraction, simulate
+from flexlin.simulation.law import Drive
+
+
+@pytest.fixture(scope="module")
+def lin():
+    scene = fl.load_scene("single-link")
+    return fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+
+
+def late_tip_error(run):
+    late = run.t > run.t[-1] / 2
+    return np.linalg.norm(run.tip - run.tip_rigid, axis=1)[late].max()
+
+
+def test_tip_exact_feedforward_lowers_the_nonlinear_tip_error_twentyfold(lin):
+    rigid, exact = (simulate(lin, 4, feedforward=feedforward(lin, kind), tol=1e-6) for kind in ("rigid", "tip-exact"))
+    assert 20 * late_tip_error(exact) < late_tip_error(rigid)
+    assert late_tip_error(exact) == pytest.approx(feedforward(lin, "tip-exact").tip_error, rel=1e-3)
+
+
+def test_rigid_feedforward_is_the_scenes_own_law(lin):
+    own, given = (simulate(lin, 0.5, feedforward=f) for f in (None, feedforward(lin, "rigid")))
+    np.testing.assert_allclose(given.nonlinear, own.nonlinear, atol=1e-9)
+    np.testing.assert_allclose(given.linear, own.linear, atol=1e-9)
+
+
+def test_work_and_energy_balance(lin):
+    assert simulate(lin, 1, tol=1e-9).energy_error < 1e-7
+    loose = simulate(lin, 1, tol=1e-4).energy_error
+    assert simulate(lin, 1, tol=1e-7).energy_error < loose
+
+
+def test_periodic_lqr_costs_what_its_riccati_solution_says(lin):
+    """About the exact elastic motion a small start costs x0' X(0) x0, in the nonlinear equations too."""
+    reference = feedforward(lin, "joint-exact")
+    plant = linearize_about(reference.motion, closed=False)
+    Q, R = np.diag([10.0, 10.0, 10.0, 0.1, 0.1, 0.1]), np.array([[5.0]])
+    made = periodic_lqr(plant, Q, R)
+    z0 = 2e-4 * np.array([1.0, 0.1, 0.0, 0.0, 0.5, 0.0])
+    run = simulate(lin, 4, reference.reference(np.zeros(1))[0] + z0, made.K, 1e-9, 1024, feedforward=reference)
+    z = run.nonlinear - reference.reference(run.t)
+    u = np.einsum("tij,tj->ti", made.K(run.t), z)
+    spent = simpson(np.einsum("ti,ij,tj->t", z, Q, z) + np.einsum("ti,ij,tj->t", u, R, u), x=run.t)
+    assert spent == pytest.approx(made.cost(z0), rel=1e-4)
+
+
+def test_a_fast_sampled_drive_tends_to_the_continuous_loop(lin):
+    ideal = simulate(lin, 0.05, tol=1e-7)
+    gaps = [
+        np.abs(simulate(lin, 0.05, tol=1e-7, drive=Drive(sample_time=h, delay=h / 2)).nonlinear - ideal.nonlinear).max()
+        for h in (0.0005, 0.00025)
+    ]
+    assert gaps[0] / gaps[1] == pytest.approx(2.0, rel=0.1)
+
+
+def test_saturation_caps_the_torque_and_nothing_else(lin):
+    free, roomy = simulate(lin, 0.5), simulate(lin, 0.5, drive=Drive(limit=(50.0,)))
+    np.testing.assert_allclose(roomy.nonlinear, free.nonlinear, atol=1e-12)
+    tight = simulate(lin, 0.5, drive=Drive(limit=(0.4,)))
+    assert np.abs(tight.torque).max() == pytest.approx(0.4)
+    assert tight.tip_error > free.tip_error
+
+
+def test_impossible_drives_are_refused():
+    for wrong in ({"limit": (-1.0,)}, {"sample_time": 0.01, "delay": 0.02}, {"delay": 0.01}):
+        with pytest.raises(ArgumentError):
+            Drive(**wrong)
+
+
+def test_linear_range_marks_where_second_order_terms_count(lin):
+    """By the manipulator's residual alone: the share of second-order terms grows in proportion to the amplitude."""
+    small, large = linear_range(lin, 0.05), linear_range(lin, 0.1)
+    np.testing.assert_allclose(large.amplitudes, 2 * small.amplitudes)
+    assert np.all(small.amplitudes > 0)
+    assert "5 %" in small.status
+    calm = fl.load_scene("single-link", {"effects.gravity.acceleration": 0.0})
+    still = fl.linearize(fl.build_manipulator(calm), calm.motion, calm.control)
+    assert linear_range(still).amplitudes.min() > large.amplitudes.min()
+
+
+def test_region_of_attraction_is_bracketed(lin):
+    found = region_of_attraction(lin, modes=1, periods=2, halvings=3, largest=3.0, tol=1e-5)
+    assert 0 < found.inside[0] < found.outside[0] <= 3.0
+    assert "come back" in found.status
