@@ -24,6 +24,7 @@ _HOME = {
     "implicit_taylor": "flexlin.series",
 }
 _MODULES = (
+    "audit",
     "control",
     "cost",
     "errors",

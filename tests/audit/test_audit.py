@@ -1,0 +1,78 @@
+"""The audit: an effect that matters is called so, one that does not is not, and its figures are those of the two scenes."""
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.audit import audit, measure
+from flexlin.errors import ArgumentError
+from flexlin.mechanics.effects import EFFECTS
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return fl.load_scene("quanser-flexible-link", {"links.0.modes": 1, "designs": []})
+
+
+@pytest.fixture(scope="module")
+def result(scene):
+    told = []
+    answer = audit(scene, 0.02, told.append)
+    assert len(told) == 1 + len(answer.effects) + len(answer.modes)
+    return answer
+
+
+def test_every_effect_is_tried(result):
+    assert {row.subject for row in result.effects} == set(EFFECTS)
+    assert {row.subject for row in result.effects if row.on} == {
+        "hub",
+        "geometric_stiffening",
+        "modal_damping",
+        "viscous_friction",
+    }
+    assert all(row.table or row.subject == "geometric_stiffening" for row in result.effects)
+
+
+def test_rows_are_sorted_and_advice_follows_the_tolerance(result):
+    significance = [row.significance for row in result.effects if np.isfinite(row.significance)]
+    assert significance == sorted(significance, reverse=True)
+    for row in result.effects:
+        assert (row.significance > result.tolerance) == row.advice.startswith(("keep", "consider"))
+    assert "hub" in result.needed
+    assert "rotary_inertia" not in result.missing  # a slender strip
+    assert set(result.needed) | set(result.droppable) == {row.subject for row in result.effects if row.on}
+
+
+def test_figures_are_those_of_the_two_scenes(scene, result):
+    without = measure(scene.model_copy(update={"effects": scene.effects.model_copy(update={"hub": None})}))
+    row = next(row for row in result.effects if row.subject == "hub")
+    assert row.margin == pytest.approx(without.margin - result.base.margin, abs=1e-6)
+    assert row.tip_error == pytest.approx(without.tip_error - result.base.tip_error, abs=1e-9)
+    assert row.instructions == without.instructions - result.base.instructions
+    first, second = result.base.frequencies, without.frequencies
+    assert row.frequency == pytest.approx(np.max(np.abs(first - second) / np.maximum(first, second)), rel=1e-9)
+
+
+def test_joint_flexibility_adds_a_coordinate(result):
+    row = next(row for row in result.effects if row.subject == "joint_flexibility")
+    assert row.coordinates == 1
+    assert row.instructions > 0
+
+
+def test_modes_are_tried_both_ways(result):
+    assert {row.table["modes"] for row in result.modes} == {0, 2}
+    fewer = next(row for row in result.modes if row.table["modes"] == 0)
+    assert fewer.advice == "its last mode is needed"  # a strip of 3 Hz is not rigid
+
+
+def test_a_softening_model_is_caught():
+    """Without stiffening the spinning link loses stiffness with speed: the verdict of the beam at W = 3.6 changes (Khang's model)."""
+    scene = fl.load_scene("rotating-beam", {"links.0.modes": 2, "motion.joints.0.rate": 3.6})
+    row = next(row for row in audit(scene, 0.01).effects if row.subject == "geometric_stiffening")
+    assert row.frequency > 0.5
+    assert row.advice == "keep"
+
+
+def test_registered_models_are_refused():
+    with pytest.raises(ArgumentError, match="registered model"):
+        audit(fl.load_scene("khang-2019"))
