@@ -25,7 +25,7 @@ def about_verdict(a: Analysis) -> list[str]:
         return []
     better = [loop for loop in a.designs if loop.verdict == "stable"]
     remedy = f"use the design “{better[0].name}”, which is" if better else "change gains, speed or payload until it is"
-    return [f"Under its {a.own.name} the arm is unstable along this motion: {remedy} stable."]
+    return [f"The arm is unstable along this motion {under(a.own)}: {remedy} stable."]
 
 
 def about_designs(a: Analysis) -> list[str]:
@@ -39,10 +39,20 @@ def about_designs(a: Analysis) -> list[str]:
     if gain > WORTHWHILE:
         return [
             *said,
-            f"The design “{best.name}” settles {gain:.3g} times as fast as the {a.own.name}: "
+            f"The design “{best.name}” settles {gain:.3g} times as fast as {the(a.own)}: "
             "compare its gains with what the drive allows.",
         ]
-    return [*said, f"No design settles faster than the {a.own.name}: change the weights, or keep the loop you have."]
+    return [*said, f"No design settles faster than {the(a.own)}: change the weights, or keep the loop you have."]
+
+
+def the(loop: Loop) -> str:
+    """A loop within a sentence."""
+    return "the arm without feedback" if loop.kind == "open" else f"the {loop.name}"
+
+
+def under(loop: Loop) -> str:
+    """The words for a loop behind a verdict."""
+    return "without feedback" if loop.kind == "open" else f"under the {loop.name}"
 
 
 def warning(loop: Loop) -> str:
@@ -59,10 +69,12 @@ def about_tip(a: Analysis) -> list[str]:
     largest = float(a.response.tip_error.max())
     if not np.isfinite(largest) or largest == 0:
         return []
-    return [
-        f"In steady motion the tip stays up to {quantity(largest, 'm')} away from its rigid path, most of it the links' bending, "
-        "which no joint feedback removes: feed forward the elastic motion too, or slow down."
-    ]
+    found = f"In steady motion the tip stays up to {quantity(largest, 'm')} away from its rigid path"
+    if np.linalg.norm(a.response.tip_by_bending, axis=1).max() > largest / 2:
+        return [
+            f"{found}, most of it the links' bending, which no joint feedback removes: feed forward the elastic motion too, or slow down."
+        ]
+    return [f"{found}, most of it the joints' error: feed the rigid torque forward, or raise the gains."]
 
 
 def about_trust(a: Analysis) -> list[str]:

@@ -49,11 +49,15 @@ class Loop:
 
 @dataclass(frozen=True)
 class Response:
-    """The periodic response of the scene's own loop: states [y; y'] (N, 2n), and how far the tip is from its rigid motion, (N, 2) in m."""
+    """The periodic response of the scene's own loop: states [y; y'] (N, 2n), and how far the tip is from its rigid motion, (N, 2) in m.
+
+    `tip_by_bending` is the part of it that is left when only the elastic coordinates deviate.
+    """
 
     solution: ForcedResponse
     states: Array
     tip: Array
+    tip_by_bending: Array
 
     @property
     def tip_error(self) -> Array:
@@ -137,13 +141,13 @@ def own_loops(
 ) -> tuple[Loop, Loop]:
     """The scene's own loop and the open loop; one result for both where the scene has no feedback."""
     feedback = scene.control.feedback
-    with clock.step("Floquet: open loop" if feedback is None else "Floquet: own loop"):
+    with clock.step("Floquet: open loop" if feedback is None else "Floquet: the scene's loop"):
         result = floquet(loop, tol)
     if feedback is None:
         return Loop("no feedback", "open", result), Loop("open loop", "open", result)
     with clock.step("Floquet: open loop"):
         open_loop = judged("open loop", "open", system, tol)
-    return Loop(f"own loop ({feedback.kind.upper()})", feedback.kind, result), open_loop
+    return Loop(f"scene's {feedback.kind.upper()}", feedback.kind, result), open_loop
 
 
 def judged(name: str, kind: str, system: PeriodicSystem, tol: float, made: Design | None = None) -> Loop:
@@ -168,8 +172,10 @@ def periodic_response(closed: Linearization, loop: PeriodicSystem, t: Array, tol
     """The periodic response to what the rigid motion leaves over, and what it does to the tip."""
     solution = forced_response(loop, closed.forcing, tol)
     states = solution(t)
-    tip = tip_positions(closed, t, states) - tip_positions(closed, t, np.zeros_like(states))
-    return Response(solution, states, tip)
+    bent = states * [name.startswith("w") for name in closed.names * 2]
+    rigid = tip_positions(closed, t, np.zeros_like(states))
+    tip, by_bending = (tip_positions(closed, t, x) - rigid for x in (states, bent))
+    return Response(solution, states, tip, by_bending)
 
 
 def attempt(problems: dict[str, str], name: str, work: Callable[[], Answer]) -> Answer | None:

@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 
-from flexlin.report.advice import next_steps
+from flexlin.report.advice import next_steps, under
 from flexlin.report.analysis import Analysis, Loop
 from flexlin.report.figures.coefficients import NOISE, matrix_unit
 from flexlin.report.figures.style import Picture
-from flexlin.report.wording import largest_multiplier, modulus, pace, quantity, rate
+from flexlin.report.wording import largest_multiplier, minus, modulus, pace, power, quantity, rate
 
 
 def page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture], command: str) -> str:
@@ -24,6 +24,7 @@ def page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture], comm
     return environment.get_template("page.html.j2").render(
         analysis=analysis,
         own=analysis.own,
+        under=under(analysis.own),
         pace=pace(analysis.own, analysis.plant.period),
         facts=facts(analysis),
         steps=next_steps(analysis),
@@ -50,7 +51,7 @@ def facts(a: Analysis) -> list[tuple[str, str]]:
     if a.response is not None and np.all(np.isfinite(a.response.tip)):
         said.append(("largest tip error", quantity(float(a.response.tip_error.max()), "m")))
     if a.simulation is not None and np.isfinite(a.simulation.difference):
-        said.append(("linear against nonlinear tip", quantity(a.simulation.difference, "m")))
+        said.append(("linear against nonlinear", quantity(a.simulation.difference, "m")))
     return said
 
 
@@ -77,8 +78,8 @@ def exponent_rows(loop: Loop) -> dict[str, Any]:
     result = loop.floquet
     rows = [
         (
-            f"{value.real:.6g}",
-            f"{error:.0e}",
+            minus(f"{value.real:.6g}"),
+            power(error),
             f"{abs(value.imag) / (2 * np.pi):.4g}",
             modulus(float(log.real)),
         )
@@ -89,18 +90,20 @@ def exponent_rows(loop: Loop) -> dict[str, Any]:
 
 
 def constants(a: Analysis) -> list[tuple[str, str, str]]:
-    """Entries of M, D, K that do not vary and are not zero: name, value, unit."""
+    """Entries of M, D, K that do not vary and are not zero, one of a symmetric pair: name, value, unit."""
     found = []
     for name in ("M", "D", "K"):
         matrix = getattr(a.coefficients, name)
         size = np.abs(matrix).max() or 1.0
         for i, j in np.ndindex(a.plant.n, a.plant.n):
             values = matrix[:, i, j]
+            if j < i and np.all(np.abs(values - matrix[:, j, i]) <= NOISE * size):
+                continue
             if np.ptp(values) <= NOISE * size and np.abs(values).max() > NOISE * size:
                 found.append(
                     (
                         f"{name}({a.plant.names[i]}, {a.plant.names[j]})",
-                        f"{values.mean():.6g}",
+                        minus(f"{values.mean():.6g}"),
                         matrix_unit(a, name, i, j),
                     )
                 )

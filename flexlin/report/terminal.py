@@ -6,7 +6,7 @@ from typing import Any
 
 from flexlin.report.advice import next_steps
 from flexlin.report.analysis import Analysis, Loop
-from flexlin.report.wording import pace
+from flexlin.report.wording import pace, rate
 
 COLOURS = {"stable": "green", "unstable": "red", "undecided": "yellow", "failed": "red"}
 PATIENCE = 1.0
@@ -37,7 +37,10 @@ def summarize(analysis: Analysis) -> None:
 
 def loop_line(loop: Loop, period: float) -> str:
     """One loop in one line."""
-    return f"  {loop.name:<18} {loop.verdict:<10} {pace(loop, period)}"
+    told = pace(loop, period)
+    return f"  {loop.name:<18} {loop.verdict:<10} {told}" + (
+        f", {rate(*loop.growth)}" if loop.floquet is not None else ""
+    )
 
 
 class Progress:

@@ -6,6 +6,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.report.analysis import Analysis, Loop
+from flexlin.report.svg.scales import SUPERSCRIPTS
 from flexlin.scene.scene import Scene
 
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
@@ -17,15 +18,15 @@ def quantity(value: float, unit: str, digits: int = 3) -> str:
         return f"not finite {unit}"
     if value == 0:
         return f"0 {unit}"
-    power = prefix_power(float(f"{value:.{digits}g}"))
-    return f"{value / 10.0**power:.{digits}g} {PREFIXES[power]}{unit}"
+    prefix = prefix_power(float(f"{value:.{digits}g}"))
+    return f"{minus(f'{value / 10.0**prefix:.{digits}g}')} {PREFIXES[prefix]}{unit}"
 
 
 def scaled(values: Array, unit: str) -> tuple[Array, str]:
     """Values with the SI prefix that makes the largest readable, and the unit with it."""
     largest = float(np.abs(values).max()) if values.size else 0.0
-    power = prefix_power(largest)
-    return values / 10.0**power, PREFIXES[power] + unit
+    prefix = prefix_power(largest)
+    return values / 10.0**prefix, PREFIXES[prefix] + unit
 
 
 def prefix_power(value: float) -> int:
@@ -50,20 +51,33 @@ def coordinate_unit(analysis: Analysis, index: int) -> str:
 
 
 def rate(value: float, error: float) -> str:
-    """A growth rate with its error: -2.5207 ± 8e-14 1/s."""
-    return f"{value:.5g} ± {error:.0e} 1/s"
+    """A growth rate with its error: −2.5207 ± 8×10⁻¹⁴ 1/s."""
+    return f"{minus(f'{value:.5g}')} ± {power(error)} 1/s"
+
+
+def power(value: float) -> str:
+    """A size to one digit, 8×10⁻¹⁴."""
+    if value == 0 or not math.isfinite(value):
+        return f"{value:g}"
+    digit, _, exponent = f"{value:.0e}".partition("e")
+    return f"{digit}×10{str(int(exponent)).translate(SUPERSCRIPTS)}"
+
+
+def minus(text: str) -> str:
+    """A number's text with a proper minus sign."""
+    return text.replace("-", "−")
 
 
 def pace(loop: Loop, period: float) -> str:
-    """What a loop's growth rate means for a disturbance."""
+    """What a loop's growth rate means for a disturbance, without the rate itself."""
     growth, error = loop.growth
     if loop.floquet is None:
         return loop.problem
     if abs(growth) <= error:
-        return f"growth rate zero to within {error:.0e} 1/s"
+        return f"growth rate zero to within {power(error)} 1/s"
     half = math.log(2) / abs(growth)
     does = "halves" if growth < 0 else "doubles"
-    return f"a disturbance {does} every {quantity(half, 's')} ({half / period:.2g} periods) at {rate(growth, error)}"
+    return f"a disturbance {does} every {quantity(half, 's')}, {half / period:.2g} of a period"
 
 
 def largest_multiplier(loop: Loop) -> str:
@@ -75,8 +89,7 @@ def largest_multiplier(loop: Loop) -> str:
 
 def modulus(log: float) -> str:
     """exp(log) as text, however far from 1."""
-    if abs(log) < 600:
+    if abs(log) < 7:
         return f"{math.exp(log):.4g}"
-    power = log / math.log(10)
-    exponent = math.floor(power)
-    return f"{10 ** (power - exponent):.3g}e{exponent:+d}"
+    exponent, rest = divmod(log / math.log(10), 1.0)
+    return f"{10**rest:.3g}×10{str(int(exponent)).translate(SUPERSCRIPTS)}"

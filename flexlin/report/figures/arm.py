@@ -1,79 +1,82 @@
 """The arm along its motion, bent by the periodic response."""
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from flexlin import symbolic
 from flexlin.checks import Array
 from flexlin.mechanics.link_shapes import shapes_of
 from flexlin.report.analysis import Analysis
-from flexlin.report.figures.style import BLUE, FAINT, INK, SERIES, VERMILION, canvas, stacked, time_axis
+from flexlin.report.figures.style import SERIES, Picture, over_period
+from flexlin.report.svg import Panel, Row, draw
 from flexlin.report.wording import joint_unit
 from flexlin.scene.scene import Scene
 
 PHASES = 12
 """Pictures of the arm in one period."""
 XI = np.linspace(0.0, 1.0, 33)
+TITLE = "The arm along its motion"
 
 
-def draw_arm(a: Analysis) -> tuple[Figure, str, str]:
-    """The arm at equal steps of a period on the left, its joints' motion and feedforward torques on the right."""
-    figure, axes = canvas(1, 2, 3.2, width_ratios=[1.1, 1])
+def draw_arm(a: Analysis) -> Picture:
+    """The arm at equal steps of a period, and its joints' motion and feedforward torques beside it."""
     caption = "Joint motion and feedforward torque of the rigid motion over one period."
     if a.arm.points is None:
-        axes[0, 0].remove()
-    else:
-        stroboscope(axes[0, 0], a)
-        bent = (
-            "bent by the periodic response of the scene's own loop"
-            if a.response
-            else "rigid: there is no periodic response"
-        )
-        caption = (
-            f"Left: the arm at {PHASES} equal steps of a period, {bent} and drawn to scale, later pictures darker; grey: the rigid motion; "
-            f"red: the path of the tip. Right: {caption[0].lower()}{caption[1:]}"
-        )
-    upper, lower = stacked(axes[0, 1])
-    joints(upper, a)
-    for i, name in enumerate(a.plant.inputs):
-        lower.plot(a.t, a.coefficients.tau[:, i], color=SERIES[i % len(SERIES)], label=name)
-    lower.set_title("feedforward torque in N m" if a.plant.inputs else "no torque: every joint is prescribed")
-    time_axis(lower, a.plant.period)
-    return figure, "The arm along its motion", caption
+        return Picture("arm", TITLE, caption, draw([Row([joints(a), torques(a)], 110)], TITLE))
+    bent = (
+        "bent by the steady response under the scene's loop" if a.response else "rigid, for want of a steady response"
+    )
+    caption = (
+        f"The arm at {PHASES} equal steps of a period, {bent}, to scale; later pictures are stronger. Grey: the rigid motion. "
+        f"Red: the path of the tip. Beside it: {caption[0].lower()}{caption[1:]}"
+    )
+    return Picture(
+        "arm", TITLE, caption, draw([Row([stroboscope(a), joints(a), torques(a)], 220, (1.7, 1.0, 1.0))], TITLE)
+    )
 
 
-def joints(axes: Axes, a: Analysis) -> None:
+def joints(a: Analysis) -> Panel:
     """Joint angles in degrees, displacements in m."""
     q = a.plant.motion.sample(a.t)[0]
     units = [joint_unit(a.scene, joint) for joint in range(q.shape[1])]
+    names = sorted({"°" if unit == "rad" else unit for unit in units})
+    panel = over_period(a.plant.period, "joint motion in " + " and ".join(names))
     for joint, unit in enumerate(units):
         values = np.degrees(q[:, joint]) if unit == "rad" else q[:, joint]
-        axes.plot(a.t, values, color=SERIES[joint % len(SERIES)], label=f"q{joint + 1}")
-    axes.set_title("joint motion in " + " and ".join(sorted({"°" if unit == "rad" else unit for unit in units})))
-    if len(units) > 1:
-        axes.legend(ncols=len(units), loc="best")
-    time_axis(axes, a.plant.period, label=False)
+        panel.line(a.t, values, SERIES[joint % len(SERIES)], label=f"q{joint + 1}" if len(units) > 1 else "")
+    return panel
 
 
-def stroboscope(axes: Axes, a: Analysis) -> None:
+def torques(a: Analysis) -> Panel:
+    """The torque that the arm would need if its links were rigid."""
+    several = len(a.plant.inputs) > 1
+    title = "feedforward in N m" if a.plant.inputs else "no torque: every joint is prescribed"
+    panel = over_period(a.plant.period, title)
+    for i, name in enumerate(a.plant.inputs):
+        panel.line(a.t, a.coefficients.tau[:, i], SERIES[i % len(SERIES)], label=name if several else "")
+    return panel
+
+
+def stroboscope(a: Analysis) -> Panel:
     """The arm at equal steps of a period."""
     states = a.response.states if a.response else np.zeros((len(a.t), 2 * a.plant.n))
     bent, rigid = positions(a, states), positions(a, np.zeros_like(states))
-    for k, i in enumerate(np.arange(PHASES) * (len(a.t) - 1) // PHASES):
-        axes.plot(*path(a.scene, rigid[i], np.zeros(a.arm.n)), color=FAINT, lw=0.7, alpha=0.5)
-        axes.plot(*path(a.scene, bent[i], coordinates(a, states)[i]), color=BLUE, lw=1.5, alpha=0.25 + 0.7 * k / PHASES)
-    axes.plot(*bent[:, :, -1].T, color=VERMILION, lw=1.2)
-    axes.plot(*bent[0, :, :-1], "o", color=INK, ms=4)
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("x in m")
-    axes.set_ylabel("y in m")
+    s = coordinates(a, states)
+    panel = Panel("the arm", x_label="x in m", y_label="y in m", equal=True)
+    picked = np.arange(PHASES) * (len(a.t) - 1) // PHASES
+    for i in picked:
+        x, y = path(a.scene, rigid[i], np.zeros(a.arm.n))
+        panel.line(x, y, "faint", width=0.8, opacity=0.5)
+    for k, i in enumerate(picked):
+        x, y = path(a.scene, bent[i], s[i])
+        panel.line(x, y, "blue", width=2.0, opacity=0.25 + 0.75 * (k + 1) / PHASES)
+    panel.line(bent[:, 0, -1], bent[:, 1, -1], "vermilion", width=1.5)
+    return panel.dots(bent[picked[-1], 0, :-1], bent[picked[-1], 1, :-1], "ink", size=3.5)
 
 
 def coordinates(a: Analysis, states: Array) -> Array:
     """All coordinates s (N, arm.n) of deviations [y; y'] from the rigid motion."""
     s = a.plant.motion.sample(a.t)[0] @ a.arm.reference.full().T
-    s[:, [a.arm.names.index(name) for name in a.plant.names]] += states[:, : a.plant.n]
+    s[:, list(a.plant.kept)] += states[:, : a.plant.n]
     return s
 
 

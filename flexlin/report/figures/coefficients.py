@@ -4,18 +4,19 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from flexlin.checks import Array
 from flexlin.report.analysis import Analysis
-from flexlin.report.figures.style import BLUE, GREEN, PURPLE, VERMILION, canvas, subscript, time_axis
+from flexlin.report.figures.style import Picture, in_columns, over_period
+from flexlin.report.svg import draw
 from flexlin.report.wording import coordinate_unit
 
 MOST = 12
 """Entries shown; the others stand in the file that `flexlin linearize` writes."""
 NOISE = 1e-9
-COLUMNS = 3
-COLOURS = {"M": GREEN, "D": PURPLE, "K": BLUE, "h": VERMILION}
+TITLE = "The coefficients over a period"
+SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+COLOURS = {"M": "green", "D": "purple", "K": "blue", "h": "vermilion"}
 UNITS = {"M": ("kg", "kg m", "kg m²"), "D": ("N s/m", "N s", "N m s"), "K": ("N/m", "N", "N m")}
 
 
@@ -29,24 +30,16 @@ class Entry:
     swing: float
 
 
-def draw_coefficients(a: Analysis) -> tuple[Figure, str, str]:
+def draw_coefficients(a: Analysis) -> Picture:
     """A panel for each entry of M_L, D_L, K_L and h_L that varies."""
     varying = list(entries(a))
-    shown = sorted(sorted(varying, key=lambda entry: -entry.swing)[:MOST], key=lambda entry: "MDKh".index(entry.matrix))
-    rows = max(1, -(-len(shown) // COLUMNS))
-    figure, axes = canvas(rows, COLUMNS, 0.35 + 1.3 * rows, sharex=True)
-    for place, entry in zip(axes.flat, shown, strict=False):
-        place.plot(a.t, entry.values, color=COLOURS[entry.matrix])
-        place.set_title(entry.title)
-        place.ticklabel_format(axis="y", useOffset=False)
-        time_axis(place, a.plant.period, label=False)
-    for i, place in enumerate(axes.flat):
-        if i >= len(shown):
-            place.remove()
-        elif i >= len(shown) - COLUMNS:
-            place.set_xlabel("time in s")
-            place.tick_params(labelbottom=True)
-    return figure, "The coefficients over a period", caption(len(varying), len(shown))
+    least = sorted((entry.swing for entry in varying), reverse=True)[:MOST][-1:] or [0.0]
+    shown = [entry for entry in varying if entry.swing >= least[0]][:MOST]
+    panels = [
+        over_period(a.plant.period, entry.title).line(a.t, entry.values, COLOURS[entry.matrix]) for entry in shown
+    ]
+    svg = draw(in_columns(panels, 75), TITLE) if panels else ""
+    return Picture("coefficients", TITLE, caption(len(varying), len(shown)), svg)
 
 
 def caption(varying: int, shown: int) -> str:
@@ -78,13 +71,15 @@ def entries(a: Analysis) -> Iterator[Entry]:
     for i in range(a.plant.n):
         values = a.coefficients.h[:, i]
         if np.ptp(values) > NOISE * size:
-            yield Entry("h", f"h{subscript(str(i + 1))} in {force_unit(a, i)}", values, float(np.ptp(values) / size))
+            yield Entry(
+                "h", f"h{str(i + 1).translate(SUBSCRIPTS)} in {force_unit(a, i)}", values, float(np.ptp(values) / size)
+            )
 
 
 def index(i: int, j: int) -> str:
     """Subscripts, with a comma where an index has two digits."""
     comma = "," if max(i, j) > 8 else ""
-    return subscript(f"{i + 1}{comma}{j + 1}")
+    return f"{i + 1}{comma}{j + 1}".translate(SUBSCRIPTS)
 
 
 def force_unit(a: Analysis, i: int) -> str:

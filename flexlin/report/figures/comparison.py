@@ -1,41 +1,49 @@
 """The nonlinear equations beside the linear prediction."""
 
 import numpy as np
-from matplotlib.figure import Figure
 
+from flexlin.checks import Array
 from flexlin.report.analysis import Analysis
-from flexlin.report.figures.style import BLUE, FAINT, VERMILION, canvas
+from flexlin.report.figures.style import Picture
+from flexlin.report.svg import Linear, Panel, Row, draw
 from flexlin.report.wording import coordinate_unit, scaled
+from flexlin.simulation import Simulation
+
+TITLE = "Nonlinear against linear"
 
 
-def draw_comparison(a: Analysis) -> tuple[Figure, str, str] | None:
-    """Tip error by both, and their difference; where the model has no tip, its first coordinate."""
+def draw_comparison(a: Analysis) -> Picture | None:
+    """Both answers, and their difference: of the tip, or of the first coordinate where the model has no tip."""
     if a.simulation is None:
         return None
     s = a.simulation
-    tip = bool(np.all(np.isfinite(s.tip)))
-    both = np.array([s.tip - s.tip_rigid, s.tip_linear - s.tip_rigid]) if tip else np.array([s.nonlinear, s.linear])
-    axis = int(np.argmax(np.abs(both[0]).max(axis=0)))
-    name = f"tip error along {'xy'[axis]}" if tip else f"{a.plant.names[axis % a.plant.n]}"
-    curves, unit = scaled(both[:, :, axis], "m" if tip else coordinate_unit(a, axis % a.plant.n))
-    gap, gap_unit = scaled(
-        np.linalg.norm(both[0] - both[1], axis=1) if tip else (both[0] - both[1])[:, axis], "m" if tip else "rad"
+    name, unit, nonlinear, linear, gap = tip(s) if np.all(np.isfinite(s.tip)) else first_coordinate(a, s)
+    (both, both_unit), (apart, apart_unit) = scaled(np.array([nonlinear, linear]), unit), scaled(gap, unit)
+    time = Linear(0.0, float(s.t[-1]))
+    upper = Panel(f"{name} in {both_unit}", x=time, ticked=(False, True)).zero()
+    upper.line(s.t, both[0], "sky", width=4.0, label="nonlinear").line(
+        s.t, both[1], "vermilion", dash="5 3", label="linear"
     )
-    figure, axes = canvas(2, 1, 3.2, sharex=True, height_ratios=[1.7, 1])
-    upper, lower = axes[:, 0]
-    upper.plot(s.t, curves[0], color=BLUE, lw=2.4, alpha=0.55, label="nonlinear")
-    upper.plot(s.t, curves[1], color=VERMILION, lw=1.1, ls="--", label="linear")
-    upper.set_title(f"{name} in {unit}")
-    upper.legend(ncols=2, loc="lower right", bbox_to_anchor=(1.0, 0.98))
-    lower.plot(s.t, gap, color=FAINT)
-    lower.set_title(f"{'distance of the two tips' if tip else 'difference'} in {gap_unit}")
-    lower.set_xlabel("time in s")
-    lower.set_xlim(0.0, s.t[-1])
-    return (
-        figure,
-        "Nonlinear against linear",
-        (
-            f"The full nonlinear equations, started on the rigid motion and integrated over {s.t[-1] / a.plant.period:g} periods with the "
-            f"scene's own loop, beside the linear prediction from the same start. {s.status[0].upper()}{s.status[1:]}."
-        ),
+    lower = Panel(f"difference in {apart_unit}", x=time, x_label="time in s").zero().line(s.t, apart, "ink")
+    caption = (
+        f"The full nonlinear equations over {s.t[-1] / a.plant.period:g} periods under the scene's loop, started on the rigid motion, "
+        f"beside the linear prediction from the same start. {s.status[0].upper()}{s.status[1:]}."
     )
+    return Picture("comparison", TITLE, caption, draw([Row([upper], 120), Row([lower], 60)], TITLE))
+
+
+Curves = tuple[str, str, Array, Array, Array]
+
+
+def tip(s: Simulation) -> Curves:
+    """The component of the tip error that is largest, and the distance of the two tips."""
+    nonlinear, linear = s.tip - s.tip_rigid, s.tip_linear - s.tip_rigid
+    axis = int(np.argmax(np.abs(nonlinear).max(axis=0)))
+    distance = np.linalg.norm(s.tip - s.tip_linear, axis=1)
+    return f"tip error along {'xy'[axis]}", "m", nonlinear[:, axis], linear[:, axis], distance
+
+
+def first_coordinate(a: Analysis, s: Simulation) -> Curves:
+    """The first coordinate's deviation."""
+    nonlinear, linear = s.nonlinear[:, 0], s.linear[:, 0]
+    return f"{a.plant.names[0]}", coordinate_unit(a, 0), nonlinear, linear, nonlinear - linear

@@ -1,43 +1,45 @@
 """The gains of the designs over a period, beside the scene's own."""
 
-import numpy as np
-from matplotlib.figure import Figure
+from dataclasses import replace
 
+import numpy as np
+
+from flexlin.checks import Array
 from flexlin.report.analysis import Analysis
-from flexlin.report.figures.style import FAINT, canvas, loop_colour, time_axis
+from flexlin.report.figures.style import DASHES, Picture, in_columns, loop_colour, over_period
+from flexlin.report.svg import Panel, draw
 from flexlin.simulation import own_gain
 
-COLUMNS = 3
 MOST = 12
+TITLE = "Gains over a period"
 
 
-def draw_gains(a: Analysis) -> tuple[Figure, str, str] | None:
+def draw_gains(a: Analysis) -> Picture | None:
     """A panel for each entry of K(t)."""
-    made = [(loop, i) for i, loop in enumerate(a.loops) if loop.design is not None]
-    if not made:
+    if not any(loop.design is not None for loop in a.loops):
         return None
     states = [*a.plant.names, *[f"{name}′" for name in a.plant.names]]
     pairs = [(i, j) for i in range(len(a.plant.inputs)) for j in range(len(states))]
-    rows = -(-min(len(pairs), MOST) // COLUMNS)
-    figure, axes = canvas(rows, COLUMNS, 0.6 + 1.25 * rows, sharex=True)
-    gains = [(loop, colour, loop.design.K(a.t)) for loop, colour in made if loop.design is not None]
+    panels = [over_period(a.plant.period, f"{a.plant.inputs[i]} from {states[j]}") for i, j in pairs[:MOST]]
+    for position, loop in enumerate(a.loops):
+        if loop.design is not None:
+            add(panels, pairs, a, loop.design.K(a.t), loop_colour(loop, position), DASHES[position % 2], loop.name)
     own = own_gain(a.closed)
-    for place, (i, j) in zip(axes.flat, pairs, strict=False):
-        for loop, position, gain in gains:
-            place.plot(a.t, gain[:, i, j], color=loop_colour(loop, position), label=loop.name)
-        if np.any(own):
-            place.axhline(own[i, j], color=FAINT, ls="--", lw=1.0, label=a.own.name)
-        place.set_title(f"{a.plant.inputs[i]} from {states[j]}")
-        place.ticklabel_format(axis="y", useOffset=False)
-        time_axis(place, a.plant.period, label=False)
-    for place in axes[-1]:
-        place.set_xlabel("time in s")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=4)
-    return (
-        figure,
-        "Gains over a period",
-        (
-            "Entries of the feedback gain K(t) in u = −K(t) [y; y′], N m for each rad, m, rad/s or m/s; dashed: the scene's own feedback."
-            + (f" The first {MOST} of {len(pairs)} entries." if len(pairs) > MOST else "")
-        ),
+    if np.any(own):
+        add(panels, pairs, a, np.broadcast_to(own, (len(a.t), *own.shape)), "faint", "2 3", a.own.name)
+    legend = panels[0].legend
+    for panel in panels:
+        panel.marks = [replace(mark, label="") for mark in panel.marks]
+    more = f" The first {MOST} of {len(pairs)} entries." if len(pairs) > MOST else ""
+    caption = (
+        f"Entries of the feedback gain in u = −K(t) [y; y′], in N m for each rad, m, rad/s or m/s of deviation.{more}"
     )
+    return Picture("gains", TITLE, caption, draw(in_columns(panels, 75), TITLE, legend))
+
+
+def add(
+    panels: list[Panel], pairs: list[tuple[int, int]], a: Analysis, gain: Array, colour: str, dash: str, label: str
+) -> None:
+    """Add one gain to all panels."""
+    for panel, (i, j) in zip(panels, pairs, strict=False):
+        panel.line(a.t, gain[:, i, j], colour, dash=dash, label=label)

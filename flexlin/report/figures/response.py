@@ -1,51 +1,45 @@
-"""The periodic response of the scene's own loop, coordinate by coordinate, with the torque it takes."""
+"""The periodic response of the scene's loop, coordinate by coordinate, with the torque it takes."""
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from flexlin.checks import Array
 from flexlin.report.analysis import Analysis
-from flexlin.report.figures.style import BLUE, FAINT, SERIES, canvas, time_axis
+from flexlin.report.figures.style import SERIES, Picture, in_columns, over_period
+from flexlin.report.svg import Panel, draw
 from flexlin.report.wording import coordinate_unit, scaled
 from flexlin.simulation import own_gain
 
-COLUMNS = 3
 MOST = 11
+TITLE = "Forced periodic response"
 
 
-def draw_response(a: Analysis) -> tuple[Figure, str, str] | None:
+def draw_response(a: Analysis) -> Picture | None:
     """A panel for each deviation, and one for the torques."""
     if a.response is None:
         return None
-    shown = min(a.plant.n, MOST)
-    panels = shown + bool(a.plant.inputs)
-    rows = -(-panels // COLUMNS)
-    figure, axes = canvas(rows, COLUMNS, 0.35 + 1.45 * rows, sharex=True)
-    for i, place in enumerate(axes.flat):
-        if i >= panels:
-            place.remove()
-            continue
-        if i < shown:
-            values, unit = scaled(a.response.states[:, i], coordinate_unit(a, i))
-            place.plot(a.t, values, color=BLUE)
-            place.set_title(f"{a.plant.names[i]} in {unit}")
-        else:
-            for k, torque in enumerate(torques(a).T):
-                place.plot(a.t, a.coefficients.tau[:, k], color=FAINT, lw=1.0, ls="--")
-                place.plot(a.t, torque, color=SERIES[(k + 1) % len(SERIES)], label=a.plant.inputs[k])
-            place.set_title("torque in N m")
-        place.axhline(0.0, color=FAINT, lw=0.6)
-        time_axis(place, a.plant.period, label=i >= panels - COLUMNS)
-        place.tick_params(labelbottom=i >= panels - COLUMNS)
-    left_out = f" Only the first {MOST} coordinates are shown." if a.plant.n > MOST else ""
-    return (
-        figure,
-        "Forced periodic response",
-        (
-            "Steady deviations from the rigid motion under the scene's own loop: q of joints, w of elastic modes (the tip's share of each "
-            f"mode is its shape's tip value times w). Torque: feedforward alone dashed, with feedback solid.{left_out}"
-        ),
+    panels = [deviation(a, i) for i in range(min(a.plant.n, MOST))] + ([torque(a)] if a.plant.inputs else [])
+    left_out = f" Only the first {MOST} of {a.plant.n} coordinates are shown." if a.plant.n > MOST else ""
+    caption = (
+        "Steady deviations from the rigid motion under the scene's loop: q of joints, w of elastic modes. "
+        f"Torque: feedforward alone dashed, with feedback solid.{left_out}"
     )
+    return Picture("response", TITLE, caption, draw(in_columns(panels, 85), TITLE))
+
+
+def deviation(a: Analysis, i: int) -> Panel:
+    """One coordinate over the period."""
+    assert a.response is not None
+    values, unit = scaled(a.response.states[:, i], coordinate_unit(a, i))
+    return over_period(a.plant.period, f"{a.plant.names[i]} in {unit}").zero().line(a.t, values, "blue")
+
+
+def torque(a: Analysis) -> Panel:
+    """Feedforward, and feedforward with feedback."""
+    panel = over_period(a.plant.period, "torque in N m")
+    for k, values in enumerate(torques(a).T):
+        panel.line(a.t, a.coefficients.tau[:, k], "faint", width=1.2, dash="4 3")
+        panel.line(a.t, values, SERIES[(k + 1) % len(SERIES)])
+    return panel
 
 
 def torques(a: Analysis) -> Array:

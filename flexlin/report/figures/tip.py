@@ -1,41 +1,34 @@
 """How far the tip is from its rigid path in the periodic response."""
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from flexlin.report.analysis import Analysis
-from flexlin.report.figures.style import BLUE, FAINT, GREEN, INK, canvas, time_axis
-from flexlin.report.wording import quantity, scaled
+from flexlin.report.figures.style import Picture, over_period
+from flexlin.report.svg import Panel, Row, draw
+from flexlin.report.wording import power, quantity, scaled
+
+TITLE = "Tip error in steady motion"
 
 
-def draw_tip(a: Analysis) -> tuple[Figure, str, str] | None:
+def draw_tip(a: Analysis) -> Picture | None:
     """The components over the period on the left, the path of the error on the right."""
     if a.response is None or not np.all(np.isfinite(a.response.tip)):
         return None
-    largest = a.response.tip_error
     xy, unit = scaled(a.response.tip, "m")
-    size = np.hypot(*xy.T)
-    figure, axes = canvas(1, 2, 2.5, width_ratios=[1.9, 1])
-    left, right = axes[0]
-    left.plot(a.t, size, color=INK, lw=1.8, label="distance")
-    left.plot(a.t, xy[:, 0], color=BLUE, label="x")
-    left.plot(a.t, xy[:, 1], color=GREEN, label="y")
-    left.axhline(0.0, color=FAINT, lw=0.6)
-    left.set_title(f"tip minus rigid tip in {unit}")
-    left.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.75, 1.0))
-    time_axis(left, a.plant.period)
-    right.plot(*xy.T, color=BLUE)
-    right.plot(0.0, 0.0, "+", color=INK, ms=8)
-    right.set_aspect("equal", adjustable="datalim")
-    right.set_title(f"its path in {unit}")
-    right.set_xlabel("x")
-    right.set_ylabel("y")
-    rms = float(np.sqrt(np.mean(largest[:-1] ** 2)))
+    left = over_period(a.plant.period, f"tip minus rigid tip in {unit}").zero()
+    left.line(a.t, np.hypot(xy[:, 0], xy[:, 1]), "ink", width=2.0, label="distance")
+    left.line(a.t, xy[:, 0], "blue", label="x").line(a.t, xy[:, 1], "green", label="y", dash="6 2")
+    right = Panel(f"its path in {unit}", equal=True, x_label="x", y_label="y")
+    right.line(xy[:, 0], xy[:, 1], "blue").dots([0], [0], "ink", "cross", 6, label="rigid tip")
+    return Picture("tip", TITLE, caption(a), draw([Row([left, right], 150, (1.8, 1.0))], TITLE))
+
+
+def caption(a: Analysis) -> str:
+    """Its size, and how well that is known."""
+    assert a.response is not None
+    distance, error = a.response.tip_error, a.response.solution.error
+    rms = float(np.sqrt(np.mean(distance[:-1] ** 2)))
     return (
-        figure,
-        "Tip error in steady motion",
-        (
-            f"Largest {quantity(float(largest.max()), 'm')}, root mean square {quantity(rms, 'm')}; known to "
-            f"{quantity(a.response.solution.error, 'm', 1)} in the linear model."
-        ),
+        f"Largest {quantity(float(distance.max()), 'm')}, root mean square {quantity(rms, 'm')}, by the linear model; "
+        f"the states behind it are known to {power(error)}."
     )

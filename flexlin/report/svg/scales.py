@@ -1,0 +1,135 @@
+"""Scales of axes: from values to the unit interval, with ticks at round numbers."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlin.checks import Array
+
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+ROUND = (1.0, 2.0, 2.5, 5.0, 10.0)
+
+
+@dataclass(frozen=True)
+class Linear:
+    """Equal steps; `low` and `high` left open follow the data with a little room."""
+
+    low: float | None = None
+    high: float | None = None
+
+    def fitted(self, values: Array) -> "Linear":
+        """The scale with its open ends set by the data."""
+        low, high = float(values.min()), float(values.max())
+        room = 0.05 * (high - low) or 0.05 * abs(high) or 1.0
+        return Linear(low - room if self.low is None else self.low, high + room if self.high is None else self.high)
+
+    def place(self, values: Array) -> Array:
+        """Values to [0, 1] between the ends."""
+        low, high = self.ends
+        return (np.asarray(values, dtype=float) - low) / (high - low)
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Both ends of a fitted scale."""
+        assert self.low is not None
+        assert self.high is not None
+        return self.low, self.high
+
+    def ticks(self, most: int) -> list[tuple[float, str]]:
+        """Round numbers inside the scale, at most about `most` of them, with their labels."""
+        low, high = self.ends
+        raw = (high - low) / max(most, 1)
+        unit = 10.0 ** math.floor(math.log10(raw))
+        step = next(factor * unit for factor in ROUND if factor * unit >= raw * (1 - 1e-9))
+        marks = step * np.arange(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)
+        return [(float(mark), plain(float(mark), step)) for mark in marks]
+
+
+@dataclass(frozen=True)
+class Symlog:
+    """Linear between -near and near, logarithmic beyond: decades of both signs in one axis."""
+
+    near: float
+    low: float | None = None
+    high: float | None = None
+
+    def fitted(self, values: Array) -> "Symlog":
+        bent = self.bend(values)
+        low, high = float(bent.min()), float(bent.max())
+        room = 0.05 * (high - low) or 0.5
+        return Symlog(self.near, *(self.unbend(end) for end in (low - room, high + room)))
+
+    def bend(self, values: Array) -> Array:
+        """sign(v) (1 + log10(|v|/near)) beyond near, v/near inside."""
+        scaled = np.asarray(values, dtype=float) / self.near
+        size = np.abs(scaled)
+        return np.where(size <= 1, scaled, np.sign(scaled) * (1 + np.log10(np.maximum(size, 1))))
+
+    def unbend(self, bent: float) -> float:
+        """The inverse of `bend`."""
+        return self.near * (bent if abs(bent) <= 1 else math.copysign(10.0 ** (abs(bent) - 1), bent))
+
+    def place(self, values: Array) -> Array:
+        assert self.low is not None
+        assert self.high is not None
+        low, high = self.bend(np.array([self.low, self.high]))
+        return (self.bend(values) - low) / (high - low)
+
+    def ticks(self, most: int) -> list[tuple[float, str]]:
+        low, high = (float(v) for v in self.bend(np.array([self.low, self.high])))
+        start = round(math.log10(self.near))
+        every = max(1, math.ceil((max(high, 0) - min(low, 0)) / max(most, 1)))
+        powers = range(0, math.ceil(max(abs(low), abs(high))) + 1, every)
+        marks = [(0.0, "0")]
+        for sign, mark in ((1, ""), (-1, "−")):
+            marks += [(sign * 10.0 ** (start + k), f"{mark}{power_of_ten(start + k)}") for k in powers]
+        return [(value, label) for value, label in marks if low <= float(self.bend(np.array(value))) <= high]
+
+
+@dataclass(frozen=True)
+class Logarithmic:
+    """Equal steps are equal factors; values must be positive."""
+
+    low: float | None = None
+    high: float | None = None
+
+    def fitted(self, values: Array) -> "Logarithmic":
+        positive = values[values > 0]
+        low, high = (float(positive.min()), float(positive.max())) if positive.size else (1.0, 10.0)
+        room = max((high / low) ** 0.06, 1.15)
+        return Logarithmic(
+            low / room if self.low is None else self.low, high * room if self.high is None else self.high
+        )
+
+    def place(self, values: Array) -> Array:
+        assert self.low is not None
+        assert self.high is not None
+        low, high = math.log10(self.low), math.log10(self.high)
+        with np.errstate(divide="ignore"):
+            return (np.log10(np.maximum(np.asarray(values, dtype=float), 0)) - low) / (high - low)
+
+    def ticks(self, most: int) -> list[tuple[float, str]]:
+        assert self.low is not None
+        assert self.high is not None
+        first, last = math.ceil(math.log10(self.low) - 1e-9), math.floor(math.log10(self.high) + 1e-9)
+        if last - first < 1:
+            return Linear(self.low, self.high).ticks(most)
+        every = max(1, math.ceil((last - first + 1) / max(most, 1)))
+        return [(10.0**k, power_of_ten(k)) for k in range(first, last + 1, every)]
+
+
+Scale = Linear | Symlog | Logarithmic
+
+
+def plain(value: float, step: float) -> str:
+    """A tick's label with as many decimals as its step needs."""
+    if value != 0 and (abs(value) >= 1e6 or step < 1e-4):
+        return f"{value:.3g}".replace("-", "−")
+    decimals = next((d for d in range(8) if abs(round(step, d) - step) < 1e-9 * step), 8)
+    return f"{value:.{decimals}f}".replace("-", "−") if value != 0 else "0"
+
+
+def power_of_ten(k: int) -> str:
+    """0.01, 0.1, 1, 10, 100, else 10 with a superscript."""
+    return f"{10.0**k:g}" if -2 <= k <= 2 else "10" + str(k).translate(SUPERSCRIPTS)
