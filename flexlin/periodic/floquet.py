@@ -10,6 +10,7 @@ from flexlin.errors import ToleranceNotReached
 from flexlin.periodic.collocation import gauss, nodes, samples
 from flexlin.periodic.eigenvalues import PROBES, partners, product_spectrum
 from flexlin.periodic.grid import edges
+from flexlin.periodic.hamiltonian import is_hamiltonian, paired
 from flexlin.periodic.hill import hill_spectrum
 from flexlin.periodic.product import GROUP_CONDITION
 from flexlin.periodic.setting import MAX_SEGMENTS, Setting, chosen, factors, rates, too_many
@@ -106,7 +107,11 @@ def floquet(
     fine, setting = levels[-1], setting.with_segments(levels[-1].segments)
     errors = estimated_errors(levels[-3:], setting.order)
     errors *= max(1.0, liouville_defect(system, setting, fine.logs) / errors.sum())
-    return judged(fine.logs / system.period, errors / system.period, system.period, setting, tol)
+    logs, undamped = fine.logs, abs(fine.logs.real.sum()) <= errors.sum() and is_hamiltonian(system)
+    if undamped:
+        logs, violation = paired(logs)
+        errors = np.maximum(errors, violation)
+    return judged(logs / system.period, errors / system.period, system.period, setting, tol, undamped)
 
 
 def by_hill(system: PeriodicSystem, tol: float, harmonics: int | None) -> FloquetResult:
@@ -195,7 +200,9 @@ def trace_integral(system: PeriodicSystem, grid: Array, stages: int) -> float:
     return float(np.diff(grid) @ (trace @ rule.b))
 
 
-def judged(exponents: Array, errors: Array, period: float, setting: Setting, tol: float) -> FloquetResult:
+def judged(
+    exponents: Array, errors: Array, period: float, setting: Setting, tol: float, undamped: bool = False
+) -> FloquetResult:
     """Give the verdict: undecided when an exponent's distance to the imaginary axis is below its error."""
     growth = exponents.real
     critical = int(np.argmax(growth + errors))
@@ -213,8 +220,22 @@ def judged(exponents: Array, errors: Array, period: float, setting: Setting, tol
         "undecided": "the growth rate is zero to within its error: ask for a smaller tol, add damping, "
         "or treat the system as marginal (undamped and rigid-body modes are)",
     }[verdict]
+    if undamped and verdict == "undecided" and isolated(exponents, errors, period):
+        advice = (
+            "the system is undamped and every multiplier is simple: all lie on the unit circle, the motion stays bounded "
+            "and nothing decays; add damping for a margin"
+        )
     missed = bool(np.any(errors > tol * np.maximum(1, np.abs(exponents))))
     limit = (
         f"; tol {tol:.0e} was not reached, the error above is what rounding and the resolution allow" if missed else ""
     )
     return FloquetResult(exponents, errors, period, verdict, f"{verdict}: {facts}; {advice}{limit}", setting)
+
+
+def isolated(exponents: Array, errors: Array, period: float) -> bool:
+    """Whether no two exponents are within their errors: then the pairing (lambda, -conj lambda) holds each on the axis."""
+    apart = exponents[:, None] - exponents
+    w = 2 * np.pi / period
+    size = np.hypot(apart.real, np.remainder(apart.imag + w / 2, w) - w / 2)
+    np.fill_diagonal(size, np.inf)
+    return bool(np.all(size > errors[:, None] + errors))

@@ -1,0 +1,73 @@
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.periodic.hamiltonian import is_hamiltonian, paired
+from tests.periodic.systems import colaneri, mathieu, mathieu_second_order
+
+
+def M(t):
+    return np.diag([2.0, 1.0]) + 0.3 * np.sin(t)[:, None, None] * np.ones((2, 2))
+
+
+def M_slope(t):
+    return 0.3 * np.cos(t)[:, None, None] * np.ones((2, 2))
+
+
+def K(t):
+    return np.diag([3.0, 7.0]) + 0.4 * np.cos(2 * t)[:, None, None] * np.array([[1.0, 2.0], [2.0, 0.0]])
+
+
+SPIN = np.array([[0, 0.6], [-0.6, 0]])
+
+
+def second_order(damping):
+    return fl.PeriodicSystem.from_second_order(M, damping, K, 2 * np.pi)
+
+
+def test_structure_is_recognised():
+    assert is_hamiltonian(fl.PeriodicSystem(mathieu(1, 0.2), np.pi))
+    assert is_hamiltonian(mathieu_second_order(1, 0.2))
+    assert is_hamiltonian(second_order(lambda t: M_slope(t) + SPIN))
+    assert not is_hamiltonian(second_order(lambda t: M_slope(t) + SPIN + 1e-4 * np.eye(2)))
+    assert not is_hamiltonian(second_order(np.zeros((2, 2))))
+    assert not is_hamiltonian(fl.PeriodicSystem(colaneri, 2 * np.pi))
+    assert not is_hamiltonian(fl.PeriodicSystem(-np.eye(3), 1.0))
+    varying_spin = fl.PeriodicSystem.from_second_order(
+        np.eye(2),
+        lambda t: np.sin(t)[:, None, None] * SPIN,
+        lambda t: 5 * np.eye(2) + np.cos(t)[:, None, None] * SPIN / 2,
+        2 * np.pi,
+    )
+    assert is_hamiltonian(varying_spin)
+
+
+@pytest.mark.parametrize(
+    "build", [lambda: mathieu_second_order(2.2, 0.5), lambda: second_order(lambda t: M_slope(t) + SPIN)]
+)
+def test_exponents_of_undamped_systems_are_paired_exactly(build):
+    result = fl.floquet(build())
+    others = -result.exponents
+    turn = 2 * np.pi / result.period
+    apart = result.exponents[:, None] - others
+    apart = np.abs(apart - 1j * turn * np.round(apart.imag / turn))
+    assert apart.min(axis=1).max() < 1e-15
+    assert result.verdict == "undecided"
+    assert "bounded" in result.status
+
+
+def test_long_product_keeps_the_pairing():
+    """An undamped oscillator over 1000 modulation periods: exponents stay on the axis to rounding."""
+    system = fl.PeriodicSystem.from_second_order(
+        np.eye(1), np.zeros((1, 1)), lambda t: (7.0 + np.cos(2 * t))[:, None, None], 1000 * np.pi
+    )
+    result = fl.floquet(system, tol=1e-10)
+    assert np.abs(result.exponents.real).max() < 1e-13
+    assert result.error < 1e-10
+
+
+def test_a_violated_pairing_is_measured():
+    logs = np.array([1e-3 + 1j, -1.2e-3 - 1j, 0.5 + 0j, -0.5 + 0j])
+    exact, violation = paired(logs)
+    np.testing.assert_allclose(violation, [2e-4, 2e-4, 0, 0], atol=1e-16)
+    np.testing.assert_allclose(exact, [1.1e-3 + 1j, -1.1e-3 - 1j, 0.5, -0.5], atol=1e-16)
