@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -12,6 +13,7 @@ from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError, SingularClosure, ToleranceNotReached
 from flexlin.kronecker.closure import closure_jacobians
 from flexlin.mechanics.screws import OpenChain
+from flexlin.series import ImplicitMap, implicit_taylor
 
 SINGULAR = 1e-12
 """A closure whose V has a reciprocal condition number below this is called singular."""
@@ -76,9 +78,23 @@ class Closure:
         """Return f as a CasADi column (m, 1) of a CasADi column s (n, 1)."""
         f = self.linear @ s + self.constant
         for branch in self.branches:
-            H = branch.chain.expression([s[i] for i in branch.joints])
-            f = f + branch.weight @ (H @ np.append(branch.point, 1.0))[:3]
+            tip = branch.chain.expression([s[i] for i in branch.joints], np.append(branch.point, 1.0)[:, None])
+            f = f + branch.weight @ tip[:3]
         return f
+
+    def equations(self, independent: Sequence[int]) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Return f, u, v as CasADi columns: the closure as `implicit_taylor` takes it."""
+        n, dependent = self.linear.shape[1], self.dependent(independent)
+        u, v = ca.SX.sym("u", len(independent)), ca.SX.sym("v", len(dependent))
+        s = ca.SX(n, 1)
+        s[list(independent)], s[dependent] = u, v
+        return self.expression(s), u, v
+
+    def taylor(self, s: ArrayLike, independent: Sequence[int], order: int) -> ImplicitMap:
+        """Return the Taylor map of the dependent by the independent coordinates about s: `implicit_taylor` on this closure."""
+        at = real_array("s", s, (self.linear.shape[1],))
+        f, u, v = self.equations(independent)
+        return implicit_taylor(f, u, v, at[list(independent)], at[self.dependent(independent)], order)
 
     def close(self, s: ArrayLike, independent: Sequence[int]) -> Array:
         """Return s with its dependent coordinates moved by Newton's method until f(s) = 0.

@@ -51,23 +51,26 @@ def prismatic(direction: ArrayLike) -> Array:
     return np.concatenate([np.zeros(3), unit("direction", direction)])
 
 
-def exponential(t: Array, q: Any) -> Any:
-    """Return the motion along a constant screw.
+def exponential(t: Array, q: Any, body: Any = None) -> Any:
+    """Return the motion along a constant screw, or its product with a matrix such as a point [x; 1].
 
-        exp([t x] q) = I + q X + (1 - cos w q)/w^2 X^2 + (w q - sin w q)/w^3 X^3,   X = [t x],  w = |omega|
+        exp([t x] q) = E + X^2/w^2 + (X + X^3/w^2) q - X^3/w^3 sin(w q) - X^2/w^2 cos(w q),   X = [t x],  w = |omega|
 
-    and I + q X for w = 0.
+    and E + q X for w = 0. The term in q is there for helical joints only.
 
-    Parameters: t = [omega; v] (6,); q in rad (revolute, helical) or m (prismatic): a float or a CasADi scalar.
-    Returns: (4, 4), of the kind of q.
+    Parameters: t = [omega; v] (6,); q in rad (revolute, helical) or m (prismatic): a float or a CasADi scalar; body (4, k).
+    Returns: (4, 4) or (4, k), of the kind of q.
     Source: Rodrigues' formula by the minimal polynomial X^4 = -w^2 X^2; Brockett (1984), de Jong et al., Eq (5).
     """
     X, w = hat(t), float(np.linalg.norm(t[:3]))
+    body = np.eye(4) if body is None else body
     if w == 0.0:
-        return np.eye(4) + q * X
-    sin = np.sin if isinstance(q, float) else type(q).sin
-    versine, rest = 2 * sin(w * q / 2) ** 2 / w**2, (w * q - sin(w * q)) / w**3
-    return np.eye(4) + q * X + versine * (X @ X) + rest * (X @ X @ X)
+        return body + q * (X @ body)
+    sin, cos = (np.sin, np.cos) if isinstance(q, float) else (type(q).sin, type(q).cos)
+    square, cube = X @ X / w**2, X @ X @ X / w**2
+    moved = (np.eye(4) + square) @ body + sin(w * q) * (-cube / w @ body) + cos(w * q) * (-square @ body)
+    advance = X + cube
+    return moved + q * (advance @ body) if np.abs(advance).max() > 1e-15 * np.abs(X).max() else moved
 
 
 @dataclass(frozen=True)
@@ -103,12 +106,12 @@ class OpenChain:
         """Return H(q) (4, 4)."""
         return self.motions(q)[-1] @ self.home
 
-    def expression(self, q: Sequence[Any]) -> Any:
-        """Return H(q) as a CasADi expression (4, 4) of n CasADi scalars."""
-        H = self.home
-        for t, angle in zip(reversed(self.screws), reversed(q), strict=True):
-            H = exponential(t, angle) @ H
-        return H
+    def expression(self, q: Sequence[Any], body: Array | None = None) -> Any:
+        """Return H(q), or H(q) times a matrix such as a point [x; 1] (4, 1), as a CasADi expression of n CasADi scalars."""
+        moved: Any = self.home if body is None else self.home @ body
+        for first, last in reversed(parallel_runs(self.screws)):
+            moved = turn(self.screws[first:last], q[first:last], moved)
+        return moved
 
     def adjoint(self, q: ArrayLike) -> Array:
         """Return Ad(H(q)) (6, 6)."""
@@ -150,6 +153,38 @@ class OpenChain:
         for matrix, order in zip(matrices, orders, strict=True):
             product = product @ np.linalg.matrix_power(matrix, int(order))
         return product
+
+
+def parallel_runs(screws: Array) -> list[tuple[int, int]]:
+    """Return the runs [first, last) of neighbouring joints that are hinges with one direction of axis, or single joints."""
+    runs: list[tuple[int, int]] = []
+    for i, t in enumerate(screws):
+        before = screws[i - 1]
+        hinges = all(np.any(s[:3]) and abs(s[:3] @ s[3:]) < 1e-15 for s in (t, before))
+        if runs and hinges and np.array_equal(t[:3], before[:3]):
+            runs[-1] = (runs[-1][0], i + 1)
+        else:
+            runs.append((i, i + 1))
+    return runs
+
+
+def turn(screws: Array, q: Sequence[Any], body: Any) -> Any:
+    """Return the motion of a run of joints times a matrix; parallel hinges turn by the sums of their angles.
+
+    x -> c_1 + R(q_1)(c_2 - c_1) + ... + R(q_1 + ... + q_m)(x - c_m),   c_k on the axis of hinge k
+    """
+    if len(screws) == 1:
+        return exponential(screws[0], q[0], body)
+    rotation = np.concatenate([screws[0, :3], np.zeros(3)])
+    centres = np.zeros((len(screws), 4, 1))
+    centres[:, :3, 0] = np.cross(screws[:, :3], screws[:, 3:]) / (rotation @ rotation)
+    weight = body[3:4, :]
+    moved, angle = centres[0] @ weight, 0
+    for k, q_k in enumerate(q):
+        angle = angle + q_k
+        end = centres[k + 1] @ weight if k + 1 < len(q) else body
+        moved = moved + exponential(rotation, angle, end - centres[k] @ weight)
+    return moved
 
 
 def unit(name: str, vector: ArrayLike) -> Array:

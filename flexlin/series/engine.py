@@ -42,12 +42,12 @@ def advance(tape: Tape, space: Space, c: Series, k: int) -> None:
         c[node][where] = space.clean(operation.part(space, c, k))
 
 
-def increments(tape: Tape, space: Space, c: Series, moved: Increments, k: int) -> dict[int, Array]:
-    """Return how all parts of degree k move when those of some nodes do."""
+def increments(tape: Tape, space: Space, c: Series, moved: Increments) -> dict[int, Array]:
+    """Return how all parts of one degree move when those of some nodes do."""
     delta = dict(moved)
     for node, operation in tape.operations:
         if any(i in delta for i in operation.operands):
-            delta[node] = space.clean(operation.increment(c, delta, k))
+            delta[node] = space.clean(operation.increment(c, delta))
     return delta
 
 
@@ -65,7 +65,7 @@ def jacobian(tape: Tape, space: Space, c: Series, which: int) -> Array:
     moved = {}
     for node, row in zip(tape.inputs[which], identity, strict=True):
         moved[node] = row.reshape(-1, *[1] * (c[node].ndim - 1))
-    delta = increments(tape, space, c, moved, 1)
+    delta = increments(tape, space, c, moved)
     shape = (len(identity), *c[tape.inputs[which][0]].shape[1:])
     return np.array([np.broadcast_to(delta.get(node, np.zeros(shape, dtype=int)), shape) for node in tape.outputs[0]])
 
@@ -95,6 +95,6 @@ def expand_implicit(tape: Tape, space: Space, u: Sequence[Array], v0: Array) -> 
                 one[where] = part
             break
         moved = dict(zip(tape.inputs[1], step, strict=True))
-        for node, part in increments(tape, space, c, moved, k).items():
+        for node, part in increments(tape, space, c, moved).items():
             c[node][where] = c[node][where] + part
     return v

@@ -48,12 +48,19 @@ class Indices:
         return np.array(table, dtype=np.intp).reshape(len(below), self.n)
 
     @cached_property
+    def powers(self) -> Array:
+        """alpha itself for each monomial (size, n)."""
+        return np.array([np.bincount(t, minlength=self.n) for t in self.factors], dtype=int).reshape(self.size, self.n)
+
+    @cached_property
+    def degrees(self) -> Array:
+        """|alpha| for each monomial (size,)."""
+        return self.powers.sum(axis=1)
+
+    @cached_property
     def factorials(self) -> Array:
         """alpha! for each monomial (size,)."""
-        powers = np.array([np.bincount(t, minlength=self.n) for t in self.factors], dtype=int).reshape(
-            self.size, self.n
-        )
-        return np.cumprod(np.maximum(1, np.arange(self.order + 1.0)))[powers].prod(axis=1)
+        return np.cumprod(np.maximum(1, np.arange(self.order + 1.0)))[self.powers].prod(axis=1)
 
     @lru_cache(maxsize=64)  # noqa: B019  an Indices lives as long as its cache in `indices`
     def pairs(self, k: int) -> Pairs:

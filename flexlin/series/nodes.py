@@ -4,7 +4,7 @@
     part         the homogeneous part of degree k >= 1, from parts of lower degree and its operands' parts of degree k,
     increment    how that part moves when the operands' parts of degree k move: linear, by values of degree 0.
 
-With the Euler derivative E y = sum_k k y_k, a derivation, recurrences for one variable hold for homogeneous parts in many.
+A function is computed from the differential equation that it satisfies.
 """
 
 from collections.abc import Mapping
@@ -37,7 +37,7 @@ class Node(Protocol):
         """Return the part of degree k."""
         ...
 
-    def increment(self, c: Series, delta: Increments, k: int) -> Array:
+    def increment(self, c: Series, delta: Increments) -> Array:
         """Return the movement of the part of degree k."""
         ...
 
@@ -56,7 +56,7 @@ class Sum:
         a, b = (c[i][space.indices.degree(k)] for i in self.operands)
         return times(self.factors[0], a) + times(self.factors[1], b)
 
-    def increment(self, c: Series, delta: Increments, k: int) -> Array:
+    def increment(self, c: Series, delta: Increments) -> Array:
         terms = [times(f, delta[i]) for f, i in zip(self.factors, self.operands, strict=True) if i in delta]
         return terms[0] if len(terms) == 1 else terms[0] + terms[1]
 
@@ -75,7 +75,7 @@ class Product:
         a, b = self.operands
         return space.convolve(c[a], c[b], k)
 
-    def increment(self, c: Series, delta: Increments, k: int) -> Array:
+    def increment(self, c: Series, delta: Increments) -> Array:
         a, b = self.operands
         return c[a][:1] * delta.get(b, 0) + c[b][:1] * delta.get(a, 0)
 
@@ -95,7 +95,7 @@ class Quotient:
         a, b = self.operands
         return (c[a][space.indices.degree(k)] - space.convolve(c[self.result], c[b], k)) / c[b][:1]
 
-    def increment(self, c: Series, delta: Increments, k: int) -> Array:
+    def increment(self, c: Series, delta: Increments) -> Array:
         a, b = self.operands
         return (delta.get(a, 0) - c[self.result][:1] * delta.get(b, 0)) / c[b][:1]
 
@@ -114,24 +114,8 @@ class Root:
         y = c[self.result]
         return (c[self.operands[0]][space.indices.degree(k)] - space.convolve(y, y, k)) / (2 * y[:1])
 
-    def increment(self, c: Series, delta: Increments, k: int) -> Array:
+    def increment(self, c: Series, delta: Increments) -> Array:
         return delta[self.operands[0]] / (2 * c[self.result][:1])
-
-
-@dataclass(frozen=True)
-class Euler:
-    """w = E u, that is w_k = k u_k."""
-
-    operands: tuple[int]
-
-    def value(self, space: Space, c: Series) -> Array:
-        return 0 * c[self.operands[0]][:1]
-
-    def part(self, space: Space, c: Series, k: int) -> Array:
-        return times(k, c[self.operands[0]][space.indices.degree(k)])
-
-    def increment(self, c: Series, delta: Increments, k: int) -> Array:
-        return times(k, delta[self.operands[0]])
 
 
 @dataclass
@@ -142,7 +126,6 @@ class Integral:
     """
 
     operands: tuple[int]
-    euler: int
     function: str
     parameter: float | None = None
     slope: int = -1
@@ -152,9 +135,9 @@ class Integral:
         return space.apply(self.function, u, *([0 * u + self.parameter] if self.parameter is not None else []))
 
     def part(self, space: Space, c: Series, k: int) -> Array:
-        return space.convolve(c[self.euler], c[self.slope], k) / k
+        return space.integrate(c[self.operands[0]], c[self.slope], k)
 
-    def increment(self, c: Series, delta: Increments, k: int) -> Array:
+    def increment(self, c: Series, delta: Increments) -> Array:
         return c[self.slope][:1] * delta[self.operands[0]]
 
 
@@ -163,7 +146,6 @@ class Angle:
     """y = atan2(a, b) with y' = p a' - q b', p = b/(a^2 + b^2), q = a/(a^2 + b^2)."""
 
     operands: tuple[int, int]
-    eulers: tuple[int, int]
     slopes: tuple[int, int]
 
     def value(self, space: Space, c: Series) -> Array:
@@ -171,10 +153,10 @@ class Angle:
         return space.apply("atan2", c[a][:1], c[b][:1])
 
     def part(self, space: Space, c: Series, k: int) -> Array:
-        (da, db), (p, q) = self.eulers, self.slopes
-        return (space.convolve(c[da], c[p], k) - space.convolve(c[db], c[q], k)) / k
+        (a, b), (p, q) = self.operands, self.slopes
+        return space.integrate(c[a], c[p], k) - space.integrate(c[b], c[q], k)
 
-    def increment(self, c: Series, delta: Increments, k: int) -> Array:
+    def increment(self, c: Series, delta: Increments) -> Array:
         (a, b), (p, q) = self.operands, self.slopes
         return c[p][:1] * delta.get(a, 0) - c[q][:1] * delta.get(b, 0)
 

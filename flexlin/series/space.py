@@ -61,6 +61,11 @@ class Numeric:
         pairs = self.indices.pairs(k)
         return np.add.reduceat(a[pairs.left] * b[pairs.right], pairs.start, axis=0)
 
+    def integrate(self, u: Array, g: Array, k: int) -> Array:
+        """Return the part of degree k of y with y' = g u', by the Euler derivative: k y_k = sum_j j u_j g_(k-j)."""
+        degrees = self.indices.degrees.reshape(-1, *[1] * len(self.batch))
+        return self.convolve(degrees * u, g, k) / k
+
     def apply(self, name: str, *arguments: Array) -> Array:
         """Apply an elementary function elementwise."""
         return NUMPY[name](*arguments)
@@ -85,23 +90,51 @@ class Symbolic:
 
     def __init__(self, indices: Indices, pivots: Array | None = None):
         self.indices, self.pivots = indices, pivots
+        self.multiples: dict[tuple[int, int, int], ca.SX] = {}
 
     def zero(self) -> Array:
         """Return the series 0."""
         return np.zeros(self.indices.size, dtype=object)
 
     def convolve(self, a: Array, b: Array, k: int) -> Array:
-        """Return the part of degree k of a product, over the pairs of nonzeros only."""
-        pairs, where = self.indices.pairs(k), self.indices.degree(k)
-        keep = occupied(a)[pairs.left] & occupied(b)[pairs.right]
-        if a is b:
-            keep &= pairs.left <= pairs.right
-        present = np.flatnonzero(keep)
-        group = np.searchsorted(pairs.start, present, side="right") - 1
-        part = np.zeros(where.stop - where.start, dtype=object)
-        for g, i, j in zip(group, pairs.left[present], pairs.right[present], strict=True):
-            part[g] = part[g] + a[i] * b[j] * (2 if a is b and i != j else 1)
+        """Return the part of degree k of a product, over the pairs of nonzeros only, those of a square once."""
+        group, left, right = self.occupied_pairs(a, b, k)
+        part = self.zero()[self.indices.degree(k)]
+        for g, i, j in zip(group, left, right, strict=True):
+            if a is not b or i <= j:
+                part[g] = part[g] + a[i] * b[j] * (2 if a is b and i != j else 1)
         return part
+
+    def integrate(self, u: Array, g: Array, k: int) -> Array:
+        """Return the part of degree k of y with y' = g u', each coefficient by its cheapest partial derivative.
+
+        alpha_i y_alpha = sum_beta beta_i u_beta g_(alpha - beta),   i: the least exponent alpha_i > 0
+        """
+        alpha = self.indices.powers[self.indices.degree(k)]
+        cheapest = np.where(alpha > 0, alpha, k + 1).argmin(axis=1)
+        part = self.zero()[self.indices.degree(k)]
+        for result, i, j in zip(*self.occupied_pairs(u, g, k), strict=True):
+            times = int(self.indices.powers[i, cheapest[result]])
+            if times:
+                part[result] = part[result] + self.multiple(u, i, times) * g[j]
+        divisors = alpha[np.arange(len(alpha)), cheapest]
+        return np.array([y if d == 1 else y / int(d) for y, d in zip(part, divisors, strict=True)] + [None])[:-1]
+
+    def occupied_pairs(self, a: Array, b: Array, k: int) -> tuple[Array, Array, Array]:
+        """Return result (counted within its degree), left and right place of the products of nonzeros that make degree k."""
+        pairs = self.indices.pairs(k)
+        present = np.flatnonzero(occupied(a)[pairs.left] & occupied(b)[pairs.right])
+        group = np.searchsorted(pairs.start, present, side="right") - 1
+        return group, pairs.left[present], pairs.right[present]
+
+    def multiple(self, u: Array, i: int, times: int) -> ca.SX:
+        """Return a whole multiple of a coefficient, made once."""
+        if times == 1:
+            return u[i]
+        key = (id(u), int(i), times)
+        if key not in self.multiples:
+            self.multiples[key] = times * u[i]
+        return self.multiples[key]
 
     def apply(self, name: str, *arguments: Array) -> Array:
         """Apply an elementary function elementwise."""

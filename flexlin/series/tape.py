@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from flexlin.series.nodes import Angle, Euler, Integral, Node, Product, Quotient, Root, Sum
+from flexlin.series.nodes import Angle, Integral, Node, Product, Quotient, Root, Sum
 
 
 @dataclass
@@ -61,23 +61,17 @@ class Tape:
         """sqrt(a)."""
         return self.once(("root", a), lambda y: Root((a,), y))
 
-    def euler(self, a: int) -> int:
-        """The Euler derivative of a."""
-        return self.once(("euler", a), lambda _: Euler((a,)))
-
     def angle(self, a: int, b: int) -> int:
         """atan2(a, b)."""
         square = self.sum(self.product(a, a), self.product(b, b))
         slopes = self.quotient(b, square), self.quotient(a, square)
-        eulers = self.euler(a), self.euler(b)
-        return self.once(("angle", a, b), lambda _: Angle((a, b), eulers, slopes))
+        return self.once(("angle", a, b), lambda _: Angle((a, b), slopes))
 
     def integral(self, name: str, u: int, slope: Callable[[int], int], parameter: float | None = None) -> int:
         """phi(u), given the node of phi'(u) as a function of the node of phi(u)."""
         key = (name, u, parameter)
         if key not in self.known:
-            euler = self.euler(u)
-            node = Integral((u,), euler, name, parameter)
+            node = Integral((u,), name, parameter)
             y = self.once(key, lambda _: node)
             node.slope = slope(y)
         return self.known[key]

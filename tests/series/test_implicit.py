@@ -20,21 +20,9 @@ LOOPS = {
 }
 
 
-def split(closure, independent):
-    """The closure's equations in u and v, as a user writes them."""
-    n = closure.linear.shape[1]
-    dependent = [i for i in range(n) if i not in independent]
-    u, v = ca.SX.sym("u", len(independent)), ca.SX.sym("v", len(dependent))
-    s = ca.SX(n, 1)
-    s[list(independent)], s[dependent] = u, v
-    return closure.expression(s), u, v, dependent
-
-
 def expand(name, order):
     closure, guess, independent = LOOPS[name]
-    s0 = closure.close(guess, independent)
-    f, u, v, dependent = split(closure, independent)
-    return fl.implicit_taylor(f, u, v, s0[list(independent)], s0[dependent], order)
+    return closure.taylor(closure.close(guess, independent), independent, order)
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +57,7 @@ def test_engine_against_repeated_implicit_differentiation(name):
     closure, _, independent = LOOPS[name]
     c = expand(name, 6)
     order = 6
-    f, u, v, _ = split(closure, independent)
+    f, u, v = closure.equations(independent)
     for k, judge in enumerate(implicit_derivatives(f, u, v, c.u0, c.v0, order), start=1):
         assert_allclose(c.jacobian(k), judge, rtol=0, atol=1e-12 * np.abs(judge).max())
 
@@ -105,7 +93,7 @@ def arm_angles(point, elbow):
 
 
 def test_radius_against_reach_circles():
-    f, u, v, _ = split(*LOOPS["5-bar inverse"][::2])
+    f, u, v = LOOPS["5-bar inverse"][0].equations((4, 5))
     kinds = {"real singularity": 0, "complex pair": 0, "not found": 0}
     for i, (x, y) in enumerate([(0.1, 0.5), (0.3, 0.45), (-0.15, 0.4), (0.05, 0.3)]):
         point = np.array([x, y])
@@ -176,20 +164,20 @@ def test_straight_solution_is_linear_everywhere():
 
 def test_few_digits_are_refined(inverse):
     closure, _, independent = LOOPS["5-bar inverse"]
-    f, u, v, _ = split(closure, independent)
+    f, u, v = closure.equations(independent)
     rounded = fl.implicit_taylor(f, u, v, inverse.u0, np.round(inverse.v0, 4), 5)
     assert_allclose(rounded.v0, inverse.v0, atol=1e-14)
 
 
 def test_singular_point_is_named():
-    f, u, v, _ = split(five_bar(1.6, LEFT, LEFT), (4, 5))
+    f, u, v = five_bar(1.6, LEFT, LEFT).equations((4, 5))
     with pytest.raises(SingularClosure, match="closest singular configuration: u = ") as caught:
         fl.implicit_taylor(f, u, v, [0.8, 0.0], [0, 0, np.pi, 0], 3)
     assert "can move along" in str(caught.value)
 
 
 def test_open_loop_is_refused():
-    f, u, v, _ = split(*LOOPS["5-bar inverse"][::2])
+    f, u, v = LOOPS["5-bar inverse"][0].equations((4, 5))
     with pytest.raises(ArgumentError, match="does not solve"):
         fl.implicit_taylor(f, u, v, [0.1, 0.5], [1.0, 1.0, 1.0, 1.0], 3)
     with pytest.raises(ArgumentError, match="equations"):
