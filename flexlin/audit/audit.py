@@ -13,9 +13,6 @@ from flexlin.errors import ArgumentError, FlexlinError
 from flexlin.mechanics.effects import EFFECTS
 from flexlin.scene.scene import Scene
 
-COMPARED = 4
-"""Natural frequencies that are compared, from the slowest."""
-
 Progress = Callable[[str], None]
 
 
@@ -25,7 +22,7 @@ class Row:
 
     change: what was done; kind: "effect" or "modes"; subject: the effect's name or the link's key; on: whether the scene has it;
     table: the effect's parameters in the version that has it. Differences are version minus scene: margin in 1/s, tip_error in m,
-    frequency: largest relative change of the lowest frequencies; instructions; microseconds a point; coordinates.
+    frequency: largest relative change of the slower half of the frequencies; instructions; microseconds a point; coordinates.
     significance: largest of the relative changes (of margin, frequencies, and tip error against the arm's reach);
     advice: what to do at the audit's tolerance; problem: why the version could not be judged.
     """
@@ -171,8 +168,8 @@ def _row(version: Version, base: Measure, reach: float, tolerance: float) -> Row
 
 
 def _frequency_change(base: Measure, other: Measure) -> float:
-    """The largest relative change of the slowest frequencies that both have."""
-    count = min(COMPARED, len(base.frequencies), len(other.frequencies))
+    """The largest relative change of the slower half of the frequencies that both have: the last modes of a basis are never accurate."""
+    count = (min(len(base.frequencies), len(other.frequencies)) + 1) // 2
     first, second = base.frequencies[:count], other.frequencies[:count]
     scale = np.maximum(np.maximum(first, second), 1e-9)
     return float(np.max(np.abs(first - second) / scale, initial=0.0))
