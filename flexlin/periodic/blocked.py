@@ -9,7 +9,7 @@ from flexlin.periodic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.scattering import Segment, cost_before, transpose
 
 STAGES = 8
-MAX_PERIODS = 100
+MAX_PERIODS = 20
 LARGEST = 1e100
 """A size that only growth without end reaches."""
 

@@ -33,17 +33,23 @@ class LinearQuadratic:
 
     def reduced(self, t: Array) -> tuple[Array, Array, Array]:
         """Return Ar, B R^-1 B', Qr: the problem without its cross term."""
-        A, B, Q, R, N = self.A(t), self.B(t), self.Q(t), self.R(t), self.N(t)
-        n = A.shape[1]
-        weighted = np.linalg.solve(R, np.concatenate([np.swapaxes(B, 1, 2), np.swapaxes(N, 1, 2)], axis=2))
-        return A - B @ weighted[:, :, n:], B @ weighted[:, :, :n], Q - N @ weighted[:, :, n:]
+        A, B, Q = self.A(t), self.B(t), self.Q(t)
+        cross = once(self.N(t))
+        effort = np.linalg.inv(once(self.R(t)))
+        S = B @ effort @ np.swapaxes(B, 1, 2)
+        if not cross.any():
+            return A, S, Q
+        by_cross = effort @ np.swapaxes(cross, 1, 2)
+        return A - B @ by_cross, S, Q - cross @ by_cross
 
     def hamiltonian(self, t: Array) -> Array:
         """Return the Hamiltonian matrix, (N, 2n, 2n)."""
         A, S, Q = self.reduced(t)
-        return np.concatenate(
-            [np.concatenate([A, -S], axis=2), np.concatenate([-Q, -np.swapaxes(A, 1, 2)], axis=2)], axis=1
-        )
+        n = A.shape[1]
+        H = np.empty((len(t), 2 * n, 2 * n))
+        H[:, :n, :n], H[:, :n, n:] = A, -S
+        H[:, n:, :n], H[:, n:, n:] = -Q, -np.swapaxes(A, 1, 2)
+        return H
 
     def rate(self, t: Array, X: Array) -> Array:
         """Return X' of the Riccati equation  -X' = Ar' X + X Ar - X B R^-1 B' X + Qr."""
@@ -54,6 +60,11 @@ class LinearQuadratic:
     def gain(self, t: Array, X: Array) -> Array:
         """Return K = R^-1 (B' X + N'), (N, m, n)."""
         return np.linalg.solve(self.R(t), np.swapaxes(self.B(t), 1, 2) @ X + np.swapaxes(self.N(t), 1, 2))
+
+
+def once(values: Array) -> Array:
+    """Return the one matrix of a coefficient that is constant (a broadcast array), so that work on it is done once."""
+    return values[:1] if values.strides[0] == 0 else values
 
 
 def linear_quadratic(

@@ -19,7 +19,7 @@ from flexlin.periodic.transport import gauss_segments, magnus_segments
 STAGES = 8
 MAX_SEGMENTS = 2**15
 ROUNDS = 12
-TRIAL_PANELS = 32
+TRIAL_PANELS = (32, 128)
 MAGNUS_GAIN = 6.0
 """Segments that Magnus' exponential does in the time that collocation needs for one."""
 MAGNUS_ORDER = 4
@@ -125,10 +125,11 @@ def refined(
     problem: LinearQuadratic, horizon: float, breaks: tuple[float, ...], end: Array | None, tol: float
 ) -> RiccatiSolution:
     """Solve on finer and finer panels until the error is below tol or rounding stops it."""
-    starts, stages = first_panels(problem, horizon, breaks, end, tol)
+    starts, stages, solved = first_panels(problem, horizon, breaks, end, tol)
     best: RiccatiSolution | None = None
     for _ in range(ROUNDS):
-        solution, parts = solve_on(starts, problem, end, stages, tol)
+        solution, parts = solved or solve_on(starts, problem, end, stages, tol)
+        solved = None
         if best is None or solution.error < best.error:
             best = solution
         if best.error <= tol:
@@ -151,8 +152,8 @@ def refined(
 
 def first_panels(
     problem: LinearQuadratic, horizon: float, breaks: tuple[float, ...], end: Array | None, tol: float
-) -> tuple[Array, int]:
-    """Choose panels and the stages of collocation, 0 for Magnus' exponential where that is less work.
+) -> tuple[Array, int, tuple[RiccatiSolution, Array] | None]:
+    """Choose panels and the stages of collocation, 0 for Magnus' exponential where that is less work (with its trial's answer).
 
     Collocation needs c (h rho)^(2 s - 1) = tol for the check's s - 1 stages, rho the Hamiltonian's largest spectral radius and
     c = (s!)^2 / ((2 s)! (2 s + 1)!) the error constant of the diagonal Pade approximation. Magnus' need is seen from a trial.
@@ -162,15 +163,17 @@ def first_panels(
     reach = (max(tol, 1e-13) * powers[2 * s] * powers[2 * s + 1] / powers[s] ** 2) ** (1 / (2 * s + 1))
     sampled = problem.hamiltonian(horizon * (np.arange(32) + 0.5) / 32)
     collocated = int(np.ceil(horizon * np.abs(np.linalg.eigvals(sampled)).max() / reach))
-    trial = edges(horizon, breaks, TRIAL_PANELS)
-    if collocated > 2 * (NODES - 1) * TRIAL_PANELS:
+    for panels in TRIAL_PANELS:
+        if collocated < 2 * (NODES - 1) * panels:
+            break
         with suppress(NumericalError):
-            solution, _ = solve_on(trial, problem, end, 0, tol)
-            averaged = solution.segments * max(solution.method_error / tol, 1.0) ** (1 / MAGNUS_ORDER)
+            trial = edges(horizon, breaks, panels)
+            solved = solve_on(trial, problem, end, 0, tol)
+            averaged = solved[0].segments * max(solved[0].method_error / tol, 1.0) ** (1 / MAGNUS_ORDER)
             if averaged < MAGNUS_GAIN * collocated:
-                return trial, 0
+                return trial, 0, solved
     panels = min(-(-collocated // (NODES - 1)), MAX_SEGMENTS // (NODES - 1) // 2)
-    return edges(horizon, breaks, max(panels, 4)), STAGES
+    return edges(horizon, breaks, max(panels, 4)), STAGES, None
 
 
 def solve_on(

@@ -1,0 +1,144 @@
+"""Which design survives which speed and payload? And what does the periodic Riccati equation cost?
+
+The shipped single link carries more and swings faster. Every design is made for the light, slow arm it was tuned on (robustness) and
+for each arm anew (performance), and Floquet judges each loop. Then the periodic Riccati equation is solved by segments and by SciPy's
+backward integration to the same accuracy, in one run.
+
+    python studies/lqr_designs.py [--small] [--out DIR]
+"""
+
+import argparse
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+import flexlin as fl
+from flexlin.control import averaged_lqr, frozen_lqr, periodic_lqr
+from flexlin.periodic.riccati import periodic_riccati
+
+Q, R = np.diag([100.0, 100.0, 100.0, 1.0, 1.0, 1.0]), np.array([[10.0]])
+DESIGNS = {"averaged": averaged_lqr, "frozen": frozen_lqr, "periodic": periodic_lqr}
+
+
+@dataclass(frozen=True)
+class Survival:
+    """Largest real part of the exponents (1/s) for each design over payloads (rows) and frequencies (columns)."""
+
+    payloads: np.ndarray
+    frequencies: np.ndarray
+    own: dict[str, np.ndarray]
+    kept: dict[str, np.ndarray]
+
+
+def plant(payload: float, frequency: float) -> fl.PeriodicSystem:
+    """The arm without a loop."""
+    scene = fl.load_scene(
+        "single-link",
+        {
+            "effects.payload.mass": float(payload),
+            "motion.frequency": float(frequency),
+            "motion.joints.0.amplitude": 1.2,
+        },
+    )
+    return fl.linearize(fl.build_manipulator(scene), scene.motion).periodic_system()
+
+
+def survival(payloads: np.ndarray, frequencies: np.ndarray) -> Survival:
+    """Judge designs made for each arm, and designs of the first arm kept (their gains follow the phase)."""
+    shape = (len(payloads), len(frequencies))
+    own, kept = ({name: np.empty(shape) for name in DESIGNS} for _ in range(2))
+    first = {name: make(plant(payloads[0], frequencies[0]), Q, R) for name, make in DESIGNS.items()}
+    for i, payload in enumerate(payloads):
+        for j, frequency in enumerate(frequencies):
+            system = plant(payload, frequency)
+            for name, make in DESIGNS.items():
+                own[name][i, j] = growth(make(system, Q, R).closed_loop)
+                stretch = frequency / frequencies[0]
+                gain = first[name].K
+                kept[name][i, j] = growth(system.feedback(lambda t, k=gain, s=stretch: k(t * s)))
+    return Survival(payloads, frequencies, own, kept)
+
+
+def growth(loop: fl.PeriodicSystem) -> float:
+    """The largest real part of the exponents."""
+    return float(fl.floquet(loop, tol=1e-6).exponents.real.max())
+
+
+def race(tol: float = 1e-10, methods: tuple[str, ...] = ("DOP853", "LSODA")) -> dict[str, tuple[float, float]]:
+    """Seconds and relative error at t = 0 of the periodic Riccati solution on the shipped two-mode link, for each way."""
+    system = plant(0.03, 0.5)
+    weight = np.array([[0.1]])
+    exact = periodic_riccati(system, Q, weight, tol=tol / 100)
+    X0 = exact.X(np.zeros(1))[0]
+    begin = time.perf_counter()
+    found = periodic_riccati(system, Q, weight, tol=tol)
+    times = {"segments": (time.perf_counter() - begin, error_of(found.X(np.zeros(1))[0], X0))}
+    settle = system.period * np.ceil(-np.log(tol) / (-2 * growth(system.feedback(exact.K)) * system.period))
+
+    def rate(t: float, x: np.ndarray) -> np.ndarray:
+        return exact.problem.rate(np.array([t]), x.reshape(1, *X0.shape))[0].ravel()
+
+    for method in methods:
+        begin = time.perf_counter()
+        run = solve_ivp(rate, (settle, 0.0), np.zeros(X0.size), method, rtol=0.1 * tol, atol=1e-3 * tol)
+        times[method] = (time.perf_counter() - begin, error_of(run.y[:, -1].reshape(X0.shape), X0))
+    return times
+
+
+def error_of(X: np.ndarray, exact: np.ndarray) -> float:
+    """The largest error of an entry, relative to the largest entry."""
+    return float(np.abs(X - exact).max() / np.abs(exact).max())
+
+
+def draw(data: Survival, path: Path) -> None:
+    """Growth rate of each design over payload and frequency."""
+    from matplotlib.colors import SymLogNorm
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 6), layout="constrained")
+    axes = figure.subplots(2, len(DESIGNS), sharex=True, sharey=True)
+    norm = SymLogNorm(0.3, vmin=-10, vmax=10)
+    for row, (label, part) in zip(
+        axes, (("made for each arm", data.own), ("kept from the first arm", data.kept)), strict=True
+    ):
+        for cell, name in zip(row, DESIGNS, strict=True):
+            shown = cell.pcolormesh(data.frequencies, 1e3 * data.payloads, part[name], cmap="RdBu_r", norm=norm)
+            if np.any(part[name] > 0) and np.any(part[name] < 0):
+                cell.contour(data.frequencies, 1e3 * data.payloads, part[name], [0.0], colors="k")
+            cell.set_title(f"{name}, {label}", fontsize="small")
+        row[0].set_ylabel("payload in g")
+    for cell in axes[-1]:
+        cell.set_xlabel("frequency in Hz")
+    figure.colorbar(shown, ax=axes, label="largest real part of the exponents in 1/s")
+    figure.suptitle("Which loop survives (blue: stable)")
+    figure.savefig(path)
+
+
+def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, object]:
+    """Run the study; returns growth rates and times."""
+    full = size == "full"
+    data = survival(np.linspace(0.03, 0.5, 6 if full else 2), np.linspace(0.5, 3.0, 8 if full else 2))
+    print(
+        f"{'design':>10} {'made for each arm':>24} {'kept from the first':>24}   (stable cases of {data.own['frozen'].size})"
+    )
+    for name in DESIGNS:
+        print(f"{name:>10} {int((data.own[name] < 0).sum()):>24} {int((data.kept[name] < 0).sum()):>24}")
+    times = race(1e-10 if full else 1e-6, ("DOP853", "LSODA") if full else ("LSODA",))
+    for way, (seconds, error) in times.items():
+        print(
+            f"{way:>10}: {seconds:8.3f} s, error {error:.1e}, {seconds / times['segments'][0]:6.1f} times the segments' time"
+        )
+    Path(out).mkdir(parents=True, exist_ok=True)
+    draw(data, Path(out) / "lqr_designs.svg")
+    return {"survival": data, "times": times}
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--small", action="store_true", help="few cases, a looser tolerance")
+    parser.add_argument("--out", default="out/studies", help="folder for the picture")
+    options = parser.parse_args()
+    main("small" if options.small else "full", options.out)
