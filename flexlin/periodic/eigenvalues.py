@@ -14,7 +14,8 @@ CLEAN = 1e-14
 """A cut between two groups of moduli is clean when the coupling below it is this small (times n)."""
 SPREAD = 4.6
 """The logs of moduli inside one multiplied-out cluster may differ by this much: log 100, so two digits are lost."""
-MAX_SWEEPS = 400
+MIN_SWEEPS, MAX_SWEEPS, MAX_WORK = 12, 400, 8_000_000
+"""Bounds on the sweeps, and on n^2 times the number of QR factorizations in all of them together."""
 EPS, TINY = float(np.finfo(float).eps), float(np.finfo(float).tiny)
 NOISE, PROBES = 20.0, 2
 """Random perturbations of the factors that measure the conditioning: roundings per factor, and how many trials."""
@@ -25,40 +26,48 @@ class ProductSpectrum:
     """Logarithms of the eigenvalues of F_(K-1) ... F_0.
 
     logs (n,) complex by falling real part, imaginary parts in (-pi, pi]; `rounding` (n,): how far they move when the factors
-    are perturbed as rounding perturbs them; `groups`: factors left after grouping; `sweeps`: QR sweeps made.
+    are perturbed as rounding perturbs them; `groups`: factors left after grouping; `sweeps`: QR sweeps made;
+    basis (n, n): of the nested invariant subspaces, a start for the sweeps of a similar product.
     """
 
     logs: Array
     rounding: Array
     groups: int
     sweeps: int
+    basis: Array | None = None
 
 
-def product_spectrum(factors: Array, probes: int = PROBES, turns: float = 0.0) -> ProductSpectrum:
+def product_spectrum(
+    factors: Array, probes: int = PROBES, turns: float = 0.0, basis: Array | None = None
+) -> ProductSpectrum:
     """Logs of the eigenvalues of the product F_(K-1) ... F_0 without forming it, and what rounding does to them.
 
     The conditioning is measured, not bounded: the grouped factors are perturbed at random, `probes` times by NOISE roundings
     per factor, and the largest motion of each eigenvalue is kept. So multiple and defective eigenvalues need no special case.
 
     Parameters: factors (K, n, n) real, the first acts first; probes: 0 where the rounding is not asked;
-    turns: norm of the logarithm of the whole product where that is large (its rounding is in the factors).
+    turns: norm of the logarithm of the whole product where that is large (its rounding is in the factors);
+    basis: of a similar product, to start the sweeps from.
     Source: Watkins, Product eigenvalue problems, SIAM Review 47 (2005); Bojanczyk, Golub, Van Dooren (1992) for the periodic Schur form.
     """
-    groups = grouped(balanced(factors)[0])
+    even, scale = balanced(factors)
+    groups = grouped(even)
     level = EPS * (NOISE * np.sqrt(len(factors) / len(groups)) + turns / len(groups))
     size = np.abs(groups).max(axis=(-2, -1), keepdims=True)
     noisy = groups + level * size * noise((probes, *groups.shape))
     if len(groups) == 1:
         logs, *moved = log_eigenvalues(np.concatenate([groups, noisy[:, 0]]))
-        sweeps, backward = 0, 0.0
+        sweeps, backward, basis = 0, 0.0, None
     else:
-        logs, backward, sweeps, Q = cyclic_logs(groups, np.eye(groups.shape[-1]))
+        start = np.eye(len(scale)) if basis is None else np.linalg.qr(basis / scale[:, None])[0]
+        logs, backward, sweeps, Q = cyclic_logs(groups, start)
+        basis = scale[:, None] * Q
         moved = [cyclic_logs(probe, Q)[0] for probe in noisy]
     rounding = backward + 4 * EPS * np.abs(logs)
     if moved:
         rounding += np.max([partners(logs, other)[1] for other in moved], axis=0)
     order = np.argsort(-logs.real, kind="stable")
-    return ProductSpectrum(logs[order], rounding[order], len(groups), sweeps)
+    return ProductSpectrum(logs[order], rounding[order], len(groups), sweeps, basis)
 
 
 @lru_cache(maxsize=64)
@@ -87,7 +96,8 @@ def cyclic_logs(factors: Array, Q: Array) -> tuple[Array, float, int, Array]:
 def triangularized(factors: Array, Q: Array) -> tuple[Array, Array, int, Array]:
     """Sweep until every cluster is narrow; the width that is accepted rises slowly so that equal gaps end too."""
     n = factors.shape[-1]
-    for sweep in range(1, MAX_SWEEPS + 1):
+    limit = max(MIN_SWEEPS, min(MAX_SWEEPS, MAX_WORK // (n * n * len(factors))))
+    for sweep in range(1, limit + 1):
         end, R = swept(factors, Q)
         W = Q.T @ end
         if clusters(W, R, CLEAN * n)[2] <= SPREAD + sweep / 20:

@@ -18,6 +18,8 @@ from flexlin.periodic.system import PeriodicSystem
 
 QUADRATURE = 32
 """Gauss nodes in one panel of the trace integral: more accurate than the transition matrices on as many samples."""
+LOST = 23.0
+"""Log of the ratio of two modes in one segment beyond which the weaker one is lost (1e-10)."""
 PILOT = 256
 """Segments of Gauss collocation beyond which the Magnus series is tried."""
 SAFETY, TRUST = 6.0, 0.75
@@ -29,7 +31,8 @@ class FloquetResult:
     """Floquet exponents lambda of x' = A(t) x: solutions exp(lambda t) p(t), p(t + T) = p(t).
 
     exponents (n,) complex in 1/s by falling real part, imaginary parts in (-pi/T, pi/T]; log_multipliers = lambda T;
-    errors (n,): estimated bounds of |error of each exponent|; error: that of the verdict, the largest of them;
+    errors (n,): estimated bounds of |error of each exponent|, inf for those that decay too fast to be resolved;
+    error: the largest of the finite ones;
     verdict: stable, unstable or undecided; status: what it rests on and what to do next; setting: method, order, segments, reason.
     """
 
@@ -42,8 +45,8 @@ class FloquetResult:
 
     @property
     def error(self) -> float:
-        """The largest of the errors of the exponents, in 1/s."""
-        return float(self.errors.max())
+        """The largest error of a resolved exponent, in 1/s."""
+        return float(self.errors[np.isfinite(self.errors)].max())
 
     @property
     def log_multipliers(self) -> Array:
@@ -66,6 +69,7 @@ class Level:
     segments: int
     logs: Array
     rounding: Array
+    basis: Array | None
 
 
 def floquet(
@@ -84,7 +88,7 @@ def floquet(
     Assumes A smooth between the system's breaks. The product is never formed, so exponents far apart keep their digits.
 
     Parameters: tol: wanted error of an exponent, in 1/s up to |lambda| = 1/s and relative beyond;
-    method: auto, gauss, magnus or hill; order and segments: fix the resolution (no refinement then; order means harmonics for hill).
+    method: auto, gauss, magnus, radau or hill; order and segments: fix the resolution (no refinement then; order means harmonics for hill).
     Returns: FloquetResult.
     Raises: ArgumentError; TooManySegments with the figure when tol needs more than max_segments.
     """
@@ -103,10 +107,11 @@ def floquet(
         count = next_count(levels[-1].segments, excess, setting.order)
         if count > max_segments:
             raise too_many(count, max_segments, tol)
-        levels.append(level(system, setting.with_segments(count)))
+        levels.append(level(system, setting.with_segments(count), levels[-1].basis))
     fine, setting = levels[-1], setting.with_segments(levels[-1].segments)
-    errors = estimated_errors(levels[-3:], setting.order)
-    errors *= max(1.0, liouville_defect(system, setting, fine.logs) / errors.sum())
+    errors = estimated_errors(levels[-3:], setting)
+    if np.isfinite(errors).all():
+        errors *= max(1.0, liouville_defect(system, setting, fine.logs) / errors.sum())
     logs, undamped = fine.logs, abs(fine.logs.real.sum()) <= errors.sum() and is_hamiltonian(system)
     if undamped:
         logs, violation = paired(logs)
@@ -125,21 +130,25 @@ def by_hill(system: PeriodicSystem, tol: float, harmonics: int | None) -> Floque
 
 def three_levels(system: PeriodicSystem, setting: Setting) -> list[Level]:
     """The spectrum on a quarter, a half and all of the segments; the rounding is measured on the last."""
-    count = setting.segments
-    coarse = [level(system, setting.with_segments(max(1, k)), probes=False) for k in (count // 4, count // 2)]
-    return [*coarse, level(system, setting)]
+    levels: list[Level] = []
+    for part in (4, 2, 1):
+        basis = levels[-1].basis if levels else None
+        levels.append(level(system, setting.with_segments(max(1, setting.segments // part)), basis, probes=part == 1))
+    return levels
 
 
 def missing_factor(system: PeriodicSystem, setting: Setting, levels: list[Level], tol: float) -> float:
-    """By how much the worst exponent misses tol (1 or less: reached, or rounding allows no more)."""
-    errors = estimated_errors(levels[-3:], setting.order)
-    allowed = tol * np.maximum(system.period, np.abs(levels[-1].logs))
-    return float((errors / np.maximum(allowed, 4 * levels[-1].rounding)).max())
+    """By how much the worst resolved exponent misses tol (1 or less: reached, or rounding allows no more)."""
+    errors = estimated_errors(levels[-3:], setting)
+    allowed = np.maximum(tol * np.maximum(system.period, np.abs(levels[-1].logs)), 4 * levels[-1].rounding)
+    return float((errors / allowed)[np.isfinite(errors)].max())
 
 
 def piloted(system: PeriodicSystem, gauss_plan: Setting, tol: float, max_segments: int) -> Setting:
     """Try the Magnus series, which is exact on the constant part, where Gauss collocation would need many segments."""
     least = math.ceil(system.period * rates(system)[1] / math.log(GROUP_CONDITION))
+    if least > max_segments:
+        return Setting("radau", 9, PILOT // 2, "modes that decay too fast to be resolved are only bounded")
     plans = [gauss_plan]
     for order in (4, 6):
         pilot = Setting("magnus", order, max(PILOT, least), "the Magnus series carries fast modes exactly")
@@ -152,11 +161,11 @@ def piloted(system: PeriodicSystem, gauss_plan: Setting, tol: float, max_segment
     return min(plans, key=lambda plan: plan.work(system.n))
 
 
-def level(system: PeriodicSystem, setting: Setting, probes: bool = True) -> Level:
-    """The spectrum at one resolution; the rounding is measured only where it is asked."""
+def level(system: PeriodicSystem, setting: Setting, basis: Array | None = None, probes: bool = True) -> Level:
+    """The spectrum at one resolution, from the basis of another; the rounding is measured only where it is asked."""
     turns = rates(system)[0] * system.period if setting.method == "magnus" else 0.0
-    spectrum = product_spectrum(factors(system, setting)[1], PROBES if probes else 0, turns)
-    return Level(setting.segments, spectrum.logs, spectrum.rounding)
+    spectrum = product_spectrum(factors(system, setting)[1], PROBES if probes else 0, turns, basis)
+    return Level(setting.segments, spectrum.logs, spectrum.rounding, spectrum.basis)
 
 
 def next_count(segments: int, worst: float, order: int) -> int:
@@ -164,13 +173,15 @@ def next_count(segments: int, worst: float, order: int) -> int:
     return int(np.ceil(segments * min(4.0, max(1.5, 1.2 * worst ** (1 / order)))))
 
 
-def estimated_errors(levels: list[Level], order: int) -> Array:
+def estimated_errors(levels: list[Level], setting: Setting) -> Array:
     """Errors of the logs at the finest of three resolutions, from their differences and from rounding.
 
         d_12 ~ C k_1^-p,   d_23 ~ C k_2^-p   give p,   error_3 ~ d_23 (k_2 / k_3)^p
 
     p is taken for all exponents together and for each alone, whichever is less, and never near the method's full order:
-    a forgotten break or a rough coefficient shows as a small p, so the estimate stays honest there.
+    a forgotten break or a rough coefficient shows as a small p, so the estimate stays honest there. The error is infinite for
+    an exponent that is only known to lie below the others: LOST in rounding behind the largest one in every segment, or, with
+    an L-stable method, still sinking far below the largest one as segments get shorter.
     """
     coarse, middle, fine = levels
     partner, d_23 = partners(fine.logs, middle.logs)
@@ -179,8 +190,16 @@ def estimated_errors(levels: list[Level], order: int) -> Array:
     together = np.log(max(d_12.max(), tiny) / max(d_23.max(), tiny))
     alone = np.log(np.maximum(d_12, tiny) / np.maximum(d_23, tiny))
     p = np.minimum(together, alone) / np.log(max(middle.segments / coarse.segments, 1.01))
-    reduction = (middle.segments / fine.segments) ** np.clip(p, 0.0, TRUST * order)
-    return SAFETY * reduction * d_23 + fine.rounding
+    reduction = (middle.segments / fine.segments) ** np.clip(p, 0.0, TRUST * setting.order)
+    errors = SAFETY * reduction * d_23 + fine.rounding
+    below = fine.logs.real.max() - fine.logs.real
+    sinking = (
+        (below > 0)
+        & (errors > below / 2)
+        & (fine.logs.real < 1.1 * middle.logs.real[partner])
+        & (setting.method == "radau")
+    )
+    return np.where((below > LOST * fine.segments) | sinking, np.inf, errors)
 
 
 def liouville_defect(system: PeriodicSystem, setting: Setting, logs: Array) -> float:
@@ -205,11 +224,11 @@ def judged(
 ) -> FloquetResult:
     """Give the verdict: undecided when an exponent's distance to the imaginary axis is below its error."""
     growth = exponents.real
-    critical = int(np.argmax(growth + errors))
+    critical = int(np.argmax(growth + np.where(np.isinf(errors), -np.inf, errors)))
     if np.any(growth > errors):
         critical = int(np.argmax(growth - errors))
         verdict = "unstable"
-    elif np.all(growth < -errors):
+    elif np.all((growth < -errors) | (np.isinf(errors) & (growth < 0))):
         verdict = "stable"
     else:
         verdict = "undecided"
@@ -225,7 +244,10 @@ def judged(
             "the system is undamped and every multiplier is simple: all lie on the unit circle, the motion stays bounded "
             "and nothing decays; add damping for a margin"
         )
-    missed = bool(np.any(errors > tol * np.maximum(1, np.abs(exponents))))
+    hidden = int(np.isinf(errors).sum())
+    if hidden:
+        advice += f"; {hidden} exponents decay too fast to be resolved and are only known to lie below the others"
+    missed = bool(np.any((errors > tol * np.maximum(1, np.abs(exponents))) & np.isfinite(errors)))
     limit = (
         f"; tol {tol:.0e} was not reached, the error above is what rounding and the resolution allow" if missed else ""
     )

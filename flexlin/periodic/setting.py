@@ -12,6 +12,7 @@ from flexlin.periodic.collocation import gauss_transitions, second_order_transit
 from flexlin.periodic.grid import edges
 from flexlin.periodic.magnus import magnus_transitions
 from flexlin.periodic.product import GROUP_CONDITION
+from flexlin.periodic.radau import radau_transitions
 from flexlin.periodic.system import PeriodicSystem
 
 MAX_SEGMENTS = 20_000
@@ -56,7 +57,16 @@ def magnus_factors(system: PeriodicSystem, grid: Array, order: int) -> Array:
     return magnus_transitions(system.A, grid, order)
 
 
-METHODS: dict[str, Callable[[PeriodicSystem, Array, int], Array]] = {"gauss": gauss_factors, "magnus": magnus_factors}
+def radau_factors(system: PeriodicSystem, grid: Array, order: int) -> Array:
+    return radau_transitions(system.A, grid, (order + 1) // 2)
+
+
+METHODS: dict[str, Callable[[PeriodicSystem, Array, int], Array]] = {
+    "gauss": gauss_factors,
+    "magnus": magnus_factors,
+    "radau": radau_factors,
+}
+ORDERS = {"gauss": range(2, 65, 2), "magnus": (4, 6), "radau": range(1, 32, 2)}
 """Each: (system, edges, order) -> transition matrices (K, n, n)."""
 
 
@@ -78,16 +88,19 @@ def chosen(system: PeriodicSystem, tol: float, method: str, order: int | None, s
     """
     if method not in ("auto", *METHODS):
         raise ArgumentError("unknown method", got=repr(method), expected=", ".join(["auto", "hill", *METHODS]))
-    if order is not None and (order < 2 or order % 2):
-        raise ArgumentError("order is not an even number", got=order, expected="2, 4, 6 ...")
+    name = "gauss" if method == "auto" else method
+    if order is not None and order not in ORDERS[name]:
+        raise ArgumentError(f"{name} has no such order", got=order, expected=", ".join(map(str, ORDERS[name])))
     if order is not None and segments is not None:
-        return Setting("gauss" if method == "auto" else method, order, segments, "as given")
+        return Setting(name, order, segments, "as given")
     rate, spread = rates(system)
     least = max(MIN_SEGMENTS, math.ceil(system.period * spread / math.log(GROUP_CONDITION)))
     if method == "magnus":
         return Setting(
             "magnus", order or 6, segments or max(2 * least, math.ceil(rate * system.period / 30)), "as asked"
         )
+    if method == "radau":
+        return Setting("radau", order or 9, segments or 4 * MIN_SEGMENTS, "as asked")
     reason = f"least work for tol {tol:.0e} with eigenvalues of A(t) up to {rate:.3g} 1/s"
     plans = [
         Setting("gauss", 2 * s, segments or max(least, math.ceil(system.period / gauss_step(rate, tol, s))), reason)

@@ -78,10 +78,20 @@ def test_defective_double_exponent_is_undecided():
     assert np.abs(result.exponents).max() <= result.error < 1e-6
 
 
+def test_modes_too_fast_to_resolve_are_bounded():
+    A = lyapunov_transformed(np.diag([-1e7, -0.2]), 1.0, 1, np.random.default_rng(3), size=0.05)
+    result = fl.floquet(fl.PeriodicSystem(A, 2 * np.pi), tol=1e-6)
+    assert abs(result.exponents[0] + 0.2) <= result.errors[0] <= 1e-4
+    assert result.errors[1] == np.inf
+    assert result.exponents[1].real < -100
+    assert result.verdict == "stable"
+    assert "too fast" in result.status
+
+
 def test_errors_name_the_figure():
     with pytest.raises(TooManySegments, match="segments of the period"):
-        fl.floquet(fl.PeriodicSystem(np.diag([-1e6, 1.0]), 10.0))
+        fl.floquet(fl.PeriodicSystem(meissner, np.pi), max_segments=2000)  # its break was forgotten
     with pytest.raises(ArgumentError, match="method"):
         fl.floquet(mathieu_second_order(1, 0.2), method="euler")
-    with pytest.raises(ArgumentError, match="even"):
+    with pytest.raises(ArgumentError, match="no such order"):
         fl.floquet(mathieu_second_order(1, 0.2), order=3)

@@ -1,0 +1,50 @@
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.periodic.collocation import gauss_transitions
+from flexlin.periodic.grid import edges
+from flexlin.periodic.radau import radau, radau_transitions
+from tests.periodic.systems import colaneri, mathieu, meissner
+
+
+@pytest.mark.parametrize("stages", [1, 2, 3, 5])
+def test_tableau(stages):
+    rule = radau(stages)
+    for k in range(stages):
+        np.testing.assert_allclose(rule.a @ rule.c**k, rule.c ** (k + 1) / (k + 1), atol=1e-14)
+    np.testing.assert_allclose(rule.b @ rule.c ** (2 * stages - 2), 1 / (2 * stages - 1), rtol=1e-13)
+    assert rule.c[-1] == 1
+
+
+def test_three_stages_are_hairer_s():
+    """Solving ODEs II, table IV.5.6."""
+    r = np.sqrt(6)
+    np.testing.assert_allclose(radau(3).c, [(4 - r) / 10, (4 + r) / 10, 1], atol=1e-15)
+    np.testing.assert_allclose(radau(3).b, [(16 - r) / 36, (16 + r) / 36, 1 / 9], atol=1e-15)
+
+
+@pytest.mark.parametrize("stages", [1, 2, 3])
+def test_order_of_convergence(stages):
+    A = mathieu(1.3, 0.7)
+    exact = np.linalg.multi_dot(gauss_transitions(A, np.linspace(0, np.pi, 21), 10)[::-1])
+    count = np.array([16, 32, 64])
+    error = [
+        np.abs(np.linalg.multi_dot(radau_transitions(A, np.linspace(0, np.pi, k + 1), stages)[::-1]) - exact).max()
+        for k in count
+    ]
+    assert abs(-np.polyfit(np.log(count), np.log(error), 1)[0] - (2 * stages - 1)) < 0.3
+
+
+def test_the_last_stage_stays_before_a_break():
+    grid = edges(np.pi, (np.pi / 3,), 8)
+    np.testing.assert_allclose(radau_transitions(meissner, grid, 6), gauss_transitions(meissner, grid, 6), atol=1e-11)
+
+
+def test_radau_as_the_method_of_floquet():
+    result = fl.floquet(fl.PeriodicSystem(colaneri, 2 * np.pi), method="radau", tol=1e-8)
+    assert np.all(np.abs(result.exponents - [0, -24]) <= result.errors)
+    assert result.error < 1e-8
+    fine = fl.floquet(fl.PeriodicSystem(colaneri, 2 * np.pi), method="radau", order=9, segments=256)
+    np.testing.assert_allclose(fine.exponents, [0, -24], atol=1e-7)
+    assert np.all(np.abs(fine.exponents - [0, -24]) <= fine.errors)
