@@ -13,7 +13,7 @@ RINGS = (-30, -10, -3, -1)
 """Powers of ten at which a dashed ring is drawn."""
 HALF = 4.0
 """The power of ten that lies half-way between the centre and the unit circle."""
-REACH = 1.32
+REACH = 1.24
 TURN = np.linspace(0.0, 2 * np.pi, 91)
 TITLE = "Multipliers on the unit circle"
 CAPTION = (

@@ -12,7 +12,7 @@ from flexlin.report.svg.scales import Linear, Scale
 
 FONT = 11.0
 SMALL = 9.0
-GLYPH = 0.58
+GLYPH = 0.64
 """Width of a character as a share of the font's size, a little on the safe side."""
 SHAPES = {
     "circle": "M-{r},0a{r},{r} 0 1 0 {d},0a{r},{r} 0 1 0 -{d},0z",
