@@ -147,13 +147,15 @@ def write_coefficients(options: argparse.Namespace) -> int:
 
 def report(options: argparse.Namespace) -> int:
     scene = loaded(options)
-    from flexlin.report.terminal import Progress, summarize
+    from flexlin.report.progress import Progress
 
     with Progress() as progress:
         progress("load the numerical libraries")
         from flexlin.report.writing import write_report
 
         analysis, paths = write_report(scene, options.out, command(options), progress)
+    from flexlin.report.terminal import summarize
+
     summarize(analysis)
     told(paths)
     return OTHER_VERDICT if options.require not in (None, analysis.own.verdict) else DONE
@@ -161,7 +163,8 @@ def report(options: argparse.Namespace) -> int:
 
 def write_gains(options: argparse.Namespace) -> int:
     scene = loaded(options)
-    from flexlin.report.terminal import Progress, loop_line, say
+    from flexlin.report.progress import Progress
+    from flexlin.report.terminal import loop_line, say
 
     with Progress() as progress:
         progress("load the numerical libraries")
@@ -184,7 +187,7 @@ def write_simulation(options: argparse.Namespace) -> int:
     from flexlin.linearization import linearize
     from flexlin.mechanics import build_manipulator
     from flexlin.report.tables import described, write_dataset
-    from flexlin.report.terminal import Progress
+    from flexlin.report.progress import Progress
     from flexlin.simulation import simulate
 
     with Progress() as progress:

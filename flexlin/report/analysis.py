@@ -111,12 +111,12 @@ def analyse(scene: Scene, clock: Clock | None = None, tol: float = 1e-9) -> Anal
     with clock.step("coefficients over a period"):
         coefficients = plant.sample(t)
     own, open_loop = own_loops(scene, system, loop, tol, clock)
-    designs = tuple(designed(system, table, tol, clock) for table in scene.designs)
     problems: dict[str, str] = {}
     with clock.step("forced response"):
         response = attempt(problems, "response", lambda: periodic_response(closed, loop, t, tol))
     with clock.step(f"nonlinear simulation of {SIMULATED_PERIODS:g} periods"):
         simulation = attempt(problems, "simulation", lambda: simulate(closed, SIMULATED_PERIODS))
+    designs = tuple(designed(system, table, tol, clock) for table in scene.designs)
     steps = tuple(clock.steps)
     return Analysis(
         scene, plant, closed, t, coefficients, own, open_loop, designs, response, simulation, problems, steps
