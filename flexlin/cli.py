@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexlin.errors import FlexlinError, InputError
+from flexlin.errors import FlexlinError, InputError, OutputError, SceneError
 
 if TYPE_CHECKING:
     from flexlin.scene import Scene
@@ -23,11 +23,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return int(options.run(options))
     except FlexlinError as error:
-        print(f"flexlin: {error}", file=sys.stderr)
+        print(f"flexlin: {told_where(error, options)}", file=sys.stderr)
         return BAD_INPUT if isinstance(error, InputError) else FAILED
     except KeyboardInterrupt:
         print("flexlin: interrupted; no file was left half-written", file=sys.stderr)
         return FAILED
+
+
+def told_where(error: FlexlinError, options: argparse.Namespace) -> str:
+    """The error's message, after the scene's name where it does not name one itself."""
+    scene = getattr(options, "scene", None)
+    return str(error) if scene is None or isinstance(error, (SceneError, OutputError)) else f"{scene}: {error}"
 
 
 def entry() -> None:
@@ -186,8 +192,8 @@ def write_simulation(options: argparse.Namespace) -> int:
     scene = loaded(options)
     from flexlin.linearization import linearize
     from flexlin.mechanics import build_manipulator
-    from flexlin.report.tables import described, write_dataset
     from flexlin.report.progress import Progress
+    from flexlin.report.tables import described, write_dataset
     from flexlin.simulation import simulate
 
     with Progress() as progress:

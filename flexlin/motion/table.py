@@ -44,7 +44,7 @@ def _read(path: Path, joints: int) -> tuple[Array, Array]:
         lines = [line for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
     except (OSError, UnicodeDecodeError) as error:
         raise MotionError(
-            f"the table {path} cannot be read", got=str(error), expected="a CSV file of t, q1, q2 ..."
+            f"motion.file: the table {path} cannot be read", got=str(error), expected="a CSV file of t, q1, q2 ..."
         ) from None
     rows = []
     for number, line in enumerate(lines, start=1):
@@ -53,20 +53,26 @@ def _read(path: Path, joints: int) -> tuple[Array, Array]:
         except ValueError:
             if number > 1:
                 raise MotionError(
-                    f"{path}, row {number} is not numeric", got=repr(line[:60]), expected="numbers parted by commas"
+                    f"motion.file: {path}, row {number} is not numeric",
+                    got=repr(line[:60]),
+                    expected="numbers parted by commas",
                 ) from None
     widths = {len(row) for row in rows}
     if len(rows) < FEWEST_ROWS or widths != {joints + 1}:
         raise MotionError(
-            f"{path} has the wrong shape",
+            f"motion.file: {path} has the wrong shape",
             got=f"{len(rows)} rows of {sorted(widths)} columns",
             expected=f"{FEWEST_ROWS} rows or more of {joints + 1} columns (t and one angle a joint)",
         )
     data = np.array(rows)
     if not np.all(np.isfinite(data)):
-        raise MotionError(f"{path} holds a number that is not finite", got="nan or inf", expected="finite numbers")
+        raise MotionError(
+            f"motion.file: {path} holds a number that is not finite", got="nan or inf", expected="finite numbers"
+        )
     if not np.all(np.diff(data[:, 0]) > 0):
-        raise MotionError(f"{path}: the times do not increase", got=f"row {int(np.argmin(np.diff(data[:, 0]))) + 2}")
+        raise MotionError(
+            f"motion.file: the times in {path} do not increase", got=f"row {int(np.argmin(np.diff(data[:, 0]))) + 2}"
+        )
     return data[:, 0], data[:, 1:]
 
 
@@ -79,7 +85,7 @@ def _whole_turns(t: Array, q: Array, file: str) -> Array:
     if np.any(gap > CLOSURE * scale):
         joint = int(np.argmax(gap / scale))
         raise MotionError(
-            f"the table motion of {file} is not periodic",
+            f"motion.file: the table motion of {file} is not periodic",
             got=f"joint {joint + 1} ends {gap[joint]:.3g} rad from where it began",
             expected="a last row that repeats the first, whole turns apart",
         )

@@ -24,7 +24,8 @@ def about_verdict(a: Analysis) -> list[str]:
     if a.own.verdict == "stable":
         return []
     better = [loop for loop in a.designs if loop.verdict == "stable"]
-    remedy = f"use the design “{better[0].name}”, which is" if better else "change gains, speed or payload until it is"
+    change = "add feedback" if a.own.kind == "open" else "change its gains"
+    remedy = f"use the design “{better[0].name}”, which is" if better else f"{change}, the speed or the payload until it is"
     return [f"The arm is unstable along this motion {under(a.own)}: {remedy} stable."]
 
 
@@ -66,6 +67,8 @@ def about_tip(a: Analysis) -> list[str]:
     """Where the steady tip error comes from, and what lowers it."""
     if a.response is None:
         return [f"There is no periodic response: {a.problems['response']}."]
+    if a.own.verdict == "unstable":
+        return ["The periodic response shown here exists but is unstable: the arm leaves it."]
     largest = float(a.response.tip_error.max())
     if not np.isfinite(largest) or largest == 0:
         return []

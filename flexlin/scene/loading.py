@@ -12,6 +12,7 @@ from flexlin.errors import Problem, SceneError
 from flexlin.scene.consistency import contradictions
 from flexlin.scene.library import builtin_scenes
 from flexlin.scene.overrides import apply_overrides
+from flexlin.scene.problems import schema_problems
 from flexlin.scene.scene import Scene
 
 AnyTable = TypeVar("AnyTable", bound=BaseModel)
@@ -42,9 +43,10 @@ def parse_scene(
     try:
         scene = Scene.model_validate(data)
     except ValidationError as error:
-        problems += [_problem(entry) for entry in error.errors(include_url=False)]
-    named = {problem.key for problem in problems}
-    problems += [problem for problem in contradictions(data) if problem.key not in named]
+        problems += schema_problems(Scene, error)
+    problems += [
+        problem for problem in contradictions(data) if not any(_explains(known, problem) for known in problems)
+    ]
     if problems:
         raise SceneError(source, problems)
     return scene
@@ -55,8 +57,17 @@ def checked_table(schema: type[AnyTable], raw: Mapping[str, Any], source: str, k
     try:
         return schema.model_validate(dict(raw))
     except ValidationError as error:
-        problems = [_problem(entry) for entry in error.errors(include_url=False)]
-        raise SceneError(source, [Problem(f"{key}.{p.key}", p.got, p.expected) for p in problems]) from None
+        problems = [Problem(f"{key}.{p.key}", p.got, p.expected) for p in schema_problems(schema, error)]
+        raise SceneError(source, problems) from None
+
+
+def _explains(known: Problem, other: Problem) -> bool:
+    """Whether a problem is already told, or only follows from one that leaves the number of coordinates unknown."""
+    if known.key == other.key or known.key.startswith(f"{other.key}."):
+        return True
+    counted = known.key.startswith(("links", "motion")) and known.key.rsplit(".", 1)[-1].isdigit()
+    counted |= known.key.rsplit(".", 1)[-1] in ("modes", "drive", "joints", "links")
+    return counted and other.key.startswith(("control.", "designs."))
 
 
 def _find(source: str | Path) -> Path:
@@ -77,18 +88,3 @@ def _read(path: Path) -> dict[str, Any]:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
         raise SceneError(str(path), [Problem("file", str(error), "a readable TOML file")]) from None
-
-
-def _problem(entry: Any) -> Problem:
-    """Say a pydantic error as key, got, expected."""
-    key = ".".join(str(step) for step in entry["loc"] if not _is_type_name(step)) or "scene"
-    if entry["type"] == "extra_forbidden":
-        return Problem(key, "an unknown key", "only keys of the scene format")
-    got = "nothing" if entry["type"] == "missing" else repr(entry["input"])[:60]
-    return Problem(key, got, entry["msg"].removeprefix("Input should be ").removeprefix("Value error, "))
-
-
-def _is_type_name(step: object) -> bool:
-    """Whether a step of pydantic's location names a branch of a union, not a key of the file."""
-    names = ("harmonic", "rotation", "fourier", "point-to-point", "table", "float", "constrained-float")
-    return isinstance(step, str) and (step in names or "[" in step)

@@ -1,0 +1,106 @@
+"""What the schema complains about, said as key, got, expected, in the words of the file's writer."""
+
+import difflib
+from collections.abc import Iterator, Sequence
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from flexlin.errors import Problem
+
+WORDS = {
+    "missing": "a value: this key is required",
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "string_type": "a text",
+    "tuple_type": "a list",
+    "model_type": "a table",
+    "model_attributes_type": "a table",
+    "dict_type": "a table",
+}
+LONGEST = 60
+"""Characters of a value that are repeated in a message."""
+
+
+def schema_problems(schema: type[BaseModel], error: ValidationError) -> list[Problem]:
+    """All that pydantic found wrong, one problem a key."""
+    merged: dict[str, Problem] = {}
+    for entry in error.errors(include_url=False):
+        if follows_from_another(entry):
+            continue
+        problem = _problem(schema, entry)
+        known = merged.get(problem.key)
+        if known is None:
+            merged[problem.key] = problem
+        elif problem.expected not in known.expected:
+            merged[problem.key] = Problem(problem.key, known.got, f"{known.expected} or {problem.expected}")
+    return list(merged.values())
+
+
+def follows_from_another(entry: Any) -> bool:
+    """Whether a list counts as too short only because items in it are wrong."""
+    return entry["type"] == "too_short" and len(entry["input"]) >= entry["ctx"]["min_length"]
+
+
+def _problem(schema: type[BaseModel], entry: Any) -> Problem:
+    kind, context = entry["type"], entry.get("ctx", {})
+    key = ".".join(str(step) for step in entry["loc"] if not _is_branch(step)) or "scene"
+    if kind == "extra_forbidden":
+        return Problem(key, "an unknown key", _known_keys(schema, entry["loc"]))
+    if kind == "union_tag_not_found":
+        return Problem(f"{key}.kind", "nothing", WORDS["missing"])
+    if kind == "union_tag_invalid":
+        return Problem(f"{key}.kind", repr(context["tag"]), f"one of {context['expected_tags']}")
+    got = "nothing" if kind == "missing" else repr(entry["input"])[:LONGEST]
+    return Problem(key, got, _expected(kind, context, entry["msg"]))
+
+
+def _expected(kind: str, context: Any, message: str) -> str:
+    """The words for what a schema expects."""
+    if kind == "too_short":
+        return f"a list of {context['min_length']} or more"
+    if kind == "too_long":
+        return f"a list of {context['max_length']} at most"
+    message = message.removeprefix("Input should be ").removeprefix("Value error, ")
+    if kind in ("greater_than", "greater_than_equal", "less_than", "less_than_equal"):
+        return f"a number {message}"
+    return WORDS.get(kind, message)
+
+
+def _known_keys(schema: type[BaseModel], location: Sequence[Any]) -> str:
+    """The keys that a table may hold, the likeliest first."""
+    tables: list[type[BaseModel]] = [schema]
+    for step in location[:-1]:
+        if isinstance(step, str) and not _is_tag(step, tables):
+            tables = [model for table in tables for model in _models(_annotation(table, step))]
+        elif isinstance(step, str):
+            tables = [table for table in tables if step in get_args(table.model_fields["kind"].annotation)]
+    keys = sorted({field.alias or name for table in tables for name, field in table.model_fields.items()})
+    close = difflib.get_close_matches(str(location[-1]), keys, n=1)
+    hint = f"; did you mean {close[0]!r}?" if close else ""
+    return f"one of {', '.join(keys)}{hint}" if keys else "an empty table"
+
+
+def _annotation(table: type[BaseModel], key: str) -> Any:
+    field = table.model_fields.get(key)
+    return None if field is None else field.annotation
+
+
+def _models(annotation: Any) -> Iterator[type[BaseModel]]:
+    """The tables that an annotation allows, inside lists and unions too."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from _models(part)
+
+
+def _is_tag(step: str, tables: Sequence[type[BaseModel]]) -> bool:
+    """Whether a step names a branch of a union by its `kind`."""
+    return any("kind" in t.model_fields and step in get_args(t.model_fields["kind"].annotation) for t in tables)
+
+
+def _is_branch(step: object) -> bool:
+    """Whether a step of pydantic's location names a branch of a union, not a key of the file."""
+    names = ("harmonic", "rotation", "fourier", "point-to-point", "table", "float", "constrained-float")
+    return isinstance(step, str) and (step in names or "[" in step)
