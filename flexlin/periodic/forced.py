@@ -82,6 +82,8 @@ def forced_response(
     setting = chosen(system, positive("tol", tol), "gauss", None, None)
     stages = max(6, setting.order // 2)
     count, previous = setting.segments, None
+    if count > max_segments:
+        raise too_many(count, max_segments, tol)
     while True:
         solution, sigma, Phi = periodic_solution(system, force, edges(system.period, corners, count), stages)
         scale = max(1.0, float(np.abs(solution.start).max()))

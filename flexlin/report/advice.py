@@ -25,7 +25,9 @@ def about_verdict(a: Analysis) -> list[str]:
         return []
     better = [loop for loop in a.designs if loop.verdict == "stable"]
     change = "add feedback" if a.own.kind == "open" else "change its gains"
-    remedy = f"use the design “{better[0].name}”, which is" if better else f"{change}, the speed or the payload until it is"
+    remedy = (
+        f"use the design “{better[0].name}”, which is" if better else f"{change}, the speed or the payload until it is"
+    )
     return [f"The arm is unstable along this motion {under(a.own)}: {remedy} stable."]
 
 

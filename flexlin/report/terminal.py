@@ -34,6 +34,5 @@ def summarize(analysis: Analysis) -> None:
 def loop_line(loop: Loop, period: float) -> str:
     """One loop in one line."""
     told = pace(loop, period)
-    return f"  {loop.name:<18} {loop.verdict:<10} {told}" + (
-        f", {rate(*loop.growth)}" if loop.floquet is not None else ""
-    )
+    figure = "" if loop.verdict in ("undecided", "failed") else f", {rate(*loop.growth)}"
+    return f"  {loop.name:<18} {loop.verdict:<10} {told}{figure}"

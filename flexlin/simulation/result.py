@@ -46,8 +46,17 @@ class Simulation:
     @property
     def status(self) -> str:
         """How far the linear model can be trusted here, and what to do."""
-        share = self.difference / self.tip_error if self.tip_error > 0 else 0.0
-        told = f"linear and nonlinear tips differ by {self.difference:.3g} m, {100 * share:.2g} % of the tip error"
+        what, unit, apart, error = "tips", "m", self.difference, self.tip_error
+        if not np.isfinite(apart):  # a model without points
+            n = len(self.names)
+            apart, error = np.abs(self.nonlinear - self.linear)[:, :n].max(), np.abs(self.nonlinear)[:, :n].max()
+            what, unit = "coordinates", "rad or m"
+        if apart <= self.error:
+            return f"linear and nonlinear {what} agree to the error of the integration, {self.error:.0e}: the linear model holds here"
+        share = apart / error
+        told = (
+            f"linear and nonlinear {what} differ by {apart:.3g} {unit}, {100 * share:.2g} % of the error of the motion"
+        )
         if share > 0.2:
             return (
                 f"{told}: beyond the linear model; reduce speed, payload or disturbance, or trust the simulation only"

@@ -1,0 +1,180 @@
+"""Bad input of every kind ends with exit code 2 and one clear message: no traceback, no half-written file."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from flexlin import cli
+from flexlin.cli import main
+from flexlin.scene.library import builtin_scenes
+
+TABLE = "[motion]\nkind = 'table'\nfile = 'motion.csv'\n\n"
+
+
+def scene_text() -> str:
+    return builtin_scenes()["single-link"].read_text(encoding="utf-8")
+
+
+def refused(capsys: pytest.CaptureFixture[str], arguments: list[str], *words: str, folder: Path) -> str:
+    """Run a report that must be refused; returns the message after checking its form."""
+    out = folder / "out"
+    assert main(["report", *arguments, "--out", str(out)]) == cli.BAD_INPUT
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("flexlin: ")
+    assert captured.err.count("flexlin:") == 1
+    assert "Traceback" not in captured.err
+    assert "got " in captured.err
+    for word in words:
+        assert word in captured.err
+    assert not out.exists()
+    return captured.err
+
+
+# One row each: the override, then what the message must name.
+OVERRIDES = {
+    "wrong type": ('links.0.length="long"', "links.0.length", "'long'", "expected a number"),
+    "a truth value for a number": ("links.0.length=true", "links.0.length", "True", "expected a number"),
+    "a fraction for a count": ("links.0.modes=2.5", "links.0.modes", "expected a whole number"),
+    "negative mass": ("links.0.mass_per_length=-0.1", "links.0.mass_per_length", "-0.1", "greater than or equal to 0"),
+    "negative payload": ("effects.payload.mass=-1", "effects.payload.mass", "-1", "greater than or equal to 0"),
+    "a link without mass": ("links.0.mass_per_length=0", "links.0.mass_per_length", "a positive number"),
+    "no stiffness": ("links.0.bending_stiffness=0.0", "links.0.bending_stiffness", "greater than 0"),
+    "too many modes": ("links.0.modes=100", "links.0.modes", "100", "60"),
+    "not a number": ("links.0.length=nan", "links.0.length", "nan", "finite"),
+    "infinite": ("effects.payload.mass=inf", "effects.payload.mass", "inf", "finite"),
+    "absurdly large": ("links.0.length=1e200", "links.0.length", "1e+200", "less than or equal to"),
+    "an unknown effect": ("effects.magnetism={}", "effects.magnetism", "unknown", "geometric_stiffening"),
+    "an unknown key": ("links.0.lenght=2.0", "links.0.lenght", "unknown", "did you mean 'length'"),
+    "a parameter of an effect that is off": ("effects.shear.stiffness=1e5", "effects.shear", "off"),
+    "an unknown motion": ('motion.kind="spiral"', "motion.kind", "'spiral'", "'harmonic'"),
+    "no frequency": ("motion.frequency=0.0", "motion.frequency", "greater than 0"),
+    "too many joints": ("motion.joints=[{amplitude=1.0},{amplitude=1.0}]", "motion.joints", "2 tables", "expected 1"),
+    "no joints": ("motion.joints=[]", "motion.joints", "1 or more"),
+    "too many gains": ("control.feedback.kp=[1.0, 2.0]", "control.feedback.kp", "2 gains", "expected 1"),
+    "a negative gain": ("control.feedback.kd=[-1.0]", "control.feedback.kd", "-1.0", "greater than or equal to 0"),
+    "a gain that is not a number": ("control.feedback.kp=[nan]", "control.feedback.kp", "nan", "finite"),
+    "an unknown feedback": ('control.feedback.kind="pid"', "control.feedback.kind", "'pid'", "'pd'"),
+    "too few weights": ("designs.0.state_weight=[1.0]", "designs.0.state_weight", "expected 6"),
+    "an unknown design": ('designs.0.kind="magic"', "designs.0.kind", "'magic'", "periodic-lqr"),
+    "one name for two designs": ('designs.1.name="frozen LQR"', "designs.1.name", "a second time"),
+    "a text for a table": ('effects="gravity"', "effects", "'gravity'", "a table"),
+    "a number for a list": ("links=3", "links", "got 3", "a list"),
+    "an index beyond the list": ("links.7.length=1.0", "links.7.length", "index '7'"),
+    "parameters without a model": ("parameters={a=1.0}", "parameters", "without model"),
+    "another version of the format": ("schema=99", "schema", "99", "expected 1"),
+    "no equals sign": ("links.0.length", "'links.0.length'", "key=value"),
+    "no key": ("=3", "'=3'", "key=value"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", OVERRIDES)
+def test_a_bad_override_is_named(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    override, *words = OVERRIDES[kind]
+    message = refused(capsys, ["single-link", "--set", override], *words, "expected ", folder=tmp_path)
+    assert "problems" not in message, "one mistake is one problem"
+
+
+def test_all_mistakes_are_told_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mistakes = ["links.0.length=-1", "motion.frequency=0", "effects.payload.mas=1", "control.feedback.kp=[1.0, 2.0]"]
+    message = refused(capsys, ["single-link", "--set", *mistakes], "4 problems", folder=tmp_path)
+    for mistake in mistakes:
+        assert mistake.partition("=")[0] in message
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (None, ("no such file", "single-link")),
+        (b'schema = 1\ntitle = "open\n', ("line 2", "TOML")),
+        (b"\xff\xfe\x00", ("decode", "TOML")),
+        (b"", ("schema", "title", "motion", "links", "required")),
+    ],
+    ids=["missing", "broken", "binary", "empty"],
+)
+def test_a_file_that_is_no_scene(
+    content: bytes | None, words: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "scene.toml"
+    if content is not None:
+        path.write_bytes(content)
+    refused(capsys, [str(path)], "scene.toml", *words, folder=tmp_path)
+
+
+def test_a_misspelt_name_is_recognised(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    refused(capsys, ["single-lnk"], "did you mean 'single-link'", folder=tmp_path)
+
+
+def test_a_model_that_nobody_registered(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    refused(capsys, ["khang-2019", "--set", "model='os'"], "model", "'os'", "khang-2019", folder=tmp_path)
+
+
+ROWS = [f"{0.1 * k},{0.1 * k * (1 - k / 10):.6f}" for k in range(11)]
+TABLES = {
+    "not periodic": ([*ROWS[:-1], "1.0,0.5"], ("joint 1", "not periodic")),
+    "times that do not increase": ([*ROWS[:5], ROWS[3], *ROWS[6:]], ("times", "row 6")),
+    "too short": (ROWS[:3], ("3 rows", "expected")),
+    "a column too many": ([f"{row},0" for row in ROWS], ("[3] columns", "2 columns")),
+    "words": ([*ROWS[:4], "a,b", *ROWS[5:]], ("row 5", "numbers")),
+    "not a number": ([*ROWS[:4], "0.4,nan", *ROWS[5:]], ("nan", "finite")),
+    "missing": (None, ("cannot be read",)),
+}
+
+
+@pytest.mark.parametrize("kind", TABLES)
+def test_a_bad_table_motion(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows, words = TABLES[kind]
+    scene = tmp_path / "scene.toml"
+    scene.write_text(re.sub(r"\[motion\].*?(?=\[control\])", TABLE, scene_text(), flags=re.DOTALL), encoding="utf-8")
+    if rows is not None:
+        (tmp_path / "motion.csv").write_text("\n".join(rows), encoding="utf-8")
+    refused(capsys, [str(scene)], "scene.toml", "motion.file", *words, folder=tmp_path)
+
+
+def test_a_motion_without_a_period(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    motion = "motion={kind='point-to-point', course='one-way', move_time=1.0, joints=[{waypoints=[0.0, 1.0]}]}"
+    refused(capsys, ["single-link", "--set", motion], "one-way", "there-and-back", folder=tmp_path)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["dance", "single-link"],
+        [],
+        ["report"],
+        ["report", "single-link", "--require", "luck"],
+        ["linearize", "single-link", "--points", "few"],
+        ["linearize", "single-link", "--points", "1"],
+        ["simulate", "single-link", "--periods", "long"],
+        ["report", "single-link", "--set"],
+        ["report", "single-link", "--colour"],
+    ],
+)
+def test_a_command_that_does_not_exist(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(arguments)
+    assert stop.value.code == cli.BAD_INPUT
+    assert "error:" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("periods", ["0", "-1", "nan"])
+def test_a_length_that_is_none(periods: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["simulate", "spinning-link", "--periods", periods, "--out", str(tmp_path / "out")]) == cli.BAD_INPUT
+    assert "periods" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_scene_without_designs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["design", "spinning-link", "--out", str(tmp_path / "out")]) == cli.BAD_INPUT
+    assert "[[designs]]" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_output_folder_that_is_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    occupied = tmp_path / "out"
+    occupied.write_text("mine")
+    for folder in (occupied, occupied / "below"):
+        assert main(["report", "single-link", "--out", str(folder)]) == cli.BAD_INPUT
+        assert "expected a folder" in capsys.readouterr().err
+    assert occupied.read_text() == "mine"
