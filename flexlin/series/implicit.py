@@ -152,6 +152,24 @@ def implicit_taylor(f: Any, u: Any, v: Any, u0: ArrayLike, v0: ArrayLike, order:
     return ImplicitMap(tape, Polynomial(table, coefficients), point, solution)
 
 
+def solve_implicit(f: Any, u: Any, v: Any, u0: ArrayLike, guess: ArrayLike) -> Array:
+    """Solve f(u0, v) = 0 for v by Newton's method from a guess.
+
+    Parameters: f, u, v as in `implicit_taylor`; u0 (nu,), guess (nv,).
+    Returns: v (nv,), to rounding.
+    Raises: ToleranceNotReached when 50 steps from this guess do not reach a solution.
+    """
+    point, start = real_array("u0", u0, (u.numel(),)), real_array("guess", guess, (v.numel(),))
+    solution, last = newton(record_expressions("f", [ca.vec(f)], [u, v]), point[None, :], start[None, :], 50)
+    if not last[0] < 1e-9 * (1 + np.abs(solution[0]).max()):
+        raise ToleranceNotReached(
+            "f(u0, v) = 0 has no solution that Newton's method reaches",
+            got=f"guess {start.tolist()} at u0 = {point.tolist()}",
+            todo="start nearer to a solution, or move u0 inside the workspace",
+        )
+    return solution[0]
+
+
 def closed(tape: Tape, u0: Array, v0: Array) -> Array:
     """Return v0 refined to rounding, refusing a point that is no solution or singular."""
     with np.errstate(all="ignore"):

@@ -1,0 +1,156 @@
+"""The 5-bar scene against the same two arms joined by Lagrange multipliers: no C_1, no C_2, no Taylor map."""
+
+import importlib.util
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import flexlin as fl
+from flexlin.errors import FlexlinError, ModelError, ToleranceNotReached
+from flexlin.mechanics.closed_loop import close_loop
+from flexlin.scene.library import models_folder
+
+U = np.array([2.3, 1.05, 2e-3, -1e-3])
+U_DOT = np.array([1.5, -2.0, 0.05, 0.1])
+TAU = np.array([0.3, -0.7])
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return fl.load_scene("five-bar")
+
+
+@pytest.fixture(scope="module")
+def arm(scene):
+    return fl.build_manipulator(scene)
+
+
+@pytest.fixture(scope="module")
+def joined(scene):
+    """Accelerations of the unreduced arms with the constraint's multipliers."""
+    spec = importlib.util.spec_from_file_location("five_bar", models_folder() / "five_bar.py")
+    model = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(model)
+    p = model.Parameters.model_validate(scene.parameters)
+    pair, gap, elbows = model.open_arms(p)
+    independent = [i for i in range(pair.n) if i not in elbows]
+    independent = [independent[0], independent[2], independent[1], independent[3]]
+    s, s_dot = pair.s, pair.s_dot
+    J = ca.jacobian(gap, s)
+    rest = ca.substitute(pair.residual, pair.s_ddot, ca.SX.zeros(pair.n))
+    table = ca.Function("open", [s, s_dot], [pair.M, rest, pair.B[:, [0, 2]], J, ca.jtimes(J @ s_dot, s, s_dot), gap])
+
+    def configuration(u):
+        s = np.zeros(pair.n)
+        s[independent], s[list(elbows)] = u, (p.posture[1], p.posture[3])
+        for _ in range(10):
+            *_, J, _, gap_now = (np.array(x) for x in table(s, np.zeros(pair.n)))
+            s[list(elbows)] -= np.linalg.solve(J[:, list(elbows)], gap_now[:, 0])
+        return s
+
+    def acceleration(u, u_dot, tau):
+        s = configuration(u)
+        _, _, _, J, _, _ = (np.array(x) for x in table(s, np.zeros(pair.n)))
+        s_dot = np.zeros(pair.n)
+        s_dot[independent] = u_dot
+        s_dot[list(elbows)] = np.linalg.solve(J[:, list(elbows)], -J @ s_dot)
+        M, rest, B, J, bend, _ = (np.array(x) for x in table(s, s_dot))
+        saddle = np.block([[M, -J.T], [J, np.zeros((2, 2))]])
+        right = np.concatenate([B @ tau - rest[:, 0], -bend[:, 0]])
+        return np.linalg.solve(saddle, right)[: pair.n][independent]
+
+    return SimpleNamespace(pair=pair, gap=gap, acceleration=acceleration, configuration=configuration)
+
+
+def test_acceleration_equals_that_with_multipliers(arm, joined):
+    at = [U, U_DOT]
+    M, B = (np.array(x) for x in ca.Function("f", [arm.s, arm.s_dot], [arm.M, arm.B]).call(at))
+    rest = np.array(arm.functions["residual"](*at, np.zeros(4), []))[:, 0]
+    assert_allclose(np.linalg.solve(M, B @ TAU - rest), joined.acceleration(U, U_DOT, TAU), rtol=1e-9)
+
+
+def test_residual_is_its_matrices(arm):
+    f = arm.functions
+    acceleration = np.array([3.0, -5.0, 0.4, 0.2])
+    parts = f["M"](U, []) @ acceleration + f["C"](U, U_DOT, []) @ U_DOT + f["g"](U, []) + f["damping"](U, U_DOT, [])
+    assert_allclose(np.array(f["residual"](U, U_DOT, acceleration, [])), np.array(parts), rtol=1e-10)
+
+
+def test_rate_of_M_minus_twice_C_is_skew(arm):
+    rate = ca.reshape(ca.jtimes(ca.vec(arm.M), arm.s, arm.s_dot), 4, 4)
+    S = np.array(ca.Function("S", [arm.s, arm.s_dot], [rate - 2 * arm.C])(U, U_DOT))
+    assert_allclose(S, -S.T, atol=1e-9 * np.abs(S).max())
+
+
+def test_loop_stays_closed_along_the_motion(arm, scene):
+    """Points run from the left base over both tips to the right base: the two tips are one."""
+    lin = fl.linearize(arm, scene.motion)
+    for q in lin.motion.sample(np.linspace(0, lin.period, 25))[0]:
+        points = np.array(arm.functions["points"]([*q, 0, 0], []))
+        assert np.abs(points[:, 2] - points[:, 3]).max() < 1e-12
+
+
+def test_linearization_equals_differences_of_the_joined_arms(arm, joined, scene):
+    """M a' = -K u - D u' - dM/ds (a - s_R'') u at constant torque; K_L holds dM/ds at the rigid acceleration s_R''."""
+    lin = fl.linearize(arm, scene.motion)
+    t = np.array([0.13])
+    c = lin.sample(t)
+    q, q1, q2 = (np.concatenate([x[0], [0, 0]]) for x in lin.motion.sample(t))
+    difference = joined.acceleration(q, q1, c.tau[0]) - q2
+    dM = np.array(ca.Function("dM", [arm.s], [ca.jacobian(arm.M @ ca.DM(difference), arm.s)])(q))
+
+    def slope(moved, h=1e-5):
+        columns = [8 * (moved(h * e) - moved(-h * e)) - moved(2 * h * e) + moved(-2 * h * e) for e in np.eye(4)]
+        return np.array(columns).T / (12 * h)
+
+    by_position = -c.M[0] @ slope(lambda e: joined.acceleration(q + e, q1, c.tau[0])) - dM
+    by_rate = -c.M[0] @ slope(lambda e: joined.acceleration(q, q1 + e, c.tau[0]))
+    assert_allclose(c.K[0], by_position, atol=1e-7 * np.abs(c.K[0]).max())
+    assert_allclose(c.D[0], by_rate, atol=1e-7 * np.abs(c.D[0]).max())
+
+
+def test_both_routes_agree(arm, scene):
+    t = np.linspace(0, 0.5, 5)
+    one, two = (fl.linearize(arm, scene.motion, route=route).sample(t) for route in ("jacobian", "kronecker"))
+    assert_allclose(one.K, two.K, rtol=1e-9, atol=1e-9 * np.abs(one.K).max())
+    assert_allclose(one.D, two.D, rtol=1e-9, atol=1e-9 * np.abs(one.D).max())
+
+
+def test_floquet_and_lqr_as_for_any_arm(arm, scene):
+    lin = fl.linearize(arm, scene.motion)
+    design = scene.designs[0]
+    gain = fl.periodic_lqr(lin.periodic_system(), np.diag(design.state_weight), np.diag(design.input_weight), tol=1e-6)
+    closed = fl.floquet(gain.closed_loop, tol=1e-6)
+    assert fl.floquet(lin.periodic_system(), tol=1e-6).exponents.real.max() > -1e-3
+    assert closed.verdict == "stable"
+    assert closed.exponents.real.max() < -1
+
+
+def test_stiff_links_tend_to_rigid_ones(scene):
+    """Statically, elastic coordinates follow w = K_ww^-1 h_w: the deflection falls like 1/EI."""
+    deflections = []
+    for stiffness in (2.4e2, 2.4e3, 2.4e4):
+        changes = {f"parameters.{side}.1.bending_stiffness": stiffness for side in ("left", "right")}
+        stiff = fl.load_scene("five-bar", changes)
+        c = fl.linearize(fl.build_manipulator(stiff), stiff.motion).sample(np.array([0.1]))
+        deflections.append(np.abs(np.linalg.solve(c.K[0][2:, 2:], c.h[0][2:])).max())
+    assert np.log10(np.divide(deflections[:-1], deflections[1:])) == pytest.approx([1, 1], abs=0.02)
+
+
+def test_a_motion_out_of_reach_is_refused(arm, scene):
+    motion = scene.motion.model_copy(
+        update={"joints": [j.model_copy(update={"amplitude": 3.0}) for j in scene.motion.joints]}
+    )
+    with pytest.raises(FlexlinError, match="not finite"):
+        fl.linearize(arm, motion).periodic_system()
+
+
+def test_an_impossible_posture_is_refused(joined):
+    independent = [0, 3, 2, 5]
+    with pytest.raises(ToleranceNotReached, match="no solution"):
+        close_loop(joined.pair, joined.gap + 1.0, independent, (0, 2), [2.2, -1.3, 0, 0.95, 1.3, 0])
+    with pytest.raises(ModelError, match="motors first"):
+        close_loop(joined.pair, joined.gap, [2, 0, 3, 5], (0, 2), [2.2, -1.3, 0, 0.95, 1.3, 0])
