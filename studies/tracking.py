@@ -65,10 +65,10 @@ def draw(data: Tracking, shown: dict[str, Simulation], path: Path) -> None:
     for kind, result in shown.items():
         t = result.t[-129:] - result.t[-129]
         upper.semilogy(t / t[-1], 1e3 * settled(result), color=COLOURS[kind], label=kind)
-        lower.loglog(
+        lower.semilogy(
             data.frequencies, 1e3 * data.nonlinear[kind], "o-", color=COLOURS[kind], label=f"{kind}, nonlinear"
         )
-        lower.loglog(
+        lower.semilogy(
             data.frequencies, 1e3 * data.linear[kind], "--", color=COLOURS[kind], label=f"{kind}, linear", linewidth=1
         )
     middle = len(data.frequencies) // 2
@@ -89,7 +89,7 @@ def main(size: str = "full", out: str | Path = "out/studies", scene: str = "sing
     """Run the study; returns the tip errors."""
     own = fl.load_scene(scene).motion.frequency
     factors = np.array([0.25, 0.5, 1.0, 1.5, 2.0]) if size == "full" else np.array([1.0])
-    data, shown = compare(scene, own * factors, 4 if size == "full" else 2)
+    data, shown = compare(scene, own * factors, 3 if size == "full" else 2)
     print("frequency in Hz   " + "".join(f"{kind:>24}" for kind in KINDS) + "   rigid / tip-exact")
     for i, frequency in enumerate(data.frequencies):
         cells = "".join(f"{1e3 * data.nonlinear[k][i]:>12.4g} ({1e3 * data.linear[k][i]:>6.4g}) mm" for k in KINDS)

@@ -20,7 +20,7 @@ STAGES = 8
 MAX_SEGMENTS = 2**15
 ROUNDS = 12
 TRIAL_PANELS = (32, 128)
-MAGNUS_GAIN = 6.0
+MAGNUS_GAIN = 15.0
 """Segments that Magnus' exponential does in the time that collocation needs for one."""
 MAGNUS_ORDER = 4
 """Order on which its error figure relies: 6 on slow coefficients, between 4 and 5 was seen beside very fast eigenvalues."""
