@@ -1,7 +1,7 @@
 """The bridge: a manipulator linearized along its rigid basic motion, M_L y'' + D_L y' + K_L y = h_L + B_L u."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Literal
 
@@ -52,6 +52,7 @@ class Linearization:
     coefficients: ca.Function
     route: Route
     control: Control | None = None
+    _last: list[tuple[Array, Coefficients]] = field(default_factory=list, init=False, repr=False)
 
     @property
     def period(self) -> float:
@@ -79,15 +80,19 @@ class Linearization:
         return self.motion.breaks
 
     def sample(self, t: Array) -> Coefficients:
-        """All coefficients at the times t (N,), in one mapped call."""
+        """All coefficients at the times t (N,), in one mapped call; the last answer is kept, since A and B are asked for in turn."""
         t = times(t)
+        if self._last and np.array_equal(self._last[0][0], t):
+            return self._last[0][1]
         p = np.broadcast_to(self.arm.parameters.values, (len(t), len(self.arm.parameters.values)))
         if isinstance(self.motion, SymbolicMotion):
             values = symbolic.evaluate(self.coefficients, self.motion.phase_of(t)[:, None], p)
         else:
             values = symbolic.evaluate(self.coefficients, *self.motion.sample(t), p)
         M, D, K, h, B, tau = values
-        return Coefficients(M, D, K, h[:, :, 0], B, tau[:, :, 0])
+        found = Coefficients(M, D, K, h[:, :, 0], B, tau[:, :, 0])
+        self._last[:] = [(t.copy(), found)]
+        return found
 
     def M(self, t: Array) -> Array:
         """The mass matrix, Eq. (65)."""
