@@ -75,6 +75,8 @@ def about_tip(a: Analysis) -> list[str]:
     if not np.isfinite(largest) or largest == 0:
         return []
     found = f"In steady motion the tip stays up to {quantity(largest, 'm')} away from its rigid path"
+    if not a.plant.inputs:
+        return [f"{found}, by bending alone: slow down, or stiffen the links."]
     if np.linalg.norm(a.response.tip_by_bending, axis=1).max() > largest / 2:
         return [
             f"{found}, most of it the links' bending, which no joint feedback removes: feed forward the elastic motion too, or slow down."

@@ -21,7 +21,7 @@ def draw_arm(a: Analysis) -> Picture:
     """The arm at equal steps of a period, and its joints' motion and feedforward torques beside it."""
     caption = "Joint motion and feedforward torque of the rigid motion over one period."
     if a.arm.points is None:
-        return Picture("arm", TITLE, caption, draw([Row([joints(a), torques(a)], 110)], TITLE))
+        return Picture("arm", TITLE, caption, draw([Row(beside(a), 110)], TITLE))
     bent = (
         "bent by the steady response under the scene's loop" if a.response else "rigid, for want of a steady response"
     )
@@ -29,28 +29,30 @@ def draw_arm(a: Analysis) -> Picture:
         f"The arm at {PHASES} equal steps of a period, {bent}, to scale; later pictures are stronger. Grey: the rigid motion. "
         f"Red: the path of the tip. Beside it: {caption[0].lower()}{caption[1:]}"
     )
-    return Picture(
-        "arm", TITLE, caption, draw([Row([stroboscope(a), joints(a), torques(a)], 220, (1.7, 1.0, 1.0))], TITLE)
-    )
+    return Picture("arm", TITLE, caption, draw([Row([stroboscope(a), *beside(a)], 220, (1.7, 1.0, 1.0))], TITLE))
+
+
+def beside(a: Analysis) -> list[Panel]:
+    """Joint motion, and feedforward torques where there are any."""
+    return [joints(a), torques(a)] if a.plant.inputs else [joints(a)]
 
 
 def joints(a: Analysis) -> Panel:
-    """Joint angles in degrees, displacements in m."""
-    q = a.plant.motion.sample(a.t)[0]
+    """Joint angles in degrees, displacements in m; the last sample is left out, for there a turning joint begins anew."""
+    t, q = a.t[:-1], a.plant.motion.sample(a.t[:-1])[0]
     units = [joint_unit(a.scene, joint) for joint in range(q.shape[1])]
     names = sorted({"°" if unit == "rad" else unit for unit in units})
     panel = over_period(a.plant.period, "joint motion in " + " and ".join(names))
     for joint, unit in enumerate(units):
         values = np.degrees(q[:, joint]) if unit == "rad" else q[:, joint]
-        panel.line(a.t, values, SERIES[joint % len(SERIES)], label=f"q{joint + 1}" if len(units) > 1 else "")
+        panel.line(t, values, SERIES[joint % len(SERIES)], label=f"q{joint + 1}" if len(units) > 1 else "")
     return panel
 
 
 def torques(a: Analysis) -> Panel:
     """The torque that the arm would need if its links were rigid."""
     several = len(a.plant.inputs) > 1
-    title = "feedforward in N m" if a.plant.inputs else "no torque: every joint is prescribed"
-    panel = over_period(a.plant.period, title)
+    panel = over_period(a.plant.period, "feedforward in N m")
     for i, name in enumerate(a.plant.inputs):
         panel.line(a.t, a.coefficients.tau[:, i], SERIES[i % len(SERIES)], label=name if several else "")
     return panel

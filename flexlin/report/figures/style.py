@@ -27,8 +27,9 @@ def over_period(period: float, title: str, label: bool = True) -> Panel:
 
 
 def in_columns(panels: list[Panel], height: float) -> list[Row]:
-    """Panels row by row, three or two in a row; the last one of each column bears the labels of time."""
-    columns = 2 if len(panels) in (2, 4) else min(3, max(1, len(panels)))
+    """Panels row by row, three in a row or what leaves fewer places empty; the last one of each column bears the labels of time."""
+    columns = 2 if len(panels) in (2, 4) else min((3, 4), key=lambda k: -len(panels) % k)
+    columns = max(1, min(columns, len(panels)))
     for i, panel in enumerate(panels):
         last = i + columns >= len(panels)
         panel.ticked, panel.x_label = (last, True), "time in s" if last else ""

@@ -1,0 +1,47 @@
+"""What the README shows is run: its tour, its scene, its list of effects and commands."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from flexlin.cli import parser
+from flexlin.scene import parse_scene
+from flexlin.scene.effects import Effects
+
+README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+
+
+def block(language: str) -> str:
+    found = re.search(rf"```{language}\n(.*?)```", README, flags=re.DOTALL)
+    assert found is not None
+    return found.group(1)
+
+
+def test_the_tour_runs_and_says_what_it_promises(capsys: pytest.CaptureFixture[str]) -> None:
+    exec(compile(block("python"), "README.md", "exec"), {})
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "('q1', 'w11', 'w12') (2, 3, 3)"
+    assert lines[1].startswith("stable ")
+    assert lines[-1] == "unstable"
+
+
+def test_the_scene_is_one() -> None:
+    import tomllib
+
+    scene = parse_scene(tomllib.loads(block("toml")))
+    assert scene.designs[0].kind == "periodic-lqr"
+
+
+def test_every_effect_is_in_the_table() -> None:
+    for name in Effects.model_fields:
+        assert f"`{name}`" in README, name
+
+
+def test_every_command_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        parser().parse_args(["--help"])
+    listed = re.findall(r"^    ([a-z]+) ", capsys.readouterr().out, flags=re.MULTILINE)
+    assert "report" in listed
+    for command in listed:
+        assert f"flexlin {command}" in README, command
