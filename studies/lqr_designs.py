@@ -120,7 +120,7 @@ def draw(data: Survival, path: Path) -> None:
 def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, object]:
     """Run the study; returns growth rates and times."""
     full = size == "full"
-    data = survival(np.linspace(0.03, 0.5, 6 if full else 2), np.linspace(0.5, 3.0, 8 if full else 2))
+    data = survival(np.linspace(0.03, 0.5, 6 if full else 2), np.linspace(0.5, 6.0, 8 if full else 2))
     print(
         f"{'design':>10} {'made for each arm':>24} {'kept from the first':>24}   (stable cases of {data.own['frozen'].size})"
     )

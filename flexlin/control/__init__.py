@@ -10,6 +10,7 @@ from flexlin.control.averaged import averaged_lqr
 from flexlin.control.catalogue import design
 from flexlin.control.design import Design
 from flexlin.control.estimator import Estimator, kalman_filter, output_feedback
+from flexlin.control.export import gain_schedule, periodic_plant, save, to_control
 from flexlin.control.finite_horizon import finite_horizon_lqr
 from flexlin.control.frozen import frozen_lqr
 from flexlin.control.pd import pd_feedback
@@ -19,7 +20,9 @@ _ON_MANIPULATORS = {
     "Feedforward": "tracking",
     "PeriodicMotion": "harmonic_balance",
     "feedforward": "tracking",
+    "gain_source": "c_source",
     "linear_range": "validity",
+    "linearization_source": "c_source",
     "linearize_about": "about_motion",
     "periodic_motion": "harmonic_balance",
 }
@@ -31,10 +34,14 @@ __all__ = [
     "design",
     "finite_horizon_lqr",
     "frozen_lqr",
+    "gain_schedule",
     "kalman_filter",
     "output_feedback",
     "pd_feedback",
     "periodic_lqr",
+    "periodic_plant",
+    "save",
+    "to_control",
     *_ON_MANIPULATORS,
 ]
 

@@ -1,0 +1,114 @@
+"""Designs for other tools: python-control systems, C source, MATLAB, netCDF and NumPy files."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.control.design import Design
+from flexlin.errors import ArgumentError
+from flexlin.periodic.system import PeriodicSystem
+
+if TYPE_CHECKING:
+    import control
+
+PHASES = 256
+"""Samples of a period in a file."""
+
+
+def to_control(system: PeriodicSystem, phase: float = 0.0, outputs: Array | None = None) -> "control.StateSpace":
+    """Freeze a periodic system at a phase of its motion as a python-control StateSpace.
+
+        x' = A(phase T) x + B(phase T) u,   y = C x
+
+    Parameters: phase in [0, 1); outputs: C (p, n), default all states.
+    Returns: a `control.StateSpace` without direct feed-through; its inputs are none when the system has no B.
+    Raises: ArgumentError when the phase is not in [0, 1).
+    """
+    import control
+
+    if not 0 <= phase < 1:
+        raise ArgumentError("phase is out of range", got=phase, expected="a number in [0, 1)")
+    t = np.array([phase * system.period])
+    A = system.A(t)[0]
+    B = np.zeros((system.n, 0)) if system.B is None else system.B(t)[0]
+    C = np.eye(system.n) if outputs is None else np.asarray(outputs, dtype=float)
+    return control.ss(A, B, C, np.zeros((len(C), B.shape[1])))
+
+
+def gain_schedule(made: Design, name: str = "gain_schedule") -> "control.NonlinearIOSystem":
+    """The state feedback u = -K(t) x as a python-control system without states, for `control.input_output_response`.
+
+    Inputs x[0..n), outputs u[0..m); the time of the response is the time of the motion.
+    """
+    import control
+
+    def feedback(t: float, _: Array, x: Array, __: Any) -> Array:
+        return -made.K(np.array([float(t)]))[0] @ x
+
+    return control.nlsys(None, feedback, inputs=made.closed_loop.n, outputs=made.closed_loop.m, name=name)
+
+
+def periodic_plant(system: PeriodicSystem, name: str = "plant") -> "control.NonlinearIOSystem":
+    """The periodic system x' = A(t) x + B(t) u as a python-control system with outputs x."""
+    import control
+
+    def update(t: float, x: Array, u: Array, _: Any) -> Array:
+        now = np.array([float(t)])
+        drift = system.A(now)[0] @ x
+        return drift if system.B is None else drift + system.B(now)[0] @ np.atleast_1d(u)
+
+    def output(t: float, x: Array, u: Array, _: Any) -> Array:
+        return x
+
+    return control.nlsys(update, output, inputs=system.m, outputs=system.n, states=system.n, name=name)
+
+
+def save(system: PeriodicSystem, path: str | Path, designs: tuple[Design, ...] = (), phases: int = PHASES) -> Path:
+    """Write A(t), B(t) and the gains of designs over one period to a file.
+
+    Arrays: t (N,), A (N, n, n), B (N, n, m), and K_<i>, X_<i> for each design, with `names`, `period`; N equally spaced times.
+    Parameters: path: its ending chooses the format: .npz (NumPy), .mat (MATLAB 5), .nc (netCDF 3).
+    Returns: the path. Raises: ArgumentError for another ending.
+    """
+    path = Path(path)
+    t = system.period * np.arange(phases) / phases
+    arrays: dict[str, Array] = {"t": t, "A": system.A(t)}
+    if system.B is not None:
+        arrays["B"] = system.B(t)
+    for i, made in enumerate(designs):
+        arrays[f"K_{i}"] = made.K(t)
+        if made.solution is not None:
+            arrays[f"X_{i}"] = made.solution.X(t)
+    names = [made.name for made in designs]
+    writers = {".npz": _save_npz, ".mat": _save_mat, ".nc": _save_netcdf}
+    if path.suffix not in writers:
+        raise ArgumentError("the file's ending names no known format", got=path.name, expected=", ".join(writers))
+    writers[path.suffix](path, arrays, names, system.period)
+    return path
+
+
+def _save_npz(path: Path, arrays: dict[str, Array], names: list[str], period: float) -> None:
+    content: dict[str, Any] = {**arrays, "names": np.array(names, dtype=str), "period": np.array(period)}
+    np.savez_compressed(path, **content)
+
+
+def _save_mat(path: Path, arrays: dict[str, Array], names: list[str], period: float) -> None:
+    from scipy.io import savemat
+
+    savemat(path, {**arrays, "names": np.array(names, dtype=object), "period": period})
+
+
+def _save_netcdf(path: Path, arrays: dict[str, Array], names: list[str], period: float) -> None:
+    import xarray
+
+    axes = {"A": ("time", "state", "state_"), "B": ("time", "state", "input")}
+    axes |= {key: ("time", "input", "state") for key in arrays if key.startswith("K_")}
+    axes |= {key: ("time", "state", "state_") for key in arrays if key.startswith("X_")}
+    data = xarray.Dataset(
+        {key: (axes[key], value) for key, value in arrays.items() if key != "t"}, {"time": arrays["t"]}
+    )
+    data.attrs.update(period=period, designs="; ".join(names))
+    data["time"].attrs["units"] = "s"
+    data.to_netcdf(path, engine="scipy")

@@ -1,0 +1,110 @@
+"""Exports: what another tool reads is what flexlin computed."""
+
+import shutil
+import subprocess
+
+import control
+import numpy as np
+import pytest
+import scipy.io
+import xarray
+
+import flexlin as fl
+from flexlin.control import periodic_lqr
+from flexlin.control.c_source import gain_source, linearization_source
+from flexlin.control.export import gain_schedule, periodic_plant, save, to_control
+from flexlin.errors import ArgumentError
+
+COMPILER = shutil.which("cc") or shutil.which("gcc")
+
+
+@pytest.fixture(scope="module")
+def lin():
+    scene = fl.load_scene("single-link")
+    return fl.linearize(fl.build_manipulator(scene), scene.motion)
+
+
+@pytest.fixture(scope="module")
+def made(lin):
+    return periodic_lqr(lin.periodic_system(), np.diag([1.0, 1.0, 1.0, 0.01, 0.01, 0.01]), 10 * np.eye(1), tol=1e-8)
+
+
+def test_state_space_at_a_phase(lin):
+    system = lin.periodic_system()
+    frozen, t = to_control(system, 0.3), np.array([0.3 * lin.period])
+    assert np.array_equal(frozen.A, system.A(t)[0])
+    assert np.array_equal(frozen.B, system.B(t)[0])
+    with pytest.raises(ArgumentError, match="phase"):
+        to_control(system, 1.0)
+
+
+def test_gain_schedule_runs_in_python_control(made):
+    """A slow periodic plant under its own schedule, against the transition of the closed loop."""
+
+    def stiffness(t):
+        return np.array([[1.0]]) * (1 + 0.5 * np.cos(t))[:, None, None]
+
+    system = fl.PeriodicSystem.from_second_order(np.eye(1), 0.1 * np.eye(1), stiffness, 2 * np.pi, np.eye(1))
+    design = periodic_lqr(system, np.eye(2), np.eye(1))
+    loop = control.feedback(periodic_plant(system), gain_schedule(design), 1)
+    t = np.linspace(0, 2 * np.pi, 21)
+    x0 = np.array([1.0, -0.5])
+    response = control.input_output_response(
+        loop, t, np.zeros((loop.ninputs, len(t))), x0, solve_ivp_kwargs={"rtol": 1e-9, "atol": 1e-11}
+    )
+    from flexlin.periodic.collocation import gauss_transitions
+
+    x = [x0]
+    for step in gauss_transitions(design.closed_loop.A, t, 6):
+        x.append(step @ x[-1])
+    assert np.abs(response.outputs.T[:, :2] - np.array(x)).max() < 1e-7
+
+
+@pytest.mark.parametrize("ending", ["npz", "mat", "nc"])
+def test_files_hold_the_same_numbers(lin, made, tmp_path, ending):
+    system = lin.periodic_system()
+    path = save(system, tmp_path / f"arm.{ending}", (made,), phases=16)
+    t = lin.period * np.arange(16) / 16
+    if ending == "npz":
+        data = np.load(path)
+    elif ending == "mat":
+        data = scipy.io.loadmat(path)
+    else:
+        with xarray.open_dataset(path, engine="scipy") as opened:
+            data = {key: opened[key].values for key in opened.variables}
+    np.testing.assert_array_equal(data["A"], system.A(t))
+    np.testing.assert_array_equal(data["B"], system.B(t))
+    np.testing.assert_array_equal(data["K_0"], made.K(t))
+    np.testing.assert_array_equal(data["X_0"], made.X(t))
+    with pytest.raises(ArgumentError, match="ending"):
+        save(system, tmp_path / "arm.txt")
+
+
+def outputs_of(program, phase):
+    """Run a compiled program and read its named outputs."""
+    text = subprocess.run([program, repr(phase)], capture_output=True, text=True, check=True).stdout
+    return {line.split()[0]: np.array(line.split()[1:], dtype=float) for line in text.splitlines()}
+
+
+def compiled(files, folder):
+    program = folder / "program"
+    sources = [str(f) for f in files if f.suffix == ".c"]
+    subprocess.run([COMPILER, "-O1", *sources, "-lm", "-o", str(program)], check=True, cwd=folder)
+    return str(program)
+
+
+@pytest.mark.skipif(COMPILER is None, reason="no C compiler on this machine")
+def test_compiled_linearization_equals_python(lin, tmp_path):
+    program = compiled(linearization_source(lin, tmp_path), tmp_path)
+    for phase in (0.0, 0.37, 0.9):
+        found, exact = outputs_of(program, phase), lin.sample(np.array([phase * lin.period]))
+        for name in ("M", "D", "K", "h", "B", "tau"):
+            np.testing.assert_allclose(found[name], getattr(exact, name)[0].T.ravel(), rtol=1e-13, atol=1e-13)
+
+
+@pytest.mark.skipif(COMPILER is None, reason="no C compiler on this machine")
+def test_compiled_gain_equals_python(lin, made, tmp_path):
+    program = compiled(gain_source(made, lin.period, tmp_path), tmp_path)
+    for phase in (0.0, 0.371, 0.999):
+        exact = made.K(np.array([phase * lin.period]))[0].T.ravel()
+        np.testing.assert_allclose(outputs_of(program, phase)["K"], exact, rtol=1e-6, atol=1e-7 * np.abs(exact).max())
