@@ -87,12 +87,14 @@ def dense_outputs(function: ca.Function, outputs: list[Array]) -> list[Array]:
 class Pointwise:
     """A CasADi function called at one point after another, as integrators do: buffers are laid out once.
 
+    The numbers are not checked to be finite: an integrator's trial step may leave the range, and says so itself.
+
     Parameters of the call: one array for each input, of as many numbers as the input has. Returns: one array (rows, columns) for each
     output, valid until the next call. Raises: ArgumentError when a number of inputs or a size does not fit.
     """
 
     def __init__(self, function: ca.Function):
-        self.function = function
+        self._names = function.name_in()
         self._inputs = [np.zeros(function.numel_in(i)) for i in range(function.n_in())]
         self._outputs = [np.zeros(function.size_out(i)[::-1]) for i in range(function.n_out())]
         self._buffer: Any
@@ -103,7 +105,7 @@ class Pointwise:
             self._buffer.set_res(i, output.data)
 
     def __call__(self, *arguments: Array) -> list[Array]:
-        for name, inside, value in zip(self.function.name_in(), self._inputs, arguments, strict=True):
+        for name, inside, value in zip(self._names, self._inputs, arguments, strict=True):
             if np.shape(value) != inside.shape:
                 raise ArgumentError(f"{name} has the wrong shape", got=np.shape(value), expected=str(inside.shape))
             inside[:] = value
