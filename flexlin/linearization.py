@@ -10,7 +10,7 @@ import numpy as np
 
 from flexlin import symbolic
 from flexlin.checks import Array, times
-from flexlin.errors import ArgumentError, InputError, MotionError
+from flexlin.errors import ArgumentError, InputError, ModelError, MotionError
 from flexlin.kronecker import derivative
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion, SymbolicMotion, build_motion
@@ -175,7 +175,8 @@ def linearize(
     Parameters: motion: a scene's motion table, or a `Motion`; route: "jacobian" differentiates the residual M s'' + C s' + g + d
     (cheapest), "kronecker" writes the equations above in Kronecker layout.
     Returns: a `Linearization`.
-    Raises: MotionError when the motion does not fit; ArgumentError for an unknown route or gains that do not fit.
+    Raises: MotionError when the motion does not fit; ArgumentError for an unknown route or gains that do not fit;
+    ModelError when a coefficient is not finite along the motion.
     Source: Khang, Dat, Tuan (2019), Eqs (60)-(67).
     """
     if not isinstance(motion, Motion):
@@ -196,7 +197,24 @@ def linearize(
         )
     angles, outputs = _along(arm, routes[route](arm), kept, driven, control)
     coefficients = along_motion(arm, motion, angles, {}, outputs)
-    return Linearization(arm, motion, tuple(kept), tuple(driven), coefficients, route, control)
+    lin = Linearization(arm, motion, tuple(kept), tuple(driven), coefficients, route, control)
+    _need_finite(lin)
+    return lin
+
+
+def _need_finite(lin: Linearization, phases: int = 33) -> None:
+    """Raise when a coefficient leaves the real numbers along the motion, naming the entry and the time."""
+    t = np.linspace(0, lin.period, phases)
+    c = lin.sample(t)
+    for name, values in (("M", c.M), ("D", c.D), ("K", c.K), ("h", c.h), ("B", c.B)):
+        if not np.all(np.isfinite(values)):
+            k, *entry = np.argwhere(~np.isfinite(values))[0].tolist()
+            raise ModelError(
+                f"{name}_L{entry} is not finite along the motion, at t = {t[k]:.6g} s",
+                got=values[(k, *entry)],
+                expected="a finite number",
+                todo="keep the motion inside the model's range",
+            )
 
 
 def by_jacobian(arm: Manipulator) -> tuple[ca.SX, ca.SX, ca.SX]:

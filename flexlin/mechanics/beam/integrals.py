@@ -1,6 +1,7 @@
 """The integrals of the shapes that the energies of a link need, computed once, before any expression graph is built."""
 
 from dataclasses import dataclass, fields
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -107,16 +108,23 @@ def orthogonal(products: Array) -> Array:
     return np.where(np.abs(products) > ROUNDING * np.outer(size, size), products, 0.0)
 
 
+@lru_cache(maxsize=64)
+def gauss_legendre(order: int) -> tuple[Array, Array]:
+    """Nodes and weights on [-1, 1], kept: finding them costs more than using them."""
+    nodes, weights = np.polynomial.legendre.leggauss(order)
+    return nodes, weights
+
+
 def panels(edges: Array, order: int) -> tuple[Array, Array]:
     """Return nodes and weights of a Gauss-Legendre rule on each panel, one after the other."""
-    nodes, weights = np.polynomial.legendre.leggauss(order)
+    nodes, weights = gauss_legendre(order)
     half = np.diff(edges)[:, None] / 2
     return (edges[:-1, None] + half * (nodes + 1)).ravel(), (half * weights).ravel()
 
 
 def remaining(mu: Profile, edges: Array, order: int) -> tuple[Array, Array]:
     """Return int_xi^1 mu and int_xi^1 mu s ds at the nodes of `panels`."""
-    nodes, weights = np.polynomial.legendre.leggauss(order)
+    nodes, weights = gauss_legendre(order)
     xi, weight = panels(edges, order)
     ends = np.repeat(edges[1:], order)
     half = (ends - xi)[:, None] / 2
