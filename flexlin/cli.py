@@ -65,15 +65,18 @@ def parser() -> argparse.ArgumentParser:
     linearize = commands.add_parser("linearize", parents=[scene], help="write the coefficients over a period")
     linearize.add_argument("--points", type=count, default=256, help="times in a period (default 256)")
     linearize.set_defaults(run=write_coefficients)
-    commands.add_parser("report", parents=[scene, verdict], help="write report.html and report.json").set_defaults(
-        run=report
-    )
+    report_parser = commands.add_parser("report", parents=[scene, verdict], help="write report.html and report.json")
+    report_parser.add_argument("--effects", action="store_true", help="also tell which effects matter (some seconds)")
+    report_parser.set_defaults(run=report)
     design = commands.add_parser("design", parents=[scene, verdict], help="design the scene's controllers, write gains")
     design.add_argument("--points", type=count, default=256, help="times in a period (default 256)")
     design.set_defaults(run=write_gains)
     simulate = commands.add_parser("simulate", parents=[scene], help="integrate the nonlinear equations")
     simulate.add_argument("--periods", type=float, default=5.0, help="length of the simulation (default 5)")
     simulate.set_defaults(run=write_simulation)
+    effects = commands.add_parser("effects", parents=[scene], help="tell which effects and modes the scene needs")
+    effects.add_argument("--tolerance", type=float, default=0.01, help="relative change that matters (default 0.01)")
+    effects.set_defaults(run=audit_effects)
     return top
 
 
@@ -159,7 +162,7 @@ def report(options: argparse.Namespace) -> int:
         progress("load the numerical libraries")
         from flexlin.report.writing import write_report
 
-        analysis, paths = write_report(scene, options.out, command(options), progress)
+        analysis, paths = write_report(scene, options.out, command(options), progress, options.effects)
     from flexlin.report.terminal import summarize
 
     summarize(analysis)
@@ -205,6 +208,24 @@ def write_simulation(options: argparse.Namespace) -> int:
         result.dataset(), scene, closed.period, "deviations from the rigid motion as states [y; y'], tips in m"
     )
     return told(write_dataset(data, options.out, "simulation"))
+
+
+def audit_effects(options: argparse.Namespace) -> int:
+    scene = loaded(options)
+    from flexlin.report.progress import Progress
+
+    with Progress() as progress:
+        progress("load the numerical libraries")
+        from flexlin.audit import audit
+        from flexlin.files import write_text
+        from flexlin.report.record import audit_block, to_json
+        from flexlin.report.terminal import audit_lines, say
+
+        result = audit(scene, options.tolerance, progress)
+    for line in audit_lines(result):
+        say(line)
+    write_text(options.out / "effects.json", to_json({"schema": 1, "title": scene.title, **audit_block(result)}))
+    return told([options.out / "effects.json"])
 
 
 def told(paths: list[Path]) -> int:

@@ -6,6 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from flexlin.audit import Audit
 from flexlin.checks import Array
 from flexlin.control import Design, design
 from flexlin.errors import ArgumentError, NumericalError, TooLarge
@@ -19,7 +20,7 @@ from flexlin.simulation import Simulation, simulate, tip_positions
 
 SAMPLES = 257
 """Points of a period in the figures and in report.json, both ends included."""
-SIMULATED_PERIODS = 3.0
+SIMULATED_PERIODS, SIMULATION_TOL = 3.0, 1e-6
 
 Answer = TypeVar("Answer")
 
@@ -67,7 +68,9 @@ class Response:
 
 @dataclass(frozen=True)
 class Analysis:
-    """What a report says: `own` is the scene's own loop, `open_loop` the arm without feedback; `problems` tells what could not be had."""
+    """What a report says: `own` is the scene's own loop, `open_loop` the arm without feedback; `problems` tells what could not be had,
+    `audit` which effects matter, if that was asked for.
+    """
 
     scene: Scene
     plant: Linearization
@@ -81,6 +84,7 @@ class Analysis:
     simulation: Simulation | None
     problems: dict[str, str]
     steps: tuple[Step, ...]
+    audit: Audit | None = None
 
     @property
     def arm(self) -> Manipulator:
@@ -115,7 +119,7 @@ def analyse(scene: Scene, clock: Clock | None = None, tol: float = 1e-9) -> Anal
     with clock.step("forced response"):
         response = attempt(problems, "response", lambda: periodic_response(closed, loop, t, tol))
     with clock.step(f"nonlinear simulation of {SIMULATED_PERIODS:g} periods"):
-        simulation = attempt(problems, "simulation", lambda: simulate(closed, SIMULATED_PERIODS))
+        simulation = attempt(problems, "simulation", lambda: simulate(closed, SIMULATED_PERIODS, tol=SIMULATION_TOL))
     designs = tuple(designed(system, table, tol, clock) for table in scene.designs)
     steps = tuple(clock.steps)
     return Analysis(

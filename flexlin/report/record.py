@@ -1,6 +1,7 @@
 """report.json: the truth of a report, versioned by its `schema`; complex numbers as [re, im], SI units and radians."""
 
 import json
+from dataclasses import asdict
 from importlib.metadata import version
 from platform import platform, python_version
 from typing import Any
@@ -8,6 +9,7 @@ from typing import Any
 import numpy as np
 
 import flexlin
+from flexlin.audit import Audit
 from flexlin.checks import Array
 from flexlin.report.analysis import Analysis, Loop
 from flexlin.scene.scene import Scene
@@ -37,6 +39,7 @@ def record(analysis: Analysis) -> dict[str, Any]:
         "coefficients": {name: numbers(getattr(a.coefficients, name)) for name in ("M", "D", "K", "h", "B", "tau")},
         "forced_response": response_block(a),
         "simulation": simulation_block(a),
+        **({} if a.audit is None else {"effects_audit": audit_block(a.audit)}),
         "versions": versions(),
         "steps": [{"name": step.name, "seconds": round(step.seconds, 4)} for step in a.steps],
     }
@@ -113,6 +116,20 @@ def simulation_block(analysis: Analysis) -> dict[str, Any]:
         "largest_tip_error": number(simulation.tip_error),
         "error": number(simulation.error),
         "status": simulation.status,
+    }
+
+
+def audit_block(audit: Audit) -> dict[str, Any]:
+    """Which effects and modes the scene needs; a significance that is not finite (another verdict) is null."""
+    rows = [asdict(row) for row in (*audit.effects, *audit.modes)]
+    return {
+        "tolerance": audit.tolerance,
+        "needed": list(audit.needed),
+        "droppable": list(audit.droppable),
+        "missing": list(audit.missing),
+        "rows": [
+            {key: number(value) if isinstance(value, float) else value for key, value in row.items()} for row in rows
+        ],
     }
 
 

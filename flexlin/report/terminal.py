@@ -2,9 +2,10 @@
 
 import sys
 
+from flexlin.audit import Audit, Row
 from flexlin.report.advice import next_steps
 from flexlin.report.analysis import Analysis, Loop
-from flexlin.report.wording import pace, rate
+from flexlin.report.wording import pace, quantity, rate
 
 COLOURS = {"stable": "green", "unstable": "red", "undecided": "yellow", "failed": "red"}
 
@@ -29,6 +30,25 @@ def summarize(analysis: Analysis) -> None:
         say(loop_line(loop, analysis.plant.period), loop.verdict)
     for step in next_steps(analysis):
         say(f"- {step}")
+
+
+def audit_lines(audit: Audit) -> list[str]:
+    """The audit as a table, the most significant change first."""
+    head = f"{'change':<30} {'significance':>12} {'margin 1/s':>11} {'frequency':>10} {'tip error':>10} {'instr.':>7}  advice"
+    rows = sorted(
+        (*audit.effects, *audit.modes),
+        key=lambda row: -row.significance if row.significance == row.significance else 1.0,
+    )
+    return [head, *[audit_line(row) for row in rows]]
+
+
+def audit_line(row: Row) -> str:
+    """One change in one line."""
+    if row.problem and row.verdict == "unknown":
+        return f"{row.change:<30} {row.problem}"
+    size = "verdict" if row.significance == float("inf") else f"{row.significance:.2g}"
+    tip = "" if row.tip_error != row.tip_error else quantity(row.tip_error, "m")
+    return f"{row.change:<30} {size:>12} {row.margin:>+11.2g} {row.frequency:>10.2g} {tip:>10} {row.instructions:>+7d}  {row.advice}"
 
 
 def loop_line(loop: Loop, period: float) -> str:

@@ -13,11 +13,12 @@ if TYPE_CHECKING:
 
 
 def write_report(
-    scene: Scene, folder: Path, command: str = "", progress: Progress | None = None
+    scene: Scene, folder: Path, command: str = "", progress: Progress | None = None, with_audit: bool = False
 ) -> "tuple[Analysis, list[Path]]":
     """Analyse a scene and write report.html and report.json into a folder, each whole or not at all.
 
-    Parameters: command: the command line, which the page shows; progress: called with the name of each step as it begins.
+    Parameters: command: the command line, which the page shows; progress: called with the name of each step as it begins;
+    with_audit: tell which effects matter, too (some seconds).
     Returns: the analysis and the paths of the files.
     Raises: what `analyse` raises; OutputError when the folder cannot be written.
     """
@@ -26,6 +27,11 @@ def write_report(
         from flexlin.report.analysis import analyse
         from flexlin.report.record import record, to_json
     analysis = analyse(scene, clock)
+    if with_audit:
+        with clock.step("audit of the effects"):
+            from flexlin.audit import audit
+
+            analysis = replace(analysis, audit=audit(scene, progress=progress))
     with clock.step("load the drawing library"):
         from flexlin.report.figures import pictures
         from flexlin.report.page import page

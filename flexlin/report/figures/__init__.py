@@ -6,6 +6,7 @@ from flexlin.report.analysis import Analysis
 from flexlin.report.figures.arm import draw_arm
 from flexlin.report.figures.coefficients import draw_coefficients
 from flexlin.report.figures.comparison import draw_comparison
+from flexlin.report.figures.effects import draw_effects
 from flexlin.report.figures.exponents import draw_exponents
 from flexlin.report.figures.gains import draw_gains
 from flexlin.report.figures.multipliers import draw_multipliers
@@ -27,4 +28,5 @@ FIGURES: tuple[Callable[[Analysis], Picture | None], ...] = (
 
 def pictures(analysis: Analysis) -> list[Picture]:
     """All figures that this analysis has numbers for, in the order of the page."""
-    return [picture for draw in FIGURES if (picture := draw(analysis)) is not None]
+    drawn = [picture for draw in FIGURES if (picture := draw(analysis)) is not None]
+    return drawn if analysis.audit is None else [*drawn, draw_effects(analysis.audit)]

@@ -2,6 +2,6 @@
 
 from flexlin.report.svg.layout import Row, draw
 from flexlin.report.svg.panel import Panel
-from flexlin.report.svg.scales import Linear, Logarithmic, Scale, Symlog
+from flexlin.report.svg.scales import Linear, Logarithmic, Named, Scale, Symlog
 
-__all__ = ["Linear", "Logarithmic", "Panel", "Row", "Scale", "Symlog", "draw"]
+__all__ = ["Linear", "Logarithmic", "Named", "Panel", "Row", "Scale", "Symlog", "draw"]

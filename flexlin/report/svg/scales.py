@@ -119,7 +119,26 @@ class Logarithmic:
         return [(10.0**k, power_of_ten(k)) for k in range(first, last + 1, every)]
 
 
-Scale = Linear | Symlog | Logarithmic
+@dataclass(frozen=True)
+class Named:
+    """Names at 0, 1, 2 ..., each as wide as the others."""
+
+    names: tuple[str, ...]
+
+    def fitted(self, values: Array) -> "Named":
+        """Names need no data."""
+        return self
+
+    def place(self, values: Array) -> Array:
+        """The middle of each name's share of [0, 1]."""
+        return (np.asarray(values, dtype=float) + 0.5) / len(self.names)
+
+    def ticks(self, most: int) -> list[tuple[float, str]]:
+        """Every name."""
+        return [(float(i), name) for i, name in enumerate(self.names)]
+
+
+Scale = Linear | Symlog | Logarithmic | Named
 
 
 def plain(value: float, step: float) -> str:
