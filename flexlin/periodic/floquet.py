@@ -12,8 +12,9 @@ from flexlin.periodic.eigenvalues import PROBES, partners, product_spectrum
 from flexlin.periodic.grid import edges
 from flexlin.periodic.hamiltonian import is_hamiltonian, paired
 from flexlin.periodic.hill import hill_spectrum
+from flexlin.periodic.mass_rounding import mass_rounding
 from flexlin.periodic.product import GROUP_CONDITION
-from flexlin.periodic.setting import MAX_SEGMENTS, Setting, chosen, factors, rates, too_many
+from flexlin.periodic.setting import MAX_SEGMENTS, Setting, chosen, factors, radau_segments, rates, too_many
 from flexlin.periodic.system import PeriodicSystem
 
 QUADRATURE = 32
@@ -110,6 +111,7 @@ def floquet(
         levels.append(level(system, setting.with_segments(count), levels[-1].basis))
     fine, setting = levels[-1], setting.with_segments(levels[-1].segments)
     errors = estimated_errors(levels[-3:], setting)
+    errors += mass_rounding(system, setting, fine.logs)
     if np.isfinite(errors).all():
         errors *= max(1.0, liouville_defect(system, setting, fine.logs) / errors.sum())
     logs, undamped = fine.logs, abs(fine.logs.real.sum()) <= errors.sum() and is_hamiltonian(system)
@@ -146,9 +148,11 @@ def missing_factor(system: PeriodicSystem, setting: Setting, levels: list[Level]
 
 def piloted(system: PeriodicSystem, gauss_plan: Setting, tol: float, max_segments: int) -> Setting:
     """Try the Magnus series, which is exact on the constant part, where Gauss collocation would need many segments."""
-    least = math.ceil(system.period * rates(system)[1] / math.log(GROUP_CONDITION))
+    _, spread, top = rates(system)
+    least = math.ceil(system.period * spread / math.log(GROUP_CONDITION))
     if least > max_segments:
-        return Setting("radau", 9, PILOT // 2, "modes that decay too fast to be resolved are only bounded")
+        count = 4 * radau_segments(system.period, top)
+        return Setting("radau", 9, count, "modes that decay too fast to be resolved are only bounded")
     plans = [gauss_plan]
     for order in (4, 6):
         pilot = Setting("magnus", order, max(PILOT, least), "the Magnus series carries fast modes exactly")

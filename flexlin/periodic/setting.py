@@ -93,14 +93,14 @@ def chosen(system: PeriodicSystem, tol: float, method: str, order: int | None, s
         raise ArgumentError(f"{name} has no such order", got=order, expected=", ".join(map(str, ORDERS[name])))
     if order is not None and segments is not None:
         return Setting(name, order, segments, "as given")
-    rate, spread = rates(system)
+    rate, spread, top = rates(system)
     least = max(MIN_SEGMENTS, math.ceil(system.period * spread / math.log(GROUP_CONDITION)))
     if method == "magnus":
         return Setting(
             "magnus", order or 6, segments or max(2 * least, math.ceil(rate * system.period / 30)), "as asked"
         )
     if method == "radau":
-        return Setting("radau", order or 9, segments or 4 * MIN_SEGMENTS, "as asked")
+        return Setting("radau", order or 9, segments or radau_segments(system.period, top), "as asked")
     reason = f"least work for tol {tol:.0e} with eigenvalues of A(t) up to {rate:.3g} 1/s"
     plans = [
         Setting("gauss", 2 * s, segments or max(least, math.ceil(system.period / gauss_step(rate, tol, s))), reason)
@@ -109,16 +109,25 @@ def chosen(system: PeriodicSystem, tol: float, method: str, order: int | None, s
     return min(plans, key=lambda plan: plan.work(system.n))
 
 
+def radau_segments(period: float, top: float) -> int:
+    """Segments short enough that an L-stable method does not damp what grows: h times the fastest growth stays below 1/2."""
+    return max(4 * MIN_SEGMENTS, math.ceil(2 * period * top))
+
+
 def gauss_step(rate: float, tol: float, stages: int) -> float:
     """The step at which s Gauss stages reach tol on the eigenvalue `rate`."""
     c = math.factorial(stages) ** 2 / (math.factorial(2 * stages) * math.factorial(2 * stages + 1))
     return (tol * max(1.0, rate) / (rate * c)) ** (0.5 / stages) / rate
 
 
-def rates(system: PeriodicSystem) -> tuple[float, float]:
-    """The largest modulus of an eigenvalue of A(t) (at least the basic frequency), and the spread of their real parts."""
+def rates(system: PeriodicSystem) -> tuple[float, float, float]:
+    """Over a few A(t): the largest |eigenvalue| (at least the basic frequency), the spread of real parts, the largest real part."""
     values = np.linalg.eigvals(system.A(system.period * (np.arange(16) + 0.37) / 16))
-    return max(float(np.abs(values).max()), 2 * np.pi / system.period), float(np.ptp(values.real))
+    return (
+        max(float(np.abs(values).max()), 2 * np.pi / system.period),
+        float(np.ptp(values.real)),
+        float(values.real.max()),
+    )
 
 
 def too_many(wanted: float, limit: int, tol: float) -> TooManySegments:

@@ -1,0 +1,40 @@
+"""Every hard case: flexlin near the known exponents and within its own error, the naive code far off or blind to it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from tests.periodic.hard_cases import CASES, naive_exponents, worst_miss
+
+DOCUMENT = Path(__file__).parents[2] / "docs" / "hard-cases.md"
+FORGIVEN = {"tongue as narrow as rounding", "just past a Krein collision"}
+"""Cases where the naive exponents are good and only its verdict, which knows no error, is a matter of luck."""
+
+
+@pytest.mark.parametrize("case", CASES, ids=[case.name for case in CASES])
+def test_hard_case(case):
+    system, known = case.build(), case.known()
+    result = fl.floquet(system, **case.options)
+    miss = worst_miss(result.exponents, known, system.period)
+    assert miss <= case.near
+    assert miss <= result.error + 1e-8 * (case.name == "nearly rigid link (EI x 1e8)")  # the limit itself is 1e-8 away
+    assert result.verdict == case.verdict
+    naive = worst_miss(naive_exponents(system, case.steps), known, system.period)
+    assert case.name in FORGIVEN or naive > 10 * miss
+
+
+def test_naive_verdicts_on_the_boundary_are_luck():
+    """Where the truth is a growth rate of 0, the naive verdict is the sign of an error; flexlin's names the doubt."""
+    names = {"tongue as narrow as rounding", "double multiplier +1", "double multiplier -1", "Krein collision"}
+    growth = [naive_exponents(case.build()).real.max() for case in CASES if case.name in names]
+    assert all(value != 0 for value in growth)
+    assert all(fl.floquet(case.build()).verdict == "undecided" for case in CASES if case.name in names)
+
+
+def test_the_document_has_a_row_for_every_case():
+    text = DOCUMENT.read_text(encoding="utf-8")
+    for case in CASES:
+        assert f"| {case.name} |" in text, case.name
+    assert np.sum([line.startswith("| ") for line in text.splitlines()]) == len(CASES) + 1
