@@ -6,9 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlin.errors import ArgumentError
+from flexlin.errors import ArgumentError, TooLarge
 
 Array = NDArray[Any]
+LIMIT = 2**30
+"""Bytes that one request may take; a larger one is refused before anything is allocated."""
 
 
 def real_array(name: str, value: ArrayLike, shape: Sequence[int | None] | None = None) -> Array:
@@ -41,3 +43,9 @@ def positive(name: str, value: float) -> float:
 def times(t: ArrayLike) -> Array:
     """Return `t` as a finite array of shape (N,)."""
     return real_array("t", t, (None,))
+
+
+def check_size(what: str, size: int, todo: str) -> None:
+    """Refuse a request of unreasonable size before anything is allocated."""
+    if size > LIMIT:
+        raise TooLarge(f"{what} is too large", got=f"{size} bytes", expected=f"at most {LIMIT} bytes", todo=todo)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flexlin.checks import Array
+from flexlin.checks import Array, check_size
 from flexlin.errors import ArgumentError
 from flexlin.kronecker.algebra import swap
 
@@ -20,7 +20,7 @@ def closure_jacobians(derivatives: Sequence[Array], nv: int) -> list[Array]:
 
     Parameters: derivatives: D f (nv, n), D^2 f (nv, n^2), ... D^N f by s = [v; u] at one point; nv: the number of dependent coordinates.
     Returns: C_k (nv, nu^k) for k = 1 ... N.
-    Raises: ArgumentError when shapes do not fit. A singular V raises numpy's LinAlgError.
+    Raises: ArgumentError when shapes do not fit; TooLarge with the bytes of F_N and G_N. A singular V raises numpy's LinAlgError.
     Source: de Jong et al., Eqs (14)-(24), corrected: s = [v; u], plus in (21), blocks side by side in (23), (24), and Vetter's permutation.
     """
     n = derivatives[0].shape[1]
@@ -30,6 +30,7 @@ def closure_jacobians(derivatives: Sequence[Array], nv: int) -> list[Array]:
                 f"derivative {k} of the closure has the wrong shape", got=D.shape, expected=f"({nv}, {n**k})"
             )
     order, nu = len(derivatives), n - nv
+    refuse_if_large(order, nv, nu)
     DV = [D[:, : nv * n**k] for k, D in enumerate(derivatives)]
     DU = [D[:, nv * n**k :] for k, D in enumerate(derivatives)]
     C = [-np.linalg.solve(DV[0], DU[0])]
@@ -38,6 +39,18 @@ def closure_jacobians(derivatives: Sequence[Array], nv: int) -> list[Array]:
         C.append(-np.linalg.solve(DV[0], F[0] @ right_factor(C, nu)))
         F = [np.hstack([DV[j + 1], F[j + 1], F[j]]) for j in range(len(F) - 1)]
     return C
+
+
+def refuse_if_large(order: int, nv: int, nu: int) -> None:
+    """Refuse an order whose F_N (nv, N_N) and G_N (N_N, nu^N) are unreasonable: N_2 = n^2, N_(k+1) = nv n + N_k n + N_k.
+
+    G_N is made from G_(N-1) and its derivative, of the same size together: two of it are held.
+    """
+    n, columns = nv + nu, 0
+    for k in range(2, order + 1):
+        columns = n**2 if k == 2 else nv * n + columns * (n + 1)
+    size = 8 * columns * (nv + 2 * nu**order)
+    check_size(f"the dense recursion of order {order}", size, "use the series engine: implicit_taylor")
 
 
 def right_factor(C: Sequence[Array], nu: int) -> Array:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError, SingularClosure, ToleranceNotReached
-from flexlin.kronecker.closure import closure_jacobians
+from flexlin.kronecker.closure import closure_jacobians, refuse_if_large
 from flexlin.mechanics.screws import OpenChain
 from flexlin.series import ImplicitMap, implicit_taylor
 
@@ -117,7 +117,8 @@ class Closure:
 
         Parameters: s (n,): a configuration with f(s) = 0; independent: indices of u in s, the others are v, both in the order of s.
         Returns: C_k (nv, nu^k).
-        Raises: ArgumentError when the loop is open at s or the numbers do not fit; SingularClosure when V is singular.
+        Raises: ArgumentError when the loop is open at s or the numbers do not fit; SingularClosure when V is singular;
+        TooLarge with the bytes.
         Source: de Jong et al., Eqs (14)-(27), corrected.
         """
         m, n = self.linear.shape
@@ -126,6 +127,7 @@ class Closure:
         if gap > 1e-9:
             raise ArgumentError("the loop is open at s", got=f"|f| = {gap:.3g}", todo="close it: closure.close(s, u)")
         self.checked_V(real_array("s", s, (n,)), dependent)
+        refuse_if_large(order, m, n - m)
         sequence = [*dependent, *independent]
         derivatives = [
             self.derivative(s, k).reshape(m, *[n] * k)[np.ix_(range(m), *[sequence] * k)].reshape(m, -1)

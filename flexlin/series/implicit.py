@@ -13,7 +13,7 @@ from flexlin.errors import ArgumentError, SingularClosure, ToleranceNotReached
 from flexlin.series.engine import expand_implicit, seeded
 from flexlin.series.explicit import check_analytic, check_symbols
 from flexlin.series.folds import find_fold
-from flexlin.series.indices import indices
+from flexlin.series.indices import indices, shared_indices
 from flexlin.series.newton import closure_and_jacobian, newton, newton_step
 from flexlin.series.polynomial import Polynomial
 from flexlin.series.radius import Radius, line_series, radius_along
@@ -75,6 +75,22 @@ class ImplicitMap:
                 todo="stay inside c.radius(direction), or expand about a nearer point",
             )
         return v if np.ndim(du) == 2 else v[0]
+
+    def rates(self, u: ArrayLike, u1: ArrayLike, u2: ArrayLike) -> tuple[Array, Array, Array]:
+        """Return v, v', v'' where u moves: the polynomial refined by Newton's method, then a series of order 2 in time.
+
+        Parameters: u (the coordinates themselves, not du), u' and u'', each (N, nu).
+        Returns: three arrays (N, nv).
+        Raises: ToleranceNotReached naming the first point where the loop does not close.
+        """
+        u, u1, u2 = (real_array(name, x, (None, len(self.u0))) for name, x in (("u", u), ("u1", u1), ("u2", u2)))
+        v = self.refined(u - self.u0)
+        space = Numeric(shared_indices(1, 2), (len(u),))
+        series = expand_implicit(
+            self.tape, space, [np.stack(parts) for parts in zip(u.T, u1.T, u2.T / 2, strict=True)], v.T
+        )
+        value, first, second = np.moveaxis(np.array(series), 0, 2)
+        return value, first, 2 * second
 
     def radius(self, direction: ArrayLike) -> Radius:
         """Return how far |du| the series of v converges along a direction, with what limits it.

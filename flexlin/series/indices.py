@@ -7,11 +7,8 @@ from math import comb
 
 import numpy as np
 
-from flexlin.checks import Array
-from flexlin.errors import ArgumentError, TooLarge
-
-LIMIT = 2**30
-"""Bytes that one request may take; a larger one is refused before anything is allocated."""
+from flexlin.checks import Array, check_size
+from flexlin.errors import ArgumentError
 
 
 @dataclass(frozen=True)
@@ -114,23 +111,12 @@ def shared_indices(n: int, order: int) -> Indices:
 def indices(n: int, order: int, numbers: int) -> Indices:
     """Return the multi-indices for a computation that holds `numbers` series, or refuse.
 
-    Raises: ArgumentError on a negative order; TooLarge when series and product tables need more than LIMIT bytes.
+    Raises: ArgumentError on a negative order; TooLarge when series and product tables need an unreasonable number of bytes.
     """
     if order < 0 or n < 1:
         raise ArgumentError("a series needs variables and an order", got=(n, order), expected="n >= 1, order >= 0")
+    size = 8 * (numbers * comb(n + order, n) + 4 * comb(2 * n + order, order))
     check_size(
-        f"a series of order {order} in {n} variables",
-        8 * (numbers * comb(n + order, n) + 4 * comb(2 * n + order, order)),
+        f"a series of order {order} in {n} variables", size, "lower the order, or take a series in one direction"
     )
     return shared_indices(n, order)
-
-
-def check_size(what: str, size: int) -> None:
-    """Refuse a request of unreasonable size before anything is allocated."""
-    if size > LIMIT:
-        raise TooLarge(
-            f"{what} is too large",
-            got=f"{size} bytes",
-            expected=f"at most {LIMIT} bytes",
-            todo="lower the order, or take a series in one direction",
-        )

@@ -7,9 +7,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.checks import Array, real_array
+from flexlin.checks import Array, check_size, real_array
 from flexlin.errors import ArgumentError
-from flexlin.series.indices import Indices, check_size
+from flexlin.series.indices import Indices
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,10 @@ class Polynomial:
         """
         if not 0 <= k <= self.indices.order:
             raise ArgumentError("no such derivative is known", got=k, expected=f"0 to {self.indices.order}")
-        check_size(f"derivative {k} in Kronecker layout", 8 * self.indices.n**k * (2 + self.coefficients.shape[1]))
+        size = 8 * self.indices.n**k * (2 + self.coefficients.shape[1])
+        check_size(
+            f"derivative {k} in Kronecker layout", size, "use the polynomial itself, which holds each derivative once"
+        )
         places = self.indices.dense(k)
         return self.coefficients.T[:, places] * self.indices.factorials[places]
 

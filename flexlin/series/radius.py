@@ -93,14 +93,14 @@ def real_fold(tape: Tape, u0: Array, S: Array, series: Array, estimate: float) -
 
     def follow(t: float) -> bool:
         nonlocal v
-        there, last = newton(tape, (u0 + S @ np.array([t]))[None, :], v, 15)
+        there, last = newton(tape, (u0 + S @ np.array([t]))[None, :], v, 8)
         reached = bool(last[0] < 1e-9 and np.abs(there - v).max() < 0.5 * (1 + np.abs(v).max()))
         v = there if reached else v
         return reached
 
     if not follow(low) or follow(high):
         return []
-    for _ in range(18):
+    for _ in range(10):
         middle = (low + high) / 2
         low, high = (middle, high) if follow(middle) else (low, middle)
     fold = find_fold(tape, u0, S, (np.array([low]), v[0]))

@@ -4,10 +4,10 @@ import casadi as ca
 import numpy as np
 from scipy.linalg import lu
 
-from flexlin.checks import Array
+from flexlin.checks import Array, check_size
 from flexlin.errors import ArgumentError
 from flexlin.series.engine import expand_implicit, seeded
-from flexlin.series.indices import Indices, check_size
+from flexlin.series.indices import Indices
 from flexlin.series.polynomial import symbolic_monomials, weighted_sums
 from flexlin.series.space import Symbolic
 from flexlin.series.tape import Tape
@@ -23,7 +23,8 @@ def unrolled(tape: Tape, indices: Indices, V: Array) -> ca.Function:
     Raises: TooLarge when the expression would take an unreasonable number of bytes.
     """
     products = sum(len(indices.pairs(k).left) for k in range(indices.order + 1))
-    check_size("the unrolled function", 2 * BYTES_PER_INSTRUCTION * products * len(tape.operations))
+    size = 2 * BYTES_PER_INSTRUCTION * products * len(tape.operations)
+    check_size("the unrolled function", size, "lower the order, or use the map in numbers")
     sizes = [len(tape.inputs[0]), len(tape.inputs[1]), len(tape.inputs[0])]
     u0, v0, du = (ca.SX.sym(name, size) for name, size in zip(("u0", "v0", "du"), sizes, strict=True))
     space = Symbolic(indices, lu(V)[0].argmax(axis=0))

@@ -1,11 +1,13 @@
 """The differentiation-free recursion against repeated implicit differentiation of closure equations written by hand in CasADi."""
 
+import tracemalloc
+
 import casadi as ca
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from flexlin.errors import ArgumentError, SingularClosure
+from flexlin.errors import ArgumentError, SingularClosure, TooLarge
 from flexlin.kronecker import derivative
 from flexlin.mechanics.linkages import five_bar, four_bar, rssr
 
@@ -137,3 +139,14 @@ def test_singular_and_open_loops_are_named():
         stretched.jacobians([0, 0, np.pi, 0, 0.8, 0], (4, 5), 2)
     with pytest.raises(ArgumentError, match="independent"):
         closure.jacobians(closure.close(LOOPS["5-bar inverse"][2], (4, 5)), (4,), 2)
+
+
+def test_unreasonable_orders_are_refused_with_their_size():
+    closure, guess, u = (LOOPS["5-bar forward"][i] for i in (0, 2, 3))
+    s0 = closure.close(guess, u)
+    tracemalloc.start()
+    with pytest.raises(TooLarge, match=r"\d+ bytes"):
+        closure.jacobians(s0, u, 9)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1e6
