@@ -4,6 +4,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from flexlin.errors import OutputError
 
@@ -32,7 +33,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
     Raises: OutputError when the folder cannot be made or the file not be written.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
@@ -42,6 +43,22 @@ def replacing(path: Path) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
     except OSError as error:
         raise OutputError(f"{path} cannot be written", got=error.strerror or str(error)) from None
+
+
+@contextmanager
+def replacing_folder(folder: Path) -> Iterator[Path]:
+    """Give a temporary folder beside `folder`; when the block ends well its files move into `folder`, else it vanishes.
+
+    Raises: OutputError as `replacing`.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(dir=folder.parent) as temporary:
+            yield Path(temporary)
+            for file in Path(temporary).iterdir():
+                os.replace(file, folder / file.name)
+    except OSError as error:
+        raise OutputError(f"{folder} cannot be written", got=error.strerror or str(error)) from None
 
 
 def write_text(path: Path, text: str) -> None:

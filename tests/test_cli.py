@@ -1,6 +1,8 @@
 """The command line: exit codes, files, and words."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +60,31 @@ def test_design_writes_the_gains(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert "stable" in capsys.readouterr().out
     with xarray.open_dataset(tmp_path / "gains.nc", engine="scipy") as data:
         assert data["K"].shape == (1, 8, 1, 4)
+
+
+def test_export_writes_what_other_tools_read(tmp_path: Path) -> None:
+    assert main(["export", "khang-2019", "--points", "8", "--out", str(tmp_path)]) == 0
+    names = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file())
+    assert names == [
+        "c-periodic-lqr/gain.c",
+        "c-periodic-lqr/gain.h",
+        "c-periodic-lqr/main.c",
+        "c/linearization.c",
+        "c/linearization.h",
+        "c/main.c",
+        "system.mat",
+        "system.nc",
+        "system.npz",
+    ]
+    with np.load(tmp_path / "system.npz") as arrays:
+        assert arrays["A"].shape == (8, 4, 4)
+        assert arrays["K_0"].shape == (8, 1, 4)
+
+
+def test_the_program_ends_quietly_when_nobody_reads(tmp_path: Path) -> None:
+    program = f"{sys.executable} -m flexlin list | true"
+    run = subprocess.run(["bash", "-c", program], capture_output=True, text=True, check=False)
+    assert run.stderr == ""
 
 
 def test_simulate_writes_both_answers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -39,10 +39,10 @@ def test_a_folder_that_refuses_is_named(tmp_path: Path) -> None:
 
 
 def test_an_interrupt_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    def interrupt(options: object) -> int:
+    def interrupt() -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli, "list_scenes", interrupt)
+    monkeypatch.setattr("flexlin.scene.library.builtin_scenes", interrupt)
     assert main(["list"]) == cli.FAILED
     assert capsys.readouterr().err.count("\n") == 1
 

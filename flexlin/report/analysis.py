@@ -9,7 +9,7 @@ import numpy as np
 from flexlin.audit import Audit
 from flexlin.checks import Array
 from flexlin.control import Design, design
-from flexlin.errors import ArgumentError, NumericalError, TooLarge
+from flexlin.errors import NumericalError, TooLarge
 from flexlin.linearization import Coefficients, Linearization, linearize
 from flexlin.mechanics import Manipulator, build_manipulator
 from flexlin.periodic import FloquetResult, ForcedResponse, PeriodicSystem, floquet, forced_response
@@ -127,13 +127,8 @@ def analyse(scene: Scene, clock: Clock | None = None, tol: float = 1e-9) -> Anal
     )
 
 
-def design_all(scene: Scene, clock: Clock, tol: float = 1e-9) -> tuple[Linearization, tuple[Loop, ...]]:
-    """The open-loop linearization of a scene, and its designs with their verdicts.
-
-    Raises: ArgumentError when the scene asks for no design.
-    """
-    if not scene.designs:
-        raise ArgumentError("nothing to design", got="no [[designs]] table", expected="at least one in the scene")
+def plant_and_designs(scene: Scene, clock: Clock, tol: float = 1e-9) -> tuple[Linearization, tuple[Loop, ...]]:
+    """The open-loop linearization of a scene, and its designs with their verdicts."""
     with clock.step("linearization"):
         plant = linearize(build_manipulator(scene), scene.motion)
         system = plant.periodic_system()
