@@ -1,0 +1,101 @@
+"""Sweeps over scene parameters, against scenes built anew for each value."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.errors import ArgumentError
+from flexlin.scene.parameters import replace_value
+from flexlin.sweep import sweep
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return fl.load_scene("single-link", {"links.0.modes": 1, "designs": []})
+
+
+def rebuilt(scene, path, value, tol=1e-11):
+    scene = replace_value(scene, path, float(value))
+    return fl.floquet(fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control).periodic_system(), tol)
+
+
+@pytest.mark.parametrize(
+    ("path", "low", "high"),
+    [("effects.payload.mass", 0.01, 0.2), ("motion.frequency", 0.3, 1.5), ("control.feedback.kp.0", 1.0, 8.0)],
+)
+def test_every_kind_of_parameter_agrees_with_a_scene_built_anew(scene, path, low, high):
+    values = np.linspace(low, high, 40)
+    result = sweep(scene, {path: values})
+    for i in (0, 13, 27, 39):
+        exact = rebuilt(scene, path, values[i])
+        apart = np.abs(result.exponents.values[i][:, None] - exact.exponents).min(axis=1)
+        assert np.all(apart <= 2e-8 * np.maximum(1.0, np.abs(exact.exponents)))
+        assert apart.max() <= float(result.error[i]) + exact.error
+        assert str(result.verdict.values[i]) == exact.verdict
+
+
+def test_two_paths_make_points_or_a_grid(scene):
+    mass, kp = np.array([0.02, 0.05, 0.1]), np.array([2.0, 3.0, 4.0])
+    paths = {"effects.payload.mass": mass, "control.feedback.kp.0": kp}
+    points, grid = sweep(scene, paths), sweep(scene, paths, grid=True)
+    assert points.exponents.shape == (3, 4)
+    assert grid.verdict.dims == tuple(paths)
+    diagonal = grid.exponents.values[np.arange(3), np.arange(3)]
+    assert np.allclose(diagonal, points.exponents.values, rtol=2e-8, atol=0)
+    chosen = grid.sel({"effects.payload.mass": 0.05, "control.feedback.kp.0": 3.0})
+    assert np.allclose(chosen.exponents, points.exponents[1], rtol=2e-8, atol=0)
+
+
+def test_small_chunks_give_the_same_numbers_in_bounded_memory(scene):
+    values = np.linspace(0.01, 0.2, 600)
+    path = "effects.payload.mass"
+    sweep(scene, {path: values[:5]})
+    peaks, results = [], []
+    for chunk_bytes in (2**21, 2**26):
+        tracemalloc.start()
+        results.append(sweep(scene, {path: values}, chunk_bytes=chunk_bytes))
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[0] < 2**21 + 2**21  # the result and what Python itself holds
+    assert peaks[1] < 2**26
+    assert np.allclose(results[0].exponents, results[1].exponents, rtol=1e-10, atol=1e-9)
+
+
+def test_values_that_the_batch_cannot_certify_go_one_by_one(scene, monkeypatch):
+    """With one and two segments no error estimate can be small: the batch must say so and hand over."""
+    monkeypatch.setattr("flexlin.sweep.STARTS", (1,))
+    result = sweep(scene, {"effects.payload.mass": [0.03, 0.05]})
+    assert result.attrs["one_by_one"] == 2
+    assert result.one_by_one.all()
+    exact = rebuilt(scene, "effects.payload.mass", 0.05)
+    assert np.allclose(result.exponents[1], exact.exponents, rtol=1e-8)
+
+
+def test_a_motion_with_breaks(scene):
+    joints = [{"waypoints": [0.0, 1.0, 0.4]}]
+    moves = {"kind": "point-to-point", "move_time": 0.4, "dwell_time": 0.1, "joints": joints}
+    scene = fl.load_scene("single-link", {"links.0.modes": 1, "designs": [], "motion": moves})
+    values = np.array([0.02, 0.05, 0.08])
+    result = sweep(scene, {"effects.payload.mass": values})
+    assert result.attrs["one_by_one"] == 0
+    exact = rebuilt(scene, "effects.payload.mass", values[2], 1e-10)
+    apart = np.abs(result.exponents.values[2][:, None] - exact.exponents).min(axis=1)
+    assert np.all(apart <= 3e-8 * np.maximum(1.0, np.abs(exact.exponents)))
+    with pytest.raises(ArgumentError, match="moves the breaks"):
+        sweep(scene, {"motion.move_time": [0.5, 0.6]})
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {},
+        {"effects.payload.mass": []},
+        {"effects.payload.mass": [0.1], "motion.frequency": [1.0, 2.0]},
+        {"links.0.x": [1.0]},
+    ],
+)
+def test_what_does_not_fit_is_refused(scene, values):
+    with pytest.raises(ArgumentError):
+        sweep(scene, values)
