@@ -40,11 +40,12 @@ def costs_to_go(segments: Segment, end: Array | None, problem: LinearQuadratic, 
 def doubled(segments: Segment, period: Segment, problem: LinearQuadratic, marks: Array) -> tuple[Array, int, float]:
     """Double one period until the cost H of 2^k periods stops changing and the loop's memory F is gone.
 
-    Returns: H, the number of doublings, and the norm of the sum of (F^k)' F^k over all periods: the loop's memory.
+    Returns: H, the number of doublings, and the norm of the sum of (Phi^k)' H Phi^k over all periods relative to that of H:
+    how far a relative error of H made in every period adds up.
     Raises: NotStabilizable when H grows for ever; NotDetectable when G does, or F does not decay.
     """
     limits = sizes_without_coupling(problem, float(marks[-1]))
-    whole, scale, memory = period, max(float(np.abs(period.F).max()), 1.0), np.eye(len(period.F))
+    whole, scale = period, max(float(np.abs(period.F).max()), 1.0)
     for k in range(MAX_DOUBLINGS):
         with np.errstate(over="ignore", invalid="ignore"):
             twice = star_product(whole, whole)
@@ -52,9 +53,18 @@ def doubled(segments: Segment, period: Segment, problem: LinearQuadratic, marks:
             raise blocked_mode(True, segments, whole, 1e-6 * limits[0], problem, marks)
         if not np.abs(twice.G).max() < limits[1]:
             break
-        memory = memory + whole.F.T @ memory @ whole.F
         before, whole = whole, twice
         rests = np.abs(whole.H - before.H).max() <= 1e-16 * np.abs(whole.H).max()
         if rests and np.abs(whole.F).max() <= 1e-8 * scale:
-            return whole.H, k + 1, float(np.linalg.norm(memory, 2))
+            return whole.H, k + 1, memory(period, whole.H)
     raise blocked_mode(False, segments, whole, 1e-6 * limits[1], problem, marks)
+
+
+def memory(period: Segment, X: Array) -> float:
+    """Return |sum over k of (Phi^k)' X Phi^k| / |X| with the closed loop's period map Phi = (I + G X)^-1 F."""
+    Phi, total = np.linalg.solve(np.eye(len(X)) + period.G @ X, period.F), X
+    for _ in range(MAX_DOUBLINGS):
+        total, Phi = total + Phi.T @ total @ Phi, Phi @ Phi
+        if np.abs(Phi).max() < 1e-8:
+            break
+    return float(np.linalg.norm(total) / (np.linalg.norm(X) or 1.0))
