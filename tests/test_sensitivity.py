@@ -1,0 +1,82 @@
+"""Derivatives of exponents, against Richardson's differences of scenes built anew and a closed form."""
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.scene.parameters import get_value, replace_value
+from flexlin.sensitivity import default_paths, sensitivity
+
+
+@pytest.fixture(scope="module")
+def scene():
+    overrides = {"links.0.modes": 1, "designs": [], "effects.hub.inertia": 0.01, "control.feedback.kd.0": 0.1}
+    return fl.load_scene("single-link", overrides)
+
+
+def exponents(scene):
+    system = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control).periodic_system()
+    return fl.floquet(system, 1e-12).exponents
+
+
+def richardson(scene, path):
+    """d exponents / d parameter by central differences of two steps, extrapolated to order 4."""
+    value, centre = get_value(scene, path), exponents(scene)
+
+    def slope(step):
+        ends = [exponents(replace_value(scene, path, value + sign * step)) for sign in (1, -1)]
+        plus, minus = (end[np.abs(centre[:, None] - end).argmin(axis=1)] for end in ends)
+        return (plus - minus) / (2 * step)
+
+    step = 2e-3 * value
+    return (4 * slope(step / 2) - slope(step)) / 3
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "effects.payload.mass",
+        "links.0.bending_stiffness",
+        "links.0.length",
+        "motion.frequency",
+        "motion.joints.0.amplitude",
+        "control.feedback.kp.0",
+        "control.feedback.kd.0",
+    ],
+)
+def test_against_differences_of_scenes_built_anew(scene, path):
+    result = sensitivity(scene, [path])
+    exact = richardson(scene, path)
+    assert np.abs(result.derivative.values[0] - exact).max() <= 1e-6 * np.abs(exact).max()
+
+
+def test_a_spinning_link_without_gravity_in_closed_form():
+    """x'' + 2 zeta w x' + (w^2 - W^2) x = 0 has the exponents -zeta w +- i sqrt(w^2 - W^2 - zeta^2 w^2), w^2 proportional to EI."""
+    overrides = {
+        "links.0.modes": 1,
+        "designs": [],
+        "control": {},
+        "effects.gravity": "off",
+        "effects.payload": "off",
+        "effects.geometric_stiffening": "off",
+        "effects.modal_damping.ratio": 0.02,
+        "motion": {"kind": "rotation", "drive": "prescribed", "joints": [{"rate": 3.0}]},
+    }
+    scene = fl.load_scene("single-link", overrides)
+    link = scene.links[0]
+    omega = 1.87510407**2 * np.sqrt(link.bending_stiffness / link.mass_per_length / link.length**4)
+    frozen = np.sqrt(omega**2 - 3.0**2)
+    result = sensitivity(scene, ["effects.modal_damping.ratio", "links.0.bending_stiffness"])
+    assert np.allclose(result.derivative.values[0].real, -omega, rtol=1e-7)
+    imaginary = np.sqrt(frozen**2 - (0.02 * omega) ** 2)
+    by_stiffness = (omega**2 / link.bending_stiffness - 2 * 0.02**2 * omega * omega / (2 * link.bending_stiffness)) / 2
+    assert np.allclose(np.abs(result.derivative.values[1].imag), by_stiffness / imaginary, rtol=1e-6)
+
+
+def test_every_number_of_the_scene_by_default(scene):
+    result = sensitivity(scene)
+    assert set(result.parameter.values) == set(default_paths(scene))
+    assert "effects.gravity.acceleration" in result.parameter.values
+    assert np.isfinite(result.derivative.values).all()
+    share = result.percent.sel(parameter="control.feedback.kd.0")
+    assert np.allclose(share, result.derivative.sel(parameter="control.feedback.kd.0").real * 0.1 / 100)
