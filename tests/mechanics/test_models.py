@@ -9,6 +9,7 @@ import flexlin as fl
 from .scenes import matrices_at_rest
 
 CHAINS = (
+    "arm-on-carriage",
     "de-luca-siciliano-1991",
     "flexible-joint-link",
     "pick-and-place",
