@@ -20,7 +20,8 @@ CLOSED = 1e-9
 def side_by_side(first: Manipulator, second: Manipulator, names: tuple[str, str], points: ca.SX) -> Manipulator:
     """Return two manipulators as one, with coordinates s = [s_1; s_2] named after both; still unconnected.
 
-    Parameters: points (2, k): where the second's points are, from base to tip; they follow those of the first, from tip to base.
+    Parameters: points (2, k): where the second's points are, from base to tip. They come first,
+    from tip to base, so the last point of all is the tip.
     """
     arms, shift = (first, second), first.n
     if first.energy is None or second.energy is None or first.parameters.paths or second.parameters.paths:
@@ -45,7 +46,7 @@ def side_by_side(first: Manipulator, second: Manipulator, names: tuple[str, str]
         drives=(*first.drives, *(i + shift for i in second.drives)),
         names=tuple(f"{name} {s}" for name, arm in zip(names, arms, strict=True) for s in arm.names),
         energy=first.energy + second.energy,
-        points=ca.horzcat(first.points, points[:, ::-1]),
+        points=ca.horzcat(points[:, ::-1], first.points),
         coriolis=diagonal("C"),
     )
 

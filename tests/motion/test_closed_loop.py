@@ -42,7 +42,7 @@ def test_tip_of_the_scene_follows_the_circle(motion):
     circle = tip_circle(0.04).sample(t)[0]
     for angles, there in zip(motion.sample(t)[0], circle, strict=True):
         points = np.array(arm.functions["points"]([*angles, 0, 0], []))
-        assert_allclose(points[:, 2], there, atol=1e-12)
+        assert_allclose(points[:, -1], there, atol=1e-12)
 
 
 def test_it_serves_as_basic_motion(motion):
