@@ -24,9 +24,8 @@ class Polynomial:
 
     def __call__(self, dx: ArrayLike) -> Array:
         """Return the values (..., outputs) at dx (n,) or (N, n)."""
-        points = np.asarray(dx, dtype=float) if np.ndim(dx) == 2 else real_array("dx", dx, (self.indices.n,))
-        if points.ndim == 2:
-            real_array("dx", points, (None, self.indices.n))
+        n = self.indices.n
+        points = real_array("dx", dx, (None, n) if np.ndim(dx) == 2 else (n,))
         return self.indices.monomials(points) @ self.coefficients
 
     def kronecker(self, k: int) -> Array:

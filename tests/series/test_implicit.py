@@ -112,6 +112,20 @@ def test_radius_against_reach_circles():
     assert kinds["not found"] <= 2
 
 
+@pytest.mark.parametrize("rocker", [1.3, 1.7, 2.0])
+def test_radius_against_dead_centres_of_a_4_bar(rocker):
+    """Crank and coupler align where |rocker tip|^2 = g^2 + c^2 + 2 g c cos(angle) = (b +- a)^2, also for complex angles."""
+    closure = LOOPS["4-bar from its rocker"][0]
+    c = closure.taylor(closure.close([0.9, -0.8, rocker], (2,)), (2,), 3)
+    cosines = [((0.5 + sign * 0.2) ** 2 - 0.4**2 - 0.35**2) / (2 * 0.4 * 0.35) for sign in (1, -1)]
+    folds = [side * np.arccos(x + 0j) + turn for x in cosines for side in (1, -1) for turn in (0, 2 * np.pi)]
+    exact = min((fold - rocker for fold in folds), key=abs)
+    radius = c.radius([1.0])
+    assert radius.kind == "real singularity"
+    assert radius.location.real == pytest.approx(exact.real, abs=1e-9)
+    assert ("behind" in radius.status) == (exact.real < 0)
+
+
 def test_radius_names_the_singular_configuration(inverse):
     radius = inverse.radius([0, 1])
     assert radius.location.real > 0
@@ -160,6 +174,14 @@ def test_straight_solution_is_linear_everywhere():
     assert fl.implicit_taylor(v - 3 * u, u, v, [0.2], [0.6], 4).linear_range(1e-3, [1.0]) == np.inf
     cubic = fl.implicit_taylor(v - 3 * u - 8 * u**3, u, v, [0.0], [0.0], 4)
     assert cubic.linear_range(1e-3, [1.0]) == pytest.approx(0.05, rel=1e-12)
+
+
+def test_matrix_symbols_of_mx_kind():
+    u, v = ca.MX.sym("u", 2), ca.MX.sym("v", 2)
+    f = ca.vertcat(v[0] + ca.sin(v[1]) - u[0], v[1] * ca.exp(v[0]) - u[1])
+    c = fl.implicit_taylor(f, u, v, [0.0, 0.0], [0.0, 0.0], 6)
+    du = np.array([0.02, -0.03])
+    assert_allclose(c(du), c.refined(du), atol=1e-9)
 
 
 def test_few_digits_are_refined(inverse):
