@@ -1,6 +1,7 @@
 """The symbolic wing: equations of motion of planar chains with rigid and flexible links."""
 
 from flexlin.mechanics.chain import build_manipulator
+from flexlin.mechanics.effects import Effect, register_effect
 from flexlin.mechanics.manipulator import Manipulator
 
-__all__ = ["Manipulator", "build_manipulator"]
+__all__ = ["Effect", "Manipulator", "build_manipulator", "register_effect"]

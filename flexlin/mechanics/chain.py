@@ -25,8 +25,7 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
     """Derive the equations of the manipulator that a scene describes.
 
     Coordinates: first the relative joint displacements q, then the elastic coordinates w link by link, then those of motors behind
-    flexible joints. Energies by recursion over the links,
-    M, C, g by Lagrange's equations. An effect that is off adds no instruction and no coordinate.
+    flexible joints. Energies by recursion over the links, M, C, g by Lagrange's equations. An effect that is off adds no instruction and no coordinate.
 
     Assumes slender links in a plane, deflections small against the length.
 
@@ -41,13 +40,19 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
     basis = [basis_of(scene, i) for i in range(len(scene.links))]
     scene = free.placed_in(scene)
     effects = effects_of(scene.effects)
-    modes = [link.modes for link in scene.links]
-    free_motors = any(effect.frees_motors() for effect in effects)
+    modes, free_motors = [link.modes for link in scene.links], any(effect.frees_motors() for effect in effects)
     at, rate = (Coordinates.named(modes, free_motors, mark) for mark in ("", "d_"))
-    chain = _chain(scene.links, effects, basis, at, rate)
+    arm = _equations(_chain(scene.links, effects, basis, at, rate), effects, at, rate, free)
+    return _with_free_motors(arm) if free_motors else arm
+
+
+def _equations(
+    chain: Chain, effects: tuple[Effect, ...], at: Coordinates, rate: Coordinates, free: Parameters
+) -> Manipulator:
+    """Lagrange's equations of the chain; the motors drive, and their encoders read, what the chain says their angles are."""
     T, V, R = _energies(chain, effects)
     measured = ca.jacobian(chain.motor, at.all)
-    joints = range(len(scene.links))
+    gains = ca.vertcat(*[_input_gain(effects, i) for i in range(len(chain.joints))])
     arm = Manipulator.from_lagrangian(
         at.all,
         rate.all,
@@ -55,18 +60,22 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
         V,
         R,
         resistance=_resistance(chain, effects, at.all),
-        B=ca.densify(measured.T @ ca.diag(ca.vertcat(*[_input_gain(effects, i) for i in joints]))),
-        joints=joints,
+        B=ca.densify(measured.T @ ca.diag(gains)),
+        joints=range(len(chain.joints)),
         names=at.names,
         parameters=free,
         points=ca.horzcat(*[frame.position for frame in (*chain.joints, chain.tips[-1])]),
         check=False,
     )
-    if not free_motors:
-        return replace(arm, measured=measured)
-    eye, motors = ca.DM.eye(arm.n), [arm.n - len(joints) + i for i in joints]
-    reference = eye[:, list(joints)] + eye[:, motors]  # rigidly, each motor turns with its joint
-    return replace(arm, measured=measured, reference=reference, drives=tuple(motors))
+    return replace(arm, measured=measured)
+
+
+def _with_free_motors(arm: Manipulator) -> Manipulator:
+    """The last coordinates are the motors': rigidly each turns with its joint, and a prescribed joint prescribes its motor."""
+    joints = arm.joints
+    motors = range(arm.n - joints, arm.n)
+    eye = ca.DM.eye(arm.n)
+    return replace(arm, reference=eye[:, :joints] + eye[:, list(motors)], drives=tuple(motors))
 
 
 def _registered(scene: Scene, free: Parameters) -> Manipulator:

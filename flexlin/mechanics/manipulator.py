@@ -111,7 +111,7 @@ class Manipulator:
         s_ddot = ca.SX.sym("s_ddot", n)
         _check_shapes(n, M=(M, n), C=(C, n), g=(g, 1), damping=(damping, 1), B=(B, None))
         _check_symbols(ca.vertcat(s, s_dot), M=M, C=C, g=g, damping=damping, B=B)
-        driven = tuple(i for i in range(n) if not ca.SX(B[i, :]).is_zero()) if joints is None else tuple(joints)
+        driven = _driven(B) if joints is None else tuple(joints)
         arm = cls(
             s,
             s_dot,
@@ -171,7 +171,7 @@ class Manipulator:
         s_ddot = ca.SX.sym("s_ddot", n)
         momentum, g, damping = ca.gradient(T, s_dot), ca.gradient(V, s), ca.gradient(R, s_dot) + resisting
         rate_of_momentum = ca.jtimes(momentum, ca.vertcat(s, s_dot), ca.vertcat(s_dot, s_ddot))
-        driven = tuple(i for i in range(n) if not ca.SX(B[i, :]).is_zero()) if joints is None else tuple(joints)
+        driven = _driven(B) if joints is None else tuple(joints)
         arm = cls(
             s,
             s_dot,
@@ -191,6 +191,11 @@ class Manipulator:
         if check:
             validate(arm)
         return arm
+
+
+def _driven(B: ca.SX) -> tuple[int, ...]:
+    """The coordinates that some input moves."""
+    return tuple(i for i in range(B.size1()) if not ca.SX(B[i, :]).is_zero())
 
 
 def _check_shapes(rows: int, **expressions: tuple[ca.SX, int | None]) -> None:
