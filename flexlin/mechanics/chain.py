@@ -25,7 +25,8 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
     """Derive the equations of the manipulator that a scene describes.
 
     Coordinates: first the relative joint displacements q, then the elastic coordinates w link by link, then those of motors behind
-    flexible joints. Energies by recursion over the links, M, C, g by Lagrange's equations. An effect that is off adds no instruction and no coordinate.
+    flexible joints. Energies by recursion over the links, M, C, g by Lagrange's equations.
+    An effect that is off adds no instruction and no coordinate.
 
     Assumes slender links in a plane, deflections small against the length.
 
