@@ -113,6 +113,8 @@ def draw(data: Survival, path: Path) -> None:
         row[0].set_ylabel("payload in g")
     for cell in axes[-1]:
         cell.set(xlabel="frequency in Hz", xscale="log")
+        cell.set_xticks([0.2, 0.5, 1.0, 2.0], ["0.2", "0.5", "1", "2"])
+        cell.set_xticks([], minor=True)
     figure.colorbar(shown, ax=axes, label="largest real part of the exponents in 1/s")
     figure.suptitle("Which loop survives (blue: stable)")
     figure.savefig(path)
