@@ -7,7 +7,7 @@ from scipy.integrate import simpson
 import flexlin as fl
 from flexlin.control import feedforward, linearize_about, periodic_lqr
 from flexlin.control.validity import linear_range
-from flexlin.errors import ArgumentError
+from flexlin.errors import ArgumentError, SceneError
 from flexlin.simulation import region_of_attraction, simulate
 from flexlin.simulation.law import Drive
 
@@ -93,3 +93,17 @@ def test_region_of_attraction_is_bracketed(lin):
     found = region_of_attraction(lin, modes=1, periods=2, halvings=3, largest=3.0, tol=1e-5)
     assert 0 < found.inside[0] < found.outside[0] <= 3.0
     assert "come back" in found.status
+
+
+def test_drives_come_from_the_scene():
+    scene = fl.load_scene(
+        "single-link",
+        {"control.saturation": {"torque": [0.4]}, "control.sampling": {"period": 0.004, "delay": 0.001}},
+    )
+    slow = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    run = simulate(slow, 0.1, tol=1e-6)
+    given = simulate(slow, 0.1, tol=1e-6, drive=Drive((0.4,), 0.004, 0.001))
+    np.testing.assert_array_equal(run.nonlinear, given.nonlinear)
+    assert np.abs(run.torque).max() <= 0.4
+    with pytest.raises(SceneError, match=r"control\.saturation\.torque"):
+        fl.load_scene("single-link", {"control.saturation": {"torque": [0.4, 1.0]}})

@@ -13,6 +13,7 @@ from flexlin.control.estimator import Estimator, kalman_filter, output_feedback
 from flexlin.control.export import gain_schedule, periodic_plant, save, to_control
 from flexlin.control.finite_horizon import finite_horizon_lqr
 from flexlin.control.frozen import frozen_lqr
+from flexlin.control.integral import with_integral_action
 from flexlin.control.pd import pd_feedback
 from flexlin.control.periodic import periodic_lqr
 
@@ -42,6 +43,7 @@ __all__ = [
     "periodic_plant",
     "save",
     "to_control",
+    "with_integral_action",
     *_ON_MANIPULATORS,
 ]
 

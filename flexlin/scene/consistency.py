@@ -63,12 +63,12 @@ def _joint_counts(raw: dict[str, Any]) -> Iterator[Problem]:
         return
     default = motion.get("drive", "torque")
     driven = sum(joint.get("drive", default) == "torque" for joint in _tables(joints))
-    feedback = raw["control"].get("feedback") if isinstance(raw.get("control"), dict) else None
-    for key in ("kp", "kd"):
-        gains = feedback.get(key) if isinstance(feedback, dict) else None
-        if isinstance(gains, list) and len(gains) != driven:
+    control = raw["control"] if isinstance(raw.get("control"), dict) else {}
+    for table, key in (("feedback", "kp"), ("feedback", "kd"), ("saturation", "torque")):
+        values = control[table].get(key) if isinstance(control.get(table), dict) else None
+        if isinstance(values, list) and len(values) != driven:
             yield Problem(
-                f"control.feedback.{key}", f"{len(gains)} gains", f"{driven}, one for each torque-driven joint"
+                f"control.{table}.{key}", f"{len(values)} numbers", f"{driven}, one for each torque-driven joint"
             )
     coordinates = driven + _added_coordinates(links, raw)
     for i, design in enumerate(_tables(raw.get("designs"))):

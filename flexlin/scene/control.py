@@ -15,18 +15,38 @@ class Pd(Table):
     kd: tuple[NonNegative, ...]
 
 
+class Saturation(Table):
+    """The motors give no more than this torque, in N m, one number a torque-driven joint."""
+
+    torque: tuple[Positive, ...]
+
+
+class Sampling(Table):
+    """The torque is computed once every `period` (s), held in between, and takes effect `delay` (s) after the measurement."""
+
+    period: Positive
+    delay: NonNegative = 0.0
+
+
 class Control(Table):
-    """The loop that runs on the arm: feedforward along the basic motion, and feedback about it."""
+    """The loop that runs on the arm: feedforward along the basic motion, and feedback about it.
+
+    `saturation` and `sampling` are on when their tables are present; the linear equations leave both out, the nonlinear simulation
+    does not. `about = "elastic"` judges the loop about the periodic motion of the elastic arm too, beside the rigid one.
+    """
 
     feedforward: Literal["rigid", "none"] = "rigid"
     feedback: Pd | None = None
+    saturation: Saturation | None = None
+    sampling: Sampling | None = None
+    about: Literal["rigid", "elastic"] = "rigid"
 
 
 class Design(Table):
     """A controller to be designed; weights are the diagonals of Q (state [y; y']) and R."""
 
     name: Annotated[str, Field(min_length=1)]
-    kind: Literal["periodic-lqr", "frozen-lqr", "averaged-lqr"]
+    kind: Literal["periodic-lqr", "frozen-lqr", "averaged-lqr", "finite-horizon-lqr"]
     state_weight: tuple[NonNegative, ...]
     input_weight: tuple[Positive, ...]
     phases: Annotated[int, Field(strict=True, ge=1, le=4096)] = 16

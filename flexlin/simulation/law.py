@@ -81,6 +81,18 @@ class Drive:
         return torque if self.limit is None else np.clip(torque, -np.array(self.limit), self.limit)
 
 
+def scene_drive(lin: Linearization) -> Drive:
+    """The drive that the scene's control tables describe."""
+    if lin.control is None:
+        return Drive()
+    limit, sampling = lin.control.saturation, lin.control.sampling
+    return Drive(
+        None if limit is None else limit.torque,
+        None if sampling is None else sampling.period,
+        0.0 if sampling is None else sampling.delay,
+    )
+
+
 def torque_law(
     lin: Linearization, feedback: MatrixFunction | None = None, feedforward: Feedforward | None = None
 ) -> TorqueLaw:

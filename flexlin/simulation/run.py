@@ -8,7 +8,7 @@ from flexlin.checks import Array, positive, real_array
 from flexlin.control.tracking import Feedforward, tip_positions
 from flexlin.linearization import Linearization
 from flexlin.periodic.system import MatrixFunction
-from flexlin.simulation.law import Drive, torque_law
+from flexlin.simulation.law import Drive, scene_drive, torque_law
 from flexlin.simulation.loop import NonlinearLoop
 from flexlin.simulation.predict import predict
 from flexlin.simulation.result import Simulation
@@ -29,7 +29,8 @@ def simulate(
         M(s) s'' + C s' + g + d = B torque,   torque = tau_ff(t) - K ([y; y'] - reference(t)),   s = s_R + y
 
     K is the scene's own feedback and tau_ff the torque of the rigid motion (reference 0), unless others are given.
-    Assumes prescribed joints follow their angles. The drive may saturate and sample the torque; the linear answer leaves that out.
+    Assumes prescribed joints follow their angles. The drive, by default the scene's, may saturate and sample the torque; the linear
+    answer leaves that out.
 
     Parameters: lin: from `linearize(arm, motion, control)`; periods: length of the simulation; initial: deviation [y; y'] (2n,) at t = 0,
     default the feedforward's reference; feedback: gain function (N,) -> (N, m, 2n); feedforward: from `control.feedforward`.
@@ -40,7 +41,7 @@ def simulate(
     law, n = torque_law(lin, feedback, feedforward), lin.n
     start = law.reference(np.zeros(1))[0] if initial is None else real_array("initial", initial, (2 * n,))
     t = np.linspace(0.0, periods * lin.period, int(np.ceil(periods * points_per_period)) + 1)
-    loop = NonlinearLoop(lin, law, drive)
+    loop = NonlinearLoop(lin, law, drive or scene_drive(lin))
     rough, fine = (loop.integrate(t, start, rtol) for rtol in (tol, tol / 10))
     states, work = fine[:, :-1], fine[:, -1]
     error = float(np.abs(rough[:, :-1] - states).max() / max(1.0, np.abs(states).max()))

@@ -10,7 +10,15 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import flexlin as fl
-from flexlin.control import averaged_lqr, design, finite_horizon_lqr, frozen_lqr, pd_feedback, periodic_lqr
+from flexlin.control import (
+    averaged_lqr,
+    design,
+    finite_horizon_lqr,
+    frozen_lqr,
+    pd_feedback,
+    periodic_lqr,
+    with_integral_action,
+)
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
 
 KINDS = ("periodic-lqr", "frozen-lqr", "averaged-lqr", "finite-horizon-lqr")
@@ -162,3 +170,20 @@ def test_a_stiff_loop_takes_the_exponential_and_agrees_with_collocation():
     reference, _ = solve_on(edges(1.0, (), 400), linear_quadratic(system, np.eye(4), 0.1 * np.eye(1)), None)
     t = np.random.default_rng(3).uniform(0, 1, 50)
     assert np.abs(made.X(t) - reference.X(t)).max() < 1e-9 * np.abs(reference.X(t)).max()
+
+
+def test_integral_action_removes_the_mean_joint_error():
+    """A constant torque pushes the loop; the periodic response of the joint averages to zero with the integral, not without."""
+    system, C = pendulums(), np.array([[1.0, 0.0, 0.0, 0.0]])
+    extended = with_integral_action(system, C)
+    plain = periodic_lqr(system, Q, R)
+    integral = periodic_lqr(extended, np.diag([*np.diag(Q), 1.0]), R)
+    t = np.pi * np.arange(256) / 256
+    means = []
+    for made in (plain, integral):
+        push = made.closed_loop.B
+        response = fl.forced_response(made.closed_loop, lambda t, B=push: B(t)[:, :, 0], tol=1e-10)
+        means.append(abs(response(t)[:, 0].mean()))
+    assert fl.floquet(integral.closed_loop).verdict == "stable"
+    assert means[0] > 1e-3
+    assert means[1] < 1e-9

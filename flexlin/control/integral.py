@@ -1,0 +1,36 @@
+"""Integral action: a system extended by the integrals of what must not keep an error."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexlin.checks import Array, real_array
+from flexlin.errors import ArgumentError
+from flexlin.periodic.system import PeriodicSystem
+
+
+def with_integral_action(system: PeriodicSystem, measured: ArrayLike) -> PeriodicSystem:
+    """Extend a system by the integrals of measured errors, so that any design on it acts on them too.
+
+        [x; e]' = [[A, 0], [C, 0]] [x; e] + [B; 0] u
+
+    An LQR for it, u = -K_x x - K_e e, leaves no mean error of C x behind a constant disturbance of the torque.
+
+    Parameters: measured: C (p, n), such as the rows of the joint angles.
+    Returns: the system of n + p states. Raises: ArgumentError when C does not fit or the system has no input.
+    """
+    if system.B is None:
+        raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
+    C = real_array("measured", measured, (None, system.n))
+    A, B, n, p = system.A, system.B, system.n, len(C)
+
+    def state_matrix(t: Array) -> Array:
+        out = np.zeros((len(t), n + p, n + p))
+        out[:, :n, :n] = A(t)
+        out[:, n:, :n] = C
+        return out
+
+    def input_matrix(t: Array) -> Array:
+        upper = B(t)
+        return np.concatenate([upper, np.zeros((len(t), p, upper.shape[2]))], axis=1)
+
+    return PeriodicSystem(state_matrix, system.period, input_matrix, system.breaks)
