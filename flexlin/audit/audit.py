@@ -43,6 +43,11 @@ class Row:
     advice: str
     problem: str = ""
 
+    @property
+    def judged(self) -> bool:
+        """Whether all figures could be had: without them nothing can be called needless."""
+        return bool(np.isfinite(self.margin) and np.isfinite(self.tip_error))
+
 
 @dataclass(frozen=True)
 class Audit:
@@ -61,7 +66,9 @@ class Audit:
     @property
     def droppable(self) -> tuple[str, ...]:
         """Effects of the scene whose absence would not be noticed at this tolerance."""
-        return tuple(row.subject for row in self.effects if row.on and row.significance <= self.tolerance)
+        return tuple(
+            row.subject for row in self.effects if row.on and row.judged and row.significance <= self.tolerance
+        )
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -162,7 +169,7 @@ def _row(version: Version, base: Measure, reach: float, tolerance: float) -> Row
         other.coordinates - base.coordinates,
         other.verdict,
         significance,
-        _advice(version, significance > tolerance),
+        _advice(version, significance > tolerance, bool(np.isfinite(margin) and np.isfinite(tip_error))),
         "; ".join(other.problems),
     )
 
@@ -183,7 +190,9 @@ def _relative_margin(base: Measure, other: Measure) -> float:
     return change / max(abs(base.margin), abs(other.margin))
 
 
-def _advice(version: Version, matters: bool) -> str:
+def _advice(version: Version, matters: bool, judged: bool) -> str:
+    if not (matters or judged):
+        return "undecided: not all of it could be judged"
     if version.kind == "modes":
         if version.on:
             return "its last mode is needed" if matters else "a mode less is enough"

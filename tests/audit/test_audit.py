@@ -82,6 +82,19 @@ def test_a_softening_model_is_caught():
     assert row.advice == "keep"
 
 
+def test_what_cannot_be_judged_is_not_called_needless():
+    """A one-way motion has no exponents: only the frequencies can tell, and their silence proves nothing."""
+    joints = [{"waypoints": [0.0, 1.0]}]
+    motion = {"kind": "point-to-point", "move_time": 1.0, "course": "one-way", "joints": joints}
+    result = audit(fl.load_scene("quanser-flexible-link", {"motion": motion, "links.0.modes": 1, "designs": []}))
+    assert result.base.verdict == "unknown"
+    assert result.base.problems
+    assert result.droppable == ()
+    assert "hub" in result.needed
+    row = next(row for row in result.effects if row.subject == "modal_damping")
+    assert row.advice.startswith("undecided")
+
+
 def test_registered_models_are_refused():
     with pytest.raises(ArgumentError, match="registered model"):
         audit(fl.load_scene("khang-2019"))
