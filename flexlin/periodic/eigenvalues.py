@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg.lapack import dgeqrf, dorgqr
 
 from flexlin.checks import Array
-from flexlin.periodic.product import balanced, grouped, scaled_product
+from flexlin.periodic.product import balanced, grouped, paired, scaled_product
 
 CLEAN = 1e-14
 """A cut between two groups of moduli is clean when the coupling below it is this small (times n)."""
@@ -16,6 +16,8 @@ SPREAD = 4.6
 """The logs of moduli inside one multiplied-out cluster may differ by this much: log 100, so two digits are lost."""
 MIN_SWEEPS, MAX_SWEEPS, MAX_WORK = 12, 400, 8_000_000
 """Bounds on the sweeps, and on n^2 times the number of QR factorizations in all of them together."""
+FULL_SWEEPS, GRADED = 2, 200.0
+"""Sweeps over all factors before triangular ones are multiplied together, and the range of logs of a product's diagonal."""
 EPS, TINY = float(np.finfo(float).eps), float(np.finfo(float).tiny)
 NOISE, PROBES = 20.0, 2
 """Random perturbations of the factors that measure the conditioning: roundings per factor, and how many trials."""
@@ -62,7 +64,7 @@ def product_spectrum(
         start = np.eye(len(scale)) if basis is None else np.linalg.qr(basis / scale[:, None])[0]
         logs, backward, sweeps, Q = cyclic_logs(groups, start)
         basis = scale[:, None] * Q
-        moved = [cyclic_logs(probe, Q)[0] for probe in noisy]
+        moved = [cyclic_logs(probe, Q, 10 * level)[0] for probe in noisy]
     rounding = backward + 4 * EPS * np.abs(logs)
     if moved:
         rounding += np.max([partners(logs, other)[1] for other in moved], axis=0)
@@ -76,7 +78,7 @@ def noise(shape: tuple[int, ...]) -> Array:
     return np.random.default_rng(20190610).standard_normal(shape)
 
 
-def cyclic_logs(factors: Array, Q: Array) -> tuple[Array, float, int, Array]:
+def cyclic_logs(factors: Array, Q: Array, clean: float = CLEAN) -> tuple[Array, float, int, Array]:
     """Logs of the eigenvalues of the product by cyclic QR sweeps that start from Q.
 
         F_k Q_k = Q_(k+1) R_k,   k = 0 ... K - 1;   W = Q_0' Q_K;   product ~ W R_(K-1) ... R_0
@@ -86,24 +88,42 @@ def cyclic_logs(factors: Array, Q: Array) -> tuple[Array, float, int, Array]:
 
     Returns: logs, the backward error of the cuts and of the blocks, the number of sweeps, and the last Q_0.
     """
-    W, R, sweeps, Q = triangularized(factors, Q)
-    cuts, coupling, spread = clusters(W, R, CLEAN * len(W))
+    W, R, sweeps, Q = triangularized(factors, Q, clean)
+    cuts, coupling, spread = clusters(W, R, clean * len(W))
     blocks = [cluster_logs(W, R, start, stop) for start, stop in pairwise(cuts)]
     loss = float(np.exp(min(max(0.0, spread - SPREAD), 36.0)))
     return np.concatenate(blocks), coupling + EPS * (loss - 1), sweeps, Q
 
 
-def triangularized(factors: Array, Q: Array) -> tuple[Array, Array, int, Array]:
-    """Sweep until every cluster is narrow; the width that is accepted rises slowly so that equal gaps end too."""
-    n = factors.shape[-1]
-    limit = max(MIN_SWEEPS, min(MAX_SWEEPS, MAX_WORK // (n * n * len(factors))))
-    for sweep in range(1, limit + 1):
+def triangularized(factors: Array, Q: Array, clean: float) -> tuple[Array, Array, int, Array]:
+    """Sweep until every cluster is narrow; the width that is accepted rises slowly so that equal gaps end too.
+
+    After FULL_SWEEPS the rows of R are graded: then triangular factors may be multiplied together without loss, and the
+    sweeps go on over W and these few products.
+    """
+    n, base, limit = factors.shape[-1], np.eye(len(Q)), MAX_SWEEPS
+    for sweep in range(1, MAX_SWEEPS + 1):
         end, R = swept(factors, Q)
         W = Q.T @ end
-        if clusters(W, R, CLEAN * n)[2] <= SPREAD + sweep / 20:
+        if clusters(W, R, clean * n)[2] <= SPREAD + sweep / 20 or sweep == limit:
             break
+        if sweep == FULL_SWEEPS:
+            base, Q, factors = Q, np.eye(n), np.concatenate([triangular_groups(R), W[None]])
+            end = W
+            limit = max(MIN_SWEEPS, min(MAX_SWEEPS, MAX_WORK // (n * n * len(factors))))
         Q = end
-    return W, R, sweep, Q
+    return W, R, sweep, base @ Q
+
+
+def triangular_groups(R: Array) -> Array:
+    """Multiply neighbouring upper triangular factors while the logs of their diagonals stay below GRADED."""
+    size = np.log(np.maximum(np.abs(np.diagonal(R, axis1=-2, axis2=-1)), TINY))
+    while len(R) > 1:
+        size = size[:-1:2] + size[1::2] if len(size) % 2 == 0 else np.concatenate([size[:-1:2] + size[1::2], size[-1:]])
+        if np.abs(size).max() > GRADED:
+            break
+        R = paired(R)
+    return R
 
 
 def swept(factors: Array, Q: Array) -> tuple[Array, Array]:

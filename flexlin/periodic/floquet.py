@@ -96,19 +96,22 @@ def floquet(
     if method == "hill":
         return by_hill(system, positive("tol", tol), order)
     setting = chosen(system, positive("tol", tol), method, order, segments)
+    levels: list[Level] = []
     if method == "auto" and setting.segments > PILOT:
-        setting = piloted(system, setting, tol, max_segments)
+        setting, levels = piloted(system, setting, tol, max_segments)
     if setting.segments > max_segments:
         raise too_many(setting.segments, max_segments, tol)
-    levels = three_levels(system, setting)
+    levels = levels or three_levels(system, setting)
+    previous = np.inf
     while segments is None:
         excess = missing_factor(system, setting, levels, tol)
-        if excess <= 1:
+        if excess <= 1 or (excess > 0.7 * previous and near_rounding(levels, setting)):
             break
         count = next_count(levels[-1].segments, excess, setting.order)
         if count > max_segments:
             raise too_many(count, max_segments, tol)
         levels.append(level(system, setting.with_segments(count), levels[-1].basis))
+        previous = excess
     fine, setting = levels[-1], setting.with_segments(levels[-1].segments)
     errors = estimated_errors(levels[-3:], setting)
     errors += mass_rounding(system, setting, fine.logs)
@@ -131,38 +134,51 @@ def by_hill(system: PeriodicSystem, tol: float, harmonics: int | None) -> Floque
 
 
 def three_levels(system: PeriodicSystem, setting: Setting) -> list[Level]:
-    """The spectrum on a quarter, a half and all of the segments; the rounding is measured on the last."""
+    """The spectrum on a half, three quarters and all of the segments; the rounding is measured on the last."""
     levels: list[Level] = []
-    for part in (4, 2, 1):
+    for part in (0.5, 0.75, 1.0):
         basis = levels[-1].basis if levels else None
-        levels.append(level(system, setting.with_segments(max(1, setting.segments // part)), basis, probes=part == 1))
+        count = max(1, round(part * setting.segments))
+        levels.append(level(system, setting.with_segments(count), basis, probes=part == 1))
     return levels
 
 
 def missing_factor(system: PeriodicSystem, setting: Setting, levels: list[Level], tol: float) -> float:
     """By how much the worst resolved exponent misses tol (1 or less: reached, or rounding allows no more)."""
     errors = estimated_errors(levels[-3:], setting)
-    allowed = np.maximum(tol * np.maximum(system.period, np.abs(levels[-1].logs)), 4 * levels[-1].rounding)
+    allowed = np.maximum(tol * np.maximum(system.period, np.abs(levels[-1].logs)), 2 * SAFETY * levels[-1].rounding)
     return float((errors / allowed)[np.isfinite(errors)].max())
 
 
-def piloted(system: PeriodicSystem, gauss_plan: Setting, tol: float, max_segments: int) -> Setting:
-    """Try the Magnus series, which is exact on the constant part, where Gauss collocation would need many segments."""
+def near_rounding(levels: list[Level], setting: Setting) -> bool:
+    """Whether the errors are within a thousand times the measured rounding: where refinement stalls there, it has ended."""
+    errors = estimated_errors(levels[-3:], setting)
+    return bool(np.all((errors <= 1e3 * levels[-1].rounding) | np.isinf(errors)))
+
+
+def piloted(system: PeriodicSystem, gauss_plan: Setting, tol: float, max_segments: int) -> tuple[Setting, list[Level]]:
+    """Try the Magnus series, which is exact on the constant part, where Gauss collocation would need many segments.
+
+    Returns the plan of least work, with its levels where the trial itself has reached tol.
+    """
     _, spread, top = rates(system)
     least = math.ceil(system.period * spread / math.log(GROUP_CONDITION))
     if least > max_segments:
         count = 4 * radau_segments(system.period, top)
-        return Setting("radau", 9, count, "modes that decay too fast to be resolved are only bounded")
-    plans = [gauss_plan]
+        return Setting("radau", 9, count, "modes that decay too fast to be resolved are only bounded"), []
+    best, reached = gauss_plan, []
     for order in (4, 6):
         pilot = Setting("magnus", order, max(PILOT, least), "the Magnus series carries fast modes exactly")
-        if pilot.segments <= max_segments and pilot.work(system.n) < gauss_plan.work(system.n):
+        if pilot.segments <= max_segments and pilot.work(system.n) < best.work(system.n):
             try:
-                excess = missing_factor(system, pilot, three_levels(system, pilot), tol)
+                levels = three_levels(system, pilot)
             except ToleranceNotReached:
                 continue
-            plans.append(pilot.with_segments(math.ceil(pilot.segments * max(1.0, excess ** (1 / order)))))
-    return min(plans, key=lambda plan: plan.work(system.n))
+            excess = max(1.0, missing_factor(system, pilot, levels, tol))
+            plan = pilot.with_segments(math.ceil(pilot.segments * excess ** (1 / order)))
+            if plan.work(system.n) < best.work(system.n):
+                best, reached = plan, levels if excess == 1 else []
+    return best, reached
 
 
 def level(system: PeriodicSystem, setting: Setting, basis: Array | None = None, probes: bool = True) -> Level:
@@ -183,7 +199,7 @@ def estimated_errors(levels: list[Level], setting: Setting) -> Array:
         d_12 ~ C k_1^-p,   d_23 ~ C k_2^-p   give p,   error_3 ~ d_23 (k_2 / k_3)^p
 
     p is taken for all exponents together and for each alone, whichever is less, and never near the method's full order:
-    a forgotten break or a rough coefficient shows as a small p, so the estimate stays honest there. The error is infinite for
+    a forgotten break or a rough coefficient shows as a small p, and then the larger difference counts. The error is infinite for
     an exponent that is only known to lie below the others: LOST in rounding behind the largest one in every segment, or, with
     an L-stable method, still sinking far below the largest one as segments get shorter.
     """
@@ -195,7 +211,8 @@ def estimated_errors(levels: list[Level], setting: Setting) -> Array:
     alone = np.log(np.maximum(d_12, tiny) / np.maximum(d_23, tiny))
     p = np.minimum(together, alone) / np.log(max(middle.segments / coarse.segments, 1.01))
     reduction = (middle.segments / fine.segments) ** np.clip(p, 0.0, TRUST * setting.order)
-    errors = SAFETY * reduction * d_23 + fine.rounding
+    smooth = p > setting.order / 2
+    errors = SAFETY * np.where(smooth, reduction * d_23, np.maximum(d_12, d_23)) + fine.rounding
     below = fine.logs.real.max() - fine.logs.real
     sinking = (
         (below > 0)

@@ -5,8 +5,8 @@ from scipy.linalg.lapack import dgebal
 
 from flexlin.checks import Array
 
-GROUP_CONDITION = 100.0
-"""Factors are multiplied together while the product's condition number stays below this: two digits at the most are lost."""
+GROUP_CONDITION = 1000.0
+"""Factors are multiplied together while the product's condition number stays below this: the weakest mode loses three digits."""
 
 
 def balanced(factors: Array) -> tuple[Array, Array]:

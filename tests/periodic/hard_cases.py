@@ -140,7 +140,7 @@ CASES = [
         "exp(-48 pi) is lost beside 1 in one monodromy matrix",
         lambda: fl.PeriodicSystem(colaneri, 2 * np.pi),
         lambda: np.array([0, -24.0]),
-        1e-12,
+        1e-11,
         "undecided",
         "Colaneri's example, exact",
     ),
