@@ -24,6 +24,16 @@ def count(text: str) -> int:
     return number
 
 
+def span(text: str) -> tuple[str, float, float, int | None]:
+    """Read KEY=LOW:HIGH or KEY=LOW:HIGH:COUNT."""
+    key, _, values = text.partition("=")
+    low, high, *rest = values.split(":")
+    found = (key.strip(), float(low), float(high), count(rest[0]) if rest else None)
+    if not key.strip() or not found[1] < found[2] or len(rest) > 1:
+        raise argparse.ArgumentTypeError(f"got {text!r}, expected KEY=LOW:HIGH:COUNT with LOW below HIGH")
+    return found
+
+
 OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
     "scene": (["scene"], {"metavar": "SCENE", "help": "a built-in name (see flexlin list) or a TOML file"}),
     "set": (
@@ -36,6 +46,11 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
     "points": (["--points"], {"type": count, "default": 256, "help": "times in a period (default 256)"}),
     "periods": (["--periods"], {"type": float, "default": 5.0, "help": "length of the simulation (default 5)"}),
     "effects": (["--effects"], {"action": "store_true", "help": "also tell which effects matter (some seconds)"}),
+    "over": (
+        ["--over"],
+        {"type": span, "metavar": "KEY=LOW:HIGH[:COUNT]", "action": "extend", "nargs": "+", "required": True,
+         "help": "a parameter to vary, such as motion.frequency=0.2:3:200; give two for a map"},
+    ),
     "tolerance": (["--tolerance"], {"type": float, "default": 0.01, "help": "relative change that matters (default 0.01)"}),
 }  # fmt: skip
 SCENE = ("scene", "set", "out")
@@ -47,6 +62,7 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
     "design": (run.write_gains, "design the scene's controllers, write their gains", *SCENE, "require", "points"),
     "simulate": (run.write_simulation, "integrate the nonlinear equations beside the linear ones", *SCENE, "periods"),
     "effects": (run.audit_effects, "tell which effects and modes the scene needs", *SCENE, "tolerance"),
+    "chart": (run.write_chart, "stability over one or two parameters", *SCENE, "over"),
     "export": (run.export, "write system and designs for other tools: npz, MATLAB, netCDF, C", *SCENE, "points"),
 }
 
@@ -96,7 +112,7 @@ def parser() -> argparse.ArgumentParser:
         prog="flexlin", description="Linearization, Floquet stability and control of light robot arms whose links bend."
     )
     top.add_argument("--version", action="version", version=f"flexlin {__version__}")
-    names = top.add_subparsers(metavar="COMMAND", required=True)
+    names = top.add_subparsers(metavar="COMMAND", dest="command", required=True)
     for name, (function, purpose, *options) in COMMANDS.items():
         command = names.add_parser(name, help=purpose, description=purpose)
         for option in options:

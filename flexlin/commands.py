@@ -136,6 +136,34 @@ def audit_effects(options: argparse.Namespace) -> int:
     return told([options.out / "effects.json"])
 
 
+def write_chart(options: argparse.Namespace) -> int:
+    scene = loaded(options)
+    spans, several = options.over, len(options.over) > 1
+    if len(spans) > 2 or len({key for key, *_ in spans}) < len(spans):
+        got = ", ".join(key for key, *_ in spans)
+        raise ArgumentError("a chart has one or two axes", got=f"--over {got}", expected="one or two different keys")
+    from flexlin.report.progress import Progress
+
+    with Progress() as progress:
+        progress("load the numerical libraries")
+        import numpy as np
+
+        from flexlin.files import write_text
+        from flexlin.report.figures.chart import draw_chart
+        from flexlin.report.page import picture_page
+        from flexlin.report.tables import storable, write_dataset
+        from flexlin.sweep import sweep
+
+        progress("exponents of all values")
+        values = {key: np.linspace(low, high, number or (60 if several else 200)) for key, low, high, number in spans}
+        data = sweep(scene, values, grid=several)
+        picture = draw_chart(data)
+    print(picture.caption)
+    page = options.out / "chart.html"
+    write_text(page, picture_page(scene.title, picture, command(options)))
+    return told([page, *write_dataset(storable(data), options.out, "chart")])
+
+
 def export(options: argparse.Namespace) -> int:
     scene = loaded(options)
     from flexlin.report.progress import Progress
@@ -163,7 +191,12 @@ def told(paths: list[Path]) -> int:
 
 
 def command(options: argparse.Namespace) -> str:
-    """The command line that made a report, without its output folder."""
-    return shlex.join(
-        ["flexlin", "report", options.scene, *[word for text in options.overrides for word in ("--set", text)]]
-    )
+    """The command line that made a page, without its output folder."""
+    overrides = [word for text in options.overrides for word in ("--set", text)]
+    axes = [
+        f"{key}={low:g}:{high:g}" + (f":{number}" if number else "")
+        for key, low, high, number in getattr(options, "over", [])
+    ]
+    over = ["--over", *axes] if axes else []
+    effects = ["--effects"] if getattr(options, "effects", False) else []
+    return shlex.join(["flexlin", options.command, options.scene, *overrides, *over, *effects])

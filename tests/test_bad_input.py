@@ -52,7 +52,7 @@ OVERRIDES = {
     "no frequency": ("motion.frequency=0.0", "motion.frequency", "greater than 0"),
     "too many joints": ("motion.joints=[{amplitude=1.0},{amplitude=1.0}]", "motion.joints", "2 tables", "expected 1"),
     "no joints": ("motion.joints=[]", "motion.joints", "1 or more"),
-    "too many gains": ("control.feedback.kp=[1.0, 2.0]", "control.feedback.kp", "2 gains", "expected 1"),
+    "too many gains": ("control.feedback.kp=[1.0, 2.0]", "control.feedback.kp", "got 2", "expected 1"),
     "a negative gain": ("control.feedback.kd=[-1.0]", "control.feedback.kd", "-1.0", "greater than or equal to 0"),
     "a gain that is not a number": ("control.feedback.kp=[nan]", "control.feedback.kp", "nan", "finite"),
     "an unknown feedback": ('control.feedback.kind="pid"', "control.feedback.kind", "'pid'", "'pd'"),
@@ -148,6 +148,10 @@ def test_a_motion_without_a_period(tmp_path: Path, capsys: pytest.CaptureFixture
         ["linearize", "single-link", "--points", "1"],
         ["simulate", "single-link", "--periods", "long"],
         ["report", "single-link", "--set"],
+        ["chart", "single-link"],
+        ["chart", "single-link", "--over", "motion.frequency"],
+        ["chart", "single-link", "--over", "motion.frequency=3:1"],
+        ["chart", "single-link", "--over", "motion.frequency=1:3:few"],
         ["report", "single-link", "--colour"],
     ],
 )
@@ -168,6 +172,15 @@ def test_a_length_that_is_none(periods: str, tmp_path: Path, capsys: pytest.Capt
 def test_a_scene_without_designs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["design", "spinning-link", "--out", str(tmp_path / "out")]) == cli.BAD_INPUT
     assert "[[designs]]" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "over", [["motion.speed=1:2"], ["title=1:2"], ["motion.frequency=1:2", "motion.frequency=1:3"]]
+)
+def test_a_chart_over_what_is_no_parameter(over: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["chart", "single-link", "--over", *over, "--out", str(tmp_path / "out")]) == cli.BAD_INPUT
+    assert over[0].partition("=")[0] in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 

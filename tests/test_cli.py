@@ -62,6 +62,37 @@ def test_design_writes_the_gains(tmp_path: Path, capsys: pytest.CaptureFixture[s
         assert data["K"].shape == (1, 8, 1, 4)
 
 
+def test_a_chart_over_one_parameter_agrees_with_single_verdicts(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    over = ["--over", "motion.joints.0.rate=3.5:4.1:3"]
+    assert (
+        main(["chart", "spinning-link", *over, "--set", "effects.gravity.acceleration=5.0", "--out", str(tmp_path)])
+        == 0
+    )
+    with xarray.open_dataset(tmp_path / "chart.nc", engine="scipy") as data:
+        growth = data["exponents_re"].values.max(axis=-1)
+        rates = data["motion.joints.0.rate"].values
+    for rate, found in zip(rates, growth, strict=True):
+        scene = fl.load_scene(
+            "spinning-link", {"effects.gravity.acceleration": 5.0, "motion.joints.0.rate": float(rate)}
+        )
+        lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+        assert abs(fl.floquet(lin.periodic_system()).exponents[0].real - found) < 1e-7
+    assert "3 values" in capsys.readouterr().out
+    assert "flexlin chart spinning-link" in (tmp_path / "chart.html").read_text()
+
+
+def test_a_chart_over_two_parameters_is_a_map(tmp_path: Path) -> None:
+    over = ["--over", "motion.joints.0.rate=2:6:5", "effects.gravity.acceleration=0:20:4"]
+    assert main(["chart", "spinning-link", *over, "--out", str(tmp_path)]) == 0
+    page = (tmp_path / "chart.html").read_text()
+    assert "fill:var(--unstable)" in page
+    assert "fill:var(--undecided)" in page
+    with np.load(tmp_path / "chart.npz") as arrays:
+        assert arrays["verdict"].shape == (5, 4)
+
+
 def test_export_writes_what_other_tools_read(tmp_path: Path) -> None:
     assert main(["export", "khang-2019", "--points", "8", "--out", str(tmp_path)]) == 0
     names = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file())

@@ -29,7 +29,7 @@ class Parameters:
         Raises: ArgumentError when a path does not lead to a number of the scene.
         """
         paths = tuple(paths)
-        values = real_array("parameters", [get_value(scene, path) for path in paths], (None,))
+        values = np.array([float(real_array(path, get_value(scene, path), ())) for path in paths])
         symbols = [ca.SX.sym(path) for path in paths]
         return cls(paths, ca.vertcat(*symbols) if symbols else ca.SX(0, 1), values)
 

@@ -3,8 +3,9 @@
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template, select_autoescape
 
+import flexlin
 from flexlin.report.advice import next_steps, under
 from flexlin.report.analysis import Analysis, Loop
 from flexlin.report.figures.coefficients import NOISE, matrix_unit
@@ -14,14 +15,7 @@ from flexlin.report.wording import largest_multiplier, minus, modulus, pace, pow
 
 def page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture], command: str) -> str:
     """Fill the page's template: verdict first, then what to do, figures, and everything that went in."""
-    environment = Environment(
-        loader=PackageLoader("flexlin.report"),
-        autoescape=select_autoescape(),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("page.html.j2").render(
+    return template("page").render(
         analysis=analysis,
         own=analysis.own,
         under=under(analysis.own),
@@ -38,6 +32,23 @@ def page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture], comm
         command=command,
         total=sum(step.seconds for step in analysis.steps),
     )
+
+
+def picture_page(title: str, picture: Picture, command: str) -> str:
+    """A page of one picture."""
+    return template("picture").render(title=title, picture=picture, command=command, version=flexlin.__version__)
+
+
+def template(name: str) -> Template:
+    """A template of the report; a name in it that has no value is an error."""
+    environment = Environment(
+        loader=PackageLoader("flexlin.report"),
+        autoescape=select_autoescape(("html.j2",)),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(f"{name}.html.j2")
 
 
 def facts(a: Analysis) -> list[tuple[str, str]]:

@@ -77,6 +77,15 @@ def described(data: xarray.Dataset, scene: Scene, period: float, equation: str) 
     return data
 
 
+def storable(data: xarray.Dataset) -> xarray.Dataset:
+    """The data with complex numbers parted into _re and _im, which netCDF can hold."""
+    for name in [str(name) for name in data.data_vars if np.iscomplexobj(data[name])]:
+        parts = {f"{name}_re": data[name].real, f"{name}_im": data[name].imag}
+        named = {key: part.assign_attrs(data[name].attrs) for key, part in parts.items()}
+        data = data.drop_vars(name).assign(named)
+    return data
+
+
 def write_dataset(data: xarray.Dataset, folder: Path, stem: str) -> list[Path]:
     """Write `stem`.nc and `stem`.npz; returns their paths."""
     netcdf, npz = folder / f"{stem}.nc", folder / f"{stem}.npz"

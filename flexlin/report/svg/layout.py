@@ -155,6 +155,8 @@ def element(mark: Mark, box: Box, x: Scale, y: Scale) -> str:
     across, up = box.x(x, mark.x), box.y(y, mark.y)
     if mark.kind == "words":
         return say(float(across[0]), float(up[0]), mark.texts[0], mark.style)
+    if mark.kind == "cells":
+        return f'<path d="{rectangles(across.reshape(2, -1), up.reshape(2, -1))}" style="{mark.style}"/>'
     if mark.kind == "dots":
         texts = mark.texts or ("",) * len(across)
         return "".join(
@@ -162,6 +164,13 @@ def element(mark: Mark, box: Box, x: Scale, y: Scale) -> str:
             for a, b, text in zip(across, up, texts, strict=True)
         )
     return f'<path d="{trace(across, up)}{"z" if mark.kind == "area" else ""}" style="{mark.style}"/>'
+
+
+def rectangles(across: Array, up: Array) -> str:
+    """Rectangles between low and high ends (2, N) as one path."""
+    (left, right), (bottom, top) = across.tolist(), up.tolist()
+    corners = zip(left, right, bottom, top, strict=True)
+    return "".join(f"M{a:.2f},{c:.2f}H{b:.2f}V{d:.2f}H{a:.2f}z" for a, b, c, d in corners)
 
 
 def trace(across: Array, up: Array) -> str:

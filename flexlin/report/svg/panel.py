@@ -85,6 +85,11 @@ class Panel:
         r = {"r": f"{size:g}", "d": f"{2 * size:g}", "e": f"{1.25 * size:g}"}
         return self._add(Mark("dots", *_points(x, y), style, label, SHAPES[shape].format(**r), tuple(texts)))
 
+    def cells(self, x: tuple[Array, Array], y: tuple[Array, Array], colour: str, opacity: float) -> "Panel":
+        """Fill rectangles from low to high ends, ((N,), (N,)) on each axis."""
+        style = f"fill:var(--{colour});fill-opacity:{opacity:.2g};stroke:none"
+        return self._add(Mark("cells", *_points(np.concatenate(x), np.concatenate(y)), style))
+
     def words(
         self, x: float, y: float, text: str, colour: str = "faint", size: float = SMALL, anchor: str = "middle"
     ) -> "Panel":
