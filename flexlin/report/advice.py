@@ -11,7 +11,13 @@ WORTHWHILE = 1.05
 
 def next_steps(analysis: Analysis) -> list[str]:
     """What to do, most urgent first."""
-    return [*about_verdict(analysis), *about_designs(analysis), *about_tip(analysis), *about_trust(analysis)]
+    return [
+        *about_verdict(analysis),
+        *about_elastic_motion(analysis),
+        *about_designs(analysis),
+        *about_tip(analysis),
+        *about_trust(analysis),
+    ]
 
 
 def about_verdict(a: Analysis) -> list[str]:
@@ -29,6 +35,17 @@ def about_verdict(a: Analysis) -> list[str]:
         f"use the design “{better[0].name}”, which is" if better else f"{change}, the speed or the payload until it is"
     )
     return [f"The arm is unstable along this motion {under(a.own)}: {remedy} stable."]
+
+
+def about_elastic_motion(a: Analysis) -> list[str]:
+    """How much the verdict moves when the loop is linearized about the elastic motion."""
+    if a.elastic is None or a.elastic.floquet is None:
+        return []
+    (rigid, _), (elastic, _) = a.own.growth, a.elastic.growth
+    moved = f"moves the growth rate from {rigid:.4g} to {elastic:.4g} 1/s"
+    same = a.elastic.verdict == a.own.verdict
+    trust = "the verdict stands" if same else f"the verdict becomes {a.elastic.verdict}: believe this one"
+    return [f"Linearizing about the elastic motion instead of the rigid one {moved}; {trust}."]
 
 
 def about_designs(a: Analysis) -> list[str]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexlin.audit import Audit
 from flexlin.checks import Array
-from flexlin.control import Design, design
+from flexlin.control import Design, design, linearize_about, periodic_motion
 from flexlin.errors import NumericalError, TooLarge
 from flexlin.linearization import Coefficients, Linearization, linearize
 from flexlin.mechanics import Manipulator, build_manipulator
@@ -69,7 +69,7 @@ class Response:
 @dataclass(frozen=True)
 class Analysis:
     """What a report says: `own` is the scene's own loop, `open_loop` the arm without feedback; `problems` tells what could not be had,
-    `audit` which effects matter, if that was asked for.
+    `audit` which effects matter, if that was asked for, `elastic` the own loop about the elastic motion, if the scene asks for it.
     """
 
     scene: Scene
@@ -85,6 +85,7 @@ class Analysis:
     problems: dict[str, str]
     steps: tuple[Step, ...]
     audit: Audit | None = None
+    elastic: Loop | None = None
 
     @property
     def arm(self) -> Manipulator:
@@ -93,9 +94,10 @@ class Analysis:
 
     @property
     def loops(self) -> tuple[Loop, ...]:
-        """Open loop, own loop, designs; the open loop is left out where the scene has no feedback."""
+        """Open loop, own loop (about the elastic motion too), designs; no open loop where the scene has no feedback."""
         first = () if self.own.floquet is self.open_loop.floquet else (self.open_loop,)
-        return (*first, self.own, *self.designs)
+        elastic = () if self.elastic is None else (self.elastic,)
+        return (*first, self.own, *elastic, *self.designs)
 
 
 def analyse(scene: Scene, clock: Clock | None = None, tol: float = 1e-9) -> Analysis:
@@ -115,16 +117,15 @@ def analyse(scene: Scene, clock: Clock | None = None, tol: float = 1e-9) -> Anal
     with clock.step("coefficients over a period"):
         coefficients = plant.sample(t)
     own, open_loop = own_loops(scene, system, loop, tol, clock)
+    elastic = elastic_loop(closed, tol, clock) if scene.control.about == "elastic" else None
     problems: dict[str, str] = {}
     with clock.step("forced response"):
         response = attempt(problems, "response", lambda: periodic_response(closed, loop, t, tol))
     with clock.step(f"nonlinear simulation of {SIMULATED_PERIODS:g} periods"):
         simulation = attempt(problems, "simulation", lambda: simulate(closed, SIMULATED_PERIODS, tol=SIMULATION_TOL))
     designs = tuple(designed(system, table, tol, clock) for table in scene.designs)
-    steps = tuple(clock.steps)
-    return Analysis(
-        scene, plant, closed, t, coefficients, own, open_loop, designs, response, simulation, problems, steps
-    )
+    found = (coefficients, own, open_loop, designs, response, simulation, problems, tuple(clock.steps))
+    return Analysis(scene, plant, closed, t, *found, elastic=elastic)
 
 
 def plant_and_designs(scene: Scene, clock: Clock, tol: float = 1e-9) -> tuple[Linearization, tuple[Loop, ...]]:
@@ -147,6 +148,17 @@ def own_loops(
     with clock.step("Floquet: open loop"):
         open_loop = judged("open loop", "open", system, tol)
     return Loop(f"scene's {feedback.kind.upper()}", feedback.kind, result), open_loop
+
+
+def elastic_loop(closed: Linearization, tol: float, clock: Clock) -> Loop:
+    """The scene's own loop, linearized about the periodic motion of the elastic arm in the place of the rigid one."""
+    name, problems = "about elastic motion", dict[str, str]()
+    with clock.step("periodic motion of the elastic arm"):
+        motion = attempt(problems, name, lambda: periodic_motion(closed))
+    if motion is None:
+        return Loop(name, "elastic", None, problems[name])
+    with clock.step("Floquet: about the elastic motion"):
+        return judged(name, "elastic", linearize_about(motion), tol)
 
 
 def judged(name: str, kind: str, system: PeriodicSystem, tol: float, made: Design | None = None) -> Loop:

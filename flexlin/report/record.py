@@ -34,6 +34,7 @@ def record(analysis: Analysis) -> dict[str, Any]:
         "period": a.plant.period,
         "floquet": loop_block(a.own),
         "open_loop": loop_block(a.open_loop),
+        **({} if a.elastic is None else {"elastic_motion": loop_block(a.elastic)}),
         "designs": {loop.name: loop_block(loop) for loop in a.designs},
         "t": a.t.tolist(),
         "coefficients": {name: numbers(getattr(a.coefficients, name)) for name in ("M", "D", "K", "h", "B", "tau")},

@@ -1,0 +1,19 @@
+"""The report about the elastic motion: one more loop, and by how much the verdict moves."""
+
+import pytest
+
+import flexlin as fl
+from flexlin.report.advice import next_steps
+from flexlin.report.analysis import analyse
+from flexlin.report.record import record
+
+
+def test_the_elastic_motion_is_judged_beside_the_rigid_one():
+    scene = fl.load_scene("single-link", {"links.0.modes": 1, "designs": [], "control.about": "elastic"})
+    found = analyse(scene, tol=1e-6)
+    assert [loop.kind for loop in found.loops] == ["open", "pd", "elastic"]
+    assert found.elastic.verdict == found.own.verdict == "stable"
+    assert found.elastic.growth[0] == pytest.approx(found.own.growth[0], rel=0.3)
+    assert found.elastic.growth[0] != found.own.growth[0]
+    assert any("elastic motion" in said and "verdict stands" in said for said in next_steps(found))
+    assert record(found)["elastic_motion"]["verdict"] == "stable"
