@@ -10,9 +10,11 @@ from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.collocation import accelerations, gauss, nodes, transitions
 from flexlin.periodic.eigenvalues import EPS, NOISE, TINY, log_eigenvalues
-from flexlin.periodic.floquet import SAFETY, TRUST, FloquetResult, floquet
+from flexlin.periodic.floquet import floquet
 from flexlin.periodic.grid import edges
 from flexlin.periodic.product import balanced, paired
+from flexlin.periodic.refinement import SAFETY, TRUST
+from flexlin.periodic.result import FloquetResult
 from flexlin.periodic.setting import MAX_SEGMENTS
 from flexlin.periodic.system import PeriodicSystem
 

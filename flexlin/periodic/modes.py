@@ -7,9 +7,10 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.collocation import gauss
 from flexlin.periodic.cyclic import cyclic_system
-from flexlin.periodic.floquet import FloquetResult, floquet
+from flexlin.periodic.floquet import floquet
 from flexlin.periodic.grid import edges
 from flexlin.periodic.product import balanced
+from flexlin.periodic.result import FloquetResult
 from flexlin.periodic.setting import METHODS
 from flexlin.periodic.system import PeriodicSystem
 

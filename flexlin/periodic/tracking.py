@@ -6,8 +6,9 @@ from flexlin.checks import Array
 from flexlin.errors import ToleranceNotReached
 from flexlin.periodic.collocation import gauss, nodes, samples
 from flexlin.periodic.eigenvalues import partners, product_spectrum
-from flexlin.periodic.floquet import FloquetResult, floquet
+from flexlin.periodic.floquet import floquet
 from flexlin.periodic.grid import edges
+from flexlin.periodic.result import FloquetResult
 from flexlin.periodic.setting import Setting, factors
 from flexlin.periodic.system import PeriodicSystem
 

@@ -1,0 +1,37 @@
+"""Fast modes: which family of methods carries them at the least cost."""
+
+import math
+
+from flexlin.errors import ToleranceNotReached
+from flexlin.periodic.product import GROUP_CONDITION
+from flexlin.periodic.refinement import Level, missing_factor, three_levels
+from flexlin.periodic.setting import Setting, radau_segments, rates
+from flexlin.periodic.system import PeriodicSystem
+
+PILOT = 256
+"""Segments of Gauss collocation beyond which the Magnus series is tried."""
+
+
+def piloted(system: PeriodicSystem, gauss_plan: Setting, tol: float, max_segments: int) -> tuple[Setting, list[Level]]:
+    """Try the Magnus series, which is exact on the constant part, where Gauss collocation would need many segments.
+
+    Returns the plan of least work, with its levels where the trial itself has reached tol.
+    """
+    _, spread, top = rates(system)
+    least = math.ceil(system.period * spread / math.log(GROUP_CONDITION))
+    if least > max_segments:
+        count = 4 * radau_segments(system.period, top)
+        return Setting("radau", 9, count, "modes that decay too fast to be resolved are only bounded"), []
+    best, reached = gauss_plan, []
+    for order in (4, 6):
+        pilot = Setting("magnus", order, max(PILOT, least), "the Magnus series carries fast modes exactly")
+        if pilot.segments <= max_segments and pilot.work(system.n) < best.work(system.n):
+            try:
+                levels = three_levels(system, pilot)
+            except ToleranceNotReached:
+                continue
+            excess = max(1.0, missing_factor(pilot, levels, tol, system.period))
+            plan = pilot.with_segments(math.ceil(pilot.segments * excess ** (1 / order)))
+            if plan.work(system.n) < best.work(system.n):
+                best, reached = plan, levels if excess == 1 else []
+    return best, reached
