@@ -96,7 +96,8 @@ def about_tip(a: Analysis) -> list[str]:
         return [f"{found}, by bending alone: slow down, or stiffen the links."]
     if np.linalg.norm(a.response.tip_by_bending, axis=1).max() > largest / 2:
         return [
-            f"{found}, most of it the links' bending, which no joint feedback removes: feed forward the elastic motion too, or slow down."
+            f"{found}, most of it the links' bending, which no joint feedback removes: slow down, or feed forward the elastic motion too "
+            "(flexlin.control.feedforward: joint-exact, tip-exact)."
         ]
     return [f"{found}, most of it the joints' error: feed the rigid torque forward, or raise the gains."]
 
