@@ -26,7 +26,7 @@ PRINTED = ((0.48, 1.80), (2.18, 15.91))
 SCENE = "de-luca-siciliano-1991"
 GAINS = {"kind": "pd", "kp": [1.0, 0.5], "kd": [0.02, 0.01]}
 WEAK = {"links.0.modes": 1, "links.1.modes": 1, "control.feedback": GAINS}
-"""The sweep takes one mode a link, for the second ones do not move the margin, and soft joints with weak damping, so that resonance shows."""
+"""The sweep takes one mode a link, for the second ones do not move the margin, and weakly damped joints, so that resonance shows."""
 
 
 def shape_frequencies(scene: fl.Scene) -> np.ndarray:
