@@ -1,19 +1,25 @@
 # Two commands do all set-up on a machine with Python 3.11, its venv module and make:
 #   make report   runs the single-link stability report
 #   make test     checks style, types and imports, and runs the tests
+# and a third compares with Pinocchio, heyoka and daceypy:
+#   make peers
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/installed
 export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 
-.PHONY: report test lint clean
+.PHONY: report test peers lint clean
 
 report: $(STAMP)
 	$(BIN)/flexlin report single-link --out out/single-link
 
 test: lint
 	$(BIN)/python -m pytest -n 2
+
+peers: $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements/peers.txt
+	$(BIN)/python -m pytest -m peers
 
 lint: $(STAMP)
 	$(BIN)/ruff check .
