@@ -45,6 +45,12 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
     "require": (["--require"], {"choices": ["stable"], "help": "exit with code 3 when a verdict is another one"}),
     "points": (["--points"], {"type": count, "default": 256, "help": "times in a period (default 256)"}),
     "periods": (["--periods"], {"type": float, "default": 5.0, "help": "length of the simulation (default 5)"}),
+    "feedforward": (
+        ["--feedforward"],
+        {"choices": ["scene", "rigid", "joint-exact", "tip-exact"], "default": "scene",
+         "help": "what to feed forward (default: as in the scene); tip-exact keeps the tip on its path"},
+    ),
+    "animate": (["--animate"], {"action": "store_true", "help": "also write animation.html, which plays the simulation"}),
     "effects": (["--effects"], {"action": "store_true", "help": "also tell which effects matter (some seconds)"}),
     "over": (
         ["--over"],
@@ -60,7 +66,14 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
     "report": (run.report, "write report.html and report.json", *SCENE, "require", "effects"),
     "linearize": (run.write_coefficients, "write the coefficients over a period", *SCENE, "points"),
     "design": (run.write_gains, "design the scene's controllers, write their gains", *SCENE, "require", "points"),
-    "simulate": (run.write_simulation, "integrate the nonlinear equations beside the linear ones", *SCENE, "periods"),
+    "simulate": (
+        run.write_simulation,
+        "integrate the nonlinear equations beside the linear ones",
+        *SCENE,
+        "periods",
+        "feedforward",
+        "animate",
+    ),
     "effects": (run.audit_effects, "tell which effects and modes the scene needs", *SCENE, "tolerance"),
     "chart": (run.write_chart, "stability over one or two parameters", *SCENE, "over"),
     "export": (run.export, "write system and designs for other tools: npz, MATLAB, netCDF, C", *SCENE, "points"),

@@ -110,12 +110,24 @@ def write_simulation(options: argparse.Namespace) -> int:
     with Progress() as progress:
         progress("nonlinear simulation")
         closed = linearize(build_manipulator(scene), scene.motion, scene.control)
-        result = simulate(closed, options.periods)
+        forward = None
+        if options.feedforward != "scene":
+            from flexlin.control import feedforward
+
+            forward = feedforward(closed, options.feedforward)
+        result = simulate(closed, options.periods, feedforward=forward)
     print(result.status)
     data = described(
         result.dataset(), scene, closed.period, "deviations from the rigid motion as states [y; y'], tips in m"
     )
-    return told(write_dataset(data, options.out, "simulation"))
+    paths = write_dataset(data, options.out, "simulation")
+    if options.animate:
+        from flexlin.files import write_text
+        from flexlin.report.animation import animation_page
+
+        write_text(options.out / "animation.html", animation_page(scene, closed, result, command(options)))
+        paths.append(options.out / "animation.html")
+    return told(paths)
 
 
 def audit_effects(options: argparse.Namespace) -> int:
@@ -198,5 +210,7 @@ def command(options: argparse.Namespace) -> str:
         for key, low, high, number in getattr(options, "over", [])
     ]
     over = ["--over", *axes] if axes else []
-    effects = ["--effects"] if getattr(options, "effects", False) else []
-    return shlex.join(["flexlin", options.command, options.scene, *overrides, *over, *effects])
+    flags = [f"--{name}" for name in ("effects", "animate") if getattr(options, name, False)]
+    forward = getattr(options, "feedforward", "scene")
+    flags += [] if forward == "scene" else ["--feedforward", forward]
+    return shlex.join(["flexlin", options.command, options.scene, *overrides, *over, *flags])

@@ -106,7 +106,12 @@ def tip_positions(lin: Linearization, t: Array, states: Array) -> Array:
     """World positions of the tip (N, 2) in m for deviations y (N, n) or [y; y'] (N, 2n) from the rigid motion."""
     if lin.arm.points is None:
         return np.full((len(t), 2), np.nan)
+    return arm_positions(lin, t, states)[0][:, :, -1]
+
+
+def arm_positions(lin: Linearization, t: Array, states: Array) -> tuple[Array, Array]:
+    """World positions (N, 2, k) of joints and tip in m, and all coordinates s (N, arm.n), for deviations from the rigid motion."""
     s = lin.motion.sample(t)[0] @ lin.arm.reference.full().T
     s[:, list(lin.kept)] += states[:, : lin.n]
     p = np.broadcast_to(lin.arm.parameters.values, (len(t), len(lin.arm.parameters.values)))
-    return symbolic.evaluate(lin.arm.functions["points"], s, p)[0][:, :, -1]
+    return symbolic.evaluate(lin.arm.functions["points"], s, p)[0], s

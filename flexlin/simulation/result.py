@@ -44,6 +44,11 @@ class Simulation:
         return float(np.linalg.norm(self.tip - self.tip_rigid, axis=1).max())
 
     @property
+    def deviation(self) -> float:
+        """The largest deviation of a coordinate from the rigid motion, in rad or m."""
+        return float(np.abs(self.nonlinear[:, : len(self.names)]).max())
+
+    @property
     def status(self) -> str:
         """How far the linear model can be trusted here, and what to do."""
         what, unit, apart, error = "tips", "m", self.difference, self.tip_error
@@ -53,10 +58,8 @@ class Simulation:
             what, unit = "coordinates", "rad or m"
         if apart <= self.error:
             return f"linear and nonlinear {what} agree to the error of the integration, {self.error:.0e}: the linear model holds here"
-        share = apart / error
-        told = (
-            f"linear and nonlinear {what} differ by {apart:.3g} {unit}, {100 * share:.2g} % of the error of the motion"
-        )
+        share = apart / max(error, self.deviation)
+        told = f"linear and nonlinear {what} differ by {apart:.3g} {unit}, {100 * share:.2g} % of the largest deviation"
         if share > 0.2:
             return (
                 f"{told}: beyond the linear model; reduce speed, payload or disturbance, or trust the simulation only"

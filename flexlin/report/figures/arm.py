@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from flexlin import symbolic
 from flexlin.checks import Array
+from flexlin.control.tracking import arm_positions
 from flexlin.mechanics.link_shapes import shapes_of
 from flexlin.report.analysis import Analysis
 from flexlin.report.figures.style import SERIES, Picture, over_period
@@ -61,8 +61,7 @@ def torques(a: Analysis) -> Panel:
 def stroboscope(a: Analysis) -> Panel:
     """The arm at equal steps of a period."""
     states = a.response.states if a.response else np.zeros((len(a.t), 2 * a.plant.n))
-    bent, rigid = positions(a, states), positions(a, np.zeros_like(states))
-    s = coordinates(a, states)
+    (bent, s), (rigid, _) = (arm_positions(a.plant, a.t, x) for x in (states, np.zeros_like(states)))
     panel = Panel("the arm", x_label="x in m", y_label="y in m", equal=True)
     picked = np.arange(PHASES) * (len(a.t) - 1) // PHASES
     for i in picked:
@@ -73,19 +72,6 @@ def stroboscope(a: Analysis) -> Panel:
         panel.line(x, y, "blue", width=2.0, opacity=0.25 + 0.75 * (k + 1) / PHASES)
     panel.line(bent[:, 0, -1], bent[:, 1, -1], "vermilion", width=1.5)
     return panel.dots(bent[picked[-1], 0, :-1], bent[picked[-1], 1, :-1], "ink", size=3.5)
-
-
-def coordinates(a: Analysis, states: Array) -> Array:
-    """All coordinates s (N, arm.n) of deviations [y; y'] from the rigid motion."""
-    s = a.plant.motion.sample(a.t)[0] @ a.arm.reference.full().T
-    s[:, list(a.plant.kept)] += states[:, : a.plant.n]
-    return s
-
-
-def positions(a: Analysis, states: Array) -> Array:
-    """World positions (N, 2, k) of joints and tip, in m."""
-    p = np.broadcast_to(a.arm.parameters.values, (len(a.t), len(a.arm.parameters.values)))
-    return symbolic.evaluate(a.arm.functions["points"], coordinates(a, states), p)[0]
 
 
 def path(scene: Scene, points: Array, s: Array) -> Array:

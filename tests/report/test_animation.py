@@ -1,0 +1,59 @@
+"""The page that plays a simulation: self-contained, to scale, with the arm where the simulation has it."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.cli import main
+from flexlin.errors import ArgumentError
+from flexlin.report.animation import animation_page, frames
+from flexlin.simulation import simulate
+
+
+@pytest.fixture(scope="module")
+def played():
+    scene = fl.load_scene("single-link")
+    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    return scene, lin, simulate(lin, 0.5, tol=1e-6)
+
+
+def test_curves_end_where_the_simulation_has_the_tip(played):
+    scene, lin, run = played
+    data = frames(scene, lin, run)
+    ends = np.array([[curve[0][-1], curve[1][-1]] for curve in data["arm"]])
+    np.testing.assert_allclose(ends, run.tip, atol=2e-5)
+    straight = np.array([curve[0][-1] ** 2 + curve[1][-1] ** 2 for curve in data["rigid"]])
+    np.testing.assert_allclose(straight, 0.96**2, atol=1e-4)
+    middle = np.array(data["arm"][-1])[:, 4]
+    assert abs(middle[0] * ends[-1, 1] - middle[1] * ends[-1, 0]) > 1e-3
+
+
+def test_the_page_is_whole_and_asks_for_nothing(played):
+    scene, lin, run = played
+    page = animation_page(scene, lin, run, "flexlin simulate single-link")
+    assert not re.search(r"(src|href)\s*=", page)
+    assert "http" not in page
+    data = json.loads(re.search(r"const data = (\{.*?\});", page, re.S).group(1))
+    assert len(data["t"]) == len(data["tip"]) == len(run.t)
+
+
+def test_long_simulations_are_thinned(played, monkeypatch):
+    monkeypatch.setattr("flexlin.report.animation.FRAMES", 20)
+    assert len(frames(*played)["t"]) <= 20
+
+
+def test_the_command_writes_it(tmp_path):
+    options = ["simulate", "single-link", "--periods", "0.3", "--feedforward", "tip-exact", "--animate"]
+    assert main([*options, "--out", str(tmp_path)]) == 0
+    assert "--feedforward tip-exact" in (tmp_path / "animation.html").read_text()
+
+
+def test_a_model_without_points_is_refused(played):
+    scene = fl.load_scene("khang-2019")
+    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    if lin.arm.points is None:
+        with pytest.raises(ArgumentError, match="nothing to draw"):
+            animation_page(scene, lin, played[2])
