@@ -38,7 +38,7 @@ def floquet(
         return by_hill(system, positive("tol", tol), order)
     setting = chosen(system, positive("tol", tol), method, order, segments)
     levels: list[Level] = []
-    if method == "auto" and setting.segments > PILOT:
+    if method == "auto" and segments is None and setting.segments > PILOT:
         setting, levels = piloted(system, setting, tol, max_segments)
     if setting.segments > max_segments:
         raise too_many(setting.segments, max_segments, tol)

@@ -15,23 +15,23 @@ PILOT = 256
 def piloted(system: PeriodicSystem, gauss_plan: Setting, tol: float, max_segments: int) -> tuple[Setting, list[Level]]:
     """Try the Magnus series, which is exact on the constant part, where Gauss collocation would need many segments.
 
-    Returns the plan of least work, with its levels where the trial itself has reached tol.
+    Returns the plan of least work and, where that is a Magnus method, the levels of its trial: refinement goes on from there.
     """
-    _, spread, top = rates(system)
+    rate, spread, top = rates(system)
     least = math.ceil(system.period * spread / math.log(GROUP_CONDITION))
     if least > max_segments:
         count = 4 * radau_segments(system.period, top)
         return Setting("radau", 9, count, "modes that decay too fast to be resolved are only bounded"), []
-    best, reached = gauss_plan, []
+    best, plan, trial = gauss_plan, gauss_plan, list[Level]()
     for order in (4, 6):
-        pilot = Setting("magnus", order, max(PILOT, least), "the Magnus series carries fast modes exactly")
+        pilot = Setting("magnus", order, max(PILOT, least), "the Magnus series carries fast modes exactly", rate)
         if pilot.segments <= max_segments and pilot.work(system.n) < best.work(system.n):
             try:
                 levels = three_levels(system, pilot)
             except ToleranceNotReached:
                 continue
             excess = max(1.0, missing_factor(pilot, levels, tol, system.period))
-            plan = pilot.with_segments(math.ceil(pilot.segments * excess ** (1 / order)))
-            if plan.work(system.n) < best.work(system.n):
-                best, reached = plan, levels if excess == 1 else []
-    return best, reached
+            promised = pilot.with_segments(math.ceil(pilot.segments * excess ** (1 / order)))
+            if promised.work(system.n) < best.work(system.n):
+                best, plan, trial = promised, pilot, levels
+    return plan, trial

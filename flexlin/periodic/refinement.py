@@ -6,7 +6,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.eigenvalues import PROBES, partners, product_spectrum
-from flexlin.periodic.setting import Setting, factors, rates, too_many
+from flexlin.periodic.setting import Setting, factors, too_many
 from flexlin.periodic.system import PeriodicSystem
 
 LOST = 23.0
@@ -56,7 +56,7 @@ def refined(
 
 def level(system: PeriodicSystem, setting: Setting, basis: Array | None = None, probes: bool = True) -> Level:
     """The spectrum at one resolution, from the basis of another; the rounding is measured only where it is asked."""
-    turns = rates(system)[0] * system.period if setting.method == "magnus" else 0.0
+    turns = setting.rate * system.period
     spectrum = product_spectrum(factors(system, setting)[1], PROBES if probes else 0, turns, basis)
     return Level(setting.segments, spectrum.logs, spectrum.rounding, spectrum.basis)
 

@@ -23,12 +23,13 @@ STAGES = range(3, 11)
 
 @dataclass(frozen=True)
 class Setting:
-    """A method of transition matrices with its order, the number of segments, and why it was taken."""
+    """A method of transition matrices with its order, the number of segments, why it was taken, and the fastest rate of A (1/s)."""
 
     method: str
     order: int
     segments: int
     reason: str
+    rate: float = 0.0
 
     def __str__(self) -> str:
         if self.method == "hill":
@@ -92,13 +93,12 @@ def chosen(system: PeriodicSystem, tol: float, method: str, order: int | None, s
     if order is not None and order not in ORDERS[name]:
         raise ArgumentError(f"{name} has no such order", got=order, expected=", ".join(map(str, ORDERS[name])))
     if order is not None and segments is not None:
-        return Setting(name, order, segments, "as given")
+        return Setting(name, order, segments, "as given", rates(system)[0] if name == "magnus" else 0.0)
     rate, spread, top = rates(system)
     least = max(MIN_SEGMENTS, math.ceil(system.period * spread / math.log(GROUP_CONDITION)))
     if method == "magnus":
-        return Setting(
-            "magnus", order or 6, segments or max(2 * least, math.ceil(rate * system.period / 30)), "as asked"
-        )
+        count = segments or max(2 * least, math.ceil(rate * system.period / 30))
+        return Setting("magnus", order or 6, count, "as asked", rate)
     if method == "radau":
         return Setting("radau", order or 9, segments or radau_segments(system.period, top), "as asked")
     reason = f"least work for tol {tol:.0e} with eigenvalues of A(t) up to {rate:.3g} 1/s"
