@@ -70,6 +70,7 @@ UNARY: dict[int, Callable[[Tape, int], int]] = {
         "acosh", u, lambda y: reciprocal(t, t.root(t.sum(square(t, u), t.constant(1.0), 1.0, -1.0)))
     ),
     ca.OP_ERF: lambda t, u: t.integral("erf", u, lambda y: error_slope(t, u)),
+    ca.OP_NOT: lambda t, u: t.switch("logic_not", u),
 }
 
 BINARY: dict[int, Callable[[Tape, int, int], int]] = {
@@ -81,6 +82,11 @@ BINARY: dict[int, Callable[[Tape, int, int], int]] = {
     ca.OP_HYPOT: lambda t, a, b: t.root(t.sum(square(t, a), square(t, b))),
     ca.OP_POW: lambda t, a, b: power(t, a, b),
     ca.OP_CONSTPOW: lambda t, a, b: power(t, a, b),
+    ca.OP_LT: lambda t, a, b: t.switch("lt", a, b),
+    ca.OP_LE: lambda t, a, b: t.switch("le", a, b),
+    ca.OP_AND: lambda t, a, b: t.switch("logic_and", a, b),
+    ca.OP_OR: lambda t, a, b: t.switch("logic_or", a, b),
+    ca.OP_IF_ELSE_ZERO: lambda t, a, b: t.choice(a, b),
 }
 
 
@@ -94,7 +100,7 @@ def power(t: Tape, a: int, b: int) -> int:
 def apply(t: Tape, code: int, operands: Sequence[int]) -> int:
     """Put one CasADi operation on the tape.
 
-    Raises: ArgumentError naming the operation when it is not analytic (fabs, floor, if_else ...).
+    Raises: ArgumentError naming the operation when it has no power series (fabs, floor, fmod ...). Choices by < are series on either side.
     """
     if code in UNARY:
         return UNARY[code](t, operands[0])

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from flexlin.checks import Array
-from flexlin.series.space import Numeric, Symbolic
+from flexlin.series.space import Numeric, Symbolic, choose
 
 Space = Numeric | Symbolic
 Series = list[Array]
@@ -159,6 +159,41 @@ class Angle:
     def increment(self, c: Series, delta: Increments) -> Array:
         (a, b), (p, q) = self.operands, self.slopes
         return c[p][:1] * delta.get(a, 0) - c[q][:1] * delta.get(b, 0)
+
+
+@dataclass(frozen=True)
+class Switch:
+    """A truth value such as a < b: locally constant, so it has no operands to move with."""
+
+    function: str
+    read: tuple[int, ...]
+    operands: tuple[int, ...] = ()
+
+    def value(self, space: Space, c: Series) -> Array:
+        return space.apply(self.function, *[c[i][:1] for i in self.read])
+
+    def part(self, space: Space, c: Series, k: int) -> Array:
+        return space.zero()[space.indices.degree(k)]
+
+    def increment(self, c: Series, delta: Increments) -> Array:
+        return 0 * next(iter(delta.values()))
+
+
+@dataclass(frozen=True)
+class Choice:
+    """y = a where a switch is on, else 0."""
+
+    switch: int
+    operands: tuple[int]
+
+    def value(self, space: Space, c: Series) -> Array:
+        return choose(c[self.switch][:1], c[self.operands[0]][:1])
+
+    def part(self, space: Space, c: Series, k: int) -> Array:
+        return choose(c[self.switch][:1], c[self.operands[0]][space.indices.degree(k)])
+
+    def increment(self, c: Series, delta: Increments) -> Array:
+        return choose(c[self.switch][:1], delta[self.operands[0]])
 
 
 def times(factor: float, part: Array) -> Array:

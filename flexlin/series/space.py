@@ -21,7 +21,27 @@ def atan2(y: Array, x: Array) -> Array:
     return np.arctan2(y, x)
 
 
-NUMPY = {
+def less(a: Array, b: Array) -> Array:
+    """Return 1 where a < b and 0 where a > b; nan at equality, where a choice between them is not analytic."""
+    return np.where(np.real(a) == np.real(b), np.nan, np.less(np.real(a), np.real(b)))
+
+
+def both(a: Array, b: Array) -> Array:
+    """Return a and b, of truth values 0 and 1."""
+    return a * b
+
+
+def either(a: Array, b: Array) -> Array:
+    """Return a or b, of truth values 0 and 1."""
+    return a + b - a * b
+
+
+def opposite(a: Array) -> Array:
+    """Return not a, of truth values 0 and 1."""
+    return 1 - a
+
+
+NUMPY: dict[str, Callable] = {
     "exp": np.exp,
     "log": np.log,
     "sin": np.sin,
@@ -42,8 +62,13 @@ NUMPY = {
     "sqrt": np.sqrt,
     "atan2": atan2,
     "power": np.power,
+    "lt": less,
+    "le": less,
+    "logic_and": both,
+    "logic_or": either,
+    "logic_not": opposite,
 }
-CASADI: dict[str, Callable] = {name: getattr(ca, name) for name in NUMPY if name != "power"} | {"power": ca.power}
+CASADI: dict[str, Callable] = {name: getattr(ca, name) for name in NUMPY}
 
 
 class Numeric:
@@ -170,6 +195,16 @@ class Symbolic:
 def occupied(part: Array) -> Array:
     """Tell which coefficients are not structural zeros."""
     return np.array([type(value) is not int or value != 0 for value in part], dtype=bool)
+
+
+def choose(switch: Array, part: Array) -> Array:
+    """Return a part where the switch (of length 1) is on, else 0, whatever the part holds; nan where the switch is undecided."""
+    if part.dtype != object:
+        return np.where(switch == 0, 0.0, switch * part)
+    chosen = np.zeros(len(part), dtype=object)
+    for i in np.flatnonzero(occupied(part)):
+        chosen[i] = ca.if_else(switch[0], part[i], 0)
+    return chosen
 
 
 def scaled(factor: ca.SX, part: Array) -> Array:

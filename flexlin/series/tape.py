@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from flexlin.series.nodes import Angle, Integral, Node, Product, Quotient, Root, Sum
+from flexlin.series.nodes import Angle, Choice, Integral, Node, Product, Quotient, Root, Sum, Switch
 
 
 @dataclass
@@ -66,6 +66,14 @@ class Tape:
         square = self.sum(self.product(a, a), self.product(b, b))
         slopes = self.quotient(b, square), self.quotient(a, square)
         return self.once(("angle", a, b), lambda _: Angle((a, b), slopes))
+
+    def switch(self, name: str, *read: int) -> int:
+        """A truth value of other nodes."""
+        return self.once((name, read), lambda _: Switch(name, read))
+
+    def choice(self, switch: int, a: int) -> int:
+        """a where the switch is on, else 0."""
+        return self.once(("choice", switch, a), lambda _: Choice(switch, (a,)))
 
     def integral(self, name: str, u: int, slope: Callable[[int], int], parameter: float | None = None) -> int:
         """phi(u), given the node of phi'(u) as a function of the node of phi(u)."""

@@ -129,6 +129,14 @@ def test_floquet_and_lqr_as_for_any_arm(arm, scene):
     assert closed.exponents.real.max() < -1
 
 
+def test_second_order_terms_by_the_series(arm):
+    """r''[z, z] at a place of the motion, by fl.taylor in one variable and by CasADi."""
+    z, t = np.array([0.3, -0.2, 1.0, 0.4]), ca.SX.sym("t")
+    moved = ca.substitute(arm.residual, ca.vertcat(arm.s, arm.s_dot, arm.s_ddot), ca.vertcat(U + t * z, U_DOT, 0 * U))
+    twice = ca.Function("twice", [t], [ca.jacobian(ca.jacobian(moved, t), t)])(0).full()
+    assert_allclose(fl.taylor(moved, t, [0.0], 2).derivative(2), twice, rtol=1e-9)
+
+
 def test_stiff_links_tend_to_rigid_ones(scene):
     """Statically, elastic coordinates follow w = K_ww^-1 h_w: the deflection falls like 1/EI."""
     deflections = []

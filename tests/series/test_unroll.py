@@ -43,6 +43,14 @@ def test_moving_function_serves_other_points(partition):
     assert_allclose(c.moving(other.u0, other.v0, du).full()[:, 0], other(du), rtol=1e-12)
 
 
+def test_choices_are_unrolled_too():
+    u, v = ca.SX.sym("u"), ca.SX.sym("v")
+    f = ca.if_else(u < 1, v + v**3 - u, ca.sqrt(u - 2) - v)
+    c = fl.implicit_taylor(f, u, v, [0.2], [0.1928], 5)
+    assert_allclose(c.moving(c.u0, c.v0, [0.05]).full()[:, 0], c([0.05]), rtol=1e-14)
+    assert c.error([0.05]) < 1e-7
+
+
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")
 def test_c_code(tmp_path):
     c, du = expand(S0, 3, "inverse"), np.array([0.03, -0.02])
