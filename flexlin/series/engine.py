@@ -51,8 +51,9 @@ def increments(tape: Tape, space: Space, c: Series, moved: Increments) -> dict[i
     return delta
 
 
+@np.errstate(all="ignore")
 def expand(tape: Tape, space: Space, inputs: Sequence[Sequence[Array]]) -> list[list[Array]]:
-    """Return the series of all outputs of a tape, given those of its inputs."""
+    """Return the series of all outputs of a tape, given those of its inputs; nan or infinite where they do not exist."""
     c = start(tape, space, inputs)
     for k in range(1, space.indices.order + 1):
         advance(tape, space, c, k)
@@ -70,6 +71,7 @@ def jacobian(tape: Tape, space: Space, c: Series, which: int) -> Array:
     return np.array([np.broadcast_to(delta.get(node, np.zeros(shape, dtype=int)), shape) for node in tape.outputs[0]])
 
 
+@np.errstate(all="ignore")
 def expand_implicit(tape: Tape, space: Space, u: Sequence[Array], v0: Array) -> list[Array]:
     """Return the series of v(u) with f(u, v) = 0, given those of u and v's value.
 

@@ -64,8 +64,7 @@ def taylor(A: Any, x: Any, x0: ArrayLike, order: int) -> TaylorMap:
     tape = record_expressions("A", [ca.vec(A)], [x])
     table = indices(x.numel(), order, tape.size)
     space = Numeric(table)
-    with np.errstate(all="ignore"):
-        (outputs,) = expand(tape, space, [seeded(space, point, np.eye(len(point)))])
+    (outputs,) = expand(tape, space, [seeded(space, point, np.eye(len(point)))])
     coefficients = np.array(outputs).T.reshape(table.size, -1)
     check_analytic(coefficients, "x0", point)
     return TaylorMap(Polynomial(table, coefficients), point, A.shape)

@@ -21,6 +21,7 @@ class Fold:
     defect: float
 
 
+@np.errstate(all="ignore")
 def find_fold(tape: Tape, u0: Array, S: Array, start: tuple[Array, Array], steps: int = 30) -> Fold:
     """Solve for the fold that Newton's method reaches from a start.
 
@@ -61,8 +62,7 @@ def second_order(tape: Tape, u0: Array, S: Array, t: Array, v: Array) -> tuple[A
     space = Numeric(table, (), np.result_type(u0, t, v).type)
     seeds = np.eye(nv + p)
     inputs = [seeded(space, u0 + S @ t, S @ seeds[nv:]), seeded(space, v, seeds[:nv])]
-    with np.errstate(all="ignore"):
-        coefficients = np.array(expand(tape, space, inputs)[0])
+    coefficients = np.array(expand(tape, space, inputs)[0])
     places = table.dense(2)
     H = (coefficients[:, places] * table.factorials[places]).reshape(-1, nv + p, nv + p)
     return coefficients[:, 0], coefficients[:, table.degree(1)], H

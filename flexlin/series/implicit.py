@@ -161,8 +161,7 @@ def implicit_taylor(f: Any, u: Any, v: Any, u0: ArrayLike, v0: ArrayLike, order:
     table = indices(len(point), order, tape.size)
     solution = closed(tape, point, guess)
     space = Numeric(table)
-    with np.errstate(all="ignore"):
-        series = expand_implicit(tape, space, seeded(space, point, np.eye(len(point))), solution)
+    series = expand_implicit(tape, space, seeded(space, point, np.eye(len(point))), solution)
     coefficients = np.array(series).T
     check_analytic(coefficients, "(u0, v0)", np.concatenate([point, solution]))
     return ImplicitMap(tape, Polynomial(table, coefficients), point, solution)
@@ -188,8 +187,7 @@ def solve_implicit(f: Any, u: Any, v: Any, u0: ArrayLike, guess: ArrayLike) -> A
 
 def closed(tape: Tape, u0: Array, v0: Array) -> Array:
     """Return v0 refined to rounding, refusing a point that is no solution or singular."""
-    with np.errstate(all="ignore"):
-        f, V = closure_and_jacobian(tape, u0[None, :], v0[None, :])
+    f, V = closure_and_jacobian(tape, u0[None, :], v0[None, :])
     if not (np.all(np.isfinite(f)) and np.all(np.isfinite(V))):
         check_analytic(np.array(np.nan), "(u0, v0)", np.concatenate([u0, v0]))
     if np.linalg.cond(V[0]) > 1 / SINGULAR:

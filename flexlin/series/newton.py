@@ -9,6 +9,7 @@ from flexlin.series.space import Numeric
 from flexlin.series.tape import Tape
 
 
+@np.errstate(all="ignore")
 def closure_and_jacobian(tape: Tape, u: Array, v: Array) -> tuple[Array, Array]:
     """Return f (N, m) and V = D_v f (N, m, m) at u (N, nu), v (N, nv)."""
     space = Numeric(shared_indices(1, 0), (len(u),), np.result_type(u, v).type)
@@ -20,8 +21,7 @@ def closure_and_jacobian(tape: Tape, u: Array, v: Array) -> tuple[Array, Array]:
 
 def newton_step(tape: Tape, u: Array, v: Array) -> Array:
     """Return V^-1 f (N, nv); infinite where V is singular or not finite."""
-    with np.errstate(all="ignore"):
-        f, V = closure_and_jacobian(tape, u, v)
+    f, V = closure_and_jacobian(tape, u, v)
     regular = np.all(np.isfinite(V), axis=(1, 2)) & np.all(np.isfinite(f), axis=1)
     regular[regular] = np.linalg.matrix_rank(V[regular]) == V.shape[1]
     step = np.full(f.shape, np.inf, dtype=f.dtype)

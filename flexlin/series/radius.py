@@ -53,10 +53,10 @@ class Radius(float):
 def line_series(tape: Tape, u0: Array, v0: Array, direction: Array, order: int) -> Array:
     """Return the coefficients of v(u0 + t d) by powers of t, (order + 1, nv)."""
     space = Numeric(shared_indices(1, order))
-    with np.errstate(all="ignore"):
-        return np.array(expand_implicit(tape, space, seeded(space, u0, direction[:, None]), v0)).T
+    return np.array(expand_implicit(tape, space, seeded(space, u0, direction[:, None]), v0)).T
 
 
+@np.errstate(all="ignore")
 def radius_along(tape: Tape, u0: Array, v0: Array, direction: Array) -> Radius:
     """Return the distance to the nearest singularity of v(u0 + t d) in the complex plane of t.
 
@@ -143,6 +143,8 @@ def singularities(series: Array) -> Array:
         if abs(first[0]) <= 1e-9 * np.abs(first[:4]).max():
             continue
         quotient = power_quotient(second, first[:-1])
+        if not np.all(np.isfinite(quotient)):
+            continue
         for pole, residue in pade_poles(quotient):
             if residue.real < -0.25 and abs(residue.imag) < 0.3 and pole.imag >= 0:
                 poles.append(pole)
