@@ -19,6 +19,11 @@ from flexlin.control.periodic import periodic_lqr
 
 _ON_MANIPULATORS = {
     "Feedforward": "tracking",
+    "bending": "measurement",
+    "joint_angles": "measurement",
+    "joint_rates": "measurement",
+    "tip_acceleration": "measurement",
+    "tip_position": "measurement",
     "PeriodicMotion": "harmonic_balance",
     "feedforward": "tracking",
     "gain_source": "c_source",

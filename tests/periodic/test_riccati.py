@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from flexlin.errors import ArgumentError, IllPosedSegment, NotDetectable, NotStabilizable
-from flexlin.periodic import PeriodicSystem
+from flexlin.periodic import PeriodicSystem, floquet
 from flexlin.periodic.riccati import edges, finite_horizon_riccati, linear_quadratic, periodic_riccati, solve_on
 from flexlin.periodic.scattering import (
     Segment,
@@ -232,3 +232,11 @@ def test_tree_carries_costs_like_a_walk(seed, count):
 def test_singular_segment_is_named():
     with pytest.raises(IllPosedSegment, match="P22 of segment 1 of 2"):
         from_hamiltonian(np.stack([np.eye(2), np.zeros((2, 2))]))
+
+
+def test_closed_loop_of_the_rotated_example_has_the_exponents_of_the_constant_one():
+    """P(pi) = I, so the multipliers of A - B K are exp(pi (A0 - B0 K0))."""
+    _, poles, _ = control.care(A0, B0, np.eye(2), np.eye(1))
+    found = periodic_riccati(rotated(), np.eye(2), np.eye(1), tol=1e-11)
+    exponents = floquet(rotated().feedback(found.K), tol=1e-11).exponents
+    assert np.abs(np.sort(exponents.real) - np.sort(poles.real)).max() < 1e-10 * np.abs(poles).max()

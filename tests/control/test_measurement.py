@@ -1,0 +1,81 @@
+"""Sensors: against finite differences of positions, of simulated paths, and the beam's own shape; an LQG loop on the shipped arm."""
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.control import kalman_filter, output_feedback, periodic_lqr
+from flexlin.control.measurement import bending, joint_angles, joint_rates, tip_acceleration, tip_position
+from flexlin.control.tracking import tip_positions
+from flexlin.errors import ArgumentError
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return fl.load_scene("single-link")
+
+
+@pytest.fixture(scope="module")
+def lin(scene):
+    return fl.linearize(fl.build_manipulator(scene), scene.motion)
+
+
+def test_encoders_and_tachometers_read_the_joint(lin):
+    x, t = np.arange(6.0), np.zeros(1)
+    assert joint_angles(lin)(t)[0] @ x == pytest.approx([0.0])
+    assert joint_rates(lin)(t)[0] @ x == pytest.approx([3.0])
+
+
+def test_strain_gauge_at_the_root_of_a_cantilever(scene, lin):
+    """X'' = 2 (beta l)^2 / l^2 at the root, 0 at the free end, for every clamped-free mode (Blevins, Formulas, ch. 8)."""
+    beta = np.array([1.8751040687119611, 4.694091132974174])
+    root, end = (bending(scene, lin, 0, at)(np.zeros(1))[0, 0] for at in (0.0, 1.0))
+    np.testing.assert_allclose(root[1:3], 2 * beta**2 / 0.96**2, rtol=1e-10)
+    np.testing.assert_allclose(end, 0.0, atol=1e-9)
+    with pytest.raises(ArgumentError, match="not on the link"):
+        bending(scene, lin, 0, 1.5)
+
+
+def test_camera_sees_the_slope_of_the_tips_position(lin):
+    t = np.array([0.1, 0.7, 1.6])
+    C, step = tip_position(lin)(t), 1e-6
+    for k in range(lin.n):
+        moved = np.zeros((3, lin.n))
+        moved[:, k] = step
+        slope = (tip_positions(lin, t, moved) - tip_positions(lin, t, -moved)) / (2 * step)
+        np.testing.assert_allclose(C[:, :, k], slope, atol=1e-8)
+
+
+def test_accelerometer_is_the_second_derivative_of_the_camera(lin):
+    """Along a linear motion under a constant torque: second differences of C_position x by central differences of exact steps."""
+    from flexlin.periodic.collocation import gauss_transitions
+
+    system, torque, h = lin.periodic_system(), 0.3, 1e-4
+
+    def driven(t):
+        A = np.zeros((len(t), 7, 7))
+        A[:, :6, :6], A[:, :6, 6] = system.A(t), system.B(t)[:, :, 0] * torque
+        return A
+
+    t = 0.4 + h * np.arange(3)
+    x = [np.array([0.02, 0.01, -0.003, 0.1, 0.2, -0.1, 1.0])]
+    for step in gauss_transitions(driven, t, 8):
+        x.append(step @ x[-1])
+    seen = np.einsum("tij,tj->ti", tip_position(lin)(t), np.array(x)[:, :6])
+    C, D = tip_acceleration(lin)
+    felt = (C(t) @ np.array(x)[:, :6, None])[1, :, 0] + D(t)[1, :, 0] * torque
+    np.testing.assert_allclose((seen[0] - 2 * seen[1] + seen[2]) / h**2, felt, rtol=0, atol=1e-4 * np.abs(felt).max())
+
+
+def test_lqg_on_the_shipped_arm_with_encoder_and_strain_gauge(scene, lin):
+    system = lin.periodic_system()
+    sensors = [joint_angles(lin), bending(scene, lin, 0, 0.0)]
+    made = periodic_lqr(system, np.diag([1.0, 1.0, 1.0, 0.01, 0.01, 0.01]), 100 * np.eye(1), tol=1e-8)
+    found = kalman_filter(
+        system,
+        lambda t: np.concatenate([sensor(t) for sensor in sensors], axis=1),
+        np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]),
+        np.diag([1e-4, 1e-4]),
+        tol=1e-8,
+    )
+    assert fl.floquet(output_feedback(made, found), tol=1e-6).verdict == "stable"
