@@ -57,13 +57,17 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
         {"type": span, "metavar": "KEY=LOW:HIGH[:COUNT]", "action": "extend", "nargs": "+", "required": True,
          "help": "a parameter to vary, such as motion.frequency=0.2:3:200; give two for a map"},
     ),
+    "sensitivity": (
+        ["--sensitivity"],
+        {"action": "store_true", "help": "also tell which numbers move the growth rate (some seconds)"},
+    ),
     "tolerance": (["--tolerance"], {"type": float, "default": 0.01, "help": "relative change that matters (default 0.01)"}),
 }  # fmt: skip
 SCENE = ("scene", "set", "out")
 COMMANDS: dict[str, tuple[Any, ...]] = {
     "list": (run.list_scenes, "name the scenes that travel with flexlin"),
     "check": (run.check, "read a scene and derive its equations", *SCENE),
-    "report": (run.report, "write report.html and report.json", *SCENE, "require", "effects"),
+    "report": (run.report, "write report.html and report.json", *SCENE, "require", "effects", "sensitivity"),
     "linearize": (run.write_coefficients, "write the coefficients over a period", *SCENE, "points"),
     "design": (run.write_gains, "design the scene's controllers, write their gains", *SCENE, "require", "points"),
     "simulate": (

@@ -68,7 +68,9 @@ def report(options: argparse.Namespace) -> int:
         progress("load the numerical libraries")
         from flexlin.report.writing import write_report
 
-        analysis, paths = write_report(scene, options.out, command(options), progress, options.effects)
+        analysis, paths = write_report(
+            scene, options.out, command(options), progress, options.effects, options.sensitivity
+        )
     from flexlin.report.terminal import summarize
 
     summarize(analysis)
@@ -210,7 +212,7 @@ def command(options: argparse.Namespace) -> str:
         for key, low, high, number in getattr(options, "over", [])
     ]
     over = ["--over", *axes] if axes else []
-    flags = [f"--{name}" for name in ("effects", "animate") if getattr(options, name, False)]
+    flags = [f"--{name}" for name in ("effects", "sensitivity", "animate") if getattr(options, name, False)]
     forward = getattr(options, "feedforward", "scene")
     flags += [] if forward == "scene" else ["--feedforward", forward]
     return shlex.join(["flexlin", options.command, options.scene, *overrides, *over, *flags])

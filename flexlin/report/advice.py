@@ -5,6 +5,8 @@ import numpy as np
 from flexlin.report.analysis import Analysis, Loop
 from flexlin.report.wording import quantity
 
+NEAR = 0.2
+"""A resonance is named when it is detuned by less than this share of the motion's frequency."""
 WORTHWHILE = 1.05
 """A design counts as faster when it settles this many times as fast as the scene's own loop."""
 
@@ -34,7 +36,26 @@ def about_verdict(a: Analysis) -> list[str]:
     remedy = (
         f"use the design “{better[0].name}”, which is" if better else f"{change}, the speed or the payload until it is"
     )
-    return [f"The arm is unstable along this motion {under(a.own)}: {remedy} stable."]
+    return [f"The arm is unstable along this motion {under(a.own)}: {remedy} stable.", *about_cause(a)]
+
+
+def about_cause(a: Analysis) -> list[str]:
+    """The resonances behind an instability, as far as they are clear."""
+    base = 1 / a.plant.period
+    clear = [
+        r
+        for r in a.resonances
+        if r.kind != "average" and r.detuning < NEAR * 2 * np.pi * base and min(r.frequencies) > 0
+    ]
+    told = []
+    for resonance in clear:
+        high, low = (f"{w / (2 * np.pi):.4g}" for w in resonance.frequencies)
+        rule = {"principal": f"2 × {high}", "sum": f"{high} + {low}", "difference": f"{high} − {low}"}[resonance.kind]
+        told.append(
+            f"Behind it is a parametric resonance: {rule} Hz of the averaged arm is near {resonance.order} × {base:.4g} Hz of the motion. "
+            "Move the motion's frequency or the natural frequencies apart, or add damping."
+        )
+    return told
 
 
 def about_elastic_motion(a: Analysis) -> list[str]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -12,11 +12,23 @@ from flexlin.control import Design, design, linearize_about, periodic_motion
 from flexlin.errors import NumericalError, TooLarge
 from flexlin.linearization import Coefficients, Linearization, linearize
 from flexlin.mechanics import Manipulator, build_manipulator
-from flexlin.periodic import FloquetResult, ForcedResponse, PeriodicSystem, floquet, forced_response
+from flexlin.periodic import (
+    FloquetResult,
+    ForcedResponse,
+    PeriodicSystem,
+    Resonance,
+    floquet,
+    floquet_modes,
+    forced_response,
+    resonances,
+)
 from flexlin.report.clock import Clock, Step
 from flexlin.scene.control import Design as DesignTable
 from flexlin.scene.scene import Scene
 from flexlin.simulation import Simulation, simulate, tip_positions
+
+if TYPE_CHECKING:
+    import xarray
 
 SAMPLES = 257
 """Points of a period in the figures and in report.json, both ends included."""
@@ -69,7 +81,8 @@ class Response:
 @dataclass(frozen=True)
 class Analysis:
     """What a report says: `own` is the scene's own loop, `open_loop` the arm without feedback; `problems` tells what could not be had,
-    `audit` which effects matter, if that was asked for, `elastic` the own loop about the elastic motion, if the scene asks for it.
+    `resonances` what is behind an unstable own loop, `audit` and `sensitivity` which effects and numbers matter, if that was asked for,
+    `elastic` the own loop about the elastic motion, if the scene asks for it.
     """
 
     scene: Scene
@@ -84,7 +97,9 @@ class Analysis:
     simulation: Simulation | None
     problems: dict[str, str]
     steps: tuple[Step, ...]
+    resonances: tuple[Resonance, ...] = ()
     audit: Audit | None = None
+    sensitivity: "xarray.Dataset | None" = None
     elastic: Loop | None = None
 
     @property
@@ -119,13 +134,14 @@ def analyse(scene: Scene, clock: Clock | None = None, tol: float = 1e-9) -> Anal
     own, open_loop = own_loops(scene, system, loop, tol, clock)
     elastic = elastic_loop(closed, tol, clock) if scene.control.about == "elastic" else None
     problems: dict[str, str] = {}
+    behind = causes(own, loop, problems, clock)
     with clock.step("forced response"):
         response = attempt(problems, "response", lambda: periodic_response(closed, loop, t, tol))
     with clock.step(f"nonlinear simulation of {SIMULATED_PERIODS:g} periods"):
         simulation = attempt(problems, "simulation", lambda: simulate(closed, SIMULATED_PERIODS, tol=SIMULATION_TOL))
     designs = tuple(designed(system, table, tol, clock) for table in scene.designs)
     found = (coefficients, own, open_loop, designs, response, simulation, problems, tuple(clock.steps))
-    return Analysis(scene, plant, closed, t, *found, elastic=elastic)
+    return Analysis(scene, plant, closed, t, *found, resonances=behind, elastic=elastic)
 
 
 def plant_and_designs(scene: Scene, clock: Clock, tol: float = 1e-9) -> tuple[Linearization, tuple[Loop, ...]]:
@@ -159,6 +175,15 @@ def elastic_loop(closed: Linearization, tol: float, clock: Clock) -> Loop:
         return Loop(name, "elastic", None, problems[name])
     with clock.step("Floquet: about the elastic motion"):
         return judged(name, "elastic", linearize_about(motion), tol)
+
+
+def causes(own: Loop, system: PeriodicSystem, problems: dict[str, str], clock: Clock) -> tuple[Resonance, ...]:
+    """The parametric resonances behind an unstable own loop."""
+    if own.verdict != "unstable":
+        return ()
+    with clock.step("cause of the instability"):
+        found = attempt(problems, "resonances", lambda: resonances(system, floquet_modes(system, own.floquet)))
+    return tuple(found or ())
 
 
 def judged(name: str, kind: str, system: PeriodicSystem, tol: float, made: Design | None = None) -> Loop:

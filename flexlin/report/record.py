@@ -4,7 +4,7 @@ import json
 from dataclasses import asdict
 from importlib.metadata import version
 from platform import platform, python_version
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from flexlin.audit import Audit
 from flexlin.checks import Array
 from flexlin.report.analysis import Analysis, Loop
 from flexlin.scene.scene import Scene
+
+if TYPE_CHECKING:
+    import xarray
 
 SCHEMA = 1
 PACKAGES = ("casadi", "control", "matplotlib", "numpy", "pydantic", "scipy")
@@ -35,12 +38,14 @@ def record(analysis: Analysis) -> dict[str, Any]:
         "floquet": loop_block(a.own),
         "open_loop": loop_block(a.open_loop),
         **({} if a.elastic is None else {"elastic_motion": loop_block(a.elastic)}),
+        "resonances": [str(resonance) for resonance in a.resonances],
         "designs": {loop.name: loop_block(loop) for loop in a.designs},
         "t": a.t.tolist(),
         "coefficients": {name: numbers(getattr(a.coefficients, name)) for name in ("M", "D", "K", "h", "B", "tau")},
         "forced_response": response_block(a),
         "simulation": simulation_block(a),
         **({} if a.audit is None else {"effects_audit": audit_block(a.audit)}),
+        **({} if a.sensitivity is None else {"sensitivity": sensitivity_block(a.sensitivity)}),
         "versions": versions(),
         "steps": [{"name": step.name, "seconds": round(step.seconds, 4)} for step in a.steps],
     }
@@ -131,6 +136,17 @@ def audit_block(audit: Audit) -> dict[str, Any]:
         "rows": [
             {key: number(value) if isinstance(value, float) else value for key, value in row.items()} for row in rows
         ],
+    }
+
+
+def sensitivity_block(data: "xarray.Dataset") -> dict[str, Any]:
+    """What one percent more of each number does to each growth rate, in 1/s, beside the number and the exponents."""
+    return {
+        "parameters": [str(path) for path in data["parameter"].values],
+        "values": numbers(data["value"].values),
+        "exponents": numbers(data["exponents"].values),
+        "condition": numbers(data["condition"].values),
+        "percent": numbers(data["percent"].values),
     }
 
 

@@ -13,12 +13,17 @@ if TYPE_CHECKING:
 
 
 def write_report(
-    scene: Scene, folder: Path, command: str = "", progress: Progress | None = None, with_audit: bool = False
+    scene: Scene,
+    folder: Path,
+    command: str = "",
+    progress: Progress | None = None,
+    with_audit: bool = False,
+    with_sensitivity: bool = False,
 ) -> "tuple[Analysis, list[Path]]":
     """Analyse a scene and write report.html and report.json into a folder, each whole or not at all.
 
     Parameters: command: the command line, which the page shows; progress: called with the name of each step as it begins;
-    with_audit: tell which effects matter, too (some seconds).
+    with_audit, with_sensitivity: tell which effects and which numbers matter, too (some seconds each).
     Returns: the analysis and the paths of the files.
     Raises: what `analyse` raises; OutputError when the folder cannot be written.
     """
@@ -32,6 +37,11 @@ def write_report(
             from flexlin.audit import audit
 
             analysis = replace(analysis, audit=audit(scene, progress=progress))
+    if with_sensitivity:
+        with clock.step("sensitivities"):
+            from flexlin.sensitivity import sensitivity
+
+            analysis = replace(analysis, sensitivity=sensitivity(scene))
     with clock.step("load the drawing library"):
         from flexlin.report.figures import pictures
         from flexlin.report.page import page

@@ -11,6 +11,7 @@ from flexlin.report.figures.exponents import draw_exponents
 from flexlin.report.figures.gains import draw_gains
 from flexlin.report.figures.multipliers import draw_multipliers
 from flexlin.report.figures.response import draw_response
+from flexlin.report.figures.sensitivity import draw_sensitivity
 from flexlin.report.figures.style import Picture
 from flexlin.report.figures.tip import draw_tip
 
@@ -29,4 +30,6 @@ FIGURES: tuple[Callable[[Analysis], Picture | None], ...] = (
 def pictures(analysis: Analysis) -> list[Picture]:
     """All figures that this analysis has numbers for, in the order of the page."""
     drawn = [picture for draw in FIGURES if (picture := draw(analysis)) is not None]
+    if analysis.sensitivity is not None:
+        drawn.append(draw_sensitivity(analysis.sensitivity))
     return drawn if analysis.audit is None else [*drawn, draw_effects(analysis.audit)]
