@@ -107,7 +107,7 @@ def audit(scene: Scene, tolerance: float = 0.01, progress: Progress | None = Non
         )
     tell = progress or (lambda text: None)
     tell("the scene as it is")
-    base, scale, reach = measure(scene), Scale.of(scene), sum(link.length for link in scene.links)
+    base, scale, reach = measure(scene), Scale.of(scene), sum(link.length for link in scene.links) or 1.0
     rows = []
     for version in (*_effect_versions(scene, scale), *_mode_versions(scene)):
         tell(version.change)

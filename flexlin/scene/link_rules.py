@@ -6,6 +6,16 @@ from typing import Any
 from flexlin.errors import Problem
 
 RawLink = dict[str, Any]
+BODIES = ("hub", "payload")
+EACH_LINK = (
+    "rotary_inertia",
+    "shear",
+    "kelvin_voigt_damping",
+    "joint_flexibility",
+    "viscous_friction",
+    "coulomb_friction",
+    "motor",
+)
 
 
 def link_contradictions(links: Sequence[RawLink], effects: dict[str, Any], joints: Sequence[Any]) -> Iterator[Problem]:
@@ -17,10 +27,16 @@ def link_contradictions(links: Sequence[RawLink], effects: dict[str, Any], joint
             yield from _pinned_joint(i, effects, joints)
     for name, table in effects.items():
         for key, value in table.items() if isinstance(table, dict) else ():
-            if isinstance(value, list) and name != "modal_damping" and len(value) > len(links):
-                yield Problem(
-                    f"effects.{name}.{key}", f"{len(value)} numbers", f"at most {len(links)}, one for each link"
-                )
+            if isinstance(value, list):
+                yield from _list_length(name, key, len(value), len(links))
+
+
+def _list_length(effect: str, key: str, got: int, links: int) -> Iterator[Problem]:
+    """A list has one number a link; for bodies the links beyond its end have none."""
+    if effect in BODIES and got > links:
+        yield Problem(f"effects.{effect}.{key}", f"{got} numbers", f"at most {links}, one for each link")
+    if effect in EACH_LINK and got != links:
+        yield Problem(f"effects.{effect}.{key}", f"{got} numbers", f"{links}, one for each link, or a single number")
 
 
 def _bending(key: str, link: RawLink) -> Iterator[Problem]:

@@ -133,6 +133,11 @@ def test_energy_of_an_undamped_two_link_arm_drifts_with_the_integrators_toleranc
         ({"elements": 10}, {}, "finite-element"),
         ({"mode_shapes": "pinned-free"}, {"hub": {"radius": 0.1}}, "effects.hub.radius"),
         ({}, {"hub": {"inertia": [1.0, 2.0]}}, "at most 1"),
+        (
+            {},
+            {"shear": {"stiffness": [1e3, 1e3]}},
+            "effects.shear.stiffness: got 2 numbers, expected 1, one for each link",
+        ),
         ({"sections": {"at": [0.0, 0.5], "mass": [1.0, 1.0], "stiffness": [1.0, 1.0]}}, {}, "from 0 to 1"),
         ({}, {"shear": {"stiffness": 0.0}}, "greater than 0"),
         ({}, {"motor": {"torque_constant": 1.0}}, "resistance"),

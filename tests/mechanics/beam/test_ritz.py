@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.beam import (
@@ -47,6 +49,16 @@ def test_elements_reproduce_uniform_beams(shapes, exact):
     for d, bound in ((0, step**4 / 192), (2, step**2 / 4)):
         scale = exact.beta[:, None] ** d
         assert np.all(np.abs(shapes.values(XI, d) - exact.values(XI, d)) / scale < bound + 1e-12)
+
+
+@settings(max_examples=60, deadline=None)
+@given(mass=st.floats(-3, 4), gyration=st.floats(-2, 1), offset=st.floats(-0.9, 0.9))
+def test_no_root_is_missed_whatever_the_tip_carries(mass, gyration, offset):
+    """The roots are found by a scan: Ritz's method counts them, for bodies from specks to a thousand beams, near and far."""
+    m, r = 10.0**mass, 10.0**gyration
+    inertia, moment = m * r**2, offset * m * r
+    exact, ritz = clamped_with_tip(4, m, inertia, moment), tapered(4, ends=Ends(m, moment, inertia))
+    np.testing.assert_allclose(exact.beta, ritz.beta, rtol=1e-7)
 
 
 def test_wedge():
