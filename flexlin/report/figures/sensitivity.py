@@ -5,7 +5,6 @@ import xarray
 
 from flexlin.report.figures.style import Picture
 from flexlin.report.svg import Linear, Named, Panel, Row, draw
-from flexlin.report.wording import scaled
 
 TITLE = "Which numbers move the growth rate"
 MOST, HEIGHT = 16, 17.0
@@ -18,11 +17,11 @@ CAPTION = (
 def draw_sensitivity(data: xarray.Dataset) -> Picture:
     """Bars to both sides, the strongest on top."""
     slowest = int(np.argmax(data["exponents"].values.real))
-    change, unit = scaled(data["percent"].values[:, slowest], "/s")
+    change = data["percent"].values[:, slowest]
     order = np.argsort(np.abs(change))[-MOST:]
     names = tuple(f"{data['parameter'].values[i]} = {data['value'].values[i]:.4g}" for i in order)
     reach = 1.08 * float(np.abs(change).max()) or 1.0
-    panel = Panel(x=Linear(-reach, reach), y=Named(names), x_label=f"change of the growth rate for 1 % more, in {unit}")
+    panel = Panel(x=Linear(-reach, reach), y=Named(names), x_label="change of the growth rate for 1 % more, in 1/s")
     for row, i in enumerate(order):
         corners = [0.0, change[i], change[i], 0.0]
         panel.area(corners, [row - 0.3, row - 0.3, row + 0.3, row + 0.3], "stable" if change[i] < 0 else "unstable")
