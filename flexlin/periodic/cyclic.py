@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.errors import ToleranceNotReached
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ class CyclicSystem:
         for level in self.levels:
             top, g = condensed_right(level, g)
             tops.append(top)
-        return self.expand(np.linalg.solve(self.closure, g[..., 0, :, :]), tops)
+        return self.expand(solved(self.closure, g[..., 0, :, :]), tops)
 
     def expand(self, x: Array, tops: list[Array] | None = None) -> Array:
         """Return all x_k (..., K, n, r) from x_0 (..., n, r); without tops for zero right sides."""
@@ -50,7 +51,7 @@ class CyclicSystem:
             inner = -(level.left @ left + level.right @ right)
             if tops is not None:
                 inner = inner + tops[i]
-            middle = np.linalg.solve(level.R, inner)
+            middle = solved(level.R, inner)
             both = np.stack([left, middle], axis=-3).reshape(*middle.shape[:-3], 2 * pairs, *middle.shape[-2:])
             x = np.concatenate([both, x[..., pairs:, :, :]], axis=-3) if level.odd else both
         return x
@@ -63,6 +64,17 @@ class CyclicSystem:
         _, sigma, Vh = np.linalg.svd(self.closure)
         x0 = np.conj(np.swapaxes(Vh[..., ::-1, :][..., :count, :], -1, -2))
         return self.expand(x0), sigma[..., ::-1]
+
+
+def solved(R: Array, right: Array) -> Array:
+    """Solve a batch of small systems, naming what a singular one means."""
+    try:
+        return np.linalg.solve(R, right)
+    except np.linalg.LinAlgError:
+        raise ToleranceNotReached(
+            "the periodic two-point system is singular to working precision",
+            todo="use more segments or scale the states",
+        ) from None
 
 
 def cyclic_system(F: Array) -> CyclicSystem:

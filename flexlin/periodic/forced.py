@@ -12,12 +12,15 @@ from flexlin.periodic.collocation import Tableau, gauss, nodes, samples, stage_v
 from flexlin.periodic.cyclic import cyclic_system
 from flexlin.periodic.eigenvalues import product_spectrum
 from flexlin.periodic.grid import edges
+from flexlin.periodic.radau import radau
 from flexlin.periodic.setting import MAX_SEGMENTS, chosen, too_many
 from flexlin.periodic.system import PeriodicSystem
 
 VectorFunction = Callable[[Array], Array]
 ROUNDINGS, RESONANT = 4.0, 100.0
 """Roundings that the periodicity condition amplifies; a response that loses this factor beyond tol counts as resonant."""
+STIFF = 1024
+"""Segments of Gauss collocation beyond which Radau IIA is taken: its smooth solution does not feel modes that are fast and damped."""
 PROBES = np.array([0.13, 0.5, 0.81])
 """Where inside each segment two resolutions are compared."""
 
@@ -69,8 +72,8 @@ def forced_response(
 
         x_(k+1) = Phi_k x_k + g_k,   x_K = x_0
 
-    on Gauss collocation segments; the cyclic system is condensed by orthogonal transformations, so fast modes of either
-    sign do no harm. Between the edges x is the collocation polynomial.
+    on Gauss collocation segments, or on Radau IIA where Gauss would need very many. The cyclic system is condensed by
+    orthogonal transformations, so fast modes of either sign do no harm. Between the edges x is the collocation polynomial.
 
     Assumes A and f smooth between `system.breaks` and `breaks` (times in [0, T)), and f(t + T) = f(t).
     Parameters: f: function (N,) -> (N, n), or a constant (n,); tol: wanted error of x, absolute up to |x| = 1, relative beyond.
@@ -80,12 +83,13 @@ def forced_response(
     force = as_vector_function(f, system)
     corners = PeriodicSystem(system.A, system.period, breaks=(*system.breaks, *breaks)).breaks
     setting = chosen(system, positive("tol", tol), "gauss", None, None)
-    stages = max(6, setting.order // 2)
-    count, previous = setting.segments, None
-    if count > max_segments:
-        raise too_many(count, max_segments, tol)
+    stages, count, previous = max(6, setting.order // 2), setting.segments, None
+    rule = gauss(stages)
+    if count > STIFF:
+        stages, count = 6, STIFF // 8
+        rule = radau(stages)
     while True:
-        solution, sigma, Phi = periodic_solution(system, force, edges(system.period, corners, count), stages)
+        solution, sigma, Phi = periodic_solution(system, force, edges(system.period, corners, count), rule)
         scale = max(1.0, float(np.abs(solution.start).max()))
         rounding = ROUNDINGS * np.finfo(float).eps / sigma
         if rounding > RESONANT * max(tol, 1e-10):
@@ -98,7 +102,8 @@ def forced_response(
         if 2 * count > max_segments:
             raise too_many(2 * count, max_segments, tol)
         count *= 2
-    status = f"periodic response to {apart:.1e} on {count} segments of {stages} stages; amplification {1 / sigma:.1e}"
+    family = "Radau" if rule.c[-1] == 1 else "Gauss"
+    status = f"periodic response to {apart:.1e} on {count} segments of {stages} {family} stages; amplification {1 / sigma:.1e}"
     if apart > tol * scale:
         status += f"; tol {tol:.0e} was not reached: near resonance the error above is what rounding allows"
     return ForcedResponse(solution, system.period, apart, 1 / sigma, count, status)
@@ -118,11 +123,11 @@ def as_vector_function(f: VectorFunction | Sequence[float], system: PeriodicSyst
 
 
 def periodic_solution(
-    system: PeriodicSystem, f: VectorFunction, grid: Array, stages: int
+    system: PeriodicSystem, f: VectorFunction, grid: Array, rule: Tableau
 ) -> tuple[PiecewiseSolution, float, Array]:
     """Solve for the states at the edges; returns the solution, the smallest singular value of the closure, and Phi."""
-    rule, h = gauss(stages), np.diff(grid)
-    t = nodes(grid, rule.c)
+    h = np.diff(grid)
+    t = np.minimum(nodes(grid, rule.c), np.nextafter(grid[1:], -np.inf)[:, None])
     force = real_array("f", samples(f, t))[..., None]
     A = samples(system.A, t)
     hA = A * h[:, None, None, None]
@@ -130,16 +135,24 @@ def periodic_solution(
     n = A.shape[-1]
     eye = np.broadcast_to(np.eye(n), A.shape)
     Y = stage_values(hA, rule, np.concatenate([eye, integrated(rule, hf)], axis=-1))
-    step = weighted(hA, rule, Y)
-    Phi, g = np.eye(n) + step[..., :n], step[..., n:] + (rule.b[:, None, None] * hf).sum(axis=1)
+    Phi, g = ends(hA, hf, rule, Y)
     cyclic = cyclic_system(Phi)
     sigma = float(np.linalg.svd(cyclic.closure, compute_uv=False)[-1])
     if sigma == 0.0:
         raise resonant(Phi, sigma)
     x = cyclic.solve(g)
-    derivative = A @ (Y[..., :n] @ x[:, None] + Y[..., n:]) + force
-    slope = legendre_coefficients(rule) @ derivative[..., 0]
+    rise = (Y[..., :n] @ x[:, None] + Y[..., n:] - x[:, None])[..., 0] / h[:, None, None]
+    slope = legendre_coefficients(rule) @ np.linalg.solve(rule.a, rise)
     return PiecewiseSolution(grid, x[..., 0], slope), sigma, Phi
+
+
+def ends(hA: Array, hf: Array, rule: Tableau, Y: Array) -> tuple[Array, Array]:
+    """Transition matrices and particular ends of the segments from the stages Y = [of Phi, of f]; the last stage where c = 1."""
+    n = hA.shape[-1]
+    if rule.c[-1] == 1:
+        return Y[:, -1, :, :n], Y[:, -1, :, n:]
+    step = weighted(hA, rule, Y)
+    return np.eye(n) + step[..., :n], step[..., n:] + (rule.b[:, None, None] * hf).sum(axis=1)
 
 
 def integrated(rule: Tableau, values: Array) -> Array:
@@ -148,9 +161,8 @@ def integrated(rule: Tableau, values: Array) -> Array:
 
 
 def legendre_coefficients(rule: Tableau) -> Array:
-    """The matrix from stage values to coefficients of P_m on [0, 1]: (2 m + 1) b_j P_m(c_j)."""
-    m = np.arange(len(rule.c))
-    return (2 * m + 1)[:, None] * (rule.b[:, None] * legvander(2 * rule.c - 1, len(m) - 1)).T
+    """The matrix from stage values to coefficients of P_m on [0, 1]."""
+    return np.linalg.inv(legvander(2 * rule.c - 1, len(rule.c) - 1))
 
 
 def integrated_legendre(theta: Array, count: int) -> Array:

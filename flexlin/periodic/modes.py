@@ -25,6 +25,7 @@ class FloquetModes:
     """Modes p_i exp(lambda_i t) of x' = A x, and q_i of the adjoint -x' = A' x, with q_i^H p_i = 1 at every time.
 
     times (N,) in [0, T): Gauss nodes of panels and the panels' edges; weights (N,): (1/T) int_0^T f = weights @ f, zero at edges;
+    errors (n,): of the exponents, inf for those too fast to be resolved, whose modes mean nothing;
     right, left (N, n, n): [:, :, i] is p_i, q_i; period in s;
     condition (n,): mean |q_i| |p_i|, how much an exponent moves with A: large where two modes nearly coincide.
     """
@@ -33,6 +34,7 @@ class FloquetModes:
     weights: Array
     period: float
     exponents: Array
+    errors: Array
     right: Array
     left: Array
 
@@ -77,9 +79,8 @@ def floquet_modes(system: PeriodicSystem, result: FloquetResult | None = None, t
         left[:, :, part] = np.roll(null_modes(adjoint, ranks)[::-1], 1, axis=0)
     right /= np.abs(right).max(axis=(0, 1))
     left = biorthogonal(left, right, same)
-    return FloquetModes(
-        times[:-1], weights, system.period, result.exponents, right * scale[:, None], left / scale[:, None]
-    )
+    right, left = right * scale[:, None], left / scale[:, None]
+    return FloquetModes(times[:-1], weights, system.period, result.exponents, result.errors, right, left)
 
 
 def quadrature_factors(system: PeriodicSystem, result: FloquetResult) -> tuple[Array, Array, Array]:

@@ -41,7 +41,7 @@ class Resonance:
 
 
 def resonances(system: PeriodicSystem, modes: FloquetModes) -> list[Resonance]:
-    """Identify the resonance behind every unstable exponent (one entry for each complex pair).
+    """Identify the resonance behind every exponent that is unstable beyond its error (one entry for each complex pair).
 
         p(t) exp(lambda t) = sum_(m, j) c_mj phi_m exp((lambda + i j w) t),   mean A phi_m = sigma_m phi_m
 
@@ -53,7 +53,7 @@ def resonances(system: PeriodicSystem, modes: FloquetModes) -> list[Resonance]:
     values, vectors = np.linalg.eig(mean_matrix(system))
     found = []
     for i, exponent in enumerate(modes.exponents):
-        if exponent.real > 0 and exponent.imag >= 0:
+        if exponent.real > modes.errors[i] and exponent.imag >= 0:
             share = components(modes, i, vectors, values)
             found.append(identified(exponent, share, values, 2 * np.pi / modes.period))
     return found

@@ -29,6 +29,8 @@ def tracked_frequencies(
     At e = 0 the exponents are eigenvalues of mean A, whose frequencies are unambiguous; along e each is followed by nearness
     of the multiplier's log, with steps short against the distance between exponents. Two that meet in a resonance lock there.
 
+    Exponents too fast to be resolved are not followed (nan).
+
     Returns: frequencies (n,) in rad/s in the order of `result.exponents`, equal to their imaginary parts modulo 2 pi / T,
     and the eigenvalues (n,) of mean A from which they come.
     Raises: ToleranceNotReached when exponents move too fast to be followed.
@@ -36,11 +38,13 @@ def tracked_frequencies(
     result = result or floquet(system, tol)
     T = system.period
     mean = mean_matrix(system)
+    resolved = int(np.isfinite(result.errors).sum())
     start = np.linalg.eigvals(mean).astype(complex)
+    start = start[np.argsort(-start.real, kind="stable")][:resolved]
     track, logs, e, step = start * T, start * T, 0.0, FIRST_STEP
     while e < 1:
         step = min(step, 1 - e)
-        target = logs_at(system, mean, e + step, result)
+        target = logs_at(system, mean, e + step, result)[:resolved]
         partner, moved = partners(logs, target)
         if np.all(moved <= STRIDE * separation(logs) + LOCKED):
             turn = target[partner] - logs
@@ -52,9 +56,12 @@ def tracked_frequencies(
                 raise ToleranceNotReached(
                     "the modes cannot be followed from the averaged system", got=f"stopped at e = {e:.4g}"
                 )
-    order = partners(result.log_multipliers, logs)[0]
-    turns = np.rint((track[order] - result.log_multipliers).imag / (2 * np.pi))
-    return result.exponents.imag + 2 * np.pi / T * turns, start[order]
+    final = result.log_multipliers[:resolved]
+    order = partners(final, logs)[0]
+    turns = np.rint((track[order] - final).imag / (2 * np.pi))
+    hidden = np.full(len(result.exponents) - resolved, np.nan)
+    frequencies = result.exponents[:resolved].imag + 2 * np.pi / T * turns
+    return np.append(frequencies, hidden), np.append(start[order], hidden)
 
 
 def mean_matrix(system: PeriodicSystem) -> Array:

@@ -42,7 +42,7 @@ def test_oscillator_has_its_textbook_response():
     assert np.abs(response(t)[:, 0] - (X * np.exp(1j * w * t)).real).max() <= response.error <= 1e-11
 
 
-@pytest.mark.parametrize("exponents", [[2.0, -1.0], [80.0, -90.0], [-0.5, -300.0]])
+@pytest.mark.parametrize("exponents", [[2.0, -1.0], [80.0, -90.0], [-0.5, -300.0], [-0.5, -1e6], [-0.5, 1e6]])
 def test_manufactured_solution_of_a_stiff_or_unstable_system(exponents, rng):
     A = lyapunov_transformed(np.diag(exponents), 1.0, 2, rng)
 
