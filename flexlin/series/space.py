@@ -68,7 +68,8 @@ class Symbolic:
         part = self.zero()[self.indices.degree(k)]
         for g, i, j in zip(group, left, right, strict=True):
             if a is not b or i <= j:
-                part[g] = part[g] + a[i] * b[j] * (2 if a is b and i != j else 1)
+                term = a[i] * b[j]
+                add_to(part, g, 2 * term if a is b and i != j else term)
         return part
 
     def integrate(self, u: Array, g: Array, k: int) -> Array:
@@ -82,7 +83,7 @@ class Symbolic:
         for result, i, j in zip(*self.occupied_pairs(u, g, k), strict=True):
             times = int(self.indices.powers[i, cheapest[result]])
             if times:
-                part[result] = part[result] + self.multiple(u, i, times) * g[j]
+                add_to(part, result, self.multiple(u, i, times) * g[j])
         divisors = alpha[np.arange(len(alpha)), cheapest]
         return np.array([y if d == 1 else y / int(d) for y, d in zip(part, divisors, strict=True)] + [None])[:-1]
 
@@ -112,7 +113,7 @@ class Symbolic:
     def clean(self, part: Array) -> Array:
         """Return a part with its zeros made structural."""
         for i, value in enumerate(part):
-            if not isinstance(value, int) and ca.SX(value).is_zero():
+            if value.is_zero() if isinstance(value, ca.SX) else value == 0:
                 part[i] = 0
         return part
 
@@ -136,6 +137,11 @@ class Symbolic:
 def occupied(part: Array) -> Array:
     """Tell which coefficients are not structural zeros."""
     return np.array([type(value) is not int or value != 0 for value in part], dtype=bool)
+
+
+def add_to(part: Array, place: int, term: ca.SX) -> None:
+    """Add a term to a coefficient; to a structural zero without an operation."""
+    part[place] = term if type(part[place]) is int else part[place] + term
 
 
 def choose(switch: Array, part: Array) -> Array:
