@@ -1,4 +1,4 @@
-"""Rayleigh damping: R = 1/2 w'^T (alpha M + beta K) w' with each link's own elastic mass and stiffness.
+"""Rayleigh damping: R = 1/2 w'^T (alpha M + beta K) w' with each link's own elastic mass and bending stiffness.
 
 A mode of frequency omega has the ratio (alpha / omega + beta omega) / 2. Source: Rayleigh, Theory of Sound (1877), section 97.
 """
