@@ -24,10 +24,10 @@ SLACK = 1.1
 """The spread of the moduli may exceed the pilot's by this factor."""
 PILOTS, ENOUGH = 24, 0.9
 """Values on which the pilot runs, and the share of them that must reach the tolerance."""
-HARMONICS = (8, 16, 32, 64)
+HARMONICS = (6, 8, 10, 12, 16, 24, 32, 48, 64)
 """Harmonics of the period with which the coefficients may be represented."""
-TAIL = 1e-13
-"""The two highest harmonics of a representation must be this small against the coefficients."""
+TAIL = 1e-4
+"""The two highest harmonics of a representation must be this small against the coefficients, in units of the tolerance."""
 VERDICTS = np.array(["undecided", "stable", "unstable"])
 
 
@@ -134,7 +134,7 @@ class Batches:
         """Logs (V, n) of the multipliers, their errors, whether they meet tol, and the plan with what was learnt."""
         points = self.points[which]
         T = self.loop.periods(points)
-        coefficients, usable, harmonics = state_coefficients(self.loop, points, T, plan)
+        coefficients, usable, harmonics = state_coefficients(self.loop, points, T, plan, self.tol)
         result = batched_exponents(
             coefficients, plan.segments, self.loop.phase_breaks, self.tol / 100, SLACK * plan.spread
         )
@@ -172,7 +172,7 @@ def piloted(batches: Batches) -> Plan:
 
 
 def state_coefficients(
-    loop: ParametricLoop, points: Array, T: Array, plan: Plan
+    loop: ParametricLoop, points: Array, T: Array, plan: Plan, tol: float
 ) -> tuple[Callable[[Array], tuple[Array, Array]], Array, int]:
     """X = -T^2 M^-1 K, Y = -T M^-1 D as function phases (N,) -> (N, n, n, V), where they are finite (V,), and the harmonics it took.
 
@@ -198,7 +198,7 @@ def state_coefficients(
             Z = exact(np.arange(2 * harmonics + 1) / (2 * harmonics + 1))
             usable = np.asarray(np.isfinite(Z).all(axis=(0, 1, 2)))
             Z[..., ~usable] = 0.0
-            if tail(Z, harmonics) <= TAIL:
+            if tail(Z, harmonics) <= max(TAIL * tol, 3e-15):
                 return lambda phases, Z=Z: split(interpolated(Z, phases)), usable, harmonics
     return lambda phases: split(np.nan_to_num(exact(phases))), usable, HARMONICS[-1]
 

@@ -135,23 +135,23 @@ def accelerations(M: Array, D: Array, K: Array, h: Array, rule: Tableau) -> Arra
     s, n = M.shape[-3:-1]
     lead = M.shape[:-3]
     h = h[..., None, None, None]
-    hD, hhK = h * D, h * h * K
-    twice = rule.a @ rule.a
-    G = rule.a[:, None, :, None] * hD[..., None, :] + twice[:, None, :, None] * hhK[..., None, :]
+    # unknowns coordinate by coordinate, stage by stage inside: NumPy's inner loops then run over the stages
+    hD, hhK = (np.moveaxis(A, -3, -2)[..., None] for A in (h * D, h * h * K))
+    G = rule.a[:, None, :] * hD
+    G += (rule.a @ rule.a)[:, None, :] * hhK
     stage = np.arange(s)
-    G[..., stage, :, stage, :] += np.moveaxis(M, -3, 0)
-    right = np.concatenate([K, D + rule.c[:, None, None] * (h * K)], axis=-1)
+    G[..., stage, :, stage] += np.moveaxis(M, -3, 0)
+    right = np.swapaxes(np.concatenate([K, D + rule.c[:, None, None] * (h * K)], axis=-1), -3, -2)
     try:
-        w = -np.linalg.solve(G.reshape(*lead, s * n, s * n), right.reshape(*lead, s * n, 2 * n))
+        w = -np.linalg.solve(G.reshape(*lead, n * s, n * s), right.reshape(*lead, n * s, 2 * n))
     except np.linalg.LinAlgError:
         raise SingularMassMatrix(
             "the accelerations are not determined on some segment of the period",
             todo="give every coordinate inertia, or remove the coordinate",
         ) from None
     h = h[..., 0]
-    w = w.reshape(*lead, s, n * 2 * n)
-    rows = np.stack([rule.b * (1 - rule.c), rule.b]) @ w
-    Phi = rows.reshape(*lead, 2 * n, 2 * n)
+    rows = np.stack([rule.b * (1 - rule.c), rule.b]) @ w.reshape(*lead, n, s, 2 * n)
+    Phi = np.swapaxes(rows, -3, -2).reshape(*lead, 2 * n, 2 * n)
     Phi[..., :n, :] *= h * h
     Phi[..., n:, :] *= h
     diagonal = np.arange(2 * n)

@@ -1,0 +1,215 @@
+"""What does accuracy cost, here and with the tools that people use today?
+
+The single link with its PD loop, 1 and 3 modes: the transition matrix of one period to 1e-10 of its largest entry, on one thread
+(set OMP_NUM_THREADS=1). Every program gets the cheapest of its own settings that reaches the accuracy against a common reference,
+its set-up left out except where compilation is counted; medians of CPU time.
+Then batches: microseconds a value for transition matrices beside heyoka's SIMD batch, and for all exponents to 1e-8.
+"""
+
+import argparse
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from statistics import median
+from time import process_time
+
+import numpy as np
+
+import flexlin as fl
+from flexlin.checks import Array
+from flexlin.parametric import parametric_loop
+from flexlin.peers import HeyokaTransitions, cvodes_transition, heyoka, scipy_transition
+from flexlin.periodic.batched.transitions import batched_transitions
+from flexlin.periodic.product import scaled_product
+from flexlin.periodic.setting import Setting, factors
+from flexlin.sweep import Plan, state_coefficients, sweep
+
+ACCURACY = 1e-10
+PATH = "effects.payload.mass"
+GAUSS = [(order, k) for order in (12, 14, 16, 18, 20) for k in (8, 10, 12, 16, 20, 24, 32, 48, 64, 96)]
+BATCH_VALUES = 64
+SCAN = 3
+"""Repetitions while the cheapest setting is sought."""
+TOLS = (1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One program at the setting that was cheapest; reached tells whether it met the accuracy."""
+
+    modes: int
+    program: str
+    setting: str
+    error: float
+    milliseconds: float
+    reached: bool
+
+
+def timed(function: Callable[[], Array], repetitions: int) -> tuple[Array, float]:
+    """The result and the median CPU time in ms."""
+    times, result = [], function()
+    for _ in range(repetitions):
+        start = process_time()
+        function()
+        times.append(1e3 * (process_time() - start))
+    return result, median(times)
+
+
+def transition(system: fl.PeriodicSystem, setting: Setting) -> Array:
+    """Transition matrix of one period, from the scene's own coefficients on."""
+    P, log_scale = scaled_product(factors(system, setting)[1])
+    return P * np.exp(log_scale)
+
+
+def cheapest(
+    modes: int,
+    program: str,
+    settings: dict[str, Callable[[], Array]],
+    error: Callable[[Array], float],
+    repetitions: int,
+) -> Row:
+    """The fastest setting that reaches the accuracy, or the most accurate one where none does."""
+    rows = []
+    for name, run in settings.items():
+        try:
+            result, time = timed(run, SCAN)
+        except RuntimeError:  # an outside integrator gives up at this tolerance
+            continue
+        rows.append((error(result), time, name))
+    good = [row for row in rows if row[0] <= ACCURACY]
+    best = min(good, key=lambda row: row[1]) if good else min(rows)
+    time = timed(settings[best[2]], repetitions)[1]
+    return Row(modes, program, best[2], best[0], time, bool(good))
+
+
+def one_run(modes: int, repetitions: int, tols: tuple[float, ...]) -> list[Row]:
+    """All programs on one transition matrix."""
+    loop = parametric_loop(scene(modes), [PATH])
+    p = loop.nominal
+    system = loop.linearization.periodic_system()
+    exact = transition(system, Setting("gauss", 20, 600, "reference"))
+
+    def error(P: Array) -> float:
+        return float(np.abs(P - exact).max() / np.abs(exact).max())
+
+    programs = {
+        "flexlin": {
+            f"gauss {o} on {k}": lambda o=o, k=k: transition(system, Setting("gauss", o, k, "")) for o, k in GAUSS
+        },
+        "SciPy DOP853": {f"tol {t:.0e}": lambda t=t: scipy_transition(loop, "DOP853", t)(p) for t in tols},
+        "CasADi cvodes": {f"tol {t:.0e}": bound(cvodes_transition(loop, t), p) for t in tols},
+    }
+    rows = [cheapest(modes, name, settings, error, repetitions) for name, settings in programs.items()]
+    forget_compiled_code()
+    start = process_time()
+    flow = HeyokaTransitions(loop, 1e-9 if modes == 1 else 1e-11)
+    compiling = 1e3 * (process_time() - start)
+    alone = cheapest(modes, "heyoka, evaluation alone", {"scalar": lambda: flow(p)}, error, repetitions)
+    whole = Row(modes, "heyoka with compilation", "scalar", alone.error, alone.milliseconds + compiling, alone.reached)
+    return [*rows, alone, whole]
+
+
+def forget_compiled_code() -> None:
+    """Let heyoka compile, not read what an earlier run left on the disk."""
+    state = heyoka().llvm_state
+    state.set_diskcache_enabled(False)
+    state.clear_memcache()
+
+
+def bound(function: Callable[[Array], Array], p: Array) -> Callable[[], Array]:
+    """The function at p, with its set-up left out of the time."""
+    return lambda: function(p)
+
+
+def batch(modes: int, values: int, repetitions: int) -> tuple[Row, Row]:
+    """Transition matrices of many payloads, in ms a value: flexlin and heyoka's SIMD batch."""
+    loop = parametric_loop(scene(modes), [PATH])
+    points = np.linspace(0.01, 0.1, values)[:, None]
+    T = loop.periods(points)
+    tries = [(8, 9), (8, 10), (12, 8)] if modes == 1 else [(48, 8), (64, 6), (64, 7)]
+
+    def flexlin(segments: int, stages: int, harmonics: int) -> Array:
+        size, plan = BATCH_VALUES, Plan(64, harmonics)
+        parts = [slice(i, i + size) for i in range(0, values, size)]
+        return np.concatenate(
+            [
+                batched_transitions(state_coefficients(loop, points[k], T[k], plan, ACCURACY)[0], segments, stages)
+                for k in parts
+            ]
+        )
+
+    harmonics = state_coefficients(loop, points[:8], T[:8], Plan(64), ACCURACY)[2]
+    exact = flexlin(96 if modes == 1 else 160, 10, harmonics)
+    units = np.concatenate([np.ones(loop.linearization.n), np.full(loop.linearization.n, T[0])])
+    simd = max(2, int(heyoka().recommended_simd_size()))
+    flow = HeyokaTransitions(loop, 1e-9 if modes == 1 else 1e-11, simd)
+
+    def other() -> Array:
+        return np.concatenate([flow(points[i : i + simd]) for i in range(0, values, simd)]) * units[:, None] / units
+
+    def error(P: Array) -> float:
+        return float(np.abs(P - exact).max() / np.abs(exact).max())
+
+    ours = {f"gauss {2 * s} on {k}": lambda k=k, s=s: flexlin(k, s, harmonics) for k, s in tries}
+    rows = (
+        cheapest(modes, "flexlin, batch", ours, error, repetitions),
+        cheapest(modes, f"heyoka, batches of {simd}", {"SIMD": other}, error, repetitions),
+    )
+    return tuple(Row(**{**asdict(row), "milliseconds": row.milliseconds / values}) for row in rows)  # type: ignore[return-value]
+
+
+def exponents_batch(values: int) -> tuple[float, float, int]:
+    """All exponents of the single link with 1 mode to 1e-8: microseconds a value, largest error, and how many went one by one."""
+    masses = np.linspace(0.01, 0.2, values)
+    start = process_time()
+    result = sweep(scene(1), {PATH: masses}, 1e-8)
+    time = 1e6 * (process_time() - start) / values
+    apart = 0.0
+    for i in np.linspace(0, values - 1, 9).astype(int):
+        loop = parametric_loop(scene(1), [PATH])
+        exact = fl.floquet(loop.at(masses[i : i + 1]).periodic_system(), 1e-11).exponents
+        distance = np.abs(result.exponents.values[i][:, None] - exact).min(axis=1)
+        apart = max(apart, float((distance / np.maximum(1.0, np.abs(exact))).max()))
+    return time, apart, int(result.attrs["one_by_one"])
+
+
+def scene(modes: int) -> fl.scene.Scene:
+    return fl.load_scene("single-link", {"links.0.modes": modes, "designs": []})
+
+
+def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, object]:
+    """Run the study, print the ratios, write cost_of_accuracy.json; returns rows and ratios."""
+    full = size == "full"
+    rows: list[Row] = []
+    ratios: dict[str, float] = {}
+    for modes in (1, 3) if full else (1,):
+        found = one_run(modes, 9 if full else 1, TOLS if full else TOLS[2:4])
+        own = found[0].milliseconds
+        for row in found:
+            note = "" if row.reached else f"  (does not reach {ACCURACY:.0e})"
+            print(f"{modes} modes  {row.program:26s} {row.setting:16s} {row.error:8.1e} {row.milliseconds:10.3f} ms"
+                  f" {row.milliseconds / own:9.1f} x{note}")  # fmt: skip
+            ratios[f"{row.program}, {modes} modes"] = row.milliseconds / own
+        ours, theirs = batch(modes, 512 if full else 64, 7 if full else 1)
+        for row in (ours, theirs):
+            print(
+                f"{modes} modes  {row.program:26s} {row.setting:16s} {row.error:8.1e} {1e3 * row.milliseconds:10.1f} us a value"
+            )
+        ratios[f"flexlin batch / heyoka batch, {modes} modes"] = ours.milliseconds / theirs.milliseconds
+        print(f"{modes} modes  flexlin's batch takes {ours.milliseconds / theirs.milliseconds:.2f} times heyoka's time")
+        rows += [*found, ours, theirs]
+    time, apart, alone = exponents_batch(10_000 if full else 200)
+    print(f"all exponents to 1e-8: {time:.0f} us a value, largest error found {apart:.1e}, {alone} one by one")
+    Path(out).mkdir(parents=True, exist_ok=True)
+    data = {"rows": [asdict(row) for row in rows], "ratios": ratios, "batch_us": time, "batch_error": apart}
+    (Path(out) / "cost_of_accuracy.json").write_text(json.dumps(data, indent=1))
+    return data
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--small", action="store_true", help="one mode, few values")
+    parser.add_argument("--out", default="out/studies", help="folder for the figures")
+    options = parser.parse_args()
+    main("small" if options.small else "full", options.out)

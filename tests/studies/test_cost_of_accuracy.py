@@ -1,0 +1,16 @@
+"""The study of cost, small: every program reaches the same matrix. Times are printed, never tested."""
+
+import pytest
+
+
+def test_cost_of_accuracy(study, tmp_path):
+    pytest.importorskip("heyoka")
+    data = study("cost_of_accuracy").main(size="small", out=tmp_path)
+    reached = {row["program"]: row["reached"] for row in data["rows"]}
+    assert reached["flexlin"]
+    assert reached["SciPy DOP853"]
+    assert reached["heyoka, evaluation alone"]
+    assert reached["flexlin, batch"]
+    assert max(row["error"] for row in data["rows"] if row["program"] != "CasADi cvodes") < 1e-10
+    assert data["batch_error"] < 1e-8
+    assert (tmp_path / "cost_of_accuracy.json").exists()
