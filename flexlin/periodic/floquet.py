@@ -13,6 +13,9 @@ from flexlin.periodic.result import FloquetResult, judged
 from flexlin.periodic.setting import MAX_SEGMENTS, Setting, chosen, too_many
 from flexlin.periodic.system import PeriodicSystem
 
+FACTOR_BYTES = 2**29
+"""The transition matrices of a period take at most this many bytes."""
+
 
 def floquet(
     system: PeriodicSystem,
@@ -31,11 +34,13 @@ def floquet(
 
     Parameters: tol: wanted error of an exponent, in 1/s up to |lambda| = 1/s and relative beyond;
     method: auto, gauss, magnus, radau or hill; order and segments: fix the resolution (no refinement then; order means harmonics for hill).
-    Returns: FloquetResult.
-    Raises: ArgumentError; TooManySegments with the figure when tol needs more than max_segments.
+    Returns: FloquetResult. Working memory: about 5 sets of factors, 8 n^2 bytes a segment each (at most FACTOR_BYTES), and the
+    chunks of `collocation`.
+    Raises: ArgumentError; TooManySegments with the figure when tol needs more than max_segments, or than FACTOR_BYTES hold.
     """
     if method == "hill":
         return by_hill(system, positive("tol", tol), order)
+    max_segments = min(max_segments, FACTOR_BYTES // (8 * system.n**2))
     setting = chosen(system, positive("tol", tol), method, order, segments)
     levels: list[Level] = []
     if method == "auto" and segments is None and setting.segments > PILOT:

@@ -8,7 +8,7 @@ from numpy.polynomial.legendre import legvander
 
 from flexlin.checks import Array, positive, real_array, times
 from flexlin.errors import ArgumentError, ResonantForcing
-from flexlin.periodic.collocation import Tableau, gauss, nodes, samples, stage_values, weighted
+from flexlin.periodic.collocation import CHUNK_BYTES, Tableau, gauss, nodes, samples, stage_values, weighted
 from flexlin.periodic.cyclic import cyclic_system
 from flexlin.periodic.eigenvalues import product_spectrum
 from flexlin.periodic.grid import edges
@@ -77,7 +77,7 @@ def forced_response(
 
     Assumes A and f smooth between `system.breaks` and `breaks` (times in [0, T)), and f(t + T) = f(t).
     Parameters: f: function (N,) -> (N, n), or a constant (n,); tol: wanted error of x, absolute up to |x| = 1, relative beyond.
-    Returns: ForcedResponse.
+    Returns: ForcedResponse. Working memory: the stages' transition matrices, 16 s n^2 bytes a segment, and CHUNK_BYTES.
     Raises: ResonantForcing, naming the multiplier, when 1 is so nearly a multiplier that tol is out of reach; TooManySegments.
     """
     force = as_vector_function(f, system)
@@ -134,7 +134,10 @@ def periodic_solution(
     hf = force * h[:, None, None, None]
     n = A.shape[-1]
     eye = np.broadcast_to(np.eye(n), A.shape)
-    Y = stage_values(hA, rule, np.concatenate([eye, integrated(rule, hf)], axis=-1))
+    right = np.concatenate([eye, integrated(rule, hf)], axis=-1)
+    size = max(1, CHUNK_BYTES // (8 * (len(rule.c) * n) ** 2))
+    parts = [stage_values(hA[k : k + size], rule, right[k : k + size]) for k in range(0, len(h), size)]
+    Y = np.concatenate(parts)
     Phi, g = ends(hA, hf, rule, Y)
     cyclic = cyclic_system(Phi)
     sigma = float(np.linalg.svd(cyclic.closure, compute_uv=False)[-1])
