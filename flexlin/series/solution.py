@@ -1,0 +1,71 @@
+"""Solving f(u, v) = 0 for v, and refusing points that are no solution or singular."""
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexlin.checks import Array, real_array
+from flexlin.errors import ArgumentError, SingularClosure, ToleranceNotReached
+from flexlin.series.explicit import check_analytic
+from flexlin.series.folds import find_fold
+from flexlin.series.newton import closure_and_jacobian, newton
+from flexlin.series.recording import record_expressions
+from flexlin.series.tape import Tape
+
+SINGULAR = 1e-10
+"""V with a reciprocal condition number below this is called singular."""
+CLOSED = 1e-3
+"""Newton's first step, relative to |v0|, up to which a point counts as a solution given with few digits."""
+
+
+def solve_implicit(f: Any, u: Any, v: Any, u0: ArrayLike, guess: ArrayLike) -> Array:
+    """Solve f(u0, v) = 0 for v by Newton's method from a guess.
+
+    Parameters: f, u, v as in `implicit_taylor`; u0 (nu,), guess (nv,).
+    Returns: v (nv,), to rounding.
+    Raises: ToleranceNotReached when 50 steps from this guess do not reach a solution.
+    """
+    point, start = real_array("u0", u0, (u.numel(),)), real_array("guess", guess, (v.numel(),))
+    solution, last = newton(record_expressions("f", [ca.vec(f)], [u, v]), point[None, :], start[None, :], 50)
+    if not last[0] < 1e-9 * (1 + np.abs(solution[0]).max()):
+        raise ToleranceNotReached(
+            "f(u0, v) = 0 has no solution that Newton's method reaches",
+            got=f"guess {start.tolist()} at u0 = {point.tolist()}",
+            todo="start nearer to a solution, or move u0 inside the workspace",
+        )
+    return solution[0]
+
+
+def closed(tape: Tape, u0: Array, v0: Array) -> Array:
+    """Return v0 refined to rounding, refusing a point that is no solution or singular."""
+    f, V = closure_and_jacobian(tape, u0[None, :], v0[None, :])
+    if not (np.all(np.isfinite(f)) and np.all(np.isfinite(V))):
+        check_analytic(np.array(np.nan), "(u0, v0)", np.concatenate([u0, v0]))
+    if np.linalg.cond(V[0]) > 1 / SINGULAR:
+        raise singular_closure(tape, u0, v0)
+    v, last = newton(tape, u0[None, :], v0[None, :])
+    moved = np.abs(v[0] - v0).max()
+    if not (last[0] < 1e-9 and moved < CLOSED * (1 + np.abs(v0).max())):
+        raise ArgumentError(
+            "the point does not solve f(u, v) = 0",
+            got=f"|f| = {np.abs(f).max():.3g}, v0 {moved:.3g} away from a solution",
+            todo="solve for v0 first",
+        )
+    return v[0]
+
+
+def singular_closure(tape: Tape, u0: Array, v0: Array) -> SingularClosure:
+    """Return the error that names the singular configuration nearest to a point."""
+    fold = find_fold(tape, u0, np.eye(len(u0)), (np.zeros(len(u0)), v0))
+    where = (
+        f"u = {(u0 + fold.t).tolist()}, v = {fold.v.tolist()}"
+        if fold.defect < 1e-6
+        else "no fold was confirmed near by"
+    )
+    return SingularClosure(
+        "V = D_v f is singular at the point of evaluation",
+        got=f"u0 = {u0.tolist()}; closest singular configuration: {where}; there v can move along {np.round(fold.phi, 6).tolist()}",
+        todo="move u0 away from it, or choose other independent coordinates",
+    )
