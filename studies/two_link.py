@@ -25,7 +25,8 @@ SIZES = {"full": (61, np.linspace(0.1, 1.5, 71)), "small": (5, np.array([0.3, 0.
 PRINTED = ((0.48, 1.80), (2.18, 15.91))
 SCENE = "de-luca-siciliano-1991"
 GAINS = {"kind": "pd", "kp": [1.0, 0.5], "kd": [0.02, 0.01]}
-WEAK = {"links.0.modes": 1, "links.1.modes": 1, "control.feedback": GAINS}
+WIDE = [{"amplitude": 0.4}, {"mean": 0.5, "amplitude": 0.4, "phase": 1.5707963}]
+WEAK = {"links.0.modes": 1, "links.1.modes": 1, "control.feedback": GAINS, "motion.joints": WIDE}
 """The sweep takes one mode a link, for the second ones do not move the margin, and weakly damped joints, so that resonance shows."""
 
 
