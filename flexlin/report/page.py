@@ -10,7 +10,7 @@ from flexlin.report.advice import next_steps, under
 from flexlin.report.analysis import Analysis, Loop
 from flexlin.report.figures.coefficients import NOISE, matrix_unit
 from flexlin.report.figures.style import Picture
-from flexlin.report.wording import largest_multiplier, minus, modulus, pace, power, quantity, rate
+from flexlin.report.wording import decimal, duration, largest_multiplier, modulus, pace, power, quantity, rate
 
 
 def page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture], command: str) -> str:
@@ -71,7 +71,7 @@ def loop_row(loop: Loop, period: float) -> dict[str, str]:
     growth, error = loop.growth
     settled = "–"
     if loop.verdict == "stable":
-        settled = quantity(np.log(50) / -growth, "s")
+        settled = duration(np.log(50) / -growth)
     return {
         "name": loop.name,
         "verdict": loop.verdict,
@@ -89,7 +89,7 @@ def exponent_rows(loop: Loop) -> dict[str, Any]:
     result = loop.floquet
     rows = [
         (
-            minus(f"{value.real:.6g}"),
+            decimal(value.real, 6),
             power(error),
             f"{abs(value.imag) / (2 * np.pi):.4g}",
             modulus(float(log.real)),
@@ -114,7 +114,7 @@ def constants(a: Analysis) -> list[tuple[str, str, str]]:
                 found.append(
                     (
                         f"{name}({a.plant.names[i]}, {a.plant.names[j]})",
-                        minus(f"{values.mean():.6g}"),
+                        decimal(values.mean(), 6),
                         matrix_unit(a, name, i, j),
                     )
                 )

@@ -1,11 +1,12 @@
 """How numbers and verdicts are said, the same on the terminal and on the page."""
 
 import math
+import re
 
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.report.analysis import Analysis, Loop
+from flexlin.report.analysis import Analysis, Loop, is_elastic
 from flexlin.report.svg.scales import SUPERSCRIPTS
 from flexlin.scene.scene import Scene
 
@@ -45,14 +46,33 @@ def joint_unit(scene: Scene, joint: int) -> str:
 def coordinate_unit(analysis: Analysis, index: int) -> str:
     """The unit of a coordinate of the linear equations: elastic ones are in m, joints and motors in their joint's unit."""
     name = analysis.plant.names[index]
-    if not name.startswith("q"):
-        return "m" if name.startswith("w") else "rad"
-    return joint_unit(analysis.scene, int(name[1:]) - 1)
+    if is_elastic(name):
+        return "m"
+    joint = re.fullmatch(r"(?:q|theta)(\d+)", name)
+    return joint_unit(analysis.scene, int(joint.group(1)) - 1) if joint else "rad"
+
+
+def input_unit(analysis: Analysis, index: int) -> str:
+    """The unit of an input: V behind a motor, else the force of its joint."""
+    if analysis.scene.effects.motor is not None:
+        return "V"
+    return "N" if joint_unit(analysis.scene, analysis.plant.driven[index]) == "m" else "N m"
+
+
+def input_units(analysis: Analysis) -> str:
+    """The units of all inputs."""
+    return " and ".join(sorted({input_unit(analysis, i) for i in range(len(analysis.plant.inputs))}))
 
 
 def rate(value: float, error: float) -> str:
     """A growth rate with its error: −2.5207 ± 8×10⁻¹⁴ 1/s."""
-    return f"{minus(f'{value:.5g}')} ± {power(error)} 1/s"
+    return f"{decimal(value, 5)} ± {power(error)} 1/s"
+
+
+def decimal(value: float, digits: int) -> str:
+    """A number to some digits, with a proper minus sign and powers of ten: −3.4474×10⁻⁸."""
+    mantissa, e, exponent = f"{value:.{digits}g}".partition("e")
+    return minus(mantissa) + (f"×10{str(int(exponent)).translate(SUPERSCRIPTS)}" if e else "")
 
 
 def power(value: float) -> str:
@@ -77,7 +97,13 @@ def pace(loop: Loop, period: float) -> str:
         return f"growth rate zero to within {power(error)} 1/s"
     half = math.log(2) / abs(growth)
     does = "halves" if growth < 0 else "doubles"
-    return f"a disturbance {does} every {quantity(half, 's')}, {half / period:.2g} of a period"
+    share = f"{decimal(half / period, 2)} {'of a period' if half < period else 'periods'}"
+    return f"a disturbance {does} every {duration(half)}, {share}"
+
+
+def duration(seconds: float) -> str:
+    """A time in s, or ms, µs ... below one."""
+    return quantity(seconds, "s") if seconds < 1000 else f"{decimal(seconds, 3)} s"
 
 
 def largest_multiplier(loop: Loop) -> str:

@@ -8,7 +8,7 @@ from flexlin.mechanics.link_shapes import shapes_of
 from flexlin.report.analysis import Analysis
 from flexlin.report.figures.style import SERIES, Picture, over_period
 from flexlin.report.svg import Panel, Row, draw
-from flexlin.report.wording import joint_unit
+from flexlin.report.wording import input_units, joint_unit
 from flexlin.scene.scene import Scene
 
 PHASES = 12
@@ -19,7 +19,7 @@ TITLE = "The arm along its motion"
 
 def draw_arm(a: Analysis) -> Picture:
     """The arm at equal steps of a period, and its joints' motion and feedforward torques beside it."""
-    caption = "Joint motion and feedforward torque of the rigid motion over one period."
+    caption = "Joint motion and feedforward of the rigid motion over one period."
     if a.arm.points is None:
         return Picture("arm", TITLE, caption, draw([Row(beside(a), 110)], TITLE))
     bent = (
@@ -29,30 +29,32 @@ def draw_arm(a: Analysis) -> Picture:
         f"The arm at {PHASES} equal steps of a period, {bent}, to scale; later pictures are stronger. Grey: the rigid motion. "
         f"Red: the path of the tip. Beside it: {caption[0].lower()}{caption[1:]}"
     )
-    return Picture("arm", TITLE, caption, draw([Row([stroboscope(a), *beside(a)], 220, (1.7, 1.0, 1.0))], TITLE))
+    return Picture(
+        "arm", TITLE, caption, draw([Row([stroboscope(a), *beside(a)], 220, (1.7, *[1.0] * len(beside(a))))], TITLE)
+    )
 
 
 def beside(a: Analysis) -> list[Panel]:
-    """Joint motion, and feedforward torques where there are any."""
-    return [joints(a), torques(a)] if a.plant.inputs else [joints(a)]
+    """Joint motion, a panel for each unit, and feedforward where there is any."""
+    units = [joint_unit(a.scene, joint) for joint in range(a.arm.joints)]
+    panels = [joints(a, [i for i, found in enumerate(units) if found == unit], unit) for unit in sorted(set(units))]
+    return [*panels, torques(a)] if a.plant.inputs else panels
 
 
-def joints(a: Analysis) -> Panel:
-    """Joint angles in degrees, displacements in m; the last sample is left out, for there a turning joint begins anew."""
+def joints(a: Analysis, chosen: list[int], unit: str) -> Panel:
+    """Joint angles in degrees, or displacements in m; the last sample is left out, for there a turning joint begins anew."""
     t, q = a.t[:-1], a.plant.motion.sample(a.t[:-1])[0]
-    units = [joint_unit(a.scene, joint) for joint in range(q.shape[1])]
-    names = sorted({"°" if unit == "rad" else unit for unit in units})
-    panel = over_period(a.plant.period, "joint motion in " + " and ".join(names))
-    for joint, unit in enumerate(units):
+    panel = over_period(a.plant.period, f"joints in {'°' if unit == 'rad' else unit}")
+    for joint in chosen:
         values = np.degrees(q[:, joint]) if unit == "rad" else q[:, joint]
-        panel.line(t, values, SERIES[joint % len(SERIES)], label=f"q{joint + 1}" if len(units) > 1 else "")
+        panel.line(t, values, SERIES[joint % len(SERIES)], label=f"q{joint + 1}" if q.shape[1] > 1 else "")
     return panel
 
 
 def torques(a: Analysis) -> Panel:
-    """The torque that the arm would need if its links were rigid."""
+    """The torque, force or voltage that the arm would need if its links were rigid."""
     several = len(a.plant.inputs) > 1
-    panel = over_period(a.plant.period, "feedforward in N m")
+    panel = over_period(a.plant.period, f"feedforward in {input_units(a)}")
     for i, name in enumerate(a.plant.inputs):
         panel.line(a.t, a.coefficients.tau[:, i], SERIES[i % len(SERIES)], label=name if several else "")
     return panel

@@ -8,6 +8,7 @@ from flexlin.checks import Array
 from flexlin.report.analysis import Analysis
 from flexlin.report.figures.style import DASHES, Picture, in_columns, loop_colour, over_period
 from flexlin.report.svg import Panel, draw
+from flexlin.report.wording import input_units
 from flexlin.simulation import own_gain
 
 MOST = 12
@@ -31,9 +32,7 @@ def draw_gains(a: Analysis) -> Picture | None:
     for panel in panels:
         panel.marks = [replace(mark, label="") for mark in panel.marks]
     more = f" The first {MOST} of {len(pairs)} entries." if len(pairs) > MOST else ""
-    caption = (
-        f"Entries of the feedback gain in u = −K(t) [y; y′], in N m for each rad, m, rad/s or m/s of deviation.{more}"
-    )
+    caption = f"Entries of the feedback gain in u = −K(t) [y; y′], in {input_units(a)} for each rad, m, rad/s or m/s of deviation.{more}"
     return Picture("gains", TITLE, caption, draw(in_columns(panels, 75), TITLE, legend))
 
 

@@ -6,7 +6,7 @@ from flexlin.checks import Array
 from flexlin.report.analysis import Analysis
 from flexlin.report.figures.style import SERIES, Picture, in_columns, over_period
 from flexlin.report.svg import Panel, draw
-from flexlin.report.wording import coordinate_unit, scaled
+from flexlin.report.wording import coordinate_unit, input_units, scaled
 from flexlin.simulation import own_gain
 
 MOST = 11
@@ -21,7 +21,7 @@ def draw_response(a: Analysis) -> Picture | None:
     left_out = f" Only the first {MOST} of {a.plant.n} coordinates are shown." if a.plant.n > MOST else ""
     caption = (
         "Steady deviations from the rigid motion under the scene's loop: q of joints, w of elastic modes. "
-        f"Torque: feedforward alone dashed, with feedback solid.{left_out}"
+        f"Input: feedforward alone dashed, with feedback solid.{left_out}"
     )
     return Picture("response", TITLE, caption, draw(in_columns(panels, 85), TITLE))
 
@@ -35,7 +35,7 @@ def deviation(a: Analysis, i: int) -> Panel:
 
 def torque(a: Analysis) -> Panel:
     """Feedforward, and feedforward with feedback."""
-    panel = over_period(a.plant.period, "torque in N m")
+    panel = over_period(a.plant.period, f"input in {input_units(a)}")
     for k, values in enumerate(torques(a).T):
         panel.line(a.t, a.coefficients.tau[:, k], "faint", width=1.2, dash="4 3")
         panel.line(a.t, values, SERIES[(k + 1) % len(SERIES)])
