@@ -123,6 +123,8 @@ def constants(a: Analysis) -> list[tuple[str, str, str]]:
 
 def leaves(node: Any, path: str = "") -> list[tuple[str, str]]:
     """Every value below a table by its dotted path; a list of numbers is one value."""
+    if node in ([], {}):
+        return []
     if isinstance(node, dict):
         children = list(node.items())
     elif isinstance(node, list) and any(isinstance(child, dict) for child in node):

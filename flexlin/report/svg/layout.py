@@ -109,7 +109,8 @@ def draw_panel(fitted: Fitted, box: Box, top: float) -> list[str]:
     """Draw one panel: words above, axes, marks, words below."""
     panel, x, y = fitted.panel, fitted.x, fitted.y
     middle = box.left + box.width / 2
-    anchor, at = ("middle", middle) if panel.bare else ("start", box.left)
+    room = box.left + box.width + RIGHT - text_width(panel.title)
+    anchor, at = ("middle", middle) if panel.bare else ("start", min(box.left, room))
     parts = [say(at, top + 13, panel.title, f"font-weight:600;text-anchor:{anchor}")]
     parts += legend_row(panel.legend, box.left, box.top - 6)
     if not panel.bare:
@@ -139,7 +140,7 @@ def axes(panel: Panel, box: Box, x: Scale, y_ticks: list[tuple[float, str]], y: 
         parts += [say(box.left - 5, at + 4, label, style) for at, (_, label) in zip(up, y_ticks, strict=True)]
     if panel.y_label:
         at, middle = (
-            box.left - 8 - max((text_width(label) for _, label in y_ticks), default=0.0),
+            box.left - 11 - max((text_width(label) for _, label in y_ticks), default=0.0),
             box.top + box.height / 2,
         )
         turned = f"rotate(-90 {at:.1f} {middle:.1f})"
