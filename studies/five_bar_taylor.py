@@ -10,6 +10,7 @@ Run: python studies/five_bar_taylor.py [--size small] [--out DIR]
 import argparse
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -76,13 +77,14 @@ def study(size: str) -> tuple[Result, list[ImplicitMap]]:
     errors = np.array(
         [[max(np.abs(tip - (POINT + du)).max() for tip in tips(c(du))) for du in trajectories(positions)] for c in maps]
     )
-    angles = 2 * np.pi * (np.arange(directions) + 0.3) / directions
-    rays = np.column_stack([np.cos(angles), np.sin(angles)])
-    radii = [maps[4].radius(d) for d in rays]
+    all_around = rays(directions)
+    radii = [maps[4].radius(d) for d in all_around]
     gaps = [
-        abs(r - abs(nearest_reach_circle(d))) for r, d in zip(radii, rays, strict=True) if r.kind == "real singularity"
+        abs(r - abs(nearest_reach_circle(d)))
+        for r, d in zip(radii, all_around, strict=True)
+        if r.kind == "real singularity"
     ]
-    inside = np.concatenate([0.5 * r * d[None, :] for r, d in zip(radii, rays, strict=True) if np.isfinite(r)])
+    inside = np.concatenate([0.5 * r * d[None, :] for r, d in zip(radii, all_around, strict=True) if np.isfinite(r)])
     true = np.linalg.norm(maps[4](inside) - maps[4].refined(inside), axis=1)
     ratios = maps[4].error(inside) / true
     result = Result(
@@ -100,53 +102,69 @@ def draw(result: Result, maps: list[ImplicitMap], size: str, out: Path) -> None:
 
     positions, directions, side = SIZES[size]
     figure, (left, middle, right) = plt.subplots(1, 3, figsize=(18, 6))
-    inset = left.inset_axes((0.62, 0.03, 0.36, 0.36))
-    for ax in (left, inset):
-        for du in trajectories(positions):
-            ax.plot(*(POINT + du).T, "k--", lw=1)
-            for order in range(1, 6):
-                for tip, style in zip(tips(maps[order - 1](du)), ("-", ":"), strict=True):
-                    ax.plot(
-                        *tip.T, style, color=f"C{order - 1}", lw=0.9, label=f"order {order}" if style == "-" else None
-                    )
-    far = POINT + trajectories(positions)[3][-1]
-    inset.set(xlim=far[0] + np.array([-0.03, 0.03]), ylim=far[1] + np.array([-0.03, 0.03]), xticks=[], yticks=[])
-    left.indicate_inset_zoom(inset)
-    handles = dict(zip(*left.get_legend_handles_labels()[::-1], strict=True))
-    left.legend(handles.values(), handles.keys(), fontsize=7, loc="upper left")
-    left.set(title="left (solid) and right (dotted) estimates", xlabel="x in m", ylabel="y in m", aspect="equal")
-
-    d = np.array([0.0, 1.0])
-    radius = float(maps[4].radius(d))
-    t = np.linspace(0.01, 1.2, 60)[:, None] * radius
-    for order, c in enumerate(maps, start=1):
-        middle.semilogy(
-            t, np.maximum(np.abs(tips(c(t * d))[0] - POINT - t * d).max(axis=1), 1e-17), label=f"order {order}"
-        )
-    middle.axvline(radius, color="k", lw=1, label="radius of convergence")
-    middle.legend(fontsize=7)
-    middle.set(title="error of the left tip, straight up", xlabel="distance in m", ylabel="m")
-
-    x, y = np.meshgrid(*[np.linspace(-0.45, 0.45, side)] * 2)
-    grid = np.column_stack([x.ravel(), y.ravel()])
-    error = maps[4].error(grid).reshape(x.shape)
-    levels = right.contourf(
-        POINT[0] + x, POINT[1] + y, np.log10(np.clip(error, 1e-9, 1e1)), levels=np.arange(-9, 2), cmap="viridis_r"
-    )
+    draw_trajectories(left, maps, positions)
+    draw_orders(middle, maps)
+    levels = draw_validity(right, maps[4], result.radii, directions, side)
     figure.colorbar(levels, ax=right, label="log10 of the estimated error in rad, order 5")
-    angles = 2 * np.pi * (np.arange(directions) + 0.3) / directions
-    edge = POINT + result.radii[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
-    right.plot(*edge.T, "r.", ms=3, label="radius of convergence")
-    for origin, lengths in ((0.0, LEFT), (BASE, RIGHT)):
-        right.add_patch(plt.Circle((origin, 0), sum(lengths), fill=False, ls="--"))
-    right.plot(*POINT, "k+")
-    right.legend(fontsize=7)
-    right.set(xlim=POINT[0] + np.array([-0.45, 0.45]), ylim=POINT[1] + np.array([-0.45, 0.45]))
-    right.set(title="where order 5 may be trusted", xlabel="x in m", ylabel="y in m", aspect="equal")
     figure.tight_layout()
     out.mkdir(parents=True, exist_ok=True)
     figure.savefig(out / "five_bar_taylor.png", dpi=110)
     plt.close(figure)
+
+
+def draw_trajectories(ax: Any, maps: list[ImplicitMap], positions: int) -> None:
+    """Commanded tips (dashed) and where both arms put them, orders 1 to 5; the insert is far from the point of evaluation."""
+    inset = ax.inset_axes((0.62, 0.03, 0.36, 0.36))
+    for area in (ax, inset):
+        for du in trajectories(positions):
+            area.plot(*(POINT + du).T, "k--", lw=1)
+            for order in range(1, 6):
+                for tip, style in zip(tips(maps[order - 1](du)), ("-", ":"), strict=True):
+                    label = f"order {order}" if style == "-" else None
+                    area.plot(*tip.T, style, color=f"C{order - 1}", lw=0.9, label=label)
+    far = POINT + trajectories(positions)[3][-1]
+    inset.set(xlim=far[0] + np.array([-0.03, 0.03]), ylim=far[1] + np.array([-0.03, 0.03]), xticks=[], yticks=[])
+    ax.indicate_inset_zoom(inset)
+    handles = dict(zip(*ax.get_legend_handles_labels()[::-1], strict=True))
+    ax.legend(handles.values(), handles.keys(), fontsize=7, loc="upper left")
+    ax.set(title="left (solid) and right (dotted) estimates", xlabel="x in m", ylabel="y in m", aspect="equal")
+
+
+def draw_orders(ax: Any, maps: list[ImplicitMap]) -> None:
+    """Error straight up by order, through the radius of convergence."""
+    d = np.array([0.0, 1.0])
+    radius = float(maps[4].radius(d))
+    t = np.linspace(0.01, 1.2, 60)[:, None] * radius
+    for order, c in enumerate(maps, start=1):
+        error = np.abs(tips(c(t * d))[0] - POINT - t * d).max(axis=1)
+        ax.semilogy(t, np.maximum(error, 1e-17), label=f"order {order}")
+    ax.axvline(radius, color="k", lw=1, label="radius of convergence")
+    ax.legend(fontsize=7)
+    ax.set(title="error of the left tip, straight up", xlabel="distance in m", ylabel="m")
+
+
+def draw_validity(ax: Any, c: ImplicitMap, radii: np.ndarray, directions: int, side: int) -> Any:
+    """The estimated error over the workspace, with the radius of convergence and the outer reach circles."""
+    x, y = np.meshgrid(*[np.linspace(-0.45, 0.45, side)] * 2)
+    error = c.error(np.column_stack([x.ravel(), y.ravel()])).reshape(x.shape)
+    shades = np.log10(np.clip(error, 1e-9, 1e1))
+    levels = ax.contourf(POINT[0] + x, POINT[1] + y, shades, levels=np.arange(-9, 2), cmap="viridis_r")
+    edge = POINT + radii[:, None] * rays(directions)
+    ax.plot(*edge.T, "r.", ms=3, label="radius of convergence")
+    for origin, lengths in ((0.0, LEFT), (BASE, RIGHT)):
+        angle = np.linspace(0, 2 * np.pi, 200)
+        ax.plot(origin + sum(lengths) * np.cos(angle), sum(lengths) * np.sin(angle), "k--", lw=1)
+    ax.plot(*POINT, "k+")
+    ax.legend(fontsize=7)
+    ax.set(xlim=POINT[0] + np.array([-0.45, 0.45]), ylim=POINT[1] + np.array([-0.45, 0.45]))
+    ax.set(title="where order 5 may be trusted", xlabel="x in m", ylabel="y in m", aspect="equal")
+    return levels
+
+
+def rays(count: int) -> np.ndarray:
+    """Return directions of length 1 all around (count, 2)."""
+    angles = 2 * np.pi * (np.arange(count) + 0.3) / count
+    return np.column_stack([np.cos(angles), np.sin(angles)])
 
 
 def main(size: str = "full", out: Path | None = None) -> Result:

@@ -78,14 +78,10 @@ def close_loop(
             "independent coordinates do not fit the closure", got=list(independent), expected="motors first"
         )
     u, v = arm.s[list(independent)], arm.s[dependent]
-    s = real_array("posture", posture, (n,)).copy()
-    closed = implicit_solution(closure, u, v, s[list(independent)], s[dependent], order)
-    C1, C2 = closure_jacobians(closure, u, v)
-    K, turning = ca.SX(n, u.numel()), ca.SX(n, u.numel())
     u_dot, u_ddot = ca.SX.sym("u_dot", u.numel()), ca.SX.sym("u_ddot", u.numel())
-    K[dependent, :], K[list(independent), :] = C1, ca.SX.eye(u.numel())
-    turning[dependent, :] = C2 @ kron(ca.SX.eye(u.numel()), u_dot)
-    rates = {"s_dot": K @ u_dot, "s_ddot": K @ u_ddot + turning @ u_dot}
+    s = real_array("posture", posture, (n,))
+    solution = implicit_solution(closure, u, v, s[list(independent)], s[dependent], order)
+    K, K_dot = reduction(closure, u, v, u_dot, [*dependent, *independent])
     parts = {
         "residual": K.T @ arm.residual,
         "M": K.T @ arm.M @ K,
@@ -94,10 +90,10 @@ def close_loop(
         "B": K.T @ arm.B[:, list(motors)],
         "energy": arm.energy,
         "points": arm.points,
-        "coriolis": K.T @ (arm.M @ turning + arm.C @ K),
+        "coriolis": K.T @ (arm.M @ K_dot + arm.C @ K),
     }
-    moving = ca.substitute(list(parts.values()), [arm.s_dot, arm.s_ddot], [rates["s_dot"], rates["s_ddot"]])
-    reduced = ca.substitute(moving, [v], [closed])
+    moving = ca.substitute(list(parts.values()), [arm.s_dot, arm.s_ddot], [K @ u_dot, K @ u_ddot + K_dot @ u_dot])
+    reduced = ca.substitute(moving, [v], [solution])
     return replace(
         arm,
         s=u,
@@ -109,6 +105,15 @@ def close_loop(
         measured=None,
         **{name: ca.densify(value) for name, value in zip(parts, reduced, strict=True)},
     )
+
+
+def reduction(f: ca.SX, u: ca.SX, v: ca.SX, u_dot: ca.SX, places: Sequence[int]) -> tuple[ca.SX, ca.SX]:
+    """Return K and K' (n, nu) with s' = K u', s'' = K u'' + K' u', rows in the order of s; `places` of [v; u] in s."""
+    C1, C2 = closure_jacobians(f, u, v)
+    eye, K, K_dot = ca.SX.eye(u.numel()), ca.SX(len(places), u.numel()), ca.SX(len(places), u.numel())
+    K[list(places), :] = ca.vertcat(C1, eye)
+    K_dot[list(places[: v.numel()]), :] = C2 @ kron(eye, u_dot)
+    return K, K_dot
 
 
 def implicit_solution(f: ca.SX, u: ca.SX, v: ca.SX, u0: np.ndarray, guess: np.ndarray, order: int) -> ca.SX:
