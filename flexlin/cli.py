@@ -50,6 +50,9 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
         {"choices": ["scene", "rigid", "joint-exact", "tip-exact"], "default": "scene",
          "help": "what to feed forward (default: as in the scene); tip-exact keeps the tip on its path"},
     ),
+    "attraction": (
+        ["--attraction"], {"action": "store_true", "help": "also find how far a disturbance may go (some seconds)"},
+    ),
     "animate": (["--animate"], {"action": "store_true", "help": "also write animation.html, which plays the simulation"}),
     "effects": (["--effects"], {"action": "store_true", "help": "also tell which effects matter (some seconds)"}),
     "over": (
@@ -76,6 +79,7 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
         *SCENE,
         "periods",
         "feedforward",
+        "attraction",
         "animate",
     ),
     "effects": (run.audit_effects, "tell which effects and modes the scene needs", *SCENE, "tolerance"),

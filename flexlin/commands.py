@@ -119,6 +119,12 @@ def write_simulation(options: argparse.Namespace) -> int:
             forward = feedforward(closed, options.feedforward)
         result = simulate(closed, options.periods, feedforward=forward)
     print(result.status)
+    if options.attraction:
+        from flexlin.control import linear_range
+        from flexlin.simulation import region_of_attraction
+
+        print(linear_range(closed).status)
+        print(region_of_attraction(closed).status)
     data = described(
         result.dataset(), scene, closed.period, "deviations from the rigid motion as states [y; y'], tips in m"
     )

@@ -1,25 +1,26 @@
-"""How far the linear model is valid: where the second-order terms of the equations reach a stated share of the linear ones."""
+"""How far the linear model is valid: where the nonlinear terms of the equations reach a stated share of the linear ones."""
 
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 
 from flexlin import symbolic
 from flexlin.checks import Array, positive
-from flexlin.control.harmonic_balance import place_on_motion
-from flexlin.linearization import Linearization, along_motion
+from flexlin.control.harmonic_balance import own_gain
+from flexlin.linearization import Linearization
 from flexlin.periodic.collocation import gauss_transitions
 from flexlin.periodic.grid import edges
 from flexlin.periodic.system import PeriodicSystem
 
 SAMPLES = 64
+LARGEST, SMALLEST, HALVINGS = 10.0, 1e-7, 30
+"""Amplitudes between which the border is sought, in rad or m, and the steps of the search."""
 
 
 @dataclass(frozen=True)
 class Validity:
     """Along the slowest Floquet modes: directions (k, 2n) with a largest deflection of 1 rad or m, and the amplitudes at which the
-    second-order terms reach `share` of the linear ones."""
+    nonlinear terms reach `share` of the linear ones (inf where they never do)."""
 
     directions: Array
     amplitudes: Array
@@ -28,22 +29,23 @@ class Validity:
     @property
     def status(self) -> str:
         """What the smallest amplitude means."""
+        smallest, percent = self.amplitudes.min(), f"{100 * self.share:g} % of the linear ones"
+        if not np.isfinite(smallest):
+            return f"along the slowest modes the nonlinear terms stay below {percent} however large the deflection"
         return (
-            f"deflections below {self.amplitudes.min():.3g} (rad or m) from the basic motion keep the second-order terms "
-            f"below {100 * self.share:g} % of the linear ones; beyond that trust the nonlinear simulation"
+            f"deflections below {smallest:.3g} (rad or m) along the slowest modes keep the nonlinear terms below {percent}; "
+            "beyond that trust the nonlinear simulation"
         )
 
 
 def linear_range(lin: Linearization, share: float = 0.1, modes: int = 2) -> Validity:
-    """Find the amplitude at which the second-order terms reach a share of the linear terms, along the slowest Floquet modes.
+    """Find the amplitude at which the nonlinear terms reach a share of the linear terms, along the slowest Floquet modes.
 
-        r(s_R + a z) = r(s_R) + a (M z'' + D z' + K z) + a^2/2 r''[z, z] + ...,
-        a = share * max |linear terms| / max |r''[z, z] / 2|,   |f|^2 = f' M^-1 f
+        r(s_R + a z) = r(s_R) + a (M z'' + D z' + K z) + R(a),   max over t of |R(a)| / (a max(|M z''|, |D z'|, |K z|)) = share
 
-    z(t) is the motion that starts in the mode's direction; the linear terms M z'', D z', K z are measured one by one since they
-    add up to zero along z. The norm weighs forces by the accelerations that they cause, so rad and m may stand side by side.
-
-    Assumes third-order terms are smaller still.
+    z(t) is the motion that starts in the mode's direction; the linear terms are measured one by one, since along z they balance
+    the feedback. |f|^2 = f' M^-1 f weighs forces by the accelerations that they cause, so rad and m may stand side by side.
+    R holds all orders; for a small share it is the second-order term, a^2/2 r''[z, z].
 
     Parameters: lin: with the loop closed; share in (0, 1]; modes: how many of the slowest.
     Returns: a `Validity`.
@@ -52,30 +54,54 @@ def linear_range(lin: Linearization, share: float = 0.1, modes: int = 2) -> Vali
     positive("share", share)
     system = lin.periodic_system()
     directions = slowest_modes(system, modes)
-    grid = edges(lin.period, lin.breaks, SAMPLES)
-    steps = transitions(system, grid)
-    function, amplitudes = second_order(lin), []
+    t = edges(lin.period, lin.breaks, SAMPLES)
+    steps, amplitudes = transitions(system, t), []
     for v in directions:
         x = [v]
         for step in steps:
             x.append(step @ x[-1])
-        amplitudes.append(share * ratio(lin, system, function, grid, np.array(x)))
+        amplitudes.append(border(lin, system, t, np.array(x), share))
     return Validity(directions, np.array(amplitudes), share)
 
 
-def ratio(lin: Linearization, system: PeriodicSystem, function: ca.Function, t: Array, x: Array) -> float:
-    """max |linear terms| / max |second-order terms| along a linear motion x (N, 2n)."""
-    n = lin.n
-    y, y_rate = x[:, :n], x[:, n:]
-    y_acceleration = np.einsum("tij,tj->ti", system.A(t), x)[:, n:]
-    second = symbolic.evaluate(function, y, y_rate, y_acceleration, *place_on_motion(lin, t))[0][:, :, 0]
-    c = lin.sample(t)
-    linear = [np.einsum("tij,tj->ti", a, b) for a, b in ((c.M, y_acceleration), (c.D, y_rate), (c.K, y))]
+def border(lin: Linearization, system: PeriodicSystem, t: Array, x: Array, share: float) -> float:
+    """The amplitude of a linear motion x (N, 2n) at which the nonlinear share is reached."""
+    n, c = lin.n, lin.sample(t)
+    motion = [x[:, :n], x[:, n:], np.einsum("tij,tj->ti", system.A(t), x)[:, n:]]
+    loop = c.B @ own_gain(lin)
+    parts = [
+        np.einsum("tij,tj->ti", matrix, z)
+        for matrix, z in zip((c.K - loop[:, :, :n], c.D - loop[:, :, n:], c.M), motion, strict=True)
+    ]
+    linear = np.max([size(c.M, part) for part in parts], axis=0)
+    rest = residual(lin, t, [0.0 * z for z in motion])
 
-    def size(force: Array) -> float:
-        return float(np.sqrt(np.einsum("ti,ti->t", force, np.linalg.solve(c.M, force[:, :, None])[:, :, 0]).max()))
+    def reached(a: float) -> bool:
+        left = residual(lin, t, [a * z for z in motion]) - rest - a * sum(parts)
+        return bool(np.any(size(c.M, left) > share * a * linear))
 
-    return max(size(part) for part in linear) / max(size(0.5 * second), np.finfo(float).tiny)
+    if not reached(LARGEST):
+        return np.inf
+    low, high = np.log(SMALLEST), np.log(LARGEST)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if reached(float(np.exp(middle))) else (middle, high)
+    return float(np.exp(low))
+
+
+def size(M: Array, force: Array) -> Array:
+    """sqrt(f' M^-1 f) at each time."""
+    return np.sqrt(np.einsum("ti,ti->t", force, np.linalg.solve(M, force[:, :, None])[:, :, 0]))
+
+
+def residual(lin: Linearization, t: Array, motion: list[Array]) -> Array:
+    """The left side of the equations of motion, kept rows, at deviations y, y', y'' from the rigid motion."""
+    E, kept = lin.arm.reference.full(), list(lin.kept)
+    s = [part @ E.T for part in lin.motion.sample(t)]
+    for part, extra in zip(s, motion, strict=True):
+        part[:, kept] += extra
+    p = np.broadcast_to(lin.arm.parameters.values, (len(t), len(lin.arm.parameters.values)))
+    return symbolic.evaluate(lin.arm.functions["residual"], *s, p)[0][:, kept, 0]
 
 
 def slowest_modes(system: PeriodicSystem, modes: int) -> Array:
@@ -108,16 +134,3 @@ def transitions(system: PeriodicSystem, grid: Array) -> Array:
     for j in range(1, parts):
         product = steps[:, j] @ product
     return product
-
-
-def second_order(lin: Linearization) -> ca.Function:
-    """r''[z, z] of the residual along the rigid motion, in the directions z, z', z''."""
-    arm, kept, E = lin.arm, list(lin.kept), lin.arm.reference
-    extra = [ca.SX.sym(name, lin.n) for name in ("y", "y1", "y2")]
-    angles, select = ca.SX.sym("angles", 3 * arm.joints), ca.DM.eye(arm.n)[:, kept]
-    full = ca.vertcat(arm.s, arm.s_dot, arm.s_ddot)
-    direction = ca.vertcat(*[select @ part for part in extra])
-    twice = ca.jtimes(ca.jtimes(arm.residual[kept], full, direction), full, direction)
-    rigid = ca.densify(ca.vertcat(*[E @ part for part in ca.vertsplit(angles, arm.joints)]))
-    value = ca.substitute([twice], [full], [rigid])[0]
-    return along_motion(arm, lin.motion, angles, dict(zip(("y", "y1", "y2"), extra, strict=True)), {"second": value})

@@ -1,6 +1,6 @@
 """The equations of motion of a manipulator, M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -10,6 +10,25 @@ from flexlin.errors import ModelError
 from flexlin.mechanics.coriolis import coriolis_matrix
 from flexlin.mechanics.parameters import Parameters
 from flexlin.mechanics.validation import validate
+
+
+class NamedFunctions(Mapping[str, ca.Function]):
+    """CasADi functions by name, from (named inputs, maker of the output), each built at its first use."""
+
+    def __init__(self, table: dict[str, tuple[dict[str, ca.SX], Callable[[], ca.SX]]]):
+        self._table, self._built = table, dict[str, ca.Function]()
+
+    def __getitem__(self, name: str) -> ca.Function:
+        if name not in self._built:
+            inputs, output = self._table[name]
+            self._built[name] = ca.Function(name, list(inputs.values()), [ca.densify(output())], list(inputs), [name])
+        return self._built[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._table)
+
+    def __len__(self) -> int:
+        return len(self._table)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,26 +81,26 @@ class Manipulator:
         return coriolis_matrix(self.M, self.s, self.s_dot) if self.coriolis is None else self.coriolis
 
     @cached_property
-    def functions(self) -> dict[str, ca.Function]:
-        """Named functions of (s, p) or (s, s_dot, p) or (s, s_dot, s_ddot, p): M, C, g, damping, residual; points and energy if known."""
+    def functions(self) -> "NamedFunctions":
+        """Named functions of (s, p) or (s, s_dot, p) or (s, s_dot, s_ddot, p): M, C, g, damping, residual; points and energy if known.
+
+        Each is built when it is first asked for.
+        """
         p = self.parameters.symbols
         at, moving = {"s": self.s, "p": p}, {"s": self.s, "s_dot": self.s_dot, "p": p}
         accelerated = {"s": self.s, "s_dot": self.s_dot, "s_ddot": self.s_ddot, "p": p}
-        table = {
-            "M": (at, self.M),
-            "C": (moving, self.C),
-            "g": (at, self.g),
-            "damping": (moving, self.damping),
-            "residual": (accelerated, self.residual),
+        table: dict[str, tuple[dict[str, ca.SX], Callable[[], ca.SX]]] = {
+            "M": (at, lambda: self.M),
+            "C": (moving, lambda: self.C),
+            "g": (at, lambda: self.g),
+            "damping": (moving, lambda: self.damping),
+            "residual": (accelerated, lambda: self.residual),
         }
         if self.energy is not None:
-            table["energy"] = (moving, self.energy)
+            table["energy"] = (moving, lambda: self.energy)
         if self.points is not None:
-            table["points"] = (at, self.points)
-        return {
-            name: ca.Function(name, list(inputs.values()), [ca.densify(value)], list(inputs), [name])
-            for name, (inputs, value) in table.items()
-        }
+            table["points"] = (at, lambda: self.points)
+        return NamedFunctions(table)
 
     @classmethod
     def from_matrices(

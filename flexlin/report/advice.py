@@ -127,5 +127,5 @@ def about_trust(a: Analysis) -> list[str]:
     """How far the linear numbers can be trusted."""
     if a.simulation is None:
         return [f"The nonlinear simulation has no answer: {a.problems['simulation']}."]
-    status = a.simulation.status
-    return [status[0].upper() + status[1:] + "."]
+    said = [a.simulation.status] + ([] if a.linear_range is None else [a.linear_range.status])
+    return [status[0].upper() + status[1:] + "." for status in said]

@@ -8,7 +8,8 @@ import numpy as np
 
 from flexlin.audit import Audit
 from flexlin.checks import Array
-from flexlin.control import Design, design, linearize_about, periodic_motion
+from flexlin.control import Design, design, linear_range, linearize_about, periodic_motion
+from flexlin.control.validity import Validity
 from flexlin.errors import NumericalError, TooLarge
 from flexlin.linearization import Coefficients, Linearization, linearize
 from flexlin.mechanics import Manipulator, build_manipulator
@@ -82,7 +83,7 @@ class Response:
 class Analysis:
     """What a report says: `own` is the scene's own loop, `open_loop` the arm without feedback; `problems` tells what could not be had,
     `resonances` what is behind an unstable own loop, `audit` and `sensitivity` which effects and numbers matter, if that was asked for,
-    `elastic` the own loop about the elastic motion, if the scene asks for it.
+    `elastic` the own loop about the elastic motion, if the scene asks for it, `linear_range` how far the linear equations hold.
     """
 
     scene: Scene
@@ -101,6 +102,7 @@ class Analysis:
     audit: Audit | None = None
     sensitivity: "xarray.Dataset | None" = None
     elastic: Loop | None = None
+    linear_range: Validity | None = None
 
     @property
     def arm(self) -> Manipulator:
@@ -139,9 +141,11 @@ def analyse(scene: Scene, clock: Clock | None = None, tol: float = 1e-9) -> Anal
         response = attempt(problems, "response", lambda: periodic_response(closed, loop, t, tol))
     with clock.step(f"nonlinear simulation of {SIMULATED_PERIODS:g} periods"):
         simulation = attempt(problems, "simulation", lambda: simulate(closed, SIMULATED_PERIODS, tol=SIMULATION_TOL))
+    with clock.step("range of the linear equations"):
+        linear = attempt(problems, "linear range", lambda: linear_range(closed))
     designs = tuple(designed(system, table, tol, clock) for table in scene.designs)
     found = (coefficients, own, open_loop, designs, response, simulation, problems, tuple(clock.steps))
-    return Analysis(scene, plant, closed, t, *found, resonances=behind, elastic=elastic)
+    return Analysis(scene, plant, closed, t, *found, resonances=behind, elastic=elastic, linear_range=linear)
 
 
 def plant_and_designs(scene: Scene, clock: Clock, tol: float = 1e-9) -> tuple[Linearization, tuple[Loop, ...]]:

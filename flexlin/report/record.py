@@ -44,6 +44,7 @@ def record(analysis: Analysis) -> dict[str, Any]:
         "coefficients": {name: numbers(getattr(a.coefficients, name)) for name in ("M", "D", "K", "h", "B", "tau")},
         "forced_response": response_block(a),
         "simulation": simulation_block(a),
+        "linear_range": linear_range_block(a),
         **({} if a.audit is None else {"effects_audit": audit_block(a.audit)}),
         **({} if a.sensitivity is None else {"sensitivity": sensitivity_block(a.sensitivity)}),
         "versions": versions(),
@@ -122,6 +123,19 @@ def simulation_block(analysis: Analysis) -> dict[str, Any]:
         "largest_tip_error": number(simulation.tip_error),
         "error": number(simulation.error),
         "status": simulation.status,
+    }
+
+
+def linear_range_block(analysis: Analysis) -> dict[str, Any]:
+    """Amplitudes, in rad or m, at which second-order terms count along the slowest modes of the scene's own loop."""
+    found = analysis.linear_range
+    if found is None:
+        return {"status": analysis.problems["linear range"]}
+    return {
+        "status": found.status,
+        "share": found.share,
+        "directions": numbers(found.directions),
+        "amplitudes": numbers(found.amplitudes),
     }
 
 

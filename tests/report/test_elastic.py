@@ -17,3 +17,10 @@ def test_the_elastic_motion_is_judged_beside_the_rigid_one():
     assert found.elastic.growth[0] != found.own.growth[0]
     assert any("elastic motion" in said and "verdict stands" in said for said in next_steps(found))
     assert record(found)["elastic_motion"]["verdict"] == "stable"
+
+
+def test_the_report_says_how_far_the_linear_equations_hold(single_link):
+    assert single_link.linear_range.amplitudes.min() > 0
+    block = record(single_link)["linear_range"]
+    assert block["share"] == 0.1
+    assert any("nonlinear terms" in said for said in next_steps(single_link))
