@@ -4,6 +4,7 @@ Exit codes: 0 done, 2 bad input or usage, 3 a verdict other than the required on
 """
 
 import argparse
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -110,10 +111,17 @@ def told_where(error: FlexlinError, options: argparse.Namespace) -> str:
 def entry() -> None:
     """The program `flexlin`: a fault of flexlin itself is told in one line too, with exit code 1."""
     sys.excepthook = tell_fault
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal that knows no ± gets a question mark
     try:
         code = main()
         sys.stdout.flush()
     except BrokenPipeError:  # the reader has gone, as in `flexlin list | head -1`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = FAILED
+    except OSError as error:
+        print(f"flexlin: the output cannot be written: {error.strerror}", file=sys.stderr)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = FAILED
     sys.exit(code)

@@ -1,6 +1,7 @@
 """The command line: exit codes, files, and words."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -122,3 +123,10 @@ def test_simulate_writes_both_answers(tmp_path: Path, capsys: pytest.CaptureFixt
     assert main(["simulate", "spinning-link", "--periods", "1", "--out", str(tmp_path)]) == 0
     assert "linear" in capsys.readouterr().out
     assert (tmp_path / "simulation.nc").exists()
+
+
+def test_a_terminal_that_knows_only_ascii_is_served(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "flexlin", "report", "spinning-link", "--out", str(tmp_path)]
+    run = subprocess.run(command, capture_output=True, check=False, env={**os.environ, "PYTHONIOENCODING": "ascii"})
+    assert run.returncode == 0, run.stderr
+    assert b"undecided" in run.stdout
