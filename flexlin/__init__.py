@@ -35,6 +35,7 @@ _MODULES = (
     "periodic",
     "scene",
     "screws",
+    "sensitivity",
     "series",
     "simulation",
     "sweep",

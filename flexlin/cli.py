@@ -85,6 +85,7 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
     ),
     "effects": (run.audit_effects, "tell which effects and modes the scene needs", *SCENE, "tolerance"),
     "chart": (run.write_chart, "stability over one or two parameters", *SCENE, "over"),
+    "cost": (run.write_cost, "measure what accuracy costs in time, beside other programs (a minute)", *SCENE),
     "export": (run.export, "write system and designs for other tools: npz, MATLAB, netCDF, C", *SCENE, "points"),
 }
 

@@ -88,10 +88,10 @@ class HeyokaTransitions:
         return np.moveaxis(flow.state[n:].reshape(n, n, -1), -1, 0).copy()
 
 
-def heyoka() -> Any:
+def heyoka(name: str = "heyoka") -> Any:
     """The module heyoka."""
     try:
-        return import_module("heyoka")
+        return import_module(name)
     except ImportError:
         raise ArgumentError(
             "heyoka is not installed", expected="the optional extra", todo="pip install 'flexlin[peers]'"

@@ -1,0 +1,78 @@
+"""Accuracy against time, stage by stage, and the table of the cheapest settings."""
+
+from itertools import islice
+
+from flexlin.cost import CostResult, Row
+from flexlin.cost.result import STAGES
+from flexlin.report.figures.style import DASHES, SERIES, SHAPES, Picture
+from flexlin.report.svg import Logarithmic, Panel, draw
+from flexlin.report.svg import Row as Panels
+
+TITLE = "What accuracy costs"
+UNSEEN = 1e-17
+"""An error of exactly zero is drawn here."""
+
+
+def draw_cost(result: CostResult) -> Picture:
+    """Error across, time up, logarithmic both: transition matrices first, then the other stages, two in a row."""
+    stages = [stage for stage in STAGES if result.stage(stage)]
+    stages.sort(key=lambda stage: (stage != "transition matrices", STAGES.index(stage)))
+    panels = [draw_stage(result, stage) for stage in stages]
+    rows = [Panels([panels[0]], 360.0)]
+    rest = panels[1:]
+    rows += [Panels(rest[i : i + 2], 220.0) for i in range(0, len(rest), 2)]
+    return Picture("cost", TITLE, caption(result), draw(rows, TITLE))
+
+
+def draw_stage(result: CostResult, stage: str) -> Panel:
+    """One line a method from its coarse to its fine settings; outside programs dashed; diamonds: the engine's own choice."""
+    panel = Panel(
+        stage, x=Logarithmic(), y=Logarithmic(), x_label="error against the reference", y_label="CPU time in ms"
+    )
+    rows = [row for row in result.stage(stage) if not row.chosen]
+    for i, method in enumerate(dict.fromkeys(row.method for row in rows)):
+        mine = [row for row in rows if row.method == method and row.error < 1.0]
+        if not mine:
+            continue
+        colour, dash = SERIES[i % len(SERIES)], DASHES[1 + i % 3] if mine[0].outside else ""
+        errors, times = [max(row.error, UNSEEN) for row in mine], [1e3 * row.seconds for row in mine]
+        panel.line(errors, times, colour, width=1.2, dash=dash)
+        texts = [words(row) for row in mine]
+        panel.dots(errors, times, colour, SHAPES[i // len(SERIES) % 3], size=3.0, label=method, texts=texts)
+    chosen = [row for row in result.stage(stage) if row.chosen and row.error < 1.0]
+    if chosen:
+        x, y = [max(row.error, UNSEEN) for row in chosen], [1e3 * row.seconds for row in chosen]
+        panel.dots(
+            x, y, "ink", "diamond", 4.5, "the engine's choice", [f"tol {row.chosen}: {words(row)}" for row in chosen]
+        )
+    return panel
+
+
+def words(row: Row) -> str:
+    """What one sees on pointing at a mark."""
+    return f"{row.method}, {row.setting}: error {row.error:.1e}, {1e3 * row.seconds:.3g} ms"
+
+
+def caption(result: CostResult) -> str:
+    """How to read the picture."""
+    notes = f" {'; '.join(result.notes)}." if result.notes else ""
+    return (
+        "Each mark is one setting of one method: further left is more accurate, lower is faster. Dashed: other programs, their set-up and "
+        "compilation left out. Black diamonds: what the engine chooses by itself for tol = 1e-4, 1e-6, 1e-8, 1e-10. "
+        f"Two references of high resolution agree to {result.floor:.0e}; errors below that mean nothing.{notes}"
+    )
+
+
+def cost_table(result: CostResult) -> str:
+    """The cheapest setting for each accuracy, and the outside programs, as lines of text."""
+    lines = [f"{'stage':<20} {'accuracy':>8}  {'cheapest':<34} {'error':>8} {'ms':>9}"]
+    for stage, accuracy, row in result.recommendations():
+        name = f"{row.method}, {row.setting}"
+        lines.append(f"{stage:<20} {accuracy:8.0e}  {name:<34} {row.error:8.1e} {1e3 * row.seconds:9.3f}")
+    outside = [row for row in result.rows if row.outside]
+    for method in dict.fromkeys(row.method for row in outside):
+        mine = sorted((row for row in outside if row.method == method), key=lambda row: row.error)
+        for row in islice(mine, 2):
+            name = f"{row.method}, {row.setting}"
+            lines.append(f"{'(other programs)':<20} {'':>8}  {name:<34} {row.error:8.1e} {1e3 * row.seconds:9.3f}")
+    return "\n".join([*lines, *result.notes])

@@ -1,0 +1,96 @@
+"""The figures of cost: every stage is there, errors fall as settings get finer, and the cheapest is the cheapest."""
+
+import json
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.cli import main
+from flexlin.cost import CostResult, Row, cost
+from flexlin.cost import own_stages as own
+from flexlin.errors import ArgumentError, InputError
+from flexlin.parametric import parametric_loop
+from flexlin.peers import cvodes_transition, heyoka, scipy_transition
+from flexlin.periodic.setting import Setting
+
+
+@pytest.fixture(scope="module")
+def scene():
+    overrides = {"links.0.modes": 1, "designs": [], "effects.hub.inertia": 0.02, "control.feedback.kd.0": 0.1}
+    return fl.load_scene("single-link", overrides)
+
+
+@pytest.fixture(scope="module")
+def result(scene):
+    return cost(scene, peers=False)
+
+
+def test_every_stage_is_measured_with_errors_that_reach_the_floor(result):
+    for stage in ("coefficients", "transition matrices", "exponents", "periodic Riccati", "forced response"):
+        rows = result.stage(stage)
+        assert min(row.error for row in rows) < 1e-9, stage
+        assert all(row.seconds > 0 for row in rows)
+    assert {row.stage for row in result.rows} >= {"number of modes", "Taylor order"}
+    assert result.floor < 1e-11
+    assert result.notes == ()
+
+
+def test_finer_settings_are_more_accurate_at_their_order(result):
+    gauss = {row.setting: row.error for row in result.stage("transition matrices") if row.method == "gauss 8"}
+    assert np.log2(gauss["32 segments"] / gauss["64 segments"]) == pytest.approx(8, abs=0.7)
+    orders = [row.error for row in result.stage("Taylor order")]
+    assert orders == sorted(orders, reverse=True)
+
+
+def test_the_engines_choice_is_marked_at_each_tol_and_reaches_it(result):
+    for stage in ("exponents", "periodic Riccati", "forced response"):
+        marked = {float(row.chosen): row for row in result.stage(stage) if row.chosen}
+        assert sorted(marked) == sorted(own.TOLS)
+        assert all(row.error <= tol for tol, row in marked.items()), stage
+
+
+def test_the_cheapest_setting_is_not_beaten(result):
+    for stage, accuracy, best in result.recommendations():
+        assert best.error <= accuracy
+        assert all(row.seconds >= best.seconds for row in result.stage(stage) if row.error <= accuracy)
+
+
+def test_cheapest_in_a_table_made_by_hand():
+    rows = (
+        Row("exponents", "a", "1", 1e-3, 1.0),
+        Row("exponents", "b", "1", 1e-6, 2.0),
+        Row("exponents", "c", "1", 1e-5, 3.0),
+    )
+    found = CostResult("by hand", rows, 1e-15).marked()
+    assert [row.cheapest for row in found.rows] == [True, True, False]
+    assert found.cheapest("exponents", 1e-4).method == "b"
+    assert found.cheapest("exponents", 1e-9) is None
+
+
+def test_outside_programs_integrate_the_same_equations(scene):
+    loop = parametric_loop(scene, ["effects.payload.mass"])
+    exact = own.transition(loop.linearization.periodic_system(), Setting("gauss", 20, 64, ""))
+    for transition, tol in ((scipy_transition(loop, "DOP853", 1e-9), 1e-8), (cvodes_transition(loop, 1e-9), 1e-5)):
+        assert np.abs(transition(loop.nominal) - exact).max() < tol * np.abs(exact).max()
+    with pytest.raises(ArgumentError, match="peers"):
+        heyoka("no_such_module_heyoka")
+
+
+def test_a_one_way_motion_is_refused():
+    joints = [{"waypoints": [0.0, 1.0]}]
+    moves = {"kind": "point-to-point", "move_time": 1.0, "course": "one-way", "joints": joints}
+    with pytest.raises(InputError):
+        cost(fl.load_scene("single-link", {"motion": moves, "designs": []}))
+
+
+def test_command_writes_page_and_record(result, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("flexlin.cost.cost", lambda scene: result)
+    assert main(["cost", "single-link", "--out", str(tmp_path)]) == 0
+    record = json.loads((tmp_path / "cost.json").read_text())
+    assert len(record["rows"]) == len(result.rows)
+    assert {"stage", "method", "setting", "error", "seconds", "chosen"} <= set(record["rows"][0])
+    page = (tmp_path / "cost.html").read_text()
+    assert "<svg" in page
+    assert "choice" in page
+    assert "cheapest" in capsys.readouterr().out
