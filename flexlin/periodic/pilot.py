@@ -8,6 +8,8 @@ from flexlin.periodic.refinement import Level, missing_factor, three_levels
 from flexlin.periodic.setting import Setting, radau_segments, rates
 from flexlin.periodic.system import PeriodicSystem
 
+LOOSE = 1e-8
+"""Above this tolerance order 4 is tried first, below it order 6."""
 PILOT = 256
 """Segments of Gauss collocation beyond which the Magnus series is tried."""
 
@@ -23,7 +25,7 @@ def piloted(system: PeriodicSystem, gauss_plan: Setting, tol: float, max_segment
         count = 4 * radau_segments(system.period, top)
         return Setting("radau", 9, count, "modes that decay too fast to be resolved are only bounded"), []
     best, plan, trial = gauss_plan, gauss_plan, list[Level]()
-    for order in (4, 6):
+    for order in (4, 6) if tol > LOOSE else (6, 4):
         pilot = Setting("magnus", order, max(PILOT, least), "the Magnus series carries fast modes exactly", rate)
         if pilot.segments <= max_segments and pilot.work(system.n) < best.work(system.n):
             try:
@@ -34,4 +36,6 @@ def piloted(system: PeriodicSystem, gauss_plan: Setting, tol: float, max_segment
             promised = pilot.with_segments(math.ceil(pilot.segments * excess ** (1 / order)))
             if promised.work(system.n) < best.work(system.n):
                 best, plan, trial = promised, pilot, levels
+            if promised.segments <= 2 * pilot.segments:
+                break
     return plan, trial
