@@ -53,7 +53,7 @@ def floquet(
     fine, setting = levels[-1], setting.with_segments(levels[-1].segments)
     errors = estimated_errors(levels[-3:], setting) + mass_rounding(system, setting, fine.logs)
     if np.isfinite(errors).all():
-        errors *= max(1.0, liouville_defect(system, setting, fine.logs) / errors.sum())
+        errors *= max(1.0, liouville_defect(system, setting, fine.logs, errors) / errors.sum())
     logs, undamped = fine.logs, abs(fine.logs.real.sum()) <= errors.sum() and is_hamiltonian(system)
     if undamped:
         logs, violation = paired(logs)

@@ -11,7 +11,7 @@ from flexlin.periodic.system import PeriodicSystem
 
 LOST = 23.0
 """Log of the ratio of two modes in one segment beyond which the weaker one is lost (1e-10)."""
-SAFETY, TRUST = 6.0, 0.75
+SAFETY, TRUST = 6.0, 0.65
 """Factor on the estimated error, and the part of a method's order that the estimate relies on."""
 
 

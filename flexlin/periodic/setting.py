@@ -17,6 +17,8 @@ from flexlin.periodic.system import PeriodicSystem
 
 MAX_SEGMENTS = 20_000
 MIN_SEGMENTS = 8
+MARGIN = 100.0
+"""The first guess aims this much below tol, so that the cautious error estimate is content with it."""
 STAGES = range(3, 11)
 """Gauss stages among which the engine chooses."""
 
@@ -115,9 +117,9 @@ def radau_segments(period: float, top: float) -> int:
 
 
 def gauss_step(rate: float, tol: float, stages: int) -> float:
-    """The step at which s Gauss stages reach tol on the eigenvalue `rate`."""
+    """The step at which s Gauss stages reach tol / MARGIN on the eigenvalue `rate`."""
     c = math.factorial(stages) ** 2 / (math.factorial(2 * stages) * math.factorial(2 * stages + 1))
-    return (tol * max(1.0, rate) / (rate * c)) ** (0.5 / stages) / rate
+    return (tol / MARGIN * max(1.0, rate) / (rate * c)) ** (0.5 / stages) / rate
 
 
 def rates(system: PeriodicSystem) -> tuple[float, float, float]:

@@ -140,7 +140,7 @@ CASES = [
         "exp(-48 pi) is lost beside 1 in one monodromy matrix",
         lambda: fl.PeriodicSystem(colaneri, 2 * np.pi),
         lambda: np.array([0, -24.0]),
-        1e-11,
+        1e-10,
         "undecided",
         "Colaneri's example, exact",
     ),
@@ -309,7 +309,7 @@ CASES = [
         lambda: np.linalg.eigvals(
             link(motion__joints=[{"mean": 0.0, "amplitude": 0.0}], links__0__modes=1).A(np.zeros(1))[0]
         ),
-        1e-9,
+        1e-8,
         "stable",
         "eigenvalues of A",
     ),
