@@ -29,16 +29,18 @@ def draw_stage(result: CostResult, stage: str) -> Panel:
     panel = Panel(
         stage, x=Logarithmic(), y=Logarithmic(), x_label="error against the reference", y_label="CPU time in ms"
     )
-    rows = [row for row in result.stage(stage) if not row.chosen]
-    for i, method in enumerate(dict.fromkeys(row.method for row in rows)):
-        mine = [row for row in rows if row.method == method and row.error < 1.0]
-        if not mine:
-            continue
-        colour, dash = SERIES[i % len(SERIES)], DASHES[1 + i % 3] if mine[0].outside else ""
+    rows = [row for row in result.stage(stage) if not row.chosen and row.error < 1.0]
+    families = list(dict.fromkeys(family(row.method) for row in rows))
+    named: set[str] = set()
+    for method in dict.fromkeys(row.method for row in rows):
+        mine, name = [row for row in rows if row.method == method], family(method)
+        i = families.index(name)
+        colour, dash = SERIES[i % len(SERIES)], DASHES[1] if mine[0].outside else ""
         errors, times = [max(row.error, UNSEEN) for row in mine], [1e3 * row.seconds for row in mine]
         panel.line(errors, times, colour, width=1.2, dash=dash)
-        texts = [words(row) for row in mine]
-        panel.dots(errors, times, colour, SHAPES[i // len(SERIES) % 3], size=3.0, label=method, texts=texts)
+        texts, label = [words(row) for row in mine], "" if name in named else name
+        panel.dots(errors, times, colour, SHAPES[i // len(SERIES) % 3], size=3.0, label=label, texts=texts)
+        named.add(name)
     chosen = [row for row in result.stage(stage) if row.chosen and row.error < 1.0]
     if chosen:
         x, y = [max(row.error, UNSEEN) for row in chosen], [1e3 * row.seconds for row in chosen]
@@ -46,6 +48,12 @@ def draw_stage(result: CostResult, stage: str) -> Panel:
             x, y, "ink", "diamond", 4.5, "the engine's choice", [f"tol {row.chosen}: {words(row)}" for row in chosen]
         )
     return panel
+
+
+def family(method: str) -> str:
+    """The method without its order, as short as a legend needs it: gauss 8 -> gauss, CasADi cvodes -> cvodes."""
+    name = method.removeprefix("floquet, ").removeprefix("CasADi ").replace("SciPy DOP853", "DOP853")
+    return name.rstrip(" 0123456789") if name[0].islower() else name
 
 
 def words(row: Row) -> str:
@@ -64,11 +72,17 @@ def caption(result: CostResult) -> str:
 
 
 def cost_table(result: CostResult) -> str:
-    """The cheapest setting for each accuracy, and the outside programs, as lines of text."""
+    """The cheapest setting for each accuracy, the engine's own choice for each tol, and the outside programs, as lines of text."""
     lines = [f"{'stage':<20} {'accuracy':>8}  {'cheapest':<34} {'error':>8} {'ms':>9}"]
     for stage, accuracy, row in result.recommendations():
         name = f"{row.method}, {row.setting}"
         lines.append(f"{stage:<20} {accuracy:8.0e}  {name:<34} {row.error:8.1e} {1e3 * row.seconds:9.3f}")
+    for row in result.rows:
+        if row.chosen:
+            name = f"{row.method}, {row.setting}"
+            lines.append(
+                f"{row.stage:<20} {row.chosen:>8}  engine: {name:<26} {row.error:8.1e} {1e3 * row.seconds:9.3f}"
+            )
     outside = [row for row in result.rows if row.outside]
     for method in dict.fromkeys(row.method for row in outside):
         mine = sorted((row for row in outside if row.method == method), key=lambda row: row.error)
