@@ -130,3 +130,19 @@ def test_a_terminal_that_knows_only_ascii_is_served(tmp_path: Path) -> None:
     run = subprocess.run(command, capture_output=True, check=False, env={**os.environ, "PYTHONIOENCODING": "ascii"})
     assert run.returncode == 0, run.stderr
     assert b"undecided" in run.stdout
+
+
+def loaded_by(arguments: list[str], suspects: set[str]) -> str:
+    """Which of the suspects a command imports, in a process of its own."""
+    program = (
+        f"import sys; from flexlin.cli import main; main({arguments}); print(sorted({suspects} & set(sys.modules)))"
+    )
+    return subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    ).stdout.splitlines()[-1]
+
+
+def test_no_command_loads_a_library_that_it_does_not_need(tmp_path: Path) -> None:
+    report = ["report", "single-link", "--set", "links.0.modes=1", "designs=[]", "--out", str(tmp_path)]
+    assert loaded_by(report, {"xarray", "pandas", "control", "matplotlib"}) == "[]"
+    assert loaded_by(["list"], {"numpy", "scipy", "casadi"}) == "[]"

@@ -1,10 +1,14 @@
 """Which numbers of the scene move the growth rate, and which way."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import xarray
 
 from flexlin.report.figures.style import Picture
 from flexlin.report.svg import Linear, Named, Panel, Row, draw
+
+if TYPE_CHECKING:
+    import xarray
 
 TITLE = "Which numbers move the growth rate"
 MOST, HEIGHT = 16, 17.0
@@ -14,7 +18,7 @@ CAPTION = (
 )
 
 
-def draw_sensitivity(data: xarray.Dataset) -> Picture:
+def draw_sensitivity(data: "xarray.Dataset") -> Picture:
     """Bars to both sides, the strongest on top."""
     slowest = int(np.argmax(data["exponents"].values.real))
     change = data["percent"].values[:, slowest]
