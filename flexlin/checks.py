@@ -16,9 +16,12 @@ LIMIT = 2**30
 def real_array(name: str, value: ArrayLike, shape: Sequence[int | None] | None = None) -> Array:
     """Return `value` as a finite float array of the given shape (None: any length on that axis)."""
     try:
-        array = np.asarray(value, dtype=float)
+        given = np.asarray(value)
+        array = given if np.iscomplexobj(given) else given.astype(float, copy=False)
     except (TypeError, ValueError):
         raise ArgumentError(f"{name} is not numeric", got=repr(value)[:80], expected="real numbers") from None
+    if np.iscomplexobj(array):
+        raise ArgumentError(f"{name} is complex", got=str(array.dtype), expected="real numbers")
     if shape is not None:
         fits = array.ndim == len(shape) and all(
             want in (None, have) for want, have in zip(shape, array.shape, strict=False)
@@ -30,6 +33,14 @@ def real_array(name: str, value: ArrayLike, shape: Sequence[int | None] | None =
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         raise ArgumentError(f"{name} is not finite", got=f"{array[where]} at index {where}", expected="finite numbers")
     return array
+
+
+def instance(name: str, value: object, kind: type, todo: str | None = None) -> None:
+    """Refuse a value that is not of the kind a public function works on."""
+    if not isinstance(value, kind):
+        raise ArgumentError(
+            f"{name} is of another kind", got=repr(value)[:80], expected=f"a {kind.__name__}", todo=todo
+        )
 
 
 def positive(name: str, value: float) -> float:

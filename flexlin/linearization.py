@@ -9,14 +9,14 @@ import casadi as ca
 import numpy as np
 
 from flexlin import symbolic
-from flexlin.checks import Array, times
+from flexlin.checks import Array, instance, times
 from flexlin.errors import ArgumentError, InputError, ModelError, MotionError
 from flexlin.kronecker import derivative
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion, SymbolicMotion, build_motion
 from flexlin.periodic.system import PeriodicSystem, SecondOrder, solve_mass
 from flexlin.scene.control import Control
-from flexlin.scene.motion import AnyMotion
+from flexlin.scene.motion import AnyMotion, MotionTable
 
 Route = Literal["jacobian", "kronecker"]
 
@@ -179,7 +179,9 @@ def linearize(
     ModelError when a coefficient is not finite along the motion.
     Source: Khang, Dat, Tuan (2019), Eqs (60)-(67).
     """
+    instance("arm", arm, Manipulator, "make one: fl.build_manipulator(scene), or Manipulator.from_matrices(...)")
     if not isinstance(motion, Motion):
+        instance("motion", motion, MotionTable, "give scene.motion, or what build_motion makes")
         motion = build_motion(motion, arm.joints, arm.parameters)
     if motion.joints != arm.joints:
         raise MotionError("the motion has the wrong number of joints", got=motion.joints, expected=str(arm.joints))

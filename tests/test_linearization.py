@@ -194,3 +194,20 @@ def test_bad_requests():
     )
     with pytest.raises(InputError, match="nothing is left"):
         fl.linearize(fl.build_manipulator(rigid), rigid.motion)
+
+
+def test_things_of_another_kind_are_named():
+    scene = two_links()
+    arm = fl.build_manipulator(scene)
+    for wrong in (
+        lambda: fl.build_manipulator("single-link"),
+        lambda: fl.linearize(scene, scene.motion),
+        lambda: fl.linearize(arm, "harmonic"),
+        lambda: fl.floquet(np.eye(2)),
+    ):
+        with pytest.raises(ArgumentError, match="another kind"):
+            wrong()
+    with pytest.raises(ArgumentError, match="cannot be left free"):
+        fl.build_manipulator(scene, ["links.0.modes"])
+    with pytest.raises(ArgumentError, match="complex"):
+        fl.PeriodicSystem(1j * np.eye(2), 1.0)

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import casadi as ca
 
+from flexlin.checks import instance
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.body import Body, Moments
 from flexlin.mechanics.coordinates import Coordinates
@@ -35,6 +36,7 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
     Raises: ArgumentError for a path that is no number of the scene; SceneError for a model that is not registered.
     Source: Khang, Dat, Tuan (2019), section 4; Book (1984), Recursive Lagrangian dynamics of flexible manipulator arms.
     """
+    instance("scene", scene, Scene, "load one: fl.load_scene(name or path)")
     free = Parameters.of_scene(scene, parameters)
     if scene.model is not None:
         return _registered(scene, free)

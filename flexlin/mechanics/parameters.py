@@ -8,7 +8,8 @@ import casadi as ca
 import numpy as np
 from pydantic import BaseModel
 
-from flexlin.checks import Array, real_array
+from flexlin.checks import Array
+from flexlin.errors import ArgumentError
 from flexlin.scene.parameters import get_value, replace_value
 
 AnyTable = TypeVar("AnyTable", bound=BaseModel)
@@ -29,9 +30,14 @@ class Parameters:
         Raises: ArgumentError when a path does not lead to a number of the scene.
         """
         paths = tuple(paths)
-        values = np.array([float(real_array(path, get_value(scene, path), ())) for path in paths])
+        values = [get_value(scene, path) for path in paths]
+        for path, value in zip(paths, values, strict=True):
+            if not isinstance(value, float):
+                raise ArgumentError(
+                    f"{path} cannot be left free", got=repr(value)[:80], expected="a real number of the scene"
+                )
         symbols = [ca.SX.sym(path) for path in paths]
-        return cls(paths, ca.vertcat(*symbols) if symbols else ca.SX(0, 1), values)
+        return cls(paths, ca.vertcat(*symbols) if symbols else ca.SX(0, 1), np.array(values, dtype=float))
 
     def placed_in(self, table: AnyTable, prefix: str = "") -> AnyTable:
         """The table with the symbols in the place of their numbers; `prefix` names where in the scene the table stands."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexlin.checks import positive
+from flexlin.checks import instance, positive
 from flexlin.periodic.hamiltonian import is_hamiltonian, paired
 from flexlin.periodic.hill import hill_spectrum
 from flexlin.periodic.liouville import liouville_defect
@@ -38,6 +38,7 @@ def floquet(
     chunks of `collocation`.
     Raises: ArgumentError; TooManySegments with the figure when tol needs more than max_segments, or than FACTOR_BYTES hold.
     """
+    instance("system", system, PeriodicSystem, "make one: fl.PeriodicSystem(A, period), or lin.periodic_system()")
     if method == "hill":
         return by_hill(system, positive("tol", tol), order)
     max_segments = min(max_segments, FACTOR_BYTES // (8 * system.n**2))
