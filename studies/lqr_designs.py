@@ -129,7 +129,7 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, objec
     )
     for name in DESIGNS:
         print(f"{name:>10} {int((data.own[name] < 0).sum()):>24} {int((data.kept[name] < 0).sum()):>24}")
-    times = race(1e-10 if full else 1e-5, ("DOP853", "LSODA") if full else ("LSODA",))
+    times = race(1e-10 if full else 1e-4, ("DOP853", "LSODA") if full else ("LSODA",))
     for way, (seconds, error) in times.items():
         print(
             f"{way:>10}: {seconds:8.3f} s, error {error:.1e}, {seconds / times['segments'][0]:6.1f} times the segments' time"

@@ -25,5 +25,5 @@ def test_spin_up(study, tmp_path):
 def test_lqr_designs(study, tmp_path):
     result = study("lqr_designs").main(size="small", out=tmp_path)
     assert np.all(result["survival"].own["periodic"] < 0)
-    assert all(error < 1e-5 for _, error in result["times"].values())
+    assert all(error < 1e-3 for _, error in result["times"].values())
     assert (tmp_path / "lqr_designs.svg").stat().st_size > 1000
