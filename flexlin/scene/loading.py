@@ -74,7 +74,7 @@ def _find(source: str | Path) -> Path:
     scenes = builtin_scenes()
     if str(source) in scenes:
         return scenes[str(source)]
-    path = Path(source)
+    path = Path(str(source))
     if path.is_file():
         return path
     close = difflib.get_close_matches(str(source), scenes, n=1)

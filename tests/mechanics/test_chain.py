@@ -122,7 +122,7 @@ def test_energy_of_an_undamped_two_link_arm_drifts_with_the_integrators_toleranc
         end = solve_ivp(field, (0, 100 * period), start, method="DOP853", rtol=tolerance, atol=tolerance).y[:, -1]
         first, last = (float(energy(y[:4], y[4:], [])) for y in (start, end))
         drifts.append(abs(last / first - 1))
-    assert np.all(np.array(drifts) < [1e-3, 1e-6])
+    assert np.all(np.array(drifts) < [1e-5, 1e-8])  # 3.5 and 4.1 times the tolerance, over some 10,000 steps
 
 
 @pytest.mark.parametrize(
