@@ -1,6 +1,6 @@
 """Does a model obey mechanics? Checked numerically at a few states; each error names the entry that is wrong."""
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -9,14 +9,12 @@ from flexlin.checks import Array
 from flexlin.errors import ModelError
 from flexlin.mechanics.coriolis import coriolis_matrix
 
-if TYPE_CHECKING:
-    from flexlin.mechanics.manipulator import Manipulator
-
+# A Manipulator is meant by `arm`; importing its type would tie the two files in a circle.
 TOLERANCE = 1e-8
 """Relative size of a contradiction that rounding explains."""
 
 
-def validate(arm: "Manipulator", states: int = 4, seed: int = 0) -> None:
+def validate(arm: Any, states: int = 4, seed: int = 0) -> None:
     """Check a manipulator's equations against the laws they must obey.
 
         M = M^T > 0,   C(s, s') s' = Christoffel forces of M  (so that s'^T (M' - 2 C) s' = 0),   dg/ds = (dg/ds)^T,
@@ -42,7 +40,7 @@ def validate(arm: "Manipulator", states: int = 4, seed: int = 0) -> None:
             _need_christoffel(arm, inputs, where)
 
 
-def _states(arm: "Manipulator", count: int, seed: int) -> list[tuple[Array, Array]]:
+def _states(arm: Any, count: int, seed: int) -> list[tuple[Array, Array]]:
     """Rest, and random states."""
     rng = np.random.default_rng(seed)
     scale = np.where(np.isin(np.arange(arm.n), arm.drives), 1.0, 0.01)
@@ -55,7 +53,7 @@ def _value(expression: ca.SX, inputs: list[tuple[ca.SX, Array]]) -> Array:
     return np.array(function(*[number for _, number in inputs]))
 
 
-def _need_independence(arm: "Manipulator") -> None:
+def _need_independence(arm: Any) -> None:
     for name, expression in (("M", arm.M), ("g", arm.g)):
         if ca.depends_on(expression, arm.s_dot):
             entry = next(i for i in range(expression.numel()) if ca.depends_on(ca.vec(expression)[i], arm.s_dot))
@@ -96,7 +94,7 @@ def _need_positive(M: Array, names: tuple[str, ...], where: str) -> None:
         )
 
 
-def _need_christoffel(arm: "Manipulator", inputs: list[tuple[ca.SX, Array]], where: str) -> None:
+def _need_christoffel(arm: Any, inputs: list[tuple[ca.SX, Array]], where: str) -> None:
     """Compare C s' with the forces that M implies, product of rates by product of rates."""
     expected = coriolis_matrix(arm.M, arm.s, arm.s_dot) @ arm.s_dot
     products = [
