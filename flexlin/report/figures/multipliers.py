@@ -38,6 +38,11 @@ def radius(log10: Array) -> Array:
     return np.where(log10 <= 0, inside, 2.0 - outside)
 
 
+def footer(loop: Loop) -> str:
+    """The verdict with the largest modulus, or that there is none."""
+    return "no controller" if loop.floquet is None else f"{loop.verdict}, largest |µ| = {largest_multiplier(loop)}"
+
+
 def circle(loop: Loop) -> Panel:
     """The unit circle, its rings, and the multipliers of one loop; the view grows where one lies far outside."""
     logs = loop.floquet.log_multipliers if loop.floquet is not None else np.zeros(0, dtype=complex)
@@ -50,7 +55,7 @@ def circle(loop: Loop) -> Panel:
         y=view,
         equal=True,
         bare=True,
-        footer=f"{loop.verdict}, largest |µ| = {largest_multiplier(loop)}",
+        footer=footer(loop),
     )
     panel.area(np.cos(TURN), np.sin(TURN), "shade")
     for power in RINGS:
