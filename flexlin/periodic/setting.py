@@ -17,7 +17,7 @@ from flexlin.periodic.system import PeriodicSystem
 
 MAX_SEGMENTS = 20_000
 MIN_SEGMENTS = 8
-MARGIN = 100.0
+MARGIN = 1000.0
 """The first guess aims this much below tol, so that the cautious error estimate is content with it."""
 STAGES = range(3, 11)
 """Gauss stages among which the engine chooses."""
