@@ -13,7 +13,6 @@ from flexlin.periodic.eigenvalues import EPS, NOISE, TINY, log_eigenvalues
 from flexlin.periodic.floquet import floquet
 from flexlin.periodic.grid import edges
 from flexlin.periodic.product import balanced, paired
-from flexlin.periodic.refinement import SAFETY, TRUST
 from flexlin.periodic.result import FloquetResult
 from flexlin.periodic.setting import MAX_SEGMENTS
 from flexlin.periodic.system import PeriodicSystem
@@ -21,6 +20,8 @@ from flexlin.periodic.system import PeriodicSystem
 BatchFunction = Callable[[Array, Array], Array | tuple[Array, Array, Array]]
 STAGES, COARSE = 6, 5 / 8
 """Gauss stages of the batch, and the part of the segments that the second resolution has."""
+SAFETY, TRUST = 6.0, 0.75
+"""Factor on the estimated error, and the part of the method's order that it relies on."""
 SEGMENTS = (8, 16, 32, 64)
 """The resolutions that are tried in turn; what is left then goes through `floquet` one by one."""
 CHUNK_NODES = 3072

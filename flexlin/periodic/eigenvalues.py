@@ -19,7 +19,7 @@ MIN_SWEEPS, MAX_SWEEPS, MAX_WORK = 12, 400, 8_000_000
 FULL_SWEEPS, GRADED = 2, 200.0
 """Sweeps over all factors before triangular ones are multiplied together, and the range of logs of a product's diagonal."""
 EPS, TINY = float(np.finfo(float).eps), float(np.finfo(float).tiny)
-NOISE, PROBES = 20.0, 2
+NOISE, PROBES = 14.0, 2
 """Random perturbations of the factors that measure the conditioning: roundings per factor, and how many trials."""
 
 

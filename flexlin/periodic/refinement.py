@@ -84,6 +84,7 @@ def estimated_errors(levels: list[Level], setting: Setting) -> Array:
 
         d_12 ~ C k_1^-p,   d_23 ~ C k_2^-p   give p,   error_3 ~ d_23 (k_2 / k_3)^p
 
+    A difference that is small by accident counts as what the coarser one promises at full order.
     p is taken for all exponents together and for each alone, whichever is less, and never near the method's full order:
     a forgotten break or a rough coefficient shows as a small p, and then the larger difference counts. The error is infinite for
     an exponent that is only known to lie below the others: LOST in rounding behind the largest one in every segment, or, with
@@ -96,6 +97,7 @@ def estimated_errors(levels: list[Level], setting: Setting) -> Array:
     together = np.log(max(d_12.max(), tiny) / max(d_23.max(), tiny))
     alone = np.log(np.maximum(d_12, tiny) / np.maximum(d_23, tiny))
     p = np.minimum(together, alone) / np.log(max(middle.segments / coarse.segments, 1.01))
+    d_23 = np.maximum(d_23, d_12 * (coarse.segments / middle.segments) ** setting.order)
     reduction = (middle.segments / fine.segments) ** np.clip(p, 0.0, TRUST * setting.order)
     smooth = p > setting.order / 2
     errors = SAFETY * np.where(smooth, reduction * d_23, np.maximum(d_12, d_23)) + fine.rounding
