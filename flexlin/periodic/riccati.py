@@ -1,5 +1,6 @@
 """The periodic Riccati equation by segments in scattering form, combined in a tree and doubled until the cost stands still."""
 
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -124,20 +125,14 @@ def periodic_lyapunov(system: PeriodicSystem, Q: MatrixFunction | ArrayLike, tol
 def refined(
     problem: LinearQuadratic, horizon: float, breaks: tuple[float, ...], end: Array | None, tol: float
 ) -> RiccatiSolution:
-    """Solve on finer and finer panels until the error is below tol or rounding stops it."""
-    starts, stages, solved = first_panels(problem, horizon, breaks, end, tol)
+    """Solve by the cheapest plan that reaches tol; where none does, hand back the best answer with its status."""
     best: RiccatiSolution | None = None
-    for _ in range(ROUNDS):
-        solution, parts = solved or solve_on(starts, problem, end, stages, tol)
-        solved = None
+    for plan in plans(problem, horizon, breaks, end, tol):
+        solution = followed(plan, problem, end, tol)
         if best is None or solution.error < best.error:
             best = solution
         if best.error <= tol:
             return best
-        finer = split(starts, parts)
-        if len(finer) == len(starts) or (len(finer) - 1) * (NODES - 1) > MAX_SEGMENTS:
-            break
-        starts = finer
     assert best is not None
     if best.error > max(1e-6, 10 * tol):
         raise ToleranceNotReached(
@@ -146,34 +141,64 @@ def refined(
             expected=f"at most {tol:.2g}",
             todo="scale the states and weights to similar sizes, declare jumps of A(t) as breaks, or ask for a larger tol",
         )
-    limited = f"limited by rounding: error {best.error:.1g} above the asked {tol:.1g}; ask for tol={2 * best.error:.0e}"
+    why = "rounding" if best.segments < MAX_SEGMENTS // 4 else "the number of segments"
+    limited = f"limited by {why}: error {best.error:.1g} above the asked {tol:.1g}; ask for tol={2 * best.error:.0e}"
     return replace(best, status=limited)
 
 
-def first_panels(
+@dataclass(frozen=True)
+class Plan:
+    """Panels to start from, stages of collocation (0: Magnus' exponential), the most segments to spend, the answer if known."""
+
+    starts: Array
+    stages: int
+    most: int
+    solved: tuple[RiccatiSolution, Array] | None = None
+
+
+def plans(
     problem: LinearQuadratic, horizon: float, breaks: tuple[float, ...], end: Array | None, tol: float
-) -> tuple[Array, int, tuple[RiccatiSolution, Array] | None]:
-    """Choose panels and the stages of collocation, 0 for Magnus' exponential where that is less work (with its trial's answer).
+) -> Iterator[Plan]:
+    """Magnus' exponential where a trial promises less work, then collocation.
 
     Collocation needs c (h rho)^(2 s - 1) = tol for the check's s - 1 stages, rho the Hamiltonian's largest spectral radius and
-    c = (s!)^2 / ((2 s)! (2 s + 1)!) the error constant of the diagonal Pade approximation. Magnus' need is seen from a trial.
+    c = (s!)^2 / ((2 s)! (2 s + 1)!) the error constant of the diagonal Pade approximation. Magnus' need is seen from the trial.
     """
     s = STAGES - 1
     powers = np.cumprod(np.append(1.0, np.arange(1, 2 * s + 2)))
     reach = (max(tol, 1e-13) * powers[2 * s] * powers[2 * s + 1] / powers[s] ** 2) ** (1 / (2 * s + 1))
     sampled = problem.hamiltonian(horizon * (np.arange(32) + 0.5) / 32)
     collocated = int(np.ceil(horizon * np.abs(np.linalg.eigvals(sampled)).max() / reach))
+    most = int(min(MAGNUS_GAIN * collocated, MAX_SEGMENTS))
     for panels in TRIAL_PANELS:
         if collocated < 2 * (NODES - 1) * panels:
             break
         with suppress(NumericalError):
             trial = edges(horizon, breaks, panels)
             solved = solve_on(trial, problem, end, 0, tol)
-            averaged = solved[0].segments * max(solved[0].method_error / tol, 1.0) ** (1 / MAGNUS_ORDER)
-            if averaged < MAGNUS_GAIN * collocated:
-                return trial, 0, solved
+            if solved[0].segments * max(solved[0].method_error / tol, 1.0) ** (1 / MAGNUS_ORDER) < most:
+                yield Plan(trial, 0, most, solved)
+                break
     panels = min(-(-collocated // (NODES - 1)), MAX_SEGMENTS // (NODES - 1) // 2)
-    return edges(horizon, breaks, max(panels, 4)), STAGES, None
+    yield Plan(edges(horizon, breaks, max(panels, 4)), STAGES, MAX_SEGMENTS)
+
+
+def followed(plan: Plan, problem: LinearQuadratic, end: Array | None, tol: float) -> RiccatiSolution:
+    """Refine the plan's panels until the error is below tol or stops falling; the best answer on the way."""
+    starts, solved = plan.starts, plan.solved
+    best: RiccatiSolution | None = None
+    for _ in range(ROUNDS):
+        solution, parts = solved or solve_on(starts, problem, end, plan.stages, tol)
+        solved = None
+        if best is not None and solution.error > 0.9 * best.error:
+            return best
+        best = solution
+        finer = split(starts, parts)
+        if best.error <= tol or len(finer) == len(starts) or (len(finer) - 1) * (NODES - 1) > plan.most:
+            return best
+        starts = finer
+    assert best is not None
+    return best
 
 
 def solve_on(
