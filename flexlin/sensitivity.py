@@ -1,6 +1,7 @@
 """Which number of the scene moves which exponent: exact derivatives, all parameters at once."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -11,17 +12,19 @@ from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.parametric import ParametricLoop, parametric_loop
 from flexlin.periodic import floquet
-from flexlin.periodic.modes import floquet_modes
+from flexlin.periodic.modes import FloquetModes, floquet_modes
 from flexlin.periodic.sensitivity import exponent_derivatives
 from flexlin.scene.parameters import get_value, numeric_paths
 from flexlin.scene.scene import Scene
 
+CHUNK_BYTES = 2**25
+"""Derivatives of A and what they are made of at one chunk of nodes take at most about this many bytes."""
 FREE_TABLES = ("links.", "effects.", "motion.", "control.")
 BOUND = ("motion.move_time", "motion.dwell_time", "rate")
 """Ends of paths whose numbers fix the grid of the period and are not varied unless they are asked for."""
 
 
-def sensitivity(scene: Scene, paths: Sequence[str] | None = None, tol: float = 1e-9) -> xr.Dataset:
+def sensitivity(scene: Scene, paths: Sequence[str] | None = None, tol: float = 1e-8) -> xr.Dataset:
     """Derivative of every Floquet exponent of the scene's own loop by every number of the scene.
 
         d lambda / d theta = (1/T) int_0^T q^H (dA/dtheta + (T'/T) A) p dt - lambda T'/T,   dA/dtheta at fixed phase,
@@ -42,8 +45,7 @@ def sensitivity(scene: Scene, paths: Sequence[str] | None = None, tol: float = 1
     loop = parametric_loop(scene, paths)
     system = loop.linearization.periodic_system()
     modes = floquet_modes(system, floquet(system, tol))
-    A, slope = state_slopes(loop, modes.times / modes.period)
-    derivative = exponent_derivatives(modes, slope, A, duration_slope(loop))
+    derivative = integrated(loop, modes)
     percent = derivative.real * loop.nominal[:, None] / 100
     return xr.Dataset(
         {
@@ -62,6 +64,26 @@ def default_paths(scene: Scene) -> tuple[str, ...]:
     """All numbers of links, effects, motion and control that may be free and are not zero."""
     paths = [path for path in numeric_paths(scene) if path.startswith(FREE_TABLES) and not path.endswith(BOUND)]
     return tuple(path for path in paths if get_value(scene, path) != 0)
+
+
+def integrated(loop: ParametricLoop, modes: FloquetModes) -> Array:
+    """The derivatives (P, n), the mean over the period taken chunk by chunk of its nodes; -lambda T'/T enters once."""
+    stretch, states = duration_slope(loop), len(modes.exponents)
+    used = np.flatnonzero(modes.weights)
+    size = max(1, CHUNK_BYTES // (8 * (len(loop.paths) + 1) * 3 * states**2))
+    total = -modes.exponents * stretch[:, None] / modes.period
+    for k in (used[i : i + size] for i in range(0, len(used), size)):
+        part = replace(
+            modes,
+            times=modes.times[k],
+            weights=modes.weights[k],
+            right=modes.right[k],
+            left=modes.left[k],
+            exponents=np.zeros_like(modes.exponents),
+        )
+        A, slope = state_slopes(loop, part.times / modes.period)
+        total = total + exponent_derivatives(part, slope, A, stretch)
+    return total
 
 
 def state_slopes(loop: ParametricLoop, phases: Array) -> tuple[Array, Array]:

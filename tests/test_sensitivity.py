@@ -80,3 +80,10 @@ def test_every_number_of_the_scene_by_default(scene):
     assert np.isfinite(result.derivative.values).all()
     share = result.percent.sel(parameter="control.feedback.kd.0")
     assert np.allclose(share, result.derivative.sel(parameter="control.feedback.kd.0").real * 0.1 / 100)
+
+
+def test_small_chunks_give_the_same_derivatives(scene, monkeypatch):
+    paths = ["effects.payload.mass", "motion.frequency"]
+    whole = sensitivity(scene, paths)
+    monkeypatch.setattr("flexlin.sensitivity.CHUNK_BYTES", 20_000)
+    assert np.allclose(sensitivity(scene, paths).derivative, whole.derivative, rtol=1e-12)
