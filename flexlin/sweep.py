@@ -60,9 +60,9 @@ def sweep(
     axes = {path: real_array(path, value, (None,)) for path, value in values.items()}
     points, shape, dims = laid_out(axes, grid)
     loop = parametric_loop(scene, axes)
-    batches = Batches(loop, points, tol)
+    batches = Batches(loop, points, tol, chunk_bytes)
     plan = piloted(batches)
-    size = max(1, int(chunk_bytes // batches.bytes_per_value(plan.segments)))
+    size = batches.values_in_chunk(plan.segments)
     found = Found.empty(len(points), 2 * loop.linearization.n)
     for start in range(0, len(points), size):
         batches.fill(found, np.arange(start, min(start + size, len(points))), plan)
@@ -115,20 +115,27 @@ class Batches:
     loop: ParametricLoop
     points: Array
     tol: float
+    chunk_bytes: int
 
     def fill(self, found: Found, which: Array, plan: "Plan") -> None:
         """Compute the values `which`: together, those that missed tol again on twice the segments, and the rest one by one."""
         found.period[which] = self.loop.periods(self.points[which])
         for trial in (plan, replace(plan, segments=2 * plan.segments)):
-            if which.size:
-                logs, errors, reached, _ = self.batch(which, trial)
-                T = found.period[which, None]
-                found.put(which[reached], (logs / T)[reached], (errors / T)[reached])
-                which = which[~reached]
+            size = self.values_in_chunk(trial.segments)
+            parts = [which[i : i + size] for i in range(0, len(which), size)]
+            left = [self.try_together(found, part, trial) for part in parts]
+            which = np.concatenate([which[:0], *left])
         for i in which:
             result = floquet(self.loop.at(self.points[i]).periodic_system(), self.tol)
             found.put(np.array([i]), result.exponents[None], result.errors[None])
             found.one_by_one[i] = True
+
+    def try_together(self, found: Found, which: Array, plan: "Plan") -> Array:
+        """Enter the values that reach tol; return those that do not."""
+        logs, errors, reached, _ = self.batch(which, plan)
+        T = found.period[which, None]
+        found.put(which[reached], (logs / T)[reached], (errors / T)[reached])
+        return which[~reached]
 
     def batch(self, which: Array, plan: "Plan") -> tuple[Array, Array, Array, "Plan"]:
         """Logs (V, n) of the multipliers, their errors, whether they meet tol, and the plan with what was learnt."""
@@ -144,11 +151,11 @@ class Batches:
         learnt = replace(plan, harmonics=harmonics, spread=separation(result.logs[:, reached]))
         return logs, errors, reached, learnt
 
-    def bytes_per_value(self, segments: int) -> float:
-        """Memory of one value: coefficients at the nodes of the finest resolution, its factors, and copies of both."""
-        n = self.loop.linearization.n
-        nodes, factors = 8 * (segments + len(self.loop.phase_breaks)), 4 * (segments + len(self.loop.phase_breaks))
-        return 8.0 * (3 * nodes * 2 * n * n + 5 * factors * 4 * n * n)
+    def values_in_chunk(self, segments: int) -> int:
+        """How many values a batch may hold: coefficients at the nodes of the finest resolution, its factors, and copies of both."""
+        n, pieces = self.loop.linearization.n, segments + len(self.loop.phase_breaks)
+        nodes, factors = 8 * pieces, 4 * pieces
+        return max(1, int(self.chunk_bytes // (8 * (3 * nodes * 2 * n * n + 5 * factors * 4 * n * n))))
 
 
 @dataclass(frozen=True)
@@ -162,9 +169,10 @@ class Plan:
 
 def piloted(batches: Batches) -> Plan:
     """The least number of segments on which a few values, spread over all, reach the tolerance."""
-    which = np.unique(np.linspace(0, len(batches.points) - 1, PILOTS).round().astype(int))
     plan = Plan(STARTS[0])
     for segments in STARTS:
+        some = min(PILOTS, batches.values_in_chunk(segments))
+        which = np.unique(np.linspace(0, len(batches.points) - 1, some).round().astype(int))
         reached, plan = batches.batch(which, replace(plan, segments=segments, spread=np.inf))[2:]
         if reached.mean() >= ENOUGH:
             break
