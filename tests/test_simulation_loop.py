@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import simpson
 
 import flexlin as fl
-from flexlin.control import feedforward, linearize_about, periodic_lqr
+from flexlin.control import feedforward, finite_horizon_lqr, horizon_system, linearize_about, periodic_lqr
 from flexlin.control.validity import linear_range
 from flexlin.errors import ArgumentError, SceneError
 from flexlin.simulation import region_of_attraction, simulate
@@ -109,3 +109,24 @@ def test_drives_come_from_the_scene():
     assert np.abs(run.torque).max() <= 0.4
     with pytest.raises(SceneError, match=r"control\.saturation\.torque"):
         fl.load_scene("single-link", {"control.saturation": {"torque": [0.4, 1.0]}})
+
+
+def test_a_disturbed_one_way_move_costs_what_its_finite_horizon_design_says():
+    """Two nonlinear runs of one move, one of them disturbed: the cost of their difference, its end included, is x0' X(0) x0."""
+    move = {
+        "kind": "point-to-point",
+        "course": "one-way",
+        "move_time": 0.6,
+        "dwell_time": 0.2,
+        "joints": [{"waypoints": [-1.2, -0.4]}],
+    }
+    scene = fl.load_scene("single-link", {"motion": move, "designs": []})
+    arm = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    Q, R, end = np.diag([10.0, 10.0, 10.0, 0.1, 0.1, 0.1]), np.array([[10.0]]), np.diag([5.0, 5.0, 5.0, 0.1, 0.1, 0.1])
+    made = finite_horizon_lqr(horizon_system(arm), Q, R, end=end, tol=1e-7)
+    x0 = 1e-3 * np.array([1.0, 0.1, 0.0, 0.0, 0.5, 0.0])
+    calm, pushed = (simulate(arm, 1, start, made.K, 1e-7, 1024) for start in (np.zeros(6), x0))
+    z = pushed.nonlinear - calm.nonlinear
+    u = np.einsum("tij,tj->ti", made.K(calm.t), z)
+    running = np.einsum("ti,ij,tj->t", z, Q, z) + np.einsum("ti,ij,tj->t", u, R, u)
+    assert simpson(running, x=calm.t) + z[-1] @ end @ z[-1] == pytest.approx(made.cost(x0), rel=0.02)

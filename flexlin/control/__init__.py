@@ -27,6 +27,7 @@ _ON_MANIPULATORS = {
     "PeriodicMotion": "harmonic_balance",
     "feedforward": "tracking",
     "gain_source": "c_source",
+    "horizon_system": "horizon",
     "linear_range": "validity",
     "linearization_source": "c_source",
     "linearize_about": "about_motion",
