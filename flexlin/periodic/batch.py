@@ -1,4 +1,7 @@
-"""Growth rates of many systems at once: a stability chart without a Python loop over its points."""
+"""Growth rates of many systems x' = A(t, p) x at once: a stability chart for anybody who has A.
+
+`flexlin.periodic.batched` is the other batch: second-order systems, and all of their exponents.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
