@@ -241,7 +241,7 @@ def solve_on(
         status="converged",
     )
     room = max(0.5 * tol, 1e-15)
-    for_method = np.ceil(np.clip((method_error / room) ** (1 / order), 1, 32))
+    for_method = np.ceil(np.clip((method_error / room) ** (1 / order), 1, 8))
     for_output = np.ceil(np.clip((left_out / room) ** (1 / (2 * NODES)), 1, 4))
     return solution, np.maximum(for_method, for_output).astype(int)
 
