@@ -13,7 +13,7 @@ from flexlin.report.svg.scales import Linear, Scale
 WIDTH = 760.0
 """Units of the drawing's width; the page scales it to its column."""
 GAP, TITLE, LEGEND, TICK, LABEL = 16.0, 20.0, 16.0, 15.0, 15.0
-KEY, RIGHT, ROUGH_MARGIN = 22.0, 14.0, 56.0
+KEY, RIGHT, ROUGH_MARGIN = 22.0, 19.0, 56.0
 
 
 @dataclass(frozen=True)
