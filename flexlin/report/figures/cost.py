@@ -45,7 +45,7 @@ def draw_stage(result: CostResult, stage: str) -> Panel:
     if chosen:
         x, y = [max(row.error, UNSEEN) for row in chosen], [1e3 * row.seconds for row in chosen]
         panel.dots(
-            x, y, "ink", "diamond", 4.5, "engine's", [f"tol {row.chosen}: {words(row)}" for row in chosen]
+            x, y, "ink", "diamond", 4.5, "engine's choice", [f"tol {row.chosen}: {words(row)}" for row in chosen]
         )
     return panel
 
