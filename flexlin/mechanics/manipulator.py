@@ -9,7 +9,7 @@ import casadi as ca
 from flexlin.errors import ModelError
 from flexlin.mechanics.coriolis import coriolis_matrix
 from flexlin.mechanics.parameters import Parameters
-from flexlin.mechanics.validation import validate
+from flexlin.mechanics.validation import need_quadratic, validate
 
 
 class NamedFunctions(Mapping[str, ca.Function]):
@@ -208,6 +208,7 @@ class Manipulator:
             points=points,
         )
         if check:
+            need_quadratic(T, s, s_dot, parameters)
             validate(arm)
         return arm
 

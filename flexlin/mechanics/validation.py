@@ -40,6 +40,27 @@ def validate(arm: Any, states: int = 4, seed: int = 0) -> None:
             _need_christoffel(arm, inputs, where)
 
 
+def need_quadratic(T: ca.SX, s: ca.SX, s_dot: ca.SX, parameters: Any) -> None:
+    """Check that a kinetic energy has no part that is free of the rates or linear in them.
+
+    Raises: ModelError naming the rate, or the whole energy.
+    """
+    at = np.random.default_rng(0).uniform(-1, 1, s.numel())
+    inputs = [(s, at), (s_dot, np.zeros(s.numel())), (parameters.symbols, parameters.values)]
+    energy, momentum = float(_value(T, inputs)[0, 0]), _value(ca.gradient(T, s_dot), inputs)[:, 0]
+    wrong = (
+        f"linear in rate {int(np.argmax(np.abs(momentum)))}"
+        if np.abs(momentum).max() > TOLERANCE
+        else "free of the rates"
+    )
+    if abs(energy) > TOLERANCE or wrong.startswith("linear"):
+        raise ModelError(
+            f"T has a part that is {wrong}",
+            expected="a kinetic energy quadratic in the rates",
+            todo="put what is free of rates into V with the other sign; make what moves by itself a joint with a prescribed motion",
+        )
+
+
 def _states(arm: Any, count: int, seed: int) -> list[tuple[Array, Array]]:
     """Rest, and random states."""
     rng = np.random.default_rng(seed)

@@ -132,3 +132,10 @@ def test_an_effect_of_ones_own():
 def test_unregistered_effects_are_refused():
     with pytest.raises(InputError, match=r"effects\.tip_spring"):
         arm_of({}, effects={"tip_spring": {"stiffness": 1.0}})
+
+
+@pytest.mark.parametrize(("extra", "says"), [(RATE[1] * SIN, "linear in rate 1"), (1 + S[0] ** 2, "free of the rates")])
+def test_kinetic_energy_must_be_quadratic(extra, says):
+    """The Kronecker route knows M and C only: another part of T would be lost in silence."""
+    with pytest.raises(ModelError, match=says):
+        fl.Manipulator.from_lagrangian(S, RATE, ca.sumsqr(RATE) / 2 + extra, ca.SX(0))
