@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 
@@ -130,7 +131,6 @@ class Manipulator:
         s_ddot = ca.SX.sym("s_ddot", n)
         _check_shapes(n, M=(M, n), C=(C, n), g=(g, 1), damping=(damping, 1), B=(B, None))
         _check_symbols(ca.vertcat(s, s_dot), M=M, C=C, g=g, damping=damping, B=B)
-        driven = _driven(B) if joints is None else tuple(joints)
         arm = cls(
             s,
             s_dot,
@@ -139,10 +139,7 @@ class Manipulator:
             M=ca.SX(M),
             g=ca.SX(g),
             damping=ca.SX(damping),
-            B=ca.SX(B),
-            reference=ca.DM.eye(n)[:, list(driven)],
-            drives=driven,
-            names=tuple(names or (f"s{i + 1}" for i in range(n))),
+            **_driving(n, B, joints, names),
             points=points,
             coriolis=ca.SX(C),
         )
@@ -190,7 +187,6 @@ class Manipulator:
         s_ddot = ca.SX.sym("s_ddot", n)
         momentum, g, damping = ca.gradient(T, s_dot), ca.gradient(V, s), ca.gradient(R, s_dot) + resisting
         rate_of_momentum = ca.jtimes(momentum, ca.vertcat(s, s_dot), ca.vertcat(s_dot, s_ddot))
-        driven = _driven(B) if joints is None else tuple(joints)
         arm = cls(
             s,
             s_dot,
@@ -199,10 +195,7 @@ class Manipulator:
             M=ca.densify(ca.jacobian(momentum, s_dot)),
             g=ca.densify(g),
             damping=ca.densify(damping),
-            B=ca.SX(B),
-            reference=ca.DM.eye(n)[:, list(driven)],
-            drives=driven,
-            names=tuple(names or (f"s{i + 1}" for i in range(n))),
+            **_driving(n, B, joints, names),
             parameters=parameters,
             energy=T + V,
             points=points,
@@ -213,9 +206,15 @@ class Manipulator:
         return arm
 
 
-def _driven(B: ca.SX) -> tuple[int, ...]:
-    """The coordinates that some input moves."""
-    return tuple(i for i in range(B.size1()) if not ca.SX(B[i, :]).is_zero())
+def _driving(n: int, B: ca.SX, joints: Sequence[int] | None, names: Sequence[str] | None) -> dict[str, Any]:
+    """Inputs, names, and the coordinates that follow the basic motion: those given, or those that some input moves."""
+    moved = [i for i in range(n) if not ca.SX(B[i, :]).is_zero()] if joints is None else list(joints)
+    return {
+        "B": ca.SX(B),
+        "reference": ca.DM.eye(n)[:, moved],
+        "drives": tuple(moved),
+        "names": tuple(names or (f"s{i + 1}" for i in range(n))),
+    }
 
 
 def _check_shapes(rows: int, **expressions: tuple[ca.SX, int | None]) -> None:
