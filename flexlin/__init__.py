@@ -10,47 +10,45 @@ __version__ = "0.1.0"
 
 _HOME = {
     "load_scene": "flexlin.scene",
+    "parse_scene": "flexlin.scene",
     "Scene": "flexlin.scene",
     "build_manipulator": "flexlin.mechanics",
     "Manipulator": "flexlin.mechanics",
-    "linearize": "flexlin.linearization",
-    "Linearization": "flexlin.linearization",
-    "PeriodicSystem": "flexlin.periodic",
-    "floquet": "flexlin.periodic",
-    "forced_response": "flexlin.periodic",
+    "build_motion": "flexlin.motion",
+    "linearize": "flexlin.about.linear",
+    "Linearization": "flexlin.about.linear",
+    "PeriodicSystem": "flexlin.periodic.system",
+    "floquet": "flexlin.periodic.floquet.exponents",
+    "FloquetResult": "flexlin.periodic.floquet.result",
+    "floquet_modes": "flexlin.periodic.floquet.modes",
+    "forced_response": "flexlin.periodic.response.forced",
     "periodic_lqr": "flexlin.control",
+    "simulate": "flexlin.simulation",
+    "sweep": "flexlin.answers.sweep",
+    "sensitivity": "flexlin.answers.sensitivity",
+    "audit": "flexlin.answers.audit",
+    "cost": "flexlin.answers.accuracy",
     "taylor": "flexlin.series",
     "TaylorMap": "flexlin.series",
     "implicit_taylor": "flexlin.series",
 }
-_MODULES = (
-    "audit",
-    "control",
-    "cost",
-    "errors",
-    "kronecker",
-    "linearization",
-    "mechanics",
-    "motion",
-    "periodic",
-    "scene",
-    "screws",
-    "sensitivity",
-    "series",
-    "simulation",
-    "sweep",
-)
+"""Where each public function and class stands."""
+_MODULES = {
+    "control": "flexlin.control",
+    "errors": "flexlin.errors",
+    "kronecker": "flexlin.kronecker",
+    "screws": "flexlin.mechanics.screws",
+}
+"""Modules that are public as a whole."""
 
-__all__ = [*_HOME, *_MODULES]
+__all__ = sorted([*_HOME, *_MODULES])
 
 
 def __getattr__(name: str) -> Any:
     if name in _HOME:
         value = getattr(import_module(_HOME[name]), name)
-    elif name == "screws":
-        value = import_module("flexlin.mechanics.screws")
     elif name in _MODULES:
-        value = import_module(f"flexlin.{name}")
+        value = import_module(_MODULES[name])
     else:
         raise AttributeError(f"module 'flexlin' has no attribute {name!r}")
     globals()[name] = value
@@ -58,4 +56,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *__all__])
+    return [*__all__, "__version__"]

@@ -1,5 +1,5 @@
 """`python -m flexlin` is the program `flexlin`."""
 
-from flexlin.cli import entry
+from flexlin.cli.main import entry
 
 entry()

@@ -17,13 +17,13 @@ from time import process_time
 import numpy as np
 
 import flexlin as fl
+from flexlin.about.free import parametric_loop
+from flexlin.answers.peers import HeyokaTransitions, cvodes_transition, heyoka, scipy_transition
+from flexlin.answers.sweep import Plan, state_coefficients, sweep
 from flexlin.checks import Array
-from flexlin.parametric import parametric_loop
-from flexlin.peers import HeyokaTransitions, cvodes_transition, heyoka, scipy_transition
-from flexlin.periodic.batched.transitions import batched_transitions
-from flexlin.periodic.product import scaled_product
-from flexlin.periodic.setting import Setting, factors
-from flexlin.sweep import Plan, state_coefficients, sweep
+from flexlin.periodic.many.transitions import batched_transitions
+from flexlin.periodic.product.balancing import scaled_product
+from flexlin.periodic.transition.setting import Setting, factors
 
 ACCURACY = 1e-10
 PATH = "effects.payload.mass"
@@ -174,7 +174,7 @@ def exponents_batch(values: int) -> tuple[float, float, int]:
     return time, apart, int(result.attrs["one_by_one"])
 
 
-def scene(modes: int) -> fl.scene.Scene:
+def scene(modes: int) -> fl.Scene:
     return fl.load_scene("single-link", {"links.0.modes": modes, "designs": []})
 
 

@@ -86,7 +86,7 @@ def speed_series(ratios: np.ndarray, stiffening: bool) -> SpeedSeries:
     }
     rows = []
     for ratio in ratios:
-        scene = fl.scene.parse_scene(raw, overrides={"motion.joints.0.rate": float(ratio * FIRST_FREQUENCY)})
+        scene = fl.parse_scene(raw, overrides={"motion.joints.0.rate": float(ratio * FIRST_FREQUENCY)})
         lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
         result = fl.floquet(lin.periodic_system())
         stiffness = lin.K(np.linspace(0, lin.period, 64, endpoint=False))[:, 1, 1].mean()

@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 
 import flexlin as fl
 from flexlin.control import averaged_lqr, frozen_lqr, periodic_lqr
-from flexlin.periodic.riccati import periodic_riccati
+from flexlin.periodic.quadratic.riccati import periodic_riccati
 
 Q, R = np.diag([1.0, 1.0, 1.0, 0.01, 0.01, 0.01]), np.array([[100.0]])
 AMPLITUDE = 1.2

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 import flexlin as fl
-from flexlin.audit import Measure, measure
-from flexlin.audit.defaults import Scale, default_table
+from flexlin.answers.audit import Measure, measure
+from flexlin.answers.audit.defaults import Scale, default_table
 
 SIZES = {
     "full": {"single-link": (1, 2, 3, 4, 6, 10), "pick-and-place": (1, 2, 3, 5)},

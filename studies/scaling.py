@@ -50,7 +50,7 @@ def scene_of(links: int, modes: int) -> fl.Scene:
     """Equal links under joint control, each joint swinging a little."""
     joints = [{"mean": 0.3 if i == 0 else 0.5, "amplitude": 0.2, "phase": float(i)} for i in range(links)]
     heavy = [2.0 * (links - i) ** 2 for i in range(links)]
-    return fl.scene.parse_scene(
+    return fl.parse_scene(
         {
             "schema": 1,
             "title": f"{links} links, {modes} modes",

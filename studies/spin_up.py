@@ -41,7 +41,7 @@ def arm(modes: int, stiffening: bool) -> Manipulator:
         "effects": {"geometric_stiffening": {}} if stiffening else {},
         "motion": {"kind": "rotation", "joints": [{"rate": SPEED}], "drive": "prescribed"},
     }
-    return fl.build_manipulator(fl.scene.parse_scene(raw))
+    return fl.build_manipulator(fl.parse_scene(raw))
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from flexlin import cli
-from flexlin.cli import main
+from flexlin.cli import main as cli
+from flexlin.cli.main import main
 from flexlin.scene.library import builtin_scenes
 
 TABLE = "[motion]\nkind = 'table'\nfile = 'motion.csv'\n\n"

@@ -11,7 +11,7 @@ import pytest
 import xarray
 
 import flexlin as fl
-from flexlin.cli import main
+from flexlin.cli.main import main
 
 SMALL = ["--set", "links.0.modes=1", "designs=[]"]
 
@@ -134,9 +134,7 @@ def test_a_terminal_that_knows_only_ascii_is_served(tmp_path: Path) -> None:
 
 def loaded_by(arguments: list[str], suspects: set[str]) -> str:
     """Which of the suspects a command imports, in a process of its own."""
-    program = (
-        f"import sys; from flexlin.cli import main; main({arguments}); print(sorted({suspects} & set(sys.modules)))"
-    )
+    program = f"import sys; from flexlin.cli.main import main; main({arguments}); print(sorted({suspects} & set(sys.modules)))"
     return subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     ).stdout.splitlines()[-1]

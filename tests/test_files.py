@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from flexlin import cli
-from flexlin.cli import main
+from flexlin.cli import main as cli
+from flexlin.cli.main import main
 from flexlin.errors import OutputError
 from flexlin.files import replacing, write_text
 

@@ -7,8 +7,10 @@ from scipy.integrate import quad
 from scipy.linalg import eigh
 
 import flexlin as fl
+from flexlin.about.linear import by_jacobian, by_kronecker
 from flexlin.errors import ArgumentError, InputError, MotionError
 from flexlin.scene import parse_scene
+from flexlin.scene.control import Pd
 
 LINK = {"length": 0.7, "mass_per_length": 0.4, "bending_stiffness": 3.0, "modes": 2}
 ALL = {
@@ -80,7 +82,7 @@ def test_rigid_two_link_arm():
         {"schema": 1, "title": "rigid", "links": [link, link], "effects": {"gravity": {}}, "motion": motion}
     )
     arm = fl.build_manipulator(scene)
-    for route in (fl.linearization.by_jacobian, fl.linearization.by_kronecker):
+    for route in (by_jacobian, by_kronecker):
         matrices = ca.Function("f", [arm.s, arm.s_dot, arm.s_ddot], list(route(arm)))
         _, D, K = (m.full() for m in matrices(q, q1, q2))
         np.testing.assert_allclose(K, [[-8.475995, -3.684682], [-4.127415, -4.233294]], atol=5e-7)
@@ -164,9 +166,7 @@ def test_free_parameters_change_nothing_at_their_nominal_values():
 
 def test_closed_loop_adds_the_gains():
     scene = two_links(ALL)
-    control = scene.control.model_copy(
-        update={"feedback": fl.scene.control.Pd(kind="pd", kp=(7.0, 3.0), kd=(2.0, 1.0))}
-    )
+    control = scene.control.model_copy(update={"feedback": Pd(kind="pd", kp=(7.0, 3.0), kd=(2.0, 1.0))})
     arm = fl.build_manipulator(scene)
     open_loop, loop = fl.linearize(arm, scene.motion), fl.linearize(arm, scene.motion, control)
     t = np.array([0.1, 0.2])

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from flexlin.cli import parser
+from flexlin.cli.main import parser
 from flexlin.scene import parse_scene
 from flexlin.scene.effects import Effects
 

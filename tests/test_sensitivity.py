@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import flexlin as fl
+from flexlin.answers.sensitivity import default_paths, sensitivity
 from flexlin.scene.parameters import get_value, replace_value
-from flexlin.sensitivity import default_paths, sensitivity
 
 
 @pytest.fixture(scope="module")
@@ -85,5 +85,5 @@ def test_every_number_of_the_scene_by_default(scene):
 def test_small_chunks_give_the_same_derivatives(scene, monkeypatch):
     paths = ["effects.payload.mass", "motion.frequency"]
     whole = sensitivity(scene, paths)
-    monkeypatch.setattr("flexlin.sensitivity.CHUNK_BYTES", 20_000)
+    monkeypatch.setattr("flexlin.answers.sensitivity.CHUNK_BYTES", 20_000)
     assert np.allclose(sensitivity(scene, paths).derivative, whole.derivative, rtol=1e-12)

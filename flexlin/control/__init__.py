@@ -18,20 +18,20 @@ from flexlin.control.pd import pd_feedback
 from flexlin.control.periodic import periodic_lqr
 
 _ON_MANIPULATORS = {
-    "Feedforward": "tracking",
-    "bending": "measurement",
-    "joint_angles": "measurement",
-    "joint_rates": "measurement",
-    "tip_acceleration": "measurement",
-    "tip_position": "measurement",
-    "PeriodicMotion": "harmonic_balance",
-    "feedforward": "tracking",
-    "gain_source": "c_source",
-    "horizon_system": "horizon",
-    "linear_range": "validity",
-    "linearization_source": "c_source",
-    "linearize_about": "about_motion",
-    "periodic_motion": "harmonic_balance",
+    "Feedforward": "flexlin.control.tracking",
+    "bending": "flexlin.control.measurement",
+    "joint_angles": "flexlin.control.measurement",
+    "joint_rates": "flexlin.control.measurement",
+    "tip_acceleration": "flexlin.control.measurement",
+    "tip_position": "flexlin.control.measurement",
+    "PeriodicMotion": "flexlin.about.periodic_motion",
+    "feedforward": "flexlin.control.tracking",
+    "gain_source": "flexlin.control.c_source",
+    "horizon_system": "flexlin.control.horizon",
+    "linear_range": "flexlin.control.validity",
+    "linearization_source": "flexlin.control.c_source",
+    "linearize_about": "flexlin.about.elastic",
+    "periodic_motion": "flexlin.about.periodic_motion",
 }
 
 __all__ = [
@@ -57,4 +57,4 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in _ON_MANIPULATORS:
         raise AttributeError(f"module 'flexlin.control' has no attribute {name!r}")
-    return getattr(import_module(f"flexlin.control.{_ON_MANIPULATORS[name]}"), name)
+    return getattr(import_module(_ON_MANIPULATORS[name]), name)

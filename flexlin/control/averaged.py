@@ -6,10 +6,10 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array
 from flexlin.control.design import Design
 from flexlin.control.weights import check_constant_pair
-from flexlin.periodic.collocation import gauss, nodes, samples
 from flexlin.periodic.grid import edges
-from flexlin.periodic.linear_quadratic import linear_quadratic
+from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
+from flexlin.periodic.transition.gauss import gauss, nodes, samples
 
 SEGMENTS, STAGES = 16, 8
 

@@ -5,9 +5,9 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
+from flexlin.about.linear import Linearization
 from flexlin.control.design import Design
 from flexlin.errors import ArgumentError
-from flexlin.linearization import Linearization
 from flexlin.motion import SymbolicMotion
 
 KNOTS = 256

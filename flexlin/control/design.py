@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, real_array
 from flexlin.errors import NotStabilizable
-from flexlin.periodic.linear_quadratic import LinearQuadratic
-from flexlin.periodic.riccati import RiccatiSolution, periodic_lyapunov
+from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
+from flexlin.periodic.quadratic.riccati import RiccatiSolution, periodic_lyapunov
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
 
 

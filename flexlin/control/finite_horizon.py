@@ -6,8 +6,8 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array
 from flexlin.control.design import Design
 from flexlin.control.weights import check_constant_pair
-from flexlin.periodic.linear_quadratic import linear_quadratic
-from flexlin.periodic.riccati import finite_horizon_riccati
+from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
+from flexlin.periodic.quadratic.riccati import finite_horizon_riccati
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
 
 

@@ -8,7 +8,7 @@ from flexlin.checks import Array
 from flexlin.control.design import Design
 from flexlin.control.weights import check_constant_pair
 from flexlin.errors import ArgumentError
-from flexlin.periodic.linear_quadratic import LinearQuadratic, linear_quadratic
+from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, linear_quadratic
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
 
 

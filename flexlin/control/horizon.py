@@ -1,7 +1,7 @@
 """A one-way motion as a system over its horizon, for designs that end."""
 
+from flexlin.about.linear import Linearization
 from flexlin.checks import Array
-from flexlin.linearization import Linearization
 from flexlin.periodic.system import PeriodicSystem
 
 

@@ -4,10 +4,10 @@ import casadi as ca
 import numpy as np
 
 from flexlin import symbolic
+from flexlin.about.linear import Linearization, along_motion
+from flexlin.about.periodic_motion import constant, place_on_motion
 from flexlin.checks import Array
-from flexlin.control.harmonic_balance import constant, place_on_motion
 from flexlin.errors import ArgumentError
-from flexlin.linearization import Linearization, along_motion
 from flexlin.mechanics.link_shapes import shapes_of
 from flexlin.periodic.system import MatrixFunction, solve_mass
 from flexlin.scene.scene import Scene

@@ -7,7 +7,7 @@ import numpy as np
 from flexlin.checks import Array, real_array
 from flexlin.control.design import Design
 from flexlin.errors import ArgumentError
-from flexlin.periodic.linear_quadratic import LinearQuadratic
+from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.system import PeriodicSystem
 
 

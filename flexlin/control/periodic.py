@@ -3,7 +3,7 @@
 from numpy.typing import ArrayLike
 
 from flexlin.control.design import Design
-from flexlin.periodic.riccati import periodic_riccati
+from flexlin.periodic.quadratic.riccati import periodic_riccati
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
 
 

@@ -6,10 +6,10 @@ import casadi as ca
 import numpy as np
 
 from flexlin import symbolic
+from flexlin.about.linear import Linearization
+from flexlin.about.periodic_motion import Closing, PeriodicMotion, Unknowns, periodic_motion
 from flexlin.checks import Array
-from flexlin.control.harmonic_balance import Closing, PeriodicMotion, Unknowns, periodic_motion
 from flexlin.errors import ArgumentError
-from flexlin.linearization import Linearization
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin import symbolic
+from flexlin.about.linear import Linearization
+from flexlin.about.periodic_motion import own_gain
 from flexlin.checks import Array, positive
-from flexlin.control.harmonic_balance import own_gain
-from flexlin.linearization import Linearization
-from flexlin.periodic.collocation import gauss_transitions, second_order_transitions
 from flexlin.periodic.grid import edges
 from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.transition.gauss import gauss_transitions, second_order_transitions
 
 SAMPLES = 64
 LARGEST, SMALLEST, HALVINGS = 10.0, 1e-7, 30

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexlin.report.analysis import Analysis, Loop
+from flexlin.answers.analysis import Analysis, Loop
 from flexlin.report.wording import quantity
 
 NEAR = 0.2

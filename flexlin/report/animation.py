@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 import flexlin
+from flexlin.about.linear import Linearization
 from flexlin.checks import Array
 from flexlin.control.tracking import arm_positions
 from flexlin.errors import ArgumentError
-from flexlin.linearization import Linearization
 from flexlin.report.figures.arm import path
 from flexlin.report.page import template
 from flexlin.scene.scene import Scene

@@ -4,11 +4,11 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from flexlin.about.linear import Linearization
+from flexlin.answers.analysis import Loop
 from flexlin.control import gain_source, linearization_source, save
 from flexlin.files import replacing, replacing_folder
-from flexlin.linearization import Linearization
 from flexlin.motion import SymbolicMotion
-from flexlin.report.analysis import Loop
 
 FORMATS = (".npz", ".mat", ".nc")
 

@@ -6,8 +6,8 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template, select_autoescape
 
 import flexlin
+from flexlin.answers.analysis import Analysis, Loop
 from flexlin.report.advice import next_steps, under
-from flexlin.report.analysis import Analysis, Loop
 from flexlin.report.figures.coefficients import NOISE, matrix_unit
 from flexlin.report.figures.style import Picture
 from flexlin.report.wording import decimal, duration, largest_multiplier, modulus, pace, power, quantity, rate

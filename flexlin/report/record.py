@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import flexlin
-from flexlin.audit import Audit
+from flexlin.answers.analysis import Analysis, Loop
+from flexlin.answers.audit import Audit
 from flexlin.checks import Array
-from flexlin.report.analysis import Analysis, Loop
 from flexlin.scene.scene import Scene
 
 if TYPE_CHECKING:

@@ -7,9 +7,9 @@ import numpy as np
 import xarray
 
 import flexlin
+from flexlin.about.linear import Linearization
 from flexlin.control import Design
 from flexlin.files import replacing
-from flexlin.linearization import Linearization
 from flexlin.scene.scene import Scene
 
 MEANING = {

@@ -2,9 +2,9 @@
 
 import sys
 
-from flexlin.audit import Audit, Row
+from flexlin.answers.analysis import Analysis, Loop
+from flexlin.answers.audit import Audit, Row
 from flexlin.report.advice import next_steps
-from flexlin.report.analysis import Analysis, Loop
 from flexlin.report.wording import pace, quantity, rate
 
 COLOURS = {"stable": "green", "unstable": "red", "undecided": "yellow", "failed": "red"}

@@ -5,10 +5,10 @@ import re
 
 import numpy as np
 
+from flexlin.answers.analysis import Analysis, Loop, is_elastic
 from flexlin.checks import Array
-from flexlin.report.analysis import Analysis, Loop, is_elastic
-from flexlin.report.svg.scales import SUPERSCRIPTS
 from flexlin.scene.scene import Scene
+from flexlin.svg.scales import SUPERSCRIPTS
 
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
 

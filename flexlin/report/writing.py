@@ -4,12 +4,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flexlin.answers.clock import Clock, Progress
 from flexlin.files import write_text
-from flexlin.report.clock import Clock, Progress
 from flexlin.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from flexlin.report.analysis import Analysis
+    from flexlin.answers.analysis import Analysis
 
 
 def write_report(
@@ -29,17 +29,17 @@ def write_report(
     """
     clock = Clock(progress)
     with clock.step("load the numerical libraries"):
-        from flexlin.report.analysis import analyse
+        from flexlin.answers.analysis import analyse
         from flexlin.report.record import record, to_json
     analysis = analyse(scene, clock)
     if with_audit:
         with clock.step("audit of the effects"):
-            from flexlin.audit import audit
+            from flexlin.answers.audit import audit
 
             analysis = replace(analysis, audit=audit(scene, progress=progress))
     if with_sensitivity:
         with clock.step("sensitivities"):
-            from flexlin.sensitivity import sensitivity
+            from flexlin.answers.sensitivity import sensitivity
 
             analysis = replace(analysis, sensitivity=sensitivity(scene))
     with clock.step("load the drawing library"):

@@ -1,6 +1,6 @@
 """The full nonlinear closed loop: the judge of every linear answer."""
 
-from flexlin.control.harmonic_balance import own_gain
+from flexlin.about.periodic_motion import own_gain
 from flexlin.control.tracking import tip_positions
 from flexlin.simulation.attraction import Attraction, region_of_attraction
 from flexlin.simulation.loop import NonlinearLoop

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexlin.about.linear import Linearization
+from flexlin.about.periodic_motion import periodic_motion
 from flexlin.checks import Array
-from flexlin.control.harmonic_balance import periodic_motion
 from flexlin.control.validity import slowest_modes
 from flexlin.errors import NumericalError
-from flexlin.linearization import Linearization
 from flexlin.periodic.system import MatrixFunction
 from flexlin.simulation.law import torque_law
 from flexlin.simulation.loop import NonlinearLoop

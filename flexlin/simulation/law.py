@@ -7,11 +7,11 @@ from itertools import pairwise
 import numpy as np
 from scipy.interpolate import CubicSpline, PPoly
 
+from flexlin.about.linear import Linearization
+from flexlin.about.periodic_motion import default_closing, own_gain, rigid_feedforward
 from flexlin.checks import Array
-from flexlin.control.harmonic_balance import default_closing, own_gain, rigid_feedforward
 from flexlin.control.tracking import Feedforward
 from flexlin.errors import ArgumentError
-from flexlin.linearization import Linearization
 from flexlin.periodic.system import MatrixFunction
 
 POINTS = 2048

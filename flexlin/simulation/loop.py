@@ -6,9 +6,9 @@ from scipy.integrate import DOP853, solve_ivp
 from scipy.linalg.lapack import dposv
 
 from flexlin import symbolic
+from flexlin.about.linear import Linearization, along_motion
 from flexlin.checks import Array
 from flexlin.errors import NumericalError, SingularMassMatrix
-from flexlin.linearization import Linearization, along_motion
 from flexlin.motion import SymbolicMotion
 from flexlin.simulation.law import Drive, LawTable, TorqueLaw
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from flexlin.about.linear import Linearization
+from flexlin.about.periodic_motion import default_closing, own_gain, rigid_feedforward
 from flexlin.checks import Array
-from flexlin.control.harmonic_balance import default_closing, own_gain, rigid_feedforward
-from flexlin.linearization import Linearization
-from flexlin.periodic.collocation import gauss_transitions
 from flexlin.periodic.system import solve_mass
+from flexlin.periodic.transition.gauss import gauss_transitions
 from flexlin.simulation.law import TorqueLaw
 
 

@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin import symbolic
+from flexlin.about.linear import Linearization
 from flexlin.checks import Array, positive, real_array
 from flexlin.control.tracking import Feedforward, tip_positions
-from flexlin.linearization import Linearization
 from flexlin.periodic.system import MatrixFunction
 from flexlin.simulation.law import Drive, scene_drive, torque_law
 from flexlin.simulation.loop import NonlinearLoop

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.audit import audit, measure
+from flexlin.answers.audit import audit, measure
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.effects import EFFECTS
+from flexlin.simulation import tip_positions
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +59,7 @@ def test_tip_error_is_that_of_the_forced_response(scene, result):
     lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
     t = np.linspace(0, lin.period, 97, endpoint=False)
     states = fl.forced_response(lin.periodic_system(), lin.forcing)(t)
-    away = fl.simulation.tip_positions(lin, t, states) - fl.simulation.tip_positions(lin, t, 0 * states)
+    away = tip_positions(lin, t, states) - tip_positions(lin, t, 0 * states)
     assert result.base.tip_error == pytest.approx(np.linalg.norm(away, axis=1).max(), rel=1e-6)
 
 

@@ -48,7 +48,7 @@ def test_camera_sees_the_slope_of_the_tips_position(lin):
 
 def test_accelerometer_is_the_second_derivative_of_the_camera(lin):
     """Along a linear motion under a constant torque: second differences of C_position x by central differences of exact steps."""
-    from flexlin.periodic.collocation import gauss_transitions
+    from flexlin.periodic.transition.gauss import gauss_transitions
 
     system, torque, h = lin.periodic_system(), 0.3, 1e-4
 

@@ -1,12 +1,13 @@
 """Periodic motions of the elastic arm and feedforward: against the forced response, the residual and the prescribed joint."""
 
+import casadi as ca
 import numpy as np
 import pytest
 
 import flexlin as fl
 from flexlin import symbolic
-from flexlin.control.about_motion import linearize_about
-from flexlin.control.harmonic_balance import periodic_motion
+from flexlin.about.elastic import linearize_about
+from flexlin.about.periodic_motion import periodic_motion
 from flexlin.control.tracking import KINDS, feedforward, tip_positions
 from flexlin.errors import ArgumentError
 
@@ -32,7 +33,7 @@ def residual_between_nodes(lin, motion):
         part[:, list(lin.kept)] += extra
     values = np.broadcast_to(lin.arm.parameters.values, (len(t), len(lin.arm.parameters.values)))
     left = symbolic.evaluate(lin.arm.functions["residual"], *q, values)[0][:, :, 0]
-    B = np.array(fl.mechanics.manipulator.ca.evalf(lin.arm.B[:, list(lin.driven)]))
+    B = np.array(ca.evalf(lin.arm.B[:, list(lin.driven)]))
     return np.abs(left - motion.torque(t) @ B.T).max() / np.abs(motion.torque(t)).max()
 
 

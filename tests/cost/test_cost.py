@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.cli import main
-from flexlin.cost import CostResult, Row, cost
-from flexlin.cost import own_stages as own
+from flexlin.about.free import parametric_loop
+from flexlin.answers.accuracy import CostResult, Row, cost
+from flexlin.answers.accuracy import own_stages as own
+from flexlin.answers.peers import cvodes_transition, heyoka, scipy_transition
+from flexlin.cli.main import main
 from flexlin.errors import ArgumentError, InputError
-from flexlin.parametric import parametric_loop
-from flexlin.peers import cvodes_transition, heyoka, scipy_transition
-from flexlin.periodic.setting import Setting
+from flexlin.periodic.transition.setting import Setting
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +85,7 @@ def test_a_one_way_motion_is_refused():
 
 
 def test_command_writes_page_and_record(result, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("flexlin.cost.cost", lambda scene: result)
+    monkeypatch.setattr("flexlin.answers.accuracy.cost", lambda scene: result)
     assert main(["cost", "single-link", "--out", str(tmp_path)]) == 0
     record = json.loads((tmp_path / "cost.json").read_text())
     assert len(record["rows"]) == len(result.rows)

@@ -39,7 +39,7 @@ def test_moving_base_is_a_prescribed_carriage():
     scene |= {"schema": scene.pop("schema_version"), "motion": motion}
     scene["links"] = [CARRIAGE, ROD]
     scene["effects"], scene["control"], scene["designs"] = {"gravity": {}}, {}, []
-    scene = fl.scene.parse_scene(scene)
+    scene = fl.parse_scene(scene)
     lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
     t = np.linspace(0, 0.5, 7)
     omega = 2 * np.pi * frequency

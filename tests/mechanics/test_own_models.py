@@ -88,7 +88,7 @@ def test_a_model_must_stay_finite_along_the_motion():
     arm = fl.Manipulator.from_lagrangian(S, RATE, ca.sumsqr(RATE), ca.sumsqr(S) + (1.2 - S[0]) ** 1.5)
     joints = [{"amplitude": 1.5}, {"amplitude": 0.1}]
     raw = {"schema": 1, "title": "", "links": [{"length": 1.0, "mass_per_length": 1.0}] * 2}
-    motion = fl.scene.parse_scene({**raw, "motion": {"kind": "harmonic", "frequency": 1.0, "joints": joints}}).motion
+    motion = fl.parse_scene({**raw, "motion": {"kind": "harmonic", "frequency": 1.0, "joints": joints}}).motion
     with pytest.raises(ModelError, match=r"K_L\[0, 0\] is not finite along the motion, at t = "):
         fl.linearize(arm, motion)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexlin.periodic import PeriodicSystem
+from flexlin.periodic.system import PeriodicSystem
 
 
 def colaneri(t):

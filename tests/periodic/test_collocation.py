@@ -3,9 +3,10 @@ import pytest
 from scipy.linalg import expm
 
 from flexlin.errors import ArgumentError, SingularMassMatrix
-from flexlin.periodic import PeriodicSystem, collocation
-from flexlin.periodic.collocation import gauss, gauss_transitions, second_order_transitions
 from flexlin.periodic.grid import edges
+from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.transition import gauss as collocation
+from flexlin.periodic.transition.gauss import gauss, gauss_transitions, second_order_transitions
 from tests.periodic.systems import mathieu
 
 

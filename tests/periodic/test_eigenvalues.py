@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from flexlin.periodic.eigenvalues import partners, product_spectrum
-from flexlin.periodic.product import scaled_product
+from flexlin.periodic.product.balancing import scaled_product
+from flexlin.periodic.product.eigenvalues import partners, product_spectrum
 
 
 def framed(blocks, rng):

@@ -3,7 +3,7 @@ import pytest
 
 import flexlin as fl
 from flexlin.errors import ArgumentError, ResonantForcing, TooManySegments
-from flexlin.periodic.cyclic import cyclic_system
+from flexlin.periodic.product.cyclic import cyclic_system
 from tests.periodic.systems import colaneri, lyapunov_transformed
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.periodic.hamiltonian import is_hamiltonian, paired
+from flexlin.periodic.floquet.hamiltonian import is_hamiltonian, paired
 from tests.periodic.systems import colaneri, mathieu, mathieu_second_order
 
 

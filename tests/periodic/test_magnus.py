@@ -4,9 +4,9 @@ from scipy.linalg import expm
 
 import flexlin as fl
 from flexlin.errors import ArgumentError, ToleranceNotReached
-from flexlin.periodic.collocation import gauss_transitions
-from flexlin.periodic.exponential import exponential
-from flexlin.periodic.magnus import magnus_transitions
+from flexlin.periodic.transition.exponential import exponential
+from flexlin.periodic.transition.gauss import gauss_transitions
+from flexlin.periodic.transition.magnus import magnus_transitions
 from tests.periodic.systems import mathieu
 
 

@@ -4,13 +4,13 @@ from scipy.linalg import block_diag, expm
 
 import flexlin as fl
 from flexlin.errors import ArgumentError
-from flexlin.periodic.collocation import gauss_transitions
-from flexlin.periodic.hill import hill_spectrum
-from flexlin.periodic.modes import floquet_modes
-from flexlin.periodic.real_factor import real_factor
-from flexlin.periodic.resonance import resonances
-from flexlin.periodic.sensitivity import exponent_derivatives
-from flexlin.periodic.tracking import tracked_frequencies
+from flexlin.periodic.floquet.frequencies import tracked_frequencies
+from flexlin.periodic.floquet.hill import hill_spectrum
+from flexlin.periodic.floquet.modes import floquet_modes
+from flexlin.periodic.floquet.real_factor import real_factor
+from flexlin.periodic.floquet.resonance import resonances
+from flexlin.periodic.floquet.slopes import exponent_derivatives
+from flexlin.periodic.transition.gauss import gauss_transitions
 from tests.periodic.systems import colaneri, lyapunov_transformed, mathieu, meissner
 
 

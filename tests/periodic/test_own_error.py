@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import block_diag
 
 import flexlin as fl
-from flexlin.periodic.eigenvalues import partners
+from flexlin.periodic.product.eigenvalues import partners
 from tests.periodic.systems import lyapunov_transformed
 
 SYSTEMS = 200

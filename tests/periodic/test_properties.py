@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 import flexlin as fl
 from flexlin.errors import TooManySegments
-from flexlin.periodic import floquet as floquet_of
-from flexlin.periodic.eigenvalues import partners
-from flexlin.periodic.setting import METHODS
+from flexlin.periodic.floquet.exponents import floquet as floquet_of
+from flexlin.periodic.product.eigenvalues import partners
+from flexlin.periodic.transition.setting import METHODS
 
 
 def random_system(seed, n):
@@ -81,7 +81,7 @@ def test_all_methods_agree(seed, n):
 
 
 def test_the_memory_of_the_factors_is_bounded(monkeypatch):
-    module = import_module("flexlin.periodic.floquet")  # the function has the same name
+    module = import_module("flexlin.periodic.floquet.exponents")  # the function has the same name
     monkeypatch.setattr(module, "FACTOR_BYTES", 8 * 9 * 6)
     with pytest.raises(TooManySegments, match="segments"):
         floquet_of(random_system(1, 3))

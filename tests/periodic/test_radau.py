@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.periodic.collocation import gauss_transitions
 from flexlin.periodic.grid import edges
-from flexlin.periodic.radau import radau, radau_transitions
+from flexlin.periodic.transition.gauss import gauss_transitions
+from flexlin.periodic.transition.radau import radau, radau_transitions
 from tests.periodic.systems import colaneri, mathieu, meissner
 
 

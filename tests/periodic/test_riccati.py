@@ -10,9 +10,15 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from flexlin.errors import ArgumentError, IllPosedSegment, NotDetectable, NotStabilizable
-from flexlin.periodic import PeriodicSystem, floquet
-from flexlin.periodic.riccati import edges, finite_horizon_riccati, linear_quadratic, periodic_riccati, solve_on
-from flexlin.periodic.scattering import (
+from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.quadratic.riccati import (
+    edges,
+    finite_horizon_riccati,
+    linear_quadratic,
+    periodic_riccati,
+    solve_on,
+)
+from flexlin.periodic.quadratic.scattering import (
     Segment,
     cost_before,
     costs_at_edges,
@@ -20,6 +26,7 @@ from flexlin.periodic.scattering import (
     product_tree,
     star_product,
 )
+from flexlin.periodic.system import PeriodicSystem
 
 A0, B0 = np.array([[1.0, 0.5], [3.0, 5.0]]), np.array([[3.0], [1.0]])
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.cli import main
+from flexlin.cli.main import main
 from flexlin.errors import ArgumentError
 from flexlin.report.animation import animation_page, frames
 from flexlin.simulation import simulate

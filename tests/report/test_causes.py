@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.cli import main
+from flexlin.answers.analysis import analyse
+from flexlin.answers.sensitivity import sensitivity
+from flexlin.cli.main import main
 from flexlin.report.advice import next_steps
-from flexlin.report.analysis import analyse
 from flexlin.report.figures.sensitivity import draw_sensitivity
 from flexlin.report.record import record
-from flexlin.sensitivity import sensitivity
 
 
 def test_a_parametric_resonance_is_named() -> None:

@@ -7,8 +7,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from flexlin.audit import Audit, Measure, Row
-from flexlin.cli import main
+from flexlin.answers.audit import Audit, Measure, Row
+from flexlin.cli.main import main
 from flexlin.report.figures.effects import draw_effects
 from flexlin.report.record import audit_block, to_json
 from flexlin.report.terminal import audit_lines

@@ -3,8 +3,8 @@
 import pytest
 
 import flexlin as fl
+from flexlin.answers.analysis import analyse
 from flexlin.report.advice import next_steps
-from flexlin.report.analysis import analyse
 from flexlin.report.record import record
 
 

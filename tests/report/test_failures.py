@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from flexlin.cli import main
+from flexlin.cli.main import main
 
 
 def test_a_design_without_an_answer_is_told_and_the_others_stand(

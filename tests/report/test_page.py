@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from flexlin.report.analysis import Analysis
+from flexlin.answers.analysis import Analysis
 from flexlin.report.figures import FIGURES, pictures
 from flexlin.report.figures.multipliers import radius
 from flexlin.report.page import page

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 import flexlin as fl
-from flexlin.report.analysis import Analysis, Loop
+from flexlin.answers.analysis import Analysis, Loop
 from flexlin.report.record import loop_block, numbers, record, to_json
 
 

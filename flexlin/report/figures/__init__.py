@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from flexlin.report.analysis import Analysis
+from flexlin.answers.analysis import Analysis
 from flexlin.report.figures.arm import draw_arm
 from flexlin.report.figures.coefficients import draw_coefficients
 from flexlin.report.figures.comparison import draw_comparison

@@ -2,14 +2,14 @@
 
 import numpy as np
 
+from flexlin.answers.analysis import Analysis
 from flexlin.checks import Array
 from flexlin.control.tracking import arm_positions
 from flexlin.mechanics.link_shapes import shapes_of
-from flexlin.report.analysis import Analysis
 from flexlin.report.figures.style import SERIES, Picture, over_period
-from flexlin.report.svg import Panel, Row, draw
 from flexlin.report.wording import input_units, joint_unit
 from flexlin.scene.scene import Scene
+from flexlin.svg import Panel, Row, draw
 
 PHASES = 12
 """Pictures of the arm in one period."""

@@ -5,7 +5,7 @@ import xarray
 
 from flexlin.checks import Array
 from flexlin.report.figures.style import Picture
-from flexlin.report.svg import Linear, Panel, Row, draw
+from flexlin.svg import Linear, Panel, Row, draw
 
 TITLE = "Stability chart"
 SHADES = 14

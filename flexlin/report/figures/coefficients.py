@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexlin.answers.analysis import Analysis
 from flexlin.checks import Array
-from flexlin.report.analysis import Analysis
 from flexlin.report.figures.style import Picture, in_columns, over_period
-from flexlin.report.svg import draw
 from flexlin.report.wording import coordinate_unit
+from flexlin.svg import draw
 
 MOST = 12
 """Entries shown; the others stand in the file that `flexlin linearize` writes."""

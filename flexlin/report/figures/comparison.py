@@ -2,12 +2,12 @@
 
 import numpy as np
 
+from flexlin.answers.analysis import Analysis
 from flexlin.checks import Array
-from flexlin.report.analysis import Analysis
 from flexlin.report.figures.style import Picture
-from flexlin.report.svg import Linear, Panel, Row, draw
 from flexlin.report.wording import coordinate_unit, scaled
 from flexlin.simulation import Simulation
+from flexlin.svg import Linear, Panel, Row, draw
 
 TITLE = "Nonlinear against linear"
 

@@ -2,11 +2,11 @@
 
 from itertools import islice
 
-from flexlin.cost import CostResult, Row
-from flexlin.cost.result import STAGES
+from flexlin.answers.accuracy import CostResult, Row
+from flexlin.answers.accuracy.result import STAGES
 from flexlin.report.figures.style import DASHES, SERIES, SHAPES, Picture
-from flexlin.report.svg import Logarithmic, Panel, draw
-from flexlin.report.svg import Row as Panels
+from flexlin.svg import Logarithmic, Panel, draw
+from flexlin.svg import Row as Panels
 
 TITLE = "What accuracy costs"
 UNSEEN = 1e-17

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from flexlin.audit import Audit, Row
+from flexlin.answers.audit import Audit, Row
 from flexlin.report.figures.style import Picture
-from flexlin.report.svg import Logarithmic, Named, Panel, draw
-from flexlin.report.svg import Row as Line
+from flexlin.svg import Logarithmic, Named, Panel, draw
+from flexlin.svg import Row as Line
 
 TITLE = "Which effects this scene needs"
 LEAST, MOST = 1e-6, 2.0

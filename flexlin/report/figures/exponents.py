@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from flexlin.about.linear import Linearization
+from flexlin.answers.analysis import Analysis, Loop
 from flexlin.checks import Array
-from flexlin.linearization import Linearization
-from flexlin.report.analysis import Analysis, Loop
 from flexlin.report.figures.style import SHAPES, Picture, loop_colour, over_period
-from flexlin.report.svg import Linear, Panel, Row, Symlog, draw
+from flexlin.svg import Linear, Panel, Row, Symlog, draw
 
 TITLE = "Exponents and frequencies"
 

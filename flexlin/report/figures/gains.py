@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from flexlin.answers.analysis import Analysis
 from flexlin.checks import Array
-from flexlin.report.analysis import Analysis
 from flexlin.report.figures.style import DASHES, Picture, in_columns, loop_colour, over_period
-from flexlin.report.svg import Panel, draw
 from flexlin.report.wording import input_units
 from flexlin.simulation import own_gain
+from flexlin.svg import Panel, draw
 
 MOST = 12
 TITLE = "Gains over a period"

@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from flexlin.answers.analysis import Analysis, Loop
 from flexlin.checks import Array
-from flexlin.report.analysis import Analysis, Loop
 from flexlin.report.figures.style import Picture
-from flexlin.report.svg import Linear, Panel, Row, draw
 from flexlin.report.wording import largest_multiplier, modulus
+from flexlin.svg import Linear, Panel, Row, draw
 
 COLUMNS = 4
 RINGS = (-30, -10, -3, -1)

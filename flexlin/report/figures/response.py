@@ -2,12 +2,12 @@
 
 import numpy as np
 
+from flexlin.answers.analysis import Analysis
 from flexlin.checks import Array
-from flexlin.report.analysis import Analysis
 from flexlin.report.figures.style import SERIES, Picture, in_columns, over_period
-from flexlin.report.svg import Panel, draw
 from flexlin.report.wording import coordinate_unit, input_units, scaled
 from flexlin.simulation import own_gain
+from flexlin.svg import Panel, draw
 
 MOST = 11
 TITLE = "Forced periodic response"

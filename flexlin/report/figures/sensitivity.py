@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexlin.report.figures.style import Picture
-from flexlin.report.svg import Linear, Named, Panel, Row, draw
+from flexlin.svg import Linear, Named, Panel, Row, draw
 
 if TYPE_CHECKING:
     import xarray

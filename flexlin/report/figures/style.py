@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from flexlin.report.analysis import Loop
-from flexlin.report.svg import Linear, Panel, Row
+from flexlin.answers.analysis import Loop
+from flexlin.svg import Linear, Panel, Row
 
 SERIES = ("blue", "vermilion", "green", "purple", "orange", "sky")
 """Told apart with every kind of colour blindness. Source: Okabe, Ito (2002), Color Universal Design; purple from Tol (2021)."""

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from flexlin.report.analysis import Analysis
+from flexlin.answers.analysis import Analysis
 from flexlin.report.figures.style import Picture, over_period
-from flexlin.report.svg import Panel, Row, draw
 from flexlin.report.wording import power, quantity, scaled
+from flexlin.svg import Panel, Row, draw
 
 TITLE = "Tip error in steady motion"
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from flexlin.periodic.batched.algebra import exponential, product, qr, solve_positive
+from flexlin.periodic.many.algebra import exponential, product, qr, solve_positive
 
 
 @pytest.fixture

@@ -4,8 +4,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexlin.periodic import PeriodicSystem, floquet
-from flexlin.periodic.batched import batched_exponents
+from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.many import batched_exponents
+from flexlin.periodic.system import PeriodicSystem
 
 
 def constant(X, Y):

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from flexlin.periodic.batched.transitions import batched_transitions
-from flexlin.periodic.collocation import gauss_transitions
-from flexlin.periodic.product import scaled_product
+from flexlin.periodic.many.transitions import batched_transitions
+from flexlin.periodic.product.balancing import scaled_product
+from flexlin.periodic.transition.gauss import gauss_transitions
 
 a, q = np.array([1.0, 2.5, 7.0]), np.array([0.2, 1.0, 0.1])
 

@@ -1,0 +1,39 @@
+"""The same transition matrices by the programs that people use today."""
+
+from collections.abc import Iterator
+from functools import partial
+from importlib.util import find_spec
+
+from flexlin.about.free import parametric_loop
+from flexlin.answers.accuracy.result import Row
+from flexlin.answers.accuracy.trial import Trial, apart, measured
+from flexlin.answers.peers import HeyokaTransitions, cvodes_transition, scipy_transition
+from flexlin.checks import Array
+from flexlin.scene.scene import Scene
+
+TOLS = (1e-5, 1e-7, 1e-9, 1e-11, 1e-13)
+RADAU_TOLS, HEYOKA_TOLS = (1e-4, 1e-6, 1e-8), (1e-6, 1e-12)
+
+
+def outside_methods(scene: Scene, exact: Array) -> tuple[list[Row], list[str]]:
+    """SciPy's DOP853 and Radau, CasADi's cvodes and heyoka at several tolerances; notes on what is missing.
+
+    Set-up and compilation are left out.
+    """
+    loop = parametric_loop(scene, ())
+    p = loop.nominal
+    notes = [] if find_spec("heyoka") else ["heyoka is not installed (pip install 'flexlin[peers]'), so it has no row"]
+
+    def trials() -> Iterator[Trial]:
+        for method, tols in (("DOP853", TOLS), ("Radau", RADAU_TOLS)):
+            for tol in tols:
+                run = scipy_transition(loop, method, tol)
+                yield Trial(f"SciPy {method}", f"tol {tol:.0e}", partial(run, p), outside=True)
+        for tol in TOLS:
+            run = cvodes_transition(loop, tol)
+            yield Trial("CasADi cvodes", f"tol {tol:.0e}", partial(run, p), outside=True)
+        for tol in HEYOKA_TOLS if not notes else ():
+            flow = HeyokaTransitions(loop, tol)
+            yield Trial("heyoka", f"tol {tol:.0e}", partial(flow, p), outside=True)
+
+    return measured("transition matrices", trials(), lambda P: apart(P, exact)), notes

@@ -1,0 +1,159 @@
+"""flexlin's own stages, each at many settings and at those that the engine chooses by itself."""
+
+from collections.abc import Iterator
+from functools import partial
+
+import casadi as ca
+import numpy as np
+
+from flexlin import symbolic
+from flexlin.about.linear import Linearization, linearize
+from flexlin.answers.accuracy.result import Row
+from flexlin.answers.accuracy.trial import Trial, apart, exponents_apart, measured
+from flexlin.answers.sweep import interpolated
+from flexlin.checks import Array
+from flexlin.mechanics import build_manipulator
+from flexlin.mechanics.manipulator import Manipulator
+from flexlin.motion import Motion
+from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.product.balancing import scaled_product
+from flexlin.periodic.quadratic.riccati import periodic_riccati
+from flexlin.periodic.response.forced import forced_response
+from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.transition.setting import Setting, chosen, factors
+from flexlin.scene.parameters import replace_value
+from flexlin.scene.scene import Scene
+from flexlin.series import taylor
+
+TOLS = (1e-4, 1e-6, 1e-8, 1e-10)
+FINE, FINEST = 1e-11, 1e-12
+SEGMENTS = (4, 8, 16, 32, 64, 128, 256)
+METHODS = {"gauss": (4, 8, 12, 16, 20), "magnus": (4, 6), "radau": (5, 9)}
+HARMONICS = (2, 4, 8, 16, 32)
+LARGEST = 1024
+"""Segments times stages of a trial of collocation: more are not tried."""
+
+
+def coefficients(closed: Linearization) -> list[Row]:
+    """A(t) over the period from samples and their Fourier series, by the number of harmonics."""
+    system, T = closed.periodic_system(), closed.period
+    if system.breaks:
+        return []
+    t = T * (np.arange(64) + 0.3183) / 64
+    exact = system.A(t)
+
+    def trials() -> Iterator[Trial]:
+        for h in HARMONICS:
+            at = T * np.arange(2 * h + 1) / (2 * h + 1)
+            yield Trial("Fourier series", f"{h} harmonics", partial(from_samples, system, at, t))
+
+    return measured("coefficients", trials(), lambda A: apart(A, exact))
+
+
+def from_samples(system: PeriodicSystem, at: Array, t: Array) -> Array:
+    """A at the times t by the Fourier series through its samples at equidistant times."""
+    return interpolated(system.A(at), t / system.period)
+
+
+def transition(system: PeriodicSystem, setting: Setting) -> Array:
+    """The transition matrix of one period."""
+    P, log_scale = scaled_product(factors(system, setting)[1])
+    return P * np.exp(log_scale)
+
+
+def transition_matrices(system: PeriodicSystem, exact: Array) -> list[Row]:
+    """Every method at every order, and the setting that the engine starts from at each tol."""
+
+    def trials() -> Iterator[Trial]:
+        for method, orders in METHODS.items():
+            for order in orders:
+                for count in (k for k in SEGMENTS if k * order <= 2 * LARGEST or method == "magnus"):
+                    setting = Setting(method, order, count, "")
+                    yield Trial(f"{method} {order}", f"{count} segments", partial(transition, system, setting))
+        for tol in TOLS:
+            setting = chosen(system, tol, "auto", None, None)
+            name = f"{setting.segments} segments"
+            yield Trial(f"{setting.method} {setting.order}", name, partial(transition, system, setting), f"{tol:.0e}")
+
+    return measured("transition matrices", trials(), lambda P: apart(P, exact))
+
+
+def exponents(system: PeriodicSystem, exact: Array) -> list[Row]:
+    """floquet at each tol with its own choice of method, with each method, and by Hill's Fourier matrix."""
+
+    def trials() -> Iterator[Trial]:
+        for tol in TOLS:
+            for method in ("auto", "gauss", "magnus", "hill"):
+                mark = f"{tol:.0e}" if method == "auto" else ""
+                yield Trial(
+                    f"floquet, {method}",
+                    f"tol {tol:.0e}",
+                    partial(floquet, system, tol, method=method, max_segments=4096),
+                    mark,
+                )
+
+    return measured("exponents", trials(), lambda found: exponents_apart(found.exponents, exact))
+
+
+def riccati(plant: Linearization) -> list[Row]:
+    """The periodic Riccati equation of the open loop with unit weights, X at 32 times."""
+    if not plant.inputs:
+        return []
+    system, t = plant.periodic_system(), plant.period * np.arange(32) / 32
+    Q, R = np.eye(system.n), np.eye(system.m)
+    exact = periodic_riccati(system, Q, R, tol=FINE).X(t)
+    trials = [
+        Trial("periodic_riccati", f"tol {tol:.0e}", partial(periodic_riccati, system, Q, R, tol=tol), f"{tol:.0e}")
+        for tol in TOLS
+    ]
+    return measured("periodic Riccati", trials, lambda solution: apart(solution.X(t), exact))
+
+
+def forced(closed: Linearization) -> list[Row]:
+    """The periodic response to what the rigid motion leaves over, at 32 times."""
+    system, t = closed.periodic_system(), closed.period * np.arange(32) / 32
+    exact = forced_response(system, closed.forcing, FINE)(t)
+    trials = [
+        Trial(
+            "forced_response",
+            f"tol {tol:.0e}",
+            partial(forced_response, system, closed.forcing, tol),
+            f"{tol:.0e}",
+        )
+        for tol in TOLS
+    ]
+    return measured("forced response", trials, lambda response: apart(response(t), exact))
+
+
+def modes(scene: Scene, more: int = 2) -> list[Row]:
+    """The leading exponent with 0, 1, 2 ... modes a link, against two modes more than the scene has."""
+    if not scene.links or all(link.modes == 0 for link in scene.links):
+        return []
+    most = max(link.modes for link in scene.links) + more
+
+    def leading(count: int) -> complex:
+        changed = scene
+        for i in range(len(scene.links)):
+            changed = replace_value(changed, f"links.{i}.modes", count)
+        loop = linearize(build_manipulator(changed), changed.motion, changed.control)
+        first = floquet(loop.periodic_system(), 1e-8).exponents[0]
+        return complex(first.real, abs(first.imag))
+
+    exact = leading(most)
+    trials = [Trial("assumed modes", f"{k} a link", partial(leading, k)) for k in range(most)]
+    return measured("number of modes", trials, lambda value: abs(value - exact) / max(1.0, abs(exact)))
+
+
+def taylor_order(arm: Manipulator, motion: Motion, orders: tuple[int, ...] = (1, 2, 3, 4)) -> list[Row]:
+    """Forces of the nonlinear equations at a displaced state by Taylor's polynomial in s, by its order."""
+    q, q1, q2 = (arm.reference @ ca.DM(part[0]) for part in motion.sample(np.array([0.3 * motion.period])))
+    known = ca.vertcat(arm.s_dot, arm.s_ddot, arm.parameters.symbols)
+    values = ca.densify(ca.vertcat(q1, q2, ca.DM(arm.parameters.values)))
+    force = ca.substitute(arm.residual, known, values)
+    start = np.array(q).ravel()
+    step = 0.05 * np.ones(arm.n)
+    function = ca.Function("force", [arm.s], [ca.densify(force)])
+    exact = symbolic.evaluate(function, (start + step)[None])[0][0]
+    maps = {order: taylor(force, arm.s, start, order) for order in orders}
+    trials = [Trial("Taylor polynomial", f"order {k}", partial(maps[k], step)) for k in orders]
+    return measured("Taylor order", trials, lambda value: apart(np.asarray(value).reshape(exact.shape), exact))

@@ -1,0 +1,64 @@
+"""One setting tried: what came out, how far off it is, how long it took."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from statistics import median
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+from flexlin.answers.accuracy.result import Row
+from flexlin.checks import Array
+from flexlin.errors import FlexlinError
+
+SHORT, REPETITIONS = 0.05, 5
+"""Runs shorter than this, in s, are repeated so often and their median is kept."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A method at one setting, ready to run."""
+
+    method: str
+    setting: str
+    run: Callable[[], Any]
+    chosen: str = ""
+    outside: bool = False
+
+
+def measured(stage: str, trials: Iterable[Trial], error: Callable[[Any], float]) -> list[Row]:
+    """Run every trial; one that gives up (too many segments, an outside integrator's failure) has no row."""
+    rows = []
+    for trial in trials:
+        try:
+            value, seconds = timed(trial.run)
+        except (FlexlinError, RuntimeError):
+            continue
+        rows.append(Row(stage, trial.method, trial.setting, error(value), seconds, trial.chosen, trial.outside))
+    return rows
+
+
+def timed(run: Callable[[], Any]) -> tuple[Any, float]:
+    """The result and the CPU time: the first run warms up, the median of the next counts; of long runs the first."""
+    start = process_time()
+    value = run()
+    first = process_time() - start
+    if first > SHORT:
+        return value, first
+    times = []
+    for _ in range(REPETITIONS):
+        start = process_time()
+        run()
+        times.append(process_time() - start)
+    return value, max(median(times), 1e-9)
+
+
+def apart(value: Array, exact: Array) -> float:
+    """Largest difference relative to the largest entry."""
+    return float(np.abs(value - exact).max() / max(float(np.abs(exact).max()), float(np.finfo(float).tiny)))
+
+
+def exponents_apart(value: Array, exact: Array) -> float:
+    """Largest distance to the nearest exact exponent, relative to max(1, |exponent|)."""
+    return float((np.abs(value[:, None] - exact).min(axis=0) / np.maximum(1.0, np.abs(exact))).max())

@@ -1,0 +1,58 @@
+"""Work and precision of every stage for one scene."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from flexlin.about.linear import linearize
+from flexlin.answers.accuracy import own_stages as own
+from flexlin.answers.accuracy.outside import outside_methods
+from flexlin.answers.accuracy.result import CostResult, Row
+from flexlin.answers.accuracy.trial import apart
+from flexlin.errors import ArgumentError, FlexlinError
+from flexlin.mechanics import build_manipulator
+from flexlin.motion import SymbolicMotion
+from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.transition.setting import Setting, rates
+from flexlin.scene.scene import Scene
+
+
+def cost(scene: Scene, *, peers: bool = True) -> CostResult:
+    """Measure what accuracy costs in time, stage by stage, for the scene's own loop.
+
+        error = max |result - reference| / max |reference|,   of exponents max |difference| / max(1, |exponent|)
+
+    Stages: sampling the coefficients, transition matrices by every method and order, exponents, periodic Riccati equation, forced
+    response, number of modes, order of Taylor's polynomial. References come from a finer resolution; how well two of them agree is
+    the result's `floor`. Times are CPU times of one thread, medians of five where a run is short; building the model is left out.
+
+    Parameters: peers: measure SciPy, CasADi cvodes and (where installed) heyoka on the transition matrices too.
+    Returns: a CostResult; `recommendations()` names the cheapest setting for each accuracy, rows with `chosen` are the engine's choices.
+    Raises: ArgumentError for a one-way motion.
+    """
+    arm = build_manipulator(scene)
+    closed, plant = linearize(arm, scene.motion, scene.control), linearize(arm, scene.motion)
+    if not closed.motion.periodic:
+        raise ArgumentError("a one-way motion has no period, so there is nothing to measure", got=scene.motion.kind)
+    system = closed.periodic_system()
+    count = int(np.clip(np.ceil(2 * rates(system)[0] * closed.period), 128, 2048))
+    exact, check = (own.transition(system, Setting("gauss", order, count, "")) for order in (24, 20))
+    stages: dict[str, Callable[[], list[Row]]] = {
+        "coefficients": lambda: own.coefficients(closed),
+        "transition matrices": lambda: own.transition_matrices(system, exact),
+        "exponents": lambda: own.exponents(system, floquet(system, own.FINEST).exponents),
+        "periodic Riccati": lambda: own.riccati(plant),
+        "forced response": lambda: own.forced(closed),
+        "number of modes": lambda: own.modes(scene),
+        "Taylor order": lambda: own.taylor_order(arm, closed.motion),
+    }
+    rows, notes = [], []
+    for name, stage in stages.items():
+        try:
+            rows += stage()
+        except FlexlinError as error:
+            notes.append(f"{name} left out: {error.what}")
+    if peers and isinstance(closed.motion, SymbolicMotion):
+        found, missing = outside_methods(scene, exact)
+        rows, notes = rows + found, notes + missing
+    return CostResult(scene.title, tuple(rows), max(apart(check, exact), 1e-15), tuple(notes)).marked()

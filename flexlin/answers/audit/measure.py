@@ -1,0 +1,129 @@
+"""The figures by which two versions of a scene are compared."""
+
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+
+from flexlin.about.linear import Linearization, linearize
+from flexlin.checks import Array
+from flexlin.errors import FlexlinError
+from flexlin.mechanics import build_manipulator
+from flexlin.periodic.floquet.exponents import floquet
+from flexlin.scene.scene import Scene
+from flexlin.simulation import tip_positions
+
+PHASES, POINTS, REPEATS = 9, 257, 3
+TOLERANCE, SEGMENTS = 1e-4, 4000
+"""Of the margin, in 1/s: below any change that an audit calls a change; a version that needs more segments is not judged."""
+HARMONICS = (24, 48)
+"""Of the periodic response; the difference between the two must be below RESPONSE of it."""
+RESPONSE = 0.01
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A scene's own loop in figures.
+
+    margin: largest real part of the Floquet exponents, with its error, in 1/s (negative is stable); frequencies (k,): natural
+    frequencies of the frozen loop, averaged over the period, ascending, in rad/s; tip_error: largest distance in m between the tip and
+    its rigid motion in the periodic response; coordinates; instructions of all coefficients; microseconds to evaluate them at one time.
+    A figure that could not be had is not a number, and `problems` says why.
+    """
+
+    margin: float
+    margin_error: float
+    verdict: str
+    frequencies: Array
+    tip_error: float
+    coordinates: int
+    instructions: int
+    microseconds: float
+    problems: tuple[str, ...] = ()
+
+
+def measure(scene: Scene) -> Measure:
+    """Build, linearize and judge a scene's own loop.
+
+    Returns: a `Measure`. Raises: InputError when the scene cannot be built at all.
+    """
+    lin = linearize(build_manipulator(scene), scene.motion, scene.control)
+    problems: list[str] = []
+    margin, error, verdict = _margin(lin, problems)
+    return Measure(
+        margin,
+        error,
+        verdict,
+        _frequencies(lin),
+        _tip_error(lin, problems),
+        lin.n,
+        lin.coefficients.n_instructions(),
+        _microseconds(lin),
+        tuple(problems),
+    )
+
+
+def _margin(lin: Linearization, problems: list[str]) -> tuple[float, float, str]:
+    try:
+        result = floquet(lin.periodic_system(), TOLERANCE, max_segments=SEGMENTS)
+    except FlexlinError as error:
+        problems.append(f"stability: {error}")
+        return float("nan"), float("nan"), "unknown"
+    return float(result.exponents[0].real), float(result.errors[0]), result.verdict
+
+
+def _frequencies(lin: Linearization) -> Array:
+    """sqrt |eigenvalues of M^-1 K|, each averaged over phases of the motion."""
+    c = lin.sample(np.linspace(0, lin.period, PHASES, endpoint=False))
+    squares = np.linalg.eigvals(np.linalg.solve(c.M, c.K))
+    return np.sort(np.sqrt(np.abs(squares)), axis=1).mean(axis=0)
+
+
+def _tip_error(lin: Linearization, problems: list[str]) -> float:
+    """The largest distance of the tip from its rigid motion, with few harmonics and with more."""
+    if not lin.motion.periodic:
+        problems.append("periodic response: a one-way motion has none")
+        return float("nan")
+    coarse, fine = (_tip_distance(lin, harmonics) for harmonics in HARMONICS)
+    if not abs(fine - coarse) <= RESPONSE * fine + 1e-12:
+        problems.append(
+            f"periodic response: {HARMONICS[1]} harmonics do not resolve it, {coarse:.3g} m became {fine:.3g} m"
+        )
+    return fine
+
+
+def _tip_distance(lin: Linearization, harmonics: int) -> float:
+    """Solve M y'' + D y' + K y = h on 2 harmonics + 1 times by Fourier collocation: fast modes that nothing excites do not matter."""
+    count, n = 2 * harmonics + 1, lin.n
+    t = lin.period * np.arange(count) / count
+    c, slope = lin.sample(t), fourier_differentiation(count) * 2 * np.pi / lin.period
+    operator = np.einsum("tab,ts->tasb", c.M, slope @ slope) + np.einsum("tab,ts->tasb", c.D, slope)
+    operator[np.arange(count), :, np.arange(count), :] += c.K
+    try:
+        y = np.linalg.solve(operator.reshape(count * n, count * n), c.h.ravel()).reshape(count, n)
+    except np.linalg.LinAlgError:
+        return float("nan")
+    states = np.hstack([y, slope @ y])
+    away = tip_positions(lin, t, states) - tip_positions(lin, t, np.zeros_like(states))
+    return float(np.linalg.norm(away, axis=1).max())
+
+
+def fourier_differentiation(count: int) -> Array:
+    """The derivative of the trigonometric interpolant of a 2 pi-periodic function at an odd number of equal steps.
+
+    D_jk = (-1)^(j - k) / (2 sin((t_j - t_k) / 2)),  D_jj = 0. Source: Trefethen, Spectral Methods in MATLAB (2000), chapter 3.
+    """
+    steps = np.arange(count)[:, None] - np.arange(count)
+    half = np.sin(np.pi * steps / count)
+    return np.where(steps == 0, 0.0, (-1.0) ** steps / (2 * np.where(steps == 0, 1.0, half)))
+
+
+def _microseconds(lin: Linearization) -> float:
+    t = np.linspace(0, lin.period, POINTS)
+    lin.sample(t)
+    times = []
+    for _ in range(REPEATS):
+        start = perf_counter()
+        lin.sample(t)
+        times.append(perf_counter() - start)
+    return 1e6 * min(times) / POINTS

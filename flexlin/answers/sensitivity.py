@@ -1,0 +1,110 @@
+"""Which number of the scene moves which exponent: exact derivatives, all parameters at once."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import xarray as xr
+
+from flexlin import symbolic
+from flexlin.about.free import ParametricLoop, parametric_loop
+from flexlin.checks import Array
+from flexlin.errors import ArgumentError
+from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.floquet.modes import FloquetModes, floquet_modes
+from flexlin.periodic.floquet.slopes import exponent_derivatives
+from flexlin.scene.parameters import get_value, numeric_paths
+from flexlin.scene.scene import Scene
+
+CHUNK_BYTES = 2**25
+"""Derivatives of A and what they are made of at one chunk of nodes take at most about this many bytes."""
+FREE_TABLES = ("links.", "effects.", "motion.", "control.")
+BOUND = ("motion.move_time", "motion.dwell_time", "rate")
+"""Ends of paths whose numbers fix the grid of the period and are not varied unless they are asked for."""
+
+
+def sensitivity(scene: Scene, paths: Sequence[str] | None = None, tol: float = 1e-8) -> xr.Dataset:
+    """Derivative of every Floquet exponent of the scene's own loop by every number of the scene.
+
+        d lambda / d theta = (1/T) int_0^T q^H (dA/dtheta + (T'/T) A) p dt - lambda T'/T,   dA/dtheta at fixed phase,
+        A = [[0, I], [-M^-1 K, -M^-1 D]],   d(M^-1 K) = M^-1 (dK - dM M^-1 K)
+
+    dM, dD, dK by automatic differentiation of the expressions: no difference is taken.
+    Assumes simple exponents (`condition` is large where two nearly coincide) and mode shapes as the scene's own numbers give them.
+
+    Parameters: paths: dotted paths, all numbers of links, effects, motion and control when not given; tol: of the exponents, in 1/s.
+    Returns: a Dataset: exponents (mode), condition (mode), derivative (parameter, mode) in 1/s per unit of the number,
+    value (parameter), and percent (parameter, mode): what one percent more of the number does to the growth rate, in 1/s.
+    Raises: ArgumentError for a path that leads to no free number.
+    Source: Seyranian, Mailybaev, Multiparameter Stability Theory (2003), section 9.3.
+    """
+    paths = default_paths(scene) if paths is None else tuple(paths)
+    if not paths:
+        raise ArgumentError("no parameter to differentiate by", expected="at least one dotted path")
+    loop = parametric_loop(scene, paths)
+    system = loop.linearization.periodic_system()
+    modes = floquet_modes(system, floquet(system, tol))
+    derivative = integrated(loop, modes)
+    percent = derivative.real * loop.nominal[:, None] / 100
+    return xr.Dataset(
+        {
+            "exponents": ("mode", modes.exponents, {"units": "1/s"}),
+            "condition": ("mode", modes.condition),
+            "derivative": (("parameter", "mode"), derivative),
+            "percent": (("parameter", "mode"), percent, {"units": "1/s"}),
+            "value": ("parameter", loop.nominal),
+        },
+        coords={"parameter": list(paths)},
+        attrs={"title": scene.title, "tol": tol},
+    )
+
+
+def default_paths(scene: Scene) -> tuple[str, ...]:
+    """All numbers of links, effects, motion and control that may be free and are not zero."""
+    paths = [path for path in numeric_paths(scene) if path.startswith(FREE_TABLES) and not path.endswith(BOUND)]
+    return tuple(path for path in paths if get_value(scene, path) != 0)
+
+
+def integrated(loop: ParametricLoop, modes: FloquetModes) -> Array:
+    """The derivatives (P, n), the mean over the period taken chunk by chunk of its nodes; -lambda T'/T enters once."""
+    stretch, states = duration_slope(loop), len(modes.exponents)
+    used = np.flatnonzero(modes.weights)
+    size = max(1, CHUNK_BYTES // (8 * (len(loop.paths) + 1) * 3 * states**2))
+    total = -modes.exponents * stretch[:, None] / modes.period
+    for k in (used[i : i + size] for i in range(0, len(used), size)):
+        part = replace(
+            modes,
+            times=modes.times[k],
+            weights=modes.weights[k],
+            right=modes.right[k],
+            left=modes.left[k],
+            exponents=np.zeros_like(modes.exponents),
+        )
+        A, slope = state_slopes(loop, part.times / modes.period)
+        total = total + exponent_derivatives(part, slope, A, stretch)
+    return total
+
+
+def state_slopes(loop: ParametricLoop, phases: Array) -> tuple[Array, Array]:
+    """A (N, 2n, 2n) and its derivatives (P, N, 2n, 2n) by the parameters, at fixed phases."""
+    inputs = loop.matrices.sx_in()
+    matrices = loop.matrices.call(inputs)
+    jacobian = ca.densify(ca.jacobian(ca.vertcat(*[ca.vec(A) for A in matrices]), inputs[1]))
+    function = ca.Function("slopes", inputs, [*matrices, jacobian])
+    M, D, K, J = symbolic.evaluate(function, phases[:, None], np.tile(loop.nominal, (len(phases), 1)))
+    n = M.shape[-1]
+    dM, dD, dK = np.moveaxis(J.reshape(len(phases), 3, n, n, -1), (1, 4, 0, 3, 2), (0, 1, 2, 3, 4))
+    X, Y = np.linalg.solve(M, K), np.linalg.solve(M, D)
+    A, slope = np.zeros((len(phases), 2 * n, 2 * n)), np.zeros((len(loop.paths), len(phases), 2 * n, 2 * n))
+    A[:, :n, n:] = np.eye(n)
+    A[:, n:] = -np.concatenate([X, Y], axis=-1)
+    slope[..., n:, :] = -np.linalg.solve(M, np.concatenate([dK - dM @ X, dD - dM @ Y], axis=-1))
+    return A, slope
+
+
+def duration_slope(loop: ParametricLoop) -> Array:
+    """dT/dp, (P,)."""
+    p = loop.duration.sx_in()[0]
+    slope = ca.Function("slope", [p], [ca.densify(ca.jacobian(loop.duration(p), p))])
+    return symbolic.evaluate(slope, loop.nominal[None])[0][0, 0]

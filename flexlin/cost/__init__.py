@@ -1,6 +1,0 @@
-"""What accuracy costs in time: every stage of the work, at many settings, against a reference of higher precision."""
-
-from flexlin.cost.result import CostResult, Row
-from flexlin.cost.work_precision import cost
-
-__all__ = ["CostResult", "Row", "cost"]

@@ -1,0 +1,120 @@
+"""Floquet modes: the periodic right and left eigenvectors of x' = A(t) x, computed without the period's product."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.periodic.grid import edges
+from flexlin.periodic.product.balancing import balanced
+from flexlin.periodic.product.cyclic import cyclic_system
+from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.transition.gauss import gauss
+from flexlin.periodic.transition.setting import METHODS
+
+CHUNK_BYTES = 2**25
+"""Shifted factors of the modes that are solved together take at most this many bytes (one mode at the least)."""
+CLUSTER, NULL = 1e-7, 1e-5
+"""Logs of multipliers closer than CLUSTER share their null space; a singular value below NULL belongs to it."""
+
+
+@dataclass(frozen=True)
+class FloquetModes:
+    """Modes p_i exp(lambda_i t) of x' = A x, and q_i of the adjoint -x' = A' x, with q_i^H p_i = 1 at every time.
+
+    times (N,) in [0, T): Gauss nodes of panels and the panels' edges; weights (N,): (1/T) int_0^T f = weights @ f, zero at edges;
+    errors (n,): of the exponents, inf for those too fast to be resolved, whose modes mean nothing;
+    right, left (N, n, n): [:, :, i] is p_i, q_i; period in s;
+    condition (n,): mean |q_i| |p_i|, how much an exponent moves with A: large where two modes nearly coincide.
+    """
+
+    times: Array
+    weights: Array
+    period: float
+    exponents: Array
+    errors: Array
+    right: Array
+    left: Array
+
+    @property
+    def condition(self) -> Array:
+        return self.weights @ (np.linalg.norm(self.left, axis=1) * np.linalg.norm(self.right, axis=1))
+
+    @property
+    def participation(self) -> Array:
+        """Share of state k in mode i over a period, (n, n), columns sum to 1: |mean conj(q_ki) p_ki|, normalised.
+
+        Source: Perez-Arriaga, Verghese, Schweppe (1982), averaged over the period.
+        """
+        share = np.abs(np.einsum("t,tki,tki->ki", self.weights, self.left.conj(), self.right))
+        return share / share.sum(axis=0)
+
+
+def floquet_modes(system: PeriodicSystem, result: FloquetResult | None = None, tol: float = 1e-9) -> FloquetModes:
+    """Compute the periodic eigenvectors for the exponents of `floquet`.
+
+        p_(k+1) = exp(-lambda h_k) Phi_k p_k,   p_K = p_0;      q_k = exp(-conj(lambda) h_k) Phi_k^H q_(k+1)
+
+    Each is the null vector of a cyclic two-point system, condensed orthogonally: fast modes do not spoil slow ones.
+
+    Assumes simple or semisimple exponents; at a defective one both modes coincide and `condition` is huge.
+    Parameters: result: from `floquet`, computed with tol when it is not given.
+    """
+    result = result or floquet(system, tol)
+    times, weights, Phi = quadrature_factors(system, result)
+    Phi, scale = balanced(Phi)
+    h = np.diff(times)
+    size = max(1, CHUNK_BYTES // (64 * Phi.size))
+    n = Phi.shape[-1]
+    right, left = (np.empty((len(h), n, n), complex) for _ in range(2))
+    same = coinciding(result.log_multipliers)
+    for i in range(0, n, size):
+        part = slice(i, i + size)
+        ranks = np.tril(same, -1).sum(axis=1)[part]
+        G = np.exp(-result.exponents[part, None] * h)[..., None, None] * Phi
+        right[:, :, part] = null_modes(G, ranks)
+        adjoint = np.conj(np.swapaxes(G[:, ::-1], -1, -2))
+        left[:, :, part] = np.roll(null_modes(adjoint, ranks)[::-1], 1, axis=0)
+    right /= np.abs(right).max(axis=(0, 1))
+    left = biorthogonal(left, right, same)
+    right, left = right * scale[:, None], left / scale[:, None]
+    return FloquetModes(times[:-1], weights, system.period, result.exponents, result.errors, right, left)
+
+
+def quadrature_factors(system: PeriodicSystem, result: FloquetResult) -> tuple[Array, Array, Array]:
+    """Times (N + 1,) of Gauss nodes and panel edges, weights (N,) of the mean, and the transition matrices between the times."""
+    setting = result.setting
+    method = "gauss" if setting.method == "hill" else setting.method
+    panels, nodes = (setting.order, 6) if method != setting.method else (setting.segments, max(4, setting.order // 2))
+    rule = gauss(nodes)
+    grid = edges(system.period, system.breaks, panels)
+    h = np.diff(grid)[:, None]
+    times = np.append((grid[:-1, None] + h * np.append(0.0, rule.c)).ravel(), system.period)
+    weights = (h / system.period * np.append(0.0, rule.b)).ravel()
+    order = setting.order if method == "magnus" else 2 * max(4, nodes // 2)
+    return times, weights, METHODS[method](system, times, order)
+
+
+def coinciding(logs: Array) -> Array:
+    """Which logs of multipliers agree modulo 2 pi i, (n, n) booleans."""
+    apart = logs[:, None] - logs
+    return np.hypot(apart.real, np.remainder(apart.imag + np.pi, 2 * np.pi) - np.pi) < CLUSTER
+
+
+def null_modes(G: Array, ranks: Array) -> Array:
+    """Null vectors (K, n, m) of the cyclic systems of G (m, K, n, n); members of a cluster take different ones."""
+    x, sigma = cyclic_system(G).null_vectors(int(ranks.max()) + 1)
+    modes = [x[i, :, :, rank if sigma[i, rank] < NULL * sigma[i, -1] else 0] for i, rank in enumerate(ranks)]
+    return np.stack(modes, axis=-1)
+
+
+def biorthogonal(left: Array, right: Array, same: Array) -> Array:
+    """Scale and, among coinciding exponents, mix the left modes so that q_i^H p_j is the identity."""
+    scaled = np.empty_like(left)
+    for members in {tuple(np.flatnonzero(row).tolist()) for row in same}:
+        part = list(members)
+        gram = np.einsum("tki,tkj->ij", left[:, :, part].conj(), right[:, :, part]) / len(left)
+        scaled[:, :, part] = left[:, :, part] @ np.linalg.pinv(gram).conj().T
+    return scaled

@@ -1,0 +1,85 @@
+"""Which parametric resonance an unstable exponent belongs to: principal or combination, sum or difference, and its order."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.periodic.floquet.frequencies import mean_matrix
+from flexlin.periodic.floquet.modes import FloquetModes
+from flexlin.periodic.system import PeriodicSystem
+
+MINOR = 0.05
+"""A second mode that carries less than this part of the first one's share takes no part in a resonance."""
+
+
+@dataclass(frozen=True)
+class Resonance:
+    """One unstable exponent and what drives it.
+
+    kind: "principal" (2 w_a = k w), "sum" (w_a + w_b = k w), "difference" (w_a - w_b = k w), or "average" (the averaged system
+    is unstable by itself); order k; frequencies (w_a, w_b) of the averaged modes in rad/s; detuning in rad/s;
+    modes: their indices among the oscillations of the averaged system, slowest first; growth in 1/s.
+    """
+
+    exponent: complex
+    kind: str
+    order: int
+    frequencies: tuple[float, float]
+    detuning: float
+
+    def __str__(self) -> str:
+        a, b = self.frequencies
+        growth = f"growth {self.exponent.real:.3g} 1/s"
+        if self.kind == "average":
+            return f"{growth}: the averaged system is unstable by itself near {a:.4g} rad/s; no parametric resonance"
+        rule = {"principal": f"2 x {a:.4g}", "sum": f"{a:.4g} + {b:.4g}", "difference": f"{a:.4g} - {b:.4g}"}[self.kind]
+        name = "parametric resonance" if self.kind == "principal" else f"{self.kind} combination resonance"
+        return (
+            f"{growth}: {name} of order {self.order}, {rule} rad/s = {self.order} w, detuning {self.detuning:.2g} rad/s"
+        )
+
+
+def resonances(system: PeriodicSystem, modes: FloquetModes) -> list[Resonance]:
+    """Identify the resonance behind every exponent that is unstable beyond its error (one entry for each complex pair).
+
+        p(t) exp(lambda t) = sum_(m, j) c_mj phi_m exp((lambda + i j w) t),   mean A phi_m = sigma_m phi_m
+
+    A component is strong where lambda + i j w is near sigma_m. The two strongest averaged modes a, b of an unstable Floquet mode
+    satisfy Im(sigma_a - sigma_b) = (j_a - j_b) w: that is its resonance condition.
+
+    Source: Nayfeh, Mook, Nonlinear Oscillations (1979), ch. 5; Xie, Dynamic Stability of Structures (2006).
+    """
+    values, vectors = np.linalg.eig(mean_matrix(system))
+    found = []
+    for i, exponent in enumerate(modes.exponents):
+        if exponent.real > modes.errors[i] and exponent.imag >= 0:
+            share = components(modes, i, vectors, values)
+            found.append(identified(exponent, share, values, 2 * np.pi / modes.period))
+    return found
+
+
+def components(modes: FloquetModes, i: int, vectors: Array, values: Array) -> Array:
+    """|c_mj| of Floquet mode i: (n, 2 J + 1), harmonics -J ... J wide enough for every frequency of the averaged system."""
+    w = 2 * np.pi / modes.period
+    J = min(400, int(np.ceil(np.abs(values.imag).max() / w)) + 2)
+    j = np.arange(-J, J + 1)
+    kernel = modes.weights * np.exp(-1j * w * j[:, None] * modes.times)
+    return np.abs(np.linalg.solve(vectors, (kernel @ modes.right[:, :, i]).T))
+
+
+def identified(exponent: complex, share: Array, values: Array, w: float) -> Resonance:
+    """Read the resonance condition off the two strongest averaged modes."""
+    half = (share.shape[1] - 1) // 2
+    strongest = share.max(axis=1)
+    harmonic = share.argmax(axis=1) - half
+    a, b = (int(m) for m in np.argsort(-strongest)[:2])
+    wa, wb = float(values[a].imag), float(values[b].imag)
+    order = int(harmonic[b] - harmonic[a])
+    if strongest[b] < MINOR * strongest[a] or order == 0 or max(abs(wa), abs(wb)) == 0:
+        return Resonance(complex(exponent), "average", 0, (abs(wa), abs(wa)), 0.0)
+    detuning = abs(wa - wb - (harmonic[a] - harmonic[b]) * w)
+    conjugate = abs(values[a] - values[b].conjugate()) < 1e-9 * abs(values[a])
+    kind = "difference" if wa * wb > 0 else "principal" if conjugate else "sum"
+    high, low = max(abs(wa), abs(wb)), min(abs(wa), abs(wb))
+    return Resonance(complex(exponent), kind, abs(order), (high, low), float(detuning))

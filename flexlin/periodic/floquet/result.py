@@ -1,0 +1,88 @@
+"""The answer of a Floquet analysis: exponents, their errors, a verdict that admits doubt, and what to do next."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.periodic.transition.setting import Setting
+
+
+@dataclass(frozen=True)
+class FloquetResult:
+    """Floquet exponents lambda of x' = A(t) x: solutions exp(lambda t) p(t), p(t + T) = p(t).
+
+    exponents (n,) complex in 1/s by falling real part, imaginary parts in (-pi/T, pi/T]; log_multipliers = lambda T;
+    errors (n,): estimated bounds of |error of each exponent|, inf for those that decay too fast to be resolved;
+    error: the largest of the finite ones;
+    verdict: stable, unstable or undecided; status: what it rests on and what to do next; setting: method, order, segments, reason.
+    """
+
+    exponents: Array
+    errors: Array
+    period: float
+    verdict: str
+    status: str
+    setting: Setting
+
+    @property
+    def error(self) -> float:
+        """The largest error of a resolved exponent, in 1/s."""
+        return float(self.errors[np.isfinite(self.errors)].max())
+
+    @property
+    def log_multipliers(self) -> Array:
+        """log of the multipliers; imaginary parts in (-pi, pi]."""
+        return self.exponents * self.period
+
+    @property
+    def multipliers(self) -> Array:
+        """exp(lambda T); 0 or inf where that leaves the range of floating-point numbers."""
+        with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+            size = np.exp(self.log_multipliers.real)
+            angle = self.log_multipliers.imag
+            return np.where(np.isinf(size), size + 0j, size * np.exp(1j * angle))
+
+
+def judged(
+    exponents: Array, errors: Array, period: float, setting: Setting, tol: float, undamped: bool = False
+) -> FloquetResult:
+    """Give the verdict: undecided when an exponent's distance to the imaginary axis is below its error."""
+    growth = exponents.real
+    critical = int(np.argmax(growth + np.where(np.isinf(errors), -np.inf, errors)))
+    if np.any(growth > errors):
+        critical = int(np.argmax(growth - errors))
+        verdict = "unstable"
+    elif np.all((growth < -errors) | (np.isinf(errors) & (growth < 0))):
+        verdict = "stable"
+    else:
+        verdict = "undecided"
+    facts = f"growth rate {growth[critical]:.6g} +- {errors[critical]:.1e} 1/s by {setting}"
+    advice = {
+        "stable": "every disturbance decays",
+        "unstable": "some disturbance grows: change the motion, the speed, the payload or the controller",
+        "undecided": "the growth rate is zero to within its error: ask for a smaller tol, add damping, "
+        "or treat the system as marginal (undamped and rigid-body modes are)",
+    }[verdict]
+    if undamped and verdict == "undecided" and isolated(exponents, errors, period):
+        advice = (
+            "the system is undamped and every multiplier is simple: all lie on the unit circle, the motion stays bounded "
+            "and nothing decays; add damping for a margin"
+        )
+    hidden = int(np.isinf(errors).sum())
+    if hidden:
+        advice += f"; {hidden} exponents decay too fast to be resolved and are only known to lie below the others"
+    missed = bool(np.any((errors > tol * np.maximum(1, np.abs(exponents))) & np.isfinite(errors)))
+    limit = (
+        f"; tol {tol:.0e} was not reached, the error above is what rounding and the resolution allow" if missed else ""
+    )
+    return FloquetResult(exponents, errors, period, verdict, f"{verdict}: {facts}; {advice}{limit}", setting)
+
+
+def isolated(exponents: Array, errors: Array, period: float) -> bool:
+    """Whether no two exponents are within their errors: then the pairing (lambda, -conj lambda) holds each on the axis."""
+    apart = exponents[:, None] - exponents
+    w = 2 * np.pi / period
+    size = np.hypot(apart.real, np.remainder(apart.imag + w / 2, w) - w / 2)
+    np.fill_diagonal(size, np.inf)
+    return bool(np.all(size > errors[:, None] + errors))

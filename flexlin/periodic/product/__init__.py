@@ -1,0 +1,1 @@
+"""Long products of matrices, taken from their factors and never multiplied out."""

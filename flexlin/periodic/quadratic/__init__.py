@@ -1,0 +1,1 @@
+"""Linear-quadratic problems over a period: Riccati and Lyapunov equations in scattering form."""

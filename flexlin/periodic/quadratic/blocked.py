@@ -1,0 +1,72 @@
+"""Which mode keeps a linear-quadratic problem from having a stabilising solution."""
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.errors import NotDetectable, NotStabilizable
+from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
+from flexlin.periodic.quadratic.scattering import Segment, cost_before, transpose
+from flexlin.periodic.transition.gauss import gauss_transitions
+
+STAGES = 8
+MAX_PERIODS = 20
+LARGEST = 1e100
+"""A size that only growth without end reaches."""
+
+
+def sizes_without_coupling(problem: LinearQuadratic, horizon: float) -> tuple[float, float]:
+    """Return the sizes of H and G from which on a mode's coupling to B or Q cannot be told from rounding.
+
+    One mode of rate a needs X = 2 a / b for its share b of B R^-1 B', and dually 2 a / q of G for its share q of Q.
+    """
+    A, S, Q = problem.reduced(horizon * (np.arange(32) + 0.5) / 32)
+    tiny = 1e-100
+    rate = np.linalg.norm(A, 2, axis=(1, 2)).max() + 1 / horizon
+    S_size, Q_size = np.abs(S).max() + tiny, np.abs(Q).max() + tiny
+    return (
+        min(1e13 * max(rate / S_size, Q_size / rate), LARGEST),
+        min(1e13 * max(rate / Q_size, S_size / rate), LARGEST),
+    )
+
+
+def blocked_mode(
+    unreached: bool, segments: Segment, periods: Segment, large: float, problem: LinearQuadratic, marks: Array
+) -> NotStabilizable | NotDetectable:
+    """Name the mode that no input reaches (or that no weight sees): its exponent's real part and its direction.
+
+    The main direction of a growing H is a left Floquet vector of the open loop, that of a growing G a right one; the growth
+    of that direction over one period is the exponent. G obeys the same recursion with time reversed.
+    Parameters: segments of one period between marks; periods: a product of whole periods whose H (or G) is still sound;
+    large: the size at which the direction is read off.
+    """
+    steps = gauss_transitions(lambda t: problem.reduced(t)[0], marks, STAGES)
+    if unreached:
+        backward, steps, size = segments[::-1], transpose(steps)[::-1], periods.H
+    else:
+        backward, size = Segment(transpose(segments.F), segments.H, segments.G), periods.G
+    vector, place = main_direction(backward, size, large)
+    growth = 0.0
+    for step in np.roll(steps, -place, axis=0):
+        vector = step @ vector
+        length = np.linalg.norm(vector)
+        vector, growth = vector / length, growth + np.log(length)
+    kind = NotStabilizable if unreached else NotDetectable
+    what = "cannot be reached by the input" if unreached else "is not seen by the weight Q"
+    moment = "t = 0" if place == 0 else f"t = {(marks[::-1] if unreached else marks)[place]:.4g} s"
+    return kind(
+        f"a mode that does not decay {what}",
+        got=f"real part of its exponent about {growth / marks[-1]:.3g}/s, "
+        f"direction {np.array2string(vector, precision=3, suppress_small=True)} at {moment}",
+        todo="add an actuator that moves it" if unreached else "give the mode's states weight in Q",
+    )
+
+
+def main_direction(backward: Segment, size: Array, large: float) -> tuple[Array, int]:
+    """Walk on until the cost is large, but not yet spoilt by rounding: its main direction and the place in the period."""
+    place, X = 0, size if np.abs(size).max() < large else np.zeros_like(size)
+    for step in range(MAX_PERIODS * len(backward)):
+        if np.abs(X).max() > large:
+            break
+        X = cost_before(backward[place], X)
+        place = (step + 1) % len(backward)
+    return np.linalg.eigh(X).eigenvectors[:, -1], place

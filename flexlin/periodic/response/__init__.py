@@ -1,0 +1,1 @@
+"""The periodic motion that a periodic force makes."""

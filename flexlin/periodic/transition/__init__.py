@@ -1,0 +1,1 @@
+"""Transition matrices over the segments of a period: Gauss, Radau, Magnus, and the choice among them."""

@@ -1,0 +1,214 @@
+"""Panels in rows on one SVG: margins from the widths of their labels, then marks in pixels."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from html import escape
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.svg.panel import FONT, Mark, Panel, say, text_width
+from flexlin.svg.scales import Linear, Scale
+
+WIDTH = 760.0
+"""Units of the drawing's width; the page scales it to its column."""
+GAP, TITLE, LEGEND, TICK, LABEL = 16.0, 20.0, 16.0, 15.0, 15.0
+KEY, RIGHT, ROUGH_MARGIN = 22.0, 19.0, 56.0
+
+
+@dataclass(frozen=True)
+class Row:
+    """Panels side by side: the height of their axes, and the share of the width that each takes; a share more than panels stays empty."""
+
+    panels: Sequence[Panel]
+    height: float
+    shares: Sequence[float] = ()
+
+
+@dataclass(frozen=True)
+class Box:
+    """Where the axes of a panel lie."""
+
+    left: float
+    top: float
+    width: float
+    height: float
+
+    def x(self, scale: Scale, values: Array) -> Array:
+        return self.left + self.width * scale.place(values)
+
+    def y(self, scale: Scale, values: Array) -> Array:
+        return self.top + self.height * (1 - scale.place(values))
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A panel with its scales, ticks up the side, and the margin that their labels need."""
+
+    panel: Panel
+    x: Scale
+    y: Scale
+    y_ticks: list[tuple[float, str]]
+    margin: float
+
+
+def draw(rows: Sequence[Row], description: str, legend: Sequence[Mark] = ()) -> str:
+    """Lay out rows of panels from the top down; returns one svg element, `legend` above all panels."""
+    parts, top = legend_row(legend, 4.0, 12.0), 20.0 if legend else 4.0
+    grid = [
+        [fit(panel, width, row.height) for panel, width in zip(row.panels, widths(row), strict=False)] for row in rows
+    ]
+    for row, fitted in zip(rows, grid, strict=True):
+        margins = [max(other[k].margin for other in grid if same_columns(other, fitted, k)) for k in range(len(fitted))]
+        drawn, top = draw_row(row, fitted, margins, top)
+        parts += drawn
+    body = "\n".join(parts)
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:.0f} {top:.0f}" role="img" aria-label="{escape(description)}" '
+        f'style="font-size:{FONT}px;fill:var(--ink)">\n{body}\n</svg>'
+    )
+
+
+def widths(row: Row) -> list[float]:
+    """The width of each cell of a row."""
+    shares = np.array(row.shares or [1.0] * len(row.panels))
+    return [float(width) for width in (WIDTH - GAP * (len(shares) - 1)) * shares / shares.sum()]
+
+
+def same_columns(one: list[Fitted], other: list[Fitted], k: int) -> bool:
+    """Whether column k of two rows should line up."""
+    return len(one) > k and (one is other or not any(f.panel.equal or f.panel.bare for f in (*one, *other)))
+
+
+def fit(panel: Panel, width: float, height: float) -> Fitted:
+    """Set a panel's open scales by its marks, and find its margin."""
+    x, y = panel.fitted()
+    if panel.bare:
+        return Fitted(panel, *(equal_units(x, y, width, height) if panel.equal else (x, y)), [], 0.0)
+    if panel.equal:
+        x, y = equal_units(x, y, width - ROUGH_MARGIN - RIGHT, height)
+    y_ticks = y.ticks(min(7, max(3, int(height / 19))))
+    labels = max((text_width(label) for _, label in y_ticks), default=0.0) if panel.ticked[1] else 0.0
+    margin = labels + 8.0 + (LABEL if panel.y_label else 0.0)
+    return Fitted(panel, x, y, y_ticks, max(margin, ROUGH_MARGIN) if panel.equal else margin)
+
+
+def draw_row(row: Row, fitted: list[Fitted], margins: list[float], top: float) -> tuple[list[str], float]:
+    """Draw one row; returns its elements and where the next row begins."""
+    head = (TITLE if any(panel.title for panel in row.panels) else 6.0) + LEGEND * any(p.legend for p in row.panels)
+    foot = max(TICK * (p.ticked[0] and not p.bare) + LABEL * bool(p.x_label or p.footer) for p in row.panels) + 8.0
+    parts, left = [], 0.0
+    for panel, width, margin in zip(fitted, widths(row), margins, strict=False):
+        right = 0.0 if panel.panel.bare else RIGHT
+        parts += draw_panel(panel, Box(left + margin, top + head, width - margin - right, row.height), top)
+        left += width + GAP
+    return parts, top + head + row.height + foot
+
+
+def draw_panel(fitted: Fitted, box: Box, top: float) -> list[str]:
+    """Draw one panel: words above, axes, marks, words below."""
+    panel, x, y = fitted.panel, fitted.x, fitted.y
+    middle = box.left + box.width / 2
+    room = box.left + box.width + RIGHT - text_width(panel.title)
+    anchor, at = ("middle", middle) if panel.bare else ("start", min(box.left, room))
+    parts = [say(at, top + 13, panel.title, f"font-weight:600;text-anchor:{anchor}")]
+    parts += legend_row(panel.legend, box.left, box.top - 6)
+    if not panel.bare:
+        parts += axes(panel, box, x, fitted.y_ticks, y)
+    parts += [element(mark, box, x, y) for mark in panel.marks]
+    below = box.top + box.height + TICK * (panel.ticked[0] and not panel.bare) + 12
+    return [*parts, say(middle, below, panel.x_label or panel.footer, "fill:var(--faint);text-anchor:middle")]
+
+
+def axes(panel: Panel, box: Box, x: Scale, y_ticks: list[tuple[float, str]], y: Scale) -> list[str]:
+    """Grid lines and labels of both axes."""
+    bottom, right = box.top + box.height, box.left + box.width
+    ticks = x.ticks(max(2, int(box.width / 62)))
+    across = box.x(x, np.array([value for value, _ in ticks]))
+    up = box.y(y, np.array([value for value, _ in y_ticks]))
+    grid = "".join(f"M{at:.1f},{box.top:.1f}V{bottom:.1f}" for at in across)
+    grid += "".join(f"M{box.left:.1f},{at:.1f}H{right:.1f}" for at in up)
+    parts = [
+        f'<path d="{grid}" style="stroke:var(--grid);stroke-width:.7;fill:none"/>',
+        f'<path d="M{box.left:.1f},{box.top:.1f}V{bottom:.1f}H{right:.1f}" style="stroke:var(--faint);stroke-width:.8;fill:none"/>',
+    ]
+    if panel.ticked[0]:
+        style = "fill:var(--faint);text-anchor:middle"
+        parts += [say(at, bottom + 14, label, style) for at, (_, label) in zip(across, ticks, strict=True)]
+    if panel.ticked[1]:
+        style = "fill:var(--faint);text-anchor:end"
+        parts += [say(box.left - 5, at + 4, label, style) for at, (_, label) in zip(up, y_ticks, strict=True)]
+    if panel.y_label:
+        at, middle = (
+            box.left - 11 - max((text_width(label) for _, label in y_ticks), default=0.0),
+            box.top + box.height / 2,
+        )
+        turned = f"rotate(-90 {at:.1f} {middle:.1f})"
+        parts.append(say(at, middle, panel.y_label, "fill:var(--faint);text-anchor:middle", transform=turned))
+    return parts
+
+
+def element(mark: Mark, box: Box, x: Scale, y: Scale) -> str:
+    """One mark in pixels."""
+    if mark.kind == "zero":
+        at = float(box.y(y, np.zeros(1))[0])
+        return f'<path d="M{box.left:.1f},{at:.1f}h{box.width:.1f}" style="{mark.style}"/>'
+    across, up = box.x(x, mark.x), box.y(y, mark.y)
+    if mark.kind == "words":
+        return say(float(across[0]), float(up[0]), mark.texts[0], mark.style)
+    if mark.kind == "cells":
+        return f'<path d="{rectangles(across.reshape(2, -1), up.reshape(2, -1))}" style="{mark.style}"/>'
+    if mark.kind == "dots":
+        texts = mark.texts or ("",) * len(across)
+        return "".join(
+            f'<path transform="translate({a:.1f} {b:.1f})" d="{mark.shape}" style="{mark.style}"><title>{escape(text)}</title></path>'
+            for a, b, text in zip(across, up, texts, strict=True)
+        )
+    return f'<path d="{trace(across, up)}{"z" if mark.kind == "area" else ""}" style="{mark.style}"/>'
+
+
+def rectangles(across: Array, up: Array) -> str:
+    """Rectangles between low and high ends (2, N) as one path."""
+    (left, right), (bottom, top) = across.tolist(), up.tolist()
+    corners = zip(left, right, bottom, top, strict=True)
+    return "".join(f"M{a:.2f},{c:.2f}H{b:.2f}V{d:.2f}H{a:.2f}z" for a, b, c, d in corners)
+
+
+def trace(across: Array, up: Array) -> str:
+    """Points as a path; a point that is not finite breaks the line."""
+    pen, steps = "M", []
+    for a, b in zip(across.tolist(), up.tolist(), strict=True):
+        if np.isfinite(a) and np.isfinite(b):
+            steps.append(f"{pen}{a:.1f},{b:.1f}")
+            pen = "L"
+        else:
+            pen = "M"
+    return "".join(steps)
+
+
+def legend_row(marks: Sequence[Mark], left: float, baseline: float) -> list[str]:
+    """Keys and labels in one line."""
+    parts = []
+    for mark in marks:
+        middle = baseline - 4
+        if mark.kind == "dots":
+            parts.append(
+                f'<path transform="translate({left + 6:.1f} {middle:.1f})" d="{mark.shape}" style="{mark.style}"/>'
+            )
+            left += 16
+        else:
+            parts.append(f'<path d="M{left:.1f},{middle:.1f}h{KEY - 5:.1f}" style="{mark.style}"/>')
+            left += KEY
+        parts.append(say(left, baseline, mark.label, "fill:var(--faint)"))
+        left += text_width(mark.label) + 14
+    return parts
+
+
+def equal_units(x: Scale, y: Scale, width: float, height: float) -> tuple[Scale, Scale]:
+    """Widen one of two linear scales until a unit is as long on both axes."""
+    if not (isinstance(x, Linear) and isinstance(y, Linear)):
+        return x, y
+    (x_low, x_high), (y_low, y_high) = x.ends, y.ends
+    unit = max((x_high - x_low) / width, (y_high - y_low) / height)
+    more_x, more_y = (unit * width - (x_high - x_low)) / 2, (unit * height - (y_high - y_low)) / 2
+    return replace(x, low=x_low - more_x, high=x_high + more_x), replace(y, low=y_low - more_y, high=y_high + more_y)
