@@ -1,0 +1,81 @@
+"""How far perturbations of the factors move the logs of a product's eigenvalues: first order, and what clusters add."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.periodic.product.eigenvectors import eigenvector_chain
+from flexlin.periodic.product.schur import PeriodicSchur
+
+EPS = float(np.finfo(float).eps)
+FACTOR_ROUNDING = 3.0
+"""Roundings of the largest entry that one factor carries: its own computation, and one product and QR step of the spectrum."""
+
+CANCELLED = 0.3
+"""The part of the factors' errors that counts even where their sum cancels."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Bounds on the motion of each log, (n,): by the method's error, and by rounding; `shift`: the first-order motion with its sign."""
+
+    shift: Array
+    method: Array
+    rounding: Array
+
+
+def spectrum_motion(form: PeriodicSchur, factors: Array, better: Array, noise: Array) -> Motion:
+    """Bound how far the logs move when the factors are replaced by better ones, and by rounding.
+
+        d log mu_i = sum_k l_(k+1),i^H dF_k r_k,i / t_k,i        l_i, r_i: left and right eigenvectors along the product
+
+    To second order each pair i, j adds A_ij A_ji / |log mu_i - log mu_j|, A the sums of the couplings in these coordinates, but never
+    more than sqrt(A_ij A_ji); equal multipliers that share an eigenvector add Elsner's bound for their block.
+
+    Parameters: form: of `factors` (K, n, n); better: the same factors by a more accurate method;
+    noise (K, n, n): bounds on the integrals of |dA(t)| over each factor, dA what A is not known by.
+    Source: Stewart, Sun, Matrix Perturbation Theory (1990), IV.1.3, V.2; for products Benner, Mehrmann, Xu, SIAM J. Matrix Anal. Appl. 23 (2002).
+    """
+    right, left, shared = eigenvector_chain(form)
+    growth = form.diagonal[:, :, None]
+    method = left[1:] @ (better - factors) @ right[:-1] / growth
+    length_right, length_left = np.linalg.norm(right, axis=1), np.linalg.norm(left, axis=2)
+    size = np.linalg.norm(factors, axis=(1, 2))[:, None, None] * FACTOR_ROUNDING * EPS
+    rounding = size * length_left[1:, :, None] * length_right[:-1, None, :] / np.abs(growth)
+    rounding += np.abs(left[:-1]) @ noise @ np.abs(right[:-1])
+    rounding = np.sqrt((rounding**2).sum(axis=0))
+    rounding += form.defect * length_left[0][:, None] * length_right[0]
+    shift = np.diagonal(method, axis1=1, axis2=2).sum(axis=0)
+    couplings = np.abs(method).sum(axis=0)
+    by_method = np.maximum(np.abs(shift), CANCELLED * np.diagonal(couplings))
+    by_method += second_order(couplings, form.logs, shared)
+    by_rounding = np.diagonal(rounding) + second_order(rounding, form.logs, shared) + 4 * EPS * np.abs(form.logs)
+    return Motion(shift, by_method, by_rounding)
+
+
+def second_order(coupling: Array, logs: Array, shared: Array) -> Array:
+    """What pairs of multipliers do to each other beyond first order, (n,)."""
+    gap = np.abs(circle_distance(logs))
+    product = coupling * coupling.T
+    np.fill_diagonal(product, 0.0)
+    pairs = np.minimum(product / np.maximum(gap, np.finfo(float).tiny), np.sqrt(product))
+    return pairs.sum(axis=1) + shared_bounds(coupling, np.abs(shared))
+
+
+def shared_bounds(coupling: Array, shared: Array) -> Array:
+    """Elsner's bound (|N| + |E|)^(1 - 1/m) |E|^(1/m) for each block of m multipliers that N couples; zero elsewhere."""
+    bound = np.zeros(len(shared))
+    linked = shared + shared.T > 0
+    for members in {tuple(np.flatnonzero(row | own).tolist()) for row, own in zip(linked, np.eye(len(shared), dtype=bool), strict=True)}:
+        if len(members) > 1:
+            block, m = np.ix_(members, members), len(members)
+            E, N = np.linalg.norm(coupling[block]), np.linalg.norm(shared[block])
+            bound[list(members)] = np.maximum(bound[list(members)], (N + E) ** (1 - 1 / m) * E ** (1 / m))
+    return bound
+
+
+def circle_distance(logs: Array) -> Array:
+    """log_i - log_j with imaginary parts in [-pi, pi), (n, n)."""
+    apart = logs[:, None] - logs
+    return apart.real + 1j * (np.remainder(apart.imag + np.pi, 2 * np.pi) - np.pi)
