@@ -12,8 +12,12 @@ EPS = float(np.finfo(float).eps)
 FACTOR_ROUNDING = 3.0
 """Roundings of the largest entry that one factor carries: its own computation, and one product and QR step of the spectrum."""
 
+COHERENT = 0.25
+"""The part of the rounding errors that may add up with one sign."""
 CANCELLED = 0.3
 """The part of the factors' errors that counts even where their sum cancels."""
+CLOSE = 0.1
+"""Couplings above this part of a gap move the pair by about their own size: m multipliers of a split chain have 1 / (2 m sin(pi / m))."""
 
 
 @dataclass(frozen=True)
@@ -44,22 +48,23 @@ def spectrum_motion(form: PeriodicSchur, factors: Array, better: Array, noise: A
     size = np.linalg.norm(factors, axis=(1, 2))[:, None, None] * FACTOR_ROUNDING * EPS
     rounding = size * length_left[1:, :, None] * length_right[:-1, None, :] / np.abs(growth)
     rounding += np.abs(left[:-1]) @ noise @ np.abs(right[:-1])
-    rounding = np.sqrt((rounding**2).sum(axis=0))
+    rounding = np.maximum(np.sqrt((rounding**2).sum(axis=0)), COHERENT * rounding.sum(axis=0))
     rounding += form.defect * length_left[0][:, None] * length_right[0]
     shift = np.diagonal(method, axis1=1, axis2=2).sum(axis=0)
     couplings = np.abs(method).sum(axis=0)
     by_method = np.maximum(np.abs(shift), CANCELLED * np.diagonal(couplings))
-    by_method += second_order(couplings, form.logs, shared)
-    by_rounding = np.diagonal(rounding) + second_order(rounding, form.logs, shared) + 4 * EPS * np.abs(form.logs)
+    by_method += second_order(couplings, np.abs(shift), form.logs, shared)
+    by_rounding = np.diagonal(rounding) + second_order(rounding, np.diagonal(rounding), form.logs, shared) + 4 * EPS * np.abs(form.logs)
     return Motion(shift, by_method, by_rounding)
 
 
-def second_order(coupling: Array, logs: Array, shared: Array) -> Array:
-    """What pairs of multipliers do to each other beyond first order, (n,)."""
-    gap = np.abs(circle_distance(logs))
+def second_order(coupling: Array, own: Array, logs: Array, shared: Array) -> Array:
+    """What pairs of multipliers do to each other beyond first order, (n,); `own` (n,): their first-order motion, which may close gaps."""
+    gap = np.maximum(np.abs(circle_distance(logs)) - own[:, None] - own, 0.0)
     product = coupling * coupling.T
     np.fill_diagonal(product, 0.0)
-    pairs = np.minimum(product / np.maximum(gap, np.finfo(float).tiny), np.sqrt(product))
+    size = np.sqrt(product)
+    pairs = np.where(size > CLOSE * gap, 2 * size, product / np.maximum(gap, np.finfo(float).tiny))
     return pairs.sum(axis=1) + shared_bounds(coupling, np.abs(shared))
 
 

@@ -5,10 +5,13 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import schur as schur_form
+from scipy.linalg.lapack import dgeqrf, dorgqr
 
 from flexlin.checks import Array
-from flexlin.periodic.product.eigenvalues import CLEAN, clusters, scaled_product, swept, triangularized
+from flexlin.periodic.product.eigenvalues import CLEAN, clusters, log_moduli, triangularized
 
+DISORDER = 5.0
+"""Logs of moduli may rise by this much from one mode to the next: they lie in one cluster then."""
 TINY = float(np.finfo(float).tiny)
 
 
@@ -51,9 +54,9 @@ def periodic_schur(factors: Array, start: Array | None = None) -> PeriodicSchur:
     n = factors.shape[-1]
     if len(factors) == 1:
         T, Q = schur_form(factors[0], output="complex")
-        return PeriodicSchur(np.stack([Q, Q]), T[None], np.ones(n, complex), np.eye(n), 0.0)
-    Q0 = triangularized(factors, np.eye(n) if start is None else start, CLEAN)[3]
-    Q, R = chain_of_bases(factors, Q0)
+        return PeriodicSchur(np.stack([Q, Q]), without_zeros(T[None]), np.ones(n, complex), np.eye(n), 0.0)
+    Q, R = ordered_bases(factors, np.eye(n) if start is None else start)
+    Q0 = Q[0]
     W = Q[0].T @ Q[-1]
     cuts, coupling, _ = clusters(W, R, CLEAN * n)
     U, turn, T, dropped = np.zeros(Q.shape, complex), np.ones(n, complex), R.astype(complex), 0.0
@@ -65,13 +68,27 @@ def periodic_schur(factors: Array, start: Array | None = None) -> PeriodicSchur:
             U[:, part, part], turn[part], missed = triangular_bases(R[:, part, part], W[part, part])
             dropped = max(dropped, missed)
     T = np.conj(np.swapaxes(U[1:], -1, -2)) @ R @ U[:-1]
-    return PeriodicSchur(Q @ U, np.triu(T), turn, Q0, coupling + dropped)
+    return PeriodicSchur(Q @ U, without_zeros(np.triu(T)), turn, Q0, coupling + dropped)
+
+
+def without_zeros(T: Array) -> Array:
+    """Put the smallest number where a mode has died out to nothing, so that its log exists."""
+    i = np.arange(T.shape[-1])
+    T[..., i, i] = np.where(np.abs(T[..., i, i]) < TINY, TINY, T[..., i, i])
+    return T
+
+
+def ordered_bases(factors: Array, start: Array) -> tuple[Array, Array]:
+    """Sweep to convergence; where a start in an invariant subspace left the moduli out of order, once more from a turned one."""
+    Q, R = chain_of_bases(factors, triangularized(factors, start, CLEAN)[3])
+    if np.any(np.diff(log_moduli(R)) > DISORDER):
+        turned = np.linalg.qr(np.random.default_rng(1931).standard_normal(start.shape))[0]
+        Q, R = chain_of_bases(factors, triangularized(factors, Q[0] @ turned, CLEAN)[3])
+    return Q, R
 
 
 def chain_of_bases(factors: Array, Q0: Array) -> tuple[Array, Array]:
     """One sweep F_k Q_k = Q_(k+1) R_k that keeps all Q_k (K + 1, n, n)."""
-    from scipy.linalg.lapack import dgeqrf, dorgqr
-
     Q, R = np.empty((len(factors) + 1, *factors.shape[1:])), np.empty_like(factors)
     Q[0] = Q0
     for k, factor in enumerate(factors):
