@@ -7,6 +7,7 @@ import numpy as np
 from scipy.linalg.lapack import dgebal
 
 from flexlin.checks import Array
+from flexlin.periodic.companion import stack_companion
 from flexlin.periodic.grid import edges
 from flexlin.periodic.many.algebra import exponential, product
 from flexlin.periodic.many.spectrum import grouped, product_logs
@@ -91,10 +92,7 @@ def halved(grid: Array) -> Array:
 
 def balance(X: Array, Y: Array) -> Array:
     """One scaling (2 n,) of the states by powers of two that evens rows and columns of the mean of |A| = |[[0, I], [X, Y]]|."""
-    n = X.shape[1]
-    A = np.zeros((2 * n, 2 * n))
-    A[:n, n:] = np.eye(n)
-    A[n:] = np.concatenate([np.abs(X).mean(axis=(0, 3)), np.abs(Y).mean(axis=(0, 3))], axis=1)
+    A = stack_companion(np.abs(X).mean(axis=(0, 3)), np.abs(Y).mean(axis=(0, 3)))
     return np.asarray(dgebal(A, scale=1, permute=0)[3])
 
 
