@@ -44,7 +44,7 @@ class FloquetResult:
             return np.where(np.isinf(size), size + 0j, size * np.exp(1j * angle))
 
 
-def judged(
+def judge(
     exponents: Array, errors: Array, period: float, setting: Setting, tol: float, undamped: bool = False
 ) -> FloquetResult:
     """Give the verdict: undecided when an exponent's distance to the imaginary axis is below its error."""
@@ -64,7 +64,7 @@ def judged(
         "undecided": "the growth rate is zero to within its error: ask for a smaller tol, add damping, "
         "or treat the system as marginal (undamped and rigid-body modes are)",
     }[verdict]
-    if undamped and verdict == "undecided" and isolated(exponents, errors, period):
+    if undamped and verdict == "undecided" and are_isolated(exponents, errors, period):
         advice = (
             "the system is undamped and every multiplier is simple: all lie on the unit circle, the motion stays bounded "
             "and nothing decays; add damping for a margin"
@@ -79,7 +79,7 @@ def judged(
     return FloquetResult(exponents, errors, period, verdict, f"{verdict}: {facts}; {advice}{limit}", setting)
 
 
-def isolated(exponents: Array, errors: Array, period: float) -> bool:
+def are_isolated(exponents: Array, errors: Array, period: float) -> bool:
     """Whether no two exponents are within their errors: then the pairing (lambda, -conj lambda) holds each on the axis."""
     apart = exponents[:, None] - exponents
     w = 2 * np.pi / period
