@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
+from flexlin.periodic.circle import match_logs
 from flexlin.periodic.product.balancing import multiply_scaled
-from flexlin.periodic.product.eigenvalues import match_logs, product_spectrum
+from flexlin.periodic.product.eigenvalues import product_spectrum
 
 
 def framed(blocks, rng):

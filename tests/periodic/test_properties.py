@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 import flexlin as fl
 from flexlin.errors import TooManySegments
+from flexlin.periodic.circle import match_logs
 from flexlin.periodic.floquet.exponents import floquet as floquet_of
-from flexlin.periodic.product.eigenvalues import match_logs
 from flexlin.periodic.transition.setting import METHODS
 
 

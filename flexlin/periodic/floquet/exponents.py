@@ -3,6 +3,7 @@
 import numpy as np
 
 from flexlin.checks import instance, positive
+from flexlin.periodic.circle import wrap_log
 from flexlin.periodic.floquet.hamiltonian import is_hamiltonian, pair_hamiltonian
 from flexlin.periodic.floquet.hill import hill_spectrum
 from flexlin.periodic.floquet.liouville import measure_liouville_defect
@@ -65,7 +66,6 @@ def floquet(
 def solve_by_hill(system: PeriodicSystem, tol: float, harmonics: int | None) -> FloquetResult:
     """The same exponents by the independent Fourier route, imaginary parts folded into (-pi/T, pi/T]."""
     spectrum = hill_spectrum(system, tol, harmonics)
-    w = 2 * np.pi / system.period
-    folded = spectrum.exponents - 1j * w * np.ceil(spectrum.exponents.imag / w - 0.5)
+    folded = wrap_log(spectrum.exponents * system.period) / system.period
     setting = Setting("hill", spectrum.harmonics, 1, "as asked")
     return judge(folded, spectrum.errors, system.period, setting, tol)

@@ -4,10 +4,11 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import ToleranceNotReached
+from flexlin.periodic.circle import count_turns, match_logs, measure_distances, wrap_log
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.grid import place_edges
-from flexlin.periodic.product.eigenvalues import match_logs, product_spectrum
+from flexlin.periodic.product.eigenvalues import product_spectrum
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.gauss import gauss, place_nodes, sample_at
 from flexlin.periodic.transition.setting import Setting, factor_period
@@ -48,7 +49,7 @@ def track_frequencies(
         partner, moved = match_logs(logs, target)
         if np.all(moved <= STRIDE * measure_isolation(logs) + LOCKED):
             turn = target[partner] - logs
-            track = track + turn.real + 1j * (np.remainder(turn.imag + np.pi, 2 * np.pi) - np.pi)
+            track = track + wrap_log(turn)
             logs, e, step = target[partner], e + step, 2 * step
         else:
             step /= 2
@@ -58,7 +59,7 @@ def track_frequencies(
                 )
     final = result.log_multipliers[:resolved]
     order = match_logs(final, logs)[0]
-    turns = np.rint((track[order] - final).imag / (2 * np.pi))
+    turns = count_turns((track[order] - final).imag)
     hidden = np.full(len(result.exponents) - resolved, np.nan)
     frequencies = result.exponents[:resolved].imag + 2 * np.pi / T * turns
     return np.append(frequencies, hidden), np.append(start[order], hidden)
@@ -86,7 +87,6 @@ def solve_between(system: PeriodicSystem, mean: Array, e: float, result: Floquet
 
 def measure_isolation(logs: Array) -> Array:
     """Distance of each log to its nearest neighbour modulo 2 pi i."""
-    apart = logs[:, None] - logs
-    size = np.hypot(apart.real, np.remainder(apart.imag + np.pi, 2 * np.pi) - np.pi)
+    size = measure_distances(logs, logs)
     np.fill_diagonal(size, np.inf)
     return size.min(axis=1)

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 
 from flexlin.checks import Array
-from flexlin.periodic.product.eigenvalues import match_logs
+from flexlin.periodic.circle import match_logs, wrap_log
 from flexlin.periodic.system import PeriodicSystem, SecondOrder
 
 TOLERANCE = 1e-10
@@ -65,10 +65,5 @@ def pair_hamiltonian(logs: Array) -> tuple[Array, Array]:
     (l_i - l_j) / 2 for each i and the partner j nearest to -l_i, imaginary parts modulo 2 pi
     """
     partner, violation = match_logs(-logs, logs)
-    other = -logs[partner]
-    apart = other - logs
-    turn = np.remainder(apart.imag + np.pi, 2 * np.pi) - np.pi
     mutual = partner[partner] == np.arange(len(logs))
-    middle = logs + np.where(mutual, (apart.real + 1j * turn) / 2, 0)
-    angle = np.pi - np.remainder(np.pi - middle.imag, 2 * np.pi)
-    return middle.real + 1j * angle, violation
+    return wrap_log(logs + np.where(mutual, wrap_log(-logs[partner] - logs) / 2, 0)), violation

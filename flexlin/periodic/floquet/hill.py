@@ -8,6 +8,7 @@ from numpy.polynomial.legendre import leggauss
 from scipy.linalg import eig, matrix_balance
 
 from flexlin.checks import Array
+from flexlin.periodic.circle import count_turns, measure_distances
 from flexlin.periodic.system import PeriodicSystem
 
 MAX_SIZE = 900
@@ -40,7 +41,8 @@ def hill_spectrum(system: PeriodicSystem, tol: float, harmonics: int | None = No
     coarse = truncate_hill(system, max(1, count // 2))
     fine = truncate_hill(system, count)
     while True:
-        errors = 2 * nearest(fine[0], coarse[0], system.period) + fine[1]
+        moved = measure_distances(fine[0] * system.period, coarse[0] * system.period).min(axis=1) / system.period
+        errors = 2 * moved + fine[1]
         reached = np.all((errors <= tol * np.maximum(1, np.abs(fine[0]))) | (errors <= 2 * fine[1]))
         if reached or harmonics is not None or n * (4 * count + 1) > MAX_SIZE:
             return HillSpectrum(fine[0], errors, count)
@@ -105,7 +107,7 @@ def choose_copies(values: Array, modes: Array, w: float) -> list[int]:
 
 def is_copy(i: int, taken: list[int], values: Array, modes: Array, w: float) -> bool:
     """Whether eigenvector i, shifted by whole harmonics, lies in the span of taken ones with the same exponent modulo i w."""
-    shift = np.rint((values[taken].imag - values[i].imag) / w).astype(int)
+    shift = count_turns((values[taken].imag - values[i].imag) * (2 * np.pi / w)).astype(int)
     apart = np.abs(values[taken] - values[i] - 1j * w * shift)
     span = [
         np.roll(modes[:, :, j], m, axis=0).ravel()
@@ -117,10 +119,3 @@ def is_copy(i: int, taken: list[int], values: Array, modes: Array, w: float) -> 
     basis = np.linalg.qr(np.column_stack(span))[0]
     vector = modes[:, :, i].ravel()
     return bool(np.linalg.norm(vector - basis @ (basis.conj().T @ vector)) < SHIFTED)
-
-
-def nearest(fine: Array, coarse: Array, period: float) -> Array:
-    """Distance of each exponent to the nearest of the other set, imaginary parts modulo 2 pi / T."""
-    apart = fine[:, None] - coarse[None, :]
-    turns = np.round(apart.imag * period / (2 * np.pi))
-    return np.abs(apart - 2j * np.pi / period * turns).min(axis=1)

@@ -3,7 +3,8 @@
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.product.eigenvalues import EPS, draw_noise, match_logs, product_spectrum
+from flexlin.periodic.circle import match_logs
+from flexlin.periodic.product.eigenvalues import EPS, draw_noise, product_spectrum
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.setting import Setting, factor_period
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.grid import place_edges
@@ -99,8 +100,7 @@ def factor_at_nodes(system: PeriodicSystem, result: FloquetResult) -> tuple[Arra
 
 def find_coinciding(logs: Array) -> Array:
     """Which logs of multipliers agree modulo 2 pi i, (n, n) booleans."""
-    apart = logs[:, None] - logs
-    return np.hypot(apart.real, np.remainder(apart.imag + np.pi, 2 * np.pi) - np.pi) < CLUSTER
+    return measure_distances(logs, logs) < CLUSTER
 
 
 def find_null_modes(G: Array, ranks: Array) -> Array:

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.product.eigenvalues import PROBES, match_logs, product_spectrum
+from flexlin.periodic.circle import match_logs
+from flexlin.periodic.product.eigenvalues import PROBES, product_spectrum
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.setting import Setting, factor_period, report_too_many
 

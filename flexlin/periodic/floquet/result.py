@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.transition.setting import Setting
 
 
@@ -81,8 +82,6 @@ def judge(
 
 def are_isolated(exponents: Array, errors: Array, period: float) -> bool:
     """Whether no two exponents are within their errors: then the pairing (lambda, -conj lambda) holds each on the axis."""
-    apart = exponents[:, None] - exponents
-    w = 2 * np.pi / period
-    size = np.hypot(apart.real, np.remainder(apart.imag + w / 2, w) - w / 2)
+    size = measure_distances(exponents * period, exponents * period) / period
     np.fill_diagonal(size, np.inf)
     return bool(np.all(size > errors[:, None] + errors))

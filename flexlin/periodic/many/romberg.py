@@ -7,6 +7,7 @@ import numpy as np
 from scipy.linalg.lapack import dgebal
 
 from flexlin.checks import Array
+from flexlin.periodic.circle import measure_distances, wrap_log
 from flexlin.periodic.companion import stack_companion
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.many.algebra import exponentiate_batch, multiply
@@ -65,7 +66,7 @@ def batched_exponents(
         below = table[-1] if table else logs
         table = extrapolate(table, logs)
         grid = halve_segments(grid)
-    return BatchedExponents(wrapped(table[-1]), estimate_romberg_error(table, below, accuracy), np.asarray(sound))
+    return BatchedExponents(wrap_log(table[-1]), estimate_romberg_error(table, below, accuracy), np.asarray(sound))
 
 
 def estimate_romberg_error(table: list[Array], below: Array, accuracy: float) -> Array:
@@ -74,7 +75,7 @@ def estimate_romberg_error(table: list[Array], below: Array, accuracy: float) ->
     Where Romberg's scheme converges as it should, the second is 4^3 times the first; where it does not, it counts more.
     """
     last = table[-1]
-    across, down = np.abs(wrapped(last - table[-2])), np.abs(wrapped(last - take_nearest(last, below)))
+    across, down = np.abs(wrap_log(last - table[-2])), np.abs(wrap_log(last - take_nearest(last, below)))
     noise = NOISE * np.finfo(float).eps
     return SAFETY * (across + down / 2 ** (ORDER + 2)) + (noise + accuracy) * np.abs(last) + noise
 
@@ -104,20 +105,13 @@ def extrapolate(row: list[Array], logs: Array) -> list[Array]:
     new = [logs]
     for i, coarse in enumerate(row):
         gain = 2.0 ** (ORDER + 2 * i) - 1
-        new.append(new[i] + wrapped(new[i] - take_nearest(new[i], coarse)) / gain)
+        new.append(new[i] + wrap_log(new[i] - take_nearest(new[i], coarse)) / gain)
     return new
 
 
 def take_nearest(fine: Array, coarse: Array) -> Array:
     """The coarse log that lies nearest to each fine one."""
-    apart = wrapped(fine[:, None] - coarse[None])
-    nearest = np.abs(apart).argmin(axis=1)
-    return np.take_along_axis(coarse, nearest, axis=0)
-
-
-def wrapped(difference: Array) -> Array:
-    """Logs, or differences of logs, with their imaginary parts in (-pi, pi]."""
-    return difference.real + 1j * (np.pi - np.remainder(np.pi - difference.imag, 2 * np.pi))
+    return np.take_along_axis(coarse, measure_distances(fine, coarse).argmin(axis=1), axis=0)
 
 
 def exponentiate_segments(

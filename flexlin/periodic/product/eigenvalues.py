@@ -8,6 +8,7 @@ import numpy as np
 from scipy.linalg.lapack import dgeqrf, dorgqr
 
 from flexlin.checks import Array
+from flexlin.periodic.circle import match_logs, wrap_angle
 from flexlin.periodic.product.balancing import balance_factors, group_factors, multiply_pairs, multiply_scaled
 
 CLEAN = 1e-14
@@ -166,19 +167,4 @@ def find_log_eigenvalues(P: Array) -> Array:
     """Logs of the eigenvalues of matrices (..., n, n), imaginary parts in (-pi, pi]."""
     values = np.linalg.eigvals(P)
     size = np.maximum(np.abs(values), TINY)
-    angle = np.angle(values)
-    return np.log(size) + 1j * np.where(angle == -np.pi, np.pi, angle)
-
-
-def match_logs(logs: Array, others: Array) -> tuple[Array, Array]:
-    """Pair two sets of n logs, nearest first, imaginary parts modulo 2 pi: the index of each partner and its distance."""
-    apart = logs[:, None] - others[None, :]
-    size = np.hypot(apart.real, np.remainder(apart.imag + np.pi, 2 * np.pi) - np.pi)
-    partner = size.argmin(axis=1)
-    if len(set(partner.tolist())) < len(logs):
-        free = size.copy()
-        for _ in range(len(logs)):
-            i, j = np.unravel_index(free.argmin(), free.shape)
-            partner[i] = j
-            free[i, :] = free[:, j] = np.inf
-    return partner, size[np.arange(len(logs)), partner]
+    return np.log(size) + 1j * wrap_angle(np.angle(values))
