@@ -63,14 +63,15 @@ def whole(name: str, value: object, least: int = 1) -> int:
     return number
 
 
-def scalar_or_times(function: Callable[[Array], Array], t: ArrayLike) -> Array:
-    """Evaluate a function of times (N,) -> (N, ...) at t: (N, ...) for times (N,), and (...) for a single time."""
-    return function(times(np.asarray(t)[None]))[0] if np.ndim(t) == 0 else function(times(t))
-
-
 def times(t: ArrayLike) -> Array:
     """Return `t` as a finite array of shape (N,)."""
     return real_array("t", t, (None,))
+
+
+def at_times(evaluate: Callable[[Array], Array], t: ArrayLike) -> Array:
+    """Evaluate a function of times (N,) -> (N, ...) at an array of times, or at one time, whose value comes without the first axis."""
+    given = np.asarray(t)
+    return evaluate(times(given)) if given.ndim else evaluate(times(given[None]))[0]
 
 
 def check_size(what: str, size: int, todo: str) -> None:

@@ -7,7 +7,7 @@ from math import prod
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.checks import Array, scalar_or_times
+from flexlin.checks import Array, at_times
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class FourierSeries:
 
     def __call__(self, t: ArrayLike, derivative: int = 0) -> Array:
         """The function, or its derivative by time of the given order, at one time (...) or at times (M,): (M, ...)."""
-        return scalar_or_times(lambda times: self._evaluate(times, derivative), t)
+        return at_times(lambda times: self._evaluate(times, derivative), t)
 
     def _evaluate(self, t: Array, derivative: int) -> Array:
         rates = 2j * np.pi / self.period * np.arange(len(self.values) // 2 + 1)

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.checks import Array, positive, real_array, scalar_or_times
+from flexlin.checks import Array, at_times, positive, real_array
 from flexlin.errors import NumericalError, ToleranceNotReached
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.quadratic.doubling import carry_costs
@@ -53,11 +53,11 @@ class RiccatiSolution:
 
     def X(self, t: ArrayLike) -> Array:
         """Return the cost matrix at times t (N,), (N, n, n), or at one time, (n, n)."""
-        return scalar_or_times(lambda s: self.polynomials(self._inside(s)), t)
+        return at_times(lambda s: self.polynomials(self._inside(s)), t)
 
     def K(self, t: ArrayLike) -> Array:
         """Return the gain K = R^-1 (B' X + N') at times t (N,), (N, m, n), or at one time, (m, n)."""
-        return scalar_or_times(self._gain, t)
+        return at_times(self._gain, t)
 
     def _gain(self, t: Array) -> Array:
         inside = self._inside(t)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 from numpy.typing import ArrayLike
 
-from flexlin.checks import Array, instance, positive, real_array, scalar_or_times, whole
+from flexlin.checks import Array, at_times, instance, positive, real_array, whole
 from flexlin.errors import ArgumentError, ResonantForcing
 from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.grid import place_edges
@@ -67,7 +67,7 @@ class ForcedResponse:
 
     def __call__(self, t: ArrayLike) -> Array:
         """The state at times (N,), any real numbers, (N, n), or at one time, (n,)."""
-        return scalar_or_times(lambda s: self.solution(np.mod(s, self.period)), t)
+        return at_times(lambda s: self.solution(np.mod(s, self.period)), t)
 
 
 def forced_response(
