@@ -1,6 +1,7 @@
 """Checks at the boundary: shape, finite, range; made once, where a value comes in."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from operator import index
 from typing import Any
 
 import numpy as np
@@ -51,9 +52,26 @@ def positive(name: str, value: float) -> float:
     return number
 
 
+def whole(name: str, value: object, least: int = 1) -> int:
+    """Return `value` as a whole number from `least` on; True, 2.0 and "2" are none."""
+    try:
+        number = None if isinstance(value, bool) else index(value)  # type: ignore[arg-type]
+    except TypeError:
+        number = None
+    if number is None or number < least:
+        raise ArgumentError(f"{name} does not fit", got=repr(value)[:80], expected=f"a whole number from {least} on")
+    return number
+
+
 def times(t: ArrayLike) -> Array:
     """Return `t` as a finite array of shape (N,)."""
     return real_array("t", t, (None,))
+
+
+def at_times(evaluate: Callable[[Array], Array], t: ArrayLike) -> Array:
+    """Evaluate a function of times (N,) -> (N, ...) at an array of times, or at one time, whose value comes without the first axis."""
+    given = np.asarray(t)
+    return evaluate(times(given)) if given.ndim else evaluate(times(given[None]))[0]
 
 
 def check_size(what: str, size: int, todo: str) -> None:

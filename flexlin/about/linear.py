@@ -14,7 +14,8 @@ from flexlin.errors import ArgumentError, InputError, ModelError, MotionError
 from flexlin.kronecker import derivative
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion, SymbolicMotion, build_motion
-from flexlin.periodic.system import PeriodicSystem, SecondOrder, solve_mass
+from flexlin.periodic.companion import build_companion, build_input
+from flexlin.periodic.system import PeriodicSystem, SecondOrder
 from flexlin.scene.control import Control
 from flexlin.scene.motion import AnyMotion, MotionTable
 
@@ -130,24 +131,19 @@ class Linearization:
     def forcing(self, t: Array) -> Array:
         """M_L^-1 h_L in state form, (N, 2n): x' = A x + forcing."""
         c = self.sample(t)
-        acceleration = solve_mass(c.M, c.h[:, :, None], t)[:, :, 0]
-        return np.concatenate([np.zeros_like(acceleration), acceleration], axis=1)
+        return build_input(c.M, c.h[:, :, None], t)[:, :, 0]
 
     def _together(self, t: Array) -> tuple[Array, Array, Array]:
         c = self.sample(t)
         return c.M, c.D, c.K
 
     def _state_matrix(self, t: Array) -> Array:
-        c, n = self.sample(t), self.n
-        A = np.zeros((len(t), 2 * n, 2 * n))
-        A[:, :n, n:] = np.eye(n)
-        A[:, n:, :] = -solve_mass(c.M, np.concatenate([c.K, c.D], axis=2), t)
-        return A
+        c = self.sample(t)
+        return build_companion(c.M, c.D, c.K, t)
 
     def _input_matrix(self, t: Array) -> Array:
         c = self.sample(t)
-        lower = solve_mass(c.M, c.B, t)
-        return np.concatenate([np.zeros_like(lower), lower], axis=1)
+        return build_input(c.M, c.B, t)
 
     def _need_period(self) -> None:
         if not self.motion.periodic:

@@ -16,7 +16,7 @@ from flexlin.errors import NumericalError, TooLarge
 from flexlin.mechanics import Manipulator, build_manipulator
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import floquet_modes
-from flexlin.periodic.floquet.resonance import Resonance, resonances
+from flexlin.periodic.floquet.resonance import Resonance, find_resonances
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.response.forced import ForcedResponse, forced_response
 from flexlin.periodic.system import PeriodicSystem
@@ -182,7 +182,7 @@ def causes(own: Loop, system: PeriodicSystem, problems: dict[str, str], clock: C
     if own.verdict != "unstable":
         return ()
     with clock.step("cause of the instability"):
-        found = attempt(problems, "resonances", lambda: resonances(system, floquet_modes(system, own.floquet)))
+        found = attempt(problems, "resonances", lambda: find_resonances(system, floquet_modes(system, own.floquet)))
     return tuple(found or ())
 
 

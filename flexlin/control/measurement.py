@@ -9,7 +9,8 @@ from flexlin.about.periodic_motion import constant, place_on_motion
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.link_shapes import shapes_of
-from flexlin.periodic.system import MatrixFunction, solve_mass
+from flexlin.periodic.companion import solve_mass
+from flexlin.periodic.system import MatrixFunction
 from flexlin.scene.scene import Scene
 
 

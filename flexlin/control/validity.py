@@ -8,7 +8,7 @@ from flexlin import symbolic
 from flexlin.about.linear import Linearization
 from flexlin.about.periodic_motion import own_gain
 from flexlin.checks import Array, positive
-from flexlin.periodic.grid import edges
+from flexlin.periodic.grid import place_edges
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.gauss import gauss_transitions, second_order_transitions
 
@@ -53,7 +53,7 @@ def linear_range(lin: Linearization, share: float = 0.1, modes: int = 2) -> Vali
     """
     positive("share", share)
     system = lin.periodic_system()
-    t = edges(lin.period, lin.breaks, SAMPLES)
+    t = place_edges(lin.period, lin.breaks, SAMPLES)
     steps, amplitudes = transitions(system, t), []
     directions = slowest_modes(system, modes, steps)
     for v in directions:
@@ -110,7 +110,7 @@ def slowest_modes(system: PeriodicSystem, modes: int, steps: Array | None = None
     A complex pair gives its real and its imaginary part. Parameters: steps: transition matrices of one period, if known.
     """
     Phi = np.eye(system.n)
-    for step in transitions(system, edges(system.period, system.breaks, SAMPLES)) if steps is None else steps:
+    for step in transitions(system, place_edges(system.period, system.breaks, SAMPLES)) if steps is None else steps:
         Phi = step @ Phi
     values, vectors = np.linalg.eig(Phi)
     order = np.argsort(-np.abs(values), kind="stable")

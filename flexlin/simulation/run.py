@@ -10,7 +10,7 @@ from flexlin.control.tracking import Feedforward, tip_positions
 from flexlin.periodic.system import MatrixFunction
 from flexlin.simulation.law import Drive, scene_drive, torque_law
 from flexlin.simulation.loop import NonlinearLoop
-from flexlin.simulation.predict import predict
+from flexlin.simulation.prediction import predict
 from flexlin.simulation.result import Simulation
 
 

@@ -5,7 +5,7 @@ import numpy as np
 from flexlin.about.linear import Linearization
 from flexlin.about.periodic_motion import default_closing, own_gain, rigid_feedforward
 from flexlin.checks import Array
-from flexlin.periodic.system import solve_mass
+from flexlin.periodic.companion import solve_mass
 from flexlin.periodic.transition.gauss import gauss_transitions
 from flexlin.simulation.law import TorqueLaw
 
