@@ -1,0 +1,107 @@
+"""Periodic functions by their Fourier series: interpolation on equally spaced times, evaluation, differentiation."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from flexlin.checks import Array
+
+
+def fourier_nodes(count: int, period: float) -> Array:
+    """Return the times j T / N, j = 0 ... N - 1."""
+    return period * np.arange(count) / count
+
+
+def fourier_coefficients(values: Array) -> Array:
+    """Return the real coefficients of the trigonometric interpolant of values (N, ...) at N equally spaced times.
+
+        f(t) = c_0 + sum_k  c_k cos(2 pi k t / T) + c_(H + k) sin(2 pi k t / T),   k = 1 ... H = floor((N - 1) / 2)
+
+    For even N the cosine of order N / 2 is left out. Constants are reproduced without rounding.
+    Returns: (2 H + 1, ...), the mean first, then the cosines, then the sines.
+    """
+    count = len(values)
+    start = values[:1]
+    waves = np.fft.rfft(values - start, axis=0)[: (count - 1) // 2 + 1]
+    waves *= 2 / count
+    return np.concatenate([start + waves[:1].real / 2, waves[1:].real, -waves[1:].imag])
+
+
+def fourier_waves(phase: Array, harmonics: int) -> Array:
+    """Return exp(2 pi i k phase) for k = 1 ... H by repeated doubling of the order, (N, H); phase = t / T."""
+    waves = np.empty((len(phase), harmonics), dtype=complex)
+    if harmonics:
+        waves[:, 0] = np.exp(2j * np.pi * (phase - np.floor(phase)))
+    have = 1
+    while have < harmonics:
+        more = min(have, harmonics - have)
+        np.multiply(waves[:, :more], waves[:, have - 1 : have], out=waves[:, have : have + more])
+        have += more
+    return waves
+
+
+def fourier_basis(phase: Array, harmonics: int) -> Array:
+    """Return 1, cos(2 pi k phase), sin(2 pi k phase), k = 1 ... H, as the columns of (N, 2 H + 1)."""
+    waves = fourier_waves(phase, harmonics)
+    basis = np.empty((len(phase), 2 * harmonics + 1))
+    basis[:, 0] = 1.0
+    basis[:, 1 : harmonics + 1] = waves.real
+    basis[:, harmonics + 1 :] = waves.imag
+    return basis
+
+
+@lru_cache(maxsize=16)
+def fourier_differentiation(count: int, period: float) -> Array:
+    """Return the matrix that takes values at N equally spaced times to the derivatives of their interpolant there.
+
+    D_jk = (pi / T) (-1)^(j - k) / sin(pi (j - k) / N) for odd N, with cot in place of 1 / sin for even N; 0 on the diagonal.
+    Source: Trefethen, Spectral Methods in MATLAB (2000), ch. 3.
+    """
+    gaps = np.subtract.outer(np.arange(count), np.arange(count))
+    off = gaps != 0
+    angle = np.pi * gaps[off] / count
+    D = np.zeros((count, count))
+    D[off] = np.pi / period * (-1.0) ** gaps[off] / (np.sin(angle) if count % 2 else np.tan(angle))
+    D.setflags(write=False)
+    return D
+
+
+@dataclass(frozen=True, eq=False)
+class FourierSeries:
+    """A matrix function with period T: coefficients (2 H + 1, rows, columns) in the order of `fourier_coefficients`."""
+
+    coefficients: Array
+    period: float
+
+    @classmethod
+    def through(cls, values: Array, period: float) -> "FourierSeries":
+        """The interpolant of values (N, rows, columns) at `fourier_nodes(N, T)`."""
+        return cls(fourier_coefficients(values), period)
+
+    @property
+    def harmonics(self) -> int:
+        """The highest harmonic H."""
+        return len(self.coefficients) // 2
+
+    @property
+    def edges(self) -> Array:
+        """One panel: the period."""
+        return np.array([0.0, self.period])
+
+    def __call__(self, t: Array, left: bool = False) -> Array:
+        """Evaluate at times t (N,): (N, rows, columns); the limit from the left is the same."""
+        flat = self.coefficients.reshape(len(self.coefficients), -1)
+        values = fourier_basis(np.asarray(t) / self.period, self.harmonics) @ flat
+        return values.reshape(len(values), *self.coefficients.shape[1:])
+
+    def derivative(self) -> "FourierSeries":
+        """The derivative by time."""
+        H = self.harmonics
+        rate = (2 * np.pi / self.period * np.arange(1, H + 1)).reshape(-1, *[1] * (self.coefficients.ndim - 1))
+        mean, cosine, sine = np.split(self.coefficients, [1, H + 1])
+        return FourierSeries(np.concatenate([np.zeros_like(mean), rate * sine, -rate * cosine]), self.period)
+
+    def mean(self) -> Array:
+        """The integral over the period, divided by the period."""
+        return self.coefficients[0].copy()
