@@ -1,0 +1,123 @@
+"""A smooth periodic coefficient by its Fourier series: doubled until the last harmonics vanish, checked off the nodes."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.periodic.fourier import fourier_coefficients, fourier_nodes, fourier_waves
+from flexlin.periodic.noise import noise_level
+from flexlin.periodic.sampling import Sampler, stratified
+
+FIRST, SURE, MOST = 64, 256, 2048
+"""Nodes at the start; nodes up to which doubling goes on in any case; and at most."""
+FALL = 30.0
+"""Factor by which the last harmonics must fall on doubling, beyond SURE."""
+SIGMAS = 6.0
+"""Standard deviations of measured noise that count as agreement."""
+FEW_CHECKS = 16
+EPS, TINY = np.finfo(float).eps, 1e-290
+
+
+@dataclass
+class FourierFit:
+    """Coefficients (2 H + 1, E), what may be left over and the bound on the error of each entry (E,)."""
+
+    coefficients: Array
+    allowed: Array
+    error: Array
+
+
+def fit_fourier(sample: Sampler, tol: float, phases: Array | None) -> FourierFit | None:
+    """Resolve A by a Fourier series, or return None where panels serve better.
+
+    Parameters: phases: check points in units of T; None: the few that suffice when narrow features are named.
+    """
+    T, noise, worst = sample.period, None, np.inf
+    values = sample(fourier_nodes(FIRST, T))
+    count = FIRST
+    while True:
+        coefficients = fourier_coefficients(values)
+        size = _amplitudes(coefficients)
+        allowed = _allowed(sample.scale, size, tol, noise)
+        excess = _excess(size, allowed)
+        if noise is None and np.any(excess > 1) and _flat(size[:, excess > 1]):
+            noise = _noise(sample)
+            continue
+        if np.all(excess <= 1):
+            trimmed = _trimmed(coefficients, size, sample.scale, noise)
+            deviation = _deviation(sample, trimmed, few_phases(count) if phases is None else phases)
+            if noise is None and np.any(deviation > 2 * allowed):
+                noise = _noise(sample)
+                allowed = _allowed(sample.scale, size, tol, noise)
+            if np.all(deviation <= 2 * allowed):
+                return FourierFit(trimmed, allowed, _error(deviation, size, sample.scale))
+        last, worst = worst, float(excess.max())
+        if count >= MOST or (count >= SURE and (worst > last / FALL or worst <= 1)):
+            return None
+        between = sample(fourier_nodes(count, T) + T / (2 * count))
+        values = np.stack([values, between], axis=1).reshape(2 * count, -1)
+        count *= 2
+
+
+def few_phases(count: int) -> Array:
+    """Check points between N nodes: with the nodes, gaps stay below 1 / 100 of the period."""
+    return stratified(FIRST if count == FIRST else FEW_CHECKS)
+
+
+def _amplitudes(coefficients: Array) -> Array:
+    H = len(coefficients) // 2
+    return np.sqrt(coefficients[1 : H + 1] ** 2 + coefficients[H + 1 :] ** 2)
+
+
+def _allowed(scale: Array, size: Array, tol: float, noise: Array | None) -> Array:
+    """What may be left over (E,): tol of each entry's size, noise, and A' times the rounding of t."""
+    rounding = 2 * np.pi * EPS * (np.arange(1, len(size) + 1.0) @ size)
+    allowed = np.maximum(tol * scale + TINY, np.minimum(rounding, 1e-6 * scale))
+    return allowed if noise is None else np.maximum(allowed, SIGMAS * noise)
+
+
+def _excess(size: Array, allowed: Array) -> Array:
+    """The largest of the last harmonics against a quarter of what may be left over (E,)."""
+    return np.asarray(size[-max(4, len(size) // 4) :].max(axis=0) / (allowed / 4))
+
+
+def _flat(size: Array) -> bool:
+    """Whether an entry's upper harmonics do not fall: noise, or a narrow feature."""
+    return bool(np.any(np.median(size[len(size) // 2 :], axis=0) >= 0.02 * size.max(axis=0)))
+
+
+def _noise(sample: Sampler) -> Array:
+    half = sample.period * np.array([0.0, 0.5, 1.0])
+    return np.asarray(noise_level(sample, half[:-1], half[1:]).max(axis=0))
+
+
+def _trimmed(coefficients: Array, size: Array, scale: Array, noise: Array | None) -> Array:
+    """Drop the harmonics that are rounding or noise in every entry."""
+    floor = EPS / 2 * scale if noise is None else np.maximum(EPS / 2 * scale, noise / 4)
+    seen = np.flatnonzero(np.any(size > floor, axis=1))
+    H, keep = len(size), int(seen[-1]) + 1 if len(seen) else 0
+    return np.concatenate([coefficients[: keep + 1], coefficients[H + 1 : H + 1 + keep]])
+
+
+def _deviation(sample: Sampler, coefficients: Array, phases: Array) -> Array:
+    """The largest deviation at check points (E,)."""
+    H, worst = len(coefficients) // 2, np.zeros(coefficients.shape[1])
+    for i in range(0, len(phases), sample.chunk):
+        some = phases[i : i + sample.chunk]
+        waves = _check_waves(some.tobytes(), FIRST // 2)[:, :H] if len(some) <= FIRST >= 2 * H else fourier_waves(some, H)
+        fit = coefficients[0] + waves.real @ coefficients[1 : H + 1] + waves.imag @ coefficients[H + 1 :]
+        worst = np.maximum(worst, np.abs(fit - sample(some * sample.period)).max(axis=0))
+    return worst
+
+
+@lru_cache(maxsize=8)
+def _check_waves(phases: bytes, harmonics: int) -> Array:
+    """The waves at a fixed set of check points, kept between calls."""
+    return fourier_waves(np.frombuffer(phases), harmonics)
+
+
+def _error(deviation: Array, size: Array, scale: Array) -> Array:
+    """Three times the largest deviation seen, what the last harmonics would add, and the rounding of one evaluation."""
+    return np.asarray(3 * deviation + 2 * size[-max(4, len(size) // 4) :].sum(axis=0) + 4 * EPS * scale)
