@@ -46,7 +46,7 @@ def fit_fourier(sample: Sampler, tol: float, phases: Array | None) -> FourierFit
             noise = _noise(sample)
             continue
         if np.all(excess <= 1):
-            trimmed = _trimmed(coefficients, size, sample.scale, noise)
+            trimmed = _trimmed(coefficients, size, _floor(sample.scale, size, noise))
             deviation = _deviation(sample, trimmed, few_phases(count) if phases is None else phases)
             if noise is None and np.any(deviation > 2 * allowed):
                 noise = _noise(sample)
@@ -73,9 +73,19 @@ def _amplitudes(coefficients: Array) -> Array:
 
 def _allowed(scale: Array, size: Array, tol: float, noise: Array | None) -> Array:
     """What may be left over (E,): tol of each entry's size, noise, and A' times the rounding of t."""
-    rounding = 2 * np.pi * EPS * (np.arange(1, len(size) + 1.0) @ size)
-    allowed = np.maximum(tol * scale + TINY, np.minimum(rounding, 1e-6 * scale))
+    allowed = np.maximum(tol * scale + TINY, np.minimum(_rounding(size), 1e-6 * scale))
     return allowed if noise is None else np.maximum(allowed, SIGMAS * noise)
+
+
+def _floor(scale: Array, size: Array, noise: Array | None) -> Array:
+    """The size of rounding and noise among the harmonics (E,)."""
+    floor = np.maximum(EPS * scale, _rounding(size) / 8)
+    return floor if noise is None else np.maximum(floor, 1.5 * noise)
+
+
+def _rounding(size: Array) -> Array:
+    """The largest rate of A times the rounding of t = T."""
+    return np.asarray(2 * np.pi * EPS * (np.arange(1, len(size) + 1.0) @ size))
 
 
 def _excess(size: Array, allowed: Array) -> Array:
@@ -90,14 +100,13 @@ def _flat(size: Array) -> bool:
 
 def _noise(sample: Sampler) -> Array:
     half = sample.period * np.array([0.0, 0.5, 1.0])
-    return np.asarray(noise_level(sample, half[:-1], half[1:]).max(axis=0))
+    return noise_level(sample, half[:-1], half[1:]).max(axis=0)
 
 
-def _trimmed(coefficients: Array, size: Array, scale: Array, noise: Array | None) -> Array:
-    """Drop the harmonics that are rounding or noise in every entry."""
-    floor = EPS / 2 * scale if noise is None else np.maximum(EPS / 2 * scale, noise / 4)
-    seen = np.flatnonzero(np.any(size > floor, axis=1))
-    H, keep = len(size), int(seen[-1]) + 1 if len(seen) else 0
+def _trimmed(coefficients: Array, size: Array, floor: Array) -> Array:
+    """Drop the last harmonics whose root of the sum of squares stays below `floor` (E,): rounding or noise in every entry."""
+    left = np.sqrt((size[::-1] ** 2).cumsum(axis=0))[::-1]
+    H, keep = len(size), int(np.count_nonzero(np.any(left > floor, axis=1)))
     return np.concatenate([coefficients[: keep + 1], coefficients[H + 1 : H + 1 + keep]])
 
 

@@ -11,6 +11,9 @@ POINTS, ORDERS = 9, (5, 6)
 SPACING = 1e-5
 """Of the panel: a function that the panel nearly resolves changes by less than 1e-16 of itself in a fifth difference."""
 
+LOUD, FAINT = 1e-3, 1e-13
+"""Noise above LOUD of an entry's size is none, but a motion that was not followed, unless it is below FAINT of the largest entry."""
+
 
 def noise_level(sample: Sampler, begin: Array, end: Array, spots: int = 2) -> Array:
     """Estimate the standard deviation of the noise of A on panels (P,), for each entry: (P, E).
@@ -28,4 +31,6 @@ def noise_level(sample: Sampler, begin: Array, end: Array, spots: int = 2) -> Ar
     for k in ORDERS:
         gamma = factorial(k) ** 2 / factorial(2 * k)
         levels.append(np.sqrt(gamma * (np.diff(values, k, axis=2) ** 2).mean(axis=2)))
-    return np.maximum(*levels).min(axis=1)
+    level = np.maximum(*levels).min(axis=1)
+    loudest = np.maximum(LOUD * sample.scale, FAINT * sample.scale.max())
+    return np.asarray(np.where(level <= loudest, level, 0.0))

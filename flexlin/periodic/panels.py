@@ -15,7 +15,7 @@ NODES, TAIL = 32, 4
 """Nodes of a panel, and how many of its last coefficients must have vanished."""
 NARROWEST = 1e-13
 """Width, of the period, below which a panel is not divided any more."""
-MEMORY, MOST_PANELS = 2**27, 8192
+MEMORY, MOST_PANELS = 2**27, 4096
 """Bytes that the coefficients may take, and the largest number of panels."""
 SIGMAS = 6.0
 """Standard deviations of measured noise that count as agreement."""

@@ -181,7 +181,7 @@ def resolve(
         fit = fit_fourier(sample, tol, None if complete else stratified(CHECKS))
         if fit is not None:
             series = FourierSeries(fit.coefficients.reshape(-1, *_shape(sample)), period)
-            need_repetition(sample, series, period * stratified(3 if complete else 7), False, fit.allowed)
+            need_repetition(sample, series, period * stratified(3 if complete else 7), fit.allowed)
             return ResolvedMatrix(series, (), (), fit.error.reshape(_shape(sample)), sample.count)
     return _on_panels(sample, named, pairs, FEW if complete else CHECKS, tol)
 
@@ -209,7 +209,7 @@ def _on_panels(sample: Sampler, named: Array, pairs: Array, checks: int, tol: fl
     series = ChebyshevPanels(np.append(done.begin, T), coefficients)
     narrow = np.argsort(done.end - done.begin)[:32]
     times = np.sort(done.begin[narrow] + 0.38 * (done.end - done.begin)[narrow])
-    need_repetition(sample, series, np.concatenate([times, T * stratified(7)]), bool(np.any(rough > 0)), allowed)
+    need_repetition(sample, series, np.concatenate([times, T * stratified(7)]), allowed, rough)
     places = np.union1d(named, [place.time for place in found])
     return ResolvedMatrix(series, tuple(places.tolist()), found, error.reshape(_shape(sample)), sample.count)
 
