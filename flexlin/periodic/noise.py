@@ -7,7 +7,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.sampling import GOLDEN, Sampler
 
-POINTS, ORDERS = 9, (5, 6)
+POINTS, ORDERS = 16, (5, 6)
 SPACING = 1e-5
 """Of the panel: a function that the panel nearly resolves changes by less than 1e-16 of itself in a fifth difference."""
 

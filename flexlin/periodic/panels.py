@@ -17,6 +17,8 @@ NARROWEST = 1e-13
 """Width, of the period, below which a panel is not divided any more."""
 MEMORY, MOST_PANELS = 2**27, 4096
 """Bytes that the coefficients may take, and the largest number of panels."""
+KEPT = 2**26
+"""Bytes of samples at check points that are kept."""
 SIGMAS = 6.0
 """Standard deviations of measured noise that count as agreement."""
 OWN_CHECKS, WITNESSES = 7, 4
@@ -53,7 +55,7 @@ class PanelResolver:
     """The state of the refinement: resolved panels, the edges found, and the check points that once failed."""
 
     def __init__(self, sample: Sampler, tol: float, edges: Array, named: Array, checks: Array):
-        self.sample, self.tol, self.checks = sample, tol, checks
+        self.sample, self.tol, self.checks = sample, tol, np.unique(np.mod(checks, sample.period))
         self.named = named
         self.settled: set[float] = set(named.tolist())
         entries = len(sample.scale)
@@ -61,6 +63,7 @@ class PanelResolver:
         self.done = PanelSet(np.empty(0), np.empty(0), np.empty((0, NODES, entries)), empty, empty, np.empty(0, dtype=bool))
         self.witness_times, self.witness_values = np.empty(0), empty
         self.start = edges
+        self.kept = np.empty((0, entries))
 
     def run(self) -> None:
         """Refine until nodes, edges and check points agree.
@@ -160,6 +163,16 @@ class PanelResolver:
             todo="look at A there: is it bounded, does it repeat when called twice? Name jumps in `breaks` and pulses in `features`",
         )
 
+    def error(self) -> Array:
+        """Bound on the error of each entry (E,): three times the largest deviation seen, what the last coefficients would add, rounding,
+        and, unless an entry is constant on a panel, what a panel may leave over between its check points.
+        """
+        panels, scale = self.done, self.sample.scale
+        varies = np.abs(panels.coefficients[:, 1:]).max(axis=1) > 4 * np.finfo(float).eps * scale
+        tails = np.abs(panels.coefficients[:, -TAIL:]).sum(axis=1)
+        each = 3 * panels.deviation + tails + np.where(varies, self.allowed(panels), 0.0)
+        return np.asarray(each.max(axis=0) + 4 * np.finfo(float).eps * scale)
+
     def mismatch(self) -> tuple[Array, Array]:
         """At each panel's left edge (the first one against the last panel), in units of what is allowed (P,): jump, and kink.
 
@@ -236,7 +249,7 @@ class PanelResolver:
         bad: list[tuple[Array, Array]] = []
         for i in range(0, len(t), self.sample.chunk):
             some, p = t[i : i + self.sample.chunk], owner[i : i + self.sample.chunk]
-            values = self.sample(some)
+            values = self.checked_values(some)
             apart = np.abs(values - series(some)[..., 0])
             starts = np.flatnonzero(np.diff(p, prepend=-1))
             panels.deviation[p[starts]] = np.maximum(panels.deviation[p[starts]], np.maximum.reduceat(apart, starts))
@@ -252,6 +265,18 @@ class PanelResolver:
         failed = np.isin(np.arange(len(panels.begin)), np.searchsorted(panels.begin, times, side="right") - 1)
         self.done = panels.some(~failed)
         return panels.some(failed)
+
+    def checked_values(self, t: Array) -> Array:
+        """A at check points; those of the whole period are kept for the next time, where memory allows."""
+        if 8 * len(self.checks) * len(self.sample.scale) > KEPT:
+            return self.sample(t)
+        if not len(self.kept):
+            self.kept = self.sample(self.checks)
+        place = np.clip(np.searchsorted(self.checks, t), 0, len(self.checks) - 1)
+        known = self.checks[place] == t
+        values = self.kept[place]
+        values[~known] = self.sample(t[~known])
+        return values
 
     def check_times(self) -> Array:
         """The given check points, some in every panel, and some ever closer to each edge where A is not smooth."""

@@ -201,8 +201,6 @@ def _on_panels(sample: Sampler, named: Array, pairs: Array, checks: int, tol: fl
         if not np.any(np.abs(named - t) <= 4 * np.finfo(float).eps * T)
     )
     allowed = resolver.allowed(done).max(axis=0)
-    tails = np.abs(done.coefficients[:, -4:]).sum(axis=1)
-    error = (3 * done.deviation + tails).max(axis=0) + 4 * np.finfo(float).eps * sample.scale
     shown = np.flatnonzero(np.any(np.abs(done.coefficients) > np.finfo(float).eps / 2 * sample.scale, axis=(0, 2)))
     degree = int(shown[-1]) if len(shown) else 0
     coefficients = done.coefficients[:, : degree + 1].reshape(len(done.begin), degree + 1, *_shape(sample))
@@ -211,7 +209,7 @@ def _on_panels(sample: Sampler, named: Array, pairs: Array, checks: int, tol: fl
     times = np.sort(done.begin[narrow] + 0.38 * (done.end - done.begin)[narrow])
     need_repetition(sample, series, np.concatenate([times, T * stratified(7)]), allowed, rough)
     places = np.union1d(named, [place.time for place in found])
-    return ResolvedMatrix(series, tuple(places.tolist()), found, error.reshape(_shape(sample)), sample.count)
+    return ResolvedMatrix(series, tuple(places.tolist()), found, resolver.error().reshape(_shape(sample)), sample.count)
 
 
 def _start(period: float, named: Array, pairs: Array) -> Array:

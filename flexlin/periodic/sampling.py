@@ -1,6 +1,7 @@
 """A coefficient as the resolution sees it: checked, counted, in bounded batches; and the times at which it is checked."""
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -81,10 +82,13 @@ class Sampler:
             )
 
 
+@lru_cache(maxsize=16)
 def stratified(count: int, jitter: float = 0.2) -> Array:
     """Return one phase in each of `count` equal cells of (0, 1), off the middle by the golden sequence; gaps below (1 + jitter) / count."""
     i = np.arange(count)
-    return (i + 0.5 + jitter * (np.mod((i + 1) * GOLDEN, 1.0) - 0.5)) / count
+    phases = (i + 0.5 + jitter * (np.mod((i + 1) * GOLDEN, 1.0) - 0.5)) / count
+    phases.setflags(write=False)
+    return phases
 
 
 def graded(centres: Sequence[float] | Array, nearest: float, farthest: float, ratio: float) -> Array:
