@@ -13,7 +13,7 @@ def fourier_nodes(count: int, period: float) -> Array:
     return period * np.arange(count) / count
 
 
-def fourier_coefficients(values: Array) -> Array:
+def real_fourier_coefficients(values: Array) -> Array:
     """Return the real coefficients of the trigonometric interpolant of values (N, ...) at N equally spaced times.
 
         f(t) = c_0 + sum_k  c_k cos(2 pi k t / T) + c_(H + k) sin(2 pi k t / T),   k = 1 ... H = floor((N - 1) / 2)
@@ -69,7 +69,7 @@ def fourier_differentiation(count: int, period: float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class FourierSeries:
-    """A matrix function with period T: coefficients (2 H + 1, rows, columns) in the order of `fourier_coefficients`."""
+    """A matrix function with period T: coefficients (2 H + 1, rows, columns) in the order of `real_fourier_coefficients`."""
 
     coefficients: Array
     period: float
@@ -77,7 +77,7 @@ class FourierSeries:
     @classmethod
     def through(cls, values: Array, period: float) -> "FourierSeries":
         """The interpolant of values (N, rows, columns) at `fourier_nodes(N, T)`."""
-        return cls(fourier_coefficients(values), period)
+        return cls(real_fourier_coefficients(values), period)
 
     @property
     def harmonics(self) -> int:

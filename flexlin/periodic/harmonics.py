@@ -6,9 +6,9 @@ from functools import lru_cache
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.fourier import fourier_coefficients, fourier_nodes, fourier_waves
+from flexlin.periodic.fourier import real_fourier_coefficients, fourier_nodes, fourier_waves
 from flexlin.periodic.noise import noise_level
-from flexlin.periodic.sampling import Sampler, stratified
+from flexlin.periodic.sampling import CheckPoints, Sampler, stratified
 
 FIRST, SURE, MOST = 64, 256, 2048
 """Nodes at the start; nodes up to which doubling goes on in any case; and at most."""
@@ -29,16 +29,16 @@ class FourierFit:
     error: Array
 
 
-def fit_fourier(sample: Sampler, tol: float, phases: Array | None) -> FourierFit | None:
+def fit_fourier(sample: Sampler, tol: float, checks: CheckPoints | None) -> FourierFit | None:
     """Resolve A by a Fourier series, or return None where panels serve better.
 
-    Parameters: phases: check points in units of T; None: the few that suffice when narrow features are named.
+    Parameters: checks: None for the few that suffice when narrow features are named.
     """
     T, noise, worst = sample.period, None, np.inf
     values = sample(fourier_nodes(FIRST, T))
     count = FIRST
     while True:
-        coefficients = fourier_coefficients(values)
+        coefficients = real_fourier_coefficients(values)
         size = _amplitudes(coefficients)
         allowed = _allowed(sample.scale, size, tol, noise)
         excess = _excess(size, allowed)
@@ -47,7 +47,7 @@ def fit_fourier(sample: Sampler, tol: float, phases: Array | None) -> FourierFit
             continue
         if np.all(excess <= 1):
             trimmed = _trimmed(coefficients, size, _floor(sample.scale, size, noise))
-            deviation = _deviation(sample, trimmed, few_phases(count) if phases is None else phases)
+            deviation = _deviation(sample, trimmed, checks, count)
             if noise is None and np.any(deviation > 2 * allowed):
                 noise = _noise(sample)
                 allowed = _allowed(sample.scale, size, tol, noise)
@@ -110,21 +110,24 @@ def _trimmed(coefficients: Array, size: Array, floor: Array) -> Array:
     return np.concatenate([coefficients[: keep + 1], coefficients[H + 1 : H + 1 + keep]])
 
 
-def _deviation(sample: Sampler, coefficients: Array, phases: Array) -> Array:
+def _deviation(sample: Sampler, coefficients: Array, checks: CheckPoints | None, count: int) -> Array:
     """The largest deviation at check points (E,)."""
     H, worst = len(coefficients) // 2, np.zeros(coefficients.shape[1])
-    for i in range(0, len(phases), sample.chunk):
-        some = phases[i : i + sample.chunk]
-        waves = _check_waves(some.tobytes(), FIRST // 2)[:, :H] if len(some) <= FIRST >= 2 * H else fourier_waves(some, H)
+    t = sample.period * few_phases(count) if checks is None else checks.t
+    for i in range(0, len(t), sample.chunk):
+        some = t[i : i + sample.chunk]
+        few = checks is None and 2 * H <= FIRST
+        waves = _few_waves(count)[:, :H] if few else fourier_waves(some / sample.period, H)
         fit = coefficients[0] + waves.real @ coefficients[1 : H + 1] + waves.imag @ coefficients[H + 1 :]
-        worst = np.maximum(worst, np.abs(fit - sample(some * sample.period)).max(axis=0))
+        values = sample(some) if checks is None else checks.values(some)
+        worst = np.maximum(worst, np.abs(fit - values).max(axis=0))
     return worst
 
 
 @lru_cache(maxsize=8)
-def _check_waves(phases: bytes, harmonics: int) -> Array:
-    """The waves at a fixed set of check points, kept between calls."""
-    return fourier_waves(np.frombuffer(phases), harmonics)
+def _few_waves(count: int) -> Array:
+    """The waves at the few check points, kept between calls."""
+    return fourier_waves(few_phases(count), FIRST // 2)
 
 
 def _error(deviation: Array, size: Array, scale: Array) -> Array:

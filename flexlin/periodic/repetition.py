@@ -38,7 +38,11 @@ def need_repetition(
         return
     gap = np.abs(beyond - series(t).reshape(len(t), -1))
     excess = gap / (REPEAT * sample.scale + 4 * allowed)
-    if excess.max() <= 1 or (np.any(rough > 0) and _goes_on(sample)) or (0.0 not in rough and _settles(sample, t, allowed)):
+    if (
+        excess.max() <= 1
+        or (np.any(rough > 0) and _goes_on(sample))
+        or (0.0 not in rough and _settles(sample, t, allowed))
+    ):
         return
     at, entry = np.unravel_index(int(excess.argmax()), gap.shape)
     rows, columns = np.unravel_index(int(entry), sample.shape or (1, 1))

@@ -1,19 +1,21 @@
 """The coefficients of a periodic system over one period, resolved before anything is integrated."""
 
-import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError
-from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_coefficients, panel_times
+from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.harmonics import fit_fourier
-from flexlin.periodic.panels import NODES, PanelResolver
+from flexlin.periodic.panels import left_over, panel_error, shown_degree
+from flexlin.periodic.refining import PanelResolver
 from flexlin.periodic.repetition import need_repetition
-from flexlin.periodic.sampling import Sampler, graded, stratified
+from flexlin.periodic.resolved_matrix import Discontinuity, ResolvedMatrix, divided
+from flexlin.periodic.sampling import CheckPoints, Sampler, graded, stratified
+
+__all__ = ["Discontinuity", "ResolvedMatrix", "resolve"]
 
 CHECKS, FEW = 12289, 256
 """Check points of a function of which nothing is known; and of one whose narrow features are named, where it needs panels."""
@@ -21,102 +23,6 @@ STEP = 4.0
 """Ratio of neighbouring panels about a named feature."""
 PARTS = 4
 """Panels of a period at the start."""
-WAVES = 3.0
-"""Harmonics of a Fourier series for each panel of degree NODES - 1 that replaces it."""
-
-
-@dataclass(frozen=True)
-class Discontinuity:
-    """A place that was found, not named: time in [0, T) in s, kind "jump" or "kink" (a jump of a derivative)."""
-
-    time: float
-    kind: str
-
-
-@dataclass(frozen=True, eq=False)
-class ResolvedMatrix:
-    """A matrix function A(t) = A(t + T) as one Fourier series, or as one Chebyshev series for each of its panels.
-
-    series: the coefficients; breaks: named and found places in [0, T) where A is not smooth; found: those that were not named;
-    error (rows, columns): bound on |series(t) - A(t)| over the period, in the units of the entry, measured at the check points;
-    samples: how often A was evaluated.
-    """
-
-    series: FourierSeries | ChebyshevPanels
-    breaks: tuple[float, ...]
-    found: tuple[Discontinuity, ...]
-    error: Array
-    samples: int
-
-    @property
-    def period(self) -> float:
-        """T in s."""
-        return self.series.period
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
-        return self.error.shape[0], self.error.shape[1]
-
-    @property
-    def edges(self) -> Array:
-        """Edges of the panels from 0 to T, (P + 1,); a Fourier series has one panel."""
-        return self.series.edges
-
-    @property
-    def panels(self) -> int:
-        """The number of panels."""
-        return len(self.edges) - 1
-
-    @property
-    def degree(self) -> int:
-        """The highest harmonic of a Fourier series, or the degree of the panels' polynomials."""
-        if isinstance(self.series, FourierSeries):
-            return self.series.harmonics
-        return self.series.coefficients.shape[1] - 1
-
-    @property
-    def constant(self) -> bool:
-        """Whether A does not depend on t: then `mean()` is the matrix."""
-        if self.degree:
-            return False
-        values = self.series.coefficients.reshape(-1, *self.shape)
-        return bool(np.all(values == values[0]))
-
-    def __call__(self, t: Array, left: bool = False) -> Array:
-        """Evaluate at any times t (N,): (N, rows, columns). At an edge the panel behind it counts; with `left` the one before it."""
-        return self.series(t, left)
-
-    def mean(self) -> Array:
-        """The integral of A over the period, divided by T (rows, columns)."""
-        return self.series.mean()
-
-    def derivative(self) -> "ResolvedMatrix":
-        """A'(t) inside the panels; its error: that of A times the rate of the fastest wave or polynomial (Markov's inequality)."""
-        if isinstance(self.series, FourierSeries):
-            rate = 2 * np.pi / self.period * max(self.degree, 1)
-        else:
-            rate = 2 * max(self.degree, 1) ** 2 / float(np.diff(self.edges).min())
-        return ResolvedMatrix(self.series.derivative(), self.breaks, self.found, self.error * rate, self.samples)
-
-    def pieces(self, edges: Array | None = None) -> ChebyshevPanels:
-        """Give A as polynomials on panels, which contain the edges given and none of A's edges inside.
-
-        Parameters: edges: increasing times from 0 to T that must be edges of panels.
-        Returns: panels whose coefficients (P, K, rows, columns) are padded with zeros to a common K.
-        """
-        wanted = self.edges if edges is None else np.union1d(self.edges, real_array("edges", edges, (None,)))
-        if wanted[0] != 0 or wanted[-1] != self.period:
-            raise ArgumentError("edges leave the period", got=f"{wanted[0]} to {wanted[-1]}", expected=f"0 to {self.period}")
-        if isinstance(self.series, ChebyshevPanels):
-            if len(wanted) == len(self.edges):
-                return self.series
-            count = self.degree + 1
-        else:
-            wanted, count = _divided(wanted, self.period * WAVES / max(self.degree, 1)), NODES
-        values = self.series(panel_times(wanted[:-1], wanted[1:], count).ravel())
-        flat = chebyshev_coefficients(values.reshape(len(wanted) - 1, count, -1))
-        return ChebyshevPanels(wanted, flat.reshape(*flat.shape[:2], *self.shape))
 
 
 def resolve(
@@ -177,39 +83,41 @@ def resolve(
     if np.any(pairs[:, 1] <= 0):
         raise ArgumentError("a feature has no width", got=pairs[:, 1].tolist(), expected="widths greater than 0")
     sample = Sampler(A, period)
+    about = [centre + 4 * width * (2 * stratified(64) - 1) for centre, width in pairs]
+    checks = CheckPoints(sample, np.concatenate([period * stratified(FEW if complete else CHECKS), *about]))
     if not len(named) and not len(pairs):
-        fit = fit_fourier(sample, tol, None if complete else stratified(CHECKS))
+        fit = fit_fourier(sample, tol, None if complete else checks)
         if fit is not None:
             series = FourierSeries(fit.coefficients.reshape(-1, *_shape(sample)), period)
             need_repetition(sample, series, period * stratified(3 if complete else 7), fit.allowed)
             return ResolvedMatrix(series, (), (), fit.error.reshape(_shape(sample)), sample.count)
-    return _on_panels(sample, named, pairs, FEW if complete else CHECKS, tol)
+    return _on_panels(sample, named, pairs, checks, tol)
 
 
-def _on_panels(sample: Sampler, named: Array, pairs: Array, checks: int, tol: float) -> ResolvedMatrix:
+def _on_panels(sample: Sampler, named: Array, pairs: Array, checks: CheckPoints, tol: float) -> ResolvedMatrix:
     """Resolve by panels, judge the period, and collect."""
     T = sample.period
     sample(T * stratified(PARTS))
-    start, about = _start(T, named, pairs), [centre + 4 * width * (2 * stratified(64) - 1) for centre, width in pairs]
-    resolver = PanelResolver(sample, tol, start, named, np.concatenate([T * stratified(checks), *about]))
+    resolver = PanelResolver(sample, tol, _start(T, named, pairs), named, checks)
     resolver.run()
     done = resolver.done
-    rough, jumps = resolver.singular()
+    rough, jumps = resolver.rough()
     found = tuple(
         Discontinuity(float(t), "jump" if jump else "kink")
         for t, jump in zip(rough, jumps, strict=True)
         if not np.any(np.abs(named - t) <= 4 * np.finfo(float).eps * T)
     )
-    allowed = resolver.allowed(done).max(axis=0)
-    shown = np.flatnonzero(np.any(np.abs(done.coefficients) > np.finfo(float).eps / 2 * sample.scale, axis=(0, 2)))
-    degree = int(shown[-1]) if len(shown) else 0
+    allowed = left_over(done, sample, tol).max(axis=0)
+    degree = shown_degree(done, sample.scale)
     coefficients = done.coefficients[:, : degree + 1].reshape(len(done.begin), degree + 1, *_shape(sample))
     series = ChebyshevPanels(np.append(done.begin, T), coefficients)
-    narrow = np.argsort(done.end - done.begin)[:32]
-    times = np.sort(done.begin[narrow] + 0.38 * (done.end - done.begin)[narrow])
+    narrow = np.argsort(done.width)[:32]
+    times = np.sort(done.begin[narrow] + 0.38 * done.width[narrow])
     need_repetition(sample, series, np.concatenate([times, T * stratified(7)]), allowed, rough)
     places = np.union1d(named, [place.time for place in found])
-    return ResolvedMatrix(series, tuple(places.tolist()), found, resolver.error().reshape(_shape(sample)), sample.count)
+    return ResolvedMatrix(
+        series, tuple(places.tolist()), found, panel_error(done, sample, tol).reshape(_shape(sample)), sample.count
+    )
 
 
 def _start(period: float, named: Array, pairs: Array) -> Array:
@@ -221,14 +129,7 @@ def _start(period: float, named: Array, pairs: Array) -> Array:
     close &= ~np.isin(edges, [0.0, *named])
     if np.any(np.diff(edges[~close])[-1:] < 1e-11 * period):
         close[np.flatnonzero(~close)[-2]] = True
-    return _divided(edges[~close], period / PARTS)
-
-
-def _divided(edges: Array, longest: float) -> Array:
-    """Divide intervals evenly until none is longer."""
-    counts = [math.ceil((b - a) / longest * (1 - 1e-12)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
-    parts = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(edges[:-1], edges[1:], counts, strict=True)]
-    return np.concatenate([*parts, edges[-1:]])
+    return divided(edges[~close], period / PARTS)
 
 
 def _times_in(name: str, times: Array, period: float) -> Array:

@@ -10,6 +10,8 @@ from flexlin.errors import ArgumentError
 
 CHUNK = 2**23
 """Bytes of samples that one call of the coefficient may return."""
+KEPT = 2**26
+"""Bytes of samples at check points that are kept."""
 GOLDEN = (np.sqrt(5) - 1) / 2
 
 
@@ -58,7 +60,7 @@ class Sampler:
             self.scale = np.zeros(values.shape[1] * values.shape[2])
         if values.dtype.kind in "iu":
             self._need_constant(values)
-        rows = values.reshape(len(t), -1).astype(float, copy=False)
+        rows = values.reshape(len(t), values.shape[1] * values.shape[2]).astype(float, copy=False)
         if not np.isfinite(rows.sum()) and not np.all(np.isfinite(rows)):
             first, entry = np.argwhere(~np.isfinite(rows))[0]
             place = tuple(int(i) for i in np.unravel_index(entry, self.shape))
@@ -80,6 +82,27 @@ class Sampler:
                 expected="floating-point numbers",
                 todo="fill an array of floats: one of integers cuts off what is assigned to it",
             )
+
+
+class CheckPoints:
+    """Increasing times in [0, T) at which a representation is compared with A; the samples are kept where memory allows."""
+
+    def __init__(self, sample: Sampler, t: Array):
+        self.sample, self.t = sample, np.unique(np.mod(t, sample.period))
+        self._kept: Array | None = None
+
+    def values(self, t: Array) -> Array:
+        """A at times t, among them check points: (N, E)."""
+        if 8 * len(self.t) * len(self.sample.scale) > KEPT:
+            return self.sample(t)
+        if self._kept is None:
+            self._kept = self.sample(self.t)
+        place = np.clip(np.searchsorted(self.t, t), 0, len(self.t) - 1)
+        known = self.t[place] == t
+        values = self._kept[place]
+        if not known.all():
+            values[~known] = self.sample(t[~known])
+        return values
 
 
 @lru_cache(maxsize=16)
