@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.fourier import real_fourier_coefficients, fourier_nodes, fourier_waves
+from flexlin.periodic.fourier import fourier_nodes, fourier_waves, real_fourier_coefficients
 from flexlin.periodic.noise import noise_level
 from flexlin.periodic.sampling import CheckPoints, Sampler, stratified
 
@@ -52,7 +52,9 @@ def fit_fourier(sample: Sampler, tol: float, checks: CheckPoints | None) -> Four
                 noise = _noise(sample)
                 allowed = _allowed(sample.scale, size, tol, noise)
             if np.all(deviation <= 2 * allowed):
-                return FourierFit(trimmed, allowed, _error(deviation, size, sample.scale))
+                return FourierFit(
+                    trimmed, allowed, _error((6 if checks is None else 3) * deviation, size, sample.scale)
+                )
         last, worst = worst, float(excess.max())
         if count >= MOST or (count >= SURE and (worst > last / FALL or worst <= 1)):
             return None
@@ -131,5 +133,5 @@ def _few_waves(count: int) -> Array:
 
 
 def _error(deviation: Array, size: Array, scale: Array) -> Array:
-    """Three times the largest deviation seen, what the last harmonics would add, and the rounding of one evaluation."""
-    return np.asarray(3 * deviation + 2 * size[-max(4, len(size) // 4) :].sum(axis=0) + 4 * EPS * scale)
+    """A multiple of the largest deviation seen, what the last harmonics would add, and the rounding of one evaluation (E,)."""
+    return np.asarray(deviation + 2 * size[-max(4, len(size) // 4) :].sum(axis=0) + 4 * EPS * scale)
