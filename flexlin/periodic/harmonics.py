@@ -16,7 +16,8 @@ FALL = 30.0
 """Factor by which the last harmonics must fall on doubling, beyond SURE."""
 SIGMAS = 6.0
 """Standard deviations of measured noise that count as agreement."""
-FEW_CHECKS = 16
+FEW_CHECKS, FEW_FACTOR = 16, 6
+"""Check points where narrow features are named, and the multiple of the largest deviation at them that is stated as error."""
 EPS, TINY = np.finfo(float).eps, 1e-290
 
 
@@ -52,9 +53,8 @@ def fit_fourier(sample: Sampler, tol: float, checks: CheckPoints | None) -> Four
                 noise = _noise(sample)
                 allowed = _allowed(sample.scale, size, tol, noise)
             if np.all(deviation <= 2 * allowed):
-                return FourierFit(
-                    trimmed, allowed, _error((6 if checks is None else 3) * deviation, size, sample.scale)
-                )
+                deviation *= FEW_FACTOR if checks is None else 3
+                return FourierFit(trimmed, allowed, _error(deviation, size, sample.scale))
         last, worst = worst, float(excess.max())
         if count >= MOST or (count >= SURE and (worst > last / FALL or worst <= 1)):
             return None
@@ -133,5 +133,6 @@ def _few_waves(count: int) -> Array:
 
 
 def _error(deviation: Array, size: Array, scale: Array) -> Array:
-    """A multiple of the largest deviation seen, what the last harmonics would add, and the rounding of one evaluation (E,)."""
-    return np.asarray(deviation + 2 * size[-max(4, len(size) // 4) :].sum(axis=0) + 4 * EPS * scale)
+    """A multiple of the largest deviation seen, what the last harmonics would add, and the rounding of A and of one evaluation (E,)."""
+    last = size[-max(4, len(size) // 4) :].sum(axis=0)
+    return np.asarray(deviation + 2 * last + _rounding(size) + 4 * EPS * scale)
