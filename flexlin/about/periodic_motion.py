@@ -11,7 +11,7 @@ from flexlin.about.linear import Linearization, along_motion, feedback_gains
 from flexlin.checks import Array, positive
 from flexlin.errors import MotionError, NumericalError, ToleranceNotReached
 from flexlin.motion import SymbolicMotion
-from flexlin.periodic.fourier import FourierSeries, differentiation
+from flexlin.periodic.fourier import FourierSeries, fourier_differentiation
 from flexlin.periodic.system import MatrixFunction
 
 POINTS = (33, 65, 129, 257, 513)
@@ -111,7 +111,7 @@ def periodic_motion(
             error = float(np.abs(y(t) - before(t)[:, : lin.n]).max() / size)
             if error <= tol:
                 return PeriodicMotion(lin, y, torque, error, f"converged on {points} points")
-        before = FourierSeries(np.concatenate([y.values, torque.values], axis=1), lin.period)
+        before = FourierSeries.through(np.concatenate([y.values, torque.values], axis=1), lin.period)
     if error > 0.01:
         raise ToleranceNotReached(
             "the periodic motion is not resolved",
@@ -164,7 +164,7 @@ def solve_at(
     """Solve the equations at N times by Newton's method, from the rigid motion or from a coarser solution."""
     n, m, T = lin.n, len(lin.driven), lin.period
     t = T * np.arange(points) / points
-    first = differentiation(points, T)
+    first = fourier_differentiation(points, T)
     second = first @ first
     gains = np.swapaxes(gain(t), 1, 2).reshape(points, -1)
     place = place_on_motion(lin, t)
@@ -180,7 +180,7 @@ def solve_at(
         step = np.linalg.solve(J.reshape(z.size, z.size), F.reshape(-1)).reshape(z.shape)
         z = z - step
         if linear or np.abs(step[:, :n]).max() <= 1e-11 * max(np.abs(z[:, :n]).max(), 1e-12):
-            return FourierSeries(z[:, :n], T), FourierSeries(z[:, n:], T)
+            return FourierSeries.through(z[:, :n], T), FourierSeries.through(z[:, n:], T)
         if not np.all(np.abs(z) < 1e8):
             break
     raise NumericalError(

@@ -52,7 +52,7 @@ def coefficients(closed: Linearization) -> list[Row]:
 
 def from_samples(system: PeriodicSystem, at: Array, t: Array) -> Array:
     """A at the times t by the Fourier series through its samples at equidistant times."""
-    return FourierSeries(system.A(at), system.period)(t)
+    return FourierSeries.through(system.A(at), system.period)(t)
 
 
 def transition(system: PeriodicSystem, setting: Setting) -> Array:

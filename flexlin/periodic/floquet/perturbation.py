@@ -54,7 +54,11 @@ def spectrum_motion(form: PeriodicSchur, factors: Array, better: Array, noise: A
     couplings = np.abs(method).sum(axis=0)
     by_method = np.maximum(np.abs(shift), CANCELLED * np.diagonal(couplings))
     by_method += second_order(couplings, np.abs(shift), form.logs, shared)
-    by_rounding = np.diagonal(rounding) + second_order(rounding, np.diagonal(rounding), form.logs, shared) + 4 * EPS * np.abs(form.logs)
+    by_rounding = (
+        np.diagonal(rounding)
+        + second_order(rounding, np.diagonal(rounding), form.logs, shared)
+        + 4 * EPS * np.abs(form.logs)
+    )
     return Motion(shift, by_method, by_rounding)
 
 
@@ -72,7 +76,10 @@ def shared_bounds(coupling: Array, shared: Array) -> Array:
     """Elsner's bound (|N| + |E|)^(1 - 1/m) |E|^(1/m) for each block of m multipliers that N couples; zero elsewhere."""
     bound = np.zeros(len(shared))
     linked = shared + shared.T > 0
-    for members in {tuple(np.flatnonzero(row | own).tolist()) for row, own in zip(linked, np.eye(len(shared), dtype=bool), strict=True)}:
+    for members in {
+        tuple(np.flatnonzero(row | own).tolist())
+        for row, own in zip(linked, np.eye(len(shared), dtype=bool), strict=True)
+    }:
         if len(members) > 1:
             block, m = np.ix_(members, members), len(members)
             E, N = np.linalg.norm(coupling[block]), np.linalg.norm(shared[block])

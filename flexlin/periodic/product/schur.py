@@ -8,7 +8,7 @@ from scipy.linalg import schur as schur_form
 from scipy.linalg.lapack import dgeqrf, dorgqr
 
 from flexlin.checks import Array
-from flexlin.periodic.product.eigenvalues import CLEAN, clusters, log_moduli, triangularized
+from flexlin.periodic.product.eigenvalues import CLEAN, find_clusters, sum_log_moduli, triangularize
 
 DISORDER = 5.0
 """Logs of moduli may rise by this much from one mode to the next: they lie in one cluster then."""
@@ -58,7 +58,7 @@ def periodic_schur(factors: Array, start: Array | None = None) -> PeriodicSchur:
     Q, R = ordered_bases(factors, np.eye(n) if start is None else start)
     Q0 = Q[0]
     W = Q[0].T @ Q[-1]
-    cuts, coupling, _ = clusters(W, R, CLEAN * n)
+    cuts, coupling, _ = find_clusters(W, R, CLEAN * n)
     U, turn, T, dropped = np.zeros(Q.shape, complex), np.ones(n, complex), R.astype(complex), 0.0
     for a, b in pairwise(cuts):
         part = slice(a, b)
@@ -80,10 +80,10 @@ def without_zeros(T: Array) -> Array:
 
 def ordered_bases(factors: Array, start: Array) -> tuple[Array, Array]:
     """Sweep to convergence; where a start in an invariant subspace left the moduli out of order, once more from a turned one."""
-    Q, R = chain_of_bases(factors, triangularized(factors, start, CLEAN)[3])
-    if np.any(np.diff(log_moduli(R)) > DISORDER):
+    Q, R = chain_of_bases(factors, triangularize(factors, start, CLEAN)[3])
+    if np.any(np.diff(sum_log_moduli(R)) > DISORDER):
         turned = np.linalg.qr(np.random.default_rng(1931).standard_normal(start.shape))[0]
-        Q, R = chain_of_bases(factors, triangularized(factors, Q[0] @ turned, CLEAN)[3])
+        Q, R = chain_of_bases(factors, triangularize(factors, Q[0] @ turned, CLEAN)[3])
     return Q, R
 
 
@@ -109,7 +109,9 @@ def triangular_bases(B: Array, W: Array) -> tuple[Array, Array, float]:
     size = np.abs(np.diagonal(T, axis1=-2, axis2=-1)).min(axis=-1) + TINY
     closure = np.conj(U0.T) @ W @ U[-1]
     turn = np.diagonal(closure) / np.abs(np.diagonal(closure))
-    missed = max(float((np.abs(np.tril(T, -1)).max(axis=(-2, -1)) / size).max()), float(np.abs(closure - np.diag(turn)).max()))
+    missed = max(
+        float((np.abs(np.tril(T, -1)).max(axis=(-2, -1)) / size).max()), float(np.abs(closure - np.diag(turn)).max())
+    )
     return U, turn, missed
 
 
