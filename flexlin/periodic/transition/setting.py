@@ -57,10 +57,12 @@ def factor_by_gauss(system: PeriodicSystem, grid: Array, order: int) -> Array:
 
 
 def factor_by_magnus(system: PeriodicSystem, grid: Array, order: int) -> Array:
+    """The Magnus series of order 4 or 6."""
     return magnus_transitions(system.A, grid, order)
 
 
 def factor_by_radau(system: PeriodicSystem, grid: Array, order: int) -> Array:
+    """Radau IIA collocation of odd order."""
     return radau_transitions(system.A, grid, (order + 1) // 2)
 
 
@@ -135,6 +137,7 @@ def measure_rates(system: PeriodicSystem) -> tuple[float, float, float]:
 
 
 def report_too_many(wanted: float, limit: int, tol: float) -> TooManySegments:
+    """The error that names how many segments tol needs."""
     return TooManySegments(
         f"tol {tol:.1e} needs about {wanted:.2g} segments of the period",
         got=f"{wanted:.2g}",
