@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.product.eigenvectors import eigenvector_chain
 from flexlin.periodic.product.schur import PeriodicSchur
 
@@ -39,7 +40,7 @@ def spectrum_motion(form: PeriodicSchur, factors: Array, better: Array, noise: A
 
     Parameters: form: of `factors` (K, n, n); better: the same factors by a more accurate method;
     noise (K, n, n): bounds on the integrals of |dA(t)| over each factor, dA what A is not known by.
-    Source: Stewart, Sun, Matrix Perturbation Theory (1990), IV.1.3, V.2; for products Benner, Mehrmann, Xu, SIAM J. Matrix Anal. Appl. 23 (2002).
+    Source: Stewart, Sun, Matrix Perturbation Theory (1990), IV.1.3, V.2; for products Benner, Mehrmann, Xu (2002).
     """
     right, left, shared = eigenvector_chain(form)
     growth = form.diagonal[:, :, None]
@@ -51,28 +52,33 @@ def spectrum_motion(form: PeriodicSchur, factors: Array, better: Array, noise: A
     rounding = np.maximum(np.sqrt((rounding**2).sum(axis=0)), COHERENT * rounding.sum(axis=0))
     rounding += form.defect * length_left[0][:, None] * length_right[0]
     shift = np.diagonal(method, axis1=1, axis2=2).sum(axis=0)
+    gap = measure_distances(form.logs, form.logs)
     couplings = np.abs(method).sum(axis=0)
     by_method = np.maximum(np.abs(shift), CANCELLED * np.diagonal(couplings))
-    by_method += second_order(couplings, np.abs(shift), form.logs, shared)
+    by_method += bound_pairs(couplings, np.abs(shift), gap, shared)
     by_rounding = (
         np.diagonal(rounding)
-        + second_order(rounding, np.diagonal(rounding), form.logs, shared)
+        + bound_pairs(rounding, np.diagonal(rounding), gap, shared)
         + 4 * EPS * np.abs(form.logs)
     )
     return Motion(shift, by_method, by_rounding)
 
 
-def second_order(coupling: Array, own: Array, logs: Array, shared: Array) -> Array:
-    """What pairs of multipliers do to each other beyond first order, (n,); `own` (n,): their first-order motion, which may close gaps."""
-    gap = np.maximum(np.abs(circle_distance(logs)) - own[:, None] - own, 0.0)
+def bound_pairs(coupling: Array, own: Array, gap: Array, shared: Array) -> Array:
+    """What pairs of eigenvalues do to each other beyond first order, (n,).
+
+    Parameters: coupling (n, n): of the perturbation in the eigenvectors' coordinates; own (n,): first-order motions, which may
+    close gaps; gap (n, n): distances of the eigenvalues; shared (n, n): couplings left between equal ones.
+    """
+    gap = np.maximum(gap - own[:, None] - own, 0.0)
     product = coupling * coupling.T
     np.fill_diagonal(product, 0.0)
     size = np.sqrt(product)
     pairs = np.where(size > CLOSE * gap, 2 * size, product / np.maximum(gap, np.finfo(float).tiny))
-    return pairs.sum(axis=1) + shared_bounds(coupling, np.abs(shared))
+    return pairs.sum(axis=1) + bound_shared(coupling, np.abs(shared))
 
 
-def shared_bounds(coupling: Array, shared: Array) -> Array:
+def bound_shared(coupling: Array, shared: Array) -> Array:
     """Elsner's bound (|N| + |E|)^(1 - 1/m) |E|^(1/m) for each block of m multipliers that N couples; zero elsewhere."""
     bound = np.zeros(len(shared))
     linked = shared + shared.T > 0
@@ -85,9 +91,3 @@ def shared_bounds(coupling: Array, shared: Array) -> Array:
             E, N = np.linalg.norm(coupling[block]), np.linalg.norm(shared[block])
             bound[list(members)] = np.maximum(bound[list(members)], (N + E) ** (1 - 1 / m) * E ** (1 / m))
     return bound
-
-
-def circle_distance(logs: Array) -> Array:
-    """log_i - log_j with imaginary parts in [-pi, pi), (n, n)."""
-    apart = logs[:, None] - logs
-    return apart.real + 1j * (np.remainder(apart.imag + np.pi, 2 * np.pi) - np.pi)

@@ -63,3 +63,18 @@ def periodic_solution(S: Array, total: Array) -> tuple[Array, Array]:
     X = np.linalg.solve(system, right[:, :, None])[:, :, 0].T + np.eye(n)
     N = np.where(same, S @ np.triu(X * r) - X, 0)
     return X, N
+
+
+def separate_triangular(T: Array) -> tuple[Array, Array]:
+    """X unit upper triangular with T X = X diag(t) + N: eigenvectors of an upper triangular matrix, N left between equal eigenvalues.
+
+        (t_j - t_i) X_ji + sum_(j < l < i) T_jl X_li = -T_ji      for j < i
+    """
+    n, t = len(T), np.diagonal(T)
+    upper = np.triu(np.ones((n, n), bool), 1)
+    same = upper & (np.abs(t[:, None] - t) <= SAME * np.maximum(np.abs(t[:, None]), np.abs(t)))
+    free = (upper & ~same).T
+    rows, columns = free[:, :, None], free[:, None, :]
+    system = np.where(rows, np.where(columns, T - t[:, None, None] * np.eye(n), 0), np.eye(n))
+    X = np.linalg.solve(system, np.where(free, -T.T, 0)[:, :, None])[:, :, 0].T + np.eye(n)
+    return X, np.where(same, T @ X - X * t, 0)

@@ -86,6 +86,27 @@ def second_order_transitions(second: SecondOrder, edges: Array, stages: int) -> 
     return collect_chunks(part, edges, rule)
 
 
+def companion_transitions(A: MatrixFunction, edges: Array, stages: int) -> Array:
+    """Transition matrices of x' = A(t) x for A = [[0, I], [X, Y]], collocated in the accelerations y'' = X y + Y y'.
+
+    As `second_order_transitions` with M = I, D = -Y, K = -X.
+    """
+    rule = gauss(stages)
+    h = np.diff(edges)
+
+    def part(t: Array, k: slice) -> Array:
+        lower = -lower_half(sample_at(A, t))
+        n = lower.shape[-2]
+        return collocate_accelerations(None, lower[..., n:], lower[..., :n], h[k], rule)
+
+    return collect_chunks(part, edges, rule)
+
+
+def lower_half(A: Array) -> Array:
+    """The rows of the accelerations, (..., n, 2n)."""
+    return A[..., A.shape[-2] // 2 :, :]
+
+
 def sample_at(A: MatrixFunction, t: Array) -> Array:
     """Sample a coefficient at times of any shape: (..., n, m)."""
     return fold_samples(A(t.ravel()), t)
@@ -140,17 +161,17 @@ def solve_stages(hA: Array, rule: Tableau, right: Array) -> Array:
     return np.linalg.solve(G, right.reshape(*right.shape[:-3], s * n, r)).reshape(right.shape)
 
 
-def collocate_accelerations(M: Array, D: Array, K: Array, h: Array, rule: Tableau) -> Array:
-    """Transition matrices (..., 2n, 2n) from stage samples M, D, K (..., s, n, n) and lengths h (...)."""
-    s, n = M.shape[-3:-1]
-    lead = M.shape[:-3]
+def collocate_accelerations(M: Array | None, D: Array, K: Array, h: Array, rule: Tableau) -> Array:
+    """Transition matrices (..., 2n, 2n) from stage samples M (None: I), D, K (..., s, n, n) and lengths h (...)."""
+    s, n = K.shape[-3:-1]
+    lead = K.shape[:-3]
     h = h[..., None, None, None]
     # unknowns coordinate by coordinate, stage by stage inside: NumPy's inner loops then run over the stages
     hD, hhK = (np.moveaxis(A, -3, -2)[..., None] for A in (h * D, h * h * K))
     G = rule.a[:, None, :] * hD
     G += (rule.a @ rule.a)[:, None, :] * hhK
     stage = np.arange(s)
-    G[..., stage, :, stage] += np.moveaxis(M, -3, 0)
+    G[..., stage, :, stage] += np.eye(n) if M is None else np.moveaxis(M, -3, 0)
     right = np.swapaxes(np.concatenate([K, D + rule.c[:, None, None] * (h * K)], axis=-1), -3, -2)
     try:
         w = -np.linalg.solve(G.reshape(*lead, n * s, n * s), right.reshape(*lead, n * s, 2 * n))
