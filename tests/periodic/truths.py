@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 
 import mpmath as mp
 import numpy as np
@@ -37,11 +38,11 @@ def perturbed_eigenvalues(matrix, entries, rng, trials=3):
     return exact, doubt
 
 
-def switched_exponents(matrices, durations):
-    """log(eig(exp(A_k d_k) ... exp(A_1 d_1))) / T of matrices and durations of doubles, with digits doubled until nothing changes."""
+def switched_exponents(matrices, edges):
+    """log(eig(exp(A_k d_k) ... exp(A_1 d_1))) / T, d = differences of the edges from 0 to T; digits are doubled until nothing changes."""
     digits, before = 60, None
     while True:
-        now = _switched(matrices, durations, digits)
+        now = product_exponents(matrices, edges, digits)
         if before is not None and np.abs(now - before).max() <= 1e-17 * max(1.0, np.abs(now).max()):
             return now
         if digits > 2000:
@@ -49,13 +50,14 @@ def switched_exponents(matrices, durations):
         digits, before = 2 * digits, now
 
 
-def _switched(matrices, durations, digits):
+def product_exponents(matrices, edges, digits):
+    """The same with a number of digits."""
     n = len(matrices[0])
     with mp.workdps(digits):
         product = np.array(mp.eye(n).tolist(), dtype=object).reshape(n, n)
-        for matrix, duration in zip(matrices, durations, strict=True):
-            product = exponential(matrix, mp.mpf(duration)).dot(product)
-        period = mp.fsum(mp.mpf(d) for d in durations)
+        for matrix, (a, b) in zip(matrices, pairwise(mp.mpf(float(e)) for e in edges), strict=True):
+            product = exponential(matrix, b - a).dot(product)
+        period = mp.mpf(float(edges[-1]))
         values = mp.eig(mp.matrix(product.tolist()), left=False, right=False)
         logs = [mp.log(v) if v != 0 else mp.mpc(-mp.inf) for v in values]
         return np.array(sorted((complex(v / period) for v in logs), key=lambda z: (z.real, abs(z.imag), z.imag)))
@@ -82,7 +84,10 @@ def exponential(matrix, duration):
 def gauss_tableau():
     """Gauss-Legendre nodes on [0, 1], the weights, and the matrix of integrals from 0 to each node, in extended precision."""
     with mp.workdps(40):
-        nodes = sorted((1 + mp.findroot(lambda x: mp.legendre(STAGES, x), float(x))) / 2 for x in np.polynomial.legendre.leggauss(STAGES)[0])
+        nodes = sorted(
+            (1 + mp.findroot(lambda x: mp.legendre(STAGES, x), float(x))) / 2
+            for x in np.polynomial.legendre.leggauss(STAGES)[0]
+        )
         powers = mp.matrix([[x**k for k in range(STAGES)] for x in nodes])
         integrals = mp.matrix([[x ** (k + 1) / (k + 1) for k in range(STAGES)] for x in nodes])
         ends = mp.matrix([[mp.mpf(1) / (k + 1) for k in range(STAGES)]])
@@ -95,7 +100,7 @@ def gauss_tableau():
 
 
 def panel_transitions(A, panels):
-    """Transition matrices over panels [a, b]: X_i = I + h sum_j S_ij A_j X_j, iterated (Picard). A takes extended times, (N,) -> (N, n, n)."""
+    """Transition matrices over panels: X_i = I + h sum_j S_ij A_j X_j, iterated (Picard); A takes extended times."""
     nodes, weights, inner = gauss_tableau()
     start, h = panels[:-1], np.diff(panels)
     samples = A((start[:, None] + h[:, None] * nodes).ravel())
@@ -142,11 +147,25 @@ def integrated(A, panels, period):
     rounded = np.einsum("kia,kab,kbi->i", last, HALF_ULP * weight.astype(float), first)
     arithmetic = 1e-18 * np.einsum("kia,kai->i", last, first)
     own = np.abs(np.einsum("ia,ai->i", y, x)) * sizes * period
-    return Truth(exponents, (rounded + arithmetic) / np.maximum(own, 1e-300))
+    return Truth(exponents, near_double(exponents, (rounded + arithmetic) / np.maximum(own, 1e-300), period))
+
+
+def near_double(exponents, doubt, period):
+    """Where two exponents are g apart and first order gives d > g / 4: sqrt(delta + d g) with delta = (g / 2)^2 instead."""
+    if len(exponents) == 1:
+        return doubt
+    apart = exponents[:, None] - exponents
+    w = 2 * np.pi / period
+    gap = np.abs(apart - 1j * w * np.round(apart.imag / w)) + np.diag(np.full(len(exponents), np.inf))
+    nearest = gap.min(axis=1)
+    root = 2 * np.sqrt(2 * doubt * nearest) + 1e-15 * (1 + np.abs(exponents) + 1 / period)
+    return np.where(doubt > nearest / 4, root, doubt)
 
 
 def as_mp(matrix):
-    return mp.matrix([[mp.mpf(np.format_float_scientific(v, precision=25, unique=False)) for v in row] for row in matrix])
+    return mp.matrix(
+        [[mp.mpf(np.format_float_scientific(v, precision=25, unique=False)) for v in row] for row in matrix]
+    )
 
 
 def as_complex(matrix):
