@@ -13,6 +13,7 @@ import json
 import sys
 import warnings
 from collections.abc import Iterator
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from math import ceil
 from multiprocessing import get_context
@@ -62,11 +63,12 @@ def heard(question: tuple[str, int]) -> Outcome:
 
 def outcomes(kinds: list[str], divisor: int, seed: int, workers: int) -> Iterator[tuple[str, list[Outcome]]]:
     """All outcomes of one kind after the other; a case depends on its kind and number only, not on the size of the jury."""
-    with get_context("fork").Pool(workers) as pool:
+    with get_context("fork").Pool(workers) if workers > 1 else nullcontext() as pool:
         for kind in kinds:
             count = ceil(COUNTS[kind] / divisor)
             questions = [(kind, 1_000_000 * seed + k) for k in range(count)]
-            yield kind, pool.map(heard, questions, chunksize=max(1, min(16, count // (4 * workers))))
+            chunk = max(1, min(16, count // (4 * workers)))
+            yield kind, [heard(q) for q in questions] if pool is None else pool.map(heard, questions, chunksize=chunk)
 
 
 def summed(kind: str, found: list[Outcome]) -> Row:

@@ -1,6 +1,7 @@
 """Hold an answer of the engine against the truth: does each claimed error cover the true one, and is the verdict right?"""
 
 import signal
+import threading
 from contextlib import contextmanager
 from dataclasses import dataclass
 from time import perf_counter
@@ -64,7 +65,7 @@ def judged(case: Case, answer=Case.answer, limit: float = 0.0) -> Outcome:
     errors, doubt, sizes = true_errors(case, np.asarray(result.exponents)[shown], int(shown.sum()))
     claims = np.where(np.isnan(claims[shown]), 0.0, claims[shown])
     floor = np.maximum(doubt, ROUNDING * np.maximum(1, sizes))
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         misses = np.where(errors > doubt, (errors - doubt) / claims, 0.0)
         over = (claims / errors)[errors > floor]
     reached = bool(np.all(claims <= 1.01 * case.tol * np.maximum(1, sizes)))
@@ -117,7 +118,7 @@ def patience(seconds):
     def end(number, frame):
         raise TimeoutError(f"no answer within {seconds:.0f} s")
 
-    if not seconds:
+    if not seconds or threading.current_thread() is not threading.main_thread():
         yield
         return
     before = signal.signal(signal.SIGALRM, end)

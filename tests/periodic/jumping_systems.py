@@ -173,6 +173,4 @@ def reference_pulse(tol=1e-9):
     def extended(t):
         return base - 6 * p(t)[:, None, None] * np.array([[0, 0], [1, 0]])
 
-    case = panelled(extended, 1.0, 2.0, tol, (), p.windows)
-    assert np.allclose(np.sort(case.exponents.real), [-1.33204116, 1.28204116], atol=1e-8)
-    return case
+    return panelled(extended, 1.0, 2.0, tol, (), p.windows)
