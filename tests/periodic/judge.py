@@ -62,10 +62,10 @@ def judged(case: Case, answer=Case.answer, limit: float = 0.0) -> Outcome:
         return Outcome(n, case.tol, verdict=result.verdict, wrong=wrong, seconds=seconds)
     claims = np.asarray(result.errors, float)
     shown = ~np.isinf(claims)
-    errors, doubt, sizes = true_errors(case, np.asarray(result.exponents)[shown], int(shown.sum()))
     claims = np.where(np.isnan(claims[shown]), 0.0, claims[shown])
+    errors, doubt, sizes = true_errors(case, np.asarray(result.exponents)[shown], claims)
     floor = np.maximum(doubt, ROUNDING * np.maximum(1, sizes))
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+    with np.errstate(all="ignore"):
         misses = np.where(errors > doubt, (errors - doubt) / claims, 0.0)
         over = (claims / errors)[errors > floor]
     reached = bool(np.all(claims <= 1.01 * case.tol * np.maximum(1, sizes)))
@@ -83,17 +83,20 @@ def judged(case: Case, answer=Case.answer, limit: float = 0.0) -> Outcome:
     )
 
 
-def true_errors(case, found, count):
-    """Errors of the exponents found, by the assignment of least total distance to the `count` true ones of largest real part.
+def true_errors(case, found, claims):
+    """Errors of the exponents found, held against as many true ones of largest real part; their doubts; their sizes.
 
-    Those without a claim are thereby held to lie below the others. Distances are modulo 2 pi i / T.
+    Those without a claim are thereby held to lie below the others. Distances are modulo 2 pi i / T. Of two assignments, of least
+    total distance and of least total distance / claim, the one that misses less counts.
     """
-    order = np.argsort(-case.exponents.real, kind="stable")[:count]
+    order = np.argsort(-case.exponents.real, kind="stable")[: len(found)]
     truth, doubt = case.exponents[order], case.doubt[order]
     w = 2 * np.pi / case.period
     apart = np.where(np.isfinite(found), found, 1e300)[:, None] - truth
     distance = np.abs(apart - 1j * w * np.round(apart.imag / w))
-    rows, columns = linear_sum_assignment(distance)
+    ratio = np.minimum(distance / np.maximum(np.asarray(claims)[:, None] + doubt, 1e-300), 1e15)
+    matchings = [linear_sum_assignment(cost) for cost in (distance, ratio)]
+    rows, columns = min(matchings, key=lambda match: ratio[match].max(initial=0.0))
     return distance[rows, columns], doubt[columns], np.abs(truth[columns])
 
 

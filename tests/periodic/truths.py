@@ -173,7 +173,7 @@ def as_complex(matrix):
 
 
 def panels_of(period, rate, corners=(), windows=()):
-    """Edges of panels: 64 or more, at most 0.5/rate long, at each corner, and `count` of them over each window (centre, half-width, count)."""
+    """Edges of panels: 64 or more, at most 0.5/rate long, at each corner, and `count` over each window (centre, half-width, count)."""
     edges = [np.linspace(0, period, max(64, int(np.ceil(2 * rate * period))) + 1), np.asarray(corners, float)]
     for centre, half, count in windows:
         inside = np.linspace(centre - half, centre + half, count + 1)
