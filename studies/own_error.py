@@ -58,7 +58,11 @@ def heard(question: tuple[str, int]) -> Outcome:
     """Make one case and judge the engine's answer."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return judged(draw(*question), limit=LIMIT)
+        try:
+            case = draw(*question)
+        except ArithmeticError as error:  # shown among the findings; the other cases still count
+            return Outcome(0, 0.0, crash=f"no truth: {error}")
+        return judged(case, limit=LIMIT)
 
 
 def outcomes(kinds: list[str], divisor: int, seed: int, workers: int) -> Iterator[tuple[str, list[Outcome]]]:

@@ -3,6 +3,8 @@
 The whole jury is heard by `studies/own_error.py`. FOUND holds cases on which an engine has failed.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -60,12 +62,12 @@ def test_reference_systems(make, tol):
     check(judged(make(tol)))
 
 
-def test_known_narrow_pulse_is_answered_when_its_place_is_named():
-    """With breaks around it the pulse is an interval of its own: then there is an answer, and it is near."""
+def test_a_narrow_pulse_is_answered_when_its_place_is_named():
+    """With breaks around it the pulse is an interval of its own: there is no reason to refuse."""
     case = reference_pulse()
-    system = fl.PeriodicSystem(case.A, case.period, breaks=(0.0, 0.3 - 2e-3, 0.3, 0.3 + 2e-3))
-    result = fl.floquet(system, tol=1e-8)
-    np.testing.assert_allclose(np.sort(result.exponents.real), [-1.33204116, 1.28204116], atol=2e-8)
+    outcome = judged(replace(case, breaks=(0.0, 0.3 - 2e-3, 0.3, 0.3 + 2e-3)))
+    check(outcome)
+    assert not outcome.refusal
 
 
 @pytest.mark.parametrize("seed", range(6))

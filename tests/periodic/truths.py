@@ -41,13 +41,24 @@ def perturbed_eigenvalues(matrix, entries, rng, trials=3):
 def switched_exponents(matrices, edges):
     """log(eig(exp(A_k d_k) ... exp(A_1 d_1))) / T, d = differences of the edges from 0 to T; digits are doubled until nothing changes."""
     digits, before = 60, None
-    while True:
+    while digits < 4000:
         now = product_exponents(matrices, edges, digits)
-        if before is not None and np.abs(now - before).max() <= 1e-17 * max(1.0, np.abs(now).max()):
-            return now
-        if digits > 2000:
-            raise ArithmeticError("the product of exponentials does not settle")
+        if before is not None and settled(before, now, edges[-1]):
+            return np.array([complex(v) for v in now])
         digits, before = 2 * digits, now
+    raise ArithmeticError("the product of exponentials does not settle")
+
+
+def settled(before, now, period):
+    """Whether each exponent has one before within 1e-22 modulo 2 pi i / T, relative beyond 1/s."""
+    with mp.workdps(40):
+        turn = 2 * mp.pi / mp.mpf(float(period))
+
+        def distance(a, b):
+            turns = mp.nint((a - b).imag / turn)
+            return abs(a - b - mp.mpc(0, turns * turn)) / max(1, abs(a))
+
+        return all(min(distance(a, b) for b in before) < 1e-22 for a in now)
 
 
 def product_exponents(matrices, edges, digits):
@@ -57,10 +68,8 @@ def product_exponents(matrices, edges, digits):
         product = np.array(mp.eye(n).tolist(), dtype=object).reshape(n, n)
         for matrix, (a, b) in zip(matrices, pairwise(mp.mpf(float(e)) for e in edges), strict=True):
             product = exponential(matrix, b - a).dot(product)
-        period = mp.mpf(float(edges[-1]))
         values = mp.eig(mp.matrix(product.tolist()), left=False, right=False)
-        logs = [mp.log(v) if v != 0 else mp.mpc(-mp.inf) for v in values]
-        return np.array(sorted((complex(v / period) for v in logs), key=lambda z: (z.real, abs(z.imag), z.imag)))
+        return [mp.log(v) / mp.mpf(float(edges[-1])) for v in values]
 
 
 def exponential(matrix, duration):
