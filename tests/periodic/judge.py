@@ -92,7 +92,7 @@ def true_errors(case, found, claims):
     order = np.argsort(-case.exponents.real, kind="stable")[: len(found)]
     truth, doubt = case.exponents[order], case.doubt[order]
     w = 2 * np.pi / case.period
-    apart = np.where(np.isfinite(found), found, 1e300)[:, None] - truth
+    apart = np.where(np.isfinite(found), found, 1e30)[:, None] - truth
     distance = np.abs(apart - 1j * w * np.round(apart.imag / w))
     ratio = np.minimum(distance / np.maximum(np.asarray(claims)[:, None] + doubt, 1e-300), 1e15)
     matchings = [linear_sum_assignment(cost) for cost in (distance, ratio)]
