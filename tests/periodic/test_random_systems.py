@@ -1,10 +1,14 @@
 """The jury itself: truths found in two ways agree within their doubts, and the judge catches a liar."""
 
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
+from tests.periodic.chains import Real
 from tests.periodic.judge import judged, true_errors
 from tests.periodic.jumping_systems import reference_jump, reference_pulse
 from tests.periodic.non_normal_systems import reference_non_normal
@@ -46,13 +50,65 @@ def test_products_of_exponentials_are_those_of_panels(kind):
         assert miss(case, truth.exponents) <= 1e-16 + case.doubt.max() + truth.doubt.max()
 
 
+@pytest.mark.parametrize("kind", ["pulses", "jumps not named, smooth between", "undamped oscillators"])
+def test_panels_agree_with_a_runge_kutta_method(kind):
+    """DOP853 from one corner or narrow place to the next."""
+    for seed in range(4):
+        case = draw(kind, seed)
+        n, P = len(case.exponents), np.eye(len(case.exponents))
+        for a, b in pairwise(stops(case)):
+            inside = partial(slope, case.A, n, a, b)
+            P = solve_ivp(inside, (a, b), P.ravel(), "DOP853", rtol=1e-13, atol=1e-14).y[:, -1].reshape(n, n)
+        found = np.log(np.linalg.eigvals(P).astype(complex)) / case.period
+        leading = found[found.real > found.real.max() - 7 / case.period]  # a monodromy matrix loses the others
+        assert miss(case, leading) <= 1e-10
+
+
+def slope(A, n, a, b, t, x):
+    """A x on [a, b): at b the value of this side."""
+    return (A(np.array([min(t, np.nextafter(b, a))]))[0] @ x.reshape(n, n)).ravel()
+
+
+def stops(case, count=4001):
+    """Where A jumps, to the last double, and where it is narrow: edges of the cells of a grid in which it changes by a hundredth."""
+    t = np.linspace(0, np.nextafter(case.period, 0), count)
+    values = case.A(t)
+    changed = np.abs(np.diff(values, axis=0)).max(axis=(1, 2)) > 0.01 * np.abs(values).max()
+    found = [0.0, case.period, *np.linspace(0, case.period, 17)]
+    for k in np.flatnonzero(changed):
+        found += [t[k], t[k + 1], jump(case.A, t[k], t[k + 1])]
+    return np.unique(found)
+
+
+def jump(A, a, b):
+    """The place of the greater change, by bisection to the last double."""
+    left, right = A(np.array([a])), A(np.array([b]))
+    while np.nextafter(a, b) < b:
+        c = a + (b - a) / 2
+        middle = A(np.array([c]))
+        if np.abs(middle - left).max() > np.abs(right - middle).max():
+            b, right = c, middle
+        else:
+            a, left = c, middle
+    return b
+
+
 def test_known_answers():
     np.testing.assert_allclose(np.sort(reference_pulse().exponents.real), [-1.33204116, 1.28204116], atol=5e-9)
+    mathieu = integrated(mathieu_one_fifth, panels_of(np.pi, 2.0), np.pi)
+    np.testing.assert_allclose(np.sort(mathieu.exponents.real), np.array([-1, 1]) * 0.099536437275513447, rtol=1e-15)
     np.testing.assert_allclose(reference_jump().exponents.real, -0.05, atol=1e-15)
     np.testing.assert_allclose(np.abs(reference_jump().exponents.imag), 1.1982763, atol=5e-8)
     np.testing.assert_allclose(
         np.sort(eigenvalues(reference_non_normal().A(np.zeros(1))[0]).real), [-4, -3, -2, -1], rtol=1e-15
     )
+
+
+def mathieu_one_fifth(t):
+    """x'' + (1 - 0.4 cos 2t) x = 0."""
+    A = np.zeros((len(t), 2, 2), Real)
+    A[:, 0, 1], A[:, 1, 0] = 1, Real("0.4") * np.cos(2 * t) - 1
+    return A
 
 
 def test_every_kind_is_counted_and_drawn_the_same_twice():
