@@ -16,7 +16,29 @@ from tests.periodic.non_normal_systems import reference_non_normal
 from tests.periodic.random_systems import COUNTS, draw
 
 SAMPLE = [(kind, 5_000_000 + k) for kind in COUNTS for k in range(3)]
-FOUND = []
+FOUND = [
+    ("non-normal switched", 28),
+    ("pulses", 26),
+    ("pulses", 74),
+    ("pulses", 113),
+    ("jumps not named", 39),
+    ("jumps not named", 35),
+    ("jumps not named", 9),
+    ("jumps not named, smooth between", 47),
+    ("jumps not named, smooth between", 9),
+    ("Meissner not named", 20),
+    ("Meissner not named", 15),
+    ("jumps named", 17),
+    ("kinks not named", 59),
+    ("fixed settings", 108),
+    ("fixed settings", 83),
+    ("fixed settings", 115),
+    ("rotation", 143),
+    ("exponential", 167),
+    ("non-normal constant", 18),
+    ("non-normal, f(t) C", 18),
+    ("non-normal, f(t) C", 13),
+]
 MUST_ANSWER = (
     "rotation",
     "shear",
