@@ -98,7 +98,7 @@ class FourierSeries:
     @property
     def tail(self) -> float:
         """The size of the two highest harmonics against the largest value: what the series would miss with fewer points."""
-        mean, cosine, sine = np.split(self.coefficients, [1, self.harmonics + 1])
+        _, cosine, sine = np.split(self.coefficients, [1, self.harmonics + 1])
         highest = max(np.abs(cosine[-2:]).max(initial=0.0), np.abs(sine[-2:]).max(initial=0.0))
         return float(highest / max(np.abs(self.values).max(), np.finfo(float).tiny))
 
@@ -118,7 +118,7 @@ class FourierSeries:
         """The derivative by time."""
         H = self.harmonics
         rate = (2 * np.pi / self.period * np.arange(1, H + 1)).reshape(-1, *[1] * (self.coefficients.ndim - 1))
-        mean, cosine, sine = np.split(self.coefficients, [1, H + 1])
+        _, cosine, sine = np.split(self.coefficients, [1, H + 1])
         return FourierSeries(np.concatenate([np.zeros_like(mean), rate * sine, -rate * cosine]), self.period)
 
     def mean(self) -> Array:

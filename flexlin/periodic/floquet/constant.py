@@ -17,7 +17,7 @@ BACKWARD = 3.0
 def solve_constant(system: PeriodicSystem) -> tuple[Array, Array]:
     """Eigenvalues of A (n,) by falling real part, in 1/s, and bounds on their errors (n,).
 
-        |d lambda_i| <= eps |A| |l_i| |r_i|,   l_i^H r_i = 1, and what pairs of eigenvalues do to each other
+    |d lambda_i| <= eps |A| |l_i| |r_i|,   l_i^H r_i = 1, and what pairs of eigenvalues do to each other
     """
     A, scale = balance_factors(system.resolved(np.zeros(1)))
     T, Q = schur(A[0], output="complex")

@@ -57,9 +57,7 @@ def spectrum_motion(form: PeriodicSchur, factors: Array, better: Array, noise: A
     by_method = np.maximum(np.abs(shift), CANCELLED * np.diagonal(couplings))
     by_method += bound_pairs(couplings, np.abs(shift), gap, shared)
     by_rounding = (
-        np.diagonal(rounding)
-        + bound_pairs(rounding, np.diagonal(rounding), gap, shared)
-        + 4 * EPS * np.abs(form.logs)
+        np.diagonal(rounding) + bound_pairs(rounding, np.diagonal(rounding), gap, shared) + 4 * EPS * np.abs(form.logs)
     )
     return Motion(shift, by_method, by_rounding)
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.floquet.perturbation import Motion, spectrum_motion
+from flexlin.periodic.floquet.perturbation import spectrum_motion
 from flexlin.periodic.floquet.uncertainty import bound_uncertainty
 from flexlin.periodic.product.balancing import add_pairs, balance_factors, count_groupings, multiply_pairs
 from flexlin.periodic.product.schur import periodic_schur
@@ -22,7 +22,10 @@ GROWTH, SHRINK = 4.0, 1.25
 
 @dataclass(frozen=True)
 class SegmentedSpectrum:
-    """Logs of the multipliers (n,), by falling real part, their errors (n,), inf where unresolved, and the part that rounding has in them."""
+    """Logs of the multipliers (n,) by falling real part, their errors (n,), inf where unresolved, and rounding's part in these.
+
+    start (n, n): the bases of the slowest modes, from which a finer resolution begins.
+    """
 
     logs: Array
     errors: Array

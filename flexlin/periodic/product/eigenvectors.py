@@ -68,7 +68,7 @@ def periodic_solution(S: Array, total: Array) -> tuple[Array, Array]:
 def separate_triangular(T: Array) -> tuple[Array, Array]:
     """X unit upper triangular with T X = X diag(t) + N: eigenvectors of an upper triangular matrix, N left between equal eigenvalues.
 
-        (t_j - t_i) X_ji + sum_(j < l < i) T_jl X_li = -T_ji      for j < i
+    (t_j - t_i) X_ji + sum_(j < l < i) T_jl X_li = -T_ji      for j < i
     """
     n, t = len(T), np.diagonal(T)
     upper = np.triu(np.ones((n, n), bool), 1)

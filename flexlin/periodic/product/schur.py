@@ -8,11 +8,11 @@ from scipy.linalg import schur as schur_form
 from scipy.linalg.lapack import dgeqrf, dorgqr
 
 from flexlin.checks import Array
-from flexlin.periodic.product.eigenvalues import CLEAN, find_clusters, sum_log_moduli, triangularize
+from flexlin.periodic.circle import wrap_log
+from flexlin.periodic.product.sweeps import CLEAN, TINY, find_clusters, sum_log_moduli, triangularize
 
 DISORDER = 5.0
 """Logs of moduli may rise by this much from one mode to the next: they lie in one cluster then."""
-TINY = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class PeriodicSchur:
         """Logs of the eigenvalues of F_(K-1) ... F_0, (n,); imaginary parts in (-pi, pi]."""
         angle = np.angle(self.diagonal).sum(axis=0) + np.angle(self.turn)
         size = np.log(np.maximum(np.abs(self.diagonal), TINY)).sum(axis=0)
-        return size + 1j * (np.pi - np.remainder(np.pi - angle, 2 * np.pi))
+        return wrap_log(size + 1j * angle)
 
 
 def periodic_schur(factors: Array, start: Array | None = None) -> PeriodicSchur:

@@ -12,8 +12,9 @@ from flexlin.errors import ArgumentError, ResonantForcing
 from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.product.cyclic import cyclic_system
-from flexlin.periodic.product.eigenvalues import product_spectrum
+from flexlin.periodic.product.eigenvalues import product_logs
 from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.transition.choice import choose_setting
 from flexlin.periodic.transition.gauss import (
     CHUNK_BYTES,
     Tableau,
@@ -24,7 +25,7 @@ from flexlin.periodic.transition.gauss import (
     weigh_stages,
 )
 from flexlin.periodic.transition.radau import radau
-from flexlin.periodic.transition.setting import MAX_SEGMENTS, choose_setting, report_too_many
+from flexlin.periodic.transition.setting import MAX_SEGMENTS, report_too_many
 
 VectorFunction = Callable[[Array], Array]
 ROUNDINGS, RESONANT = 4.0, 100.0
@@ -195,7 +196,7 @@ def measure_difference(fine: PiecewiseSolution, coarse: PiecewiseSolution) -> fl
 
 def report_resonance(Phi: Array, sigma: float) -> ResonantForcing:
     """Name the multiplier nearest to 1."""
-    logs = product_spectrum(Phi).logs
+    logs = product_logs(Phi)
     nearest = logs[np.argmin(np.abs(logs))]
     return ResonantForcing(
         "1 is (nearly) a Floquet multiplier, so the periodic response is not bounded or not unique",

@@ -91,9 +91,7 @@ def choose_setting(system: PeriodicSystem, tol: float, method: str, order: int |
     return min(plans, key=lambda plan: estimate_gauss_work(plan.order // 2, system.n // halved, plan.segments))
 
 
-def spread_out(
-    method: str, order: int, demand: Array, reason: str, rate: float, segments: int | None
-) -> Setting:
+def spread_out(method: str, order: int, demand: Array, reason: str, rate: float, segments: int | None) -> Setting:
     """A setting whose segments are shared among the panels by their demand (P,)."""
     shares = tuple((demand / demand.sum()).tolist()) if len(demand) > 1 else ()
     return Setting(method, order, segments or int(np.ceil(demand).sum()), reason, rate, shares)
@@ -107,12 +105,16 @@ def gauss_demand(pace: Pace, tol: float, stages: int) -> Array:
 
 def magnus_demand(pace: Pace) -> Array:
     """Segments that separate modes and follow the coefficients, whatever the fastest eigenvalue, (P,)."""
-    return np.maximum.reduce([2 * separate_modes(pace), pace.rate * pace.length / 30, pace.waves, np.full(len(pace.rate), 4.0)])
+    return np.maximum.reduce(
+        [2 * separate_modes(pace), pace.rate * pace.length / 30, pace.waves, np.full(len(pace.rate), 4.0)]
+    )
 
 
 def radau_demand(pace: Pace) -> Array:
     """Segments short enough that an L-stable method does not damp what grows: h times the fastest growth stays below 1/2, (P,)."""
-    return np.maximum.reduce([2 * pace.length * pace.top, WAVES * pace.waves / 5, np.full(len(pace.rate), 32.0 / len(pace.rate))])
+    return np.maximum.reduce(
+        [2 * pace.length * pace.top, WAVES * pace.waves / 5, np.full(len(pace.rate), 32.0 / len(pace.rate))]
+    )
 
 
 def separate_modes(pace: Pace) -> Array:
@@ -130,3 +132,10 @@ def estimate_gauss_work(stages: int, unknowns: int, segments: int) -> float:
     """Microseconds of the batched solves with s stages of n unknowns each, as measured: overhead, memory and flops of one segment."""
     size = stages * unknowns
     return 300 + segments * (4 + 0.012 * size**2 + 1.5e-4 * size**3)
+
+
+def fall_back(system: PeriodicSystem, tol: float) -> Setting:
+    """A setting for modes that are too fast for Gauss collocation: Radau, which only bounds those that decay too fast."""
+    pace = measure_pace(system, 0.01 * tol)
+    reason = "modes that decay too fast to be resolved are only bounded"
+    return spread_out("radau", 9, 4 * radau_demand(pace), reason, float(pace.rate.max()), None)
