@@ -118,7 +118,7 @@ class FourierSeries:
         """The derivative by time."""
         H = self.harmonics
         rate = (2 * np.pi / self.period * np.arange(1, H + 1)).reshape(-1, *[1] * (self.coefficients.ndim - 1))
-        _, cosine, sine = np.split(self.coefficients, [1, H + 1])
+        mean, cosine, sine = np.split(self.coefficients, [1, H + 1])
         return FourierSeries(np.concatenate([np.zeros_like(mean), rate * sine, -rate * cosine]), self.period)
 
     def mean(self) -> Array:

@@ -30,7 +30,9 @@ class Motion:
     rounding: Array
 
 
-def spectrum_motion(form: PeriodicSchur, factors: Array, better: Array, noise: Array) -> Motion:
+def spectrum_motion(
+    form: PeriodicSchur, factors: Array, better: Array, noise: Array, counts: Array | float = 1.0
+) -> Motion:
     """Bound how far the logs move when the factors are replaced by better ones, and by rounding.
 
         d log mu_i = sum_k l_(k+1),i^H dF_k r_k,i / t_k,i        l_i, r_i: left and right eigenvectors along the product
@@ -39,7 +41,8 @@ def spectrum_motion(form: PeriodicSchur, factors: Array, better: Array, noise: A
     more than sqrt(A_ij A_ji); equal multipliers that share an eigenvector add Elsner's bound for their block.
 
     Parameters: form: of `factors` (K, n, n); better: the same factors by a more accurate method;
-    noise (K, n, n): bounds on the integrals of |dA(t)| over each factor, dA what A is not known by.
+    noise (K, n, n): bounds on the integrals of |dA(t)| over each factor, dA what A is not known by;
+    counts (K,): how many factors were multiplied into each.
     Source: Stewart, Sun, Matrix Perturbation Theory (1990), IV.1.3, V.2; for products Benner, Mehrmann, Xu (2002).
     """
     right, left, shared = eigenvector_chain(form)
@@ -49,7 +52,8 @@ def spectrum_motion(form: PeriodicSchur, factors: Array, better: Array, noise: A
     size = np.linalg.norm(factors, axis=(1, 2))[:, None, None] * FACTOR_ROUNDING * EPS
     rounding = size * length_left[1:, :, None] * length_right[:-1, None, :] / np.abs(growth)
     rounding += np.abs(left[:-1]) @ noise @ np.abs(right[:-1])
-    rounding = np.maximum(np.sqrt((rounding**2).sum(axis=0)), COHERENT * rounding.sum(axis=0))
+    many = np.broadcast_to(counts, len(factors))[:, None, None]
+    rounding = np.maximum(np.sqrt((many * rounding**2).sum(axis=0)), COHERENT * (many * rounding).sum(axis=0))
     rounding += form.defect * length_left[0][:, None] * length_right[0]
     shift = np.diagonal(method, axis1=1, axis2=2).sum(axis=0)
     gap = measure_distances(form.logs, form.logs)

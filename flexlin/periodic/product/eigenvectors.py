@@ -22,8 +22,8 @@ def eigenvector_chain(form: PeriodicSchur) -> tuple[Array, Array, Array]:
     """
     T, t = form.T, form.diagonal
     n = T.shape[-1]
-    log = np.log(np.where(t == 0, np.finfo(float).tiny, t))
-    S = np.triu(np.linalg.solve(T, np.eye(n) * t[:, None, :]))
+    log = np.log(t)
+    S = np.triu(np.linalg.inv(T / t[:, :, None]))
     S, span = suffix_maps(S, log)
     total = log.sum(axis=0) + np.log(form.turn)
     X0, N = periodic_solution(S[0], total)

@@ -11,6 +11,8 @@ from flexlin.checks import Array
 from flexlin.periodic.circle import wrap_log
 from flexlin.periodic.product.sweeps import CLEAN, TINY, find_clusters, sum_log_moduli, triangularize
 
+DEAD = 1e-120
+"""A mode that shrinks by this against the others in one factor counts as no smaller."""
 DISORDER = 5.0
 """Logs of moduli may rise by this much from one mode to the next: they lie in one cluster then."""
 
@@ -72,9 +74,10 @@ def periodic_schur(factors: Array, start: Array | None = None) -> PeriodicSchur:
 
 
 def without_zeros(T: Array) -> Array:
-    """Put the smallest number where a mode has died out to nothing, so that its log exists."""
+    """Put a small number where a mode has died out to nothing beside the others, so that its log and its vectors exist."""
     i = np.arange(T.shape[-1])
-    T[..., i, i] = np.where(np.abs(T[..., i, i]) < TINY, TINY, T[..., i, i])
+    least = DEAD * np.maximum(np.abs(T).max(axis=(-2, -1)), TINY / DEAD)[..., None]
+    T[..., i, i] = np.where(np.abs(T[..., i, i]) < least, least, T[..., i, i])
     return T
 
 
