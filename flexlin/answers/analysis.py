@@ -20,7 +20,7 @@ from flexlin.periodic.floquet.resonance import Resonance, resonances
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.response.forced import ForcedResponse, forced_response
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.scene.control import Design as DesignTable
+from flexlin.scene.control import DesignTable
 from flexlin.scene.scene import Scene
 from flexlin.simulation import Simulation, simulate, tip_positions
 

@@ -43,7 +43,7 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
     basis = [basis_of(scene, i) for i in range(len(scene.links))]
     scene = free.placed_in(scene)
     effects = effects_of(scene.effects)
-    modes, free_motors = [link.modes for link in scene.links], any(effect.frees_motors() for effect in effects)
+    modes, free_motors = [link.modes for link in scene.links], any(effect.frees_motors for effect in effects)
     at, rate = (Coordinates.named(modes, free_motors, mark) for mark in ("", "d_"))
     arm = _equations(_chain(scene.links, effects, basis, at, rate), effects, at, rate, free)
     return _with_free_motors(arm) if free_motors else arm

@@ -2,11 +2,13 @@
 
 import math
 import re
+from typing import Any
 
 import numpy as np
 
 from flexlin.answers.analysis import Analysis, Loop, is_elastic
 from flexlin.checks import Array
+from flexlin.mechanics.effects import effects_of
 from flexlin.scene.scene import Scene
 from flexlin.svg.scales import SUPERSCRIPTS
 
@@ -53,9 +55,10 @@ def coordinate_unit(analysis: Analysis, index: int) -> str:
 
 
 def input_unit(analysis: Analysis, index: int) -> str:
-    """The unit of an input: V behind a motor, else the force of its joint."""
-    if analysis.scene.effects.motor is not None:
-        return "V"
+    """The unit of an input: what an effect makes of it, such as V behind a motor, else the force of its joint."""
+    units = [unit for effect in effects_of(analysis.scene.effects) if (unit := effect.input_unit) is not None]
+    if units:
+        return units[-1]
     return "N" if joint_unit(analysis.scene, analysis.plant.driven[index]) == "m" else "N m"
 
 
@@ -81,6 +84,17 @@ def power(value: float) -> str:
         return f"{value:g}"
     digit, _, exponent = f"{value:.0e}".partition("e")
     return f"{digit}×10{str(int(exponent)).translate(SUPERSCRIPTS)}"
+
+
+def figures(table: dict[str, Any], units: dict[str, str]) -> str:
+    """The figures of an effect with their units: mass 0.03 kg, inertia 0 kg m^2."""
+    return ", ".join(f"{key} {listed(value)} {units.get(key, '')}".rstrip() for key, value in table.items()) or "none"
+
+
+def listed(value: Any) -> str:
+    """A number, or the numbers of a list, to four digits."""
+    values = value if isinstance(value, (list, tuple)) else (value,)
+    return ", ".join(f"{v:.4g}" if isinstance(v, float) else str(v) for v in values)
 
 
 def minus(text: str) -> str:

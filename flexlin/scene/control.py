@@ -42,7 +42,7 @@ class Control(Table):
     about: Literal["rigid", "elastic"] = "rigid"
 
 
-class Design(Table):
+class DesignTable(Table):
     """A controller to be designed; weights are the diagonals of Q (state [y; y']) and R."""
 
     name: Annotated[str, Field(min_length=1)]

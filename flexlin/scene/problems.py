@@ -7,6 +7,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 
 from flexlin.errors import Problem
+from flexlin.scene.effects import Effects, effects_table
 
 WORDS = {
     "missing": "a value: this key is required",
@@ -90,7 +91,7 @@ def _annotation(table: type[BaseModel], key: str) -> Any:
 def _models(annotation: Any) -> Iterator[type[BaseModel]]:
     """The tables that an annotation allows, inside lists and unions too."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
+        yield effects_table() if annotation is Effects else annotation
     for part in get_args(annotation):
         yield from _models(part)
 

@@ -5,8 +5,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from flexlin.scene.base import Table
-from flexlin.scene.control import Control, Design
-from flexlin.scene.effects import AnyEffects, Effects
+from flexlin.scene.control import Control, DesignTable
+from flexlin.scene.effects import AnyEffects
 from flexlin.scene.links import Link
 from flexlin.scene.motion import AnyMotion
 
@@ -24,7 +24,7 @@ class Scene(Table):
     model: str | None = None
     parameters: dict[str, Any] = Field(default_factory=dict)
     links: tuple[Link, ...] = ()
-    effects: AnyEffects = Effects()
+    effects: AnyEffects
     motion: AnyMotion
     control: Control = Control()
-    designs: tuple[Design, ...] = ()
+    designs: tuple[DesignTable, ...] = ()
