@@ -1,15 +1,13 @@
 """How numbers and verdicts are said, the same on the terminal and on the page."""
 
 import math
-import re
 from typing import Any
 
 import numpy as np
 
-from flexlin.answers.analysis import Analysis, Loop, is_elastic
+from flexlin.answers.analysis import Analysis, Loop
 from flexlin.checks import Array
 from flexlin.mechanics.effects import effects_of
-from flexlin.scene.scene import Scene
 from flexlin.svg.scales import SUPERSCRIPTS
 
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
@@ -39,19 +37,14 @@ def prefix_power(value: float) -> int:
     return min(max(3 * math.floor(math.log10(abs(value)) / 3), min(PREFIXES)), max(PREFIXES))
 
 
-def joint_unit(scene: Scene, joint: int) -> str:
-    """rad, or m for a prismatic joint."""
-    prismatic = joint < len(scene.links) and scene.links[joint].joint == "prismatic"
-    return "m" if prismatic else "rad"
+def joint_unit(analysis: Analysis, joint: int) -> str:
+    """rad, or m for a joint that slides."""
+    return analysis.arm.coordinates[analysis.arm.drives[joint]].unit
 
 
 def coordinate_unit(analysis: Analysis, index: int) -> str:
-    """The unit of a coordinate of the linear equations: elastic ones are in m, joints and motors in their joint's unit."""
-    name = analysis.plant.names[index]
-    if is_elastic(name):
-        return "m"
-    joint = re.fullmatch(r"(?:q|theta)(\d+)", name)
-    return joint_unit(analysis.scene, int(joint.group(1)) - 1) if joint else "rad"
+    """The unit of a coordinate of the linear equations."""
+    return analysis.plant.coordinates[index].unit
 
 
 def input_unit(analysis: Analysis, index: int) -> str:
@@ -59,7 +52,7 @@ def input_unit(analysis: Analysis, index: int) -> str:
     units = [unit for effect in effects_of(analysis.scene.effects) if (unit := effect.input_unit) is not None]
     if units:
         return units[-1]
-    return "N" if joint_unit(analysis.scene, analysis.plant.driven[index]) == "m" else "N m"
+    return "N" if joint_unit(analysis, analysis.plant.driven[index]) == "m" else "N m"
 
 
 def input_units(analysis: Analysis) -> str:
