@@ -4,12 +4,15 @@ from collections.abc import Iterator
 from typing import Any
 
 from flexlin.errors import Problem
+from flexlin.scene.base import MOST
 from flexlin.scene.effects import RawArm, effect_contradictions, known_effects, tables_on
 from flexlin.scene.link_rules import link_contradictions
 
 
 def contradictions(raw: dict[str, Any]) -> list[Problem]:
-    """List where the tables of a raw scene do not fit each other."""
+    """List where the tables of a raw scene do not fit each other; lists too long to be looked at are the schema's to refuse."""
+    if any(isinstance(raw.get(key), list) and len(raw[key]) > MOST for key in ("links", "designs")):
+        return []
     return [*_links(raw), *_joint_counts(raw), *_design_names(raw)]
 
 

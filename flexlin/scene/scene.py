@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from flexlin.scene.base import Table
+from flexlin.scene.base import NotEndless, Table, Text
 from flexlin.scene.control import Control, DesignTable
 from flexlin.scene.effects import AnyEffects
 from flexlin.scene.links import Link
@@ -19,12 +19,12 @@ class Scene(Table):
     """
 
     schema_version: Annotated[Literal[1], Field(alias="schema")]
-    title: str
-    source: str = ""
-    model: str | None = None
+    title: Text
+    source: Text = ""
+    model: Text | None = None
     parameters: dict[str, Any] = Field(default_factory=dict)
-    links: tuple[Link, ...] = ()
+    links: Annotated[tuple[Link, ...], NotEndless] = ()
     effects: AnyEffects
     motion: AnyMotion
     control: Control = Control()
-    designs: tuple[DesignTable, ...] = ()
+    designs: Annotated[tuple[DesignTable, ...], NotEndless] = ()
