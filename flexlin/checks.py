@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from typing import Any
-from unicodedata import category
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,8 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 from flexlin.errors import ArgumentError, TooLarge
 
 Array = NDArray[Any]
-JOINERS = "\u200c\u200d"
-"""Format characters that some scripts spell with."""
 LIMIT = 2**30
 """Bytes that one request may take; a larger one is refused before anything is allocated."""
 
@@ -44,18 +41,6 @@ def instance(name: str, value: object, kind: type, todo: str | None = None) -> N
         raise ArgumentError(
             f"{name} is of another kind", got=repr(value)[:80], expected=f"a {kind.__name__}", todo=todo
         )
-
-
-def printable(text: object, longest: int = 200) -> str:
-    """Text that a terminal shows as it stands: control characters escaped, the middle of a long text left out."""
-    shown = "".join(c.encode("unicode_escape").decode() if steers(c) else c for c in str(text))
-    half = longest // 2 - 2
-    return shown if len(shown) <= longest else f"{shown[:half]} ... {shown[-half:]}"
-
-
-def steers(character: str) -> bool:
-    """Whether a character is no part of a line of text: controls, line ends, changes of direction, halves of a pair."""
-    return category(character) in ("Cc", "Cf", "Cs", "Zl", "Zp") and character not in JOINERS
 
 
 def positive(name: str, value: float) -> float:

@@ -4,11 +4,12 @@ from pathlib import Path
 
 import numpy as np
 
-from flexlin.checks import Array, printable
+from flexlin.checks import Array
 from flexlin.errors import MotionError
 from flexlin.files import read_text
 from flexlin.motion.base import Angles, SampledMotion
 from flexlin.scene.motion import TableMotion
+from flexlin.text import printable
 
 FEWEST_ROWS = 7
 LARGEST_FILE = 2**26

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
-from flexlin.checks import steers
+from flexlin.text import steers
 
 
 class Table(BaseModel):

@@ -8,7 +8,6 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from flexlin.checks import printable
 from flexlin.errors import Problem, SceneError
 from flexlin.files import read_text
 from flexlin.scene.consistency import contradictions
@@ -16,6 +15,7 @@ from flexlin.scene.library import builtin_scenes
 from flexlin.scene.overrides import SHALLOW, apply_overrides, too_deep
 from flexlin.scene.problems import schema_problems
 from flexlin.scene.scene import Scene
+from flexlin.text import printable
 
 LARGEST_FILE = 2**20
 """Bytes of a scene file."""

@@ -5,8 +5,8 @@ import tomllib
 from collections.abc import Mapping
 from typing import Any
 
-from flexlin.checks import printable
 from flexlin.errors import ArgumentError, Problem
+from flexlin.text import printable
 
 OFF = "off"
 DEEPEST = 32

@@ -6,9 +6,9 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from flexlin.checks import printable
 from flexlin.errors import Problem
 from flexlin.scene.effects import Effects, effects_table
+from flexlin.text import printable
 
 WORDS = {
     "missing": "a value: this key is required",
