@@ -144,3 +144,4 @@ def test_no_command_loads_a_library_that_it_does_not_need(tmp_path: Path) -> Non
     report = ["report", "single-link", "--set", "links.0.modes=1", "designs=[]", "--out", str(tmp_path)]
     assert loaded_by(report, {"xarray", "pandas", "control", "matplotlib"}) == "[]"
     assert loaded_by(["list"], {"numpy", "scipy", "casadi"}) == "[]"
+    assert loaded_by(["check", "single-link", "--set", "links=3"], {"scipy", "xarray", "matplotlib"}) == "[]"

@@ -12,6 +12,7 @@ from flexlin import symbolic
 from flexlin.checks import Array, instance, times
 from flexlin.errors import ArgumentError, InputError, ModelError, MotionError
 from flexlin.kronecker import derivative
+from flexlin.mechanics.coordinates import Coordinate
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion, SymbolicMotion, build_motion
 from flexlin.periodic.companion import build_companion, build_input
@@ -64,6 +65,11 @@ class Linearization:
     def n(self) -> int:
         """The number of coordinates of the linear equations."""
         return len(self.kept)
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """What each coordinate of y is."""
+        return tuple(self.arm.coordinates[k] for k in self.kept)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -20,7 +20,7 @@ from flexlin.periodic.floquet.resonance import Resonance, find_resonances
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.response.forced import ForcedResponse, forced_response
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.scene.control import Design as DesignTable
+from flexlin.scene.control import DesignTable
 from flexlin.scene.scene import Scene
 from flexlin.simulation import Simulation, simulate, tip_positions
 
@@ -208,15 +208,10 @@ def periodic_response(closed: Linearization, loop: PeriodicSystem, t: Array, tol
     """The periodic response to what the rigid motion leaves over, and what it does to the tip."""
     solution = forced_response(loop, closed.forcing, tol)
     states = solution(t)
-    bent = states * [is_elastic(name) for name in closed.names * 2]
+    bent = states * [coordinate.kind == "elastic" for coordinate in closed.coordinates * 2]
     rigid = tip_positions(closed, t, np.zeros_like(states))
     tip, by_bending = (tip_positions(closed, t, x) - rigid for x in (states, bent))
     return Response(solution, states, tip, by_bending)
-
-
-def is_elastic(name: str) -> bool:
-    """Whether a coordinate of this name is an elastic one, also behind the name of a part (`left w11`)."""
-    return name.split()[-1].startswith("w")
 
 
 def attempt(problems: dict[str, str], name: str, work: Callable[[], Answer]) -> Answer | None:

@@ -41,7 +41,7 @@ def bending(scene: Scene, lin: Linearization, link: int, at: float) -> MatrixFun
     if not 0 <= at <= 1:
         raise ArgumentError("the place is not on the link", got=at, expected="0 (joint) to 1 (tip)")
     curvature = shapes_of(scene, link).values(np.array([at]), 2)[:, 0] / scene.links[link].length ** 2
-    own = [i for i, name in enumerate(lin.names) if name.startswith(f"w{link + 1}")]
+    own = [i for i, c in enumerate(lin.coordinates) if c.kind == "elastic" and c.link == link]
     C = np.zeros((1, 2 * lin.n))
     C[0, own] = curvature
     return constant(C)

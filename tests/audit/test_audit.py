@@ -6,7 +6,7 @@ import pytest
 import flexlin as fl
 from flexlin.answers.audit import audit, measure
 from flexlin.errors import ArgumentError
-from flexlin.mechanics.effects import EFFECTS
+from flexlin.scene.effects import known_effects
 from flexlin.simulation import tip_positions
 
 
@@ -24,7 +24,7 @@ def result(scene):
 
 
 def test_every_effect_is_tried(result):
-    assert {row.subject for row in result.effects} == set(EFFECTS)
+    assert {row.subject for row in result.effects} == set(known_effects())
     assert {row.subject for row in result.effects if row.on} == {
         "hub",
         "geometric_stiffening",

@@ -36,7 +36,7 @@ def draw_arm(a: Analysis) -> Picture:
 
 def beside(a: Analysis) -> list[Panel]:
     """Joint motion, a panel for each unit, and feedforward where there is any."""
-    units = [joint_unit(a.scene, joint) for joint in range(a.arm.joints)]
+    units = [joint_unit(a, joint) for joint in range(a.arm.joints)]
     panels = [joints(a, [i for i, found in enumerate(units) if found == unit], unit) for unit in sorted(set(units))]
     return [*panels, torques(a)] if a.plant.inputs else panels
 
