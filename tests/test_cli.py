@@ -113,6 +113,37 @@ def test_export_writes_what_other_tools_read(tmp_path: Path) -> None:
         assert arrays["K_0"].shape == (8, 1, 4)
 
 
+def designs_named(*names: str) -> list[str]:
+    """An override that gives khang-2019 periodic designs of these names, each with another weight."""
+    tables = [
+        f'{{name="{name}", kind="periodic-lqr", state_weight=[{i}, 1, 1, 1], input_weight=[0.1]}}'
+        for i, name in enumerate(names, start=1)
+    ]
+    return ["--set", f"designs=[{', '.join(tables)}]", "--points", "8"]
+
+
+@pytest.mark.parametrize("names", [("A b", "a-B"), ("Régler 1", "r gler 1"), ("design 2", "регулятор")])
+def test_designs_that_would_share_a_folder_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], names: tuple[str, str]
+) -> None:
+    """The second gain would silently replace the first: both are named, and nothing is written."""
+    assert main(["export", "khang-2019", *designs_named(*names), "--out", str(tmp_path / "new")]) == 2
+    message = capsys.readouterr().err
+    assert repr(names[0]) in message
+    assert repr(names[1]) in message
+    assert not (tmp_path / "new").exists()
+
+
+def test_designs_without_latin_letters_have_folders_of_their_own(tmp_path: Path) -> None:
+    """Each folder holds the gain of its own design."""
+    options = designs_named("регулятор", "制御 1", "2", "×" * 300)
+    assert main(["export", "khang-2019", *options, "--out", str(tmp_path)]) == 0
+    folders = sorted(path.name for path in tmp_path.iterdir() if path.is_dir())
+    assert folders == ["c", "c-2", "c-design-1", "c-design-2", "c-design-4"]
+    gains = {(tmp_path / folder / "gain.c").read_text() for folder in folders[1:]}
+    assert len(gains) == 4
+
+
 def test_the_program_ends_quietly_when_nobody_reads(tmp_path: Path) -> None:
     program = f"{sys.executable} -m flexlin list | true"
     run = subprocess.run(["bash", "-c", program], capture_output=True, text=True, check=False)

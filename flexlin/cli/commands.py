@@ -214,8 +214,9 @@ def export(options: argparse.Namespace) -> int:
         progress("load the numerical libraries")
         from flexlin.answers.analysis import plant_and_designs
         from flexlin.answers.clock import Clock
-        from flexlin.report.exports import export_all
+        from flexlin.report.exports import design_folders, export_all
 
+        design_folders([table.name for table in scene.designs])  # clashing names are refused before any work
         plant, loops = plant_and_designs(scene, Clock(progress))
         paths = export_all(plant, loops, options.out, options.points)
     for loop in loops:

@@ -75,12 +75,21 @@ PAIRS = {
     "choice and": (lambda a, b: ca.if_else(ca.logic_and(a < 5, b <= 5), ca.sin(a), b), lambda a, b: mp.sin(a)),
     "choice or": (lambda a, b: ca.if_else(ca.logic_or(a < -5, b <= 5), ca.exp(b), a), lambda a, b: mp.exp(b)),
 }
-EVERY = {name: (lambda f: lambda u, v: f(argument(u, v)))(f) for name, (f, _) in FUNCTIONS.items()} | {
-    name: (lambda f: lambda u, v: f(argument(u, v), other(u, v)))(f) for name, (f, _) in PAIRS.items()
-}
-JUDGES = {name: (lambda f: lambda u, v: f(argument(u, v)))(f) for name, (_, f) in FUNCTIONS.items()} | {
-    name: (lambda f: lambda u, v: f(argument(u, v), other(u, v)))(f) for name, (_, f) in PAIRS.items()
-}
+
+
+def of_arguments(place):
+    """Every function of (u, v) through its curved arguments: place 0 for CasADi, 1 for mpmath."""
+
+    def one(f):
+        return lambda u, v: f(argument(u, v))
+
+    def two(f):
+        return lambda u, v: f(argument(u, v), other(u, v))
+
+    return {name: one(f[place]) for name, f in FUNCTIONS.items()} | {name: two(f[place]) for name, f in PAIRS.items()}
+
+
+EVERY, JUDGES = of_arguments(0), of_arguments(1)
 HERE, THERE = 0.3, 0.38
 """Where a map is made, and where its moving form is asked."""
 
