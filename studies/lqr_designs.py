@@ -128,7 +128,9 @@ def draw(data: Survival, path: Path) -> None:
 def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, object]:
     """Run the study; returns growth rates and times."""
     full = size == "full"
-    data = survival(np.linspace(0.03, 0.5, 6 if full else 2), np.geomspace(0.2, 3.0, 9) if full else np.array([0.5, 3.0]))
+    data = survival(
+        np.linspace(0.03, 0.5, 6 if full else 2), np.geomspace(0.2, 3.0, 9) if full else np.array([0.5, 3.0])
+    )
     print(
         f"{'design':>10} {'made for each arm':>24} {'kept from the first':>24}   (stable cases of {data.own['frozen'].size})"
     )

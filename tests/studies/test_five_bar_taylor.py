@@ -35,5 +35,7 @@ def test_picture_shows_errors_that_fall_inside_the_radius_and_the_radius_itself(
     assert np.all(np.diff(inside) < 0)
     edge = pictures.curves("five_bar_taylor.png", 2)["radius of convergence"]
     assert edge.shape == (2, len(data.radii))
-    centre = np.array(next(line for line in pictures["five_bar_taylor.png"].axes[2].lines if line.get_marker() == "+").get_data())
+    centre = np.array(
+        next(line for line in pictures["five_bar_taylor.png"].axes[2].lines if line.get_marker() == "+").get_data()
+    )
     assert np.linalg.norm(edge - centre.reshape(2, 1), axis=0) == pytest.approx(data.radii)
