@@ -127,7 +127,7 @@ def floquet_seconds(lin: fl.Linearization) -> float:
 
 
 def costs(size: str) -> Iterator[Cost]:
-    """All chains of the study, told as they come."""
+    """All chains of the study, printed as they come."""
     links, modes, largest = SIZES[size]
     with tempfile.TemporaryDirectory() as folder:
         for m in modes:

@@ -16,7 +16,9 @@ def rooms(folder: Path) -> set[str]:
 
 
 def contract(name: str) -> dict:
-    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]["contracts"]
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
+        "contracts"
+    ]
     return next(one for one in contracts if one["name"] == name)
 
 

@@ -51,7 +51,7 @@ def test_the_engines_choice_is_marked_at_each_tol_and_reaches_it(result):
 
 
 def test_recommendations_of_a_table_whose_answer_is_known():
-    """Found out: another program or another stage recommended, the fastest instead of the fastest that is accurate enough, a repeated row."""
+    """Found out: another program or another stage recommended, one that is fast but too coarse, a repeated row."""
     coarse = Row("exponents", "own", "coarse", 3e-3, 1.0)
     middle = Row("exponents", "own", "middle", 2e-5, 2.0)
     slow = Row("exponents", "own", "slow and worse", 9e-5, 7.0)

@@ -14,5 +14,5 @@ def test_khang_2019(study, pictures, tmp_path):
     assert np.all(np.diff(stiff.stiffness) > 0)
     assert set(stiff.verdicts) == {"stable"}
     fast = paper.ratio > 1.0
-    assert {told for told, over in zip(paper.verdicts, fast, strict=True) if over} == {"unstable"}
-    assert {told for told, over in zip(paper.verdicts, fast, strict=True) if not over} == {"stable"}
+    assert {verdict for verdict, over in zip(paper.verdicts, fast, strict=True) if over} == {"unstable"}
+    assert {verdict for verdict, over in zip(paper.verdicts, fast, strict=True) if not over} == {"stable"}
