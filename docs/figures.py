@@ -1,7 +1,7 @@
 """Writes what the pages of docs/ show in figures, so that no number in them is typed by hand.
 
-A block between `<!-- generated: NAME -->` and `<!-- end -->` is the output of one function below. Cheap blocks are computed anew; those that
-take minutes, or are times, are rendered from docs/measured/NAME.json, which bears its date and its kind of machine.
+A block between `<!-- generated: NAME -->` and `<!-- end -->` is the output of one function below. Cheap blocks are computed anew; those
+that take minutes, or are times, are rendered from docs/measured/NAME.json, which bears its date and its kind of machine.
 
     python docs/figures.py                    write all blocks anew
     python docs/figures.py --check            say which blocks differ, exit code 1 if one does
@@ -52,7 +52,12 @@ def when(record: dict[str, Any]) -> str:
 def duration(milliseconds: float) -> str:
     """A time in words, with two digits."""
     unit, scale = ("us", 1e3) if milliseconds < 0.1 else ("ms", 1.0) if milliseconds < 1000 else ("s", 1e-3)
-    return f"{float(f'{scale * milliseconds:.2g}'):g} {unit}"
+    return f"{two_digits(scale * milliseconds)} {unit}"
+
+
+def two_digits(value: float) -> str:
+    """A number rounded to two digits, without an exponent where it is large."""
+    return f"{float(f'{value:.2g}'):.10g}"
 
 
 def hard_cases() -> str:
@@ -73,7 +78,7 @@ def cost_of_accuracy() -> str:
         for mode in modes:
             row = next(row for row in single if (row["program"], row["modes"]) == (program, mode))
             short = "" if row["reached"] else f", only {row['error']:.1e}"
-            line += [duration(row["milliseconds"]) + short, f"{float(f'{row["milliseconds"] / own[mode]:.2g}'):g}"]
+            line += [duration(row["milliseconds"]) + short, two_digits(row["milliseconds"] / own[mode])]
         lines.append(line)
     head = ["program", *[cell for mode in modes for cell in (f"{mode} mode{'s' * (mode > 1)}", "ratio")]]
     batches = [
@@ -100,7 +105,7 @@ def taylor_cost() -> str:
     lines = []
     for route, orders in by_route.items():
         cells = [duration(1e3 * orders[k]["evaluate"]) if k in orders else "-" for k in (5, 8)]
-        ratio = f"{float(f'{orders[5]["evaluate"] / own:.2g}'):g}" if 5 in orders else "-"
+        ratio = two_digits(orders[5]["evaluate"] / own) if 5 in orders else "-"
         lines.append([route, cells[0], ratio, cells[1]])
     return when(record) + "\n\n" + table(["route", "order 5", "ratio", "order 8"], lines)
 
@@ -109,7 +114,7 @@ def riccati_race() -> str:
     """The periodic Riccati solver beside SciPy's integrators, at 1e-10."""
     record = measured("riccati_race")
     lines = [
-        [way, duration(1e3 * seconds), f"{float(f'{seconds / record["times"]["segments"][0]:.2g}'):g}", f"{error:.1e}"]
+        [way, duration(1e3 * seconds), two_digits(seconds / record["times"]["segments"][0]), f"{error:.1e}"]
         for way, (seconds, error) in record["times"].items()
     ]
     return when(record) + "\n\n" + table(["way", "time", "ratio", "error of X(0)"], lines)
@@ -139,7 +144,9 @@ def tracking() -> str:
         "joint-exact": "torque that keeps the joint exactly on its path",
         "tip-exact": "torque and joint motion that keep each link's end on its line",
     }
-    rows = [[f"`{kind}`", what, f"{1e3 * control.feedforward(loop, kind).tip_error:.2g} mm"] for kind, what in fed.items()]
+    rows = [
+        [f"`{kind}`", what, f"{1e3 * control.feedforward(loop, kind).tip_error:.2g} mm"] for kind, what in fed.items()
+    ]
     return table(["kind", "fed forward", "what remains on the shipped link at 0.5 Hz"], rows)
 
 
@@ -216,7 +223,13 @@ def draw_pictures(names: list[str]) -> None:
     for name in names:
 
         def keep(figure: Any, path: Path, name: str = name, **_: Any) -> None:
-            save(figure, PICTURES / f"{name}.png", dpi=WIDTH / figure.get_figwidth(), pil_kwargs={"optimize": True}, metadata={})
+            save(
+                figure,
+                PICTURES / f"{name}.png",
+                dpi=WIDTH / figure.get_figwidth(),
+                pil_kwargs={"optimize": True},
+                metadata={},
+            )
 
         Figure.savefig = keep
         try:
