@@ -1,7 +1,7 @@
 """Draws docs/house.svg: the rooms of flexlin, their sizes, and who imports whom, read from the code and from the import contract.
 
-    python docs/draw_house.py            write the picture
-    python docs/draw_house.py --check    exit code 1 where it is not the committed one
+python docs/draw_house.py            write the picture
+python docs/draw_house.py --check    exit code 1 where it is not the committed one
 """
 
 import ast
@@ -198,7 +198,7 @@ def picture() -> str:
         f"<defs>{tips}</defs>",
         f'<rect width="{WIDTH}" height="{height:.0f}" fill="#faf6ec"/>',
         f'<text x="{MARGIN}" y="42" class="name" font-size="24" fill="#2d2a26">flexlin, room by room</text>',
-        f'<text x="{MARGIN}" y="64" class="wing">{total} lines in {files} files. An arrow: imports; wider where there are more, "
+        f'<text x="{MARGIN}" y="64" class="wing">{total} lines in {files} files. An arrow: imports; wider where there are more, '
         "pale where there is a way through other rooms too. All point down; lint-imports holds it.</text>",
         f'<g fill="none">{"".join(lines(rooms, found))}</g>',
         *[part for name, room in rooms.items() for part in box(room, name)],

@@ -28,7 +28,7 @@ DOCS = Path(__file__).parent
 ROOT = DOCS.parent
 MEASURED, PICTURES, STUDIES = DOCS / "measured", DOCS / "pictures", ROOT / "studies"
 BLOCK = re.compile(r"(<!-- generated: ([\w-]+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
-WIDTH = 640
+WIDTH = 540
 """Of a small picture, in pixels."""
 sys.path[:0] = [str(ROOT), str(STUDIES)]
 
@@ -215,8 +215,24 @@ def measure(name: str) -> None:
     (MEASURED / f"{name}.json").write_text(json.dumps(record, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
+def not_measured(row: dict[str, Any]) -> dict[str, Any]:
+    """A row of a record with its gaps as numbers that are none."""
+    return {key: float("nan") if value is None else value for key, value in row.items()}
+
+
+RECORDED: dict[str, Callable[[Any, dict[str, Any], Path], None]] = {
+    "cost_of_accuracy": lambda study, record, out: study.draw(
+        [study.Row(**row) for row in record["rows"]], out / "x.svg"
+    ),
+    "taylor_cost": lambda study, record, out: study.draw([study.Cost(**row) for row in record["rows"]], out),
+    "scaling": lambda study, record, out: study.draw(
+        [study.Cost(**not_measured(row)) for row in record["rows"]], record["exponents"], out / "x.svg"
+    ),
+}
+
+
 def draw_pictures(names: list[str]) -> None:
-    """Draw each study's small run as a small PNG; the study of cost from its record, for it needs programs from outside."""
+    """Draw each study's small run as a small PNG, studies of cost and size from their records."""
     from matplotlib.figure import Figure
 
     save = Figure.savefig
@@ -235,8 +251,8 @@ def draw_pictures(names: list[str]) -> None:
         try:
             study = import_module(name)
             with tempfile.TemporaryDirectory() as out:
-                if name == "cost_of_accuracy":
-                    study.draw([study.Row(**row) for row in measured(name)["rows"]], Path(out) / "picture.svg")
+                if name in RECORDED:
+                    RECORDED[name](study, measured(name), Path(out))
                 else:
                     study.main("small", Path(out))
         finally:
