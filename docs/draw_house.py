@@ -130,9 +130,11 @@ def lines(rooms: dict[str, Room], found: Counter[tuple[str, str]]) -> Iterator[s
         x1 = port(b, [s for s, t in found if t == target], source, rooms)
         y0, y1 = a.y + a.h, b.y - 6
         reach = max(28.0, 0.45 * (y1 - y0))
+        opacity = 0.25 if around(source, target, found) else 0.75
         yield (
             f'<path d="M{x0:.1f} {y0:.1f} C{x0:.1f} {y0 + reach:.1f} {x1:.1f} {y1 - reach:.1f} {x1:.1f} {y1:.1f}" '
-            f'stroke="{b.colour}" stroke-width="{0.8 + 0.6 * count**0.5:.2f}" stroke-opacity="{0.25 if around(source, target, found) else 0.75}" marker-end="url(#tip-{b.colour[1:]})">'
+            f'stroke="{b.colour}" stroke-width="{0.8 + 0.6 * count**0.5:.2f}" stroke-opacity="{opacity}" '
+            f'marker-end="url(#tip-{b.colour[1:]})">'
             f"<title>{source} imports {target} {count} times</title></path>"
         )
 
@@ -151,7 +153,10 @@ def box(room: Room, path: str, words: int = 2, title: int = 15) -> Iterator[str]
         f'<rect x="{room.x:.1f}" y="{room.y:.1f}" width="{room.w:.1f}" height="{room.h:.1f}" rx="7" fill="#fffdf8" '
         f'stroke="{room.colour}" stroke-width="1.6"/>'
     )
-    yield f'<text x="{room.x + 10:.1f}" y="{room.y + title + 5:.1f}" class="name" font-size="{title}" fill="{room.colour}">{room.name}</text>'
+    yield (
+        f'<text x="{room.x + 10:.1f}" y="{room.y + title + 5:.1f}" class="name" font-size="{title}" '
+        f'fill="{room.colour}">{room.name}</text>'
+    )
     yield f'<text x="{room.x + room.w - 9:.1f}" y="{room.y + title + 4:.1f}" class="size" text-anchor="end">{count} lines</text>'
     text = purpose_of(path).rstrip(".") if words else ""
     for i, line in enumerate(textwrap.wrap(text, int((room.w - 16) / 5.9), max_lines=words or 1, placeholder=" …")):
