@@ -150,6 +150,40 @@ def tracking() -> str:
     return table(["kind", "fed forward", "what remains on the shipped link at 0.5 Hz"], rows)
 
 
+def second_frequency(shapes: str, modes: int) -> float:
+    """Of the arm of De Luca and Siciliano at rest, stretched out, joints locked, undamped, in rad/s."""
+    import numpy as np
+    from scipy.linalg import eigh
+
+    import flexlin as fl
+
+    rest = {"kind": "harmonic", "frequency": 1.0, "drive": "prescribed", "joints": [{"amplitude": 0.0}] * 2}
+    scene = fl.load_scene(
+        "de-luca-siciliano-1991",
+        {
+            **{f"links.{i}.{key}": value for i in (0, 1) for key, value in (("modes", modes), ("mode_shapes", shapes))},
+            "motion": rest,
+            "control": {},
+            "effects.modal_damping": "off",
+        },
+    )
+    c = fl.linearize(fl.build_manipulator(scene), scene.motion).sample(np.zeros(1))
+    return float(np.sqrt(eigh(c.K[0], c.M[0], eigvals_only=True)[1]))
+
+
+def mode_shapes() -> str:
+    """How far the second frequency of a loaded two-link arm is off, by shapes and their number."""
+    exact = second_frequency("clamped-loaded", 12)
+    rows = [
+        [
+            str(modes),
+            *[f"{second_frequency(shapes, modes) / exact - 1:.1e}" for shapes in ("clamped-free", "clamped-loaded")],
+        ]
+        for modes in (2, 4, 8)
+    ]
+    return table(["modes a link", "`clamped-free`", "`clamped-loaded`"], rows)
+
+
 def studies() -> str:
     """Every study with the question that it asks, and its picture."""
     rows = []
@@ -166,6 +200,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "riccati-race": riccati_race,
     "scaling": scaling,
     "tracking": tracking,
+    "mode-shapes": mode_shapes,
     "studies": studies,
 }
 
