@@ -228,9 +228,9 @@ def measure_riccati_race(out: str) -> dict[str, Any]:
 
 
 def measure_scaling(out: str) -> dict[str, Any]:
-    found = import_module("scaling").main("full", out)
+    found = import_module("scaling").main("sizes", out)
     rows = [{k: None if v != v else v for k, v in asdict(cost).items()} for cost in found["costs"]]
-    return {"rows": rows, "exponents": found["exponents"]}
+    return {"rows": rows, "exponents": {name: power for name, power in found["exponents"].items() if power == power}}
 
 
 MEASURES = {
@@ -261,7 +261,9 @@ RECORDED: dict[str, Callable[[Any, dict[str, Any], Path], None]] = {
     ),
     "taylor_cost": lambda study, record, out: study.draw([study.Cost(**row) for row in record["rows"]], out),
     "scaling": lambda study, record, out: study.draw(
-        [study.Cost(**not_measured(row)) for row in record["rows"]], record["exponents"], out / "x.svg"
+        [study.Cost(**not_measured(row)) for row in record["rows"]],
+        {"floquet": float("nan"), **record["exponents"]},
+        out / "x.svg",
     ),
 }
 

@@ -185,12 +185,16 @@ def draw(rows: list[Row], path: Path) -> None:
     for k, mode in enumerate(modes):
         mine = [row for row in rows if row.modes == mode and row.program in programs]
         places = [programs.index(row.program) + 0.8 * (k + 0.5) / len(modes) - 0.4 for row in mine]
-        bars = axes.barh(places, [row.milliseconds for row in mine], 0.7 / len(modes), color=f"C{k}", label=f"modes: {mode}")
+        bars = axes.barh(
+            places, [row.milliseconds for row in mine], 0.7 / len(modes), color=f"C{k}", label=f"modes: {mode}"
+        )
         for bar, row in zip(bars, mine, strict=True):
             bar.set_alpha(1.0 if row.reached else 0.4)
     axes.set_yticks(range(len(programs)), programs)
     axes.invert_yaxis()
-    axes.set(xscale="log", xlabel="CPU time in ms", title=f"One transition matrix to {ACCURACY:.0e} (pale: not reached)")
+    axes.set(
+        xscale="log", xlabel="CPU time in ms", title=f"One transition matrix to {ACCURACY:.0e} (pale: not reached)"
+    )
     axes.legend(frameon=False)
     axes.spines[["top", "right"]].set_visible(False)
     figure.savefig(path)
