@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import xarray
 
 SCHEMA = 1
-PACKAGES = ("casadi", "control", "matplotlib", "numpy", "pydantic", "scipy")
+PACKAGES = ("casadi", "control", "numpy", "pydantic", "scipy")
 
 
 def record(analysis: Analysis) -> dict[str, Any]:

@@ -58,6 +58,6 @@ def audit_line(row: Row) -> str:
 
 def loop_line(loop: Loop, period: float) -> str:
     """One loop in one line."""
-    told = pace(loop, period)
+    speed = pace(loop, period)
     figure = "" if loop.verdict in ("undecided", "failed") else f", {rate(*loop.growth)}"
-    return f"  {loop.name:<20} {loop.verdict:<10} {told}{figure}"
+    return f"  {loop.name:<20} {loop.verdict:<10} {speed}{figure}"
