@@ -18,7 +18,7 @@ from pathlib import Path
 DOCS = Path(__file__).parent
 ROOT = DOCS.parent
 PACKAGE, PICTURE = ROOT / "flexlin", DOCS / "house.svg"
-WIDTH, MARGIN, TOP, ROW, HEIGHT = 1160, 40, 92, 98, 62
+WIDTH, MARGIN, TOP, ROW, HEIGHT = 1160, 40, 92, 108, 62
 """Pixels: of the picture, its margin, the first row's top, from row to row, of a room."""
 CENTRES = {
     "cli": 600, "report": 400, "answers": 560, "svg": 170, "simulation": 760, "control": 900, "about": 600,
@@ -31,7 +31,7 @@ WINGS = {
     **dict.fromkeys(["kronecker", "periodic"], "numeric"),
     "about": "bridge",
 }
-GROUND = ("symbolic", "files", "checks", "errors")
+GROUND = ("symbolic", "files", "checks", "errors", "text")
 """What nearly every room stands on: drawn as the ground, without arrows."""
 WING_WIDTH = 380
 
@@ -109,8 +109,8 @@ def house() -> tuple[dict[str, Room], int]:
             width = WING_WIDTH if name == "periodic" else 145 + 1.6 * size_of(name)[0] ** 0.5
             y, height = TOP + i * ROW, float(HEIGHT)
             if name == "periodic":
-                height += 3 * ROW
-                y -= 3 * ROW
+                height += 2 * ROW
+                y -= 2 * ROW
             colour = COLOURS[WINGS.get(name, "above")]
             rooms[name] = Room(name, CENTRES[name] - width / 2, y, width, height, colour)
     return rooms, len(rows)
@@ -157,7 +157,8 @@ def box(room: Room, path: str, words: int = 2, title: int = 15) -> Iterator[str]
         f'<text x="{room.x + 10:.1f}" y="{room.y + title + 5:.1f}" class="name" font-size="{title}" '
         f'fill="{room.colour}">{room.name}</text>'
     )
-    yield f'<text x="{room.x + room.w - 9:.1f}" y="{room.y + title + 4:.1f}" class="size" text-anchor="end">{count} lines</text>'
+    if room.w > 100:
+        yield f'<text x="{room.x + room.w - 9:.1f}" y="{room.y + title + 4:.1f}" class="size" text-anchor="end">{count} lines</text>'
     text = purpose_of(path).rstrip(".") if words else ""
     for i, line in enumerate(textwrap.wrap(text, int((room.w - 16) / 5.9), max_lines=words or 1, placeholder=" …")):
         yield f'<text x="{room.x + 10:.1f}" y="{room.y + title + 21 + 13 * i:.1f}" class="purpose">{escape(line)}</text>'
@@ -173,7 +174,7 @@ def wing(periodic: Room) -> Iterator[str]:
         width = (periodic.w - 20 - 8 * (len(row) - 1)) / len(row)
         for k, name in enumerate(row):
             room = Room(name, periodic.x + 10 + k * (width + 8), top + i * step, width, step - 7, periodic.colour)
-            yield from box(room, f"periodic/{name}", 1 if len(row) < 3 else 0, 12)
+            yield from box(room, f"periodic/{name}", 0, 12)
 
 
 def ground(y: float) -> Iterator[str]:

@@ -45,7 +45,7 @@ class Control(Table):
 class DesignTable(Table):
     """A controller to be designed; weights are the diagonals of Q (state [y; y']) and R."""
 
-    name: Annotated[Text, Field(min_length=1, max_length=200)]
+    name: Annotated[Text, Field(min_length=1, max_length=400)]
     kind: Literal["periodic-lqr", "frozen-lqr", "averaged-lqr", "finite-horizon-lqr"]
     state_weight: tuple[NonNegative, ...]
     input_weight: tuple[Positive, ...]

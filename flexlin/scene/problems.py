@@ -66,7 +66,7 @@ def _expected(kind: str, context: Any, message: str) -> str:
     if kind == "too_short":
         return f"a list of {context['min_length']} or more"
     if kind == "too_long":
-        return f"a list of {context['max_length']} at most"
+        return f"a length of {context['max_length']} at most"
     message = message.removeprefix("Input should be ").removeprefix("Value error, ")
     if kind in ("greater_than", "greater_than_equal", "less_than", "less_than_equal"):
         return f"a number {message}"
