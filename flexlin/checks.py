@@ -1,6 +1,6 @@
 """Checks at the boundary: shape, finite, range; made once, where a value comes in."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -54,6 +54,12 @@ def positive(name: str, value: float) -> float:
 def times(t: ArrayLike) -> Array:
     """Return `t` as a finite array of shape (N,)."""
     return real_array("t", t, (None,))
+
+
+def at_times(evaluate: Callable[[Array], Array], t: ArrayLike) -> Array:
+    """Evaluate a function of times (N,) -> (N, ...) at an array of times, or at one time, whose value comes without the first axis."""
+    given = np.asarray(t)
+    return evaluate(times(given)) if given.ndim else evaluate(times(given[None]))[0]
 
 
 def check_size(what: str, size: int, todo: str) -> None:
