@@ -16,7 +16,7 @@ NEWTON_STEPS = 25
 
 
 @dataclass(frozen=True, eq=False)
-class Gap:
+class Unknowns:
     """The symbols that a closing condition is written in.
 
     y, y_rate (n, 1), torque (m, 1): unknown; offset (m, 1), gain (m, 2n): the law's torque is offset - gain [y; y'];
@@ -32,11 +32,11 @@ class Gap:
     rigid: ca.SX
 
 
-Closing = Callable[[Deviation, Gap], ca.SX]
+Closing = Callable[[Deviation, Unknowns], ca.SX]
 """What determines the torque: m expressions that vanish."""
 
 
-def by_law(about: Deviation, at: Gap) -> ca.SX:
+def by_law(about: Deviation, at: Unknowns) -> ca.SX:
     """The torque is the one that the law commands."""
     return at.torque - at.offset + at.gain @ ca.vertcat(at.y, at.y_rate)
 
@@ -49,7 +49,7 @@ def balance(about: Deviation, closing: Closing) -> ca.Function:
     left, B = about.lift([arm.residual, arm.B[:, driven]], angles, *moved)
     y, y_rate, y_acceleration = moved
     s, rigid = about.coordinates(angles, y)[0], about.coordinates(angles)[0]
-    at = Gap(y, y_rate, torque, offset, ca.reshape(gain, m, 2 * n), s, rigid)
+    at = Unknowns(y, y_rate, torque, offset, ca.reshape(gain, m, 2 * n), s, rigid)
     F = ca.vertcat((left - B @ torque)[kept], closing(about, at))
     outputs = {"F": F} | {
         name: ca.jacobian(F, by) for name, by in (("K", y), ("D", y_rate), ("M", y_acceleration), ("T", torque))

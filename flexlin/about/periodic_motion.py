@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.about.harmonic_balance import Closing, Gap, balance, by_law, solve_at
+from flexlin.about.harmonic_balance import Closing, Unknowns, balance, by_law, solve_at
 from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array, at_times, positive
@@ -13,7 +13,7 @@ from flexlin.errors import MotionError, ToleranceNotReached
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.system import MatrixFunction
 
-__all__ = ["Closing", "Gap", "PeriodicMotion", "periodic_motion"]
+__all__ = ["Closing", "Unknowns", "PeriodicMotion", "periodic_motion"]
 
 POINTS = (33, 65, 129, 257, 513)
 

@@ -1,5 +1,7 @@
 """The optimal time-varying feedback of a motion with an end."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -9,6 +11,17 @@ from flexlin.control.weights import check_constant_pair
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.quadratic.riccati import finite_horizon_riccati
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
+
+
+@dataclass(frozen=True, eq=False)
+class Repeated:
+    """A function of one horizon, repeated."""
+
+    gain: MatrixFunction
+    period: float
+
+    def __call__(self, t: Array) -> Array:
+        return self.gain(np.mod(t, self.period))
 
 
 def finite_horizon_lqr(
@@ -34,7 +47,7 @@ def finite_horizon_lqr(
     """
     final = cost_at_rest(system, Q, R, N) if end is None else end
     solution = finite_horizon_riccati(system, Q, R, final, N, tol)
-    repeated = system.feedback(lambda t: solution.K(np.mod(t, system.period)), (0.0,))
+    repeated = system.feedback(Repeated(solution.K, system.period), (0.0,))
     return Design(
         name, "finite-horizon-lqr", solution.K, repeated, solution.error, solution.status, solution.problem, solution
     )
