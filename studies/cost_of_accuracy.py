@@ -22,8 +22,8 @@ from flexlin.answers.peers import HeyokaTransitions, cvodes_transition, heyoka, 
 from flexlin.answers.sweep import Plan, state_coefficients, sweep
 from flexlin.checks import Array
 from flexlin.periodic.many.transitions import batched_transitions
-from flexlin.periodic.product.balancing import scaled_product
-from flexlin.periodic.transition.setting import Setting, factors
+from flexlin.periodic.product.balancing import multiply_scaled
+from flexlin.periodic.transition.setting import Setting, factor_period
 
 ACCURACY = 1e-10
 PATH = "effects.payload.mass"
@@ -58,7 +58,7 @@ def timed(function: Callable[[], Array], repetitions: int) -> tuple[Array, float
 
 def transition(system: fl.PeriodicSystem, setting: Setting) -> Array:
     """Transition matrix of one period, from the scene's own coefficients on."""
-    P, log_scale = scaled_product(factors(system, setting)[1])
+    P, log_scale = multiply_scaled(factor_period(system, setting)[1])
     return P * np.exp(log_scale)
 
 

@@ -35,7 +35,9 @@ class Deviation:
         kept = tuple(k for k in range(arm.n) if k not in fixed)
         if not kept:
             raise InputError(
-                "nothing is left to move", got="every coordinate prescribed", expected="a link with modes or a driven joint"
+                "nothing is left to move",
+                got="every coordinate prescribed",
+                expected="a link with modes or a driven joint",
             )
         return cls(arm, motion, kept, tuple(i for i in range(arm.joints) if not motion.prescribed[i]))
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from flexlin.about.deviation import Deviation
 from flexlin.about.law import Law
-from flexlin.checks import Array
 from flexlin.errors import NumericalError
 from flexlin.periodic.fourier import FourierSeries, differentiation
 

@@ -8,19 +8,9 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError
-from flexlin.periodic.system import MatrixFunction
+from flexlin.periodic.coefficients import Constant, MatrixFunction
 
 VectorFunction = Callable[[Array], Array]
-
-
-@dataclass(frozen=True, eq=False)
-class Constant:
-    """A constant as a function of time; its samples are one broadcast array, by which it is known as constant."""
-
-    value: Array
-
-    def __call__(self, t: Array) -> Array:
-        return np.broadcast_to(self.value, (len(t), *self.value.shape))
 
 
 @dataclass(frozen=True, eq=False)

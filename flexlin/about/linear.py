@@ -55,7 +55,7 @@ def linearize(
 def coefficients(about: Deviation, matrices: Matrices, control: Control | None) -> ca.Function:
     """All coefficients along the rigid motion, rows and columns of y only, with the scene's loop closed if there is one.
 
-        tau = (E' B)^-1 E' (M s_R'' + C s_R' + g + d),   E: the columns of the driven joints
+    tau = (E' B)^-1 E' (M s_R'' + C s_R' + g + d),   E: the columns of the driven joints
     """
     arm, kept, driven = about.arm, list(about.kept), list(about.driven)
     *_, angles = about.symbols()
@@ -68,9 +68,7 @@ def coefficients(about: Deviation, matrices: Matrices, control: Control | None) 
         kp, kd = feedback_expressions(about, control)
         D, K = D + inputs @ kd, K + inputs @ kp
     M, D, K = M[kept, kept], D[kept, kept], K[kept, kept]
-    return about.function(
-        angles, {}, {"M": M, "D": D, "K": K, "h": -left[kept], "B": inputs[kept, :], "tau": tau}
-    )
+    return about.function(angles, {}, {"M": M, "D": D, "K": K, "h": -left[kept], "B": inputs[kept, :], "tau": tau})
 
 
 def rigid_torque(about: Deviation, left: ca.SX, inputs: ca.SX) -> ca.SX:

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
-import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.about.deviation import Deviation
@@ -15,7 +14,8 @@ from flexlin.checks import Array, at_times, times
 from flexlin.errors import MotionError
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion
-from flexlin.periodic.system import PeriodicSystem, SecondOrder, solve_mass
+from flexlin.periodic.companion import build_companion, build_input
+from flexlin.periodic.system import PeriodicSystem, SecondOrder
 from flexlin.scene.control import Control
 from flexlin.symbolic import selected
 
@@ -156,27 +156,22 @@ class Linearization:
                 expected="a periodic basic motion",
                 todo="use course = 'there-and-back', or a finite-horizon design",
             )
-        second_order = SecondOrder(self.M, self.D, self.K, self.B, self.equations)
-        return PeriodicSystem(self.state_matrix, self.period, self.input_matrix, self.breaks, second_order)
+        force, B = (self.B, self.input_matrix) if self.about.m else (None, None)
+        second_order = SecondOrder(self.M, self.D, self.K, force, self.equations)
+        return PeriodicSystem(self.state_matrix, self.period, B, self.breaks, second_order)
 
     def state_matrix(self, t: Array) -> Array:
         """A = [[0, I], [-M^-1 K, -M^-1 D]], (N, 2n, 2n)."""
-        (M, D, K), n = self.equations(t), self.n
-        A = np.zeros((len(t), 2 * n, 2 * n))
-        A[:, :n, n:] = np.eye(n)
-        A[:, n:, :] = -solve_mass(M, np.concatenate([K, D], axis=2), t)
-        return A
+        return build_companion(*self.equations(t), t)
 
     def input_matrix(self, t: Array) -> Array:
         """[0; M^-1 B], (N, 2n, m)."""
-        lower = solve_mass(*self.mass_and_input(t), t)
-        return np.concatenate([np.zeros_like(lower), lower], axis=1)
+        return build_input(*self.mass_and_input(t), t)
 
     def forcing(self, t: Array) -> Array:
         """M_L^-1 h_L in state form, (N, 2n): x' = A x + forcing."""
         c = self.sample(t)
-        acceleration = solve_mass(c.M, c.h[:, :, None], t)[:, :, 0]
-        return np.concatenate([np.zeros_like(acceleration), acceleration], axis=1)
+        return build_input(c.M, c.h[:, :, None], t)[:, :, 0]
 
     @cached_property
     def _equations(self) -> ca.Function:

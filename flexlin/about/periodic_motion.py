@@ -13,7 +13,7 @@ from flexlin.errors import MotionError, ToleranceNotReached
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.system import MatrixFunction
 
-__all__ = ["Closing", "Unknowns", "PeriodicMotion", "periodic_motion"]
+__all__ = ["Closing", "PeriodicMotion", "Unknowns", "periodic_motion"]
 
 POINTS = (33, 65, 129, 257, 513)
 

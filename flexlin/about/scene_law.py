@@ -4,8 +4,9 @@ import casadi as ca
 import numpy as np
 
 from flexlin.about.deviation import Deviation
-from flexlin.about.law import Constant, Law, VectorFunction
+from flexlin.about.law import Law, VectorFunction
 from flexlin.errors import ArgumentError
+from flexlin.periodic.coefficients import Constant
 from flexlin.scene.control import Control
 
 

@@ -16,7 +16,7 @@ from flexlin.errors import NumericalError, TooLarge
 from flexlin.mechanics import Manipulator, build_manipulator
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import floquet_modes
-from flexlin.periodic.floquet.resonance import Resonance, resonances
+from flexlin.periodic.floquet.resonance import Resonance, find_resonances
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.response.forced import ForcedResponse, forced_response
 from flexlin.periodic.system import PeriodicSystem
@@ -138,7 +138,7 @@ def analyse(scene: Scene, clock: Clock | None = None, tol: float = 1e-9) -> Anal
     with clock.step(f"nonlinear simulation of {SIMULATED_PERIODS:g} periods"):
         simulation = attempt(problems, "simulation", lambda: simulate(closed, SIMULATED_PERIODS, tol=SIMULATION_TOL))
     with clock.step("range of the linear equations"):
-        linear = attempt(problems, "linear range", lambda: linear_range(closed))
+        linear = attempt(problems, "linear range", lambda: linear_range(closed, result=own.floquet))
     designs = tuple(designed(system, table, tol, clock) for table in scene.designs)
     found = (coefficients, own, open_loop, designs, response, simulation, problems, tuple(clock.steps))
     return Analysis(scene, plant, closed, t, *found, resonances=behind, elastic=elastic, linear_range=linear)
@@ -182,7 +182,7 @@ def causes(own: Loop, system: PeriodicSystem, problems: dict[str, str], clock: C
     if own.verdict != "unstable":
         return ()
     with clock.step("cause of the instability"):
-        found = attempt(problems, "resonances", lambda: resonances(system, floquet_modes(system, own.floquet)))
+        found = attempt(problems, "resonances", lambda: find_resonances(system, floquet_modes(system, own.floquet)))
     return tuple(found or ())
 
 

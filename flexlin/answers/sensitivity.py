@@ -13,7 +13,7 @@ from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import FloquetModes, floquet_modes
-from flexlin.periodic.floquet.slopes import exponent_derivatives
+from flexlin.periodic.floquet.slopes import differentiate_exponents
 from flexlin.scene.parameters import get_value, numeric_paths
 from flexlin.scene.scene import Scene
 
@@ -82,7 +82,7 @@ def integrated(loop: ParametricLoop, modes: FloquetModes) -> Array:
             exponents=np.zeros_like(modes.exponents),
         )
         A, slope = state_slopes(loop, part.times / modes.period)
-        total = total + exponent_derivatives(part, slope, A, stretch)
+        total = total + differentiate_exponents(part, slope, A, stretch)
     return total
 
 

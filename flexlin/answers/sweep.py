@@ -13,7 +13,7 @@ from flexlin.errors import ArgumentError
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.many import batched_exponents
 from flexlin.periodic.many.algebra import solve_positive
-from flexlin.periodic.many.romberg import separation
+from flexlin.periodic.many.romberg import measure_spread
 from flexlin.scene.scene import Scene
 
 CHUNK_BYTES = 2**26
@@ -148,7 +148,7 @@ class Batches:
         logs, errors = result.logs.T, result.errors.T
         allowed = self.tol * np.maximum(T[:, None], np.abs(logs))
         reached = usable & result.sound & np.all(errors <= allowed, axis=1)
-        learnt = replace(plan, harmonics=harmonics, spread=separation(result.logs[:, reached]))
+        learnt = replace(plan, harmonics=harmonics, spread=measure_spread(result.logs[:, reached]))
         return logs, errors, reached, learnt
 
     def values_in_chunk(self, segments: int) -> int:

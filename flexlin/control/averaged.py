@@ -6,10 +6,11 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array
 from flexlin.control.design import Design
 from flexlin.control.weights import check_constant_pair
-from flexlin.periodic.grid import edges
+from flexlin.periodic.coefficients import Constant
+from flexlin.periodic.grid import place_edges
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
-from flexlin.periodic.transition.gauss import gauss, nodes, samples
+from flexlin.periodic.transition.gauss import gauss, place_nodes, sample_at
 
 SEGMENTS, STAGES = 16, 8
 
@@ -40,15 +41,13 @@ def averaged_lqr(
     check_constant_pair(A, B, state, "on average")
     K = control.lqr(A, B, state, effort, cross)[0]
 
-    def gain(t: Array) -> Array:
-        return np.broadcast_to(K, (len(t), *K.shape))
-
+    gain = Constant(K)
     status = "one constant gain for the averaged coefficients; the verdict is Floquet's"
     return Design(name, "averaged-lqr", gain, system.feedback(gain), 0.0, status, problem)
 
 
 def mean(system: PeriodicSystem, coefficient: MatrixFunction) -> Array:
     """Average a coefficient over the period by Gauss quadrature between the breaks."""
-    rule, marks = gauss(STAGES), edges(system.period, system.breaks, SEGMENTS)
-    values = samples(coefficient, nodes(marks, rule.c))
+    rule, marks = gauss(STAGES), place_edges(system.period, system.breaks, SEGMENTS)
+    values = sample_at(coefficient, place_nodes(marks, rule.c))
     return np.einsum("k,s,ksij->ij", np.diff(marks), rule.b, values) / system.period

@@ -6,12 +6,24 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.about.law import Constant, Law
+from flexlin.about.law import Law
 from flexlin.checks import Array, at_times, real_array
 from flexlin.errors import DesignError, NotStabilizable
+from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.quadratic.riccati import RiccatiSolution, periodic_lyapunov
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
+
+
+@dataclass(frozen=True, eq=False)
+class Repeated:
+    """A function of one period or horizon, repeated."""
+
+    gain: MatrixFunction
+    period: float
+
+    def __call__(self, t: Array) -> Array:
+        return self.gain(np.mod(t, self.period))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,27 +1,14 @@
 """The optimal time-varying feedback of a motion with an end."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.checks import Array
-from flexlin.control.design import Design
+from flexlin.control.design import Design, Repeated
 from flexlin.control.weights import check_constant_pair
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.quadratic.riccati import finite_horizon_riccati
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
-
-
-@dataclass(frozen=True, eq=False)
-class Repeated:
-    """A function of one horizon, repeated."""
-
-    gain: MatrixFunction
-    period: float
-
-    def __call__(self, t: Array) -> Array:
-        return self.gain(np.mod(t, self.period))
 
 
 def finite_horizon_lqr(

@@ -14,4 +14,6 @@ def horizon_system(lin: Linearization) -> PeriodicSystem:
 
     Returns: a `PeriodicSystem` that carries the coefficients. Raises: SingularMassMatrix.
     """
-    return PeriodicSystem.from_second_order(lin.M, lin.D, lin.K, lin.period, lin.B, lin.breaks, lin.equations)
+    return PeriodicSystem.from_second_order(
+        lin.M, lin.D, lin.K, lin.period, lin.B if lin.driven else None, lin.breaks, lin.equations
+    )

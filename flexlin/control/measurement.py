@@ -6,12 +6,13 @@ import casadi as ca
 import numpy as np
 
 from flexlin.about.deviation import Deviation
-from flexlin.about.law import Constant
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.link_shapes import shapes_of
-from flexlin.periodic.system import MatrixFunction, solve_mass
+from flexlin.periodic.coefficients import Constant
+from flexlin.periodic.companion import solve_mass
+from flexlin.periodic.system import MatrixFunction
 from flexlin.scene.scene import Scene
 
 

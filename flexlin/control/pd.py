@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flexlin.about.law import Constant
 from flexlin.checks import real_array
 from flexlin.control.design import Design
 from flexlin.errors import ArgumentError
+from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.system import PeriodicSystem
 

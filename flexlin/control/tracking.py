@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-
 from numpy.typing import ArrayLike
 
 from flexlin.about.deviation import Deviation

@@ -51,7 +51,7 @@ def product_rule(A: Matrix, DA: Matrix, B: Matrix, DB: Matrix) -> Matrix:
     Raises: ArgumentError when the shapes do not fit.
     Source: Khang et al., Eq (19); de Jong et al., Eq (18).
     """
-    n = variables("A", A, DA)
+    n = count_variables("A", A, DA)
     expect_columns("DB", DB, B.shape[1] * n)
     return DA @ kron(B, np.eye(n)) + A @ DB
 
@@ -84,7 +84,7 @@ def inverse_rule(A_inverse: Matrix, DA: Matrix) -> Matrix:
     Returns: (m, m n).
     Source: de Jong et al., Eq (20).
     """
-    n = variables("A_inverse", A_inverse, DA)
+    n = count_variables("A_inverse", A_inverse, DA)
     return -A_inverse @ DA @ kron(A_inverse, np.eye(n))
 
 
@@ -98,12 +98,12 @@ def kronecker_rule(A: Matrix, DA: Matrix, B: Matrix, DB: Matrix) -> Matrix:
     Raises: ArgumentError when the shapes do not fit.
     Source: Vetter (1973); left open by de Jong et al. (2018) after Eq (24).
     """
-    n, q = variables("A", A, DA), B.shape[1]
+    n, q = count_variables("A", A, DA), B.shape[1]
     expect_columns("DB", DB, q * n)
     return kron(DA, B) @ kron(np.eye(A.shape[1]), swap(n, q)) + kron(A, DB)
 
 
-def variables(name: str, A: Matrix, DA: Matrix) -> int:
+def count_variables(name: str, A: Matrix, DA: Matrix) -> int:
     """Return n, the number of variables by which DA (m, p n) differentiates A (m, p)."""
     n, rest = divmod(DA.shape[1], A.shape[1])
     if rest or DA.shape[0] != A.shape[0]:

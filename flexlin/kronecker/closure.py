@@ -36,7 +36,7 @@ def closure_jacobians(derivatives: Sequence[Array], nv: int) -> list[Array]:
     C = [-np.linalg.solve(DV[0], DU[0])]
     F = [np.hstack(pair) for pair in zip(DV[1:], DU[1:], strict=True)]
     for _ in range(1, order):
-        C.append(-np.linalg.solve(DV[0], F[0] @ right_factor(C, nu)))
+        C.append(-np.linalg.solve(DV[0], F[0] @ build_right_factor(C, nu)))
         F = [np.hstack([DV[j + 1], F[j + 1], F[j]]) for j in range(len(F) - 1)]
     return C
 
@@ -53,7 +53,7 @@ def refuse_if_large(order: int, nv: int, nu: int) -> None:
     check_size(f"the dense recursion of order {order}", size, "use the series engine: implicit_taylor")
 
 
-def right_factor(C: Sequence[Array], nu: int) -> Array:
+def build_right_factor(C: Sequence[Array], nu: int) -> Array:
     """Return G_k from C_1 ... C_(k-1): G_2, then G_3 ... each with as many derivatives by u as the next one needs."""
     K = [np.vstack([Ck, np.eye(nu) if k == 1 else np.zeros((nu, nu**k))]) for k, Ck in enumerate(C, start=1)]
     G = kronecker_jet(K, K, nu)

@@ -31,7 +31,7 @@ def taylor_sum(derivatives: Sequence[Matrix], delta: Matrix) -> Matrix:
     total = derivatives[0]
     for j, DjA in enumerate(derivatives[1:], start=1):
         expect_columns(f"derivative {j}", DjA, total.shape[1] * delta.shape[0] ** j)
-        total = total + first_order(DjA, kronecker_power(delta, j)) / factorial(j)
+        total = total + multiply_first_order(DjA, kronecker_power(delta, j)) / factorial(j)
     return total
 
 
@@ -47,7 +47,7 @@ def linearization(A0: Matrix, *terms: tuple[Matrix, Matrix]) -> Matrix:
     total = A0
     for DA, delta in terms:
         expect_columns("a derivative", DA, A0.shape[1] * delta.shape[0])
-        total = total + first_order(DA, delta)
+        total = total + multiply_first_order(DA, delta)
     return total
 
 
@@ -60,7 +60,7 @@ def bilinear_term(DxDyA: Matrix, dx: Matrix, dy: Matrix) -> Matrix:
     Returns: (m, p).
     Source: Khang et al., Eq (49), last term, with E_(p ny) where E_p is printed.
     """
-    return first_order(first_order(DxDyA, dx), dy)
+    return multiply_first_order(multiply_first_order(DxDyA, dx), dy)
 
 
 def linearized_product(A0: Matrix, y0: Matrix, DyA: Matrix, DxA: Matrix) -> LinearizedProduct:
@@ -79,7 +79,7 @@ def linearized_product(A0: Matrix, y0: Matrix, DyA: Matrix, DxA: Matrix) -> Line
     return LinearizedProduct(A0 @ y0, by_y, DxA @ kron(y0, np.eye(nx)))
 
 
-def first_order(DA: Matrix, delta: Matrix) -> Matrix:
+def multiply_first_order(DA: Matrix, delta: Matrix) -> Matrix:
     """Return DA (E_p (x) delta), with p read off the widths."""
     columns, rest = divmod(DA.shape[1], delta.shape[0])
     if rest:

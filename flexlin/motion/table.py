@@ -7,6 +7,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import MotionError
 from flexlin.motion.base import Angles, SampledMotion
+from flexlin.periodic.circle import count_turns
 from flexlin.scene.motion import TableMotion
 
 FEWEST_ROWS = 7
@@ -79,7 +80,7 @@ def _read(path: Path, joints: int) -> tuple[Array, Array]:
 def _whole_turns(t: Array, q: Array, file: str) -> Array:
     """The advance of each joint over the period, a whole number of turns or nothing."""
     advance = q[-1] - q[0]
-    turns = 2 * np.pi * np.round(advance / (2 * np.pi))
+    turns = 2 * np.pi * count_turns(advance)
     gap = np.abs(advance - turns)
     scale = np.maximum(np.ptp(q, axis=0), 1e-9)
     if np.any(gap > CLOSURE * scale):

@@ -10,7 +10,7 @@ from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 
 
-def edges(period: float, breaks: Sequence[float], segments: int) -> Array:
+def place_edges(period: float, breaks: Sequence[float], segments: int) -> Array:
     """Divide [0, T] into about `segments` intervals of equal length, none of which holds a break inside.
 
     Every piece between neighbouring breaks gets ceil(segments * length / T) segments, so at least one.

@@ -1,15 +1,24 @@
 """The periodic linear system x' = A(t) x + B(t) u, the common currency of the numeric wing."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, positive, real_array
-from flexlin.errors import ArgumentError, SingularMassMatrix
-
-MatrixFunction = Callable[[Array], Array]
+from flexlin.errors import ArgumentError
+from flexlin.periodic.coefficients import (
+    ClosedLoop,
+    InputMatrix,
+    MatrixFunction,
+    OneOfThree,
+    SecondOrderFunction,
+    SecondOrderLoop,
+    StateMatrix,
+    as_matrix_function,
+    check_samples,
+)
 
 
 @dataclass(frozen=True)
@@ -20,7 +29,7 @@ class SecondOrder:
     D: MatrixFunction
     K: MatrixFunction
     force: MatrixFunction | None = None
-    together: Callable[[Array], tuple[Array, Array, Array]] | None = None
+    together: SecondOrderFunction | None = None
 
     def sample(self, t: Array) -> tuple[Array, Array, Array]:
         """M, D, K at the times t, in one call where the maker gave `together`."""
@@ -28,17 +37,10 @@ class SecondOrder:
 
     def feedback(self, gain: MatrixFunction) -> "SecondOrder":
         """The equations with u = -gain(t) [y; y']."""
-        force = self.force
-        if force is None:
+        if self.force is None:
             raise ArgumentError("the equations have no input", got="force = None", expected="an input matrix")
-
-        def together(t: Array) -> tuple[Array, Array, Array]:
-            M, D, K = self.sample(t)
-            n = M.shape[-1]
-            feedback = force(t) @ gain(t)
-            return M, D + feedback[..., n:], K + feedback[..., :n]
-
-        return SecondOrder(self.M, lambda t: together(t)[1], lambda t: together(t)[2], force, together)
+        together = SecondOrderLoop(self.sample, self.force, gain)
+        return SecondOrder(self.M, OneOfThree(together, 1), OneOfThree(together, 2), self.force, together)
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,7 @@ class PeriodicSystem:
 
     Parameters: A: function (N,) -> (N, n, n), or a constant (n, n); period T in s; B: function (N,) -> (N, n, m), a constant, or None;
     breaks: times in [0, T) at which A or B jumps or loses smoothness.
+    Holds n, the number of states, and m, the number of inputs. It pickles when its functions do.
     Raises: ArgumentError when shapes, period or breaks do not fit, or values are not finite.
     """
 
@@ -59,6 +62,8 @@ class PeriodicSystem:
     B: MatrixFunction | None = None
     breaks: tuple[float, ...] = ()
     second_order: SecondOrder | None = None
+    n: int = field(init=False)
+    m: int = field(init=False)
 
     def __init__(
         self,
@@ -78,24 +83,16 @@ class PeriodicSystem:
         probe = check_samples("A", A, period)
         if probe.shape[1] != probe.shape[2]:
             raise ArgumentError("A is not square", got=probe.shape[1:], expected="(n, n)")
+        n, m = probe.shape[1], 0
         if B is not None:
             B = as_matrix_function("B", B)
-            rows = check_samples("B", B, period).shape[1]
-            if rows != probe.shape[1]:
-                raise ArgumentError("B has the wrong number of rows", got=rows, expected=str(probe.shape[1]))
-        for name, value in (("A", A), ("period", period), ("B", B), ("second_order", second_order)):
+            rows, m = check_samples("B", B, period).shape[1:]
+            if rows != n:
+                raise ArgumentError("B has the wrong number of rows", got=rows, expected=str(n))
+        corners = tuple(np.unique(inside).tolist())
+        checked = {"A": A, "period": period, "B": B, "breaks": corners, "second_order": second_order, "n": n, "m": m}
+        for name, value in checked.items():
             object.__setattr__(self, name, value)
-        object.__setattr__(self, "breaks", tuple(np.unique(inside).tolist()))
-
-    @property
-    def n(self) -> int:
-        """The number of states."""
-        return int(self.A(np.zeros(1)).shape[1])
-
-    @property
-    def m(self) -> int:
-        """The number of inputs."""
-        return 0 if self.B is None else int(self.B(np.zeros(1)).shape[2])
 
     @classmethod
     def from_second_order(
@@ -106,7 +103,7 @@ class PeriodicSystem:
         period: float,
         B: MatrixFunction | ArrayLike | None = None,
         breaks: Sequence[float] = (),
-        together: Callable[[Array], tuple[Array, Array, Array]] | None = None,
+        together: SecondOrderFunction | None = None,
     ) -> "PeriodicSystem":
         """Build the first-order system of M y'' + D y' + K y = B u with x = [y; y'].
 
@@ -125,23 +122,12 @@ class PeriodicSystem:
             if got != size:
                 raise ArgumentError(f"{name} does not fit M", got=got, expected=str(size))
 
-        def state_matrix(t: Array) -> Array:
-            n = size[0]
-            A = np.zeros((len(t), 2 * n, 2 * n))
-            A[:, :n, n:] = np.eye(n)
-            mass, damping, stiffness = second_order.sample(t)
-            A[:, n:, :] = -solve_mass(mass, np.concatenate([stiffness, damping], axis=2), t)
-            return A
-
+        A = StateMatrix(second_order.sample)
         if B is None:
-            return cls(state_matrix, period, None, breaks, second_order)
+            return cls(A, period, None, breaks, second_order)
         force = as_matrix_function("B", B)
-
-        def input_matrix(t: Array) -> Array:
-            lower = solve_mass(M(t), force(t), t)
-            return np.concatenate([np.zeros_like(lower), lower], axis=1)
-
-        return cls(state_matrix, period, input_matrix, breaks, replace(second_order, force=force))
+        check_samples("B", force, period)
+        return cls(A, period, InputMatrix(M, force), breaks, replace(second_order, force=force))
 
     def feedback(self, gain: MatrixFunction | ArrayLike, breaks: Sequence[float] = ()) -> "PeriodicSystem":
         """Close the loop u = -K(t) x: the system x' = (A - B K) x + B u.
@@ -150,43 +136,10 @@ class PeriodicSystem:
         """
         if self.B is None:
             raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
-        K, A, B = as_matrix_function("gain", gain), self.A, self.B
+        K = as_matrix_function("gain", gain)
         got = check_samples("gain", K, self.period).shape[1:]
         if got != (self.m, self.n):
             raise ArgumentError("the gain does not fit the system", got=got, expected=f"({self.m}, {self.n})")
         second_order = None if self.second_order is None else self.second_order.feedback(K)
         corners = (*self.breaks, *breaks)
-        return PeriodicSystem(lambda t: A(t) - B(t) @ K(t), self.period, B, corners, second_order)
-
-
-def as_matrix_function(name: str, value: MatrixFunction | ArrayLike) -> MatrixFunction:
-    """Let a constant matrix stand where a function of time is wanted."""
-    if callable(value):
-        return value
-    constant = real_array(name, value, (None, None))
-    return lambda t: np.broadcast_to(constant, (len(t), *constant.shape))
-
-
-def check_samples(name: str, function: MatrixFunction, period: float) -> Array:
-    """Sample a coefficient at a few times and return the checked (N, rows, columns)."""
-    t = period * np.array([0.0, 0.2917, 0.6281])
-    samples = real_array(name, function(t), (None, None, None))
-    if len(samples) != len(t):
-        raise ArgumentError(
-            f"{name}(t) has the wrong shape",
-            got=samples.shape,
-            expected=f"({len(t)}, rows, columns) for t of shape ({len(t)},)",
-        )
-    return samples
-
-
-def solve_mass(M: Array, right: Array, t: Array) -> Array:
-    """Solve M z = right at each time, naming the time at which M is singular."""
-    try:
-        return np.linalg.solve(M, right)
-    except np.linalg.LinAlgError:
-        worst = int(np.argmin([np.linalg.svd(m, compute_uv=False)[-1] for m in M]))
-        raise SingularMassMatrix(
-            f"the mass matrix is singular at t = {t[worst]:.6g} s",
-            todo="give every coordinate inertia, or remove the coordinate",
-        ) from None
+        return PeriodicSystem(ClosedLoop(self.A, self.B, K), self.period, self.B, corners, second_order)

@@ -4,13 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexlin.about.linear import Linearization
+from flexlin.about.linearization import Linearization
 from flexlin.about.periodic_motion import periodic_motion
 from flexlin.checks import Array
-from flexlin.control.validity import slowest_modes
+from flexlin.control.slow_motions import slow_motions
 from flexlin.errors import NumericalError
 from flexlin.periodic.system import MatrixFunction
-from flexlin.simulation.law import torque_law
 from flexlin.simulation.loop import NonlinearLoop
 
 
@@ -43,13 +42,12 @@ def region_of_attraction(
 
     Returns: an `Attraction`. Raises: NumericalError when the loop has no periodic motion near the rigid one.
     """
-    law = torque_law(lin, feedback)
-    motion = periodic_motion(lin, gain=law.gain)
-    loop = lin.periodic_system()
+    law = lin.law if feedback is None else lin.law.with_gain(feedback)
+    motion = periodic_motion(lin, law=law)
+    loop, own = lin.periodic_system(), lin.closed_by
     if feedback is not None:
-        own = torque_law(lin).gain
-        loop = loop.feedback(lambda t: feedback(t) - own(t))
-    directions = slowest_modes(loop, modes)
+        loop = loop.feedback(lambda t: law.gain(t) - own.gain(t))
+    directions = slow_motions(loop, modes).directions
     here, there = motion.state(np.zeros(1))[0], motion.state(np.array([periods * lin.period]))[0]
 
     def comes_back(offset: Array) -> bool:

@@ -158,7 +158,7 @@ def test_bad_tables_are_refused(changes, message):
 
 def test_a_stiff_loop_takes_the_exponential_and_agrees_with_collocation():
     """Cheap control of a light inertia: a loop at -3e3/s beside slow modes."""
-    from flexlin.periodic.quadratic.riccati import edges, linear_quadratic, solve_on
+    from flexlin.periodic.quadratic.riccati import linear_quadratic, place_edges, solve_on_panels
 
     def stiffness(t):
         return np.array([[3.0, -1.0], [-1.0, 2.0]]) * (1 + 0.3 * np.cos(2 * np.pi * t))[:, None, None]
@@ -167,7 +167,9 @@ def test_a_stiff_loop_takes_the_exponential_and_agrees_with_collocation():
         np.diag([1e-3, 1.0]), 0.01 * np.eye(2), stiffness, 1.0, np.array([[1.0], [0.0]])
     )
     made = periodic_lqr(system, np.eye(4), 0.1 * np.eye(1), tol=1e-9)
-    reference, _ = solve_on(edges(1.0, (), 400), linear_quadratic(system, np.eye(4), 0.1 * np.eye(1)), None)
+    reference, _ = solve_on_panels(
+        place_edges(1.0, (), 400), linear_quadratic(system, np.eye(4), 0.1 * np.eye(1)), None
+    )
     t = np.random.default_rng(3).uniform(0, 1, 50)
     assert np.abs(made.X(t) - reference.X(t)).max() < 1e-9 * np.abs(reference.X(t)).max()
 

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import mathieu_a
 
 import flexlin as fl
-from flexlin.periodic.grid import edges
+from flexlin.periodic.grid import place_edges
 from tests.periodic.systems import colaneri, lyapunov_transformed, mathieu, mathieu_second_order, meissner
 
 STEPS = 2000
@@ -34,7 +34,7 @@ class HardCase:
 
 def naive_exponents(system, steps=STEPS):
     """What is usually written: Runge-Kutta of order 4, the monodromy matrix multiplied out, its eigenvalues, their logs."""
-    grid = edges(system.period, (), steps)
+    grid = place_edges(system.period, (), steps)
     h = np.diff(grid)[:, None, None]
     start, middle, end = (system.A(t) for t in (grid[:-1], grid[:-1] + h[:, 0, 0] / 2, grid[1:]))
     eye = np.eye(start.shape[-1])

@@ -3,7 +3,7 @@ import pytest
 from scipy.linalg import expm
 
 from flexlin.errors import ArgumentError, SingularMassMatrix
-from flexlin.periodic.grid import edges
+from flexlin.periodic.grid import place_edges
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition import gauss as collocation
 from flexlin.periodic.transition.gauss import gauss, gauss_transitions, second_order_transitions
@@ -48,7 +48,7 @@ def test_second_order_path_agrees_with_first_order_path():
     D = np.array([[0.2, 0.5], [-0.5, 0.1]])
     K = np.array([[30.0, 1.0], [2.0, 5.0]])
     system = PeriodicSystem.from_second_order(M, D, K, 2 * np.pi)
-    grid = edges(system.period, (), 12)
+    grid = place_edges(system.period, (), 12)
     np.testing.assert_allclose(
         second_order_transitions(system.second_order, grid, 9), gauss_transitions(system.A, grid, 11), atol=2e-12
     )
@@ -69,20 +69,20 @@ def test_chunks_do_not_change_the_result(monkeypatch):
 
 
 def test_edges_hit_the_breaks():
-    grid = edges(2.0, (0.3, 1.9), 10)
+    grid = place_edges(2.0, (0.3, 1.9), 10)
     assert grid[0] == 0
     assert grid[-1] == 2
     assert {0.3, 1.9} <= set(grid)
     assert np.diff(grid).max() <= 0.2 + 1e-15
-    assert len(edges(1.0, (), 7)) == 8
+    assert len(place_edges(1.0, (), 7)) == 8
     with pytest.raises(ArgumentError, match="segments"):
-        edges(1.0, (), 0)
+        place_edges(1.0, (), 0)
 
 
 def test_feedback_keeps_the_second_order():
     system = PeriodicSystem.from_second_order(2 * np.eye(2), np.eye(2), 3 * np.eye(2), 1.0, B=[[1.0], [0.5]])
     loop = system.feedback(np.array([[4.0, 0.0, 0.5, 1.0]]))
-    grid = edges(1.0, (), 4)
+    grid = place_edges(1.0, (), 4)
     np.testing.assert_allclose(
         second_order_transitions(loop.second_order, grid, 6), gauss_transitions(loop.A, grid, 6), atol=1e-13
     )

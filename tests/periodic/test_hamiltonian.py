@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.periodic.floquet.hamiltonian import is_hamiltonian, paired
+from flexlin.periodic.floquet.hamiltonian import is_hamiltonian, pair_hamiltonian
 from tests.periodic.systems import colaneri, mathieu, mathieu_second_order
 
 
@@ -68,6 +68,6 @@ def test_long_product_keeps_the_pairing():
 
 def test_a_violated_pairing_is_measured():
     logs = np.array([1e-3 + 1j, -1.2e-3 - 1j, 0.5 + 0j, -0.5 + 0j])
-    exact, violation = paired(logs)
+    exact, violation = pair_hamiltonian(logs)
     np.testing.assert_allclose(violation, [2e-4, 2e-4, 0, 0], atol=1e-16)
     np.testing.assert_allclose(exact, [1.1e-3 + 1j, -1.1e-3 - 1j, 0.5, -0.5], atol=1e-16)

@@ -4,7 +4,7 @@ from scipy.linalg import expm
 
 import flexlin as fl
 from flexlin.errors import ArgumentError, ToleranceNotReached
-from flexlin.periodic.transition.exponential import exponential
+from flexlin.periodic.transition.exponential import exponentiate
 from flexlin.periodic.transition.gauss import gauss_transitions
 from flexlin.periodic.transition.magnus import magnus_transitions
 from tests.periodic.systems import mathieu
@@ -13,7 +13,7 @@ from tests.periodic.systems import mathieu
 @pytest.mark.parametrize("size", [0.0, 0.1, 3.0, 100.0])
 def test_exponential_against_scipy(size):
     X = size * np.random.default_rng(2).standard_normal((7, 4, 4)) / 4
-    np.testing.assert_allclose(exponential(X), [expm(x) for x in X], rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(exponentiate(X), [expm(x) for x in X], rtol=1e-10, atol=1e-12)
 
 
 @pytest.mark.parametrize("order", [4, 6])
@@ -59,4 +59,4 @@ def test_auto_takes_magnus_for_fast_modes():
 
 def test_overflow_is_an_error_not_a_number():
     with pytest.raises(ToleranceNotReached, match="more segments"):
-        exponential(np.array([[[1000.0]]]))
+        exponentiate(np.array([[[1000.0]]]))

@@ -4,12 +4,12 @@ from scipy.linalg import block_diag, expm
 
 import flexlin as fl
 from flexlin.errors import ArgumentError
-from flexlin.periodic.floquet.frequencies import tracked_frequencies
+from flexlin.periodic.floquet.frequencies import track_frequencies
 from flexlin.periodic.floquet.hill import hill_spectrum
 from flexlin.periodic.floquet.modes import floquet_modes
 from flexlin.periodic.floquet.real_factor import real_factor
-from flexlin.periodic.floquet.resonance import resonances
-from flexlin.periodic.floquet.slopes import exponent_derivatives
+from flexlin.periodic.floquet.resonance import find_resonances
+from flexlin.periodic.floquet.slopes import differentiate_exponents
 from flexlin.periodic.transition.gauss import gauss_transitions
 from tests.periodic.systems import colaneri, lyapunov_transformed, mathieu, meissner
 
@@ -67,10 +67,10 @@ def test_derivatives_against_exact_ones_of_a_transformed_system():
     system = transformed()
     modes = floquet_modes(system, tol=1e-11)
     shift = np.broadcast_to(np.eye(3), (len(modes.times), 3, 3))
-    np.testing.assert_allclose(exponent_derivatives(modes, shift), 1, atol=1e-9)
+    np.testing.assert_allclose(differentiate_exponents(modes, shift), 1, atol=1e-9)
     # time and A scaled together, A(t) -> (1 + theta) A((1 + theta) t): lambda -> (1 + theta) lambda, T -> T / (1 + theta)
     A = system.A(modes.times)
-    unfolded = exponent_derivatives(modes, A, A, period_slope=-system.period)
+    unfolded = differentiate_exponents(modes, A, A, period_slope=-system.period)
     np.testing.assert_allclose(unfolded, modes.exponents, atol=1e-9)
 
 
@@ -81,7 +81,7 @@ def test_derivatives_of_mathieu_against_differences():
     slope[0, :, 1, 0] = 2 * np.cos(2 * modes.times)
     slope[1, :, 1, 0] = -1
     step = 1e-4
-    exact = exponent_derivatives(modes, slope)
+    exact = differentiate_exponents(modes, slope)
     for row, (da, dq) in enumerate([(0, step), (step, 0)]):
         plus, minus = (
             fl.floquet(fl.PeriodicSystem(mathieu(1 + s * da, 0.2 + s * dq), np.pi), tol=1e-12).exponents[0].real
@@ -89,9 +89,9 @@ def test_derivatives_of_mathieu_against_differences():
         )
         assert abs(exact[row, 0].real - (plus - minus) / (2 * step)) < 1e-6
     with pytest.raises(ArgumentError, match="shape"):
-        exponent_derivatives(modes, slope[:, :-1])
+        differentiate_exponents(modes, slope[:, :-1])
     with pytest.raises(ArgumentError, match="missing"):
-        exponent_derivatives(modes, slope, period_slope=1.0)
+        differentiate_exponents(modes, slope, period_slope=1.0)
 
 
 def test_frequencies_are_tracked_through_the_folding():
@@ -103,7 +103,7 @@ def test_frequencies_are_tracked_through_the_folding():
 
     system = fl.PeriodicSystem.from_second_order(np.eye(2), 0.05 * np.eye(2), K, np.pi)
     result = fl.floquet(system)
-    frequency, start = tracked_frequencies(system, result)
+    frequency, start = track_frequencies(system, result)
     np.testing.assert_allclose(np.sort(frequency), np.sort(hill_spectrum(system, 1e-9).exponents.imag), atol=1e-8)
     np.testing.assert_allclose(np.abs(np.sort(frequency)), [9.1, 5.3, 5.3, 9.1], atol=0.05)
     np.testing.assert_allclose(frequency, start.imag, atol=0.05)
@@ -132,7 +132,7 @@ def coupled(frequency, coupling):
 def test_resonances_are_named(frequency, coupling, kind, order, pair):
     """Symmetric coupling gives sum resonances, skew coupling difference resonances (Nayfeh, Mook 1979, section 5.3)."""
     system = coupled(frequency, coupling)
-    found = resonances(system, floquet_modes(system))
+    found = find_resonances(system, floquet_modes(system))
     assert found
     for resonance in found:
         assert (resonance.kind, resonance.order) == (kind, order)
@@ -143,6 +143,6 @@ def test_resonances_are_named(frequency, coupling, kind, order, pair):
 
 def test_an_unstable_average_is_no_resonance():
     system = fl.PeriodicSystem(np.array([[0, 1.0], [-4.0, 0.1]]), 1.0)
-    (found,) = resonances(system, floquet_modes(system))
+    (found,) = find_resonances(system, floquet_modes(system))
     assert found.kind == "average"
     assert "by itself" in str(found)

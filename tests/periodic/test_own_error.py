@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import block_diag
 
 import flexlin as fl
-from flexlin.periodic.product.eigenvalues import partners
+from flexlin.periodic.circle import match_logs
 from tests.periodic.systems import lyapunov_transformed
 
 SYSTEMS = 200
@@ -31,7 +31,7 @@ def errors_of(seed, tol):
     A = lyapunov_transformed(constant, frequency, int(rng.integers(1, 4)), rng, size=rng.uniform(0, 0.6))
     period = 2 * np.pi / frequency
     result = fl.floquet(fl.PeriodicSystem(A, period), tol=tol)
-    true = partners(result.log_multipliers, exponents * period)[1] / period
+    true = match_logs(result.log_multipliers, exponents * period)[1] / period
     growth = exponents.real.max()
     verdicts = {"undecided", "unstable" if growth > 0 else "stable"}
     return true.max(), result.error, np.mean(true <= result.errors), result.verdict in verdicts

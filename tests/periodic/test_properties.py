@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 import flexlin as fl
 from flexlin.errors import TooManySegments
+from flexlin.periodic.circle import match_logs
 from flexlin.periodic.floquet.exponents import floquet as floquet_of
-from flexlin.periodic.product.eigenvalues import partners
 from flexlin.periodic.transition.setting import METHODS
 
 
@@ -26,7 +26,7 @@ def random_system(seed, n):
 
 
 def apart(first, second, period):
-    return partners(first * period, second * period)[1].max() / period
+    return match_logs(first * period, second * period)[1].max() / period
 
 
 systems = given(seed=st.integers(0, 10_000), n=st.integers(1, 5))
@@ -76,7 +76,7 @@ def test_all_methods_agree(seed, n):
     for method in (*METHODS, "hill"):
         other = floquet_of(system, tol=1e-7, method=method)
         resolved = np.isfinite(other.errors)
-        distance = partners(other.log_multipliers, base.log_multipliers)[1] / system.period
+        distance = match_logs(other.log_multipliers, base.log_multipliers)[1] / system.period
         assert distance[resolved].max() <= other.error + base.error, method
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.periodic.grid import edges
+from flexlin.periodic.grid import place_edges
 from flexlin.periodic.transition.gauss import gauss_transitions
 from flexlin.periodic.transition.radau import radau, radau_transitions
 from tests.periodic.systems import colaneri, mathieu, meissner
@@ -37,7 +37,7 @@ def test_order_of_convergence(stages):
 
 
 def test_the_last_stage_stays_before_a_break():
-    grid = edges(np.pi, (np.pi / 3,), 8)
+    grid = place_edges(np.pi, (np.pi / 3,), 8)
     np.testing.assert_allclose(radau_transitions(meissner, grid, 6), gauss_transitions(meissner, grid, 6), atol=1e-11)
 
 

@@ -12,18 +12,18 @@ from scipy.integrate import solve_ivp
 from flexlin.errors import ArgumentError, IllPosedSegment, NotDetectable, NotStabilizable
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.quadratic.riccati import (
-    edges,
     finite_horizon_riccati,
     linear_quadratic,
     periodic_riccati,
-    solve_on,
+    place_edges,
+    solve_on_panels,
 )
 from flexlin.periodic.quadratic.scattering import (
     Segment,
-    cost_before,
-    costs_at_edges,
-    from_hamiltonian,
-    product_tree,
+    carry_cost_back,
+    carry_costs_down,
+    combine_in_tree,
+    scatter_hamiltonian,
     star_product,
 )
 from flexlin.periodic.system import PeriodicSystem
@@ -108,7 +108,7 @@ def test_dense_output_has_order_ten():
     problem = linear_quadratic(rotated(), np.eye(2), np.eye(1))
     t = np.linspace(0, np.pi, 400)
     exact = rotation(t) @ Z @ np.swapaxes(rotation(t), 1, 2)
-    errors = [np.abs(solve_on(edges(np.pi, (), p), problem, None)[0].X(t) - exact).max() for p in (4, 8)]
+    errors = [np.abs(solve_on_panels(place_edges(np.pi, (), p), problem, None)[0].X(t) - exact).max() for p in (4, 8)]
     assert 9.0 < np.log2(errors[0] / errors[1]) < 11.0
 
 
@@ -229,16 +229,16 @@ def test_star_product_is_associative(seed):
 def test_tree_carries_costs_like_a_walk(seed, count):
     segments = random_segments(seed, count)
     end = 2.0 * np.eye(3)
-    found = costs_at_edges(product_tree(segments), end)
+    found = carry_costs_down(combine_in_tree(segments), end)
     X = end
     for k in reversed(range(count)):
-        X = cost_before(segments[k], X)
+        X = carry_cost_back(segments[k], X)
         assert np.abs(found[k] - X).max() < 1e-8 * np.abs(X).max()
 
 
 def test_singular_segment_is_named():
     with pytest.raises(IllPosedSegment, match="P22 of segment 1 of 2"):
-        from_hamiltonian(np.stack([np.eye(2), np.zeros((2, 2))]))
+        scatter_hamiltonian(np.stack([np.eye(2), np.zeros((2, 2))]))
 
 
 def test_closed_loop_of_the_rotated_example_has_the_exponents_of_the_constant_one():

@@ -16,11 +16,11 @@ from flexlin.mechanics import build_manipulator
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.product.balancing import scaled_product
+from flexlin.periodic.product.balancing import multiply_scaled
 from flexlin.periodic.quadratic.riccati import periodic_riccati
 from flexlin.periodic.response.forced import forced_response
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.setting import Setting, chosen, factors
+from flexlin.periodic.transition.setting import Setting, choose_setting, factor_period
 from flexlin.scene.parameters import replace_value
 from flexlin.scene.scene import Scene
 from flexlin.series import taylor
@@ -57,7 +57,7 @@ def from_samples(system: PeriodicSystem, at: Array, t: Array) -> Array:
 
 def transition(system: PeriodicSystem, setting: Setting) -> Array:
     """The transition matrix of one period."""
-    P, log_scale = scaled_product(factors(system, setting)[1])
+    P, log_scale = multiply_scaled(factor_period(system, setting)[1])
     return P * np.exp(log_scale)
 
 
@@ -71,7 +71,7 @@ def transition_matrices(system: PeriodicSystem, exact: Array) -> list[Row]:
                     setting = Setting(method, order, count, "")
                     yield Trial(f"{method} {order}", f"{count} segments", partial(transition, system, setting))
         for tol in TOLS:
-            setting = chosen(system, tol, "auto", None, None)
+            setting = choose_setting(system, tol, "auto", None, None)
             name = f"{setting.segments} segments"
             yield Trial(f"{setting.method} {setting.order}", name, partial(transition, system, setting), f"{tol:.0e}")
 

@@ -3,15 +3,16 @@
 import numpy as np
 
 from flexlin.checks import instance, positive
-from flexlin.periodic.floquet.hamiltonian import is_hamiltonian, paired
+from flexlin.periodic.circle import wrap_log
+from flexlin.periodic.floquet.hamiltonian import is_hamiltonian, pair_hamiltonian
 from flexlin.periodic.floquet.hill import hill_spectrum
-from flexlin.periodic.floquet.liouville import liouville_defect
-from flexlin.periodic.floquet.mass_rounding import mass_rounding
-from flexlin.periodic.floquet.pilot import PILOT, piloted
-from flexlin.periodic.floquet.refinement import Level, estimated_errors, refined, three_levels
-from flexlin.periodic.floquet.result import FloquetResult, judged
+from flexlin.periodic.floquet.liouville import measure_liouville_defect
+from flexlin.periodic.floquet.mass_rounding import measure_mass_rounding
+from flexlin.periodic.floquet.pilot import PILOT, try_magnus
+from flexlin.periodic.floquet.refinement import Level, compute_levels, estimate_errors, refine_spectrum
+from flexlin.periodic.floquet.result import FloquetResult, judge
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.setting import MAX_SEGMENTS, Setting, chosen, too_many
+from flexlin.periodic.transition.setting import MAX_SEGMENTS, Setting, choose_setting, report_too_many
 
 FACTOR_BYTES = 2**29
 """The transition matrices of a period take at most this many bytes."""
@@ -40,32 +41,31 @@ def floquet(
     """
     instance("system", system, PeriodicSystem, "make one: fl.PeriodicSystem(A, period), or lin.periodic_system()")
     if method == "hill":
-        return by_hill(system, positive("tol", tol), order)
+        return solve_by_hill(system, positive("tol", tol), order)
     max_segments = min(max_segments, FACTOR_BYTES // (8 * system.n**2))
-    setting = chosen(system, positive("tol", tol), method, order, segments)
+    setting = choose_setting(system, positive("tol", tol), method, order, segments)
     levels: list[Level] = []
     if method == "auto" and segments is None and setting.segments > PILOT:
-        setting, levels = piloted(system, setting, tol, max_segments)
+        setting, levels = try_magnus(system, setting, tol, max_segments)
     if setting.segments > max_segments:
-        raise too_many(setting.segments, max_segments, tol)
-    levels = levels or three_levels(system, setting)
+        raise report_too_many(setting.segments, max_segments, tol)
+    levels = levels or compute_levels(system, setting)
     if segments is None:
-        levels = refined(system, setting, levels, tol, max_segments)
+        levels = refine_spectrum(system, setting, levels, tol, max_segments)
     fine, setting = levels[-1], setting.with_segments(levels[-1].segments)
-    errors = estimated_errors(levels[-3:], setting) + mass_rounding(system, setting, fine.logs)
+    errors = estimate_errors(levels[-3:], setting) + measure_mass_rounding(system, setting, fine.logs)
     if np.isfinite(errors).all():
-        errors *= max(1.0, liouville_defect(system, setting, fine.logs, errors) / errors.sum())
+        errors *= max(1.0, measure_liouville_defect(system, setting, fine.logs, errors) / errors.sum())
     logs, undamped = fine.logs, abs(fine.logs.real.sum()) <= errors.sum() and is_hamiltonian(system)
     if undamped:
-        logs, violation = paired(logs)
+        logs, violation = pair_hamiltonian(logs)
         errors = np.maximum(errors, violation)
-    return judged(logs / system.period, errors / system.period, system.period, setting, tol, undamped)
+    return judge(logs / system.period, errors / system.period, system.period, setting, tol, undamped)
 
 
-def by_hill(system: PeriodicSystem, tol: float, harmonics: int | None) -> FloquetResult:
+def solve_by_hill(system: PeriodicSystem, tol: float, harmonics: int | None) -> FloquetResult:
     """The same exponents by the independent Fourier route, imaginary parts folded into (-pi/T, pi/T]."""
     spectrum = hill_spectrum(system, tol, harmonics)
-    w = 2 * np.pi / system.period
-    folded = spectrum.exponents - 1j * w * np.ceil(spectrum.exponents.imag / w - 0.5)
+    folded = wrap_log(spectrum.exponents * system.period) / system.period
     setting = Setting("hill", spectrum.harmonics, 1, "as asked")
-    return judged(folded, spectrum.errors, system.period, setting, tol)
+    return judge(folded, spectrum.errors, system.period, setting, tol)

@@ -4,13 +4,14 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import ToleranceNotReached
+from flexlin.periodic.circle import count_turns, match_logs, measure_distances, wrap_log
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.grid import edges
-from flexlin.periodic.product.eigenvalues import partners, product_spectrum
+from flexlin.periodic.grid import place_edges
+from flexlin.periodic.product.eigenvalues import product_spectrum
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.gauss import gauss, nodes, samples
-from flexlin.periodic.transition.setting import Setting, factors
+from flexlin.periodic.transition.gauss import gauss, place_nodes, sample_at
+from flexlin.periodic.transition.setting import Setting, factor_period
 
 FIRST_STEP, LEAST_STEP = 1 / 8, 2.0**-14
 STRIDE = 0.5
@@ -19,7 +20,7 @@ LOCKED = 0.02
 """Exponents this close (as logs of multipliers) have met: they may move together or apart without a halved step."""
 
 
-def tracked_frequencies(
+def track_frequencies(
     system: PeriodicSystem, result: FloquetResult | None = None, tol: float = 1e-9
 ) -> tuple[Array, Array]:
     """Unfold the imaginary parts of the exponents by following the modes from the averaged system.
@@ -37,18 +38,18 @@ def tracked_frequencies(
     """
     result = result or floquet(system, tol)
     T = system.period
-    mean = mean_matrix(system)
+    mean = average_matrix(system)
     resolved = int(np.isfinite(result.errors).sum())
     start = np.linalg.eigvals(mean).astype(complex)
     start = start[np.argsort(-start.real, kind="stable")][:resolved]
     track, logs, e, step = start * T, start * T, 0.0, FIRST_STEP
     while e < 1:
         step = min(step, 1 - e)
-        target = logs_at(system, mean, e + step, result)[:resolved]
-        partner, moved = partners(logs, target)
-        if np.all(moved <= STRIDE * separation(logs) + LOCKED):
+        target = solve_between(system, mean, e + step, result)[:resolved]
+        partner, moved = match_logs(logs, target)
+        if np.all(moved <= STRIDE * measure_isolation(logs) + LOCKED):
             turn = target[partner] - logs
-            track = track + turn.real + 1j * (np.remainder(turn.imag + np.pi, 2 * np.pi) - np.pi)
+            track = track + wrap_log(turn)
             logs, e, step = target[partner], e + step, 2 * step
         else:
             step /= 2
@@ -57,21 +58,21 @@ def tracked_frequencies(
                     "the modes cannot be followed from the averaged system", got=f"stopped at e = {e:.4g}"
                 )
     final = result.log_multipliers[:resolved]
-    order = partners(final, logs)[0]
-    turns = np.rint((track[order] - final).imag / (2 * np.pi))
+    order = match_logs(final, logs)[0]
+    turns = count_turns((track[order] - final).imag)
     hidden = np.full(len(result.exponents) - resolved, np.nan)
     frequencies = result.exponents[:resolved].imag + 2 * np.pi / T * turns
     return np.append(frequencies, hidden), np.append(start[order], hidden)
 
 
-def mean_matrix(system: PeriodicSystem) -> Array:
+def average_matrix(system: PeriodicSystem) -> Array:
     """The mean of A over a period by Gauss quadrature between the breaks."""
-    grid, rule = edges(system.period, system.breaks, 8), gauss(16)
+    grid, rule = place_edges(system.period, system.breaks, 8), gauss(16)
     weights = np.diff(grid)[:, None] / system.period * rule.b
-    return np.einsum("ks,ksij->ij", weights, samples(system.A, nodes(grid, rule.c)))
+    return np.einsum("ks,ksij->ij", weights, sample_at(system.A, place_nodes(grid, rule.c)))
 
 
-def logs_at(system: PeriodicSystem, mean: Array, e: float, result: FloquetResult) -> Array:
+def solve_between(system: PeriodicSystem, mean: Array, e: float, result: FloquetResult) -> Array:
     """Logs of the multipliers of the system between its average (e = 0) and itself (e = 1)."""
     if e == 1:
         return result.log_multipliers
@@ -81,12 +82,11 @@ def logs_at(system: PeriodicSystem, mean: Array, e: float, result: FloquetResult
         if result.setting.method != "hill"
         else Setting("gauss", 12, 4 * result.setting.order, "tracking")
     )
-    return product_spectrum(factors(between, setting)[1], probes=0).logs
+    return product_spectrum(factor_period(between, setting)[1], probes=0).logs
 
 
-def separation(logs: Array) -> Array:
+def measure_isolation(logs: Array) -> Array:
     """Distance of each log to its nearest neighbour modulo 2 pi i."""
-    apart = logs[:, None] - logs
-    size = np.hypot(apart.real, np.remainder(apart.imag + np.pi, 2 * np.pi) - np.pi)
+    size = measure_distances(logs, logs)
     np.fill_diagonal(size, np.inf)
     return size.min(axis=1)

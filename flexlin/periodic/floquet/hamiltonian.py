@@ -4,7 +4,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 
 from flexlin.checks import Array
-from flexlin.periodic.product.eigenvalues import partners
+from flexlin.periodic.circle import match_logs, wrap_log
 from flexlin.periodic.system import PeriodicSystem, SecondOrder
 
 TOLERANCE = 1e-10
@@ -27,7 +27,7 @@ def is_hamiltonian(system: PeriodicSystem) -> bool:
     h = np.diff(corners)
     t = (corners[:-1, None] + h[:, None] * x).ravel()
     if system.second_order is not None:
-        return symmetric_motion(system.second_order, t, h)
+        return is_symmetric_motion(system.second_order, t, h)
     n = system.n // 2
     if system.n != 2 * n:
         return False
@@ -36,16 +36,16 @@ def is_hamiltonian(system: PeriodicSystem) -> bool:
     return is_symmetric(JA)
 
 
-def symmetric_motion(second: SecondOrder, t: Array, h: Array) -> bool:
+def is_symmetric_motion(second: SecondOrder, t: Array, h: Array) -> bool:
     """The conditions of second order on samples at the nodes of panels of lengths h."""
     M, D, K = second.sample(t)
-    G = D - derivative(M, h)
+    G = D - differentiate_panels(M, h)
     scale = np.abs(D).max() + np.sqrt(np.abs(M).max() * np.abs(K).max())
     skew = np.abs(G + np.swapaxes(G, 1, 2)).max() <= 10 * TOLERANCE * scale
-    return bool(skew and is_symmetric(M) and is_symmetric(K - derivative(G, h) / 2))
+    return bool(skew and is_symmetric(M) and is_symmetric(K - differentiate_panels(G, h) / 2))
 
 
-def derivative(values: Array, h: Array) -> Array:
+def differentiate_panels(values: Array, h: Array) -> Array:
     """The derivative of the interpolants on the panels, (N, n, n)."""
     x = (leggauss(NODES)[0] + 1) / 2
     V = np.vander(x, increasing=True)
@@ -59,16 +59,11 @@ def is_symmetric(values: Array) -> bool:
     return bool(np.abs(values - np.swapaxes(values, 1, 2)).max() <= TOLERANCE * np.abs(values).max())
 
 
-def paired(logs: Array) -> tuple[Array, Array]:
+def pair_hamiltonian(logs: Array) -> tuple[Array, Array]:
     """Make logs of multipliers exactly paired, log mu -> -log mu, and return by how much each missed its pair.
 
     (l_i - l_j) / 2 for each i and the partner j nearest to -l_i, imaginary parts modulo 2 pi
     """
-    partner, violation = partners(-logs, logs)
-    other = -logs[partner]
-    apart = other - logs
-    turn = np.remainder(apart.imag + np.pi, 2 * np.pi) - np.pi
+    partner, violation = match_logs(-logs, logs)
     mutual = partner[partner] == np.arange(len(logs))
-    middle = logs + np.where(mutual, (apart.real + 1j * turn) / 2, 0)
-    angle = np.pi - np.remainder(np.pi - middle.imag, 2 * np.pi)
-    return middle.real + 1j * angle, violation
+    return wrap_log(logs + np.where(mutual, wrap_log(-logs[partner] - logs) / 2, 0)), violation

@@ -8,6 +8,7 @@ from numpy.polynomial.legendre import leggauss
 from scipy.linalg import eig, matrix_balance
 
 from flexlin.checks import Array
+from flexlin.periodic.circle import count_turns, measure_distances
 from flexlin.periodic.system import PeriodicSystem
 
 MAX_SIZE = 900
@@ -37,31 +38,32 @@ def hill_spectrum(system: PeriodicSystem, tol: float, harmonics: int | None = No
     Source: Hill (1886); sorting by the mean harmonic after Lazarus, Thomas, C. R. Mecanique 338 (2010).
     """
     n, count = system.n, harmonics or 8
-    coarse = truncated(system, max(1, count // 2))
-    fine = truncated(system, count)
+    coarse = truncate_hill(system, max(1, count // 2))
+    fine = truncate_hill(system, count)
     while True:
-        errors = 2 * nearest(fine[0], coarse[0], system.period) + fine[1]
+        moved = measure_distances(fine[0] * system.period, coarse[0] * system.period).min(axis=1) / system.period
+        errors = 2 * moved + fine[1]
         reached = np.all((errors <= tol * np.maximum(1, np.abs(fine[0]))) | (errors <= 2 * fine[1]))
         if reached or harmonics is not None or n * (4 * count + 1) > MAX_SIZE:
             return HillSpectrum(fine[0], errors, count)
         count *= 2
-        coarse, fine = fine, truncated(system, count)
+        coarse, fine = fine, truncate_hill(system, count)
 
 
-def truncated(system: PeriodicSystem, harmonics: int) -> tuple[Array, Array]:
+def truncate_hill(system: PeriodicSystem, harmonics: int) -> tuple[Array, Array]:
     """Exponents (n,) from harmonics -N ... N, and the rounding of each from its eigenvalue's condition."""
     n, w = system.n, 2 * np.pi / system.period
-    H = hill_matrix(fourier_coefficients(system, 2 * harmonics), w)
+    H = assemble_hill(expand_fourier(system, 2 * harmonics), w)
     values, left, right = eig(H, left=True, right=True)
     right, left = right / np.linalg.norm(right, axis=0), left / np.linalg.norm(left, axis=0)
     modes = right.reshape(2 * harmonics + 1, n, -1)
-    taken = principal_copies(values, modes, w)
+    taken = choose_copies(values, modes, w)
     angle = np.maximum(np.abs((left[:, taken].conj() * right[:, taken]).sum(axis=0)), 1e-300)
     noise = 4 * np.finfo(float).eps * np.linalg.norm(H, 2)
     return values[taken], np.minimum(noise / angle, np.sqrt(noise * np.linalg.norm(H, 2)))
 
 
-def fourier_coefficients(system: PeriodicSystem, count: int) -> Array:
+def expand_fourier(system: PeriodicSystem, count: int) -> Array:
     """A_k, k = -count ... count, of the balanced A: trapezoidal rule, or Gauss panels between breaks."""
     T = system.period
     corners = np.unique([0.0, *system.breaks, T])
@@ -79,7 +81,7 @@ def fourier_coefficients(system: PeriodicSystem, count: int) -> Array:
     return np.einsum("kt,tij->kij", kernel, A * (scale / scale[:, None]))
 
 
-def hill_matrix(coefficients: Array, w: float) -> Array:
+def assemble_hill(coefficients: Array, w: float) -> Array:
     """Blocks A_(j-k) - i j w delta_jk for j, k = -N ... N from coefficients A_(-2N) ... A_(2N)."""
     count, n = (len(coefficients) - 1) // 4, coefficients.shape[1]
     j = np.arange(-count, count + 1)
@@ -89,7 +91,7 @@ def hill_matrix(coefficients: Array, w: float) -> Array:
     return H
 
 
-def principal_copies(values: Array, modes: Array, w: float) -> list[int]:
+def choose_copies(values: Array, modes: Array, w: float) -> list[int]:
     """Indices of n independent solutions among all copies, those with mean harmonic nearest zero first."""
     n, half = modes.shape[1], (len(modes) - 1) // 2
     energy = (np.abs(modes) ** 2).sum(axis=1)
@@ -105,7 +107,7 @@ def principal_copies(values: Array, modes: Array, w: float) -> list[int]:
 
 def is_copy(i: int, taken: list[int], values: Array, modes: Array, w: float) -> bool:
     """Whether eigenvector i, shifted by whole harmonics, lies in the span of taken ones with the same exponent modulo i w."""
-    shift = np.rint((values[taken].imag - values[i].imag) / w).astype(int)
+    shift = count_turns((values[taken].imag - values[i].imag) * (2 * np.pi / w)).astype(int)
     apart = np.abs(values[taken] - values[i] - 1j * w * shift)
     span = [
         np.roll(modes[:, :, j], m, axis=0).ravel()
@@ -117,10 +119,3 @@ def is_copy(i: int, taken: list[int], values: Array, modes: Array, w: float) -> 
     basis = np.linalg.qr(np.column_stack(span))[0]
     vector = modes[:, :, i].ravel()
     return bool(np.linalg.norm(vector - basis @ (basis.conj().T @ vector)) < SHIFTED)
-
-
-def nearest(fine: Array, coarse: Array, period: float) -> Array:
-    """Distance of each exponent to the nearest of the other set, imaginary parts modulo 2 pi / T."""
-    apart = fine[:, None] - coarse[None, :]
-    turns = np.round(apart.imag * period / (2 * np.pi))
-    return np.abs(apart - 2j * np.pi / period * turns).min(axis=1)

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.grid import edges
-from flexlin.periodic.product.balancing import balanced
+from flexlin.periodic.grid import place_edges
+from flexlin.periodic.product.balancing import balance_factors
 from flexlin.periodic.product.cyclic import cyclic_system
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.gauss import gauss
@@ -63,33 +64,33 @@ def floquet_modes(system: PeriodicSystem, result: FloquetResult | None = None, t
     Parameters: result: from `floquet`, computed with tol when it is not given.
     """
     result = result or floquet(system, tol)
-    times, weights, Phi = quadrature_factors(system, result)
-    Phi, scale = balanced(Phi)
+    times, weights, Phi = factor_at_nodes(system, result)
+    Phi, scale = balance_factors(Phi)
     h = np.diff(times)
     size = max(1, CHUNK_BYTES // (64 * Phi.size))
     n = Phi.shape[-1]
     right, left = (np.empty((len(h), n, n), complex) for _ in range(2))
-    same = coinciding(result.log_multipliers)
+    same = find_coinciding(result.log_multipliers)
     for i in range(0, n, size):
         part = slice(i, i + size)
         ranks = np.tril(same, -1).sum(axis=1)[part]
         G = np.exp(-result.exponents[part, None] * h)[..., None, None] * Phi
-        right[:, :, part] = null_modes(G, ranks)
+        right[:, :, part] = find_null_modes(G, ranks)
         adjoint = np.conj(np.swapaxes(G[:, ::-1], -1, -2))
-        left[:, :, part] = np.roll(null_modes(adjoint, ranks)[::-1], 1, axis=0)
+        left[:, :, part] = np.roll(find_null_modes(adjoint, ranks)[::-1], 1, axis=0)
     right /= np.abs(right).max(axis=(0, 1))
-    left = biorthogonal(left, right, same)
+    left = biorthogonalize(left, right, same)
     right, left = right * scale[:, None], left / scale[:, None]
     return FloquetModes(times[:-1], weights, system.period, result.exponents, result.errors, right, left)
 
 
-def quadrature_factors(system: PeriodicSystem, result: FloquetResult) -> tuple[Array, Array, Array]:
+def factor_at_nodes(system: PeriodicSystem, result: FloquetResult) -> tuple[Array, Array, Array]:
     """Times (N + 1,) of Gauss nodes and panel edges, weights (N,) of the mean, and the transition matrices between the times."""
     setting = result.setting
     method = "gauss" if setting.method == "hill" else setting.method
     panels, nodes = (setting.order, 6) if method != setting.method else (setting.segments, max(4, setting.order // 2))
     rule = gauss(nodes)
-    grid = edges(system.period, system.breaks, panels)
+    grid = place_edges(system.period, system.breaks, panels)
     h = np.diff(grid)[:, None]
     times = np.append((grid[:-1, None] + h * np.append(0.0, rule.c)).ravel(), system.period)
     weights = (h / system.period * np.append(0.0, rule.b)).ravel()
@@ -97,20 +98,19 @@ def quadrature_factors(system: PeriodicSystem, result: FloquetResult) -> tuple[A
     return times, weights, METHODS[method](system, times, order)
 
 
-def coinciding(logs: Array) -> Array:
+def find_coinciding(logs: Array) -> Array:
     """Which logs of multipliers agree modulo 2 pi i, (n, n) booleans."""
-    apart = logs[:, None] - logs
-    return np.hypot(apart.real, np.remainder(apart.imag + np.pi, 2 * np.pi) - np.pi) < CLUSTER
+    return measure_distances(logs, logs) < CLUSTER
 
 
-def null_modes(G: Array, ranks: Array) -> Array:
+def find_null_modes(G: Array, ranks: Array) -> Array:
     """Null vectors (K, n, m) of the cyclic systems of G (m, K, n, n); members of a cluster take different ones."""
     x, sigma = cyclic_system(G).null_vectors(int(ranks.max()) + 1)
     modes = [x[i, :, :, rank if sigma[i, rank] < NULL * sigma[i, -1] else 0] for i, rank in enumerate(ranks)]
     return np.stack(modes, axis=-1)
 
 
-def biorthogonal(left: Array, right: Array, same: Array) -> Array:
+def biorthogonalize(left: Array, right: Array, same: Array) -> Array:
     """Scale and, among coinciding exponents, mix the left modes so that q_i^H p_j is the identity."""
     scaled = np.empty_like(left)
     for members in {tuple(np.flatnonzero(row).tolist()) for row in same}:

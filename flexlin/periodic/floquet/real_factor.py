@@ -42,21 +42,21 @@ def real_factor(modes: FloquetModes) -> RealFactor:
         if min(angle, 1 - angle) < REAL:
             sign[i] = -1.0 if angle > 0.5 else 1.0
             R[i, i] = exponent.real
-            P[:, :, i] = real_mode(modes.right[:, :, i] * np.exp(1j * exponent.imag * modes.times)[:, None])
+            P[:, :, i] = turn_real(modes.right[:, :, i] * np.exp(1j * exponent.imag * modes.times)[:, None])
         elif exponent.imag > 0:
-            j = conjugate_of(i, modes.exponents)
+            j = find_conjugate(i, modes.exponents)
             P[:, :, i], P[:, :, j] = modes.right[:, :, i].real, modes.right[:, :, i].imag
             R[np.ix_([i, j], [i, j])] = [[exponent.real, exponent.imag], [-exponent.imag, exponent.real]]
     return RealFactor(modes.times, P, R, modes.period * (2 if np.any(sign < 0) else 1), sign)
 
 
-def real_mode(mode: Array) -> Array:
+def turn_real(mode: Array) -> Array:
     """Turn the phase of a mode that is real up to a constant factor."""
     square = (mode * mode).sum()
     return (mode * np.exp(-0.5j * np.angle(square))).real
 
 
-def conjugate_of(i: int, exponents: Array) -> int:
+def find_conjugate(i: int, exponents: Array) -> int:
     """The index of the conjugate of exponent i: among equal pairs, the one of the same place."""
     place = int(np.sum(np.abs(exponents[:i] - exponents[i]) < 1e-12 * (1 + abs(exponents[i]))))
     order = np.argsort(np.abs(exponents - exponents[i].conjugate()), kind="stable")

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.product.eigenvalues import PROBES, partners, product_spectrum
+from flexlin.periodic.circle import match_logs
+from flexlin.periodic.product.eigenvalues import PROBES, product_spectrum
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.setting import Setting, factors, too_many
+from flexlin.periodic.transition.setting import Setting, factor_period, report_too_many
 
 LOST = 23.0
 """Log of the ratio of two modes in one segment beyond which the weaker one is lost (1e-10)."""
@@ -25,17 +26,17 @@ class Level:
     basis: Array | None
 
 
-def three_levels(system: PeriodicSystem, setting: Setting) -> list[Level]:
+def compute_levels(system: PeriodicSystem, setting: Setting) -> list[Level]:
     """The spectrum on a half, three quarters and all of the segments; the rounding is measured on the last."""
     levels: list[Level] = []
     for part in (0.5, 0.75, 1.0):
         basis = levels[-1].basis if levels else None
         count = max(1, round(part * setting.segments))
-        levels.append(level(system, setting.with_segments(count), basis, probes=part == 1))
+        levels.append(compute_level(system, setting.with_segments(count), basis, probes=part == 1))
     return levels
 
 
-def refined(
+def refine_spectrum(
     system: PeriodicSystem, setting: Setting, levels: list[Level], tol: float, max_segments: int
 ) -> list[Level]:
     """Add finer levels until tol is reached, or rounding allows no more.
@@ -44,42 +45,42 @@ def refined(
     """
     levels, previous = list(levels), np.inf
     while True:
-        excess = missing_factor(setting, levels, tol, system.period)
-        if excess <= 1 or (excess > 0.7 * previous and near_rounding(levels, setting)):
+        excess = measure_excess(setting, levels, tol, system.period)
+        if excess <= 1 or (excess > 0.7 * previous and is_near_rounding(levels, setting)):
             return levels
-        count = next_count(levels[-1].segments, excess, setting.order)
+        count = predict_count(levels[-1].segments, excess, setting.order)
         if count > max_segments:
-            raise too_many(count, max_segments, tol)
-        levels.append(level(system, setting.with_segments(count), levels[-1].basis))
+            raise report_too_many(count, max_segments, tol)
+        levels.append(compute_level(system, setting.with_segments(count), levels[-1].basis))
         previous = excess
 
 
-def level(system: PeriodicSystem, setting: Setting, basis: Array | None = None, probes: bool = True) -> Level:
+def compute_level(system: PeriodicSystem, setting: Setting, basis: Array | None = None, probes: bool = True) -> Level:
     """The spectrum at one resolution, from the basis of another; the rounding is measured only where it is asked."""
     turns = setting.rate * system.period
-    spectrum = product_spectrum(factors(system, setting)[1], PROBES if probes else 0, turns, basis)
+    spectrum = product_spectrum(factor_period(system, setting)[1], PROBES if probes else 0, turns, basis)
     return Level(setting.segments, spectrum.logs, spectrum.rounding, spectrum.basis)
 
 
-def missing_factor(setting: Setting, levels: list[Level], tol: float, period: float) -> float:
+def measure_excess(setting: Setting, levels: list[Level], tol: float, period: float) -> float:
     """By how much the worst resolved exponent misses tol (1 or less: reached, or rounding allows no more)."""
-    errors = estimated_errors(levels[-3:], setting)
+    errors = estimate_errors(levels[-3:], setting)
     allowed = np.maximum(tol * np.maximum(period, np.abs(levels[-1].logs)), 2 * SAFETY * levels[-1].rounding)
     return float((errors / allowed)[np.isfinite(errors)].max())
 
 
-def near_rounding(levels: list[Level], setting: Setting) -> bool:
+def is_near_rounding(levels: list[Level], setting: Setting) -> bool:
     """Whether the errors are within a thousand times the measured rounding: where refinement stalls there, it has ended."""
-    errors = estimated_errors(levels[-3:], setting)
+    errors = estimate_errors(levels[-3:], setting)
     return bool(np.all((errors <= 1e3 * levels[-1].rounding) | np.isinf(errors)))
 
 
-def next_count(segments: int, worst: float, order: int) -> int:
+def predict_count(segments: int, worst: float, order: int) -> int:
     """The number of segments that the order promises to suffice: at least a half more, at most four times as many."""
     return int(np.ceil(segments * min(4.0, max(1.5, 1.2 * worst ** (1 / order)))))
 
 
-def estimated_errors(levels: list[Level], setting: Setting) -> Array:
+def estimate_errors(levels: list[Level], setting: Setting) -> Array:
     """Errors of the logs at the finest of three resolutions, from their differences and from rounding.
 
         d_12 ~ C k_1^-p,   d_23 ~ C k_2^-p   give p,   error_3 ~ d_23 (k_2 / k_3)^p
@@ -91,8 +92,8 @@ def estimated_errors(levels: list[Level], setting: Setting) -> Array:
     an L-stable method, still sinking far below the largest one as segments get shorter.
     """
     coarse, middle, fine = levels
-    partner, d_23 = partners(fine.logs, middle.logs)
-    d_12 = partners(middle.logs, coarse.logs)[1][partner]
+    partner, d_23 = match_logs(fine.logs, middle.logs)
+    d_12 = match_logs(middle.logs, coarse.logs)[1][partner]
     tiny = np.finfo(float).tiny
     together = np.log(max(d_12.max(), tiny) / max(d_23.max(), tiny))
     alone = np.log(np.maximum(d_12, tiny) / np.maximum(d_23, tiny))

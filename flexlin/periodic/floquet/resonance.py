@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.floquet.frequencies import mean_matrix
+from flexlin.periodic.floquet.frequencies import average_matrix
 from flexlin.periodic.floquet.modes import FloquetModes
 from flexlin.periodic.system import PeriodicSystem
 
@@ -40,7 +40,7 @@ class Resonance:
         )
 
 
-def resonances(system: PeriodicSystem, modes: FloquetModes) -> list[Resonance]:
+def find_resonances(system: PeriodicSystem, modes: FloquetModes) -> list[Resonance]:
     """Identify the resonance behind every exponent that is unstable beyond its error (one entry for each complex pair).
 
         p(t) exp(lambda t) = sum_(m, j) c_mj phi_m exp((lambda + i j w) t),   mean A phi_m = sigma_m phi_m
@@ -50,16 +50,16 @@ def resonances(system: PeriodicSystem, modes: FloquetModes) -> list[Resonance]:
 
     Source: Nayfeh, Mook, Nonlinear Oscillations (1979), ch. 5; Xie, Dynamic Stability of Structures (2006).
     """
-    values, vectors = np.linalg.eig(mean_matrix(system))
+    values, vectors = np.linalg.eig(average_matrix(system))
     found = []
     for i, exponent in enumerate(modes.exponents):
         if exponent.real > modes.errors[i] and exponent.imag >= 0:
-            share = components(modes, i, vectors, values)
-            found.append(identified(exponent, share, values, 2 * np.pi / modes.period))
+            share = measure_shares(modes, i, vectors, values)
+            found.append(identify_resonance(exponent, share, values, 2 * np.pi / modes.period))
     return found
 
 
-def components(modes: FloquetModes, i: int, vectors: Array, values: Array) -> Array:
+def measure_shares(modes: FloquetModes, i: int, vectors: Array, values: Array) -> Array:
     """|c_mj| of Floquet mode i: (n, 2 J + 1), harmonics -J ... J wide enough for every frequency of the averaged system."""
     w = 2 * np.pi / modes.period
     J = min(400, int(np.ceil(np.abs(values.imag).max() / w)) + 2)
@@ -68,7 +68,7 @@ def components(modes: FloquetModes, i: int, vectors: Array, values: Array) -> Ar
     return np.abs(np.linalg.solve(vectors, (kernel @ modes.right[:, :, i]).T))
 
 
-def identified(exponent: complex, share: Array, values: Array, w: float) -> Resonance:
+def identify_resonance(exponent: complex, share: Array, values: Array, w: float) -> Resonance:
     """Read the resonance condition off the two strongest averaged modes."""
     half = (share.shape[1] - 1) // 2
     strongest = share.max(axis=1)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.transition.setting import Setting
 
 
@@ -44,7 +45,7 @@ class FloquetResult:
             return np.where(np.isinf(size), size + 0j, size * np.exp(1j * angle))
 
 
-def judged(
+def judge(
     exponents: Array, errors: Array, period: float, setting: Setting, tol: float, undamped: bool = False
 ) -> FloquetResult:
     """Give the verdict: undecided when an exponent's distance to the imaginary axis is below its error."""
@@ -64,7 +65,7 @@ def judged(
         "undecided": "the growth rate is zero to within its error: ask for a smaller tol, add damping, "
         "or treat the system as marginal (undamped and rigid-body modes are)",
     }[verdict]
-    if undamped and verdict == "undecided" and isolated(exponents, errors, period):
+    if undamped and verdict == "undecided" and are_isolated(exponents, errors, period):
         advice = (
             "the system is undamped and every multiplier is simple: all lie on the unit circle, the motion stays bounded "
             "and nothing decays; add damping for a margin"
@@ -79,10 +80,8 @@ def judged(
     return FloquetResult(exponents, errors, period, verdict, f"{verdict}: {facts}; {advice}{limit}", setting)
 
 
-def isolated(exponents: Array, errors: Array, period: float) -> bool:
+def are_isolated(exponents: Array, errors: Array, period: float) -> bool:
     """Whether no two exponents are within their errors: then the pairing (lambda, -conj lambda) holds each on the axis."""
-    apart = exponents[:, None] - exponents
-    w = 2 * np.pi / period
-    size = np.hypot(apart.real, np.remainder(apart.imag + w / 2, w) - w / 2)
+    size = measure_distances(exponents * period, exponents * period) / period
     np.fill_diagonal(size, np.inf)
     return bool(np.all(size > errors[:, None] + errors))

@@ -8,7 +8,7 @@ from flexlin.errors import ArgumentError
 from flexlin.periodic.floquet.modes import FloquetModes
 
 
-def exponent_derivatives(
+def differentiate_exponents(
     modes: FloquetModes, slope: ArrayLike, A: ArrayLike | None = None, period_slope: ArrayLike = 0.0
 ) -> Array:
     """Derivative of every exponent by every parameter.

@@ -16,12 +16,12 @@ Y2 = (857 - 58 * _R) / 630
 """Taylor's polynomial of order 8 in three products: Bader, Blanes, Casas, Mathematics 7 (2019) 1174, Eq. (12)."""
 
 
-def product(A: Array, B: Array) -> Array:
+def multiply(A: Array, B: Array) -> Array:
     """A B for every value."""
     return np.einsum("ijv,jkv->ikv", A, B)
 
 
-def exponential(X: Array, accuracy: float) -> Array:
+def exponentiate_batch(X: Array, accuracy: float) -> Array:
     """exp(X) by scaling, Taylor's polynomial of order 8 and squaring.
 
         T_8(X / 2^s)^(2^s),   relative error of each log eigenvalue  (|x| / 2^s)^8 / 9! <= accuracy
@@ -31,19 +31,19 @@ def exponential(X: Array, accuracy: float) -> Array:
     norm = float(np.abs(X).sum(axis=0).max())
     reach = (accuracy * factorial(9)) ** 0.125
     squarings = max(0, ceil(log2(norm / reach))) if norm > 0 else 0
-    E = taylor_8(X * 0.5**squarings)
+    E = evaluate_taylor(X * 0.5**squarings)
     for _ in range(squarings):
-        E = product(E, E)
+        E = multiply(E, E)
     return E
 
 
-def taylor_8(A: Array) -> Array:
+def evaluate_taylor(A: Array) -> Array:
     """I + A + ... + A^8 / 8! in three products."""
-    A2 = product(A, A)
-    A4 = product(A2, X1 * A + X2 * A2)
+    A2 = multiply(A, A)
+    A4 = multiply(A2, X1 * A + X2 * A2)
     right = X5 * A + X6 * A2 + X7 * A4
     add_identity(right, X4)
-    E = product(_X3 * A2 + A4, right)
+    E = multiply(_X3 * A2 + A4, right)
     E += A
     E += Y2 * A2
     add_identity(E, 1.0)
@@ -78,7 +78,7 @@ def solve_positive(M: Array, right: Array) -> Array:
     return Z
 
 
-def qr(A: Array) -> tuple[Array, Array]:
+def factor_qr(A: Array) -> tuple[Array, Array]:
     """Q orthogonal and R upper triangular with A = Q R, by Householder reflections."""
     n = len(A)
     R, Q = A.copy(), np.zeros_like(A)

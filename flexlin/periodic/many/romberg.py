@@ -7,10 +7,12 @@ import numpy as np
 from scipy.linalg.lapack import dgebal
 
 from flexlin.checks import Array
-from flexlin.periodic.grid import edges
-from flexlin.periodic.many.algebra import exponential, product
-from flexlin.periodic.many.spectrum import grouped, product_logs
-from flexlin.periodic.transition.gauss import gauss, nodes
+from flexlin.periodic.circle import measure_distances, wrap_log
+from flexlin.periodic.companion import stack_companion
+from flexlin.periodic.grid import place_edges
+from flexlin.periodic.many.algebra import exponentiate_batch, multiply
+from flexlin.periodic.many.spectrum import find_product_logs, group_batch
+from flexlin.periodic.transition.gauss import gauss, place_nodes
 
 ORDER = 4
 LEVELS = 3
@@ -51,54 +53,51 @@ def batched_exponents(
     Returns: BatchedExponents; where an error is too large, more segments or `floquet` may help.
     Source: Blanes, Casas, Oteo, Ros, Physics Reports 470 (2009), Eq. (253); Richardson's extrapolation of a symmetric method.
     """
-    grid = edges(1.0, breaks, segments)
-    scale = balance(*coefficients(grid[:-1]))
+    grid = place_edges(1.0, breaks, segments)
+    scale = balance_states(*coefficients(grid[:-1]))
     table: list[Array] = []
     sound: Array | bool = True
     Q = None
     for _ in range(LEVELS):
-        factors, log_det = magnus_factors(coefficients, grid, scale, accuracy)
-        logs, fine, Q = product_logs(grouped(factors, spread, accuracy), log_det, accuracy, Q)
-        spread = separation(logs[:, fine])
+        factors, log_det = exponentiate_segments(coefficients, grid, scale, accuracy)
+        logs, fine, Q = find_product_logs(group_batch(factors, spread, accuracy), log_det, accuracy, Q)
+        spread = measure_spread(logs[:, fine])
         sound = sound & fine
         below = table[-1] if table else logs
-        table = extrapolated(table, logs)
-        grid = halved(grid)
-    return BatchedExponents(wrapped(table[-1]), romberg_error(table, below, accuracy), np.asarray(sound))
+        table = extrapolate(table, logs)
+        grid = halve_segments(grid)
+    return BatchedExponents(wrap_log(table[-1]), estimate_romberg_error(table, below, accuracy), np.asarray(sound))
 
 
-def romberg_error(table: list[Array], below: Array, accuracy: float) -> Array:
+def estimate_romberg_error(table: list[Array], below: Array, accuracy: float) -> Array:
     """Error of the last entry, by the steps that lead to it: from the lower order, and from the coarser resolution.
 
     Where Romberg's scheme converges as it should, the second is 4^3 times the first; where it does not, it counts more.
     """
     last = table[-1]
-    across, down = np.abs(wrapped(last - table[-2])), np.abs(wrapped(last - partner(last, below)))
+    across, down = np.abs(wrap_log(last - table[-2])), np.abs(wrap_log(last - take_nearest(last, below)))
     noise = NOISE * np.finfo(float).eps
     return SAFETY * (across + down / 2 ** (ORDER + 2)) + (noise + accuracy) * np.abs(last) + noise
 
 
-def separation(logs: Array) -> float:
+def measure_spread(logs: Array) -> float:
     """The widest spread of the logs of the moduli, the smallest of each value left out; infinite where nothing is known."""
     sizes = np.sort(logs.real, axis=0)[min(1, len(logs) - 1) :]
     return float(np.ptp(sizes, axis=0).max()) if sizes.size else np.inf
 
 
-def halved(grid: Array) -> Array:
+def halve_segments(grid: Array) -> Array:
     """The grid with the middle of each segment added."""
     return np.sort(np.concatenate([grid, (grid[1:] + grid[:-1]) / 2]))
 
 
-def balance(X: Array, Y: Array) -> Array:
+def balance_states(X: Array, Y: Array) -> Array:
     """One scaling (2 n,) of the states by powers of two that evens rows and columns of the mean of |A| = |[[0, I], [X, Y]]|."""
-    n = X.shape[1]
-    A = np.zeros((2 * n, 2 * n))
-    A[:n, n:] = np.eye(n)
-    A[n:] = np.concatenate([np.abs(X).mean(axis=(0, 3)), np.abs(Y).mean(axis=(0, 3))], axis=1)
+    A = stack_companion(np.abs(X).mean(axis=(0, 3)), np.abs(Y).mean(axis=(0, 3)))
     return np.asarray(dgebal(A, scale=1, permute=0)[3])
 
 
-def extrapolated(row: list[Array], logs: Array) -> list[Array]:
+def extrapolate(row: list[Array], logs: Array) -> list[Array]:
     """The next row of Romberg's table; its columns have the orders 4, 6, 8 ...
 
     The finer logs are paired with the coarser ones, nearest first, and imaginary parts are taken modulo 2 pi.
@@ -106,47 +105,46 @@ def extrapolated(row: list[Array], logs: Array) -> list[Array]:
     new = [logs]
     for i, coarse in enumerate(row):
         gain = 2.0 ** (ORDER + 2 * i) - 1
-        new.append(new[i] + wrapped(new[i] - partner(new[i], coarse)) / gain)
+        new.append(new[i] + wrap_log(new[i] - take_nearest(new[i], coarse)) / gain)
     return new
 
 
-def partner(fine: Array, coarse: Array) -> Array:
+def take_nearest(fine: Array, coarse: Array) -> Array:
     """The coarse log that lies nearest to each fine one."""
-    apart = wrapped(fine[:, None] - coarse[None])
-    nearest = np.abs(apart).argmin(axis=1)
-    return np.take_along_axis(coarse, nearest, axis=0)
+    return np.take_along_axis(coarse, measure_distances(fine, coarse).argmin(axis=1), axis=0)
 
 
-def wrapped(difference: Array) -> Array:
-    """Logs, or differences of logs, with their imaginary parts in (-pi, pi]."""
-    return difference.real + 1j * (np.pi - np.remainder(np.pi - difference.imag, 2 * np.pi))
-
-
-def magnus_factors(coefficients: Coefficients, grid: Array, scale: Array, accuracy: float) -> tuple[Array, Array]:
+def exponentiate_segments(
+    coefficients: Coefficients, grid: Array, scale: Array, accuracy: float
+) -> tuple[Array, Array]:
     """Transition matrices (K, 2 n, 2 n, V) over the segments of the grid, of the scaled states, and their log determinant (V,)."""
-    X, Y = coefficients(nodes(grid, gauss(2).c).ravel())
+    X, Y = coefficients(place_nodes(grid, gauss(2).c).ravel())
     segments, n, values = len(grid) - 1, X.shape[1], X.shape[-1]
     h = np.repeat(np.diff(grid), values)
     factors = np.empty((segments, 2 * n, 2 * n, values))
     step = max(1, BLOCK // values)
     for k in range(0, segments, step):
         first, second = slice(2 * k, 2 * (k + step), 2), slice(2 * k + 1, 2 * (k + step), 2)
-        omega = second_order_omega(
-            flat(X[first]), flat(Y[first]), flat(X[second]), flat(Y[second]), h[k * values : (k + step) * values]
+        omega = form_omega(
+            flatten_segments(X[first]),
+            flatten_segments(Y[first]),
+            flatten_segments(X[second]),
+            flatten_segments(Y[second]),
+            h[k * values : (k + step) * values],
         )
         omega *= (scale / scale[:, None])[..., None]
-        E = exponential(omega, accuracy)
+        E = exponentiate_batch(omega, accuracy)
         factors[k : k + step] = np.moveaxis(E.reshape(2 * n, 2 * n, -1, values), 2, 0)
     trace = np.einsum("kiiv->kv", Y)
     return factors, np.repeat(np.diff(grid) / 2, 2) @ trace
 
 
-def flat(A: Array) -> Array:
+def flatten_segments(A: Array) -> Array:
     """(K, n, n, V) -> (n, n, K V)."""
     return np.moveaxis(A, 0, 2).reshape(*A.shape[1:3], -1)
 
 
-def second_order_omega(X1: Array, Y1: Array, X2: Array, Y2: Array, h: Array) -> Array:
+def form_omega(X1: Array, Y1: Array, X2: Array, Y2: Array, h: Array) -> Array:
     """Omega = h (A1 + A2) / 2 - sqrt(3) h^2 [A1, A2] / 12 for A = [[0, I], [X, Y]], with products of n x n blocks only.
 
     [A1, A2] = [[X2 - X1, Y2 - Y1], [Y1 X2 - Y2 X1, X1 - X2 + [Y1, Y2]]]
@@ -157,6 +155,6 @@ def second_order_omega(X1: Array, Y1: Array, X2: Array, Y2: Array, h: Array) -> 
     omega[:n, :n] = -c * dX
     omega[:n, n:] = c * (Y1 - Y2)
     omega[np.arange(n), n + np.arange(n)] += h
-    omega[n:, :n] = h / 2 * (X1 + X2) - c * (product(Y1, X2) - product(Y2, X1))
-    omega[n:, n:] = h / 2 * (Y1 + Y2) - c * (product(Y1, Y2) - product(Y2, Y1) - dX)
+    omega[n:, :n] = h / 2 * (X1 + X2) - c * (multiply(Y1, X2) - multiply(Y2, X1))
+    omega[n:, n:] = h / 2 * (Y1 + Y2) - c * (multiply(Y1, Y2) - multiply(Y2, Y1) - dX)
     return omega

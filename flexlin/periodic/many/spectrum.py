@@ -3,15 +3,15 @@
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.many.algebra import add_identity, product, qr
-from flexlin.periodic.product.eigenvalues import TINY, log_eigenvalues
+from flexlin.periodic.many.algebra import add_identity, factor_qr, multiply
+from flexlin.periodic.product.eigenvalues import TINY, find_log_eigenvalues
 
 SPREAD = 9.2
 """Logs of moduli inside one multiplied-out cluster may differ by this much: log 1e4, so four digits are lost."""
 MAX_SWEEPS = 8
 
 
-def grouped(factors: Array, spread: float, accuracy: float) -> Array:
+def group_batch(factors: Array, spread: float, accuracy: float) -> Array:
     """Multiply neighbours F_(k+1) F_k while a group separates modes by less than hides accuracy behind rounding.
 
     The weakest mode does not count: its modulus follows from the determinant.
@@ -23,7 +23,9 @@ def grouped(factors: Array, spread: float, accuracy: float) -> Array:
     return factors
 
 
-def product_logs(factors: Array, log_det: Array, accuracy: float, Q: Array | None = None) -> tuple[Array, Array, Array]:
+def find_product_logs(
+    factors: Array, log_det: Array, accuracy: float, Q: Array | None = None
+) -> tuple[Array, Array, Array]:
     """Logs of the eigenvalues of F_(K-1) ... F_0 for every value, by cyclic QR sweeps.
 
         F_k Q_k = Q_(k+1) R_k,   W = Q_0' Q_K,   product ~ W R_(K-1) ... R_0
@@ -40,28 +42,28 @@ def product_logs(factors: Array, log_det: Array, accuracy: float, Q: Array | Non
         Q = np.zeros(factors.shape[1:])
         add_identity(Q, 1.0)
     for _ in range(MAX_SWEEPS):
-        end, R = swept(factors, Q)
+        end, R = sweep_batch(factors, Q)
         W = np.einsum("jiv,jkv->ikv", Q, end)
-        cut, sizes = clean_cuts(W, accuracy), log_moduli(R)
+        cut, sizes = find_cuts(W, accuracy), sum_diagonals(R)
         sizes[-1] = log_det - sizes[:-1].sum(axis=0)
-        sound = widest(cut, sizes) <= SPREAD
+        sound = measure_widest(cut, sizes) <= SPREAD
         if sound.all():
             break
         Q = end
-    logs = cluster_logs(W, R, cut)
+    logs = solve_clusters(W, R, cut)
     logs[-1] = np.where(cut[-2], log_det - logs[:-1].sum(axis=0), logs[-1])
     return logs, sound, Q
 
 
-def swept(factors: Array, Q: Array) -> tuple[Array, Array]:
+def sweep_batch(factors: Array, Q: Array) -> tuple[Array, Array]:
     """One sweep F_k Q_k = Q_(k+1) R_k; returns Q_K and all R_k."""
     R = np.empty_like(factors)
     for k, factor in enumerate(factors):
-        Q, R[k] = qr(product(factor, Q))
+        Q, R[k] = factor_qr(multiply(factor, Q))
     return Q, R
 
 
-def clean_cuts(W: Array, accuracy: float) -> Array:
+def find_cuts(W: Array, accuracy: float) -> Array:
     """Where W is decoupled, (n + 1, V): cut i stands before row i; the ends are always cut.
 
     What is cut off moves a log by about its size, as an error of that size in one factor would.
@@ -73,13 +75,13 @@ def clean_cuts(W: Array, accuracy: float) -> Array:
     return cut
 
 
-def log_moduli(R: Array) -> Array:
+def sum_diagonals(R: Array) -> Array:
     """Sum of log |r_ii| over the factors, (n, V)."""
     diagonal = np.abs(np.einsum("kiiv->kiv", R))
     return np.log(np.maximum(diagonal, TINY)).sum(axis=0)
 
 
-def widest(cut: Array, sizes: Array) -> Array:
+def measure_widest(cut: Array, sizes: Array) -> Array:
     """The widest spread of the log moduli inside a cluster, (V,)."""
     result = np.zeros(sizes.shape[1])
     high, low = sizes[0].copy(), sizes[0].copy()
@@ -90,7 +92,7 @@ def widest(cut: Array, sizes: Array) -> Array:
     return result
 
 
-def cluster_logs(W: Array, R: Array, cut: Array) -> Array:
+def solve_clusters(W: Array, R: Array, cut: Array) -> Array:
     """Logs of the eigenvalues of W R_(K-1) ... R_0: each diagonal block alone, all values with the same block together."""
     n = len(W)
     logs = np.empty((n, W.shape[-1]), dtype=complex)
@@ -99,21 +101,21 @@ def cluster_logs(W: Array, R: Array, cut: Array) -> Array:
             chosen = cut[start] & cut[stop] & ~cut[start + 1 : stop].any(axis=0)
             block, which = slice(start, stop), slice(None) if chosen.all() else chosen
             if chosen.any():
-                logs[block, which] = block_logs(W[block, block, which], R[:, block, block, which])
+                logs[block, which] = solve_block(W[block, block, which], R[:, block, block, which])
     return logs
 
 
-def block_logs(W: Array, R: Array) -> Array:
+def solve_block(W: Array, R: Array) -> Array:
     """Logs of the eigenvalues of W R_(K-1) ... R_0 for blocks whose moduli lie close together; never over- nor underflows."""
     if len(W) == 1:
         negative = np.signbit(np.concatenate([R[:, 0, 0], W[0]])).sum(axis=0) % 2
-        return log_moduli(R) + 1j * np.pi * negative
+        return sum_diagonals(R) + 1j * np.pi * negative
     log_size = np.log(np.maximum(np.abs(np.einsum("kiiv->kiv", R)), TINY)).mean(axis=1)
-    P = product(W, chain(R / np.exp(log_size)[:, None, None]))
-    return np.moveaxis(log_eigenvalues(np.moveaxis(P, -1, 0)), 0, -1) + log_size.sum(axis=0)
+    P = multiply(W, multiply_chain(R / np.exp(log_size)[:, None, None]))
+    return np.moveaxis(find_log_eigenvalues(np.moveaxis(P, -1, 0)), 0, -1) + log_size.sum(axis=0)
 
 
-def chain(factors: Array) -> Array:
+def multiply_chain(factors: Array) -> Array:
     """F_(K-1) ... F_0 for factors (K, n, n, V)."""
     while len(factors) > 1:
         even = len(factors) - len(factors) % 2

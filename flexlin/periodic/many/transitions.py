@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.grid import edges
+from flexlin.periodic.grid import place_edges
 from flexlin.periodic.many.romberg import Coefficients
-from flexlin.periodic.product.balancing import paired
-from flexlin.periodic.transition.gauss import accelerations, gauss, nodes
+from flexlin.periodic.product.balancing import multiply_pairs
+from flexlin.periodic.transition.gauss import collocate_accelerations, gauss, place_nodes
 
 
 def batched_transitions(coefficients: Coefficients, segments: int, stages: int, breaks: Sequence[float] = ()) -> Array:
@@ -18,11 +18,11 @@ def batched_transitions(coefficients: Coefficients, segments: int, stages: int, 
 
     Parameters: coefficients: phases (N,) -> X, Y (N, n, n, V); stages: of the Gauss method, order 2 stages.
     """
-    rule, grid = gauss(stages), edges(1.0, breaks, segments)
-    t = nodes(grid, rule.c)
+    rule, grid = gauss(stages), place_edges(1.0, breaks, segments)
+    t = place_nodes(grid, rule.c)
     K, D = (np.moveaxis(-A, -1, 0).reshape(-1, *t.shape, *A.shape[1:3]) for A in coefficients(t.ravel()))
     h = np.broadcast_to(np.diff(grid), K.shape[:2])
-    factors = np.moveaxis(accelerations(np.broadcast_to(np.eye(K.shape[-1]), K.shape), D, K, h, rule), 1, 0)
+    factors = np.moveaxis(collocate_accelerations(np.broadcast_to(np.eye(K.shape[-1]), K.shape), D, K, h, rule), 1, 0)
     while len(factors) > 1:
-        factors = paired(factors)
+        factors = multiply_pairs(factors)
     return factors[0]

@@ -9,7 +9,7 @@ GROUP_CONDITION = 1000.0
 """Factors are multiplied together while the product's condition number stays below this: the weakest mode loses three digits."""
 
 
-def balanced(factors: Array) -> tuple[Array, Array]:
+def balance_factors(factors: Array) -> tuple[Array, Array]:
     """Return S^-1 F_k S and the diagonal of S, one scaling by powers of two that evens rows and columns of sum |F_k|."""
     n = factors.shape[-1]
     scale = dgebal(np.abs(factors).sum(axis=0), scale=1, permute=0)[3]
@@ -18,27 +18,27 @@ def balanced(factors: Array) -> tuple[Array, Array]:
     return factors * (scale / scale[:, None]), scale
 
 
-def grouped(factors: Array) -> Array:
+def group_factors(factors: Array) -> Array:
     """Multiply neighbours, F_(k+1) F_k, while every product's condition number stays below GROUP_CONDITION.
 
     Parameters: factors (K, n, n), the first acts first. Returns: (K', n, n) with the same product, K' <= K.
     """
     while len(factors) > 1:
-        pairs = paired(factors)
-        if not condition(pairs) <= GROUP_CONDITION:
+        pairs = multiply_pairs(factors)
+        if not measure_condition(pairs) <= GROUP_CONDITION:
             break
         factors = pairs
     return factors
 
 
-def paired(factors: Array) -> Array:
+def multiply_pairs(factors: Array) -> Array:
     """The products F_1 F_0, F_3 F_2, ...; an odd last factor stays as it is."""
     even = len(factors) - len(factors) % 2
     pairs = factors[1:even:2] @ factors[0:even:2]
     return pairs if even == len(factors) else np.concatenate([pairs, factors[-1:]])
 
 
-def condition(matrices: Array) -> float:
+def measure_condition(matrices: Array) -> float:
     """The largest condition number of a batch in the 1-norm; infinite when one is singular."""
     try:
         inverses = np.linalg.inv(matrices)
@@ -47,7 +47,7 @@ def condition(matrices: Array) -> float:
     return float((np.abs(matrices).sum(axis=-2).max(axis=-1) * np.abs(inverses).sum(axis=-2).max(axis=-1)).max())
 
 
-def scaled_product(factors: Array) -> tuple[Array, float]:
+def multiply_scaled(factors: Array) -> tuple[Array, float]:
     """The product F_(K-1) ... F_0 as (P, s) with P exp(s): neither overflows nor underflows."""
     log_scale = 0.0
     while True:
@@ -56,4 +56,4 @@ def scaled_product(factors: Array) -> tuple[Array, float]:
         factors, log_scale = factors / size, log_scale + float(np.log(size).sum())
         if len(factors) == 1:
             return factors[0], log_scale
-        factors = paired(factors)
+        factors = multiply_pairs(factors)

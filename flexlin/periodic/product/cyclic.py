@@ -9,7 +9,7 @@ from flexlin.errors import ToleranceNotReached
 
 
 @dataclass(frozen=True)
-class Level:
+class Halving:
     """One halving: R x_mid = top - left x_left - right x_right, and the rows Q that make it."""
 
     Q: Array
@@ -30,16 +30,16 @@ class CyclicSystem:
     Source: Wright, Stable parallel algorithms for two-point boundary value problems, SIAM J. Sci. Stat. Comput. 13 (1992).
     """
 
-    levels: tuple[Level, ...]
+    levels: tuple[Halving, ...]
     closure: Array
 
     def solve(self, g: Array) -> Array:
         """Return x_0 ... x_(K-1) of shape (..., K, n, r) for right sides g of the same shape."""
         tops = []
         for level in self.levels:
-            top, g = condensed_right(level, g)
+            top, g = condense_right(level, g)
             tops.append(top)
-        return self.expand(solved(self.closure, g[..., 0, :, :]), tops)
+        return self.expand(solve_batch(self.closure, g[..., 0, :, :]), tops)
 
     def expand(self, x: Array, tops: list[Array] | None = None) -> Array:
         """Return all x_k (..., K, n, r) from x_0 (..., n, r); without tops for zero right sides."""
@@ -51,7 +51,7 @@ class CyclicSystem:
             inner = -(level.left @ left + level.right @ right)
             if tops is not None:
                 inner = inner + tops[i]
-            middle = solved(level.R, inner)
+            middle = solve_batch(level.R, inner)
             both = np.stack([left, middle], axis=-3).reshape(*middle.shape[:-3], 2 * pairs, *middle.shape[-2:])
             x = np.concatenate([both, x[..., pairs:, :, :]], axis=-3) if level.odd else both
         return x
@@ -66,7 +66,7 @@ class CyclicSystem:
         return self.expand(x0), sigma[..., ::-1]
 
 
-def solved(R: Array, right: Array) -> Array:
+def solve_batch(R: Array, right: Array) -> Array:
     """Solve a batch of small systems, naming what a singular one means."""
     try:
         return np.linalg.solve(R, right)
@@ -82,19 +82,19 @@ def cyclic_system(F: Array) -> CyclicSystem:
     C, D = -F, np.broadcast_to(np.eye(F.shape[-1], dtype=F.dtype), F.shape)
     levels = []
     while C.shape[-3] > 1:
-        level, C, D = halved(C, D)
+        level, C, D = halve_rows(C, D)
         levels.append(level)
     return CyclicSystem(tuple(levels), (C + D)[..., 0, :, :])
 
 
-def halved(C: Array, D: Array) -> tuple[Level, Array, Array]:
+def halve_rows(C: Array, D: Array) -> tuple[Halving, Array, Array]:
     """Eliminate every second unknown from the rows C_k x_k + D_k x_(k+1)."""
     count, n = C.shape[-3:-1]
     even, odd = slice(0, count - count % 2, 2), slice(1, None, 2)
     Q, R = np.linalg.qr(np.concatenate([D[..., even, :, :], C[..., odd, :, :]], axis=-2), mode="complete")
     Qh = np.conj(np.swapaxes(Q, -1, -2))
     left, right = Qh[..., :n] @ C[..., even, :, :], Qh[..., n:] @ D[..., odd, :, :]
-    level = Level(Qh, R[..., :n, :], left[..., :n, :], right[..., :n, :], count % 2 == 1)
+    level = Halving(Qh, R[..., :n, :], left[..., :n, :], right[..., :n, :], count % 2 == 1)
     C_next, D_next = left[..., n:, :], right[..., n:, :]
     if level.odd:
         C_next = np.concatenate([C_next, C[..., -1:, :, :]], axis=-3)
@@ -102,7 +102,7 @@ def halved(C: Array, D: Array) -> tuple[Level, Array, Array]:
     return level, C_next, D_next
 
 
-def condensed_right(level: Level, g: Array) -> tuple[Array, Array]:
+def condense_right(level: Halving, g: Array) -> tuple[Array, Array]:
     """Rotate the right sides of one level: those of the eliminated rows, and of the rows that remain."""
     n, last = g.shape[-2], g.shape[-3] - level.odd
     rotated = level.Q @ np.concatenate([g[..., 0:last:2, :, :], g[..., 1:last:2, :, :]], axis=-2)

@@ -8,7 +8,8 @@ import numpy as np
 from scipy.linalg.lapack import dgeqrf, dorgqr
 
 from flexlin.checks import Array
-from flexlin.periodic.product.balancing import balanced, grouped, paired, scaled_product
+from flexlin.periodic.circle import match_logs, wrap_angle
+from flexlin.periodic.product.balancing import balance_factors, group_factors, multiply_pairs, multiply_scaled
 
 CLEAN = 1e-14
 """A cut between two groups of moduli is clean when the coupling below it is this small (times n)."""
@@ -52,33 +53,33 @@ def product_spectrum(
     basis: of a similar product, to start the sweeps from.
     Source: Watkins, Product eigenvalue problems, SIAM Review 47 (2005); Bojanczyk, Golub, Van Dooren (1992) for the periodic Schur form.
     """
-    even, scale = balanced(factors)
-    groups = grouped(even)
+    even, scale = balance_factors(factors)
+    groups = group_factors(even)
     level = EPS * (NOISE * np.sqrt(len(factors) / len(groups)) + turns / len(groups))
     size = np.abs(groups).max(axis=(-2, -1), keepdims=True)
-    noisy = groups + level * size * noise((probes, *groups.shape))
+    noisy = groups + level * size * draw_noise((probes, *groups.shape))
     if len(groups) == 1:
-        logs, *moved = log_eigenvalues(np.concatenate([groups, noisy[:, 0]]))
+        logs, *moved = find_log_eigenvalues(np.concatenate([groups, noisy[:, 0]]))
         sweeps, backward, basis = 0, 0.0, None
     else:
         start = np.eye(len(scale)) if basis is None else np.linalg.qr(basis / scale[:, None])[0]
-        logs, backward, sweeps, Q = cyclic_logs(groups, start)
+        logs, backward, sweeps, Q = find_cyclic_logs(groups, start)
         basis = scale[:, None] * Q
-        moved = [cyclic_logs(probe, Q, 10 * level)[0] for probe in noisy]
+        moved = [find_cyclic_logs(probe, Q, 10 * level)[0] for probe in noisy]
     rounding = backward + 4 * EPS * np.abs(logs)
     if moved:
-        rounding += np.max([partners(logs, other)[1] for other in moved], axis=0)
+        rounding += np.max([match_logs(logs, other)[1] for other in moved], axis=0)
     order = np.argsort(-logs.real, kind="stable")
     return ProductSpectrum(logs[order], rounding[order], len(groups), sweeps, basis)
 
 
 @lru_cache(maxsize=64)
-def noise(shape: tuple[int, ...]) -> Array:
+def draw_noise(shape: tuple[int, ...]) -> Array:
     """Standard normal numbers, the same in every run."""
     return np.random.default_rng(20190610).standard_normal(shape)
 
 
-def cyclic_logs(factors: Array, Q: Array, clean: float = CLEAN) -> tuple[Array, float, int, Array]:
+def find_cyclic_logs(factors: Array, Q: Array, clean: float = CLEAN) -> tuple[Array, float, int, Array]:
     """Logs of the eigenvalues of the product by cyclic QR sweeps that start from Q.
 
         F_k Q_k = Q_(k+1) R_k,   k = 0 ... K - 1;   W = Q_0' Q_K;   product ~ W R_(K-1) ... R_0
@@ -88,14 +89,14 @@ def cyclic_logs(factors: Array, Q: Array, clean: float = CLEAN) -> tuple[Array, 
 
     Returns: logs, the backward error of the cuts and of the blocks, the number of sweeps, and the last Q_0.
     """
-    W, R, sweeps, Q = triangularized(factors, Q, clean)
-    cuts, coupling, spread = clusters(W, R, clean * len(W))
-    blocks = [cluster_logs(W, R, start, stop) for start, stop in pairwise(cuts)]
+    W, R, sweeps, Q = triangularize(factors, Q, clean)
+    cuts, coupling, spread = find_clusters(W, R, clean * len(W))
+    blocks = [solve_cluster(W, R, start, stop) for start, stop in pairwise(cuts)]
     loss = float(np.exp(min(max(0.0, spread - SPREAD), 36.0)))
     return np.concatenate(blocks), coupling + EPS * (loss - 1), sweeps, Q
 
 
-def triangularized(factors: Array, Q: Array, clean: float) -> tuple[Array, Array, int, Array]:
+def triangularize(factors: Array, Q: Array, clean: float) -> tuple[Array, Array, int, Array]:
     """Sweep until every cluster is narrow; the width that is accepted rises slowly so that equal gaps end too.
 
     After FULL_SWEEPS the rows of R are graded: then triangular factors may be multiplied together without loss, and the
@@ -103,30 +104,30 @@ def triangularized(factors: Array, Q: Array, clean: float) -> tuple[Array, Array
     """
     n, base, limit = factors.shape[-1], np.eye(len(Q)), MAX_SWEEPS
     for sweep in range(1, MAX_SWEEPS + 1):
-        end, R = swept(factors, Q)
+        end, R = sweep_factors(factors, Q)
         W = Q.T @ end
-        if clusters(W, R, clean * n)[2] <= SPREAD + sweep / 20 or sweep == limit:
+        if find_clusters(W, R, clean * n)[2] <= SPREAD + sweep / 20 or sweep == limit:
             break
         if sweep == FULL_SWEEPS:
-            base, Q, factors = Q, np.eye(n), np.concatenate([triangular_groups(R), W[None]])
+            base, Q, factors = Q, np.eye(n), np.concatenate([group_triangular(R), W[None]])
             end = W
             limit = max(MIN_SWEEPS, min(MAX_SWEEPS, MAX_WORK // (n * n * len(factors))))
         Q = end
     return W, R, sweep, base @ Q
 
 
-def triangular_groups(R: Array) -> Array:
+def group_triangular(R: Array) -> Array:
     """Multiply neighbouring upper triangular factors while the logs of their diagonals stay below GRADED."""
     size = np.log(np.maximum(np.abs(np.diagonal(R, axis1=-2, axis2=-1)), TINY))
     while len(R) > 1:
         size = size[:-1:2] + size[1::2] if len(size) % 2 == 0 else np.concatenate([size[:-1:2] + size[1::2], size[-1:]])
         if np.abs(size).max() > GRADED:
             break
-        R = paired(R)
+        R = multiply_pairs(R)
     return R
 
 
-def swept(factors: Array, Q: Array) -> tuple[Array, Array]:
+def sweep_factors(factors: Array, Q: Array) -> tuple[Array, Array]:
     """One sweep F_k Q_k = Q_(k+1) R_k; returns Q_K and all R_k (K, n, n)."""
     R = np.empty_like(factors)
     for k, factor in enumerate(factors):
@@ -136,49 +137,34 @@ def swept(factors: Array, Q: Array) -> tuple[Array, Array]:
     return Q, np.triu(R)
 
 
-def clusters(W: Array, R: Array, clean: float) -> tuple[list[int], float, float]:
+def find_clusters(W: Array, R: Array, clean: float) -> tuple[list[int], float, float]:
     """Cut where W is decoupled: the bounds of the clusters, the coupling that is dropped, the widest spread of log moduli."""
     below = np.maximum.accumulate(np.maximum.accumulate(np.abs(W)[::-1])[::-1], axis=1)
     coupling = [0.0, *np.diagonal(below, offset=-1).tolist(), 0.0]
     cuts = [i for i, value in enumerate(coupling) if value <= clean]
-    size = log_moduli(R).tolist()
+    size = sum_log_moduli(R).tolist()
     spread = max(max(size[a:b]) - min(size[a:b]) for a, b in pairwise(cuts))
     return cuts, max(coupling[i] for i in cuts), spread
 
 
-def log_moduli(R: Array) -> Array:
+def sum_log_moduli(R: Array) -> Array:
     """Sum of log |r_ii| over the factors; a zero counts as the smallest number."""
     diagonal = np.abs(np.diagonal(R, axis1=-2, axis2=-1))
     return np.log(np.maximum(diagonal, TINY)).sum(axis=0)
 
 
-def cluster_logs(W: Array, R: Array, start: int, stop: int) -> Array:
+def solve_cluster(W: Array, R: Array, start: int, stop: int) -> Array:
     """Logs of the eigenvalues of one diagonal block of W R_(K-1) ... R_0."""
     part = slice(start, stop)
     if stop - start == 1:
         negative = (np.signbit(R[:, start, start]).sum() + np.signbit(W[start, start])) % 2
-        return np.array([log_moduli(R[:, part, part])[0] + 1j * np.pi * negative])
-    P, log_scale = scaled_product(R[:, part, part])
-    return log_eigenvalues(W[part, part] @ P) + log_scale
+        return np.array([sum_log_moduli(R[:, part, part])[0] + 1j * np.pi * negative])
+    P, log_scale = multiply_scaled(R[:, part, part])
+    return find_log_eigenvalues(W[part, part] @ P) + log_scale
 
 
-def log_eigenvalues(P: Array) -> Array:
+def find_log_eigenvalues(P: Array) -> Array:
     """Logs of the eigenvalues of matrices (..., n, n), imaginary parts in (-pi, pi]."""
     values = np.linalg.eigvals(P)
     size = np.maximum(np.abs(values), TINY)
-    angle = np.angle(values)
-    return np.log(size) + 1j * np.where(angle == -np.pi, np.pi, angle)
-
-
-def partners(logs: Array, others: Array) -> tuple[Array, Array]:
-    """Pair two sets of n logs, nearest first, imaginary parts modulo 2 pi: the index of each partner and its distance."""
-    apart = logs[:, None] - others[None, :]
-    size = np.hypot(apart.real, np.remainder(apart.imag + np.pi, 2 * np.pi) - np.pi)
-    partner = size.argmin(axis=1)
-    if len(set(partner.tolist())) < len(logs):
-        free = size.copy()
-        for _ in range(len(logs)):
-            i, j = np.unravel_index(free.argmin(), free.shape)
-            partner[i] = j
-            free[i, :] = free[:, j] = np.inf
-    return partner, size[np.arange(len(logs)), partner]
+    return np.log(size) + 1j * wrap_angle(np.angle(values))

@@ -5,7 +5,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import NotDetectable, NotStabilizable
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
-from flexlin.periodic.quadratic.scattering import Segment, cost_before, transpose
+from flexlin.periodic.quadratic.scattering import Segment, carry_cost_back, transpose
 from flexlin.periodic.transition.gauss import gauss_transitions
 
 STAGES = 8
@@ -14,7 +14,7 @@ LARGEST = 1e100
 """A size that only growth without end reaches."""
 
 
-def sizes_without_coupling(problem: LinearQuadratic, horizon: float) -> tuple[float, float]:
+def bound_sizes(problem: LinearQuadratic, horizon: float) -> tuple[float, float]:
     """Return the sizes of H and G from which on a mode's coupling to B or Q cannot be told from rounding.
 
     One mode of rate a needs X = 2 a / b for its share b of B R^-1 B', and dually 2 a / q of G for its share q of Q.
@@ -29,7 +29,7 @@ def sizes_without_coupling(problem: LinearQuadratic, horizon: float) -> tuple[fl
     )
 
 
-def blocked_mode(
+def name_blocked_mode(
     unreached: bool, segments: Segment, periods: Segment, large: float, problem: LinearQuadratic, marks: Array
 ) -> NotStabilizable | NotDetectable:
     """Name the mode that no input reaches (or that no weight sees): its exponent's real part and its direction.
@@ -44,7 +44,7 @@ def blocked_mode(
         backward, steps, size = segments[::-1], transpose(steps)[::-1], periods.H
     else:
         backward, size = Segment(transpose(segments.F), segments.H, segments.G), periods.G
-    vector, place = main_direction(backward, size, large)
+    vector, place = find_main_direction(backward, size, large)
     growth = 0.0
     for step in np.roll(steps, -place, axis=0):
         vector = step @ vector
@@ -61,12 +61,12 @@ def blocked_mode(
     )
 
 
-def main_direction(backward: Segment, size: Array, large: float) -> tuple[Array, int]:
+def find_main_direction(backward: Segment, size: Array, large: float) -> tuple[Array, int]:
     """Walk on until the cost is large, but not yet spoilt by rounding: its main direction and the place in the period."""
     place, X = 0, size if np.abs(size).max() < large else np.zeros_like(size)
     for step in range(MAX_PERIODS * len(backward)):
         if np.abs(X).max() > large:
             break
-        X = cost_before(backward[place], X)
+        X = carry_cost_back(backward[place], X)
         place = (step + 1) % len(backward)
     return np.linalg.eigh(X).eigenvectors[:, -1], place

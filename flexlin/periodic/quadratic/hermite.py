@@ -39,12 +39,12 @@ class PanelPolynomials:
         return np.einsum("tk,tkij->tij", chebyshev.chebvander(u, coefficients.shape[1] - 1), coefficients[panel])
 
 
-def panel_nodes(starts: Array) -> Array:
+def place_panel_nodes(starts: Array) -> Array:
     """Return the nodes of each panel, (P, 5), the last of one being the first of the next."""
     return starts[:-1, None] + np.diff(starts)[:, None] * np.linspace(0, 1, NODES)
 
 
-def interpolate(starts: Array, values: Array, slopes: Array) -> PanelPolynomials:
+def interpolate_panels(starts: Array, values: Array, slopes: Array) -> PanelPolynomials:
     """Fit the polynomials to values and slopes at the nodes, both (P, 5, rows, columns)."""
     u = np.linspace(-1, 1, NODES)
     degree = 2 * NODES - 1

@@ -34,8 +34,8 @@ class LinearQuadratic:
     def reduced(self, t: Array) -> tuple[Array, Array, Array]:
         """Return Ar, B R^-1 B', Qr: the problem without its cross term."""
         A, B, Q = self.A(t), self.B(t), self.Q(t)
-        cross = once(self.N(t))
-        effort = np.linalg.inv(once(self.R(t)))
+        cross = take_once(self.N(t))
+        effort = np.linalg.inv(take_once(self.R(t)))
         S = B @ effort @ np.swapaxes(B, 1, 2)
         if not cross.any():
             return A, S, Q
@@ -62,7 +62,7 @@ class LinearQuadratic:
         return np.linalg.solve(self.R(t), np.swapaxes(self.B(t), 1, 2) @ X + np.swapaxes(self.N(t), 1, 2))
 
 
-def once(values: Array) -> Array:
+def take_once(values: Array) -> Array:
     """Return the one matrix of a coefficient that is constant (a broadcast array), so that work on it is done once."""
     return values[:1] if values.strides[0] == 0 else values
 
@@ -85,7 +85,7 @@ def linear_quadratic(
     n, m = system.n, system.m
     cross = np.zeros((n, m)) if N is None else N
     weights = [
-        checked_weight(name, value, shape, system.period)
+        check_weight(name, value, shape, system.period)
         for name, value, shape in (("Q", Q, (n, n)), ("R", R, (m, m)), ("N", cross, (n, m)))
     ]
     problem = LinearQuadratic(system.A, system.B, *weights)
@@ -95,9 +95,7 @@ def linear_quadratic(
     return problem
 
 
-def checked_weight(
-    name: str, value: MatrixFunction | ArrayLike, shape: tuple[int, int], period: float
-) -> MatrixFunction:
+def check_weight(name: str, value: MatrixFunction | ArrayLike, shape: tuple[int, int], period: float) -> MatrixFunction:
     """Return a weight as a function of time, its shape and symmetry checked."""
     function = as_matrix_function(name, value)
     samples = check_samples(name, function, period)

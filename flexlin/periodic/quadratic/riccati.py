@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, positive, real_array, times
 from flexlin.errors import NumericalError, ToleranceNotReached
-from flexlin.periodic.grid import edges
-from flexlin.periodic.quadratic.doubling import costs_to_go
-from flexlin.periodic.quadratic.hermite import NODES, PanelPolynomials, interpolate, panel_nodes
+from flexlin.periodic.grid import place_edges
+from flexlin.periodic.quadratic.doubling import carry_costs
+from flexlin.periodic.quadratic.hermite import NODES, PanelPolynomials, interpolate_panels, place_panel_nodes
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, linear_quadratic
 from flexlin.periodic.quadratic.transport import gauss_segments, magnus_segments
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
@@ -86,7 +86,7 @@ def periodic_riccati(
     Raises: ArgumentError on weights; NotStabilizable, NotDetectable, IllPosedSegment, ToleranceNotReached.
     Source: Anderson, Int. J. Control 28 (1978) 295 (doubling); Redheffer, J. Math. Phys. 39 (1960) 269 (star product).
     """
-    return refined(linear_quadratic(system, Q, R, N), system.period, system.breaks, None, positive("tol", tol))
+    return solve_by_plans(linear_quadratic(system, Q, R, N), system.period, system.breaks, None, positive("tol", tol))
 
 
 def finite_horizon_riccati(
@@ -106,7 +106,7 @@ def finite_horizon_riccati(
     Raises: ArgumentError, IllPosedSegment, ToleranceNotReached.
     """
     end = real_array("end", end, (system.n, system.n))
-    return refined(linear_quadratic(system, Q, R, N), system.period, system.breaks, end, positive("tol", tol))
+    return solve_by_plans(linear_quadratic(system, Q, R, N), system.period, system.breaks, end, positive("tol", tol))
 
 
 def periodic_lyapunov(system: PeriodicSystem, Q: MatrixFunction | ArrayLike, tol: float = 1e-9) -> RiccatiSolution:
@@ -122,13 +122,13 @@ def periodic_lyapunov(system: PeriodicSystem, Q: MatrixFunction | ArrayLike, tol
     return periodic_riccati(idle, Q, np.eye(1), tol=tol)
 
 
-def refined(
+def solve_by_plans(
     problem: LinearQuadratic, horizon: float, breaks: tuple[float, ...], end: Array | None, tol: float
 ) -> RiccatiSolution:
     """Solve by the cheapest plan that reaches tol; where none does, hand back the best answer with its status."""
     best: RiccatiSolution | None = None
-    for plan in plans(problem, horizon, breaks, end, tol):
-        solution = followed(plan, problem, end, tol)
+    for plan in propose_plans(problem, horizon, breaks, end, tol):
+        solution = follow_plan(plan, problem, end, tol)
         if best is None or solution.error < best.error:
             best = solution
         if best.error <= tol:
@@ -156,7 +156,7 @@ class Plan:
     solved: tuple[RiccatiSolution, Array] | None = None
 
 
-def plans(
+def propose_plans(
     problem: LinearQuadratic, horizon: float, breaks: tuple[float, ...], end: Array | None, tol: float
 ) -> Iterator[Plan]:
     """Magnus' exponential where a trial promises less work, then collocation.
@@ -174,26 +174,26 @@ def plans(
         if collocated < 2 * (NODES - 1) * panels:
             break
         with suppress(NumericalError):
-            trial = edges(horizon, breaks, panels)
-            solved = solve_on(trial, problem, end, 0, tol)
+            trial = place_edges(horizon, breaks, panels)
+            solved = solve_on_panels(trial, problem, end, 0, tol)
             if solved[0].segments * max(solved[0].method_error / tol, 1.0) ** (1 / MAGNUS_ORDER) < most:
                 yield Plan(trial, 0, most, solved)
                 break
     panels = min(-(-collocated // (NODES - 1)), MAX_SEGMENTS // (NODES - 1) // 2)
-    yield Plan(edges(horizon, breaks, max(panels, 4)), STAGES, MAX_SEGMENTS)
+    yield Plan(place_edges(horizon, breaks, max(panels, 4)), STAGES, MAX_SEGMENTS)
 
 
-def followed(plan: Plan, problem: LinearQuadratic, end: Array | None, tol: float) -> RiccatiSolution:
+def follow_plan(plan: Plan, problem: LinearQuadratic, end: Array | None, tol: float) -> RiccatiSolution:
     """Refine the plan's panels until the error is below tol or stops falling; the best answer on the way."""
     starts, solved = plan.starts, plan.solved
     best: RiccatiSolution | None = None
     for _ in range(ROUNDS):
-        solution, parts = solved or solve_on(starts, problem, end, plan.stages, tol)
+        solution, parts = solved or solve_on_panels(starts, problem, end, plan.stages, tol)
         solved = None
         if best is not None and solution.error > 0.9 * best.error:
             return best
         best = solution
-        finer = split(starts, parts)
+        finer = split_panels(starts, parts)
         if best.error <= tol or len(finer) == len(starts) or (len(finer) - 1) * (NODES - 1) > plan.most:
             return best
         starts = finer
@@ -201,14 +201,14 @@ def followed(plan: Plan, problem: LinearQuadratic, end: Array | None, tol: float
     return best
 
 
-def solve_on(
+def solve_on_panels(
     starts: Array, problem: LinearQuadratic, end: Array | None, stages: int = STAGES, tol: float = 0.0
 ) -> tuple[RiccatiSolution, Array]:
     """Solve on given panels with two accuracies of the segments, and the dense output of the better one.
 
     Returns: the solution, and into how many parts each panel should be split to reach tol.
     """
-    at = panel_nodes(starts)
+    at = place_panel_nodes(starts)
     marks = np.append(at[:, :-1].ravel(), starts[-1])
     if stages:
         check, _ = gauss_segments(problem, marks, stages - 1)
@@ -218,11 +218,11 @@ def solve_on(
         check, _ = magnus_segments(problem, marks[::2])
         segments, symmetry = magnus_segments(problem, marks)
         every, order = 2, MAGNUS_ORDER + 1
-    coarse = costs_to_go(check, end, problem, marks)
-    fine = costs_to_go(segments, end, problem, marks)
+    coarse = carry_costs(check, end, problem, marks)
+    fine = carry_costs(segments, end, problem, marks)
     X, size = fine.X, float(np.abs(fine.X).max()) or 1.0
     values = X[np.arange(len(starts) - 1)[:, None] * (NODES - 1) + np.arange(NODES)]
-    polynomials = interpolate(starts, values, slopes_inside(problem, at, values))
+    polynomials = interpolate_panels(starts, values, find_slopes(problem, at, values))
     left_out, method_error = polynomials.tails() / size, float(np.abs(X[::every] - coarse.X).max() / size)
     if not stages:
         method_error /= 2 ** (MAGNUS_ORDER - 1)
@@ -233,7 +233,7 @@ def solve_on(
         polynomials=polynomials,
         error=method_error + float(left_out.max()) + fine.closure + fine.rounding,
         method_error=method_error,
-        residual=relative_residual(problem, polynomials, size),
+        residual=measure_residual(problem, polynomials, size),
         symmetry=symmetry,
         closure=fine.closure,
         doublings=fine.doublings,
@@ -246,13 +246,13 @@ def solve_on(
     return solution, np.maximum(for_method, for_output).astype(int)
 
 
-def split(starts: Array, parts: Array) -> Array:
+def split_panels(starts: Array, parts: Array) -> Array:
     """Split each panel into its number of equal parts."""
     pieces = [np.linspace(a, b, p + 1)[:-1] for (a, b), p in zip(pairwise(starts), parts, strict=True)]
     return np.append(np.concatenate(pieces), starts[-1])
 
 
-def slopes_inside(problem: LinearQuadratic, at: Array, values: Array) -> Array:
+def find_slopes(problem: LinearQuadratic, at: Array, values: Array) -> Array:
     """Return X' at the nodes of each panel; at its ends from inside, since coefficients may jump there."""
     inside = at.copy()
     width = at[:, -1] - at[:, 0]
@@ -262,7 +262,7 @@ def slopes_inside(problem: LinearQuadratic, at: Array, values: Array) -> Array:
     return rate.reshape(values.shape)
 
 
-def relative_residual(problem: LinearQuadratic, polynomials: PanelPolynomials, size: float) -> float:
+def measure_residual(problem: LinearQuadratic, polynomials: PanelPolynomials, size: float) -> float:
     """Return the largest miss of the Riccati equation between the nodes, relative to |X| times the fastest rate."""
     starts = polynomials.starts
     t = (starts[:-1, None] + np.diff(starts)[:, None] * np.array([0.0843, 0.4127, 0.8871])).ravel()

@@ -28,7 +28,7 @@ class Segment:
         return len(self.F)
 
 
-def from_hamiltonian(transition: Array) -> tuple[Segment, float]:
+def scatter_hamiltonian(transition: Array) -> tuple[Segment, float]:
     """Turn the transition matrix of a Hamiltonian system into scattering form.
 
         [x1; l1] = [[P11, P12], [P21, P22]] [x0; l0]:   F' = P22^-1,   H = -P22^-1 P21,   G = -P12 P22^-1
@@ -42,10 +42,10 @@ def from_hamiltonian(transition: Array) -> tuple[Segment, float]:
     """
     n = transition.shape[-1] // 2
     P12, P21, P22 = transition[..., :n, n:], transition[..., n:, :n], transition[..., n:, n:]
-    solved = solve(P22, np.concatenate([np.broadcast_to(np.eye(n), P22.shape), P21], axis=-1), "P22")
+    solved = solve_segments(P22, np.concatenate([np.broadcast_to(np.eye(n), P22.shape), P21], axis=-1), "P22")
     inverse, H = solved[..., :n], -solved[..., n:]
     asymmetry = float(np.abs(H - transpose(H)).max() / (np.abs(H).max() or 1.0))
-    return Segment(transpose(inverse), symmetric(-P12 @ inverse), symmetric(H)), asymmetry
+    return Segment(transpose(inverse), symmetrize(-P12 @ inverse), symmetrize(H)), asymmetry
 
 
 def star_product(first: Segment, second: Segment) -> Segment:
@@ -64,16 +64,16 @@ def star_product(first: Segment, second: Segment) -> Segment:
     Source: Redheffer (1960); doubling as in Anderson (1978).
     """
     n = first.F.shape[-1]
-    W = solve(np.eye(n) + first.G @ second.H, np.concatenate([first.F, first.G], axis=-1), "I + G1 H2")
+    W = solve_segments(np.eye(n) + first.G @ second.H, np.concatenate([first.F, first.G], axis=-1), "I + G1 H2")
     forward, spread = W[..., :n], W[..., n:]
     return Segment(
         second.F @ forward,
-        second.G + symmetric(second.F @ spread @ transpose(second.F)),
-        first.H + symmetric(transpose(first.F) @ second.H @ forward),
+        second.G + symmetrize(second.F @ spread @ transpose(second.F)),
+        first.H + symmetrize(transpose(first.F) @ second.H @ forward),
     )
 
 
-def cost_before(segment: Segment, after: Array) -> Array:
+def carry_cost_back(segment: Segment, after: Array) -> Array:
     """Carry a quadratic cost x' X x from the end of a segment to its start.
 
         X0 = H + F' X1 (I + G X1)^-1 F
@@ -83,11 +83,11 @@ def cost_before(segment: Segment, after: Array) -> Array:
     Raises: IllPosedSegment when I + G X1 is singular.
     """
     n = segment.F.shape[-1]
-    forward = solve(np.eye(n) + segment.G @ after, segment.F, "I + G X")
-    return segment.H + symmetric(transpose(segment.F) @ after @ forward)
+    forward = solve_segments(np.eye(n) + segment.G @ after, segment.F, "I + G X")
+    return segment.H + symmetrize(transpose(segment.F) @ after @ forward)
 
 
-def product_tree(segments: Segment) -> list[Segment]:
+def combine_in_tree(segments: Segment) -> list[Segment]:
     """Combine neighbours pairwise, level by level: the first entry is the segments, the last has length 1, the whole.
 
     An odd last segment moves up a level as it is. Every level is one batched star product.
@@ -97,14 +97,14 @@ def product_tree(segments: Segment) -> list[Segment]:
         level = levels[-1]
         pairs = len(level) // 2 * 2
         combined = star_product(level[0:pairs:2], level[1:pairs:2])
-        levels.append(combined if pairs == len(level) else stack(combined, level[pairs:]))
+        levels.append(combined if pairs == len(level) else stack_segments(combined, level[pairs:]))
     return levels
 
 
-def costs_at_edges(levels: list[Segment], end: Array) -> Array:
+def carry_costs_down(levels: list[Segment], end: Array) -> Array:
     """Carry the cost at the end of the whole back to every segment's start, down the tree of products.
 
-    Parameters: levels of K segments from `product_tree`; end (n, n): the cost behind the last segment.
+    Parameters: levels of K segments from `combine_in_tree`; end (n, n): the cost behind the last segment.
     Returns: (K + 1, n, n): X at all edges, the last one `end`.
     """
     after = end[None]
@@ -112,24 +112,24 @@ def costs_at_edges(levels: list[Segment], end: Array) -> Array:
         pairs = len(level) // 2 * 2
         below = np.empty((len(level), *end.shape))
         below[1::2] = after[: pairs // 2]
-        below[0:pairs:2] = cost_before(level[1:pairs:2], after[: pairs // 2])
+        below[0:pairs:2] = carry_cost_back(level[1:pairs:2], after[: pairs // 2])
         if pairs != len(level):
             below[-1] = after[-1]
         after = below
-    return np.concatenate([cost_before(levels[0], after), end[None]])
+    return np.concatenate([carry_cost_back(levels[0], after), end[None]])
 
 
-def stack(first: Segment, second: Segment) -> Segment:
+def stack_segments(first: Segment, second: Segment) -> Segment:
     """Put two stacks of segments end to end."""
-    return Segment(*(np.concatenate(parts) for parts in zip(fields(first), fields(second), strict=True)))
+    return Segment(*(np.concatenate(parts) for parts in zip(list_fields(first), list_fields(second), strict=True)))
 
 
-def fields(segment: Segment) -> tuple[Array, Array, Array]:
+def list_fields(segment: Segment) -> tuple[Array, Array, Array]:
     """Return F, G, H."""
     return segment.F, segment.G, segment.H
 
 
-def symmetric(matrix: Array) -> Array:
+def symmetrize(matrix: Array) -> Array:
     """Return the symmetric part."""
     return 0.5 * (matrix + transpose(matrix))
 
@@ -139,7 +139,7 @@ def transpose(matrix: Array) -> Array:
     return np.swapaxes(matrix, -1, -2)
 
 
-def solve(matrix: Array, right: Array, name: str) -> Array:
+def solve_segments(matrix: Array, right: Array, name: str) -> Array:
     """Solve a stack of linear systems, naming the segment whose matrix is singular."""
     try:
         solution = np.linalg.solve(matrix, right)

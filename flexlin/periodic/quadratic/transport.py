@@ -6,8 +6,8 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
-from flexlin.periodic.quadratic.scattering import Segment, from_hamiltonian, star_product
-from flexlin.periodic.transition.gauss import gauss, nodes, samples, transitions
+from flexlin.periodic.quadratic.scattering import Segment, scatter_hamiltonian, star_product
+from flexlin.periodic.transition.gauss import collocate, gauss, place_nodes, sample_at
 
 PADE = 8
 PADE_REACH = 2.0
@@ -20,7 +20,9 @@ def gauss_segments(problem: LinearQuadratic, marks: Array, stages: int) -> tuple
     Returns: segments (K, n, n) and the relative asymmetry of their costs before it was removed.
     """
     rule = gauss(stages)
-    return from_hamiltonian(transitions(samples(problem.hamiltonian, nodes(marks, rule.c)), np.diff(marks), rule))
+    return scatter_hamiltonian(
+        collocate(sample_at(problem.hamiltonian, place_nodes(marks, rule.c)), np.diff(marks), rule)
+    )
 
 
 def magnus_segments(problem: LinearQuadratic, marks: Array) -> tuple[Segment, float]:
@@ -34,17 +36,17 @@ def magnus_segments(problem: LinearQuadratic, marks: Array) -> tuple[Segment, fl
     Returns: segments (K, n, n) and the relative asymmetry of their costs before it was removed.
     Source: Blanes, Casas, Oteo, Ros, Phys. Rep. 470 (2009) 151, section 5.4.3; Higham, Functions of Matrices (2008), ch. 10.
     """
-    averages = magnus_average(samples(problem.hamiltonian, nodes(marks, gauss(3).c)), np.diff(marks))
+    averages = average_sixth(sample_at(problem.hamiltonian, place_nodes(marks, gauss(3).c)), np.diff(marks))
     square = averages @ averages
     size = np.linalg.norm(square @ square, 1, axis=(1, 2)).max() ** 0.25
     doublings = int(max(0, np.ceil(np.log2(max(size, 1e-300) / PADE_REACH))))
-    segments, asymmetry = from_hamiltonian(pade_exponential(averages / 2**doublings))
+    segments, asymmetry = scatter_hamiltonian(approximate_exponential(averages / 2**doublings))
     for _ in range(doublings):
         segments = star_product(segments, segments)
     return segments, asymmetry
 
 
-def magnus_average(A: Array, h: Array) -> Array:
+def average_sixth(A: Array, h: Array) -> Array:
     """Return O with exp(O) = Phi + O(h^7), from samples at the three Gauss nodes (K, 3, n, n).
 
     a1 = h A2,   a2 = sqrt(15)/3 h (A3 - A1),   a3 = 10/3 h (A3 - 2 A2 + A1),   C1 = [a1, a2],   C2 = -[a1, 2 a3 + C1] / 60
@@ -54,17 +56,17 @@ def magnus_average(A: Array, h: Array) -> Array:
     first, middle, last = A[:, 0], A[:, 1], A[:, 2]
     a1, a2 = step * middle, np.sqrt(15) / 3 * step * (last - first)
     a3 = 10 / 3 * step * (last - 2 * middle + first)
-    C1 = commutator(a1, a2)
-    C2 = -commutator(a1, 2 * a3 + C1) / 60
-    return a1 + a3 / 12 + commutator(-20 * a1 - a3 + C1, a2 + C2) / 240
+    C1 = commute(a1, a2)
+    C2 = -commute(a1, 2 * a3 + C1) / 60
+    return a1 + a3 / 12 + commute(-20 * a1 - a3 + C1, a2 + C2) / 240
 
 
-def commutator(A: Array, B: Array) -> Array:
+def commute(A: Array, B: Array) -> Array:
     """Return A B - B A."""
     return A @ B - B @ A
 
 
-def pade_exponential(A: Array) -> Array:
+def approximate_exponential(A: Array) -> Array:
     """Return the diagonal Pade approximation of exp(A) for a stack of matrices: symplectic where A is Hamiltonian."""
     weights = [
         factorial(2 * PADE - j) * factorial(PADE) / (factorial(2 * PADE) * factorial(j) * factorial(PADE - j))

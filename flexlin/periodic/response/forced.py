@@ -8,13 +8,21 @@ from numpy.polynomial.legendre import legvander
 
 from flexlin.checks import Array, positive, real_array, times
 from flexlin.errors import ArgumentError, ResonantForcing
-from flexlin.periodic.grid import edges
+from flexlin.periodic.grid import place_edges
 from flexlin.periodic.product.cyclic import cyclic_system
 from flexlin.periodic.product.eigenvalues import product_spectrum
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.gauss import CHUNK_BYTES, Tableau, gauss, nodes, samples, stage_values, weighted
+from flexlin.periodic.transition.gauss import (
+    CHUNK_BYTES,
+    Tableau,
+    gauss,
+    place_nodes,
+    sample_at,
+    solve_stages,
+    weigh_stages,
+)
 from flexlin.periodic.transition.radau import radau
-from flexlin.periodic.transition.setting import MAX_SEGMENTS, chosen, too_many
+from flexlin.periodic.transition.setting import MAX_SEGMENTS, choose_setting, report_too_many
 
 VectorFunction = Callable[[Array], Array]
 ROUNDINGS, RESONANT = 4.0, 100.0
@@ -36,7 +44,7 @@ class PiecewiseSolution:
     def __call__(self, t: Array) -> Array:
         k = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, len(self.start) - 1)
         h = np.diff(self.edges)[k]
-        integral = h[:, None] * integrated_legendre((t - self.edges[k]) / h, self.slope.shape[1])
+        integral = h[:, None] * integrate_legendre((t - self.edges[k]) / h, self.slope.shape[1])
         return self.start[k] + (integral[:, None, :] @ self.slope[k])[:, 0]
 
 
@@ -82,25 +90,25 @@ def forced_response(
     """
     force = as_vector_function(f, system)
     corners = PeriodicSystem(system.A, system.period, breaks=(*system.breaks, *breaks)).breaks
-    setting = chosen(system, positive("tol", tol), "gauss", None, None)
+    setting = choose_setting(system, positive("tol", tol), "gauss", None, None)
     stages, count, previous = max(6, setting.order // 2), setting.segments, None
     rule = gauss(stages)
     if count > STIFF:
         stages, count = 6, STIFF // 8
         rule = radau(stages)
     while True:
-        solution, sigma, Phi = periodic_solution(system, force, edges(system.period, corners, count), rule)
+        solution, sigma, Phi = solve_periodic(system, force, place_edges(system.period, corners, count), rule)
         scale = max(1.0, float(np.abs(solution.start).max()))
         rounding = ROUNDINGS * np.finfo(float).eps / sigma
         if rounding > RESONANT * max(tol, 1e-10):
-            raise resonant(Phi, sigma)
+            raise report_resonance(Phi, sigma)
         if previous is not None:
-            apart = difference(solution, previous) + rounding * scale
+            apart = measure_difference(solution, previous) + rounding * scale
             if apart <= tol * scale or apart <= 3 * rounding * scale:
                 break
         previous = solution
         if 2 * count > max_segments:
-            raise too_many(2 * count, max_segments, tol)
+            raise report_too_many(2 * count, max_segments, tol)
         count *= 2
     family = "Radau" if rule.c[-1] == 1 else "Gauss"
     status = f"periodic response to {apart:.1e} on {count} segments of {stages} {family} stages; amplification {1 / sigma:.1e}"
@@ -122,67 +130,67 @@ def as_vector_function(f: VectorFunction | Sequence[float], system: PeriodicSyst
     return f
 
 
-def periodic_solution(
+def solve_periodic(
     system: PeriodicSystem, f: VectorFunction, grid: Array, rule: Tableau
 ) -> tuple[PiecewiseSolution, float, Array]:
     """Solve for the states at the edges; returns the solution, the smallest singular value of the closure, and Phi."""
     h = np.diff(grid)
-    t = np.minimum(nodes(grid, rule.c), np.nextafter(grid[1:], -np.inf)[:, None])
-    force = real_array("f", samples(f, t))[..., None]
-    A = samples(system.A, t)
+    t = np.minimum(place_nodes(grid, rule.c), np.nextafter(grid[1:], -np.inf)[:, None])
+    force = real_array("f", sample_at(f, t))[..., None]
+    A = sample_at(system.A, t)
     hA = A * h[:, None, None, None]
     hf = force * h[:, None, None, None]
     n = A.shape[-1]
     eye = np.broadcast_to(np.eye(n), A.shape)
-    right = np.concatenate([eye, integrated(rule, hf)], axis=-1)
+    right = np.concatenate([eye, integrate_stages(rule, hf)], axis=-1)
     size = max(1, CHUNK_BYTES // (8 * (len(rule.c) * n) ** 2))
-    parts = [stage_values(hA[k : k + size], rule, right[k : k + size]) for k in range(0, len(h), size)]
+    parts = [solve_stages(hA[k : k + size], rule, right[k : k + size]) for k in range(0, len(h), size)]
     Y = np.concatenate(parts)
-    Phi, g = ends(hA, hf, rule, Y)
+    Phi, g = find_ends(hA, hf, rule, Y)
     cyclic = cyclic_system(Phi)
     sigma = float(np.linalg.svd(cyclic.closure, compute_uv=False)[-1])
     if sigma == 0.0:
-        raise resonant(Phi, sigma)
+        raise report_resonance(Phi, sigma)
     x = cyclic.solve(g)
     rise = (Y[..., :n] @ x[:, None] + Y[..., n:] - x[:, None])[..., 0] / h[:, None, None]
-    slope = legendre_coefficients(rule) @ np.linalg.solve(rule.a, rise)
+    slope = invert_legendre(rule) @ np.linalg.solve(rule.a, rise)
     return PiecewiseSolution(grid, x[..., 0], slope), sigma, Phi
 
 
-def ends(hA: Array, hf: Array, rule: Tableau, Y: Array) -> tuple[Array, Array]:
+def find_ends(hA: Array, hf: Array, rule: Tableau, Y: Array) -> tuple[Array, Array]:
     """Transition matrices and particular ends of the segments from the stages Y = [of Phi, of f]; the last stage where c = 1."""
     n = hA.shape[-1]
     if rule.c[-1] == 1:
         return Y[:, -1, :, :n], Y[:, -1, :, n:]
-    step = weighted(hA, rule, Y)
+    step = weigh_stages(hA, rule, Y)
     return np.eye(n) + step[..., :n], step[..., n:] + (rule.b[:, None, None] * hf).sum(axis=1)
 
 
-def integrated(rule: Tableau, values: Array) -> Array:
+def integrate_stages(rule: Tableau, values: Array) -> Array:
     """sum_j a_ij values_j over the stage axis of (K, s, n, r)."""
     return np.einsum("ij,kjnr->kinr", rule.a, values)
 
 
-def legendre_coefficients(rule: Tableau) -> Array:
+def invert_legendre(rule: Tableau) -> Array:
     """The matrix from stage values to coefficients of P_m on [0, 1]."""
     return np.linalg.inv(legvander(2 * rule.c - 1, len(rule.c) - 1))
 
 
-def integrated_legendre(theta: Array, count: int) -> Array:
+def integrate_legendre(theta: Array, count: int) -> Array:
     """int_0^theta P_m(2 s - 1) ds for m < count: (N, count)."""
     P = legvander(2 * theta - 1, count)
     m = np.arange(1, count)
     return np.column_stack([theta, (P[:, 2:] - P[:, :-2]) / (2 * (2 * m + 1))])
 
 
-def difference(fine: PiecewiseSolution, coarse: PiecewiseSolution) -> float:
+def measure_difference(fine: PiecewiseSolution, coarse: PiecewiseSolution) -> float:
     """The largest difference between two resolutions at the edges and inside the segments."""
     grid = coarse.edges
     t = np.concatenate([grid[:-1], *(grid[:-1] + p * np.diff(grid) for p in PROBES)])
     return float(np.abs(fine(t) - coarse(t)).max())
 
 
-def resonant(Phi: Array, sigma: float) -> ResonantForcing:
+def report_resonance(Phi: Array, sigma: float) -> ResonantForcing:
     """Name the multiplier nearest to 1."""
     logs = product_spectrum(Phi).logs
     nearest = logs[np.argmin(np.abs(logs))]

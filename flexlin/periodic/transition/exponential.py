@@ -4,7 +4,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import ToleranceNotReached
-from flexlin.periodic.product.balancing import balanced
+from flexlin.periodic.product.balancing import balance_factors
 
 THETA = 5.371920351148152
 """Below this 1-norm the Pade approximant of order 13 is exact to working precision (Higham 2005, table 2.3)."""
@@ -14,13 +14,13 @@ PADE = np.array(
 )  # fmt: skip
 
 
-def exponential(X: Array) -> Array:
+def exponentiate(X: Array) -> Array:
     """exp(X) for X (K, n, n), by one diagonal balancing, scaling and squaring with the Pade approximant of order 13.
 
     Raises: ToleranceNotReached when a result leaves the range of floating-point numbers.
     Source: Higham, The scaling and squaring method revisited, SIAM J. Matrix Anal. Appl. 26 (2005).
     """
-    X, scale = balanced(X)
+    X, scale = balance_factors(X)
     norm = float(np.abs(X).sum(axis=-2).max())
     squarings = max(0, int(np.ceil(np.log2(norm / THETA)))) if norm > 0 else 0
     X = X / 2.0**squarings

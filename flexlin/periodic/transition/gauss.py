@@ -43,7 +43,7 @@ def gauss(stages: int) -> Tableau:
     return Tableau((1 + x) / 2, a, b)
 
 
-def nodes(edges: Array, c: Array) -> Array:
+def place_nodes(edges: Array, c: Array) -> Array:
     """Return the times (K, s) of the stages of all segments."""
     return edges[:-1, None] + np.diff(edges)[:, None] * c
 
@@ -61,7 +61,7 @@ def gauss_transitions(A: MatrixFunction, edges: Array, stages: int) -> Array:
     """
     rule = gauss(stages)
     h = np.diff(edges)
-    return in_chunks(lambda t, k: transitions(samples(A, t), h[k], rule), edges, rule)
+    return collect_chunks(lambda t, k: collocate(sample_at(A, t), h[k], rule), edges, rule)
 
 
 def second_order_transitions(second: SecondOrder, edges: Array, stages: int) -> Array:
@@ -80,20 +80,20 @@ def second_order_transitions(second: SecondOrder, edges: Array, stages: int) -> 
 
     def part(t: Array, k: slice) -> Array:
         M, D, K = (values.reshape(*t.shape, *values.shape[1:]) for values in second.sample(t.ravel()))
-        return accelerations(M, D, K, h[k], rule)
+        return collocate_accelerations(M, D, K, h[k], rule)
 
-    return in_chunks(part, edges, rule)
+    return collect_chunks(part, edges, rule)
 
 
-def samples(A: MatrixFunction, t: Array) -> Array:
+def sample_at(A: MatrixFunction, t: Array) -> Array:
     """Sample a coefficient at times of any shape: (..., n, m)."""
     values = A(t.ravel())
     return values.reshape(*t.shape, *values.shape[1:])
 
 
-def in_chunks(part: Callable[[Array, slice], Array], edges: Array, rule: Tableau) -> Array:
+def collect_chunks(part: Callable[[Array, slice], Array], edges: Array, rule: Tableau) -> Array:
     """Collect `part(stage times, segments)` over all segments, with few enough at a time to stay within CHUNK_BYTES."""
-    t = nodes(edges, rule.c)
+    t = place_nodes(edges, rule.c)
     segments, stages = t.shape
     done = [part(t[: (size := max(1, FIRST_NODES // stages))], slice(0, size))]
     start, unknowns = size, stages * done[0].shape[-1]
@@ -103,23 +103,23 @@ def in_chunks(part: Callable[[Array, slice], Array], edges: Array, rule: Tableau
     return done[0] if len(done) == 1 else np.concatenate(done)
 
 
-def transitions(A: Array, h: Array, rule: Tableau) -> Array:
+def collocate(A: Array, h: Array, rule: Tableau) -> Array:
     """Transition matrices (..., n, n) from stage samples A (..., s, n, n) and lengths h (...)."""
     s, n = A.shape[-3:-1]
     right = np.broadcast_to(np.eye(n), (*A.shape[:-3], s, n, n))
     hA = A * h[..., None, None, None]
-    Y = stage_values(hA, rule, right)
-    return np.eye(n) + weighted(hA, rule, Y)
+    Y = solve_stages(hA, rule, right)
+    return np.eye(n) + weigh_stages(hA, rule, Y)
 
 
-def weighted(hA: Array, rule: Tableau, Y: Array) -> Array:
+def weigh_stages(hA: Array, rule: Tableau, Y: Array) -> Array:
     """h sum_j b_j A_j Y_j for stage values Y (..., s, n, r)."""
     s, n, r = Y.shape[-3:]
     row = np.swapaxes(hA * rule.b[:, None, None], -3, -2).reshape(*hA.shape[:-3], n, s * n)
     return row @ Y.reshape(*Y.shape[:-3], s * n, r)
 
 
-def stage_values(hA: Array, rule: Tableau, right: Array) -> Array:
+def solve_stages(hA: Array, rule: Tableau, right: Array) -> Array:
     """Solve Y_i - sum_j a_ij h A_j Y_j = right_i for the stages: hA (..., s, n, n), right (..., s, n, r)."""
     s, n, r = right.shape[-3:]
     G = np.empty((*hA.shape[:-3], s, n, s, n))
@@ -130,7 +130,7 @@ def stage_values(hA: Array, rule: Tableau, right: Array) -> Array:
     return np.linalg.solve(G, right.reshape(*right.shape[:-3], s * n, r)).reshape(right.shape)
 
 
-def accelerations(M: Array, D: Array, K: Array, h: Array, rule: Tableau) -> Array:
+def collocate_accelerations(M: Array, D: Array, K: Array, h: Array, rule: Tableau) -> Array:
     """Transition matrices (..., 2n, 2n) from stage samples M, D, K (..., s, n, n) and lengths h (...)."""
     s, n = M.shape[-3:-1]
     lead = M.shape[:-3]

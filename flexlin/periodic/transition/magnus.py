@@ -5,8 +5,8 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.system import MatrixFunction
-from flexlin.periodic.transition.exponential import exponential
-from flexlin.periodic.transition.gauss import gauss, nodes, samples
+from flexlin.periodic.transition.exponential import exponentiate
+from flexlin.periodic.transition.gauss import gauss, place_nodes, sample_at
 
 CHUNK_NODES_BYTES = 2**25
 """Samples of A in one batch take at most this many bytes."""
@@ -27,31 +27,31 @@ def magnus_transitions(A: MatrixFunction, edges: Array, order: int) -> Array:
     if order not in (4, 6):
         raise ArgumentError("no Magnus method of this order", got=order, expected="4 or 6")
     c = gauss(order // 2).c
-    t, h = nodes(edges, c), np.diff(edges)[:, None, None]
-    omega = fourth_order if order == 4 else sixth_order
+    t, h = place_nodes(edges, c), np.diff(edges)[:, None, None]
+    omega = average_fourth if order == 4 else average_sixth
     n = A(t[0, :1]).shape[-1]
     size = max(1, CHUNK_NODES_BYTES // (8 * n * n * len(c)))
     parts = [
-        exponential(omega(np.moveaxis(samples(A, t[k : k + size]), 1, 0), h[k : k + size]))
+        exponentiate(omega(np.moveaxis(sample_at(A, t[k : k + size]), 1, 0), h[k : k + size]))
         for k in range(0, len(t), size)
     ]
     return np.concatenate(parts)
 
 
-def fourth_order(A: Array, h: Array) -> Array:
+def average_fourth(A: Array, h: Array) -> Array:
     """Omega = h (A1 + A2) / 2 - sqrt(3) h^2 [A1, A2] / 12."""
-    return h / 2 * (A[0] + A[1]) - np.sqrt(3) / 12 * h * h * commutator(A[0], A[1])
+    return h / 2 * (A[0] + A[1]) - np.sqrt(3) / 12 * h * h * commute(A[0], A[1])
 
 
-def sixth_order(A: Array, h: Array) -> Array:
+def average_sixth(A: Array, h: Array) -> Array:
     """Omega = a1 + a3 / 12 + [-20 a1 - a3 + C1, a2 + C2] / 240, C1 = [a1, a2], C2 = -[a1, 2 a3 + C1] / 60."""
     a1 = h * A[1]
     a2 = np.sqrt(15) / 3 * h * (A[2] - A[0])
     a3 = 10 / 3 * h * (A[2] - 2 * A[1] + A[0])
-    C1 = commutator(a1, a2)
-    C2 = -commutator(a1, 2 * a3 + C1) / 60
-    return a1 + a3 / 12 + commutator(-20 * a1 - a3 + C1, a2 + C2) / 240
+    C1 = commute(a1, a2)
+    C2 = -commute(a1, 2 * a3 + C1) / 60
+    return a1 + a3 / 12 + commute(-20 * a1 - a3 + C1, a2 + C2) / 240
 
 
-def commutator(X: Array, Y: Array) -> Array:
+def commute(X: Array, Y: Array) -> Array:
     return X @ Y - Y @ X

@@ -8,7 +8,7 @@ from scipy.special import roots_jacobi
 
 from flexlin.checks import Array
 from flexlin.periodic.system import MatrixFunction
-from flexlin.periodic.transition.gauss import Tableau, in_chunks, samples, stage_values
+from flexlin.periodic.transition.gauss import Tableau, collect_chunks, sample_at, solve_stages
 
 
 @lru_cache(maxsize=16)
@@ -40,8 +40,8 @@ def radau_transitions(A: MatrixFunction, edges: Array, stages: int) -> Array:
 
     def part(t: Array, k: slice) -> Array:
         t = np.minimum(t, np.nextafter(edges[1:][k], -np.inf)[:, None])
-        hA = samples(A, t) * h[k, None, None, None]
+        hA = sample_at(A, t) * h[k, None, None, None]
         right = np.broadcast_to(np.eye(hA.shape[-1]), hA.shape)
-        return stage_values(hA, rule, right)[:, -1]
+        return solve_stages(hA, rule, right)[:, -1]
 
-    return in_chunks(part, edges, rule)
+    return collect_chunks(part, edges, rule)

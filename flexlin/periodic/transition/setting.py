@@ -8,7 +8,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, TooManySegments
-from flexlin.periodic.grid import edges
+from flexlin.periodic.grid import place_edges
 from flexlin.periodic.product.balancing import GROUP_CONDITION
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.gauss import gauss_transitions, second_order_transitions
@@ -49,37 +49,37 @@ class Setting:
         return 100 + self.segments * (stages + 2 + 0.001 * (stages * n) ** 2 + 0.0002 * (stages * n) ** 3)
 
 
-def gauss_factors(system: PeriodicSystem, grid: Array, order: int) -> Array:
+def factor_by_gauss(system: PeriodicSystem, grid: Array, order: int) -> Array:
     """Gauss collocation of even order, in the accelerations where the system is of second order."""
     if system.second_order is not None:
         return second_order_transitions(system.second_order, grid, order // 2)
     return gauss_transitions(system.A, grid, order // 2)
 
 
-def magnus_factors(system: PeriodicSystem, grid: Array, order: int) -> Array:
+def factor_by_magnus(system: PeriodicSystem, grid: Array, order: int) -> Array:
     return magnus_transitions(system.A, grid, order)
 
 
-def radau_factors(system: PeriodicSystem, grid: Array, order: int) -> Array:
+def factor_by_radau(system: PeriodicSystem, grid: Array, order: int) -> Array:
     return radau_transitions(system.A, grid, (order + 1) // 2)
 
 
 METHODS: dict[str, Callable[[PeriodicSystem, Array, int], Array]] = {
-    "gauss": gauss_factors,
-    "magnus": magnus_factors,
-    "radau": radau_factors,
+    "gauss": factor_by_gauss,
+    "magnus": factor_by_magnus,
+    "radau": factor_by_radau,
 }
 ORDERS = {"gauss": range(2, 65, 2), "magnus": (4, 6), "radau": range(1, 32, 2)}
 """Each: (system, edges, order) -> transition matrices (K, n, n)."""
 
 
-def factors(system: PeriodicSystem, setting: Setting) -> tuple[Array, Array]:
+def factor_period(system: PeriodicSystem, setting: Setting) -> tuple[Array, Array]:
     """Return the edges (K + 1,) and the transition matrices (K, n, n) of one period."""
-    grid = edges(system.period, system.breaks, setting.segments)
+    grid = place_edges(system.period, system.breaks, setting.segments)
     return grid, METHODS[setting.method](system, grid, setting.order)
 
 
-def chosen(system: PeriodicSystem, tol: float, method: str, order: int | None, segments: int | None) -> Setting:
+def choose_setting(system: PeriodicSystem, tol: float, method: str, order: int | None, segments: int | None) -> Setting:
     """Fill in what the user left open; the refinement that follows corrects the guess.
 
     A Gauss step of s stages has the error of the diagonal Pade approximation on the fastest eigenvalue `rate` of A(t),
@@ -95,34 +95,36 @@ def chosen(system: PeriodicSystem, tol: float, method: str, order: int | None, s
     if order is not None and order not in ORDERS[name]:
         raise ArgumentError(f"{name} has no such order", got=order, expected=", ".join(map(str, ORDERS[name])))
     if order is not None and segments is not None:
-        return Setting(name, order, segments, "as given", rates(system)[0] if name == "magnus" else 0.0)
-    rate, spread, top = rates(system)
+        return Setting(name, order, segments, "as given", measure_rates(system)[0] if name == "magnus" else 0.0)
+    rate, spread, top = measure_rates(system)
     least = max(MIN_SEGMENTS, math.ceil(system.period * spread / math.log(GROUP_CONDITION)))
     if method == "magnus":
         count = segments or max(2 * least, math.ceil(rate * system.period / 30))
         return Setting("magnus", order or 6, count, "as asked", rate)
     if method == "radau":
-        return Setting("radau", order or 9, segments or radau_segments(system.period, top), "as asked")
+        return Setting("radau", order or 9, segments or count_radau_segments(system.period, top), "as asked")
     reason = f"least work for tol {tol:.0e} with eigenvalues of A(t) up to {rate:.3g} 1/s"
     plans = [
-        Setting("gauss", 2 * s, segments or max(least, math.ceil(system.period / gauss_step(rate, tol, s))), reason)
+        Setting(
+            "gauss", 2 * s, segments or max(least, math.ceil(system.period / choose_gauss_step(rate, tol, s))), reason
+        )
         for s in (STAGES if order is None else [order // 2])
     ]
     return min(plans, key=lambda plan: plan.work(system.n))
 
 
-def radau_segments(period: float, top: float) -> int:
+def count_radau_segments(period: float, top: float) -> int:
     """Segments short enough that an L-stable method does not damp what grows: h times the fastest growth stays below 1/2."""
     return max(4 * MIN_SEGMENTS, math.ceil(2 * period * top))
 
 
-def gauss_step(rate: float, tol: float, stages: int) -> float:
+def choose_gauss_step(rate: float, tol: float, stages: int) -> float:
     """The step at which s Gauss stages reach tol / MARGIN on the eigenvalue `rate`."""
     c = math.factorial(stages) ** 2 / (math.factorial(2 * stages) * math.factorial(2 * stages + 1))
     return (tol / MARGIN * max(1.0, rate) / (rate * c)) ** (0.5 / stages) / rate
 
 
-def rates(system: PeriodicSystem) -> tuple[float, float, float]:
+def measure_rates(system: PeriodicSystem) -> tuple[float, float, float]:
     """Over a few A(t): the largest |eigenvalue| (at least the basic frequency), the spread of real parts, the largest real part."""
     values = np.linalg.eigvals(system.A(system.period * (np.arange(16) + 0.37) / 16))
     return (
@@ -132,7 +134,7 @@ def rates(system: PeriodicSystem) -> tuple[float, float, float]:
     )
 
 
-def too_many(wanted: float, limit: int, tol: float) -> TooManySegments:
+def report_too_many(wanted: float, limit: int, tol: float) -> TooManySegments:
     return TooManySegments(
         f"tol {tol:.1e} needs about {wanted:.2g} segments of the period",
         got=f"{wanted:.2g}",

@@ -3,7 +3,7 @@
 import numpy as np
 
 from flexlin.periodic.many.transitions import batched_transitions
-from flexlin.periodic.product.balancing import scaled_product
+from flexlin.periodic.product.balancing import multiply_scaled
 from flexlin.periodic.transition.gauss import gauss_transitions
 
 a, q = np.array([1.0, 2.5, 7.0]), np.array([0.2, 1.0, 0.1])
@@ -20,7 +20,7 @@ def alone(v):
         zero, one = np.zeros_like(t), np.ones_like(t)
         return np.stack([zero, one, X[:, 0, 0, v], Y[:, 0, 0, v]], axis=1).reshape(-1, 2, 2)
 
-    return scaled_product(gauss_transitions(A, np.linspace(0, 1, 41), 8))
+    return multiply_scaled(gauss_transitions(A, np.linspace(0, 1, 41), 8))
 
 
 def test_agrees_with_one_system_at_a_time():

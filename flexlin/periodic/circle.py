@@ -1,0 +1,40 @@
+"""The circle: angles modulo 2 pi, and logarithms modulo 2 pi i."""
+
+import numpy as np
+
+from flexlin.checks import Array
+
+
+def count_turns(angle: Array) -> Array:
+    """Return the whole turns k for which angle - 2 pi k lies in (-pi, pi]."""
+    return np.ceil(angle / (2 * np.pi) - 0.5)
+
+
+def wrap_angle(angle: Array) -> Array:
+    """Bring angles into (-pi, pi]; one that lies there already keeps all its digits."""
+    near = angle - 2 * np.pi * count_turns(angle)
+    return np.where(near > np.pi, near - 2 * np.pi, np.where(near <= -np.pi, near + 2 * np.pi, near))
+
+
+def wrap_log(log: Array) -> Array:
+    """Bring the imaginary parts of logarithms, or of differences of logarithms, into (-pi, pi]."""
+    return log.real + 1j * wrap_angle(log.imag)
+
+
+def measure_distances(logs: Array, others: Array) -> Array:
+    """Return |log_i - other_j| modulo 2 pi i, (n, m, ...), for logs (n, ...) and others (m, ...)."""
+    apart = logs[:, None] - others[None, :]
+    return np.hypot(apart.real, wrap_angle(apart.imag))
+
+
+def match_logs(logs: Array, others: Array) -> tuple[Array, Array]:
+    """Pair two sets of n logs one to one, nearest first, modulo 2 pi i: the index of each partner and its distance."""
+    size = measure_distances(logs, others)
+    partner = size.argmin(axis=1)
+    if len(set(partner.tolist())) < len(logs):
+        free = size.copy()
+        for _ in range(len(logs)):
+            i, j = np.unravel_index(free.argmin(), free.shape)
+            partner[i] = j
+            free[i, :] = free[:, j] = np.inf
+    return partner, size[np.arange(len(logs)), partner]

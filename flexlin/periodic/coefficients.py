@@ -1,0 +1,139 @@
+"""Coefficients as functions of time: constants, feedback loops and state matrices, all of which pickle, and their checks."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexlin.checks import Array, real_array
+from flexlin.errors import ArgumentError
+from flexlin.periodic.companion import build_companion, build_input
+
+MatrixFunction = Callable[[Array], Array]
+"""Times (N,) -> (N, rows, columns)."""
+SecondOrderFunction = Callable[[Array], tuple[Array, Array, Array]]
+"""Times (N,) -> M, D, K, each (N, n, n)."""
+PROBES = np.array([0.0, 0.2917, 0.6281])
+"""Where in a period a coefficient is looked at before it is used."""
+
+
+@dataclass(frozen=True, eq=False)
+class Constant:
+    """A constant value as a function of time: (N,) -> (N, *value.shape), without copies."""
+
+    value: Array
+
+    def __call__(self, t: Array) -> Array:
+        return np.broadcast_to(self.value, (len(t), *self.value.shape))
+
+
+@dataclass(frozen=True)
+class ClosedLoop:
+    """A(t) - B(t) K(t)."""
+
+    A: MatrixFunction
+    B: MatrixFunction
+    K: MatrixFunction
+
+    def __call__(self, t: Array) -> Array:
+        return self.A(t) - self.B(t) @ self.K(t)
+
+
+@dataclass(frozen=True)
+class SecondOrderLoop:
+    """M, D + F K_v, K + F K_y: the second-order coefficients with u = -[K_y, K_v] [y; y'] closed."""
+
+    plant: SecondOrderFunction
+    force: MatrixFunction
+    gain: MatrixFunction
+
+    def __call__(self, t: Array) -> tuple[Array, Array, Array]:
+        M, D, K = self.plant(t)
+        n = M.shape[-1]
+        feedback = self.force(t) @ self.gain(t)
+        return M, D + feedback[..., n:], K + feedback[..., :n]
+
+
+@dataclass(frozen=True)
+class OneOfThree:
+    """M, D or K alone, from a function that gives all three."""
+
+    together: SecondOrderFunction
+    index: int
+
+    def __call__(self, t: Array) -> Array:
+        return self.together(t)[self.index]
+
+
+@dataclass(frozen=True)
+class StateMatrix:
+    """[[0, I], [-M^-1 K, -M^-1 D]], (N, 2n, 2n)."""
+
+    second_order: SecondOrderFunction
+
+    def __call__(self, t: Array) -> Array:
+        return build_companion(*self.second_order(t), t)
+
+
+@dataclass(frozen=True)
+class InputMatrix:
+    """[0; M^-1 F], (N, 2n, m)."""
+
+    M: MatrixFunction
+    force: MatrixFunction
+
+    def __call__(self, t: Array) -> Array:
+        return build_input(self.M(t), self.force(t), t)
+
+
+def as_matrix_function(name: str, value: MatrixFunction | ArrayLike) -> MatrixFunction:
+    """Let a constant matrix stand where a function of time is wanted."""
+    return value if callable(value) else Constant(real_array(name, value, (None, None)))
+
+
+def check_samples(name: str, function: MatrixFunction, period: float) -> Array:
+    """Sample a coefficient at a few times and return the checked (N, rows, columns).
+
+    Raises: ArgumentError when a value is no array, empty or not finite (naming the time), or when the shape depends on the times.
+    """
+    t = period * PROBES
+    values = check_finite(name, check_array(name, function(t), t), t)
+    alone = check_array(name, function(t[:1]), t[:1])
+    if alone.shape[1:] != values.shape[1:]:
+        raise ArgumentError(
+            f"{name}(t) changes its shape",
+            got=f"{alone.shape} for one time, {values.shape} for {len(t)}",
+            expected="(N, rows, columns) for t of shape (N,)",
+        )
+    return values
+
+
+def check_array(name: str, value: Any, t: Array) -> Array:
+    """Refuse what is no array (N, rows, columns) with at least one row and one column."""
+    if not isinstance(value, np.ndarray):
+        raise ArgumentError(
+            f"{name}(t) is no array", got=type(value).__name__, expected="numpy.array of what it returns"
+        )
+    if value.ndim != 3 or len(value) != len(t):
+        raise ArgumentError(
+            f"{name}(t) has the wrong shape",
+            got=value.shape,
+            expected=f"({len(t)}, rows, columns) for t of shape ({len(t)},)",
+        )
+    if 0 in value.shape:
+        raise ArgumentError(f"{name} is empty", got=value.shape[1:], expected="at least one row and one column")
+    return value
+
+
+def check_finite(name: str, values: Array, t: Array) -> Array:
+    """Refuse samples (N, rows, columns) that are complex, no numbers, or not finite at one of the times (N,), naming it."""
+    if np.issubdtype(values.dtype, np.floating) and not np.isfinite(values).all():
+        k, *entry = np.argwhere(~np.isfinite(values))[0].tolist()
+        raise ArgumentError(
+            f"{name} is not finite at t = {t[k]:.6g} s",
+            got=f"{values[(k, *entry)]} at {entry}",
+            expected="finite numbers",
+        )
+    return real_array(f"{name}(t)", values)
