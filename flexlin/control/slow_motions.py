@@ -7,12 +7,17 @@ import numpy as np
 from flexlin.checks import Array, check_size
 from flexlin.errors import NumericalError
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.floquet.modes import floquet_modes
+from flexlin.periodic.floquet.modes import find_coinciding, find_null_modes
 from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.periodic.grid import place_edges
+from flexlin.periodic.product.balancing import balance_factors
 from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.transition.setting import METHODS
 
 TOLERANCE = 1e-6
 """Error of the exponents, in 1/s, that is enough for a direction."""
+SAMPLES = 64
+"""Times of a period at which a motion is given, at the least."""
 REAL = 1e-6
 """An imaginary part this small against the real one belongs to a real mode."""
 
@@ -40,26 +45,41 @@ def slow_motions(system: PeriodicSystem, count: int, result: FloquetResult | Non
     NumericalError when no mode is resolved.
     """
     result = result or floquet(system, TOLERANCE)
-    n, setting = system.n, result.setting
-    nodes = (setting.order if setting.method == "hill" else setting.segments) * (1 + max(6, setting.order // 2))
-    check_size(
-        "the Floquet modes",
-        8 * nodes * n * n * 16,
-        f"the modes need {nodes} transition matrices of order {n}: leave out the fastest modes, or lower the gains that make them fast",
-    )
-    modes = floquet_modes(system, result)
-    found: list[Array] = []
-    for i in np.flatnonzero((modes.exponents.imag >= 0) & np.isfinite(modes.errors)):
-        if len(found) >= max(1, count):
-            break
-        found += real_motions(modes.times, modes.right[:, :, i], modes.exponents[i])
-    if not found:
+    slow = np.flatnonzero((result.exponents.imag >= 0) & np.isfinite(result.errors))[: max(1, count)]
+    if not len(slow):
         raise NumericalError(
             "no Floquet mode is resolved", todo="ask for a smaller tol, or look at the Floquet verdict"
         )
+    t, modes = right_modes(system, result, slow)
+    found = [
+        motion for i, mode in zip(slow, modes, strict=True) for motion in real_motions(t, mode, result.exponents[i])
+    ]
     states = np.array(found[: max(1, count)])
-    states /= np.abs(states[:, 0, : n // 2]).max(axis=1)[:, None, None]
-    return SlowMotions(states[:, 0], modes.times, states)
+    states /= np.abs(states[:, 0, : system.n // 2]).max(axis=1)[:, None, None]
+    return SlowMotions(states[:, 0], t, states)
+
+
+def right_modes(system: PeriodicSystem, result: FloquetResult, which: Array) -> tuple[Array, Array]:
+    """Times (N,) and periodic right eigenvectors (k, N, n) of some exponents.
+
+    p_(j+1) = exp(-lambda h_j) Phi_j p_j,   p_N = p_0:   the null vector of a cyclic system
+    """
+    n, setting = system.n, result.setting
+    hill = setting.method == "hill"
+    method, order, segments = (
+        ("gauss", 12, 6 * setting.order) if hill else (setting.method, setting.order, setting.segments)
+    )
+    grid = place_edges(system.period, system.breaks, max(SAMPLES, segments))
+    check_size(
+        "a mode's system",
+        (8 + 64 * len(which)) * len(grid) * n * n,
+        f"the modes need {len(grid)} transition matrices of order {n}: leave out the fastest modes, or lower the gains behind them",
+    )
+    Phi, scale = balance_factors(METHODS[method](system, grid, order))
+    decay = np.exp(-result.exponents[which, None] * np.diff(grid))
+    ranks = np.tril(find_coinciding(result.log_multipliers), -1).sum(axis=1)[which]
+    modes = find_null_modes(decay[..., None, None] * Phi, ranks) * scale[:, None]
+    return grid[:-1], np.moveaxis(modes, -1, 0)
 
 
 def real_motions(t: Array, mode: Array, exponent: complex) -> list[Array]:

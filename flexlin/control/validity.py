@@ -1,5 +1,6 @@
 """How far the linear model is valid: where the nonlinear terms of the equations reach a stated share of the linear ones."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,30 +67,65 @@ def linear_range(
     positive("share", share)
     system = lin.periodic_system()
     slow = slow_motions(system, modes, result)
-    some = slice(None, None, max(1, len(slow.t) // SAMPLES))
-    amplitudes = [border(lin, system, slow.t[some], x[some], share) for x in slow.states]
+    amplitudes = [border(lin, system, slow.t, x, share) for x in slow.states]
     return Validity(slow.directions, np.array(amplitudes), share)
 
 
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """A linear motion x = [y; y'] (N, 2n) in the equations: its linear terms by size (N,), and what is left beyond them."""
+
+    lin: Linearization
+    t: Array
+    motion: tuple[Array, Array, Array]
+    mass: Array
+    slope: Array
+    linear: Array
+    rest: Array
+
+    @classmethod
+    def along(cls, lin: Linearization, system: PeriodicSystem, t: Array, x: Array) -> "Terms":
+        n, c = lin.n, lin.sample(t)
+        motion = (x[:, :n], x[:, n:], np.einsum("tij,tj->ti", system.A(t), x)[:, n:])
+        loop = c.B @ lin.closed_by.gain(t)
+        parts = [
+            np.einsum("tij,tj->ti", matrix, z)
+            for matrix, z in zip((c.K - loop[:, :, :n], c.D - loop[:, :, n:], c.M), motion, strict=True)
+        ]
+        linear = np.max([size(c.M, part) for part in parts], axis=0)
+        return cls(lin, t, motion, c.M, np.sum(parts, axis=0), linear, residual(lin, t, [0.0 * z for z in motion]))
+
+    def at(self, k: Array) -> "Terms":
+        """The same at some of the times."""
+        y, rate, acceleration = (z[k] for z in self.motion)
+        arrays = (self.mass[k], self.slope[k], self.linear[k], self.rest[k])
+        return Terms(self.lin, self.t[k], (y, rate, acceleration), *arrays)
+
+    def nonlinear(self, a: float) -> Array:
+        """|R(a)| at each time."""
+        left = residual(self.lin, self.t, [a * z for z in self.motion])
+        return size(self.mass, left - self.rest - a * self.slope)
+
+
 def border(lin: Linearization, system: PeriodicSystem, t: Array, x: Array, share: float) -> float:
-    """The amplitude of a linear motion x (N, 2n) at which the nonlinear share is reached."""
-    n, c = lin.n, lin.sample(t)
-    motion = [x[:, :n], x[:, n:], np.einsum("tij,tj->ti", system.A(t), x)[:, n:]]
-    loop = c.B @ lin.closed_by.gain(t)
-    parts = [
-        np.einsum("tij,tj->ti", matrix, z)
-        for matrix, z in zip((c.K - loop[:, :, :n], c.D - loop[:, :, n:], c.M), motion, strict=True)
-    ]
-    linear = np.max([size(c.M, part) for part in parts], axis=0)
-    rest = residual(lin, t, [0.0 * z for z in motion])
+    """The amplitude of a linear motion x (N, 2n) at which the nonlinear share is reached.
 
-    def nonlinear(a: float) -> Array:
-        return size(c.M, residual(lin, t, [a * z for z in motion]) - rest - a * sum(parts))
+    It is sought at SAMPLES times first; then at those times of all at which the share is largest there.
+    """
+    terms = Terms.along(lin, system, t, x)
+    rounding = 4 * float(terms.nonlinear(STILL).max())
+    first = bisect(terms.at(np.arange(0, len(t), max(1, len(t) // SAMPLES))), share, rounding)
+    if first == 0.0:
+        return first
+    excess = (terms.nonlinear(min(first, LARGEST)) - rounding) / (terms.linear + np.finfo(float).tiny)
+    return bisect(terms.at(np.argsort(excess)[-SAMPLES:]), share, rounding)
 
-    rounding = 4 * float(nonlinear(STILL).max())
+
+def bisect(terms: Terms, share: float, rounding: float) -> float:
+    """The smallest amplitude between SMALLEST and LARGEST that reaches the share somewhere; 0 or inf beyond these."""
 
     def reached(a: float) -> bool:
-        return bool(np.any(nonlinear(a) > share * a * linear + rounding))
+        return bool(np.any(terms.nonlinear(a) > share * a * terms.linear + rounding))
 
     if not reached(LARGEST):
         return np.inf
@@ -107,6 +143,6 @@ def size(M: Array, force: Array) -> Array:
     return np.sqrt(np.einsum("ti,ti->t", force, np.linalg.solve(M, force[:, :, None])[:, :, 0]))
 
 
-def residual(lin: Linearization, t: Array, motion: list[Array]) -> Array:
+def residual(lin: Linearization, t: Array, motion: Sequence[Array]) -> Array:
     """The left side of the equations of motion, kept rows, at deviations y, y', y'' from the rigid motion."""
     return lin.about.of_arm("residual", t, *motion)[:, list(lin.kept), 0]
