@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array, positive
 from flexlin.control.slow_motions import slow_motions
@@ -67,7 +68,8 @@ def linear_range(
     positive("share", share)
     system = lin.periodic_system()
     slow = slow_motions(system, modes, result)
-    amplitudes = [border(lin, system, slow.t, x, share) for x in slow.states]
+    plant = lin if lin.control is None else linearize(lin.arm, lin.motion)
+    amplitudes = [border(plant, system, slow.t, x, share) for x in slow.states]
     return Validity(slow.directions, np.array(amplitudes), share)
 
 
@@ -75,7 +77,7 @@ def linear_range(
 class Terms:
     """A linear motion x = [y; y'] (N, 2n) in the equations: its linear terms by size (N,), and what is left beyond them."""
 
-    lin: Linearization
+    plant: Linearization
     t: Array
     motion: tuple[Array, Array, Array]
     mass: Array
@@ -84,35 +86,31 @@ class Terms:
     rest: Array
 
     @classmethod
-    def along(cls, lin: Linearization, system: PeriodicSystem, t: Array, x: Array) -> "Terms":
-        n, c = lin.n, lin.sample(t)
+    def along(cls, plant: Linearization, system: PeriodicSystem, t: Array, x: Array) -> "Terms":
+        n, (M, D, K) = plant.n, plant.equations(t)
         motion = (x[:, :n], x[:, n:], np.einsum("tij,tj->ti", system.A(t), x)[:, n:])
-        loop = c.B @ lin.closed_by.gain(t)
-        parts = [
-            np.einsum("tij,tj->ti", matrix, z)
-            for matrix, z in zip((c.K - loop[:, :, :n], c.D - loop[:, :, n:], c.M), motion, strict=True)
-        ]
-        linear = np.max([size(c.M, part) for part in parts], axis=0)
-        return cls(lin, t, motion, c.M, np.sum(parts, axis=0), linear, residual(lin, t, [0.0 * z for z in motion]))
+        parts = [np.einsum("tij,tj->ti", matrix, z) for matrix, z in zip((K, D, M), motion, strict=True)]
+        linear = np.max([size(M, part) for part in parts], axis=0)
+        return cls(plant, t, motion, M, np.sum(parts, axis=0), linear, residual(plant, t, [0.0 * z for z in motion]))
 
     def at(self, k: Array) -> "Terms":
         """The same at some of the times."""
         y, rate, acceleration = (z[k] for z in self.motion)
         arrays = (self.mass[k], self.slope[k], self.linear[k], self.rest[k])
-        return Terms(self.lin, self.t[k], (y, rate, acceleration), *arrays)
+        return Terms(self.plant, self.t[k], (y, rate, acceleration), *arrays)
 
     def nonlinear(self, a: float) -> Array:
         """|R(a)| at each time."""
-        left = residual(self.lin, self.t, [a * z for z in self.motion])
+        left = residual(self.plant, self.t, [a * z for z in self.motion])
         return size(self.mass, left - self.rest - a * self.slope)
 
 
-def border(lin: Linearization, system: PeriodicSystem, t: Array, x: Array, share: float) -> float:
+def border(plant: Linearization, system: PeriodicSystem, t: Array, x: Array, share: float) -> float:
     """The amplitude of a linear motion x (N, 2n) at which the nonlinear share is reached.
 
     It is sought at SAMPLES times first; then at those times of all at which the share is largest there.
     """
-    terms = Terms.along(lin, system, t, x)
+    terms = Terms.along(plant, system, t, x)
     rounding = 4 * float(terms.nonlinear(STILL).max())
     first = bisect(terms.at(np.arange(0, len(t), max(1, len(t) // SAMPLES))), share, rounding)
     if first == 0.0:
@@ -143,6 +141,6 @@ def size(M: Array, force: Array) -> Array:
     return np.sqrt(np.einsum("ti,ti->t", force, np.linalg.solve(M, force[:, :, None])[:, :, 0]))
 
 
-def residual(lin: Linearization, t: Array, motion: Sequence[Array]) -> Array:
+def residual(plant: Linearization, t: Array, motion: Sequence[Array]) -> Array:
     """The left side of the equations of motion, kept rows, at deviations y, y', y'' from the rigid motion."""
-    return lin.about.of_arm("residual", t, *motion)[:, list(lin.kept), 0]
+    return plant.about.of_arm("residual", t, *motion)[:, list(plant.kept), 0]
