@@ -53,7 +53,7 @@ def restored(value: Any, expressions: ca.StringDeserializer) -> Any:
     if isinstance(value, Expression):
         return expressions.unpack()
     if isinstance(value, Part):
-        made = object.__new__(value.kind)
+        made: Any = object.__new__(value.kind)
         rebuild(made, restored(value.state, expressions))
         return made
     if isinstance(value, dict):

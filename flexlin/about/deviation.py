@@ -95,7 +95,7 @@ class Deviation:
         """The same at one time, for functions that are called at one time after another."""
         motion = self.motion
         if isinstance(motion, SymbolicMotion):
-            return [np.array([motion.phase_of(t)]), self.arm.parameters.values]
+            return [motion.phase_of(np.array([t])), self.arm.parameters.values]
         return [*(part[0] for part in motion.sample(np.array([t]))), self.arm.parameters.values]
 
     def evaluate(self, function: ca.Function, t: Array, *inputs: Array) -> tuple[Array, ...]:

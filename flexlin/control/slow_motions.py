@@ -26,7 +26,8 @@ REAL = 1e-6
 class SlowMotions:
     """Real motions x(t) = Re p(t) exp(lambda t) and Im p(t) exp(lambda t) of the slowest modes.
 
-    directions (k, 2n): x(0), each with a largest deflection of 1; t (N,): times in [0, T); states (k, N, 2n): x(t).
+    Each is scaled to a largest deflection of 1 (rad or m) over a period.
+    directions (k, 2n): x(0); t (N,): times in [0, T); states (k, N, 2n): x(t).
     """
 
     directions: Array
@@ -37,8 +38,8 @@ class SlowMotions:
 def slow_motions(system: PeriodicSystem, count: int, result: FloquetResult | None = None) -> SlowMotions:
     """Find the `count` slowest real motions of a system of second order; a complex pair gives two of them.
 
-    Each mode is turned in the complex plane so that its largest number at t = 0 is real. Modes that decay too fast to be resolved are
-    left out.
+    Each mode is turned in the complex plane so that its largest deflection at t = 0 is real: one motion starts from there, the other
+    swings through. Modes that decay too fast to be resolved are left out.
 
     Parameters: result: the exponents, if they are known.
     Raises: what `floquet` raises; TooLarge when the resolution that a fast mode asks for makes too many transition matrices;
@@ -51,11 +52,12 @@ def slow_motions(system: PeriodicSystem, count: int, result: FloquetResult | Non
             "no Floquet mode is resolved", todo="ask for a smaller tol, or look at the Floquet verdict"
         )
     t, modes = right_modes(system, result, slow)
+    n = system.n // 2
     found = [
-        motion for i, mode in zip(slow, modes, strict=True) for motion in real_motions(t, mode, result.exponents[i])
+        motion for i, mode in zip(slow, modes, strict=True) for motion in real_motions(t, mode, result.exponents[i], n)
     ]
     states = np.array(found[: max(1, count)])
-    states /= np.abs(states[:, 0, : system.n // 2]).max(axis=1)[:, None, None]
+    states /= np.abs(states[:, :, :n]).max(axis=(1, 2))[:, None, None]
     return SlowMotions(states[:, 0], t, states)
 
 
@@ -82,9 +84,9 @@ def right_modes(system: PeriodicSystem, result: FloquetResult, which: Array) -> 
     return grid[:-1], np.moveaxis(modes, -1, 0)
 
 
-def real_motions(t: Array, mode: Array, exponent: complex) -> list[Array]:
+def real_motions(t: Array, mode: Array, exponent: complex, n: int) -> list[Array]:
     """The real motion of a real mode, the two of a complex one, at times t with t[0] = 0: (N, 2n) each."""
-    largest = mode[0, np.argmax(np.abs(mode[0]))]
+    largest = mode[0, np.argmax(np.abs(mode[0, :n]))]
     motion = mode * (abs(largest) / largest) * np.exp(exponent * t)[:, None]
     parts = [motion.real, motion.imag]
     return parts if np.abs(motion[0].imag).max() > REAL * np.abs(motion[0].real).max() else parts[:1]

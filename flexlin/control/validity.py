@@ -22,8 +22,11 @@ STILL = 1e-14
 
 @dataclass(frozen=True)
 class Validity:
-    """Along the slowest Floquet modes: directions (k, 2n) with a largest deflection of 1 rad or m, and the amplitudes at which the
-    nonlinear terms reach `share` of the linear ones: inf where they do not up to LARGEST, 0 where they exceed it at SMALLEST."""
+    """Along the slowest Floquet modes: how large a deflection may be.
+
+    directions (k, 2n): starts of motions with a largest deflection of 1 (rad or m) over a period; amplitudes (k,): where the nonlinear
+    terms reach `share` of the linear ones, inf where they do not up to LARGEST, 0 where they exceed it at SMALLEST already.
+    """
 
     directions: Array
     amplitudes: Array

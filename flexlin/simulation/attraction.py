@@ -15,8 +15,8 @@ from flexlin.simulation.loop import NonlinearLoop
 
 @dataclass(frozen=True)
 class Attraction:
-    """Along the slowest Floquet modes: directions (k, 2n) of largest deflection 1, the amplitude that still comes back, and the
-    smallest that does not (inf when every amplitude up to `largest` came back)."""
+    """Along the slowest Floquet modes: directions (k, 2n) whose linear motions have a largest deflection of 1 over a period, the amplitude
+    that still comes back, and the smallest that does not (inf when every amplitude up to `largest` came back)."""
 
     directions: Array
     inside: Array
@@ -37,7 +37,7 @@ def region_of_attraction(
 
         x(0) = x_p(0) + a v,   back: |x - x_p| after the given periods is below half of its start (and below a)
 
-    x_p is the periodic motion of the loop, v a real Floquet direction scaled to a largest deflection (rad or m) of 1.
+    x_p is the periodic motion of the loop, v a real Floquet direction, its linear motion scaled to a largest deflection of 1 (rad or m).
     Assumes a stable loop. What is found is a sample of the region's border, no proof of what lies inside.
 
     Returns: an `Attraction`. Raises: NumericalError when the loop has no periodic motion near the rigid one.
