@@ -1,6 +1,7 @@
 """Checks at the boundary: shape, finite, range; made once, where a value comes in."""
 
 from collections.abc import Callable, Sequence
+from operator import index
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,17 @@ def positive(name: str, value: float) -> float:
     number = float(real_array(name, value, ()))
     if number <= 0:
         raise ArgumentError(f"{name} is not positive", got=number, expected="a number greater than 0")
+    return number
+
+
+def whole(name: str, value: object, least: int = 1) -> int:
+    """Return `value` as a whole number from `least` on; True, 2.0 and "2" are none."""
+    try:
+        number = None if isinstance(value, bool) else index(value)  # type: ignore[arg-type]
+    except TypeError:
+        number = None
+    if number is None or number < least:
+        raise ArgumentError(f"{name} does not fit", got=repr(value)[:80], expected=f"a whole number from {least} on")
     return number
 
 

@@ -11,6 +11,7 @@ from flexlin.about.free import ParametricLoop, parametric_loop
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.many import batched_exponents
 from flexlin.periodic.many.algebra import solve_positive
 from flexlin.periodic.many.romberg import measure_spread
@@ -206,26 +207,10 @@ def state_coefficients(
             Z = exact(np.arange(2 * harmonics + 1) / (2 * harmonics + 1))
             usable = np.asarray(np.isfinite(Z).all(axis=(0, 1, 2)))
             Z[..., ~usable] = 0.0
-            if tail(Z, harmonics) <= max(TAIL * tol, 3e-15):
-                return lambda phases, Z=Z: split(interpolated(Z, phases)), usable, harmonics
+            series = FourierSeries(Z, 1.0)
+            if series.tail <= max(TAIL * tol, 3e-15):
+                return lambda phases, series=series: split(series(phases)), usable, harmonics
     return lambda phases: split(np.nan_to_num(exact(phases))), usable, HARMONICS[-1]
-
-
-def tail(Z: Array, harmonics: int) -> float:
-    """The size of the two highest harmonics of samples Z (2 H + 1, ...) against the largest sample."""
-    angle = 2 * np.pi * np.outer(np.arange(harmonics - 1, harmonics + 1), np.arange(len(Z)) / len(Z))
-    rows = np.concatenate([np.cos(angle), np.sin(angle)]) * 2 / len(Z)
-    return float(np.abs(rows @ Z.reshape(len(Z), -1)).max() / max(np.abs(Z).max(), np.finfo(float).tiny))
-
-
-def interpolated(Z: Array, phases: Array) -> Array:
-    """The trigonometric polynomial through 2 H + 1 equidistant samples Z (2 H + 1, ...) at phases (N,)."""
-    count = len(Z)
-    apart = np.pi * (phases[:, None] - np.arange(count) / count)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        kernel = np.sin(count * apart) / (count * np.sin(apart))
-    kernel[np.abs(np.sin(apart)) < 1e-15] = 1.0
-    return (kernel @ Z.reshape(count, -1)).reshape(len(phases), *Z.shape[1:])
 
 
 def dataset(

@@ -8,7 +8,7 @@ from typing import Any
 
 from flexlin.control.averaged import averaged_lqr
 from flexlin.control.catalogue import design
-from flexlin.control.design import Design
+from flexlin.control.designed_loop import Design
 from flexlin.control.estimator import Estimator, kalman_filter, output_feedback
 from flexlin.control.export import gain_schedule, periodic_plant, save, to_control
 from flexlin.control.finite_horizon import finite_horizon_lqr

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.checks import Array
-from flexlin.control.design import Design
+from flexlin.control.designed_loop import Design
 from flexlin.control.weights import check_constant_pair
 from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.grid import place_edges

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from flexlin.about.linearization import Linearization
-from flexlin.control.design import Design
+from flexlin.control.designed_loop import Design
 from flexlin.errors import ArgumentError
 from flexlin.motion import SymbolicMotion
 

@@ -3,7 +3,7 @@
 from typing import Protocol
 
 from flexlin.control.averaged import averaged_lqr
-from flexlin.control.design import Design
+from flexlin.control.designed_loop import Design
 from flexlin.control.finite_horizon import finite_horizon_lqr
 from flexlin.control.frozen import frozen_lqr
 from flexlin.control.periodic import periodic_lqr

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.about.law import Law
 from flexlin.checks import Array, at_times
-from flexlin.control.design import Design
+from flexlin.control.designed_loop import Design
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
 from flexlin.periodic.quadratic.riccati import RiccatiSolution, periodic_riccati
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_matrix_function, check_samples

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexlin.checks import Array, check_size
-from flexlin.control.design import Design
+from flexlin.control.designed_loop import Design
 from flexlin.errors import ArgumentError
 from flexlin.periodic.system import PeriodicSystem
 

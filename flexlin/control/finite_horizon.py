@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.checks import Array
-from flexlin.control.design import Design, Repeated
+from flexlin.control.designed_loop import Design, Repeated
 from flexlin.control.weights import check_constant_pair
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.quadratic.riccati import finite_horizon_riccati

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
 from flexlin.checks import Array
-from flexlin.control.design import Design, Repeated
+from flexlin.control.designed_loop import Design, Repeated
 from flexlin.control.weights import check_constant_pair
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import Constant

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexlin.checks import real_array
-from flexlin.control.design import Design
+from flexlin.control.designed_loop import Design
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic

@@ -2,7 +2,7 @@
 
 from numpy.typing import ArrayLike
 
-from flexlin.control.design import Design
+from flexlin.control.designed_loop import Design
 from flexlin.periodic.quadratic.riccati import periodic_riccati
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
 

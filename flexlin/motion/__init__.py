@@ -7,9 +7,9 @@ import casadi as ca
 from flexlin.errors import MotionError
 from flexlin.mechanics.parameters import Parameters
 from flexlin.motion.base import Motion, SampledMotion, SymbolicMotion
-from flexlin.motion.point_to_point import point_to_point
 from flexlin.motion.smooth import fourier, harmonic, rotation
 from flexlin.motion.table import table_motion
+from flexlin.motion.waypoints import point_to_point
 from flexlin.scene.motion import AnyMotion, Fourier, Harmonic, PointToPoint, Rotation, TableMotion
 
 __all__ = ["Motion", "SampledMotion", "SymbolicMotion", "build_motion"]

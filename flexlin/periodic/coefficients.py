@@ -96,7 +96,7 @@ def as_matrix_function(name: str, value: MatrixFunction | ArrayLike) -> MatrixFu
 def check_samples(name: str, function: MatrixFunction, period: float) -> Array:
     """Sample a coefficient at a few times and return the checked (N, rows, columns).
 
-    Raises: ArgumentError when a value is no array, empty or not finite (naming the time), or when the shape depends on the times.
+    Raises: ArgumentError when a value is no array or not finite (naming the time), or when the shape depends on the times.
     """
     t = period * PROBES
     values = check_finite(name, check_array(name, function(t), t), t)
@@ -111,7 +111,7 @@ def check_samples(name: str, function: MatrixFunction, period: float) -> Array:
 
 
 def check_array(name: str, value: Any, t: Array) -> Array:
-    """Refuse what is no array (N, rows, columns) with at least one row and one column."""
+    """Refuse what is no array (N, rows, columns)."""
     if not isinstance(value, np.ndarray):
         raise ArgumentError(
             f"{name}(t) is no array", got=type(value).__name__, expected="numpy.array of what it returns"
@@ -122,8 +122,6 @@ def check_array(name: str, value: Any, t: Array) -> Array:
             got=value.shape,
             expected=f"({len(t)}, rows, columns) for t of shape ({len(t)},)",
         )
-    if 0 in value.shape:
-        raise ArgumentError(f"{name} is empty", got=value.shape[1:], expected="at least one row and one column")
     return value
 
 

@@ -6,8 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from flexlin.checks import Array
-from flexlin.errors import ArgumentError
+from flexlin.checks import Array, whole
 
 
 def place_edges(period: float, breaks: Sequence[float], segments: int) -> Array:
@@ -17,10 +16,9 @@ def place_edges(period: float, breaks: Sequence[float], segments: int) -> Array:
 
     Parameters: period in s; breaks: times in [0, T); segments: the wished number.
     Returns: increasing times (K + 1,) from 0 to T, K >= segments.
-    Raises: ArgumentError when segments is not at least 1.
+    Raises: ArgumentError unless segments is a whole number from 1 on.
     """
-    if segments < 1:
-        raise ArgumentError("no segments", got=segments, expected="at least 1")
+    segments = whole("segments", segments)
     corners = np.unique([0.0, *breaks, period])
     pieces = [
         np.linspace(a, b, math.ceil(segments * (b - a) / period * (1 - 1e-12)) + 1)[:-1] for a, b in pairwise(corners)

@@ -84,6 +84,8 @@ class PeriodicSystem:
         if probe.shape[1] != probe.shape[2]:
             raise ArgumentError("A is not square", got=probe.shape[1:], expected="(n, n)")
         n, m = probe.shape[1], 0
+        if n == 0:
+            raise ArgumentError("A is empty", got=probe.shape[1:], expected="at least one state")
         if B is not None:
             B = as_matrix_function("B", B)
             rows, m = check_samples("B", B, period).shape[1:]

@@ -4,7 +4,7 @@ from flexlin.control.tracking import tip_positions
 from flexlin.simulation.attraction import Attraction, region_of_attraction
 from flexlin.simulation.drive import Drive
 from flexlin.simulation.loop import NonlinearLoop
-from flexlin.simulation.predict import predict
+from flexlin.simulation.prediction import predict
 from flexlin.simulation.result import Simulation
 from flexlin.simulation.run import simulate
 

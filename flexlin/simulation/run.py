@@ -5,13 +5,13 @@ from numpy.typing import ArrayLike
 
 from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
-from flexlin.checks import Array, check_size, positive, real_array
+from flexlin.checks import Array, check_size, positive, real_array, whole
 from flexlin.control.tracking import Feedforward, tip_positions
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.simulation.drive import Drive, scene_drive
 from flexlin.simulation.loop import NonlinearLoop
-from flexlin.simulation.predict import distance, predict
+from flexlin.simulation.prediction import distance, predict
 from flexlin.simulation.result import Simulation
 
 
@@ -76,7 +76,7 @@ def simulate(
 
 def output_times(lin: Linearization, periods: float, points_per_period: int) -> Array:
     """Equally spaced times of the whole simulation, once their number has been found reasonable."""
-    positive("points_per_period", points_per_period)
+    whole("points_per_period", points_per_period)
     steps = int(np.ceil(periods * points_per_period))
     numbers = 8 * lin.n + 2 * lin.about.m + 16
     check_size(

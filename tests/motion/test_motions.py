@@ -9,7 +9,7 @@ from pydantic import TypeAdapter
 from flexlin.errors import MotionError
 from flexlin.mechanics.parameters import Parameters
 from flexlin.motion import build_motion
-from flexlin.motion.point_to_point import PROFILES
+from flexlin.motion.waypoints import PROFILES
 from flexlin.scene.motion import AnyMotion
 
 TABLE = TypeAdapter(AnyMotion)

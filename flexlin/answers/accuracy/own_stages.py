@@ -10,12 +10,12 @@ from flexlin import symbolic
 from flexlin.about.linear import Linearization, linearize
 from flexlin.answers.accuracy.result import Row
 from flexlin.answers.accuracy.trial import Trial, apart, exponents_apart, measured
-from flexlin.answers.sweep import interpolated
 from flexlin.checks import Array
 from flexlin.mechanics import build_manipulator
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion
 from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.product.balancing import multiply_scaled
 from flexlin.periodic.quadratic.riccati import periodic_riccati
 from flexlin.periodic.response.forced import forced_response
@@ -52,7 +52,7 @@ def coefficients(closed: Linearization) -> list[Row]:
 
 def from_samples(system: PeriodicSystem, at: Array, t: Array) -> Array:
     """A at the times t by the Fourier series through its samples at equidistant times."""
-    return interpolated(system.A(at), t / system.period)
+    return FourierSeries(system.A(at), system.period)(t)
 
 
 def transition(system: PeriodicSystem, setting: Setting) -> Array:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexlin.checks import instance, positive
+from flexlin.checks import instance, positive, whole
 from flexlin.periodic.circle import wrap_log
 from flexlin.periodic.floquet.hamiltonian import is_hamiltonian, pair_hamiltonian
 from flexlin.periodic.floquet.hill import hill_spectrum
@@ -40,10 +40,12 @@ def floquet(
     Raises: ArgumentError; TooManySegments with the figure when tol needs more than max_segments, or than FACTOR_BYTES hold.
     """
     instance("system", system, PeriodicSystem, "make one: fl.PeriodicSystem(A, period), or lin.periodic_system()")
+    tol = positive("tol", tol)
+    order, segments = (None if v is None else whole(k, v) for k, v in (("order", order), ("segments", segments)))
     if method == "hill":
-        return solve_by_hill(system, positive("tol", tol), order)
-    max_segments = min(max_segments, FACTOR_BYTES // (8 * system.n**2))
-    setting = choose_setting(system, positive("tol", tol), method, order, segments)
+        return solve_by_hill(system, tol, order)
+    max_segments = min(whole("max_segments", max_segments), FACTOR_BYTES // (8 * system.n**2))
+    setting = choose_setting(system, tol, method, order, segments)
     levels: list[Level] = []
     if method == "auto" and segments is None and setting.segments > PILOT:
         setting, levels = try_magnus(system, setting, tol, max_segments)

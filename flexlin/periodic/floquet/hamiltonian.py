@@ -56,6 +56,7 @@ def differentiate_panels(values: Array, h: Array) -> Array:
 
 
 def is_symmetric(values: Array) -> bool:
+    """Whether matrices (N, n, n) are symmetric to within TOLERANCE of their largest entry."""
     return bool(np.abs(values - np.swapaxes(values, 1, 2)).max() <= TOLERANCE * np.abs(values).max())
 
 

@@ -7,12 +7,15 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 from scipy.linalg import eig, matrix_balance
 
-from flexlin.checks import Array
+from flexlin.checks import Array, check_size, whole
 from flexlin.periodic.circle import count_turns, measure_distances
 from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.transition.gauss import sample_at
 
 MAX_SIZE = 900
 """Rows of the largest Hill matrix: its eigenvalues take some seconds."""
+HELD = 5
+"""Complex matrices of that size that are held together: the matrix, its eigenvectors on both sides, and work."""
 SAME, SHIFTED = 1e-4, 0.3
 """Eigenvalues closer than SAME omega modulo i omega, whose shifted vectors differ by less than SHIFTED, are one solution."""
 
@@ -35,9 +38,12 @@ def hill_spectrum(system: PeriodicSystem, tol: float, harmonics: int | None = No
     sum_j j |p_j|^2 is nearest zero, and copies of a solution that was taken already are left out. Harmonics are doubled
     until the exponents stay within tol. At jumps of A convergence is algebraic, which the errors show.
 
+    Raises: ArgumentError unless harmonics is a whole number from 1 on; TooLarge.
     Source: Hill (1886); sorting by the mean harmonic after Lazarus, Thomas, C. R. Mecanique 338 (2010).
     """
-    n, count = system.n, harmonics or 8
+    n, count = system.n, 8 if harmonics is None else whole("harmonics", harmonics)
+    rows = n * (2 * count + 1)
+    check_size(f"Hill's matrix with {rows} rows", 16 * HELD * rows**2, "keep fewer harmonics")
     coarse = truncate_hill(system, max(1, count // 2))
     fine = truncate_hill(system, count)
     while True:
@@ -74,7 +80,7 @@ def expand_fourier(system: PeriodicSystem, count: int) -> Array:
     else:
         points = 4 * count
         t, weight = T * np.arange(points) / points, np.full(points, 1 / points)
-    A = system.A(t)
+    A = sample_at(system.A, t)
     scale = matrix_balance(np.abs(A).sum(axis=0), permute=False, separate=True)[1][0]
     k = np.arange(-count, count + 1)
     kernel = weight * np.exp(-2j * np.pi / T * k[:, None] * t)

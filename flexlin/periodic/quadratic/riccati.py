@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.checks import Array, positive, real_array, times
+from flexlin.checks import Array, at_times, positive, real_array
 from flexlin.errors import NumericalError, ToleranceNotReached
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.quadratic.doubling import carry_costs
@@ -52,17 +52,19 @@ class RiccatiSolution:
     status: str
 
     def X(self, t: ArrayLike) -> Array:
-        """Return the cost matrix at times t (N,): (N, n, n)."""
-        return self.polynomials(self._inside(t))
+        """Return the cost matrix at times t (N,), (N, n, n), or at one time, (n, n)."""
+        return at_times(lambda s: self.polynomials(self._inside(s)), t)
 
     def K(self, t: ArrayLike) -> Array:
-        """Return the gain K = R^-1 (B' X + N') at times t (N,): (N, m, n)."""
+        """Return the gain K = R^-1 (B' X + N') at times t (N,), (N, m, n), or at one time, (m, n)."""
+        return at_times(self._gain, t)
+
+    def _gain(self, t: Array) -> Array:
         inside = self._inside(t)
         return self.problem.gain(inside, self.polynomials(inside))
 
-    def _inside(self, t: ArrayLike) -> Array:
-        checked = times(t)
-        return np.mod(checked, self.horizon) if self.periodic else np.clip(checked, 0.0, self.horizon)
+    def _inside(self, t: Array) -> Array:
+        return np.mod(t, self.horizon) if self.periodic else np.clip(t, 0.0, self.horizon)
 
 
 def periodic_riccati(

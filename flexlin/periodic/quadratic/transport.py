@@ -8,6 +8,7 @@ from flexlin.checks import Array
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.quadratic.scattering import Segment, scatter_hamiltonian, star_product
 from flexlin.periodic.transition.gauss import collocate, gauss, place_nodes, sample_at
+from flexlin.periodic.transition.magnus import average_sixth
 
 PADE = 8
 PADE_REACH = 2.0
@@ -36,7 +37,8 @@ def magnus_segments(problem: LinearQuadratic, marks: Array) -> tuple[Segment, fl
     Returns: segments (K, n, n) and the relative asymmetry of their costs before it was removed.
     Source: Blanes, Casas, Oteo, Ros, Phys. Rep. 470 (2009) 151, section 5.4.3; Higham, Functions of Matrices (2008), ch. 10.
     """
-    averages = average_sixth(sample_at(problem.hamiltonian, place_nodes(marks, gauss(3).c)), np.diff(marks))
+    at_nodes = np.moveaxis(sample_at(problem.hamiltonian, place_nodes(marks, gauss(3).c)), 1, 0)
+    averages = average_sixth(at_nodes, np.diff(marks)[:, None, None])
     square = averages @ averages
     size = np.linalg.norm(square @ square, 1, axis=(1, 2)).max() ** 0.25
     doublings = int(max(0, np.ceil(np.log2(max(size, 1e-300) / PADE_REACH))))
@@ -44,26 +46,6 @@ def magnus_segments(problem: LinearQuadratic, marks: Array) -> tuple[Segment, fl
     for _ in range(doublings):
         segments = star_product(segments, segments)
     return segments, asymmetry
-
-
-def average_sixth(A: Array, h: Array) -> Array:
-    """Return O with exp(O) = Phi + O(h^7), from samples at the three Gauss nodes (K, 3, n, n).
-
-    a1 = h A2,   a2 = sqrt(15)/3 h (A3 - A1),   a3 = 10/3 h (A3 - 2 A2 + A1),   C1 = [a1, a2],   C2 = -[a1, 2 a3 + C1] / 60
-    O = a1 + a3/12 + [-20 a1 - a3 + C1, a2 + C2] / 240
-    """
-    step = h[:, None, None]
-    first, middle, last = A[:, 0], A[:, 1], A[:, 2]
-    a1, a2 = step * middle, np.sqrt(15) / 3 * step * (last - first)
-    a3 = 10 / 3 * step * (last - 2 * middle + first)
-    C1 = commute(a1, a2)
-    C2 = -commute(a1, 2 * a3 + C1) / 60
-    return a1 + a3 / 12 + commute(-20 * a1 - a3 + C1, a2 + C2) / 240
-
-
-def commute(A: Array, B: Array) -> Array:
-    """Return A B - B A."""
-    return A @ B - B @ A
 
 
 def approximate_exponential(A: Array) -> Array:

@@ -5,9 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
+from numpy.typing import ArrayLike
 
-from flexlin.checks import Array, positive, real_array, times
+from flexlin.checks import Array, at_times, instance, positive, real_array, whole
 from flexlin.errors import ArgumentError, ResonantForcing
+from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.product.cyclic import cyclic_system
 from flexlin.periodic.product.eigenvalues import product_spectrum
@@ -63,9 +65,9 @@ class ForcedResponse:
     segments: int
     status: str
 
-    def __call__(self, t: Array) -> Array:
-        """The state at times of shape (N,), any real numbers: (N, n)."""
-        return self.solution(np.mod(times(t), self.period))
+    def __call__(self, t: ArrayLike) -> Array:
+        """The state at times (N,), any real numbers, (N, n), or at one time, (n,)."""
+        return at_times(lambda s: self.solution(np.mod(s, self.period)), t)
 
 
 def forced_response(
@@ -88,6 +90,8 @@ def forced_response(
     Returns: ForcedResponse. Working memory: the stages' transition matrices, 16 s n^2 bytes a segment, and CHUNK_BYTES.
     Raises: ResonantForcing, naming the multiplier, when 1 is so nearly a multiplier that tol is out of reach; TooManySegments.
     """
+    instance("system", system, PeriodicSystem)
+    whole("max_segments", max_segments)
     force = as_vector_function(f, system)
     corners = PeriodicSystem(system.A, system.period, breaks=(*system.breaks, *breaks)).breaks
     setting = choose_setting(system, positive("tol", tol), "gauss", None, None)
@@ -121,8 +125,7 @@ def as_vector_function(f: VectorFunction | Sequence[float], system: PeriodicSyst
     """Check the force, or let a constant stand for it."""
     n = system.n
     if not callable(f):
-        constant = real_array("f", f, (n,))
-        return lambda t: np.broadcast_to(constant, (len(t), n))
+        return Constant(real_array("f", f, (n,)))
     probe = system.period * np.array([0.0, 0.2917, 0.6281])
     shape = real_array("f", f(probe)).shape
     if shape != (3, n):

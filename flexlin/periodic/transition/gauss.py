@@ -9,6 +9,7 @@ from numpy.polynomial.legendre import leggauss, legvander
 
 from flexlin.checks import Array
 from flexlin.errors import SingularMassMatrix
+from flexlin.periodic.coefficients import check_finite
 from flexlin.periodic.system import MatrixFunction, SecondOrder
 
 CHUNK_BYTES = 2**25
@@ -79,7 +80,7 @@ def second_order_transitions(second: SecondOrder, edges: Array, stages: int) -> 
     h = np.diff(edges)
 
     def part(t: Array, k: slice) -> Array:
-        M, D, K = (values.reshape(*t.shape, *values.shape[1:]) for values in second.sample(t.ravel()))
+        M, D, K = (fold_samples(values, t) for values in second.sample(t.ravel()))
         return collocate_accelerations(M, D, K, h[k], rule)
 
     return collect_chunks(part, edges, rule)
@@ -87,7 +88,16 @@ def second_order_transitions(second: SecondOrder, edges: Array, stages: int) -> 
 
 def sample_at(A: MatrixFunction, t: Array) -> Array:
     """Sample a coefficient at times of any shape: (..., n, m)."""
-    values = A(t.ravel())
+    return fold_samples(A(t.ravel()), t)
+
+
+def fold_samples(values: Array, t: Array) -> Array:
+    """Give samples (N, n, m) at the times t.ravel() the shape of t: (..., n, m).
+
+    Raises: ArgumentError, naming the time, when a sample is not finite.
+    """
+    if not np.isfinite(values).all():
+        check_finite("a coefficient", values, t.ravel())
     return values.reshape(*t.shape, *values.shape[1:])
 
 

@@ -39,12 +39,16 @@ def magnus_transitions(A: MatrixFunction, edges: Array, order: int) -> Array:
 
 
 def average_fourth(A: Array, h: Array) -> Array:
-    """Omega = h (A1 + A2) / 2 - sqrt(3) h^2 [A1, A2] / 12."""
+    """Omega = h (A1 + A2) / 2 - sqrt(3) h^2 [A1, A2] / 12, from A (2, K, n, n) at the two Gauss nodes."""
     return h / 2 * (A[0] + A[1]) - np.sqrt(3) / 12 * h * h * commute(A[0], A[1])
 
 
 def average_sixth(A: Array, h: Array) -> Array:
-    """Omega = a1 + a3 / 12 + [-20 a1 - a3 + C1, a2 + C2] / 240, C1 = [a1, a2], C2 = -[a1, 2 a3 + C1] / 60."""
+    """Omega with exp(Omega) = Phi + O(h^7), from A (3, K, n, n) at the three Gauss nodes and lengths h (K, 1, 1).
+
+    a1 = h A2,   a2 = sqrt(15)/3 h (A3 - A1),   a3 = 10/3 h (A3 - 2 A2 + A1),   C1 = [a1, a2],   C2 = -[a1, 2 a3 + C1] / 60
+    Omega = a1 + a3 / 12 + [-20 a1 - a3 + C1, a2 + C2] / 240
+    """
     a1 = h * A[1]
     a2 = np.sqrt(15) / 3 * h * (A[2] - A[0])
     a3 = 10 / 3 * h * (A[2] - 2 * A[1] + A[0])
@@ -54,4 +58,5 @@ def average_sixth(A: Array, h: Array) -> Array:
 
 
 def commute(X: Array, Y: Array) -> Array:
+    """Return [X, Y] = X Y - Y X."""
     return X @ Y - Y @ X

@@ -11,7 +11,7 @@ from flexlin.errors import ArgumentError, TooManySegments
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.product.balancing import GROUP_CONDITION
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.gauss import gauss_transitions, second_order_transitions
+from flexlin.periodic.transition.gauss import gauss_transitions, sample_at, second_order_transitions
 from flexlin.periodic.transition.magnus import magnus_transitions
 from flexlin.periodic.transition.radau import radau_transitions
 
@@ -57,10 +57,12 @@ def factor_by_gauss(system: PeriodicSystem, grid: Array, order: int) -> Array:
 
 
 def factor_by_magnus(system: PeriodicSystem, grid: Array, order: int) -> Array:
+    """The Magnus series of order 4 or 6."""
     return magnus_transitions(system.A, grid, order)
 
 
 def factor_by_radau(system: PeriodicSystem, grid: Array, order: int) -> Array:
+    """Radau IIA collocation of odd order."""
     return radau_transitions(system.A, grid, (order + 1) // 2)
 
 
@@ -126,7 +128,7 @@ def choose_gauss_step(rate: float, tol: float, stages: int) -> float:
 
 def measure_rates(system: PeriodicSystem) -> tuple[float, float, float]:
     """Over a few A(t): the largest |eigenvalue| (at least the basic frequency), the spread of real parts, the largest real part."""
-    values = np.linalg.eigvals(system.A(system.period * (np.arange(16) + 0.37) / 16))
+    values = np.linalg.eigvals(sample_at(system.A, system.period * (np.arange(16) + 0.37) / 16))
     return (
         max(float(np.abs(values).max()), 2 * np.pi / system.period),
         float(np.ptp(values.real)),
@@ -135,6 +137,7 @@ def measure_rates(system: PeriodicSystem) -> tuple[float, float, float]:
 
 
 def report_too_many(wanted: float, limit: int, tol: float) -> TooManySegments:
+    """The error that names how many segments tol needs."""
     return TooManySegments(
         f"tol {tol:.1e} needs about {wanted:.2g} segments of the period",
         got=f"{wanted:.2g}",

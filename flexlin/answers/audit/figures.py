@@ -10,6 +10,7 @@ from flexlin.checks import Array
 from flexlin.errors import FlexlinError
 from flexlin.mechanics import build_manipulator
 from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.fourier import differentiation
 from flexlin.scene.scene import Scene
 from flexlin.simulation import tip_positions
 
@@ -96,7 +97,7 @@ def _tip_distance(lin: Linearization, harmonics: int) -> float:
     """Solve M y'' + D y' + K y = h on 2 harmonics + 1 times by Fourier collocation: fast modes that nothing excites do not matter."""
     count, n = 2 * harmonics + 1, lin.n
     t = lin.period * np.arange(count) / count
-    c, slope = lin.sample(t), fourier_differentiation(count) * 2 * np.pi / lin.period
+    c, slope = lin.sample(t), differentiation(count, lin.period)
     operator = np.einsum("tab,ts->tasb", c.M, slope @ slope) + np.einsum("tab,ts->tasb", c.D, slope)
     operator[np.arange(count), :, np.arange(count), :] += c.K
     try:
@@ -106,16 +107,6 @@ def _tip_distance(lin: Linearization, harmonics: int) -> float:
     states = np.hstack([y, slope @ y])
     away = tip_positions(lin, t, states) - tip_positions(lin, t, np.zeros_like(states))
     return float(np.linalg.norm(away, axis=1).max())
-
-
-def fourier_differentiation(count: int) -> Array:
-    """The derivative of the trigonometric interpolant of a 2 pi-periodic function at an odd number of equal steps.
-
-    D_jk = (-1)^(j - k) / (2 sin((t_j - t_k) / 2)),  D_jj = 0. Source: Trefethen, Spectral Methods in MATLAB (2000), chapter 3.
-    """
-    steps = np.arange(count)[:, None] - np.arange(count)
-    half = np.sin(np.pi * steps / count)
-    return np.where(steps == 0, 0.0, (-1.0) ** steps / (2 * np.where(steps == 0, 1.0, half)))
 
 
 def _microseconds(lin: Linearization) -> float:

@@ -8,7 +8,7 @@ import pytest
 import flexlin as fl
 from tests.periodic.hard_cases import CASES, naive_exponents, worst_miss
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "hard-cases.md"
+DOCUMENT = Path(__file__).parents[3] / "docs" / "hard-cases.md"
 FORGIVEN = {"tongue as narrow as rounding", "just past a Krein collision"}
 """Cases where the naive exponents are good and only its verdict, which knows no error, is a matter of luck."""
 

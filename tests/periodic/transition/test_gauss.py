@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from flexlin.errors import ArgumentError, SingularMassMatrix
+from flexlin.errors import SingularMassMatrix
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition import gauss as collocation
@@ -66,17 +66,6 @@ def test_chunks_do_not_change_the_result(monkeypatch):
     monkeypatch.setattr(collocation, "CHUNK_BYTES", 2 * 6 * 6 * 8)
     monkeypatch.setattr(collocation, "FIRST_NODES", 4)
     np.testing.assert_array_equal(gauss_transitions(mathieu(3.0, 2.0), grid, 3), whole)
-
-
-def test_edges_hit_the_breaks():
-    grid = place_edges(2.0, (0.3, 1.9), 10)
-    assert grid[0] == 0
-    assert grid[-1] == 2
-    assert {0.3, 1.9} <= set(grid)
-    assert np.diff(grid).max() <= 0.2 + 1e-15
-    assert len(place_edges(1.0, (), 7)) == 8
-    with pytest.raises(ArgumentError, match="segments"):
-        place_edges(1.0, (), 0)
 
 
 def test_feedback_keeps_the_second_order():

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from flexlin.answers.audit.defaults import Scale, default_table
-from flexlin.answers.audit.measure import Measure, measure
+from flexlin.answers.audit.figures import Measure, measure
 from flexlin.checks import positive
 from flexlin.errors import ArgumentError, FlexlinError
 from flexlin.mechanics.effects import EFFECTS

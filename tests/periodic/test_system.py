@@ -1,0 +1,153 @@
+"""Periodic systems: they refuse what is no coefficient, know their sizes, and come back from a pickle with the same numbers."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.errors import ArgumentError, TooLarge
+from flexlin.periodic.quadratic.riccati import finite_horizon_riccati, periodic_riccati
+from flexlin.periodic.system import PeriodicSystem
+
+M, D, K = np.array([[2.0, 0.3], [0.3, 1.0]]), 0.1 * np.eye(2), np.diag([5.0, 9.0])
+B = np.array([[1.0], [0.5]])
+T = np.linspace(-1.0, 3.0, 17)
+
+
+def swing(t):
+    """A coefficient that pickles by its name."""
+    return np.array([[0.0, 1.0], [-1.0, -0.1]]) + 0.2 * np.cos(2 * np.pi * t)[:, None, None] * np.eye(2)
+
+
+def again(value):
+    return pickle.loads(pickle.dumps(value))
+
+
+def plant():
+    return PeriodicSystem.from_second_order(M, D, K, 1.3, B=B)
+
+
+def test_systems_come_back_from_a_pickle():
+    for system in (plant(), plant().feedback(np.array([[1.0, 2.0, 0.1, 0.2]])), PeriodicSystem(swing, 1.0, B)):
+        copy = again(system)
+        np.testing.assert_array_equal(copy.A(T), system.A(T))
+        np.testing.assert_array_equal(copy.B(T), system.B(T))
+        assert (copy.n, copy.m, copy.period, copy.breaks) == (system.n, system.m, system.period, system.breaks)
+        if system.second_order is not None:
+            for ours, theirs in zip(copy.second_order.sample(T), system.second_order.sample(T), strict=True):
+                np.testing.assert_array_equal(ours, theirs)
+        np.testing.assert_array_equal(fl.floquet(copy).exponents, fl.floquet(system).exponents)
+
+
+def test_answers_come_back_from_a_pickle():
+    system = plant()
+    result = fl.floquet(system)
+    np.testing.assert_array_equal(again(result).errors, result.errors)
+    assert again(result).status == result.status
+    response = fl.forced_response(system, [0.0, 0.0, 1.0, 0.0])
+    np.testing.assert_array_equal(again(response)(T), response(T))
+    for solution in (
+        periodic_riccati(system, np.eye(4), np.eye(1)),
+        finite_horizon_riccati(system, np.eye(4), np.eye(1), np.eye(4)),
+    ):
+        np.testing.assert_array_equal(again(solution).X(T), solution.X(T))
+        np.testing.assert_array_equal(again(solution).K(T), solution.K(T))
+
+
+def test_a_loop_closed_by_a_solution_comes_back_too():
+    loop = fl.periodic_lqr(PeriodicSystem(swing, 1.0, B), np.eye(2), np.eye(1)).closed_loop
+    np.testing.assert_array_equal(again(loop).A(T), loop.A(T))
+
+
+def test_one_time_gives_one_value():
+    system = plant()
+    solution = periodic_riccati(system, np.eye(4), np.eye(1))
+    response = fl.forced_response(system, [0.0, 0.0, 1.0, 0.0])
+    for function, shape in ((solution.X, (4, 4)), (solution.K, (1, 4)), (response, (4,))):
+        assert function(0.4).shape == shape
+        np.testing.assert_array_equal(function(0.4), function(np.array([0.4]))[0])
+        assert function([0.1, 0.4]).shape == (2, *shape)
+        with pytest.raises(ArgumentError):
+            function(np.nan)
+        with pytest.raises(ArgumentError):
+            function([[0.1]])
+
+
+def test_sizes_are_known_without_sampling():
+    calls = []
+
+    def counted(t):
+        calls.append(len(t))
+        return swing(t)
+
+    system = PeriodicSystem(counted, 1.0, np.zeros((2, 3)))
+    calls.clear()
+    assert (system.n, system.m) == (2, 3)
+    assert PeriodicSystem(counted, 1.0).m == 0
+    calls.clear()
+    assert system.n == 2
+    assert not calls
+
+
+def squeezed(t):
+    return swing(t)[0] if len(t) == 1 else swing(t)
+
+
+def growing(t):
+    return np.zeros((len(t), len(t), len(t)))
+
+
+def hole(t):
+    values = swing(t)
+    values[t > 0.2, 1, 0] = np.nan
+    return values
+
+
+@pytest.mark.parametrize(
+    ("A", "message"),
+    [
+        (np.zeros((0, 0)), "empty"),
+        (lambda t: np.zeros((len(t), 0, 0)), "empty"),
+        (lambda t: swing(t).tolist(), "no array"),
+        (lambda t: [[0.0, 1.0], [-1.0, 0.0]], "no array"),
+        (squeezed, "shape"),
+        (growing, "shape"),
+        (lambda t: swing(t)[0], "shape"),
+        (hole, "t = 0.2917 s"),
+        (np.array([[np.inf]]), "finite"),
+        (lambda t: 1j * swing(t), "complex"),
+        (lambda t: np.full((len(t), 1, 1), "a"), "numeric"),
+    ],
+)
+def test_what_is_no_coefficient_is_refused(A, message):
+    with pytest.raises(ArgumentError, match=message):
+        PeriodicSystem(A, 1.0)
+
+
+@pytest.mark.parametrize("method", ["auto", "magnus", "radau", "hill"])
+def test_a_hole_between_the_first_samples_is_found_with_its_time(method):
+    def A(t):
+        values = swing(t)
+        values[(t > 0.7) & (t < 0.9)] = np.nan
+        return values
+
+    with pytest.raises(ArgumentError, match=r"t = 0\.[78]\d* s"):
+        fl.floquet(PeriodicSystem(A, 1.0), method=method)
+
+
+@pytest.mark.parametrize("value", [-5, 0, 2.5, True, "8", np.nan])
+@pytest.mark.parametrize("name", ["segments", "order", "max_segments"])
+def test_resolutions_are_whole_numbers(name, value):
+    with pytest.raises(ArgumentError, match=name):
+        fl.floquet(plant(), **{name: value})
+
+
+def test_hill_refuses_orders_that_are_none_or_out_of_reach():
+    with pytest.raises(ArgumentError):
+        fl.floquet(plant(), method="hill", order=-1)
+    with pytest.raises(ArgumentError):
+        fl.floquet(plant(), method="hill", order=0)
+    with pytest.raises(TooLarge, match="bytes"):
+        fl.floquet(plant(), method="hill", order=10**6)
+    assert fl.floquet(plant(), method="hill", order=np.int64(8)).setting.order == 8

@@ -1,0 +1,68 @@
+"""One name for one thing: functions of the numeric wing, submodules beside functions, and the public names."""
+
+import ast
+import inspect
+import pkgutil
+from collections import defaultdict
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+import flexlin as fl
+
+ROOT = Path(fl.__file__).parent
+NUMERIC_WING = sorted([*ROOT.glob("periodic/**/*.py"), *ROOT.glob("kronecker/*.py")])
+MODULES = ["flexlin", *(found.name for found in pkgutil.walk_packages(fl.__path__, "flexlin."))]
+VERBS = {
+    "audit",
+    "build_manipulator",
+    "build_motion",
+    "cost",
+    "floquet",
+    "floquet_modes",
+    "forced_response",
+    "implicit_taylor",
+    "linearize",
+    "load_scene",
+    "parse_scene",
+    "periodic_lqr",
+    "sensitivity",
+    "simulate",
+    "sweep",
+    "taylor",
+}
+
+
+def test_each_function_and_class_of_the_numeric_wing_has_a_name_of_its_own():
+    places = defaultdict(list)
+    for path in NUMERIC_WING:
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("__"):
+                places[node.name].append(str(path.relative_to(ROOT)))
+    assert len(places) > 100
+    assert {name: where for name, where in places.items() if len(where) > 1} == {}
+
+
+@pytest.mark.parametrize("name", [name for name in MODULES if not name.endswith("__main__")])
+def test_nothing_hides_a_submodule(name):
+    package = import_module(name)
+    for found in pkgutil.iter_modules(getattr(package, "__path__", [])):
+        if found.name != "__main__":
+            assert import_module(f"{name}.{found.name}") is getattr(package, found.name), found.name
+
+
+def test_the_public_names_are_listed_and_resolve():
+    assert set(dir(fl)) == {*fl.__all__, "__version__"}
+    kinds = {name: getattr(fl, name) for name in fl.__all__}
+    assert {name for name, value in kinds.items() if inspect.isfunction(value)} == VERBS
+    rest = [value for name, value in kinds.items() if name not in VERBS]
+    assert all(inspect.isclass(value) or isinstance(value, ModuleType) for value in rest)
+
+
+def test_public_verbs_stay_functions_when_every_module_is_loaded():
+    for name in MODULES:
+        if not name.endswith("__main__"):
+            import_module(name)
+    assert all(inspect.isfunction(getattr(fl, name)) for name in VERBS)
