@@ -34,6 +34,10 @@ class ArgumentError(InputError):
     """An argument of a public function has the wrong shape, type or range, or is not finite."""
 
 
+class DesignError(ArgumentError):
+    """A controller design is asked for what it cannot say, such as its cost when it has no weights."""
+
+
 class OutputError(InputError):
     """Results cannot be written where the user asked for them."""
 

@@ -9,7 +9,7 @@ from flexlin.control import feedforward, finite_horizon_lqr, horizon_system, lin
 from flexlin.control.validity import linear_range
 from flexlin.errors import ArgumentError, SceneError
 from flexlin.simulation import region_of_attraction, simulate
-from flexlin.simulation.law import Drive
+from flexlin.simulation.drive import Drive
 
 
 @pytest.fixture(scope="module")

@@ -138,7 +138,7 @@ def analyse(scene: Scene, clock: Clock | None = None, tol: float = 1e-9) -> Anal
     with clock.step(f"nonlinear simulation of {SIMULATED_PERIODS:g} periods"):
         simulation = attempt(problems, "simulation", lambda: simulate(closed, SIMULATED_PERIODS, tol=SIMULATION_TOL))
     with clock.step("range of the linear equations"):
-        linear = attempt(problems, "linear range", lambda: linear_range(closed))
+        linear = attempt(problems, "linear range", lambda: linear_range(closed, result=own.floquet))
     designs = tuple(designed(system, table, tol, clock) for table in scene.designs)
     found = (coefficients, own, open_loop, designs, response, simulation, problems, tuple(clock.steps))
     return Analysis(scene, plant, closed, t, *found, resonances=behind, elastic=elastic, linear_range=linear)

@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 
 from flexlin.errors import ModelError
+from flexlin.expressions import Expressions
 from flexlin.mechanics.coordinates import Coordinate
 from flexlin.mechanics.coriolis import coriolis_matrix
 from flexlin.mechanics.parameters import Parameters
@@ -34,7 +35,7 @@ class NamedFunctions(Mapping[str, ca.Function]):
 
 
 @dataclass(frozen=True, eq=False)
-class Manipulator:
+class Manipulator(Expressions):
     """A manipulator as CasADi expressions of its coordinates s and rates s_dot.
 
         M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau

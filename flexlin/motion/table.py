@@ -1,5 +1,7 @@
 """Motions read from a table of samples, joined by a periodic quintic spline."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +21,19 @@ CLOSURE = 1e-6
 """The last row must repeat the first to this share of the joint's range (whole turns apart)."""
 
 
+@dataclass(frozen=True, eq=False)
+class SplineAngles:
+    """q, q', q'' of a periodic spline with a steady advance (rad/s) on top."""
+
+    spline: Callable[..., Array]
+    drift: Array
+    period: float
+
+    def __call__(self, t: Array) -> Angles:
+        inside, spline = t % self.period, self.spline
+        return spline(inside) + np.outer(inside, self.drift), spline(inside, 1) + self.drift, spline(inside, 2)
+
+
 def table_motion(table: TableMotion, joints: int, prescribed: tuple[bool, ...]) -> SampledMotion:
     """A periodic motion through the samples of a CSV file: t, q1, q2 ..., the last row closing the period.
 
@@ -35,12 +50,7 @@ def table_motion(table: TableMotion, joints: int, prescribed: tuple[bool, ...]) 
     residual = q - np.outer(t - t[0], drift)
     residual[-1] = residual[0]
     spline = make_interp_spline(t - t[0], residual, k=5, bc_type="periodic")
-
-    def sample(times: Array) -> Angles:
-        inside = times % period
-        return spline(inside) + np.outer(inside, drift), spline(inside, 1) + drift, spline(inside, 2)
-
-    return SampledMotion(joints, period, prescribed, sampler=sample)
+    return SampledMotion(joints, period, prescribed, sampler=SplineAngles(spline, drift, period))
 
 
 def _read(path: Path, joints: int) -> tuple[Array, Array]:

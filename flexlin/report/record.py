@@ -128,6 +128,8 @@ def simulation_block(analysis: Analysis) -> dict[str, Any]:
         "largest_tip_difference": number(simulation.difference),
         "largest_tip_error": number(simulation.tip_error),
         "error": number(simulation.error),
+        "linear_error": number(simulation.linear_error),
+        "largest_tip_difference_error": number(simulation.difference_error),
         "status": simulation.status,
     }
 

@@ -62,6 +62,10 @@ class Effects(Table):
         tables = {name: getattr(self, name) for name in type(self).model_fields}
         return {name: table for name, table in tables.items() if table is not None}
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the tables: the class that holds them is made anew of the effects that are registered there."""
+        return restore_effects, (self.on(), set(self.model_fields_set))
+
 
 _REGISTRY: dict[str, type[EffectTable]] = {}
 
@@ -86,6 +90,11 @@ def effects_table() -> type[Effects]:
 def _table_of(effects: tuple[tuple[str, type[EffectTable]], ...]) -> type[Effects]:
     fields: dict[str, Any] = {name: (effect | None, None) for name, effect in effects}
     return create_model("Effects", __base__=Effects, **fields)
+
+
+def restore_effects(tables: dict[str, EffectTable], given: set[str]) -> Effects:
+    """The table [effects] with checked tables in it."""
+    return effects_table().model_construct(_fields_set=given, **tables)
 
 
 def _of_known_effects(value: Any, handler: Callable[[Any], Effects]) -> Effects:

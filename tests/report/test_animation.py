@@ -61,6 +61,6 @@ def test_the_command_writes_it(tmp_path):
 def test_a_model_without_points_is_refused(played):
     """Equations that somebody typed in do not say where the tip is: an error, no empty page."""
     scene, lin, run = played
-    blind = replace(lin, arm=replace(lin.arm, points=None))
+    blind = replace(lin, about=replace(lin.about, arm=replace(lin.arm, points=None)))
     with pytest.raises(ArgumentError, match="nothing to draw"):
         animation_page(scene, blind, run)
