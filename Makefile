@@ -3,13 +3,14 @@
 #   make test     checks style, types and imports, and runs the tests
 # and a third compares with Pinocchio, heyoka and daceypy:
 #   make peers
+# After changes that move figures, make figures writes the generated parts of docs/ anew.
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/installed
 export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 
-.PHONY: report test peers lint clean
+.PHONY: report test peers figures lint clean
 
 report: $(STAMP)
 	$(BIN)/flexlin report single-link --out out/single-link
@@ -20,6 +21,10 @@ test: lint
 peers: $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements/peers.txt
 	$(BIN)/python -m pytest -m peers
+
+figures: $(STAMP)
+	$(BIN)/python docs/figures.py
+	$(BIN)/python docs/draw_house.py
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

@@ -26,7 +26,7 @@ _HOME = {
     "simulate": "flexlin.simulation",
     "sweep": "flexlin.answers.sweep",
     "sensitivity": "flexlin.answers.sensitivity",
-    "audit": "flexlin.answers.audit",
+    "audit": "flexlin.answers.audit.comparison",
     "cost": "flexlin.answers.accuracy",
     "taylor": "flexlin.series",
     "TaylorMap": "flexlin.series",

@@ -34,6 +34,10 @@ class ArgumentError(InputError):
     """An argument of a public function has the wrong shape, type or range, or is not finite."""
 
 
+class DesignError(ArgumentError):
+    """A controller design is asked for what it cannot say, such as its cost when it has no weights."""
+
+
 class OutputError(InputError):
     """Results cannot be written where the user asked for them."""
 
@@ -58,13 +62,19 @@ class Problem:
         return f"{self.key}: got {self.got}, expected {self.expected}"
 
 
+SHOWN = 40
+"""Problems that one message lists."""
+
+
 class SceneError(InputError):
     """A scene file is missing, broken or contradicts itself; `problems` holds all of them at once."""
 
     def __init__(self, source: str, problems: Sequence[Problem]):
         self.source, self.problems = source, tuple(problems)
         lines = [f"{source}: {len(self.problems)} problem{'s' if len(self.problems) != 1 else ''}"]
-        super().__init__("\n  ".join(lines + [str(problem) for problem in self.problems]))
+        lines += [str(problem) for problem in self.problems[:SHOWN]]
+        lines += [f"... and {len(self.problems) - SHOWN} more"] if len(self.problems) > SHOWN else []
+        super().__init__("\n  ".join(lines))
 
 
 class NumericalError(FlexlinError, ArithmeticError):

@@ -1,6 +1,7 @@
-"""Files appear whole or not at all: a temporary name in the same folder, then moved into place."""
+"""Files appear whole or not at all: a temporary name in the same folder, then moved into place. What is read is a file of sane size."""
 
 import os
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -59,6 +60,22 @@ def replacing_folder(folder: Path) -> Iterator[Path]:
                 os.replace(file, folder / file.name)
     except OSError as error:
         raise OutputError(f"{folder} cannot be written", got=error.strerror or str(error)) from None
+
+
+def read_text(path: Path, most: int) -> str:
+    """Read a text file in UTF-8, with or without a byte order mark.
+
+    A pipe or device is refused before it is opened, since it may never end.
+
+    Parameters: most: bytes that it may have.
+    Raises: OSError saying what is wrong with the file; UnicodeDecodeError (a ValueError).
+    """
+    about = path.stat()
+    if not stat.S_ISREG(about.st_mode):
+        raise OSError("it is no regular file")
+    if about.st_size > most:
+        raise OSError(f"it has {about.st_size} bytes, more than {most}")
+    return path.read_text(encoding="utf-8-sig")
 
 
 def write_text(path: Path, text: str) -> None:

@@ -1,5 +1,6 @@
 """The one checked door between CasADi and NumPy: many points, one mapped call."""
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -17,6 +18,13 @@ CHUNK = 65536
 def mapped(function: ca.Function, points: int) -> ca.Function:
     """Return `function` mapped over `points` points (kept: building the map costs more than a small call)."""
     return function.map(points)
+
+
+def selected(function: ca.Function, names: Sequence[str]) -> ca.Function:
+    """The function with some of its outputs only, and without the work for the others."""
+    inputs = function.sx_in()
+    outputs = dict(zip(function.name_out(), function.call(inputs), strict=True))
+    return ca.Function(function.name(), inputs, [outputs[name] for name in names], function.name_in(), list(names))
 
 
 def evaluate(function: ca.Function, *arguments: Array) -> tuple[Array, ...]:

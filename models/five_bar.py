@@ -9,7 +9,7 @@ import flexlin as fl
 from flexlin.mechanics.closed_loop import close_loop, side_by_side
 from flexlin.scene import Scene, parse_scene, register_model
 from flexlin.scene.base import Number, Positive, Table
-from flexlin.scene.effects import Effects
+from flexlin.scene.effects import AnyEffects, Effects
 from flexlin.scene.links import Link
 
 TwoLinks = Annotated[tuple[Link, ...], Field(min_length=2, max_length=2)]
@@ -27,7 +27,7 @@ class Parameters(Table):
     left: TwoLinks
     right: TwoLinks
     posture: FourAngles
-    effects: Effects = Effects()
+    effects: AnyEffects
 
 
 def build(p: Parameters) -> fl.Manipulator:

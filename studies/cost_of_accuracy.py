@@ -174,6 +174,32 @@ def exponents_batch(values: int) -> tuple[float, float, int]:
     return time, apart, int(result.attrs["one_by_one"])
 
 
+def draw(rows: list[Row], path: Path) -> None:
+    """Time of one transition matrix for each program, modes side by side; pale where the accuracy is not reached."""
+    from matplotlib.figure import Figure
+
+    programs = list(dict.fromkeys(row.program for row in rows if "batch" not in row.program))
+    modes = sorted({row.modes for row in rows})
+    figure = Figure(figsize=(8, 4), layout="constrained")
+    axes = figure.subplots()
+    for k, mode in enumerate(modes):
+        mine = [row for row in rows if row.modes == mode and row.program in programs]
+        places = [programs.index(row.program) + 0.8 * (k + 0.5) / len(modes) - 0.4 for row in mine]
+        bars = axes.barh(
+            places, [row.milliseconds for row in mine], 0.7 / len(modes), color=f"C{k}", label=f"modes: {mode}"
+        )
+        for bar, row in zip(bars, mine, strict=True):
+            bar.set_alpha(1.0 if row.reached else 0.4)
+    axes.set_yticks(range(len(programs)), programs)
+    axes.invert_yaxis()
+    axes.set(
+        xscale="log", xlabel="CPU time in ms", title=f"One transition matrix to {ACCURACY:.0e} (pale: not reached)"
+    )
+    axes.legend(frameon=False)
+    axes.spines[["top", "right"]].set_visible(False)
+    figure.savefig(path)
+
+
 def scene(modes: int) -> fl.Scene:
     return fl.load_scene("single-link", {"links.0.modes": modes, "designs": []})
 
@@ -202,6 +228,7 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, objec
     time, apart, alone = exponents_batch(10_000 if full else 200)
     print(f"all exponents to 1e-8: {time:.0f} us a value, largest error found {apart:.1e}, {alone} one by one")
     Path(out).mkdir(parents=True, exist_ok=True)
+    draw(rows, Path(out) / "cost_of_accuracy.svg")
     data = {"rows": [asdict(row) for row in rows], "ratios": ratios, "batch_us": time, "batch_error": apart}
     (Path(out) / "cost_of_accuracy.json").write_text(json.dumps(data, indent=1))
     return data

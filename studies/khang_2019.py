@@ -105,7 +105,7 @@ def draw(series: dict[str, SpeedSeries], path: Path) -> None:
         upper.plot(data.ratio, data.stiffness, color=colour, label=label)
         lower.plot(data.ratio, data.margin, color=colour, label=label)
         for verdict, marker in (("unstable", "x"), ("undecided", "o")):
-            at = [i for i, told in enumerate(data.verdicts) if told == verdict]
+            at = [i for i, found in enumerate(data.verdicts) if found == verdict]
             if at:
                 lower.plot(
                     data.ratio[at], data.margin[at], marker, color=colour, markersize=4, label=f"{label}: {verdict}"

@@ -15,7 +15,8 @@ import numpy as np
 
 import flexlin as fl
 from flexlin.answers.audit import Measure, measure
-from flexlin.answers.audit.defaults import Scale, default_table
+from flexlin.answers.audit.scale import read_scale
+from flexlin.scene.effects import known_effects
 
 SIZES = {
     "full": {"single-link": (1, 2, 3, 4, 6, 10), "pick-and-place": (1, 2, 3, 5)},
@@ -68,15 +69,16 @@ def compared(arm: str, version: str, scene: fl.Scene, truth: Measure) -> Row:
 def rows_of(arm: str, modes: tuple[int, ...]) -> list[Row]:
     """All versions of one arm."""
     own = fl.load_scene(arm)
-    scale = Scale.of(own)
-    full = with_effects(own, **{name: default_table(name, own, scale) for name in BEYOND})
+    scale, known = read_scale(own), known_effects()
+    full = with_effects(own, **{name: known[name].tried_with(scale) for name in BEYOND})
     *fewer, most = modes
     truth = measure(with_modes(full, most))
     rows = [compared(arm, f"{m} modes", with_modes(full, m), truth) for m in fewer]
     enough = with_modes(full, fewer[-1])
-    on = [name for name in type(full.effects).model_fields if getattr(full.effects, name) is not None]
     return rows + [
-        compared(arm, f"without {name}", with_effects(enough, **{name: None}), truth) for name in on if name != "hub"
+        compared(arm, f"without {name}", with_effects(enough, **{name: None}), truth)
+        for name in full.effects.on()
+        if name != "hub"
     ]
 
 

@@ -23,7 +23,11 @@ import flexlin as fl
 from flexlin import symbolic
 from flexlin.errors import FlexlinError
 
-SIZES = {"full": (range(1, 11), (0, 1, 2, 3, 5), 12), "small": (range(1, 4), (0, 1), 2)}
+SIZES = {
+    "full": (range(1, 11), (0, 1, 2, 3, 5), 12),
+    "sizes": (range(1, 11), (0, 1, 2, 3, 5), 0),  # neither compiled nor judged
+    "small": (range(1, 4), (0, 1), 2),
+}
 """Numbers of links, numbers of modes a link, the largest number of coordinates whose Floquet time is taken; twice that for C."""
 POINTS = 256
 LINK = {"length": 0.5, "mass_per_length": 0.3, "bending_stiffness": 20.0}
@@ -127,7 +131,7 @@ def floquet_seconds(lin: fl.Linearization) -> float:
 
 
 def costs(size: str) -> Iterator[Cost]:
-    """All chains of the study, told as they come."""
+    """All chains of the study, printed as they come."""
     links, modes, largest = SIZES[size]
     with tempfile.TemporaryDirectory() as folder:
         for m in modes:

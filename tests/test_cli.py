@@ -113,6 +113,37 @@ def test_export_writes_what_other_tools_read(tmp_path: Path) -> None:
         assert arrays["K_0"].shape == (8, 1, 4)
 
 
+def designs_named(*names: str) -> list[str]:
+    """An override that gives khang-2019 periodic designs of these names, each with another weight."""
+    tables = [
+        f'{{name="{name}", kind="periodic-lqr", state_weight=[{i}, 1, 1, 1], input_weight=[0.1]}}'
+        for i, name in enumerate(names, start=1)
+    ]
+    return ["--set", f"designs=[{', '.join(tables)}]", "--points", "8"]
+
+
+@pytest.mark.parametrize("names", [("A b", "a-B"), ("Régler 1", "r gler 1"), ("design 2", "регулятор")])
+def test_designs_that_would_share_a_folder_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], names: tuple[str, str]
+) -> None:
+    """The second gain would silently replace the first: both are named, and nothing is written."""
+    assert main(["export", "khang-2019", *designs_named(*names), "--out", str(tmp_path / "new")]) == 2
+    message = capsys.readouterr().err
+    assert repr(names[0]) in message
+    assert repr(names[1]) in message
+    assert not (tmp_path / "new").exists()
+
+
+def test_designs_without_latin_letters_have_folders_of_their_own(tmp_path: Path) -> None:
+    """Each folder holds the gain of its own design."""
+    options = designs_named("регулятор", "制御 1", "2", "×" * 300)
+    assert main(["export", "khang-2019", *options, "--out", str(tmp_path)]) == 0
+    folders = sorted(path.name for path in tmp_path.iterdir() if path.is_dir())
+    assert folders == ["c", "c-2", "c-design-1", "c-design-2", "c-design-4"]
+    gains = {(tmp_path / folder / "gain.c").read_text() for folder in folders[1:]}
+    assert len(gains) == 4
+
+
 def test_the_program_ends_quietly_when_nobody_reads(tmp_path: Path) -> None:
     program = f"{sys.executable} -m flexlin list | true"
     run = subprocess.run(["bash", "-c", program], capture_output=True, text=True, check=False)
@@ -125,22 +156,43 @@ def test_simulate_writes_both_answers(tmp_path: Path, capsys: pytest.CaptureFixt
     assert (tmp_path / "simulation.nc").exists()
 
 
-def test_a_terminal_that_knows_only_ascii_is_served(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "flexlin", "report", "spinning-link", "--out", str(tmp_path)]
+BESIDES = {"xarray", "pandas", "control", "matplotlib"}
+"""Heavy libraries that neither a verdict nor a periodic design needs; `control` is 1.2 s, and brings matplotlib."""
+COMMANDS_IN_TURN = """
+import sys
+from flexlin.cli.main import entry, main
+main(["list"])
+print(sorted({"numpy", "scipy", "casadi", *%r} & set(sys.modules)))
+try:
+    entry()
+except SystemExit as end:
+    print(sorted(%r & set(sys.modules)), end.code)
+"""
+
+
+@pytest.fixture(scope="module")
+def run_of_its_own(tmp_path_factory: pytest.TempPathFactory) -> list[bytes]:
+    """What `list` and then the report of an undecided loop with a periodic design print where the terminal knows only ASCII."""
+    design = 'designs=[{name="periodic", kind="periodic-lqr", state_weight=[1, 1], input_weight=[10]}]'
+    free = ["links.0.modes=0", "effects.gravity=off", "control={}", design]
+    arguments = ["report", "single-link", "--set", *free, "--out", str(tmp_path_factory.mktemp("ascii"))]
+    command = [sys.executable, "-c", COMMANDS_IN_TURN % (BESIDES, BESIDES), *arguments]
     run = subprocess.run(command, capture_output=True, check=False, env={**os.environ, "PYTHONIOENCODING": "ascii"})
     assert run.returncode == 0, run.stderr
-    assert b"undecided" in run.stdout
+    assert run.stderr == b""
+    return run.stdout.splitlines()
 
 
-def loaded_by(arguments: list[str], suspects: set[str]) -> str:
-    """Which of the suspects a command imports, in a process of its own."""
-    program = f"import sys; from flexlin.cli.main import main; main({arguments}); print(sorted({suspects} & set(sys.modules)))"
-    return subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True
-    ).stdout.splitlines()[-1]
+def test_a_terminal_that_knows_only_ascii_is_served(run_of_its_own: list[bytes]) -> None:
+    """Characters beyond ASCII become question marks instead of an error."""
+    assert any(b"undecided" in line for line in run_of_its_own)
+    assert any(b"?10??" in line for line in run_of_its_own)
+    assert run_of_its_own[-1].endswith(b" 0")
 
 
-def test_no_command_loads_a_library_that_it_does_not_need(tmp_path: Path) -> None:
-    report = ["report", "single-link", "--set", "links.0.modes=1", "designs=[]", "--out", str(tmp_path)]
-    assert loaded_by(report, {"xarray", "pandas", "control", "matplotlib"}) == "[]"
-    assert loaded_by(["list"], {"numpy", "scipy", "casadi"}) == "[]"
+def test_no_command_loads_a_library_that_it_does_not_need(run_of_its_own: list[bytes]) -> None:
+    """`list` loads no numerical library; a report with a periodic design neither python-control nor matplotlib."""
+    after_list, after_report = (line for line in run_of_its_own if line.startswith(b"["))
+    assert any(b"periodic" in line and b"stable" in line for line in run_of_its_own)
+    assert after_list == b"[]"
+    assert after_report == b"[] 0"

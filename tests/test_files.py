@@ -51,7 +51,7 @@ def test_a_fault_of_the_program_is_one_line(capsys: pytest.CaptureFixture[str]) 
     try:
         [][1]
     except IndexError as fault:
-        cli.tell_fault(IndexError, fault, sys.exc_info()[2])
+        cli.report_fault(IndexError, fault, sys.exc_info()[2])
     message = capsys.readouterr().err
     assert message.count("\n") == 1
     assert "test_files.py" in message

@@ -7,7 +7,7 @@ from scipy.integrate import quad
 from scipy.linalg import eigh
 
 import flexlin as fl
-from flexlin.about.linear import by_jacobian, by_kronecker
+from flexlin.about.routes import by_jacobian, by_kronecker
 from flexlin.errors import ArgumentError, InputError, MotionError
 from flexlin.scene import parse_scene
 from flexlin.scene.control import Pd

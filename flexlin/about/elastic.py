@@ -1,12 +1,43 @@
 """Linearization about a periodic motion of the elastic arm, in the place of the rigid one."""
 
+from dataclasses import dataclass
+
 import casadi as ca
 
-from flexlin import symbolic
-from flexlin.about.linear import Linearization, along_motion
-from flexlin.about.periodic_motion import PeriodicMotion, constant, own_gain, place_on_motion
+from flexlin.about.deviation import Deviation
+from flexlin.about.periodic_motion import PeriodicMotion
 from flexlin.checks import Array
 from flexlin.periodic.system import PeriodicSystem
+
+
+@dataclass(frozen=True, eq=False)
+class ElasticCoefficients:
+    """M, D, K, B about a periodic motion of the elastic arm, as functions of time (N,)."""
+
+    motion: PeriodicMotion
+    slopes: ca.Function
+
+    def sample(self, t: Array) -> tuple[Array, ...]:
+        """M, D, K, B at times (N,), in one mapped call."""
+        motion = self.motion
+        along = (motion.y(t), motion.y(t, 1), motion.y(t, 2), motion.torque(t))
+        return motion.lin.about.evaluate(self.slopes, t, *along)
+
+    def M(self, t: Array) -> Array:
+        return self.sample(t)[0]
+
+    def D(self, t: Array) -> Array:
+        return self.sample(t)[1]
+
+    def K(self, t: Array) -> Array:
+        return self.sample(t)[2]
+
+    def B(self, t: Array) -> Array:
+        return self.sample(t)[3]
+
+    def equations(self, t: Array) -> tuple[Array, Array, Array]:
+        M, D, K, _ = self.sample(t)
+        return M, D, K
 
 
 def linearize_about(motion: PeriodicMotion, closed: bool = True) -> PeriodicSystem:
@@ -22,32 +53,20 @@ def linearize_about(motion: PeriodicMotion, closed: bool = True) -> PeriodicSyst
     Raises: SingularMassMatrix.
     Source: Khang, Dat, Tuan (2019), section 4, with the elastic motion as basic motion.
     """
-    lin, function = motion.lin, slopes(motion.lin)
-
-    def evaluate(t: Array) -> tuple[Array, ...]:
-        state, rates = (motion.y(t), motion.y(t, 1), motion.y(t, 2)), motion.torque(t)
-        return symbolic.evaluate(function, *state, rates, *place_on_motion(lin, t))
-
-    def together(t: Array) -> tuple[Array, Array, Array]:
-        M, D, K, _ = evaluate(t)
-        return M, D, K
-
-    M, D, K, B = ((lambda t, i=i: evaluate(t)[i]) for i in range(4))
-    system = PeriodicSystem.from_second_order(M, D, K, lin.period, B, lin.breaks, together)
-    return system.feedback(constant(own_gain(lin))) if closed else system
+    lin = motion.lin
+    c = ElasticCoefficients(motion, slopes(lin.about))
+    system = PeriodicSystem.from_second_order(c.M, c.D, c.K, lin.period, c.B, lin.breaks, c.equations)
+    return system.feedback(lin.law.gain) if closed else system
 
 
-def slopes(lin: Linearization) -> ca.Function:
+def slopes(about: Deviation) -> ca.Function:
     """M, D, K, B about s = s_R + y, as functions of y, y', y'', torque and the place on the motion."""
-    arm, kept, driven, E = lin.arm, list(lin.kept), list(lin.driven), lin.arm.reference
-    extra = [ca.SX.sym(name, lin.n) for name in ("y", "y1", "y2")]
-    torque, angles = ca.SX.sym("torque", len(driven)), ca.SX.sym("angles", 3 * arm.joints)
-    select = ca.DM.eye(arm.n)[:, kept]
-    moved = [E @ part + select @ add for part, add in zip(ca.vertsplit(angles, arm.joints), extra, strict=True)]
+    arm, kept, driven = about.arm, list(about.kept), list(about.driven)
+    *moved, angles = about.symbols()
+    torque = ca.SX.sym("torque", about.m)
     inputs = arm.B[:, driven]
     left = arm.residual - inputs @ torque
     parts = [ca.jacobian(left, by)[kept, kept] for by in (arm.s_ddot, arm.s_dot, arm.s)]
-    full = ca.vertcat(arm.s, arm.s_dot, arm.s_ddot)
-    M, D, K, B = ca.substitute([*parts, inputs[kept, :]], [full], [ca.densify(ca.vertcat(*moved))])
-    named = dict(zip(("y", "y1", "y2", "torque"), [*extra, torque], strict=True))
-    return along_motion(arm, lin.motion, angles, named, {"M": M, "D": D, "K": K, "B": B})
+    lifted = about.lift([*parts, inputs[kept, :]], angles, *moved)
+    named = dict(zip(("y", "y1", "y2", "torque"), [*moved, torque], strict=True))
+    return about.function(angles, named, dict(zip("MDKB", lifted, strict=True)))

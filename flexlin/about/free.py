@@ -7,12 +7,14 @@ import casadi as ca
 import numpy as np
 
 from flexlin import symbolic
-from flexlin.about.linear import Linearization, linearize
+from flexlin.about.linear import linearize
+from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.chain import build_manipulator
 from flexlin.motion import SymbolicMotion
 from flexlin.scene.scene import Scene
+from flexlin.symbolic import selected
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,12 +54,12 @@ class ParametricLoop:
     def at(self, point: Array) -> Linearization:
         """The linearization at one point (P,)."""
         lin = self.linearization
-        parameters = replace(lin.arm.parameters, values=point)
+        about, parameters = lin.about, replace(lin.arm.parameters, values=point)
         period = float(self.periods(point[None])[0])
-        motion = replace(lin.motion, period=period, breaks=tuple(period * phase for phase in self.phase_breaks))
+        motion = replace(about.motion, period=period, breaks=tuple(period * phase for phase in self.phase_breaks))
         assert isinstance(motion, SymbolicMotion)
-        motion = replace(motion, parameters=parameters)
-        return replace(lin, arm=replace(lin.arm, parameters=parameters), motion=motion)
+        motion = replace(motion, parameters=replace(motion.parameters, values=point))
+        return replace(lin, about=replace(about, arm=replace(about.arm, parameters=parameters), motion=motion))
 
 
 def parametric_loop(scene: Scene, paths: Iterable[str]) -> ParametricLoop:
@@ -73,20 +75,9 @@ def parametric_loop(scene: Scene, paths: Iterable[str]) -> ParametricLoop:
     if moving:
         raise ArgumentError("this number moves the breaks of the motion and cannot be free", got=", ".join(moving))
     arm = build_manipulator(scene, paths)
-    lin = linearize(arm, scene.motion, arm.parameters.placed_in(scene.control, "control."))
+    lin = linearize(arm, scene.motion, scene.control)
     if not isinstance(lin.motion, SymbolicMotion) or not lin.motion.periodic:
         raise ArgumentError("parameters need a periodic motion that is an expression", got=scene.motion.kind)
-    inputs = lin.coefficients.sx_in()
-    M, D, K = lin.coefficients.call(inputs)[:3]
-    return ParametricLoop(
-        paths,
-        lin,
-        ca.Function("matrices", inputs, [M, D, K], ["phase", "p"], ["M", "D", "K"]),
-        ca.Function("duration", inputs[1:], [duration_of(lin, inputs[1])], ["p"], ["T"]),
-    )
-
-
-def duration_of(lin: Linearization, p: ca.SX) -> ca.SX:
-    """The period as expression of p."""
-    assert isinstance(lin.motion, SymbolicMotion)
-    return ca.densify(ca.substitute(ca.SX(lin.motion.duration), lin.arm.parameters.symbols, p))
+    motion = lin.motion
+    duration = ca.Function("duration", [motion.parameters.symbols], [ca.densify(motion.duration)], ["p"], ["T"])
+    return ParametricLoop(paths, lin, selected(lin.coefficients, ("M", "D", "K")), duration)

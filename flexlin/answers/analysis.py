@@ -20,7 +20,7 @@ from flexlin.periodic.floquet.resonance import Resonance, find_resonances
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.response.forced import ForcedResponse, forced_response
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.scene.control import Design as DesignTable
+from flexlin.scene.control import DesignTable
 from flexlin.scene.scene import Scene
 from flexlin.simulation import Simulation, simulate, tip_positions
 
@@ -138,7 +138,7 @@ def analyse(scene: Scene, clock: Clock | None = None, tol: float = 1e-9) -> Anal
     with clock.step(f"nonlinear simulation of {SIMULATED_PERIODS:g} periods"):
         simulation = attempt(problems, "simulation", lambda: simulate(closed, SIMULATED_PERIODS, tol=SIMULATION_TOL))
     with clock.step("range of the linear equations"):
-        linear = attempt(problems, "linear range", lambda: linear_range(closed))
+        linear = attempt(problems, "linear range", lambda: linear_range(closed, result=own.floquet))
     designs = tuple(designed(system, table, tol, clock) for table in scene.designs)
     found = (coefficients, own, open_loop, designs, response, simulation, problems, tuple(clock.steps))
     return Analysis(scene, plant, closed, t, *found, resonances=behind, elastic=elastic, linear_range=linear)
@@ -208,15 +208,10 @@ def periodic_response(closed: Linearization, loop: PeriodicSystem, t: Array, tol
     """The periodic response to what the rigid motion leaves over, and what it does to the tip."""
     solution = forced_response(loop, closed.forcing, tol)
     states = solution(t)
-    bent = states * [is_elastic(name) for name in closed.names * 2]
+    bent = states * [coordinate.kind == "elastic" for coordinate in closed.coordinates * 2]
     rigid = tip_positions(closed, t, np.zeros_like(states))
     tip, by_bending = (tip_positions(closed, t, x) - rigid for x in (states, bent))
     return Response(solution, states, tip, by_bending)
-
-
-def is_elastic(name: str) -> bool:
-    """Whether a coordinate of this name is an elastic one, also behind the name of a part (`left w11`)."""
-    return name.split()[-1].startswith("w")
 
 
 def attempt(problems: dict[str, str], name: str, work: Callable[[], Answer]) -> Answer | None:

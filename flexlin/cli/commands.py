@@ -57,7 +57,9 @@ def write_coefficients(options: argparse.Namespace) -> int:
 
     arm = build_manipulator(scene)
     plant, closed = linearize(arm, scene.motion), linearize(arm, scene.motion, scene.control)
-    return told(write_dataset(coefficients_dataset(scene, plant, closed, options.points), options.out, "coefficients"))
+    return print_paths(
+        write_dataset(coefficients_dataset(scene, plant, closed, options.points), options.out, "coefficients")
+    )
 
 
 def report(options: argparse.Namespace) -> int:
@@ -74,7 +76,7 @@ def report(options: argparse.Namespace) -> int:
     from flexlin.report.terminal import summarize
 
     summarize(analysis)
-    told(paths)
+    print_paths(paths)
     return OTHER_VERDICT if options.require not in (None, analysis.own.verdict) else DONE
 
 
@@ -95,7 +97,7 @@ def write_gains(options: argparse.Namespace) -> int:
     for loop in loops:
         say(loop_line(loop, plant.period), loop.verdict)
     made = [loop.design for loop in loops if loop.design is not None]
-    told(write_dataset(gains_dataset(scene, plant, made, options.points), options.out, "gains") if made else [])
+    print_paths(write_dataset(gains_dataset(scene, plant, made, options.points), options.out, "gains") if made else [])
     if len(made) < len(loops):
         return FAILED
     return OTHER_VERDICT if options.require and any(loop.verdict != options.require for loop in loops) else DONE
@@ -135,7 +137,7 @@ def write_simulation(options: argparse.Namespace) -> int:
 
         write_text(options.out / "animation.html", animation_page(scene, closed, result, command(options)))
         paths.append(options.out / "animation.html")
-    return told(paths)
+    return print_paths(paths)
 
 
 def audit_effects(options: argparse.Namespace) -> int:
@@ -153,7 +155,7 @@ def audit_effects(options: argparse.Namespace) -> int:
     for line in audit_lines(result):
         say(line)
     write_text(options.out / "effects.json", to_json({"schema": 1, "title": scene.title, **audit_block(result)}))
-    return told([options.out / "effects.json"])
+    return print_paths([options.out / "effects.json"])
 
 
 def write_chart(options: argparse.Namespace) -> int:
@@ -181,7 +183,7 @@ def write_chart(options: argparse.Namespace) -> int:
     print(picture.caption)
     page = options.out / "chart.html"
     write_text(page, picture_page(scene.title, picture, command(options)))
-    return told([page, *write_dataset(storable(data), options.out, "chart")])
+    return print_paths([page, *write_dataset(storable(data), options.out, "chart")])
 
 
 def write_cost(options: argparse.Namespace) -> int:
@@ -203,7 +205,7 @@ def write_cost(options: argparse.Namespace) -> int:
     page, data = options.out / "cost.html", options.out / "cost.json"
     write_text(page, picture_page(scene.title, draw_cost(result), command(options)))
     write_text(data, json.dumps(result.record(), indent=1))
-    return told([page, data])
+    return print_paths([page, data])
 
 
 def export(options: argparse.Namespace) -> int:
@@ -214,19 +216,20 @@ def export(options: argparse.Namespace) -> int:
         progress("load the numerical libraries")
         from flexlin.answers.analysis import plant_and_designs
         from flexlin.answers.clock import Clock
-        from flexlin.report.exports import export_all
+        from flexlin.report.exports import design_folders, export_all
 
+        design_folders([table.name for table in scene.designs])  # clashing names are refused before any work
         plant, loops = plant_and_designs(scene, Clock(progress))
         paths = export_all(plant, loops, options.out, options.points)
     for loop in loops:
         if loop.design is None:
             print(f"{loop.name}: {loop.problem}")
-    told(paths)
+    print_paths(paths)
     return FAILED if any(loop.design is None for loop in loops) else DONE
 
 
-def told(paths: list[Path]) -> int:
-    """Print where the results are."""
+def print_paths(paths: list[Path]) -> int:
+    """Print where the results are; done."""
     for path in paths:
         print(f"wrote {path}")
     return DONE

@@ -55,7 +55,7 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
         ["--attraction"], {"action": "store_true", "help": "also find how far a disturbance may go (some seconds)"},
     ),
     "animate": (["--animate"], {"action": "store_true", "help": "also write animation.html, which plays the simulation"}),
-    "effects": (["--effects"], {"action": "store_true", "help": "also tell which effects matter (some seconds)"}),
+    "effects": (["--effects"], {"action": "store_true", "help": "also find which effects matter (some seconds)"}),
     "over": (
         ["--over"],
         {"type": span, "metavar": "KEY=LOW:HIGH[:COUNT]", "action": "extend", "nargs": "+", "required": True,
@@ -63,7 +63,7 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
     ),
     "sensitivity": (
         ["--sensitivity"],
-        {"action": "store_true", "help": "also tell which numbers move the growth rate (some seconds)"},
+        {"action": "store_true", "help": "also find which numbers move the growth rate (some seconds)"},
     ),
     "tolerance": (["--tolerance"], {"type": float, "default": 0.01, "help": "relative change that matters (default 0.01)"}),
 }  # fmt: skip
@@ -83,7 +83,7 @@ COMMANDS: dict[str, tuple[Any, ...]] = {
         "attraction",
         "animate",
     ),
-    "effects": (run.audit_effects, "tell which effects and modes the scene needs", *SCENE, "tolerance"),
+    "effects": (run.audit_effects, "find which effects and modes the scene needs", *SCENE, "tolerance"),
     "chart": (run.write_chart, "stability over one or two parameters", *SCENE, "over"),
     "cost": (run.write_cost, "measure what accuracy costs in time, beside other programs (a minute)", *SCENE),
     "export": (run.export, "write system and designs for other tools: npz, MATLAB, netCDF, C", *SCENE, "points"),
@@ -96,22 +96,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return int(options.run(options))
     except FlexlinError as error:
-        print(f"flexlin: {told_where(error, options)}", file=sys.stderr)
+        print(f"flexlin: {with_scene(error, options)}", file=sys.stderr)
         return BAD_INPUT if isinstance(error, InputError) else FAILED
     except KeyboardInterrupt:
         print("flexlin: interrupted; no file was left half-written", file=sys.stderr)
         return FAILED
 
 
-def told_where(error: FlexlinError, options: argparse.Namespace) -> str:
+def with_scene(error: FlexlinError, options: argparse.Namespace) -> str:
     """The error's message, after the scene's name where it does not name one itself."""
     scene = getattr(options, "scene", None)
     return str(error) if scene is None or isinstance(error, (SceneError, OutputError)) else f"{scene}: {error}"
 
 
 def entry() -> None:
-    """The program `flexlin`: a fault of flexlin itself is told in one line too, with exit code 1."""
-    sys.excepthook = tell_fault
+    """The program `flexlin`: a fault of flexlin itself is one line too, with exit code 1."""
+    sys.excepthook = report_fault
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal that knows no ± gets a question mark
@@ -128,7 +128,7 @@ def entry() -> None:
     sys.exit(code)
 
 
-def tell_fault(kind: type[BaseException], fault: BaseException, trace: Any) -> None:
+def report_fault(kind: type[BaseException], fault: BaseException, trace: Any) -> None:
     """Say in one line what went wrong inside flexlin, and where."""
     while trace.tb_next is not None:
         trace = trace.tb_next

@@ -6,6 +6,7 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array
 from flexlin.control.designed_loop import Design
 from flexlin.control.weights import check_constant_pair
+from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
@@ -40,9 +41,7 @@ def averaged_lqr(
     check_constant_pair(A, B, state, "on average")
     K = control.lqr(A, B, state, effort, cross)[0]
 
-    def gain(t: Array) -> Array:
-        return np.broadcast_to(K, (len(t), *K.shape))
-
+    gain = Constant(K)
     status = "one constant gain for the averaged coefficients; the verdict is Floquet's"
     return Design(name, "averaged-lqr", gain, system.feedback(gain), 0.0, status, problem)
 

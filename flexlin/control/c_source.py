@@ -5,7 +5,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-from flexlin.about.linear import Linearization
+from flexlin.about.linearization import Linearization
 from flexlin.control.designed_loop import Design
 from flexlin.errors import ArgumentError
 from flexlin.motion import SymbolicMotion

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.checks import Array, times
+from flexlin.about.law import Law
+from flexlin.checks import Array, at_times
 from flexlin.control.designed_loop import Design
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
 from flexlin.periodic.quadratic.riccati import RiccatiSolution, periodic_riccati
@@ -37,11 +38,11 @@ class Estimator:
 
     def P(self, t: ArrayLike) -> Array:
         """The covariance of the estimate's error at times (N,)."""
-        return self.dual.X(-times(t))
+        return at_times(lambda t: self.dual.X(-t), t)
 
     def L(self, t: ArrayLike) -> Array:
         """The filter gain at times (N,)."""
-        return np.swapaxes(self.dual.K(-times(t)), 1, 2)
+        return at_times(lambda t: np.swapaxes(self.dual.K(-t), 1, 2), t)
 
 
 def kalman_filter(
@@ -68,9 +69,9 @@ def kalman_filter(
         raise ArgumentError("C does not fit the system", expected=f"(p, {system.n})")
     T = system.period
     breaks = tuple((T - b) % T for b in system.breaks)
-    dual = PeriodicSystem(backward(system.A, T), T, backward(C, T), breaks)
+    dual = PeriodicSystem(Backward(system.A, T), T, Backward(C, T), breaks)
     try:
-        solution = periodic_riccati(dual, backward(W, T), backward(V, T), tol=tol)
+        solution = periodic_riccati(dual, Backward(W, T), Backward(V, T), tol=tol)
     except NotStabilizable as reason:
         raise NotDetectable(
             "a mode that does not decay is not seen by the measurement",
@@ -83,34 +84,58 @@ def kalman_filter(
             got=reason.got,
             todo="give the mode's states noise in W",
         ) from None
-    measured = PeriodicSystem(system.A, T, lambda t: np.swapaxes(solution.K(-t), 1, 2), system.breaks)
+    measured = PeriodicSystem(system.A, T, FilterGain(solution), system.breaks)
     return Estimator(system, C, solution, measured.feedback(C))
 
 
-def backward(coefficient: MatrixFunction, period: float) -> MatrixFunction:
-    """Return t -> coefficient(-t)', taken inside one period."""
-    return lambda t: np.swapaxes(coefficient(np.mod(-t, period)), 1, 2)
+@dataclass(frozen=True, eq=False)
+class Backward:
+    """t -> coefficient(-t)', taken inside one period."""
+
+    coefficient: MatrixFunction
+    period: float
+
+    def __call__(self, t: Array) -> Array:
+        return np.swapaxes(self.coefficient(np.mod(-t, self.period)), 1, 2)
 
 
-def output_feedback(made: Design, estimator: Estimator) -> PeriodicSystem:
-    """Close the loop of a state feedback through an estimator, u = -K x_e.
+@dataclass(frozen=True, eq=False)
+class FilterGain:
+    """L(t) = K(-t)' of the dual problem."""
+
+    dual: RiccatiSolution
+
+    def __call__(self, t: Array) -> Array:
+        return np.swapaxes(self.dual.K(-t), 1, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class EstimatedLoop:
+    """[[A, -B K], [L C, A - B K - L C]] as a function of time."""
+
+    estimator: Estimator
+    gain: MatrixFunction
+
+    def __call__(self, t: Array) -> Array:
+        system = self.estimator.system
+        assert system.B is not None
+        A, BK, LC = system.A(t), system.B(t) @ self.gain(t), self.estimator.L(t) @ self.estimator.C(t)
+        return np.concatenate([np.concatenate([A, -BK], axis=2), np.concatenate([LC, A - BK - LC], axis=2)], axis=1)
+
+
+def output_feedback(made: Design | Law, estimator: Estimator) -> PeriodicSystem:
+    """Close the loop of a design, or of a law's feedback, through an estimator, u = -K x_e.
 
         [x; x_e]' = [[A, -B K], [L C, A - B K - L C]] [x; x_e]
 
     Returns: the system of 2n states, whose exponents are those of A - B K and of A - L C together (separation).
     Raises: ArgumentError when design and estimator belong to systems of different size.
     """
-    system, C, K = estimator.system, estimator.C, made.K
-    if made.closed_loop.n != system.n or system.B is None:
+    system = estimator.system
+    gain, breaks = (made.gain, ()) if isinstance(made, Law) else (made.K, made.closed_loop.breaks)
+    states = gain(np.zeros(1)).shape[2]
+    if states != system.n or system.B is None:
         raise ArgumentError(
-            "the design and the estimator do not fit",
-            got=(made.closed_loop.n, system.n),
-            expected="one plant with input",
+            "the design and the estimator do not fit", got=(states, system.n), expected="one plant with input"
         )
-    A, B = system.A, system.B
-
-    def together(t: Array) -> Array:
-        a, bk, lc = A(t), B(t) @ K(t), estimator.L(t) @ C(t)
-        return np.concatenate([np.concatenate([a, -bk], axis=2), np.concatenate([lc, a - bk - lc], axis=2)], axis=1)
-
-    return PeriodicSystem(together, system.period, None, (*system.breaks, *made.closed_loop.breaks))
+    return PeriodicSystem(EstimatedLoop(estimator, gain), system.period, None, (*system.breaks, *breaks))

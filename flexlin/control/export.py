@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexlin.checks import Array
+from flexlin.checks import Array, check_size
 from flexlin.control.designed_loop import Design
 from flexlin.errors import ArgumentError
 from flexlin.periodic.system import PeriodicSystem
@@ -73,6 +73,8 @@ def save(system: PeriodicSystem, path: str | Path, designs: tuple[Design, ...] =
     Returns: the path. Raises: ArgumentError for another ending.
     """
     path = Path(path)
+    numbers = system.n * (system.n + system.m) + len(designs) * system.n * (system.n + system.m)
+    check_size(f"a table of {phases} times", 8 * phases * (numbers + 1), "ask for fewer phases (--points)")
     t = system.period * np.arange(phases) / phases
     arrays: dict[str, Array] = {"t": t, "A": system.A(t)}
     if system.B is not None:

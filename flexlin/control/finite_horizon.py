@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.checks import Array
-from flexlin.control.designed_loop import Design
+from flexlin.control.designed_loop import Design, Repeated
 from flexlin.control.weights import check_constant_pair
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.quadratic.riccati import finite_horizon_riccati
@@ -34,7 +34,7 @@ def finite_horizon_lqr(
     """
     final = cost_at_rest(system, Q, R, N) if end is None else end
     solution = finite_horizon_riccati(system, Q, R, final, N, tol)
-    repeated = system.feedback(lambda t: solution.K(np.mod(t, system.period)), (0.0,))
+    repeated = system.feedback(Repeated(solution.K, system.period), (0.0,))
     return Design(
         name, "finite-horizon-lqr", solution.K, repeated, solution.error, solution.status, solution.problem, solution
     )

@@ -5,9 +5,10 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
 from flexlin.checks import Array
-from flexlin.control.designed_loop import Design
+from flexlin.control.designed_loop import Design, Repeated
 from flexlin.control.weights import check_constant_pair
 from flexlin.errors import ArgumentError
+from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, linear_quadratic
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
 
@@ -36,12 +37,12 @@ def frozen_lqr(
     knots = system.period * np.arange(phases) / phases
     gains = frozen_gains(problem, knots)
     if phases == 1:
-        schedule: MatrixFunction = lambda t: np.broadcast_to(gains[0], (len(t), *gains.shape[1:]))  # noqa: E731
+        schedule: MatrixFunction = Constant(gains[0])
     else:
         spline = CubicSpline(
             np.append(knots, system.period), np.concatenate([gains, gains[:1]]), axis=0, bc_type="periodic"
         )
-        schedule = lambda t: spline(np.mod(t, system.period))  # noqa: E731
+        schedule = Repeated(spline, system.period)
     between = knots + 0.5 * system.period / phases
     missed = np.abs(schedule(between) - frozen_gains(problem, between)).max() / (np.abs(gains).max() or 1.0)
     status = f"gain scheduled over {phases} phases, off by {missed:.1e} half-way between them; the verdict is Floquet's"

@@ -1,7 +1,6 @@
 """A one-way motion as a system over its horizon, for designs that end."""
 
-from flexlin.about.linear import Linearization
-from flexlin.checks import Array
+from flexlin.about.linearization import Linearization
 from flexlin.periodic.system import PeriodicSystem
 
 
@@ -15,9 +14,6 @@ def horizon_system(lin: Linearization) -> PeriodicSystem:
 
     Returns: a `PeriodicSystem` that carries the coefficients. Raises: SingularMassMatrix.
     """
-
-    def together(t: Array) -> tuple[Array, Array, Array]:
-        c = lin.sample(t)
-        return c.M, c.D, c.K
-
-    return PeriodicSystem.from_second_order(lin.M, lin.D, lin.K, lin.period, lin.B, lin.breaks, together)
+    return PeriodicSystem.from_second_order(
+        lin.M, lin.D, lin.K, lin.period, lin.B if lin.driven else None, lin.breaks, lin.equations
+    )

@@ -1,14 +1,16 @@
 """What sensors on the arm see of the state [y; y']: joint angles and rates, bending at a point, position and acceleration of the tip."""
 
+from dataclasses import dataclass
+
 import casadi as ca
 import numpy as np
 
-from flexlin import symbolic
-from flexlin.about.linear import Linearization, along_motion
-from flexlin.about.periodic_motion import constant, place_on_motion
+from flexlin.about.deviation import Deviation
+from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.link_shapes import shapes_of
+from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.companion import solve_mass
 from flexlin.periodic.system import MatrixFunction
 from flexlin.scene.scene import Scene
@@ -17,13 +19,13 @@ from flexlin.scene.scene import Scene
 def joint_angles(lin: Linearization) -> MatrixFunction:
     """What the motors' encoders read: C (m, 2n), constant, in rad."""
     rows = encoder_rows(lin)
-    return constant(np.concatenate([rows, np.zeros_like(rows)], axis=1))
+    return Constant(np.concatenate([rows, np.zeros_like(rows)], axis=1))
 
 
 def joint_rates(lin: Linearization) -> MatrixFunction:
     """What the motors' tachometers read: C (m, 2n), constant, in rad/s."""
     rows = encoder_rows(lin)
-    return constant(np.concatenate([np.zeros_like(rows), rows], axis=1))
+    return Constant(np.concatenate([np.zeros_like(rows), rows], axis=1))
 
 
 def bending(scene: Scene, lin: Linearization, link: int, at: float) -> MatrixFunction:
@@ -41,21 +43,15 @@ def bending(scene: Scene, lin: Linearization, link: int, at: float) -> MatrixFun
     if not 0 <= at <= 1:
         raise ArgumentError("the place is not on the link", got=at, expected="0 (joint) to 1 (tip)")
     curvature = shapes_of(scene, link).values(np.array([at]), 2)[:, 0] / scene.links[link].length ** 2
-    own = [i for i, name in enumerate(lin.names) if name.startswith(f"w{link + 1}")]
+    own = [i for i, c in enumerate(lin.coordinates) if c.kind == "elastic" and c.link == link]
     C = np.zeros((1, 2 * lin.n))
     C[0, own] = curvature
-    return constant(C)
+    return Constant(C)
 
 
 def tip_position(lin: Linearization) -> MatrixFunction:
     """What a camera sees of the tip beside its rigid path: C(t) (2, 2n), in m."""
-    function = tip_slopes(lin)
-
-    def C(t: Array) -> Array:
-        by_y, *_ = symbolic.evaluate(function, *place_on_motion(lin, t))
-        return np.concatenate([by_y, np.zeros_like(by_y)], axis=2)
-
-    return C
+    return TipSlopes(lin, tip_slopes(lin.about)).position
 
 
 def tip_acceleration(lin: Linearization) -> tuple[MatrixFunction, MatrixFunction]:
@@ -65,16 +61,8 @@ def tip_acceleration(lin: Linearization) -> tuple[MatrixFunction, MatrixFunction
 
     An estimator subtracts D u, which is known, and uses C.
     """
-    function = tip_slopes(lin)
-
-    def parts(t: Array) -> tuple[Array, Array]:
-        J, by_rate, by_y = symbolic.evaluate(function, *place_on_motion(lin, t))
-        c = lin.sample(t)
-        solved = solve_mass(c.M, np.concatenate([c.K, c.D, c.B], axis=2), t)
-        n = lin.n
-        return np.concatenate([by_y, by_rate], axis=2) - J @ solved[:, :, : 2 * n], J @ solved[:, :, 2 * n :]
-
-    return lambda t: parts(t)[0], lambda t: parts(t)[1]
+    found = TipSlopes(lin, tip_slopes(lin.about))
+    return found.acceleration, found.acceleration_by_torque
 
 
 def encoder_rows(lin: Linearization) -> Array:
@@ -82,9 +70,33 @@ def encoder_rows(lin: Linearization) -> Array:
     return ca.DM(ca.densify(lin.arm.encoders[list(lin.driven), list(lin.kept)])).full()
 
 
-def tip_slopes(lin: Linearization) -> ca.Function:
+@dataclass(frozen=True, eq=False)
+class TipSlopes:
+    """How the tip's position and acceleration change with [y; y'] and with the torque, along the rigid motion."""
+
+    lin: Linearization
+    function: ca.Function
+
+    def position(self, t: Array) -> Array:
+        """C (N, 2, 2n) of the position."""
+        by_y, *_ = self.lin.about.evaluate(self.function, t)
+        return np.concatenate([by_y, np.zeros_like(by_y)], axis=2)
+
+    def acceleration(self, t: Array) -> Array:
+        """C (N, 2, 2n) of the acceleration."""
+        J, by_rate, by_y = self.lin.about.evaluate(self.function, t)
+        M, D, K = self.lin.equations(t)
+        return np.concatenate([by_y, by_rate], axis=2) - J @ solve_mass(M, np.concatenate([K, D], axis=2), t)
+
+    def acceleration_by_torque(self, t: Array) -> Array:
+        """D (N, 2, m) of the acceleration."""
+        J, *_ = self.lin.about.evaluate(self.function, t)
+        return J @ solve_mass(*self.lin.mass_and_input(t), t)
+
+
+def tip_slopes(about: Deviation) -> ca.Function:
     """dp/ds, dp''/ds' and dp''/ds of the tip's position p along the rigid motion, each (2, n)."""
-    arm, kept, E = lin.arm, list(lin.kept), lin.arm.reference
+    arm, kept = about.arm, list(about.kept)
     if arm.points is None:
         raise ArgumentError(
             "the manipulator does not say where its tip is", got="points = None", expected="positions (2, k)"
@@ -93,8 +105,6 @@ def tip_slopes(lin: Linearization) -> ca.Function:
     J = ca.jacobian(tip, arm.s)
     acceleration = J @ arm.s_ddot + ca.jtimes(J @ arm.s_dot, arm.s, arm.s_dot)
     parts = [J, ca.jacobian(acceleration, arm.s_dot), ca.jacobian(acceleration, arm.s)]
-    angles = ca.SX.sym("angles", 3 * arm.joints)
-    full = ca.vertcat(arm.s, arm.s_dot, arm.s_ddot)
-    rigid = ca.densify(ca.vertcat(*[E @ part for part in ca.vertsplit(angles, arm.joints)]))
-    values = ca.substitute([part[:, kept] for part in parts], [full], [rigid])
-    return along_motion(arm, lin.motion, angles, {}, dict(zip(("J", "by_rate", "by_y"), values, strict=True)))
+    *_, angles = about.symbols()
+    values = about.lift([part[:, kept] for part in parts], angles)
+    return about.function(angles, {}, dict(zip(("J", "by_rate", "by_y"), values, strict=True)))

@@ -4,9 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flexlin.checks import Array, real_array
+from flexlin.checks import real_array
 from flexlin.control.designed_loop import Design
 from flexlin.errors import ArgumentError
+from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.system import PeriodicSystem
 
@@ -37,8 +38,5 @@ def pd_feedback(
     rows = np.arange(system.m)
     K[rows, list(joints)] = real_array("kp", kp)
     K[rows, [n + j for j in joints]] = real_array("kd", kd)
-
-    def gain(t: Array) -> Array:
-        return np.broadcast_to(K, (len(t), *K.shape))
-
+    gain = Constant(K)
     return Design(name, "pd", gain, system.feedback(gain), 0.0, "constant gains as given", problem)

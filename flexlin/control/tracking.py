@@ -4,11 +4,14 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
-from flexlin import symbolic
-from flexlin.about.linear import Linearization
-from flexlin.about.periodic_motion import Closing, PeriodicMotion, Unknowns, periodic_motion
-from flexlin.checks import Array
+from flexlin.about.deviation import Deviation
+from flexlin.about.harmonic_balance import Closing, Unknowns
+from flexlin.about.law import Law
+from flexlin.about.linearization import Linearization
+from flexlin.about.periodic_motion import PeriodicMotion, periodic_motion
+from flexlin.checks import Array, at_times
 from flexlin.errors import ArgumentError
 
 
@@ -29,23 +32,31 @@ class Feedforward:
     error: float
     status: str
 
-    def torque(self, t: Array) -> Array:
+    @property
+    def law(self) -> Law:
+        """This feedforward with the feedback of `lin`."""
+        own = self.lin.law
+        if self.motion is None:
+            return Law(self.kind, self.lin.feedforward, own.gain, own.reference)
+        return Law(self.kind, self.motion.torque, own.gain, self.motion.state)
+
+    def torque(self, t: ArrayLike) -> Array:
         """The torque to feed forward at times (N,): (N, m)."""
-        return self.lin.feedforward(t) if self.motion is None else self.motion.torque(t)
+        return at_times(self.law.forward, t)
 
-    def reference(self, t: Array) -> Array:
+    def reference(self, t: ArrayLike) -> Array:
         """The deviation [y; y'] from the rigid motion that the feedback should hold: (N, 2n)."""
-        return np.zeros((len(t), 2 * self.lin.n)) if self.motion is None else self.motion.state(t)
+        return at_times(self.law.reference, t)
 
 
-def joints_exact(lin: Linearization, at: Unknowns) -> ca.SX:
+def joints_exact(about: Deviation, at: Unknowns) -> ca.SX:
     """The motors' encoders read exactly what they would on the rigid arm."""
-    return lin.arm.encoders[list(lin.driven), :] @ (at.s - at.rigid)
+    return about.arm.encoders[list(about.driven), :] @ (at.s - at.rigid)
 
 
-def tip_exact(lin: Linearization, at: Unknowns) -> ca.SX:
+def tip_exact(about: Deviation, at: Unknowns) -> ca.SX:
     """Each link's end lies on the line of the rigid link: the chord's cross product with the rigid direction, in m."""
-    arm = lin.arm
+    arm = about.arm
     if arm.points is None:
         raise ArgumentError(
             "the manipulator does not say where its tip is", got="points = None", expected="positions (2, k)"
@@ -56,7 +67,7 @@ def tip_exact(lin: Linearization, at: Unknowns) -> ca.SX:
     )
     chords, lines = bent[:, 1:] - bent[:, :-1], straight[:, 1:] - straight[:, :-1]
     return ca.vertcat(
-        *[(lines[0, i] * chords[1, i] - lines[1, i] * chords[0, i]) / ca.norm_2(lines[:, i]) for i in lin.driven]
+        *[(lines[0, i] * chords[1, i] - lines[1, i] * chords[0, i]) / ca.norm_2(lines[:, i]) for i in about.driven]
     )
 
 
@@ -111,7 +122,5 @@ def tip_positions(lin: Linearization, t: Array, states: Array) -> Array:
 
 def arm_positions(lin: Linearization, t: Array, states: Array) -> tuple[Array, Array]:
     """World positions (N, 2, k) of joints and tip in m, and all coordinates s (N, arm.n), for deviations from the rigid motion."""
-    s = lin.motion.sample(t)[0] @ lin.arm.reference.full().T
-    s[:, list(lin.kept)] += states[:, : lin.n]
-    p = np.broadcast_to(lin.arm.parameters.values, (len(t), len(lin.arm.parameters.values)))
-    return symbolic.evaluate(lin.arm.functions["points"], s, p)[0], s
+    y = states[:, : lin.n]
+    return lin.about.of_arm("points", t, y), lin.about.positions(t, y)[0]

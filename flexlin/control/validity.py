@@ -1,26 +1,32 @@
 """How far the linear model is valid: where the nonlinear terms of the equations reach a stated share of the linear ones."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from flexlin import symbolic
-from flexlin.about.linear import Linearization
-from flexlin.about.periodic_motion import own_gain
+from flexlin.about.linear import linearize
+from flexlin.about.linearization import Linearization
 from flexlin.checks import Array, positive
-from flexlin.periodic.grid import place_edges
+from flexlin.control.slow_motions import slow_motions
+from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.gauss import gauss_transitions, second_order_transitions
 
 SAMPLES = 64
+"""Times of a period at which the terms are compared, about."""
 LARGEST, SMALLEST, HALVINGS = 10.0, 1e-7, 30
 """Amplitudes between which the border is sought, in rad or m, and the steps of the search."""
+STILL = 1e-14
+"""An amplitude at which only rounding is left of the nonlinear terms."""
 
 
 @dataclass(frozen=True)
 class Validity:
-    """Along the slowest Floquet modes: directions (k, 2n) with a largest deflection of 1 rad or m, and the amplitudes at which the
-    nonlinear terms reach `share` of the linear ones (inf where they never do)."""
+    """Along the slowest Floquet modes: how large a deflection may be.
+
+    directions (k, 2n): starts of motions with a largest deflection of 1 (rad or m) over a period; amplitudes (k,): where the nonlinear
+    terms reach `share` of the linear ones, inf where they do not up to LARGEST, 0 where they exceed it at SMALLEST already.
+    """
 
     directions: Array
     amplitudes: Array
@@ -31,14 +37,24 @@ class Validity:
         """What the smallest amplitude means."""
         smallest, percent = self.amplitudes.min(), f"{100 * self.share:g} % of the linear ones"
         if not np.isfinite(smallest):
-            return f"along the slowest modes the nonlinear terms stay below {percent} however large the deflection"
+            return (
+                f"along the slowest modes the nonlinear terms stay below {percent} for deflections up to {LARGEST:g} (rad or m), "
+                "the largest tried"
+            )
+        if smallest == 0.0:
+            return (
+                f"the nonlinear terms exceed {percent} already at deflections of {SMALLEST:g} (rad or m) along the slowest modes: "
+                "the linear model holds nowhere here; trust the nonlinear simulation, or smooth what is abrupt (Coulomb friction)"
+            )
         return (
             f"deflections below {smallest:.3g} (rad or m) along the slowest modes keep the nonlinear terms below {percent}; "
             "beyond that trust the nonlinear simulation"
         )
 
 
-def linear_range(lin: Linearization, share: float = 0.1, modes: int = 2) -> Validity:
+def linear_range(
+    lin: Linearization, share: float = 0.1, modes: int = 2, result: FloquetResult | None = None
+) -> Validity:
     """Find the amplitude at which the nonlinear terms reach a share of the linear terms, along the slowest Floquet modes.
 
         r(s_R + a z) = r(s_R) + a (M z'' + D z' + K z) + R(a),   max over t of |R(a)| / (a max(|M z''|, |D z'|, |K z|)) = share
@@ -47,41 +63,75 @@ def linear_range(lin: Linearization, share: float = 0.1, modes: int = 2) -> Vali
     the feedback. |f|^2 = f' M^-1 f weighs forces by the accelerations that they cause, so rad and m may stand side by side.
     R holds all orders; for a small share it is the second-order term, a^2/2 r''[z, z].
 
-    Parameters: lin: with the loop closed; share in (0, 1]; modes: how many of the slowest.
+    Parameters: lin: with the loop closed; share in (0, 1]; modes: how many of the slowest; result: Floquet's answer for the loop,
+    if it is known.
     Returns: a `Validity`.
-    Raises: ArgumentError for a share that is not positive.
+    Raises: ArgumentError for a share that is not positive; NumericalError, TooLarge when modes of this loop are too fast to be resolved.
     """
     positive("share", share)
     system = lin.periodic_system()
-    t = place_edges(lin.period, lin.breaks, SAMPLES)
-    steps, amplitudes = transitions(system, t), []
-    directions = slowest_modes(system, modes, steps)
-    for v in directions:
-        x = [v]
-        for step in steps:
-            x.append(step @ x[-1])
-        amplitudes.append(border(lin, system, t, np.array(x), share))
-    return Validity(directions, np.array(amplitudes), share)
+    slow = slow_motions(system, modes, result)
+    plant = lin if lin.control is None else linearize(lin.arm, lin.motion)
+    amplitudes = [border(plant, system, slow.t, x, share) for x in slow.states]
+    return Validity(slow.directions, np.array(amplitudes), share)
 
 
-def border(lin: Linearization, system: PeriodicSystem, t: Array, x: Array, share: float) -> float:
-    """The amplitude of a linear motion x (N, 2n) at which the nonlinear share is reached."""
-    n, c = lin.n, lin.sample(t)
-    motion = [x[:, :n], x[:, n:], np.einsum("tij,tj->ti", system.A(t), x)[:, n:]]
-    loop = c.B @ own_gain(lin)
-    parts = [
-        np.einsum("tij,tj->ti", matrix, z)
-        for matrix, z in zip((c.K - loop[:, :, :n], c.D - loop[:, :, n:], c.M), motion, strict=True)
-    ]
-    linear = np.max([size(c.M, part) for part in parts], axis=0)
-    rest = residual(lin, t, [0.0 * z for z in motion])
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """A linear motion x = [y; y'] (N, 2n) in the equations: its linear terms by size (N,), and what is left beyond them."""
+
+    plant: Linearization
+    t: Array
+    motion: tuple[Array, Array, Array]
+    mass: Array
+    slope: Array
+    linear: Array
+    rest: Array
+
+    @classmethod
+    def along(cls, plant: Linearization, system: PeriodicSystem, t: Array, x: Array) -> "Terms":
+        n, (M, D, K) = plant.n, plant.equations(t)
+        motion = (x[:, :n], x[:, n:], np.einsum("tij,tj->ti", system.A(t), x)[:, n:])
+        parts = [np.einsum("tij,tj->ti", matrix, z) for matrix, z in zip((K, D, M), motion, strict=True)]
+        linear = np.max([size(M, part) for part in parts], axis=0)
+        return cls(plant, t, motion, M, np.sum(parts, axis=0), linear, residual(plant, t, [0.0 * z for z in motion]))
+
+    def at(self, k: Array) -> "Terms":
+        """The same at some of the times."""
+        y, rate, acceleration = (z[k] for z in self.motion)
+        arrays = (self.mass[k], self.slope[k], self.linear[k], self.rest[k])
+        return Terms(self.plant, self.t[k], (y, rate, acceleration), *arrays)
+
+    def nonlinear(self, a: float) -> Array:
+        """|R(a)| at each time."""
+        left = residual(self.plant, self.t, [a * z for z in self.motion])
+        return size(self.mass, left - self.rest - a * self.slope)
+
+
+def border(plant: Linearization, system: PeriodicSystem, t: Array, x: Array, share: float) -> float:
+    """The amplitude of a linear motion x (N, 2n) at which the nonlinear share is reached.
+
+    It is sought at SAMPLES times first; then at those times of all at which the share is largest there.
+    """
+    terms = Terms.along(plant, system, t, x)
+    rounding = 4 * float(terms.nonlinear(STILL).max())
+    first = bisect(terms.at(np.arange(0, len(t), max(1, len(t) // SAMPLES))), share, rounding)
+    if first == 0.0:
+        return first
+    excess = (terms.nonlinear(min(first, LARGEST)) - rounding) / (terms.linear + np.finfo(float).tiny)
+    return bisect(terms.at(np.argsort(excess)[-SAMPLES:]), share, rounding)
+
+
+def bisect(terms: Terms, share: float, rounding: float) -> float:
+    """The smallest amplitude between SMALLEST and LARGEST that reaches the share somewhere; 0 or inf beyond these."""
 
     def reached(a: float) -> bool:
-        left = residual(lin, t, [a * z for z in motion]) - rest - a * sum(parts)
-        return bool(np.any(size(c.M, left) > share * a * linear))
+        return bool(np.any(terms.nonlinear(a) > share * a * terms.linear + rounding))
 
     if not reached(LARGEST):
         return np.inf
+    if reached(SMALLEST):
+        return 0.0
     low, high = np.log(SMALLEST), np.log(LARGEST)
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
@@ -94,49 +144,6 @@ def size(M: Array, force: Array) -> Array:
     return np.sqrt(np.einsum("ti,ti->t", force, np.linalg.solve(M, force[:, :, None])[:, :, 0]))
 
 
-def residual(lin: Linearization, t: Array, motion: list[Array]) -> Array:
+def residual(plant: Linearization, t: Array, motion: Sequence[Array]) -> Array:
     """The left side of the equations of motion, kept rows, at deviations y, y', y'' from the rigid motion."""
-    E, kept = lin.arm.reference.full(), list(lin.kept)
-    s = [part @ E.T for part in lin.motion.sample(t)]
-    for part, extra in zip(s, motion, strict=True):
-        part[:, kept] += extra
-    p = np.broadcast_to(lin.arm.parameters.values, (len(t), len(lin.arm.parameters.values)))
-    return symbolic.evaluate(lin.arm.functions["residual"], *s, p)[0][:, kept, 0]
-
-
-def slowest_modes(system: PeriodicSystem, modes: int, steps: Array | None = None) -> Array:
-    """Real directions (k, 2n) of the k slowest Floquet modes at t = 0, each with a largest deflection of 1.
-
-    A complex pair gives its real and its imaginary part. Parameters: steps: transition matrices of one period, if known.
-    """
-    Phi = np.eye(system.n)
-    for step in transitions(system, place_edges(system.period, system.breaks, SAMPLES)) if steps is None else steps:
-        Phi = step @ Phi
-    values, vectors = np.linalg.eig(Phi)
-    order = np.argsort(-np.abs(values), kind="stable")
-    found: list[Array] = []
-    for k in order:
-        if values[k].imag >= 0:
-            found += [vectors[:, k].real] if values[k].imag == 0 else [vectors[:, k].real, vectors[:, k].imag]
-    chosen = np.array(found[: max(1, modes)])
-    return chosen / np.abs(chosen[:, : system.n // 2]).max(axis=1, keepdims=True)
-
-
-def transitions(system: PeriodicSystem, grid: Array) -> Array:
-    """Transition matrices over the grid's intervals, good to a few digits for the slow modes, which is all that is asked of them.
-
-    Steps of ten time constants of the fastest eigenvalue still damp it: the four-stage Gauss method shrinks it by 0.3 a step.
-    """
-    fastest = np.abs(np.linalg.eigvals(system.A(grid[:-1]))).max()
-    parts = max(1, int(np.ceil(np.diff(grid).max() * fastest / 10)))
-    inner = grid[:-1, None] + np.diff(grid)[:, None] * np.arange(1, parts + 1) / parts
-    fine, stages = np.append(grid[0], inner), 4
-    if system.second_order is not None:
-        steps = second_order_transitions(system.second_order, fine, stages)
-    else:
-        steps = gauss_transitions(system.A, fine, stages)
-    steps = steps.reshape(len(grid) - 1, parts, system.n, system.n)
-    product = steps[:, 0]
-    for j in range(1, parts):
-        product = steps[:, j] @ product
-    return product
+    return plant.about.of_arm("residual", t, *motion)[:, list(plant.kept), 0]

@@ -1,6 +1,7 @@
 """A deformable mass seen from a moving frame: six moments say all that the energies need."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import casadi as ca
 
@@ -56,6 +57,15 @@ class Body:
     def mass_moment(self) -> ca.SX:
         """int (position) dm in world axes, (2, 1), in kg m: the gradient of the potential energy in a uniform field."""
         return self.moments.mass * self.frame.position + self.frame.rotation @ self.moments.first
+
+
+@dataclass(frozen=True)
+class RigidMass:
+    """A rigid body where a link can carry one: mass (kg), inertia about its centre (kg m^2), centre at `offset` along the frame (m)."""
+
+    mass: Any
+    inertia: Any
+    offset: Any = 0.0
 
 
 def rigid_body(frame: Frame, mass: ca.SX, inertia: ca.SX, offset: ca.SX | None = None) -> Body:

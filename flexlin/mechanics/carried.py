@@ -1,6 +1,7 @@
 """What a link carries when the arm is stretched out: the rigid body that loaded shapes are made for."""
 
-from flexlin.mechanics.effects.base import at_tip, per_joint
+from flexlin.mechanics.body import RigidMass
+from flexlin.mechanics.effects import effects_of
 from flexlin.scene.scene import Scene
 
 
@@ -11,31 +12,28 @@ def carried_by(scene: Scene, index: int) -> tuple[float, float]:
 
     Assumes the arm rigid and stretched out beyond the tip. Source: De Luca, Siciliano (1991), section IV, at q2 = 0.
     """
-    mass, inertia, offset = _payload(scene, index)
-    inertia, distance = inertia + mass * offset**2, 0.0
+    effects, mass, inertia, distance = effects_of(scene.effects), 0.0, 0.0, 0.0
+    for body in bodies_at_tip(scene, index):
+        mass, inertia = mass + body.mass, inertia + body.inertia + body.mass * body.offset**2
     for k in range(index + 1, len(scene.links)):
-        link, hub = scene.links[k], scene.effects.hub
-        hub_mass = per_joint(hub.mass, k, single="first") if hub else 0.0
-        mass, inertia = mass + hub_mass, inertia + hub_inertia(scene, k) + hub_mass * distance**2
-        distance += per_joint(hub.radius, k, single="first") if hub else 0.0
+        link = scene.links[k]
+        for body in bodies_on_joint(scene, k):
+            mass, inertia = mass + body.mass, inertia + body.inertia + body.mass * distance**2
+        distance += sum(effect.joint_radius(k) for effect in effects)
         own, centre = link.mass_per_length * link.length, distance + link.length / 2
         mass, inertia = mass + own, inertia + own * (link.length**2 / 12 + centre**2)
         distance += link.length
-        load, load_inertia, offset = _payload(scene, k)
-        mass, inertia = mass + load, inertia + load_inertia + load * (distance + offset) ** 2
+        for body in bodies_at_tip(scene, k):
+            mass, inertia = mass + body.mass, inertia + body.inertia + body.mass * (distance + body.offset) ** 2
     return mass, inertia
 
 
-def hub_inertia(scene: Scene, index: int) -> float:
-    """The inertia of the hub on a joint, in kg m^2."""
-    hub = scene.effects.hub
-    return float(per_joint(hub.inertia, index, single="first")) if hub else 0.0
+def bodies_on_joint(scene: Scene, index: int) -> list[RigidMass]:
+    """The rigid bodies that effects put on a joint."""
+    return [body for effect in effects_of(scene.effects) if (body := effect.joint_body(index)) is not None]
 
 
-def _payload(scene: Scene, index: int) -> tuple[float, float, float]:
-    """Mass of the body on a link's tip, inertia about its centre, and its offset from the tip."""
-    table, links = scene.effects.payload, len(scene.links)
-    if table is None:
-        return 0.0, 0.0, 0.0
-    mass, inertia, offset = (at_tip(value, index, links) for value in (table.mass, table.inertia, table.offset))
-    return mass, inertia, offset
+def bodies_at_tip(scene: Scene, index: int) -> list[RigidMass]:
+    """The rigid bodies that effects put on a link's tip."""
+    links = len(scene.links)
+    return [body for effect in effects_of(scene.effects) if (body := effect.tip_body(index, links)) is not None]

@@ -8,7 +8,7 @@ import casadi as ca
 from flexlin.checks import instance
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.body import Body, Moments
-from flexlin.mechanics.coordinates import Coordinates
+from flexlin.mechanics.coordinates import Symbols, chain_coordinates
 from flexlin.mechanics.effects import Effect, effects_of
 from flexlin.mechanics.effects.base import Chain
 from flexlin.mechanics.frames import Frame
@@ -43,15 +43,16 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
     basis = [basis_of(scene, i) for i in range(len(scene.links))]
     scene = free.placed_in(scene)
     effects = effects_of(scene.effects)
-    modes, free_motors = [link.modes for link in scene.links], any(effect.frees_motors() for effect in effects)
-    at, rate = (Coordinates.named(modes, free_motors, mark) for mark in ("", "d_"))
+    free_motors = any(effect.frees_motors for effect in effects)
+    units = ["m" if link.joint == "prismatic" else "rad" for link in scene.links]
+    coordinates = chain_coordinates([link.modes for link in scene.links], units, free_motors)
+    at, rate = (Symbols.of(coordinates, len(scene.links), mark) for mark in ("", "d_"))
     arm = _equations(_chain(scene.links, effects, basis, at, rate), effects, at, rate, free)
+    arm = replace(arm, coordinates=coordinates)
     return _with_free_motors(arm) if free_motors else arm
 
 
-def _equations(
-    chain: Chain, effects: tuple[Effect, ...], at: Coordinates, rate: Coordinates, free: Parameters
-) -> Manipulator:
+def _equations(chain: Chain, effects: tuple[Effect, ...], at: Symbols, rate: Symbols, free: Parameters) -> Manipulator:
     """Lagrange's equations of the chain; the motors drive, and their encoders read, what the chain says their angles are."""
     T, V, R = _energies(chain, effects)
     measured = ca.jacobian(chain.motor, at.all)
@@ -65,7 +66,6 @@ def _equations(
         resistance=_resistance(chain, effects, at.all),
         B=ca.densify(measured.T @ ca.diag(gains)),
         joints=range(len(chain.joints)),
-        names=at.names,
         parameters=free,
         points=ca.horzcat(*[frame.position for frame in (*chain.joints, chain.tips[-1])]),
         check=False,
@@ -97,8 +97,8 @@ def _chain(
     tables: tuple[Link, ...],
     effects: tuple[Effect, ...],
     basis: list[Basis],
-    at: Coordinates,
-    rate: Coordinates,
+    at: Symbols,
+    rate: Symbols,
 ) -> Chain:
     """Carry a frame from the base over joints and links to the tip."""
     frame, joints, links, tips = Frame.fixed(), [], [], []

@@ -44,7 +44,7 @@ def side_by_side(first: Manipulator, second: Manipulator, names: tuple[str, str]
         B=diagonal("B"),
         reference=diagonal("reference"),
         drives=(*first.drives, *(i + shift for i in second.drives)),
-        names=tuple(f"{name} {s}" for name, arm in zip(names, arms, strict=True) for s in arm.names),
+        coordinates=tuple(c.within(name) for name, arm in zip(names, arms, strict=True) for c in arm.coordinates),
         energy=first.energy + second.energy,
         points=ca.horzcat(points[:, ::-1], first.points),
         coriolis=diagonal("C"),
@@ -101,7 +101,7 @@ def close_loop(
         s_ddot=u_ddot,
         reference=ca.DM.eye(u.numel())[:, : len(motors)],
         drives=tuple(range(len(motors))),
-        names=tuple(arm.names[i] for i in independent),
+        coordinates=tuple(arm.coordinates[i] for i in independent),
         measured=None,
         **{name: ca.densify(value) for name, value in zip(parts, reduced, strict=True)},
     )

@@ -1,44 +1,71 @@
-"""The coordinates of a chain: joints, elastic ones link by link, motors."""
+"""The coordinates of a manipulator: what each one is, and the symbols of a chain's, joints first, then modes, then motors."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import casadi as ca
 
+Kind = Literal["joint", "elastic", "motor"]
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """What one coordinate is.
+
+    kind: a joint's displacement, an elastic one, or that of a motor behind a flexible joint; symbol: its own name, such as q1 or w12;
+    unit: rad or m; link: number of its link or joint from 0, None where the model has no links; mode: number from 0 of the link's mode;
+    part: the arm it belongs to, where several make one manipulator.
+    """
+
+    kind: Kind
+    symbol: str
+    unit: str
+    link: int | None = None
+    mode: int | None = None
+    part: str = ""
+
+    @property
+    def name(self) -> str:
+        """The symbol behind the part, such as `left w11`."""
+        return f"{self.part} {self.symbol}" if self.part else self.symbol
+
+    def within(self, part: str) -> "Coordinate":
+        """The same coordinate as one of a part of something larger."""
+        return replace(self, part=f"{part} {self.part}" if self.part else part)
+
+
+def chain_coordinates(modes: Sequence[int], units: Sequence[str], free_motors: bool) -> tuple[Coordinate, ...]:
+    """Describe the coordinates of a chain whose links have these numbers of modes and whose joints are measured in these units."""
+    joints = [Coordinate("joint", f"q{i + 1}", unit, i) for i, unit in enumerate(units)]
+    elastic = [
+        Coordinate("elastic", f"w{i + 1}{'' if count < 10 else '_'}{k + 1}", "m", i, k)
+        for i, count in enumerate(modes)
+        for k in range(count)
+    ]
+    motors = [Coordinate("motor", f"theta{i + 1}", unit, i) for i, unit in enumerate(units)] if free_motors else []
+    return (*joints, *elastic, *motors)
+
 
 @dataclass(frozen=True, eq=False)
-class Coordinates:
-    """Named symbols s = [q; w; theta]: q of each joint, w of each link's modes, theta of free motors."""
+class Symbols:
+    """The symbols s = [q; w; theta] of a chain: q of each joint, w of each link's modes, theta of free motors."""
 
     q: ca.SX
     modes: tuple[ca.SX, ...]
     motors: ca.SX
 
     @classmethod
-    def named(cls, modes: Sequence[int], free_motors: bool, mark: str = "") -> "Coordinates":
-        """Make the symbols for links with these numbers of modes; `mark` goes before each name."""
-        joints = range(1, len(modes) + 1)
-        return cls(
-            q=_symbols(f"{mark}q{i}" for i in joints),
-            modes=tuple(_of_link(f"{mark}w{i}", n) for i, n in zip(joints, modes, strict=True)),
-            motors=_symbols(f"{mark}theta{i}" for i in joints) if free_motors else ca.SX(0, 1),
-        )
+    def of(cls, coordinates: Sequence[Coordinate], links: int, mark: str = "") -> "Symbols":
+        """Make a symbol for each coordinate; `mark` goes before each name."""
+
+        def column(kind: Kind, link: int | None = None) -> ca.SX:
+            chosen = [c for c in coordinates if c.kind == kind and link in (None, c.link)]
+            return ca.vertcat(ca.SX(0, 1), *[ca.SX.sym(mark + c.symbol) for c in chosen])
+
+        return cls(column("joint"), tuple(column("elastic", i) for i in range(links)), column("motor"))
 
     @property
     def all(self) -> ca.SX:
         """s, (n, 1)."""
         return ca.vertcat(self.q, *self.modes, self.motors)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The names of s."""
-        return tuple(symbol.name() for symbol in ca.vertsplit(self.all)) if self.all.numel() else ()
-
-
-def _of_link(name: str, count: int) -> ca.SX:
-    gap = "" if count < 10 else "_"
-    return _symbols(f"{name}{gap}{k + 1}" for k in range(count))
-
-
-def _symbols(names: Iterable[str]) -> ca.SX:
-    return ca.vertcat(ca.SX(0, 1), *[ca.SX.sym(name) for name in names])

@@ -15,8 +15,8 @@ from flexlin.mechanics.beam import (
     shape_integrals,
     tapered,
 )
-from flexlin.mechanics.carried import carried_by, hub_inertia
-from flexlin.mechanics.effects.base import per_joint
+from flexlin.mechanics.carried import bodies_on_joint, carried_by
+from flexlin.mechanics.effects import effects_of
 from flexlin.mechanics.links import Basis
 from flexlin.scene.links import Link
 from flexlin.scene.scene import Scene
@@ -51,12 +51,12 @@ def shapes_of(scene: Scene, index: int) -> Shapes:
 
 def section_of(scene: Scene, index: int) -> Section:
     """The height of a link's sections, relative to its length and bending stiffness, where the scene lets them shear."""
-    link, shear, rotary = scene.links[index], scene.effects.shear, scene.effects.rotary_inertia
-    if shear is None or not link.modes:
+    link, effects = scene.links[index], effects_of(scene.effects)
+    sheared = [stiffness for effect in effects if (stiffness := effect.section_shear(index)) is not None]
+    if not sheared or not link.modes:
         return Section()
-    gyration = per_joint(rotary.radius_of_gyration, index, single="every") / link.length if rotary else 0.0
-    stiffness = per_joint(shear.stiffness, index, single="every")
-    return Section(stiffness * link.length**2 / link.bending_stiffness, gyration)
+    gyration = sum(effect.section_gyration(index) for effect in effects) / link.length
+    return Section(sheared[-1] * link.length**2 / link.bending_stiffness, gyration)
 
 
 def profiles(link: Link) -> tuple[Profile | None, Profile | None]:
@@ -77,7 +77,7 @@ def ends_of(scene: Scene, index: int) -> Ends:
         carried = carried_by(scene, index) if link.carried is None else (link.carried.mass, link.carried.inertia)
         return Ends(mass=carried[0] / mass, inertia=carried[1] / (mass * link.length**2))
     if link.mode_shapes == "pinned-hub":
-        inertia = hub_inertia(scene, index)
+        inertia = float(sum(body.inertia for body in bodies_on_joint(scene, index)))
         if not inertia:
             raise ArgumentError(
                 f"links.{index} has pinned-hub shapes but no hub",

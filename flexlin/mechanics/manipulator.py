@@ -8,6 +8,8 @@ from typing import Any
 import casadi as ca
 
 from flexlin.errors import ModelError
+from flexlin.expressions import Expressions
+from flexlin.mechanics.coordinates import Coordinate
 from flexlin.mechanics.coriolis import coriolis_matrix
 from flexlin.mechanics.parameters import Parameters
 from flexlin.mechanics.validation import need_quadratic, validate
@@ -33,7 +35,7 @@ class NamedFunctions(Mapping[str, ca.Function]):
 
 
 @dataclass(frozen=True, eq=False)
-class Manipulator:
+class Manipulator(Expressions):
     """A manipulator as CasADi expressions of its coordinates s and rates s_dot.
 
         M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau
@@ -41,7 +43,7 @@ class Manipulator:
     Fields: s, s_dot: (n, 1) symbols (rad, m); residual: (n, 1) left side with s_ddot; B: (n, m) input matrix;
     reference: (n, joints) constant matrix, the rigid motion is s_R = reference q; drives: the coordinate that each joint's motor moves;
     measured: (joints, n) what each motor's encoder reads of s, None: the coordinates in drives;
-    names: of the coordinates; parameters: free scene parameters; points: (2, k) world positions from the base to the tip, in m.
+    coordinates: what each one is; parameters: free scene parameters; points: (2, k) world positions from the base to the tip, in m.
     """
 
     s: ca.SX
@@ -54,7 +56,7 @@ class Manipulator:
     B: ca.SX
     reference: ca.DM
     drives: tuple[int, ...]
-    names: tuple[str, ...]
+    coordinates: tuple[Coordinate, ...]
     parameters: Parameters = field(default_factory=Parameters)
     energy: ca.SX | None = None
     points: ca.SX | None = None
@@ -65,6 +67,11 @@ class Manipulator:
     def n(self) -> int:
         """The number of coordinates."""
         return int(self.s.numel())
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the coordinates."""
+        return tuple(coordinate.name for coordinate in self.coordinates)
 
     @property
     def joints(self) -> int:
@@ -207,13 +214,20 @@ class Manipulator:
 
 
 def _driving(n: int, B: ca.SX, joints: Sequence[int] | None, names: Sequence[str] | None) -> dict[str, Any]:
-    """Inputs, names, and the coordinates that follow the basic motion: those given, or those that some input moves."""
+    """Inputs, and the coordinates that follow the basic motion: those given, or those that some input moves; the others are elastic."""
     moved = [i for i in range(n) if not ca.SX(B[i, :]).is_zero()] if joints is None else list(joints)
+    symbols = tuple(names or (f"s{i + 1}" for i in range(n)))
+    if len(symbols) != n:
+        raise ModelError("names do not fit the coordinates", got=f"{len(symbols)} names", expected=f"{n}")
+    coordinates = tuple(
+        Coordinate("joint", symbol, "rad", moved.index(i)) if i in moved else Coordinate("elastic", symbol, "m")
+        for i, symbol in enumerate(symbols)
+    )
     return {
         "B": ca.SX(B),
         "reference": ca.DM.eye(n)[:, moved],
         "drives": tuple(moved),
-        "names": tuple(names or (f"s{i + 1}" for i in range(n))),
+        "coordinates": coordinates,
     }
 
 

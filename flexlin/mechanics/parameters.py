@@ -10,13 +10,14 @@ from pydantic import BaseModel
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
+from flexlin.expressions import Expressions
 from flexlin.scene.parameters import get_value, replace_value
 
 AnyTable = TypeVar("AnyTable", bound=BaseModel)
 
 
 @dataclass(frozen=True, eq=False)
-class Parameters:
+class Parameters(Expressions):
     """The free parameters of a manipulator, p of shape (n_p, 1)."""
 
     paths: tuple[str, ...] = ()

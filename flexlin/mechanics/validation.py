@@ -1,6 +1,6 @@
 """Does a model obey mechanics? Checked numerically at a few states; each error names the entry that is wrong."""
 
-from typing import Any
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -8,13 +8,42 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import ModelError
 from flexlin.mechanics.coriolis import coriolis_matrix
+from flexlin.mechanics.parameters import Parameters
 
-# A Manipulator is meant by `arm`; importing its type would tie the two files in a circle.
 TOLERANCE = 1e-8
 """Relative size of a contradiction that rounding explains."""
 
 
-def validate(arm: Any, states: int = 4, seed: int = 0) -> None:
+class Equations(Protocol):
+    """The parts of a manipulator that mechanics has a law for."""
+
+    @property
+    def n(self) -> int: ...
+    @property
+    def s(self) -> ca.SX: ...
+    @property
+    def s_dot(self) -> ca.SX: ...
+    @property
+    def M(self) -> ca.SX: ...
+    @property
+    def C(self) -> ca.SX: ...
+    @property
+    def g(self) -> ca.SX: ...
+    @property
+    def damping(self) -> ca.SX: ...
+    @property
+    def B(self) -> ca.SX: ...
+    @property
+    def coriolis(self) -> ca.SX | None: ...
+    @property
+    def drives(self) -> tuple[int, ...]: ...
+    @property
+    def names(self) -> tuple[str, ...]: ...
+    @property
+    def parameters(self) -> Parameters: ...
+
+
+def validate(arm: Equations, states: int = 4, seed: int = 0) -> None:
     """Check a manipulator's equations against the laws they must obey.
 
         M = M^T > 0,   C(s, s') s' = Christoffel forces of M  (so that s'^T (M' - 2 C) s' = 0),   dg/ds = (dg/ds)^T,
@@ -40,7 +69,7 @@ def validate(arm: Any, states: int = 4, seed: int = 0) -> None:
             _need_christoffel(arm, inputs, where)
 
 
-def need_quadratic(T: ca.SX, s: ca.SX, s_dot: ca.SX, parameters: Any) -> None:
+def need_quadratic(T: ca.SX, s: ca.SX, s_dot: ca.SX, parameters: Parameters) -> None:
     """Check that a kinetic energy has no part that is free of the rates or linear in them.
 
     Raises: ModelError naming the rate, or the whole energy.
@@ -61,7 +90,7 @@ def need_quadratic(T: ca.SX, s: ca.SX, s_dot: ca.SX, parameters: Any) -> None:
         )
 
 
-def _states(arm: Any, count: int, seed: int) -> list[tuple[Array, Array]]:
+def _states(arm: Equations, count: int, seed: int) -> list[tuple[Array, Array]]:
     """Rest, and random states."""
     rng = np.random.default_rng(seed)
     scale = np.where(np.isin(np.arange(arm.n), arm.drives), 1.0, 0.01)
@@ -74,7 +103,7 @@ def _value(expression: ca.SX, inputs: list[tuple[ca.SX, Array]]) -> Array:
     return np.array(function(*[number for _, number in inputs]))
 
 
-def _need_independence(arm: Any) -> None:
+def _need_independence(arm: Equations) -> None:
     for name, expression in (("M", arm.M), ("g", arm.g)):
         if ca.depends_on(expression, arm.s_dot):
             entry = next(i for i in range(expression.numel()) if ca.depends_on(ca.vec(expression)[i], arm.s_dot))
@@ -115,7 +144,7 @@ def _need_positive(M: Array, names: tuple[str, ...], where: str) -> None:
         )
 
 
-def _need_christoffel(arm: Any, inputs: list[tuple[ca.SX, Array]], where: str) -> None:
+def _need_christoffel(arm: Equations, inputs: list[tuple[ca.SX, Array]], where: str) -> None:
     """Compare C s' with the forces that M implies, product of rates by product of rates."""
     expected = coriolis_matrix(arm.M, arm.s, arm.s_dot) @ arm.s_dot
     products = [

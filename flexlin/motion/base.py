@@ -9,6 +9,7 @@ import numpy as np
 
 from flexlin import symbolic
 from flexlin.checks import Array
+from flexlin.expressions import Expressions
 from flexlin.mechanics.parameters import Parameters
 
 Angles = tuple[Array, Array, Array]
@@ -35,7 +36,7 @@ class Motion:
 
 
 @dataclass(frozen=True, eq=False)
-class SymbolicMotion(Motion):
+class SymbolicMotion(Expressions, Motion):
     """A motion given as CasADi expression of the phase and of free parameters.
 
     `angles` (joints, 1) of `phase`; `duration` is the period as expression; `parameters` are its free symbols.

@@ -1,6 +1,7 @@
 """Basic motions of closed loops: the joints follow when other coordinates, such as a tip's position, are led along a path."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -8,6 +9,19 @@ from flexlin.checks import Array
 from flexlin.errors import MotionError
 from flexlin.motion.base import Angles, Motion, SampledMotion
 from flexlin.series import ImplicitMap
+
+
+@dataclass(frozen=True, eq=False)
+class LoopAngles:
+    """q, q', q'' of some dependent coordinates while the independent ones follow a path."""
+
+    loop: ImplicitMap
+    path: Motion
+    joints: tuple[int, ...]
+
+    def __call__(self, t: Array) -> Angles:
+        q, q1, q2 = (values[:, list(self.joints)] for values in self.loop.rates(*self.path.sample(t)))
+        return q, q1, q2
 
 
 def through_loop(c: ImplicitMap, path: Motion, joints: Sequence[int], prescribed: Sequence[bool] = ()) -> SampledMotion:
@@ -28,11 +42,7 @@ def through_loop(c: ImplicitMap, path: Motion, joints: Sequence[int], prescribed
             got=f"{path.joints} coordinates, joints {list(joints)}",
             expected=f"{len(c.u0)} coordinates, joints below {len(c.v0)}",
         )
-
-    def sample(t: Array) -> Angles:
-        q, q1, q2 = (values[:, list(joints)] for values in c.rates(*path.sample(t)))
-        return q, q1, q2
-
+    sample = LoopAngles(c, path, tuple(joints))
     drives = tuple(prescribed) or (False,) * len(joints)
     sample(np.linspace(0, path.period, 33))
     return SampledMotion(len(joints), path.period, drives, path.breaks, path.periodic, sampler=sample)

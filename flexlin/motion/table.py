@@ -1,18 +1,37 @@
 """Motions read from a table of samples, joined by a periodic quintic spline."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import MotionError
+from flexlin.files import read_text
 from flexlin.motion.base import Angles, SampledMotion
 from flexlin.periodic.circle import count_turns
 from flexlin.scene.motion import TableMotion
+from flexlin.text import printable
 
 FEWEST_ROWS = 7
+LARGEST_FILE = 2**26
+"""Bytes of a table."""
 CLOSURE = 1e-6
 """The last row must repeat the first to this share of the joint's range (whole turns apart)."""
+
+
+@dataclass(frozen=True, eq=False)
+class SplineAngles:
+    """q, q', q'' of a periodic spline with a steady advance (rad/s) on top."""
+
+    spline: Callable[..., Array]
+    drift: Array
+    period: float
+
+    def __call__(self, t: Array) -> Angles:
+        inside, spline = t % self.period, self.spline
+        return spline(inside) + np.outer(inside, self.drift), spline(inside, 1) + self.drift, spline(inside, 2)
 
 
 def table_motion(table: TableMotion, joints: int, prescribed: tuple[bool, ...]) -> SampledMotion:
@@ -31,21 +50,19 @@ def table_motion(table: TableMotion, joints: int, prescribed: tuple[bool, ...]) 
     residual = q - np.outer(t - t[0], drift)
     residual[-1] = residual[0]
     spline = make_interp_spline(t - t[0], residual, k=5, bc_type="periodic")
-
-    def sample(times: Array) -> Angles:
-        inside = times % period
-        return spline(inside) + np.outer(inside, drift), spline(inside, 1) + drift, spline(inside, 2)
-
-    return SampledMotion(joints, period, prescribed, sampler=sample)
+    return SampledMotion(joints, period, prescribed, sampler=SplineAngles(spline, drift, period))
 
 
 def _read(path: Path, joints: int) -> tuple[Array, Array]:
     """Times (N,) and angles (N, joints) of a CSV file with or without a line of names."""
+    name = printable(path)
     try:
-        lines = [line for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
-    except (OSError, UnicodeDecodeError) as error:
+        lines = [line for line in read_text(path, LARGEST_FILE).splitlines() if line.strip()]
+    except (OSError, ValueError) as error:
         raise MotionError(
-            f"motion.file: the table {path} cannot be read", got=str(error), expected="a CSV file of t, q1, q2 ..."
+            f"motion.file: the table {name} cannot be read",
+            got=printable(error),
+            expected="a CSV file of t, q1, q2 ...",
         ) from None
     rows = []
     for number, line in enumerate(lines, start=1):
@@ -54,25 +71,25 @@ def _read(path: Path, joints: int) -> tuple[Array, Array]:
         except ValueError:
             if number > 1:
                 raise MotionError(
-                    f"motion.file: {path}, row {number} is not numeric",
+                    f"motion.file: {name}, row {number} is not numeric",
                     got=repr(line[:60]),
                     expected="numbers parted by commas",
                 ) from None
     widths = {len(row) for row in rows}
     if len(rows) < FEWEST_ROWS or widths != {joints + 1}:
         raise MotionError(
-            f"motion.file: {path} has the wrong shape",
+            f"motion.file: {name} has the wrong shape",
             got=f"{len(rows)} rows of {sorted(widths)} columns",
             expected=f"{FEWEST_ROWS} rows or more of {joints + 1} columns (t and one angle a joint)",
         )
     data = np.array(rows)
     if not np.all(np.isfinite(data)):
         raise MotionError(
-            f"motion.file: {path} holds a number that is not finite", got="nan or inf", expected="finite numbers"
+            f"motion.file: {name} holds a number that is not finite", got="nan or inf", expected="finite numbers"
         )
     if not np.all(np.diff(data[:, 0]) > 0):
         raise MotionError(
-            f"motion.file: the times in {path} do not increase", got=f"row {int(np.argmin(np.diff(data[:, 0]))) + 2}"
+            f"motion.file: the times in {name} do not increase", got=f"row {int(np.argmin(np.diff(data[:, 0]))) + 2}"
         )
     return data[:, 0], data[:, 1:]
 

@@ -1,0 +1,1 @@
+"""What an analysis becomes: pages, pictures, JSON, netCDF, text in the terminal."""

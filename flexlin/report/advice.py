@@ -26,7 +26,7 @@ def about_verdict(a: Analysis) -> list[str]:
     """What the verdict on the own loop asks for."""
     if a.own.verdict == "undecided":
         return [
-            "The growth rate cannot be told from zero, as of a mode that is free or undamped: "
+            "The growth rate cannot be distinguished from zero, as for a mode that is free or undamped: "
             "add feedback or damping, or treat the motion as marginal."
         ]
     if a.own.verdict == "stable":
@@ -47,15 +47,15 @@ def about_cause(a: Analysis) -> list[str]:
         for r in a.resonances
         if r.kind != "average" and r.detuning < NEAR * 2 * np.pi * base and min(r.frequencies) > 0
     ]
-    told = []
+    advice = []
     for resonance in clear:
         high, low = (f"{w / (2 * np.pi):.4g}" for w in resonance.frequencies)
         rule = {"principal": f"2 × {high}", "sum": f"{high} + {low}", "difference": f"{high} − {low}"}[resonance.kind]
-        told.append(
+        advice.append(
             f"Behind it is a parametric resonance: {rule} Hz of the averaged arm is near {resonance.order} × {base:.4g} Hz of the motion. "
             "Move the motion's frequency or the natural frequencies apart, or add damping."
         )
-    return told
+    return advice
 
 
 def about_elastic_motion(a: Analysis) -> list[str]:

@@ -7,17 +7,49 @@ from pathlib import Path
 from flexlin.about.linear import Linearization
 from flexlin.answers.analysis import Loop
 from flexlin.control import gain_source, linearization_source, save
+from flexlin.errors import InputError
 from flexlin.files import replacing, replacing_folder
 from flexlin.motion import SymbolicMotion
 
 FORMATS = (".npz", ".mat", ".nc")
+LONGEST = 60
+"""Characters of a design's name that its folder keeps."""
+
+
+def folder_of(name: str, position: int) -> str:
+    """Return the folder of a design's C source: its name in small Latin letters and digits, else its number among the designs."""
+    words = re.sub(r"[^a-z0-9]+", "-", name.lower())[:LONGEST].strip("-")
+    readable = words and (name.isascii() or re.search("[a-z]", words))
+    return f"c-{words if readable else f'design-{position}'}"
+
+
+def design_folders(names: Sequence[str]) -> dict[str, str]:
+    """Return the folder of each design by its name.
+
+    Parameters: names: of all designs of a scene, in their order (a design that failed keeps its number).
+    Raises: InputError when two names lead to one folder, where the second gain would replace the first.
+    """
+    owners: dict[str, str] = {}
+    for position, name in enumerate(names, start=1):
+        folder = folder_of(name, position)
+        if folder in owners:
+            raise InputError(
+                "two designs would be written into one folder",
+                got=f"{owners[folder]!r} and {name!r}, both {folder}",
+                expected="names that differ in letters or digits",
+                todo="rename one of them",
+            )
+        owners[folder] = name
+    return {name: folder for folder, name in owners.items()}
 
 
 def export_all(plant: Linearization, loops: Sequence[Loop], folder: Path, points: int) -> list[Path]:
     """Write A(t), B(t) and the gains over a period in every format, and C source of coefficients and gains.
 
     Each design has its C source in a folder named after it; a motion that is given by numbers has no C source of its coefficients.
+    Raises: InputError as `design_folders`, before anything is written.
     """
+    folders = design_folders([loop.name for loop in loops])
     system, designs = plant.periodic_system(), tuple(loop.design for loop in loops if loop.design is not None)
     paths = [folder / f"system{ending}" for ending in FORMATS]
     for path in paths:
@@ -28,7 +60,7 @@ def export_all(plant: Linearization, loops: Sequence[Loop], folder: Path, points
             linearization_source(plant, temporary)
         paths.append(folder / "c")
     for made in designs:
-        target = folder / f"c-{re.sub(r'[^A-Za-z0-9]+', '-', made.name).strip('-').lower()}"
+        target = folder / folders[made.name]
         with replacing_folder(target) as temporary:
             gain_source(made, plant.period, temporary)
         paths.append(target)

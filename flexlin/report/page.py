@@ -26,7 +26,7 @@ def page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture], comm
         exponents=[exponent_rows(loop) for loop in analysis.loops if loop.floquet is not None],
         pictures=pictures,
         constants=constants(analysis),
-        parameters=leaves({key: value for key, value in data["scene"].items() if key not in ("title", "source")}),
+        parameters=went_in(data["scene"], data["effects"]["units"]),
         effects=data["effects"],
         versions=data["versions"],
         command=command,
@@ -119,6 +119,13 @@ def constants(a: Analysis) -> list[tuple[str, str, str]]:
                     )
                 )
     return found
+
+
+def went_in(scene: dict[str, Any], units: dict[str, dict[str, str]]) -> list[tuple[str, str, str]]:
+    """Every value of the scene by its dotted path, with the unit where an effect states one."""
+    stated = {f"effects.{name}.{key}": unit for name, keys in units.items() for key, unit in keys.items()}
+    found = leaves({key: value for key, value in scene.items() if key not in ("title", "source")})
+    return [(path, value, stated.get(path, "")) for path, value in found]
 
 
 def leaves(node: Any, path: str = "") -> list[tuple[str, str]]:

@@ -12,13 +12,14 @@ import flexlin
 from flexlin.answers.analysis import Analysis, Loop
 from flexlin.answers.audit import Audit
 from flexlin.checks import Array
+from flexlin.scene.effects import known_effects
 from flexlin.scene.scene import Scene
 
 if TYPE_CHECKING:
     import xarray
 
 SCHEMA = 1
-PACKAGES = ("casadi", "control", "matplotlib", "numpy", "pydantic", "scipy")
+PACKAGES = ("casadi", "control", "numpy", "pydantic", "scipy")
 
 
 def record(analysis: Analysis) -> dict[str, Any]:
@@ -57,10 +58,15 @@ def to_json(data: dict[str, Any]) -> str:
     return json.dumps(data, allow_nan=False, ensure_ascii=False, indent=1) + "\n"
 
 
-def effects(scene: Scene) -> dict[str, list[str]]:
-    """Which effects are on, and which are off."""
-    on = [name for name in type(scene.effects).model_fields if getattr(scene.effects, name) is not None]
-    return {"on": on, "off": [name for name in type(scene.effects).model_fields if name not in on]}
+def effects(scene: Scene) -> dict[str, Any]:
+    """Which effects are on, and which are off; what those that are on mean, and the units of their figures."""
+    on = scene.effects.on()
+    return {
+        "on": list(on),
+        "off": [name for name in known_effects() if name not in on],
+        "meaning": {name: effect.summary() for name, effect in on.items()},
+        "units": {name: effect.units() for name, effect in on.items()},
+    }
 
 
 def loop_block(loop: Loop) -> dict[str, Any]:
@@ -122,6 +128,8 @@ def simulation_block(analysis: Analysis) -> dict[str, Any]:
         "largest_tip_difference": number(simulation.difference),
         "largest_tip_error": number(simulation.tip_error),
         "error": number(simulation.error),
+        "linear_error": number(simulation.linear_error),
+        "largest_tip_difference_error": number(simulation.difference_error),
         "status": simulation.status,
     }
 

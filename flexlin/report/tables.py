@@ -8,6 +8,7 @@ import xarray
 
 import flexlin
 from flexlin.about.linear import Linearization
+from flexlin.checks import check_size
 from flexlin.control import Design
 from flexlin.files import replacing
 from flexlin.scene.scene import Scene
@@ -28,6 +29,7 @@ EQUATION = "M y'' + D y' + K y = h + B u, deviations y from the rigid motion; jo
 
 def coefficients_dataset(scene: Scene, plant: Linearization, closed: Linearization, points: int) -> xarray.Dataset:
     """The coefficients at `points` equally spaced times of a period, without and with the scene's own loop."""
+    check_points(points, 6 * plant.n * (plant.n + 1))
     t = plant.period * np.arange(points) / points
     free, loop = plant.sample(t), closed.sample(t)
     matrix, vector = ("time", "row", "column"), ("time", "row")
@@ -52,6 +54,7 @@ def coefficients_dataset(scene: Scene, plant: Linearization, closed: Linearizati
 
 def gains_dataset(scene: Scene, plant: Linearization, designs: list[Design], points: int) -> xarray.Dataset:
     """The gains K(t) of designed controllers at `points` equally spaced times of a period."""
+    check_points(points, 2 * len(designs) * plant.n * max(1, len(plant.inputs)))
     t = plant.period * np.arange(points) / points
     states = [*plant.names, *[f"{name}_rate" for name in plant.names]]
     gains = np.stack([design.K(t) for design in designs])
@@ -61,6 +64,11 @@ def gains_dataset(scene: Scene, plant: Linearization, designs: list[Design], poi
     )
     data["K"].attrs["long_name"] = "feedback gain"
     return described(data, scene, plant.period, "u = -K(t) [y; y'], beside the feedforward torque of the rigid motion")
+
+
+def check_points(points: int, numbers: int) -> None:
+    """Refuse a table of too many times, each with so many numbers."""
+    check_size(f"a table of {points} times", 8 * points * (numbers + 2), "ask for fewer --points")
 
 
 def described(data: xarray.Dataset, scene: Scene, period: float, equation: str) -> xarray.Dataset:

@@ -5,7 +5,7 @@ import sys
 from flexlin.answers.analysis import Analysis, Loop
 from flexlin.answers.audit import Audit, Row
 from flexlin.report.advice import next_steps
-from flexlin.report.wording import pace, quantity, rate
+from flexlin.report.wording import figures, pace, quantity, rate
 
 COLOURS = {"stable": "green", "unstable": "red", "undecided": "yellow", "failed": "red"}
 
@@ -39,7 +39,12 @@ def audit_lines(audit: Audit) -> list[str]:
         (*audit.effects, *audit.modes),
         key=lambda row: -row.significance if row.significance == row.significance else 1.0,
     )
-    return [head, *[audit_line(row) for row in rows]]
+    tried = [f"  {row.subject}: {figures(row.table, row.units)}" for row in rows if row.kind == "effect" and not row.on]
+    return [
+        head,
+        *[audit_line(row) for row in rows],
+        *(["effects that are off were tried with", *tried] if tried else []),
+    ]
 
 
 def audit_line(row: Row) -> str:
@@ -53,6 +58,6 @@ def audit_line(row: Row) -> str:
 
 def loop_line(loop: Loop, period: float) -> str:
     """One loop in one line."""
-    told = pace(loop, period)
+    speed = pace(loop, period)
     figure = "" if loop.verdict in ("undecided", "failed") else f", {rate(*loop.growth)}"
-    return f"  {loop.name:<20} {loop.verdict:<10} {told}{figure}"
+    return f"  {loop.name:<20} {loop.verdict:<10} {speed}{figure}"

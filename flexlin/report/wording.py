@@ -1,13 +1,13 @@
 """How numbers and verdicts are said, the same on the terminal and on the page."""
 
 import math
-import re
+from typing import Any
 
 import numpy as np
 
-from flexlin.answers.analysis import Analysis, Loop, is_elastic
+from flexlin.answers.analysis import Analysis, Loop
 from flexlin.checks import Array
-from flexlin.scene.scene import Scene
+from flexlin.mechanics.effects import effects_of
 from flexlin.svg.scales import SUPERSCRIPTS
 
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
@@ -37,26 +37,22 @@ def prefix_power(value: float) -> int:
     return min(max(3 * math.floor(math.log10(abs(value)) / 3), min(PREFIXES)), max(PREFIXES))
 
 
-def joint_unit(scene: Scene, joint: int) -> str:
-    """rad, or m for a prismatic joint."""
-    prismatic = joint < len(scene.links) and scene.links[joint].joint == "prismatic"
-    return "m" if prismatic else "rad"
+def joint_unit(analysis: Analysis, joint: int) -> str:
+    """rad, or m for a joint that slides."""
+    return analysis.arm.coordinates[analysis.arm.drives[joint]].unit
 
 
 def coordinate_unit(analysis: Analysis, index: int) -> str:
-    """The unit of a coordinate of the linear equations: elastic ones are in m, joints and motors in their joint's unit."""
-    name = analysis.plant.names[index]
-    if is_elastic(name):
-        return "m"
-    joint = re.fullmatch(r"(?:q|theta)(\d+)", name)
-    return joint_unit(analysis.scene, int(joint.group(1)) - 1) if joint else "rad"
+    """The unit of a coordinate of the linear equations."""
+    return analysis.plant.coordinates[index].unit
 
 
 def input_unit(analysis: Analysis, index: int) -> str:
-    """The unit of an input: V behind a motor, else the force of its joint."""
-    if analysis.scene.effects.motor is not None:
-        return "V"
-    return "N" if joint_unit(analysis.scene, analysis.plant.driven[index]) == "m" else "N m"
+    """The unit of an input: what an effect makes of it, such as V behind a motor, else the force of its joint."""
+    units = [unit for effect in effects_of(analysis.scene.effects) if (unit := effect.input_unit) is not None]
+    if units:
+        return units[-1]
+    return "N" if joint_unit(analysis, analysis.plant.driven[index]) == "m" else "N m"
 
 
 def input_units(analysis: Analysis) -> str:
@@ -81,6 +77,17 @@ def power(value: float) -> str:
         return f"{value:g}"
     digit, _, exponent = f"{value:.0e}".partition("e")
     return f"{digit}×10{str(int(exponent)).translate(SUPERSCRIPTS)}"
+
+
+def figures(table: dict[str, Any], units: dict[str, str]) -> str:
+    """The figures of an effect with their units: mass 0.03 kg, inertia 0 kg m^2."""
+    return ", ".join(f"{key} {listed(value)} {units.get(key, '')}".rstrip() for key, value in table.items()) or "none"
+
+
+def listed(value: Any) -> str:
+    """A number, or the numbers of a list, to four digits."""
+    values = value if isinstance(value, (list, tuple)) else (value,)
+    return ", ".join(f"{v:.4g}" if isinstance(v, float) else str(v) for v in values)
 
 
 def minus(text: str) -> str:

@@ -23,7 +23,7 @@ def write_report(
     """Analyse a scene and write report.html and report.json into a folder, each whole or not at all.
 
     Parameters: command: the command line, which the page shows; progress: called with the name of each step as it begins;
-    with_audit, with_sensitivity: tell which effects and which numbers matter, too (some seconds each).
+    with_audit, with_sensitivity: also find which effects and which numbers matter (some seconds each).
     Returns: the analysis and the paths of the files.
     Raises: what `analyse` raises; OutputError when the folder cannot be written.
     """

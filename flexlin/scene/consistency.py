@@ -4,11 +4,15 @@ from collections.abc import Iterator
 from typing import Any
 
 from flexlin.errors import Problem
+from flexlin.scene.base import MOST
+from flexlin.scene.effects import RawArm, effect_contradictions, known_effects, tables_on
 from flexlin.scene.link_rules import link_contradictions
 
 
 def contradictions(raw: dict[str, Any]) -> list[Problem]:
-    """List where the tables of a raw scene do not fit each other."""
+    """List where the tables of a raw scene do not fit each other; lists too long to be looked at are the schema's to refuse."""
+    if any(isinstance(raw.get(key), list) and len(raw[key]) > MOST for key in ("links", "designs")):
+        return []
     return [*_links(raw), *_joint_counts(raw), *_design_names(raw)]
 
 
@@ -30,10 +34,20 @@ def _links(raw: dict[str, Any]) -> Iterator[Problem]:
         yield Problem(
             f"links.{len(links) - 1}.mass_per_length",
             "0",
-            "a positive number, or a hub or payload that gives the last link inertia",
+            f"a positive number, or an effect that gives the last link inertia ({_bodies()})",
         )
-    effects = raw["effects"] if isinstance(raw.get("effects"), dict) else {}
-    yield from link_contradictions(links, effects, _motion_joints(raw))
+    arm = RawArm(links, _motion_joints(raw))
+    yield from link_contradictions(arm)
+    yield from effect_contradictions(_effects(raw), arm)
+
+
+def _effects(raw: dict[str, Any]) -> dict[str, Any]:
+    return raw["effects"] if isinstance(raw.get("effects"), dict) else {}
+
+
+def _bodies() -> str:
+    """The effects that can give a link inertia."""
+    return " or ".join(name for name, effect in known_effects().items() if effect.inertia_keys)
 
 
 def _motion_joints(raw: dict[str, Any]) -> list[Any]:
@@ -44,12 +58,10 @@ def _motion_joints(raw: dict[str, Any]) -> list[Any]:
 
 def _has_mass(link: dict[str, Any], raw: dict[str, Any]) -> bool:
     """Whether the last link, with what it carries, has inertia; unknown counts as yes."""
-    effects = raw.get("effects")
-    effects = effects if isinstance(effects, dict) else {}
-    carried = [
-        table.get(key) for table in _tables([effects.get("payload"), effects.get("hub")]) for key in ("mass", "inertia")
-    ]
-    return link.get("mass_per_length") != 0 or any(value not in (None, 0) for value in carried)
+    effects = _effects(raw)
+    return link.get("mass_per_length") != 0 or any(
+        effect.gives_inertia(effects[name]) for name, effect in tables_on(effects)
+    )
 
 
 def _joint_counts(raw: dict[str, Any]) -> Iterator[Problem]:
@@ -83,9 +95,9 @@ def _joint_counts(raw: dict[str, Any]) -> Iterator[Problem]:
 
 def _added_coordinates(links: list[dict[str, Any]], raw: dict[str, Any]) -> int:
     """How many coordinates there are beside the driven joints: modes and free motors."""
-    effects = raw["effects"] if isinstance(raw.get("effects"), dict) else {}
     modes = [count for link in links if isinstance(count := link.get("modes", 0), int)]
-    return sum(modes) + (len(links) if "joint_flexibility" in effects else 0)
+    free_motors = any(effect.frees_motors for _, effect in tables_on(_effects(raw)))
+    return sum(modes) + (len(links) if free_motors else 0)
 
 
 def _design_names(raw: dict[str, Any]) -> Iterator[Problem]:

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from flexlin.scene.base import NonNegative, Positive, Table
+from flexlin.scene.base import NonNegative, Positive, Table, Text
 
 
 class Pd(Table):
@@ -42,10 +42,10 @@ class Control(Table):
     about: Literal["rigid", "elastic"] = "rigid"
 
 
-class Design(Table):
+class DesignTable(Table):
     """A controller to be designed; weights are the diagonals of Q (state [y; y']) and R."""
 
-    name: Annotated[str, Field(min_length=1)]
+    name: Annotated[Text, Field(min_length=1, max_length=400)]
     kind: Literal["periodic-lqr", "frozen-lqr", "averaged-lqr", "finite-horizon-lqr"]
     state_weight: tuple[NonNegative, ...]
     input_weight: tuple[Positive, ...]

@@ -1,134 +1,130 @@
-"""The tables of the effects: an effect is on when its table is present, off when it is not."""
+"""The effects' tables: an effect is on when its table is present, off when it is not.
 
-from collections.abc import Callable
-from typing import Annotated, Any
+Which effects there are is not said here. Each is one file of `flexlin.mechanics.effects`, which registers itself when that package is
+imported; the scene asks this registry, and has the package imported when it first needs to know.
+"""
 
-from pydantic import Field, WrapValidator, create_model
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from typing import Annotated, Any, ClassVar, Literal
 
-from flexlin.scene.base import NonNegative, Number, Positive, Table
+from pydantic import Field, SerializeAsAny, WrapValidator, create_model
 
-PerLink = NonNegative | tuple[NonNegative, ...]
-AllPositive = Positive | Annotated[tuple[Positive, ...], Field(min_length=1)]
+from flexlin.errors import Problem
+from flexlin.scene.base import Table
 
-
-class Gravity(Table):
-    """Gravity in the plane of motion, along -y."""
-
-    acceleration: Number = 9.81
-
-
-class Payload(Table):
-    """A rigid body at the tip of the last link, or one a link; its centre lies `offset` beyond the tip, its inertia is about its centre."""
-
-    mass: PerLink
-    inertia: PerLink = 0.0
-    offset: Number | tuple[Number, ...] = 0.0
+SHIPPED = "flexlin.mechanics.effects"
+"""Importing this registers the shipped effects."""
+RawTable = dict[str, Any]
 
 
-class Hub(Table):
-    """A rigid body on each joint; a single number stands for the first joint only."""
+@dataclass(frozen=True)
+class RawArm:
+    """The raw tables of the links and of the joints' motion, with which an effect's table must agree."""
 
-    inertia: PerLink = 0.0
-    mass: PerLink = 0.0
-    radius: PerLink = 0.0
-
-
-class GeometricStiffening(Table):
-    """The shortening of a bent link, kept to second order."""
+    links: Sequence[RawTable]
+    joints: Sequence[RawTable]
 
 
-class ModalDamping(Table):
-    """The same damping ratio on every elastic mode, or one ratio a mode of each link."""
+class EffectTable(Table):
+    """The table of an effect, and what a scene must know of the effect beside its keys."""
 
-    ratio: NonNegative | Annotated[tuple[NonNegative, ...], Field(min_length=1)]
+    lists: ClassVar[Literal["each", "first"] | None] = None
+    """What a list in the table holds: one number for each link, one for each of the first links, or something else."""
+    frees_motors: ClassVar[bool] = False
+    """Whether each motor has a coordinate of its own."""
+    inertia_keys: ClassVar[tuple[str, ...]] = ()
+    """Keys any of which, unless it is zero, gives inertia to a link that has none itself."""
 
+    @classmethod
+    def summary(cls) -> str:
+        """What the effect is, in one line."""
+        return (cls.__doc__ or cls.__name__).strip().partition("\n")[0]
 
-class RotaryInertia(Table):
-    """The inertia of the links' sections: radius of gyration sqrt(I/A), one for every link or one a link."""
+    @classmethod
+    def gives_inertia(cls, raw: RawTable) -> bool:
+        """Whether a raw table gives inertia to a link that has none itself; unknown counts as yes."""
+        return any(raw.get(key) not in (None, 0) for key in cls.inertia_keys)
 
-    radius_of_gyration: PerLink
-
-
-class Shear(Table):
-    """Timoshenko's shear: stiffness kappa G A in N, for every link or one a link."""
-
-    stiffness: AllPositive
-
-
-class RayleighDamping(Table):
-    """alpha M + beta K on the elastic coordinates: alpha in 1/s, beta in s."""
-
-    mass_factor: NonNegative = 0.0
-    stiffness_factor: NonNegative = 0.0
-
-
-class KelvinVoigtDamping(Table):
-    """The material's retardation time eta in s, for every link or one a link."""
-
-    retardation_time: PerLink
-
-
-class JointFlexibility(Table):
-    """A spring between each motor and its link, in N m/rad; the motor's inertia on the link side, in kg m^2."""
-
-    stiffness: AllPositive
-    motor_inertia: AllPositive
-
-
-class CoulombFriction(Table):
-    """Sliding torque in N m and the rate in rad/s within which it changes sign, for every joint or one a joint."""
-
-    torque: PerLink
-    rate: AllPositive = 0.01
-
-
-class Motor(Table):
-    """A direct-current motor behind a gear; the input is then its voltage. SI units, for every joint or one a joint."""
-
-    torque_constant: AllPositive
-    resistance: AllPositive
-    gear_ratio: AllPositive = 1.0
-    rotor_inertia: PerLink = 0.0
-
-
-class ViscousFriction(Table):
-    """A torque -c q' on each joint; a single number stands for every joint."""
-
-    coefficient: Positive | tuple[NonNegative, ...]
+    @classmethod
+    def contradictions(cls, raw: RawTable, arm: RawArm) -> Iterator[Problem]:
+        """List where a raw table does not fit the links or the motion; keys as in the file."""
+        yield from ()
 
 
 class Effects(Table):
-    """The effects that a scene calls for."""
+    """The effects that a scene calls for: an optional table each; `effects_table` holds those that are registered."""
 
-    gravity: Gravity | None = None
-    payload: Payload | None = None
-    hub: Hub | None = None
-    geometric_stiffening: GeometricStiffening | None = None
-    rotary_inertia: RotaryInertia | None = None
-    shear: Shear | None = None
-    modal_damping: ModalDamping | None = None
-    rayleigh_damping: RayleighDamping | None = None
-    kelvin_voigt_damping: KelvinVoigtDamping | None = None
-    joint_flexibility: JointFlexibility | None = None
-    viscous_friction: ViscousFriction | None = None
-    coulomb_friction: CoulombFriction | None = None
-    motor: Motor | None = None
+    def on(self) -> dict[str, EffectTable]:
+        """The effects that are on, by name."""
+        tables = {name: getattr(self, name) for name in type(self).model_fields}
+        return {name: table for name, table in tables.items() if table is not None}
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the tables: the class that holds them is made anew of the effects that are registered there."""
+        return restore_effects, (self.on(), set(self.model_fields_set))
 
 
-_OWN: dict[str, type[Table]] = {}
+_REGISTRY: dict[str, type[EffectTable]] = {}
 
 
-def add_effect_table(name: str, schema: type[Table]) -> None:
-    """Let scenes hold a table [effects.name] of this schema."""
-    _OWN[name] = schema
+def add_effect(name: str, effect: type[EffectTable]) -> None:
+    """Let scenes hold a table [effects.name]."""
+    _REGISTRY[name] = effect
 
 
-def _with_own_tables(value: Any, handler: Callable[[Any], Effects]) -> Effects:
-    """Check the effects against the shipped schemas and those that Python code has added."""
-    if not _OWN or isinstance(value, Effects):
-        return handler(value)
-    fields: dict[str, Any] = {name: (schema | None, None) for name, schema in _OWN.items()}
-    return create_model("Effects", __base__=Effects, **fields).model_validate(value)
+def known_effects() -> dict[str, type[EffectTable]]:
+    """Every effect that a scene may call for, by the name of its table, in the order of reports."""
+    import_module(SHIPPED)
+    return dict(_REGISTRY)
 
 
-AnyEffects = Annotated[Effects, WrapValidator(_with_own_tables)]
+def effects_table() -> type[Effects]:
+    """The table [effects], with a key for every known effect."""
+    return _table_of(tuple(known_effects().items()))
+
+
+@cache
+def _table_of(effects: tuple[tuple[str, type[EffectTable]], ...]) -> type[Effects]:
+    fields: dict[str, Any] = {name: (effect | None, None) for name, effect in effects}
+    return create_model("Effects", __base__=Effects, **fields)
+
+
+def restore_effects(tables: dict[str, EffectTable], given: set[str]) -> Effects:
+    """The table [effects] with checked tables in it."""
+    return effects_table().model_construct(_fields_set=given, **tables)
+
+
+def _of_known_effects(value: Any, handler: Callable[[Any], Effects]) -> Effects:
+    return value if isinstance(value, Effects) else effects_table().model_validate(value)
+
+
+AnyEffects = Annotated[
+    SerializeAsAny[Effects], WrapValidator(_of_known_effects), Field(default_factory=lambda: effects_table()())
+]
+"""A field for the effects of a scene: none is on unless its table is there."""
+
+
+def effect_contradictions(effects: Mapping[str, Any], arm: RawArm) -> Iterator[Problem]:
+    """List what does not fit in the raw tables of the effects."""
+    for name, effect in tables_on(effects):
+        for key, value in effects[name].items():
+            if isinstance(value, list):
+                yield from _list_length(f"effects.{name}.{key}", effect.lists, len(value), len(arm.links))
+        yield from effect.contradictions(effects[name], arm)
+
+
+def tables_on(effects: Mapping[str, Any]) -> Iterator[tuple[str, type[EffectTable]]]:
+    """The known effects of a raw scene that have a table."""
+    for name, effect in known_effects().items():
+        if isinstance(effects.get(name), dict):
+            yield name, effect
+
+
+def _list_length(key: str, lists: str | None, got: int, links: int) -> Iterator[Problem]:
+    if lists == "first" and got > links:
+        yield Problem(key, f"{got} numbers", f"at most {links}, one for each link")
+    if lists == "each" and got != links:
+        yield Problem(key, f"{got} numbers", f"{links}, one for each link, or a single number")

@@ -9,11 +9,17 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from flexlin.errors import Problem, SceneError
+from flexlin.files import read_text
 from flexlin.scene.consistency import contradictions
 from flexlin.scene.library import builtin_scenes
-from flexlin.scene.overrides import apply_overrides
+from flexlin.scene.overrides import SHALLOW, apply_overrides, too_deep
 from flexlin.scene.problems import schema_problems
 from flexlin.scene.scene import Scene
+from flexlin.text import printable
+
+LARGEST_FILE = 2**20
+"""Bytes of a scene file."""
+LONGEST_NAME = 4096
 
 AnyTable = TypeVar("AnyTable", bound=BaseModel)
 
@@ -36,10 +42,12 @@ def parse_scene(
     folder: Path | None = None,
 ) -> Scene:
     """Check raw scene data; relative file names in it are meant from `folder`."""
+    source = printable(source)
+    if too_deep(raw) or too_deep(overrides or {}):
+        raise SceneError(source, [Problem("scene", "tables in tables without end", SHALLOW)])
     data, problems = apply_overrides(dict(raw), overrides or {})
-    motion = data.get("motion")
-    if folder is not None and isinstance(motion, dict) and isinstance(motion.get("file"), str):
-        motion["file"] = str((folder / motion["file"]).resolve())
+    if folder is not None:
+        problems += _find_motion_file(data, folder)
     try:
         scene = Scene.model_validate(data)
     except ValidationError as error:
@@ -70,21 +78,40 @@ def _explains(known: Problem, other: Problem) -> bool:
     return counted and other.key.startswith(("control.", "designs."))
 
 
+def _find_motion_file(data: dict[str, Any], folder: Path) -> list[Problem]:
+    """Make the name of the motion's file absolute."""
+    motion = data.get("motion")
+    if not isinstance(motion, dict) or not isinstance(motion.get("file"), str):
+        return []
+    try:
+        motion["file"] = str((folder / motion["file"]).resolve())
+    except (OSError, ValueError, RuntimeError):  # a null character, a loop of links
+        return [Problem("motion.file", printable(repr(motion["file"])), "the name of a CSV file")]
+    return []
+
+
 def _find(source: str | Path) -> Path:
-    scenes = builtin_scenes()
-    if str(source) in scenes:
-        return scenes[str(source)]
-    path = Path(str(source))
-    if path.is_file():
-        return path
-    close = difflib.get_close_matches(str(source), scenes, n=1)
+    scenes, name = builtin_scenes(), str(source)
+    if name in scenes:
+        return scenes[name]
+    if len(name) > LONGEST_NAME:
+        raise SceneError(printable(name), [Problem("file", f"a name of {len(name)} characters", "the name of a scene")])
+    path = Path(name)
+    try:
+        if path.is_file():
+            return path
+    except OSError:  # part of the name is too long, or its folder may not be searched
+        pass
+    close = difflib.get_close_matches(name, scenes, n=1)
     hint = f"; did you mean {close[0]!r}?" if close else ""
     expected = f"a TOML file, or one of {', '.join(sorted(scenes))}{hint}"
-    raise SceneError(str(source), [Problem("file", "no such file or built-in scene", expected)])
+    raise SceneError(printable(name), [Problem("file", "no such file or built-in scene", expected)])
 
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(read_text(path, LARGEST_FILE))
+    except RecursionError:
+        raise SceneError(printable(path), [Problem("file", "tables in tables without end", SHALLOW)]) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
-        raise SceneError(str(path), [Problem("file", str(error), "a readable TOML file")]) from None
+        raise SceneError(printable(path), [Problem("file", printable(error), "a readable TOML file")]) from None

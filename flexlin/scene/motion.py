@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from flexlin.scene.base import NonNegative, Number, Positive, Table
+from flexlin.scene.base import NonNegative, Number, Positive, Table, Text
 
 Drive = Literal["torque", "prescribed"]
 
@@ -83,7 +83,7 @@ class TableMotion(MotionTable):
     """Samples t, q1, q2 ... over one period in a CSV file, joined by a periodic quintic spline."""
 
     kind: Literal["table"]
-    file: str
+    file: Text
     joints: tuple[Joint, ...] = ()
 
 

@@ -6,8 +6,27 @@ from collections.abc import Mapping
 from typing import Any
 
 from flexlin.errors import ArgumentError, Problem
+from flexlin.text import printable
 
 OFF = "off"
+DEEPEST = 32
+"""Tables and lists in each other; a scene needs five."""
+SHALLOW = f"at most {DEEPEST} tables and lists in each other"
+
+
+def too_deep(raw: Any) -> bool:
+    """Whether raw data hold more than `DEEPEST` tables and lists in each other; looks no further than that."""
+    level = [raw]
+    for _ in range(DEEPEST):
+        inner = (node.values() if isinstance(node, dict) else node for node in level)
+        level = [child for nodes in inner for child in nodes if isinstance(child, (dict, list, tuple))]
+        if not level:
+            return False
+    return True
+
+
+def _too_deep(steps: int) -> tuple[str, str]:
+    return f"a key of {steps} steps", SHALLOW
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
@@ -18,12 +37,18 @@ def parse_assignment(text: str) -> tuple[str, Any]:
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
         raise ArgumentError(
-            "an override cannot be read", got=repr(text), expected="key=value, such as effects.payload.mass=0.3"
+            "an override cannot be read",
+            got=printable(repr(text)),
+            expected="key=value, such as effects.payload.mass=0.3",
         )
     try:
         return key.strip(), tomllib.loads(f"value = {value}")["value"]
     except tomllib.TOMLDecodeError:
         return key.strip(), value.strip()
+    except RecursionError:
+        raise ArgumentError(
+            f"the value of {printable(key)} cannot be read", got="tables in tables without end", expected=SHALLOW
+        ) from None
 
 
 def apply_overrides(raw: dict[str, Any], overrides: Mapping[str, Any]) -> tuple[dict[str, Any], list[Problem]]:
@@ -33,9 +58,10 @@ def apply_overrides(raw: dict[str, Any], overrides: Mapping[str, Any]) -> tuple[
     """
     result, problems = copy.deepcopy(raw), []
     for key, value in overrides.items():
-        problem = _place(result, key.split("."), value)
+        path = key.split(".")
+        problem = _place(result, path, value) if len(path) <= DEEPEST else _too_deep(len(path))
         if problem:
-            problems.append(Problem(key, *problem))
+            problems.append(Problem(printable(key), *problem))
     return result, problems
 
 
@@ -51,7 +77,7 @@ def _place(tree: Any, path: list[str], value: Any) -> tuple[str, str] | None:
         except (ValueError, IndexError):
             return f"index {step!r}", f"a number from 0 to {len(tree) - 1}"
         if not isinstance(tree, (dict, list)):
-            return f"a key below {'.'.join(path[: depth + 1])}, which is {tree!r}", "a key that exists"
+            return f"a key below {'.'.join(path[: depth + 1])}, which is {printable(repr(tree))}", "a key that exists"
     last = path[-1]
     if isinstance(tree, list):
         if not last.isdigit() or int(last) >= len(tree):

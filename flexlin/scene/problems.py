@@ -7,6 +7,8 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 
 from flexlin.errors import Problem
+from flexlin.scene.effects import Effects, effects_table
+from flexlin.text import printable
 
 WORDS = {
     "missing": "a value: this key is required",
@@ -14,6 +16,7 @@ WORDS = {
     "int_type": "a whole number",
     "int_from_float": "a whole number",
     "string_type": "a text",
+    "string_unicode": "a text in UTF-8",
     "tuple_type": "a list",
     "model_type": "a table",
     "model_attributes_type": "a table",
@@ -24,7 +27,7 @@ LONGEST = 60
 
 
 def schema_problems(schema: type[BaseModel], error: ValidationError) -> list[Problem]:
-    """All that pydantic found wrong, one problem a key."""
+    """All that pydantic found wrong, one problem a key; of a list that is no number either, only what is wrong in the list."""
     merged: dict[str, Problem] = {}
     for entry in error.errors(include_url=False):
         if follows_from_another(entry):
@@ -35,7 +38,9 @@ def schema_problems(schema: type[BaseModel], error: ValidationError) -> list[Pro
             merged[problem.key] = problem
         elif problem.expected not in known.expected:
             merged[problem.key] = Problem(problem.key, known.got, f"{known.expected} or {problem.expected}")
-    return list(merged.values())
+    steps = [key.split(".") for key in merged]
+    parents = {".".join(path[:depth]) for path in steps for depth in range(1, len(path))}
+    return [problem for key, problem in merged.items() if key not in parents]
 
 
 def follows_from_another(entry: Any) -> bool:
@@ -45,7 +50,7 @@ def follows_from_another(entry: Any) -> bool:
 
 def _problem(schema: type[BaseModel], entry: Any) -> Problem:
     kind, context = entry["type"], entry.get("ctx", {})
-    key = ".".join(str(step) for step in entry["loc"] if not _is_branch(step)) or "scene"
+    key = printable(".".join(str(step) for step in entry["loc"] if not _is_branch(step))) or "scene"
     if kind == "extra_forbidden":
         return Problem(key, "an unknown key", _known_keys(schema, entry["loc"]))
     if kind == "union_tag_not_found":
@@ -61,7 +66,7 @@ def _expected(kind: str, context: Any, message: str) -> str:
     if kind == "too_short":
         return f"a list of {context['min_length']} or more"
     if kind == "too_long":
-        return f"a list of {context['max_length']} at most"
+        return f"a length of {context['max_length']} at most"
     message = message.removeprefix("Input should be ").removeprefix("Value error, ")
     if kind in ("greater_than", "greater_than_equal", "less_than", "less_than_equal"):
         return f"a number {message}"
@@ -90,7 +95,7 @@ def _annotation(table: type[BaseModel], key: str) -> Any:
 def _models(annotation: Any) -> Iterator[type[BaseModel]]:
     """The tables that an annotation allows, inside lists and unions too."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
+        yield effects_table() if annotation is Effects else annotation
     for part in get_args(annotation):
         yield from _models(part)
 

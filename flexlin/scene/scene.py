@@ -4,9 +4,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from flexlin.scene.base import Table
-from flexlin.scene.control import Control, Design
-from flexlin.scene.effects import AnyEffects, Effects
+from flexlin.scene.base import NotEndless, Table, Text
+from flexlin.scene.control import Control, DesignTable
+from flexlin.scene.effects import AnyEffects
 from flexlin.scene.links import Link
 from flexlin.scene.motion import AnyMotion
 
@@ -19,12 +19,12 @@ class Scene(Table):
     """
 
     schema_version: Annotated[Literal[1], Field(alias="schema")]
-    title: str
-    source: str = ""
-    model: str | None = None
+    title: Text
+    source: Text = ""
+    model: Text | None = None
     parameters: dict[str, Any] = Field(default_factory=dict)
-    links: tuple[Link, ...] = ()
-    effects: AnyEffects = Effects()
+    links: Annotated[tuple[Link, ...], NotEndless] = ()
+    effects: AnyEffects
     motion: AnyMotion
     control: Control = Control()
-    designs: tuple[Design, ...] = ()
+    designs: Annotated[tuple[DesignTable, ...], NotEndless] = ()

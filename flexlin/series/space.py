@@ -56,7 +56,7 @@ class Symbolic:
 
     def __init__(self, indices: Indices, pivots: Array | None = None):
         self.indices, self.pivots = indices, pivots
-        self.multiples: dict[tuple[int, int, int], ca.SX] = {}
+        self.multiples: dict[tuple[int, int, int], tuple[ca.SX, ca.SX]] = {}
 
     def zero(self) -> Array:
         """Return the series 0."""
@@ -95,13 +95,16 @@ class Symbolic:
         return group, pairs.left[present], pairs.right[present]
 
     def multiple(self, u: Array, i: int, times: int) -> ca.SX:
-        """Return a whole multiple of a coefficient, made once."""
+        """Return a whole multiple of a coefficient, made once for as long as the coefficient stays the same.
+
+        Implicit series correct the part of degree k after it was first read: a multiple of the old coefficient is stale.
+        """
         if times == 1:
             return u[i]
         key = (id(u), int(i), times)
-        if key not in self.multiples:
-            self.multiples[key] = times * u[i]
-        return self.multiples[key]
+        if key not in self.multiples or self.multiples[key][0] is not u[i]:
+            self.multiples[key] = (u[i], times * u[i])
+        return self.multiples[key][1]
 
     def apply(self, name: str, *arguments: Array) -> Array:
         """Apply an elementary function elementwise."""

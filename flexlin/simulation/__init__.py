@@ -1,8 +1,8 @@
 """The full nonlinear closed loop: the judge of every linear answer."""
 
-from flexlin.about.periodic_motion import own_gain
 from flexlin.control.tracking import tip_positions
 from flexlin.simulation.attraction import Attraction, region_of_attraction
+from flexlin.simulation.drive import Drive
 from flexlin.simulation.loop import NonlinearLoop
 from flexlin.simulation.prediction import predict
 from flexlin.simulation.result import Simulation
@@ -10,9 +10,9 @@ from flexlin.simulation.run import simulate
 
 __all__ = [
     "Attraction",
+    "Drive",
     "NonlinearLoop",
     "Simulation",
-    "own_gain",
     "predict",
     "region_of_attraction",
     "simulate",

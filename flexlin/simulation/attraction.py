@@ -4,20 +4,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexlin.about.linear import Linearization
+from flexlin.about.linearization import Linearization
 from flexlin.about.periodic_motion import periodic_motion
 from flexlin.checks import Array
-from flexlin.control.validity import slowest_modes
+from flexlin.control.slow_motions import slow_motions
 from flexlin.errors import NumericalError
 from flexlin.periodic.system import MatrixFunction
-from flexlin.simulation.law import torque_law
 from flexlin.simulation.loop import NonlinearLoop
 
 
 @dataclass(frozen=True)
 class Attraction:
-    """Along the slowest Floquet modes: directions (k, 2n) of largest deflection 1, the amplitude that still comes back, and the
-    smallest that does not (inf when every amplitude up to `largest` came back)."""
+    """Along the slowest Floquet modes: directions (k, 2n) whose linear motions have a largest deflection of 1 over a period, the amplitude
+    that still comes back, and the smallest that does not (inf when every amplitude up to `largest` came back)."""
 
     directions: Array
     inside: Array
@@ -38,18 +37,17 @@ def region_of_attraction(
 
         x(0) = x_p(0) + a v,   back: |x - x_p| after the given periods is below half of its start (and below a)
 
-    x_p is the periodic motion of the loop, v a real Floquet direction scaled to a largest deflection (rad or m) of 1.
+    x_p is the periodic motion of the loop, v a real Floquet direction, its linear motion scaled to a largest deflection of 1 (rad or m).
     Assumes a stable loop. What is found is a sample of the region's border, no proof of what lies inside.
 
     Returns: an `Attraction`. Raises: NumericalError when the loop has no periodic motion near the rigid one.
     """
-    law = torque_law(lin, feedback)
-    motion = periodic_motion(lin, gain=law.gain)
-    loop = lin.periodic_system()
+    law = lin.law if feedback is None else lin.law.with_gain(feedback)
+    motion = periodic_motion(lin, law=law)
+    loop, own = lin.periodic_system(), lin.closed_by
     if feedback is not None:
-        own = torque_law(lin).gain
-        loop = loop.feedback(lambda t: feedback(t) - own(t))
-    directions = slowest_modes(loop, modes)
+        loop = loop.feedback(lambda t: law.gain(t) - own.gain(t))
+    directions = slow_motions(loop, modes).directions
     here, there = motion.state(np.zeros(1))[0], motion.state(np.array([periods * lin.period]))[0]
 
     def comes_back(offset: Array) -> bool:

@@ -3,14 +3,15 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin import symbolic
-from flexlin.about.linear import Linearization
-from flexlin.checks import Array, positive, real_array
+from flexlin.about.law import Law
+from flexlin.about.linearization import Linearization
+from flexlin.checks import Array, check_size, positive, real_array, whole
 from flexlin.control.tracking import Feedforward, tip_positions
-from flexlin.periodic.system import MatrixFunction
-from flexlin.simulation.law import Drive, scene_drive, torque_law
+from flexlin.errors import ArgumentError
+from flexlin.periodic.coefficients import MatrixFunction
+from flexlin.simulation.drive import Drive, scene_drive
 from flexlin.simulation.loop import NonlinearLoop
-from flexlin.simulation.prediction import predict
+from flexlin.simulation.prediction import distance, predict
 from flexlin.simulation.result import Simulation
 
 
@@ -18,50 +19,83 @@ def simulate(
     lin: Linearization,
     periods: float = 5.0,
     initial: ArrayLike | None = None,
-    feedback: MatrixFunction | None = None,
+    feedback: MatrixFunction | ArrayLike | None = None,
     tol: float = 1e-8,
     points_per_period: int = 128,
     feedforward: Feedforward | None = None,
     drive: Drive | None = None,
+    law: Law | None = None,
 ) -> Simulation:
-    """Integrate the full nonlinear equations under the loop of `lin`, and the linear ones beside them.
+    """Integrate the full nonlinear equations under a control law, and the linear ones beside them.
 
         M(s) s'' + C s' + g + d = B torque,   torque = tau_ff(t) - K ([y; y'] - reference(t)),   s = s_R + y
 
-    K is the scene's own feedback and tau_ff the torque of the rigid motion (reference 0), unless others are given.
+    The law is that of `lin` (`lin.law`: the scene's own feedback, and the torque of the rigid motion), unless others are given.
     Assumes prescribed joints follow their angles. The drive, by default the scene's, may saturate and sample the torque; the linear
     answer leaves that out.
 
     Parameters: lin: from `linearize(arm, motion, control)`; periods: length of the simulation; initial: deviation [y; y'] (2n,) at t = 0,
-    default the feedforward's reference; feedback: gain function (N,) -> (N, m, 2n); feedforward: from `control.feedforward`.
-    Returns: a `Simulation` with its integration error and its energy error.
-    Raises: NumericalError when the integrator cannot go on (a loop that diverges).
+    default the law's reference; feedback: gain (m, 2n), or function (N,) -> (N, m, 2n), in the place of the law's; tol: of the
+    nonlinear and of the linear states; feedforward: from `control.feedforward`, in the place of the law's; law: a whole law.
+    Returns: a `Simulation` with the errors of both answers and its energy error.
+    Raises: NumericalError when the integrator cannot go on (a loop that diverges); TooLarge when the result would not fit.
     """
-    positive("periods", periods)
-    law, n = torque_law(lin, feedback, feedforward), lin.n
+    t = output_times(lin, positive("periods", periods), points_per_period)
+    tol, n = positive("tol", tol), lin.n
+    if law is None:
+        law = lin.law if feedforward is None else feedforward.law
+    elif feedforward is not None:
+        raise ArgumentError("a law and a feedforward exclude each other", got="both", expected="one of them")
+    law = law if feedback is None else law.with_gain(feedback)
     start = law.reference(np.zeros(1))[0] if initial is None else real_array("initial", initial, (2 * n,))
-    t = np.linspace(0.0, periods * lin.period, int(np.ceil(periods * points_per_period)) + 1)
     loop = NonlinearLoop(lin, law, drive or scene_drive(lin))
     rough, fine = (loop.integrate(t, start, rtol) for rtol in (tol, tol / 10))
     states, work = fine[:, :-1], fine[:, -1]
-    error = float(np.abs(rough[:, :-1] - states).max() / max(1.0, np.abs(states).max()))
-    linear = predict(lin, t, start, law)
+    linear, coarse = predict(lin, t, start, law, tol)
     torque = np.array([loop.command(time, x) for time, x in zip(t, states, strict=True)])
-    tip, tip_linear, tip_rigid = (tip_positions(lin, t, part) for part in (states, linear, np.zeros_like(states)))
-    balance = energy_error(lin, t, states, work)
-    return Simulation(lin.names, t, states, linear, torque, tip, tip_linear, tip_rigid, error, balance)
+    tips = [tip_positions(lin, t, part) for part in (states, linear, np.zeros_like(states))]
+    missed = sum(
+        float(np.linalg.norm(tip - tip_positions(lin, t, other), axis=1).max())
+        for tip, other in zip(tips, (rough[:, :-1], coarse), strict=False)
+    )
+    return Simulation(
+        lin.names,
+        t,
+        states,
+        linear,
+        torque,
+        tip=tips[0],
+        tip_linear=tips[1],
+        tip_rigid=tips[2],
+        error=distance(states, rough[:, :-1]),
+        linear_error=distance(linear, coarse),
+        energy_error=energy_error(lin, t, states, work),
+        difference_error=missed,
+    )
+
+
+def output_times(lin: Linearization, periods: float, points_per_period: int) -> Array:
+    """Equally spaced times of the whole simulation, once their number has been found reasonable."""
+    whole("points_per_period", points_per_period)
+    steps = int(np.ceil(periods * points_per_period))
+    numbers = 8 * lin.n + 2 * lin.about.m + 16
+    check_size(
+        f"a simulation of {periods:g} periods", 8 * numbers * (steps + 1), "simulate fewer periods or fewer points"
+    )
+    return np.linspace(0.0, periods * lin.period, steps + 1)
 
 
 def energy_error(lin: Linearization, t: Array, states: Array, work: Array) -> float:
-    """The largest |energy(t) - energy(0) - work(t)|, relative to the largest energy that was moved."""
+    """The largest |energy(t) - energy(0) - work(t)|, relative to the energy that goes to and fro.
+
+    energy = T + V,   T = s' M s' / 2;   scale: the range of T and the range of V together, or that of the work
+    """
     if lin.arm.energy is None:
         return float("nan")
-    q, q_rate, _ = lin.motion.sample(t)
-    E, kept = lin.arm.reference.full(), list(lin.kept)
-    s, s_rate = q @ E.T, q_rate @ E.T
-    s[:, kept] += states[:, : lin.n]
-    s_rate[:, kept] += states[:, lin.n :]
-    p = np.broadcast_to(lin.arm.parameters.values, (len(t), len(lin.arm.parameters.values)))
-    energy = symbolic.evaluate(lin.arm.functions["energy"], s, s_rate, p)[0][:, 0, 0]
-    moved = max(np.ptp(energy), np.ptp(work), np.abs(energy).max() * 1e-12, np.finfo(float).tiny)
-    return float(np.abs(energy - energy[0] - work).max() / moved)
+    y, y_rate = states[:, : lin.n], states[:, lin.n :]
+    energy = lin.about.of_arm("energy", t, y, y_rate)[:, 0, 0]
+    rates = lin.about.positions(t, y, y_rate)[1]
+    kinetic = 0.5 * np.einsum("ti,tij,tj->t", rates, lin.about.of_arm("M", t, y), rates)
+    moved = max(np.ptp(kinetic) + np.ptp(energy - kinetic), np.ptp(work))
+    scale = max(moved, np.abs(energy).max() * 1e-12, np.finfo(float).tiny)
+    return float(np.abs(energy - energy[0] - work).max() / scale)

@@ -50,10 +50,26 @@ def test_the_engines_choice_is_marked_at_each_tol_and_reaches_it(result):
         assert all(row.error <= tol for tol, row in marked.items()), stage
 
 
-def test_the_cheapest_setting_is_not_beaten(result):
-    for stage, accuracy, best in result.recommendations():
-        assert best.error <= accuracy
-        assert all(row.seconds >= best.seconds for row in result.stage(stage) if row.error <= accuracy)
+def test_recommendations_of_a_table_whose_answer_is_known():
+    """Found out: another program or another stage recommended, one that is fast but too coarse, a repeated row."""
+    coarse = Row("exponents", "own", "coarse", 3e-3, 1.0)
+    middle = Row("exponents", "own", "middle", 2e-5, 2.0)
+    slow = Row("exponents", "own", "slow and worse", 9e-5, 7.0)
+    fine = Row("exponents", "own", "fine", 1e-9, 5.0)
+    others = (
+        Row("exponents", "another program", "fast", 1e-11, 0.1, outside=True),
+        Row("forced response", "own", "of another stage", 1e-12, 0.1),
+    )
+    table = CostResult("by hand", (slow, fine, others[0], coarse, others[1], middle), 1e-14)
+    found = [(accuracy, row) for stage, accuracy, row in table.recommendations() if stage == "exponents"]
+    assert found == [(1e-2, coarse), (pytest.approx(1e-3), middle), (pytest.approx(1e-5), fine)]
+
+
+def test_recommendations_of_a_scene_meet_their_accuracy(result):
+    """Every own stage has a recommendation, and each is one of the measured rows, accurate enough, of flexlin's own."""
+    found = list(result.recommendations())
+    assert {stage for stage, *_ in found} == {row.stage for row in result.rows}
+    assert all(best.error <= accuracy and best in result.rows and not best.outside for _, accuracy, best in found)
 
 
 def test_cheapest_in_a_table_made_by_hand():

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.mechanics import effects
 from flexlin.scene import effects as tables
 
 TEXT = (Path(__file__).parents[2] / "docs" / "mechanics.md").read_text(encoding="utf-8")
@@ -15,16 +14,14 @@ TEXT = (Path(__file__).parents[2] / "docs" / "mechanics.md").read_text(encoding=
 
 def test_the_table_names_every_effect_and_every_key():
     rows = dict(re.findall(r"^\| `(\w+)` \| (.*) \|$", TEXT.split("## Effects")[1].split("##")[0], re.MULTILINE))
-    assert set(rows) == set(effects.EFFECTS)
+    assert set(rows) == set(tables.known_effects())
     for name, keys in rows.items():
-        schema = next(part for part in tables.Effects.model_fields[name].annotation.__args__ if part is not type(None))
-        assert set(re.findall(r"`(\w+)`", keys)) == set(schema.model_fields)
+        assert set(re.findall(r"`(\w+)`", keys)) == set(tables.known_effects()[name].model_fields)
 
 
 @pytest.fixture
 def no_own_effects(monkeypatch):
-    monkeypatch.setattr(effects, "EFFECTS", dict(effects.EFFECTS))
-    monkeypatch.setattr(tables, "_OWN", {})
+    monkeypatch.setattr(tables, "_REGISTRY", tables.known_effects())
 
 
 @pytest.mark.usefixtures("no_own_effects")

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from flexlin.mechanics.effects import EFFECTS
+from flexlin.scene.effects import known_effects
 
 from .scenes import LINK, arm_of, random_state, value
 
@@ -27,7 +27,7 @@ ADDED = {"joint_flexibility": 2}
 
 
 def test_all_effects_are_covered():
-    assert set(ON) == set(EFFECTS)
+    assert set(ON) == set(known_effects())
 
 
 @pytest.mark.parametrize("shapes", ["clamped-loaded", "pinned-free"])

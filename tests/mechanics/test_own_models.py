@@ -93,27 +93,21 @@ def test_a_model_must_stay_finite_along_the_motion():
         fl.linearize(arm, motion)
 
 
-class SpringTable(Table):
-    """A spring between the tip and a wall."""
+class TipSpring(Effect):
+    """A spring between the tip and a wall, V = 1/2 k y^2."""
 
     stiffness: Positive
 
-
-class TipSpring(Effect):
-    """V = 1/2 k y^2 of the tip."""
-
     def potential_energy(self, chain):
-        return self.table.stiffness / 2 * chain.tips[-1].position[1] ** 2
+        return self.stiffness / 2 * chain.tips[-1].position[1] ** 2
 
 
 @pytest.fixture
 def tip_spring(monkeypatch):
-    from flexlin.mechanics import effects
     from flexlin.scene import effects as tables
 
-    monkeypatch.setattr(effects, "EFFECTS", dict(effects.EFFECTS))
-    monkeypatch.setattr(tables, "_OWN", {})
-    register_effect("tip_spring", SpringTable, TipSpring)
+    monkeypatch.setattr(tables, "_REGISTRY", tables.known_effects())
+    register_effect("tip_spring", TipSpring)
 
 
 @pytest.mark.usefixtures("tip_spring")
@@ -128,8 +122,11 @@ def test_an_effect_of_ones_own():
     assert free.parameters.values.tolist() == [3.0]
     with pytest.raises(SceneError, match=r"effects\.tip_spring\.stiffness"):
         arm_of({"modes": 0}, effects={"tip_spring": {"stiffness": -3.0}})
-    with pytest.raises(ArgumentError, match="name"):
-        register_effect("gravity", SpringTable, TipSpring)
+    for taken in ("gravity", "tip_spring", "model_copy", "on", "tip spring"):
+        with pytest.raises(ArgumentError, match="name"):
+            register_effect(taken, TipSpring)
+    with pytest.raises(ArgumentError, match="no effect"):
+        register_effect("table", Table)
 
 
 def test_unregistered_effects_are_refused():

@@ -1,5 +1,7 @@
 """Taylor maps of closed loops against the dense recursion, CasADi's repeated implicit differentiation and closed forms."""
 
+from itertools import combinations_with_replacement, product
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -31,13 +33,23 @@ def inverse():
 
 
 def implicit_derivatives(f, u, v, u0, v0, order):
-    """C_1 = -V^-1 U, C_(k+1) = D_u C_k + D_v C_k (E (x) C_1), by CasADi's Jacobians."""
-    C = [-ca.solve(ca.jacobian(f, v), ca.jacobian(f, u))]
-    derivative = fl.kronecker.derivative
-    for _ in range(1, order):
-        inner = fl.kronecker.chain_rule(derivative(C[-1], v), C[0])
-        C.append(derivative(C[-1], u) + inner)
-    return [Ck.full() for Ck in ca.Function("C", [u, v], C).call([u0, v0])]
+    """D_(i_1) ... D_(i_k) v with D_i = d/du_i + C_1 e_i . d/dv, each by CasADi's directional derivative of the one before.
+
+    Mixed derivatives commute, so only those with i_1 <= ... <= i_k are made and the others are copies.
+    """
+    first = -ca.solve(ca.jacobian(f, v), ca.jacobian(f, u))
+    n = u.numel()
+    flow = [ca.vertcat(ca.DM.eye(n)[:, i], first[:, i]) for i in range(n)]
+    found = {(i,): first[:, i] for i in range(n)}
+    for k in range(1, order):
+        for last in combinations_with_replacement(range(n), k):
+            for i in range(last[-1], n):
+                found[*last, i] = ca.jtimes(found[last], ca.vertcat(u, v), flow[i])
+    values = dict(zip(found, ca.Function("D", [u, v], list(found.values())).call([u0, v0]), strict=True))
+    return [
+        np.column_stack([values[tuple(sorted(index))].full()[:, 0] for index in product(range(n), repeat=k)])
+        for k in range(1, order + 1)
+    ]
 
 
 def slope(errors, steps):

@@ -4,14 +4,18 @@ import numpy as np
 import pytest
 
 
-def test_tracking(study, tmp_path):
+def test_tracking(study, pictures, tmp_path):
     data = study("tracking").main(size="small", out=tmp_path)["data"]
     assert np.all(data.gain > 20)
     assert data.nonlinear["tip-exact"] == pytest.approx(data.linear["tip-exact"], rel=0.2)
-    assert (tmp_path / "tracking.svg").stat().st_size > 1000
+    errors = pictures.curves("tracking.svg", 1)  # in mm
+    np.testing.assert_allclose(errors["tip-exact, nonlinear"], [data.frequencies, 1e3 * data.nonlinear["tip-exact"]])
+    phase, distance = pictures.curves("tracking.svg", 0)["rigid"]
+    assert np.ptp(phase) == pytest.approx(1)
+    assert distance.max() == pytest.approx(1e3 * data.nonlinear["rigid"][0], rel=1e-9)
 
 
-def test_spin_up(study, tmp_path):
+def test_spin_up(study, pictures, tmp_path):
     """Kane, Ryan, Banerjee (1987); Simo, Vu-Quoc: the largest lag is 0.574 m near 6.8 s; without stiffening it diverges."""
     stiff, without = study("spin_up").main(size="small", out=tmp_path).values()
     lag, time = stiff.lag
@@ -19,11 +23,16 @@ def test_spin_up(study, tmp_path):
     assert time == pytest.approx(6.8, abs=0.15)
     assert abs(stiff.tip[-1]) < 0.02
     assert without.t[-1] < 15
-    assert (tmp_path / "spin_up.svg").stat().st_size > 1000
+    drawn = pictures.curves("spin_up.svg")
+    np.testing.assert_array_equal(drawn["with geometric stiffening"], [stiff.t, stiff.tip])
+    np.testing.assert_array_equal(drawn["without"], [without.t, without.tip])
 
 
-def test_lqr_designs(study, tmp_path):
+def test_lqr_designs(study, pictures, tmp_path):
     result = study("lqr_designs").main(size="small", out=tmp_path)
     assert np.all(result["survival"].own["periodic"] < 0)
     assert all(error < 1e-3 for _, error in result["times"].values())
-    assert (tmp_path / "lqr_designs.svg").stat().st_size > 1000
+    cells = {axes.get_title(): axes.collections[0] for axes in pictures["lqr_designs.svg"].axes if axes.get_title()}
+    for label, part in (("made for each arm", "own"), ("kept from the first arm", "kept")):
+        for name, rates in getattr(result["survival"], part).items():
+            np.testing.assert_array_equal(np.ravel(cells[f"{name}, {label}"].get_array()), rates.ravel())

@@ -1,26 +1,12 @@
 """The 5-bar study, small: pinned numbers, each the outcome of a closed form or of a law."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-STUDIES = Path(__file__).parents[2] / "studies"
-
 
 @pytest.fixture(scope="module")
-def study():
-    spec = importlib.util.spec_from_file_location("five_bar_taylor", STUDIES / "five_bar_taylor.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-@pytest.fixture(scope="module")
-def result(study, tmp_path_factory):
-    out = tmp_path_factory.mktemp("pictures")
-    return study.main("small", out), out
+def result(study, pictures, tmp_path_factory):
+    return study("five_bar_taylor").main("small", tmp_path_factory.mktemp("pictures")), pictures
 
 
 def test_errors_fall_with_order_on_all_four_trajectories(result):
@@ -40,5 +26,16 @@ def test_error_estimate_holds_at_half_the_radius(result):
     assert result[0].error_ratio < 0.2
 
 
-def test_picture_is_drawn(result):
-    assert (result[1] / "five_bar_taylor.png").stat().st_size > 20_000
+def test_picture_shows_errors_that_fall_inside_the_radius_and_the_radius_itself(result):
+    """A curve drawn for another order, in other units, or against the wrong distance is found out."""
+    data, pictures = result
+    drawn = pictures.curves("five_bar_taylor.png", 1)
+    radius = drawn["radius of convergence"][0][0]
+    inside = [np.interp(radius / 2, *drawn[f"order {order}"]) for order in range(1, 11)]
+    assert np.all(np.diff(inside) < 0)
+    edge = pictures.curves("five_bar_taylor.png", 2)["radius of convergence"]
+    assert edge.shape == (2, len(data.radii))
+    centre = np.array(
+        next(line for line in pictures["five_bar_taylor.png"].axes[2].lines if line.get_marker() == "+").get_data()
+    )
+    assert np.linalg.norm(edge - centre.reshape(2, 1), axis=0) == pytest.approx(data.radii)

@@ -1,91 +1,18 @@
 """Each effect switched on or off in turn, each link given a mode more or less: what changes, and what it costs."""
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 
-from flexlin.answers.audit.defaults import Scale, default_table
 from flexlin.answers.audit.figures import Measure, measure
+from flexlin.answers.audit.result import Audit, Row
+from flexlin.answers.audit.scale import read_scale
+from flexlin.answers.audit.versions import Version, effect_versions, mode_versions
 from flexlin.checks import positive
 from flexlin.errors import ArgumentError, FlexlinError
-from flexlin.mechanics.effects import EFFECTS
 from flexlin.scene.scene import Scene
 
 Progress = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class Row:
-    """One change of the scene and what came of it.
-
-    change: what was done; kind: "effect" or "modes"; subject: the effect's name or the link's key; on: whether the scene has it;
-    table: the effect's parameters in the version that has it. Differences are version minus scene: margin in 1/s, tip_error in m,
-    frequency: largest relative change of the slower half of the frequencies; instructions; microseconds a point; coordinates.
-    significance: largest of the relative changes (of margin, frequencies, and tip error against the arm's reach);
-    advice: what to do at the audit's tolerance; problem: why the version could not be judged.
-    """
-
-    change: str
-    kind: str
-    subject: str
-    on: bool
-    table: dict[str, Any]
-    margin: float
-    frequency: float
-    tip_error: float
-    instructions: int
-    microseconds: float
-    coordinates: int
-    verdict: str
-    significance: float
-    advice: str
-    problem: str = ""
-
-    @property
-    def judged(self) -> bool:
-        """Whether all figures could be had: without them nothing can be called needless."""
-        return bool(np.isfinite(self.margin) and np.isfinite(self.tip_error))
-
-
-@dataclass(frozen=True)
-class Audit:
-    """What a scene needs: the scene's own figures, and one row for each change, the most significant first."""
-
-    base: Measure
-    effects: tuple[Row, ...]
-    modes: tuple[Row, ...]
-    tolerance: float
-
-    @property
-    def needed(self) -> tuple[str, ...]:
-        """Effects of the scene that it cannot do without at this tolerance."""
-        return tuple(row.subject for row in self.effects if row.on and row.significance > self.tolerance)
-
-    @property
-    def droppable(self) -> tuple[str, ...]:
-        """Effects of the scene whose absence would not be noticed at this tolerance."""
-        return tuple(
-            row.subject for row in self.effects if row.on and row.judged and row.significance <= self.tolerance
-        )
-
-    @property
-    def missing(self) -> tuple[str, ...]:
-        """Effects that the scene leaves out and that would be noticed with the stated figures."""
-        return tuple(row.subject for row in self.effects if not row.on and row.significance > self.tolerance)
-
-
-@dataclass(frozen=True)
-class Version:
-    """A changed scene, and how to speak of the change."""
-
-    scene: Scene
-    change: str
-    kind: str
-    subject: str
-    on: bool
-    table: dict[str, Any]
 
 
 def audit(scene: Scene, tolerance: float = 0.01, progress: Progress | None = None) -> Audit:
@@ -107,39 +34,14 @@ def audit(scene: Scene, tolerance: float = 0.01, progress: Progress | None = Non
         )
     tell = progress or (lambda text: None)
     tell("the scene as it is")
-    base, scale, reach = measure(scene), Scale.of(scene), sum(link.length for link in scene.links) or 1.0
+    base, scale, reach = measure(scene), read_scale(scene), sum(link.length for link in scene.links) or 1.0
     rows = []
-    for version in (*_effect_versions(scene, scale), *_mode_versions(scene)):
+    for version in (*effect_versions(scene, scale), *mode_versions(scene)):
         tell(version.change)
         rows.append(_row(version, base, reach, tolerance))
     rows.sort(key=lambda row: -row.significance if np.isfinite(row.significance) else -np.inf)
     effects, modes = (tuple(row for row in rows if row.kind == kind) for kind in ("effect", "modes"))
     return Audit(base, effects, modes, tolerance)
-
-
-def _effect_versions(scene: Scene, scale: Scale) -> Iterator[Version]:
-    for name in EFFECTS:
-        table = getattr(scene.effects, name, None)
-        on = table is not None
-        other = None if on else default_table(name, scene, scale)
-        if not on and other is None:
-            continue
-        effects = scene.effects.model_copy(update={name: other})
-        shown = (table if on else other).model_dump()  # type: ignore[union-attr]
-        change = f"without {name}" if on else f"with {name}"
-        yield Version(scene.model_copy(update={"effects": effects}), change, "effect", name, on, shown)
-
-
-def _mode_versions(scene: Scene) -> Iterator[Version]:
-    for i, link in enumerate(scene.links):
-        if link.bending_stiffness is None or not link.mass_per_length:
-            continue
-        for modes in (link.modes - 1, link.modes + 1):
-            if modes >= 0:
-                links = (*scene.links[:i], link.model_copy(update={"modes": modes}), *scene.links[i + 1 :])
-                change = f"link {i + 1} with {modes} mode{'s' if modes != 1 else ''}"
-                version = scene.model_copy(update={"links": links})
-                yield Version(version, change, "modes", f"links.{i}", modes < link.modes, {"modes": modes})
 
 
 def _row(version: Version, base: Measure, reach: float, tolerance: float) -> Row:
@@ -148,7 +50,7 @@ def _row(version: Version, base: Measure, reach: float, tolerance: float) -> Row
         other = measure(version.scene)
     except FlexlinError as error:
         nan = float("nan")
-        return Row(*head, nan, nan, nan, 0, nan, 0, "unknown", nan, "see the problem", str(error))
+        return Row(*head, nan, nan, nan, 0, nan, 0, "unknown", nan, "see the problem", str(error), version.units)
     margin, frequency, tip_error = (
         other.margin - base.margin,
         _frequency_change(base, other),
@@ -171,6 +73,7 @@ def _row(version: Version, base: Measure, reach: float, tolerance: float) -> Row
         significance,
         _advice(version, significance > tolerance, bool(np.isfinite(margin) and np.isfinite(tip_error))),
         "; ".join(other.problems),
+        version.units,
     )
 
 

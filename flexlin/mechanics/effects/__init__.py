@@ -1,59 +1,48 @@
-"""One file an effect; a scene's table switches it on."""
+"""One file an effect; a scene's table switches it on. Importing this package registers the shipped effects."""
+
+from importlib import import_module
 
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.effects.base import Chain, Effect
-from flexlin.mechanics.effects.coulomb_friction import CoulombFriction
-from flexlin.mechanics.effects.geometric_stiffening import GeometricStiffening
-from flexlin.mechanics.effects.gravity import Gravity
-from flexlin.mechanics.effects.hub import Hub
-from flexlin.mechanics.effects.joint_flexibility import JointFlexibility
-from flexlin.mechanics.effects.kelvin_voigt_damping import KelvinVoigtDamping
-from flexlin.mechanics.effects.modal_damping import ModalDamping
-from flexlin.mechanics.effects.motor import Motor
-from flexlin.mechanics.effects.payload import Payload
-from flexlin.mechanics.effects.rayleigh_damping import RayleighDamping
-from flexlin.mechanics.effects.rotary_inertia import RotaryInertia
-from flexlin.mechanics.effects.shear import Shear
-from flexlin.mechanics.effects.viscous_friction import ViscousFriction
-from flexlin.scene.base import Table
-from flexlin.scene.effects import Effects, add_effect_table
+from flexlin.mechanics.effects.scale import Scale
+from flexlin.scene.effects import Effects, add_effect, known_effects
 
-EFFECTS: dict[str, type[Effect]] = {
-    "gravity": Gravity,
-    "payload": Payload,
-    "hub": Hub,
-    "geometric_stiffening": GeometricStiffening,
-    "rotary_inertia": RotaryInertia,
-    "shear": Shear,
-    "modal_damping": ModalDamping,
-    "rayleigh_damping": RayleighDamping,
-    "kelvin_voigt_damping": KelvinVoigtDamping,
-    "joint_flexibility": JointFlexibility,
-    "viscous_friction": ViscousFriction,
-    "coulomb_friction": CoulombFriction,
-    "motor": Motor,
-}
+SHIPPED = (
+    "gravity",
+    "payload",
+    "hub",
+    "geometric_stiffening",
+    "rotary_inertia",
+    "shear",
+    "modal_damping",
+    "rayleigh_damping",
+    "kelvin_voigt_damping",
+    "joint_flexibility",
+    "viscous_friction",
+    "coulomb_friction",
+    "motor",
+)
+"""The file, and the scene's table, of each effect, in the order of reports; the class is the same name in capitals."""
 
 
 def effects_of(tables: Effects) -> tuple[Effect, ...]:
     """The effects that a scene calls for."""
-    on = {name: table for name in EFFECTS if (table := getattr(tables, name, None)) is not None}
-    return tuple(EFFECTS[name](table) for name, table in on.items())
+    return tuple(effect for effect in tables.on().values() if isinstance(effect, Effect))
 
 
-def register_effect(name: str, schema: type[Table], effect: type[Effect]) -> None:
-    """Let scenes say [effects.name] for an effect written in Python: `schema` checks its table, `effect` is built from the table.
+def register_effect(name: str, effect: type[Effect]) -> None:
+    """Let scenes say [effects.name] for an effect written in Python: the class holds the table's keys and what they add to the chain.
 
-    Raises: ArgumentError when the name is taken or the classes do not derive from `Table` and `Effect`.
+    Raises: ArgumentError when the name is taken or the class is no `Effect`.
     """
-    if not (issubclass(schema, Table) and issubclass(effect, Effect)):
-        raise ArgumentError(
-            "an effect needs a schema and an Effect", got=(schema, effect), expected="subclasses of Table and of Effect"
-        )
-    if name in EFFECTS or not name.isidentifier():
+    if not (isinstance(effect, type) and issubclass(effect, Effect)):
+        raise ArgumentError("this is no effect", got=repr(effect), expected="a subclass of flexlin.mechanics.Effect")
+    if name in known_effects() or hasattr(Effects, name) or not name.isidentifier():
         raise ArgumentError("an effect cannot bear this name", got=repr(name), expected="an identifier not yet in use")
-    add_effect_table(name, schema)
-    EFFECTS[name] = effect
+    add_effect(name, effect)
 
 
-__all__ = ["EFFECTS", "Chain", "Effect", "effects_of", "register_effect"]
+for _name in SHIPPED:
+    add_effect(_name, getattr(import_module(f"{__name__}.{_name}"), _name.title().replace("_", "")))
+
+__all__ = ["Chain", "Effect", "Effects", "Scale", "effects_of", "register_effect"]

@@ -1,13 +1,17 @@
 """What an effect may add to a chain; each method's default adds nothing."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar, Optional
 
 import casadi as ca
 
-from flexlin.mechanics.body import Body, Moments
+from flexlin.mechanics.body import Body, Moments, RigidMass
+from flexlin.mechanics.effects.scale import Scale
 from flexlin.mechanics.frames import Frame
-from flexlin.mechanics.links import BentLink
+from flexlin.scene.effects import EffectTable
+
+if TYPE_CHECKING:
+    from flexlin.mechanics.links import BentLink
 
 
 @dataclass(frozen=True)
@@ -23,30 +27,51 @@ class Chain:
     motor: ca.SX
     motor_rate: ca.SX
     joints: tuple[Frame, ...]
-    links: tuple[BentLink, ...]
+    links: tuple["BentLink", ...]
     tips: tuple[Frame, ...]
     bodies: tuple[Body, ...] = ()
 
 
-@dataclass(frozen=True)
-class Effect:
-    """One physical effect, switched on by its table in the scene."""
+class Effect(EffectTable):
+    """One physical effect: its keys in the scene, and what it adds to the chain when its table is there.
 
-    table: Any
+    The first sentence of a class says in reports what the effect is; a key's unit stands beside its type. A key's value may be a
+    CasADi symbol in the place of its number.
+    """
 
-    def frees_motors(self) -> bool:
-        """Whether each motor has a coordinate of its own."""
-        return False
+    input_unit: ClassVar[str | None] = None
+    """The unit of the manipulator's inputs, where the effect changes it."""
+
+    @classmethod
+    def tried_with(cls, scale: Scale) -> Optional["Effect"]:
+        """The effect with figures for a scene that has none; None where it has nothing to act on, or nothing is known of its size."""
+        return None
 
     def joint_radius(self, joint: int) -> Any:
         """Distance from the joint's axis to where its link begins, in m."""
-        return 0
+        return 0.0
 
-    def tip_shortening(self, link: BentLink) -> tuple[ca.SX, ca.SX]:
+    def joint_body(self, joint: int) -> RigidMass | None:
+        """The rigid body that the effect puts on a joint."""
+        return None
+
+    def tip_body(self, link: int, links: int) -> RigidMass | None:
+        """The rigid body that the effect puts on the tip of one of the links."""
+        return None
+
+    def section_shear(self, link: int) -> Any:
+        """Shear stiffness kappa G A of a link's sections, in N; None when the effect does not let them shear."""
+        return None
+
+    def section_gyration(self, link: int) -> Any:
+        """Radius of gyration of a link's sections, in m."""
+        return 0.0
+
+    def tip_shortening(self, link: "BentLink") -> tuple[ca.SX, ca.SX]:
         """Displacement of the link's tip along the link, with its rate, in m and m/s."""
         return ca.SX(0), ca.SX(0)
 
-    def link_moments(self, link: BentLink) -> Moments | None:
+    def link_moments(self, link: "BentLink") -> Moments | None:
         """What is added to the moments of a link."""
         return None
 

@@ -5,17 +5,29 @@ what a small disturbance feels while the joint slides; where the basic motion tu
 a disturbance larger than eps in rate feels less than the slope. Source: Armstrong-Helouvry, Dupont, Canudas de Wit (1994), section 2.
 """
 
+from typing import Annotated
+
 import casadi as ca
 
 from flexlin.mechanics.effects.base import Chain, Effect, per_joint
+from flexlin.mechanics.effects.scale import LOSS, Scale
+from flexlin.scene.base import AllPositive, PerLink, Unit
 
 
 class CoulombFriction(Effect):
-    """Sliding torque c in N m and rate eps in rad/s, one a joint or one for every joint."""
+    """Sliding friction in the joints, of either sign beyond a small rate; one number for every joint or one a joint."""
+
+    lists = "each"
+    torque: Annotated[PerLink, Unit("N m")]
+    rate: Annotated[AllPositive, Unit("rad/s")] = 0.01
+
+    @classmethod
+    def tried_with(cls, scale: Scale) -> "CoulombFriction":
+        return cls(torque=scale.of_inertias(LOSS * scale.motion**2), rate=0.1 * scale.motion)
 
     def joint_resistance(self, chain: Chain) -> ca.SX:
         joints = range(len(chain.joints))
         torque, rate = (
-            ca.vertcat(*[per_joint(v, i, single="every") for i in joints]) for v in (self.table.torque, self.table.rate)
+            ca.vertcat(*[per_joint(v, i, single="every") for i in joints]) for v in (self.torque, self.rate)
         )
         return torque * ca.tanh(chain.q_rate / rate)

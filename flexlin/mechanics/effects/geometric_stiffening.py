@@ -9,21 +9,30 @@ and moves the tip, and with it every link beyond, by u(l). On a single link this
 Source: Simo, Vu-Quoc (1987); Kane, Ryan, Banerjee (1987); Meirovitch, Analytical Methods in Vibrations (1967), section 10.4.
 """
 
+from typing import TYPE_CHECKING, Optional
+
 import casadi as ca
 
 from flexlin.mechanics.body import Moments
 from flexlin.mechanics.effects.base import Effect
-from flexlin.mechanics.links import BentLink
+from flexlin.mechanics.effects.scale import Scale
+
+if TYPE_CHECKING:
+    from flexlin.mechanics.links import BentLink
 
 
 class GeometricStiffening(Effect):
-    """The shortening of bent links in kinetic and potential energy."""
+    """The shortening of a bent link, kept to second order in kinetic and potential energy."""
 
-    def tip_shortening(self, link: BentLink) -> tuple[ca.SX, ca.SX]:
+    @classmethod
+    def tried_with(cls, scale: Scale) -> Optional["GeometricStiffening"]:
+        return None if scale.bending is None else cls()
+
+    def tip_shortening(self, link: "BentLink") -> tuple[ca.SX, ca.SX]:
         gamma = ca.DM(link.basis.integrals.tip_shortening) / link.table.length
         return -ca.bilin(gamma, link.w, link.w) / 2, -ca.bilin(gamma, link.w, link.w_rate)
 
-    def link_moments(self, link: BentLink) -> Moments | None:
+    def link_moments(self, link: "BentLink") -> Moments | None:
         if not link.bends:
             return None
         k = link.basis.integrals

@@ -3,14 +3,24 @@
 Source: Khang, Dat, Tuan (2019), Eq. (55), where it makes g(s).
 """
 
+from typing import Annotated
+
 import casadi as ca
 
 from flexlin.mechanics.effects.base import Chain, Effect
+from flexlin.mechanics.effects.scale import Scale
+from flexlin.scene.base import Number, Unit
 
 
 class Gravity(Effect):
-    """A uniform field along -y of the world."""
+    """Gravity in the plane of motion, along -y of the world."""
+
+    acceleration: Annotated[Number, Unit("m/s^2")] = 9.81
+
+    @classmethod
+    def tried_with(cls, scale: Scale) -> "Gravity":
+        return cls()
 
     def potential_energy(self, chain: Chain) -> ca.SX:
         """V = g sum_bodies int y dm."""
-        return self.table.acceleration * sum((body.mass_moment()[1] for body in chain.bodies), ca.SX(0))
+        return self.acceleration * sum((body.mass_moment()[1] for body in chain.bodies), ca.SX(0))

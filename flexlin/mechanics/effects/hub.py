@@ -3,24 +3,49 @@
 Source: Khang, Dat, Tuan (2019), Eq. (68) (J1).
 """
 
-from typing import Any
+from collections.abc import Iterator
+from typing import Annotated, Any
 
-from flexlin.mechanics.body import Body, rigid_body
+from flexlin.errors import Problem
+from flexlin.mechanics.body import Body, RigidMass, rigid_body
 from flexlin.mechanics.effects.base import Chain, Effect, per_joint
+from flexlin.mechanics.effects.scale import PART, Scale
+from flexlin.scene.base import PerLink, Unit
+from flexlin.scene.effects import RawArm, RawTable
+from flexlin.scene.link_rules import pinned
 
 
 class Hub(Effect):
-    """A rigid body that turns with each link about its joint."""
+    """A rigid body that turns with each link about its joint; a single number stands for the first joint only."""
+
+    lists = "first"
+    inertia_keys = ("mass", "inertia")
+    inertia: Annotated[PerLink, Unit("kg m^2")] = 0.0
+    mass: Annotated[PerLink, Unit("kg")] = 0.0
+    radius: Annotated[PerLink, Unit("m")] = 0.0
+
+    @classmethod
+    def tried_with(cls, scale: Scale) -> "Hub":
+        return cls(inertia=scale.of_inertias(PART))
+
+    @classmethod
+    def contradictions(cls, raw: RawTable, arm: RawArm) -> Iterator[Problem]:
+        """A hub that pinned shapes turn has no radius."""
+        radius = raw.get("radius", 0)
+        of = radius if isinstance(radius, list) else [radius]
+        for i, (own, link) in enumerate(zip(of, arm.links, strict=False)):
+            if own and pinned(link):
+                yield Problem(
+                    "effects.hub.radius", f"{own} on joint {i + 1}", "0 on a joint whose link has pinned shapes"
+                )
 
     def joint_radius(self, joint: int) -> Any:
-        return per_joint(self.table.radius, joint, single="first")
+        return per_joint(self.radius, joint, single="first")
+
+    def joint_body(self, joint: int) -> RigidMass:
+        mass, inertia = (per_joint(value, joint, single="first") for value in (self.mass, self.inertia))
+        return RigidMass(mass, inertia)
 
     def bodies(self, chain: Chain) -> tuple[Body, ...]:
-        return tuple(
-            rigid_body(
-                frame,
-                per_joint(self.table.mass, joint, single="first"),
-                per_joint(self.table.inertia, joint, single="first"),
-            )
-            for joint, frame in enumerate(chain.joints)
-        )
+        on = [self.joint_body(joint) for joint in range(len(chain.joints))]
+        return tuple(rigid_body(frame, body.mass, body.inertia) for frame, body in zip(chain.joints, on, strict=True))

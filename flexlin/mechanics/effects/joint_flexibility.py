@@ -4,21 +4,33 @@ Assumes the motor's inertia, reflected to the link side, sees its own rate only 
 Source: Spong (1987), Modeling and control of elastic joint robots.
 """
 
+from typing import Annotated
+
 import casadi as ca
 
 from flexlin.mechanics.effects.base import Chain, Effect, per_joint
+from flexlin.mechanics.effects.scale import PART, Scale
+from flexlin.scene.base import AllPositive, Unit
 
 
 class JointFlexibility(Effect):
-    """Stiffness in N m/rad and motor inertia in kg m^2 on the link side, one a joint or one for every joint."""
+    """A spring between each motor and its link, the motor's inertia on the link side; one number for every joint or one a joint."""
 
-    def frees_motors(self) -> bool:
-        return True
+    lists = "each"
+    frees_motors = True
+    stiffness: Annotated[AllPositive, Unit("N m/rad")]
+    motor_inertia: Annotated[AllPositive, Unit("kg m^2")]
+
+    @classmethod
+    def tried_with(cls, scale: Scale) -> "JointFlexibility":
+        """Joints that alone would swing five times as fast as the slowest link, or fifty times as fast as a rigid arm's motion."""
+        fast = 5 * scale.bending if scale.bending is not None else 50 * scale.motion
+        return cls(stiffness=scale.of_inertias(fast**2), motor_inertia=scale.of_inertias(PART))
 
     def kinetic_energy(self, chain: Chain) -> ca.SX:
-        inertias = [per_joint(self.table.motor_inertia, i, single="every") for i in range(len(chain.joints))]
+        inertias = [per_joint(self.motor_inertia, i, single="every") for i in range(len(chain.joints))]
         return ca.dot(ca.vertcat(*inertias), chain.motor_rate**2) / 2
 
     def potential_energy(self, chain: Chain) -> ca.SX:
-        stiffness = [per_joint(self.table.stiffness, i, single="every") for i in range(len(chain.joints))]
+        stiffness = [per_joint(self.stiffness, i, single="every") for i in range(len(chain.joints))]
         return ca.dot(ca.vertcat(*stiffness), (chain.motor - chain.q) ** 2) / 2

@@ -3,19 +3,32 @@
 Source: Banks, Inman (1991), On damping mechanisms in beams, Eq. (2.2).
 """
 
+from typing import TYPE_CHECKING, Annotated, Optional
+
 import casadi as ca
 
 from flexlin.mechanics.effects.base import Chain, Effect, per_joint
-from flexlin.mechanics.links import BentLink
+from flexlin.mechanics.effects.scale import LOSS, Scale
+from flexlin.scene.base import PerLink, Unit
+
+if TYPE_CHECKING:
+    from flexlin.mechanics.links import BentLink
 
 
 class KelvinVoigtDamping(Effect):
-    """Retardation time eta in s, one a link or one for every link."""
+    """The links' material resists the rate of bending; one retardation time for every link or one a link."""
+
+    lists = "each"
+    retardation_time: Annotated[PerLink, Unit("s")]
+
+    @classmethod
+    def tried_with(cls, scale: Scale) -> Optional["KelvinVoigtDamping"]:
+        return None if scale.bending is None else cls(retardation_time=2 * LOSS / scale.bending)
 
     def dissipation(self, chain: Chain) -> ca.SX:
         return sum((self._of_link(link) for link in chain.links if link.bends), ca.SX(0))
 
-    def _of_link(self, link: BentLink) -> ca.SX:
-        eta = per_joint(self.table.retardation_time, link.index, single="every")
+    def _of_link(self, link: "BentLink") -> ca.SX:
+        eta = per_joint(self.retardation_time, link.index, single="every")
         stiffness = eta * ca.SX(link.table.bending_stiffness) / link.table.length**3
         return stiffness / 2 * ca.bilin(ca.DM(link.basis.integrals.bending), link.w_rate, link.w_rate)

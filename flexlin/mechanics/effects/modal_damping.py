@@ -4,22 +4,35 @@ With omega_k = beta_k^2 sqrt(EI / (rho A l^4)) and m_k = (mode's stiffness) / om
 Source: Craig, Kurdila, Fundamentals of Structural Dynamics (2006), section 10.3.
 """
 
+from typing import TYPE_CHECKING, Annotated, Optional
+
 import casadi as ca
+from pydantic import Field
 
 from flexlin.mechanics.effects.base import Chain, Effect
-from flexlin.mechanics.links import BentLink
+from flexlin.mechanics.effects.scale import LOSS, Scale
+from flexlin.scene.base import NonNegative, Unit
+
+if TYPE_CHECKING:
+    from flexlin.mechanics.links import BentLink
 
 
 class ModalDamping(Effect):
-    """The same ratio on every mode, or a tuple of ratios in the order of the modes; modes beyond the tuple have its last ratio."""
+    """The same damping ratio on every elastic mode, or one ratio a mode of each link; modes beyond the list have its last ratio."""
+
+    ratio: Annotated[NonNegative | Annotated[tuple[NonNegative, ...], Field(min_length=1)], Unit("")]
+
+    @classmethod
+    def tried_with(cls, scale: Scale) -> Optional["ModalDamping"]:
+        return None if scale.bending is None else cls(ratio=LOSS)
 
     def dissipation(self, chain: Chain) -> ca.SX:
         """R = 1/2 sum_k d_k w_k'^2 over the modes of all links."""
         return sum((self._of_link(link) for link in chain.links if link.bends), ca.SX(0))
 
-    def _of_link(self, link: BentLink) -> ca.SX:
+    def _of_link(self, link: "BentLink") -> ca.SX:
         table = link.table
-        given = self.table.ratio if isinstance(self.table.ratio, tuple) else (self.table.ratio,)
+        given = self.ratio if isinstance(self.ratio, tuple) else (self.ratio,)
         ratios = ca.vertcat(*[given[min(k, len(given) - 1)] for k in range(table.modes)])
         shape = ca.DM(link.basis.stiffness / link.basis.beta**2)
         scale = ca.sqrt(ca.SX(table.mass_per_length) * table.bending_stiffness) / table.length

@@ -6,15 +6,30 @@ with theta the motor's angle on the link side (the joint's, unless the joint is 
 voltage. Assumes the winding's inductance too fast to matter. Source: Spong, Hutchinson, Vidyasagar (2006), section 6.1.
 """
 
-from typing import Any
+from typing import Annotated, Any
 
 import casadi as ca
 
 from flexlin.mechanics.effects.base import Chain, Effect, per_joint
+from flexlin.mechanics.effects.scale import LOSS, PART, Scale
+from flexlin.scene.base import AllPositive, PerLink, Unit
 
 
 class Motor(Effect):
-    """Torque constant k in N m/A (V s/rad), resistance R in ohm, gear ratio N, rotor inertia J_m in kg m^2."""
+    """A direct-current motor behind a gear, whose input is its voltage; one number for every joint or one a joint."""
+
+    lists = "each"
+    input_unit = "V"
+    torque_constant: Annotated[AllPositive, Unit("N m/A")]
+    resistance: Annotated[AllPositive, Unit("ohm")]
+    gear_ratio: Annotated[AllPositive, Unit("")] = 1.0
+    rotor_inertia: Annotated[PerLink, Unit("kg m^2")] = 0.0
+
+    @classmethod
+    def tried_with(cls, scale: Scale) -> "Motor":
+        """k = R, so that a volt is a newton metre and the back electromotive force a small damper."""
+        constants = scale.of_inertias(2 * LOSS * scale.motion)
+        return cls(torque_constant=constants, resistance=constants, rotor_inertia=scale.of_inertias(PART))
 
     def kinetic_energy(self, chain: Chain) -> ca.SX:
         inertias = [self._of("gear_ratio", i) ** 2 * self._of("rotor_inertia", i) for i in range(len(chain.joints))]
@@ -29,4 +44,4 @@ class Motor(Effect):
         return self._of("gear_ratio", joint) * self._of("torque_constant", joint) / self._of("resistance", joint)
 
     def _of(self, name: str, joint: int) -> Any:
-        return per_joint(getattr(self.table, name), joint, single="every")
+        return per_joint(getattr(self, name), joint, single="every")

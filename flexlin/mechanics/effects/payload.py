@@ -3,23 +3,36 @@
 Source: Khang, Dat, Tuan (2019), Fig. 1 (m_E); the inertia as in De Luca, Siciliano (1991).
 """
 
+from typing import Annotated
+
 import casadi as ca
 
-from flexlin.mechanics.body import Body, rigid_body
+from flexlin.mechanics.body import Body, RigidMass, rigid_body
 from flexlin.mechanics.effects.base import Chain, Effect, at_tip
+from flexlin.mechanics.effects.scale import PART, Scale
+from flexlin.scene.base import Number, PerLink, Unit
 
 
 class Payload(Effect):
-    """A rigid body on the tip, turning with the tip's slope; its centre lies `offset` beyond the tip."""
+    """A rigid body on the tip of the last link, or one a link, that turns with the tip; its centre lies `offset` beyond the tip."""
+
+    lists = "first"
+    inertia_keys = ("mass", "inertia")
+    mass: Annotated[PerLink, Unit("kg")]
+    inertia: Annotated[PerLink, Unit("kg m^2")] = 0.0
+    offset: Annotated[Number | tuple[Number, ...], Unit("m")] = 0.0
+
+    @classmethod
+    def tried_with(cls, scale: Scale) -> "Payload":
+        return cls(mass=PART * scale.mass)
+
+    def tip_body(self, link: int, links: int) -> RigidMass:
+        return RigidMass(*(at_tip(value, link, links) for value in (self.mass, self.inertia, self.offset)))
 
     def bodies(self, chain: Chain) -> tuple[Body, ...]:
-        table, links = self.table, len(chain.links)
+        links = len(chain.links)
+        on = [self.tip_body(link, links) for link in range(links)]
         return tuple(
-            rigid_body(
-                frame,
-                at_tip(table.mass, i, links),
-                at_tip(table.inertia, i, links),
-                ca.vertcat(at_tip(table.offset, i, links), 0),
-            )
-            for i, frame in enumerate(chain.tips)
+            rigid_body(frame, body.mass, body.inertia, ca.vertcat(body.offset, 0))
+            for frame, body in zip(chain.tips, on, strict=True)
         )

@@ -3,22 +3,33 @@
 A mode of frequency omega has the ratio (alpha / omega + beta omega) / 2. Source: Rayleigh, Theory of Sound (1877), section 97.
 """
 
+from typing import TYPE_CHECKING, Annotated, Optional
+
 import casadi as ca
 
 from flexlin.mechanics.effects.base import Chain, Effect
-from flexlin.mechanics.links import BentLink
+from flexlin.mechanics.effects.scale import LOSS, Scale
+from flexlin.scene.base import NonNegative, Unit
+
+if TYPE_CHECKING:
+    from flexlin.mechanics.links import BentLink
 
 
 class RayleighDamping(Effect):
-    """`mass_factor` alpha in 1/s, `stiffness_factor` beta in s, on every link that bends."""
+    """alpha M + beta K on the elastic coordinates of every link that bends."""
+
+    mass_factor: Annotated[NonNegative, Unit("1/s")] = 0.0
+    stiffness_factor: Annotated[NonNegative, Unit("s")] = 0.0
+
+    @classmethod
+    def tried_with(cls, scale: Scale) -> Optional["RayleighDamping"]:
+        return None if scale.bending is None else cls(stiffness_factor=2 * LOSS / scale.bending)
 
     def dissipation(self, chain: Chain) -> ca.SX:
         return sum((self._of_link(link) for link in chain.links if link.bends), ca.SX(0))
 
-    def _of_link(self, link: BentLink) -> ca.SX:
+    def _of_link(self, link: "BentLink") -> ca.SX:
         k, table = link.basis.integrals, link.table
         stiffness = ca.SX(table.bending_stiffness) / table.length**3
-        mass = self.table.mass_factor * link.mass * ca.bilin(ca.DM(k.gram), link.w_rate, link.w_rate)
-        return (
-            mass + self.table.stiffness_factor * stiffness * ca.bilin(ca.DM(k.bending), link.w_rate, link.w_rate)
-        ) / 2
+        mass = self.mass_factor * link.mass * ca.bilin(ca.DM(k.gram), link.w_rate, link.w_rate)
+        return (mass + self.stiffness_factor * stiffness * ca.bilin(ca.DM(k.bending), link.w_rate, link.w_rate)) / 2

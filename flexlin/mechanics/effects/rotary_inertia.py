@@ -3,19 +3,35 @@
 With the radius of gyration r, rho I = rho A r^2. Source: Rayleigh, Theory of Sound (1877), section 186.
 """
 
+from typing import TYPE_CHECKING, Annotated, Any
+
 import casadi as ca
 
 from flexlin.mechanics.body import Moments
 from flexlin.mechanics.effects.base import Effect, per_joint
-from flexlin.mechanics.links import BentLink
+from flexlin.mechanics.effects.scale import SLENDERNESS, Scale
+from flexlin.scene.base import PerLink, Unit
+
+if TYPE_CHECKING:
+    from flexlin.mechanics.links import BentLink
 
 
 class RotaryInertia(Effect):
-    """One radius of gyration of the section a link, or one for every link, in m."""
+    """The inertia of the links' sections, by their radius of gyration sqrt(I/A); one number for every link or one a link."""
 
-    def link_moments(self, link: BentLink) -> Moments | None:
+    lists = "each"
+    radius_of_gyration: Annotated[PerLink, Unit("m")]
+
+    @classmethod
+    def tried_with(cls, scale: Scale) -> "RotaryInertia":
+        return cls(radius_of_gyration=tuple(SLENDERNESS * link.length for link in scale.links))
+
+    def section_gyration(self, link: int) -> Any:
+        return per_joint(self.radius_of_gyration, link, single="every")
+
+    def link_moments(self, link: "BentLink") -> Moments | None:
         k, length = link.basis.integrals, link.table.length
-        radius = per_joint(self.table.radius_of_gyration, link.index, single="every")
+        radius = per_joint(self.radius_of_gyration, link.index, single="every")
         inertia = link.mass * radius**2
         return Moments(
             second=inertia * k.section,

@@ -5,18 +5,54 @@ coordinate, and none of the fast motions in which the sections turn against the 
 kappa G A to infinity leaves Euler-Bernoulli's. Source: Timoshenko (1921).
 """
 
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Any, Optional
+
 import casadi as ca
 
+from flexlin.errors import Problem
 from flexlin.mechanics.effects.base import Chain, Effect, per_joint
-from flexlin.mechanics.links import BentLink
+from flexlin.mechanics.effects.scale import SLENDERNESS, Scale
+from flexlin.scene.base import AllPositive, Unit
+from flexlin.scene.effects import RawArm, RawTable
+
+if TYPE_CHECKING:
+    from flexlin.mechanics.links import BentLink
+
+SHEAR_RATIO = 0.32
+"""kappa G / E of a rectangular section of steel or aluminium: 0.83 / (2 * 1.3)."""
 
 
 class Shear(Effect):
-    """Shear stiffness kappa G A in N, one a link or one for every link."""
+    """Timoshenko's shear of the links, by its stiffness kappa G A; one number for every link or one a link."""
+
+    lists = "each"
+    stiffness: Annotated[AllPositive, Unit("N")]
+
+    @classmethod
+    def tried_with(cls, scale: Scale) -> Optional["Shear"]:
+        if scale.bending is None:
+            return None
+        stiffness = [
+            SHEAR_RATIO * (link.bending_stiffness or 1.0) / (SLENDERNESS * (link.length or 1.0)) ** 2
+            for link in scale.links
+        ]
+        return cls(stiffness=tuple(stiffness))
+
+    @classmethod
+    def contradictions(cls, raw: RawTable, arm: RawArm) -> Iterator[Problem]:
+        """The shipped finite elements do not shear."""
+        for i, link in enumerate(arm.links):
+            if link.get("mode_shapes") == "finite-element":
+                expected = "other shapes beside effects.shear, because these elements do not shear"
+                yield Problem(f"links.{i}.mode_shapes", "'finite-element'", expected)
+
+    def section_shear(self, link: int) -> Any:
+        return per_joint(self.stiffness, link, single="every")
 
     def potential_energy(self, chain: Chain) -> ca.SX:
         return sum((self._of_link(link) for link in chain.links if link.bends), ca.SX(0))
 
-    def _of_link(self, link: BentLink) -> ca.SX:
-        stiffness = per_joint(self.table.stiffness, link.index, single="every") / ca.SX(link.table.length)
+    def _of_link(self, link: "BentLink") -> ca.SX:
+        stiffness = per_joint(self.stiffness, link.index, single="every") / ca.SX(link.table.length)
         return stiffness / 2 * ca.bilin(ca.DM(link.basis.integrals.shear), link.w, link.w)

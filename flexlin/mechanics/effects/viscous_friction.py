@@ -1,13 +1,24 @@
 """Viscous joint friction: a torque -c q' on each joint, R = 1/2 sum c q'^2."""
 
+from typing import Annotated
+
 import casadi as ca
 
 from flexlin.mechanics.effects.base import Chain, Effect, per_joint
+from flexlin.mechanics.effects.scale import LOSS, Scale
+from flexlin.scene.base import NonNegative, Positive, Unit
 
 
 class ViscousFriction(Effect):
-    """One coefficient a joint, or one for every joint, in N m s/rad."""
+    """A torque -c q' on each joint; one number for every joint or one a joint."""
+
+    lists = "each"
+    coefficient: Annotated[Positive | tuple[NonNegative, ...], Unit("N m s/rad")]
+
+    @classmethod
+    def tried_with(cls, scale: Scale) -> "ViscousFriction":
+        return cls(coefficient=scale.of_inertias(2 * LOSS * scale.motion))
 
     def dissipation(self, chain: Chain) -> ca.SX:
-        coefficients = [per_joint(self.table.coefficient, i, single="every") for i in range(chain.q.numel())]
+        coefficients = [per_joint(self.coefficient, i, single="every") for i in range(chain.q.numel())]
         return ca.dot(ca.vertcat(*coefficients), chain.q_rate**2) / 2

@@ -23,7 +23,9 @@ def draw_arm(a: Analysis) -> Picture:
     if a.arm.points is None:
         return Picture("arm", TITLE, caption, draw([Row(beside(a), 110)], TITLE))
     bent = (
-        "bent by the steady response under the scene's loop" if a.response else "rigid, for want of a steady response"
+        "bent by the steady response under the scene's loop"
+        if a.response
+        else "rigid, because there is no steady response"
     )
     caption = (
         f"The arm at {PHASES} equal steps of a period, {bent}, to scale; later pictures are stronger. Grey: the rigid motion. "
@@ -36,7 +38,7 @@ def draw_arm(a: Analysis) -> Picture:
 
 def beside(a: Analysis) -> list[Panel]:
     """Joint motion, a panel for each unit, and feedforward where there is any."""
-    units = [joint_unit(a.scene, joint) for joint in range(a.arm.joints)]
+    units = [joint_unit(a, joint) for joint in range(a.arm.joints)]
     panels = [joints(a, [i for i, found in enumerate(units) if found == unit], unit) for unit in sorted(set(units))]
     return [*panels, torques(a)] if a.plant.inputs else panels
 

@@ -42,7 +42,7 @@ def colour(row: Row, tolerance: float) -> str:
 
 def caption(audit: Audit) -> str:
     """How to read the bars, and the advice."""
-    told = [
+    findings = [
         f"needed: {', '.join(audit.needed) or 'none'}",
         f"may be dropped: {', '.join(audit.droppable) or 'none'}",
         f"left out although it would be noticed with the figures tried: {', '.join(audit.missing) or 'none'}",
@@ -50,5 +50,5 @@ def caption(audit: Audit) -> str:
     return (
         "Each effect switched on or off in turn, each link given a mode more or less: the largest relative change of margin, "
         f"frequencies and tip error. Blue: the scene has it and needs it. Orange: the scene lacks it. Dashed: the tolerance "
-        f"{audit.tolerance:g}. At that tolerance {'; '.join(told)}."
+        f"{audit.tolerance:g}. At that tolerance {'; '.join(findings)}."
     )

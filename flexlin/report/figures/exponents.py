@@ -22,7 +22,7 @@ def caption(frequency: float) -> str:
     return (
         "Left: Floquet exponents by growth rate and frequency; a mode left of the line decays. Frequencies are known modulo "
         f"1/T = {frequency:.4g} Hz and shown from 0 to half of that. Right: natural frequencies of the coefficients frozen at "
-        "each time, which tell what physical mode to think of."
+        "each time, which show the physical mode behind it."
     )
 
 

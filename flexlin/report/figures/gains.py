@@ -8,7 +8,6 @@ from flexlin.answers.analysis import Analysis
 from flexlin.checks import Array
 from flexlin.report.figures.style import DASHES, Picture, in_columns, loop_colour, over_period
 from flexlin.report.wording import input_units
-from flexlin.simulation import own_gain
 from flexlin.svg import Panel, draw
 
 MOST = 12
@@ -25,9 +24,9 @@ def draw_gains(a: Analysis) -> Picture | None:
     for position, loop in enumerate(a.loops):
         if loop.design is not None:
             add(panels, pairs, a, loop.design.K(a.t), loop_colour(loop, position), DASHES[position % 2], loop.name)
-    own = own_gain(a.closed)
+    own = a.closed.law.gain(a.t)
     if np.any(own):
-        add(panels, pairs, a, np.broadcast_to(own, (len(a.t), *own.shape)), "faint", "2 3", a.own.name)
+        add(panels, pairs, a, own, "faint", "2 3", a.own.name)
     legend = panels[0].legend
     for panel in panels:
         panel.marks = [replace(mark, label="") for mark in panel.marks]

@@ -1,12 +1,9 @@
 """The periodic response of the scene's loop, coordinate by coordinate, with the torque it takes."""
 
-import numpy as np
-
 from flexlin.answers.analysis import Analysis
 from flexlin.checks import Array
 from flexlin.report.figures.style import SERIES, Picture, in_columns, over_period
 from flexlin.report.wording import coordinate_unit, input_units, scaled
-from flexlin.simulation import own_gain
 from flexlin.svg import Panel, draw
 
 MOST = 11
@@ -45,5 +42,4 @@ def torque(a: Analysis) -> Panel:
 def torques(a: Analysis) -> Array:
     """Feedforward and feedback together in the periodic response, (N, m)."""
     assert a.response is not None
-    forward = a.coefficients.tau * (a.scene.control.feedforward == "rigid")
-    return np.asarray(forward - a.response.states @ own_gain(a.closed).T)
+    return a.closed.law.torque(a.t, a.response.states)

@@ -1,0 +1,116 @@
+"""Where the arm is when it deviates from its rigid motion, s = E q(t) + P y: answered once, for expressions and for numbers."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from flexlin import symbolic
+from flexlin.checks import Array
+from flexlin.errors import InputError
+from flexlin.mechanics.manipulator import Manipulator
+from flexlin.motion import Motion, SymbolicMotion
+
+
+@dataclass(frozen=True, eq=False)
+class Deviation:
+    """The small motion y of an arm about a rigid basic motion.
+
+        s = E q(t) + P y,   s' = E q'(t) + P y',   s'' = E q''(t) + P y''
+
+    E = `arm.reference` leads the coordinates along the motion; P picks the coordinates `kept`, which no prescribed joint fixes.
+    `driven` are the joints that a torque drives.
+    """
+
+    arm: Manipulator
+    motion: Motion
+    kept: tuple[int, ...]
+    driven: tuple[int, ...]
+
+    @classmethod
+    def of(cls, arm: Manipulator, motion: Motion) -> "Deviation":
+        """The deviation in all coordinates that the motion does not prescribe. Raises: InputError when none is left."""
+        fixed = {arm.drives[i] for i in range(arm.joints) if motion.prescribed[i]}
+        kept = tuple(k for k in range(arm.n) if k not in fixed)
+        if not kept:
+            raise InputError(
+                "nothing is left to move",
+                got="every coordinate prescribed",
+                expected="a link with modes or a driven joint",
+            )
+        return cls(arm, motion, kept, tuple(i for i in range(arm.joints) if not motion.prescribed[i]))
+
+    @property
+    def n(self) -> int:
+        """The number of coordinates y."""
+        return len(self.kept)
+
+    @property
+    def m(self) -> int:
+        """The number of torques."""
+        return len(self.driven)
+
+    def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+        """New symbols of one time: y, y', y'' (n, 1) and the rigid motion's [q; q'; q''] (3 joints, 1)."""
+        y, rate, acceleration = (ca.SX.sym(name, self.n) for name in ("y", "y1", "y2"))
+        return y, rate, acceleration, ca.SX.sym("angles", 3 * self.arm.joints)
+
+    def coordinates(self, angles: ca.SX, *deviation: ca.SX) -> list[ca.SX]:
+        """s, s', s'' as expressions; `deviation` is y, y', y'', as many as are not zero."""
+        parts = [self.arm.reference @ part for part in ca.vertsplit(angles, self.arm.joints)]
+        pick = ca.DM.eye(self.arm.n)[:, list(self.kept)]
+        for level, extra in enumerate(deviation):
+            parts[level] = parts[level] + pick @ extra
+        return [ca.densify(part) for part in parts]
+
+    def lift(self, expressions: Iterable[ca.SX], angles: ca.SX, *deviation: ca.SX) -> list[ca.SX]:
+        """Expressions of s, s', s'' as expressions of y, y', y'' (as many as are not zero) and of the angles."""
+        arm = self.arm
+        full = ca.vertcat(arm.s, arm.s_dot, arm.s_ddot)
+        return list(ca.substitute(list(expressions), [full], [ca.vertcat(*self.coordinates(angles, *deviation))]))
+
+    def function(self, angles: ca.SX, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:
+        """A function of `inputs`, the place on the motion, and the free parameters; evaluate it with `evaluate`.
+
+        The place is the phase, or q, q', q'' for a motion that is given by numbers.
+        """
+        motion, p, values = self.motion, self.arm.parameters.symbols, list(outputs.values())
+        if isinstance(motion, SymbolicMotion):
+            values = ca.substitute(values, [angles, motion.parameters.symbols], [ca.vertcat(*motion.rates), p])
+            place = {"phase": motion.phase}
+        else:
+            place = dict(zip(("q", "q1", "q2"), ca.vertsplit(angles, self.arm.joints), strict=True))
+        named = {**inputs, **place, "p": p}
+        dense = [ca.densify(value) for value in values]
+        return ca.Function("about_motion", list(named.values()), dense, list(named), list(outputs))
+
+    def place(self, t: Array) -> list[Array]:
+        """The arguments that functions take after their own inputs at times (N,): the place on the motion, and the parameters."""
+        motion, values = self.motion, self.arm.parameters.values
+        where = [motion.phase_of(t)[:, None]] if isinstance(motion, SymbolicMotion) else list(motion.sample(t))
+        return [*where, np.broadcast_to(values, (len(t), len(values)))]
+
+    def place_at(self, t: float) -> list[Array]:
+        """The same at one time, for functions that are called at one time after another."""
+        motion = self.motion
+        if isinstance(motion, SymbolicMotion):
+            return [motion.phase_of(np.array([t])), self.arm.parameters.values]
+        return [*(part[0] for part in motion.sample(np.array([t]))), self.arm.parameters.values]
+
+    def evaluate(self, function: ca.Function, t: Array, *inputs: Array) -> tuple[Array, ...]:
+        """A function's outputs (N, rows, columns) at times (N,), in one mapped call."""
+        return symbolic.evaluate(function, *inputs, *self.place(t))
+
+    def positions(self, t: Array, *deviation: Array) -> tuple[Array, ...]:
+        """s, s', s'' (N, arm.n) at times (N,), as many as there are parts y, y', y'' (N, n) given."""
+        E, kept = self.arm.reference.full(), list(self.kept)
+        parts = [angles @ E.T for angles, _ in zip(self.motion.sample(t), deviation, strict=False)]
+        for part, extra in zip(parts, deviation, strict=True):
+            part[:, kept] += extra
+        return tuple(parts)
+
+    def of_arm(self, name: str, t: Array, *deviation: Array) -> Array:
+        """One of `arm.functions` at s = E q + P y and as many rates as it takes: (N, rows, columns)."""
+        p = np.broadcast_to(self.arm.parameters.values, (len(t), len(self.arm.parameters.values)))
+        return symbolic.evaluate(self.arm.functions[name], *self.positions(t, *deviation), p)[0]

@@ -1,0 +1,28 @@
+"""The sizes of a scene's arm, from which effects that it leaves out take figures to be tried with."""
+
+import casadi as ca
+import numpy as np
+
+from flexlin.mechanics import build_manipulator
+from flexlin.mechanics.effects import Scale
+from flexlin.mechanics.link_shapes import shapes_of
+from flexlin.motion import build_motion
+from flexlin.scene.scene import Scene
+
+
+def read_scale(scene: Scene) -> Scale:
+    """Read the sizes off a scene, stretched out and at rest."""
+    arm = build_manipulator(scene)
+    M = ca.Function("M", [arm.s], [ca.densify(arm.M)])(np.zeros(arm.n))
+    slowest = [
+        shapes_of(scene, i).beta[0] ** 2 * np.sqrt(link.bending_stiffness / (link.mass_per_length * link.length**4))
+        for i, link in enumerate(scene.links)
+        if link.modes and link.bending_stiffness is not None
+    ]
+    return Scale(
+        links=scene.links,
+        inertias=tuple(float(M[i, i]) for i in range(arm.joints)),
+        mass=sum(link.mass_per_length * link.length for link in scene.links),
+        motion=2 * np.pi / build_motion(scene.motion, arm.joints).period,
+        bending=float(min(slowest)) if slowest else None,
+    )

@@ -1,0 +1,92 @@
+"""The linear motions that decay slowest, from Floquet modes: nothing is multiplied out over a period."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlin.checks import Array, check_size
+from flexlin.errors import NumericalError
+from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.floquet.modes import find_coinciding, find_null_modes
+from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.periodic.grid import place_edges
+from flexlin.periodic.product.balancing import balance_factors
+from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.transition.setting import METHODS
+
+TOLERANCE = 1e-6
+"""Error of the exponents, in 1/s, that is enough for a direction."""
+SAMPLES = 64
+"""Times of a period at which a motion is given, at the least."""
+REAL = 1e-6
+"""An imaginary part this small against the real one belongs to a real mode."""
+
+
+@dataclass(frozen=True)
+class SlowMotions:
+    """Real motions x(t) = Re p(t) exp(lambda t) and Im p(t) exp(lambda t) of the slowest modes.
+
+    Each is scaled to a largest deflection of 1 (rad or m) over a period.
+    directions (k, 2n): x(0); t (N,): times in [0, T); states (k, N, 2n): x(t).
+    """
+
+    directions: Array
+    t: Array
+    states: Array
+
+
+def slow_motions(system: PeriodicSystem, count: int, result: FloquetResult | None = None) -> SlowMotions:
+    """Find the `count` slowest real motions of a system of second order; a complex pair gives two of them.
+
+    Each mode is turned in the complex plane so that its largest deflection at t = 0 is real: one motion starts from there, the other
+    swings through. Modes that decay too fast to be resolved are left out.
+
+    Parameters: result: the exponents, if they are known.
+    Raises: what `floquet` raises; TooLarge when the resolution that a fast mode asks for makes too many transition matrices;
+    NumericalError when no mode is resolved.
+    """
+    result = result or floquet(system, TOLERANCE)
+    slow = np.flatnonzero((result.exponents.imag >= 0) & np.isfinite(result.errors))[: max(1, count)]
+    if not len(slow):
+        raise NumericalError(
+            "no Floquet mode is resolved", todo="ask for a smaller tol, or look at the Floquet verdict"
+        )
+    t, modes = right_modes(system, result, slow)
+    n = system.n // 2
+    found = [
+        motion for i, mode in zip(slow, modes, strict=True) for motion in real_motions(t, mode, result.exponents[i], n)
+    ]
+    states = np.array(found[: max(1, count)])
+    states /= np.abs(states[:, :, :n]).max(axis=(1, 2))[:, None, None]
+    return SlowMotions(states[:, 0], t, states)
+
+
+def right_modes(system: PeriodicSystem, result: FloquetResult, which: Array) -> tuple[Array, Array]:
+    """Times (N,) and periodic right eigenvectors (k, N, n) of some exponents.
+
+    p_(j+1) = exp(-lambda h_j) Phi_j p_j,   p_N = p_0:   the null vector of a cyclic system
+    """
+    n, setting = system.n, result.setting
+    hill = setting.method == "hill"
+    method, order, segments = (
+        ("gauss", 12, 6 * setting.order) if hill else (setting.method, setting.order, setting.segments)
+    )
+    grid = place_edges(system.period, system.breaks, max(SAMPLES, segments))
+    check_size(
+        "a mode's system",
+        (8 + 64 * len(which)) * len(grid) * n * n,
+        f"the modes need {len(grid)} transition matrices of order {n}: leave out the fastest modes, or lower the gains behind them",
+    )
+    Phi, scale = balance_factors(METHODS[method](system, grid, order))
+    decay = np.exp(-result.exponents[which, None] * np.diff(grid))
+    ranks = np.tril(find_coinciding(result.log_multipliers), -1).sum(axis=1)[which]
+    modes = find_null_modes(decay[..., None, None] * Phi, ranks) * scale[:, None]
+    return grid[:-1], np.moveaxis(modes, -1, 0)
+
+
+def real_motions(t: Array, mode: Array, exponent: complex, n: int) -> list[Array]:
+    """The real motion of a real mode, the two of a complex one, at times t with t[0] = 0: (N, 2n) each."""
+    largest = mode[0, np.argmax(np.abs(mode[0, :n]))]
+    motion = mode * (abs(largest) / largest) * np.exp(exponent * t)[:, None]
+    parts = [motion.real, motion.imag]
+    return parts if np.abs(motion[0].imag).max() > REAL * np.abs(motion[0].real).max() else parts[:1]

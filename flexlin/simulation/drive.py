@@ -1,0 +1,50 @@
+"""What the drive makes of the commanded torque: saturation, sampling, delay."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlin.about.linearization import Linearization
+from flexlin.checks import Array
+from flexlin.errors import ArgumentError
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What stands between the commanded torque and the joint; each part is off unless it is given.
+
+    limit: (m,) largest |torque| in N m; sample_time in s: the command is computed once in each interval and held (zero-order hold);
+    delay in s: between measuring and the torque taking effect, below one sample time.
+    """
+
+    limit: tuple[float, ...] | None = None
+    sample_time: float | None = None
+    delay: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, values in (
+            ("limit", self.limit or ()),
+            ("sample_time", (self.sample_time,) if self.sample_time else ()),
+        ):
+            if any(not value > 0 for value in values):
+                raise ArgumentError(f"{name} is not positive", got=values, expected="numbers greater than 0")
+        if not 0 <= self.delay <= (self.sample_time or 0.0):
+            raise ArgumentError(
+                "delay is out of range", got=self.delay, expected=f"0 to the sample time, {self.sample_time or 0.0} s"
+            )
+
+    def saturated(self, torque: Array) -> Array:
+        """The torque that the motor gives."""
+        return torque if self.limit is None else np.clip(torque, -np.array(self.limit), self.limit)
+
+
+def scene_drive(lin: Linearization) -> Drive:
+    """The drive that the scene's control tables describe."""
+    if lin.control is None:
+        return Drive()
+    limit, sampling = lin.control.saturation, lin.control.sampling
+    return Drive(
+        None if limit is None else limit.torque,
+        None if sampling is None else sampling.period,
+        0.0 if sampling is None else sampling.delay,
+    )

@@ -1,0 +1,64 @@
+"""Step by step through time: a trial that leaves the model's range shortens the step, only accepted states count."""
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.integrate import OdeSolver
+
+from flexlin.checks import Array
+from flexlin.errors import NumericalError
+
+SHORTENED = 0.1
+"""What is left of a step after a trial that left the range."""
+SHORTEST = 1e-13
+"""A step this short against the whole time is no step any more."""
+
+
+class TrialLeftRange(Exception):
+    """A trial evaluation of the integrator has no meaning there; the solution itself need not come that far."""
+
+
+def march(
+    make: Callable[[float, Array, float | None], OdeSolver],
+    z: Array,
+    begin: float,
+    end: float,
+    stops: Array,
+    accept: Callable[[float, Array], None],
+    first: float | None = None,
+) -> tuple[Array, Array]:
+    """Integrate from `begin` to `end`: the state there, and the states (N, n) at the stops (N,), begin < stops <= end.
+
+    Parameters: make: (t, z, first step or None) -> solver; accept: looks at each accepted state, and raises if it must not be.
+    Raises: NumericalError when no step is short enough, naming the last accepted time.
+    """
+    slack, values = 1e-12 * (end - begin), np.empty((len(stops), len(z)))
+    now, step = begin, end - begin if first is None else first
+    solver: OdeSolver | None = None
+    while now < end:
+        try:
+            solver = solver or make(now, z, first)
+            message = solver.step()
+        except TrialLeftRange as reason:
+            step, solver = SHORTENED * step, None
+            if step <= SHORTEST * (end - begin):
+                raise stopped(now, str(reason)) from None
+            first = min(step, end - now)
+            continue
+        if solver.status == "failed":
+            raise stopped(now, message)
+        accept(solver.t, solver.y)
+        inside = (stops > now) & (stops <= solver.t + slack)
+        if inside.any():
+            values[inside] = solver.dense_output()(np.minimum(stops[inside], solver.t)).T
+        step, now, z = solver.t - now, solver.t, solver.y
+    return z, values
+
+
+def stopped(t: float, why: str) -> NumericalError:
+    """What to say when the integrator cannot go on from an accepted state."""
+    return NumericalError(
+        f"the nonlinear simulation stopped at t = {t:.4g} s",
+        got=why,
+        todo="the loop probably diverges: look at its Floquet verdict, lower the gains, or simulate fewer periods",
+    )

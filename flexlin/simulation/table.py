@@ -1,0 +1,46 @@
+"""A control law as an integrator asks for it: at one time after another."""
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+from scipy.interpolate import CubicSpline, PPoly
+
+from flexlin.about.law import Law, is_constant
+from flexlin.about.linearization import Linearization
+from flexlin.checks import Array
+
+POINTS = 2048
+"""Knots of a tabulated law in one period: a tenth harmonic is met to 1e-9 of its size."""
+
+
+class LawTable:
+    """A law as offset(t) - gain(t) x; what varies in time by cubic splines, what is constant as it is."""
+
+    def __init__(self, law: Law, lin: Linearization):
+        self._periodic, self._period = lin.motion.periodic, lin.period
+        few = lin.period * np.array([0.2, 0.6])
+        still = [is_constant(part(few)) for part in (law.forward, law.gain, law.reference)]
+        self._gain = law.gain(few)[0] if still[1] else None
+        self._offset = law.offset(few)[0] if all(still) else None
+        self._gains = tabulated(law.gain, lin) if self._gain is None else None
+        self._offsets = tabulated(law.offset, lin) if self._offset is None else None
+
+    def __call__(self, t: float, x: Array) -> Array:
+        """The torque (m,) at one time; after the end of a one-way motion the law stays as it is there."""
+        t = t % self._period if self._periodic else min(t, self._period)
+        offset = self._offset if self._offsets is None else self._offsets(t)
+        gain = self._gain if self._gains is None else self._gains(t)
+        return offset - gain @ x
+
+
+def tabulated(f: Callable[[Array], Array], lin: Linearization) -> PPoly:
+    """A function over one period by cubic splines between the breaks of the motion."""
+    marks = np.unique([0.0, *lin.breaks, lin.period])
+    pieces = []
+    for begin, end in pairwise(marks):
+        t = np.linspace(begin, end, max(8, int(POINTS * (end - begin) / lin.period)) + 1)
+        inside = np.clip(t, begin + 1e-12 * lin.period, end - 1e-12 * lin.period)
+        pieces.append(CubicSpline(t, f(inside), axis=0))
+    coefficients = np.concatenate([piece.c for piece in pieces], axis=1)
+    return PPoly(coefficients, np.concatenate([*[piece.x[:-1] for piece in pieces], marks[-1:]]))

@@ -1,0 +1,104 @@
+"""The deviation in expressions and in numbers, control laws, and times given alone."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.about.law import Law, is_constant
+from flexlin.control import feedforward, pd_feedback, periodic_motion
+from flexlin.errors import ArgumentError
+from flexlin.simulation.table import LawTable
+
+
+def closed(name="single-link", changes=None):
+    scene = fl.load_scene(name, changes or {})
+    return fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+
+
+@pytest.fixture(scope="module")
+def lin():
+    return closed()
+
+
+@pytest.mark.parametrize("name", ["single-link", "flexible-joint-link", "spinning-link", "de-luca-siciliano-1991"])
+def test_expressions_and_numbers_agree_on_where_the_arm_is(name):
+    """A lifted function of s, s', s'' at random deviations equals the same function of the lifted numbers."""
+    about, rng = closed(name).about, np.random.default_rng(3)
+    arm, t = about.arm, np.array([0.1, 0.4])
+    *moved, angles = about.symbols()
+    probe = ca.vertcat(ca.sin(arm.s), arm.s * arm.s_dot, arm.s_ddot - arm.s)
+    function = about.function(
+        angles, dict(zip(("y", "y1", "y2"), moved, strict=True)), {"probe": about.lift([probe], angles, *moved)[0]}
+    )
+    parts = [rng.normal(size=(2, about.n)) for _ in range(3)]
+    s, s_dot, s_ddot = about.positions(t, *parts)
+    expected = np.concatenate([np.sin(s), s * s_dot, s_ddot - s], axis=1)
+    np.testing.assert_allclose(about.evaluate(function, t, *parts)[0][:, :, 0], expected, rtol=1e-14, atol=1e-14)
+    np.testing.assert_allclose(about.place_at(0.4)[0], about.place(t)[0][1])
+
+
+def test_one_time_gives_one_matrix(lin):
+    for name, shape in (("M", (3, 3)), ("D", (3, 3)), ("K", (3, 3)), ("B", (3, 1)), ("h", (3,)), ("feedforward", (1,))):
+        alone, many = getattr(lin, name)(0.5), getattr(lin, name)([0.5, 0.6])
+        assert alone.shape == shape
+        np.testing.assert_array_equal(alone, many[0])
+    motion = periodic_motion(lin)
+    assert motion(0.5).shape == (3,)
+    assert motion.state(0.5).shape == (6,)
+    assert feedforward(lin, "rigid").torque(0.5).shape == (1,)
+    with pytest.raises(ArgumentError, match="not finite"):
+        lin.M(np.nan)
+
+
+def test_separate_matrices_are_those_of_the_whole_sample(lin):
+    t = np.linspace(0.0, 2.0, 7)
+    c = lin.sample(t)
+    for name in ("M", "D", "K", "h", "B"):
+        np.testing.assert_array_equal(getattr(lin, name)(t), getattr(c, name))
+    assert not hasattr(lin, "_last")
+
+
+def test_the_scenes_law_is_what_the_linear_equations_hold(lin):
+    """D_L, K_L and h_L of the closed loop differ from the plant's by B times the law, and by nothing else."""
+    plant, t, n = fl.linearize(lin.arm, lin.motion), np.array([0.1, 0.9]), lin.n
+    law = lin.closed_by
+    gain, torque = law.gain(t), law.forward(t)
+    scale = np.abs(lin.K(t)).max()
+    np.testing.assert_allclose(lin.K(t) - plant.K(t), plant.B(t) @ gain[:, :, :n], atol=1e-13 * scale)
+    np.testing.assert_allclose(lin.D(t) - plant.D(t), plant.B(t) @ gain[:, :, n:], atol=1e-13 * scale)
+    np.testing.assert_allclose(lin.h(t) - plant.h(t), np.einsum("tij,tj->ti", plant.B(t), torque), atol=1e-12)
+    assert law.feedforward == "rigid"
+    assert plant.closed_by.feedforward == "none"
+    assert not plant.closed_by.gain(t).any()
+
+
+def test_a_gain_left_free_has_its_own_value_in_the_law():
+    scene = fl.load_scene("single-link")
+    arm = fl.build_manipulator(scene, ["control.feedback.kp.0"])
+    law = fl.linearize(arm, scene.motion, scene.control).law
+    assert law.gain(np.zeros(1))[0, 0, 0] == scene.control.feedback.kp[0]
+
+
+def test_what_is_constant_is_not_tabulated(lin):
+    scene_table = LawTable(lin.law, lin)
+    assert scene_table._gains is None
+    x, t = np.arange(6.0), 0.37
+    np.testing.assert_allclose(scene_table(t, x), lin.law.torque(np.array([t]), x[None])[0], rtol=1e-9)
+    silent = Law.constant(np.ones((1, 6)), [2.0])
+    table = LawTable(silent, lin)
+    assert table._gains is table._offsets is None
+    np.testing.assert_array_equal(table(t, x), 2.0 - np.ones((1, 6)) @ x)
+    made = pd_feedback(fl.linearize(lin.arm, lin.motion).periodic_system(), [0], [10.0], [1.0])
+    assert is_constant(lin.law.with_gain(made.K).gain(np.zeros(2)))
+    assert is_constant(made.law.forward(np.zeros(2)))
+    with pytest.raises(ArgumentError, match="gain does not fit"):
+        lin.law.with_gain(np.ones((2, 6)))
+
+
+def test_the_periodic_motion_of_a_feedforwards_law_is_its_reference(lin):
+    """With the joint-exact torque and reference in the law, the loop's periodic motion is the reference, whatever the gain."""
+    made = feedforward(lin, "joint-exact")
+    found = periodic_motion(lin, law=made.law)
+    t = np.linspace(0.0, lin.period, 9)
+    np.testing.assert_allclose(found.state(t), made.reference(t), atol=1e-7 * np.abs(made.reference(t)).max())

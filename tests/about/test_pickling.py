@@ -1,0 +1,167 @@
+"""Pickling: what comes back, in this process and in a fresh one, gives the same numbers to the last bit."""
+
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.about.free import parametric_loop
+from flexlin.control import (
+    averaged_lqr,
+    feedforward,
+    finite_horizon_lqr,
+    frozen_lqr,
+    horizon_system,
+    kalman_filter,
+    linear_range,
+    linearize_about,
+    output_feedback,
+    pd_feedback,
+    periodic_lqr,
+    periodic_motion,
+    with_integral_action,
+)
+from flexlin.control.measurement import joint_angles, tip_acceleration, tip_position
+
+T = np.array([0.0, 0.13, 0.57, 1.21])
+
+FRESH = """
+import pickle, sys
+import numpy as np
+objects, t = pickle.load(open(sys.argv[1], "rb"))
+sys.path.insert(0, sys.argv[3])
+from test_pickling import numbers
+pickle.dump({name: numbers(value, t) for name, value in objects.items()}, open(sys.argv[2], "wb"))
+"""
+
+
+def numbers(value, t):
+    """Everything that an object answers, as arrays."""
+    kind = type(value).__name__
+    if kind == "Manipulator":
+        x = np.linspace(0.1, 0.4, value.n)
+        p = np.asarray(value.parameters.values)
+        out = []
+        for function in value.functions.values():
+            inputs = {name: (p if name == "p" else x) for name in function.name_in()}
+            out.append(function(*[inputs[name] for name in function.name_in()]).full())
+        return out
+    if kind == "Linearization":
+        c = value.sample(t)
+        return [c.M, c.D, c.K, c.h, c.B, c.tau, value.law.gain(t), value.law.torque(t, np.ones((len(t), 2 * value.n)))]
+    if kind == "Deviation":
+        return [*value.positions(t, np.ones((len(t), value.n)))]
+    if kind == "Law":
+        return [value.forward(t), value.gain(t), value.reference(t)]
+    if kind == "PeriodicSystem":
+        return [value.A(t), *([] if value.B is None else [value.B(t)]), np.array(value.breaks)]
+    if kind == "Design":
+        return [value.K(t), value.closed_loop.A(t), *([] if value.solution is None else [value.X(t)])]
+    if kind == "Estimator":
+        return [value.P(t), value.L(t), value.closed_loop.A(t)]
+    if kind == "PeriodicMotion":
+        return [value.state(t), value.torque(t), np.array([value.error])]
+    if kind == "Feedforward":
+        return [value.torque(t), value.reference(t), np.array([value.tip_error])]
+    if kind == "ForcedResponse" or callable(value):
+        return [value(t)]
+    if kind == "ParametricLoop":
+        point = 1.1 * value.nominal
+        return [*value.sample(t[:2] / 9, point[None]), value.periods(point[None]), value.at(point).M(t)]
+    return [np.asarray(item) for item in vars(value).values() if isinstance(item, np.ndarray | float)]
+
+
+def check(objects, folder):
+    """Round trips here and in a fresh interpreter."""
+    expected = {name: numbers(value, T) for name, value in objects.items()}
+    source, target = folder / "objects.pickle", folder / "numbers.pickle"
+    source.write_bytes(pickle.dumps((objects, T)))
+    here = {name: numbers(value, T) for name, value in pickle.loads(source.read_bytes())[0].items()}
+    subprocess.run([sys.executable, "-c", FRESH, source, target, Path(__file__).parent], check=True)
+    for got in (here, pickle.loads(target.read_bytes())):
+        for name, arrays in expected.items():
+            for a, b in zip(arrays, got[name], strict=True):
+                np.testing.assert_array_equal(a, b, err_msg=name)
+
+
+@pytest.mark.parametrize(
+    "name", ["single-link", "de-luca-siciliano-1991", "flexible-joint-link", "pick-and-place", "khang-2019", "five-bar"]
+)
+def test_scene_arm_and_linear_equations(name, tmp_path):
+    scene = fl.load_scene(name)
+    arm = fl.build_manipulator(scene)
+    plant, lin = fl.linearize(arm, scene.motion), fl.linearize(arm, scene.motion, scene.control)
+    system = lin.periodic_system()
+    check(
+        {
+            "arm": arm,
+            "plant": plant,
+            "linearization": lin,
+            "deviation": lin.about,
+            "law": lin.law,
+            "system": system,
+            "horizon": horizon_system(plant),
+            "result": fl.floquet(system, tol=1e-6),
+        },
+        tmp_path,
+    )
+    assert pickle.loads(pickle.dumps(scene)) == scene
+
+
+def test_an_arm_that_came_back_is_linearized_as_before():
+    scene = fl.load_scene("de-luca-siciliano-1991")
+    arm = fl.build_manipulator(scene)
+    lin, again = (fl.linearize(a, scene.motion, scene.control) for a in (arm, pickle.loads(pickle.dumps(arm))))
+    for a, b in zip(numbers(lin, T), numbers(again, T), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_free_numbers_stay_free(tmp_path):
+    loop = parametric_loop(
+        fl.load_scene("single-link"), ["effects.payload.mass", "motion.frequency", "control.feedback.kp.0"]
+    )
+    check({"loop": loop, "linearization": loop.linearization, "at": loop.at(1.2 * loop.nominal)}, tmp_path)
+
+
+def test_a_motion_from_a_table(tmp_path):
+    t, file = np.linspace(0.0, 2.0, 41), tmp_path / "sine.csv"
+    np.savetxt(file, np.column_stack([t, 0.5 * np.sin(np.pi * t)]), delimiter=",", header="t,q1", comments="")
+    scene = fl.load_scene("single-link", {"motion": {"kind": "table", "file": str(file)}})
+    check({"linearization": fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)}, tmp_path)
+
+
+def test_designs_and_results(tmp_path):
+    scene = fl.load_scene("single-link")
+    arm = fl.build_manipulator(scene)
+    plant, lin = fl.linearize(arm, scene.motion), fl.linearize(arm, scene.motion, scene.control)
+    system = plant.periodic_system()
+    weights = np.diag([1.0, 1.0, 1.0, 0.01, 0.01, 0.01]), 100 * np.eye(1)
+    lqr = periodic_lqr(system, *weights, tol=1e-7)
+    motion = periodic_motion(lin)
+    filtered = kalman_filter(system, joint_angles(plant), 0.1 * np.eye(6), 1e-4 * np.eye(1), tol=1e-6)
+    check(
+        {
+            "periodic": lqr,
+            "frozen": frozen_lqr(system, *weights, phases=4),
+            "averaged": averaged_lqr(system, *weights),
+            "horizon": finite_horizon_lqr(system, *weights, tol=1e-6),
+            "pd": pd_feedback(system, [0], [10.0], [1.0]),
+            "estimator": filtered,
+            "loop": output_feedback(lqr, filtered),
+            "integral": with_integral_action(system, np.eye(1, 6)),
+            "motion": motion,
+            "about": linearize_about(motion),
+            "feedforward": feedforward(lin, "tip-exact"),
+            "its law": feedforward(lin, "joint-exact").law,
+            "simulation": fl.simulate(lin, 0.1),
+            "range": linear_range(lin),
+            "response": fl.forced_response(lin.periodic_system(), lin.forcing, tol=1e-7),
+            "camera": tip_position(lin),
+            "accelerometer": tip_acceleration(lin)[0],
+        },
+        tmp_path,
+    )

@@ -1,0 +1,84 @@
+"""The pages of docs/ show what the code and the studies give: generated blocks, the picture of the house, the index of studies."""
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+
+
+def script(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(f"docs_{name}", DOCS / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+figures, house = script("figures"), script("draw_house")
+PAGES = {page.name: page.read_text(encoding="utf-8") for page in DOCS.glob("*.md")}
+SHOWN = {match[2]: match[3].strip() for text in PAGES.values() for match in figures.BLOCK.finditer(text)}
+
+
+def test_every_mark_has_its_function_and_every_function_its_place():
+    marks = [match[2] for text in PAGES.values() for match in figures.BLOCK.finditer(text)]
+    assert sorted(marks) == sorted(figures.BLOCKS)
+    assert sum(text.count("<!-- generated:") for text in PAGES.values()) == len(marks)  # none without its end
+
+
+@pytest.mark.parametrize("name", sorted(set(figures.BLOCKS) - {"hard-cases"}))
+def test_block_is_what_its_function_writes(name):
+    """A figure that was edited by hand, or that has drifted, is found out; tests/periodic/test_hard_cases.py compares the hard cases."""
+    assert SHOWN[name] == figures.BLOCKS[name]()
+
+
+def test_a_changed_block_is_written_anew():
+    page = PAGES["control.md"]
+    spoiled = page.replace(SHOWN["tracking"], "| spoiled |")
+    assert spoiled != page
+    assert figures.rendered(spoiled, {"tracking"}) == page
+
+
+def test_records_say_when_and_where():
+    for name in figures.MEASURES:
+        record = figures.measured(name)
+        assert record["date"].startswith("20")
+        assert "cores" in record["machine"]
+
+
+def test_every_study_has_its_picture():
+    names = {path.stem for path in (ROOT / "studies").glob("*.py")}
+    assert names == {path.stem for path in (DOCS / "pictures").glob("*.png")}
+    for name in names:
+        picture = (DOCS / "pictures" / f"{name}.png").read_bytes()
+        assert picture.startswith(b"\x89PNG")
+        assert len(picture) < 60_000
+        assert f"](../studies/{name}.py)" in PAGES["studies.md"]
+
+
+def test_the_picture_of_the_house_is_drawn_from_this_code():
+    """After a change of the code's layout: `make figures`."""
+    assert (DOCS / "house.svg").read_text(encoding="utf-8") == house.picture()
+
+
+def test_the_house_shows_every_import(tmp_path, monkeypatch):
+    """The arrows against a list made by the eye: a package whose modules are known."""
+    package = tmp_path / "flexlin"
+    (package / "above").mkdir(parents=True)
+    (package / "above" / "__init__.py").write_text("from flexlin.below.deep import a\nfrom flexlin import ground\n")
+    (package / "above" / "more.py").write_text(
+        "def f():\n    import flexlin.below\n    import numpy\n    from flexlin.above import x\n"
+    )
+    (package / "below.py").write_text("")
+    (package / "ground.py").write_text("from flexlin.errors import E\n")
+    monkeypatch.setattr(house, "PACKAGE", package)
+    assert house.arrows(["above", "below", "ground"]) == {("above", "below"): 2, ("above", "ground"): 1}
+
+
+def test_no_arrow_of_the_house_points_up():
+    rooms, _ = house.house()
+    assert all(rooms[a].y + rooms[a].h < rooms[b].y for a, b in house.arrows(list(rooms)))

@@ -1,0 +1,222 @@
+"""Scenes that mean harm, or that an accident made: each is refused at once, by an error that names the place."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.cli.main import BAD_INPUT, main
+from flexlin.errors import FlexlinError, MotionError, SceneError
+from flexlin.scene import builtin_scenes
+from flexlin.scene.base import SMALLEST
+from flexlin.scene.overrides import parse_assignment
+from flexlin.scene.parameters import get_value, numeric_paths
+
+TEXT = builtin_scenes()["single-link"].read_text(encoding="utf-8")
+TABLE = "[motion]\nkind = 'table'\nfile = {}\n\n"
+ROWS = "".join(f"{0.1 * k},{0.1 * k * (1 - k / 10):.6f}\n" for k in range(11))
+
+
+def with_table(name: str) -> str:
+    """The single link, moved by a table."""
+    return re.sub(r"\[motion\].*?(?=\[control\])", lambda _: TABLE.format(name), TEXT, flags=re.DOTALL)
+
+
+def linearized(path: Path) -> fl.Linearization:
+    """Load a scene, with all that its motion needs."""
+    scene = fl.load_scene(path)
+    return fl.linearize(fl.build_manipulator(scene), scene.motion)
+
+
+def problem_of(raw: str, folder: Path, key: str) -> str:
+    """Write and load a scene that must be refused for one key; returns the problem."""
+    path = folder / "scene.toml"
+    path.write_text(raw, encoding="utf-8")
+    with pytest.raises(SceneError) as caught:
+        fl.load_scene(path)
+    found = [str(problem) for problem in caught.value.problems if problem.key == key]
+    assert found, caught.value
+    return found[0]
+
+
+TINY = {
+    "three-link": ["links.1.length", "links.1.mass_per_length", "links.1.bending_stiffness"],
+    "single-link": ["motion.frequency", "effects.payload.mass"],
+    "flexible-joint-link": ["effects.joint_flexibility.stiffness"],
+}
+
+
+@pytest.mark.parametrize("size", [1e-300, 5e-324, SMALLEST / 2])
+@pytest.mark.parametrize(("name", "path"), [(name, path) for name, paths in TINY.items() for path in paths])
+def test_numbers_too_small_to_divide_by_are_refused(name, path, size):
+    with pytest.raises(SceneError) as caught:
+        fl.load_scene(name, {path: size})
+    assert [problem.key for problem in caught.value.problems] == [path]
+    assert "1e-30" in str(caught.value)
+
+
+@pytest.mark.parametrize("size", [1e-300, 5e-324])
+def test_the_same_for_the_figures_of_effects(size):
+    tables = {
+        "coulomb_friction": ({"torque": 1.0, "rate": size}, "rate"),
+        "motor": ({"torque_constant": 1.0, "resistance": size}, "resistance"),
+        "shear": ({"stiffness": size}, "stiffness"),
+        "joint_flexibility": ({"stiffness": 1.0, "motor_inertia": [size]}, "motor_inertia.0"),
+        "modal_damping": ({"ratio": [0.1, size]}, "ratio.1"),
+    }
+    for name, (table, key) in tables.items():
+        with pytest.raises(SceneError) as caught:
+            fl.load_scene("single-link", {f"effects.{name}": table, "designs": []})
+        assert [problem.key for problem in caught.value.problems] == [f"effects.{name}.{key}"]
+
+
+@pytest.mark.parametrize("size", [SMALLEST, 1e15])
+@pytest.mark.parametrize("name", ["single-link", "flexible-joint-link"])
+def test_every_number_may_be_extreme_without_a_fault(name, size):
+    """What the schema lets through is either built and finite, or refused by a flexlin error: no overflow, no division by zero."""
+    scene = fl.load_scene(name)
+    for path in (path for path in numeric_paths(scene) if not path.startswith("designs")):
+        if not get_value(scene, path):
+            continue
+        try:
+            changed = fl.load_scene(name, {path: size})
+            lin = fl.linearize(fl.build_manipulator(changed), changed.motion, changed.control)
+            c = lin.sample(np.linspace(0, lin.period, 5))
+        except FlexlinError:
+            continue
+        assert all(np.all(np.isfinite(part)) for part in (c.M, c.D, c.K, c.h, c.B)), path
+
+
+@pytest.mark.parametrize(
+    "deep", ["x = " + "[" * 900 + "]" * 900, ".".join("a" * 20_000) + " = 1", "x" + ".x" * 40 + "=1"]
+)
+def test_tables_in_tables_without_end(deep, tmp_path):
+    (tmp_path / "scene.toml").write_text(f"{deep}\n{TEXT}", encoding="utf-8")
+    with pytest.raises(SceneError, match="at most 32 tables and lists in each other"):
+        fl.load_scene(tmp_path / "scene.toml")
+
+
+def test_the_same_from_python_and_the_command_line(capsys):
+    endless: dict = {}
+    node = endless
+    for _ in range(5000):
+        node["a"] = node = {}
+    with pytest.raises(SceneError, match="at most 32"):
+        fl.parse_scene(endless)
+    with pytest.raises(SceneError, match="at most 32"):
+        fl.load_scene("single-link", {"parameters": endless})
+    with pytest.raises(SceneError, match="at most 32"):
+        fl.load_scene("single-link", {"parameters" + ".a" * 20_000: 1})
+    with pytest.raises(fl.errors.ArgumentError, match="at most 32"):
+        parse_assignment("parameters.a=" + "[" * 5000 + "]" * 5000)
+    assert main(["check", "single-link", "--set", "a." * 20_000 + "a=1"]) == BAD_INPUT
+    assert len(capsys.readouterr().err) < 1000
+
+
+@pytest.mark.parametrize("name", ["a\\u0000b", "x" * 5000, "loop"])
+def test_names_of_tables_that_no_file_can_have(name, tmp_path):
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    path = tmp_path / "scene.toml"
+    path.write_text(with_table(f'"{name}"'), encoding="utf-8")
+    with pytest.raises((SceneError, MotionError), match=r"motion\.file") as caught:
+        linearized(path)
+    assert len(str(caught.value)) < 1000
+
+
+def test_pipes_and_devices_are_not_opened(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for name in ("pipe", "/dev/zero", "."):
+        (tmp_path / "scene.toml").write_text(with_table(f"'{name}'"), encoding="utf-8")
+        scene = fl.load_scene(tmp_path / "scene.toml")
+        with pytest.raises(MotionError, match=r"motion\.file.*regular file"):
+            fl.linearize(fl.build_manipulator(scene), scene.motion)
+    for source in ("pipe", "."):
+        with pytest.raises(SceneError, match="no such file"):
+            fl.load_scene(tmp_path / source)
+
+
+def test_files_of_absurd_size_are_not_read(tmp_path):
+    with (tmp_path / "big.csv").open("wb") as file:
+        file.truncate(2**26 + 1)
+    (tmp_path / "scene.toml").write_text(with_table("'big.csv'"), encoding="utf-8")
+    scene = fl.load_scene(tmp_path / "scene.toml")
+    with pytest.raises(MotionError, match="67108865 bytes"):
+        fl.linearize(fl.build_manipulator(scene), scene.motion)
+    with (tmp_path / "big.toml").open("wb") as file:
+        file.truncate(2**20 + 1)
+    with pytest.raises(SceneError, match="1048577 bytes"):
+        fl.load_scene(tmp_path / "big.toml")
+
+
+def test_a_byte_order_mark_is_no_mistake(tmp_path):
+    (tmp_path / "motion.csv").write_text("t,q\n" + ROWS, encoding="utf-8-sig")
+    (tmp_path / "plain.csv").write_text(ROWS, encoding="utf-8-sig")
+    for name in ("motion.csv", "plain.csv"):
+        (tmp_path / "scene.toml").write_text(with_table(f"'{name}'"), encoding="utf-8-sig")
+        scene = fl.load_scene(tmp_path / "scene.toml")
+        lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+        assert lin.period == pytest.approx(1.0)
+
+
+def test_a_name_that_no_scene_has(tmp_path, capsys):
+    for name in ("x" * 5000, "y" * 300):
+        assert main(["check", name]) == BAD_INPUT
+        told = capsys.readouterr().err
+        assert "name" in told or "no such file" in told
+        assert len(told) < 1000
+    with pytest.raises(SceneError, match="a name of 5000 characters"):
+        fl.load_scene("x" * 5000)
+
+
+def test_a_file_name_that_is_not_utf_8(tmp_path):
+    name = os.fsdecode(os.fsencode(tmp_path) + b"/\xff.toml")
+    with pytest.raises(SceneError, match=r"udcff\.toml"):
+        fl.load_scene(name)
+    Path(name).write_text(TEXT, encoding="utf-8")
+    run = subprocess.run([sys.executable, "-m", "flexlin", "check", name], capture_output=True, check=False)
+    assert run.returncode == 0, run.stderr
+    Path(name).write_text("schema = 2", encoding="utf-8")
+    run = subprocess.run([sys.executable, "-m", "flexlin", "check", name], capture_output=True, check=False)
+    assert run.returncode == BAD_INPUT
+    assert b"udcff.toml" in run.stderr
+
+
+def test_lists_without_end_are_refused(tmp_path):
+    design = "[[designs]]\nname = 'a'\nkind = 'periodic-lqr'\nstate_weight = [1.0]\ninput_weight = [1.0]\n"
+    bare = TEXT[: TEXT.index("[[designs]]")]
+    assert "at most" in problem_of(bare + design * 10_000, tmp_path, "designs")
+    raw = {"schema": 1, "title": "", "motion": {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 1.0}]}}
+    for key, item in (("designs", {}), ("links", {"length": 1.0, "mass_per_length": 1.0})):
+        with pytest.raises(SceneError) as caught:
+            fl.parse_scene({**raw, "links": [{"length": 1.0, "mass_per_length": 1.0}], key: [item] * 30_000})
+        assert any(p.key == key and "a list of 200 at most" in p.expected for p in caught.value.problems)
+        assert len(str(caught.value)) < 2000
+
+
+ESCAPE = "\x1b[2Jfree"
+
+
+@pytest.mark.parametrize("wrong", [ESCAPE, "two\nlines", "\u202egnp", "bell\x07", "\x9b31m"])
+def test_nothing_in_a_scene_steers_the_terminal(wrong):
+    for key in ("title", "source", "designs.0.name", "motion.file", "model"):
+        with pytest.raises(SceneError) as caught:
+            fl.load_scene("single-link", {key: wrong})
+        assert key.split(".")[0] in {problem.key.split(".")[0] for problem in caught.value.problems}
+        assert wrong not in str(caught.value)
+    for key in (f"links.0.{wrong}", wrong, f"effects.{wrong}", f"links.{wrong}.length", f"title.{wrong}"):
+        with pytest.raises(SceneError) as caught:
+            fl.load_scene("single-link", {key: 1.0})
+        assert wrong not in str(caught.value)
+    with pytest.raises(SceneError) as caught:
+        fl.load_scene(wrong)
+    assert wrong not in str(caught.value)
+
+
+def test_letters_of_every_script_are_welcome():
+    title = "Außenarm – Ω₁ = 3\u00a0rad/s, بازوی می\u200cچرخد, 机械臂"
+    assert fl.load_scene("single-link", {"title": title}).title == title

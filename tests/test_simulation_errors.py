@@ -1,0 +1,163 @@
+"""What a simulation says of its own errors, of its size, and of where an integrator only tried to go."""
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.control import linear_range, pd_feedback
+from flexlin.control.validity import LARGEST, SMALLEST
+from flexlin.errors import DesignError, NumericalError, TooLarge
+from flexlin.scene import parse_scene
+from flexlin.simulation import NonlinearLoop, simulate
+from flexlin.simulation.stepping import TrialLeftRange
+
+
+def closed(name="single-link", changes=None):
+    scene = fl.load_scene(name, changes or {})
+    return fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+
+
+@pytest.fixture(scope="module")
+def lin():
+    return closed()
+
+
+def test_the_linear_answer_does_not_depend_on_the_output_grid():
+    """Slow motion, few points: one step from point to point would cross the fast modes' transient blindly."""
+    slow = closed(changes={"motion.frequency": 0.01})
+    coarse, fine = (simulate(slow, 0.1, tol=1e-7, points_per_period=points) for points in (120, 1920))
+    apart = np.abs(coarse.linear - fine.linear[::16]).max()
+    assert apart <= coarse.linear_error + fine.linear_error + 1e-10
+    assert coarse.linear_error <= 1e-7
+    assert 0 < coarse.difference_error < 1e-5 < coarse.difference
+
+
+def test_linear_steps_respect_the_breaks_of_the_motion():
+    lin = closed("pick-and-place")
+    coarse, fine = (simulate(lin, 0.5, tol=1e-8, points_per_period=points) for points in (14, 140))
+    assert np.abs(coarse.linear - fine.linear[::10]).max() < 1e-7
+
+
+def test_without_a_loop_both_answers_get_the_torque_of_the_rigid_motion():
+    """The linear side used to go without the feedforward that moved the nonlinear one."""
+    scene = fl.load_scene("single-link")
+    plant = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    run = simulate(plant, 0.05, tol=1e-9)
+    assert np.abs(run.linear - run.nonlinear).max() < 0.25 * np.abs(run.nonlinear).max()
+
+
+def test_a_free_swing_keeps_its_energy():
+    """No torque, no damping: kinetic and potential energy change places and their sum stands; the error is not 1."""
+    scene = parse_scene(
+        {
+            "schema": 1,
+            "title": "pendulum",
+            "links": [{"length": 0.96, "mass_per_length": 0.2, "bending_stiffness": 5.0, "modes": 1}],
+            "effects": {"gravity": {}},
+            "control": {"feedforward": "none"},
+            "motion": {"kind": "harmonic", "frequency": 0.5, "joints": [{"amplitude": 0.0, "mean": -1.57}]},
+        }
+    )
+    free = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    run = simulate(free, 0.2, initial=[0.5, 0, 0, 0], tol=1e-8)
+    assert np.abs(run.torque).max() == 0.0
+    assert run.energy_error < 1e-6
+
+
+def test_metres_are_compared_with_metres(lin):
+    """A joint far off in rad does not make a difference of tips in m look small, and the other way round."""
+    run = simulate(lin, 0.05, tol=1e-6)
+    aside = np.array([[0.01, 0.0]])
+    tip = run.tip_rigid + aside
+    made = replace(run, tip=tip, tip_linear=tip + aside / 2, nonlinear=run.nonlinear + 50.0, difference_error=1e-9)
+    assert "33 %" in made.status
+    assert "beyond the linear model" in made.status
+    missing = np.full_like(run.tip, np.nan)
+    states = np.tile([100.0, 1e-3, 0.0, 0.0, 0.0, 0.0], (len(run.t), 1))
+    half = np.tile([100.0, 5e-4, 0.0, 0.0, 0.0, 0.0], (len(run.t), 1))
+    bare = replace(run, tip=missing, tip_linear=missing, nonlinear=states, linear=half, error=1e-12, linear_error=0.0)
+    assert "w11" in bare.status
+    assert "50 %" in bare.status
+
+
+def test_a_simulation_of_unreasonable_size_is_refused_before_it_begins(lin):
+    for wrong in ({"periods": 1e9}, {"periods": 1e300}, {"points_per_period": 10**9}):
+        with pytest.raises(TooLarge, match="fewer"):
+            simulate(lin, **wrong)
+
+
+@pytest.mark.parametrize("sample_time", [None, 0.001])
+def test_a_trial_that_leaves_the_range_only_shortens_the_step(lin, monkeypatch, sample_time):
+    """The equations refuse some evaluations ahead of the accepted time; the answer is the same as without."""
+    from flexlin.simulation.drive import Drive
+
+    drive = Drive(sample_time=sample_time)
+    expected = simulate(lin, 0.1, tol=1e-8, drive=drive).nonlinear
+    real, refused = NonlinearLoop.rate, []
+
+    def touchy(self, t, z, torque):
+        if len(refused) < 20 and t > 0.013 * (1 + len(refused) // 4):
+            refused.append(t)
+            raise TrialLeftRange("no meaning here")
+        return real(self, t, z, torque)
+
+    monkeypatch.setattr(NonlinearLoop, "rate", touchy)
+    found = simulate(lin, 0.1, tol=1e-8, drive=drive).nonlinear
+    assert refused
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_a_state_that_was_reached_is_named_when_no_step_leads_on(lin, monkeypatch):
+    def wall(self, t, z, torque):
+        if t > 0.05:
+            raise TrialLeftRange("the mass matrix is not positive definite")
+        return np.zeros_like(z)
+
+    monkeypatch.setattr(NonlinearLoop, "rate", wall)
+    with pytest.raises(NumericalError, match=r"stopped at t = 0\.05 s.*mass matrix"):
+        simulate(lin, 0.1)
+
+
+def test_a_design_without_weights_says_so(lin):
+    made = pd_feedback(fl.linearize(lin.arm, lin.motion).periodic_system(), [0], [10.0], [1.0])
+    with pytest.raises(DesignError, match=r"no weights.*problem="):
+        made.cost(np.zeros(6))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"control.feedback": {"kind": "pd", "kp": [1e20], "kd": [1.0]}}, {"links.0.bending_stiffness": 5e12}],
+)
+def test_the_linear_range_of_a_loop_with_absurd_modes_ends(changes):
+    """It asked for 163 GiB with the one and never ended with the other."""
+    try:
+        found = linear_range(closed(changes=changes))
+    except (NumericalError, TooLarge):
+        return
+    assert "nonlinear terms" in found.status
+    assert SMALLEST < found.amplitudes.min() <= LARGEST
+
+
+def spring(width):
+    """One coordinate on a spring k s that gives way: g = k width tanh(s / width)."""
+    s, rate = ca.SX.sym("s"), ca.SX.sym("rate")
+    arm = fl.Manipulator.from_matrices(
+        s, rate, ca.SX(1.0), ca.SX(0.0), 4.0 * width * ca.tanh(s / width), damping=0.1 * rate
+    )
+    motion = fl.load_scene("single-link", {"motion.joints": [{"amplitude": 0.0, "mean": 0.0}]}).motion
+    return fl.linearize(arm, motion)
+
+
+def test_the_linear_range_says_where_it_looked():
+    """width (1 - tanh(x) / x) reaches a tenth at x = 0.58; below the smallest amplitude tried it must not name one."""
+    assert linear_range(spring(1.0)).amplitudes.min() == pytest.approx(0.58, abs=0.06)
+    nowhere = linear_range(spring(1e-9))
+    assert nowhere.amplitudes.min() == 0.0
+    assert "already at deflections of 1e-07" in nowhere.status
+    assert "holds nowhere" in nowhere.status
+    everywhere = linear_range(spring(1e6))
+    assert np.isinf(everywhere.amplitudes).all()
+    assert "up to 10 (rad or m), the largest tried" in everywhere.status
