@@ -84,7 +84,7 @@ def panel_error(panels: PanelSet, sample: Sampler, tol: float) -> Array:
     """
     varies = np.abs(panels.coefficients[:, 1:]).max(axis=1) > 4 * EPS * sample.scale
     tails = np.abs(panels.coefficients[:, -TAIL:]).sum(axis=1)
-    each = 3 * panels.deviation + tails + np.where(varies, 2 * left_over(panels, sample, tol), 0.0)
+    each = 3 * panels.deviation + tails + np.where(varies, 3 * left_over(panels, sample, tol), 0.0)
     return np.asarray(each.max(axis=0) + 4 * EPS * sample.scale)
 
 
