@@ -81,7 +81,7 @@ def _allowed(scale: Array, size: Array, tol: float, noise: Array | None) -> Arra
 
 def _floor(scale: Array, size: Array, noise: Array | None) -> Array:
     """The size of rounding and noise among the harmonics (E,)."""
-    floor = np.maximum(EPS * scale, _rounding(size) / 8)
+    floor = np.maximum(2 * EPS * scale, _rounding(size) / 8)
     return floor if noise is None else np.maximum(floor, 1.5 * noise)
 
 
