@@ -6,7 +6,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.chebyshev import chebyshev_basis, chebyshev_coefficients, panel_times
-from flexlin.periodic.sampling import Sampler
+from flexlin.periodic.sampling import CHUNK, Sampler
 
 NODES, TAIL = 32, 4
 """Nodes of a panel, and how many of its last coefficients must have vanished."""
@@ -39,7 +39,7 @@ class PanelSet:
         """Lengths in s."""
         return np.asarray(self.end - self.begin)
 
-    def some(self, which: Array) -> "PanelSet":
+    def some(self, which: Array | slice) -> "PanelSet":
         """A part of the panels."""
         return PanelSet(*(getattr(self, field.name)[which] for field in fields(self)))
 
@@ -63,10 +63,19 @@ class PanelSet:
 
 def fitted(sample: Sampler, begin: Array, end: Array, noise: Array | None = None) -> PanelSet:
     """Sample panels and interpolate."""
-    values = sample(panel_times(begin, end, NODES).ravel()).reshape(len(begin), NODES, -1)
-    zero = np.zeros((len(begin), values.shape[2]))
-    noise = zero if noise is None else noise
-    return PanelSet(begin, end, chebyshev_coefficients(values), noise, zero.copy(), np.zeros(len(begin), dtype=bool))
+    count, entries = len(begin), len(sample.scale)
+    coefficients = np.empty((count, NODES, entries))
+    for part in groups(count, entries):
+        values = sample(panel_times(begin[part], end[part], NODES).ravel())
+        coefficients[part] = chebyshev_coefficients(values.reshape(-1, NODES, entries))
+    noise = np.zeros((count, entries)) if noise is None else noise
+    return PanelSet(begin, end, coefficients, noise, np.zeros((count, entries)), np.zeros(count, dtype=bool))
+
+
+def groups(panels: int, entries: int) -> list[slice]:
+    """Divide panels into groups whose samples, at 2 NODES times each, fit into a chunk."""
+    size = max(1, CHUNK // (16 * NODES * entries))
+    return [slice(i, i + size) for i in range(0, panels, size)]
 
 
 def left_over(panels: PanelSet, sample: Sampler, tol: float) -> Array:
@@ -104,8 +113,8 @@ def rough_edges(panels: PanelSet, sample: Sampler, tol: float) -> tuple[Array, A
     width, before = panels.width, np.roll(np.arange(len(panels.begin)), 1)
     step = ASIDE * np.minimum(width, width[before])
     at = np.stack([np.zeros_like(step), step, -step], axis=1)
-    own = chebyshev_basis(2 * at / width[:, None] - 1, NODES) @ panels.coefficients
-    other = chebyshev_basis(2 * at / width[before][:, None] + 1, NODES) @ panels.coefficients[before]
+    here, there = chebyshev_basis(np.stack([2 * at / width[:, None] - 1, 2 * at / width[before][:, None] + 1]), NODES)
+    own, other = here @ panels.coefficients, there @ panels.coefficients[before]
     allowed = left_over(panels, sample, tol)
     apart = (np.abs(own - other) / np.maximum(allowed, allowed[before])[:, None]).max(axis=2)
     jump = apart[:, 0] > 8

@@ -91,14 +91,16 @@ def resolve(
             series = FourierSeries(fit.coefficients.reshape(-1, *_shape(sample)), period)
             need_repetition(sample, series, period * stratified(3 if complete else 7), fit.allowed)
             return ResolvedMatrix(series, (), (), fit.error.reshape(_shape(sample)), sample.count)
-    return _on_panels(sample, named, pairs, checks, tol)
+    return _on_panels(sample, named, pairs, checks, tol, not complete)
 
 
-def _on_panels(sample: Sampler, named: Array, pairs: Array, checks: CheckPoints, tol: float) -> ResolvedMatrix:
+def _on_panels(
+    sample: Sampler, named: Array, pairs: Array, checks: CheckPoints, tol: float, wary: bool
+) -> ResolvedMatrix:
     """Resolve by panels, judge the period, and collect."""
     T = sample.period
     sample(T * stratified(PARTS))
-    resolver = PanelResolver(sample, tol, _start(T, named, pairs), named, checks)
+    resolver = PanelResolver(sample, tol, _start(T, named, pairs), named, checks, wary)
     resolver.run()
     done = resolver.done
     rough, jumps = resolver.rough()
