@@ -12,6 +12,8 @@ NODES, TAIL = 32, 4
 """Nodes of a panel, and how many of its last coefficients must have vanished."""
 SIGMAS = 6.0
 """Standard deviations of measured noise that count as agreement."""
+SAFETY = 4.0
+"""Multiple of what a panel may leave over at its check points that is stated as error for between them."""
 ASIDE = 0.01
 """Part of the narrower panel by which two neighbours are continued into each other to see a kink between them."""
 EPS, TINY = np.finfo(float).eps, 1e-290
@@ -78,13 +80,13 @@ def groups(panels: int, entries: int) -> list[slice]:
     return [slice(i, i + size) for i in range(0, panels, size)]
 
 
-def left_over(panels: PanelSet, sample: Sampler, tol: float) -> Array:
-    """What panels may leave over (Q, E): tol of each entry's size, noise, and A' times the rounding of t."""
+def left_over(panels: PanelSet, sample: Sampler, tol: float, safety: float = 1.0) -> Array:
+    """What panels may leave over (Q, E): tol of each entry's size and its noise, both times `safety`, and A' times the rounding of t."""
     low = np.abs(panels.coefficients[:, : NODES // 2])
     rate = np.einsum("k,qke->qe", np.arange(NODES // 2) ** 2.0, low) * 2 / panels.width[:, None]
     rounding = np.minimum(EPS * sample.period * rate, 1e-6 * sample.scale)
-    size = np.broadcast_to(tol * sample.scale + TINY, rate.shape)
-    return np.maximum.reduce([size, SIGMAS * panels.noise, rounding])
+    agreement = np.maximum(tol * sample.scale + TINY, SIGMAS * panels.noise)
+    return np.asarray(np.maximum(safety * agreement, rounding))
 
 
 def panel_error(panels: PanelSet, sample: Sampler, tol: float) -> Array:
@@ -93,15 +95,15 @@ def panel_error(panels: PanelSet, sample: Sampler, tol: float) -> Array:
     """
     varies = np.abs(panels.coefficients[:, 1:]).max(axis=1) > 4 * EPS * sample.scale
     tails = np.abs(panels.coefficients[:, -TAIL:]).sum(axis=1)
-    each = 3 * panels.deviation + tails + np.where(varies, 3 * left_over(panels, sample, tol), 0.0)
+    each = 3 * panels.deviation + tails + np.where(varies, left_over(panels, sample, tol, SAFETY), 0.0)
     return np.asarray(each.max(axis=0) + 4 * EPS * sample.scale)
 
 
 def shown_degree(panels: PanelSet, scale: Array) -> int:
     """The degree beyond which the coefficients are rounding or noise in every panel and entry, by the root of the sum of their squares."""
-    left = np.sqrt((panels.coefficients[:, ::-1] ** 2).cumsum(axis=1))[:, ::-1]
-    floor = np.maximum(2 * EPS * scale, panels.noise)
-    return max(int(np.count_nonzero(np.any(left > floor[:, None], axis=(0, 2)))) - 1, 0)
+    floor = np.maximum(2 * EPS * scale + TINY, panels.noise)
+    left = ((panels.coefficients[:, ::-1] / floor[:, None]) ** 2).cumsum(axis=1)[:, ::-1]
+    return max(int(np.count_nonzero(np.any(left > 1, axis=(0, 2)))) - 1, 0)
 
 
 def rough_edges(panels: PanelSet, sample: Sampler, tol: float) -> tuple[Array, Array]:

@@ -12,9 +12,9 @@ from flexlin.periodic.sampling import CheckPoints, Sampler, graded, stratified
 
 NARROWEST = 1e-13
 """Width, of the period, below which a panel is not divided any more."""
-MEMORY, MOST_PANELS = 2**27, 4096
+MEMORY, MOST_PANELS = 10**8, 4096
 """Bytes that the coefficients may take, and the largest number of panels."""
-OWN_CHECKS, WITNESSES = 7, 4
+OWN_CHECKS, WITNESSES = 17, 4
 """Check points that every panel gets, and how many failed ones a panel remembers."""
 
 

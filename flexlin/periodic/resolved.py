@@ -17,7 +17,7 @@ from flexlin.periodic.sampling import CheckPoints, Sampler, graded, stratified
 
 __all__ = ["Discontinuity", "ResolvedMatrix", "resolve"]
 
-CHECKS, FEW = 12289, 256
+CHECKS, FEW = 12289, 200
 """Check points of a function of which nothing is known; and of one whose narrow features are named, where it needs panels."""
 STEP = 4.0
 """Ratio of neighbouring panels about a named feature."""
@@ -42,7 +42,7 @@ def resolve(
 
     What no sampler can promise: to see what happens between its samples. A is compared at 12289 times on no regular grid, with gaps below
     T / 10000: a pulse on at least T / 10000 is seen, a shorter one perhaps. Name it in `features`; then panels and check points lie as
-    close as its width asks. With `complete` you guarantee that every feature of a half-width below T / 200 is named, and fewer times do.
+    close as its width asks. What happens within 1e-11 T of a jump counts as part of the jump. With `complete` you guarantee that every feature of a half-width below T / 200 is named, and fewer times do.
 
     Parameters
     ----------
