@@ -42,7 +42,8 @@ def resolve(
 
     What no sampler can promise: to see what happens between its samples. A is compared at 12289 times on no regular grid, with gaps below
     T / 10000: a pulse on at least T / 10000 is seen, a shorter one perhaps. Name it in `features`; then panels and check points lie as
-    close as its width asks. What happens within 1e-11 T of a jump counts as part of the jump. With `complete` you guarantee that every feature of a half-width below T / 200 is named, and fewer times do.
+    close as its width asks. What happens within 1e-11 T of a jump counts as part of the jump. With `complete` you
+    guarantee that every feature of a half-width below T / 200 is named, and fewer times do.
 
     Parameters
     ----------
