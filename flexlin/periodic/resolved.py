@@ -21,6 +21,8 @@ CHECKS, FEW = 12289, 200
 """Check points of a function of which nothing is known; and of one whose narrow features are named, where it needs panels."""
 STEP = 4.0
 """Ratio of neighbouring panels about a named feature."""
+CLOSE = 1e-11
+"""Of the period: edges about features that come closer to another edge are left out."""
 PARTS = 4
 """Panels of a period at the start."""
 
@@ -125,14 +127,12 @@ def _on_panels(
 
 def _start(period: float, named: Array, pairs: Array) -> Array:
     """The first edges: the breaks, a graded mesh about each feature, and no panel longer than a quarter of the period."""
+    fixed = np.unique(np.concatenate([[0.0, period], named]))
     meshes = [graded([centre], width, max(period / 8, width), STEP) for centre, width in pairs]
-    edges = np.mod(np.concatenate([np.empty(0), *meshes]), period)
-    edges = np.unique(np.concatenate([[0.0, period], edges, named]))
-    close = np.diff(edges, append=np.inf) < 1e-11 * period
-    close &= ~np.isin(edges, [0.0, *named])
-    if np.any(np.diff(edges[~close])[-1:] < 1e-11 * period):
-        close[np.flatnonzero(~close)[-2]] = True
-    return divided(edges[~close], period / PARTS)
+    free = np.sort(np.mod(np.concatenate([np.empty(0), *meshes]), period))
+    free = free[np.diff(free, append=np.inf) > CLOSE * period]
+    free = free[np.abs(free[:, None] - fixed).min(axis=1) > CLOSE * period]
+    return divided(np.union1d(fixed, free), period / PARTS)
 
 
 def _times_in(name: str, times: Array, period: float) -> Array:

@@ -343,3 +343,11 @@ def test_examples():
     result = doctest.testmod(module)
     assert result.attempted > 0
     assert result.failed == 0
+
+
+def test_features_beside_breaks_make_no_slivers():
+    A = scalar(lambda t: np.where(t < 0.3, 1, np.exp(-np.clip((t - 0.3) / 1e-6, 0, 700))))
+    features = [(0.3, 1e-6), (0.3, 1e-14), (0.0, 1e-13), (0.9, 2.0)]
+    series = resolve(lambda t: A(np.mod(t, 1)), 1.0, breaks=(0.3,), features=features, complete=True)
+    assert np.diff(series.edges).min() > 1e-11
+    assert covered(series, A, np.random.default_rng(9), [0.3]) < 1
