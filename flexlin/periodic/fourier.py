@@ -92,7 +92,8 @@ class FourierSeries:
     def __call__(self, t: Array, left: bool = False) -> Array:
         """Evaluate at times t (N,): (N, rows, columns); the limit from the left is the same."""
         flat = self.coefficients.reshape(len(self.coefficients), -1)
-        values = fourier_basis(np.asarray(t) / self.period, self.harmonics) @ flat
+        values = fourier_basis(np.asarray(t) / self.period, self.harmonics)[:, 1:] @ flat[1:]
+        values += flat[0]  # last: many small waves added to a large mean would round once each
         return values.reshape(len(values), *self.coefficients.shape[1:])
 
     def derivative(self) -> "FourierSeries":
