@@ -111,7 +111,8 @@ class FourierSeries:
 
     def _evaluate(self, t: Array) -> Array:
         flat = self.coefficients.reshape(len(self.coefficients), -1)
-        values = fourier_basis(t / self.period, self.harmonics) @ flat
+        values = fourier_basis(t / self.period, self.harmonics)[:, 1:] @ flat[1:]
+        values += flat[0]  # last: many small waves added to a large mean would round once each
         return values.reshape(len(values), *self.coefficients.shape[1:])
 
     def derivative(self) -> "FourierSeries":

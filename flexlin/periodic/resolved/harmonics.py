@@ -12,6 +12,8 @@ from flexlin.periodic.resolved.sampling import CheckPoints, Sampler, stratified
 
 FIRST, SURE, MOST = 64, 256, 2048
 """Nodes at the start; nodes up to which doubling goes on in any case; and at most."""
+MEMORY = 2**25
+"""Bytes that the samples may take."""
 FALL = 30.0
 """Factor by which the last harmonics must fall on doubling, beyond SURE."""
 SIGMAS = 6.0
@@ -56,7 +58,7 @@ def fit_fourier(sample: Sampler, tol: float, checks: CheckPoints | None) -> Four
                 deviation *= FEW_FACTOR if checks is None else 3
                 return FourierFit(trimmed, allowed, _error(deviation, size, sample.scale))
         last, worst = worst, float(excess.max())
-        if count >= MOST or (count >= SURE and (worst > last / FALL or worst <= 1)):
+        if count >= MOST or 2 * values.nbytes > MEMORY or (count >= SURE and (worst > last / FALL or worst <= 1)):
             return None
         between = sample(fourier_nodes(count, T) + T / (2 * count))
         values = np.stack([values, between], axis=1).reshape(2 * count, -1)
@@ -70,7 +72,7 @@ def few_phases(count: int) -> Array:
 
 def _amplitudes(coefficients: Array) -> Array:
     H = len(coefficients) // 2
-    return np.sqrt(coefficients[1 : H + 1] ** 2 + coefficients[H + 1 :] ** 2)
+    return np.hypot(coefficients[1 : H + 1], coefficients[H + 1 :])
 
 
 def _allowed(scale: Array, size: Array, tol: float, noise: Array | None) -> Array:
@@ -81,7 +83,7 @@ def _allowed(scale: Array, size: Array, tol: float, noise: Array | None) -> Arra
 
 def _floor(scale: Array, size: Array, noise: Array | None) -> Array:
     """The size of rounding and noise among the harmonics (E,)."""
-    floor = np.maximum(EPS * scale, _rounding(size) / 8)
+    floor = np.maximum(2 * EPS * scale, _rounding(size) / 8)
     return floor if noise is None else np.maximum(floor, 1.5 * noise)
 
 
@@ -107,8 +109,8 @@ def _noise(sample: Sampler) -> Array:
 
 def _trimmed(coefficients: Array, size: Array, floor: Array) -> Array:
     """Drop the last harmonics whose root of the sum of squares stays below `floor` (E,): rounding or noise in every entry."""
-    left = np.sqrt((size[::-1] ** 2).cumsum(axis=0))[::-1]
-    H, keep = len(size), int(np.count_nonzero(np.any(left > floor, axis=1)))
+    left = ((size[::-1] / (floor + TINY)) ** 2).cumsum(axis=0)[::-1]
+    H, keep = len(size), int(np.count_nonzero(np.any(left > 1, axis=1)))
     return np.concatenate([coefficients[: keep + 1], coefficients[H + 1 : H + 1 + keep]])
 
 

@@ -24,7 +24,7 @@ class Discontinuity:
     kind: str
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ResolvedMatrix:
     """A matrix function A(t) = A(t + T) as one Fourier series, or as one Chebyshev series for each of its panels.
 
@@ -38,6 +38,14 @@ class ResolvedMatrix:
     found: tuple[Discontinuity, ...]
     error: Array
     samples: int
+
+    def __repr__(self) -> str:
+        kind = "harmonics" if isinstance(self.series, FourierSeries) else f"panels of degree {self.degree}"
+        number = self.degree if isinstance(self.series, FourierSeries) else self.panels
+        return (
+            f"ResolvedMatrix: {self.shape[0]} x {self.shape[1]}, period {self.period:.9g} s, {number} {kind}, "
+            f"{len(self.breaks)} breaks, {len(self.found)} of them found, error up to {self.error.max():.2g}, {self.samples} samples"
+        )
 
     @property
     def period(self) -> float:

@@ -6,12 +6,14 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.chebyshev import chebyshev_basis, chebyshev_coefficients, panel_times
-from flexlin.periodic.resolved.sampling import Sampler
+from flexlin.periodic.resolved.sampling import CHUNK, Sampler
 
 NODES, TAIL = 32, 4
 """Nodes of a panel, and how many of its last coefficients must have vanished."""
 SIGMAS = 6.0
 """Standard deviations of measured noise that count as agreement."""
+SAFETY = 4.0
+"""Multiple of what a panel may leave over at its check points that is stated as error for between them."""
 ASIDE = 0.01
 """Part of the narrower panel by which two neighbours are continued into each other to see a kink between them."""
 EPS, TINY = np.finfo(float).eps, 1e-290
@@ -39,7 +41,7 @@ class PanelSet:
         """Lengths in s."""
         return np.asarray(self.end - self.begin)
 
-    def some(self, which: Array) -> "PanelSet":
+    def some(self, which: Array | slice) -> "PanelSet":
         """A part of the panels."""
         return PanelSet(*(getattr(self, field.name)[which] for field in fields(self)))
 
@@ -63,19 +65,28 @@ class PanelSet:
 
 def fitted(sample: Sampler, begin: Array, end: Array, noise: Array | None = None) -> PanelSet:
     """Sample panels and interpolate."""
-    values = sample(panel_times(begin, end, NODES).ravel()).reshape(len(begin), NODES, -1)
-    zero = np.zeros((len(begin), values.shape[2]))
-    noise = zero if noise is None else noise
-    return PanelSet(begin, end, chebyshev_coefficients(values), noise, zero.copy(), np.zeros(len(begin), dtype=bool))
+    count, entries = len(begin), len(sample.scale)
+    coefficients = np.empty((count, NODES, entries))
+    for part in groups(count, entries):
+        values = sample(panel_times(begin[part], end[part], NODES).ravel())
+        coefficients[part] = chebyshev_coefficients(values.reshape(-1, NODES, entries))
+    noise = np.zeros((count, entries)) if noise is None else noise
+    return PanelSet(begin, end, coefficients, noise, np.zeros((count, entries)), np.zeros(count, dtype=bool))
 
 
-def left_over(panels: PanelSet, sample: Sampler, tol: float) -> Array:
-    """What panels may leave over (Q, E): tol of each entry's size, noise, and A' times the rounding of t."""
+def groups(panels: int, entries: int) -> list[slice]:
+    """Divide panels into groups whose samples, at 2 NODES times each, fit into a chunk."""
+    size = max(1, CHUNK // (16 * NODES * entries))
+    return [slice(i, i + size) for i in range(0, panels, size)]
+
+
+def left_over(panels: PanelSet, sample: Sampler, tol: float, safety: float = 1.0) -> Array:
+    """What panels may leave over (Q, E): tol of each entry's size and its noise, both times `safety`, and A' times the rounding of t."""
     low = np.abs(panels.coefficients[:, : NODES // 2])
     rate = np.einsum("k,qke->qe", np.arange(NODES // 2) ** 2.0, low) * 2 / panels.width[:, None]
     rounding = np.minimum(EPS * sample.period * rate, 1e-6 * sample.scale)
-    size = np.broadcast_to(tol * sample.scale + TINY, rate.shape)
-    return np.maximum.reduce([size, SIGMAS * panels.noise, rounding])
+    agreement = np.maximum(tol * sample.scale + TINY, SIGMAS * panels.noise)
+    return np.asarray(np.maximum(safety * agreement, rounding))
 
 
 def panel_error(panels: PanelSet, sample: Sampler, tol: float) -> Array:
@@ -84,15 +95,15 @@ def panel_error(panels: PanelSet, sample: Sampler, tol: float) -> Array:
     """
     varies = np.abs(panels.coefficients[:, 1:]).max(axis=1) > 4 * EPS * sample.scale
     tails = np.abs(panels.coefficients[:, -TAIL:]).sum(axis=1)
-    each = 3 * panels.deviation + tails + np.where(varies, 2 * left_over(panels, sample, tol), 0.0)
+    each = 3 * panels.deviation + tails + np.where(varies, left_over(panels, sample, tol, SAFETY), 0.0)
     return np.asarray(each.max(axis=0) + 4 * EPS * sample.scale)
 
 
 def shown_degree(panels: PanelSet, scale: Array) -> int:
     """The degree beyond which the coefficients are rounding or noise in every panel and entry, by the root of the sum of their squares."""
-    left = np.sqrt((panels.coefficients[:, ::-1] ** 2).cumsum(axis=1))[:, ::-1]
-    floor = np.maximum(2 * EPS * scale, panels.noise)
-    return max(int(np.count_nonzero(np.any(left > floor[:, None], axis=(0, 2)))) - 1, 0)
+    floor = np.maximum(2 * EPS * scale + TINY, panels.noise)
+    left = ((panels.coefficients[:, ::-1] / floor[:, None]) ** 2).cumsum(axis=1)[:, ::-1]
+    return max(int(np.count_nonzero(np.any(left > 1, axis=(0, 2)))) - 1, 0)
 
 
 def rough_edges(panels: PanelSet, sample: Sampler, tol: float) -> tuple[Array, Array]:
@@ -104,8 +115,8 @@ def rough_edges(panels: PanelSet, sample: Sampler, tol: float) -> tuple[Array, A
     width, before = panels.width, np.roll(np.arange(len(panels.begin)), 1)
     step = ASIDE * np.minimum(width, width[before])
     at = np.stack([np.zeros_like(step), step, -step], axis=1)
-    own = chebyshev_basis(2 * at / width[:, None] - 1, NODES) @ panels.coefficients
-    other = chebyshev_basis(2 * at / width[before][:, None] + 1, NODES) @ panels.coefficients[before]
+    here, there = chebyshev_basis(np.stack([2 * at / width[:, None] - 1, 2 * at / width[before][:, None] + 1]), NODES)
+    own, other = here @ panels.coefficients, there @ panels.coefficients[before]
     allowed = left_over(panels, sample, tol)
     apart = (np.abs(own - other) / np.maximum(allowed, allowed[before])[:, None]).max(axis=2)
     jump = apart[:, 0] > 8

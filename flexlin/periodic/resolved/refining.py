@@ -7,28 +7,32 @@ from flexlin.errors import UnresolvedCoefficient
 from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.resolved.locate import Brackets, locate, scan
 from flexlin.periodic.resolved.noise import noise_level
-from flexlin.periodic.resolved.panels import EPS, NODES, TAIL, PanelSet, fitted, left_over, rough_edges
+from flexlin.periodic.resolved.panels import EPS, NODES, TAIL, PanelSet, fitted, groups, left_over, rough_edges
 from flexlin.periodic.resolved.sampling import CheckPoints, Sampler, graded, stratified
 
 NARROWEST = 1e-13
 """Width, of the period, below which a panel is not divided any more."""
-MEMORY, MOST_PANELS = 2**27, 4096
+MEMORY, MOST_PANELS = 10**8, 4096
 """Bytes that the coefficients may take, and the largest number of panels."""
-OWN_CHECKS, WITNESSES = 7, 4
+OWN_CHECKS, WITNESSES = 17, 4
 """Check points that every panel gets, and how many failed ones a panel remembers."""
 
 
 class PanelResolver:
-    """The state of the refinement: resolved panels, the edges found, and the check points that once failed."""
+    """The state of the refinement: resolved panels, the edges found, and the check points that once failed.
 
-    def __init__(self, sample: Sampler, tol: float, edges: Array, named: Array, checks: CheckPoints):
+    Parameters: edges to start from; named: the breaks among them; wary: whether to look for other jumps close to each edge.
+    """
+
+    def __init__(self, sample: Sampler, tol: float, edges: Array, named: Array, checks: CheckPoints, wary: bool):
         self.sample, self.tol, self.checks = sample, tol, checks
-        self.named = named
+        self.named, self.wary = named, wary
         self.settled: set[float] = set(named.tolist())
         entries = len(sample.scale)
         self.done = PanelSet.empty(entries)
         self.witness_times, self.witness_values = np.empty(0), np.empty((0, entries))
         self.start = edges
+        self._rough: tuple[PanelSet, tuple[Array, Array]] | None = None
 
     def run(self) -> None:
         """Refine until nodes, edges and check points agree.
@@ -60,14 +64,17 @@ class PanelResolver:
         """Accept panels that are at their noise; cut the others where they are not smooth, or in the middle."""
         if not len(panels.begin):
             return panels
-        panels.noise = np.maximum(panels.noise, noise_level(self.sample, panels.begin, panels.end))
+        for part in groups(len(panels.begin), len(self.sample.scale)):
+            measured = noise_level(self.sample, panels.begin[part], panels.end[part])
+            panels.noise[part] = np.maximum(panels.noise[part], measured)
         good = self.resolved(panels)
         self.done = self.done.joined(panels.some(good))
         panels = panels.some(~good)
         if not len(panels.begin):
             return panels
         self.need_room(panels)
-        cuts = self.cuts(panels)
+        parts = groups(len(panels.begin), len(self.sample.scale))
+        cuts = np.concatenate([self.cuts(panels.some(part)) for part in parts])
         begin = np.stack([panels.begin, cuts], axis=1).ravel()
         end = np.stack([cuts, panels.end], axis=1).ravel()
         return fitted(self.sample, begin, end, np.repeat(panels.noise, 2, axis=0))
@@ -105,7 +112,9 @@ class PanelResolver:
 
     def rough(self) -> tuple[Array, Array]:
         """Left edges of the panels at which A is not smooth (S,), and whether it jumps there."""
-        return rough_edges(self.done, self.sample, self.tol)
+        if self._rough is None or self._rough[0] is not self.done:
+            self._rough = self.done, rough_edges(self.done, self.sample, self.tol)
+        return self._rough[1]
 
     def allowed(self, panels: PanelSet) -> Array:
         """What panels may leave over (Q, E)."""
@@ -179,14 +188,15 @@ class PanelResolver:
         self.witness_times = np.concatenate([self.witness_times, times])
         self.witness_values = np.concatenate([self.witness_values, *(y for _, y in bad)])
         failed = np.isin(np.arange(len(panels.begin)), np.searchsorted(panels.begin, times, side="right") - 1)
-        self.done = panels.some(~failed)
+        if failed.any():
+            self.done = panels.some(~failed)
         return panels.some(failed)
 
     def check_times(self) -> Array:
         """The given check points, some in every panel, and some ever closer to each edge where A is not smooth."""
         panels, T = self.done, self.sample.period
         own = panels.begin[:, None] + panels.width[:, None] * stratified(OWN_CHECKS, 0.5)
-        rough = np.union1d(self.rough()[0], self.named)
-        near = np.mod(graded(rough, 1e-11 * T, T / 64, np.pi), T) if len(rough) else rough
+        rough = np.union1d(self.rough()[0], self.named) if self.wary else self.named[:0]
+        near = np.mod(graded(rough, 1e-11 * T, T / 64, np.pi), T)
         t = np.unique(np.concatenate([self.checks.t, own.ravel(), near]))
         return t[(t >= 0) & (t < T)]

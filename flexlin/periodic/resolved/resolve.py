@@ -17,10 +17,12 @@ from flexlin.periodic.resolved.sampling import CheckPoints, Sampler, graded, str
 
 __all__ = ["Discontinuity", "ResolvedMatrix", "resolve"]
 
-CHECKS, FEW = 12289, 256
+CHECKS, FEW = 12289, 200
 """Check points of a function of which nothing is known; and of one whose narrow features are named, where it needs panels."""
 STEP = 4.0
 """Ratio of neighbouring panels about a named feature."""
+CLOSE = 1e-11
+"""Of the period: edges about features that come closer to another edge are left out."""
 PARTS = 4
 """Panels of a period at the start."""
 
@@ -42,7 +44,8 @@ def resolve(
 
     What no sampler can promise: to see what happens between its samples. A is compared at 12289 times on no regular grid, with gaps below
     T / 10000: a pulse on at least T / 10000 is seen, a shorter one perhaps. Name it in `features`; then panels and check points lie as
-    close as its width asks. With `complete` you guarantee that every feature of a half-width below T / 200 is named, and fewer times do.
+    close as its width asks. What happens within 1e-11 T of a jump counts as part of the jump. With `complete` you
+    guarantee that every feature of a half-width below T / 200 is named, and fewer times do.
 
     Parameters
     ----------
@@ -91,14 +94,16 @@ def resolve(
             series = FourierSeries(fit.coefficients.reshape(-1, *_shape(sample)), period)
             need_repetition(sample, series, period * stratified(3 if complete else 7), fit.allowed)
             return ResolvedMatrix(series, (), (), fit.error.reshape(_shape(sample)), sample.count)
-    return _on_panels(sample, named, pairs, checks, tol)
+    return _on_panels(sample, named, pairs, checks, tol, not complete)
 
 
-def _on_panels(sample: Sampler, named: Array, pairs: Array, checks: CheckPoints, tol: float) -> ResolvedMatrix:
+def _on_panels(
+    sample: Sampler, named: Array, pairs: Array, checks: CheckPoints, tol: float, wary: bool
+) -> ResolvedMatrix:
     """Resolve by panels, judge the period, and collect."""
     T = sample.period
     sample(T * stratified(PARTS))
-    resolver = PanelResolver(sample, tol, _start(T, named, pairs), named, checks)
+    resolver = PanelResolver(sample, tol, _start(T, named, pairs), named, checks, wary)
     resolver.run()
     done = resolver.done
     rough, jumps = resolver.rough()
@@ -122,14 +127,12 @@ def _on_panels(sample: Sampler, named: Array, pairs: Array, checks: CheckPoints,
 
 def _start(period: float, named: Array, pairs: Array) -> Array:
     """The first edges: the breaks, a graded mesh about each feature, and no panel longer than a quarter of the period."""
+    fixed = np.unique(np.concatenate([[0.0, period], named]))
     meshes = [graded([centre], width, max(period / 8, width), STEP) for centre, width in pairs]
-    edges = np.mod(np.concatenate([np.empty(0), *meshes]), period)
-    edges = np.unique(np.concatenate([[0.0, period], edges, named]))
-    close = np.diff(edges, append=np.inf) < 1e-11 * period
-    close &= ~np.isin(edges, [0.0, *named])
-    if np.any(np.diff(edges[~close])[-1:] < 1e-11 * period):
-        close[np.flatnonzero(~close)[-2]] = True
-    return divided(edges[~close], period / PARTS)
+    free = np.sort(np.mod(np.concatenate([np.empty(0), *meshes]), period))
+    free = free[np.diff(free, append=np.inf) > CLOSE * period]
+    free = free[np.abs(free[:, None] - fixed).min(axis=1) > CLOSE * period]
+    return divided(np.union1d(fixed, free), period / PARTS)
 
 
 def _times_in(name: str, times: Array, period: float) -> Array:

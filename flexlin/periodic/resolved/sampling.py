@@ -49,7 +49,7 @@ class Sampler:
     def _checked(self, t: Array) -> Array:
         values = np.asarray(self.function(t))
         wanted = "(N, rows, columns)" if self.shape is None else f"(N, {self.shape[0]}, {self.shape[1]})"
-        if values.ndim != 3 or len(values) != len(t) or self.shape not in (None, values.shape[1:]):
+        if values.ndim != 3 or len(values) != len(t) or 0 in values.shape or self.shape not in (None, values.shape[1:]):
             raise ArgumentError(
                 "A(t) has the wrong shape", got=f"{values.shape} for {len(t)} times", expected=f"{wanted}, real numbers"
             )
