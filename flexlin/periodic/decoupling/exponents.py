@@ -1,0 +1,123 @@
+"""Floquet exponents of a decoupled system, each with its error."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.periodic.collocation import gauss_transitions
+from flexlin.periodic.decoupling.circle import interpolated
+from flexlin.periodic.decoupling.decoupled import Decoupled, as_real
+from flexlin.periodic.eigenvalues import partners, product_spectrum
+
+STAGES, STEP = 8, 2.0
+"""Gauss stages, and the largest product of a step and an eigenvalue: the error of a step is then 1e-14."""
+COARSER = 2 / 3
+"""A second integration on this part of the segments measures the error of the first."""
+SAFETY = 3.0
+MARK = 0.7
+"""The angle by which the members of a complex group are turned, to tell them from their conjugates."""
+
+
+@dataclass(frozen=True)
+class DecoupledExponents:
+    """Exponents (n,) in 1/s by falling real part, imaginary parts in (-pi/T, pi/T], and their errors (n,).
+
+    discretization, coupling, rounding (n,): the parts of the errors; of larger groups all three stand in `discretization`.
+    """
+
+    exponents: Array
+    errors: Array
+    discretization: Array
+    coupling: Array
+    rounding: Array
+
+
+def decoupled_exponents(decoupled: Decoupled) -> DecoupledExponents:
+    """Floquet exponents of all groups.
+
+    A single mode's exponent is the mean of its generator; the nodes that built the frame and those half-way between them give it
+    once each, and their difference is its error. A larger group is a small system without fast modes, integrated by Gauss collocation:
+    its error is its motion under coarser steps, under the generator of one set of nodes alone, and under a random
+    perturbation of the size of the residual coupling and of the rounding.
+    """
+    n, period = decoupled.generator.shape[-1], decoupled.period
+    values, parts = np.zeros(n, complex), np.zeros((3, n))
+    for i, group in enumerate(decoupled.groups):
+        if group.partner < i:
+            mate = decoupled.groups[group.partner].part
+            values[group.part], parts[:, group.part] = values[mate].conj(), parts[:, mate]
+        elif group.size == 1:
+            values[group.start], parts[:, group.start] = single(decoupled, i)
+        else:
+            values[group.part], parts[0, group.part] = several(decoupled, i)
+    w = 2 * np.pi / period
+    values = values - 1j * w * np.ceil(values.imag / w - 0.5)
+    order = np.argsort(-values.real, kind="stable")
+    discretization, coupling, rounding = parts[:, order]
+    return DecoupledExponents(values[order], parts.sum(axis=0)[order], discretization, coupling, rounding)
+
+
+def single(decoupled: Decoupled, index: int) -> tuple[complex, Array]:
+    """The exponent of a group of one, and its three errors."""
+    group = decoupled.groups[index]
+    k = group.start
+    B = decoupled.generator[:, k, k]
+    value = complex(B.mean())
+    if group.partner == index:
+        value = value.real + 1j * np.pi / decoupled.period * float(decoupled.turning[index])
+    apart = abs(B[::2].mean() - B[1::2].mean())
+    parts = np.array([apart, SAFETY * decoupled.residual[k, k], SAFETY * decoupled.rounding[k, k]])
+    return value, parts
+
+
+def several(decoupled: Decoupled, index: int) -> tuple[Array, Array]:
+    """The exponents of a larger group, and their errors."""
+    group, period = decoupled.groups[index], decoupled.period
+    values, mean = decoupled.traceless(index)
+    segments = segments_of(values, period)
+    coarse = max(1, round(COARSER * segments))
+    complex_group = group.partner != index
+    size = (decoupled.residual + 2 * decoupled.rounding)[group.part, group.part]
+    rng = np.random.default_rng(20190610)
+    if complex_group:
+        shift = as_real(size * np.exp(2j * np.pi * rng.random(size.shape)))
+    else:
+        shift = size * rng.choice([-1.0, 1.0], size.shape)
+    fine = product_spectrum(factors(values, period, segments))
+    other = product_spectrum(factors(values, period, coarse), 0).logs
+    moved = product_spectrum(factors(values[::2] + shift, period, coarse), 0).logs
+    partner, apart = partners(fine.logs, other)
+    errors = fine.rounding + apart + SAFETY * partners(other, moved)[1][partner]
+    logs = fine.logs
+    if complex_group:
+        own = members(values, period, coarse, logs)
+        logs, errors = logs[own], errors[own]
+    return mean + logs / period, errors / period
+
+
+def segments_of(values: Array, period: float) -> int:
+    """Segments that resolve the eigenvalues of the generator and its harmonics."""
+    rate = float(np.abs(np.linalg.eigvals(values)).max())
+    return max(len(values) // 16, int(np.ceil(period * rate / STEP)))
+
+
+def factors(values: Array, period: float, segments: int) -> Array:
+    """Transition matrices of w' = values(t) w over equal segments of the period."""
+    return gauss_transitions(lambda t: interpolated(values, period, t), np.linspace(0, period, segments + 1), STAGES)
+
+
+def members(values: Array, period: float, segments: int, logs: Array) -> Array:
+    """Which logs of a complex group in real form are its own and not their conjugates (p,): those that a turn by MARK moves up."""
+    half = values.shape[-1] // 2
+    turn = as_real(1j * MARK / period * np.eye(half))
+    turned = product_spectrum(factors(values + turn, period, segments), 0).logs
+    miss = partners(logs + 1j * MARK, turned)[1]
+    left, own = list(np.argsort(miss, kind="stable")), []
+    while left:
+        first = left.pop(0)
+        own.append(first)
+        if left:
+            angle = np.angle(np.exp(1j * (logs[left].imag + logs[first].imag)))
+            left.pop(int(np.hypot(logs[left].real - logs[first].real, angle).argmin()))
+    return np.array(own)

@@ -1,0 +1,81 @@
+"""Superadiabatic rounds: remove what is left of the coupling between groups of modes, again and again."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.periodic.decoupling.circle import derivative, smooth
+from flexlin.periodic.decoupling.grouping import Group
+
+
+def sylvester(B: Array, groups: tuple[Group, ...]) -> Array:
+    """S (N, n, n) with B_ii S_ij - S_ij B_jj = -B_ij between groups i and j, zero inside the groups.
+
+    Source: Golub, Van Loan, Matrix Computations, 7.1.4; Kronecker's form of the small equations.
+    """
+    S = np.zeros_like(B)
+    diagonal = np.einsum("tii->ti", B)
+    scalar = np.repeat([group.size == 1 for group in groups], [group.size for group in groups])
+    single = scalar[:, None] & scalar & ~np.eye(len(scalar), dtype=bool)
+    apart = diagonal[:, :, None] - diagonal[:, None, :]
+    S[:, single] = -B[:, single] / apart[:, single]
+    for group in groups:
+        if group.size > 1:
+            against_scalars(S, B, group, np.flatnonzero(scalar), diagonal)
+            for other in groups:
+                if other.size > 1 and other is not group:
+                    S[:, group.part, other.part] = block(B, group, other)
+    return S
+
+
+def against_scalars(S: Array, B: Array, group: Group, scalars: Array, diagonal: Array) -> None:
+    """The blocks between one group and all single modes: (B_gg - b) s = -r and (B_gg' - b) s' = r'."""
+    if not len(scalars):
+        return
+    own = B[:, None, group.part, group.part]
+    moved = own - diagonal[:, scalars, None, None] * np.eye(group.size)
+    column = np.swapaxes(B[:, group.part][:, :, scalars], 1, 2)[..., None]
+    S[:, group.part, scalars[:, None]] = 0
+    solved = -np.linalg.solve(moved, column)[..., 0]
+    S[:, group.start : group.stop, scalars] = np.swapaxes(solved, 1, 2)
+    row = B[:, scalars][:, :, group.part][..., None]
+    S[:, scalars, group.start : group.stop] = np.linalg.solve(np.swapaxes(moved, 2, 3), row)[..., 0]
+
+
+def block(B: Array, group: Group, other: Group) -> Array:
+    """Solve one block by (B_ii (x) 1 - 1 (x) B_jj') vec S = -vec B_ij."""
+    p, q = group.size, other.size
+    own, its = B[:, group.part, group.part], B[:, other.part, other.part]
+    K = np.einsum("tik,jl->tijkl", own, np.eye(q)) - np.einsum("tlj,ik->tijkl", its, np.eye(p))
+    right = -B[:, group.part, other.part].reshape(len(B), p * q, 1)
+    return np.linalg.solve(K.reshape(len(B), p * q, p * q), right).reshape(len(B), p, q)
+
+
+def rounds(
+    B: Array, T: Array, groups: tuple[Group, ...], period: float, effect: Callable[[Array, Array], float], most: int
+) -> tuple[Array, Array, int, float]:
+    """Repeat T := T (1 + S), B := (1 + S)^-1 (B (1 + S) - S') until the coupling's effect stops shrinking; keep the best.
+
+    S solves the Sylvester equations of the coupling and is cut to the harmonics that the nodes hold well, so what is left is
+    S' and products of S: smaller by the rate of change over the gap of the eigenvalues in every round.
+
+    Parameters: effect(B, S): the size of the coupling that is to shrink. Returns: T, B, the rounds made, the effect.
+    Source: Berry, Histories of adiabatic quantum transitions, Proc. R. Soc. A 429 (1990); Joye, Pfister (1991) for the iteration.
+    """
+    eye = np.eye(B.shape[-1])
+    best = (T, B, 0, np.inf)
+    for turn in range(most + 1):
+        S = sylvester(B, groups)
+        size = effect(B, S)
+        if not size < best[3]:
+            if turn > best[2] + 1 or not size < 1e6:
+                break
+        else:
+            best = (T, B, turn, size)
+            if size < 1e-3:
+                break
+        S = smooth(S)
+        step = eye + S
+        T, B = T @ step, np.linalg.solve(step, B @ step - derivative(S, period))
+    return best
