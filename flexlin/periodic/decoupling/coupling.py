@@ -1,17 +1,56 @@
 """What the coupling that is left between groups of modes does to the exponents."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.decoupling.circle import harmonics
 from flexlin.periodic.decoupling.grouping import Group, block_mask
-from flexlin.periodic.decoupling.superadiabatic import sylvester
+from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, sylvester
 
 
-def pair_effects(B: Array, S: Array, groups: tuple[Group, ...]) -> Array:
-    """The largest |B_ij S_ji| of each pair of modes in different groups (n, n), in 1/s: a second-order shift of mode i by mode j."""
-    outside = ~block_mask(groups)
-    return np.abs(B).max(axis=0) * np.abs(S).max(axis=0).T * outside
+@dataclass(frozen=True)
+class Separation:
+    """How far the groups of each pair of modes stay apart (n, n): least gap of eigenvalues, its ratio to the least difference of
+    real parts of one sign (inf: none), and how much one may grow against the other within the period. outside: not in one group."""
+
+    gap: Array
+    oblique: Array
+    swing: Array
+    outside: Array
+
+
+def separation(B: Array, period: float, groups: tuple[Group, ...]) -> Separation:
+    """The separations of the groups from the eigenvalues of the diagonal blocks of B (N, n, n)."""
+    values = np.concatenate([np.linalg.eigvals(B[:, g.part, g.part]) for g in groups], axis=1)
+    starts, size = np.array([g.start for g in groups]), [g.size for g in groups]
+
+    def least(pairs: Array) -> Array:
+        small = np.minimum.reduceat(np.minimum.reduceat(pairs, starts, axis=0), starts, axis=1)
+        return np.repeat(np.repeat(small, size, axis=0), size, axis=1)
+
+    gap = least(np.abs(values[:, :, None] - values[:, None, :]).min(axis=0))
+    above = least((values.real[:, :, None] - values.real[:, None, :]).min(axis=0))
+    damping = np.maximum(0, np.maximum(above, above.T))
+    mean = np.repeat(np.add.reduceat(values.real, starts, axis=1) / size, size, axis=1)
+    run = np.cumsum(mean - mean.mean(axis=0), axis=0) * period / len(B)
+    swing = np.ptp(run[:, :, None] - run[:, None, :], axis=0)
+    oblique = np.divide(gap, damping, out=np.full_like(gap, np.inf), where=damping > 0)
+    return Separation(gap, oblique, np.exp(np.minimum(swing, 600.0)), ~block_mask(groups))
+
+
+def pair_effects(B: Array, S: Array, apart: Separation, rough: Array) -> Array:
+    """What the elimination of mode j does to mode i at most (n, n), in 1/s; rough (n, n): the part of B_ij that may meet a resonance."""
+    second = np.abs(B).max(axis=0) * np.abs(S).max(axis=0).T
+    return np.where(apart.outside, combined(second, np.sqrt(rough * rough.T), apart.oblique, apart.swing), 0)
+
+
+def combined(second: Array, first: Array, oblique: Array, swing: Array) -> Array:
+    """The lesser of two bounds: by damping, second-order and oblique; or second-order and a resonance of first order."""
+    with np.errstate(invalid="ignore"):
+        by_damping = np.where(second == 0, 0, second * oblique)
+    return np.minimum(by_damping, second / (1 - SLOW_PART) + first * swing)
 
 
 def residual_effect(B: Array, period: float, groups: tuple[Group, ...]) -> Array:
@@ -20,45 +59,28 @@ def residual_effect(B: Array, period: float, groups: tuple[Group, ...]) -> Array
         d B_kl ~ sum over j outside of  R_kj S_jl,   S of the Sylvester equations
 
     Where the real parts of two groups stay apart by r, elimination needs no smoothness and costs gap / r more. Elsewhere the
-    harmonics of R above half the gap could meet the modes' beat in resonance: they enter at first order, sqrt(|R_kj R_jl|), times what one
-    mode may grow against the other within the period.
+    harmonics of R above SLOW_PART of the gap could meet the modes' beat in resonance: they enter at first order, sqrt(|R_kj R_jl|), times what
+    one mode may grow against the other within the period.
 
     Source: Coppel, Dichotomies in Stability Theory (1978), for the first; Yakubovich, Starzhinskii (1975), IV, for the second.
     """
-    mask = block_mask(groups)
+    apart = separation(B, period, groups)
     S = sylvester(B, groups)
-    R = np.where(mask, 0, B)
+    R = np.where(apart.outside, B, 0)
     X, Z = np.abs(R).max(axis=0), np.abs(S).max(axis=0)
-    gap, damping, swing = separations(B, period, groups)
-    rough = np.abs(high_harmonics(R, period, gap)).max(axis=0)
-    smooth_part = 2 * np.einsum("kj,jl->kjl", X, Z)
-    resonant = np.sqrt(np.einsum("kj,jl->kjl", rough, rough)) * swing[:, :, None]
-    by_damping = np.einsum("kj,jl->kjl", X, Z) * (gap / np.maximum(damping, 1e-300))[:, :, None]
-    return np.minimum(by_damping, smooth_part + resonant).sum(axis=1) * mask
-
-
-def separations(B: Array, period: float, groups: tuple[Group, ...]) -> tuple[Array, Array, Array]:
-    """For each pair of modes: the least gap of their groups, how far real parts stay apart, and the growth against each other."""
-    values = np.concatenate([np.linalg.eigvals(B[:, g.part, g.part]) for g in groups], axis=1)
-    starts = np.array([g.start for g in groups])
-    size = [g.size for g in groups]
-
-    def by_group(pairs: Array, least: np.ufunc) -> Array:
-        small = least.reduceat(least.reduceat(pairs, starts, axis=0), starts, axis=1)
-        return np.repeat(np.repeat(small, size, axis=0), size, axis=1)
-
-    gap = by_group(np.abs(values[:, :, None] - values[:, None, :]).min(axis=0), np.minimum)
-    above = by_group((values.real[:, :, None] - values.real[:, None, :]).min(axis=0), np.minimum)
-    damping = np.maximum(0, np.maximum(above, above.T))
-    mean = np.repeat(np.add.reduceat(values.real, starts, axis=1) / size, size, axis=1)
-    run = np.cumsum(mean - mean.mean(axis=0), axis=0) * period / len(B)
-    swing = np.ptp(run[:, :, None] - run[:, None, :], axis=0)
-    return gap, damping, np.exp(np.minimum(swing, 600.0))
+    rough = np.abs(high_harmonics(R, period, apart.gap)).max(axis=0)
+    total = np.zeros_like(X)
+    for g in groups:
+        second = np.einsum("kj,jl->kjl", X[g.part], Z[:, g.part])
+        first = np.sqrt(np.einsum("kj,jl->kjl", rough[g.part], rough[:, g.part]))
+        both = combined(second, first, apart.oblique[g.part, :, None], apart.swing[g.part, :, None])
+        total[g.part, g.part] = np.where(apart.outside[g.part, :, None], both, 0).sum(axis=1)
+    return total
 
 
 def high_harmonics(R: Array, period: float, gap: Array) -> Array:
-    """The part of the coupling whose frequencies lie above half the gap."""
+    """The part of the coupling whose frequencies lie above SLOW_PART of the gap."""
     frequency = 2 * np.pi / period * np.abs(harmonics(len(R)))
     spectrum = np.fft.fft(R, axis=0)
-    spectrum[frequency[:, None, None] < gap / 2] = 0
+    spectrum[frequency[:, None, None] < SLOW_PART * gap] = 0
     return np.fft.ifft(spectrum, axis=0)

@@ -6,7 +6,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.decoupling.circle import derivative, interleaved, shifted, smooth, tail
-from flexlin.periodic.decoupling.coupling import pair_effects, residual_effect
+from flexlin.periodic.decoupling.coupling import high_harmonics, pair_effects, residual_effect, separation
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.frames import periodic_frame
 from flexlin.periodic.decoupling.grouping import Group, Modes, followed, grouped_modes
@@ -14,7 +14,7 @@ from flexlin.periodic.decoupling.superadiabatic import rounds, sylvester
 from flexlin.periodic.system import MatrixFunction
 
 FIRST_NODES, MAX_NODES = 64, 256
-ADIABATIC = 0.1
+ADIABATIC = 0.05
 """Modes stay together where the basic frequency exceeds this part of the gap between their eigenvalues at some time."""
 MIXING = 0.1
 """Modes that a first step would mix by more than this stay together."""
@@ -90,20 +90,28 @@ def tried(
         return None
     T, turning = smooth(framed[0]), framed[1]
     B = np.linalg.solve(T, A @ T - derivative(T, period))
-    S = sylvester(B, groups)
-    mixing = np.sqrt(np.abs(S).max(axis=0) * np.abs(S).max(axis=0).T)
-    shape = (len(A), len(modes.values[0]))
-    grid, none = period / shape[0] * np.arange(shape[0]), np.zeros((shape[1], shape[1]))
-    if (mixing > MIXING).any():
-        return Decoupled(period, grid, T, T, B, groups, turning, none, none, 0), mixing > MIXING
-    allowed = tol * np.maximum(1, np.abs(modes.values).min(axis=0))[:, None]
+    S = np.abs(sylvester(B, groups)).max(axis=0)
+    mixing = np.sqrt(S * S.T) > MIXING
+    made = 0
+    if not mixing.any():
+        apart = separation(B, period, groups)
+        allowed = tol * np.maximum(1, np.abs(modes.values).min(axis=0))[:, None]
 
-    def relative(B: Array, S: Array) -> Array:
-        return pair_effects(B, S, groups) / allowed
+        def effects(B: Array, S: Array) -> Array:
+            return pair_effects(B, S, apart, np.abs(B).max(axis=0)) / allowed
 
-    T, B, made, _ = rounds(B, T, groups, period, lambda B, S: float(relative(B, S).max()), MAX_ROUNDS)
-    stuck = relative(B, sylvester(B, groups)) > 0.1
-    return Decoupled(period, grid, T, T, B, groups, turning, none, none, made), stuck
+        T, B, made = rounds(B, T, groups, period, apart.gap, lambda B, S: float(effects(B, S).max()), MAX_ROUNDS)
+        rough = np.abs(high_harmonics(B, period, apart.gap)).max(axis=0)
+        mixing = pair_effects(B, sylvester(B, groups), apart, rough) > 0.1 * allowed + noise(T, A)
+    none = np.zeros(S.shape)
+    return Decoupled(period, np.empty(0), T, T, B, groups, turning, none, none, made), mixing
+
+
+def noise(T: Array, A: Array) -> Array:
+    """Rounding of T^-1 A T, entry by entry (n, n)."""
+    size = np.abs(np.linalg.inv(T)) @ (np.abs(A) @ np.abs(T))
+    rounding = 30 * EPS * size.max(axis=0)
+    return np.sqrt(rounding * rounding.T)
 
 
 def checked(built: Decoupled, A: Array, between: Array, tol: float) -> tuple[Decoupled, bool]:

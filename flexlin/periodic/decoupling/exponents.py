@@ -9,11 +9,14 @@ from flexlin.periodic.collocation import gauss_transitions
 from flexlin.periodic.decoupling.circle import interpolated
 from flexlin.periodic.decoupling.decoupled import Decoupled, as_real
 from flexlin.periodic.eigenvalues import partners, product_spectrum
+from flexlin.periodic.product import balanced
 
 STAGES, STEP = 8, 2.0
 """Gauss stages, and the largest product of a step and an eigenvalue: the error of a step is then 1e-14."""
 COARSER = 2 / 3
 """A second integration on this part of the segments measures the error of the first."""
+FEW, RESOLVED = 500, 300.0
+"""Larger groups that need more segments than FEW while their modes part by more than exp(RESOLVED) in a period are only enclosed."""
 SAFETY = 3.0
 MARK = 0.7
 """The angle by which the members of a complex group are turned, to tell them from their conjugates."""
@@ -75,7 +78,9 @@ def several(decoupled: Decoupled, index: int) -> tuple[Array, Array]:
     """The exponents of a larger group, and their errors."""
     group, period = decoupled.groups[index], decoupled.period
     values, mean = decoupled.traceless(index)
-    segments = segments_of(values, period)
+    segments, spread = segments_of(values, period)
+    if segments > FEW and spread > RESOLVED:
+        return bounded(values, mean, group.size, period)
     coarse = max(1, round(COARSER * segments))
     complex_group = group.partner != index
     size = (decoupled.residual + 2 * decoupled.rounding)[group.part, group.part]
@@ -96,10 +101,23 @@ def several(decoupled: Decoupled, index: int) -> tuple[Array, Array]:
     return mean + logs / period, errors / period
 
 
-def segments_of(values: Array, period: float) -> int:
-    """Segments that resolve the eigenvalues of the generator and its harmonics."""
-    rate = float(np.abs(np.linalg.eigvals(values)).max())
-    return max(len(values) // 16, int(np.ceil(period * rate / STEP)))
+def segments_of(values: Array, period: float) -> tuple[int, float]:
+    """Segments that resolve the eigenvalues of the generator and its harmonics, and the spread of the real parts over a period."""
+    eigenvalues = np.linalg.eigvals(values)
+    rate = float(np.abs(eigenvalues).max())
+    spread = float(np.ptp(eigenvalues.real, axis=1).mean()) * period
+    return max(len(values) // 16, int(np.ceil(period * rate / STEP))), spread
+
+
+def bounded(values: Array, mean: complex, size: int, period: float) -> tuple[Array, Array]:
+    """Enclose the exponents of a group by the numerical range of its generator: real parts up to the mean of max eig (B + B') / 2.
+
+    Source: Coppel (1965), Stability and Asymptotic Behavior of Differential Equations, III.2 (Lozinskii's logarithmic norm).
+    """
+    scale = balanced(values)[1]
+    even = values * (scale / scale[:, None])
+    reach = np.abs(np.linalg.eigvalsh((even + np.swapaxes(even, 1, 2)) / 2)).max(axis=1).mean()
+    return np.full(size, mean), np.full(size, float(np.hypot(reach, np.pi / period)))
 
 
 def factors(values: Array, period: float, segments: int) -> Array:

@@ -5,8 +5,13 @@ from collections.abc import Callable
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.decoupling.circle import derivative, smooth
+from flexlin.periodic.decoupling.circle import KEPT, harmonics
 from flexlin.periodic.decoupling.grouping import Group
+
+SLOW_PART = 0.8
+"""Harmonics of the coupling below this part of the gap shrink from round to round."""
+ENOUGH, SLOW = 0.01, 0.8
+"""Rounds end when the coupling's effect is this part of what is allowed, or shrinks by less than this factor."""
 
 
 def sylvester(B: Array, groups: tuple[Group, ...]) -> Array:
@@ -53,29 +58,36 @@ def block(B: Array, group: Group, other: Group) -> Array:
 
 
 def rounds(
-    B: Array, T: Array, groups: tuple[Group, ...], period: float, effect: Callable[[Array, Array], float], most: int
-) -> tuple[Array, Array, int, float]:
+    B: Array,
+    T: Array,
+    groups: tuple[Group, ...],
+    period: float,
+    gap: Array,
+    effect: Callable[[Array, Array], float],
+    most: int,
+) -> tuple[Array, Array, int]:
     """Repeat T := T (1 + S), B := (1 + S)^-1 (B (1 + S) - S') until the coupling's effect stops shrinking; keep the best.
 
-    S solves the Sylvester equations of the coupling and is cut to the harmonics that the nodes hold well, so what is left is
-    S' and products of S: smaller by the rate of change over the gap of the eigenvalues in every round.
+    S solves the Sylvester equations of the coupling and is cut to harmonics below SLOW_PART of the gap: what is left is
+    S' and products of S, smaller by the rate of change over the gap of the eigenvalues in every round.
 
-    Parameters: effect(B, S): the size of the coupling that is to shrink. Returns: T, B, the rounds made, the effect.
-    Source: Berry, Histories of adiabatic quantum transitions, Proc. R. Soc. A 429 (1990); Joye, Pfister (1991) for the iteration.
+    Parameters: gap (n, n) of each pair of modes; effect(B, S): the size of the coupling against what is allowed. Returns: T, B, rounds.
+    Source: Berry, Histories of adiabatic quantum transitions, Proc. R. Soc. A 429 (1990).
     """
     eye = np.eye(B.shape[-1])
-    best = (T, B, 0, np.inf)
+    frequency = 2 * np.pi / period * harmonics(len(B))
+    kept = np.abs(frequency)[:, None, None] <= np.minimum(SLOW_PART * gap, KEPT * len(B) * 2 * np.pi / period)
+    best, least = (T, B, 0), np.inf
     for turn in range(most + 1):
         S = sylvester(B, groups)
         size = effect(B, S)
-        if not size < best[3]:
-            if turn > best[2] + 1 or not size < 1e6:
-                break
-        else:
-            best = (T, B, turn, size)
-            if size < 1e-3:
-                break
-        S = smooth(S)
+        if not size < SLOW * least:
+            break
+        best, least = (T, B, turn), size
+        if size < ENOUGH:
+            break
+        spectrum = np.fft.fft(S, axis=0) * kept
+        S, slope = np.fft.ifft(spectrum, axis=0), np.fft.ifft(1j * frequency[:, None, None] * spectrum, axis=0)
         step = eye + S
-        T, B = T @ step, np.linalg.solve(step, B @ step - derivative(S, period))
+        T, B = T @ step, np.linalg.solve(step, B @ step - slope)
     return best
