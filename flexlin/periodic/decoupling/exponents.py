@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from flexlin.checks import Array
 from flexlin.periodic.collocation import gauss_transitions
@@ -17,6 +18,8 @@ COARSER = 2 / 3
 """A second integration on this part of the segments measures the error of the first."""
 FEW, RESOLVED = 500, 300.0
 """Larger groups that need more segments than FEW while their modes part by more than exp(RESOLVED) in a period are only enclosed."""
+UNRESOLVED = 0.5
+"""Logs of multipliers with larger errors are ill-conditioned beyond measuring; their group is only enclosed."""
 SAFETY = 3.0
 MARK = 0.7
 """The angle by which the members of a complex group are turned, to tell them from their conjugates."""
@@ -83,7 +86,7 @@ def several(decoupled: Decoupled, index: int) -> tuple[Array, Array]:
         return bounded(values, mean, group.size, period)
     coarse = max(1, round(COARSER * segments))
     complex_group = group.partner != index
-    size = (decoupled.residual + 2 * decoupled.rounding)[group.part, group.part]
+    size = (decoupled.residual + 4 * decoupled.rounding)[group.part, group.part]
     rng = np.random.default_rng(20190610)
     if complex_group:
         shift = as_real(size * np.exp(2j * np.pi * rng.random(size.shape)))
@@ -94,9 +97,13 @@ def several(decoupled: Decoupled, index: int) -> tuple[Array, Array]:
     moved = product_spectrum(factors(values[::2] + shift, period, coarse), 0).logs
     partner, apart = partners(fine.logs, other)
     errors = fine.rounding + apart + SAFETY * partners(other, moved)[1][partner]
+    if not errors.max() < UNRESOLVED:
+        return bounded(values, mean, group.size, period)
     logs = fine.logs
     if complex_group:
-        own = members(values, period, coarse, logs)
+        own, missed = members(values, period, coarse, logs)
+        if missed > MARK / 4:
+            return bounded(values, mean, group.size, period)
         logs, errors = logs[own], errors[own]
     return mean + logs / period, errors / period
 
@@ -125,17 +132,16 @@ def factors(values: Array, period: float, segments: int) -> Array:
     return gauss_transitions(lambda t: interpolated(values, period, t), np.linspace(0, period, segments + 1), STAGES)
 
 
-def members(values: Array, period: float, segments: int, logs: Array) -> Array:
-    """Which logs of a complex group in real form are its own and not their conjugates (p,): those that a turn by MARK moves up."""
+def members(values: Array, period: float, segments: int, logs: Array) -> tuple[Array, float]:
+    """Which logs of a complex group in real form are its own and not their conjugates (p,): those that a turn by MARK moves up.
+
+    Also returns how far the worst of them misses the turned spectrum.
+    """
     half = values.shape[-1] // 2
     turn = as_real(1j * MARK / period * np.eye(half))
     turned = product_spectrum(factors(values + turn, period, segments), 0).logs
-    miss = partners(logs + 1j * MARK, turned)[1]
-    left, own = list(np.argsort(miss, kind="stable")), []
-    while left:
-        first = left.pop(0)
-        own.append(first)
-        if left:
-            angle = np.angle(np.exp(1j * (logs[left].imag + logs[first].imag)))
-            left.pop(int(np.hypot(logs[left].real - logs[first].real, angle).argmin()))
-    return np.array(own)
+    apart = logs[:, None] + 1j * MARK - turned
+    miss = np.minimum(np.hypot(apart.real, np.remainder(apart.imag + np.pi, 2 * np.pi) - np.pi), MARK)
+    row, column = linear_sum_assignment(miss)
+    order = np.argsort(miss[row, column], kind="stable")[:half]
+    return row[order], float(miss[row, column][order].max())

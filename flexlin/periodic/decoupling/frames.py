@@ -1,5 +1,7 @@
 """Smooth periodic bases of the invariant subspaces of A(t), one for each group of modes."""
 
+import warnings
+
 import numpy as np
 from scipy.linalg import expm, logm
 
@@ -56,14 +58,25 @@ def start_basis(modes: Modes, groups: tuple[Group, ...]) -> Array:
 
 
 def closed(H: Array, real: bool) -> tuple[Array, bool] | None:
-    """The logarithm that takes the turn H out of a basis, and whether the basis turns over; None where no real one does."""
-    if not real:
-        return logm(H), False
+    """The logarithm that takes the turn H out of a basis, and whether the basis turns over; None where none does."""
     for sign in (1, -1):
-        L = logm(sign * H.real)
+        L = logarithm(sign * H.real if real else H)
+        if L is None:
+            return None
+        if not real:
+            return L, False
         if np.abs(L.imag).max() <= 1e-8 * max(1.0, np.abs(L).max()):
             return (L.real + 0j, False) if sign == 1 else (L.real + 1j * np.pi * np.eye(len(H)), True)
     return None
+
+
+def logarithm(H: Array) -> Array | None:
+    """The principal logarithm, None where the matrix is singular to working precision."""
+    if not np.linalg.cond(H) < 1 / np.finfo(float).eps:
+        return None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # an inaccurate logarithm shows in the coupling between the nodes
+        return logm(H)
 
 
 def made_real(T: Array, groups: tuple[Group, ...], turning: Array) -> Array:
