@@ -10,7 +10,7 @@ from flexlin.periodic.decoupling.coupling import high_harmonics, pair_effects, r
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.frames import periodic_frame
 from flexlin.periodic.decoupling.grouping import Group, Modes, followed, grouped_modes
-from flexlin.periodic.decoupling.superadiabatic import rounds, sylvester
+from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, rounds, sylvester
 from flexlin.periodic.system import MatrixFunction
 
 FIRST_NODES, MAX_NODES = 64, 256
@@ -18,6 +18,8 @@ ADIABATIC = 0.05
 """Modes stay together where the basic frequency exceeds this part of the gap between their eigenvalues at some time."""
 MIXING = 0.1
 """Modes that a first step would mix by more than this stay together."""
+LARGEST_SWING = 1e3
+"""Modes that may grow against each other by more than this are not put together for that reason: it would not help them."""
 MAX_ROUNDS, MAX_MERGES = 14, 6
 ROUGH = 1e-3
 """Coefficients whose upper harmonics are larger than this part of the largest need more nodes."""
@@ -95,12 +97,14 @@ def tried(
     made = 0
     if not mixing.any():
         apart = separation(B, period, groups)
+        apart = replace(apart, swing=np.minimum(apart.swing, LARGEST_SWING))
+        resolved = SLOW_PART * apart.gap < np.pi / period * len(A)
         allowed = tol * np.maximum(1, np.abs(modes.values).min(axis=0))[:, None]
 
-        def effects(B: Array, S: Array) -> Array:
-            return pair_effects(B, S, apart, np.abs(B).max(axis=0)) / allowed
+        def effect(B: Array, S: Array) -> float:
+            return float((pair_effects(B, S, apart, np.abs(B).max(axis=0) * resolved) / allowed).max())
 
-        T, B, made = rounds(B, T, groups, period, apart.gap, lambda B, S: float(effects(B, S).max()), MAX_ROUNDS)
+        T, B, made = rounds(B, T, groups, period, apart.gap, effect, MAX_ROUNDS)
         rough = np.abs(high_harmonics(B, period, apart.gap)).max(axis=0)
         mixing = pair_effects(B, sylvester(B, groups), apart, rough) > 0.1 * allowed + noise(T, A)
     none = np.zeros(S.shape)

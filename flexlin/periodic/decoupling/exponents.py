@@ -8,6 +8,7 @@ from scipy.optimize import linear_sum_assignment
 from flexlin.checks import Array
 from flexlin.periodic.collocation import gauss_transitions
 from flexlin.periodic.decoupling.circle import interpolated
+from flexlin.periodic.decoupling.coupling import separation
 from flexlin.periodic.decoupling.decoupled import Decoupled, as_real
 from flexlin.periodic.eigenvalues import partners, product_spectrum
 from flexlin.periodic.product import balanced
@@ -65,7 +66,10 @@ def decoupled_exponents(decoupled: Decoupled) -> DecoupledExponents:
 
 
 def single(decoupled: Decoupled, index: int) -> tuple[complex, Array]:
-    """The exponent of a group of one, and its three errors."""
+    """The exponent of a group of one, and its three errors.
+
+    Where the coupling's bound exceeds what the real parts of the coupled modes enclose, the enclosure counts.
+    """
     group = decoupled.groups[index]
     k = group.start
     B = decoupled.generator[:, k, k]
@@ -73,8 +77,20 @@ def single(decoupled: Decoupled, index: int) -> tuple[complex, Array]:
     if group.partner == index:
         value = value.real + 1j * np.pi / decoupled.period * float(decoupled.turning[index])
     apart = abs(B[::2].mean() - B[1::2].mean())
-    parts = np.array([apart, SAFETY * decoupled.residual[k, k], SAFETY * decoupled.rounding[k, k]])
-    return value, parts
+    coupling = SAFETY * decoupled.residual[k, k]
+    if coupling * decoupled.period > UNRESOLVED:
+        coupling = min(coupling, enclosure(decoupled, k))
+    return value, np.array([apart, coupling, SAFETY * decoupled.rounding[k, k]])
+
+
+def enclosure(decoupled: Decoupled, k: int) -> float:
+    """How far the exponent of mode k may lie from its mean when the modes whose damping crosses its own may take its place at any time."""
+    B, groups = decoupled.generator, decoupled.groups
+    apart = separation(B, decoupled.period, groups)
+    crossing = apart.outside[k] & np.isinf(apart.oblique[k])
+    real = np.concatenate([np.linalg.eigvals(B[:, g.part, g.part]).real for g in groups], axis=1)
+    reach = np.abs(real - B[:, k, k].real[:, None])[:, crossing].max(axis=1, initial=0.0).mean()
+    return float(np.hypot(reach, np.pi / decoupled.period))
 
 
 def several(decoupled: Decoupled, index: int) -> tuple[Array, Array]:
@@ -86,7 +102,7 @@ def several(decoupled: Decoupled, index: int) -> tuple[Array, Array]:
         return bounded(values, mean, group.size, period)
     coarse = max(1, round(COARSER * segments))
     complex_group = group.partner != index
-    size = (decoupled.residual + 4 * decoupled.rounding)[group.part, group.part]
+    size = (decoupled.residual + 10 * decoupled.rounding)[group.part, group.part]
     rng = np.random.default_rng(20190610)
     if complex_group:
         shift = as_real(size * np.exp(2j * np.pi * rng.random(size.shape)))
@@ -96,7 +112,7 @@ def several(decoupled: Decoupled, index: int) -> tuple[Array, Array]:
     other = product_spectrum(factors(values, period, coarse), 0).logs
     moved = product_spectrum(factors(values[::2] + shift, period, coarse), 0).logs
     partner, apart = partners(fine.logs, other)
-    errors = fine.rounding + apart + SAFETY * partners(other, moved)[1][partner]
+    errors = 2 * fine.rounding + apart + SAFETY * partners(other, moved)[1][partner]
     if not errors.max() < UNRESOLVED:
         return bounded(values, mean, group.size, period)
     logs = fine.logs
