@@ -20,7 +20,9 @@ MIXING = 0.1
 """Modes that a first step would mix by more than this stay together."""
 LARGEST_SWING = 1e3
 """Modes that may grow against each other by more than this are not put together for that reason: it would not help them."""
-MAX_ROUNDS, MAX_MERGES = 14, 6
+SETTLED, WORST = 1e-3, 0.3
+"""While modes are still mixed by more than SETTLED, only those are put together that mix by at least the part WORST of the strongest."""
+MAX_ROUNDS, MAX_MERGES = 14, 12
 ROUGH = 1e-3
 """Coefficients whose upper harmonics are larger than this part of the largest need more nodes."""
 EPS = float(np.finfo(float).eps)
@@ -92,10 +94,10 @@ def tried(
         return None
     T, turning = smooth(framed[0]), framed[1]
     B = np.linalg.solve(T, A @ T - derivative(T, period))
-    S = np.abs(sylvester(B, groups)).max(axis=0)
-    mixing = np.sqrt(S * S.T) > MIXING
+    share = mixing(B, groups)
+    stuck = share > MIXING
     made = 0
-    if not mixing.any():
+    if not stuck.any():
         apart = separation(B, period, groups)
         apart = replace(apart, swing=np.minimum(apart.swing, LARGEST_SWING))
         resolved = SLOW_PART * apart.gap < np.pi / period * len(A)
@@ -106,9 +108,18 @@ def tried(
 
         T, B, made = rounds(B, T, groups, period, apart.gap, effect, MAX_ROUNDS)
         rough = np.abs(high_harmonics(B, period, apart.gap)).max(axis=0)
-        mixing = pair_effects(B, sylvester(B, groups), apart, rough) > 0.1 * allowed + noise(T, A)
-    none = np.zeros(S.shape)
-    return Decoupled(period, np.empty(0), T, T, B, groups, turning, none, none, made), mixing
+        stuck = pair_effects(B, sylvester(B, groups), apart, rough) > 0.1 * allowed + noise(T, A)
+        share = mixing(B, groups)
+    if (strongest := share[stuck].max(initial=0.0)) > SETTLED:
+        stuck &= share >= WORST * strongest
+    none = np.zeros(stuck.shape)
+    return Decoupled(period, np.empty(0), T, T, B, groups, turning, none, none, made), stuck
+
+
+def mixing(B: Array, groups: tuple[Group, ...]) -> Array:
+    """How far the next step would mix each pair of modes (n, n), whatever their scaling."""
+    S = np.abs(sylvester(B, groups)).max(axis=0)
+    return np.sqrt(S * S.T)
 
 
 def noise(T: Array, A: Array) -> Array:

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
+from scipy.linalg import schur
 
 from flexlin.checks import Array
 from flexlin.periodic.decoupling.circle import KEPT, harmonics
@@ -17,7 +18,7 @@ ENOUGH, SLOW = 0.01, 0.8
 def sylvester(B: Array, groups: tuple[Group, ...]) -> Array:
     """S (N, n, n) with B_ii S_ij - S_ij B_jj = -B_ij between groups i and j, zero inside the groups.
 
-    Source: Golub, Van Loan, Matrix Computations, 7.1.4; Kronecker's form of the small equations.
+    Source: Bartels, Stewart, Solution of the matrix equation AX + XB = C, Comm. ACM 15 (1972).
     """
     S = np.zeros_like(B)
     diagonal = np.einsum("tii->ti", B)
@@ -49,12 +50,18 @@ def against_scalars(S: Array, B: Array, group: Group, scalars: Array, diagonal: 
 
 
 def block(B: Array, group: Group, other: Group) -> Array:
-    """Solve one block by (B_ii (x) 1 - 1 (x) B_jj') vec S = -vec B_ij."""
-    p, q = group.size, other.size
-    own, its = B[:, group.part, group.part], B[:, other.part, other.part]
-    K = np.einsum("tik,jl->tijkl", own, np.eye(q)) - np.einsum("tlj,ik->tijkl", its, np.eye(p))
-    right = -B[:, group.part, other.part].reshape(len(B), p * q, 1)
-    return np.linalg.solve(K.reshape(len(B), p * q, p * q), right).reshape(len(B), p, q)
+    """Solve one block column by column from the complex Schur form of the smaller of the two diagonal blocks."""
+    if other.size > group.size:
+        turned = -np.swapaxes(B, 1, 2)
+        return -np.swapaxes(block(turned, other, group), 1, 2)
+    own, Y = B[:, group.part, group.part], np.empty((len(B), group.size, other.size), complex)
+    forms = [schur(its, output="complex") for its in B[:, other.part, other.part]]
+    R, Q = (np.array(part) for part in zip(*forms, strict=True))
+    right = -B[:, group.part, other.part] @ Q
+    for k in range(other.size):
+        column = right[:, :, k] + (Y[:, :, :k] @ R[:, :k, k, None])[..., 0]
+        Y[:, :, k] = np.linalg.solve(own - R[:, k, k, None, None] * np.eye(group.size), column[..., None])[..., 0]
+    return Y @ np.conj(np.swapaxes(Q, 1, 2))
 
 
 def rounds(
