@@ -74,3 +74,12 @@ def tail(values: Array) -> float:
     whole = spectrum.max(axis=0)
     moving = spectrum[1:].max(axis=0) > 1e-8 * whole
     return float((spectrum[len(spectrum) // 2 :].max(axis=0)[moving] / whole[moving]).max()) if moving.any() else 0.0
+
+
+def aliasing(values: Array) -> Array:
+    """What harmonics beyond the nodes may add to a mean or a value in between: four times the largest of the top quarter.
+
+    It covers harmonics that fall off like 1 / k^2, as after a corner.
+    """
+    spectrum = np.abs(np.fft.fft(values, axis=0)) / len(values)
+    return 4 * spectrum[np.abs(harmonics(len(values))) > 3 / 8 * len(values)].max(axis=0)

@@ -59,8 +59,8 @@ def residual_effect(B: Array, period: float, groups: tuple[Group, ...]) -> Array
         d B_kl ~ sum over j outside of  R_kj S_jl,   S of the Sylvester equations
 
     Where the real parts of two groups stay apart by r, elimination needs no smoothness and costs gap / r more. Elsewhere the
-    harmonics of R above SLOW_PART of the gap could meet the modes' beat in resonance: they enter at first order, sqrt(|R_kj R_jl|), times what
-    one mode may grow against the other within the period.
+    harmonics of R above SLOW_PART of the gap could meet the modes' beat in resonance: they enter at first order,
+    sqrt(|R_kj R_jl|), times what one mode may grow against the other within the period.
 
     Source: Coppel, Dichotomies in Stability Theory (1978), for the first; Yakubovich, Starzhinskii (1975), IV, for the second.
     """

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.decoupling.circle import derivative, interleaved, shifted, smooth, tail
+from flexlin.periodic.decoupling.circle import aliasing, derivative, interleaved, shifted, smooth, tail
 from flexlin.periodic.decoupling.coupling import high_harmonics, pair_effects, residual_effect, separation
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.frames import periodic_frame
@@ -28,7 +28,9 @@ ROUGH = 1e-3
 EPS = float(np.finfo(float).eps)
 
 
-def decouple(A: MatrixFunction, period: float, breaks: tuple[float, ...] = (), tol: float = 1e-9) -> Decoupled | Refusal:
+def decouple(
+    A: MatrixFunction, period: float, breaks: tuple[float, ...] = (), tol: float = 1e-9
+) -> Decoupled | Refusal:
     """Split x' = A(t) x into groups of modes whose eigenvalues stay far apart along the period.
 
         x = T(t) z,   z' = B(t) z,   B = T^-1 (A T - T') block diagonal
@@ -51,7 +53,9 @@ def decouple(A: MatrixFunction, period: float, breaks: tuple[float, ...] = (), t
         samples = interleaved(samples, A(period / count * (np.arange(count) + 0.5)))
         count, before, roughness = 2 * count, roughness, tail(samples)
         if roughness > 0.2 * before:
-            return Refusal("the coefficients' harmonics fall off too slowly: a break that is not named, or a narrow feature")
+            return Refusal(
+                "the coefficients' harmonics fall off too slowly: a break that is not named, or a narrow feature"
+            )
     while True:
         built = built_on(samples, period, tol)
         if isinstance(built, Refusal):
@@ -143,7 +147,7 @@ def checked(built: Decoupled, A: Array, between: Array, tol: float) -> tuple[Dec
     times = period / len(A) * np.arange(len(A))
     done = replace(built, times=times, frame=T, inverse=inverse, generator=B, residual=residual, rounding=rounding)
     means = np.einsum("tii->ti", B)
-    apart = np.abs(means[::2].mean(axis=0) - means[1::2].mean(axis=0))
+    apart = np.maximum(np.abs(means[::2].mean(axis=0) - means[1::2].mean(axis=0)), aliasing(means))
     allowed = tol * np.maximum(1, np.abs(means.mean(axis=0)))
     noise = 4 * np.diagonal(rounding)
     return done, bool(np.all((apart < 0.1 * allowed + noise) & (np.diagonal(residual) < 0.3 * allowed + noise)))

@@ -53,7 +53,7 @@ class Decoupled:
         t = times(t)
         return [interpolated(self.generator[:, g.part, g.part], self.period, t) for g in self.groups]
 
-    def to_system(self, index: int) -> tuple[PeriodicSystem, Array]:
+    def to_system(self, index: int) -> tuple[PeriodicSystem, complex]:
         """The small real system of one group without its mean rotation and decay, and the mean that was taken out.
 
             w' = (B_g(t) - c(t)) w,   c = trace B_g / p:   exponents of the group = mean c + exponents of w
@@ -63,7 +63,7 @@ class Decoupled:
         values, mean = self.traceless(index)
         return PeriodicSystem(lambda t: interpolated(values, self.period, t), self.period), mean
 
-    def traceless(self, index: int) -> tuple[Array, Array]:
+    def traceless(self, index: int) -> tuple[Array, complex]:
         """The real generator (N, m, m) of `to_system` at the nodes, and the mean of c."""
         group = self.groups[index]
         B = self.generator[:, group.part, group.part]
@@ -71,7 +71,7 @@ class Decoupled:
         if group.partner == index:
             c = c.real + 1j * np.pi / self.period * self.turning[index]
         B = B - c[:, None, None] * np.eye(group.size)
-        return B.real if group.partner == index else as_real(B), c.mean()
+        return (B.real if group.partner == index else as_real(B)), complex(c.mean())
 
 
 def as_real(B: Array) -> Array:

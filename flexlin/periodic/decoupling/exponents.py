@@ -7,7 +7,7 @@ from scipy.optimize import linear_sum_assignment
 
 from flexlin.checks import Array
 from flexlin.periodic.collocation import gauss_transitions
-from flexlin.periodic.decoupling.circle import interpolated
+from flexlin.periodic.decoupling.circle import aliasing, interpolated
 from flexlin.periodic.decoupling.coupling import separation
 from flexlin.periodic.decoupling.decoupled import Decoupled, as_real
 from flexlin.periodic.eigenvalues import partners, product_spectrum
@@ -76,7 +76,7 @@ def single(decoupled: Decoupled, index: int) -> tuple[complex, Array]:
     value = complex(B.mean())
     if group.partner == index:
         value = value.real + 1j * np.pi / decoupled.period * float(decoupled.turning[index])
-    apart = abs(B[::2].mean() - B[1::2].mean())
+    apart = max(abs(B[::2].mean() - B[1::2].mean()), float(aliasing(B)))
     coupling = SAFETY * decoupled.residual[k, k]
     if coupling * decoupled.period > UNRESOLVED:
         coupling = min(coupling, enclosure(decoupled, k))
@@ -102,12 +102,7 @@ def several(decoupled: Decoupled, index: int) -> tuple[Array, Array]:
         return bounded(values, mean, group.size, period)
     coarse = max(1, round(COARSER * segments))
     complex_group = group.partner != index
-    size = (decoupled.residual + 10 * decoupled.rounding)[group.part, group.part]
-    rng = np.random.default_rng(20190610)
-    if complex_group:
-        shift = as_real(size * np.exp(2j * np.pi * rng.random(size.shape)))
-    else:
-        shift = size * rng.choice([-1.0, 1.0], size.shape)
+    shift = perturbation(decoupled, index)
     fine = product_spectrum(factors(values, period, segments))
     other = product_spectrum(factors(values, period, coarse), 0).logs
     moved = product_spectrum(factors(values[::2] + shift, period, coarse), 0).logs
@@ -122,6 +117,17 @@ def several(decoupled: Decoupled, index: int) -> tuple[Array, Array]:
             return bounded(values, mean, group.size, period)
         logs, errors = logs[own], errors[own]
     return mean + logs / period, errors / period
+
+
+def perturbation(decoupled: Decoupled, index: int) -> Array:
+    """A random generator as large as what is not known of a group's: the coupling's effect, rounding and missing harmonics."""
+    group = decoupled.groups[index]
+    known = decoupled.generator[:, group.part, group.part]
+    size = (decoupled.residual + 10 * decoupled.rounding)[group.part, group.part] + aliasing(known)
+    rng = np.random.default_rng(20190610)
+    if group.partner == index:
+        return size * rng.choice([-1.0, 1.0], size.shape)
+    return as_real(size * np.exp(2j * np.pi * rng.random(size.shape)))
 
 
 def segments_of(values: Array, period: float) -> tuple[int, float]:
