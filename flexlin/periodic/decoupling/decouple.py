@@ -10,7 +10,7 @@ from flexlin.periodic.decoupling.coupling import high_harmonics, pair_effects, r
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.frames import periodic_frame
 from flexlin.periodic.decoupling.grouping import Group, Modes, followed, grouped_modes
-from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, rounds, sylvester
+from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, low_harmonics, mixing, rounds, sylvester
 from flexlin.periodic.system import MatrixFunction
 
 FIRST_NODES, MAX_NODES = 64, 256
@@ -110,7 +110,7 @@ def tried(
         def effect(B: Array, S: Array) -> float:
             return float((pair_effects(B, S, apart, np.abs(B).max(axis=0) * resolved) / allowed).max())
 
-        T, B, made = rounds(B, T, groups, period, apart.gap, effect, MAX_ROUNDS)
+        T, B, made = rounds(B, T, groups, lambda S: low_harmonics(S, period, apart.gap), effect, MAX_ROUNDS)
         rough = np.abs(high_harmonics(B, period, apart.gap)).max(axis=0)
         stuck = pair_effects(B, sylvester(B, groups), apart, rough) > 0.1 * allowed + noise(T, A)
         share = mixing(B, groups)
@@ -118,12 +118,6 @@ def tried(
         stuck &= share >= WORST * strongest
     none = np.zeros(stuck.shape)
     return Decoupled(period, np.empty(0), T, T, B, groups, turning, none, none, made), stuck
-
-
-def mixing(B: Array, groups: tuple[Group, ...]) -> Array:
-    """How far the next step would mix each pair of modes (n, n), whatever their scaling."""
-    S = np.abs(sylvester(B, groups)).max(axis=0)
-    return np.sqrt(S * S.T)
 
 
 def noise(T: Array, A: Array) -> Array:

@@ -17,8 +17,9 @@ STAGES, STEP = 8, 2.0
 """Gauss stages, and the largest product of a step and an eigenvalue: the error of a step is then 1e-14."""
 COARSER = 2 / 3
 """A second integration on this part of the segments measures the error of the first."""
-FEW, RESOLVED = 500, 300.0
-"""Larger groups that need more segments than FEW while their modes part by more than exp(RESOLVED) in a period are only enclosed."""
+FEW, MOST, RESOLVED = 500, 4000, 300.0
+"""Larger groups that need more segments than MOST, or than FEW while their modes part by more than exp(RESOLVED) in a period, are
+only enclosed."""
 UNRESOLVED = 0.5
 """Logs of multipliers with larger errors are ill-conditioned beyond measuring; their group is only enclosed."""
 SAFETY = 3.0
@@ -98,7 +99,7 @@ def several(decoupled: Decoupled, index: int) -> tuple[Array, Array]:
     group, period = decoupled.groups[index], decoupled.period
     values, mean = decoupled.traceless(index)
     segments, spread = segments_of(values, period)
-    if segments > FEW and spread > RESOLVED:
+    if segments > MOST or (segments > FEW and spread > RESOLVED):
         return bounded(values, mean, group.size, period)
     coarse = max(1, round(COARSER * segments))
     complex_group = group.partner != index

@@ -26,7 +26,7 @@ def periodic_frame(modes: Modes, groups: tuple[Group, ...]) -> tuple[Array, Arra
     mask = block_mask(groups)
     count = len(modes.values)
     T = np.empty_like(modes.right)
-    T[0] = now = start_basis(modes, groups)
+    T[0] = now = start_basis(modes, groups, 0)
     for k in [*range(1, count), 0]:
         now = modes.right[k] @ ((modes.left[k] @ now) * mask)
         if k:
@@ -42,16 +42,22 @@ def periodic_frame(modes: Modes, groups: tuple[Group, ...]) -> tuple[Array, Arra
     return made_real(T @ steps, groups, turning), turning
 
 
-def start_basis(modes: Modes, groups: tuple[Group, ...]) -> Array:
-    """A basis at the first node: real vectors for real groups, the eigenvectors for the others, conjugates in pairs."""
-    T = modes.right[0].copy()
+def open_frame(modes: Modes, groups: tuple[Group, ...]) -> Array:
+    """Bases T (N, n, n) over an open interval: those of its middle projected on the subspaces, T_g(t) = V_g W_g(t) T_g(middle)."""
+    start = start_basis(modes, groups, len(modes.values) // 2)
+    return made_real(modes.right @ ((modes.left @ start) * block_mask(groups)), groups, np.zeros(len(groups), bool))
+
+
+def start_basis(modes: Modes, groups: tuple[Group, ...], node: int) -> Array:
+    """A basis at one node: real vectors for real groups, the eigenvectors for the others, conjugates in pairs."""
+    T = modes.right[node].copy()
     for i, group in enumerate(groups):
         V = T[:, group.part]
         if group.partner == i:
             size = np.abs(V).max(axis=1, keepdims=True)
             size[size == 0] = 1
             U = np.linalg.svd(np.hstack([V.real, V.imag]) / size)[0][:, : group.size] * size
-            T[:, group.part] = (V @ (modes.left[0, group.part] @ U)).real
+            T[:, group.part] = (V @ (modes.left[node, group.part] @ U)).real
         elif group.partner < i:
             T[:, group.part] = T[:, groups[group.partner].part].conj()
     return T

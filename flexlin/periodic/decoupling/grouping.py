@@ -55,8 +55,8 @@ class Group:
         return slice(self.start, self.stop)
 
 
-def followed(A: Array) -> Modes:
-    """Eigenvalues and vectors of A (N, n, n) at the nodes of a closed curve, in one order.
+def followed(A: Array, closed: bool = True) -> Modes:
+    """Eigenvalues and vectors of A (N, n, n) at the nodes of a closed curve or of an open one, in one order.
 
     The share |w_i(t_k) v_j(t_k+1) w_j(t_k+1) v_i(t_k)| does not depend on the vectors' lengths; the best matching is taken.
     Raises: LinAlgError where the vectors of a node depend on each other.
@@ -65,7 +65,7 @@ def followed(A: Array) -> Modes:
     values, right = values.astype(complex), right.astype(complex)
     left = np.linalg.inv(right)
     share = np.abs((left @ np.roll(right, -1, 0)) * np.swapaxes(np.roll(left, -1, 0) @ right, 1, 2))
-    order, near = matched(share)
+    order, near = matched(share, closed)
     values = np.take_along_axis(values, order, 1)
     right = np.take_along_axis(right, order[:, None, :], 2)
     left = np.take_along_axis(left, order[:, :, None], 1)
@@ -73,20 +73,22 @@ def followed(A: Array) -> Modes:
     return Modes(values, right, left, conjugate, near)
 
 
-def matched(share: Array) -> tuple[Array, Array]:
+def matched(share: Array, closed: bool) -> tuple[Array, Array]:
     """The order of the modes at each node (N, n), and the pairs that are ambiguous or change places after a period (n, n)."""
     count, n = share.shape[:2]
     best = share.argmax(axis=2)
+    steps_taken = count if closed else count - 1
     order, near = np.empty((count + 1, n), int), np.zeros((n, n), bool)
     order[0] = np.arange(n)
-    for k, step in enumerate(best):
+    for k, step in enumerate(best[:steps_taken]):
         if len(np.unique(step)) < n:
             step = linear_sum_assignment(-share[k])[1]
         order[k + 1] = step[order[k]]
-    steps = share[np.arange(count)[:, None, None], order[:-1, :, None], order[1:, None, :]]
-    near |= (steps > AMBIGUOUS).any(axis=0) & ~np.eye(n, dtype=bool)
-    near[np.arange(n), order[-1]] = True
-    return order[:-1], near | near.T
+    now, then = order[:steps_taken, :, None], order[1 : steps_taken + 1, None, :]
+    near |= (share[np.arange(steps_taken)[:, None, None], now, then] > AMBIGUOUS).any(axis=0) & ~np.eye(n, dtype=bool)
+    if closed:
+        near[np.arange(n), order[-1]] = True
+    return order[:count], near | near.T
 
 
 def grouped_modes(modes: Modes, together: Array) -> tuple[Array, tuple[Group, ...]]:
@@ -94,7 +96,6 @@ def grouped_modes(modes: Modes, together: Array) -> tuple[Array, tuple[Group, ..
 
     Parameters: together (n, n): pairs that belong together besides modes.near and conjugates that change.
     """
-    n = modes.values.shape[1]
     join = together | modes.near
     turning = (modes.conjugate != modes.conjugate[0]).any(axis=0)
     for i in np.flatnonzero(turning):
@@ -120,7 +121,6 @@ def grouped_modes(modes: Modes, together: Array) -> tuple[Array, tuple[Group, ..
         else:
             groups += [Group(start, start + size, index + 1), Group(start + size, start + 2 * size, index)]
             columns += members.tolist() + mate[members].tolist()
-    del n
     return np.array(columns), tuple(groups)
 
 

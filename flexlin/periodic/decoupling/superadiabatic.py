@@ -64,26 +64,30 @@ def block(B: Array, group: Group, other: Group) -> Array:
     return Y @ np.conj(np.swapaxes(Q, 1, 2))
 
 
+def mixing(B: Array, groups: tuple[Group, ...]) -> Array:
+    """How far the next step would mix each pair of modes (n, n), whatever their scaling."""
+    S = np.abs(sylvester(B, groups)).max(axis=0)
+    return np.sqrt(S * S.T)
+
+
 def rounds(
     B: Array,
     T: Array,
     groups: tuple[Group, ...],
-    period: float,
-    gap: Array,
+    cleaned: Callable[[Array], tuple[Array, Array]],
     effect: Callable[[Array, Array], float],
     most: int,
 ) -> tuple[Array, Array, int]:
     """Repeat T := T (1 + S), B := (1 + S)^-1 (B (1 + S) - S') until the coupling's effect stops shrinking; keep the best.
 
-    S solves the Sylvester equations of the coupling and is cut to harmonics below SLOW_PART of the gap: what is left is
-    S' and products of S, smaller by the rate of change over the gap of the eigenvalues in every round.
+    S solves the Sylvester equations of the coupling: what is left is S' and products of S, smaller by the rate of change over the gap
+    of the eigenvalues in every round.
 
-    Parameters: gap (n, n) of each pair of modes; effect(B, S): the size of the coupling against what is allowed. Returns: T, B, rounds.
+    Parameters: cleaned(S): S without the harmonics that would not shrink, and its derivative; effect(B, S): the size of the coupling
+    against what is allowed. Returns: T, B, rounds.
     Source: Berry, Histories of adiabatic quantum transitions, Proc. R. Soc. A 429 (1990).
     """
     eye = np.eye(B.shape[-1])
-    frequency = 2 * np.pi / period * harmonics(len(B))
-    kept = np.abs(frequency)[:, None, None] <= np.minimum(SLOW_PART * gap, KEPT * len(B) * 2 * np.pi / period)
     best, least = (T, B, 0), np.inf
     for turn in range(most + 1):
         S = sylvester(B, groups)
@@ -93,8 +97,15 @@ def rounds(
         best, least = (T, B, turn), size
         if size < ENOUGH:
             break
-        spectrum = np.fft.fft(S, axis=0) * kept
-        S, slope = np.fft.ifft(spectrum, axis=0), np.fft.ifft(1j * frequency[:, None, None] * spectrum, axis=0)
+        S, slope = cleaned(S)
         step = eye + S
         T, B = T @ step, np.linalg.solve(step, B @ step - slope)
     return best
+
+
+def low_harmonics(S: Array, period: float, gap: Array) -> tuple[Array, Array]:
+    """S (N, n, n) cut to the harmonics below SLOW_PART of the gap (n, n) that the nodes hold well, and its derivative."""
+    w = 2 * np.pi / period
+    frequency = w * harmonics(len(S))[:, None, None]
+    spectrum = np.fft.fft(S, axis=0) * (np.abs(frequency) <= np.minimum(SLOW_PART * gap, KEPT * len(S) * w))
+    return np.fft.ifft(spectrum, axis=0), np.fft.ifft(1j * frequency * spectrum, axis=0)
