@@ -40,7 +40,7 @@ def smooth(values: Array) -> Array:
     return apply(multiplier(len(values), KEPT, 0, 0.0), values)
 
 
-def derivative(values: Array, period: float, shift: float = 0.0) -> Array:
+def circle_derivative(values: Array, period: float, shift: float = 0.0) -> Array:
     """The derivative at nodes that are moved by `shift` spacings."""
     return apply(2 * np.pi / period * multiplier(len(values), 0.5, 1, shift), values)
 

@@ -21,7 +21,7 @@ class Separation:
     outside: Array
 
 
-def separation(B: Array, period: float, groups: tuple[Group, ...]) -> Separation:
+def group_separation(B: Array, period: float, groups: tuple[Group, ...]) -> Separation:
     """The separations of the groups from the eigenvalues of the diagonal blocks of B (N, n, n)."""
     values = np.concatenate([np.linalg.eigvals(B[:, g.part, g.part]) for g in groups], axis=1)
     starts, size = np.array([g.start for g in groups]), [g.size for g in groups]
@@ -64,7 +64,7 @@ def residual_effect(B: Array, period: float, groups: tuple[Group, ...]) -> Array
 
     Source: Coppel, Dichotomies in Stability Theory (1978), for the first; Yakubovich, Starzhinskii (1975), IV, for the second.
     """
-    apart = separation(B, period, groups)
+    apart = group_separation(B, period, groups)
     S = sylvester(B, groups)
     R = np.where(apart.outside, B, 0)
     X, Z = np.abs(R).max(axis=0), np.abs(S).max(axis=0)

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.decoupling.circle import aliasing, derivative, interleaved, shifted, smooth, tail
-from flexlin.periodic.decoupling.coupling import high_harmonics, pair_effects, residual_effect, separation
+from flexlin.periodic.decoupling.circle import aliasing, circle_derivative, interleaved, shifted, smooth, tail
+from flexlin.periodic.decoupling.coupling import group_separation, high_harmonics, pair_effects, residual_effect
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.frames import periodic_frame
-from flexlin.periodic.decoupling.grouping import Group, Modes, followed, grouped_modes
+from flexlin.periodic.decoupling.grouping import Group, Modes, follow_modes, grouped_modes
 from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, low_harmonics, mixing, rounds, sylvester
 from flexlin.periodic.system import MatrixFunction
 
@@ -38,9 +38,32 @@ def decouple(
     T starts from the invariant subspaces of A(t) and is improved in superadiabatic rounds, each of which shrinks the coupling by
     the rate of change over the gap. The nodes are doubled until nodes half-way between agree. Assumes A smooth on the circle.
 
-    Parameters: A: function (N,) -> (N, n, n); period in s; breaks: times at which A is not smooth; tol: wanted error of an exponent,
-    in 1/s up to |lambda| = 1/s and relative beyond.
-    Returns: Decoupled, or a Refusal with its reason: nothing stands apart, A is not resolved, or the coupling does not shrink.
+    Parameters
+    ----------
+    A : function (N,) -> (N, n, n), in 1/s.
+    period : in s.
+    breaks : times at which A is not smooth; there `panel_exponents` serves.
+    tol : wanted error of an exponent, in 1/s up to |lambda| = 1/s and relative beyond.
+
+    Returns
+    -------
+    Decoupled, or a Refusal with its reason: nothing stands apart, A is not resolved, or the coupling does not shrink.
+
+    References
+    ----------
+    Berry, Histories of adiabatic quantum transitions, Proc. R. Soc. A 429 (1990).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> def A(t):
+    ...     A = np.zeros((len(t), 2, 2))
+    ...     A[:, 0], A[:, 1, 0] = [-1.0, 1.0], np.cos(t)
+    ...     A[:, 1, 1] = -500 - 100 * np.sin(t)
+    ...     return A
+    >>> decoupled = decouple(A, 2 * np.pi)
+    >>> decoupled
+    Decoupled(n=2, groups=[1, 1], nodes=128, rounds=3)
     """
     if breaks:
         return Refusal("the coefficients have breaks")
@@ -67,10 +90,15 @@ def decouple(
         samples, count = interleaved(samples, between), 2 * count
 
 
+def decoupling_work(n: int, nodes: int = FIRST_NODES) -> float:
+    """Rough work of `decouple` and its exponents for n states, in units of one sample of A, whatever the fastest frequency."""
+    return 1000 + nodes * (2 + n**3 / 16)
+
+
 def built_on(samples: Array, period: float, tol: float) -> Decoupled | Refusal:
     """Group, build the frame and make the rounds on one set of nodes, putting modes together that do not part."""
     try:
-        modes = followed(samples)
+        modes = follow_modes(samples)
     except np.linalg.LinAlgError:
         return Refusal("the eigenvectors of A(t) depend on each other at some time")
     apart = np.abs(modes.values[:, :, None] - modes.values[:, None, :]).min(axis=0)
@@ -97,12 +125,12 @@ def tried(
     if framed is None:
         return None
     T, turning = smooth(framed[0]), framed[1]
-    B = np.linalg.solve(T, A @ T - derivative(T, period))
+    B = np.linalg.solve(T, A @ T - circle_derivative(T, period))
     share = mixing(B, groups)
     stuck = share > MIXING
     made = 0
     if not stuck.any():
-        apart = separation(B, period, groups)
+        apart = group_separation(B, period, groups)
         apart = replace(apart, swing=np.minimum(apart.swing, LARGEST_SWING))
         resolved = SLOW_PART * apart.gap < np.pi / period * len(A)
         allowed = tol * np.maximum(1, np.abs(modes.values).min(axis=0))[:, None]
@@ -112,7 +140,7 @@ def tried(
 
         T, B, made = rounds(B, T, groups, lambda S: low_harmonics(S, period, apart.gap), effect, MAX_ROUNDS)
         rough = np.abs(high_harmonics(B, period, apart.gap)).max(axis=0)
-        stuck = pair_effects(B, sylvester(B, groups), apart, rough) > 0.1 * allowed + noise(T, A)
+        stuck = pair_effects(B, sylvester(B, groups), apart, rough) > 0.1 * allowed + transformation_noise(T, A)
         share = mixing(B, groups)
     if (strongest := share[stuck].max(initial=0.0)) > SETTLED:
         stuck &= share >= WORST * strongest
@@ -120,7 +148,7 @@ def tried(
     return Decoupled(period, np.empty(0), T, T, B, groups, turning, none, none, made), stuck
 
 
-def noise(T: Array, A: Array) -> Array:
+def transformation_noise(T: Array, A: Array) -> Array:
     """Rounding of T^-1 A T, entry by entry (n, n)."""
     size = np.abs(np.linalg.inv(T)) @ (np.abs(A) @ np.abs(T))
     rounding = 30 * EPS * size.max(axis=0)
@@ -131,7 +159,7 @@ def checked(built: Decoupled, A: Array, between: Array, tol: float) -> tuple[Dec
     """Evaluate the generator half-way between the nodes too: the denser result, and whether the two sets of nodes agree."""
     period = built.period
     T = interleaved(built.frame, shifted(built.frame, 0.5))
-    slope = interleaved(derivative(built.frame, period), derivative(built.frame, period, 0.5))
+    slope = interleaved(circle_derivative(built.frame, period), circle_derivative(built.frame, period, 0.5))
     A = interleaved(A, between)
     inverse = np.linalg.inv(T)
     inverse += inverse @ (np.eye(T.shape[-1]) - T @ inverse)

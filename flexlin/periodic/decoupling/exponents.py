@@ -8,7 +8,7 @@ from scipy.optimize import linear_sum_assignment
 from flexlin.checks import Array
 from flexlin.periodic.collocation import gauss_transitions
 from flexlin.periodic.decoupling.circle import aliasing, interpolated
-from flexlin.periodic.decoupling.coupling import separation
+from flexlin.periodic.decoupling.coupling import group_separation
 from flexlin.periodic.decoupling.decoupled import Decoupled, as_real
 from flexlin.periodic.eigenvalues import partners, product_spectrum
 from flexlin.periodic.product import balanced
@@ -87,7 +87,7 @@ def single(decoupled: Decoupled, index: int) -> tuple[complex, Array]:
 def enclosure(decoupled: Decoupled, k: int) -> float:
     """How far the exponent of mode k may lie from its mean when the modes whose damping crosses its own may take its place at any time."""
     B, groups = decoupled.generator, decoupled.groups
-    apart = separation(B, decoupled.period, groups)
+    apart = group_separation(B, decoupled.period, groups)
     crossing = apart.outside[k] & np.isinf(apart.oblique[k])
     real = np.concatenate([np.linalg.eigvals(B[:, g.part, g.part]).real for g in groups], axis=1)
     reach = np.abs(real - B[:, k, k].real[:, None])[:, crossing].max(axis=1, initial=0.0).mean()
@@ -98,15 +98,15 @@ def several(decoupled: Decoupled, index: int) -> tuple[Array, Array]:
     """The exponents of a larger group, and their errors."""
     group, period = decoupled.groups[index], decoupled.period
     values, mean = decoupled.traceless(index)
-    segments, spread = segments_of(values, period)
+    segments, spread = group_segments(values, period)
     if segments > MOST or (segments > FEW and spread > RESOLVED):
         return bounded(values, mean, group.size, period)
     coarse = max(1, round(COARSER * segments))
     complex_group = group.partner != index
     shift = perturbation(decoupled, index)
-    fine = product_spectrum(factors(values, period, segments))
-    other = product_spectrum(factors(values, period, coarse), 0).logs
-    moved = product_spectrum(factors(values[::2] + shift, period, coarse), 0).logs
+    fine = product_spectrum(group_factors(values, period, segments))
+    other = product_spectrum(group_factors(values, period, coarse), 0).logs
+    moved = product_spectrum(group_factors(values[::2] + shift, period, coarse), 0).logs
     partner, apart = partners(fine.logs, other)
     errors = 2 * fine.rounding + apart + SAFETY * partners(other, moved)[1][partner]
     if not errors.max() < UNRESOLVED:
@@ -131,7 +131,7 @@ def perturbation(decoupled: Decoupled, index: int) -> Array:
     return as_real(size * np.exp(2j * np.pi * rng.random(size.shape)))
 
 
-def segments_of(values: Array, period: float) -> tuple[int, float]:
+def group_segments(values: Array, period: float) -> tuple[int, float]:
     """Segments that resolve the eigenvalues of the generator and its harmonics, and the spread of the real parts over a period."""
     eigenvalues = np.linalg.eigvals(values)
     rate = float(np.abs(eigenvalues).max())
@@ -150,7 +150,7 @@ def bounded(values: Array, mean: complex, size: int, period: float) -> tuple[Arr
     return np.full(size, mean), np.full(size, float(np.hypot(reach, np.pi / period)))
 
 
-def factors(values: Array, period: float, segments: int) -> Array:
+def group_factors(values: Array, period: float, segments: int) -> Array:
     """Transition matrices of w' = values(t) w over equal segments of the period."""
     return gauss_transitions(lambda t: interpolated(values, period, t), np.linspace(0, period, segments + 1), STAGES)
 
@@ -162,7 +162,7 @@ def members(values: Array, period: float, segments: int, logs: Array) -> tuple[A
     """
     half = values.shape[-1] // 2
     turn = as_real(1j * MARK / period * np.eye(half))
-    turned = product_spectrum(factors(values + turn, period, segments), 0).logs
+    turned = product_spectrum(group_factors(values + turn, period, segments), 0).logs
     apart = logs[:, None] + 1j * MARK - turned
     miss = np.minimum(np.hypot(apart.real, np.remainder(apart.imag + np.pi, 2 * np.pi) - np.pi), MARK)
     row, column = linear_sum_assignment(miss)

@@ -55,7 +55,7 @@ class Group:
         return slice(self.start, self.stop)
 
 
-def followed(A: Array, closed: bool = True) -> Modes:
+def follow_modes(A: Array, closed: bool = True) -> Modes:
     """Eigenvalues and vectors of A (N, n, n) at the nodes of a closed curve or of an open one, in one order.
 
     The share |w_i(t_k) v_j(t_k+1) w_j(t_k+1) v_i(t_k)| does not depend on the vectors' lengths; the best matching is taken.

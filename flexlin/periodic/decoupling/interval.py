@@ -12,7 +12,7 @@ KEPT = 2 / 3
 
 
 @lru_cache(maxsize=64)
-def nodes(count: int) -> Array:
+def chebyshev_nodes(count: int) -> Array:
     """Chebyshev nodes of the first kind in (-1, 1), increasing: no end of the interval is among them."""
     return -np.cos(np.pi * (np.arange(count) + 0.5) / count)
 
@@ -20,7 +20,7 @@ def nodes(count: int) -> Array:
 @lru_cache(maxsize=64)
 def coefficients(count: int) -> Array:
     """The matrix from values at the nodes to Chebyshev coefficients, by discrete orthogonality."""
-    rows = 2 / count * chebvander(nodes(count), count - 1).T
+    rows = 2 / count * chebvander(chebyshev_nodes(count), count - 1).T
     rows[0] /= 2
     return rows
 
@@ -39,5 +39,5 @@ def integrals_to(count: int, x: Array) -> Array:
 def slopes(count: int, kept: float) -> tuple[Array, Array]:
     """The matrices from values at the nodes to filtered values and their derivatives at the nodes."""
     filtered = coefficients(count) * (np.arange(count) < kept * count)[:, None]
-    x = nodes(count)
+    x = chebyshev_nodes(count)
     return chebvander(x, count - 1) @ filtered, chebvander(x, count - 2) @ chebder(filtered, axis=0)

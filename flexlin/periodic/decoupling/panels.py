@@ -10,9 +10,9 @@ from flexlin.periodic.collocation import gauss_transitions
 from flexlin.periodic.decoupling import interval
 from flexlin.periodic.decoupling.circle import apply
 from flexlin.periodic.decoupling.decoupled import Refusal, as_real
-from flexlin.periodic.decoupling.exponents import SAFETY, STAGES, STEP, DecoupledExponents
+from flexlin.periodic.decoupling.exponents import SAFETY, STAGES, STEP, UNRESOLVED, DecoupledExponents
 from flexlin.periodic.decoupling.frames import open_frame
-from flexlin.periodic.decoupling.grouping import Group, followed, grouped_modes
+from flexlin.periodic.decoupling.grouping import Group, follow_modes, grouped_modes
 from flexlin.periodic.decoupling.superadiabatic import mixing, rounds
 from flexlin.periodic.eigenvalues import partners, product_spectrum
 from flexlin.periodic.product import GROUP_CONDITION
@@ -43,43 +43,67 @@ class Panel:
     mixed: float
 
 
-def panel_exponents(
-    A: MatrixFunction, period: float, breaks: tuple[float, ...], tol: float = 1e-9
-) -> DecoupledExponents | Refusal:
+def panel_exponents(A: MatrixFunction, period: float, breaks: tuple[float, ...] = ()) -> DecoupledExponents | Refusal:
     """Floquet exponents of x' = A(t) x where A is smooth between breaks, each with its error.
 
-        Phi = T(t_k+1) diag exp(int B) T(t_k)^-1 over each segment;   exponents = log eigenvalues of the product / T
+        Phi = T(t_k+1) diag exp(int B) T(t_k)^-1 over each segment,   exponents = log eigenvalues of the product / T
 
     Each panel between breaks is decoupled alone; no periodic continuation is asked for. The error is the motion of the exponents when
-    all is done again on fewer nodes, with one round less, on fewer segments, plus the rounding of the product.
+    all is done again on fewer nodes, with one round less, on fewer segments, and the rounding of the product. An exponent that is
+    ill-conditioned beyond measuring gets the whole spread of real parts.
 
-    Returns: DecoupledExponents, or a Refusal where the modes of some panel do not part or too many factors would be needed.
+    Parameters
+    ----------
+    A : function (N,) -> (N, n, n), in 1/s.
+    period : in s.
+    breaks : times in [0, T) at which A jumps or is not smooth.
+
+    Returns
+    -------
+    DecoupledExponents, or a Refusal where the modes of some panel do not part or too many factors would be needed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> slow, fast = np.diag([-1.0, -50]), np.array([[-1.0, 3], [0, -400]])
+    >>> answer = panel_exponents(lambda t: np.where(t[:, None, None] < 0.5, slow, fast), 1.0, (0.0, 0.5))
+    >>> [round(float(value), 9) for value in answer.exponents.real]
+    [-1.0, -225.0]
     """
-    corners = np.unique([0.0, *breaks, period])
-    fine, coarse = [], []
-    for a, b in pairwise(corners):
-        panel = decouple_panel(A, a, b, NODES)
-        other = panel if isinstance(panel, Refusal) else decouple_panel(A, a, b, CHECK_NODES, max(1, panel.rounds - 1))
-        for found, panels in ((panel, fine), (other, coarse)):
-            if isinstance(found, Refusal):
-                return found
-            panels.append(found)
-    counts = [segments_of(panel) for panel in fine]
+    panels: list[tuple[Panel, Panel]] = []
+    for a, b in pairwise(np.unique([0.0, *breaks, period])):
+        fine = decouple_panel(A, a, b, NODES)
+        if isinstance(fine, Refusal):
+            return fine
+        check = decouple_panel(A, a, b, CHECK_NODES, max(1, fine.rounds - 1))
+        if isinstance(check, Refusal):
+            return check
+        panels.append((fine, check))
+    counts = [panel_segments(fine) for fine, _ in panels]
     if sum(counts) > MAX_FACTORS:
         return Refusal(f"{sum(counts)} factors of the period would be needed")
-    best = product_spectrum(np.concatenate([transitions(p, k) for p, k in zip(fine, counts, strict=True)]))
-    rough = [transitions(p, max(1, 3 * k // 4)) for p, k in zip(coarse, counts, strict=True)]
-    moved = partners(best.logs, product_spectrum(np.concatenate(rough), 0, basis=best.basis).logs)[1]
-    parts = np.array([SAFETY * moved, np.zeros(len(moved)), 2 * best.rounding]) / period
+    return product_exponents(panels, counts, period)
+
+
+def product_exponents(panels: list[tuple[Panel, Panel]], counts: list[int], period: float) -> DecoupledExponents:
+    """The exponents of the product of all panels' transition matrices, and their motion when the second of each pair is taken."""
+    best = product_spectrum(np.concatenate([panel_transitions(p, k) for (p, _), k in zip(panels, counts, strict=True)]))
+    check = [panel_transitions(p, max(1, 3 * k // 4)) for (_, p), k in zip(panels, counts, strict=True)]
+    moved = partners(best.logs, product_spectrum(np.concatenate(check), 0, basis=best.basis).logs)[1]
+    parts = np.array([SAFETY * moved, np.zeros(len(moved)), 2 * best.rounding])
+    hopeless = ~(parts.sum(axis=0) < UNRESOLVED)
+    widest = np.pi + float(np.sum([real_spread(fine) for fine, _ in panels]))
+    parts[0, hopeless] = np.maximum(parts[0, hopeless], widest)
+    parts /= period
     return DecoupledExponents(best.logs / period, parts.sum(axis=0), *parts)
 
 
 def decouple_panel(A: MatrixFunction, start: float, stop: float, count: int, most: int = 14) -> Panel | Refusal:
     """Decouple x' = A(t) x on an interval on which A is smooth."""
     half = (stop - start) / 2
-    samples = A(start + half * (1 + interval.nodes(count)))
+    samples = A(start + half * (1 + interval.chebyshev_nodes(count)))
     try:
-        modes = followed(samples, closed=False)
+        modes = follow_modes(samples, closed=False)
     except np.linalg.LinAlgError:
         return Refusal("the eigenvectors of A(t) depend on each other at some time")
     together = np.abs(modes.values[:, :, None] - modes.values[:, None, :]).min(axis=0) < GAP / (stop - start)
@@ -108,7 +132,13 @@ def decouple_panel(A: MatrixFunction, start: float, stop: float, count: int, mos
     return Refusal("the coupling between groups of modes does not shrink")
 
 
-def segments_of(panel: Panel) -> int:
+def real_spread(panel: Panel) -> float:
+    """The integral over the panel of the difference between the largest and the smallest real part of the eigenvalues."""
+    values = np.concatenate([np.linalg.eigvals(panel.generator[:, g.part, g.part]) for g in panel.groups], axis=1)
+    return float((panel.stop - panel.start) * np.ptp(values.real, axis=1).max())
+
+
+def panel_segments(panel: Panel) -> int:
     """Segments on which every group's own motion is slow and no two modes part by more than GROUP_CONDITION."""
     values = np.concatenate([np.linalg.eigvals(panel.generator[:, g.part, g.part]) for g in panel.groups], axis=1)
     size = [g.size for g in panel.groups]
@@ -118,7 +148,7 @@ def segments_of(panel: Panel) -> int:
     return int(np.ceil((panel.stop - panel.start) * max(rate / STEP, spread / np.log(GROUP_CONDITION)))) + 4
 
 
-def transitions(panel: Panel, segments: int) -> Array:
+def panel_transitions(panel: Panel, segments: int) -> Array:
     """Real transition matrices (segments, n, n) of x over equal parts of the panel."""
     count, half = len(panel.frame), (panel.stop - panel.start) / 2
     x = np.linspace(-1, 1, segments + 1)
