@@ -63,7 +63,7 @@ def decouple(
     ...     return A
     >>> decoupled = decouple(A, 2 * np.pi)
     >>> decoupled
-    Decoupled(n=2, groups=[1, 1], nodes=128, rounds=3)
+    Decoupled(n=2, groups=[1, 1], nodes=128, rounds=1)
     """
     if breaks:
         return Refusal("the coefficients have breaks")
