@@ -12,10 +12,12 @@ from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, sylvester
 
 @dataclass(frozen=True)
 class Separation:
-    """How far the groups of each pair of modes stay apart (n, n): least gap of eigenvalues, its ratio to the least difference of
-    real parts of one sign (inf: none), and how much one may grow against the other within the period. outside: not in one group."""
+    """How far the groups of each pair of modes stay apart (n, n): least gap of eigenvalues at the nodes, and on the straight lines
+    between them too; the gap's ratio to the least difference of real parts of one sign (inf: none); how much one may grow against
+    the other within the period. outside: not in one group."""
 
     gap: Array
+    crossing: Array
     oblique: Array
     swing: Array
     outside: Array
@@ -30,14 +32,25 @@ def group_separation(B: Array, period: float, groups: tuple[Group, ...]) -> Sepa
         small = np.minimum.reduceat(np.minimum.reduceat(pairs, starts, axis=0), starts, axis=1)
         return np.repeat(np.repeat(small, size, axis=0), size, axis=1)
 
-    gap = least(np.abs(values[:, :, None] - values[:, None, :]).min(axis=0))
+    apart = values[:, :, None] - values[:, None, :]
+    gap = least(np.abs(apart).min(axis=0))
+    single = np.repeat(size, size) == 1
+    crossing = np.where(single[:, None] & single, nearest_on_chords(apart), gap)
     above = least((values.real[:, :, None] - values.real[:, None, :]).min(axis=0))
     damping = np.maximum(0, np.maximum(above, above.T))
     mean = np.repeat(np.add.reduceat(values.real, starts, axis=1) / size, size, axis=1)
     run = np.cumsum(mean - mean.mean(axis=0), axis=0) * period / len(B)
     swing = np.ptp(run[:, :, None] - run[:, None, :], axis=0)
     oblique = np.divide(gap, damping, out=np.full_like(gap, np.inf), where=damping > 0)
-    return Separation(gap, oblique, np.exp(np.minimum(swing, 600.0)), ~block_mask(groups))
+    return Separation(gap, crossing, oblique, np.exp(np.minimum(swing, 600.0)), ~block_mask(groups))
+
+
+def nearest_on_chords(z: Array) -> Array:
+    """The least distance from zero of closed polygons with the corners z (N, ...): modes may cross between two nodes."""
+    step = np.roll(z, -1, axis=0) - z
+    length = np.maximum(np.abs(step) ** 2, np.finfo(float).tiny)
+    part = np.clip(-(z * step.conj()).real / length, 0, 1)
+    return np.abs(z + part * step).min(axis=0)
 
 
 def pair_effects(B: Array, S: Array, apart: Separation, rough: Array) -> Array:
@@ -68,7 +81,7 @@ def residual_effect(B: Array, period: float, groups: tuple[Group, ...]) -> Array
     S = sylvester(B, groups)
     R = np.where(apart.outside, B, 0)
     X, Z = np.abs(R).max(axis=0), np.abs(S).max(axis=0)
-    rough = np.abs(high_harmonics(R, period, apart.gap)).max(axis=0)
+    rough = np.abs(high_harmonics(R, period, apart.crossing)).max(axis=0)
     total = np.zeros_like(X)
     for g in groups:
         second = np.einsum("kj,jl->kjl", X[g.part], Z[:, g.part])

@@ -58,7 +58,8 @@ def decoupled_exponents(decoupled: Decoupled) -> DecoupledExponents:
         elif group.size == 1:
             values[group.start], parts[:, group.start] = single(decoupled, i)
         else:
-            values[group.part], parts[0, group.part] = several(decoupled, i)
+            with np.errstate(over="ignore", invalid="ignore"):  # what overflows comes out unresolved and is enclosed
+                values[group.part], parts[0, group.part] = several(decoupled, i)
     w = 2 * np.pi / period
     values = values - 1j * w * np.ceil(values.imag / w - 0.5)
     order = np.argsort(-values.real, kind="stable")
