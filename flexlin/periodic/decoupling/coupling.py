@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.decoupling.circle import harmonics
 from flexlin.periodic.decoupling.grouping import Group, block_mask
 from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, sylvester
+from flexlin.periodic.decoupling.waves import harmonics
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.decoupling.circle import aliasing, circle_derivative, interleaved, shifted, smooth, tail
 from flexlin.periodic.decoupling.coupling import group_separation, high_harmonics, pair_effects, residual_effect
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.frames import periodic_frame
 from flexlin.periodic.decoupling.grouping import Group, Modes, follow_modes, grouped_modes
 from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, low_harmonics, mixing, rounds, sylvester
+from flexlin.periodic.decoupling.waves import aliasing, circle_derivative, interleaved, shifted, smooth, tail
+from flexlin.periodic.product.perturbation import COHERENT
 from flexlin.periodic.system import MatrixFunction
 
 FIRST_NODES, MAX_NODES = 64, 256
@@ -29,7 +30,11 @@ EPS = float(np.finfo(float).eps)
 
 
 def decouple(
-    A: MatrixFunction, period: float, breaks: tuple[float, ...] = (), tol: float = 1e-9
+    A: MatrixFunction,
+    period: float,
+    breaks: tuple[float, ...] = (),
+    tol: float = 1e-9,
+    uncertainty: Array | float = 0.0,
 ) -> Decoupled | Refusal:
     """Split x' = A(t) x into groups of modes whose eigenvalues stay far apart along the period.
 
@@ -44,6 +49,7 @@ def decouple(
     period : in s.
     breaks : times at which A is not smooth; there `panel_exponents` serves.
     tol : wanted error of an exponent, in 1/s up to |lambda| = 1/s and relative beyond.
+    uncertainty : bound on |dA| (n, n) in 1/s, dA what A is not known by beside rounding.
 
     Returns
     -------
@@ -84,7 +90,7 @@ def decouple(
         if isinstance(built, Refusal):
             return built
         between = A(period / count * (np.arange(count) + 0.5))
-        found, settled = checked(built, samples, between, tol)
+        found, settled = checked(built, samples, between, tol, uncertainty)
         if settled or count == MAX_NODES:
             return found
         samples, count = interleaved(samples, between), 2 * count
@@ -155,7 +161,9 @@ def transformation_noise(T: Array, A: Array) -> Array:
     return np.sqrt(rounding * rounding.T)
 
 
-def checked(built: Decoupled, A: Array, between: Array, tol: float) -> tuple[Decoupled, bool]:
+def checked(
+    built: Decoupled, A: Array, between: Array, tol: float, uncertainty: Array | float
+) -> tuple[Decoupled, bool]:
     """Evaluate the generator half-way between the nodes too: the denser result, and whether the two sets of nodes agree."""
     period = built.period
     T = interleaved(built.frame, shifted(built.frame, 0.5))
@@ -164,7 +172,8 @@ def checked(built: Decoupled, A: Array, between: Array, tol: float) -> tuple[Dec
     inverse = np.linalg.inv(T)
     inverse += inverse @ (np.eye(T.shape[-1]) - T @ inverse)
     B = inverse @ (A @ T - slope)
-    rounding = EPS * (np.abs(inverse) @ (np.abs(A) @ np.abs(T) + np.abs(slope))).mean(axis=0)
+    known = EPS * np.abs(A) + COHERENT * np.broadcast_to(uncertainty, A.shape[1:])
+    rounding = (np.abs(inverse) @ (known @ np.abs(T) + EPS * np.abs(slope))).mean(axis=0)
     residual = residual_effect(B, period, built.groups)
     times = period / len(A) * np.arange(len(A))
     done = replace(built, times=times, frame=T, inverse=inverse, generator=B, residual=residual, rounding=rounding)

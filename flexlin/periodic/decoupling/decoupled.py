@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array, times
-from flexlin.periodic.decoupling.circle import interpolated
 from flexlin.periodic.decoupling.grouping import Group
+from flexlin.periodic.decoupling.waves import interpolated
 from flexlin.periodic.system import PeriodicSystem
 
 

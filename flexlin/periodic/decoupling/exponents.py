@@ -6,12 +6,13 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from flexlin.checks import Array
-from flexlin.periodic.collocation import gauss_transitions
-from flexlin.periodic.decoupling.circle import aliasing, interpolated
+from flexlin.periodic.circle import match_logs, wrap_angle, wrap_log
 from flexlin.periodic.decoupling.coupling import group_separation
 from flexlin.periodic.decoupling.decoupled import Decoupled, as_real
-from flexlin.periodic.eigenvalues import partners, product_spectrum
-from flexlin.periodic.product import balanced
+from flexlin.periodic.decoupling.waves import aliasing, interpolated
+from flexlin.periodic.product.balancing import balance_factors
+from flexlin.periodic.product.eigenvalues import product_logs, solve_product
+from flexlin.periodic.transition.gauss import gauss_transitions
 
 STAGES, STEP = 8, 2.0
 """Gauss stages, and the largest product of a step and an eigenvalue: the error of a step is then 1e-14."""
@@ -60,8 +61,7 @@ def decoupled_exponents(decoupled: Decoupled) -> DecoupledExponents:
         else:
             with np.errstate(over="ignore", invalid="ignore"):  # what overflows comes out unresolved and is enclosed
                 values[group.part], parts[0, group.part] = several(decoupled, i)
-    w = 2 * np.pi / period
-    values = values - 1j * w * np.ceil(values.imag / w - 0.5)
+    values = wrap_log(values * period) / period
     order = np.argsort(-values.real, kind="stable")
     discretization, coupling, rounding = parts[:, order]
     return DecoupledExponents(values[order], parts.sum(axis=0)[order], discretization, coupling, rounding)
@@ -105,14 +105,13 @@ def several(decoupled: Decoupled, index: int) -> tuple[Array, Array]:
     coarse = max(1, round(COARSER * segments))
     complex_group = group.partner != index
     shift = perturbation(decoupled, index)
-    fine = product_spectrum(group_factors(values, period, segments))
-    other = product_spectrum(group_factors(values, period, coarse), 0).logs
-    moved = product_spectrum(group_factors(values[::2] + shift, period, coarse), 0).logs
-    partner, apart = partners(fine.logs, other)
-    errors = 2 * fine.rounding + apart + SAFETY * partners(other, moved)[1][partner]
+    logs, rounding = solve_product(factor_group(values, period, segments))
+    other = product_logs(factor_group(values, period, coarse))
+    moved = product_logs(factor_group(values[::2] + shift, period, coarse))
+    partner, apart = match_logs(logs, other)
+    errors = 2 * rounding + apart + SAFETY * match_logs(other, moved)[1][partner]
     if not errors.max() < UNRESOLVED:
         return bounded(values, mean, group.size, period)
-    logs = fine.logs
     if complex_group:
         own, missed = members(values, period, coarse, logs)
         if missed > MARK / 4:
@@ -145,13 +144,13 @@ def bounded(values: Array, mean: complex, size: int, period: float) -> tuple[Arr
 
     Source: Coppel (1965), Stability and Asymptotic Behavior of Differential Equations, III.2 (Lozinskii's logarithmic norm).
     """
-    scale = balanced(values)[1]
+    scale = balance_factors(values)[1]
     even = values * (scale / scale[:, None])
     reach = np.abs(np.linalg.eigvalsh((even + np.swapaxes(even, 1, 2)) / 2)).max(axis=1).mean()
     return np.full(size, mean), np.full(size, float(np.hypot(reach, np.pi / period)))
 
 
-def group_factors(values: Array, period: float, segments: int) -> Array:
+def factor_group(values: Array, period: float, segments: int) -> Array:
     """Transition matrices of w' = values(t) w over equal segments of the period."""
     return gauss_transitions(lambda t: interpolated(values, period, t), np.linspace(0, period, segments + 1), STAGES)
 
@@ -163,9 +162,9 @@ def members(values: Array, period: float, segments: int, logs: Array) -> tuple[A
     """
     half = values.shape[-1] // 2
     turn = as_real(1j * MARK / period * np.eye(half))
-    turned = product_spectrum(group_factors(values + turn, period, segments), 0).logs
+    turned = product_logs(factor_group(values + turn, period, segments))
     apart = logs[:, None] + 1j * MARK - turned
-    miss = np.minimum(np.hypot(apart.real, np.remainder(apart.imag + np.pi, 2 * np.pi) - np.pi), MARK)
+    miss = np.minimum(np.hypot(apart.real, wrap_angle(apart.imag)), MARK)
     row, column = linear_sum_assignment(miss)
     order = np.argsort(miss[row, column], kind="stable")[:half]
     return row[order], float(miss[row, column][order].max())

@@ -6,17 +6,19 @@ from itertools import pairwise
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.collocation import gauss_transitions
-from flexlin.periodic.decoupling import interval
-from flexlin.periodic.decoupling.circle import apply
+from flexlin.periodic.chebyshev import chebyshev_nodes
+from flexlin.periodic.circle import match_logs
 from flexlin.periodic.decoupling.decoupled import Refusal, as_real
 from flexlin.periodic.decoupling.exponents import SAFETY, STAGES, STEP, UNRESOLVED, DecoupledExponents
 from flexlin.periodic.decoupling.frames import open_frame
 from flexlin.periodic.decoupling.grouping import Group, follow_modes, grouped_modes
+from flexlin.periodic.decoupling.interval import KEPT, filter_interval, integrate_interval, sample_interval
 from flexlin.periodic.decoupling.superadiabatic import mixing, rounds
-from flexlin.periodic.eigenvalues import partners, product_spectrum
-from flexlin.periodic.product import GROUP_CONDITION
+from flexlin.periodic.decoupling.waves import apply
+from flexlin.periodic.product.balancing import GROUP_CONDITION
+from flexlin.periodic.product.eigenvalues import product_logs, solve_product
 from flexlin.periodic.system import MatrixFunction
+from flexlin.periodic.transition.gauss import gauss_transitions
 
 NODES, CHECK_NODES = 36, 28
 """Chebyshev nodes a panel, and of the second construction that measures the error of the first."""
@@ -43,7 +45,9 @@ class Panel:
     mixed: float
 
 
-def panel_exponents(A: MatrixFunction, period: float, breaks: tuple[float, ...] = ()) -> DecoupledExponents | Refusal:
+def panel_exponents(
+    A: MatrixFunction, period: float, breaks: tuple[float, ...] = (), uncertainty: Array | float = 0.0
+) -> DecoupledExponents | Refusal:
     """Floquet exponents of x' = A(t) x where A is smooth between breaks, each with its error.
 
         Phi = T(t_k+1) diag exp(int B) T(t_k)^-1 over each segment,   exponents = log eigenvalues of the product / T
@@ -57,6 +61,7 @@ def panel_exponents(A: MatrixFunction, period: float, breaks: tuple[float, ...] 
     A : function (N,) -> (N, n, n), in 1/s.
     period : in s.
     breaks : times in [0, T) at which A jumps or is not smooth.
+    uncertainty : bound on |dA| (n, n) in 1/s, dA what A is not known by beside rounding.
 
     Returns
     -------
@@ -82,32 +87,36 @@ def panel_exponents(A: MatrixFunction, period: float, breaks: tuple[float, ...] 
     counts = [panel_segments(fine) for fine, _ in panels]
     if sum(counts) > MAX_FACTORS:
         return Refusal(f"{sum(counts)} factors of the period would be needed")
-    return product_exponents(panels, counts, period)
+    return product_exponents(panels, counts, period, uncertainty)
 
 
-def product_exponents(panels: list[tuple[Panel, Panel]], counts: list[int], period: float) -> DecoupledExponents:
+def product_exponents(
+    panels: list[tuple[Panel, Panel]], counts: list[int], period: float, uncertainty: Array | float
+) -> DecoupledExponents:
     """The exponents of the product of all panels' transition matrices, and their motion when the second of each pair is taken."""
-    best = product_spectrum(np.concatenate([panel_transitions(p, k) for (p, _), k in zip(panels, counts, strict=True)]))
+    factors = np.concatenate([panel_transitions(p, k) for (p, _), k in zip(panels, counts, strict=True)])
+    h = np.concatenate([np.full(k, (p.stop - p.start) / k) for (p, _), k in zip(panels, counts, strict=True)])
+    logs, rounding = solve_product(factors, h[:, None, None] * np.broadcast_to(uncertainty, factors.shape[1:]))
     check = [panel_transitions(p, max(1, 3 * k // 4)) for (_, p), k in zip(panels, counts, strict=True)]
-    moved = partners(best.logs, product_spectrum(np.concatenate(check), 0, basis=best.basis).logs)[1]
-    parts = np.array([SAFETY * moved, np.zeros(len(moved)), 2 * best.rounding])
+    moved = match_logs(logs, product_logs(np.concatenate(check)))[1]
+    parts = np.array([SAFETY * moved, np.zeros(len(moved)), 2 * rounding])
     hopeless = ~(parts.sum(axis=0) < UNRESOLVED)
     widest = np.pi + float(np.sum([real_spread(fine) for fine, _ in panels]))
     parts[0, hopeless] = np.maximum(parts[0, hopeless], widest)
     parts /= period
-    return DecoupledExponents(best.logs / period, parts.sum(axis=0), *parts)
+    return DecoupledExponents(logs / period, parts.sum(axis=0), *parts)
 
 
 def decouple_panel(A: MatrixFunction, start: float, stop: float, count: int, most: int = 14) -> Panel | Refusal:
     """Decouple x' = A(t) x on an interval on which A is smooth."""
     half = (stop - start) / 2
-    samples = A(start + half * (1 + interval.chebyshev_nodes(count)))
+    samples = A(start + half * (1 + chebyshev_nodes(count)))
     try:
         modes = follow_modes(samples, closed=False)
     except np.linalg.LinAlgError:
         return Refusal("the eigenvectors of A(t) depend on each other at some time")
     together = np.abs(modes.values[:, :, None] - modes.values[:, None, :]).min(axis=0) < GAP / (stop - start)
-    smooth, slope = interval.slopes(count, interval.KEPT)
+    smooth, slope = filter_interval(count, KEPT)
     for _ in range(MAX_MERGES):
         columns, groups = grouped_modes(modes, together)
         T = apply(smooth, open_frame(modes.taken(columns), groups))
@@ -152,12 +161,12 @@ def panel_transitions(panel: Panel, segments: int) -> Array:
     """Real transition matrices (segments, n, n) of x over equal parts of the panel."""
     count, half = len(panel.frame), (panel.stop - panel.start) / 2
     x = np.linspace(-1, 1, segments + 1)
-    T = apply(interval.values_at(count, x), panel.frame)
+    T = apply(sample_interval(count, x), panel.frame)
     inner = np.zeros((segments, *panel.frame.shape[1:]), complex)
     for group in panel.groups:
         B = panel.generator[:, group.part, group.part]
         c = np.trace(B, axis1=1, axis2=2) / group.size
-        growth = half * np.diff(apply(interval.integrals_to(count, x), c))
+        growth = half * np.diff(apply(integrate_interval(count, x), c))
         own = group_transitions(B - c[:, None, None] * np.eye(group.size), x, half)
         inner[:, group.part, group.part] = np.exp(growth)[:, None, None] * own
     return (T[1:] @ np.swapaxes(np.linalg.solve(np.swapaxes(T[:-1], 1, 2), np.swapaxes(inner, 1, 2)), 1, 2)).real
@@ -169,5 +178,5 @@ def group_transitions(B: Array, x: Array, half: float) -> Array:
     if p == 1:
         return np.ones((len(x) - 1, 1, 1))
     real = as_real(half * B)
-    Phi = gauss_transitions(lambda y: apply(interval.values_at(len(B), y), real), x, STAGES)
+    Phi = gauss_transitions(lambda y: apply(sample_interval(len(B), y), real), x, STAGES)
     return Phi[:, :p, :p] + 1j * Phi[:, p:, :p]

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.linalg import schur
 
 from flexlin.checks import Array
-from flexlin.periodic.decoupling.circle import KEPT, harmonics
 from flexlin.periodic.decoupling.grouping import Group
+from flexlin.periodic.decoupling.waves import KEPT, harmonics
 
 SLOW_PART = 0.8
 """Harmonics of the coupling below this part of the gap shrink from round to round."""

@@ -4,10 +4,10 @@ import numpy as np
 from scipy.linalg import schur
 
 from flexlin.checks import Array
-from flexlin.periodic.floquet.perturbation import EPS, bound_pairs
 from flexlin.periodic.floquet.uncertainty import bound_uncertainty
 from flexlin.periodic.product.balancing import balance_factors
 from flexlin.periodic.product.eigenvectors import separate_triangular
+from flexlin.periodic.product.perturbation import EPS, bound_pairs
 from flexlin.periodic.system import PeriodicSystem
 
 BACKWARD = 3.0

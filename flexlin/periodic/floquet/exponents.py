@@ -5,15 +5,19 @@ from scipy.optimize import linear_sum_assignment
 
 from flexlin.checks import Array, instance, positive, whole
 from flexlin.periodic.circle import measure_distances, wrap_log
+from flexlin.periodic.decoupling.decoupled import Refusal
 from flexlin.periodic.floquet.constant import solve_constant
+from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_decoupled
 from flexlin.periodic.floquet.hamiltonian import is_hamiltonian, pair_hamiltonian
 from flexlin.periodic.floquet.hill import hill_spectrum
 from flexlin.periodic.floquet.result import FloquetResult, judge
 from flexlin.periodic.floquet.segmented import solve_by_segments
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.choice import choose_setting, fall_back
+from flexlin.periodic.transition.choice import choose_setting, estimate_segment_work, fall_back
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, Setting, report_too_many
 
+PATIENCE = 3e6
+"""Microseconds of collocation that are spent where decoupling has answered, but not to the wanted accuracy."""
 FACTOR_BYTES = 2**27
 """The transition matrices of a period take at most this many bytes."""
 
@@ -52,12 +56,35 @@ def floquet(
     if segments is not None:
         return judge_fixed(system, choose_setting(system, tol, method, order, segments), tol)
     setting = choose_setting(system, tol, method, order, None)
-    if setting.segments > limit and method == "auto":
-        setting = fall_back(system, tol)
+    if method == "auto":
+        answer = try_decoupling(system, setting, tol, limit)
+        if answer is not None:
+            return finish(system, *answer, tol)
+        if setting.segments > limit:
+            setting = fall_back(system, tol)
     if setting.segments > limit:
         raise report_too_many(setting.segments, limit, tol)
     found = solve_by_segments(system, setting, tol, limit)
     return finish(system, found.logs / system.period, found.errors / system.period, found.setting, tol)
+
+
+def try_decoupling(
+    system: PeriodicSystem, setting: Setting, tol: float, limit: int
+) -> tuple[Array, Array, Setting] | None:
+    """Exponents by decoupling, where that promises less work than segments and keeps what it promises."""
+    panels = len(system.resolved.breaks) + 1
+    by_segments = estimate_segment_work(system, setting)
+    if estimate_decoupling_work(system.n, panels) > by_segments:
+        return None
+    found = solve_decoupled(system, tol)
+    if isinstance(found, Refusal):
+        return None
+    exponents, errors = found
+    reached = np.all((errors <= tol * np.maximum(1.0, np.abs(exponents))) | np.isinf(errors))
+    if not reached and setting.segments <= limit and by_segments < PATIENCE:
+        return None
+    reason = f"eigenvalues of A(t) up to {setting.rate:.3g} 1/s beside a motion of {2 * np.pi / system.period:.3g} 1/s"
+    return exponents, errors, Setting("decoupling", 0, 1, reason, setting.rate)
 
 
 def finish(system: PeriodicSystem, exponents: Array, errors: Array, setting: Setting, tol: float) -> FloquetResult:

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.floquet.perturbation import spectrum_motion
 from flexlin.periodic.floquet.uncertainty import bound_uncertainty
 from flexlin.periodic.product.balancing import add_pairs, balance_factors, count_groupings, multiply_pairs
+from flexlin.periodic.product.perturbation import spectrum_motion
 from flexlin.periodic.product.schur import periodic_schur
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.setting import METHODS, Setting, place_segments, report_too_many
@@ -71,7 +71,7 @@ def measure_spectrum(
         better, noise = multiply_pairs(better), add_pairs(noise)
     begin = None if start is None else np.linalg.qr(start / scale[:, None])[0]
     form = periodic_schur(groups, begin)
-    motion = spectrum_motion(form, groups, better, noise)
+    motion = spectrum_motion(form, groups, better, noise, 2.0**rounds)
     order = np.argsort(-form.logs.real, kind="stable")
     logs, method, rounding = form.logs[order], motion.method[order], motion.rounding[order]
     errors = SAFETY * method + rounding

@@ -16,11 +16,16 @@ def bound_uncertainty(system: PeriodicSystem, grid: Array) -> Array:
     """Bounds on int |dA| dt over each segment of the grid, entry by entry, (K, n, n)."""
     h = np.diff(grid)[:, None, None]
     A = np.abs(system.resolved((grid[1:] + grid[:-1]) / 2))
-    known = ROUNDINGS * EPS * A + system.resolved.error
+    return h * (ROUNDINGS * EPS * A + bound_beyond_rounding(system, A))
+
+
+def bound_beyond_rounding(system: PeriodicSystem, A: Array) -> Array:
+    """Bounds on |dA| beside the rounding of the entries: the error of the series, and the rounding of M; for |A| (..., n, n)."""
+    known = np.broadcast_to(system.resolved.error, A.shape).copy()
     if system.second_order is not None:
         half = system.n // 2
-        known[:, half:] += EPS * bound_mass_rounding(system) @ A[:, half:]
-    return h * known
+        known[..., half:, :] += EPS * bound_mass_rounding(system) @ A[..., half:, :]
+    return known
 
 
 def bound_mass_rounding(system: PeriodicSystem) -> Array:

@@ -21,7 +21,6 @@ def eigenvector_chain(form: PeriodicSchur) -> tuple[Array, Array, Array]:
     strictly upper triangular, between multipliers that are equal to SAME.
     """
     T, t = form.T, form.diagonal
-    n = T.shape[-1]
     log = np.log(t)
     S = np.triu(np.linalg.inv(T / t[:, :, None]))
     S, span = suffix_maps(S, log)

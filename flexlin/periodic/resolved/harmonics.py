@@ -98,8 +98,9 @@ def _excess(size: Array, allowed: Array) -> Array:
 
 
 def _flat(size: Array) -> bool:
-    """Whether an entry's upper harmonics do not fall: noise, or a narrow feature."""
-    return bool(np.any(np.median(size[len(size) // 2 :], axis=0) >= 0.02 * size.max(axis=0)))
+    """Whether some entry's last harmonics have stopped falling: noise, a narrow feature, or a place that is not smooth."""
+    quarter = max(1, len(size) // 4)
+    return bool(np.any(np.median(size[-quarter:], axis=0) >= 0.1 * np.median(size[-2 * quarter : -quarter], axis=0)))
 
 
 def _noise(sample: Sampler) -> Array:

@@ -2,10 +2,8 @@ import numpy as np
 import pytest
 
 from flexlin.periodic.circle import match_logs
-from flexlin.periodic.floquet.perturbation import spectrum_motion
-from flexlin.periodic.product.balancing import group_factors, multiply_scaled
-from flexlin.periodic.product.eigenvalues import product_logs
-from flexlin.periodic.product.schur import periodic_schur
+from flexlin.periodic.product.balancing import multiply_scaled
+from flexlin.periodic.product.eigenvalues import product_logs, solve_product
 
 
 def framed(blocks, rng):
@@ -13,15 +11,6 @@ def framed(blocks, rng):
     n = blocks.shape[-1]
     Q = np.linalg.qr(rng.standard_normal((len(blocks), n, n)))[0]
     return np.roll(Q, -1, axis=0) @ blocks @ np.swapaxes(Q, 1, 2)
-
-
-def logs_and_rounding(factors):
-    """Logs of the eigenvalues by falling real part, and the bounds on what rounding of the factors does to them."""
-    groups = group_factors(factors)
-    form = periodic_schur(groups)
-    rounding = spectrum_motion(form, groups, groups, np.zeros_like(groups)).rounding
-    order = np.argsort(-form.logs.real, kind="stable")
-    return form.logs[order], rounding[order]
 
 
 @pytest.fixture
@@ -33,7 +22,7 @@ def rng():
 def test_triangular_products_of_any_length(count, rng):
     rate = np.array([0.31, 0.05, -0.02, -0.4])
     T = np.triu(0.1 * rng.standard_normal((count, 4, 4)), 1) + np.diag(np.exp(rate))
-    logs, rounding = logs_and_rounding(framed(T, rng))
+    logs, rounding = solve_product(framed(T, rng))
     np.testing.assert_allclose(logs, rate * count, rtol=1e-12, atol=1e-11)
     assert np.all(np.abs(logs - rate * count) <= rounding + 1e-13)
 
@@ -66,7 +55,7 @@ def test_equal_ladder_of_small_gaps(rng):
 
 def test_a_defective_pair_reports_its_rounding(rng):
     T = np.tile(np.array([[1.0, 0.1], [0, 1.0]]), (10, 1, 1))
-    logs, rounding = logs_and_rounding(framed(T, rng))
+    logs, rounding = solve_product(framed(T, rng))
     assert np.all(np.abs(logs) <= rounding)
     assert rounding.max() < 1e-6
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from flexlin.periodic.circle import match_logs
-from flexlin.periodic.floquet.perturbation import spectrum_motion
 from flexlin.periodic.product.eigenvectors import eigenvector_chain, separate_triangular
+from flexlin.periodic.product.perturbation import spectrum_motion
 from flexlin.periodic.product.schur import periodic_schur
 
 
@@ -41,7 +41,9 @@ def test_schur_form_reproduces_every_factor(count, n, spread, rng):
     form = periodic_schur(F)
     np.testing.assert_allclose(form.Q[1:] @ form.T, F @ form.Q[:-1], atol=1e-13)
     assert np.abs(np.tril(form.T, -1)).max() == 0
-    np.testing.assert_allclose(np.conj(np.swapaxes(form.Q, 1, 2)) @ form.Q, np.broadcast_to(np.eye(n), form.Q.shape), atol=1e-13)
+    np.testing.assert_allclose(
+        np.conj(np.swapaxes(form.Q, 1, 2)) @ form.Q, np.broadcast_to(np.eye(n), form.Q.shape), atol=1e-13
+    )
     np.testing.assert_allclose(form.Q[-1], form.Q[0] * form.turn, atol=1e-12)
 
 

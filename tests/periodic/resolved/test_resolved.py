@@ -2,13 +2,13 @@
 
 import doctest
 import pickle
+from importlib import import_module
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
 from flexlin.errors import ArgumentError, NotPeriodic, UnresolvedCoefficient
-from flexlin.periodic import resolved as module
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.resolved.resolve import resolve
 
@@ -341,7 +341,7 @@ def test_fast_waves_are_not_taken_for_noise():
 
 
 def test_examples():
-    result = doctest.testmod(module)
+    result = doctest.testmod(import_module("flexlin.periodic.resolved.resolve"))
     assert result.attempted > 0
     assert result.failed == 0
 

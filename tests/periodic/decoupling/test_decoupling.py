@@ -8,7 +8,10 @@ from scipy.linalg import expm
 from scipy.optimize import linear_sum_assignment
 
 import flexlin as fl
-from flexlin.periodic.decoupling import (
+from flexlin.periodic.decoupling.decouple import decouple
+from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
+from flexlin.periodic.decoupling.exponents import decoupled_exponents
+from flexlin.periodic.decoupling.panels import panel_exponents
     Decoupled,
     Refusal,
     decouple,
@@ -16,9 +19,9 @@ from flexlin.periodic.decoupling import (
     decoupling_work,
     panel_exponents,
 )
-from flexlin.periodic.decoupling.circle import circle_derivative, interpolated, shifted
 from flexlin.periodic.decoupling.grouping import Group, block_mask
 from flexlin.periodic.decoupling.superadiabatic import sylvester
+from flexlin.periodic.decoupling.waves import circle_derivative, interpolated, shifted
 from studies.scaling import scene_of
 from tests.periodic.rotated import KINDS, Rotated, Turn, Wave, random_system, wave
 
