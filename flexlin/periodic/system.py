@@ -20,6 +20,7 @@ from flexlin.periodic.coefficients import (
     as_matrix_function,
     check_samples,
 )
+from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve
 
@@ -37,6 +38,10 @@ class SecondOrder:
     def sample(self, t: Array) -> tuple[Array, Array, Array]:
         """M, D, K at the times t, in one call where the maker gave `together`."""
         return (self.M(t), self.D(t), self.K(t)) if self.together is None else self.together(t)
+
+    def stacked(self, t: Array) -> Array:
+        """[M D K] at the times t, (N, n, 3 n)."""
+        return np.concatenate(self.sample(t), axis=2)
 
     def feedback(self, gain: MatrixFunction) -> "SecondOrder":
         """The equations with u = -gain(t) [y; y']."""
@@ -107,12 +112,14 @@ class PeriodicSystem:
             object.__setattr__(self, name, value)
 
     @cached_property
-    def resolved(self) -> ResolvedMatrix:
-        """A(t) as a series that agrees with it everywhere; A is sampled for it once, and all integration reads it.
+    def resolved(self) -> ResolvedMatrix | ResolvedCompanion:
+        """A(t) as series that agree with it everywhere; it is sampled for them once, and all integration reads them.
 
         Raises: NotPeriodic, UnresolvedCoefficient, ArgumentError as `resolve`.
         """
-        return resolve(self.A, self.period, self.breaks, self.features, complete=self.complete)
+        source = self.A if self.second_order is None else self.second_order.stacked
+        found = resolve(source, self.period, self.breaks, self.features, complete=self.complete)
+        return found if self.second_order is None else ResolvedCompanion(found)
 
     @classmethod
     def from_second_order(

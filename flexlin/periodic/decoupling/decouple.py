@@ -1,5 +1,6 @@
 """Decouple the fast modes of a periodic linear system from the slow ones."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from flexlin.periodic.decoupling.waves import aliasing, circle_derivative, inter
 from flexlin.periodic.product.perturbation import COHERENT
 from flexlin.periodic.system import MatrixFunction
 
+Uncertainty = Callable[[Array, Array, Array], Array]
 FIRST_NODES, MAX_NODES = 64, 256
 ADIABATIC = 0.05
 """Modes stay together where the basic frequency exceeds this part of the gap between their eigenvalues at some time."""
@@ -34,7 +36,7 @@ def decouple(
     period: float,
     breaks: tuple[float, ...] = (),
     tol: float = 1e-9,
-    uncertainty: Array | float = 0.0,
+    uncertainty: Uncertainty | None = None,
 ) -> Decoupled | Refusal:
     """Split x' = A(t) x into groups of modes whose eigenvalues stay far apart along the period.
 
@@ -49,7 +51,7 @@ def decouple(
     period : in s.
     breaks : times at which A is not smooth; there `panel_exponents` serves.
     tol : wanted error of an exponent, in 1/s up to |lambda| = 1/s and relative beyond.
-    uncertainty : bound on |dA| (n, n) in 1/s, dA what A is not known by beside rounding.
+    uncertainty : times, left and right vectors -> bounds on the couplings by what A is not known by (N, n, n), in 1/s.
 
     Returns
     -------
@@ -94,11 +96,6 @@ def decouple(
         if settled or count == MAX_NODES:
             return found
         samples, count = interleaved(samples, between), 2 * count
-
-
-def decoupling_work(n: int, nodes: int = FIRST_NODES) -> float:
-    """Rough work of `decouple` and its exponents for n states, in units of one sample of A, whatever the fastest frequency."""
-    return 1000 + nodes * (2 + n**3 / 16)
 
 
 def built_on(samples: Array, period: float, tol: float) -> Decoupled | Refusal:
@@ -162,7 +159,7 @@ def transformation_noise(T: Array, A: Array) -> Array:
 
 
 def checked(
-    built: Decoupled, A: Array, between: Array, tol: float, uncertainty: Array | float
+    built: Decoupled, A: Array, between: Array, tol: float, uncertainty: Uncertainty | None
 ) -> tuple[Decoupled, bool]:
     """Evaluate the generator half-way between the nodes too: the denser result, and whether the two sets of nodes agree."""
     period = built.period
@@ -172,10 +169,11 @@ def checked(
     inverse = np.linalg.inv(T)
     inverse += inverse @ (np.eye(T.shape[-1]) - T @ inverse)
     B = inverse @ (A @ T - slope)
-    known = EPS * np.abs(A) + COHERENT * np.broadcast_to(uncertainty, A.shape[1:])
-    rounding = (np.abs(inverse) @ (known @ np.abs(T) + EPS * np.abs(slope))).mean(axis=0)
+    rounding = EPS * (np.abs(inverse) @ (np.abs(A) @ np.abs(T) + np.abs(slope))).mean(axis=0)
     residual = residual_effect(B, period, built.groups)
     times = period / len(A) * np.arange(len(A))
+    if uncertainty is not None:
+        rounding = rounding + COHERENT / 3 * uncertainty(times, inverse, T).mean(axis=0)
     done = replace(built, times=times, frame=T, inverse=inverse, generator=B, residual=residual, rounding=rounding)
     means = np.einsum("tii->ti", B)
     apart = np.maximum(np.abs(means[::2].mean(axis=0) - means[1::2].mean(axis=0)), aliasing(means))

@@ -45,9 +45,7 @@ class Panel:
     mixed: float
 
 
-def panel_exponents(
-    A: MatrixFunction, period: float, breaks: tuple[float, ...] = (), uncertainty: Array | float = 0.0
-) -> DecoupledExponents | Refusal:
+def panel_exponents(A: MatrixFunction, period: float, breaks: tuple[float, ...] = ()) -> DecoupledExponents | Refusal:
     """Floquet exponents of x' = A(t) x where A is smooth between breaks, each with its error.
 
         Phi = T(t_k+1) diag exp(int B) T(t_k)^-1 over each segment,   exponents = log eigenvalues of the product / T
@@ -61,7 +59,6 @@ def panel_exponents(
     A : function (N,) -> (N, n, n), in 1/s.
     period : in s.
     breaks : times in [0, T) at which A jumps or is not smooth.
-    uncertainty : bound on |dA| (n, n) in 1/s, dA what A is not known by beside rounding.
 
     Returns
     -------
@@ -87,16 +84,13 @@ def panel_exponents(
     counts = [panel_segments(fine) for fine, _ in panels]
     if sum(counts) > MAX_FACTORS:
         return Refusal(f"{sum(counts)} factors of the period would be needed")
-    return product_exponents(panels, counts, period, uncertainty)
+    return product_exponents(panels, counts, period)
 
 
-def product_exponents(
-    panels: list[tuple[Panel, Panel]], counts: list[int], period: float, uncertainty: Array | float
-) -> DecoupledExponents:
+def product_exponents(panels: list[tuple[Panel, Panel]], counts: list[int], period: float) -> DecoupledExponents:
     """The exponents of the product of all panels' transition matrices, and their motion when the second of each pair is taken."""
     factors = np.concatenate([panel_transitions(p, k) for (p, _), k in zip(panels, counts, strict=True)])
-    h = np.concatenate([np.full(k, (p.stop - p.start) / k) for (p, _), k in zip(panels, counts, strict=True)])
-    logs, rounding = solve_product(factors, h[:, None, None] * np.broadcast_to(uncertainty, factors.shape[1:]))
+    logs, rounding = solve_product(factors)
     check = [panel_transitions(p, max(1, 3 * k // 4)) for (_, p), k in zip(panels, counts, strict=True)]
     moved = match_logs(logs, product_logs(np.concatenate(check)))[1]
     parts = np.array([SAFETY * moved, np.zeros(len(moved)), 2 * rounding])

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.linalg import schur
 
 from flexlin.checks import Array
-from flexlin.periodic.floquet.uncertainty import bound_uncertainty
+from flexlin.periodic.floquet.uncertainty import couple_uncertainty
 from flexlin.periodic.product.balancing import balance_factors
 from flexlin.periodic.product.eigenvectors import separate_triangular
 from flexlin.periodic.product.perturbation import EPS, bound_pairs
@@ -23,10 +23,9 @@ def solve_constant(system: PeriodicSystem) -> tuple[Array, Array]:
     T, Q = schur(A[0], output="complex")
     X, shared = separate_triangular(T)
     right, left = Q @ X, np.linalg.solve(X, Q.conj().T)
-    known = bound_uncertainty(system, np.array([0.0, system.period]))[0] / system.period * (scale / scale[:, None])
     size = BACKWARD * EPS * np.linalg.norm(A[0])
     coupling = size * np.outer(np.linalg.norm(left, axis=1), np.linalg.norm(right, axis=0))
-    coupling += np.abs(left) @ known @ np.abs(right)
+    coupling += couple_uncertainty(system, np.zeros(1), (left / scale)[None], (scale[:, None] * right)[None])[0]
     values, own = np.diagonal(T), np.diagonal(coupling)
     errors = own + bound_pairs(coupling, own, np.abs(values[:, None] - values), shared)
     order = np.argsort(-values.real, kind="stable")

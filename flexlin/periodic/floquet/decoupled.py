@@ -1,5 +1,7 @@
 """Floquet exponents of systems with fast modes: decoupled first, where that is cheaper than following every oscillation."""
 
+from functools import partial
+
 import numpy as np
 
 from flexlin.checks import Array
@@ -7,7 +9,7 @@ from flexlin.periodic.decoupling.decouple import decouple
 from flexlin.periodic.decoupling.decoupled import Refusal
 from flexlin.periodic.decoupling.exponents import DecoupledExponents, decoupled_exponents
 from flexlin.periodic.decoupling.panels import panel_exponents
-from flexlin.periodic.floquet.uncertainty import PLACES, bound_beyond_rounding
+from flexlin.periodic.floquet.uncertainty import couple_uncertainty
 from flexlin.periodic.system import PeriodicSystem
 
 ENCLOSED = 0.1
@@ -24,11 +26,10 @@ def estimate_decoupling_work(n: int, panels: int) -> float:
 def solve_decoupled(system: PeriodicSystem, tol: float) -> tuple[Array, Array] | Refusal:
     """Exponents (n,) and errors (n,) in 1/s, inf for enclosed ones, by decoupling; or why that does not serve."""
     coefficients, T = system.resolved, system.period
-    uncertainty = bound_beyond_rounding(system, np.abs(coefficients(T * PLACES)).max(axis=0))
     if coefficients.breaks:
-        found: DecoupledExponents | Refusal = panel_exponents(coefficients, T, coefficients.breaks, uncertainty)
+        found: DecoupledExponents | Refusal = panel_exponents(coefficients, T, coefficients.breaks)
     else:
-        decoupled = decouple(coefficients, T, (), tol, uncertainty)
+        decoupled = decouple(coefficients, T, (), tol, partial(couple_uncertainty, system))
         found = decoupled if isinstance(decoupled, Refusal) else decoupled_exponents(decoupled)
     if isinstance(found, Refusal):
         return found

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.floquet.uncertainty import bound_uncertainty
-from flexlin.periodic.product.balancing import add_pairs, balance_factors, count_groupings, multiply_pairs
+from flexlin.periodic.floquet.uncertainty import couple_uncertainty
+from flexlin.periodic.product.balancing import balance_factors, count_groupings, multiply_pairs
 from flexlin.periodic.product.perturbation import spectrum_motion
 from flexlin.periodic.product.schur import periodic_schur
 from flexlin.periodic.system import PeriodicSystem
@@ -16,6 +16,8 @@ SAFETY = 1.5
 """Factor on the method's error, which is measured against a better method."""
 HIDDEN = 0.1
 """A mode whose log is uncertain by this part of its distance below the largest is known to lie below, and no more."""
+TRACE = 1e-11
+"""Relative error of the mean trace of A that is forgiven."""
 GROWTH, SHRINK = 4.0, 1.25
 """Bounds on how much finer the next resolution is."""
 
@@ -66,9 +68,15 @@ def measure_spectrum(
     even, scale = balance_factors(plain)
     turn = scale / scale[:, None]
     groups, rounds = count_groupings(even)
-    better, noise = improve_factors(system, setting, grid) * turn, bound_uncertainty(system, grid) * turn
+    better, marks = improve_factors(system, setting, grid) * turn, grid
     for _ in range(rounds):
-        better, noise = multiply_pairs(better), add_pairs(noise)
+        better, marks = multiply_pairs(better), np.append(marks[:-1:2], marks[-1])
+
+    def noise(left: Array, right: Array) -> Array:
+        """Couplings by what the coefficients are not known by, over each group."""
+        known = couple_uncertainty(system, marks[:-1], left / scale, scale[:, None] * right)
+        return np.diff(marks)[:, None, None] * known
+
     begin = None if start is None else np.linalg.qr(start / scale[:, None])[0]
     form = periodic_schur(groups, begin)
     motion = spectrum_motion(form, groups, better, noise, 2.0**rounds)
@@ -99,6 +107,6 @@ def liouville_excess(system: PeriodicSystem, logs: Array, errors: Array) -> floa
     if not np.isfinite(errors).all():
         return 0.0
     trace = np.diagonal(system.resolved.mean())
-    known = float(np.trace(system.resolved.error)) + 4 * np.finfo(float).eps * float(np.abs(trace).sum())
+    known = TRACE * float(np.abs(trace).sum())
     missed = abs(float(logs.real.sum()) - system.period * float(trace.sum()))
     return max(0.0, missed - float(errors.sum()) - system.period * known) / len(logs)

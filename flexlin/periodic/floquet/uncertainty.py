@@ -1,38 +1,40 @@
-"""What A(t) is not known by: rounding of its entries, the error of its series, and what a mass matrix makes of rounding."""
+"""What the coefficients are not known by, as couplings of the modes: rounding of their entries and the error of their series."""
 
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.system import PeriodicSystem
 
-EPS = float(np.finfo(float).eps)
 ROUNDINGS = 4.0
-"""Roundings that an entry of A(t) carries."""
-PLACES = np.array([0.0, 0.37, 0.71])
-"""Where in the period the mass matrix is looked at."""
+"""Roundings that an entry of A, M, D or K carries."""
+EPS = float(np.finfo(float).eps)
 
 
-def bound_uncertainty(system: PeriodicSystem, grid: Array) -> Array:
-    """Bounds on int |dA| dt over each segment of the grid, entry by entry, (K, n, n)."""
-    h = np.diff(grid)[:, None, None]
-    A = np.abs(system.resolved((grid[1:] + grid[:-1]) / 2))
-    return h * (ROUNDINGS * EPS * A + bound_beyond_rounding(system, A))
+def couple_uncertainty(system: PeriodicSystem, t: Array, left: Array, right: Array) -> Array:
+    """Bounds on the entries of left dA right at times t (N,), (N, n, n) in 1/s, for left and right vectors (N, n, n).
 
+        first order:   |L| |dA| |R|
+        second order:  |V| (|dM| |z| + |dD| |R_v| + |dK| |R_y|),   V = L_v M^-1,   z = the accelerations that belong to R
 
-def bound_beyond_rounding(system: PeriodicSystem, A: Array) -> Array:
-    """Bounds on |dA| beside the rounding of the entries: the error of the series, and the rounding of M; for |A| (..., n, n)."""
-    known = np.broadcast_to(system.resolved.error, A.shape).copy()
-    if system.second_order is not None:
-        half = system.n // 2
-        known[..., half:, :] += EPS * bound_mass_rounding(system) @ A[..., half:, :]
-    return known
-
-
-def bound_mass_rounding(system: PeriodicSystem) -> Array:
-    """|M^-1| |M|, (n, n): by how much M^-1 K answers a rounding of M, entry by entry, the largest over a few times.
-
-    Source: Higham, Accuracy and Stability of Numerical Algorithms (2002), 7.2 (Bauer's and Skeel's condition numbers).
+    The second form keeps what M^-1 does to a rounding of M: the product with the left vectors is taken before the moduli.
     """
-    assert system.second_order is not None
-    M = system.second_order.M(system.period * PLACES)
-    return np.asarray((np.abs(np.linalg.inv(M)) @ np.abs(M)).max(axis=0))
+    resolved = system.resolved
+    if isinstance(resolved, ResolvedCompanion):
+        return couple_second_order(resolved, t, left, right)
+    A = np.abs(resolved(t))
+    return np.asarray(np.abs(left) @ ((ROUNDINGS * EPS * A + resolved.error) @ np.abs(right)))
+
+
+def couple_second_order(resolved: ResolvedCompanion, t: Array, left: Array, right: Array) -> Array:
+    """The second form, for left vectors as rows and right ones as columns."""
+    M, D, K = resolved.sample(t)
+    n = M.shape[-1]
+    known = [
+        ROUNDINGS * EPS * np.abs(X) + e for X, e in zip((M, D, K), resolved.split(resolved.blocks.error), strict=True)
+    ]
+    V = np.swapaxes(np.linalg.solve(np.swapaxes(M, -1, -2), np.swapaxes(left[..., n:], -1, -2)), -1, -2)
+    position, rate = right[..., :n, :], right[..., n:, :]
+    z = np.linalg.solve(M, K @ position + D @ rate)
+    moved = known[0] @ np.abs(z) + known[1] @ np.abs(rate) + known[2] @ np.abs(position)
+    return np.asarray(np.abs(V) @ moved)

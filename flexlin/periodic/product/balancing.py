@@ -37,13 +37,6 @@ def group_factors(factors: Array) -> Array:
     return count_groupings(factors)[0]
 
 
-def add_pairs(values: Array) -> Array:
-    """The sums v_0 + v_1, v_2 + v_3, ... of what belongs to factors that are multiplied in pairs."""
-    even = len(values) - len(values) % 2
-    pairs = values[0:even:2] + values[1:even:2]
-    return pairs if even == len(values) else np.concatenate([pairs, values[-1:]])
-
-
 def multiply_pairs(factors: Array) -> Array:
     """The products F_1 F_0, F_3 F_2, ...; an odd last factor stays as it is."""
     even = len(factors) - len(factors) % 2

@@ -4,7 +4,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.circle import wrap_angle
-from flexlin.periodic.product.balancing import add_pairs, balance_factors, count_groupings, group_factors
+from flexlin.periodic.product.balancing import balance_factors, count_groupings, group_factors
 from flexlin.periodic.product.perturbation import spectrum_motion
 from flexlin.periodic.product.schur import periodic_schur
 from flexlin.periodic.product.sweeps import TINY
@@ -19,15 +19,12 @@ def product_logs(factors: Array) -> Array:
     return np.asarray(logs[np.argsort(-logs.real, kind="stable")])
 
 
-def solve_product(factors: Array, noise: Array | None = None) -> tuple[Array, Array]:
-    """The logs as `product_logs` gives them, and how far rounding, and noise (K, n, n) as `spectrum_motion` takes it, move each, (n,)."""
-    even, scale = balance_factors(factors)
+def solve_product(factors: Array) -> tuple[Array, Array]:
+    """The logs as `product_logs` gives them, and how far rounding moves each (n,)."""
+    even, _ = balance_factors(factors)
     groups, rounds = count_groupings(even)
-    noise = np.zeros_like(groups) if noise is None else noise * (scale / scale[:, None])
-    while len(noise) > len(groups):
-        noise = add_pairs(noise)
     form = periodic_schur(groups)
-    rounding = spectrum_motion(form, groups, groups, noise, 2.0**rounds).rounding
+    rounding = spectrum_motion(form, groups, groups, None, 2.0**rounds).rounding
     order = np.argsort(-form.logs.real, kind="stable")
     return form.logs[order], rounding[order]
 

@@ -1,5 +1,6 @@
 """How far perturbations of the factors move the logs of a product's eigenvalues: first order, and what clusters add."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,9 @@ CLOSE = 0.1
 """Couplings above this part of a gap move the pair by about their own size: m multipliers of a split chain have 1 / (2 m sin(pi / m))."""
 
 
+Couplings = Callable[[Array, Array], Array]
+
+
 @dataclass(frozen=True)
 class Motion:
     """Bounds on the motion of each log, (n,): by the method's error, and by rounding; `shift`: the first-order motion with its sign."""
@@ -31,7 +35,7 @@ class Motion:
 
 
 def spectrum_motion(
-    form: PeriodicSchur, factors: Array, better: Array, noise: Array, counts: Array | float = 1.0
+    form: PeriodicSchur, factors: Array, better: Array, noise: Couplings | None = None, counts: Array | float = 1.0
 ) -> Motion:
     """Bound how far the logs move when the factors are replaced by better ones, and by rounding.
 
@@ -41,7 +45,7 @@ def spectrum_motion(
     more than sqrt(A_ij A_ji); equal multipliers that share an eigenvector add Elsner's bound for their block.
 
     Parameters: form: of `factors` (K, n, n); better: the same factors by a more accurate method;
-    noise (K, n, n): bounds on the integrals of |dA(t)| over each factor, dA what A is not known by;
+    noise: left and right vectors at the factors' beginnings (K, n, n) -> bounds on further couplings over each factor (K, n, n);
     counts (K,): how many factors were multiplied into each.
     Source: Stewart, Sun, Matrix Perturbation Theory (1990), IV.1.3, V.2; for products Benner, Mehrmann, Xu (2002).
     """
@@ -51,7 +55,8 @@ def spectrum_motion(
     length_right, length_left = np.linalg.norm(right, axis=1), np.linalg.norm(left, axis=2)
     size = np.linalg.norm(factors, axis=(1, 2))[:, None, None] * FACTOR_ROUNDING * EPS
     rounding = size * length_left[1:, :, None] * length_right[:-1, None, :] / np.abs(growth)
-    rounding += np.abs(left[:-1]) @ noise @ np.abs(right[:-1])
+    if noise is not None:
+        rounding += noise(left[:-1], right[:-1])
     many = np.broadcast_to(counts, len(factors))[:, None, None]
     rounding = np.maximum(np.sqrt((many * rounding**2).sum(axis=0)), COHERENT * (many * rounding).sum(axis=0))
     rounding += form.defect * length_left[0][:, None] * length_right[0]

@@ -9,8 +9,7 @@ from numpy.polynomial.legendre import leggauss, legvander
 
 from flexlin.checks import Array
 from flexlin.errors import SingularMassMatrix
-from flexlin.periodic.coefficients import check_finite
-from flexlin.periodic.system import MatrixFunction, SecondOrder
+from flexlin.periodic.coefficients import MatrixFunction, SecondOrderFunction, check_finite
 
 CHUNK_BYTES = 2**25
 """The stage matrices of one batched solve take at most this many bytes (one segment at the least)."""
@@ -65,14 +64,14 @@ def gauss_transitions(A: MatrixFunction, edges: Array, stages: int) -> Array:
     return collect_chunks(lambda t, k: collocate(sample_at(A, t), h[k], rule), edges, rule)
 
 
-def second_order_transitions(second: SecondOrder, edges: Array, stages: int) -> Array:
+def second_order_transitions(second: SecondOrderFunction, edges: Array, stages: int) -> Array:
     """Transition matrices of M y'' + D y' + K y = 0 for x = [y; y'], collocated in the accelerations.
 
         M_i w_i + D_i v_i + K_i y_i = 0,   v_i = v_0 + h sum_j a_ij w_j,   y_i = y_0 + h c_i v_0 + h^2 sum_j (a^2)_ij w_j
 
     The linear systems have s n unknowns for n coordinates, half of those in x, and M is never inverted.
 
-    Parameters: second: M, D, K as functions (N,) -> (N, n, n); edges: increasing times (K + 1,); stages >= 1.
+    Parameters: second: times (N,) -> M, D, K, each (N, n, n); edges: increasing times (K + 1,); stages >= 1.
     Returns: Phi (K, 2n, 2n).
     Source: Hairer, Norsett, Wanner, Solving ODEs I, II.14 (Nystrom methods from collocation).
     """
@@ -80,31 +79,10 @@ def second_order_transitions(second: SecondOrder, edges: Array, stages: int) -> 
     h = np.diff(edges)
 
     def part(t: Array, k: slice) -> Array:
-        M, D, K = (fold_samples(values, t) for values in second.sample(t.ravel()))
+        M, D, K = (fold_samples(values, t) for values in second(t.ravel()))
         return collocate_accelerations(M, D, K, h[k], rule)
 
     return collect_chunks(part, edges, rule)
-
-
-def companion_transitions(A: MatrixFunction, edges: Array, stages: int) -> Array:
-    """Transition matrices of x' = A(t) x for A = [[0, I], [X, Y]], collocated in the accelerations y'' = X y + Y y'.
-
-    As `second_order_transitions` with M = I, D = -Y, K = -X.
-    """
-    rule = gauss(stages)
-    h = np.diff(edges)
-
-    def part(t: Array, k: slice) -> Array:
-        lower = -lower_half(sample_at(A, t))
-        n = lower.shape[-2]
-        return collocate_accelerations(None, lower[..., n:], lower[..., :n], h[k], rule)
-
-    return collect_chunks(part, edges, rule)
-
-
-def lower_half(A: Array) -> Array:
-    """The rows of the accelerations, (..., n, 2n)."""
-    return A[..., A.shape[-2] // 2 :, :]
 
 
 def sample_at(A: MatrixFunction, t: Array) -> Array:
@@ -161,8 +139,8 @@ def solve_stages(hA: Array, rule: Tableau, right: Array) -> Array:
     return np.linalg.solve(G, right.reshape(*right.shape[:-3], s * n, r)).reshape(right.shape)
 
 
-def collocate_accelerations(M: Array | None, D: Array, K: Array, h: Array, rule: Tableau) -> Array:
-    """Transition matrices (..., 2n, 2n) from stage samples M (None: I), D, K (..., s, n, n) and lengths h (...)."""
+def collocate_accelerations(M: Array, D: Array, K: Array, h: Array, rule: Tableau) -> Array:
+    """Transition matrices (..., 2n, 2n) from stage samples M, D, K (..., s, n, n) and lengths h (...)."""
     s, n = K.shape[-3:-1]
     lead = K.shape[:-3]
     h = h[..., None, None, None]
@@ -171,7 +149,7 @@ def collocate_accelerations(M: Array | None, D: Array, K: Array, h: Array, rule:
     G = rule.a[:, None, :] * hD
     G += (rule.a @ rule.a)[:, None, :] * hhK
     stage = np.arange(s)
-    G[..., stage, :, stage] += np.eye(n) if M is None else np.moveaxis(M, -3, 0)
+    G[..., stage, :, stage] += np.moveaxis(M, -3, 0)
     right = np.swapaxes(np.concatenate([K, D + rule.c[:, None, None] * (h * K)], axis=-1), -3, -2)
     try:
         w = -np.linalg.solve(G.reshape(*lead, n * s, n * s), right.reshape(*lead, n * s, 2 * n))

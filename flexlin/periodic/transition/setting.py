@@ -8,8 +8,9 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import TooManySegments
 from flexlin.periodic.grid import place_edges
+from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.gauss import companion_transitions, gauss_transitions
+from flexlin.periodic.transition.gauss import gauss_transitions, second_order_transitions
 from flexlin.periodic.transition.magnus import magnus_transitions
 from flexlin.periodic.transition.radau import radau_transitions
 
@@ -44,8 +45,10 @@ class Setting:
 
 def factor_by_gauss(system: PeriodicSystem, grid: Array, order: int) -> Array:
     """Gauss collocation of even order, in the accelerations where the system is of second order."""
-    transitions = gauss_transitions if system.second_order is None else companion_transitions
-    return transitions(system.resolved, grid, order // 2)
+    resolved = system.resolved
+    if isinstance(resolved, ResolvedCompanion):
+        return second_order_transitions(resolved.sample, grid, order // 2)
+    return gauss_transitions(resolved, grid, order // 2)
 
 
 def factor_by_magnus(system: PeriodicSystem, grid: Array, order: int) -> Array:

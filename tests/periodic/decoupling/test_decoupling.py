@@ -11,15 +11,8 @@ import flexlin as fl
 from flexlin.periodic.decoupling.decouple import decouple
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.exponents import decoupled_exponents
-from flexlin.periodic.decoupling.panels import panel_exponents
-    Decoupled,
-    Refusal,
-    decouple,
-    decoupled_exponents,
-    decoupling_work,
-    panel_exponents,
-)
 from flexlin.periodic.decoupling.grouping import Group, block_mask
+from flexlin.periodic.decoupling.panels import panel_exponents
 from flexlin.periodic.decoupling.superadiabatic import sylvester
 from flexlin.periodic.decoupling.waves import circle_derivative, interpolated, shifted
 from studies.scaling import scene_of
@@ -231,7 +224,3 @@ def test_panels_agree_with_the_engine_on_pick_and_place():
     assert (apart <= answer.errors + engine.errors).all()
     assert answer.errors.max() < 1e-8
     assert isinstance(decouple(system.A, system.period, system.breaks), Refusal)
-
-
-def test_the_work_does_not_depend_on_rates_and_grows_with_states_and_nodes():
-    assert decoupling_work(8) < decoupling_work(16) < decoupling_work(16, 128)

@@ -74,7 +74,7 @@ def test_first_order_motion_is_exact_to_second_order(rng):
     missed = []
     for size in (1e-5, 1e-6):
         form = periodic_schur(F)
-        motion = spectrum_motion(form, F, F + size * change, np.zeros_like(F))
+        motion = spectrum_motion(form, F, F + size * change)
         missed.append(match_logs(form.logs + motion.shift, exact_logs(F + size * change))[1].max())
         moved = match_logs(form.logs, exact_logs(F + size * change))[1]
         assert np.all(moved <= 1.01 * motion.method + motion.rounding)
@@ -89,7 +89,7 @@ def test_a_jordan_chain_that_breaks_up_stays_inside_the_bound(m, rng):
     F = np.roll(frames, -1, axis=0) @ np.tile(block, (4, 1, 1)) @ np.swapaxes(frames, 1, 2)
     better = F + 1e-8 * rng.standard_normal(F.shape)
     form = periodic_schur(F)
-    motion = spectrum_motion(form, F, better, np.zeros_like(F))
+    motion = spectrum_motion(form, F, better)
     moved = match_logs(form.logs, exact_logs(better))[1]
     assert np.all(moved <= 1.5 * motion.method + motion.rounding)
     assert motion.method.max() < 30 * moved.max()
