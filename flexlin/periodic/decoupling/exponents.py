@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from flexlin.checks import Array
-from flexlin.periodic.circle import match_logs, wrap_angle, wrap_log
+from flexlin.periodic.circle import match_logs, pair_conjugates, wrap_angle, wrap_log
 from flexlin.periodic.decoupling.coupling import group_separation
 from flexlin.periodic.decoupling.decoupled import Decoupled, as_real
 from flexlin.periodic.decoupling.waves import aliasing, interpolated
@@ -117,6 +117,8 @@ def several(decoupled: Decoupled, index: int) -> tuple[Array, Array]:
         if missed > MARK / 4:
             return bounded(values, mean, group.size, period)
         logs, errors = logs[own], errors[own]
+    else:
+        logs, errors = pair_conjugates(logs, errors)
     return mean + logs / period, errors / period
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from flexlin.checks import Array, instance, positive, whole
-from flexlin.periodic.circle import measure_distances, wrap_log
+from flexlin.periodic.circle import measure_distances, pair_conjugates, wrap_log
 from flexlin.periodic.decoupling.decoupled import Refusal
 from flexlin.periodic.floquet.constant import solve_constant
 from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_decoupled
@@ -46,13 +46,13 @@ def floquet(
     instance("system", system, PeriodicSystem, "make one: fl.PeriodicSystem(A, period), or lin.periodic_system()")
     tol = positive("tol", tol)
     order, segments = (None if v is None else whole(k, v) for k, v in (("order", order), ("segments", segments)))
+    limit = min(whole("max_segments", max_segments), FACTOR_BYTES // (8 * system.n**2))
     if method == "hill":
         return solve_by_hill(system, tol, order)
     if method == "auto" and system.resolved.constant:
         exponents, errors = solve_constant(system)
         folded = wrap_log(exponents * system.period) / system.period
         return finish(system, folded, errors, Setting("eigenvalues", 0, 1, "A is constant"), tol)
-    limit = min(whole("max_segments", max_segments), FACTOR_BYTES // (8 * system.n**2))
     if segments is not None:
         return judge_fixed(system, choose_setting(system, tol, method, order, segments), tol)
     setting = choose_setting(system, tol, method, order, None)
@@ -88,7 +88,9 @@ def try_decoupling(
 
 
 def finish(system: PeriodicSystem, exponents: Array, errors: Array, setting: Setting, tol: float) -> FloquetResult:
-    """Pair the exponents of an undamped system exactly, and give the verdict."""
+    """Pair conjugate exponents, and those of an undamped system, exactly, and give the verdict."""
+    logs, uncertain = pair_conjugates(exponents * system.period, errors * system.period)
+    exponents, errors = logs / system.period, uncertain / system.period
     undamped = abs(exponents.real.sum()) <= errors.sum() and is_hamiltonian(system)
     if undamped:
         logs, violation = pair_hamiltonian(exponents * system.period)

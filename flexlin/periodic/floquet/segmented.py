@@ -14,7 +14,7 @@ from flexlin.periodic.transition.setting import METHODS, Setting, place_segments
 
 SAFETY = 1.5
 """Factor on the method's error, which is measured against a better method."""
-HIDDEN = 0.1
+HIDDEN = 1e-3
 """A mode whose log is uncertain by this part of its distance below the largest is known to lie below, and no more."""
 TRACE = 1e-11
 """Relative error of the mean trace of A that is forgiven."""

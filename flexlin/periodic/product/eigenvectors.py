@@ -9,7 +9,7 @@ SAME = 1e-6
 """Multipliers whose ratio is this close to 1 are left coupled: one of them has no eigenvector of its own in double precision."""
 
 
-def eigenvector_chain(form: PeriodicSchur) -> tuple[Array, Array, Array]:
+def eigenvector_chain(form: PeriodicSchur, same: float = SAME) -> tuple[Array, Array, Array]:
     """Unit upper triangular X_k with T_k X_k = X_(k+1) diag(t_k), and what is left between equal multipliers.
 
         X_k = T_k^-1 X_(k+1) diag(t_k) = S_k (X_(k+1) o r_k),   r_k,ji = t_k,i / t_k,j,   X_K = X_0 o (turn_i / turn_j)
@@ -18,14 +18,14 @@ def eigenvector_chain(form: PeriodicSchur) -> tuple[Array, Array, Array]:
     exponentials of sums of logs, so nothing overflows where the form is ordered by modulus.
 
     Returns: right eigenvectors P_k = Q_k X_k (K + 1, n, n), left ones L_k = X_k^-1 Q_k^H (K + 1, n, n), the coupling N (n, n),
-    strictly upper triangular, between multipliers that are equal to SAME.
+    strictly upper triangular, between multipliers whose ratio is 1 up to `same`.
     """
     T, t = form.T, form.diagonal
     log = np.log(t)
     S = np.triu(np.linalg.inv(T / t[:, :, None]))
     S, span = suffix_maps(S, log)
     total = log.sum(axis=0) + np.log(form.turn)
-    X0, N = periodic_solution(S[0], total)
+    X0, N = periodic_solution(S[0], total, same)
     XK = np.triu(X0 * np.exp(np.log(form.turn)[None, :] - np.log(form.turn)[:, None]))
     X = np.concatenate([S @ np.triu(XK * ratio(span)), XK[None]])
     return form.Q @ X, np.linalg.solve(X, np.conj(np.swapaxes(form.Q, -1, -2))), N
@@ -50,12 +50,12 @@ def suffix_maps(S: Array, log: Array) -> tuple[Array, Array]:
     return S, log
 
 
-def periodic_solution(S: Array, total: Array) -> tuple[Array, Array]:
+def periodic_solution(S: Array, total: Array, close: float) -> tuple[Array, Array]:
     """X = S (X o r) for the whole period, X unit upper triangular; entries between equal multipliers stay zero."""
     n = len(S)
     r = ratio(total)
     upper = np.triu(np.ones((n, n), bool), 1)
-    same = upper & (np.abs(1 - r) < SAME)
+    same = upper & (np.abs(1 - r) < close)
     free = (upper & ~same).T  # [i, j]: row j of column i is an unknown
     system = np.where(free[:, :, None], np.eye(n) - np.where(free[:, None, :], S * r.T[:, None, :], 0), np.eye(n))
     right = np.where(free, S.T, 0)

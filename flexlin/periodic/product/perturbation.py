@@ -18,6 +18,8 @@ COHERENT = 0.25
 """The part of the rounding errors that may add up with one sign."""
 CANCELLED = 0.3
 """The part of the factors' errors that counts even where their sum cancels."""
+SAMES = (1e-6, 1e-3, 0.1)
+"""Ratios of multipliers that count as equal: wider ones are tried where a perturbation is larger than the gaps."""
 CLOSE = 0.1
 """Couplings above this part of a gap move the pair by about their own size: m multipliers of a split chain have 1 / (2 m sin(pi / m))."""
 
@@ -49,7 +51,23 @@ def spectrum_motion(
     counts (K,): how many factors were multiplied into each.
     Source: Stewart, Sun, Matrix Perturbation Theory (1990), IV.1.3, V.2; for products Benner, Mehrmann, Xu (2002).
     """
-    right, left, shared = eigenvector_chain(form)
+    counted = np.broadcast_to(counts, len(factors))[:, None, None]
+    motion = motion_at(SAMES[0], form, factors, better, noise, counted)
+    for same in SAMES[1:]:
+        if np.all(motion.method + motion.rounding < same * SAMES[0]):
+            break
+        other = motion_at(same, form, factors, better, noise, counted)
+        motion = Motion(
+            motion.shift, np.minimum(motion.method, other.method), np.minimum(motion.rounding, other.rounding)
+        )
+    return motion
+
+
+def motion_at(
+    same: float, form: PeriodicSchur, factors: Array, better: Array, noise: Couplings | None, counts: Array
+) -> Motion:
+    """The bounds when multipliers whose ratio is 1 up to `same` are left in one block."""
+    right, left, shared = eigenvector_chain(form, same)
     growth = form.diagonal[:, :, None]
     method = left[1:] @ (better - factors) @ right[:-1] / growth
     length_right, length_left = np.linalg.norm(right, axis=1), np.linalg.norm(left, axis=2)
@@ -57,8 +75,7 @@ def spectrum_motion(
     rounding = size * length_left[1:, :, None] * length_right[:-1, None, :] / np.abs(growth)
     if noise is not None:
         rounding += noise(left[:-1], right[:-1])
-    many = np.broadcast_to(counts, len(factors))[:, None, None]
-    rounding = np.maximum(np.sqrt((many * rounding**2).sum(axis=0)), COHERENT * (many * rounding).sum(axis=0))
+    rounding = np.maximum(np.sqrt((counts * rounding**2).sum(axis=0)), COHERENT * (counts * rounding).sum(axis=0))
     rounding += form.defect * length_left[0][:, None] * length_right[0]
     shift = np.diagonal(method, axis1=1, axis2=2).sum(axis=0)
     gap = measure_distances(form.logs, form.logs)
@@ -81,7 +98,7 @@ def bound_pairs(coupling: Array, own: Array, gap: Array, shared: Array) -> Array
     product = coupling * coupling.T
     np.fill_diagonal(product, 0.0)
     size = np.sqrt(product)
-    pairs = np.where(size > CLOSE * gap, 2 * size, product / np.maximum(gap, np.finfo(float).tiny))
+    pairs = np.where(size > CLOSE * gap, 2 * size, product / np.maximum(gap, size + np.finfo(float).tiny))
     return pairs.sum(axis=1) + bound_shared(coupling, np.abs(shared))
 
 

@@ -39,9 +39,13 @@ class PeriodicSchur:
     @property
     def logs(self) -> Array:
         """Logs of the eigenvalues of F_(K-1) ... F_0, (n,); imaginary parts in (-pi, pi]."""
-        angle = np.angle(self.diagonal).sum(axis=0) + np.angle(self.turn)
-        size = np.log(np.maximum(np.abs(self.diagonal), TINY)).sum(axis=0)
-        return wrap_log(size + 1j * angle)
+        size = np.log(np.maximum(np.abs(self.diagonal), TINY))
+        return wrap_log(sum_columns(size) + 1j * (sum_columns(np.angle(self.diagonal)) + np.angle(self.turn)))
+
+
+def sum_columns(values: Array) -> Array:
+    """Sum (K, n) over K by pairs, (n,): NumPy does so only along contiguous numbers, and a plain sum of K equal logs loses log2 K bits."""
+    return np.asarray(np.ascontiguousarray(values.T).sum(axis=1))
 
 
 def periodic_schur(factors: Array, start: Array | None = None) -> PeriodicSchur:

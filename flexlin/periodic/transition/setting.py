@@ -1,7 +1,7 @@
 """How a period is integrated: method, order and number of segments, and the reason for the choice."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -30,7 +30,7 @@ class Setting:
     segments: int
     reason: str
     rate: float = 0.0
-    shares: tuple[float, ...] = ()
+    shares: tuple[float, ...] = field(default=(), repr=False)
 
     def __str__(self) -> str:
         if self.method == "hill":
