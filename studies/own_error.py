@@ -152,7 +152,28 @@ def main(
     data = {"rows": [asdict(row) for row in rows], "findings": broken}
     cases = {kind: [asdict(o) for o in found] for kind, found in every.items()}
     (Path(out) / "own_error.json").write_text(json.dumps({**data, "cases": cases}, indent=1))
+    draw(
+        {kind: [v for o in found for v in o.overestimates] for kind, found in every.items()},
+        Path(out) / "own_error.png",
+    )
     return {**data, "outcomes": every, "total": total}
+
+
+def draw_ratios(ratios: dict[str, list[float]], path: Path) -> None:
+    """The claimed against the true error of every exponent, one row for each kind; left of 1 a claim is missed."""
+    from matplotlib.figure import Figure
+
+    kinds = [kind for kind, found in ratios.items() if found]
+    figure = Figure(figsize=(9, 0.28 * len(kinds) + 1.2), layout="constrained")
+    axes = figure.subplots()
+    for row, kind in enumerate(kinds):
+        axes.semilogx(ratios[kind], np.full(len(ratios[kind]), row), "|", color="#22628f", markersize=9, alpha=0.5)
+    axes.axvline(1, color="#a8522f", linewidth=1)
+    axes.set_yticks(range(len(kinds)), kinds)
+    axes.invert_yaxis()
+    axes.set(xlabel="claimed error / true error", title="Does the claim cover the error?")
+    axes.spines[["top", "right"]].set_visible(False)
+    figure.savefig(path)
 
 
 if __name__ == "__main__":

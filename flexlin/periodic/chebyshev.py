@@ -5,8 +5,9 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial import chebyshev
+from numpy.typing import ArrayLike
 
-from flexlin.checks import Array
+from flexlin.checks import Array, at_times
 
 
 @lru_cache(maxsize=32)
@@ -76,8 +77,11 @@ class ChebyshevPanels:
         """The last edge, in s."""
         return float(self.edges[-1])
 
-    def __call__(self, t: Array, left: bool = False) -> Array:
-        """Evaluate at times t (N,), any real: (N, rows, columns); at an edge the panel behind it counts, with `left` the one before."""
+    def __call__(self, t: ArrayLike, left: bool = False) -> Array:
+        """Evaluate at times t (N,), any real: (N, rows, columns), or at one time; at an edge the panel behind it counts, or before it."""
+        return at_times(lambda times: self._evaluate(times, left), t)
+
+    def _evaluate(self, t: Array, left: bool) -> Array:
         period, shape = self.period, self.coefficients.shape
         t = np.mod(np.asarray(t, dtype=float), period)
         if left:

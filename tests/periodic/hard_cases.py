@@ -246,6 +246,7 @@ CASES = [
         1e-6,
         "undecided",
         "scipy.special.mathieu_a",
+        {"tol": 1e-12},
     ),
     HardCase(
         "Krein collision",

@@ -90,7 +90,8 @@ def try_decoupling(
 def finish(system: PeriodicSystem, exponents: Array, errors: Array, setting: Setting, tol: float) -> FloquetResult:
     """Pair conjugate exponents, and those of an undamped system, exactly, and give the verdict."""
     logs, uncertain = pair_conjugates(exponents * system.period, errors * system.period)
-    exponents, errors = logs / system.period, uncertain / system.period
+    order = np.lexsort((-logs.imag, -logs.real))
+    exponents, errors = logs[order] / system.period, uncertain[order] / system.period
     undamped = abs(exponents.real.sum()) <= errors.sum() and is_hamiltonian(system)
     if undamped:
         logs, violation = pair_hamiltonian(exponents * system.period)

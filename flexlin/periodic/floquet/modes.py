@@ -19,6 +19,8 @@ CHUNK_BYTES = 2**25
 """Shifted factors of the modes that are solved together take at most this many bytes (one mode at the least)."""
 MODES_TOL = 1e-9
 """Accuracy of the transition matrices where the exponents came without any."""
+MODES_SEGMENTS = 4000
+"""Beyond these an L-stable method takes over, which only knows the modes that it resolves."""
 CLUSTER, NULL = 1e-7, 1e-5
 """Logs of multipliers closer than CLUSTER share their null space; a singular value below NULL belongs to it."""
 
@@ -88,9 +90,11 @@ def floquet_modes(system: PeriodicSystem, result: FloquetResult | None = None, t
 
 def factor_at_nodes(system: PeriodicSystem, result: FloquetResult) -> tuple[Array, Array, Array]:
     """Times (N + 1,) of Gauss nodes and panel edges, weights (N,) of the mean, and the transition matrices between the times."""
-    setting = (
-        result.setting if result.setting.method in METHODS else choose_setting(system, MODES_TOL, "auto", None, None)
-    )
+    setting = result.setting
+    if setting.method not in METHODS:
+        setting = choose_setting(system, MODES_TOL, "auto", None, None)
+    if setting.segments > MODES_SEGMENTS:
+        setting = choose_setting(system, MODES_TOL, "radau", None, None)
     grid = place_segments(system, setting)
     rule = gauss(max(4, setting.order // 2))
     h = np.diff(grid)[:, None]

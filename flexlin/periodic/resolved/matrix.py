@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from flexlin.checks import Array, real_array
+from flexlin.checks import Array, at_times, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_coefficients, panel_times
 from flexlin.periodic.fourier import FourierSeries
@@ -82,9 +83,13 @@ class ResolvedMatrix:
         values = self.series.coefficients.reshape(-1, *self.shape)
         return bool(np.all(values == values[0]))
 
-    def __call__(self, t: Array, left: bool = False) -> Array:
-        """Evaluate at any times t (N,): (N, rows, columns). At an edge the panel behind it counts; with `left` the one before it."""
-        return self.series(t, left) if isinstance(self.series, ChebyshevPanels) else self.series(t)
+    def __call__(self, t: ArrayLike, left: bool = False) -> Array:
+        """Evaluate at times t (N,), any real: (N, rows, columns), or at one time: (rows, columns).
+
+        At an edge the panel behind it counts; with `left` the one before it.
+        """
+        series = self.series
+        return at_times(lambda s: series(s, left) if isinstance(series, ChebyshevPanels) else series(s), t)
 
     def mean(self) -> Array:
         """The integral of A over the period, divided by T (rows, columns)."""

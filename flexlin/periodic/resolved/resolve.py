@@ -35,6 +35,7 @@ def resolve(
     *,
     complete: bool = False,
     tol: float = 1e-13,
+    least: float = 0.0,
 ) -> ResolvedMatrix:
     """Represent a periodic matrix function by a series that agrees with it between the nodes.
 
@@ -56,6 +57,7 @@ def resolve(
     features : pairs (time, width) in s about which A changes fast.
     complete : whether breaks and features name everything that is narrow.
     tol : agreement that is asked for, of each entry's largest size over the period. More than noise and rounding allow is not asked.
+    least : size below which an entry counts as that large: smaller ones are then known less well than tol of themselves.
 
     Returns
     -------
@@ -85,7 +87,7 @@ def resolve(
     _times_in("features", pairs[:, 0], period)
     if np.any(pairs[:, 1] <= 0):
         raise ArgumentError("a feature has no width", got=pairs[:, 1].tolist(), expected="widths greater than 0")
-    sample = Sampler(A, period)
+    sample = Sampler(A, period, least)
     about = [centre + 4 * width * (2 * stratified(64) - 1) for centre, width in pairs]
     checks = CheckPoints(sample, np.concatenate([period * stratified(FEW if complete else CHECKS), *about]))
     if not len(named) and not len(pairs):

@@ -16,10 +16,10 @@ GOLDEN = (np.sqrt(5) - 1) / 2
 
 
 class Sampler:
-    """A(t) on [0, T) as rows (N, E), E = rows * columns, with the number of evaluations and the largest size of each entry so far."""
+    """A(t) on [0, T) as rows (N, E), E = rows * columns, how often it was called, each entry's largest size so far, at least `least`."""
 
-    def __init__(self, function: Callable[[Array], Array], period: float):
-        self.function, self.period = function, period
+    def __init__(self, function: Callable[[Array], Array], period: float, least: float = 0.0):
+        self.function, self.period, self.least = function, period, least
         self.count = 0
         self.shape: tuple[int, int] | None = None
         self.scale: Array = np.zeros(0)
@@ -57,7 +57,7 @@ class Sampler:
             raise ArgumentError("A(t) is not real", got=f"numbers of type {values.dtype}", expected="real numbers")
         if self.shape is None:
             self.shape = (values.shape[1], values.shape[2])
-            self.scale = np.zeros(values.shape[1] * values.shape[2])
+            self.scale = np.full(values.shape[1] * values.shape[2], self.least)
         if values.dtype.kind in "iu":
             self._need_constant(values)
         rows = values.reshape(len(t), values.shape[1] * values.shape[2]).astype(float, copy=False)
