@@ -115,3 +115,11 @@ class SingularClosure(NumericalError):
 
 class TooLarge(FlexlinError, MemoryError):
     """A request whose size in bytes would be unreasonable; nothing was allocated."""
+
+
+class NotPeriodic(InputError):
+    """A coefficient does not repeat with the period that was given."""
+
+
+class UnresolvedCoefficient(NumericalError):
+    """A coefficient varies faster somewhere than any representation within the limits can follow."""

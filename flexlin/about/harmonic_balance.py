@@ -9,7 +9,7 @@ import numpy as np
 from flexlin.about.deviation import Deviation
 from flexlin.about.law import Law
 from flexlin.errors import NumericalError
-from flexlin.periodic.fourier import FourierSeries, differentiation
+from flexlin.periodic.fourier import FourierSeries, fourier_differentiation
 
 NEWTON_STEPS = 25
 
@@ -63,7 +63,7 @@ def solve_at(
     """Solve the equations at N times by Newton's method, from the rigid motion or from a coarser solution."""
     n, m, T = about.n, about.m, about.motion.period
     t = T * np.arange(points) / points
-    first = differentiation(points, T)
+    first = fourier_differentiation(points, T)
     second = first @ first
     given = (law.offset(t), np.swapaxes(law.gain(t), 1, 2).reshape(points, -1))
     z = np.zeros((points, n + m)) if start is None or linear else start(t)
@@ -78,7 +78,7 @@ def solve_at(
         step = np.linalg.solve(J.reshape(z.size, z.size), F.reshape(-1)).reshape(z.shape)
         z = z - step
         if linear or np.abs(step[:, :n]).max() <= 1e-11 * max(np.abs(z[:, :n]).max(), 1e-12):
-            return FourierSeries(z[:, :n], T), FourierSeries(z[:, n:], T)
+            return FourierSeries.through(z[:, :n], T), FourierSeries.through(z[:, n:], T)
         if not np.all(np.abs(z) < 1e8):
             break
     raise NumericalError(

@@ -83,7 +83,7 @@ def periodic_motion(
             error = distance(y, before)
             if error <= tol:
                 return PeriodicMotion(lin, y, torque, error, f"converged on {points} points")
-        before = FourierSeries(np.concatenate([y.values, torque.values], axis=1), lin.period)
+        before = FourierSeries.through(np.concatenate([y.values, torque.values], axis=1), lin.period)
     if error > 0.01:
         raise ToleranceNotReached(
             "the periodic motion is not resolved",

@@ -207,7 +207,7 @@ def state_coefficients(
             Z = exact(np.arange(2 * harmonics + 1) / (2 * harmonics + 1))
             usable = np.asarray(np.isfinite(Z).all(axis=(0, 1, 2)))
             Z[..., ~usable] = 0.0
-            series = FourierSeries(Z, 1.0)
+            series = FourierSeries.through(Z, 1.0)
             if series.tail <= max(TAIL * tol, 3e-15):
                 return lambda phases, series=series: split(series(phases)), usable, harmonics
     return lambda phases: split(np.nan_to_num(exact(phases))), usable, HARMONICS[-1]

@@ -69,7 +69,7 @@ def kalman_filter(
         raise ArgumentError("C does not fit the system", expected=f"(p, {system.n})")
     T = system.period
     breaks = tuple((T - b) % T for b in system.breaks)
-    dual = PeriodicSystem(Backward(system.A, T), T, Backward(C, T), breaks)
+    dual = PeriodicSystem(Backward(system.A, T), T, Backward(C, T), breaks, complete=system.complete)
     try:
         solution = periodic_riccati(dual, Backward(W, T), Backward(V, T), tol=tol)
     except NotStabilizable as reason:
@@ -84,7 +84,7 @@ def kalman_filter(
             got=reason.got,
             todo="give the mode's states noise in W",
         ) from None
-    measured = PeriodicSystem(system.A, T, FilterGain(solution), system.breaks)
+    measured = PeriodicSystem(system.A, T, FilterGain(solution), system.breaks, complete=system.complete)
     return Estimator(system, C, solution, measured.feedback(C))
 
 
@@ -138,4 +138,6 @@ def output_feedback(made: Design | Law, estimator: Estimator) -> PeriodicSystem:
         raise ArgumentError(
             "the design and the estimator do not fit", got=(states, system.n), expected="one plant with input"
         )
-    return PeriodicSystem(EstimatedLoop(estimator, gain), system.period, None, (*system.breaks, *breaks))
+    return PeriodicSystem(
+        EstimatedLoop(estimator, gain), system.period, None, (*system.breaks, *breaks), complete=system.complete
+    )

@@ -24,7 +24,7 @@ def with_integral_action(system: PeriodicSystem, measured: ArrayLike) -> Periodi
         raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
     C = real_array("measured", measured, (None, system.n))
     B = ExtendedInput(system.B, len(C))
-    return PeriodicSystem(ExtendedState(system.A, C), system.period, B, system.breaks)
+    return PeriodicSystem(ExtendedState(system.A, C), system.period, B, system.breaks, complete=system.complete)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,6 +3,7 @@
 from numpy.typing import ArrayLike
 
 from flexlin.control.designed_loop import Design
+from flexlin.control.smooth_gain import smooth_gain
 from flexlin.periodic.quadratic.riccati import periodic_riccati
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
 
@@ -27,5 +28,7 @@ def periodic_lqr(
     Source: Bittanti, Colaneri, Periodic Systems (2009), ch. 6.
     """
     solution = periodic_riccati(system, Q, R, N, tol)
-    loop = system.feedback(solution.K)
-    return Design(name, "periodic-lqr", solution.K, loop, solution.error, solution.status, solution.problem, solution)
+    gain, apart = smooth_gain(solution.K, system.period, system.breaks)
+    loop = system.feedback(gain)
+    error = solution.error + apart
+    return Design(name, "periodic-lqr", gain, loop, error, solution.status, solution.problem, solution)

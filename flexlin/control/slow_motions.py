@@ -9,13 +9,17 @@ from flexlin.errors import NumericalError
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import find_coinciding, find_null_modes
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.grid import place_edges
 from flexlin.periodic.product.balancing import balance_factors
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.setting import METHODS
+from flexlin.periodic.transition.choice import choose_setting
+from flexlin.periodic.transition.setting import METHODS, place_segments
 
 TOLERANCE = 1e-6
 """Error of the exponents, in 1/s, that is enough for a direction."""
+SLOW_TOL = 1e-6
+"""Accuracy that is asked of the segments where the exponents came without any; an L-stable method damps what is fast."""
+GONE = 200.0
+"""A mode that decays by exp(-GONE) from one sample to the next has no motion to show."""
 SAMPLES = 64
 """Times of a period at which a motion is given, at the least."""
 REAL = 1e-6
@@ -46,7 +50,8 @@ def slow_motions(system: PeriodicSystem, count: int, result: FloquetResult | Non
     NumericalError when no mode is resolved.
     """
     result = result or floquet(system, TOLERANCE)
-    slow = np.flatnonzero((result.exponents.imag >= 0) & np.isfinite(result.errors))[: max(1, count)]
+    seen = np.isfinite(result.errors) & (result.exponents.real * system.period > -SAMPLES * GONE)
+    slow = np.flatnonzero((result.exponents.imag >= 0) & seen)[: max(1, count)]
     if not len(slow):
         raise NumericalError(
             "no Floquet mode is resolved", todo="ask for a smaller tol, or look at the Floquet verdict"
@@ -67,17 +72,16 @@ def right_modes(system: PeriodicSystem, result: FloquetResult, which: Array) -> 
     p_(j+1) = exp(-lambda h_j) Phi_j p_j,   p_N = p_0:   the null vector of a cyclic system
     """
     n, setting = system.n, result.setting
-    hill = setting.method == "hill"
-    method, order, segments = (
-        ("gauss", 12, 6 * setting.order) if hill else (setting.method, setting.order, setting.segments)
-    )
-    grid = place_edges(system.period, system.breaks, max(SAMPLES, segments))
+    if setting.method not in METHODS:
+        setting = choose_setting(system, SLOW_TOL, "radau", None, None)
+    setting = setting.with_segments(max(SAMPLES, setting.segments))
+    grid = place_segments(system, setting)
     check_size(
         "a mode's system",
         (8 + 64 * len(which)) * len(grid) * n * n,
         f"the modes need {len(grid)} transition matrices of order {n}: leave out the fastest modes, or lower the gains behind them",
     )
-    Phi, scale = balance_factors(METHODS[method](system, grid, order))
+    Phi, scale = balance_factors(METHODS[setting.method](system, grid, setting.order))
     decay = np.exp(-result.exponents[which, None] * np.diff(grid))
     ranks = np.tril(find_coinciding(result.log_multipliers), -1).sum(axis=1)[which]
     modes = find_null_modes(decay[..., None, None] * Phi, ranks) * scale[:, None]

@@ -38,3 +38,17 @@ def match_logs(logs: Array, others: Array) -> tuple[Array, Array]:
             partner[i] = j
             free[i, :] = free[:, j] = np.inf
     return partner, size[np.arange(len(logs)), partner]
+
+
+def pair_conjugates(logs: Array, errors: Array) -> tuple[Array, Array]:
+    """Make logs of a real system's multipliers conjugate in pairs or real (0 or pi) exactly, where they are so up to their errors (n,)."""
+    partner, apart = match_logs(logs, logs.conj())
+    with np.errstate(invalid="ignore"):
+        near = apart <= 2 * np.maximum(errors, errors[partner]) + 1e-12
+    mutual = (partner[partner] == np.arange(len(logs))) & near
+    mate = logs[partner].conj()
+    middle = wrap_log(logs + wrap_log(mate - logs) / 2)
+    alone = partner == np.arange(len(logs))
+    angle = np.where(np.abs(middle.imag) < np.pi / 2, 0.0, np.pi)
+    paired = np.where(alone, middle.real + 1j * angle, middle)
+    return np.where(mutual, paired, logs), np.where(mutual, np.maximum(errors, errors[partner]), errors)

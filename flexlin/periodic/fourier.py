@@ -1,8 +1,7 @@
-"""Periodic functions known at equally spaced times: trigonometric interpolation and differentiation."""
+"""Periodic functions by their Fourier series: interpolation on equally spaced times, evaluation, differentiation."""
 
 from dataclasses import dataclass
-from functools import cached_property
-from math import prod
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,47 +9,119 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array, at_times
 
 
+def fourier_nodes(count: int, period: float) -> Array:
+    """Return the times j T / N, j = 0 ... N - 1."""
+    return period * np.arange(count) / count
+
+
+def real_fourier_coefficients(values: Array) -> Array:
+    """Return the real coefficients of the trigonometric interpolant of values (N, ...) at N equally spaced times.
+
+        f(t) = c_0 + sum_k  c_k cos(2 pi k t / T) + c_(H + k) sin(2 pi k t / T),   k = 1 ... H = floor((N - 1) / 2)
+
+    For even N the cosine of order N / 2 is left out. Constants are reproduced without rounding.
+    Returns: (2 H + 1, ...), the mean first, then the cosines, then the sines.
+    """
+    count = len(values)
+    start = values[:1]
+    waves = np.fft.rfft(values - start, axis=0)[: (count - 1) // 2 + 1]
+    waves *= 2 / count
+    return np.concatenate([start + waves[:1].real / 2, waves[1:].real, -waves[1:].imag])
+
+
+def fourier_waves(phase: Array, harmonics: int) -> Array:
+    """Return exp(2 pi i k phase) for k = 1 ... H by repeated doubling of the order, (N, H); phase = t / T."""
+    waves = np.empty((len(phase), harmonics), dtype=complex)
+    if harmonics:
+        waves[:, 0] = np.exp(2j * np.pi * (phase - np.floor(phase)))
+    have = 1
+    while have < harmonics:
+        more = min(have, harmonics - have)
+        np.multiply(waves[:, :more], waves[:, have - 1 : have], out=waves[:, have : have + more])
+        have += more
+    return waves
+
+
+def fourier_basis(phase: Array, harmonics: int) -> Array:
+    """Return 1, cos(2 pi k phase), sin(2 pi k phase), k = 1 ... H, as the columns of (N, 2 H + 1)."""
+    waves = fourier_waves(phase, harmonics)
+    basis = np.empty((len(phase), 2 * harmonics + 1))
+    basis[:, 0] = 1.0
+    basis[:, 1 : harmonics + 1] = waves.real
+    basis[:, harmonics + 1 :] = waves.imag
+    return basis
+
+
+@lru_cache(maxsize=16)
+def fourier_differentiation(count: int, period: float) -> Array:
+    """Return the matrix that takes values at N equally spaced times to the derivatives of their interpolant there.
+
+    D_jk = (pi / T) (-1)^(j - k) / sin(pi (j - k) / N) for odd N, with cot in place of 1 / sin for even N; 0 on the diagonal.
+    Source: Trefethen, Spectral Methods in MATLAB (2000), ch. 3.
+    """
+    gaps = np.subtract.outer(np.arange(count), np.arange(count))
+    off = gaps != 0
+    angle = np.pi * gaps[off] / count
+    D = np.zeros((count, count))
+    D[off] = np.pi / period * (-1.0) ** gaps[off] / (np.sin(angle) if count % 2 else np.tan(angle))
+    D.setflags(write=False)
+    return D
+
+
 @dataclass(frozen=True, eq=False)
 class FourierSeries:
-    """The trigonometric polynomial through values (N, ...) at t_j = j T / N, N odd; call it with times (M,) to get (M, ...)."""
+    """A function with period T: coefficients (2 H + 1, ...) in the order of `real_fourier_coefficients`; call it with one time or (N,)."""
 
-    values: Array
+    coefficients: Array
     period: float
 
-    @cached_property
-    def _coefficients(self) -> Array:
-        """Real and imaginary parts of the coefficients of exp(2 pi i k t / T), k = 0 ... (N - 1) / 2, in rows of one matrix."""
-        waves = np.fft.rfft(self.values.reshape(len(self.values), prod(self.values.shape[1:])), axis=0) / len(
-            self.values
-        )
-        waves[1:] *= 2
-        return np.concatenate([waves.real, waves.imag])
+    @classmethod
+    def through(cls, values: Array, period: float) -> "FourierSeries":
+        """The interpolant of values (N, ...) at `fourier_nodes(N, T)`."""
+        return cls(real_fourier_coefficients(values), period)
 
-    def __call__(self, t: ArrayLike, derivative: int = 0) -> Array:
-        """The function, or its derivative by time of the given order, at one time (...) or at times (M,): (M, ...)."""
-        return at_times(lambda times: self._evaluate(times, derivative), t)
+    @property
+    def harmonics(self) -> int:
+        """The highest harmonic H."""
+        return len(self.coefficients) // 2
 
-    def _evaluate(self, t: Array, derivative: int) -> Array:
-        rates = 2j * np.pi / self.period * np.arange(len(self.values) // 2 + 1)
-        waves = np.exp(t[:, None] * rates) * rates**derivative
-        flat = np.concatenate([waves.real, -waves.imag], axis=1) @ self._coefficients
-        return flat.reshape(len(t), *self.values.shape[1:])
+    @property
+    def edges(self) -> Array:
+        """One panel: the period."""
+        return np.array([0.0, self.period])
+
+    @property
+    def values(self) -> Array:
+        """The function at its 2 H + 1 equally spaced times."""
+        return np.asarray(self(fourier_nodes(len(self.coefficients), self.period)))
 
     @property
     def tail(self) -> float:
         """The size of the two highest harmonics against the largest value: what the series would miss with fewer points."""
-        highest = np.abs(self._coefficients.reshape(2, len(self.values) // 2 + 1, -1)[:, -2:])
-        return float(highest.max() / max(np.abs(self.values).max(), np.finfo(float).tiny))
+        _, cosine, sine = np.split(self.coefficients, [1, self.harmonics + 1])
+        highest = max(np.abs(cosine[-2:]).max(initial=0.0), np.abs(sine[-2:]).max(initial=0.0))
+        return float(highest / max(np.abs(self.values).max(), np.finfo(float).tiny))
 
+    def __call__(self, t: ArrayLike, derivative: int = 0) -> Array:
+        """The function, or its derivative by time of the given order, at one time (...) or at times (N,): (N, ...)."""
+        series = self
+        for _ in range(derivative):
+            series = series.derivative()
+        return at_times(series._evaluate, t)
 
-def differentiation(points: int, period: float) -> Array:
-    """Return the matrix that takes values at N equally spaced times to the derivatives there, N odd.
+    def _evaluate(self, t: Array) -> Array:
+        flat = self.coefficients.reshape(len(self.coefficients), -1)
+        values = fourier_basis(t / self.period, self.harmonics)[:, 1:] @ flat[1:]
+        values += flat[0]  # last: many small waves added to a large mean would round once each
+        return values.reshape(len(values), *self.coefficients.shape[1:])
 
-    D_jk = (pi / T) (-1)^(j - k) / sin(pi (j - k) / N), 0 on the diagonal.
-    Source: Trefethen, Spectral Methods in MATLAB (2000), ch. 3.
-    """
-    gaps = np.subtract.outer(np.arange(points), np.arange(points))
-    off = gaps != 0
-    D = np.zeros((points, points))
-    D[off] = np.pi / period * (-1.0) ** gaps[off] / np.sin(np.pi * gaps[off] / points)
-    return D
+    def derivative(self) -> "FourierSeries":
+        """The derivative by time."""
+        H = self.harmonics
+        rate = (2 * np.pi / self.period * np.arange(1, H + 1)).reshape(-1, *[1] * (self.coefficients.ndim - 1))
+        mean, cosine, sine = np.split(self.coefficients, [1, H + 1])
+        return FourierSeries(np.concatenate([np.zeros_like(mean), rate * sine, -rate * cosine]), self.period)
+
+    def mean(self) -> Array:
+        """The integral over the period, divided by the period."""
+        return self.coefficients[0].copy()

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +20,9 @@ from flexlin.periodic.coefficients import (
     as_matrix_function,
     check_samples,
 )
+from flexlin.periodic.resolved.companion import ResolvedCompanion
+from flexlin.periodic.resolved.matrix import ResolvedMatrix
+from flexlin.periodic.resolved.resolve import resolve
 
 
 @dataclass(frozen=True)
@@ -34,6 +38,10 @@ class SecondOrder:
     def sample(self, t: Array) -> tuple[Array, Array, Array]:
         """M, D, K at the times t, in one call where the maker gave `together`."""
         return (self.M(t), self.D(t), self.K(t)) if self.together is None else self.together(t)
+
+    def stacked(self, t: Array) -> Array:
+        """[M D K] at the times t, (N, n, 3 n)."""
+        return np.concatenate(self.sample(t), axis=2)
 
     def feedback(self, gain: MatrixFunction) -> "SecondOrder":
         """The equations with u = -gain(t) [y; y']."""
@@ -52,7 +60,8 @@ class PeriodicSystem:
     Assumes that A and B are smooth between the `breaks`; at a break they may jump.
 
     Parameters: A: function (N,) -> (N, n, n), or a constant (n, n); period T in s; B: function (N,) -> (N, n, m), a constant, or None;
-    breaks: times in [0, T) at which A or B jumps or loses smoothness.
+    breaks: times in [0, T) at which A or B jumps or loses smoothness; features: pairs (time, width) in s about which they change fast;
+    complete: whether breaks and features name everything narrower than T / 200, so that A is sampled less often.
     Holds n, the number of states, and m, the number of inputs. It pickles when its functions do.
     Raises: ArgumentError when shapes, period or breaks do not fit, or values are not finite.
     """
@@ -62,6 +71,8 @@ class PeriodicSystem:
     B: MatrixFunction | None = None
     breaks: tuple[float, ...] = ()
     second_order: SecondOrder | None = None
+    features: tuple[tuple[float, float], ...] = ()
+    complete: bool = False
     n: int = field(init=False)
     m: int = field(init=False)
 
@@ -72,6 +83,8 @@ class PeriodicSystem:
         B: MatrixFunction | ArrayLike | None = None,
         breaks: Sequence[float] = (),
         second_order: SecondOrder | None = None,
+        features: Sequence[tuple[float, float]] = (),
+        complete: bool = False,
     ):
         period = positive("period", period)
         inside = real_array("breaks", breaks, (None,))
@@ -92,9 +105,21 @@ class PeriodicSystem:
             if rows != n:
                 raise ArgumentError("B has the wrong number of rows", got=rows, expected=str(n))
         corners = tuple(np.unique(inside).tolist())
+        narrow = tuple((float(time), float(width)) for time, width in features)
         checked = {"A": A, "period": period, "B": B, "breaks": corners, "second_order": second_order, "n": n, "m": m}
+        checked |= {"features": narrow, "complete": complete}
         for name, value in checked.items():
             object.__setattr__(self, name, value)
+
+    @cached_property
+    def resolved(self) -> ResolvedMatrix | ResolvedCompanion:
+        """A(t) as series that agree with it everywhere; it is sampled for them once, and all integration reads them.
+
+        Raises: NotPeriodic, UnresolvedCoefficient, ArgumentError as `resolve`.
+        """
+        source = self.A if self.second_order is None else self.second_order.stacked
+        found = resolve(source, self.period, self.breaks, self.features, complete=self.complete)
+        return found if self.second_order is None else ResolvedCompanion(found)
 
     @classmethod
     def from_second_order(
@@ -106,6 +131,8 @@ class PeriodicSystem:
         B: MatrixFunction | ArrayLike | None = None,
         breaks: Sequence[float] = (),
         together: SecondOrderFunction | None = None,
+        features: Sequence[tuple[float, float]] = (),
+        complete: bool = False,
     ) -> "PeriodicSystem":
         """Build the first-order system of M y'' + D y' + K y = B u with x = [y; y'].
 
@@ -126,10 +153,11 @@ class PeriodicSystem:
 
         A = StateMatrix(second_order.sample)
         if B is None:
-            return cls(A, period, None, breaks, second_order)
+            return cls(A, period, None, breaks, second_order, features, complete)
         force = as_matrix_function("B", B)
         check_samples("B", force, period)
-        return cls(A, period, InputMatrix(M, force), breaks, replace(second_order, force=force))
+        force_system = replace(second_order, force=force)
+        return cls(A, period, InputMatrix(M, force), breaks, force_system, features, complete)
 
     def feedback(self, gain: MatrixFunction | ArrayLike, breaks: Sequence[float] = ()) -> "PeriodicSystem":
         """Close the loop u = -K(t) x: the system x' = (A - B K) x + B u.
@@ -144,4 +172,5 @@ class PeriodicSystem:
             raise ArgumentError("the gain does not fit the system", got=got, expected=f"({self.m}, {self.n})")
         second_order = None if self.second_order is None else self.second_order.feedback(K)
         corners = (*self.breaks, *breaks)
-        return PeriodicSystem(ClosedLoop(self.A, self.B, K), self.period, self.B, corners, second_order)
+        loop = ClosedLoop(self.A, self.B, K)
+        return PeriodicSystem(loop, self.period, self.B, corners, second_order, self.features, self.complete)

@@ -20,7 +20,8 @@ from flexlin.periodic.product.balancing import multiply_scaled
 from flexlin.periodic.quadratic.riccati import periodic_riccati
 from flexlin.periodic.response.forced import forced_response
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.setting import Setting, choose_setting, factor_period
+from flexlin.periodic.transition.choice import choose_setting
+from flexlin.periodic.transition.setting import Setting, factor_period
 from flexlin.scene.parameters import replace_value
 from flexlin.scene.scene import Scene
 from flexlin.series import taylor
@@ -52,7 +53,7 @@ def coefficients(closed: Linearization) -> list[Row]:
 
 def from_samples(system: PeriodicSystem, at: Array, t: Array) -> Array:
     """A at the times t by the Fourier series through its samples at equidistant times."""
-    return FourierSeries(system.A(at), system.period)(t)
+    return FourierSeries.through(system.A(at), system.period)(t)
 
 
 def transition(system: PeriodicSystem, setting: Setting) -> Array:

@@ -13,7 +13,8 @@ from flexlin.errors import ArgumentError, FlexlinError
 from flexlin.mechanics import build_manipulator
 from flexlin.motion import SymbolicMotion
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.transition.setting import Setting, measure_rates
+from flexlin.periodic.transition.choice import measure_pace
+from flexlin.periodic.transition.setting import Setting
 from flexlin.scene.scene import Scene
 
 
@@ -35,7 +36,7 @@ def cost(scene: Scene, *, peers: bool = True) -> CostResult:
     if not closed.motion.periodic:
         raise ArgumentError("a one-way motion has no period, so there is nothing to measure", got=scene.motion.kind)
     system = closed.periodic_system()
-    count = int(np.clip(np.ceil(2 * measure_rates(system)[0] * closed.period), 128, 2048))
+    count = int(np.clip(np.ceil(2 * measure_pace(system).rate.max() * closed.period), 128, 2048))
     exact, check = (own.transition(system, Setting("gauss", order, count, "")) for order in (24, 20))
     stages: dict[str, Callable[[], list[Row]]] = {
         "coefficients": lambda: own.coefficients(closed),

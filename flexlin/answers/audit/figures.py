@@ -10,7 +10,7 @@ from flexlin.checks import Array
 from flexlin.errors import FlexlinError
 from flexlin.mechanics import build_manipulator
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.fourier import differentiation
+from flexlin.periodic.fourier import fourier_differentiation
 from flexlin.scene.scene import Scene
 from flexlin.simulation import tip_positions
 
@@ -97,7 +97,7 @@ def _tip_distance(lin: Linearization, harmonics: int) -> float:
     """Solve M y'' + D y' + K y = h on 2 harmonics + 1 times by Fourier collocation: fast modes that nothing excites do not matter."""
     count, n = 2 * harmonics + 1, lin.n
     t = lin.period * np.arange(count) / count
-    c, slope = lin.sample(t), differentiation(count, lin.period)
+    c, slope = lin.sample(t), fourier_differentiation(count, lin.period)
     operator = np.einsum("tab,ts->tasb", c.M, slope @ slope) + np.einsum("tab,ts->tasb", c.D, slope)
     operator[np.arange(count), :, np.arange(count), :] += c.K
     try:

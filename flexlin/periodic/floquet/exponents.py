@@ -1,20 +1,24 @@
 """Floquet exponents of a periodic system, with their own error and a verdict that admits doubt."""
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
-from flexlin.checks import instance, positive, whole
-from flexlin.periodic.circle import wrap_log
+from flexlin.checks import Array, instance, positive, whole
+from flexlin.periodic.circle import measure_distances, pair_conjugates, wrap_log
+from flexlin.periodic.decoupling.decoupled import Refusal
+from flexlin.periodic.floquet.constant import solve_constant
+from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_decoupled
 from flexlin.periodic.floquet.hamiltonian import is_hamiltonian, pair_hamiltonian
 from flexlin.periodic.floquet.hill import hill_spectrum
-from flexlin.periodic.floquet.liouville import measure_liouville_defect
-from flexlin.periodic.floquet.mass_rounding import measure_mass_rounding
-from flexlin.periodic.floquet.pilot import PILOT, try_magnus
-from flexlin.periodic.floquet.refinement import Level, compute_levels, estimate_errors, refine_spectrum
 from flexlin.periodic.floquet.result import FloquetResult, judge
+from flexlin.periodic.floquet.segmented import solve_by_segments
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.setting import MAX_SEGMENTS, Setting, choose_setting, report_too_many
+from flexlin.periodic.transition.choice import choose_setting, estimate_segment_work, fall_back
+from flexlin.periodic.transition.setting import MAX_SEGMENTS, Setting, report_too_many
 
-FACTOR_BYTES = 2**29
+PATIENCE = 3e6
+"""Microseconds of collocation that are spent where decoupling has answered, but not to the wanted accuracy."""
+FACTOR_BYTES = 2**27
 """The transition matrices of a period take at most this many bytes."""
 
 
@@ -42,27 +46,72 @@ def floquet(
     instance("system", system, PeriodicSystem, "make one: fl.PeriodicSystem(A, period), or lin.periodic_system()")
     tol = positive("tol", tol)
     order, segments = (None if v is None else whole(k, v) for k, v in (("order", order), ("segments", segments)))
+    limit = min(whole("max_segments", max_segments), FACTOR_BYTES // (8 * system.n**2))
     if method == "hill":
         return solve_by_hill(system, tol, order)
-    max_segments = min(whole("max_segments", max_segments), FACTOR_BYTES // (8 * system.n**2))
-    setting = choose_setting(system, tol, method, order, segments)
-    levels: list[Level] = []
-    if method == "auto" and segments is None and setting.segments > PILOT:
-        setting, levels = try_magnus(system, setting, tol, max_segments)
-    if setting.segments > max_segments:
-        raise report_too_many(setting.segments, max_segments, tol)
-    levels = levels or compute_levels(system, setting)
-    if segments is None:
-        levels = refine_spectrum(system, setting, levels, tol, max_segments)
-    fine, setting = levels[-1], setting.with_segments(levels[-1].segments)
-    errors = estimate_errors(levels[-3:], setting) + measure_mass_rounding(system, setting, fine.logs)
-    if np.isfinite(errors).all():
-        errors *= max(1.0, measure_liouville_defect(system, setting, fine.logs, errors) / errors.sum())
-    logs, undamped = fine.logs, abs(fine.logs.real.sum()) <= errors.sum() and is_hamiltonian(system)
+    if method == "auto" and system.resolved.constant:
+        exponents, errors = solve_constant(system)
+        folded = wrap_log(exponents * system.period) / system.period
+        return finish(system, folded, errors, Setting("eigenvalues", 0, 1, "A is constant"), tol)
+    if segments is not None:
+        return judge_fixed(system, choose_setting(system, tol, method, order, segments), tol)
+    setting = choose_setting(system, tol, method, order, None)
+    if method == "auto":
+        answer = try_decoupling(system, setting, tol, limit)
+        if answer is not None:
+            return finish(system, *answer, tol)
+        if setting.segments > limit:
+            setting = fall_back(system, tol)
+    if setting.segments > limit:
+        raise report_too_many(setting.segments, limit, tol)
+    found = solve_by_segments(system, setting, tol, limit)
+    return finish(system, found.logs / system.period, found.errors / system.period, found.setting, tol)
+
+
+def try_decoupling(
+    system: PeriodicSystem, setting: Setting, tol: float, limit: int
+) -> tuple[Array, Array, Setting] | None:
+    """Exponents by decoupling, where that promises less work than segments and keeps what it promises."""
+    panels = len(system.resolved.breaks) + 1
+    by_segments = estimate_segment_work(system, setting)
+    if estimate_decoupling_work(system.n, panels) > by_segments:
+        return None
+    found = solve_decoupled(system, tol)
+    if isinstance(found, Refusal):
+        return None
+    exponents, errors = found
+    reached = np.all((errors <= tol * np.maximum(1.0, np.abs(exponents))) | np.isinf(errors))
+    if not reached and setting.segments <= limit and by_segments < PATIENCE:
+        return None
+    reason = f"eigenvalues of A(t) up to {setting.rate:.3g} 1/s beside a motion of {2 * np.pi / system.period:.3g} 1/s"
+    return exponents, errors, Setting("decoupling", 0, 1, reason, setting.rate)
+
+
+def finish(system: PeriodicSystem, exponents: Array, errors: Array, setting: Setting, tol: float) -> FloquetResult:
+    """Pair conjugate exponents, and those of an undamped system, exactly, and give the verdict."""
+    logs, uncertain = pair_conjugates(exponents * system.period, errors * system.period)
+    order = np.lexsort((-logs.imag, -logs.real))
+    exponents, errors = logs[order] / system.period, uncertain[order] / system.period
+    undamped = abs(exponents.real.sum()) <= errors.sum() and is_hamiltonian(system)
     if undamped:
-        logs, violation = pair_hamiltonian(logs)
-        errors = np.maximum(errors, violation)
-    return judge(logs / system.period, errors / system.period, system.period, setting, tol, undamped)
+        logs, violation = pair_hamiltonian(exponents * system.period)
+        exponents, errors = logs / system.period, np.maximum(errors, violation / system.period)
+    return judge(exponents, errors, system.period, setting, tol, undamped)
+
+
+def judge_fixed(system: PeriodicSystem, setting: Setting, tol: float) -> FloquetResult:
+    """The exponents at a setting fixed by the user; their errors by the exponents at a setting that the engine chose."""
+    fixed = solve_by_segments(system, setting, tol, setting.segments, fixed=True)
+    best = floquet(system, tol)
+    apart = measure_distances(fixed.logs, best.log_multipliers) / system.period
+    partner = match_all(apart)
+    errors = apart[np.arange(system.n), partner] + best.errors[partner] + fixed.rounding / system.period
+    return judge(fixed.logs / system.period, errors, system.period, setting, tol)
+
+
+def match_all(apart: Array) -> Array:
+    """The assignment (n,) of rows to columns whose largest distance counts most."""
+    return np.asarray(linear_sum_assignment(apart)[1])
 
 
 def solve_by_hill(system: PeriodicSystem, tol: float, harmonics: int | None) -> FloquetResult:

@@ -7,17 +7,20 @@ from flexlin.errors import ToleranceNotReached
 from flexlin.periodic.circle import count_turns, match_logs, measure_distances, wrap_log
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.grid import place_edges
-from flexlin.periodic.product.eigenvalues import product_spectrum
+from flexlin.periodic.product.eigenvalues import product_logs
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.gauss import gauss, place_nodes, sample_at
-from flexlin.periodic.transition.setting import Setting, factor_period
+from flexlin.periodic.transition.choice import choose_setting
+from flexlin.periodic.transition.gauss import gauss_transitions
+from flexlin.periodic.transition.setting import place_segments
 
 FIRST_STEP, LEAST_STEP = 1 / 8, 2.0**-14
 STRIDE = 0.5
 """A step is halved when an exponent moves by more than this part of the distance to its nearest neighbour (plus LOCKED)."""
 LOCKED = 0.02
 """Exponents this close (as logs of multipliers) have met: they may move together or apart without a halved step."""
+
+TRACKED = 1e-6
+"""Accuracy of the exponents on the way."""
 
 
 def track_frequencies(
@@ -38,14 +41,14 @@ def track_frequencies(
     """
     result = result or floquet(system, tol)
     T = system.period
-    mean = average_matrix(system)
+    mean = system.resolved.mean()
     resolved = int(np.isfinite(result.errors).sum())
     start = np.linalg.eigvals(mean).astype(complex)
     start = start[np.argsort(-start.real, kind="stable")][:resolved]
     track, logs, e, step = start * T, start * T, 0.0, FIRST_STEP
     while e < 1:
         step = min(step, 1 - e)
-        target = solve_between(system, mean, e + step, result)[:resolved]
+        target = solve_between(system, e + step, result)[:resolved]
         partner, moved = match_logs(logs, target)
         if np.all(moved <= STRIDE * measure_isolation(logs) + LOCKED):
             turn = target[partner] - logs
@@ -65,24 +68,16 @@ def track_frequencies(
     return np.append(frequencies, hidden), np.append(start[order], hidden)
 
 
-def average_matrix(system: PeriodicSystem) -> Array:
-    """The mean of A over a period by Gauss quadrature between the breaks."""
-    grid, rule = place_edges(system.period, system.breaks, 8), gauss(16)
-    weights = np.diff(grid)[:, None] / system.period * rule.b
-    return np.einsum("ks,ksij->ij", weights, sample_at(system.A, place_nodes(grid, rule.c)))
-
-
-def solve_between(system: PeriodicSystem, mean: Array, e: float, result: FloquetResult) -> Array:
+def solve_between(system: PeriodicSystem, e: float, result: FloquetResult) -> Array:
     """Logs of the multipliers of the system between its average (e = 0) and itself (e = 1)."""
     if e == 1:
         return result.log_multipliers
-    between = PeriodicSystem(lambda t: (1 - e) * mean + e * system.A(t), system.period, breaks=system.breaks)
-    setting = (
-        result.setting
-        if result.setting.method != "hill"
-        else Setting("gauss", 12, 4 * result.setting.order, "tracking")
+    A, mean = system.resolved, system.resolved.mean()
+    setting = choose_setting(system, TRACKED, "gauss", None, None)
+    between = gauss_transitions(
+        lambda t: (1 - e) * mean + e * A(t), place_segments(system, setting), setting.order // 2
     )
-    return product_spectrum(factor_period(between, setting)[1], probes=0).logs
+    return product_logs(between)
 
 
 def measure_isolation(logs: Array) -> Array:

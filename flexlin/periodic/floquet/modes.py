@@ -8,15 +8,19 @@ from flexlin.checks import Array
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.grid import place_edges
 from flexlin.periodic.product.balancing import balance_factors
 from flexlin.periodic.product.cyclic import cyclic_system
 from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.transition.choice import choose_setting
 from flexlin.periodic.transition.gauss import gauss
-from flexlin.periodic.transition.setting import METHODS
+from flexlin.periodic.transition.setting import METHODS, place_segments
 
 CHUNK_BYTES = 2**25
 """Shifted factors of the modes that are solved together take at most this many bytes (one mode at the least)."""
+MODES_TOL = 1e-9
+"""Accuracy of the transition matrices where the exponents came without any."""
+MODES_SEGMENTS = 4000
+"""Beyond these an L-stable method takes over, which only knows the modes that it resolves."""
 CLUSTER, NULL = 1e-7, 1e-5
 """Logs of multipliers closer than CLUSTER share their null space; a singular value below NULL belongs to it."""
 
@@ -87,15 +91,17 @@ def floquet_modes(system: PeriodicSystem, result: FloquetResult | None = None, t
 def factor_at_nodes(system: PeriodicSystem, result: FloquetResult) -> tuple[Array, Array, Array]:
     """Times (N + 1,) of Gauss nodes and panel edges, weights (N,) of the mean, and the transition matrices between the times."""
     setting = result.setting
-    method = "gauss" if setting.method == "hill" else setting.method
-    panels, nodes = (setting.order, 6) if method != setting.method else (setting.segments, max(4, setting.order // 2))
-    rule = gauss(nodes)
-    grid = place_edges(system.period, system.breaks, panels)
+    if setting.method not in METHODS:
+        setting = choose_setting(system, MODES_TOL, "auto", None, None)
+    if setting.segments > MODES_SEGMENTS:
+        setting = choose_setting(system, MODES_TOL, "radau", None, None)
+    grid = place_segments(system, setting)
+    rule = gauss(max(4, setting.order // 2))
     h = np.diff(grid)[:, None]
     times = np.append((grid[:-1, None] + h * np.append(0.0, rule.c)).ravel(), system.period)
     weights = (h / system.period * np.append(0.0, rule.b)).ravel()
-    order = setting.order if method == "magnus" else 2 * max(4, nodes // 2)
-    return times, weights, METHODS[method](system, times, order)
+    order = setting.order if setting.method == "magnus" else 2 * max(4, len(rule.c) // 2)
+    return times, weights, METHODS[setting.method](system, times, order)
 
 
 def find_coinciding(logs: Array) -> Array:

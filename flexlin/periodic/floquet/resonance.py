@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.floquet.frequencies import average_matrix
 from flexlin.periodic.floquet.modes import FloquetModes
 from flexlin.periodic.system import PeriodicSystem
 
@@ -50,7 +49,7 @@ def find_resonances(system: PeriodicSystem, modes: FloquetModes) -> list[Resonan
 
     Source: Nayfeh, Mook, Nonlinear Oscillations (1979), ch. 5; Xie, Dynamic Stability of Structures (2006).
     """
-    values, vectors = np.linalg.eig(average_matrix(system))
+    values, vectors = np.linalg.eig(system.resolved.mean())
     found = []
     for i, exponent in enumerate(modes.exponents):
         if exponent.real > modes.errors[i] and exponent.imag >= 0:

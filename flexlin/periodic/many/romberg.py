@@ -18,7 +18,7 @@ ORDER = 4
 LEVELS = 3
 BLOCK = 2048
 """Matrices in one batched exponential: its temporaries then stay in the processor's cache."""
-SAFETY, NOISE = 4.0, 40.0
+SAFETY, NOISE = 32.0, 40.0
 """Factor on the last differences of Romberg's table, and roundings in the log of a multiplier."""
 
 Coefficients = Callable[[Array], tuple[Array, Array]]

@@ -18,17 +18,23 @@ def balance_factors(factors: Array) -> tuple[Array, Array]:
     return factors * (scale / scale[:, None]), scale
 
 
-def group_factors(factors: Array) -> Array:
-    """Multiply neighbours, F_(k+1) F_k, while every product's condition number stays below GROUP_CONDITION.
+def count_groupings(factors: Array, limit: float = GROUP_CONDITION) -> tuple[Array, int]:
+    """Multiply neighbours, F_(k+1) F_k, again and again while every product's condition number stays below a limit.
 
-    Parameters: factors (K, n, n), the first acts first. Returns: (K', n, n) with the same product, K' <= K.
+    Parameters: factors (K, n, n), the first acts first. Returns: (K', n, n) with the same product, and how often pairs were made.
     """
+    rounds = 0
     while len(factors) > 1:
         pairs = multiply_pairs(factors)
-        if not measure_condition(pairs) <= GROUP_CONDITION:
+        if not measure_condition(pairs) <= limit:
             break
-        factors = pairs
-    return factors
+        factors, rounds = pairs, rounds + 1
+    return factors, rounds
+
+
+def group_factors(factors: Array) -> Array:
+    """The factors multiplied together while that costs the weakest mode no more than log10 GROUP_CONDITION digits."""
+    return count_groupings(factors)[0]
 
 
 def multiply_pairs(factors: Array) -> Array:

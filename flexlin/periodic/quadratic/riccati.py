@@ -88,7 +88,8 @@ def periodic_riccati(
     Raises: ArgumentError on weights; NotStabilizable, NotDetectable, IllPosedSegment, ToleranceNotReached.
     Source: Anderson, Int. J. Control 28 (1978) 295 (doubling); Redheffer, J. Math. Phys. 39 (1960) 269 (star product).
     """
-    return solve_by_plans(linear_quadratic(system, Q, R, N), system.period, system.breaks, None, positive("tol", tol))
+    problem = replace(linear_quadratic(system, Q, R, N), A=system.resolved)
+    return solve_by_plans(problem, system.period, system.resolved.breaks, None, positive("tol", tol))
 
 
 def finite_horizon_riccati(
@@ -120,7 +121,9 @@ def periodic_lyapunov(system: PeriodicSystem, Q: MatrixFunction | ArrayLike, tol
     Returns: X(t) with its error; its K(t) is zero.
     Raises: ArgumentError; NotStabilizable, naming the mode, when the system is not stable; ToleranceNotReached.
     """
-    idle = PeriodicSystem(system.A, system.period, np.zeros((system.n, 1)), system.breaks)
+    idle = PeriodicSystem(
+        system.A, system.period, np.zeros((system.n, 1)), system.breaks, None, system.features, system.complete
+    )
     return periodic_riccati(idle, Q, np.eye(1), tol=tol)
 
 

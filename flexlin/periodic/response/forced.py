@@ -10,10 +10,13 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array, at_times, instance, positive, real_array, whole
 from flexlin.errors import ArgumentError, ResonantForcing
 from flexlin.periodic.coefficients import Constant
+from flexlin.periodic.floquet.uncertainty import couple_uncertainty
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.product.cyclic import cyclic_system
-from flexlin.periodic.product.eigenvalues import product_spectrum
+from flexlin.periodic.product.eigenvalues import product_logs
+from flexlin.periodic.product.perturbation import COHERENT
 from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.transition.choice import choose_setting
 from flexlin.periodic.transition.gauss import (
     CHUNK_BYTES,
     Tableau,
@@ -24,7 +27,7 @@ from flexlin.periodic.transition.gauss import (
     weigh_stages,
 )
 from flexlin.periodic.transition.radau import radau
-from flexlin.periodic.transition.setting import MAX_SEGMENTS, choose_setting, report_too_many
+from flexlin.periodic.transition.setting import MAX_SEGMENTS, report_too_many
 
 VectorFunction = Callable[[Array], Array]
 ROUNDINGS, RESONANT = 4.0, 100.0
@@ -93,7 +96,7 @@ def forced_response(
     instance("system", system, PeriodicSystem)
     whole("max_segments", max_segments)
     force = as_vector_function(f, system)
-    corners = PeriodicSystem(system.A, system.period, breaks=(*system.breaks, *breaks)).breaks
+    corners = tuple(np.union1d(system.resolved.breaks, real_array("breaks", breaks, (None,))).tolist())
     setting = choose_setting(system, positive("tol", tol), "gauss", None, None)
     stages, count, previous = max(6, setting.order // 2), setting.segments, None
     rule = gauss(stages)
@@ -114,11 +117,25 @@ def forced_response(
         if 2 * count > max_segments:
             raise report_too_many(2 * count, max_segments, tol)
         count *= 2
+    apart += unknown_response(system, solution, corners, max(1, count // 2), rule)
     family = "Radau" if rule.c[-1] == 1 else "Gauss"
     status = f"periodic response to {apart:.1e} on {count} segments of {stages} {family} stages; amplification {1 / sigma:.1e}"
     if apart > tol * scale:
         status += f"; tol {tol:.0e} was not reached: near resonance the error above is what rounding allows"
     return ForcedResponse(solution, system.period, apart, 1 / sigma, count, status)
+
+
+def unknown_response(
+    system: PeriodicSystem, solution: PiecewiseSolution, corners: tuple[float, ...], count: int, rule: Tableau
+) -> float:
+    """How far the response moves by what the coefficients are not known by: the response to |dA| |x|, all of one sign."""
+
+    def force(t: Array) -> Array:
+        eye = np.broadcast_to(np.eye(system.n), (len(t), system.n, system.n))
+        return couple_uncertainty(system, t, eye, solution(t)[:, :, None])[:, :, 0]
+
+    moved = solve_periodic(system, force, place_edges(system.period, corners, count), rule)[0]
+    return COHERENT * float(np.abs(moved.start).max())
 
 
 def as_vector_function(f: VectorFunction | Sequence[float], system: PeriodicSystem) -> VectorFunction:
@@ -140,7 +157,7 @@ def solve_periodic(
     h = np.diff(grid)
     t = np.minimum(place_nodes(grid, rule.c), np.nextafter(grid[1:], -np.inf)[:, None])
     force = real_array("f", sample_at(f, t))[..., None]
-    A = sample_at(system.A, t)
+    A = sample_at(system.resolved, t)
     hA = A * h[:, None, None, None]
     hf = force * h[:, None, None, None]
     n = A.shape[-1]
@@ -195,7 +212,7 @@ def measure_difference(fine: PiecewiseSolution, coarse: PiecewiseSolution) -> fl
 
 def report_resonance(Phi: Array, sigma: float) -> ResonantForcing:
     """Name the multiplier nearest to 1."""
-    logs = product_spectrum(Phi).logs
+    logs = product_logs(Phi)
     nearest = logs[np.argmin(np.abs(logs))]
     return ResonantForcing(
         "1 is (nearly) a Floquet multiplier, so the periodic response is not bounded or not unique",

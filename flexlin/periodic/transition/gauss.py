@@ -9,8 +9,7 @@ from numpy.polynomial.legendre import leggauss, legvander
 
 from flexlin.checks import Array
 from flexlin.errors import SingularMassMatrix
-from flexlin.periodic.coefficients import check_finite
-from flexlin.periodic.system import MatrixFunction, SecondOrder
+from flexlin.periodic.coefficients import MatrixFunction, SecondOrderFunction, check_finite
 
 CHUNK_BYTES = 2**25
 """The stage matrices of one batched solve take at most this many bytes (one segment at the least)."""
@@ -65,14 +64,14 @@ def gauss_transitions(A: MatrixFunction, edges: Array, stages: int) -> Array:
     return collect_chunks(lambda t, k: collocate(sample_at(A, t), h[k], rule), edges, rule)
 
 
-def second_order_transitions(second: SecondOrder, edges: Array, stages: int) -> Array:
+def second_order_transitions(second: SecondOrderFunction, edges: Array, stages: int) -> Array:
     """Transition matrices of M y'' + D y' + K y = 0 for x = [y; y'], collocated in the accelerations.
 
         M_i w_i + D_i v_i + K_i y_i = 0,   v_i = v_0 + h sum_j a_ij w_j,   y_i = y_0 + h c_i v_0 + h^2 sum_j (a^2)_ij w_j
 
     The linear systems have s n unknowns for n coordinates, half of those in x, and M is never inverted.
 
-    Parameters: second: M, D, K as functions (N,) -> (N, n, n); edges: increasing times (K + 1,); stages >= 1.
+    Parameters: second: times (N,) -> M, D, K, each (N, n, n); edges: increasing times (K + 1,); stages >= 1.
     Returns: Phi (K, 2n, 2n).
     Source: Hairer, Norsett, Wanner, Solving ODEs I, II.14 (Nystrom methods from collocation).
     """
@@ -80,7 +79,7 @@ def second_order_transitions(second: SecondOrder, edges: Array, stages: int) -> 
     h = np.diff(edges)
 
     def part(t: Array, k: slice) -> Array:
-        M, D, K = (fold_samples(values, t) for values in second.sample(t.ravel()))
+        M, D, K = (fold_samples(values, t) for values in second(t.ravel()))
         return collocate_accelerations(M, D, K, h[k], rule)
 
     return collect_chunks(part, edges, rule)
@@ -142,8 +141,8 @@ def solve_stages(hA: Array, rule: Tableau, right: Array) -> Array:
 
 def collocate_accelerations(M: Array, D: Array, K: Array, h: Array, rule: Tableau) -> Array:
     """Transition matrices (..., 2n, 2n) from stage samples M, D, K (..., s, n, n) and lengths h (...)."""
-    s, n = M.shape[-3:-1]
-    lead = M.shape[:-3]
+    s, n = K.shape[-3:-1]
+    lead = K.shape[:-3]
     h = h[..., None, None, None]
     # unknowns coordinate by coordinate, stage by stage inside: NumPy's inner loops then run over the stages
     hD, hhK = (np.moveaxis(A, -3, -2)[..., None] for A in (h * D, h * h * K))

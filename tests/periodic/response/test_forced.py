@@ -37,7 +37,7 @@ def test_manufactured_solution_of_a_stiff_or_unstable_system(exponents, rng):
     response = fl.forced_response(fl.PeriodicSystem(A, 2 * np.pi), force, tol=1e-10)
     t = np.linspace(0, 2 * np.pi, 333)
     error = np.abs(response(t) - exact(t)).max()
-    assert error <= response.error <= 2e-10
+    assert error <= response.error <= 2e-10 + 1e-15 * np.abs(exponents).max()  # A itself is known to rounding only
 
 
 def test_square_wave_on_a_relaxation():

@@ -50,7 +50,7 @@ def test_second_order_path_agrees_with_first_order_path():
     system = PeriodicSystem.from_second_order(M, D, K, 2 * np.pi)
     grid = place_edges(system.period, (), 12)
     np.testing.assert_allclose(
-        second_order_transitions(system.second_order, grid, 9), gauss_transitions(system.A, grid, 11), atol=2e-12
+        second_order_transitions(system.second_order.sample, grid, 9), gauss_transitions(system.A, grid, 11), atol=2e-12
     )
 
 
@@ -73,7 +73,7 @@ def test_feedback_keeps_the_second_order():
     loop = system.feedback(np.array([[4.0, 0.0, 0.5, 1.0]]))
     grid = place_edges(1.0, (), 4)
     np.testing.assert_allclose(
-        second_order_transitions(loop.second_order, grid, 6), gauss_transitions(loop.A, grid, 6), atol=1e-13
+        second_order_transitions(loop.second_order.sample, grid, 6), gauss_transitions(loop.A, grid, 6), atol=1e-13
     )
 
 
@@ -81,4 +81,4 @@ def test_singular_mass_is_named():
     system = PeriodicSystem.from_second_order(np.eye(2), np.zeros((2, 2)), np.eye(2), 1.0)
     second = type(system.second_order)(lambda t: np.zeros((len(t), 2, 2)), *2 * [lambda t: np.zeros((len(t), 2, 2))])
     with pytest.raises(SingularMassMatrix, match="inertia"):
-        second_order_transitions(second, np.array([0, 1.0]), 2)
+        second_order_transitions(second.sample, np.array([0, 1.0]), 2)

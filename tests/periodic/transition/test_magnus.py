@@ -46,10 +46,10 @@ def stiff(t):
     return K
 
 
-def test_auto_takes_magnus_for_fast_modes():
+def test_fast_modes_are_decoupled():
     system = fl.PeriodicSystem.from_second_order(np.eye(2), 0.02 * np.eye(2), stiff, 2 * np.pi)
     result = fl.floquet(system, tol=1e-8)
-    assert result.setting.method == "magnus"
+    assert result.setting.method == "decoupling"
     np.testing.assert_allclose(result.exponents.real, -0.01, atol=1e-9)
     assert result.verdict == "stable"
     slow = fl.PeriodicSystem.from_second_order(np.eye(1), 0.02 * np.eye(1), lambda t: stiff(t)[:, :1, :1], 2 * np.pi)

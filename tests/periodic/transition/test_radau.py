@@ -44,7 +44,7 @@ def test_the_last_stage_stays_before_a_break():
 def test_radau_as_the_method_of_floquet():
     result = fl.floquet(fl.PeriodicSystem(colaneri, 2 * np.pi), method="radau", tol=1e-8)
     assert np.all(np.abs(result.exponents - [0, -24]) <= result.errors)
-    assert result.error < 1e-8
+    assert result.error < 24e-8
     fine = fl.floquet(fl.PeriodicSystem(colaneri, 2 * np.pi), method="radau", order=9, segments=256)
     np.testing.assert_allclose(fine.exponents, [0, -24], atol=1e-7)
     assert np.all(np.abs(fine.exponents - [0, -24]) <= fine.errors)

@@ -1,0 +1,1 @@
+"""Fast modes apart from slow ones: superadiabatic decoupling of periodic linear systems."""

@@ -1,0 +1,99 @@
+"""What the coupling that is left between groups of modes does to the exponents."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.periodic.decoupling.grouping import Group, block_mask
+from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, sylvester
+from flexlin.periodic.decoupling.waves import harmonics
+
+
+@dataclass(frozen=True)
+class Separation:
+    """How far the groups of each pair of modes stay apart (n, n): least gap of eigenvalues at the nodes, and on the straight lines
+    between them too; the gap's ratio to the least difference of real parts of one sign (inf: none); how much one may grow against
+    the other within the period. outside: not in one group."""
+
+    gap: Array
+    crossing: Array
+    oblique: Array
+    swing: Array
+    outside: Array
+
+
+def group_separation(B: Array, period: float, groups: tuple[Group, ...]) -> Separation:
+    """The separations of the groups from the eigenvalues of the diagonal blocks of B (N, n, n)."""
+    values = np.concatenate([np.linalg.eigvals(B[:, g.part, g.part]) for g in groups], axis=1)
+    starts, size = np.array([g.start for g in groups]), [g.size for g in groups]
+
+    def least(pairs: Array) -> Array:
+        small = np.minimum.reduceat(np.minimum.reduceat(pairs, starts, axis=0), starts, axis=1)
+        return np.repeat(np.repeat(small, size, axis=0), size, axis=1)
+
+    apart = values[:, :, None] - values[:, None, :]
+    gap = least(np.abs(apart).min(axis=0))
+    single = np.repeat(size, size) == 1
+    crossing = np.where(single[:, None] & single, nearest_on_chords(apart), gap)
+    above = least((values.real[:, :, None] - values.real[:, None, :]).min(axis=0))
+    damping = np.maximum(0, np.maximum(above, above.T))
+    mean = np.repeat(np.add.reduceat(values.real, starts, axis=1) / size, size, axis=1)
+    run = np.cumsum(mean - mean.mean(axis=0), axis=0) * period / len(B)
+    swing = np.ptp(run[:, :, None] - run[:, None, :], axis=0)
+    oblique = np.divide(gap, damping, out=np.full_like(gap, np.inf), where=damping > 0)
+    return Separation(gap, crossing, oblique, np.exp(np.minimum(swing, 600.0)), ~block_mask(groups))
+
+
+def nearest_on_chords(z: Array) -> Array:
+    """The least distance from zero of closed polygons with the corners z (N, ...): modes may cross between two nodes."""
+    step = np.roll(z, -1, axis=0) - z
+    length = np.maximum(np.abs(step) ** 2, np.finfo(float).tiny)
+    part = np.clip(-(z * step.conj()).real / length, 0, 1)
+    return np.abs(z + part * step).min(axis=0)
+
+
+def pair_effects(B: Array, S: Array, apart: Separation, rough: Array) -> Array:
+    """What the elimination of mode j does to mode i at most (n, n), in 1/s; rough (n, n): the part of B_ij that may meet a resonance."""
+    second = np.abs(B).max(axis=0) * np.abs(S).max(axis=0).T
+    return np.where(apart.outside, combined(second, np.sqrt(rough * rough.T), apart.oblique, apart.swing), 0)
+
+
+def combined(second: Array, first: Array, oblique: Array, swing: Array) -> Array:
+    """The lesser of two bounds: by damping, second-order and oblique; or second-order and a resonance of first order."""
+    with np.errstate(invalid="ignore"):
+        by_damping = np.where(second == 0, 0, second * oblique)
+    return np.minimum(by_damping, second / (1 - SLOW_PART) + first * swing)
+
+
+def residual_effect(B: Array, period: float, groups: tuple[Group, ...]) -> Array:
+    """Bound the generator that the coupling adds to each diagonal block when the other modes are eliminated, entry by entry (n, n).
+
+        d B_kl ~ sum over j outside of  R_kj S_jl,   S of the Sylvester equations
+
+    Where the real parts of two groups stay apart by r, elimination needs no smoothness and costs gap / r more. Elsewhere the
+    harmonics of R above SLOW_PART of the gap could meet the modes' beat in resonance: they enter at first order,
+    sqrt(|R_kj R_jl|), times what one mode may grow against the other within the period.
+
+    Source: Coppel, Dichotomies in Stability Theory (1978), for the first; Yakubovich, Starzhinskii (1975), IV, for the second.
+    """
+    apart = group_separation(B, period, groups)
+    S = sylvester(B, groups)
+    R = np.where(apart.outside, B, 0)
+    X, Z = np.abs(R).max(axis=0), np.abs(S).max(axis=0)
+    rough = np.abs(high_harmonics(R, period, apart.crossing)).max(axis=0)
+    total = np.zeros_like(X)
+    for g in groups:
+        second = np.einsum("kj,jl->kjl", X[g.part], Z[:, g.part])
+        first = np.sqrt(np.einsum("kj,jl->kjl", rough[g.part], rough[:, g.part]))
+        both = combined(second, first, apart.oblique[g.part, :, None], apart.swing[g.part, :, None])
+        total[g.part, g.part] = np.where(apart.outside[g.part, :, None], both, 0).sum(axis=1)
+    return total
+
+
+def high_harmonics(R: Array, period: float, gap: Array) -> Array:
+    """The part of the coupling whose frequencies lie above SLOW_PART of the gap."""
+    frequency = 2 * np.pi / period * np.abs(harmonics(len(R)))
+    spectrum = np.fft.fft(R, axis=0)
+    spectrum[frequency[:, None, None] < SLOW_PART * gap] = 0
+    return np.fft.ifft(spectrum, axis=0)

@@ -1,0 +1,182 @@
+"""Decouple the fast modes of a periodic linear system from the slow ones."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.periodic.decoupling.coupling import group_separation, high_harmonics, pair_effects, residual_effect
+from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
+from flexlin.periodic.decoupling.frames import periodic_frame
+from flexlin.periodic.decoupling.grouping import Group, Modes, follow_modes, grouped_modes
+from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, low_harmonics, mixing, rounds, sylvester
+from flexlin.periodic.decoupling.waves import aliasing, circle_derivative, interleaved, shifted, smooth, tail
+from flexlin.periodic.product.perturbation import COHERENT
+from flexlin.periodic.system import MatrixFunction
+
+Uncertainty = Callable[[Array, Array, Array], Array]
+FIRST_NODES, MAX_NODES = 64, 256
+ADIABATIC = 0.05
+"""Modes stay together where the basic frequency exceeds this part of the gap between their eigenvalues at some time."""
+MIXING = 0.1
+"""Modes that a first step would mix by more than this stay together."""
+LARGEST_SWING = 1e3
+"""Modes that may grow against each other by more than this are not put together for that reason: it would not help them."""
+SETTLED, WORST = 1e-3, 0.3
+"""While modes are still mixed by more than SETTLED, only those are put together that mix by at least the part WORST of the strongest."""
+MAX_ROUNDS, MAX_MERGES = 14, 12
+ROUGH = 1e-3
+"""Coefficients whose upper harmonics are larger than this part of the largest need more nodes."""
+EPS = float(np.finfo(float).eps)
+
+
+def decouple(
+    A: MatrixFunction,
+    period: float,
+    breaks: tuple[float, ...] = (),
+    tol: float = 1e-9,
+    uncertainty: Uncertainty | None = None,
+) -> Decoupled | Refusal:
+    """Split x' = A(t) x into groups of modes whose eigenvalues stay far apart along the period.
+
+        x = T(t) z,   z' = B(t) z,   B = T^-1 (A T - T') block diagonal
+
+    T starts from the invariant subspaces of A(t) and is improved in superadiabatic rounds, each of which shrinks the coupling by
+    the rate of change over the gap. The nodes are doubled until nodes half-way between agree. Assumes A smooth on the circle.
+
+    Parameters
+    ----------
+    A : function (N,) -> (N, n, n), in 1/s.
+    period : in s.
+    breaks : times at which A is not smooth; there `panel_exponents` serves.
+    tol : wanted error of an exponent, in 1/s up to |lambda| = 1/s and relative beyond.
+    uncertainty : times, left and right vectors -> bounds on the couplings by what A is not known by (N, n, n), in 1/s.
+
+    Returns
+    -------
+    Decoupled, or a Refusal with its reason: nothing stands apart, A is not resolved, or the coupling does not shrink.
+
+    References
+    ----------
+    Berry, Histories of adiabatic quantum transitions, Proc. R. Soc. A 429 (1990).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> def A(t):
+    ...     A = np.zeros((len(t), 2, 2))
+    ...     A[:, 0], A[:, 1, 0] = [-1.0, 1.0], np.cos(t)
+    ...     A[:, 1, 1] = -500 - 100 * np.sin(t)
+    ...     return A
+    >>> decoupled = decouple(A, 2 * np.pi)
+    >>> decoupled
+    Decoupled(n=2, groups=[1, 1], nodes=128, rounds=1)
+    """
+    if breaks:
+        return Refusal("the coefficients have breaks")
+    count = FIRST_NODES
+    samples = A(period / count * np.arange(count))
+    roughness = tail(samples)
+    while roughness > ROUGH:
+        if count == MAX_NODES:
+            return Refusal(f"the coefficients are not resolved by {count} nodes")
+        samples = interleaved(samples, A(period / count * (np.arange(count) + 0.5)))
+        count, before, roughness = 2 * count, roughness, tail(samples)
+        if roughness > 0.2 * before:
+            return Refusal(
+                "the coefficients' harmonics fall off too slowly: a break that is not named, or a narrow feature"
+            )
+    while True:
+        built = built_on(samples, period, tol)
+        if isinstance(built, Refusal):
+            return built
+        between = A(period / count * (np.arange(count) + 0.5))
+        found, settled = checked(built, samples, between, tol, uncertainty)
+        if settled or count == MAX_NODES:
+            return found
+        samples, count = interleaved(samples, between), 2 * count
+
+
+def built_on(samples: Array, period: float, tol: float) -> Decoupled | Refusal:
+    """Group, build the frame and make the rounds on one set of nodes, putting modes together that do not part."""
+    try:
+        modes = follow_modes(samples)
+    except np.linalg.LinAlgError:
+        return Refusal("the eigenvectors of A(t) depend on each other at some time")
+    apart = np.abs(modes.values[:, :, None] - modes.values[:, None, :]).min(axis=0)
+    together = apart < 2 * np.pi / period / ADIABATIC
+    for _ in range(MAX_MERGES):
+        columns, groups = grouped_modes(modes, together)
+        if len(groups) == 1:
+            return Refusal("no eigenvalues of A(t) stand apart from the others along the period")
+        found = tried(modes.taken(columns), groups, samples, period, tol)
+        if found is None:
+            return Refusal("a group's basis has no real continuation around the period")
+        decoupled, stuck = found
+        if not stuck.any():
+            return decoupled
+        together[np.ix_(columns, columns)] |= stuck | stuck.T
+    return Refusal("the coupling between groups of modes does not shrink")
+
+
+def tried(
+    modes: Modes, groups: tuple[Group, ...], A: Array, period: float, tol: float
+) -> tuple[Decoupled, Array] | None:
+    """Decouple given groups on the nodes, and the pairs of modes (n, n) whose coupling stays too large."""
+    framed = periodic_frame(modes, groups)
+    if framed is None:
+        return None
+    T, turning = smooth(framed[0]), framed[1]
+    B = np.linalg.solve(T, A @ T - circle_derivative(T, period))
+    share = mixing(B, groups)
+    stuck = share > MIXING
+    made = 0
+    if not stuck.any():
+        apart = group_separation(B, period, groups)
+        apart = replace(apart, swing=np.minimum(apart.swing, LARGEST_SWING))
+        resolved = SLOW_PART * apart.gap < np.pi / period * len(A)
+        allowed = tol * np.maximum(1, np.abs(modes.values).min(axis=0))[:, None]
+
+        def effect(B: Array, S: Array) -> float:
+            return float((pair_effects(B, S, apart, np.abs(B).max(axis=0) * resolved) / allowed).max())
+
+        T, B, made = rounds(B, T, groups, lambda S: low_harmonics(S, period, apart.gap), effect, MAX_ROUNDS)
+        rough = np.abs(high_harmonics(B, period, apart.gap)).max(axis=0)
+        stuck = pair_effects(B, sylvester(B, groups), apart, rough) > 0.1 * allowed + transformation_noise(T, A)
+        share = mixing(B, groups)
+    if (strongest := share[stuck].max(initial=0.0)) > SETTLED:
+        stuck &= share >= WORST * strongest
+    none = np.zeros(stuck.shape)
+    return Decoupled(period, np.empty(0), T, T, B, groups, turning, none, none, made), stuck
+
+
+def transformation_noise(T: Array, A: Array) -> Array:
+    """Rounding of T^-1 A T, entry by entry (n, n)."""
+    size = np.abs(np.linalg.inv(T)) @ (np.abs(A) @ np.abs(T))
+    rounding = 30 * EPS * size.max(axis=0)
+    return np.sqrt(rounding * rounding.T)
+
+
+def checked(
+    built: Decoupled, A: Array, between: Array, tol: float, uncertainty: Uncertainty | None
+) -> tuple[Decoupled, bool]:
+    """Evaluate the generator half-way between the nodes too: the denser result, and whether the two sets of nodes agree."""
+    period = built.period
+    T = interleaved(built.frame, shifted(built.frame, 0.5))
+    slope = interleaved(circle_derivative(built.frame, period), circle_derivative(built.frame, period, 0.5))
+    A = interleaved(A, between)
+    inverse = np.linalg.inv(T)
+    inverse += inverse @ (np.eye(T.shape[-1]) - T @ inverse)
+    B = inverse @ (A @ T - slope)
+    rounding = EPS * (np.abs(inverse) @ (np.abs(A) @ np.abs(T) + np.abs(slope))).mean(axis=0)
+    residual = residual_effect(B, period, built.groups)
+    times = period / len(A) * np.arange(len(A))
+    if uncertainty is not None:
+        rounding = rounding + COHERENT / 3 * uncertainty(times, inverse, T).mean(axis=0)
+    done = replace(built, times=times, frame=T, inverse=inverse, generator=B, residual=residual, rounding=rounding)
+    means = np.einsum("tii->ti", B)
+    apart = np.maximum(np.abs(means[::2].mean(axis=0) - means[1::2].mean(axis=0)), aliasing(means))
+    allowed = tol * np.maximum(1, np.abs(means.mean(axis=0)))
+    noise = 4 * np.diagonal(rounding)
+    return done, bool(np.all((apart < 0.1 * allowed + noise) & (np.diagonal(residual) < 0.3 * allowed + noise)))

@@ -1,0 +1,81 @@
+"""A periodic linear system in coordinates in which its fast modes stand apart from the slow ones."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlin.checks import Array, times
+from flexlin.periodic.decoupling.grouping import Group
+from flexlin.periodic.decoupling.waves import interpolated
+from flexlin.periodic.system import PeriodicSystem
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Why a system was not decoupled: nothing stands apart, or its coefficients are not resolved by the nodes."""
+
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Decoupled:
+    """Coordinates x = T(t) z that split x' = A(t) x into groups of modes.
+
+        z' = B(t) z,   B = T^-1 (A T - T'),   B block diagonal up to `residual`
+
+    times (N,) equidistant; frame T, inverse T^-1 and generator B (N, n, n), complex, values at the times; every other time took no
+    part in the construction. groups: diagonal blocks; the modes of a group's partner are its complex conjugates. turning (G,):
+    real groups whose real basis changes sign after a period; T holds it times exp(-i pi t / T).
+    residual (n, n): bound of what elimination of the coupling adds to the blocks; rounding (n, n): of B's entries; in 1/s.
+    """
+
+    period: float
+    times: Array
+    frame: Array
+    inverse: Array
+    generator: Array
+    groups: tuple[Group, ...]
+    turning: Array
+    residual: Array
+    rounding: Array
+    rounds: int
+
+    def __repr__(self) -> str:
+        sizes = [group.size for group in self.groups]
+        return f"Decoupled(n={sum(sizes)}, groups={sizes}, nodes={len(self.times)}, rounds={self.rounds})"
+
+    def T(self, t: Array) -> Array:
+        """The coordinates' columns at the times t (N,): (N, n, n), complex."""
+        return interpolated(self.frame, self.period, times(t))
+
+    def blocks(self, t: Array) -> list[Array]:
+        """The diagonal blocks of B at the times t (N,): one (N, p, p) for each group."""
+        t = times(t)
+        return [interpolated(self.generator[:, g.part, g.part], self.period, t) for g in self.groups]
+
+    def to_system(self, index: int) -> tuple[PeriodicSystem, complex]:
+        """The small real system of one group without its mean rotation and decay, and the mean that was taken out.
+
+            w' = (B_g(t) - c(t)) w,   c = trace B_g / p:   exponents of the group = mean c + exponents of w
+
+        A complex group of p modes is written as 2 p real states; its system holds the conjugates of the exponents too.
+        """
+        values, mean = self.traceless(index)
+        return PeriodicSystem(lambda t: interpolated(values, self.period, t), self.period), mean
+
+    def traceless(self, index: int) -> tuple[Array, complex]:
+        """The real generator (N, m, m) of `to_system` at the nodes, and the mean of c."""
+        group = self.groups[index]
+        B = self.generator[:, group.part, group.part]
+        c = np.trace(B, axis1=1, axis2=2) / group.size
+        if group.partner == index:
+            c = c.real + 1j * np.pi / self.period * self.turning[index]
+        B = B - c[:, None, None] * np.eye(group.size)
+        return (B.real if group.partner == index else as_real(B)), complex(c.mean())
+
+
+def as_real(B: Array) -> Array:
+    """Complex matrices (..., p, p) as real ones [[Re, -Im], [Im, Re]] (..., 2p, 2p)."""
+    return np.concatenate(
+        [np.concatenate([B.real, -B.imag], axis=-1), np.concatenate([B.imag, B.real], axis=-1)], axis=-2
+    )

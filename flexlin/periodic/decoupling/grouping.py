@@ -1,0 +1,135 @@
+"""Follow the eigenvalues of A(t) along a period and put those together that come near each other."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+from scipy.sparse.csgraph import connected_components
+
+from flexlin.checks import Array
+
+AMBIGUOUS = 0.3
+"""Two modes whose vectors share more than this part from one node to the next are not told apart."""
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Eigenvalues (N, n), right vectors (N, n, n) as columns and left ones (N, n, n) as rows, each mode followed along the nodes.
+
+    conjugate (N, n): the mode that holds the conjugate eigenvalue (itself where that is real);
+    near (n, n): pairs that must stay together: they could not be told apart, or do not close after a period.
+    """
+
+    values: Array
+    right: Array
+    left: Array
+    conjugate: Array
+    near: Array
+
+    def taken(self, columns: Array) -> "Modes":
+        """The same modes in another order."""
+        place = np.argsort(columns)
+        return Modes(
+            self.values[:, columns],
+            self.right[:, :, columns],
+            self.left[:, columns],
+            place[self.conjugate[:, columns]],
+            self.near[np.ix_(columns, columns)],
+        )
+
+
+@dataclass(frozen=True)
+class Group:
+    """Modes start..stop-1 of a decoupled system; `partner` is the group of their conjugates (itself: a real group)."""
+
+    start: int
+    stop: int
+    partner: int
+
+    @property
+    def size(self) -> int:
+        return self.stop - self.start
+
+    @property
+    def part(self) -> slice:
+        return slice(self.start, self.stop)
+
+
+def follow_modes(A: Array, closed: bool = True) -> Modes:
+    """Eigenvalues and vectors of A (N, n, n) at the nodes of a closed curve or of an open one, in one order.
+
+    The share |w_i(t_k) v_j(t_k+1) w_j(t_k+1) v_i(t_k)| does not depend on the vectors' lengths; the best matching is taken.
+    Raises: LinAlgError where the vectors of a node depend on each other.
+    """
+    values, right = np.linalg.eig(A)
+    values, right = values.astype(complex), right.astype(complex)
+    left = np.linalg.inv(right)
+    share = np.abs((left @ np.roll(right, -1, 0)) * np.swapaxes(np.roll(left, -1, 0) @ right, 1, 2))
+    order, near = matched(share, closed)
+    values = np.take_along_axis(values, order, 1)
+    right = np.take_along_axis(right, order[:, None, :], 2)
+    left = np.take_along_axis(left, order[:, :, None], 1)
+    conjugate = np.abs(values[:, :, None].conj() - values[:, None, :]).argmin(axis=2)
+    return Modes(values, right, left, conjugate, near)
+
+
+def matched(share: Array, closed: bool) -> tuple[Array, Array]:
+    """The order of the modes at each node (N, n), and the pairs that are ambiguous or change places after a period (n, n)."""
+    count, n = share.shape[:2]
+    best = share.argmax(axis=2)
+    steps_taken = count if closed else count - 1
+    order, near = np.empty((count + 1, n), int), np.zeros((n, n), bool)
+    order[0] = np.arange(n)
+    for k, step in enumerate(best[:steps_taken]):
+        if len(np.unique(step)) < n:
+            step = linear_sum_assignment(-share[k])[1]
+        order[k + 1] = step[order[k]]
+    now, then = order[:steps_taken, :, None], order[1 : steps_taken + 1, None, :]
+    near |= (share[np.arange(steps_taken)[:, None, None], now, then] > AMBIGUOUS).any(axis=0) & ~np.eye(n, dtype=bool)
+    if closed:
+        near[np.arange(n), order[-1]] = True
+    return order[:count], near | near.T
+
+
+def grouped_modes(modes: Modes, together: Array) -> tuple[Array, tuple[Group, ...]]:
+    """Group modes transitively, the conjugate of every group being a group: the new order of the modes and the groups in it.
+
+    Parameters: together (n, n): pairs that belong together besides modes.near and conjugates that change.
+    """
+    join = together | modes.near
+    turning = (modes.conjugate != modes.conjugate[0]).any(axis=0)
+    for i in np.flatnonzero(turning):
+        join[i, modes.conjugate[:, i]] = True
+    mate = modes.conjugate[0]
+    while True:
+        labels = connected_components(join, directed=False)[1]
+        image = labels[:, None] == labels
+        wider = join | image | image[np.ix_(mate, mate)]
+        if (connected_components(wider, directed=False)[1] == labels).all():
+            break
+        join = wider
+    columns: list[int] = []
+    groups: list[Group] = []
+    for label in range(labels.max() + 1):
+        members = np.flatnonzero(labels == label)
+        if members[0] in columns:
+            continue
+        index, start, size = len(groups), len(columns), len(members)
+        if labels[mate[members[0]]] == label:
+            groups.append(Group(start, start + size, index))
+            columns += members.tolist()
+        else:
+            groups += [Group(start, start + size, index + 1), Group(start + size, start + 2 * size, index)]
+            columns += members.tolist() + mate[members].tolist()
+    return np.array(columns), tuple(groups)
+
+
+def block_mask(groups: tuple[Group, ...]) -> Array:
+    """True inside the diagonal blocks (n, n)."""
+    label = np.repeat(np.arange(len(groups)), [group.size for group in groups])
+    return label[:, None] == label
+
+
+def conjugate_columns(groups: tuple[Group, ...]) -> Array:
+    """For each mode of a complex group the place of its conjugate; itself in a real group."""
+    return np.concatenate([np.arange(groups[g.partner].start, groups[g.partner].stop) for g in groups])

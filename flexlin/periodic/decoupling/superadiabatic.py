@@ -1,0 +1,111 @@
+"""Superadiabatic rounds: remove what is left of the coupling between groups of modes, again and again."""
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.linalg import schur
+
+from flexlin.checks import Array
+from flexlin.periodic.decoupling.grouping import Group
+from flexlin.periodic.decoupling.waves import KEPT, harmonics
+
+SLOW_PART = 0.8
+"""Harmonics of the coupling below this part of the gap shrink from round to round."""
+ENOUGH, SLOW = 0.01, 0.8
+"""Rounds end when the coupling's effect is this part of what is allowed, or shrinks by less than this factor."""
+
+
+def sylvester(B: Array, groups: tuple[Group, ...]) -> Array:
+    """S (N, n, n) with B_ii S_ij - S_ij B_jj = -B_ij between groups i and j, zero inside the groups.
+
+    Source: Bartels, Stewart, Solution of the matrix equation AX + XB = C, Comm. ACM 15 (1972).
+    """
+    S = np.zeros_like(B)
+    diagonal = np.einsum("tii->ti", B)
+    scalar = np.repeat([group.size == 1 for group in groups], [group.size for group in groups])
+    single = scalar[:, None] & scalar & ~np.eye(len(scalar), dtype=bool)
+    apart = diagonal[:, :, None] - diagonal[:, None, :]
+    S[:, single] = -B[:, single] / apart[:, single]
+    for group in groups:
+        if group.size > 1:
+            against_scalars(S, B, group, np.flatnonzero(scalar), diagonal)
+            for other in groups:
+                if other.size > 1 and other is not group:
+                    S[:, group.part, other.part] = block(B, group, other)
+    return S
+
+
+def against_scalars(S: Array, B: Array, group: Group, scalars: Array, diagonal: Array) -> None:
+    """The blocks between one group and all single modes: (B_gg - b) s = -r and (B_gg' - b) s' = r'."""
+    if not len(scalars):
+        return
+    own = B[:, None, group.part, group.part]
+    moved = own - diagonal[:, scalars, None, None] * np.eye(group.size)
+    column = np.swapaxes(B[:, group.part][:, :, scalars], 1, 2)[..., None]
+    S[:, group.part, scalars[:, None]] = 0
+    solved = -np.linalg.solve(moved, column)[..., 0]
+    S[:, group.start : group.stop, scalars] = np.swapaxes(solved, 1, 2)
+    row = B[:, scalars][:, :, group.part][..., None]
+    S[:, scalars, group.start : group.stop] = np.linalg.solve(np.swapaxes(moved, 2, 3), row)[..., 0]
+
+
+def block(B: Array, group: Group, other: Group) -> Array:
+    """Solve one block column by column from the complex Schur form of the smaller of the two diagonal blocks."""
+    if other.size > group.size:
+        turned = -np.swapaxes(B, 1, 2)
+        return -np.swapaxes(block(turned, other, group), 1, 2)
+    own, Y = B[:, group.part, group.part], np.empty((len(B), group.size, other.size), complex)
+    forms = [schur(its, output="complex") for its in B[:, other.part, other.part]]
+    R, Q = (np.array(part) for part in zip(*forms, strict=True))
+    right = -B[:, group.part, other.part] @ Q
+    for k in range(other.size):
+        column = right[:, :, k] + (Y[:, :, :k] @ R[:, :k, k, None])[..., 0]
+        Y[:, :, k] = np.linalg.solve(own - R[:, k, k, None, None] * np.eye(group.size), column[..., None])[..., 0]
+    return Y @ np.conj(np.swapaxes(Q, 1, 2))
+
+
+def mixing(B: Array, groups: tuple[Group, ...]) -> Array:
+    """How far the next step would mix each pair of modes (n, n), whatever their scaling."""
+    S = np.abs(sylvester(B, groups)).max(axis=0)
+    return np.sqrt(S * S.T)
+
+
+def rounds(
+    B: Array,
+    T: Array,
+    groups: tuple[Group, ...],
+    cleaned: Callable[[Array], tuple[Array, Array]],
+    effect: Callable[[Array, Array], float],
+    most: int,
+) -> tuple[Array, Array, int]:
+    """Repeat T := T (1 + S), B := (1 + S)^-1 (B (1 + S) - S') until the coupling's effect stops shrinking; keep the best.
+
+    S solves the Sylvester equations of the coupling: what is left is S' and products of S, smaller by the rate of change over the gap
+    of the eigenvalues in every round.
+
+    Parameters: cleaned(S): S without the harmonics that would not shrink, and its derivative; effect(B, S): the size of the coupling
+    against what is allowed. Returns: T, B, rounds.
+    Source: Berry, Histories of adiabatic quantum transitions, Proc. R. Soc. A 429 (1990).
+    """
+    eye = np.eye(B.shape[-1])
+    best, least = (T, B, 0), np.inf
+    for turn in range(most + 1):
+        S = sylvester(B, groups)
+        size = effect(B, S)
+        if not size < SLOW * least:
+            break
+        best, least = (T, B, turn), size
+        if size < ENOUGH:
+            break
+        S, slope = cleaned(S)
+        step = eye + S
+        T, B = T @ step, np.linalg.solve(step, B @ step - slope)
+    return best
+
+
+def low_harmonics(S: Array, period: float, gap: Array) -> tuple[Array, Array]:
+    """S (N, n, n) cut to the harmonics below SLOW_PART of the gap (n, n) that the nodes hold well, and its derivative."""
+    w = 2 * np.pi / period
+    frequency = w * harmonics(len(S))[:, None, None]
+    spectrum = np.fft.fft(S, axis=0) * (np.abs(frequency) <= np.minimum(SLOW_PART * gap, KEPT * len(S) * w))
+    return np.fft.ifft(spectrum, axis=0), np.fft.ifft(1j * frequency * spectrum, axis=0)

@@ -1,0 +1,32 @@
+"""Exponents of a constant system: the eigenvalues of its matrix, with their errors."""
+
+import numpy as np
+from scipy.linalg import schur
+
+from flexlin.checks import Array
+from flexlin.periodic.floquet.uncertainty import couple_uncertainty
+from flexlin.periodic.product.balancing import balance_factors
+from flexlin.periodic.product.eigenvectors import separate_triangular
+from flexlin.periodic.product.perturbation import EPS, bound_pairs
+from flexlin.periodic.system import PeriodicSystem
+
+BACKWARD = 3.0
+"""Roundings of |A| that the QR algorithm commits, beyond those of the entries."""
+
+
+def solve_constant(system: PeriodicSystem) -> tuple[Array, Array]:
+    """Eigenvalues of A (n,) by falling real part, in 1/s, and bounds on their errors (n,).
+
+    |d lambda_i| <= eps |A| |l_i| |r_i|,   l_i^H r_i = 1, and what pairs of eigenvalues do to each other
+    """
+    A, scale = balance_factors(system.resolved(np.zeros(1)))
+    T, Q = schur(A[0], output="complex")
+    X, shared = separate_triangular(T)
+    right, left = Q @ X, np.linalg.solve(X, Q.conj().T)
+    size = BACKWARD * EPS * np.linalg.norm(A[0])
+    coupling = size * np.outer(np.linalg.norm(left, axis=1), np.linalg.norm(right, axis=0))
+    coupling += couple_uncertainty(system, np.zeros(1), (left / scale)[None], (scale[:, None] * right)[None])[0]
+    values, own = np.diagonal(T), np.diagonal(coupling)
+    errors = own + bound_pairs(coupling, own, np.abs(values[:, None] - values), shared)
+    order = np.argsort(-values.real, kind="stable")
+    return values[order], errors[order]

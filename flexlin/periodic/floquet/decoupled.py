@@ -1,0 +1,45 @@
+"""Floquet exponents of systems with fast modes: decoupled first, where that is cheaper than following every oscillation."""
+
+from functools import partial
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.periodic.decoupling.decouple import decouple
+from flexlin.periodic.decoupling.decoupled import Refusal
+from flexlin.periodic.decoupling.exponents import DecoupledExponents, decoupled_exponents
+from flexlin.periodic.decoupling.panels import panel_exponents
+from flexlin.periodic.floquet.uncertainty import couple_uncertainty
+from flexlin.periodic.system import PeriodicSystem
+
+ENCLOSED = 0.1
+"""An exponent that is known only to this part of its size, and to lie below the others, counts as unresolved."""
+NODES = 128
+"""Nodes of a period on which a system is decoupled, those that check included."""
+
+
+def estimate_decoupling_work(n: int, panels: int) -> float:
+    """Microseconds to decouple n states, as measured: overhead, and eigenvectors and products at every node; for each panel."""
+    return panels * (6000 + NODES * (20 + 6 * n + 0.06 * n**3))
+
+
+def solve_decoupled(system: PeriodicSystem, tol: float) -> tuple[Array, Array] | Refusal:
+    """Exponents (n,) and errors (n,) in 1/s, inf for enclosed ones, by decoupling; or why that does not serve."""
+    coefficients, T = system.resolved, system.period
+    if coefficients.breaks:
+        found: DecoupledExponents | Refusal = panel_exponents(coefficients, T, coefficients.breaks)
+    else:
+        decoupled = decouple(coefficients, T, (), tol, partial(couple_uncertainty, system))
+        found = decoupled if isinstance(decoupled, Refusal) else decoupled_exponents(decoupled)
+    if isinstance(found, Refusal):
+        return found
+    return found.exponents, hide_enclosed(found.exponents, found.errors)
+
+
+def hide_enclosed(exponents: Array, errors: Array) -> Array:
+    """Mark by inf what is only enclosed, on the stable side of the slowest mode that is known."""
+    known = errors <= ENCLOSED * np.maximum(1.0, np.abs(exponents))
+    if not known.any():
+        return errors
+    slowest = float((exponents.real - errors)[known].max())
+    return np.where(~known & (exponents.real + errors < slowest), np.inf, errors)

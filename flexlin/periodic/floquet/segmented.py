@@ -1,0 +1,112 @@
+"""Floquet exponents from the transition matrices of segments, with the error of the method and of rounding."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.periodic.floquet.uncertainty import couple_uncertainty
+from flexlin.periodic.product.balancing import balance_factors, count_groupings, multiply_pairs
+from flexlin.periodic.product.perturbation import spectrum_motion
+from flexlin.periodic.product.schur import periodic_schur
+from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.transition.setting import METHODS, Setting, place_segments, report_too_many
+
+SAFETY = 1.5
+"""Factor on the method's error, which is measured against a better method."""
+HIDDEN = 1e-3
+"""A mode whose log is uncertain by this part of its distance below the largest is known to lie below, and no more."""
+TRACE = 1e-11
+"""Relative error of the mean trace of A that is forgiven."""
+GROWTH, SHRINK = 4.0, 1.25
+"""Bounds on how much finer the next resolution is."""
+
+
+@dataclass(frozen=True)
+class SegmentedSpectrum:
+    """Logs of the multipliers (n,) by falling real part, their errors (n,), inf where unresolved, and rounding's part in these.
+
+    start (n, n): the bases of the slowest modes, from which a finer resolution begins.
+    """
+
+    logs: Array
+    errors: Array
+    rounding: Array
+    setting: Setting
+    start: Array
+
+
+def solve_by_segments(
+    system: PeriodicSystem, setting: Setting, tol: float, max_segments: int, fixed: bool = False
+) -> SegmentedSpectrum:
+    """Refine the segments until the errors of all exponents are below tol, or rounding allows no more.
+
+    Parameters: tol: wanted error of an exponent, relative beyond 1/s; fixed: take the setting as it is.
+    Raises: TooManySegments.
+    """
+    start = None
+    while True:
+        spectrum, method = measure_spectrum(system, setting, start)
+        allowed = np.maximum(tol * np.maximum(system.period, np.abs(spectrum.logs)) / SAFETY, spectrum.rounding)
+        resolved = np.isfinite(spectrum.errors)
+        excess = float((method / allowed)[resolved].max(initial=0.0))
+        if fixed or excess <= 1:
+            return spectrum
+        finer = np.clip(1.1 * excess ** (1 / setting.order), SHRINK, GROWTH) if np.isfinite(excess) else GROWTH
+        count = int(np.ceil(setting.segments * finer))
+        if count > max_segments:
+            raise report_too_many(count, max_segments, tol)
+        setting, start = setting.with_segments(count), spectrum.start
+
+
+def measure_spectrum(
+    system: PeriodicSystem, setting: Setting, start: Array | None = None
+) -> tuple[SegmentedSpectrum, Array]:
+    """The exponents at one resolution, and the method's part of their errors (n,)."""
+    grid = place_segments(system, setting)
+    plain = METHODS[setting.method](system, grid, setting.order)
+    even, scale = balance_factors(plain)
+    turn = scale / scale[:, None]
+    groups, rounds = count_groupings(even)
+    better, marks = improve_factors(system, setting, grid) * turn, grid
+    for _ in range(rounds):
+        better, marks = multiply_pairs(better), np.append(marks[:-1:2], marks[-1])
+
+    def noise(left: Array, right: Array) -> Array:
+        """Couplings by what the coefficients are not known by, over each group."""
+        known = couple_uncertainty(system, marks[:-1], left / scale, scale[:, None] * right)
+        return np.diff(marks)[:, None, None] * known
+
+    begin = None if start is None else np.linalg.qr(start / scale[:, None])[0]
+    form = periodic_schur(groups, begin)
+    motion = spectrum_motion(form, groups, better, noise, 2.0**rounds)
+    order = np.argsort(-form.logs.real, kind="stable")
+    logs, method, rounding = form.logs[order], motion.method[order], motion.rounding[order]
+    errors = SAFETY * method + rounding
+    if setting.method == "radau":
+        below = logs.real[0] - logs.real
+        errors = np.where((errors > HIDDEN * below) & (below > errors[0]), np.inf, errors)
+    errors = errors + liouville_excess(system, logs, errors)
+    return SegmentedSpectrum(logs, errors, rounding, setting, scale[:, None] * form.start), method
+
+
+def improve_factors(system: PeriodicSystem, setting: Setting, grid: Array) -> Array:
+    """The same factors by a better method that shares no node: two stages more, Magnus of order 6, or half the steps."""
+    factor = METHODS[setting.method]
+    if setting.method == "magnus" and setting.order == 6:
+        halves = np.sort(np.concatenate([grid, (grid[1:] + grid[:-1]) / 2]))
+        return multiply_pairs(factor(system, halves, setting.order))
+    return factor(system, grid, setting.order + (2 if setting.method == "magnus" else 4))
+
+
+def liouville_excess(system: PeriodicSystem, logs: Array, errors: Array) -> float:
+    """What the sum of the logs misses of int_0^T tr A dt beyond the errors, shared out; 0 where a mode is unresolved.
+
+    Liouville's identity, an independent look at all exponents at once.
+    """
+    if not np.isfinite(errors).all():
+        return 0.0
+    trace = np.diagonal(system.resolved.mean())
+    known = TRACE * float(np.abs(trace).sum())
+    missed = abs(float(logs.real.sum()) - system.period * float(trace.sum()))
+    return max(0.0, missed - float(errors.sum()) - system.period * known) / len(logs)

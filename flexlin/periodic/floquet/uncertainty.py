@@ -1,0 +1,40 @@
+"""What the coefficients are not known by, as couplings of the modes: rounding of their entries and the error of their series."""
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.periodic.resolved.companion import ResolvedCompanion
+from flexlin.periodic.system import PeriodicSystem
+
+ROUNDINGS = 4.0
+"""Roundings that an entry of A, M, D or K carries."""
+EPS = float(np.finfo(float).eps)
+
+
+def couple_uncertainty(system: PeriodicSystem, t: Array, left: Array, right: Array) -> Array:
+    """Bounds on the entries of left dA right at times t (N,), (N, n, n) in 1/s, for left and right vectors (N, n, n).
+
+        first order:   |L| |dA| |R|
+        second order:  |V| (|dM| |z| + |dD| |R_v| + |dK| |R_y|),   V = L_v M^-1,   z = the accelerations that belong to R
+
+    The second form keeps what M^-1 does to a rounding of M: the product with the left vectors is taken before the moduli.
+    """
+    resolved = system.resolved
+    if isinstance(resolved, ResolvedCompanion):
+        return couple_second_order(resolved, t, left, right)
+    A = np.abs(resolved(t))
+    return np.asarray(np.abs(left) @ ((ROUNDINGS * EPS * A + resolved.error) @ np.abs(right)))
+
+
+def couple_second_order(resolved: ResolvedCompanion, t: Array, left: Array, right: Array) -> Array:
+    """The second form, for left vectors as rows and right ones as columns."""
+    M, D, K = resolved.sample(t)
+    n = M.shape[-1]
+    known = [
+        ROUNDINGS * EPS * np.abs(X) + e for X, e in zip((M, D, K), resolved.split(resolved.blocks.error), strict=True)
+    ]
+    V = np.swapaxes(np.linalg.solve(np.swapaxes(M, -1, -2), np.swapaxes(left[..., n:], -1, -2)), -1, -2)
+    position, rate = right[..., :n, :], right[..., n:, :]
+    z = np.linalg.solve(M, K @ position + D @ rate)
+    moved = known[0] @ np.abs(z) + known[1] @ np.abs(rate) + known[2] @ np.abs(position)
+    return np.asarray(np.abs(V) @ moved)

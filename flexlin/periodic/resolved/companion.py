@@ -1,0 +1,93 @@
+"""Second-order coefficients M, D, K over one period, resolved each, and the state matrix that they make."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.periodic.chebyshev import ChebyshevPanels
+from flexlin.periodic.companion import build_companion
+from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.resolved.matrix import Discontinuity, ResolvedMatrix
+
+MEAN_NODES = 24
+"""Gauss nodes of a panel, and an eighth of the equally spaced times of a Fourier series, in the mean of A."""
+
+
+@dataclass(frozen=True, eq=False)
+class ResolvedCompanion:
+    """A(t) = [[0, I], [-M^-1 K, -M^-1 D]] from the series of [M D K].
+
+    M is solved for where A is asked for, so the series hold the well-conditioned numbers and not what M^-1 makes of their rounding.
+    """
+
+    blocks: ResolvedMatrix
+
+    def sample(self, t: Array) -> tuple[Array, Array, Array]:
+        """M, D, K at times t (N,), each (N, n, n)."""
+        return self.split(self.blocks(t))
+
+    def split(self, values: Array) -> tuple[Array, Array, Array]:
+        """M, D, K out of [M D K] (..., n, 3 n)."""
+        n = values.shape[-2]
+        return values[..., :n], values[..., n : 2 * n], values[..., 2 * n :]
+
+    def __call__(self, t: Array) -> Array:
+        """A at times t (N,): (N, 2 n, 2 n). Raises: SingularMassMatrix, naming the time."""
+        return build_companion(*self.sample(t), t)
+
+    def mean(self) -> Array:
+        """The integral of A over the period, divided by T, by quadrature."""
+        edges, T = self.edges, self.period
+        if isinstance(self.series, FourierSeries):
+            count = 8 * max(MEAN_NODES, self.degree)
+            return np.asarray(self(T * np.arange(count) / count).mean(axis=0))
+        x, w = np.polynomial.legendre.leggauss(MEAN_NODES)
+        h = np.diff(edges)[:, None]
+        t = (edges[:-1, None] + h * (x + 1) / 2).ravel()
+        return np.einsum("t,tij->ij", (h * w / (2 * T)).ravel(), self(t))
+
+    @property
+    def series(self) -> FourierSeries | ChebyshevPanels:
+        """The series of [M D K]."""
+        return self.blocks.series
+
+    @property
+    def period(self) -> float:
+        """T in s."""
+        return self.blocks.period
+
+    @property
+    def edges(self) -> Array:
+        """Edges of the panels from 0 to T, (P + 1,)."""
+        return self.blocks.edges
+
+    @property
+    def panels(self) -> int:
+        """The number of panels."""
+        return self.blocks.panels
+
+    @property
+    def degree(self) -> int:
+        """The highest harmonic, or the degree of the panels' polynomials."""
+        return self.blocks.degree
+
+    @property
+    def constant(self) -> bool:
+        """Whether M, D and K do not depend on t."""
+        return self.blocks.constant
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Named and found places in [0, T) where M, D or K is not smooth."""
+        return self.blocks.breaks
+
+    @property
+    def found(self) -> tuple[Discontinuity, ...]:
+        """Those that were not named."""
+        return self.blocks.found
+
+    @property
+    def samples(self) -> int:
+        """How often M, D, K were evaluated."""
+        return self.blocks.samples

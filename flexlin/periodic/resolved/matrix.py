@@ -1,0 +1,133 @@
+"""A matrix function of time as one series or as panels of polynomials: what everything behind the resolution reads."""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexlin.checks import Array, at_times, real_array
+from flexlin.errors import ArgumentError
+from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_coefficients, panel_times
+from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.resolved.panels import NODES
+
+WAVES = 3.0
+"""Harmonics of a Fourier series for each panel of degree NODES - 1 that replaces it."""
+
+
+@dataclass(frozen=True)
+class Discontinuity:
+    """A place that was found, not named: time in [0, T) in s, kind "jump" or "kink" (a jump of a derivative)."""
+
+    time: float
+    kind: str
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ResolvedMatrix:
+    """A matrix function A(t) = A(t + T) as one Fourier series, or as one Chebyshev series for each of its panels.
+
+    series: the coefficients; breaks: named and found places in [0, T) where A is not smooth; found: those that were not named;
+    error (rows, columns): bound on |series(t) - A(t)| over the period, in the units of the entry, measured at the check points;
+    samples: how often A was evaluated.
+    """
+
+    series: FourierSeries | ChebyshevPanels
+    breaks: tuple[float, ...]
+    found: tuple[Discontinuity, ...]
+    error: Array
+    samples: int
+
+    def __repr__(self) -> str:
+        kind = "harmonics" if isinstance(self.series, FourierSeries) else f"panels of degree {self.degree}"
+        number = self.degree if isinstance(self.series, FourierSeries) else self.panels
+        return (
+            f"ResolvedMatrix: {self.shape[0]} x {self.shape[1]}, period {self.period:.9g} s, {number} {kind}, "
+            f"{len(self.breaks)} breaks, {len(self.found)} of them found, error up to {self.error.max():.2g}, {self.samples} samples"
+        )
+
+    @property
+    def period(self) -> float:
+        """T in s."""
+        return self.series.period
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.error.shape[0], self.error.shape[1]
+
+    @property
+    def edges(self) -> Array:
+        """Edges of the panels from 0 to T, (P + 1,); a Fourier series has one panel."""
+        return self.series.edges
+
+    @property
+    def panels(self) -> int:
+        """The number of panels."""
+        return len(self.edges) - 1
+
+    @property
+    def degree(self) -> int:
+        """The highest harmonic of a Fourier series, or the degree of the panels' polynomials."""
+        if isinstance(self.series, FourierSeries):
+            return self.series.harmonics
+        return self.series.coefficients.shape[1] - 1
+
+    @property
+    def constant(self) -> bool:
+        """Whether A does not depend on t: then `mean()` is the matrix."""
+        if self.degree:
+            return False
+        values = self.series.coefficients.reshape(-1, *self.shape)
+        return bool(np.all(values == values[0]))
+
+    def __call__(self, t: ArrayLike, left: bool = False) -> Array:
+        """Evaluate at times t (N,), any real: (N, rows, columns), or at one time: (rows, columns).
+
+        At an edge the panel behind it counts; with `left` the one before it.
+        """
+        series = self.series
+        return at_times(lambda s: series(s, left) if isinstance(series, ChebyshevPanels) else series(s), t)
+
+    def mean(self) -> Array:
+        """The integral of A over the period, divided by T (rows, columns)."""
+        return self.series.mean()
+
+    def derivative(self) -> "ResolvedMatrix":
+        """A'(t) inside the panels; its error: that of A times the rate of the fastest wave or polynomial (Markov's inequality)."""
+        if isinstance(self.series, FourierSeries):
+            rate = 2 * np.pi / self.period * max(self.degree, 1)
+        else:
+            rate = 2 * max(self.degree, 1) ** 2 / float(np.diff(self.edges).min())
+        return ResolvedMatrix(self.series.derivative(), self.breaks, self.found, self.error * rate, self.samples)
+
+    def pieces(self, edges: Array | None = None) -> ChebyshevPanels:
+        """Give A as polynomials on panels, which contain the edges given and none of A's edges inside.
+
+        Parameters: edges: increasing times from 0 to T that must be edges of panels.
+        Returns: panels whose coefficients (P, K, rows, columns) are padded with zeros to a common K.
+        """
+        wanted = self.edges if edges is None else np.union1d(self.edges, real_array("edges", edges, (None,)))
+        if wanted[0] != 0 or wanted[-1] != self.period:
+            raise ArgumentError(
+                "edges leave the period", got=f"{wanted[0]} to {wanted[-1]}", expected=f"0 to {self.period}"
+            )
+        if isinstance(self.series, ChebyshevPanels):
+            if len(wanted) == len(self.edges):
+                return self.series
+            count = self.degree + 1
+        else:
+            wanted, count = divided(wanted, self.period * WAVES / max(self.degree, 1)), NODES
+        values = self.series(panel_times(wanted[:-1], wanted[1:], count).ravel())
+        flat = chebyshev_coefficients(values.reshape(len(wanted) - 1, count, -1))
+        return ChebyshevPanels(wanted, flat.reshape(*flat.shape[:2], *self.shape))
+
+
+def divided(edges: Array, longest: float) -> Array:
+    """Divide intervals evenly until none is longer."""
+    parts = [
+        np.linspace(a, b, math.ceil((b - a) / longest * (1 - 1e-12)) + 1)[:-1] for a, b in pairwise(edges.tolist())
+    ]
+    return np.concatenate([*parts, edges[-1:]])

@@ -1,0 +1,124 @@
+"""Chebyshev panels of a coefficient: what they are fitted to, what they may leave over, and how they join."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.periodic.chebyshev import chebyshev_basis, chebyshev_coefficients, panel_times
+from flexlin.periodic.resolved.sampling import CHUNK, Sampler
+
+NODES, TAIL = 32, 4
+"""Nodes of a panel, and how many of its last coefficients must have vanished."""
+SIGMAS = 6.0
+"""Standard deviations of measured noise that count as agreement."""
+SAFETY = 4.0
+"""Multiple of what a panel may leave over at its check points that is stated as error for between them."""
+ASIDE = 0.01
+"""Part of the narrower panel by which two neighbours are continued into each other to see a kink between them."""
+EPS, TINY = np.finfo(float).eps, 1e-290
+
+
+@dataclass
+class PanelSet:
+    """Panels (Q,): edges, coefficients (Q, K, E), deviation of noise and largest deviation at check points (Q, E), checked or not."""
+
+    begin: Array
+    end: Array
+    coefficients: Array
+    noise: Array
+    deviation: Array
+    checked: Array
+
+    @classmethod
+    def empty(cls, entries: int) -> "PanelSet":
+        """No panels."""
+        none, each = np.empty(0), np.empty((0, entries))
+        return cls(none, none, np.empty((0, NODES, entries)), each, each, np.empty(0, dtype=bool))
+
+    @property
+    def width(self) -> Array:
+        """Lengths in s."""
+        return np.asarray(self.end - self.begin)
+
+    def some(self, which: Array | slice) -> "PanelSet":
+        """A part of the panels."""
+        return PanelSet(*(getattr(self, field.name)[which] for field in fields(self)))
+
+    def joined(self, other: "PanelSet") -> "PanelSet":
+        """Both sets, in the order of time."""
+        order = np.argsort(np.concatenate([self.begin, other.begin]))
+        return PanelSet(*(np.concatenate([getattr(self, f.name), getattr(other, f.name)])[order] for f in fields(self)))
+
+    def misses(self, times: Array, values: Array, allowed: Array) -> Array:
+        """Whether a panel is further than 2 `allowed` (Q, E) from the values (W, E) at one of the times (W,) inside it (Q,)."""
+        owner = np.searchsorted(self.begin, times, side="right") - 1
+        inside = np.flatnonzero((owner >= 0) & (times < self.end[owner])) if len(self.begin) else owner[:0]
+        missed = np.zeros(len(self.begin), dtype=bool)
+        for panel in np.unique(owner[inside]):
+            rows = inside[owner[inside] == panel]
+            u = (2 * times[rows] - self.begin[panel] - self.end[panel]) / self.width[panel]
+            apart = np.abs(chebyshev_basis(u, NODES) @ self.coefficients[panel] - values[rows])
+            missed[panel] = np.any(apart > 2 * allowed[panel])
+        return missed
+
+
+def fitted(sample: Sampler, begin: Array, end: Array, noise: Array | None = None) -> PanelSet:
+    """Sample panels and interpolate."""
+    count, entries = len(begin), len(sample.scale)
+    coefficients = np.empty((count, NODES, entries))
+    for part in groups(count, entries):
+        values = sample(panel_times(begin[part], end[part], NODES).ravel())
+        coefficients[part] = chebyshev_coefficients(values.reshape(-1, NODES, entries))
+    noise = np.zeros((count, entries)) if noise is None else noise
+    return PanelSet(begin, end, coefficients, noise, np.zeros((count, entries)), np.zeros(count, dtype=bool))
+
+
+def groups(panels: int, entries: int) -> list[slice]:
+    """Divide panels into groups whose samples, at 2 NODES times each, fit into a chunk."""
+    size = max(1, CHUNK // (16 * NODES * entries))
+    return [slice(i, i + size) for i in range(0, panels, size)]
+
+
+def left_over(panels: PanelSet, sample: Sampler, tol: float, safety: float = 1.0) -> Array:
+    """What panels may leave over (Q, E): tol of each entry's size and its noise, both times `safety`, and A' times the rounding of t."""
+    low = np.abs(panels.coefficients[:, : NODES // 2])
+    rate = np.einsum("k,qke->qe", np.arange(NODES // 2) ** 2.0, low) * 2 / panels.width[:, None]
+    rounding = np.minimum(EPS * sample.period * rate, 1e-6 * sample.scale)
+    agreement = np.maximum(tol * sample.scale + TINY, SIGMAS * panels.noise)
+    return np.asarray(np.maximum(safety * agreement, rounding))
+
+
+def panel_error(panels: PanelSet, sample: Sampler, tol: float) -> Array:
+    """Bound on the error of each entry (E,): three times the largest deviation seen, what the last coefficients would add, rounding,
+    and, unless an entry is constant on a panel, what the panel may leave over between its check points.
+    """
+    varies = np.abs(panels.coefficients[:, 1:]).max(axis=1) > 4 * EPS * sample.scale
+    tails = np.abs(panels.coefficients[:, -TAIL:]).sum(axis=1)
+    each = 3 * panels.deviation + tails + np.where(varies, left_over(panels, sample, tol, SAFETY), 0.0)
+    return np.asarray(each.max(axis=0) + 4 * EPS * sample.scale)
+
+
+def shown_degree(panels: PanelSet, scale: Array) -> int:
+    """The degree beyond which the coefficients are rounding or noise in every panel and entry, by the root of the sum of their squares."""
+    floor = np.maximum(2 * EPS * scale + TINY, panels.noise)
+    left = ((panels.coefficients[:, ::-1] / floor[:, None]) ** 2).cumsum(axis=1)[:, ::-1]
+    return max(int(np.count_nonzero(np.any(left > 1, axis=(0, 2)))) - 1, 0)
+
+
+def rough_edges(panels: PanelSet, sample: Sampler, tol: float) -> tuple[Array, Array]:
+    """Left edges at which A is not smooth (S,), 0 for the period's end, and whether it jumps there.
+
+    A jump: the two sides differ by 8 times what is allowed. A kink: either side, continued by a hundredth of the narrower panel, differs
+    from the other by 300 times that; a polynomial of degree 31 then magnifies its rounding by cosh(31 arccosh 1.02) = 244.
+    """
+    width, before = panels.width, np.roll(np.arange(len(panels.begin)), 1)
+    step = ASIDE * np.minimum(width, width[before])
+    at = np.stack([np.zeros_like(step), step, -step], axis=1)
+    here, there = chebyshev_basis(np.stack([2 * at / width[:, None] - 1, 2 * at / width[before][:, None] + 1]), NODES)
+    own, other = here @ panels.coefficients, there @ panels.coefficients[before]
+    allowed = left_over(panels, sample, tol)
+    apart = (np.abs(own - other) / np.maximum(allowed, allowed[before])[:, None]).max(axis=2)
+    jump = apart[:, 0] > 8
+    which = np.flatnonzero(jump | (apart[:, 1:].max(axis=1) > 300))
+    return panels.begin[which], jump[which]

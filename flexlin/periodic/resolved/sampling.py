@@ -1,0 +1,121 @@
+"""A coefficient as the resolution sees it: checked, counted, in bounded batches; and the times at which it is checked."""
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.errors import ArgumentError
+
+CHUNK = 2**23
+"""Bytes of samples that one call of the coefficient may return."""
+KEPT = 2**26
+"""Bytes of samples at check points that are kept."""
+GOLDEN = (np.sqrt(5) - 1) / 2
+
+
+class Sampler:
+    """A(t) on [0, T) as rows (N, E), E = rows * columns, how often it was called, each entry's largest size so far, at least `least`."""
+
+    def __init__(self, function: Callable[[Array], Array], period: float, least: float = 0.0):
+        self.function, self.period, self.least = function, period, least
+        self.count = 0
+        self.shape: tuple[int, int] | None = None
+        self.scale: Array = np.zeros(0)
+        self._whole: Array | None = None
+
+    def __call__(self, t: Array) -> Array:
+        """Sample at times in (-T, 2 T), wrapped into [0, T)."""
+        T = self.period
+        if len(t) and (t.min() < 0 or t.max() >= T):
+            t = np.where(t < 0, t + T, t)
+            t = np.where(t >= T, t - T, t)
+        values = self.unwrapped(t)
+        if len(values):
+            np.maximum(self.scale, np.abs(values).max(axis=0), out=self.scale)
+        return values
+
+    def unwrapped(self, t: Array) -> Array:
+        """Sample at the times as they are."""
+        parts = [self._checked(t[i : i + self.chunk]) for i in range(0, max(len(t), 1), self.chunk)]
+        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+    @property
+    def chunk(self) -> int:
+        """How many times go into one call."""
+        return 64 if self.shape is None else max(64, CHUNK // (8 * self.shape[0] * self.shape[1]))
+
+    def _checked(self, t: Array) -> Array:
+        values = np.asarray(self.function(t))
+        wanted = "(N, rows, columns)" if self.shape is None else f"(N, {self.shape[0]}, {self.shape[1]})"
+        if values.ndim != 3 or len(values) != len(t) or 0 in values.shape or self.shape not in (None, values.shape[1:]):
+            raise ArgumentError(
+                "A(t) has the wrong shape", got=f"{values.shape} for {len(t)} times", expected=f"{wanted}, real numbers"
+            )
+        if values.dtype.kind not in "fiu":
+            raise ArgumentError("A(t) is not real", got=f"numbers of type {values.dtype}", expected="real numbers")
+        if self.shape is None:
+            self.shape = (values.shape[1], values.shape[2])
+            self.scale = np.full(values.shape[1] * values.shape[2], self.least)
+        if values.dtype.kind in "iu":
+            self._need_constant(values)
+        rows = values.reshape(len(t), values.shape[1] * values.shape[2]).astype(float, copy=False)
+        if not np.isfinite(rows.sum()) and not np.all(np.isfinite(rows)):
+            first, entry = np.argwhere(~np.isfinite(rows))[0]
+            place = tuple(int(i) for i in np.unravel_index(entry, self.shape))
+            raise ArgumentError(
+                f"A(t) is not finite at t = {t[first]:.17g} s",
+                got=f"{rows[first, entry]} in entry {place}",
+                expected="finite numbers over the whole period",
+            )
+        self.count += len(t)
+        return rows
+
+    def _need_constant(self, values: Array) -> None:
+        """Whole numbers that change with time are most often real ones that were cut off on assignment."""
+        self._whole = values[0] if self._whole is None else self._whole
+        if np.any(values != self._whole):
+            raise ArgumentError(
+                "A(t) changes with time but holds whole numbers",
+                got=f"an array of type {values.dtype}",
+                expected="floating-point numbers",
+                todo="fill an array of floats: one of integers cuts off what is assigned to it",
+            )
+
+
+class CheckPoints:
+    """Increasing times in [0, T) at which a representation is compared with A; the samples are kept where memory allows."""
+
+    def __init__(self, sample: Sampler, t: Array):
+        self.sample, self.t = sample, np.unique(np.mod(t, sample.period))
+        self._kept: Array | None = None
+
+    def values(self, t: Array) -> Array:
+        """A at times t, among them check points: (N, E)."""
+        if 8 * len(self.t) * len(self.sample.scale) > KEPT:
+            return self.sample(t)
+        if self._kept is None:
+            self._kept = self.sample(self.t)
+        place = np.clip(np.searchsorted(self.t, t), 0, len(self.t) - 1)
+        known = self.t[place] == t
+        values = self._kept[place]
+        if not known.all():
+            values[~known] = self.sample(t[~known])
+        return values
+
+
+@lru_cache(maxsize=16)
+def stratified(count: int, jitter: float = 0.2) -> Array:
+    """Return one phase in each of `count` equal cells of (0, 1), off the middle by the golden sequence; gaps below (1 + jitter) / count."""
+    i = np.arange(count)
+    phases = (i + 0.5 + jitter * (np.mod((i + 1) * GOLDEN, 1.0) - 0.5)) / count
+    phases.setflags(write=False)
+    return phases
+
+
+def graded(centres: Sequence[float] | Array, nearest: float, farthest: float, ratio: float) -> Array:
+    """Return times on both sides of each centre, at distances that grow by `ratio` from `nearest` to `farthest`."""
+    steps = int(np.ceil(np.log(farthest / nearest) / np.log(ratio))) + 1
+    distances = nearest * ratio ** np.arange(max(steps, 1))
+    return np.add.outer(np.asarray(centres, dtype=float), np.concatenate([-distances, distances])).ravel()

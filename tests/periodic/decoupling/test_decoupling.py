@@ -1,0 +1,226 @@
+"""Decoupling: exponents of systems with very fast modes, against exact ones, and refusals where nothing stands apart."""
+
+import pickle
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.optimize import linear_sum_assignment
+
+import flexlin as fl
+from flexlin.periodic.decoupling.decouple import decouple
+from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
+from flexlin.periodic.decoupling.exponents import decoupled_exponents
+from flexlin.periodic.decoupling.grouping import Group, block_mask
+from flexlin.periodic.decoupling.panels import panel_exponents
+from flexlin.periodic.decoupling.superadiabatic import sylvester
+from flexlin.periodic.decoupling.waves import circle_derivative, interpolated, shifted
+from studies.scaling import scene_of
+from tests.periodic.rotated import KINDS, Rotated, Turn, Wave, random_system, wave
+
+LINKS = {(2, 2): -1.877841128, (3, 2): -0.4336677909}
+"""Leading real parts of chains, from Magnus integration on tens of thousands of segments."""
+
+
+def misses(answer, exponents, period):
+    """For each exponent found its distance to the known one that fits its claim best, modulo 2 pi i / T."""
+    apart = answer.exponents[:, None] - exponents
+    w = 2 * np.pi / period
+    size = np.hypot(apart.real, np.remainder(apart.imag + w / 2, w) - w / 2)
+    row, column = linear_sum_assignment(np.minimum(size / answer.errors[:, None], 1e6))
+    assert (row == np.arange(len(row))).all()
+    return size[row, column]
+
+
+def steady(value):
+    return Wave(value, np.zeros(1), np.zeros(1))
+
+
+def fast_and_slow(fast, period=2.0):
+    """A lightly damped fast pair and a slow one, mixed by three waving rotations and a shear."""
+    rng = np.random.default_rng(3)
+    modes = [(steady(-0.01 * fast), wave(rng, fast, 0.1 * fast, 2)), (steady(-0.5), steady(1.1))]
+    turns = [Turn(i, j, k < 3, wave(rng, 0.3, 0.3, 2)) for k, (i, j) in enumerate([(0, 2), (1, 3), (0, 3), (2, 1)])]
+    return Rotated(period, modes, turns)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_exponent_is_further_off_than_three_times_its_error(kind):
+    done = 0
+    for seed in range(12):
+        system = random_system(seed, kind)
+        decoupled = decouple(system, system.period, tol=1e-8)
+        if isinstance(decoupled, Refusal):
+            continue
+        done += 1
+        answer = decoupled_exponents(decoupled)
+        assert (misses(answer, system.exponents, system.period) <= 3 * answer.errors).all(), seed
+    assert done >= 4
+
+
+@pytest.mark.parametrize("fast", [1e3, 1e4, 1e5, 1e6])
+def test_the_fastest_frequency_costs_neither_nodes_nor_digits(fast):
+    system = fast_and_slow(fast)
+    decoupled = decouple(system, system.period, tol=1e-8)
+    answer = decoupled_exponents(decoupled)
+    assert len(decoupled.times) == 128
+    assert (answer.errors <= 1e-8 * np.maximum(1, 3 * fast)).all()
+    slow = np.argsort(-answer.exponents.real)[:2]
+    assert answer.errors[slow].max() < 1e-8
+    assert (misses(answer, system.exponents, system.period) <= answer.errors).all()
+
+
+@pytest.mark.parametrize("chain", LINKS)
+def test_a_chain_of_links(chain):
+    scene = scene_of(*chain)
+    system = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control).periodic_system()
+    answer = decoupled_exponents(decouple(system.A, system.period, tol=1e-8))
+    assert answer.exponents[0].real == pytest.approx(LINKS[chain], rel=2e-10)
+    assert (answer.errors <= 1e-8 * np.maximum(1, np.abs(answer.exponents) * 50)).all()
+
+
+def test_a_constant_system_keeps_its_eigenvalues():
+    rng = np.random.default_rng(5)
+    V = rng.standard_normal((5, 5))
+    A = V @ np.diag([-1.0, -400, -3e4, 2e5, 7e6]) @ np.linalg.inv(V)
+    decoupled = decouple(lambda t: np.broadcast_to(A, (len(t), 5, 5)), 1.0)
+    answer = decoupled_exponents(decoupled)
+    known = np.sort(np.linalg.eigvals(A).real)[::-1]
+    assert (np.abs(answer.exponents.real - known) <= answer.errors + 1e-15 * np.linalg.cond(V) * 7e6).all()
+    assert (answer.exponents.imag == 0).all()
+
+
+def test_the_generator_is_that_of_the_transformed_system():
+    system = fast_and_slow(1e4)
+    decoupled = decouple(system, system.period)
+    t = system.period * np.random.default_rng(1).random(9)
+    T, h = decoupled.T(t), 1e-6
+    slope = (decoupled.T(t + h) - decoupled.T(t - h)) / (2 * h)
+    B = np.linalg.solve(T, system(t) @ T - slope)
+    for group, block in zip(decoupled.groups, decoupled.blocks(t), strict=True):
+        assert np.abs(B[:, group.part, group.part] - block).max() < 1e-5
+    assert np.abs(B[:, ~block_mask(decoupled.groups)]).max() < 1e-5
+
+
+def test_conjugates_are_paired_exactly():
+    system = random_system(3, "plain")
+    decoupled = decouple(system, system.period)
+    for group in decoupled.groups:
+        mate = decoupled.groups[group.partner]
+        assert decoupled.groups[mate.partner] == group
+    exponents = decoupled_exponents(decoupled).exponents
+    inside = np.abs(exponents.imag) < np.pi / system.period * (1 - 1e-9)
+    assert np.array_equal(np.sort_complex(exponents[inside]), np.sort_complex(exponents[inside].conj()))
+
+
+def test_a_mode_whose_vector_turns_over_within_the_period():
+    turns = [Turn(0, 1, True, steady(0.0))]
+    modes = [(steady(-1.0), None), (steady(-900.0), None)]
+    half = Rotated(2.0, modes, turns)
+
+    def A(t):
+        angle = np.pi / 2 * np.asarray(t)  # half a turn in a period of 2
+        c, s = np.cos(angle), np.sin(angle)
+        R = np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
+        J = np.pi / 2 * np.array([[0, -1.0], [1, 0]])
+        return R @ np.diag([-1.0, -900.0]) @ np.swapaxes(R, 1, 2) + J
+
+    answer = decoupled_exponents(decouple(A, 2.0, tol=1e-8))
+    shifted_by_half = half.exponents + 1j * np.pi / 2
+    assert (misses(answer, shifted_by_half, 2.0) <= 3 * answer.errors).all()
+    assert answer.errors.max() < 1e-7
+
+
+def test_the_coupling_shrinks_with_the_rounds():
+    sizes = [decouple(fast_and_slow(fast), 2.0, tol=1e-10).residual.max() for fast in (1e3, 1e4)]
+    assert max(sizes) < 1e-11
+
+
+@pytest.mark.parametrize(
+    ("A", "words"),
+    [
+        (lambda t: np.array([[0, 1], [-1, -0.1]]) + 0 * t[:, None, None], "stand apart"),
+        (lambda t: np.array([[0, 1.0], [0, 0]]) + 0 * t[:, None, None], "depend on each other|stand apart"),
+        (lambda t: np.diag([-1.0, -500]) * (1 + 0.3 * (t[:, None, None] > 1.0002)), "fall off too slowly"),
+    ],
+    ids=["slow", "defective", "jump"],
+)
+def test_refusals_say_why(A, words):
+    refusal = decouple(A, 2.0)
+    assert isinstance(refusal, Refusal)
+    assert any(word in refusal.reason for word in words.split("|"))
+
+
+@pytest.mark.parametrize("corner", [0.0, 0.0078125, 0.00390625, 0.71, 1.3])
+def test_a_corner_that_is_not_named_shows_in_the_error(corner):
+    distance = lambda t: np.abs(np.mod(t - corner, 2.0) - 1)  # noqa: E731
+    answer = decoupled_exponents(decouple(lambda t: np.diag([-1.0, -500]) * (1 + distance(t))[:, None, None], 2.0))
+    assert (np.abs(answer.exponents - np.array([-1.5, -750])) <= answer.errors).all()
+    assert answer.errors[1] > 1e-3
+
+
+def test_the_sylvester_equations_hold_block_by_block():
+    rng = np.random.default_rng(0)
+    groups = (Group(0, 2, 0), Group(2, 3, 1), Group(3, 7, 2), Group(7, 8, 3), Group(8, 11, 4))
+    B = rng.standard_normal((5, 11, 11)) + 1j * rng.standard_normal((5, 11, 11))
+    B += 10 * np.diag(np.repeat(np.arange(5), [2, 1, 4, 1, 3]))
+    S, inside = sylvester(B, groups), block_mask(groups)
+    D = B * inside
+    assert np.abs(D @ S - S @ D + B * ~inside).max() < 1e-13
+    assert not S[:, inside].any()
+
+
+@pytest.mark.parametrize("count", [16, 17])
+def test_functions_on_the_circle(count):
+    t = 3.0 * np.arange(count) / count
+    f, slope = (lambda t: np.exp(np.sin(2 * np.pi / 3 * t))), (lambda t: 2 * np.pi / 3 * np.cos(2 * np.pi / 3 * t))
+    later = t + 3.0 / count / 2
+    between = np.random.default_rng(2).random(20) * 9 - 3
+    assert np.allclose(circle_derivative(f(t), 3.0), slope(t) * f(t), atol=1e-5)
+    assert np.allclose(circle_derivative(f(t), 3.0, 0.5), slope(later) * f(later), atol=1e-5)
+    assert np.allclose(shifted(f(t), 0.5), f(later), atol=1e-6)
+    assert np.allclose(interpolated(f(t), 3.0, between), f(between), atol=1e-6)
+
+
+def test_a_decoupled_system_pickles_and_is_short_in_print():
+    decoupled = decouple(fast_and_slow(1e4), 2.0)
+    copy = pickle.loads(pickle.dumps(decoupled))
+    assert isinstance(copy, Decoupled)
+    assert np.array_equal(copy.T(np.array([0.3])), decoupled.T(np.array([0.3])))
+    assert len(repr(decoupled)) < 120
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_panels_between_any_breaks_give_the_same_exponents(seed):
+    system = random_system(seed, KINDS[seed])
+    breaks = (0.0, *np.sort(np.random.default_rng(seed).random(4)) * system.period)
+    answer = panel_exponents(system, system.period, breaks)
+    if isinstance(answer, Refusal):
+        assert any(word in answer.reason for word in ("factors", "shrink"))
+        return
+    assert (misses(answer, system.exponents, system.period) <= 3 * answer.errors).all()
+
+
+@pytest.mark.parametrize("jump", [0.015, 0.05001, 0.095])
+def test_panels_where_the_coefficients_jump(jump):
+    """The reference is the product of two matrix exponentials, good to 1e-11 for the slow modes over so short a period."""
+    rng, period = np.random.default_rng(7), 0.1
+    first, second = (np.diag([-1.0, -2, -60, -90]) + 5 * rng.standard_normal((4, 4)) for _ in range(2))
+    first[2:, 2:] += 1e3 * np.array([[0, 1], [-1, 0]])
+    product = expm((period - jump) * second) @ expm(jump * first)
+    known = np.sort(np.log(np.abs(np.linalg.eigvals(product))))[::-1] / period
+    answer = panel_exponents(lambda t: np.where(t[:, None, None] < jump, first, second), period, (0.0, jump))
+    assert np.abs(answer.exponents.real[:2] - known[:2]).max() <= 3 * answer.errors[:2].max() + 1e-11
+    total = (jump * np.trace(first) + (period - jump) * np.trace(second)) / period
+    assert answer.exponents.real.sum() == pytest.approx(total, abs=answer.errors.sum())
+    assert answer.errors.max() < 1e-8
+
+
+def test_panels_agree_with_the_engine_on_pick_and_place():
+    scene = fl.load_scene("pick-and-place")
+    system = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control).periodic_system()
+    answer, engine = panel_exponents(system.A, system.period, system.breaks), fl.floquet(system, 1e-8)
+    apart = np.abs(answer.exponents.real - engine.exponents.real)
+    assert (apart <= answer.errors + engine.errors).all()
+    assert answer.errors.max() < 1e-8
+    assert isinstance(decouple(system.A, system.period, system.breaks), Refusal)

@@ -1,0 +1,102 @@
+"""Periodic Schur form and eigenvectors along a product: the identities that define them, and what they say of perturbations."""
+
+import mpmath
+import numpy as np
+import pytest
+
+from flexlin.periodic.circle import match_logs
+from flexlin.periodic.product.eigenvectors import eigenvector_chain, separate_triangular
+from flexlin.periodic.product.perturbation import spectrum_motion
+from flexlin.periodic.product.schur import periodic_schur
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(5)
+
+
+def factors_of(rng, count, n, spread):
+    """Factors with moduli up to exp(spread) apart, complex pairs among them, in unrelated well-conditioned frames."""
+    frames = np.eye(n) + 0.3 * rng.standard_normal((count, n, n)) / np.sqrt(n)
+    blocks = np.zeros((count, n, n))
+    i = 0
+    while i < n:
+        size, angle = np.exp(rng.uniform(-spread, 0)), rng.uniform(0.1, 3)
+        if n - i > 1 and rng.random() < 0.5:
+            turn = [[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]
+            blocks[:, i : i + 2, i : i + 2] = size * np.array(turn)
+            i += 2
+        else:
+            blocks[:, i, i] = size
+            i += 1
+    return np.roll(frames, -1, axis=0) @ blocks @ np.linalg.inv(frames)
+
+
+CASES = [(1, 3, 1.0), (2, 5, 3.0), (17, 4, 4.0), (64, 9, 0.5), (100, 7, 3.0)]
+
+
+@pytest.mark.parametrize(("count", "n", "spread"), CASES)
+def test_schur_form_reproduces_every_factor(count, n, spread, rng):
+    F = factors_of(rng, count, n, spread)
+    form = periodic_schur(F)
+    np.testing.assert_allclose(form.Q[1:] @ form.T, F @ form.Q[:-1], atol=1e-13)
+    assert np.abs(np.tril(form.T, -1)).max() == 0
+    np.testing.assert_allclose(
+        np.conj(np.swapaxes(form.Q, 1, 2)) @ form.Q, np.broadcast_to(np.eye(n), form.Q.shape), atol=1e-13
+    )
+    np.testing.assert_allclose(form.Q[-1], form.Q[0] * form.turn, atol=1e-12)
+
+
+@pytest.mark.parametrize(("count", "n", "spread"), CASES)
+def test_eigenvectors_along_the_product(count, n, spread, rng):
+    F = factors_of(rng, count, n, spread)
+    form = periodic_schur(F)
+    right, left, shared = eigenvector_chain(form)
+    growth = form.diagonal[:, None, :]
+    assert np.abs((F @ right[:-1] - right[1:] * growth) / growth).max() < 1e-8
+    np.testing.assert_allclose(left @ right, np.broadcast_to(np.eye(n), left.shape), atol=1e-9)
+    assert not shared.any()
+
+
+def exact_logs(factors):
+    """Logs of the product's eigenvalues with 80 digits."""
+    with mpmath.workdps(80):
+        P = mpmath.eye(factors.shape[-1])
+        for F in factors:
+            P = mpmath.matrix(F.tolist()) * P
+        values = mpmath.eig(P, left=False, right=False)
+        return np.array([complex(mpmath.log(v)) for v in values])
+
+
+def test_first_order_motion_is_exact_to_second_order(rng):
+    F = factors_of(rng, 6, 5, 1.0)
+    change = rng.standard_normal(F.shape) * np.abs(F).max(axis=(1, 2), keepdims=True)
+    missed = []
+    for size in (1e-5, 1e-6):
+        form = periodic_schur(F)
+        motion = spectrum_motion(form, F, F + size * change)
+        missed.append(match_logs(form.logs + motion.shift, exact_logs(F + size * change))[1].max())
+        moved = match_logs(form.logs, exact_logs(F + size * change))[1]
+        assert np.all(moved <= 1.01 * motion.method + motion.rounding)
+    assert 1.8 < np.log10(missed[0] / missed[1]) < 2.2
+
+
+@pytest.mark.parametrize("m", [2, 3, 4])
+def test_a_jordan_chain_that_breaks_up_stays_inside_the_bound(m, rng):
+    """A chain of m equal multipliers, shaken by 1e-8: it spreads by 1e-8 to the power 1 / m."""
+    block = np.eye(m) + np.diag(np.full(m - 1, 0.5), 1)
+    frames = np.linalg.qr(rng.standard_normal((4, m, m)))[0]
+    F = np.roll(frames, -1, axis=0) @ np.tile(block, (4, 1, 1)) @ np.swapaxes(frames, 1, 2)
+    better = F + 1e-8 * rng.standard_normal(F.shape)
+    form = periodic_schur(F)
+    motion = spectrum_motion(form, F, better)
+    moved = match_logs(form.logs, exact_logs(better))[1]
+    assert np.all(moved <= 1.5 * motion.method + motion.rounding)
+    assert motion.method.max() < 30 * moved.max()
+
+
+def test_triangular_matrix_is_separated_but_for_equal_eigenvalues(rng):
+    T = np.triu(rng.standard_normal((5, 5)), 1) + np.diag([1.0, 2.0, 1.0, -1.0, 2.0])
+    X, shared = separate_triangular(T)
+    np.testing.assert_allclose(T @ X, X * np.diag(T) + shared, atol=1e-12)
+    assert {tuple(entry) for entry in np.argwhere(shared)} == {(0, 2), (1, 4)}

@@ -1,0 +1,354 @@
+"""Resolved coefficients against the functions they stand for: smooth, narrow, broken, noisy, badly scaled, wrong."""
+
+import doctest
+import pickle
+from importlib import import_module
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from flexlin.errors import ArgumentError, NotPeriodic, UnresolvedCoefficient
+from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.resolved.resolve import resolve
+
+SMOOTH = 2 * np.pi
+
+
+def scalar(f):
+    """A function of time as a 1 x 1 matrix function."""
+    return lambda t: np.asarray(f(t), dtype=float)[:, None, None]
+
+
+def background(rng, period, size=2, harmonics=5):
+    """A random trigonometric polynomial, some entries constant."""
+    waves = rng.standard_normal((2, harmonics, size * size)) * (rng.random(size * size) < 0.7)
+    mean = rng.standard_normal(size * size)
+
+    def f(t):
+        angle = 2 * np.pi / period * np.outer(t, np.arange(1, harmonics + 1))
+        return (mean + np.cos(angle) @ waves[0] + np.sin(angle) @ waves[1]).reshape(-1, size, size)
+
+    return f
+
+
+def covered(series, A, rng, near=()):
+    """The largest ratio of the true error to the stated one, at random times and ever closer to the places given."""
+    T = series.period
+    steps = T * 10.0 ** rng.uniform(-12, -1, 60)
+    t = np.concatenate(
+        [rng.uniform(0, T, 3000), *(np.mod(place + side * steps, T) for place in near for side in (-1, 1))]
+    )
+    return float((np.abs(series(t) - A(t)) / series.error).max())
+
+
+@pytest.mark.parametrize("complete", [False, True])
+@pytest.mark.parametrize("seed", range(12))
+def test_random_trigonometric_polynomials_of_up_to_60_harmonics(seed, complete):
+    rng = np.random.default_rng(seed)
+    T, harmonics = 10.0 ** rng.uniform(-2, 2), int(rng.integers(1, 61))
+    A = background(rng, T, harmonics=harmonics)
+    series = resolve(A, T, complete=complete)
+    assert isinstance(series.series, FourierSeries)
+    assert covered(series, A, rng) < 1
+    assert series.error.max() < 1e-12 * np.abs(A(rng.uniform(0, T, 99))).max()
+    assert harmonics <= series.degree <= 2 * harmonics + 6
+
+
+def test_forty_harmonics_take_fewer_than_150_evaluations():
+    seen = []
+
+    def A(t):
+        seen.append(len(t))
+        return 1 / (1.25 - np.cos(t))[:, None, None]
+
+    series = resolve(A, SMOOTH, complete=True)
+    assert 40 <= series.degree <= 63
+    assert sum(seen) == series.samples < 150
+    assert series.error[0, 0] < 1e-13
+
+
+def test_steep_exponential_of_a_cosine():
+    A = scalar(lambda t: np.exp(30 * np.cos(t)))
+    series = resolve(A, SMOOTH)
+    assert covered(series, A, np.random.default_rng(0)) < 1
+    assert series.error[0, 0] < 1e-13 * np.exp(30)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_gaussian_pulses_anywhere(seed):
+    rng = np.random.default_rng(seed)
+    T = 10.0 ** rng.uniform(-1, 1)
+    width, place = T * 10.0 ** rng.uniform(-4, -1), rng.uniform(0, T)
+    smooth, pattern = background(rng, T), rng.standard_normal((2, 2))
+
+    def A(t):
+        pulse = sum(np.exp(-(((np.mod(t, T) - place + k * T) / width) ** 2)) for k in (-1, 0, 1))
+        return smooth(t) + pulse[:, None, None] * pattern
+
+    series = resolve(A, T)
+    assert covered(series, A, rng, [place]) < 1
+    assert series.error.max() < 1e-10
+    assert not series.found
+
+
+@pytest.mark.parametrize("width", [1e-3, 3e-4, 1.001e-4])
+@pytest.mark.parametrize("seed", range(8))
+def test_no_box_of_a_ten_thousandth_is_missed(seed, width):
+    begin = np.random.default_rng(seed).uniform(0, 1 - width)
+    series = resolve(scalar(lambda t: (np.mod(t, 1) >= begin) & (np.mod(t, 1) < begin + width)), 1.0)
+    assert [place.kind for place in series.found] == ["jump", "jump"]
+    assert [place.time for place in series.found] == pytest.approx([begin, begin + width], abs=1e-15)
+    assert series.mean()[0, 0] == pytest.approx(width, abs=4e-15)
+
+
+@pytest.mark.parametrize("complete", [False, True])
+@pytest.mark.parametrize("exponent", range(2, 9))
+def test_named_pulses_down_to_a_hundred_millionth(exponent, complete):
+    rng = np.random.default_rng(exponent)
+    width, place = 10.0**-exponent, rng.uniform(0, 1)
+    A = scalar(lambda t: 2 + np.exp(-np.minimum(((np.mod(t - place + 0.5, 1) - 0.5) / width) ** 2, 700)))
+    series = resolve(A, 1.0, features=[(place, width)], complete=complete)
+    assert covered(series, A, rng, [place]) < 1
+    assert series.mean()[0, 0] - 2 == pytest.approx(np.sqrt(np.pi) * width, rel=1e-6)
+
+
+@pytest.mark.parametrize("eps", [1e-1, 1e-2, 1e-3, 1e-5])
+@pytest.mark.parametrize("named", [True, False])
+def test_smoothed_switches(eps, named):
+    A = scalar(lambda t: np.tanh(np.cos(t) / eps))
+    turns = (np.pi / 2, 3 * np.pi / 2)
+    series = resolve(A, SMOOTH, features=[(t, eps) for t in turns] if named else ())
+    assert covered(series, A, np.random.default_rng(1), turns) < 1
+    assert series.error[0, 0] < 1e-14 / eps + 1e-12
+    assert not series.found
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_jumps_are_found_to_the_last_bit(seed):
+    rng = np.random.default_rng(seed)
+    T, count = 10.0 ** rng.uniform(-2, 2), int(rng.choice([1, 2, 3, 20]))
+    times, values = np.sort(rng.uniform(0, T, count)), rng.standard_normal((count + 1, 2, 2))
+    smooth = background(rng, T)
+    named = times[:1] if rng.random() < 0.3 else ()
+
+    def A(t):
+        return smooth(t) + values[np.searchsorted(times, np.mod(t, T), side="right")]
+
+    series = resolve(A, T, breaks=named)
+    expected = np.concatenate([[0.0], times])
+    assert series.breaks == pytest.approx(expected, abs=2e-15 * T)
+    assert {place.kind for place in series.found} == {"jump"}
+    assert covered(series, A, rng, times) < 1
+
+
+@pytest.mark.parametrize(
+    ("breaks", "jumps"),
+    [
+        ((), (0.3, 0.300001)),
+        ((), (0.5 + 1e-9,)),
+        ((), (0.5,)),
+        ((), (1e-9, 0.6)),
+        ((), (0.6, 1 - 1e-9)),
+        ((0.3,), (0.3 + 1e-6,)),
+        ((0.3,), (0.3 - 1e-10,)),
+        ((0.3, 0.8), (0.3, 0.5, 0.8)),
+    ],
+)
+def test_jumps_in_awkward_places(breaks, jumps):
+    around = jumps[0] < 1e-8 or jumps[-1] > 1 - 1e-8
+    levels = np.array([1.0, 4.0, 1.0 if around else 2.0, 7.0])
+    wave = 0.1 if len(jumps) == 1 else 0.0
+
+    def f(t):
+        t = np.mod(t, 1)
+        return levels[np.searchsorted(jumps, t, side="right")] + wave * np.sin(2 * np.pi * t)
+
+    series = resolve(scalar(f), 1.0, breaks=breaks)
+    expected = {*jumps, *(() if around else (0.0,))} - set(breaks)
+    assert [place.time for place in series.found] == pytest.approx(sorted(expected), abs=4e-16)
+    assert covered(series, scalar(f), np.random.default_rng(2), jumps) < 1
+
+
+@pytest.mark.parametrize("power", [1, 3, 5])
+@pytest.mark.parametrize("seed", range(5))
+def test_kinks_are_cut_out(seed, power):
+    rng = np.random.default_rng(seed)
+    T, place = 10.0 ** rng.uniform(-1, 1), None
+    place = rng.uniform(0, T)
+    A = scalar(lambda t: np.abs(np.sin(np.pi * (t - place) / T)) ** power)
+    series = resolve(A, T)
+    assert covered(series, A, rng, [place]) < 1
+    assert series.error[0, 0] < 1e-12
+    if power == 1:
+        assert [(p.kind, pytest.approx(place, abs=1e-12 * T)) for p in series.found] == [("kink", place)]
+
+
+@pytest.mark.parametrize("level", [1e-12, 1e-10, 1e-7])
+@pytest.mark.parametrize("jump", [0.0, 1.0])
+def test_noise_is_measured_and_not_chased(level, jump):
+    rng = np.random.default_rng(3)
+    true = scalar(lambda t: np.cos(t) + jump * (np.mod(t, SMOOTH) < 2.345))
+    series = resolve(lambda t: true(t) + level * rng.standard_normal((len(t), 1, 1)), SMOOTH)
+    assert covered(series, true, rng) < 1
+    assert 2 * level < series.error[0, 0] < 50 * level
+    assert [place.time for place in series.found if place.time] == pytest.approx([2.345] if jump else [], abs=1e-12)
+
+
+def test_single_precision_is_noise():
+    true = scalar(np.cos)
+    series = resolve(lambda t: true(t).astype(np.float32), SMOOTH)
+    assert covered(series, true, np.random.default_rng(4)) < 1
+    assert series.error[0, 0] < 1e-6
+
+
+@pytest.mark.parametrize("complete", [False, True])
+def test_each_entry_by_its_own_size(complete):
+    rng = np.random.default_rng(5)
+
+    def A(t):
+        rows = [1e-12 * np.cos(t), 1e12 * np.sin(3 * t), 1e-17 * np.cos(1e9 * t), np.full_like(t, 0.1)]
+        return np.stack(rows, axis=1).reshape(-1, 2, 2)
+
+    series = resolve(A, SMOOTH, complete=complete)
+    assert np.all(series.error[0] < 1e-13 * np.array([1e-12, 1e12]))
+    assert np.all(series(rng.uniform(0, 6, 9))[:, 1, 1] == 0.1)
+    assert covered(series, A, rng) < 1
+
+
+def test_constants_stay_what_they_are():
+    value = np.random.default_rng(6).standard_normal((3, 2))
+    series = resolve(lambda t: np.broadcast_to(value, (len(t), 3, 2)), 0.7, breaks=(0.2,))
+    assert series.constant
+    assert np.all(series.mean() == pytest.approx(value, rel=1e-15))
+    assert resolve(lambda t: np.broadcast_to(value, (len(t), 3, 2)), 0.7).constant
+    assert not resolve(scalar(np.cos), SMOOTH).constant
+
+
+def test_a_right_continuous_jump_has_both_limits():
+    series = resolve(scalar(lambda t: np.where(np.mod(t, 2) < 1.0002, 1, 9)), 2.0)
+    at = np.array([1.0002, 0.0, 2.0, np.nextafter(1.0002, 0)])
+    assert series(at)[:, 0, 0].tolist() == [9, 1, 1, 1]
+    assert series(at, left=True)[:, 0, 0].tolist() == [1, 9, 9, 1]
+
+
+@pytest.mark.parametrize("breaks", [(), (0.4,)])
+def test_derivative_mean_and_pieces(breaks):
+    f, slope = lambda t: np.exp(np.sin(t)), lambda t: np.cos(t) * np.exp(np.sin(t))
+    series, rng = resolve(scalar(f), SMOOTH, breaks=breaks), np.random.default_rng(7)
+    t = rng.uniform(0, SMOOTH, 200)
+    off = np.abs(series.derivative()(t)[:, 0, 0] - slope(t)).max()
+    assert off <= series.derivative().error[0, 0]
+    assert off < 1e-10
+    assert series.mean()[0, 0] == pytest.approx(quad(f, 0, SMOOTH, epsabs=1e-13)[0] / SMOOTH, abs=1e-13)
+    pieces = series.pieces(np.array([0.0, 1.0, 4.5, SMOOTH]))
+    assert set(breaks) | {1.0, 4.5} <= set(pieces.edges.tolist())
+    assert pieces(t)[:, 0, 0] == pytest.approx(f(t), abs=1e-12)
+    assert "1 x 1" in repr(series)
+    again = pickle.loads(pickle.dumps(series))
+    assert np.all(again(t) == series(t))
+    with pytest.raises(ArgumentError, match="leave the period"):
+        series.pieces(np.array([0.0, 7.0]))
+
+
+@pytest.mark.parametrize(
+    ("f", "period"),
+    [
+        (lambda t: np.cos(2 * t), 2.0),
+        (np.sin, np.pi),
+        (lambda t: np.cos(2 * t), 3.14159),
+        (lambda t: np.abs(np.sin(t)), 4.0),
+        (lambda t: np.sign(np.sin(t)), np.pi),
+        (lambda t: np.sign(np.sin(t)), 4.0),
+        (lambda t: np.maximum(np.sin(t), 0), np.pi),
+        (lambda t: np.exp(-(((np.mod(t, 2) - 0.3) / 2e-4) ** 2)), 1.0),
+        (lambda t: np.exp(30 * np.cos(t - 1.5) - 30), 3.0),
+    ],
+)
+def test_another_period_is_refused(f, period):
+    with pytest.raises(NotPeriodic, match="does not repeat"):
+        resolve(scalar(f), period)
+    with pytest.raises(NotPeriodic, match="of its size"):
+        resolve(scalar(f), period, breaks=(0.7,))
+
+
+def raising(t):
+    if np.any(t > 1):
+        raise ValueError("beyond the table")
+    return np.cos(2 * np.pi * t)
+
+
+@pytest.mark.parametrize(
+    ("f", "period"),
+    [
+        (lambda t: np.where(t < 1.0002, 1.0, 9.0), 2.0),
+        (lambda t: np.where(t < 1, t, 2 - t), 2.0),
+        (lambda t: np.where(t < 1, np.cos(t), np.exp(-t)), 2.0),
+        (lambda t: np.interp(t, [0, 0.3, 0.7, 1], [1, 2, 0, 1]), 1.0),
+        (lambda t: np.exp(-(((t - 0.3) / 2e-4) ** 2)), 1.0),
+        (lambda t: np.where(t <= 1, np.cos(2 * np.pi * t), np.nan), 1.0),
+        (lambda t: np.cos(2 * t), 3.14159265),
+        (raising, 1.0),
+    ],
+)
+def test_functions_written_for_one_period_are_taken(f, period):
+    series, t = resolve(scalar(f), period), np.random.default_rng(8).uniform(0, period, 500)
+    assert np.all(np.abs(series(t)[:, 0, 0] - f(t)) <= series.error[0, 0])
+
+
+@pytest.mark.parametrize(
+    ("A", "match"),
+    [
+        (scalar(lambda t: np.where(np.abs(t - 0.5) < 1e-3, np.nan, 1.0)), r"not finite at t = 0\.5"),
+        (scalar(lambda t: np.where((t > 0.701) & (t < 0.702), np.inf, 1.0)), r"not finite at t = 0\.701"),
+        (lambda t: np.exp(1j * t)[:, None, None], "not real"),
+        (lambda t: np.where(t < 0.4, 1, 9)[:, None, None], "whole numbers"),
+        (lambda t: np.ones((len(t), 2, 2 + (len(t) > 64))), "wrong shape"),
+        (lambda t: np.ones((2, 2)), "wrong shape"),
+        (lambda t: np.ones((3, 2, 2)), "wrong shape"),
+    ],
+)
+def test_what_is_no_matrix_function_is_refused(A, match):
+    with pytest.raises(ArgumentError, match=match):
+        resolve(A, 1.0)
+
+
+def test_arguments_are_checked():
+    one = scalar(np.ones_like)
+    for wrong in ({"breaks": (1.0,)}, {"features": [(0.2, 0.0)]}, {"features": [(-0.2, 0.1)]}):
+        with pytest.raises(ArgumentError):
+            resolve(one, 1.0, **wrong)
+    assert resolve(lambda t: np.broadcast_to(np.array([[0, 1], [-1, 0]]), (len(t), 2, 2)), 1.0).constant
+
+
+@pytest.mark.parametrize(
+    ("f", "place"),
+    [
+        (lambda t: np.tan(np.pi * (t - 0.3123)), 0.8123),
+        (lambda t: np.abs(np.mod(t, 1) - 0.3123) ** -0.25, 0.3123),
+        (lambda t: np.sin(1 / (np.mod(t, 1) - 0.3123)), 0.3123),
+    ],
+)
+def test_what_cannot_be_followed_is_refused_with_its_place(f, place):
+    with pytest.raises(UnresolvedCoefficient, match="cannot be resolved near t = ") as caught:
+        resolve(scalar(f), 1.0)
+    assert float(str(caught.value).split("t = ")[1].split(" s")[0]) == pytest.approx(place, abs=1e-2)
+
+
+def test_fast_waves_are_not_taken_for_noise():
+    with pytest.raises(UnresolvedCoefficient):
+        resolve(scalar(lambda t: np.sin(2e6 * np.pi * t)), 1.0)
+
+
+def test_examples():
+    result = doctest.testmod(import_module("flexlin.periodic.resolved.resolve"))
+    assert result.attempted > 0
+    assert result.failed == 0
+
+
+def test_features_beside_breaks_make_no_slivers():
+    A = scalar(lambda t: np.where(t < 0.3, 1, np.exp(-np.clip((t - 0.3) / 1e-6, 0, 700))))
+    features = [(0.3, 1e-6), (0.3, 1e-14), (0.0, 1e-13), (0.9, 2.0)]
+    series = resolve(lambda t: A(np.mod(t, 1)), 1.0, breaks=(0.3,), features=features, complete=True)
+    assert np.diff(series.edges).min() > 1e-11
+    assert covered(series, A, np.random.default_rng(9), [0.3]) < 1

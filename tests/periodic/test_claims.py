@@ -1,0 +1,107 @@
+"""A fixed sample of the jury: each claimed error covers the true one, and no verdict is wrong.
+
+The whole jury is heard by `studies/own_error.py`. FOUND holds cases on which an engine has failed.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.errors import FlexlinError
+from tests.periodic.judge import judged
+from tests.periodic.jumping_systems import reference_jump, reference_pulse
+from tests.periodic.non_normal_systems import reference_non_normal
+from tests.periodic.random_systems import COUNTS, draw
+
+SAMPLE = [(kind, 5_000_000 + k) for kind in COUNTS for k in range(3)]
+FOUND = [
+    ("non-normal switched", 28),
+    ("pulses", 26),
+    ("pulses", 74),
+    ("pulses", 113),
+    ("jumps not named", 39),
+    ("jumps not named", 35),
+    ("jumps not named", 9),
+    ("jumps not named, smooth between", 47),
+    ("jumps not named, smooth between", 9),
+    ("Meissner not named", 20),
+    ("Meissner not named", 15),
+    ("jumps named", 17),
+    ("kinks not named", 59),
+    ("fixed settings", 108),
+    ("fixed settings", 83),
+    ("fixed settings", 115),
+    ("rotation", 143),
+    ("exponential", 167),
+    ("non-normal constant", 18),
+    ("non-normal, f(t) C", 18),
+    ("non-normal, f(t) C", 13),
+]
+MUST_ANSWER = (
+    "rotation",
+    "shear",
+    "exponential",
+    "mixed",
+    "reparametrised",
+    "kinks named",
+    "jumps named",
+    "Mathieu",
+    "Krein",
+)
+"""Kinds in which nothing is hidden from the engine: it has no reason to refuse."""
+
+
+def check(outcome, factor=1.0):
+    assert not outcome.crash
+    assert not outcome.wrong
+    assert outcome.worst <= factor
+
+
+@pytest.mark.parametrize(("kind", "seed"), SAMPLE)
+def test_claims_hold(kind, seed):
+    outcome = judged(draw(kind, seed))
+    check(outcome)
+    assert not (outcome.refusal and kind in MUST_ANSWER)
+
+
+@pytest.mark.parametrize(("kind", "seed"), FOUND)
+def test_claims_hold_where_an_engine_has_failed(kind, seed):
+    check(judged(draw(kind, seed)), factor=3.0)
+
+
+def test_claims_do_not_exaggerate():
+    kinds = ("rotation", "shear", "mixed", "multipliers 1e-300 to 1e300", "reparametrised")
+    ratios = [r for kind in kinds for seed in range(8) for r in judged(draw(kind, seed)).overestimates]
+    assert len(ratios) > 50
+    assert np.median(ratios) < 30
+
+
+@pytest.mark.parametrize("tol", [1e-9, 1e-4])
+@pytest.mark.parametrize("make", [reference_non_normal, reference_jump, reference_pulse])
+def test_reference_systems(make, tol):
+    check(judged(make(tol)))
+
+
+def test_a_narrow_pulse_is_answered_when_its_place_is_named():
+    """With breaks around it the pulse is an interval of its own: there is no reason to refuse."""
+    case = reference_pulse()
+    outcome = judged(replace(case, breaks=(0.0, 0.3 - 2e-3, 0.3, 0.3 + 2e-3)))
+    check(outcome)
+    assert not outcome.refusal
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_wrong_period_is_refused(seed):
+    case = draw("wrong period", seed)
+    with pytest.raises(FlexlinError):
+        case.answer()
+
+
+@pytest.mark.parametrize("segments", [1, 3, 10])
+@pytest.mark.parametrize("method", ["gauss", "magnus", "radau"])
+@pytest.mark.parametrize("kind", ["rotation", "jumps not named", "multipliers 1e-300 to 1e300"])
+def test_fixed_settings_keep_their_claims_or_are_refused(kind, method, segments):
+    case = draw(kind, 7)
+    check(judged(case, lambda c: fl.floquet(c.system(), tol=c.tol, method=method, segments=segments)), factor=3.0)

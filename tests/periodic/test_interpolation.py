@@ -1,0 +1,101 @@
+"""Fourier and Chebyshev interpolation against functions whose derivatives and integrals are known."""
+
+import numpy as np
+import pytest
+from numpy.polynomial import chebyshev
+from scipy.integrate import quad
+from scipy.interpolate import BarycentricInterpolator
+
+from flexlin.periodic.chebyshev import (
+    ChebyshevPanels,
+    chebyshev_basis,
+    chebyshev_coefficients,
+    chebyshev_differentiation,
+    chebyshev_nodes,
+    panel_times,
+)
+from flexlin.periodic.fourier import FourierSeries, fourier_basis, fourier_differentiation, fourier_nodes
+
+T = 1.7
+
+
+def waves(t):
+    return np.exp(np.sin(2 * np.pi * t / T + 0.3))
+
+
+def rate(t):
+    return 2 * np.pi / T * np.cos(2 * np.pi * t / T + 0.3) * waves(t)
+
+
+@pytest.mark.parametrize("count", [40, 41, 64])
+def test_fourier_matrix_and_series_give_the_same_derivative_as_calculus(count):
+    t = fourier_nodes(count, T)
+    assert fourier_differentiation(count, T) @ waves(t) == pytest.approx(rate(t), abs=1e-11)
+    series = FourierSeries.through(waves(t)[:, None, None], T)
+    other = np.random.default_rng(0).uniform(-5, 5, 200)
+    assert series(other)[:, 0, 0] == pytest.approx(waves(other), abs=1e-13)
+    assert series.derivative()(other)[:, 0, 0] == pytest.approx(rate(other), abs=1e-11)
+    assert series.mean()[0, 0] == pytest.approx(quad(waves, 0, T, epsabs=1e-14)[0] / T, abs=1e-13)
+
+
+def test_fourier_error_falls_faster_than_any_power():
+    t = np.random.default_rng(1).uniform(0, T, 300)
+    counts = (9, 13, 17, 21)
+    errors = [
+        np.abs(FourierSeries.through(waves(fourier_nodes(n, T))[:, None, None], T)(t)[:, 0, 0] - waves(t)).max()
+        for n in counts
+    ]
+    slopes = -np.diff(np.log(errors)) / np.diff(np.log(counts))
+    assert np.all(np.diff(slopes) > 0)
+    assert slopes[-1] > 10
+
+
+def test_doubled_waves_are_cosines_and_sines():
+    phase, k = np.random.default_rng(2).uniform(-2, 2, 50), np.arange(1, 38)
+    basis = fourier_basis(phase, 37)
+    expected = np.hstack(
+        [np.ones((50, 1)), np.cos(2 * np.pi * phase[:, None] * k), np.sin(2 * np.pi * phase[:, None] * k)]
+    )
+    assert basis == pytest.approx(expected, abs=1e-13)
+
+
+@pytest.mark.parametrize("value", [0.1, 1 / 3, 1e300, 1e-300])
+def test_constants_come_back_bit_for_bit(value):
+    series = FourierSeries.through(np.full((24, 1, 1), value), T)
+    assert np.all(series.coefficients[1:] == 0)
+    assert series.mean()[0, 0] == value
+    coefficients = chebyshev_coefficients(np.full((1, 32, 1), value))
+    assert coefficients[0, 0, 0] == value
+    assert np.all(coefficients[0, 1:] == 0)
+
+
+def test_chebyshev_nodes_basis_and_matrix_against_numpy():
+    u, values = chebyshev_nodes(20), np.random.default_rng(3).standard_normal(20)
+    assert u == pytest.approx(chebyshev.chebpts1(20), abs=1e-15)
+    assert chebyshev_basis(np.array([-1.5, 0.2, 1.0]), 9) == pytest.approx(
+        chebyshev.chebvander([-1.5, 0.2, 1.0], 8), rel=1e-13, abs=1e-14
+    )
+    c = chebyshev_coefficients(values[None, :, None])[0, :, 0]
+    at = np.linspace(-1, 1, 33)
+    assert chebyshev.chebval(at, c) == pytest.approx(BarycentricInterpolator(u, values)(at), abs=1e-12)
+    assert chebyshev_differentiation(20) @ values == pytest.approx(
+        chebyshev.chebval(u, chebyshev.chebder(c)), abs=1e-10
+    )
+    assert np.all(chebyshev_differentiation(1) == 0)
+
+
+def test_panels_are_right_continuous_and_integrate_exactly():
+    edges = np.array([0.0, 0.3, 1.1, T])
+    t = panel_times(edges[:-1], edges[1:], 24)
+    values = np.stack([np.exp(t) + 5 * np.arange(3)[:, None], np.cos(9 * t)], axis=2)
+    panels = ChebyshevPanels(edges, chebyshev_coefficients(values).reshape(3, 24, 1, 2))
+    ask = np.array([0.3, 1.1, 0.0, T, -0.2, T + 0.5])
+    piece = np.array([1, 2, 0, 0, 2, 1])
+    wrapped = np.array([0.3, 1.1, 0.0, 0.0, T - 0.2, 0.5])
+    assert panels(ask)[:, 0, 0] == pytest.approx(np.exp(wrapped) + 5 * piece, abs=1e-13)
+    before, until = np.array([0, 1, 2, 2, 2, 1]), np.array([0.3, 1.1, T, T, T - 0.2, 0.5])
+    assert panels(ask, left=True)[:, 0, 0] == pytest.approx(np.exp(until) + 5 * before, abs=1e-13)
+    inside = np.random.default_rng(4).uniform(0, T, 99)
+    assert panels.derivative()(inside)[:, 0, 1] == pytest.approx(-9 * np.sin(9 * inside), abs=1e-10)
+    whole = np.exp(T) - 1 + 5 * 0.8 + 10 * (T - 1.1)
+    assert panels.mean()[0] == pytest.approx([whole / T, np.sin(9 * T) / 9 / T], abs=1e-13)

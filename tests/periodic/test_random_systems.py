@@ -1,0 +1,155 @@
+"""The jury itself: truths found in two ways agree within their doubts, and the judge catches a liar."""
+
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from tests.periodic.chains import Real
+from tests.periodic.judge import judged, true_errors
+from tests.periodic.jumping_systems import reference_jump, reference_pulse
+from tests.periodic.non_normal_systems import reference_non_normal
+from tests.periodic.random_systems import COUNTS, KINDS, draw
+from tests.periodic.truths import eigenvalues, integrated, panels_of
+
+
+def miss(case, found):
+    return np.abs(true_errors(case, found, np.ones(len(found)))[0]).max()
+
+
+@pytest.mark.parametrize(
+    "kind", ["rotation", "shear", "exponential", "mixed", "jordan", "reparametrised", "kinks named"]
+)
+def test_exponents_of_a_chain_are_those_of_its_integration(kind):
+    compared = 0
+    for seed in range(25):
+        case = draw(kind, seed)
+        t = np.linspace(0, case.period, 200)
+        rate = np.abs(case.A(t)).sum(axis=(1, 2)).max() / 2
+        if len(case.exponents) > 4 or np.ptp(case.exponents.real) * case.period > 10 or rate * case.period > 300:
+            continue
+        panels = panels_of(case.period, rate, case.A.clock.corners)
+        truth = integrated(lambda t, A=case.A: np.moveaxis(A.extended(t)[0], -1, 0), panels, case.period)
+        slack = 3 * case.doubt.max() + 3 * truth.doubt.max()
+        assert miss(case, truth.exponents) <= slack
+        assert slack < (1e-3 if kind == "jordan" else 1e-6)
+        compared += 1
+    assert compared >= 3
+
+
+@pytest.mark.parametrize("kind", ["jumps not named", "Meissner not named"])
+def test_products_of_exponentials_are_those_of_panels(kind):
+    for seed in range(5):
+        case = draw(kind, seed)
+        rate = np.abs(case.A.matrices).sum(axis=(1, 2)).max()
+        panels = panels_of(case.period, rate, case.A.edges)
+        truth = integrated(case.A, panels, case.period)
+        assert miss(case, truth.exponents) <= 1e-16 + case.doubt.max() + truth.doubt.max()
+
+
+@pytest.mark.parametrize("kind", ["pulses", "jumps not named, smooth between", "undamped oscillators"])
+def test_panels_agree_with_a_runge_kutta_method(kind):
+    """DOP853 from one corner or narrow place to the next."""
+    for seed in range(4):
+        case = draw(kind, seed)
+        n, P = len(case.exponents), np.eye(len(case.exponents))
+        for a, b in pairwise(stops(case)):
+            inside = partial(slope, case.A, n, a, b)
+            P = solve_ivp(inside, (a, b), P.ravel(), "DOP853", rtol=1e-13, atol=1e-14).y[:, -1].reshape(n, n)
+        found = np.log(np.linalg.eigvals(P).astype(complex)) / case.period
+        leading = found[found.real > found.real.max() - 7 / case.period]  # a monodromy matrix loses the others
+        assert miss(case, leading) <= 1e-10
+
+
+def slope(A, n, a, b, t, x):
+    """A x on [a, b): at b the value of this side."""
+    return (A(np.array([min(t, np.nextafter(b, a))]))[0] @ x.reshape(n, n)).ravel()
+
+
+def stops(case, count=4001):
+    """Where A jumps, to the last double, and where it is narrow: edges of the cells of a grid in which it changes by a hundredth."""
+    t = np.linspace(0, np.nextafter(case.period, 0), count)
+    values = case.A(t)
+    changed = np.abs(np.diff(values, axis=0)).max(axis=(1, 2)) > 0.01 * np.abs(values).max()
+    found = [0.0, case.period, *np.linspace(0, case.period, 17)]
+    for k in np.flatnonzero(changed):
+        found += [t[k], t[k + 1], jump(case.A, t[k], t[k + 1])]
+    return np.unique(found)
+
+
+def jump(A, a, b):
+    """The place of the greater change, by bisection to the last double."""
+    left, right = A(np.array([a])), A(np.array([b]))
+    while np.nextafter(a, b) < b:
+        c = a + (b - a) / 2
+        middle = A(np.array([c]))
+        if np.abs(middle - left).max() > np.abs(right - middle).max():
+            b, right = c, middle
+        else:
+            a, left = c, middle
+    return b
+
+
+def test_known_answers():
+    np.testing.assert_allclose(np.sort(reference_pulse().exponents.real), [-1.33204116, 1.28204116], atol=5e-9)
+    mathieu = integrated(mathieu_one_fifth, panels_of(np.pi, 2.0), np.pi)
+    np.testing.assert_allclose(np.sort(mathieu.exponents.real), np.array([-1, 1]) * 0.099536437275513447, rtol=1e-15)
+    np.testing.assert_allclose(reference_jump().exponents.real, -0.05, atol=1e-15)
+    np.testing.assert_allclose(np.abs(reference_jump().exponents.imag), 1.1982763, atol=5e-8)
+    np.testing.assert_allclose(
+        np.sort(eigenvalues(reference_non_normal().A(np.zeros(1))[0]).real), [-4, -3, -2, -1], rtol=1e-15
+    )
+
+
+def mathieu_one_fifth(t):
+    """x'' + (1 - 0.4 cos 2t) x = 0."""
+    A = np.zeros((len(t), 2, 2), Real)
+    A[:, 0, 1], A[:, 1, 0] = 1, Real("0.4") * np.cos(2 * t) - 1
+    return A
+
+
+def test_every_kind_is_counted_and_drawn_the_same_twice():
+    assert set(COUNTS) == set(KINDS)
+    for kind in KINDS:
+        one, two = draw(kind, 3), draw(kind, 3)
+        t = np.linspace(0, one.period, 7)
+        np.testing.assert_array_equal(one.A(t), two.A(t))
+        np.testing.assert_array_equal(one.exponents, two.exponents)
+        assert one.A(t).shape == (7, len(one.exponents), len(one.exponents))
+        assert np.isfinite(one.doubt).all()
+
+
+@dataclass(frozen=True)
+class Answer:
+    exponents: np.ndarray
+    errors: np.ndarray
+    verdict: str
+
+
+def told(case, exponents=None, claim=1e-9, verdict="undecided"):
+    exponents = case.exponents if exponents is None else exponents
+    return judged(case, lambda _: Answer(exponents, np.broadcast_to(claim, exponents.shape), verdict))
+
+
+def test_the_judge_accepts_the_truth_and_catches_a_liar():
+    case = draw("rotation", 2)
+    turned = case.exponents[::-1] + 2j * np.pi / case.period
+    assert told(case, turned).worst < 1e-3
+    assert told(case, case.exponents + 2e-9).worst == pytest.approx(2, rel=1e-3)
+    assert told(case, case.exponents + np.nan).worst > 1e3
+    growing = "unstable" if case.growth[0] > 0 else "stable"
+    assert told(case, verdict=growing).wrong == ""
+    assert told(case, verdict={"stable": "unstable", "unstable": "stable"}[growing]).wrong
+    assert told(replace(case, refuse=True)).wrong
+    assert told(replace(case, marginal=True), verdict="stable").wrong
+
+
+def test_hidden_exponents_must_lie_below_the_others():
+    case = draw("stiff", 5)
+    order = np.argsort(case.exponents.real)
+    hide = np.where(np.arange(len(order)) == 0, np.inf, 1e-6)
+    assert told(case, case.exponents[order], claim=hide).worst < 1
+    assert told(case, case.exponents[order[::-1]], claim=hide).worst > 1e3

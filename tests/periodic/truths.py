@@ -1,0 +1,190 @@
+"""Exponents in extended precision: eigenvalues, products of exponentials, and transition matrices on panels, each with its own doubt."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+
+import mpmath as mp
+import numpy as np
+
+from tests.periodic.chains import Real
+
+STAGES = 12
+HALF_ULP = 2.0**-53
+
+
+def folded(exponents, period):
+    """Imaginary parts into (-pi/T, pi/T]."""
+    w = 2 * np.pi / period
+    return exponents - 1j * w * np.ceil(exponents.imag / w - 0.5)
+
+
+def eigenvalues(matrix, digits=60):
+    """Eigenvalues of a matrix of doubles as it stands."""
+    with mp.workdps(digits):
+        values = mp.eig(mp.matrix(np.asarray(matrix).tolist()), left=False, right=False)
+        return np.array([complex(v) for v in values])
+
+
+def perturbed_eigenvalues(matrix, entries, rng, trials=3):
+    """Eigenvalues, and twice the largest motion of each when every entry moves by its share with a random sign."""
+    exact = eigenvalues(matrix)
+    doubt = np.zeros(len(exact))
+    for _ in range(trials):
+        with mp.workdps(60):
+            moved = mp.matrix(matrix.tolist()) + mp.matrix((entries * rng.choice([-1.0, 1.0], entries.shape)).tolist())
+            other = np.array([complex(v) for v in mp.eig(moved, left=False, right=False)])
+        doubt = np.maximum(doubt, 2 * np.abs(exact[:, None] - other).min(axis=1))
+    return exact, doubt
+
+
+def switched_exponents(matrices, edges):
+    """log(eig(exp(A_k d_k) ... exp(A_1 d_1))) / T, d = differences of the edges from 0 to T; digits are doubled until nothing changes."""
+    digits, before = 60, None
+    while digits < 4000:
+        now = product_exponents(matrices, edges, digits)
+        if before is not None and settled(before, now, edges[-1]):
+            return np.array([complex(v) for v in now])
+        digits, before = 2 * digits, now
+    raise ArithmeticError("the product of exponentials does not settle")
+
+
+def settled(before, now, period):
+    """Whether each exponent has one before within 1e-22 modulo 2 pi i / T, relative beyond 1/s."""
+    with mp.workdps(40):
+        turn = 2 * mp.pi / mp.mpf(float(period))
+
+        def distance(a, b):
+            turns = mp.nint((a - b).imag / turn)
+            return abs(a - b - mp.mpc(0, turns * turn)) / max(1, abs(a))
+
+        return all(min(distance(a, b) for b in before) < 1e-22 for a in now)
+
+
+def product_exponents(matrices, edges, digits):
+    """The same with a number of digits."""
+    n = len(matrices[0])
+    with mp.workdps(digits):
+        product = np.array(mp.eye(n).tolist(), dtype=object).reshape(n, n)
+        for matrix, (a, b) in zip(matrices, pairwise(mp.mpf(float(e)) for e in edges), strict=True):
+            product = exponential(matrix, b - a).dot(product)
+        values = mp.eig(mp.matrix(product.tolist()), left=False, right=False)
+        return [mp.log(v) / mp.mpf(float(edges[-1])) for v in values]
+
+
+def exponential(matrix, duration):
+    """exp(A d) by scaling, Taylor's series and squaring in the working precision."""
+    n = len(matrix)
+    A = np.array([[mp.mpf(float(v)) * duration for v in row] for row in matrix], dtype=object)
+    squarings = max(0, int(mp.ceil(mp.log(sum(abs(v) for v in A.ravel()) + 1, 2))) + 4)
+    A = A / mp.mpf(2) ** squarings
+    total = term = np.array(mp.eye(n).tolist(), dtype=object).reshape(n, n)
+    for k in range(1, 40 + mp.mp.dps):
+        term = term.dot(A) / k
+        total = total + term
+        if max(abs(v) for v in term.ravel()) < mp.mpf(10) ** (-mp.mp.dps - 5):
+            break
+    for _ in range(squarings):
+        total = total.dot(total)
+    return total
+
+
+@lru_cache
+def gauss_tableau():
+    """Gauss-Legendre nodes on [0, 1], the weights, and the matrix of integrals from 0 to each node, in extended precision."""
+    with mp.workdps(40):
+        nodes = sorted(
+            (1 + mp.findroot(lambda x: mp.legendre(STAGES, x), float(x))) / 2
+            for x in np.polynomial.legendre.leggauss(STAGES)[0]
+        )
+        powers = mp.matrix([[x**k for k in range(STAGES)] for x in nodes])
+        integrals = mp.matrix([[x ** (k + 1) / (k + 1) for k in range(STAGES)] for x in nodes])
+        ends = mp.matrix([[mp.mpf(1) / (k + 1) for k in range(STAGES)]])
+        inner, weights = integrals * powers**-1, ends * powers**-1
+
+        def extended(M):
+            return np.array([[Real(mp.nstr(M[i, j], 30)) for j in range(M.cols)] for i in range(M.rows)])
+
+        return extended(mp.matrix(nodes))[:, 0], extended(weights)[0], extended(inner)
+
+
+def panel_transitions(A, panels):
+    """Transition matrices over panels: X_i = I + h sum_j S_ij A_j X_j, iterated (Picard); A takes extended times."""
+    nodes, weights, inner = gauss_tableau()
+    start, h = panels[:-1], np.diff(panels)
+    samples = A((start[:, None] + h[:, None] * nodes).ravel())
+    n = samples.shape[-1]
+    samples = samples.reshape(len(h), STAGES, n, n) * h[:, None, None, None]
+    X = np.broadcast_to(np.eye(n, dtype=Real), samples.shape)
+    for _ in range(200):
+        slopes = samples @ X
+        new = np.eye(n, dtype=Real) + (inner @ slopes.reshape(len(h), STAGES, -1)).reshape(samples.shape)
+        change, X = np.abs(new - X).max(), new
+        if change <= 1e-18 * np.abs(X).max():
+            break
+    else:
+        raise ArithmeticError("Picard's iteration does not converge: the panels are too long")
+    ends = np.eye(n, dtype=Real) + np.einsum("j,kjab->kab", weights, samples @ X)
+    return ends, np.abs(samples).mean(axis=1)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Exponents, and how far each may be wrong: by the truth's own arithmetic and by the rounding of A to doubles."""
+
+    exponents: np.ndarray
+    doubt: np.ndarray
+
+
+def integrated(A, panels, period):
+    """Exponents of x' = A x from panels that cover a period, with the first-order effect of relative roundings HALF_ULP of A."""
+    transitions, weight = panel_transitions(A, np.asarray(panels, Real))
+    n = transitions.shape[-1]
+    before = [np.eye(n, dtype=Real)]
+    for step in transitions:
+        before.append(step @ before[-1])
+    after = [np.eye(n, dtype=Real)]
+    for step in transitions[::-1]:
+        after.append(after[-1] @ step)
+    with mp.workdps(40):
+        values, left, right = mp.eig(as_mp(before[-1]), left=True, right=True)
+        exponents = np.array([complex(mp.log(v) / mp.mpf(period)) for v in values])
+        sizes = np.array([float(abs(v)) for v in values])
+        y, x = as_complex(left), as_complex(right)
+    first = np.abs(np.array(before[1:], float) @ x)  # (panels, n, i)
+    last = np.abs(y @ np.array(after[-2::-1], float))  # (panels, i, n)
+    rounded = np.einsum("kia,kab,kbi->i", last, HALF_ULP * weight.astype(float), first)
+    arithmetic = 1e-18 * np.einsum("kia,kai->i", last, first)
+    own = np.abs(np.einsum("ia,ai->i", y, x)) * sizes * period
+    return Truth(exponents, near_double(exponents, (rounded + arithmetic) / np.maximum(own, 1e-300), period))
+
+
+def near_double(exponents, doubt, period):
+    """Where two exponents are g apart and first order gives d > g / 4: sqrt(delta + d g) with delta = (g / 2)^2 instead."""
+    if len(exponents) == 1:
+        return doubt
+    apart = exponents[:, None] - exponents
+    w = 2 * np.pi / period
+    gap = np.abs(apart - 1j * w * np.round(apart.imag / w)) + np.diag(np.full(len(exponents), np.inf))
+    nearest = gap.min(axis=1)
+    root = 2 * np.sqrt(2 * doubt * nearest) + 1e-15 * (1 + np.abs(exponents) + 1 / period)
+    return np.where(doubt > nearest / 4, root, doubt)
+
+
+def as_mp(matrix):
+    return mp.matrix(
+        [[mp.mpf(np.format_float_scientific(v, precision=25, unique=False)) for v in row] for row in matrix]
+    )
+
+
+def as_complex(matrix):
+    return np.array([[complex(matrix[i, j]) for j in range(matrix.cols)] for i in range(matrix.rows)])
+
+
+def panels_of(period, rate, corners=(), windows=()):
+    """Edges of panels: 64 or more, at most 0.5/rate long, at each corner, and `count` over each window (centre, half-width, count)."""
+    edges = [np.linspace(0, period, max(64, int(np.ceil(2 * rate * period))) + 1), np.asarray(corners, float)]
+    for centre, half, count in windows:
+        inside = np.linspace(centre - half, centre + half, count + 1)
+        edges.append(np.mod(inside, period))
+    return np.unique(np.concatenate([e[(e >= 0) & (e <= period)] for e in edges]))
