@@ -152,7 +152,7 @@ def main(
     data = {"rows": [asdict(row) for row in rows], "findings": broken}
     cases = {kind: [asdict(o) for o in found] for kind, found in every.items()}
     (Path(out) / "own_error.json").write_text(json.dumps({**data, "cases": cases}, indent=1))
-    draw(
+    draw_ratios(
         {kind: [v for o in found for v in o.overestimates] for kind, found in every.items()},
         Path(out) / "own_error.png",
     )
