@@ -18,6 +18,7 @@ from flexlin.motion import Motion
 from flexlin.periodic.companion import build_companion, build_input
 from flexlin.periodic.system import PeriodicSystem, SecondOrder
 from flexlin.scene.control import Control
+from flexlin.summary import represent
 from flexlin.symbolic import selected
 
 
@@ -31,6 +32,8 @@ class Coefficients:
     h: Array
     B: Array
     tau: Array
+
+    __repr__ = represent
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +53,8 @@ class Linearization:
     coefficients: ca.Function
     route: Route
     control: Control | None = None
+
+    __repr__ = represent
 
     @property
     def arm(self) -> Manipulator:

@@ -12,6 +12,7 @@ from flexlin.checks import Array, at_times, positive
 from flexlin.errors import MotionError, ToleranceNotReached
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.system import MatrixFunction
+from flexlin.summary import represent
 
 __all__ = ["Closing", "PeriodicMotion", "Unknowns", "periodic_motion"]
 
@@ -31,6 +32,8 @@ class PeriodicMotion:
     torque: FourierSeries
     error: float
     status: str
+
+    __repr__ = represent
 
     def __call__(self, t: ArrayLike) -> Array:
         return at_times(self.y, t)

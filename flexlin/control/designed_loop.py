@@ -13,6 +13,7 @@ from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.quadratic.riccati import RiccatiSolution, periodic_lyapunov
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
+from flexlin.summary import represent
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +58,8 @@ class Design:
     status: str
     problem: LinearQuadratic | None = None
     solution: RiccatiSolution | None = None
+
+    __repr__ = represent
 
     @property
     def law(self) -> Law:

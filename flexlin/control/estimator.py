@@ -11,6 +11,7 @@ from flexlin.control.designed_loop import Design
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
 from flexlin.periodic.quadratic.riccati import RiccatiSolution, periodic_riccati
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_matrix_function, check_samples
+from flexlin.summary import represent
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +26,8 @@ class Estimator:
     C: MatrixFunction
     dual: RiccatiSolution
     closed_loop: PeriodicSystem
+
+    __repr__ = represent
 
     @property
     def error(self) -> float:

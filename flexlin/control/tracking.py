@@ -13,6 +13,7 @@ from flexlin.about.linearization import Linearization
 from flexlin.about.periodic_motion import PeriodicMotion, periodic_motion
 from flexlin.checks import Array, at_times
 from flexlin.errors import ArgumentError
+from flexlin.summary import represent
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +32,8 @@ class Feedforward:
     linear_tip_error: float
     error: float
     status: str
+
+    __repr__ = represent
 
     @property
     def law(self) -> Law:

@@ -11,6 +11,7 @@ from flexlin.checks import Array, positive
 from flexlin.control.slow_motions import slow_motions
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.system import PeriodicSystem
+from flexlin.summary import represent
 
 SAMPLES = 64
 """Times of a period at which the terms are compared, about."""
@@ -31,6 +32,8 @@ class Validity:
     directions: Array
     amplitudes: Array
     share: float
+
+    __repr__ = represent
 
     @property
     def status(self) -> str:

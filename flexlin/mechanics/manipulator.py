@@ -13,6 +13,7 @@ from flexlin.mechanics.coordinates import Coordinate
 from flexlin.mechanics.coriolis import coriolis_matrix
 from flexlin.mechanics.parameters import Parameters
 from flexlin.mechanics.validation import need_quadratic, validate
+from flexlin.summary import represent
 
 
 class NamedFunctions(Mapping[str, ca.Function]):
@@ -62,6 +63,8 @@ class Manipulator(Expressions):
     points: ca.SX | None = None
     coriolis: ca.SX | None = None
     measured: ca.SX | None = None
+
+    __repr__ = represent
 
     @property
     def n(self) -> int:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError
+from flexlin.summary import represent
 
 
 def cross(w: Array) -> Array:
@@ -88,6 +89,8 @@ class OpenChain:
 
     screws: Array
     home: Array
+
+    __repr__ = represent
 
     def __init__(self, screws: ArrayLike, pose: ArrayLike | None = None):
         home = real_array("pose", np.eye(4) if pose is None else pose, (4, 4))

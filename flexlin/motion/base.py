@@ -11,6 +11,7 @@ from flexlin import symbolic
 from flexlin.checks import Array
 from flexlin.expressions import Expressions
 from flexlin.mechanics.parameters import Parameters
+from flexlin.summary import represent
 
 Angles = tuple[Array, Array, Array]
 
@@ -30,6 +31,8 @@ class Motion:
     breaks: tuple[float, ...] = ()
     periodic: bool = True
 
+    __repr__ = represent
+
     def sample(self, t: Array) -> Angles:
         """q, q', q'' at the times t (N,)."""
         raise NotImplementedError
@@ -46,6 +49,8 @@ class SymbolicMotion(Expressions, Motion):
     angles: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
     duration: ca.SX = field(default_factory=lambda: ca.SX(1))
     parameters: Parameters = field(default_factory=Parameters)
+
+    __repr__ = represent
 
     @cached_property
     def rates(self) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -77,6 +82,8 @@ class SampledMotion(Motion):
     """A motion given by numbers, such as a spline through a table."""
 
     sampler: Callable[[Array], Angles] = field(kw_only=True)
+
+    __repr__ = represent
 
     def sample(self, t: Array) -> Angles:
         return self.sampler(np.asarray(t, dtype=float))

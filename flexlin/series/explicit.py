@@ -14,6 +14,7 @@ from flexlin.series.indices import indices
 from flexlin.series.polynomial import Polynomial
 from flexlin.series.recording import record_expressions
 from flexlin.series.space import Numeric
+from flexlin.summary import represent
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,8 @@ class TaylorMap:
     polynomial: Polynomial
     x0: Array
     shape: tuple[int, int]
+
+    __repr__ = represent
 
     @property
     def order(self) -> int:

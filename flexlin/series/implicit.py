@@ -21,6 +21,7 @@ from flexlin.series.solution import closed
 from flexlin.series.space import Numeric
 from flexlin.series.tape import Tape
 from flexlin.series.unroll import unrolled
+from flexlin.summary import represent
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,8 @@ class ImplicitMap:
     polynomial: Polynomial
     u0: Array
     v0: Array
+
+    __repr__ = represent
 
     @property
     def order(self) -> int:

@@ -11,6 +11,7 @@ from flexlin.control.slow_motions import slow_motions
 from flexlin.errors import NumericalError
 from flexlin.periodic.system import MatrixFunction
 from flexlin.simulation.loop import NonlinearLoop
+from flexlin.summary import represent
 
 
 @dataclass(frozen=True)
@@ -22,6 +23,8 @@ class Attraction:
     inside: Array
     outside: Array
     status: str
+
+    __repr__ = represent
 
 
 def region_of_attraction(

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.summary import represent
 
 if TYPE_CHECKING:
     import xarray
@@ -35,6 +36,8 @@ class Simulation:
     linear_error: float
     energy_error: float
     difference_error: float
+
+    __repr__ = represent
 
     @property
     def difference(self) -> float:

@@ -4,6 +4,8 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from flexlin.summary import represent
+
 STAGES = (
     "coefficients", "transition matrices", "exponents", "periodic Riccati", "forced response", "number of modes", "Taylor order",
 )  # fmt: skip
@@ -38,6 +40,8 @@ class CostResult:
     rows: tuple[Row, ...]
     floor: float
     notes: tuple[str, ...] = ()
+
+    __repr__ = represent
 
     def stage(self, name: str) -> tuple[Row, ...]:
         """The rows of one stage."""

@@ -13,6 +13,7 @@ from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.fourier import differentiation
 from flexlin.scene.scene import Scene
 from flexlin.simulation import tip_positions
+from flexlin.summary import represent
 
 PHASES, POINTS, REPEATS = 9, 257, 3
 TOLERANCE, SEGMENTS = 1e-4, 4000
@@ -41,6 +42,8 @@ class Measure:
     instructions: int
     microseconds: float
     problems: tuple[str, ...] = ()
+
+    __repr__ = represent
 
 
 def measure(scene: Scene) -> Measure:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from flexlin.answers.audit.figures import Measure
+from flexlin.summary import represent
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,8 @@ class Row:
     problem: str = ""
     units: dict[str, str] = field(default_factory=dict)
 
+    __repr__ = represent
+
     @property
     def judged(self) -> bool:
         """Whether all figures could be had: without them nothing can be called needless."""
@@ -50,6 +53,8 @@ class Audit:
     effects: tuple[Row, ...]
     modes: tuple[Row, ...]
     tolerance: float
+
+    __repr__ = represent
 
     @property
     def needed(self) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_matrix_function, check_samples
+from flexlin.summary import represent
 
 SAMPLES = 64
 """Times of a period at which the weights are checked before anything is solved."""
@@ -30,6 +31,8 @@ class LinearQuadratic:
     Q: MatrixFunction
     R: MatrixFunction
     N: MatrixFunction
+
+    __repr__ = represent
 
     def reduced(self, t: Array) -> tuple[Array, Array, Array]:
         """Return Ar, B R^-1 B', Qr: the problem without its cross term."""

@@ -25,6 +25,7 @@ from flexlin.periodic.transition.gauss import (
 )
 from flexlin.periodic.transition.radau import radau
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, choose_setting, report_too_many
+from flexlin.summary import represent
 
 VectorFunction = Callable[[Array], Array]
 ROUNDINGS, RESONANT = 4.0, 100.0
@@ -42,6 +43,8 @@ class PiecewiseSolution:
     edges: Array
     start: Array
     slope: Array
+
+    __repr__ = represent
 
     def __call__(self, t: Array) -> Array:
         k = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, len(self.start) - 1)
@@ -64,6 +67,8 @@ class ForcedResponse:
     amplification: float
     segments: int
     status: str
+
+    __repr__ = represent
 
     def __call__(self, t: ArrayLike) -> Array:
         """The state at times (N,), any real numbers, (N, n), or at one time, (n,)."""
