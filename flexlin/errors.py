@@ -1,6 +1,6 @@
 """Named errors: each says what was got, what was expected and what to do.
 
-`InputError` and its children are the user's to mend (exit code 2 on the command line);
+`InputError` and its children are the user's to correct (exit code 2 on the command line);
 `NumericalError` and its children say that a sound question has no trustworthy answer (exit code 1).
 """
 
@@ -75,6 +75,9 @@ class SceneError(InputError):
         lines += [str(problem) for problem in self.problems[:SHOWN]]
         lines += [f"... and {len(self.problems) - SHOWN} more"] if len(self.problems) > SHOWN else []
         super().__init__("\n  ".join(lines))
+
+    def __reduce__(self) -> tuple[type["SceneError"], tuple[str, tuple[Problem, ...]]]:
+        return type(self), (self.source, self.problems)
 
 
 class NumericalError(FlexlinError, ArithmeticError):

@@ -9,7 +9,7 @@ WIDTH, MOST_LINES = 110, 12
 """Columns and lines of a summary."""
 FEW = 6
 """Entries of an array or a tuple that are shown in full."""
-LONGEST = 120
+LONGEST = 80
 """Characters of a text that are shown."""
 
 
@@ -24,10 +24,19 @@ def represent(result: Any) -> str:
     line = f"{name}({', '.join(parts)})"
     if len(line) <= WIDTH:
         return line
-    lines = wrap(", ".join(parts), WIDTH, initial_indent="    ", subsequent_indent="    ", break_on_hyphens=False)
+    lines = pack(parts)
     if len(lines) > MOST_LINES - 2:
         lines = [*lines[: MOST_LINES - 3], "    ..."]
     return "\n".join([f"{name}(", *lines, ")"])
+
+
+def pack(parts: list[str]) -> list[str]:
+    """Return the fields in as few indented lines as hold them, broken between fields where that is possible."""
+    lines = [""]
+    for part in (*(f"{part}," for part in parts[:-1]), *parts[-1:]):
+        joined = f"{lines[-1]} {part}" if lines[-1] else part
+        lines = [*lines[:-1], joined] if len(joined) <= WIDTH - 4 else [*lines, part]
+    return [f"    {piece}" for line in lines if line for piece in wrap(line, WIDTH - 4, break_on_hyphens=False)]
 
 
 def represent_value(value: Any) -> str:

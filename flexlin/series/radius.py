@@ -39,6 +39,14 @@ class Radius(float):
         value.kind, value.location, value.v, value.estimate = kind, location, v, estimate
         return value
 
+    def __getnewargs__(self) -> tuple[Kind, complex, Array, float]:
+        return self.kind, self.location, self.v, self.estimate
+
+    def __repr__(self) -> str:
+        return (
+            f"Radius({float(self):.6g}, kind={self.kind!r}, location={self.location:.6g}, estimate={self.estimate:.6g})"
+        )
+
     @property
     def status(self) -> str:
         """What the number means and what to do next."""
