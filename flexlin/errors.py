@@ -7,11 +7,50 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+__all__ = [
+    "ArgumentError",
+    "DesignError",
+    "FlexlinError",
+    "IllPosedSegment",
+    "InputError",
+    "ModelError",
+    "MotionError",
+    "NotDetectable",
+    "NotStabilizable",
+    "NumericalError",
+    "OutputError",
+    "Problem",
+    "ResonantForcing",
+    "SceneError",
+    "SingularClosure",
+    "SingularMassMatrix",
+    "ToleranceNotReached",
+    "TooLarge",
+    "TooManySegments",
+]
+
 
 class FlexlinError(Exception):
     """The root of all errors that flexlin raises on purpose.
 
     The message reads: what happened; got ..., expected ...; what to do.
+
+    Parameters
+    ----------
+    what : str
+        What happened.
+    got : object, optional
+        What was given or found.
+    expected : str, optional
+        What was expected.
+    todo : str, optional
+        What to do about it.
+
+    Examples
+    --------
+    >>> from flexlin.errors import FlexlinError
+    >>> print(FlexlinError("the gain does not fit", got=(1, 2), expected="(1, 4)", todo="give one entry for each state"))
+    the gain does not fit; got (1, 2), expected (1, 4); give one entry for each state
     """
 
     def __init__(self, what: str, *, got: object = None, expected: str | None = None, todo: str | None = None):
@@ -27,32 +66,104 @@ class FlexlinError(Exception):
 
 
 class InputError(FlexlinError, ValueError):
-    """Something that the user gave cannot be used."""
+    """Something that the user gave cannot be used.
+
+    Examples
+    --------
+    >>> from flexlin.errors import ArgumentError, InputError
+    >>> issubclass(InputError, ValueError), issubclass(ArgumentError, InputError)
+    (True, True)
+    """
 
 
 class ArgumentError(InputError):
-    """An argument of a public function has the wrong shape, type or range, or is not finite."""
+    """An argument of a public function has the wrong shape, type or range, or is not finite.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> fl.kronecker.kronecker_power(2.0, 0)
+    Traceback (most recent call last):
+        ...
+    flexlin.errors.ArgumentError: a Kronecker power needs at least one factor; got 0, expected 1, 2, 3 ...
+    """
 
 
 class DesignError(ArgumentError):
-    """A controller design is asked for what it cannot say, such as its cost when it has no weights."""
+    """A controller design is asked for what it cannot say, such as its cost when it has no weights.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[0.0, 1.0], [0.0, 0.0]], 1.0, B=[[0.0], [1.0]])
+    >>> try:
+    ...     fl.control.pd_feedback(system, [0], [1.0], [1.0]).cost([1.0, 0.0])
+    ... except fl.errors.DesignError as error:
+    ...     print(error.what)
+    the design 'PD' has no cost
+    """
 
 
 class OutputError(InputError):
-    """Results cannot be written where the user asked for them."""
+    """Results cannot be written where the user asked for them.
+
+    Examples
+    --------
+    >>> from flexlin.errors import InputError, OutputError
+    >>> issubclass(OutputError, InputError)
+    True
+    """
 
 
 class ModelError(InputError):
-    """A manipulator's equations contradict mechanics (M not symmetric, not positive definite, not finite ...)."""
+    """A manipulator's equations contradict mechanics (M not symmetric, not positive definite, not finite ...).
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> from flexlin import Manipulator
+    >>> from flexlin.errors import ModelError
+    >>> s, rate = ca.SX.sym("s"), ca.SX.sym("rate")
+    >>> try:
+    ...     Manipulator.from_lagrangian(s, rate, -(rate**2) / 2, s**2)
+    ... except ModelError as error:
+    ...     print(error.what)
+    M is not positive definite at s = 0: a motion mainly along s1 (M[0, 0] = -1) has no kinetic energy
+    """
 
 
 class MotionError(InputError):
-    """A basic motion cannot be used (not periodic, wrong number of joints, samples not increasing ...)."""
+    """A basic motion cannot be used (not periodic, wrong number of joints, samples not increasing ...).
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> fl.build_motion(fl.load_scene("single-link").motion, joints=2)
+    Traceback (most recent call last):
+        ...
+    flexlin.errors.MotionError: the motion has the wrong number of joints; got 1, expected 2
+    """
 
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong with a scene: where, what was got, what was expected."""
+    """One thing that is wrong with a scene.
+
+    Parameters
+    ----------
+    key : str
+        Dotted path of the entry.
+    got : str
+        What stands there.
+    expected : str
+        What was expected.
+
+    Examples
+    --------
+    >>> from flexlin.errors import Problem
+    >>> print(Problem("links.0.length", "-1.0", "a number greater than 0"))
+    links.0.length: got -1.0, expected a number greater than 0
+    """
 
     key: str
     got: str
@@ -67,7 +178,24 @@ SHOWN = 40
 
 
 class SceneError(InputError):
-    """A scene file is missing, broken or contradicts itself; `problems` holds all of them at once."""
+    """A scene file is missing, broken or contradicts itself.
+
+    Parameters
+    ----------
+    source : str
+        Name of the scene.
+    problems : sequence of Problem
+        All problems at once; the message lists the first 40.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> try:
+    ...     fl.load_scene("single-link", {"links.0.length": -1.0})
+    ... except fl.errors.SceneError as error:
+    ...     print(error.problems[0])
+    links.0.length: got -1.0, expected a number greater than or equal to 0
+    """
 
     def __init__(self, source: str, problems: Sequence[Problem]):
         self.source, self.problems = source, tuple(problems)
@@ -81,40 +209,147 @@ class SceneError(InputError):
 
 
 class NumericalError(FlexlinError, ArithmeticError):
-    """A sound question that has no trustworthy numerical answer as it was asked."""
+    """A sound question that has no trustworthy numerical answer as it was asked.
+
+    Examples
+    --------
+    >>> from flexlin.errors import NotStabilizable, NumericalError
+    >>> issubclass(NumericalError, ArithmeticError), issubclass(NotStabilizable, NumericalError)
+    (True, True)
+    """
 
 
 class SingularMassMatrix(NumericalError):
-    """The mass matrix cannot be inverted to working precision."""
+    """The mass matrix cannot be inverted to working precision.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> zero = [[0.0, 0.0], [0.0, 0.0]]
+    >>> try:
+    ...     fl.PeriodicSystem.from_second_order([[1.0, 1.0], [1.0, 1.0]], zero, zero, 1.0)
+    ... except fl.errors.SingularMassMatrix as error:
+    ...     print(error.what)
+    the mass matrix is singular at t = 0 s
+    """
 
 
 class TooManySegments(NumericalError):
-    """The asked accuracy would need more segments of the period than the engine allows."""
+    """The asked accuracy would need more segments of the period than the engine allows.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[-1.0]], 1.0)
+    >>> try:
+    ...     fl.forced_response(system, lambda t: np.cos(600.0 * t)[:, None] ** 9, max_segments=8)
+    ... except fl.errors.TooManySegments as error:
+    ...     print(error.todo is not None)
+    True
+    """
 
 
 class ToleranceNotReached(NumericalError):
-    """An iteration or refinement stopped before the asked accuracy."""
+    """An iteration or refinement stopped before the asked accuracy.
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> import flexlin as fl
+    >>> from flexlin.series import solve_implicit
+    >>> u, v = ca.SX.sym("u"), ca.SX.sym("v")
+    >>> try:
+    ...     solve_implicit(v**2 + u, u, v, [1.0], [0.5])
+    ... except fl.errors.ToleranceNotReached as error:
+    ...     print(error.what)
+    f(u0, v) = 0 has no solution that Newton's method reaches
+    """
 
 
 class ResonantForcing(NumericalError):
-    """1 is (nearly) a multiplier: no bounded periodic response exists."""
+    """1 is (nearly) a multiplier: no bounded periodic response exists.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> oscillator = fl.PeriodicSystem([[0.0, 1.0], [-1.0, 0.0]], 6.283185307179586)
+    >>> try:
+    ...     fl.forced_response(oscillator, [0.0, 1.0])
+    ... except fl.errors.ResonantForcing as error:
+    ...     print(error.what)
+    1 is (nearly) a Floquet multiplier, so the periodic response is not bounded or not unique
+    """
 
 
 class IllPosedSegment(NumericalError):
-    """A segment of a linear-quadratic problem has no solution (I + G H singular)."""
+    """A segment of a linear-quadratic problem has no solution (I + G H singular).
+
+    Examples
+    --------
+    >>> from flexlin.errors import IllPosedSegment, NumericalError
+    >>> issubclass(IllPosedSegment, NumericalError)
+    True
+    """
 
 
 class NotStabilizable(NumericalError):
-    """An unstable Floquet mode cannot be reached by the input."""
+    """An unstable Floquet mode cannot be reached by the input.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[1.0, 0.0], [0.0, -1.0]], 1.0, B=[[0.0], [1.0]])
+    >>> try:
+    ...     fl.periodic_lqr(system, [[1.0, 0.0], [0.0, 1.0]], [[1.0]])
+    ... except fl.errors.NotStabilizable as error:
+    ...     print(error.what)
+    a mode that does not decay cannot be reached by the input
+    """
 
 
 class NotDetectable(NumericalError):
-    """An unstable Floquet mode is not seen by the weight or the measurement."""
+    """An unstable Floquet mode is not seen by the weight or the measurement.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[1.0, 0.0], [0.0, -1.0]], 1.0, B=[[1.0], [1.0]])
+    >>> try:
+    ...     fl.periodic_lqr(system, [[0.0, 0.0], [0.0, 1.0]], [[1.0]])
+    ... except fl.errors.NotDetectable as error:
+    ...     print(error.what)
+    a mode that does not decay is not seen by the weight Q
+    """
 
 
 class SingularClosure(NumericalError):
-    """The closure's Jacobian V is singular at the evaluation point."""
+    """The closure's Jacobian V is singular at the evaluation point.
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> import flexlin as fl
+    >>> u, v = ca.SX.sym("u"), ca.SX.sym("v")
+    >>> try:
+    ...     fl.implicit_taylor(v**2 - u, u, v, [0.0], [0.0], 3)
+    ... except fl.errors.SingularClosure as error:
+    ...     print(error.what)
+    V = D_v f is singular at the point of evaluation
+    """
 
 
 class TooLarge(FlexlinError, MemoryError):
-    """A request whose size in bytes would be unreasonable; nothing was allocated."""
+    """A request whose size in bytes would be unreasonable; nothing was allocated.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    >>> try:
+    ...     fl.simulate(lin, periods=1e9)
+    ... except fl.errors.TooLarge as error:
+    ...     print(error.todo)
+    simulate fewer periods or fewer points
+    """

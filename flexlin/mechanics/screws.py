@@ -11,44 +11,222 @@ from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError
 from flexlin.summary import represent
 
+__all__ = ["Ad", "OpenChain", "ad", "cross", "exponential", "hat", "helical", "prismatic", "revolute"]
+
 
 def cross(w: Array) -> Array:
-    """Return [w x] (3, 3), so that [w x] a = w x a."""
+    """Return the matrix of a cross product, [w x] a = w x a.
+
+    Parameters
+    ----------
+    w : array, shape (3,)
+        The left factor.
+
+    Returns
+    -------
+    array, shape (3, 3)
+        [w x], skew-symmetric.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from flexlin.mechanics.screws import cross
+    >>> cross(np.array([0.0, 0.0, 1.0])) @ np.array([1.0, 0.0, 0.0])
+    array([0., 1., 0.])
+    """
     return np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
 
 
 def hat(t: Array) -> Array:
-    """Return [t x] = [[[w x], v], [0, 0]] (4, 4) of a twist t = [w; v]: H' = [t x] H, de Jong et al., Eq (1)."""
+    """Return the 4 x 4 matrix of a twist.
+
+        [t x] = [[[w x], v], [0, 0]],   H' = [t x] H   for a pose H that moves with the twist t = [w; v]
+
+    Parameters
+    ----------
+    t : array, shape (6,)
+        Twist: angular velocity w in rad/s and velocity v in m/s of the point at the origin.
+
+    Returns
+    -------
+    array, shape (4, 4)
+        The matrix.
+
+    References
+    ----------
+    de Jong, Müller, van Dijk, Herder (2018), Eq (1).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from flexlin.mechanics.screws import hat
+    >>> hat(np.array([0.0, 0.0, 1.0, 2.0, 0.0, 0.0]))
+    array([[ 0., -1.,  0.,  2.],
+           [ 1.,  0., -0.,  0.],
+           [-0.,  0.,  0.,  0.],
+           [ 0.,  0.,  0.,  0.]])
+    """
     matrix = np.zeros((4, 4))
     matrix[:3, :3], matrix[:3, 3] = cross(t[:3]), t[3:]
     return matrix
 
 
 def Ad(H: Array) -> Array:
-    """Return Ad(H) = [[R, 0], [[o x] R, R]] (6, 6), which moves twists between frames: de Jong et al., Eq (2)."""
+    """Return the adjoint matrix of a pose, which moves twists between frames.
+
+        Ad(H) = [[R, 0], [[o x] R, R]],   H = [[R, o], [0, 1]]
+
+    Parameters
+    ----------
+    H : array, shape (4, 4)
+        A pose: rotation R, origin o in m.
+
+    Returns
+    -------
+    array, shape (6, 6)
+        The adjoint matrix.
+
+    References
+    ----------
+    de Jong, Müller, van Dijk, Herder (2018), Eq (2).
+
+    Examples
+    --------
+    A turn about z, seen from a frame 1 m further along x:
+
+    >>> import numpy as np
+    >>> from flexlin.mechanics.screws import Ad
+    >>> H = np.eye(4)
+    >>> H[0, 3] = 1.0
+    >>> (Ad(H) @ [0, 0, 1, 0, 0, 0]).tolist()
+    [0.0, 0.0, 1.0, 0.0, -1.0, 0.0]
+    """
     R = H[:3, :3]
     return np.block([[R, np.zeros((3, 3))], [cross(H[:3, 3]) @ R, R]])
 
 
 def ad(t: Array) -> Array:
-    """Return ad(t) = [[[w x], 0], [[v x], [w x]]] (6, 6), so that d/dt Ad(H) = ad(t) Ad(H): de Jong et al., Eq (3)."""
+    """Return the matrix of the Lie bracket with a twist.
+
+        ad(t) = [[[w x], 0], [[v x], [w x]]],   d/dt Ad(H) = ad(t) Ad(H)
+
+    Parameters
+    ----------
+    t : array, shape (6,)
+        Twist [w; v], in rad/s and m/s.
+
+    Returns
+    -------
+    array, shape (6, 6)
+        The matrix; ad(t) t = 0.
+
+    References
+    ----------
+    de Jong, Müller, van Dijk, Herder (2018), Eq (3).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from flexlin.mechanics.screws import ad
+    >>> t = np.array([0.0, 0.0, 1.0, 2.0, 0.0, 0.0])
+    >>> bool(np.all(ad(t) @ t == 0))
+    True
+    """
     W, V = cross(t[:3]), cross(t[3:])
     return np.block([[W, np.zeros((3, 3))], [V, W]])
 
 
 def revolute(axis: ArrayLike, point: ArrayLike) -> Array:
-    """Return the screw of a hinge about `axis` through `point` (m): t = [e; p x e], coordinate in rad."""
+    """Return the screw of a hinge.
+
+        t = [e; p x e],   e the axis as a unit vector
+
+    Parameters
+    ----------
+    axis : array_like, shape (3,)
+        Direction of the axis, of any length but zero.
+    point : array_like, shape (3,)
+        A point of the axis, in m.
+
+    Returns
+    -------
+    array, shape (6,)
+        The screw; its coordinate is an angle in rad.
+
+    Raises
+    ------
+    ArgumentError
+        When the axis is zero or a shape does not fit.
+
+    Examples
+    --------
+    >>> from flexlin.mechanics.screws import revolute
+    >>> revolute([0, 0, 2], [1, 0, 0]).tolist()
+    [0.0, 0.0, 1.0, 0.0, -1.0, 0.0]
+    """
     return helical(axis, point, 0.0)
 
 
 def helical(axis: ArrayLike, point: ArrayLike, pitch: float) -> Array:
-    """Return the screw of a helical joint: t = [e; p x e + h e], with pitch h in m/rad."""
+    """Return the screw of a helical joint.
+
+        t = [e; p x e + h e],   e the axis as a unit vector
+
+    Parameters
+    ----------
+    axis : array_like, shape (3,)
+        Direction of the axis, of any length but zero.
+    point : array_like, shape (3,)
+        A point of the axis, in m.
+    pitch : float
+        Advance h, in m/rad.
+
+    Returns
+    -------
+    array, shape (6,)
+        The screw; its coordinate is an angle in rad.
+
+    Raises
+    ------
+    ArgumentError
+        When the axis is zero or a shape does not fit.
+
+    Examples
+    --------
+    >>> from flexlin.mechanics.screws import helical
+    >>> helical([0, 0, 1], [1, 0, 0], 0.01).tolist()
+    [0.0, 0.0, 1.0, 0.0, -1.0, 0.01]
+    """
     e, p = unit("axis", axis), real_array("point", point, (3,))
     return np.concatenate([e, np.cross(p, e) + float(real_array("pitch", pitch, ())) * e])
 
 
 def prismatic(direction: ArrayLike) -> Array:
-    """Return the screw of a slider along `direction`: t = [0; e], coordinate in m."""
+    """Return the screw of a slider.
+
+        t = [0; e],   e the direction as a unit vector
+
+    Parameters
+    ----------
+    direction : array_like, shape (3,)
+        Direction of the slider, of any length but zero.
+
+    Returns
+    -------
+    array, shape (6,)
+        The screw; its coordinate is a length in m.
+
+    Raises
+    ------
+    ArgumentError
+        When the direction is zero or its shape does not fit.
+
+    Examples
+    --------
+    >>> from flexlin.mechanics.screws import prismatic
+    >>> prismatic([3, 0, 4]).tolist()
+    [0.0, 0.0, 0.0, 0.6, 0.0, 0.8]
+    """
     return np.concatenate([np.zeros(3), unit("direction", direction)])
 
 
@@ -59,9 +237,33 @@ def exponential(t: Array, q: Any, body: Any = None) -> Any:
 
     and E + q X for w = 0. The term in q is there for helical joints only.
 
-    Parameters: t = [omega; v] (6,); q in rad (revolute, helical) or m (prismatic): a float or a CasADi scalar; body (4, k).
-    Returns: (4, 4) or (4, k), of the kind of q.
-    Source: Rodrigues' formula by the minimal polynomial X^4 = -w^2 X^2; Brockett (1984), de Jong et al., Eq (5).
+    Parameters
+    ----------
+    t : array, shape (6,)
+        The screw [omega; v].
+    q : float or CasADi scalar
+        Coordinate of the joint, in rad (revolute, helical) or m (prismatic).
+    body : array or CasADi matrix, shape (4, k), optional
+        What is moved; by default the identity.
+
+    Returns
+    -------
+    array or CasADi matrix, shape (4, 4) or (4, k)
+        The pose, or what was moved; of the kind of q.
+
+    References
+    ----------
+    Rodrigues' formula by the minimal polynomial X^4 = -w^2 X^2; Brockett (1984); de Jong et al. (2018), Eq (5).
+
+    Examples
+    --------
+    A quarter turn about an axis through (1, 0, 0) moves the origin to (1, -1, 0):
+
+    >>> import numpy as np
+    >>> from flexlin.mechanics.screws import exponential, revolute
+    >>> moved = exponential(revolute([0, 0, 1], [1, 0, 0]), np.pi / 2, np.array([[0.0], [0.0], [0.0], [1.0]]))
+    >>> (moved.ravel().round(12) + 0.0).tolist()
+    [1.0, -1.0, 0.0, 1.0]
     """
     X, w = hat(t), float(np.linalg.norm(t[:3]))
     body = np.eye(4) if body is None else body
@@ -82,9 +284,42 @@ class OpenChain:
 
     Assumes the screws of the zero configuration, all in the base frame.
 
-    Parameters: screws (n, 6), rows [w; v]; pose H(0) (4, 4) of the last body.
-    Raises: ArgumentError when a shape does not fit or the pose is not a rigid motion.
-    Source: Brockett (1984); de Jong et al., Eq (5).
+    Parameters
+    ----------
+    screws : array_like, shape (n, 6)
+        One screw [w; v] for each joint, from the base on.
+    pose : array_like, shape (4, 4), optional
+        Pose H(0) of the last body in the zero configuration, lengths in m; by default the identity.
+
+    Attributes
+    ----------
+    screws : array, shape (n, 6)
+        The screws.
+    home : array, shape (4, 4)
+        H(0).
+
+    Raises
+    ------
+    ArgumentError
+        When a shape does not fit or the pose is not a rigid motion.
+
+    References
+    ----------
+    Brockett (1984); de Jong, Müller, van Dijk, Herder (2018), Eq (5).
+
+    Examples
+    --------
+    A planar arm of two links of 1 m, stretched out and then bent at the elbow:
+
+    >>> import numpy as np
+    >>> from flexlin.mechanics.screws import OpenChain, revolute
+    >>> tip = np.eye(4)
+    >>> tip[0, 3] = 2.0
+    >>> arm = OpenChain([revolute([0, 0, 1], [0, 0, 0]), revolute([0, 0, 1], [1, 0, 0])], tip)
+    >>> (arm.pose([0.0, np.pi / 2])[:3, 3].round(12) + 0.0).tolist()
+    [1.0, 1.0, 0.0]
+    >>> (arm.partial([0.0, np.pi / 2], [1, 0])[:3, 3].round(12) + 0.0).tolist()
+    [-1.0, 1.0, 0.0]
     """
 
     screws: Array
@@ -106,29 +341,88 @@ class OpenChain:
         return len(self.screws)
 
     def pose(self, q: ArrayLike) -> Array:
-        """Return H(q) (4, 4)."""
+        """Return the pose of the last body.
+
+        Parameters
+        ----------
+        q : array_like, shape (n,)
+            Coordinates of the joints, in rad or m.
+
+        Returns
+        -------
+        array, shape (4, 4)
+            H(q).
+        """
         return self.motions(q)[-1] @ self.home
 
     def expression(self, q: Sequence[Any], body: Array | None = None) -> Any:
-        """Return H(q), or H(q) times a matrix such as a point [x; 1] (4, 1), as a CasADi expression of n CasADi scalars."""
+        """Return the pose of the last body, or what it moves, as a CasADi expression.
+
+        Parameters
+        ----------
+        q : sequence of CasADi scalars
+            Coordinates of the n joints, in rad or m.
+        body : array, shape (4, k), optional
+            What is moved, such as a point [x; 1] in m; by default the pose itself is returned.
+
+        Returns
+        -------
+        CasADi matrix, shape (4, 4) or (4, k)
+            H(q), or H(q) times the body.
+        """
         moved: Any = self.home if body is None else self.home @ body
         for first, last in reversed(parallel_runs(self.screws)):
             moved = turn(self.screws[first:last], q[first:last], moved)
         return moved
 
     def adjoint(self, q: ArrayLike) -> Array:
-        """Return Ad(H(q)) (6, 6)."""
+        """Return the adjoint matrix of the pose.
+
+        Parameters
+        ----------
+        q : array_like, shape (n,)
+            Coordinates of the joints, in rad or m.
+
+        Returns
+        -------
+        array, shape (6, 6)
+            Ad(H(q)).
+        """
         return Ad(self.pose(q))
 
     def motions(self, q: ArrayLike) -> list[Array]:
-        """Return the partial products I, exp_1, exp_1 exp_2, ... (n + 1 of them)."""
+        """Return the partial products of the chain.
+
+        Parameters
+        ----------
+        q : array_like, shape (n,)
+            Coordinates of the joints, in rad or m.
+
+        Returns
+        -------
+        list of array, shape (4, 4)
+            I, exp_1, exp_1 exp_2, ...: n + 1 poses.
+        """
         products = [np.eye(4)]
         for t, angle in zip(self.screws, real_array("q", q, (self.n,)), strict=True):
             products.append(products[-1] @ exponential(t, angle))
         return products
 
     def instantaneous_screws(self, q: ArrayLike) -> Array:
-        """Return the screws at q, in the base frame (n, 6): t_i(q) = Ad(exp_1 ... exp_(i-1)) t_i."""
+        """Return the screws where the chain stands.
+
+            t_i(q) = Ad(exp_1 ... exp_(i-1)) t_i
+
+        Parameters
+        ----------
+        q : array_like, shape (n,)
+            Coordinates of the joints, in rad or m.
+
+        Returns
+        -------
+        array, shape (n, 6)
+            The screws at q, in the base frame.
+        """
         return np.array([Ad(H) @ t for H, t in zip(self.motions(q)[:-1], self.screws, strict=True)])
 
     def partial(self, q: ArrayLike, alpha: Sequence[int]) -> Array:
@@ -136,18 +430,74 @@ class OpenChain:
 
             D^alpha H = [t_1 x]^alpha_1 ... [t_n x]^alpha_n H
 
-        Parameters: q (n,); alpha: n orders of differentiation >= 0.
-        Returns: (4, 4).
-        Source: de Jong et al., Eq (13), in its 4 x 4 form.
+        Parameters
+        ----------
+        q : array_like, shape (n,)
+            Coordinates of the joints, in rad or m.
+        alpha : sequence of int
+            Orders of differentiation, one from 0 on for each joint.
+
+        Returns
+        -------
+        array, shape (4, 4)
+            The derivative.
+
+        Raises
+        ------
+        ArgumentError
+            When alpha is no multi-index of n entries.
+
+        References
+        ----------
+        de Jong, Müller, van Dijk, Herder (2018), Eq (13), in its 4 x 4 form.
         """
         return self.screw_product(q, alpha, hat) @ self.pose(q)
 
     def adjoint_partial(self, q: ArrayLike, alpha: Sequence[int]) -> Array:
-        """Return D^alpha Ad(H) = ad(t_1)^alpha_1 ... ad(t_n)^alpha_n Ad(H) (6, 6): de Jong et al., Eq (13)."""
+        """Return a partial derivative of the adjoint matrix of the pose.
+
+            D^alpha Ad(H) = ad(t_1)^alpha_1 ... ad(t_n)^alpha_n Ad(H)
+
+        Parameters
+        ----------
+        q : array_like, shape (n,)
+            Coordinates of the joints, in rad or m.
+        alpha : sequence of int
+            Orders of differentiation, one from 0 on for each joint.
+
+        Returns
+        -------
+        array, shape (6, 6)
+            The derivative.
+
+        References
+        ----------
+        de Jong, Müller, van Dijk, Herder (2018), Eq (13).
+        """
         return self.screw_product(q, alpha, ad) @ self.adjoint(q)
 
     def screw_product(self, q: ArrayLike, alpha: Sequence[int], matrix_of: Callable[[Array], Array]) -> Array:
-        """Multiply the powers of the instantaneous screws' matrices in the order of the chain."""
+        """Multiply powers of the matrices of the instantaneous screws, in the order of the chain.
+
+        Parameters
+        ----------
+        q : array_like, shape (n,)
+            Coordinates of the joints, in rad or m.
+        alpha : sequence of int
+            Exponents, one from 0 on for each joint.
+        matrix_of : callable
+            Screw (6,) -> matrix: `hat` or `ad`.
+
+        Returns
+        -------
+        array, shape (4, 4) or (6, 6)
+            matrix_of(t_1)^alpha_1 ... matrix_of(t_n)^alpha_n.
+
+        Raises
+        ------
+        ArgumentError
+            When alpha is no multi-index of n entries.
+        """
         orders = np.asarray(alpha)
         if orders.shape != (self.n,) or orders.dtype.kind not in "iu" or orders.min(initial=0) < 0:
             raise ArgumentError("alpha is no multi-index", got=alpha, expected=f"{self.n} integers >= 0")
