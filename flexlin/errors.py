@@ -7,28 +7,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-__all__ = [
-    "ArgumentError",
-    "DesignError",
-    "FlexlinError",
-    "IllPosedSegment",
-    "InputError",
-    "ModelError",
-    "MotionError",
-    "NotDetectable",
-    "NotStabilizable",
-    "NumericalError",
-    "OutputError",
-    "Problem",
-    "ResonantForcing",
-    "SceneError",
-    "SingularClosure",
-    "SingularMassMatrix",
-    "ToleranceNotReached",
-    "TooLarge",
-    "TooManySegments",
-]
-
 
 class FlexlinError(Exception):
     """The root of all errors that flexlin raises on purpose.
@@ -48,9 +26,11 @@ class FlexlinError(Exception):
 
     Examples
     --------
-    >>> from flexlin.errors import FlexlinError
+    >>> from flexlin.errors import FlexlinError, InputError, NumericalError
     >>> print(FlexlinError("the gain does not fit", got=(1, 2), expected="(1, 4)", todo="give one entry for each state"))
     the gain does not fit; got (1, 2), expected (1, 4); give one entry for each state
+    >>> issubclass(InputError, ValueError), issubclass(NumericalError, ArithmeticError)
+    (True, True)
     """
 
     def __init__(self, what: str, *, got: object = None, expected: str | None = None, todo: str | None = None):
@@ -66,14 +46,7 @@ class FlexlinError(Exception):
 
 
 class InputError(FlexlinError, ValueError):
-    """Something that the user gave cannot be used.
-
-    Examples
-    --------
-    >>> from flexlin.errors import ArgumentError, InputError
-    >>> issubclass(InputError, ValueError), issubclass(ArgumentError, InputError)
-    (True, True)
-    """
+    """Something that the user gave cannot be used."""
 
 
 class ArgumentError(InputError):
@@ -96,23 +69,15 @@ class DesignError(ArgumentError):
     --------
     >>> import flexlin as fl
     >>> system = fl.PeriodicSystem([[0.0, 1.0], [0.0, 0.0]], 1.0, B=[[0.0], [1.0]])
-    >>> try:
-    ...     fl.control.pd_feedback(system, [0], [1.0], [1.0]).cost([1.0, 0.0])
-    ... except fl.errors.DesignError as error:
-    ...     print(error.what)
-    the design 'PD' has no cost
+    >>> fl.control.pd_feedback(system, [0], [1.0], [1.0]).cost([1.0, 0.0])
+    Traceback (most recent call last):
+        ...
+    flexlin.errors.DesignError: the design 'PD' has no cost...
     """
 
 
 class OutputError(InputError):
-    """Results cannot be written where the user asked for them.
-
-    Examples
-    --------
-    >>> from flexlin.errors import InputError, OutputError
-    >>> issubclass(OutputError, InputError)
-    True
-    """
+    """Results cannot be written where the user asked for them."""
 
 
 class ModelError(InputError):
@@ -122,13 +87,11 @@ class ModelError(InputError):
     --------
     >>> import casadi as ca
     >>> from flexlin import Manipulator
-    >>> from flexlin.errors import ModelError
     >>> s, rate = ca.SX.sym("s"), ca.SX.sym("rate")
-    >>> try:
-    ...     Manipulator.from_lagrangian(s, rate, -(rate**2) / 2, s**2)
-    ... except ModelError as error:
-    ...     print(error.what)
-    M is not positive definite at s = 0: a motion mainly along s1 (M[0, 0] = -1) has no kinetic energy
+    >>> Manipulator.from_lagrangian(s, rate, -(rate**2) / 2, s**2)
+    Traceback (most recent call last):
+        ...
+    flexlin.errors.ModelError: M is not positive definite at s = 0: a motion mainly along s1 (M[0, 0] = -1) has no kinetic energy...
     """
 
 
@@ -190,11 +153,11 @@ class SceneError(InputError):
     Examples
     --------
     >>> import flexlin as fl
-    >>> try:
-    ...     fl.load_scene("single-link", {"links.0.length": -1.0})
-    ... except fl.errors.SceneError as error:
-    ...     print(error.problems[0])
-    links.0.length: got -1.0, expected a number greater than or equal to 0
+    >>> fl.load_scene("single-link", {"links.0.length": -1.0})
+    Traceback (most recent call last):
+        ...
+    flexlin.errors.SceneError: ...: 1 problem
+      links.0.length: got -1.0, expected a number greater than or equal to 0
     """
 
     def __init__(self, source: str, problems: Sequence[Problem]):
@@ -209,14 +172,7 @@ class SceneError(InputError):
 
 
 class NumericalError(FlexlinError, ArithmeticError):
-    """A sound question that has no trustworthy numerical answer as it was asked.
-
-    Examples
-    --------
-    >>> from flexlin.errors import NotStabilizable, NumericalError
-    >>> issubclass(NumericalError, ArithmeticError), issubclass(NotStabilizable, NumericalError)
-    (True, True)
-    """
+    """A sound question that has no trustworthy numerical answer as it was asked."""
 
 
 class SingularMassMatrix(NumericalError):
@@ -226,11 +182,10 @@ class SingularMassMatrix(NumericalError):
     --------
     >>> import flexlin as fl
     >>> zero = [[0.0, 0.0], [0.0, 0.0]]
-    >>> try:
-    ...     fl.PeriodicSystem.from_second_order([[1.0, 1.0], [1.0, 1.0]], zero, zero, 1.0)
-    ... except fl.errors.SingularMassMatrix as error:
-    ...     print(error.what)
-    the mass matrix is singular at t = 0 s
+    >>> fl.PeriodicSystem.from_second_order([[1.0, 1.0], [1.0, 1.0]], zero, zero, 1.0)
+    Traceback (most recent call last):
+        ...
+    flexlin.errors.SingularMassMatrix: the mass matrix is singular at t = 0 s...
     """
 
 
@@ -259,11 +214,10 @@ class ToleranceNotReached(NumericalError):
     >>> import flexlin as fl
     >>> from flexlin.series import solve_implicit
     >>> u, v = ca.SX.sym("u"), ca.SX.sym("v")
-    >>> try:
-    ...     solve_implicit(v**2 + u, u, v, [1.0], [0.5])
-    ... except fl.errors.ToleranceNotReached as error:
-    ...     print(error.what)
-    f(u0, v) = 0 has no solution that Newton's method reaches
+    >>> solve_implicit(v**2 + u, u, v, [1.0], [0.5])
+    Traceback (most recent call last):
+        ...
+    flexlin.errors.ToleranceNotReached: f(u0, v) = 0 has no solution that Newton's method reaches...
     """
 
 
@@ -274,23 +228,15 @@ class ResonantForcing(NumericalError):
     --------
     >>> import flexlin as fl
     >>> oscillator = fl.PeriodicSystem([[0.0, 1.0], [-1.0, 0.0]], 6.283185307179586)
-    >>> try:
-    ...     fl.forced_response(oscillator, [0.0, 1.0])
-    ... except fl.errors.ResonantForcing as error:
-    ...     print(error.what)
-    1 is (nearly) a Floquet multiplier, so the periodic response is not bounded or not unique
+    >>> fl.forced_response(oscillator, [0.0, 1.0])
+    Traceback (most recent call last):
+        ...
+    flexlin.errors.ResonantForcing: 1 is (nearly) a Floquet multiplier, so the periodic response is not bounded or not unique...
     """
 
 
 class IllPosedSegment(NumericalError):
-    """A segment of a linear-quadratic problem has no solution (I + G H singular).
-
-    Examples
-    --------
-    >>> from flexlin.errors import IllPosedSegment, NumericalError
-    >>> issubclass(IllPosedSegment, NumericalError)
-    True
-    """
+    """A segment of a linear-quadratic problem has no solution (I + G H singular)."""
 
 
 class NotStabilizable(NumericalError):
@@ -300,11 +246,10 @@ class NotStabilizable(NumericalError):
     --------
     >>> import flexlin as fl
     >>> system = fl.PeriodicSystem([[1.0, 0.0], [0.0, -1.0]], 1.0, B=[[0.0], [1.0]])
-    >>> try:
-    ...     fl.periodic_lqr(system, [[1.0, 0.0], [0.0, 1.0]], [[1.0]])
-    ... except fl.errors.NotStabilizable as error:
-    ...     print(error.what)
-    a mode that does not decay cannot be reached by the input
+    >>> fl.periodic_lqr(system, [[1.0, 0.0], [0.0, 1.0]], [[1.0]])
+    Traceback (most recent call last):
+        ...
+    flexlin.errors.NotStabilizable: a mode that does not decay cannot be reached by the input...
     """
 
 
@@ -315,11 +260,10 @@ class NotDetectable(NumericalError):
     --------
     >>> import flexlin as fl
     >>> system = fl.PeriodicSystem([[1.0, 0.0], [0.0, -1.0]], 1.0, B=[[1.0], [1.0]])
-    >>> try:
-    ...     fl.periodic_lqr(system, [[0.0, 0.0], [0.0, 1.0]], [[1.0]])
-    ... except fl.errors.NotDetectable as error:
-    ...     print(error.what)
-    a mode that does not decay is not seen by the weight Q
+    >>> fl.periodic_lqr(system, [[0.0, 0.0], [0.0, 1.0]], [[1.0]])
+    Traceback (most recent call last):
+        ...
+    flexlin.errors.NotDetectable: a mode that does not decay is not seen by the weight Q...
     """
 
 
@@ -331,11 +275,10 @@ class SingularClosure(NumericalError):
     >>> import casadi as ca
     >>> import flexlin as fl
     >>> u, v = ca.SX.sym("u"), ca.SX.sym("v")
-    >>> try:
-    ...     fl.implicit_taylor(v**2 - u, u, v, [0.0], [0.0], 3)
-    ... except fl.errors.SingularClosure as error:
-    ...     print(error.what)
-    V = D_v f is singular at the point of evaluation
+    >>> fl.implicit_taylor(v**2 - u, u, v, [0.0], [0.0], 3)
+    Traceback (most recent call last):
+        ...
+    flexlin.errors.SingularClosure: V = D_v f is singular at the point of evaluation...
     """
 
 
@@ -353,3 +296,8 @@ class TooLarge(FlexlinError, MemoryError):
     ...     print(error.todo)
     simulate fewer periods or fewer points
     """
+
+
+__all__ = sorted(
+    name for name, kind in list(globals().items()) if isinstance(kind, type) and kind.__module__ == __name__
+)
