@@ -25,16 +25,42 @@ from flexlin.scene.scene import Scene
 def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulator:
     """Derive the equations of the manipulator that a scene describes.
 
+        M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau
+
     Coordinates: first the relative joint displacements q, then the elastic coordinates w link by link, then those of motors behind
-    flexible joints. Energies by recursion over the links, M, C, g by Lagrange's equations.
-    An effect that is off adds no instruction and no coordinate.
+    flexible joints. Energies by recursion over the links, M, C, g by Lagrange's equations. An effect that is off adds no instruction
+    and no coordinate. Assumes slender links in a plane, and deflections small against the length.
 
-    Assumes slender links in a plane, deflections small against the length.
+    Parameters
+    ----------
+    scene : Scene
+        From `load_scene` or `parse_scene`.
+    parameters : iterable of str
+        Dotted paths of scene numbers to keep as free symbols; their values may then change without a rebuild.
 
-    Parameters: parameters: dotted paths of scene numbers to keep as free symbols (their values may then change without a rebuild).
-    Returns: a `Manipulator`.
-    Raises: ArgumentError for a path that is no number of the scene; SceneError for a model that is not registered.
-    Source: Khang, Dat, Tuan (2019), section 4; Book (1984), Recursive Lagrangian dynamics of flexible manipulator arms.
+    Returns
+    -------
+    Manipulator
+        The equations as CasADi expressions.
+
+    Raises
+    ------
+    ArgumentError
+        For a path that is no number of the scene.
+    SceneError
+        For a model that is not registered.
+
+    References
+    ----------
+    Khang, Dat, Tuan (2019), section 4; Book, Recursive Lagrangian dynamics of flexible manipulator arms, Int. J. Robotics Research 3
+    (1984) 87.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> arm = fl.build_manipulator(fl.load_scene("single-link"), ["effects.payload.mass"])
+    >>> arm.names, arm.parameters.paths
+    (('q1', 'w11', 'w12'), ('effects.payload.mass',))
     """
     instance("scene", scene, Scene, "load one: fl.load_scene(name or path)")
     free = Parameters.of_scene(scene, parameters)

@@ -37,14 +37,49 @@ class NamedFunctions(Mapping[str, ca.Function]):
 
 @dataclass(frozen=True, eq=False)
 class Manipulator(Expressions):
-    """A manipulator as CasADi expressions of its coordinates s and rates s_dot.
+    """A manipulator as CasADi expressions of its coordinates and rates.
 
         M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau
 
-    Fields: s, s_dot: (n, 1) symbols (rad, m); residual: (n, 1) left side with s_ddot; B: (n, m) input matrix;
-    reference: (n, joints) constant matrix, the rigid motion is s_R = reference q; drives: the coordinate that each joint's motor moves;
-    measured: (joints, n) what each motor's encoder reads of s, None: the coordinates in drives;
-    coordinates: what each one is; parameters: free scene parameters; points: (2, k) world positions from the base to the tip, in m.
+    Attributes
+    ----------
+    s, s_dot, s_ddot : casadi.SX, shape (n, 1)
+        Symbols of coordinates (rad, m), rates and accelerations.
+    residual : casadi.SX, shape (n, 1)
+        The left side, in N m or N.
+    M : casadi.SX, shape (n, n)
+        Mass matrix.
+    g : casadi.SX, shape (n, 1)
+        Forces of gravity and of elastic potentials.
+    damping : casadi.SX, shape (n, 1)
+        Resisting forces d(s, s').
+    B : casadi.SX, shape (n, m)
+        Input matrix.
+    reference : casadi.DM, shape (n, joints)
+        The rigid motion is s_R = reference q.
+    drives : tuple of int
+        The coordinate that each joint's motor moves.
+    coordinates : tuple of Coordinate
+        What each coordinate is.
+    parameters : Parameters
+        Scene numbers that stay free, with their values.
+    energy : casadi.SX or None
+        Kinetic and potential energy together, in J.
+    points : casadi.SX, shape (2, k), or None
+        World positions from the base to the tip, in m.
+    coriolis : casadi.SX, shape (n, n), or None
+        C as the user gave it; None: Christoffel's symbols of M.
+    measured : casadi.SX, shape (joints, n), or None
+        What each motor's encoder reads of s; None: the coordinates in `drives`.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> arm = fl.build_manipulator(fl.load_scene("single-link"))
+    >>> arm.n, arm.joints, arm.M.shape
+    (3, 1, (3, 3))
+    >>> arm.functions["M"]
+    Function(M:(s[3],p[0])->(M[3x3]) SXFunction)
     """
 
     s: ca.SX
@@ -127,13 +162,51 @@ class Manipulator(Expressions):
         names: Sequence[str] | None = None,
         points: ca.SX | None = None,
     ) -> "Manipulator":
-        """Make a manipulator from its matrices, M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau.
+        """Make a manipulator from its matrices.
 
-        Assumes the basic motion moves the coordinates `joints` (default: those that B drives) and leaves the others at zero.
+            M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau
 
-        Parameters: s, s_dot: (n, 1) symbols; M, C: (n, n); g, damping: (n, 1); B: (n, m), default the identity.
-        Raises: ModelError when a shape does not fit, an expression holds other symbols, or the matrices contradict mechanics
-        (see `flexlin.mechanics.validation`).
+        Assumes the basic motion moves the coordinates `joints` and leaves the others at zero.
+
+        Parameters
+        ----------
+        s, s_dot : casadi.SX, shape (n, 1)
+            Symbols of coordinates (rad, m) and rates.
+        M, C : casadi.SX, shape (n, n)
+            Mass matrix, and matrix of centrifugal and Coriolis forces.
+        g : casadi.SX, shape (n, 1)
+            Forces of potentials, in N m or N.
+        B : casadi.SX, shape (n, m), optional
+            Input matrix; by default the identity.
+        damping : casadi.SX, shape (n, 1), optional
+            Resisting forces d(s, s').
+        joints : sequence of int, optional
+            Coordinates that follow the basic motion; by default those that B drives.
+        names : sequence of str, optional
+            Names of the coordinates.
+        points : casadi.SX, shape (2, k), optional
+            World positions from the base to the tip, in m.
+
+        Returns
+        -------
+        Manipulator
+            The checked equations.
+
+        Raises
+        ------
+        ModelError
+            When a shape does not fit, an expression holds other symbols, or the matrices contradict mechanics: M symmetric and positive
+            definite, M' - 2 C skew.
+
+        Examples
+        --------
+        A pendulum of 1 kg and 1 m:
+
+        >>> import casadi as ca
+        >>> from flexlin import Manipulator
+        >>> q, rate = ca.SX.sym("q"), ca.SX.sym("rate")
+        >>> Manipulator.from_matrices(q, rate, ca.SX(1), ca.SX(0), 9.81 * ca.sin(q), names=["q"]).names
+        ('q',)
         """
         n = s.numel()
         B = ca.DM.eye(n) if B is None else B
@@ -176,14 +249,53 @@ class Manipulator(Expressions):
 
             d/dt (dT/ds') - dT/ds + dV/ds + dR/ds' + r = B tau
 
-        Assumes T quadratic in s'. The basic motion moves the coordinates `joints` (default: those that B drives).
+        Assumes T quadratic in s'. The basic motion moves the coordinates `joints`.
 
-        Parameters: T, V: kinetic and potential energy (J); dissipation: Rayleigh's function R (W); resistance: (n, 1) resisting
-        forces r(s, s') that no R gives; B: (n, m), default the identity.
-        check: look whether the model obeys mechanics.
-        Raises: ModelError when a shape does not fit, an expression holds other symbols, or the energies contradict mechanics
-        (see `flexlin.mechanics.validation`).
-        Source: Khang, Dat, Tuan (2019), Eq. (55).
+        Parameters
+        ----------
+        s, s_dot : casadi.SX, shape (n, 1)
+            Symbols of coordinates (rad, m) and rates.
+        T, V : casadi.SX, shape (1, 1)
+            Kinetic and potential energy, in J.
+        dissipation : casadi.SX, shape (1, 1), optional
+            Rayleigh's function R, in W.
+        resistance : casadi.SX, shape (n, 1), optional
+            Resisting forces r(s, s') that no R gives, in N m or N.
+        B : casadi.SX, shape (n, m), optional
+            Input matrix; by default the identity.
+        joints : sequence of int, optional
+            Coordinates that follow the basic motion; by default those that B drives.
+        names : sequence of str, optional
+            Names of the coordinates.
+        parameters : Parameters, optional
+            Free symbols that the expressions may hold, with their values.
+        points : casadi.SX, shape (2, k), optional
+            World positions from the base to the tip, in m.
+        check : bool
+            Look whether the model obeys mechanics.
+
+        Returns
+        -------
+        Manipulator
+            The equations.
+
+        Raises
+        ------
+        ModelError
+            When a shape does not fit, an expression holds other symbols, or the energies contradict mechanics.
+
+        References
+        ----------
+        Khang, Dat, Tuan (2019), Eq (55).
+
+        Examples
+        --------
+        >>> import casadi as ca
+        >>> from flexlin import Manipulator
+        >>> q, rate = ca.SX.sym("q"), ca.SX.sym("rate")
+        >>> arm = Manipulator.from_lagrangian(q, rate, rate**2 / 2, -9.81 * ca.cos(q))
+        >>> arm.g
+        SX((-(-9.81*sin(q))))
         """
         n = s.numel()
         B = ca.DM.eye(n) if B is None else B

@@ -18,9 +18,33 @@ __all__ = ["Motion", "SampledMotion", "SymbolicMotion", "build_motion"]
 def build_motion(table: AnyMotion, joints: int, parameters: Parameters | None = None) -> Motion:
     """Make the basic motion that a scene's motion table describes.
 
-    Parameters: joints: of the manipulator; parameters: free scene parameters, those below `motion.` become symbols of the motion.
-    Returns: a `Motion` with q(t), q'(t), q''(t), period in s and breaks.
-    Raises: MotionError when the table does not fit the manipulator or describes no usable motion.
+    Parameters
+    ----------
+    table : Harmonic, Rotation, Fourier, PointToPoint or TableMotion
+        The scene's `motion`.
+    joints : int
+        Number of joints of the manipulator.
+    parameters : Parameters, optional
+        Free scene parameters: those below `motion.` become symbols of the motion.
+
+    Returns
+    -------
+    Motion
+        q(t), q'(t), q''(t), the period in s and the breaks.
+
+    Raises
+    ------
+    MotionError
+        When the table does not fit the manipulator or describes no usable motion.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> motion = fl.build_motion(fl.load_scene("single-link").motion, joints=1)
+    >>> q, rate, acceleration = motion.sample(np.array([0.0, 0.5]))
+    >>> motion.period, q.round(6).tolist()
+    (2.0, [[0.0], [0.5]])
     """
     tables = table.joints or (None,) * joints
     if len(tables) != joints:

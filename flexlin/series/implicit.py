@@ -26,7 +26,34 @@ from flexlin.summary import represent
 
 @dataclass(frozen=True)
 class ImplicitMap:
-    """The Taylor polynomial of v(u) about (u0, v0), with f(u, v) = 0."""
+    """The Taylor polynomial of an implicit function v(u), f(u, v) = 0, about a point.
+
+    Call it with du (nu,) to get v (nv,) at u0 + du, or with du (N, nu) to get (N, nv).
+
+    Attributes
+    ----------
+    tape : Tape
+        The operations of f.
+    polynomial : Polynomial
+        The coefficients, each monomial stored once.
+    u0 : array, shape (nu,)
+        Independent coordinates of the point.
+    v0 : array, shape (nv,)
+        Dependent coordinates of the point.
+
+    Examples
+    --------
+    The circle u^2 + v^2 = 1 from its top:
+
+    >>> import casadi as ca
+    >>> import flexlin as fl
+    >>> u, v = ca.SX.sym("u"), ca.SX.sym("v")
+    >>> c = fl.implicit_taylor(u**2 + v**2 - 1, u, v, [0.0], [1.0], 6)
+    >>> print(f"{c([0.6]).item():.4f} {c.refined([0.6]).item():.4f} {c.error([0.6]):.1e}")
+    0.8009 0.8000 8.8e-04
+    >>> print(f"{c.radius([1.0]):.4f} {c.linear_range(1e-3, [1.0]):.4f}")
+    1.0000 0.0447
+    """
 
     tape: Tape
     polynomial: Polynomial
@@ -45,23 +72,67 @@ class ImplicitMap:
         return self.polynomial(du)
 
     def jacobian(self, k: int) -> Array:
-        """Return C_k = D_u^k v (nv, nu^k) in Kronecker layout, i_k fastest: de Jong et al., Eqs (16)-(24)."""
+        """Return a derivative of v by u in Kronecker layout, i_k fastest.
+
+        Parameters
+        ----------
+        k : int
+            Its order, at most that of the map.
+
+        Returns
+        -------
+        array, shape (nv, nu^k)
+            C_k = D_u^k v.
+
+        Raises
+        ------
+        ArgumentError
+            For an order that is not known.
+        TooLarge
+            When the layout would not fit into memory.
+
+        References
+        ----------
+        de Jong, Müller, van Dijk, Herder (2018), Eqs (16)-(24).
+        """
         return self.polynomial.kronecker(k)
 
     def error(self, du: ArrayLike) -> Any:
         """Return the estimated error of the polynomial, |V^-1 f(u, v)|: the length of one Newton step from its value.
 
         Within a few percent of the true error while that is small; infinite where V is singular.
-        Returns: a float for du (nu,), (N,) for du (N, nu); in the units of v.
+
+        Parameters
+        ----------
+        du : array_like, shape (nu,) or (N, nu)
+            Steps from u0.
+
+        Returns
+        -------
+        float or array, shape (N,)
+            The error in the units of v.
         """
         values = np.atleast_2d(self(du))
         sizes = np.linalg.norm(newton_step(self.tape, self.u0 + np.atleast_2d(du), values), axis=1)
         return sizes if np.ndim(du) == 2 else float(sizes[0])
 
     def refined(self, du: ArrayLike) -> Array:
-        """Return v with f(u, v) = 0 to rounding: Newton's method from the polynomial's value, shapes as in a call.
+        """Return v with f(u, v) = 0 to rounding: Newton's method from the polynomial's value.
 
-        Raises: ToleranceNotReached naming the first point where it does not end.
+        Parameters
+        ----------
+        du : array_like, shape (nu,) or (N, nu)
+            Steps from u0.
+
+        Returns
+        -------
+        array, shape (nv,) or (N, nv)
+            The dependent coordinates.
+
+        Raises
+        ------
+        ToleranceNotReached
+            When Newton's method does not end; the message names the first such point.
         """
         points = np.atleast_2d(np.asarray(du, dtype=float))
         v, last = newton(self.tape, self.u0 + points, np.atleast_2d(self(du)))
@@ -75,11 +146,28 @@ class ImplicitMap:
         return v if np.ndim(du) == 2 else v[0]
 
     def rates(self, u: ArrayLike, u1: ArrayLike, u2: ArrayLike) -> tuple[Array, Array, Array]:
-        """Return v, v', v'' where u moves: the polynomial refined by Newton's method, then a series of order 2 in time.
+        """Return v, v', v'' where u moves.
 
-        Parameters: u (the coordinates themselves, not du), u' and u'', each (N, nu).
-        Returns: three arrays (N, nv).
-        Raises: ToleranceNotReached naming the first point where the loop does not close.
+        The polynomial is refined by Newton's method, then a series of order 2 in time gives the rates.
+
+        Parameters
+        ----------
+        u : array_like, shape (N, nu)
+            The independent coordinates themselves, not du.
+        u1 : array_like, shape (N, nu)
+            Their rates, per s.
+        u2 : array_like, shape (N, nu)
+            Their accelerations, per s^2.
+
+        Returns
+        -------
+        tuple of array, each of shape (N, nv)
+            v, v', v''.
+
+        Raises
+        ------
+        ToleranceNotReached
+            When the loop does not close; the message names the first such point.
         """
         u, u1, u2 = (real_array(name, x, (None, len(self.u0))) for name, x in (("u", u), ("u1", u1), ("u2", u2)))
         v = self.refined(u - self.u0)
@@ -96,15 +184,36 @@ class ImplicitMap:
         The nearest point t in the complex plane where V(u0 + t d) is singular on this branch. A singularity behind counts as well:
         a power series converges in a disk.
 
-        Returns: a float that also bears kind ("real singularity", "complex pair", "not found"), location, v, estimate, status.
+        Parameters
+        ----------
+        direction : array_like, shape (nu,)
+            The direction d, of any length but zero.
+
+        Returns
+        -------
+        Radius
+            A float that also bears kind, location, v, estimate and status.
         """
         return radius_along(self.tape, self.u0, self.v0, self.unit(direction))
 
     def linear_range(self, tol: float, direction: ArrayLike) -> float:
-        """Return how far |du| = sqrt(2 tol / |C_2 d d|) the linear map v0 + C_1 du stays within `tol` along d.
+        """Return how far the linear map v0 + C_1 du stays within a tolerance along a direction.
 
-        Where C_2 d d = 0 the next term that is not zero takes its place; infinite where none is.
-        Parameters: tol > 0 in the units of v; direction (nu,), any length.
+            |du| = sqrt(2 tol / |C_2 d d|)
+
+        Where C_2 d d = 0 the next term that is not zero takes its place.
+
+        Parameters
+        ----------
+        tol : float
+            Tolerance in the units of v.
+        direction : array_like, shape (nu,)
+            The direction d, of any length but zero.
+
+        Returns
+        -------
+        float
+            The range; infinite where no term bends.
         """
         tol = positive("tol", tol)
         series = line_series(self.tape, self.u0, self.v0, self.unit(direction), max(4, self.order))
@@ -114,7 +223,13 @@ class ImplicitMap:
         return float((tol / sizes[bent[0]]) ** (1 / bent[0])) if bent else float("inf")
 
     def function(self) -> ca.Function:
-        """Return the polynomial as a casadi.Function du -> v."""
+        """Return the polynomial as a CasADi function.
+
+        Returns
+        -------
+        casadi.Function
+            du (nu,) -> v (nv,).
+        """
         du = ca.SX.sym("du", len(self.u0))
         return ca.Function("taylor", [du], [self.polynomial.expression(du)], ["du"], ["v"])
 
@@ -125,7 +240,23 @@ class ImplicitMap:
         return unrolled(self.tape, self.polynomial.indices, V[0])
 
     def unit(self, direction: ArrayLike) -> Array:
-        """Return a checked direction of length 1."""
+        """Return a checked direction of length 1.
+
+        Parameters
+        ----------
+        direction : array_like, shape (nu,)
+            A vector other than zero.
+
+        Returns
+        -------
+        array, shape (nu,)
+            The direction.
+
+        Raises
+        ------
+        ArgumentError
+            When the vector is zero or does not fit.
+        """
         d = real_array("direction", direction, (len(self.u0),))
         length = np.linalg.norm(d)
         if length == 0:
@@ -139,13 +270,53 @@ def implicit_taylor(f: Any, u: Any, v: Any, u0: ArrayLike, v0: ArrayLike, order:
         v(u0 + du) ~ v0 + sum_(k=1..order) 1/k! C_k du^(x)k
 
     by truncated power series, order by order; symmetric derivatives are computed and stored once.
-
     Assumes f analytic, as many equations as dependent coordinates, V = D_v f regular at the point. A v0 given with few digits is refined.
-    Parameters: f: CasADi column (nv,) of u (nu,) and v (nv,), columns of symbols; u0, v0: a point with f = 0; order >= 0.
-    Returns: an ImplicitMap c: c(du), c.jacobian(k), c.error(du), c.radius(direction), c.linear_range(tol, direction), c.function().
-    Raises: ArgumentError on shapes, symbols, or a point that does not solve f = 0; SingularClosure where V is singular;
-    TooLarge with the bytes wanted.
-    Source: de Jong, Müller, van Dijk, Herder (2018), Eqs (14)-(25), corrected.
+
+    Parameters
+    ----------
+    f : casadi.SX or casadi.MX, shape (nv, 1)
+        The equations, expressions of u and v only.
+    u : casadi.SX or casadi.MX, shape (nu, 1)
+        Symbols of the independent coordinates.
+    v : casadi.SX or casadi.MX, shape (nv, 1)
+        Symbols of the dependent coordinates.
+    u0 : array_like, shape (nu,)
+        Where to expand.
+    v0 : array_like, shape (nv,)
+        A solution there.
+    order : int
+        The highest degree, from 0 on.
+
+    Returns
+    -------
+    ImplicitMap
+        c: c(du), c.jacobian(k), c.error(du), c.radius(direction), c.linear_range(tol, direction), c.function().
+
+    Raises
+    ------
+    ArgumentError
+        On shapes, symbols, or a point that does not solve f = 0.
+    SingularClosure
+        Where V is singular.
+    TooLarge
+        When the coefficients would not fit into memory; the message gives the bytes.
+
+    References
+    ----------
+    de Jong, Müller, van Dijk, Herder (2018), Eqs (14)-(25), corrected.
+
+    Examples
+    --------
+    v^3 + v = u near u = 2, v = 1, where v' = 1/4:
+
+    >>> import casadi as ca
+    >>> import flexlin as fl
+    >>> u, v = ca.SX.sym("u"), ca.SX.sym("v")
+    >>> c = fl.implicit_taylor(v**3 + v - u, u, v, [2.0], [1.0], 5)
+    >>> c.jacobian(1).item()
+    0.25
+    >>> print(f"{c([0.2]).item():.6f} {c.refined([0.2]).item():.6f}")
+    1.048228 1.048228
     """
     check_symbols("u", u)
     check_symbols("v", v)
