@@ -5,15 +5,12 @@ CasADi is loaded only when one of its matrices comes in.
 """
 
 from importlib import import_module
-from typing import Any
 
 import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
-
-Matrix = Any
-"""A two-dimensional numpy array or a CasADi matrix (SX, MX, DM)."""
+from flexlin.kronecker.shapes import Matrix, count_variables, expect_columns
 
 
 def kron(A: Matrix, B: Matrix) -> Matrix:
@@ -290,19 +287,3 @@ def kronecker_rule(A: Matrix, DA: Matrix, B: Matrix, DB: Matrix) -> Matrix:
     n, q = count_variables("A", A, DA), B.shape[1]
     expect_columns("DB", DB, q * n)
     return kron(DA, B) @ kron(np.eye(A.shape[1]), swap(n, q)) + kron(A, DB)
-
-
-def count_variables(name: str, A: Matrix, DA: Matrix) -> int:
-    """Return n, the number of variables by which DA (m, p n) differentiates A (m, p)."""
-    n, rest = divmod(DA.shape[1], A.shape[1])
-    if rest or DA.shape[0] != A.shape[0]:
-        raise ArgumentError(
-            f"the derivative does not fit {name}", got=DA.shape, expected=f"({A.shape[0]}, {A.shape[1]} n)"
-        )
-    return n
-
-
-def expect_columns(name: str, matrix: Matrix, columns: int) -> None:
-    """Check the width of a matrix."""
-    if matrix.shape[1] != columns:
-        raise ArgumentError(f"{name} has the wrong number of columns", got=matrix.shape[1], expected=str(columns))

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlin.errors import ArgumentError
-from flexlin.kronecker.algebra import Matrix, expect_columns, kron, kronecker_power
+from flexlin.kronecker.algebra import kron, kronecker_power
+from flexlin.kronecker.shapes import Matrix, expect_columns
 
 
 class LinearizedProduct(NamedTuple):

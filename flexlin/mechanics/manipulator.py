@@ -1,6 +1,6 @@
 """The equations of motion of a manipulator, M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -11,28 +11,10 @@ from flexlin.errors import ModelError
 from flexlin.expressions import Expressions
 from flexlin.mechanics.coordinates import Coordinate
 from flexlin.mechanics.coriolis import coriolis_matrix
+from flexlin.mechanics.named_functions import NamedFunctions
 from flexlin.mechanics.parameters import Parameters
-from flexlin.mechanics.validation import need_quadratic, validate
+from flexlin.mechanics.validation import check_shapes, check_symbols, need_quadratic, validate
 from flexlin.summary import represent
-
-
-class NamedFunctions(Mapping[str, ca.Function]):
-    """CasADi functions by name, from (named inputs, maker of the output), each built at its first use."""
-
-    def __init__(self, table: dict[str, tuple[dict[str, ca.SX], Callable[[], ca.SX]]]):
-        self._table, self._built = table, dict[str, ca.Function]()
-
-    def __getitem__(self, name: str) -> ca.Function:
-        if name not in self._built:
-            inputs, output = self._table[name]
-            self._built[name] = ca.Function(name, list(inputs.values()), [ca.densify(output())], list(inputs), [name])
-        return self._built[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._table)
-
-    def __len__(self) -> int:
-        return len(self._table)
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,8 +194,8 @@ class Manipulator(Expressions):
         B = ca.DM.eye(n) if B is None else B
         damping = ca.SX.zeros(n) if damping is None else damping
         s_ddot = ca.SX.sym("s_ddot", n)
-        _check_shapes(n, M=(M, n), C=(C, n), g=(g, 1), damping=(damping, 1), B=(B, None))
-        _check_symbols(ca.vertcat(s, s_dot), M=M, C=C, g=g, damping=damping, B=B)
+        check_shapes(n, M=(M, n), C=(C, n), g=(g, 1), damping=(damping, 1), B=(B, None))
+        check_symbols(ca.vertcat(s, s_dot), M=M, C=C, g=g, damping=damping, B=B)
         arm = cls(
             s,
             s_dot,
@@ -302,10 +284,10 @@ class Manipulator(Expressions):
         R = ca.SX(0) if dissipation is None else dissipation
         resisting = ca.SX.zeros(n) if resistance is None else resistance
         parameters = parameters or Parameters()
-        _check_shapes(1, T=(T, 1), V=(V, 1), dissipation=(R, 1))
-        _check_shapes(n, B=(B, None), resistance=(resisting, 1))
+        check_shapes(1, T=(T, 1), V=(V, 1), dissipation=(R, 1))
+        check_shapes(n, B=(B, None), resistance=(resisting, 1))
         known = ca.vertcat(s, s_dot, parameters.symbols)
-        _check_symbols(known, T=T, V=V, dissipation=R, resistance=resisting, B=B)
+        check_symbols(known, T=T, V=V, dissipation=R, resistance=resisting, B=B)
         s_ddot = ca.SX.sym("s_ddot", n)
         momentum, g, damping = ca.gradient(T, s_dot), ca.gradient(V, s), ca.gradient(R, s_dot) + resisting
         rate_of_momentum = ca.jtimes(momentum, ca.vertcat(s, s_dot), ca.vertcat(s_dot, s_ddot))
@@ -344,22 +326,3 @@ def _driving(n: int, B: ca.SX, joints: Sequence[int] | None, names: Sequence[str
         "drives": tuple(moved),
         "coordinates": coordinates,
     }
-
-
-def _check_shapes(rows: int, **expressions: tuple[ca.SX, int | None]) -> None:
-    for name, (expression, columns) in expressions.items():
-        got = ca.SX(expression).shape
-        if got[0] != rows or columns not in (None, got[1]):
-            raise ModelError(
-                f"{name} has the wrong shape", got=got, expected=f"({rows}, {'any' if columns is None else columns})"
-            )
-
-
-def _check_symbols(known: ca.SX, **expressions: ca.SX) -> None:
-    names = {symbol.name() for symbol in ca.symvar(known)}
-    for name, expression in expressions.items():
-        strange = [symbol.name() for symbol in ca.symvar(ca.SX(expression)) if symbol.name() not in names]
-        if strange:
-            raise ModelError(
-                f"{name} holds symbols that are neither coordinates, rates nor parameters", got=", ".join(strange)
-            )

@@ -55,10 +55,9 @@ def register_effect(name: str, effect: type[Effect]) -> None:
     ...     def potential_energy(self, chain):
     ...         return self.stiffness * chain.tips[-1].position[1] ** 2 / 2
     >>> register_effect("spring_to_wall", SpringToWall)
-    >>> scene = fl.load_scene("single-link", {"effects.spring_to_wall.stiffness": 5.0})
-    FAILED
-    >>> scene.effects.spring_to_wall.stiffness
-    FAILED
+    >>> scene = fl.load_scene("single-link", {"effects.spring_to_wall": {"stiffness": 5.0}})
+    >>> list(scene.effects.on())[-1]
+    'spring_to_wall'
     """
     if not (isinstance(effect, type) and issubclass(effect, Effect)):
         raise ArgumentError("this is no effect", got=repr(effect), expected="a subclass of flexlin.mechanics.Effect")
