@@ -3,14 +3,13 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 
-from flexlin.errors import ModelError
 from flexlin.expressions import Expressions
 from flexlin.mechanics.coordinates import Coordinate
 from flexlin.mechanics.coriolis import coriolis_matrix
+from flexlin.mechanics.driving import describe_driving
 from flexlin.mechanics.named_functions import NamedFunctions
 from flexlin.mechanics.parameters import Parameters
 from flexlin.mechanics.validation import check_shapes, check_symbols, need_quadratic, validate
@@ -60,8 +59,6 @@ class Manipulator(Expressions):
     >>> arm = fl.build_manipulator(fl.load_scene("single-link"))
     >>> arm.n, arm.joints, arm.M.shape
     (3, 1, (3, 3))
-    >>> arm.functions["M"]
-    Function(M:(s[3],p[0])->(M[3x3]) SXFunction)
     """
 
     s: ca.SX
@@ -110,10 +107,7 @@ class Manipulator(Expressions):
 
     @cached_property
     def functions(self) -> "NamedFunctions":
-        """Named functions of (s, p) or (s, s_dot, p) or (s, s_dot, s_ddot, p): M, C, g, damping, residual; points and energy if known.
-
-        Each is built when it is first asked for.
-        """
+        """CasADi functions of s, s_dot, s_ddot as needed, and p: M, C, g, damping, residual; points and energy if known."""
         p = self.parameters.symbols
         at, moving = {"s": self.s, "p": p}, {"s": self.s, "s_dot": self.s_dot, "p": p}
         accelerated = {"s": self.s, "s_dot": self.s_dot, "s_ddot": self.s_ddot, "p": p}
@@ -144,9 +138,7 @@ class Manipulator(Expressions):
         names: Sequence[str] | None = None,
         points: ca.SX | None = None,
     ) -> "Manipulator":
-        """Make a manipulator from its matrices.
-
-            M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau
+        """Make a manipulator from its matrices, M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau.
 
         Assumes the basic motion moves the coordinates `joints` and leaves the others at zero.
 
@@ -182,8 +174,6 @@ class Manipulator(Expressions):
 
         Examples
         --------
-        A pendulum of 1 kg and 1 m:
-
         >>> import casadi as ca
         >>> from flexlin import Manipulator
         >>> q, rate = ca.SX.sym("q"), ca.SX.sym("rate")
@@ -204,7 +194,7 @@ class Manipulator(Expressions):
             M=ca.SX(M),
             g=ca.SX(g),
             damping=ca.SX(damping),
-            **_driving(n, B, joints, names),
+            **describe_driving(n, B, joints, names),
             points=points,
             coriolis=ca.SX(C),
         )
@@ -299,7 +289,7 @@ class Manipulator(Expressions):
             M=ca.densify(ca.jacobian(momentum, s_dot)),
             g=ca.densify(g),
             damping=ca.densify(damping),
-            **_driving(n, B, joints, names),
+            **describe_driving(n, B, joints, names),
             parameters=parameters,
             energy=T + V,
             points=points,
@@ -308,21 +298,3 @@ class Manipulator(Expressions):
             need_quadratic(T, s, s_dot, parameters)
             validate(arm)
         return arm
-
-
-def _driving(n: int, B: ca.SX, joints: Sequence[int] | None, names: Sequence[str] | None) -> dict[str, Any]:
-    """Inputs, and the coordinates that follow the basic motion: those given, or those that some input moves; the others are elastic."""
-    moved = [i for i in range(n) if not ca.SX(B[i, :]).is_zero()] if joints is None else list(joints)
-    symbols = tuple(names or (f"s{i + 1}" for i in range(n)))
-    if len(symbols) != n:
-        raise ModelError("names do not fit the coordinates", got=f"{len(symbols)} names", expected=f"{n}")
-    coordinates = tuple(
-        Coordinate("joint", symbol, "rad", moved.index(i)) if i in moved else Coordinate("elastic", symbol, "m")
-        for i, symbol in enumerate(symbols)
-    )
-    return {
-        "B": ca.SX(B),
-        "reference": ca.DM.eye(n)[:, moved],
-        "drives": tuple(moved),
-        "coordinates": coordinates,
-    }

@@ -55,8 +55,8 @@ class Radius(float):
         value.kind, value.location, value.v, value.estimate = kind, location, v, estimate
         return value
 
-    def __getnewargs__(self) -> tuple[Kind, complex, Array, float]:
-        return self.kind, self.location, self.v, self.estimate
+    def __reduce__(self) -> tuple[type["Radius"], tuple[Kind, complex, Array, float]]:
+        return type(self), (self.kind, self.location, self.v, self.estimate)
 
     def __repr__(self) -> str:
         return (
