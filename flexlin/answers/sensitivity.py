@@ -25,19 +25,45 @@ BOUND = ("motion.move_time", "motion.dwell_time", "rate")
 
 
 def sensitivity(scene: Scene, paths: Sequence[str] | None = None, tol: float = 1e-8) -> xr.Dataset:
-    """Derivative of every Floquet exponent of the scene's own loop by every number of the scene.
+    """Differentiate every Floquet exponent of the scene's own loop by numbers of the scene.
 
         d lambda / d theta = (1/T) int_0^T q^H (dA/dtheta + (T'/T) A) p dt - lambda T'/T,   dA/dtheta at fixed phase,
         A = [[0, I], [-M^-1 K, -M^-1 D]],   d(M^-1 K) = M^-1 (dK - dM M^-1 K)
 
-    dM, dD, dK by automatic differentiation of the expressions: no difference is taken.
-    Assumes simple exponents (`condition` is large where two nearly coincide) and mode shapes as the scene's own numbers give them.
+    dM, dD, dK by automatic differentiation of the expressions: no difference is taken. Assumes simple exponents (`condition` is large
+    where two nearly coincide) and mode shapes as the scene's own numbers give them.
 
-    Parameters: paths: dotted paths, all numbers of links, effects, motion and control when not given; tol: of the exponents, in 1/s.
-    Returns: a Dataset: exponents (mode), condition (mode), derivative (parameter, mode) in 1/s per unit of the number,
-    value (parameter), and percent (parameter, mode): what one percent more of the number does to the growth rate, in 1/s.
-    Raises: ArgumentError for a path that leads to no free number.
-    Source: Seyranian, Mailybaev, Multiparameter Stability Theory (2003), section 9.3.
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    paths : sequence of str, optional
+        Dotted paths; by default all numbers of links, effects, motion and control that may be free and are not zero.
+    tol : float
+        Wanted error of the exponents, in 1/s.
+
+    Returns
+    -------
+    xarray.Dataset
+        exponents (mode) in 1/s, condition (mode), derivative (parameter, mode) in 1/s per unit of the number, value (parameter), and
+        percent (parameter, mode): what one percent more of the number does to the growth rate, in 1/s.
+
+    Raises
+    ------
+    ArgumentError
+        For a path that leads to no free number.
+
+    References
+    ----------
+    Seyranian, Mailybaev, Multiparameter Stability Theory with Mechanical Applications (2003), section 9.3.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> found = fl.sensitivity(scene, ["control.feedback.kd.0"], tol=1e-6)
+    >>> found["derivative"].dims, found["value"].values.tolist()
+    (('parameter', 'mode'), [0.5])
     """
     paths = default_paths(scene) if paths is None else tuple(paths)
     if not paths:

@@ -40,22 +40,51 @@ def sweep(
     grid: bool = False,
     chunk_bytes: int = CHUNK_BYTES,
 ) -> xr.Dataset:
-    """Floquet exponents of a scene's own loop for many values of its numbers.
+    """Compute the Floquet exponents of a scene's own loop for many values of its numbers.
 
         M(t, p) y'' + D(t, p) y' + K(t, p) y = 0,   T = T(p),   for p = p_1 ... p_V
 
-    The expressions are derived once. Coefficients are sampled at a few phases and carried to the nodes by their Fourier series; transition
-    matrices and exponents of all values of a batch are found together, with an error from three resolutions. Values on which that
-    error misses tol are computed again one by one by `floquet`.
-    Working memory: at most `chunk_bytes` (64 MiB), however many values; the result takes about 16 n + 60 bytes a value for n states.
+    Assumes mode shapes as the scene's own numbers give them.
 
-    Assumes mode shapes as the scene's own numbers give them. A batch holds one value at the least.
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    values : mapping of str to array_like, shape (V,)
+        Dotted path -> values; one point of the sweep for each index.
+    tol : float
+        Wanted error of an exponent, in 1/s up to |exponent| = 1/s and relative beyond.
+    grid : bool
+        Every combination of the values, with one dimension for each path.
+    chunk_bytes : int
+        Working memory of a batch, in bytes. A batch holds one value at the least.
 
-    Parameters: values: dotted path -> values (V,), one point of the sweep for each index; with `grid` every combination, one dimension a
-    path; tol: wanted error of an exponent, in 1/s up to |exponent| = 1/s and relative beyond.
-    Returns: a Dataset with exponents (..., n) in 1/s by falling real part, error (...) (the largest of a value's exponents), verdict,
-    period in s, and one_by_one: whether the value was left to `floquet`; attrs: tol, segments, one_by_one (how many).
-    Raises: ArgumentError for paths and values that do not fit.
+    Returns
+    -------
+    xarray.Dataset
+        exponents (..., n) in 1/s by falling real part, error (...) in 1/s (the largest of a value's exponents), verdict, period in s,
+        and one_by_one: whether the value was left to `floquet`; attrs: tol, segments, one_by_one (how many).
+
+    Raises
+    ------
+    ArgumentError
+        For paths and values that do not fit.
+
+    Notes
+    -----
+    The expressions are derived once. Coefficients are sampled at a few phases and carried to the nodes by their Fourier series;
+    transition matrices and exponents of all values of a batch are found together, with an error from three resolutions. Values on
+    which that error misses tol are computed again one by one by `floquet`. The result takes about 16 n + 60 bytes a value for n states.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> found = fl.sweep(scene, {"effects.payload.mass": [0.0, 0.03, 0.06]}, tol=1e-6)
+    >>> found["verdict"].values.tolist(), found["exponents"].shape
+    (['stable', 'stable', 'stable'], (3, 6))
+    >>> bool((found["error"] < 1e-6 * abs(found["exponents"]).max("mode")).all())
+    True
     """
     tol = positive("tol", tol)
     axes = {path: real_array(path, value, (None,)) for path, value in values.items()}

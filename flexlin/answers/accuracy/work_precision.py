@@ -22,13 +22,37 @@ def cost(scene: Scene, *, peers: bool = True) -> CostResult:
 
         error = max |result - reference| / max |reference|,   of exponents max |difference| / max(1, |exponent|)
 
+    Parameters
+    ----------
+    scene : Scene
+        A scene with a periodic motion.
+    peers : bool
+        Measure SciPy, CasADi cvodes and (where installed) heyoka on the transition matrices too.
+
+    Returns
+    -------
+    CostResult
+        `recommendations()` names the cheapest setting for each accuracy; rows with `chosen` are the engine's choices.
+
+    Raises
+    ------
+    ArgumentError
+        For a one-way motion.
+
+    Notes
+    -----
     Stages: sampling the coefficients, transition matrices by every method and order, exponents, periodic Riccati equation, forced
     response, number of modes, order of Taylor's polynomial. References come from a finer resolution; how well two of them agree is
     the result's `floor`. Times are CPU times of one thread, medians of five where a run is short; building the model is left out.
 
-    Parameters: peers: measure SciPy, CasADi cvodes and (where installed) heyoka on the transition matrices too.
-    Returns: a CostResult; `recommendations()` names the cheapest setting for each accuracy, rows with `chosen` are the engine's choices.
-    Raises: ArgumentError for a one-way motion.
+    Examples
+    --------
+    A run takes some seconds, so this one is not among the tests of docstrings:
+
+    >>> import flexlin as fl
+    >>> result = fl.cost(fl.load_scene("single-link"), peers=False)  # doctest: +SKIP
+    >>> result.cheapest("exponents", 1e-8).setting  # doctest: +SKIP
+    'tol 1e-08'
     """
     arm = build_manipulator(scene)
     closed, plant = linearize(arm, scene.motion, scene.control), linearize(arm, scene.motion)

@@ -18,14 +18,39 @@ Progress = Callable[[str], None]
 def audit(scene: Scene, tolerance: float = 0.01, progress: Progress | None = None) -> Audit:
     """Switch each effect on or off in turn, change each link's modes by one, and compare.
 
-    significance = max(|change of margin| / larger margin, relative change of frequencies, |change of tip error| / reach)
+        significance = max(|change of margin| / larger margin, relative change of frequencies, |change of tip error| / reach)
 
     An effect that the scene leaves out is tried with small stated parameters; infinite significance means another verdict.
     Assumes that effects may be judged one at a time: two that are each small may matter together.
 
-    Parameters: tolerance: relative change that matters; progress: told of each version before it is measured.
-    Returns: an `Audit`.
-    Raises: ArgumentError for a scene with a registered model; InputError when the scene itself cannot be built.
+    Parameters
+    ----------
+    scene : Scene
+        A scene with links.
+    tolerance : float
+        Relative change that matters.
+    progress : callable, optional
+        Called with the description of each version before it is measured.
+
+    Returns
+    -------
+    Audit
+        One row for each change, the most significant first.
+
+    Raises
+    ------
+    ArgumentError
+        For a scene with a registered model.
+    InputError
+        When the scene itself cannot be built.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link", {"links.0.modes": 1, "designs": [], "effects": {"payload": {"mass": 0.5}}})
+    >>> found = fl.audit(scene)
+    >>> found.needed
+    ('payload',)
     """
     tolerance = positive("tolerance", tolerance)
     if scene.model is not None:

@@ -25,12 +25,36 @@ RESPONSE = 0.01
 
 @dataclass(frozen=True)
 class Measure:
-    """A scene's own loop in figures.
+    """A scene's own loop in figures. A figure that is not known is not a number, and `problems` says why.
 
-    margin: largest real part of the Floquet exponents, with its error, in 1/s (negative is stable); frequencies (k,): natural
-    frequencies of the frozen loop, averaged over the period, ascending, in rad/s; tip_error: largest distance in m between the tip and
-    its rigid motion in the periodic response; coordinates; instructions of all coefficients; microseconds to evaluate them at one time.
-    A figure that could not be had is not a number, and `problems` says why.
+    Attributes
+    ----------
+    margin : float
+        Largest real part of the Floquet exponents, in 1/s; negative is stable.
+    margin_error : float
+        Its error, in 1/s.
+    verdict : str
+        "stable", "unstable", "undecided" or "unknown".
+    frequencies : array, shape (k,)
+        Natural frequencies of the frozen loop, averaged over the period, ascending, in rad/s.
+    tip_error : float
+        Largest distance between the tip and its rigid motion in the periodic response, in m.
+    coordinates : int
+        Number of coordinates.
+    instructions : int
+        Instructions of all coefficients.
+    microseconds : float
+        Time to evaluate them at one time.
+    problems : tuple of str
+        Why figures are missing.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> from flexlin.answers.audit import measure
+    >>> figures = measure(fl.load_scene("single-link", {"links.0.modes": 1, "designs": []}))
+    >>> figures.verdict, figures.coordinates, figures.problems
+    ('stable', 2, ())
     """
 
     margin: float
@@ -49,7 +73,28 @@ class Measure:
 def measure(scene: Scene) -> Measure:
     """Build, linearize and judge a scene's own loop.
 
-    Returns: a `Measure`. Raises: InputError when the scene cannot be built at all.
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+
+    Returns
+    -------
+    Measure
+        Margin, frequencies, tip error, and the size of the equations.
+
+    Raises
+    ------
+    InputError
+        When the scene cannot be built at all.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> from flexlin.answers.audit import measure
+    >>> figures = measure(fl.load_scene("single-link", {"links.0.modes": 1, "designs": []}))
+    >>> figures.margin < -figures.margin_error
+    True
     """
     lin = linearize(build_manipulator(scene), scene.motion, scene.control)
     problems: list[str] = []
