@@ -198,7 +198,32 @@ def tip_distance(lin: Linearization, motion: PeriodicMotion) -> float:
 
 
 def tip_positions(lin: Linearization, t: Array, states: Array) -> Array:
-    """World positions of the tip (N, 2) in m for deviations y (N, n) or [y; y'] (N, 2n) from the rigid motion."""
+    """Return world positions of the tip for deviations from the rigid motion.
+
+    Parameters
+    ----------
+    lin : Linearization
+        With n coordinates.
+    t : array, shape (N,)
+        Times in s.
+    states : array, shape (N, n) or (N, 2n)
+        Deviations y or [y; y'], in rad or m.
+
+    Returns
+    -------
+    array, shape (N, 2)
+        Positions in m; not numbers when the manipulator gives no points.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> from flexlin.simulation import tip_positions
+    >>> scene = fl.load_scene("single-link")
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    >>> tip_positions(lin, np.zeros(1), np.zeros((1, 3))).tolist()
+    [[0.96, 0.0]]
+    """
     if lin.arm.points is None:
         return np.full((len(t), 2), np.nan)
     return arm_positions(lin, t, states)[0][:, :, -1]
