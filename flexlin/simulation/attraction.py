@@ -33,8 +33,8 @@ class Attraction:
     --------
     >>> import numpy as np
     >>> from flexlin.simulation import Attraction
-    >>> Attraction(np.eye(2), np.array([0.5, 1.0]), np.array([0.6, np.inf]), "a sample").inside.min()
-    np.float64(0.5)
+    >>> Attraction(np.eye(2), np.array([0.5, 1.0]), np.array([0.6, np.inf]), "a sample").inside.tolist()
+    [0.5, 1.0]
     """
 
     directions: Array

@@ -118,9 +118,9 @@ class CostResult:
     def recommendations(self) -> Iterator[tuple[str, float, Row]]:
         """Return the cheapest setting for each decade of accuracy at which it changes.
 
-        Returns
-        -------
-        iterator of tuple
+        Yields
+        ------
+        tuple
             (stage, accuracy, cheapest row).
         """
         for stage in STAGES:
