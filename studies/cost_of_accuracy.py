@@ -36,7 +36,7 @@ TOLS = (1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13)
 
 @dataclass(frozen=True)
 class Row:
-    """One program at the setting that was cheapest; reached tells whether it met the accuracy."""
+    """One program at the setting that was cheapest; reached says whether it met the accuracy."""
 
     modes: int
     program: str

@@ -46,7 +46,7 @@ class Loop:
 
     @property
     def verdict(self) -> str:
-        """stable, unstable, undecided, or failed where no controller could be had."""
+        """stable, unstable, undecided, or failed where no controller was found."""
         return "failed" if self.floquet is None else self.floquet.verdict
 
     @property
@@ -77,7 +77,7 @@ class Response:
 
 @dataclass(frozen=True)
 class Analysis:
-    """What a report says: `own` is the scene's own loop, `open_loop` the arm without feedback; `problems` tells what could not be had,
+    """What a report says: `own` is the scene's own loop, `open_loop` the arm without feedback; `problems` says what is missing,
     `resonances` what is behind an unstable own loop, `audit` and `sensitivity` which effects and numbers matter, if that was asked for,
     `elastic` the own loop about the elastic motion, if the scene asks for it, `linear_range` how far the linear equations hold.
     """
@@ -116,7 +116,7 @@ class Analysis:
 def analyse(scene: Scene, clock: Clock | None = None, tol: float = 1e-9) -> Analysis:
     """Linearize a scene's arm along its motion, judge every loop by Floquet, and compare with the nonlinear equations.
 
-    Parameters: clock: collects the steps, and tells of their progress; tol: wanted error of exponents and responses.
+    Parameters: clock: collects the steps, and reports their progress; tol: wanted error of exponents and responses.
     Returns: an `Analysis`; a design, response or simulation that fails is a message in it.
     Raises: InputError for a scene that cannot be used; NumericalError when the scene's own loop cannot be judged.
     """

@@ -124,7 +124,7 @@ def checked_table(schema: type[AnyTable], raw: Mapping[str, Any], source: str, k
 
 
 def _explains(known: Problem, other: Problem) -> bool:
-    """Whether a problem is already told, or only follows from one that leaves the number of coordinates unknown."""
+    """Whether a problem is already listed, or only follows from one that leaves the number of coordinates unknown."""
     if known.key == other.key or known.key.startswith(f"{other.key}."):
         return True
     counted = known.key.startswith(("links", "motion")) and known.key.rsplit(".", 1)[-1].isdigit()

@@ -40,7 +40,7 @@ class Mark:
 class Panel:
     """One pair of axes: scales, labels, and marks in the order in which they are drawn.
 
-    `equal` keeps one unit the same length on both axes; `bare` leaves axes and grid out; `ticked` tells which axes bear labels.
+    `equal` keeps one unit the same length on both axes; `bare` leaves axes and grid out; `ticked` says which axes have labels.
     Colours are names of the page's CSS variables.
     """
 

@@ -57,12 +57,12 @@ def audit(scene: Scene, tolerance: float = 0.01, progress: Progress | None = Non
         raise ArgumentError(
             "a registered model has no effects to switch", got=scene.model, expected="a scene with links"
         )
-    tell = progress or (lambda text: None)
-    tell("the scene as it is")
+    report = progress or (lambda text: None)
+    report("the scene as it is")
     base, scale, reach = measure(scene), read_scale(scene), sum(link.length for link in scene.links) or 1.0
     rows = []
     for version in (*effect_versions(scene, scale), *mode_versions(scene)):
-        tell(version.change)
+        report(version.change)
         rows.append(_row(version, base, reach, tolerance))
     rows.sort(key=lambda row: -row.significance if np.isfinite(row.significance) else -np.inf)
     effects, modes = (tuple(row for row in rows if row.kind == kind) for kind in ("effect", "modes"))
