@@ -54,7 +54,7 @@ def coupled_frequencies(arm: fl.Manipulator, elbow: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Sweep:
-    """Frequencies of the motion in Hz, with Floquet's margin in 1/s and its error; not a number where it could not be had."""
+    """Frequencies of the motion in Hz, with Floquet's margin in 1/s and its error; not a number where it is not known."""
 
     frequency: np.ndarray
     margin: np.ndarray

@@ -6,7 +6,7 @@ from flexlin.answers.analysis import Loop
 from flexlin.svg import Linear, Panel, Row
 
 SERIES = ("blue", "vermilion", "green", "purple", "orange", "sky")
-"""Told apart with every kind of colour blindness. Source: Okabe, Ito (2002), Color Universal Design; purple from Tol (2021)."""
+"""Distinguishable with every kind of colour blindness. Source: Okabe, Ito (2002), Color Universal Design; purple from Tol (2021)."""
 SHAPES = ("circle", "square", "diamond", "triangle")
 DASHES = ("", "6 3", "2 2.5", "8 3 2 3")
 
