@@ -88,18 +88,18 @@ def sweep(
     """
     tol = positive("tol", tol)
     axes = {path: real_array(path, value, (None,)) for path, value in values.items()}
-    points, shape, dims = laid_out(axes, grid)
+    points, shape, dims = lay_out(axes, grid)
     loop = parametric_loop(scene, axes)
     batches = Batches(loop, points, tol, chunk_bytes)
-    plan = piloted(batches)
+    plan = choose_plan(batches)
     size = batches.values_in_chunk(plan.segments)
     found = Found.empty(len(points), 2 * loop.linearization.n)
     for start in range(0, len(points), size):
         batches.fill(found, np.arange(start, min(start + size, len(points))), plan)
-    return dataset(scene, axes, found, shape, dims, tol, plan.segments)
+    return build_dataset(scene, axes, found, shape, dims, tol, plan.segments)
 
 
-def laid_out(axes: dict[str, Array], grid: bool) -> tuple[Array, tuple[int, ...], tuple[str, ...]]:
+def lay_out(axes: dict[str, Array], grid: bool) -> tuple[Array, tuple[int, ...], tuple[str, ...]]:
     """All points (V, P), the shape of the result and the names of its dimensions."""
     lengths = tuple(len(axis) for axis in axes.values())
     if not axes or 0 in lengths:
@@ -171,7 +171,7 @@ class Batches:
         """Logs (V, n) of the multipliers, their errors, whether they meet tol, and the plan with what was learnt."""
         points = self.points[which]
         T = self.loop.periods(points)
-        coefficients, usable, harmonics = state_coefficients(self.loop, points, T, plan, self.tol)
+        coefficients, usable, harmonics = prepare_coefficients(self.loop, points, T, plan, self.tol)
         result = batched_exponents(
             coefficients, plan.segments, self.loop.phase_breaks, self.tol / 100, SLACK * plan.spread
         )
@@ -197,7 +197,7 @@ class Plan:
     spread: float = np.inf
 
 
-def piloted(batches: Batches) -> Plan:
+def choose_plan(batches: Batches) -> Plan:
     """The least number of segments on which a few values, spread over all, reach the tolerance."""
     plan = Plan(STARTS[0])
     for segments in STARTS:
@@ -209,7 +209,7 @@ def piloted(batches: Batches) -> Plan:
     return plan
 
 
-def state_coefficients(
+def prepare_coefficients(
     loop: ParametricLoop, points: Array, T: Array, plan: Plan, tol: float
 ) -> tuple[Callable[[Array], tuple[Array, Array]], Array, int]:
     """X = -T^2 M^-1 K, Y = -T M^-1 D as function phases (N,) -> (N, n, n, V), where they are finite (V,), and the harmonics it took.
@@ -242,7 +242,7 @@ def state_coefficients(
     return lambda phases: split(np.nan_to_num(exact(phases))), usable, HARMONICS[-1]
 
 
-def dataset(
+def build_dataset(
     scene: Scene,
     axes: dict[str, Array],
     found: Found,

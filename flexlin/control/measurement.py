@@ -9,7 +9,7 @@ from flexlin.about.deviation import Deviation
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
-from flexlin.mechanics.link_shapes import shapes_of
+from flexlin.mechanics.link_shapes import make_shapes
 from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.companion import solve_mass
 from flexlin.periodic.system import MatrixFunction
@@ -116,7 +116,7 @@ def bending(scene: Scene, lin: Linearization, link: int, at: float) -> MatrixFun
         )
     if not 0 <= at <= 1:
         raise ArgumentError("the place is not on the link", got=at, expected="0 (joint) to 1 (tip)")
-    curvature = shapes_of(scene, link).values(np.array([at]), 2)[:, 0] / scene.links[link].length ** 2
+    curvature = make_shapes(scene, link).values(np.array([at]), 2)[:, 0] / scene.links[link].length ** 2
     own = [i for i, c in enumerate(lin.coordinates) if c.kind == "elastic" and c.link == link]
     C = np.zeros((1, 2 * lin.n))
     C[0, own] = curvature

@@ -8,7 +8,7 @@ import casadi as ca
 
 from flexlin.expressions import Expressions
 from flexlin.mechanics.coordinates import Coordinate
-from flexlin.mechanics.coriolis import coriolis_matrix
+from flexlin.mechanics.coriolis import derive_coriolis
 from flexlin.mechanics.driving import describe_driving
 from flexlin.mechanics.named_functions import NamedFunctions
 from flexlin.mechanics.parameters import Parameters
@@ -103,7 +103,7 @@ class Manipulator(Expressions):
     @cached_property
     def C(self) -> ca.SX:
         """The matrix of centrifugal and Coriolis forces, from M unless the user gave one."""
-        return coriolis_matrix(self.M, self.s, self.s_dot) if self.coriolis is None else self.coriolis
+        return derive_coriolis(self.M, self.s, self.s_dot) if self.coriolis is None else self.coriolis
 
     @cached_property
     def functions(self) -> "NamedFunctions":

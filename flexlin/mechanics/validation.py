@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import ModelError
-from flexlin.mechanics.coriolis import coriolis_matrix
+from flexlin.mechanics.coriolis import derive_coriolis
 from flexlin.mechanics.parameters import Parameters
 
 TOLERANCE = 1e-8
@@ -146,7 +146,7 @@ def _need_positive(M: Array, names: tuple[str, ...], where: str) -> None:
 
 def _need_christoffel(arm: Equations, inputs: list[tuple[ca.SX, Array]], where: str) -> None:
     """Compare C s' with the forces that M implies, product of rates by product of rates."""
-    expected = coriolis_matrix(arm.M, arm.s, arm.s_dot) @ arm.s_dot
+    expected = derive_coriolis(arm.M, arm.s, arm.s_dot) @ arm.s_dot
     products = [
         _value(ca.jacobian(ca.jacobian(force, arm.s_dot), arm.s_dot), inputs).reshape(arm.n, arm.n, arm.n, order="F")
         for force in (arm.C @ arm.s_dot, expected)

@@ -7,9 +7,9 @@ import casadi as ca
 from flexlin.errors import MotionError
 from flexlin.mechanics.parameters import Parameters
 from flexlin.motion.base import Motion, SampledMotion, SymbolicMotion
-from flexlin.motion.smooth import fourier, harmonic, rotation
-from flexlin.motion.table import table_motion
-from flexlin.motion.waypoints import point_to_point
+from flexlin.motion.smooth import make_fourier, make_harmonic, make_rotation
+from flexlin.motion.table import read_table_motion
+from flexlin.motion.waypoints import make_point_to_point
 from flexlin.scene.motion import AnyMotion, Fourier, Harmonic, PointToPoint, Rotation, TableMotion
 
 __all__ = ["Motion", "SampledMotion", "SymbolicMotion", "build_motion"]
@@ -51,14 +51,14 @@ def build_motion(table: AnyMotion, joints: int, parameters: Parameters | None = 
         raise MotionError("the motion has the wrong number of joints", got=len(tables), expected=str(joints))
     prescribed = tuple((joint.drive if joint and joint.drive else table.drive) == "prescribed" for joint in tables)
     if isinstance(table, TableMotion):
-        return table_motion(table, joints, prescribed)
+        return read_table_motion(table, joints, prescribed)
     parameters = parameters or Parameters()
     free, phase = parameters.placed_in(table, "motion."), ca.SX.sym("phase")
     breaks: tuple[float, ...] = ()
     if isinstance(free, PointToPoint):
-        angles, duration, breaks = point_to_point(free, phase)
+        angles, duration, breaks = make_point_to_point(free, phase)
     else:
-        expressions: dict[type, Any] = {Harmonic: harmonic, Rotation: rotation, Fourier: fourier}
+        expressions: dict[type, Any] = {Harmonic: make_harmonic, Rotation: make_rotation, Fourier: make_fourier}
         angles, duration = expressions[type(free)](free, phase, parameters)
     period = float(ca.evalf(ca.substitute(duration, parameters.symbols, ca.DM(parameters.values))))
     return SymbolicMotion(

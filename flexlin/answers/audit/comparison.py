@@ -7,7 +7,7 @@ import numpy as np
 from flexlin.answers.audit.figures import Measure, measure
 from flexlin.answers.audit.result import Audit, Row
 from flexlin.answers.audit.scale import read_scale
-from flexlin.answers.audit.versions import Version, effect_versions, mode_versions
+from flexlin.answers.audit.versions import Version, list_effect_versions, list_mode_versions
 from flexlin.checks import positive
 from flexlin.errors import ArgumentError, FlexlinError
 from flexlin.scene.scene import Scene
@@ -61,15 +61,15 @@ def audit(scene: Scene, tolerance: float = 0.01, progress: Progress | None = Non
     report("the scene as it is")
     base, scale, reach = measure(scene), read_scale(scene), sum(link.length for link in scene.links) or 1.0
     rows = []
-    for version in (*effect_versions(scene, scale), *mode_versions(scene)):
+    for version in (*list_effect_versions(scene, scale), *list_mode_versions(scene)):
         report(version.change)
-        rows.append(_row(version, base, reach, tolerance))
+        rows.append(_compare(version, base, reach, tolerance))
     rows.sort(key=lambda row: -row.significance if np.isfinite(row.significance) else -np.inf)
     effects, modes = (tuple(row for row in rows if row.kind == kind) for kind in ("effect", "modes"))
     return Audit(base, effects, modes, tolerance)
 
 
-def _row(version: Version, base: Measure, reach: float, tolerance: float) -> Row:
+def _compare(version: Version, base: Measure, reach: float, tolerance: float) -> Row:
     head = (version.change, version.kind, version.subject, version.on, version.table)
     try:
         other = measure(version.scene)
@@ -78,11 +78,11 @@ def _row(version: Version, base: Measure, reach: float, tolerance: float) -> Row
         return Row(*head, nan, nan, nan, 0, nan, 0, "unknown", nan, "see the problem", str(error), version.units)
     margin, frequency, tip_error = (
         other.margin - base.margin,
-        _frequency_change(base, other),
+        _compare_frequencies(base, other),
         other.tip_error - base.tip_error,
     )
     significance = max(
-        _relative_margin(base, other), frequency, abs(tip_error) / reach if np.isfinite(tip_error) else 0.0
+        _compare_margins(base, other), frequency, abs(tip_error) / reach if np.isfinite(tip_error) else 0.0
     )
     if "unknown" not in (base.verdict, other.verdict) and base.verdict != other.verdict:
         significance = float("inf")
@@ -96,13 +96,13 @@ def _row(version: Version, base: Measure, reach: float, tolerance: float) -> Row
         other.coordinates - base.coordinates,
         other.verdict,
         significance,
-        _advice(version, significance > tolerance, bool(np.isfinite(margin) and np.isfinite(tip_error))),
+        _advise(version, significance > tolerance, bool(np.isfinite(margin) and np.isfinite(tip_error))),
         "; ".join(other.problems),
         version.units,
     )
 
 
-def _frequency_change(base: Measure, other: Measure) -> float:
+def _compare_frequencies(base: Measure, other: Measure) -> float:
     """The largest relative change of the slower half of the frequencies that both have: the last modes of a basis are never accurate."""
     count = (min(len(base.frequencies), len(other.frequencies)) + 1) // 2
     first, second = base.frequencies[:count], other.frequencies[:count]
@@ -110,7 +110,7 @@ def _frequency_change(base: Measure, other: Measure) -> float:
     return float(np.max(np.abs(first - second) / scale, initial=0.0))
 
 
-def _relative_margin(base: Measure, other: Measure) -> float:
+def _compare_margins(base: Measure, other: Measure) -> float:
     """The change of the margin against the larger of the two; 0 within their errors or where one is unknown."""
     change = abs(other.margin - base.margin)
     if not change > base.margin_error + other.margin_error:
@@ -118,7 +118,7 @@ def _relative_margin(base: Measure, other: Measure) -> float:
     return change / max(abs(base.margin), abs(other.margin))
 
 
-def _advice(version: Version, matters: bool, judged: bool) -> str:
+def _advise(version: Version, matters: bool, judged: bool) -> str:
     if not (matters or judged):
         return "undecided: not all of it could be judged"
     if version.kind == "modes":

@@ -98,21 +98,21 @@ def measure(scene: Scene) -> Measure:
     """
     lin = linearize(build_manipulator(scene), scene.motion, scene.control)
     problems: list[str] = []
-    margin, error, verdict = _margin(lin, problems)
+    margin, error, verdict = _judge_margin(lin, problems)
     return Measure(
         margin,
         error,
         verdict,
-        _frequencies(lin),
-        _tip_error(lin, problems),
+        _average_frequencies(lin),
+        _measure_tip_error(lin, problems),
         lin.n,
         lin.coefficients.n_instructions(),
-        _microseconds(lin),
+        _time_evaluation(lin),
         tuple(problems),
     )
 
 
-def _margin(lin: Linearization, problems: list[str]) -> tuple[float, float, str]:
+def _judge_margin(lin: Linearization, problems: list[str]) -> tuple[float, float, str]:
     try:
         result = floquet(lin.periodic_system(), TOLERANCE, max_segments=SEGMENTS)
     except FlexlinError as error:
@@ -121,19 +121,19 @@ def _margin(lin: Linearization, problems: list[str]) -> tuple[float, float, str]
     return float(result.exponents[0].real), float(result.errors[0]), result.verdict
 
 
-def _frequencies(lin: Linearization) -> Array:
+def _average_frequencies(lin: Linearization) -> Array:
     """sqrt |eigenvalues of M^-1 K|, each averaged over phases of the motion."""
     c = lin.sample(np.linspace(0, lin.period, PHASES, endpoint=False))
     squares = np.linalg.eigvals(np.linalg.solve(c.M, c.K))
     return np.sort(np.sqrt(np.abs(squares)), axis=1).mean(axis=0)
 
 
-def _tip_error(lin: Linearization, problems: list[str]) -> float:
+def _measure_tip_error(lin: Linearization, problems: list[str]) -> float:
     """The largest distance of the tip from its rigid motion, with few harmonics and with more."""
     if not lin.motion.periodic:
         problems.append("periodic response: a one-way motion has none")
         return float("nan")
-    coarse, fine = (_tip_distance(lin, harmonics) for harmonics in HARMONICS)
+    coarse, fine = (_measure_tip_distance(lin, harmonics) for harmonics in HARMONICS)
     if not abs(fine - coarse) <= RESPONSE * fine + 1e-12:
         problems.append(
             f"periodic response: {HARMONICS[1]} harmonics do not resolve it, {coarse:.3g} m became {fine:.3g} m"
@@ -141,7 +141,7 @@ def _tip_error(lin: Linearization, problems: list[str]) -> float:
     return fine
 
 
-def _tip_distance(lin: Linearization, harmonics: int) -> float:
+def _measure_tip_distance(lin: Linearization, harmonics: int) -> float:
     """Solve M y'' + D y' + K y = h on 2 harmonics + 1 times by Fourier collocation: fast modes that nothing excites do not matter."""
     count, n = 2 * harmonics + 1, lin.n
     t = lin.period * np.arange(count) / count
@@ -157,7 +157,7 @@ def _tip_distance(lin: Linearization, harmonics: int) -> float:
     return float(np.linalg.norm(away, axis=1).max())
 
 
-def _microseconds(lin: Linearization) -> float:
+def _time_evaluation(lin: Linearization) -> float:
     t = np.linspace(0, lin.period, POINTS)
     lin.sample(t)
     times = []
