@@ -18,8 +18,8 @@ import numpy as np
 
 import flexlin as fl
 from flexlin.about.free import parametric_loop
-from flexlin.answers.peers import HeyokaTransitions, cvodes_transition, heyoka, scipy_transition
-from flexlin.answers.sweep import Plan, state_coefficients, sweep
+from flexlin.answers.peers import HeyokaTransitions, import_heyoka, prepare_cvodes, prepare_scipy
+from flexlin.answers.sweep import Plan, prepare_coefficients, sweep
 from flexlin.checks import Array
 from flexlin.periodic.many.transitions import batched_transitions
 from flexlin.periodic.product.balancing import multiply_scaled
@@ -36,7 +36,7 @@ TOLS = (1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13)
 
 @dataclass(frozen=True)
 class Row:
-    """One program at the setting that was cheapest; reached tells whether it met the accuracy."""
+    """One program at the setting that was cheapest; reached says whether it met the accuracy."""
 
     modes: int
     program: str
@@ -97,8 +97,8 @@ def one_run(modes: int, repetitions: int, tols: tuple[float, ...]) -> list[Row]:
         "flexlin": {
             f"gauss {o} on {k}": lambda o=o, k=k: transition(system, Setting("gauss", o, k, "")) for o, k in GAUSS
         },
-        "SciPy DOP853": {f"tol {t:.0e}": lambda t=t: scipy_transition(loop, "DOP853", t)(p) for t in tols},
-        "CasADi cvodes": {f"tol {t:.0e}": bound(cvodes_transition(loop, t), p) for t in tols},
+        "SciPy DOP853": {f"tol {t:.0e}": lambda t=t: prepare_scipy(loop, "DOP853", t)(p) for t in tols},
+        "CasADi cvodes": {f"tol {t:.0e}": bound(prepare_cvodes(loop, t), p) for t in tols},
     }
     rows = [cheapest(modes, name, settings, error, repetitions) for name, settings in programs.items()]
     forget_compiled_code()
@@ -112,7 +112,7 @@ def one_run(modes: int, repetitions: int, tols: tuple[float, ...]) -> list[Row]:
 
 def forget_compiled_code() -> None:
     """Let heyoka compile, not read what an earlier run left on the disk."""
-    state = heyoka().llvm_state
+    state = import_heyoka().llvm_state
     state.set_diskcache_enabled(False)
     state.clear_memcache()
 
@@ -134,15 +134,15 @@ def batch(modes: int, values: int, repetitions: int) -> tuple[Row, Row]:
         parts = [slice(i, i + size) for i in range(0, values, size)]
         return np.concatenate(
             [
-                batched_transitions(state_coefficients(loop, points[k], T[k], plan, ACCURACY)[0], segments, stages)
+                batched_transitions(prepare_coefficients(loop, points[k], T[k], plan, ACCURACY)[0], segments, stages)
                 for k in parts
             ]
         )
 
-    harmonics = state_coefficients(loop, points[:8], T[:8], Plan(64), ACCURACY)[2]
+    harmonics = prepare_coefficients(loop, points[:8], T[:8], Plan(64), ACCURACY)[2]
     exact = flexlin(96 if modes == 1 else 160, 10, harmonics)
     units = np.concatenate([np.ones(loop.linearization.n), np.full(loop.linearization.n, T[0])])
-    simd = max(2, int(heyoka().recommended_simd_size()))
+    simd = max(2, int(import_heyoka().recommended_simd_size()))
     flow = HeyokaTransitions(loop, 1e-9 if modes == 1 else 1e-11, simd)
 
     def other() -> Array:

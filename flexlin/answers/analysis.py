@@ -46,7 +46,7 @@ class Loop:
 
     @property
     def verdict(self) -> str:
-        """stable, unstable, undecided, or failed where no controller could be had."""
+        """stable, unstable, undecided, or failed where no controller was found."""
         return "failed" if self.floquet is None else self.floquet.verdict
 
     @property
@@ -77,7 +77,7 @@ class Response:
 
 @dataclass(frozen=True)
 class Analysis:
-    """What a report says: `own` is the scene's own loop, `open_loop` the arm without feedback; `problems` tells what could not be had,
+    """What a report says: `own` is the scene's own loop, `open_loop` the arm without feedback; `problems` says what is missing,
     `resonances` what is behind an unstable own loop, `audit` and `sensitivity` which effects and numbers matter, if that was asked for,
     `elastic` the own loop about the elastic motion, if the scene asks for it, `linear_range` how far the linear equations hold.
     """
@@ -116,7 +116,7 @@ class Analysis:
 def analyse(scene: Scene, clock: Clock | None = None, tol: float = 1e-9) -> Analysis:
     """Linearize a scene's arm along its motion, judge every loop by Floquet, and compare with the nonlinear equations.
 
-    Parameters: clock: collects the steps, and tells of their progress; tol: wanted error of exponents and responses.
+    Parameters: clock: collects the steps, and reports their progress; tol: wanted error of exponents and responses.
     Returns: an `Analysis`; a design, response or simulation that fails is a message in it.
     Raises: InputError for a scene that cannot be used; NumericalError when the scene's own loop cannot be judged.
     """
@@ -129,17 +129,17 @@ def analyse(scene: Scene, clock: Clock | None = None, tol: float = 1e-9) -> Anal
     t = np.linspace(0.0, plant.period, SAMPLES)
     with clock.step("coefficients over a period"):
         coefficients = plant.sample(t)
-    own, open_loop = own_loops(scene, system, loop, tol, clock)
-    elastic = elastic_loop(closed, tol, clock) if scene.control.about == "elastic" else None
+    own, open_loop = judge_own_loops(scene, system, loop, tol, clock)
+    elastic = judge_elastic_loop(closed, tol, clock) if scene.control.about == "elastic" else None
     problems: dict[str, str] = {}
-    behind = causes(own, loop, problems, clock)
+    behind = find_causes(own, loop, problems, clock)
     with clock.step("forced response"):
-        response = attempt(problems, "response", lambda: periodic_response(closed, loop, t, tol))
+        response = attempt(problems, "response", lambda: find_response(closed, loop, t, tol))
     with clock.step(f"nonlinear simulation of {SIMULATED_PERIODS:g} periods"):
         simulation = attempt(problems, "simulation", lambda: simulate(closed, SIMULATED_PERIODS, tol=SIMULATION_TOL))
     with clock.step("range of the linear equations"):
         linear = attempt(problems, "linear range", lambda: linear_range(closed, result=own.floquet))
-    designs = tuple(designed(system, table, tol, clock) for table in scene.designs)
+    designs = tuple(design_and_judge(system, table, tol, clock) for table in scene.designs)
     found = (coefficients, own, open_loop, designs, response, simulation, problems, tuple(clock.steps))
     return Analysis(scene, plant, closed, t, *found, resonances=behind, elastic=elastic, linear_range=linear)
 
@@ -149,10 +149,10 @@ def plant_and_designs(scene: Scene, clock: Clock, tol: float = 1e-9) -> tuple[Li
     with clock.step("linearization"):
         plant = linearize(build_manipulator(scene), scene.motion)
         system = plant.periodic_system()
-    return plant, tuple(designed(system, table, tol, clock) for table in scene.designs)
+    return plant, tuple(design_and_judge(system, table, tol, clock) for table in scene.designs)
 
 
-def own_loops(
+def judge_own_loops(
     scene: Scene, system: PeriodicSystem, loop: PeriodicSystem, tol: float, clock: Clock
 ) -> tuple[Loop, Loop]:
     """The scene's own loop and the open loop; one result for both where the scene has no feedback."""
@@ -162,11 +162,11 @@ def own_loops(
     if feedback is None:
         return Loop("no feedback", "open", result), Loop("open loop", "open", result)
     with clock.step("Floquet: open loop"):
-        open_loop = judged("open loop", "open", system, tol)
+        open_loop = judge_loop("open loop", "open", system, tol)
     return Loop(f"scene's {feedback.kind.upper()}", feedback.kind, result), open_loop
 
 
-def elastic_loop(closed: Linearization, tol: float, clock: Clock) -> Loop:
+def judge_elastic_loop(closed: Linearization, tol: float, clock: Clock) -> Loop:
     """The scene's own loop, linearized about the periodic motion of the elastic arm in the place of the rigid one."""
     name, problems = "about elastic motion", dict[str, str]()
     with clock.step("periodic motion of the elastic arm"):
@@ -174,10 +174,10 @@ def elastic_loop(closed: Linearization, tol: float, clock: Clock) -> Loop:
     if motion is None:
         return Loop(name, "elastic", None, problems[name])
     with clock.step("Floquet: about the elastic motion"):
-        return judged(name, "elastic", linearize_about(motion), tol)
+        return judge_loop(name, "elastic", linearize_about(motion), tol)
 
 
-def causes(own: Loop, system: PeriodicSystem, problems: dict[str, str], clock: Clock) -> tuple[Resonance, ...]:
+def find_causes(own: Loop, system: PeriodicSystem, problems: dict[str, str], clock: Clock) -> tuple[Resonance, ...]:
     """The parametric resonances behind an unstable own loop."""
     if own.verdict != "unstable":
         return ()
@@ -186,14 +186,14 @@ def causes(own: Loop, system: PeriodicSystem, problems: dict[str, str], clock: C
     return tuple(found or ())
 
 
-def judged(name: str, kind: str, system: PeriodicSystem, tol: float, made: Design | None = None) -> Loop:
+def judge_loop(name: str, kind: str, system: PeriodicSystem, tol: float, made: Design | None = None) -> Loop:
     """Floquet's verdict on a loop beside the scene's own, or why there is none."""
     problems: dict[str, str] = {}
     result = attempt(problems, name, lambda: floquet(system, tol))
     return Loop(name, kind, result, problems.get(name, ""), made)
 
 
-def designed(system: PeriodicSystem, table: DesignTable, tol: float, clock: Clock) -> Loop:
+def design_and_judge(system: PeriodicSystem, table: DesignTable, tol: float, clock: Clock) -> Loop:
     """A designed controller with the verdict on its closed loop."""
     problems: dict[str, str] = {}
     with clock.step(f"design: {table.name}"):
@@ -201,10 +201,10 @@ def designed(system: PeriodicSystem, table: DesignTable, tol: float, clock: Cloc
     if made is None:
         return Loop(table.name, table.kind, None, problems[table.name])
     with clock.step(f"Floquet: {table.name}"):
-        return judged(table.name, table.kind, made.closed_loop, tol, made)
+        return judge_loop(table.name, table.kind, made.closed_loop, tol, made)
 
 
-def periodic_response(closed: Linearization, loop: PeriodicSystem, t: Array, tol: float) -> Response:
+def find_response(closed: Linearization, loop: PeriodicSystem, t: Array, tol: float) -> Response:
     """The periodic response to what the rigid motion leaves over, and what it does to the tip."""
     solution = forced_response(loop, closed.forcing, tol)
     states = solution(t)

@@ -1,4 +1,4 @@
-"""How long each step took, and who is told that it began."""
+"""How long each step took, and what is called when one begins."""
 
 import time
 from collections.abc import Callable, Iterator

@@ -17,7 +17,7 @@ Transition = Callable[[Array], Array]
 """Values of the free parameters (P,) -> transition matrix of one period (n, n)."""
 
 
-def state_matrix(loop: ParametricLoop) -> ca.Function:
+def derive_state_matrix(loop: ParametricLoop) -> ca.Function:
     """(phase, p) -> T A = T [[0, I], [-M^-1 K, -M^-1 D]] as one expression, time in units of the period."""
     phase, p = loop.matrices.sx_in()
     M, D, K = loop.matrices(phase, p)
@@ -27,9 +27,9 @@ def state_matrix(loop: ParametricLoop) -> ca.Function:
     return ca.Function("state_matrix", [phase, p], [ca.densify(loop.duration(p) * A)], ["phase", "p"], ["A"])
 
 
-def scipy_transition(loop: ParametricLoop, method: str, tol: float) -> Transition:
+def prepare_scipy(loop: ParametricLoop, method: str, tol: float) -> Transition:
     """SciPy's solve_ivp on all columns at once, A evaluated through CasADi's buffers."""
-    A = symbolic.Pointwise(state_matrix(loop))
+    A = symbolic.Pointwise(derive_state_matrix(loop))
     n = 2 * loop.linearization.n
 
     def transition(p: Array) -> Array:
@@ -44,12 +44,12 @@ def scipy_transition(loop: ParametricLoop, method: str, tol: float) -> Transitio
     return transition
 
 
-def cvodes_transition(loop: ParametricLoop, tol: float) -> Transition:
+def prepare_cvodes(loop: ParametricLoop, tol: float) -> Transition:
     """CasADi's interface to SUNDIALS cvodes (BDF), all columns at once."""
     n = 2 * loop.linearization.n
-    phase, p = state_matrix(loop).sx_in()
+    phase, p = derive_state_matrix(loop).sx_in()
     X = ca.SX.sym("X", n, n)
-    equations = {"x": ca.vec(X), "t": phase, "p": p, "ode": ca.vec(state_matrix(loop)(phase, p) @ X)}
+    equations = {"x": ca.vec(X), "t": phase, "p": p, "ode": ca.vec(derive_state_matrix(loop)(phase, p) @ X)}
     options = {"reltol": tol, "abstol": tol, "max_num_steps": 1_000_000}
     integrator = ca.integrator("flow", "cvodes", equations, 0.0, 1.0, options)
     start = np.eye(n).ravel()
@@ -63,9 +63,9 @@ class HeyokaTransitions:
     """
 
     def __init__(self, loop: ParametricLoop, tol: float, batch: int = 1):
-        hy = heyoka()
+        hy = import_heyoka()
         self.n, self.batch = 2 * loop.linearization.n, batch
-        system = hy.var_ode_sys(equations(hy, loop), hy.var_args.vars)
+        system = hy.var_ode_sys(write_equations(hy, loop), hy.var_args.vars)
         start = np.zeros(self.n)
         parameters = np.zeros(len(loop.paths))
         if batch == 1:
@@ -88,7 +88,7 @@ class HeyokaTransitions:
         return np.moveaxis(flow.state[n:].reshape(n, n, -1), -1, 0).copy()
 
 
-def heyoka(name: str = "heyoka") -> Any:
+def import_heyoka(name: str = "heyoka") -> Any:
     """The module heyoka."""
     try:
         return import_module(name)
@@ -98,16 +98,16 @@ def heyoka(name: str = "heyoka") -> Any:
         ) from None
 
 
-def equations(hy: Any, loop: ParametricLoop) -> list[Any]:
+def write_equations(hy: Any, loop: ParametricLoop) -> list[Any]:
     """x' = T A(phase, p) x as heyoka expressions, from the instructions of CasADi's function."""
-    A = np.array(translated(hy, state_matrix(loop), [[hy.time], [hy.par[i] for i in range(len(loop.paths))]]))
+    A = np.array(translate(hy, derive_state_matrix(loop), [[hy.time], [hy.par[i] for i in range(len(loop.paths))]]))
     n = 2 * loop.linearization.n
     x = hy.make_vars(*[f"x{i}" for i in range(n)])
     rows = A.reshape(n, n).T  # CasADi stores columns one after another
     return [(x[i], hy.sum([rows[i, j] * x[j] for j in range(n)])) for i in range(n)]
 
 
-def translated(hy: Any, function: ca.Function, inputs: list[list[Any]]) -> list[Any]:
+def translate(hy: Any, function: ca.Function, inputs: list[list[Any]]) -> list[Any]:
     """The first output of a CasADi function of scalars, as heyoka expressions.
 
     Raises: ArgumentError for an operation that has no counterpart.

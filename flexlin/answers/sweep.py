@@ -40,37 +40,66 @@ def sweep(
     grid: bool = False,
     chunk_bytes: int = CHUNK_BYTES,
 ) -> xr.Dataset:
-    """Floquet exponents of a scene's own loop for many values of its numbers.
+    """Compute the Floquet exponents of a scene's own loop for many values of its numbers.
 
         M(t, p) y'' + D(t, p) y' + K(t, p) y = 0,   T = T(p),   for p = p_1 ... p_V
 
-    The expressions are derived once. Coefficients are sampled at a few phases and carried to the nodes by their Fourier series; transition
-    matrices and exponents of all values of a batch are found together, with an error from three resolutions. Values on which that
-    error misses tol are computed again one by one by `floquet`.
-    Working memory: at most `chunk_bytes` (64 MiB), however many values; the result takes about 16 n + 60 bytes a value for n states.
+    Assumes mode shapes as the scene's own numbers give them.
 
-    Assumes mode shapes as the scene's own numbers give them. A batch holds one value at the least.
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    values : mapping of str to array_like, shape (V,)
+        Dotted path -> values; one point of the sweep for each index.
+    tol : float
+        Wanted error of an exponent, in 1/s up to |exponent| = 1/s and relative beyond.
+    grid : bool
+        Every combination of the values, with one dimension for each path.
+    chunk_bytes : int
+        Working memory of a batch, in bytes. A batch holds one value at the least.
 
-    Parameters: values: dotted path -> values (V,), one point of the sweep for each index; with `grid` every combination, one dimension a
-    path; tol: wanted error of an exponent, in 1/s up to |exponent| = 1/s and relative beyond.
-    Returns: a Dataset with exponents (..., n) in 1/s by falling real part, error (...) (the largest of a value's exponents), verdict,
-    period in s, and one_by_one: whether the value was left to `floquet`; attrs: tol, segments, one_by_one (how many).
-    Raises: ArgumentError for paths and values that do not fit.
+    Returns
+    -------
+    xarray.Dataset
+        exponents (..., n) in 1/s by falling real part, error (...) in 1/s (the largest of a value's exponents), verdict, period in s,
+        and one_by_one: whether the value was left to `floquet`; attrs: tol, segments, one_by_one (how many).
+
+    Raises
+    ------
+    ArgumentError
+        For paths and values that do not fit.
+
+    Notes
+    -----
+    The expressions are derived once. Coefficients are sampled at a few phases and carried to the nodes by their Fourier series;
+    transition matrices and exponents of all values of a batch are found together, with an error from three resolutions. Values on
+    which that error misses tol are computed again one by one by `floquet`. The result takes about 16 n + 60 bytes a value for n states.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> found = fl.sweep(scene, {"effects.payload.mass": [0.0, 0.03, 0.06]}, tol=1e-6)
+    >>> found["verdict"].values.tolist(), found["exponents"].shape
+    (['stable', 'stable', 'stable'], (3, 6))
+    >>> bool((found["error"] < 1e-6 * abs(found["exponents"]).max("mode")).all())
+    True
     """
     tol = positive("tol", tol)
     axes = {path: real_array(path, value, (None,)) for path, value in values.items()}
-    points, shape, dims = laid_out(axes, grid)
+    points, shape, dims = lay_out(axes, grid)
     loop = parametric_loop(scene, axes)
     batches = Batches(loop, points, tol, chunk_bytes)
-    plan = piloted(batches)
+    plan = choose_plan(batches)
     size = batches.values_in_chunk(plan.segments)
     found = Found.empty(len(points), 2 * loop.linearization.n)
     for start in range(0, len(points), size):
         batches.fill(found, np.arange(start, min(start + size, len(points))), plan)
-    return dataset(scene, axes, found, shape, dims, tol, plan.segments)
+    return build_dataset(scene, axes, found, shape, dims, tol, plan.segments)
 
 
-def laid_out(axes: dict[str, Array], grid: bool) -> tuple[Array, tuple[int, ...], tuple[str, ...]]:
+def lay_out(axes: dict[str, Array], grid: bool) -> tuple[Array, tuple[int, ...], tuple[str, ...]]:
     """All points (V, P), the shape of the result and the names of its dimensions."""
     lengths = tuple(len(axis) for axis in axes.values())
     if not axes or 0 in lengths:
@@ -142,7 +171,7 @@ class Batches:
         """Logs (V, n) of the multipliers, their errors, whether they meet tol, and the plan with what was learnt."""
         points = self.points[which]
         T = self.loop.periods(points)
-        coefficients, usable, harmonics = state_coefficients(self.loop, points, T, plan, self.tol)
+        coefficients, usable, harmonics = prepare_coefficients(self.loop, points, T, plan, self.tol)
         result = batched_exponents(
             coefficients, plan.segments, self.loop.phase_breaks, self.tol / 100, SLACK * plan.spread
         )
@@ -168,7 +197,7 @@ class Plan:
     spread: float = np.inf
 
 
-def piloted(batches: Batches) -> Plan:
+def choose_plan(batches: Batches) -> Plan:
     """The least number of segments on which a few values, spread over all, reach the tolerance."""
     plan = Plan(STARTS[0])
     for segments in STARTS:
@@ -180,7 +209,7 @@ def piloted(batches: Batches) -> Plan:
     return plan
 
 
-def state_coefficients(
+def prepare_coefficients(
     loop: ParametricLoop, points: Array, T: Array, plan: Plan, tol: float
 ) -> tuple[Callable[[Array], tuple[Array, Array]], Array, int]:
     """X = -T^2 M^-1 K, Y = -T M^-1 D as function phases (N,) -> (N, n, n, V), where they are finite (V,), and the harmonics it took.
@@ -213,7 +242,7 @@ def state_coefficients(
     return lambda phases: split(np.nan_to_num(exact(phases))), usable, HARMONICS[-1]
 
 
-def dataset(
+def build_dataset(
     scene: Scene,
     axes: dict[str, Array],
     found: Found,

@@ -26,11 +26,51 @@ def averaged_lqr(
 
         A0 = 1/T int A dt, and so on;   A0' X + X A0 - (X B0 + N0) R0^-1 (B0' X + N0') + Q0 = 0,   u = -K x
 
-    Assumes fast coefficients (averaging): nothing guarantees a stable loop, so look at its Floquet verdict.
+    Assumes fast coefficients (averaging). Nothing guarantees a stable loop: look at its Floquet verdict.
 
-    Returns: a design with a constant gain, which is exact: error 0.
-    Raises: ArgumentError; NotStabilizable, NotDetectable, naming eigenvalue and direction.
-    Source: Sanders, Verhulst, Murdock, Averaging Methods (2007); `control.lqr`.
+    Parameters
+    ----------
+    system : PeriodicSystem
+        The plant with n states and m inputs.
+    Q : array_like (n, n), or function of times (N,) -> (N, n, n)
+        Weight of the states.
+    R : array_like (m, m), or function of times (N,) -> (N, m, m)
+        Weight of the inputs.
+    N : array_like (n, m), or function of times (N,) -> (N, n, m), optional
+        Weight of products of states and inputs.
+    name : str
+        Name of the design in reports.
+
+    Returns
+    -------
+    Design
+        A constant gain, which is exact: error 0.
+
+    Raises
+    ------
+    ArgumentError
+        When a weight does not fit.
+    NotStabilizable, NotDetectable
+        When the averaged problem has no solution; the message names eigenvalue and direction.
+
+    References
+    ----------
+    Sanders, Verhulst, Murdock, Averaging Methods in Nonlinear Dynamical Systems (2007); `control.lqr`.
+
+    Examples
+    --------
+    An oscillator whose stiffness swings about zero:
+
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> def stiffness(t):
+    ...     return 0.5 * np.cos(10.0 * t)[:, None, None]
+    >>> system = fl.PeriodicSystem.from_second_order([[1.0]], [[0.0]], stiffness, 0.2 * np.pi, B=[[1.0]])
+    >>> design = fl.control.averaged_lqr(system, np.eye(2), np.eye(1))
+    >>> design.K(np.zeros(1)).round(4)
+    array([[[1.    , 1.7321]]])
+    >>> fl.floquet(design.closed_loop).verdict
+    'stable'
     """
     import control
 

@@ -25,11 +25,49 @@ def frozen_lqr(
 
         A(t_k)' X_k + X_k A(t_k) - (X_k B + N) R^-1 (B' X_k + N') + Q = 0,   K(t): periodic cubic spline through the K_k
 
-    Assumes slow coefficients: nothing guarantees a stable loop, so look at its Floquet verdict.
+    Assumes slow coefficients. Nothing guarantees a stable loop: look at its Floquet verdict.
 
-    Returns: a design; `error` is how far the schedule misses the frozen gain half-way between phases, relative to the largest gain.
-    Raises: ArgumentError; NotStabilizable, NotDetectable, naming phase, eigenvalue and direction.
-    Source: Rugh, Shamma, Automatica 36 (2000) 1401; `control.lqr`.
+    Parameters
+    ----------
+    system : PeriodicSystem
+        The plant with n states and m inputs.
+    Q : array_like (n, n), or function of times (N,) -> (N, n, n)
+        Weight of the states.
+    R : array_like (m, m), or function of times (N,) -> (N, m, m)
+        Weight of the inputs.
+    N : array_like (n, m), or function of times (N,) -> (N, n, m), optional
+        Weight of products of states and inputs.
+    phases : int
+        Number of frozen phases.
+    name : str
+        Name of the design in reports.
+
+    Returns
+    -------
+    Design
+        Its `error` is how far the schedule misses the frozen gain half-way between phases, relative to the largest gain.
+
+    Raises
+    ------
+    ArgumentError
+        When a weight does not fit, or there are no phases.
+    NotStabilizable, NotDetectable
+        When a frozen problem has no solution; the message names phase, eigenvalue and direction.
+
+    References
+    ----------
+    Rugh, Shamma, Research on gain scheduling, Automatica 36 (2000) 1401; `control.lqr`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> def stiffness(t):
+    ...     return (1.0 + 0.5 * np.cos(t))[:, None, None]
+    >>> system = fl.PeriodicSystem.from_second_order([[1.0]], [[0.0]], stiffness, 2 * np.pi, B=[[1.0]])
+    >>> design = fl.control.frozen_lqr(system, np.eye(2), np.eye(1), phases=8)
+    >>> design.error < 1e-3, fl.floquet(design.closed_loop).verdict
+    (True, 'stable')
     """
     if phases < 1:
         raise ArgumentError("no phases", got=phases, expected="at least 1")

@@ -11,6 +11,7 @@ from flexlin.checks import Array, positive
 from flexlin.control.slow_motions import slow_motions
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.system import PeriodicSystem
+from flexlin.summary import represent
 
 SAMPLES = 64
 """Times of a period at which the terms are compared, about."""
@@ -22,15 +23,31 @@ STILL = 1e-14
 
 @dataclass(frozen=True)
 class Validity:
-    """Along the slowest Floquet modes: how large a deflection may be.
+    """How large a deflection along the slowest Floquet modes the linear model bears.
 
-    directions (k, 2n): starts of motions with a largest deflection of 1 (rad or m) over a period; amplitudes (k,): where the nonlinear
-    terms reach `share` of the linear ones, inf where they do not up to LARGEST, 0 where they exceed it at SMALLEST already.
+    Attributes
+    ----------
+    directions : array, shape (k, 2n)
+        Starts [y; y'] of linear motions with a largest deflection of 1 (rad or m) over a period.
+    amplitudes : array, shape (k,)
+        Where the nonlinear terms reach `share` of the linear ones, in rad or m: inf where they do not up to 10, 0 where they exceed
+        it at 1e-7 already.
+    share : float
+        The share.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from flexlin.control.validity import Validity
+    >>> print(Validity(np.eye(2), np.array([0.2, 0.5]), 0.1).status.split(" along")[0])
+    deflections below 0.2 (rad or m)
     """
 
     directions: Array
     amplitudes: Array
     share: float
+
+    __repr__ = represent
 
     @property
     def status(self) -> str:
@@ -63,10 +80,36 @@ def linear_range(
     the feedback. |f|^2 = f' M^-1 f weighs forces by the accelerations that they cause, so rad and m may stand side by side.
     R holds all orders; for a small share it is the second-order term, a^2/2 r''[z, z].
 
-    Parameters: lin: with the loop closed; share in (0, 1]; modes: how many of the slowest; result: Floquet's answer for the loop,
-    if it is known.
-    Returns: a `Validity`.
-    Raises: ArgumentError for a share that is not positive; NumericalError, TooLarge when modes of this loop are too fast to be resolved.
+    Parameters
+    ----------
+    lin : Linearization
+        With the loop closed.
+    share : float
+        Share of the linear terms, in (0, 1].
+    modes : int
+        How many of the slowest modes.
+    result : FloquetResult, optional
+        Floquet's answer for the loop, if it is known.
+
+    Returns
+    -------
+    Validity
+        Directions, amplitudes and what they mean.
+
+    Raises
+    ------
+    ArgumentError
+        For a share that is not positive.
+    NumericalError, TooLarge
+        When modes of this loop are too fast to be resolved.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    >>> print(f"{fl.control.linear_range(lin, modes=1).amplitudes.min():.2f}")
+    0.10
     """
     positive("share", share)
     system = lin.periodic_system()

@@ -34,7 +34,7 @@ class SplineAngles:
         return spline(inside) + np.outer(inside, self.drift), spline(inside, 1) + self.drift, spline(inside, 2)
 
 
-def table_motion(table: TableMotion, joints: int, prescribed: tuple[bool, ...]) -> SampledMotion:
+def read_table_motion(table: TableMotion, joints: int, prescribed: tuple[bool, ...]) -> SampledMotion:
     """A periodic motion through the samples of a CSV file: t, q1, q2 ..., the last row closing the period.
 
     Assumes evenly or unevenly spaced, increasing times; a joint may advance by whole turns over the period.
@@ -44,7 +44,7 @@ def table_motion(table: TableMotion, joints: int, prescribed: tuple[bool, ...]) 
     from scipy.interpolate import make_interp_spline
 
     t, q = _read(Path(table.file), joints)
-    turns = _whole_turns(t, q, table.file)
+    turns = _count_whole_turns(t, q, table.file)
     period = float(t[-1] - t[0])
     drift = turns / period
     residual = q - np.outer(t - t[0], drift)
@@ -94,7 +94,7 @@ def _read(path: Path, joints: int) -> tuple[Array, Array]:
     return data[:, 0], data[:, 1:]
 
 
-def _whole_turns(t: Array, q: Array, file: str) -> Array:
+def _count_whole_turns(t: Array, q: Array, file: str) -> Array:
     """The advance of each joint over the period, a whole number of turns or nothing."""
     advance = q[-1] - q[0]
     turns = 2 * np.pi * count_turns(advance)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from flexlin.answers.analysis import Analysis, Loop
-from flexlin.report.wording import quantity
+from flexlin.report.wording import format_quantity
 
 NEAR = 0.2
 """A resonance is named when it is detuned by less than this share of the motion's frequency."""
@@ -11,18 +11,18 @@ WORTHWHILE = 1.05
 """A design counts as faster when it settles this many times as fast as the scene's own loop."""
 
 
-def next_steps(analysis: Analysis) -> list[str]:
+def advise(analysis: Analysis) -> list[str]:
     """What to do, most urgent first."""
     return [
-        *about_verdict(analysis),
-        *about_elastic_motion(analysis),
-        *about_designs(analysis),
-        *about_tip(analysis),
-        *about_trust(analysis),
+        *comment_on_verdict(analysis),
+        *comment_on_elastic_motion(analysis),
+        *comment_on_designs(analysis),
+        *comment_on_tip(analysis),
+        *comment_on_trust(analysis),
     ]
 
 
-def about_verdict(a: Analysis) -> list[str]:
+def comment_on_verdict(a: Analysis) -> list[str]:
     """What the verdict on the own loop asks for."""
     if a.own.verdict == "undecided":
         return [
@@ -36,10 +36,10 @@ def about_verdict(a: Analysis) -> list[str]:
     remedy = (
         f"use the design “{better[0].name}”, which is" if better else f"{change}, the speed or the payload until it is"
     )
-    return [f"The arm is unstable along this motion {under(a.own)}: {remedy} stable.", *about_cause(a)]
+    return [f"The arm is unstable along this motion {name_condition(a.own)}: {remedy} stable.", *comment_on_cause(a)]
 
 
-def about_cause(a: Analysis) -> list[str]:
+def comment_on_cause(a: Analysis) -> list[str]:
     """The resonances behind an instability, as far as they are clear."""
     base = 1 / a.plant.period
     clear = [
@@ -58,7 +58,7 @@ def about_cause(a: Analysis) -> list[str]:
     return advice
 
 
-def about_elastic_motion(a: Analysis) -> list[str]:
+def comment_on_elastic_motion(a: Analysis) -> list[str]:
     """How much the verdict moves when the loop is linearized about the elastic motion."""
     if a.elastic is None or a.elastic.floquet is None:
         return []
@@ -69,9 +69,9 @@ def about_elastic_motion(a: Analysis) -> list[str]:
     return [f"Linearizing about the elastic motion instead of the rigid one {moved}; {trust}."]
 
 
-def about_designs(a: Analysis) -> list[str]:
+def comment_on_designs(a: Analysis) -> list[str]:
     """Which designed controller is worth a try, and which is not."""
-    said = [warning(loop) for loop in a.designs if loop.verdict != "stable"]
+    said = [warn_of_design(loop) for loop in a.designs if loop.verdict != "stable"]
     stable = [loop for loop in a.designs if loop.verdict == "stable"]
     if not stable or a.own.verdict != "stable":
         return said
@@ -80,30 +80,30 @@ def about_designs(a: Analysis) -> list[str]:
     if gain > WORTHWHILE:
         return [
             *said,
-            f"The design “{best.name}” settles {gain:.3g} times as fast as {the(a.own)}: "
+            f"The design “{best.name}” settles {gain:.3g} times as fast as {name_loop(a.own)}: "
             "compare its gains with what the drive allows.",
         ]
-    return [*said, f"No design settles faster than {the(a.own)}: change the weights, or keep the loop you have."]
+    return [*said, f"No design settles faster than {name_loop(a.own)}: change the weights, or keep the loop you have."]
 
 
-def the(loop: Loop) -> str:
+def name_loop(loop: Loop) -> str:
     """A loop within a sentence."""
     return "the arm without feedback" if loop.kind == "open" else f"the {loop.name}"
 
 
-def under(loop: Loop) -> str:
+def name_condition(loop: Loop) -> str:
     """The words for a loop behind a verdict."""
     return "without feedback" if loop.kind == "open" else f"under the {loop.name}"
 
 
-def warning(loop: Loop) -> str:
+def warn_of_design(loop: Loop) -> str:
     """Why a design should not be used."""
     if loop.floquet is None:
         return f"The design “{loop.name}” has no answer: {loop.problem}."
     return f"The design “{loop.name}” is {loop.verdict} along this motion: do not use it as it is."
 
 
-def about_tip(a: Analysis) -> list[str]:
+def comment_on_tip(a: Analysis) -> list[str]:
     """Where the steady tip error comes from, and what lowers it."""
     if a.response is None:
         return [f"There is no periodic response: {a.problems['response']}."]
@@ -112,7 +112,7 @@ def about_tip(a: Analysis) -> list[str]:
     largest = float(a.response.tip_error.max())
     if not np.isfinite(largest) or largest == 0:
         return []
-    found = f"In steady motion the tip stays up to {quantity(largest, 'm')} away from its rigid path"
+    found = f"In steady motion the tip stays up to {format_quantity(largest, 'm')} away from its rigid path"
     if not a.plant.inputs:
         return [f"{found}, by bending alone: slow down, or stiffen the links."]
     if np.linalg.norm(a.response.tip_by_bending, axis=1).max() > largest / 2:
@@ -123,7 +123,7 @@ def about_tip(a: Analysis) -> list[str]:
     return [f"{found}, most of it the joints' error: feed the rigid torque forward, or raise the gains."]
 
 
-def about_trust(a: Analysis) -> list[str]:
+def comment_on_trust(a: Analysis) -> list[str]:
     """How far the linear numbers can be trusted."""
     if a.simulation is None:
         return [f"The nonlinear simulation has no answer: {a.problems['simulation']}."]

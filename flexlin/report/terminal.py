@@ -4,8 +4,8 @@ import sys
 
 from flexlin.answers.analysis import Analysis, Loop
 from flexlin.answers.audit import Audit, Row
-from flexlin.report.advice import next_steps
-from flexlin.report.wording import figures, pace, quantity, rate
+from flexlin.report.advice import advise
+from flexlin.report.wording import describe_pace, format_figures, format_quantity, format_rate
 
 COLOURS = {"stable": "green", "unstable": "red", "undecided": "yellow", "failed": "red"}
 
@@ -28,7 +28,7 @@ def summarize(analysis: Analysis) -> None:
     say(analysis.scene.title)
     for loop in analysis.loops:
         say(loop_line(loop, analysis.plant.period), loop.verdict)
-    for step in next_steps(analysis):
+    for step in advise(analysis):
         say(f"- {step}")
 
 
@@ -39,25 +39,29 @@ def audit_lines(audit: Audit) -> list[str]:
         (*audit.effects, *audit.modes),
         key=lambda row: -row.significance if row.significance == row.significance else 1.0,
     )
-    tried = [f"  {row.subject}: {figures(row.table, row.units)}" for row in rows if row.kind == "effect" and not row.on]
+    tried = [
+        f"  {row.subject}: {format_figures(row.table, row.units)}"
+        for row in rows
+        if row.kind == "effect" and not row.on
+    ]
     return [
         head,
-        *[audit_line(row) for row in rows],
+        *[format_audit_row(row) for row in rows],
         *(["effects that are off were tried with", *tried] if tried else []),
     ]
 
 
-def audit_line(row: Row) -> str:
+def format_audit_row(row: Row) -> str:
     """One change in one line."""
     if row.problem and row.verdict == "unknown":
         return f"{row.change:<30} {row.problem}"
     size = "verdict" if row.significance == float("inf") else f"{row.significance:.2g}"
-    tip = "" if row.tip_error != row.tip_error else quantity(row.tip_error, "m")
+    tip = "" if row.tip_error != row.tip_error else format_quantity(row.tip_error, "m")
     return f"{row.change:<30} {size:>12} {row.margin:>+11.2g} {row.frequency:>10.2g} {tip:>10} {row.instructions:>+7d}  {row.advice}"
 
 
 def loop_line(loop: Loop, period: float) -> str:
     """One loop in one line."""
-    speed = pace(loop, period)
-    figure = "" if loop.verdict in ("undecided", "failed") else f", {rate(*loop.growth)}"
+    speed = describe_pace(loop, period)
+    figure = "" if loop.verdict in ("undecided", "failed") else f", {format_rate(*loop.growth)}"
     return f"  {loop.name:<20} {loop.verdict:<10} {speed}{figure}"

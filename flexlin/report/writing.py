@@ -43,13 +43,13 @@ def write_report(
 
             analysis = replace(analysis, sensitivity=sensitivity(scene))
     with clock.step("load the drawing library"):
-        from flexlin.report.figures import pictures
-        from flexlin.report.page import page
+        from flexlin.report.figures import draw_pictures
+        from flexlin.report.page import render_page
     with clock.step("figures"):
-        drawn = pictures(analysis)
+        drawn = draw_pictures(analysis)
     analysis = replace(analysis, steps=tuple(clock.steps))
     data = record(analysis)
     paths = [folder / "report.html", folder / "report.json"]
-    write_text(paths[0], page(analysis, data, drawn, command))
+    write_text(paths[0], render_page(analysis, data, drawn, command))
     write_text(paths[1], to_json(data))
     return analysis, paths

@@ -26,7 +26,27 @@ MOST_CALLS = 1_000_000
 class NonlinearLoop:
     """The nonlinear equations in the deviation x = [y; y'] from the rigid motion; the last state is the work done on the arm.
 
-    M y'' = B torque - (M s_R'' + C s' + g + d),   work' = s' (M s'' + C s' + g)
+        M y'' = B torque - (M s_R'' + C s' + g + d),   work' = s' (M s'' + C s' + g)
+
+    Parameters
+    ----------
+    lin : Linearization
+        The arm and its motion.
+    law : Law
+        What commands the torque.
+    drive : Drive, optional
+        Saturation, sampling and delay.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> from flexlin.simulation import NonlinearLoop
+    >>> scene = fl.load_scene("single-link", {"links.0.modes": 1, "designs": []})
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    >>> loop = NonlinearLoop(lin, lin.law)
+    >>> loop.integrate(np.array([0.0, 0.1]), np.zeros(4), 1e-6).shape
+    (2, 5)
     """
 
     def __init__(self, lin: Linearization, law: Law, drive: Drive | None = None):
@@ -36,13 +56,43 @@ class NonlinearLoop:
         self._calls = 0
 
     def command(self, t: float, x: Array) -> Array:
-        """The torque (m,) that the motors give for the state x = [y; y'] at one time."""
+        """Return the torque that the motors give for a state at one time.
+
+        Parameters
+        ----------
+        t : float
+            Time in s.
+        x : array, shape (2n,)
+            State [y; y'].
+
+        Returns
+        -------
+        array, shape (m,)
+            The torque, in N m.
+        """
         return self.drive.saturated(self.law(t, x))
 
     def rate(self, t: float, z: Array, torque: Array) -> Array:
-        """The rate of z = [y; y'; work] under a torque.
+        """Return the rate of z = [y; y'; work] under a torque.
 
-        Raises: TrialLeftRange where the mass matrix is not positive definite: an integrator's trial may come there, an arm does not.
+        Parameters
+        ----------
+        t : float
+            Time in s.
+        z : array, shape (2n + 1,)
+            State, with the work in J.
+        torque : array, shape (m,)
+            The torque, in N m.
+
+        Returns
+        -------
+        array, shape (2n + 1,)
+            z'.
+
+        Raises
+        ------
+        TrialLeftRange
+            Where the mass matrix is not positive definite: an integrator's trial may come there, an arm does not.
         """
         self._calls += 1
         if self._calls > MOST_CALLS:
@@ -57,15 +107,45 @@ class NonlinearLoop:
         return np.concatenate([x[self.n :], acceleration, [power]])
 
     def accept(self, t: float, z: Array) -> None:
-        """Look at a state that was reached. Raises: NumericalError when the loop diverges."""
+        """Look at a state that was reached.
+
+        Parameters
+        ----------
+        t : float
+            Time in s.
+        z : array, shape (2n + 1,)
+            State [y; y'; work].
+
+        Raises
+        ------
+        NumericalError
+            When the loop diverges.
+        """
         deviation = np.abs(z[: self.n]).max(initial=0.0)
         if not deviation < FARTHEST:
             raise self._lost(f"a deviation of {deviation:.3g} rad or m", t)
 
     def integrate(self, t: Array, start: Array, rtol: float) -> Array:
-        """States [y; y'; work] (N, 2n + 1) at the times t.
+        """Integrate from a start.
 
-        Raises: NumericalError when the loop diverges, or when the integrator cannot go on.
+        Parameters
+        ----------
+        t : array, shape (N,)
+            Times in s; the first is that of the start.
+        start : array, shape (2n,)
+            State [y; y'] at the first time.
+        rtol : float
+            Relative tolerance of the integrator.
+
+        Returns
+        -------
+        array, shape (N, 2n + 1)
+            States [y; y'; work] at the times.
+
+        Raises
+        ------
+        NumericalError
+            When the loop diverges, or when the integrator cannot go on.
         """
         z = np.append(start, 0.0)
         self.accept(t[0], z)

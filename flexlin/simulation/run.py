@@ -30,15 +30,53 @@ def simulate(
 
         M(s) s'' + C s' + g + d = B torque,   torque = tau_ff(t) - K ([y; y'] - reference(t)),   s = s_R + y
 
-    The law is that of `lin` (`lin.law`: the scene's own feedback, and the torque of the rigid motion), unless others are given.
+    The law is that of `lin` (the scene's own feedback, and the torque of the rigid motion), unless another is given.
     Assumes prescribed joints follow their angles. The drive, by default the scene's, may saturate and sample the torque; the linear
     answer leaves that out.
 
-    Parameters: lin: from `linearize(arm, motion, control)`; periods: length of the simulation; initial: deviation [y; y'] (2n,) at t = 0,
-    default the law's reference; feedback: gain (m, 2n), or function (N,) -> (N, m, 2n), in the place of the law's; tol: of the
-    nonlinear and of the linear states; feedforward: from `control.feedforward`, in the place of the law's; law: a whole law.
-    Returns: a `Simulation` with the errors of both answers and its energy error.
-    Raises: NumericalError when the integrator cannot go on (a loop that diverges); TooLarge when the result would not fit.
+    Parameters
+    ----------
+    lin : Linearization
+        From `linearize(arm, motion, control)`, with n coordinates and m inputs.
+    periods : float
+        Length of the simulation, in periods of the motion.
+    initial : array_like, shape (2n,), optional
+        Deviation [y; y'] at t = 0; by default the law's reference.
+    feedback : array_like (m, 2n), or function of times (N,) -> (N, m, 2n), optional
+        Takes the place of the law's gain.
+    tol : float
+        Wanted error of the nonlinear and of the linear states.
+    points_per_period : int
+        Output times of a period.
+    feedforward : Feedforward, optional
+        From `control.feedforward`; takes the place of the law's.
+    drive : Drive, optional
+        Saturation, sampling and delay.
+    law : Law, optional
+        A whole law.
+
+    Returns
+    -------
+    Simulation
+        Both answers with their errors, and the error of the energy.
+
+    Raises
+    ------
+    ArgumentError
+        When arguments do not fit.
+    NumericalError
+        When the integrator cannot go on (a loop that diverges).
+    TooLarge
+        When the result would not fit into memory.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link", {"links.0.modes": 1, "designs": []})
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    >>> run = fl.simulate(lin, periods=0.25, tol=1e-6)
+    >>> run.t.shape, run.nonlinear.shape, run.error < 1e-5, run.energy_error < 1e-5
+    ((33,), (33, 4), True, True)
     """
     t = output_times(lin, positive("periods", periods), points_per_period)
     tol, n = positive("tol", tol), lin.n
