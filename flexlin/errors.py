@@ -93,6 +93,10 @@ class ToleranceNotReached(NumericalError):
     """An iteration or refinement stopped before the asked accuracy."""
 
 
+class TimeLimit(NumericalError):
+    """A stage of the work needs more time than it was given."""
+
+
 class ResonantForcing(NumericalError):
     """1 is (nearly) a multiplier: no bounded periodic response exists."""
 

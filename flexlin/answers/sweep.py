@@ -1,5 +1,6 @@
 """Stability over many values of scene parameters: the same equations for all values, evaluated in bounded batches."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
@@ -8,7 +9,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from flexlin.about.free import ParametricLoop, parametric_loop
-from flexlin.checks import Array, positive, real_array
+from flexlin.checks import Array, check_size, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.fourier import FourierSeries
@@ -59,8 +60,11 @@ def sweep(
     """
     tol = positive("tol", tol)
     axes = {path: real_array(path, value, (None,)) for path, value in values.items()}
-    points, shape, dims = laid_out(axes, grid)
+    count = math.prod(map(len, axes.values())) if grid else max(map(len, axes.values()), default=0)
+    check_values(count)
     loop = parametric_loop(scene, axes)
+    check_values(count, 2 * loop.linearization.n)
+    points, shape, dims = laid_out(axes, grid)
     batches = Batches(loop, points, tol, chunk_bytes)
     plan = piloted(batches)
     size = batches.values_in_chunk(plan.segments)
@@ -68,6 +72,11 @@ def sweep(
     for start in range(0, len(points), size):
         batches.fill(found, np.arange(start, min(start + size, len(points))), plan)
     return dataset(scene, axes, found, shape, dims, tol, plan.segments)
+
+
+def check_values(count: int, states: int = 2) -> None:
+    """Refuse a sweep of too many values before anything is allocated for them."""
+    check_size(f"a sweep of {count} values", count * (16 * states + 60), "ask for fewer values")
 
 
 def laid_out(axes: dict[str, Array], grid: bool) -> tuple[Array, tuple[int, ...], tuple[str, ...]]:

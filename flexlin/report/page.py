@@ -1,5 +1,6 @@
 """report.html: one self-contained page, which asks no other file or host for anything."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -7,10 +8,12 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, Template, select
 
 import flexlin
 from flexlin.answers.analysis import Analysis, Loop
+from flexlin.answers.clock import Step
 from flexlin.report.advice import next_steps, under
 from flexlin.report.figures.coefficients import NOISE, matrix_unit
 from flexlin.report.figures.style import Picture
 from flexlin.report.wording import decimal, duration, largest_multiplier, modulus, pace, power, quantity, rate
+from flexlin.scene.accuracy import Accuracy
 
 
 def page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture], command: str) -> str:
@@ -30,7 +33,8 @@ def page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture], comm
         effects=data["effects"],
         versions=data["versions"],
         command=command,
-        total=sum(step.seconds for step in analysis.steps),
+        asked=asked_for(analysis.scene.accuracy),
+        took=[step_row(step) for step in (*analysis.steps, together(analysis.steps))],
     )
 
 
@@ -98,6 +102,30 @@ def exponent_rows(loop: Loop) -> dict[str, Any]:
         if value.imag >= -error
     ]
     return {"name": loop.name, "rows": rows}
+
+
+def asked_for(accuracy: Accuracy) -> dict[str, str]:
+    """What the scene asks of every stage."""
+    memory = quantity(accuracy.memory, "B") if accuracy.memory < 1e9 else f"{accuracy.memory / 1e9:.3g} GB"
+    return {"tol": power(accuracy.tol), "seconds": quantity(accuracy.seconds, "s"), "memory": memory}
+
+
+def step_row(step: Step) -> dict[str, Any]:
+    """One stage: what was asked, what was reached, what it took."""
+    return {
+        "name": step.name,
+        "asked": "" if step.asked is None else power(step.asked),
+        "reached": "" if step.asked is None else "–" if step.reached is None else power(step.reached),
+        "missed": step.missed,
+        "seconds": f"{step.seconds:.3f}",
+        "cpu": f"{step.cpu_seconds:.3f}",
+        "problem": step.problem,
+    }
+
+
+def together(steps: Sequence[Step]) -> Step:
+    """What all stages took."""
+    return Step("together", sum(step.seconds for step in steps), sum(step.cpu_seconds for step in steps))
 
 
 def constants(a: Analysis) -> list[tuple[str, str, str]]:

@@ -1,11 +1,13 @@
 """What the command line prints: short, and in colour only on a terminal."""
 
 import sys
+from collections.abc import Sequence
 
 from flexlin.answers.analysis import Analysis, Loop
 from flexlin.answers.audit import Audit, Row
+from flexlin.answers.clock import Step
 from flexlin.report.advice import next_steps
-from flexlin.report.wording import figures, pace, quantity, rate
+from flexlin.report.wording import decimal, figures, pace, power, quantity, rate
 
 COLOURS = {"stable": "green", "unstable": "red", "undecided": "yellow", "failed": "red"}
 
@@ -28,8 +30,26 @@ def summarize(analysis: Analysis) -> None:
     say(analysis.scene.title)
     for loop in analysis.loops:
         say(loop_line(loop, analysis.plant.period), loop.verdict)
-    for step in next_steps(analysis):
-        say(f"- {step}")
+    said = next_steps(analysis)
+    for line in (*[f"- {step}" for step in said], *accuracy_lines(analysis.steps, "\n".join(said))):
+        say(line)
+
+
+def accuracy_lines(steps: Sequence[Step], said: str = "") -> list[str]:
+    """What was asked, what was reached, what it took: one line, and one for each stage that missed or has no answer that was not `said`."""
+    judged = [step for step in steps if step.asked is not None]
+    total, cpu = sum(step.seconds for step in steps), sum(step.cpu_seconds for step in steps)
+    took = f"{quantity(total, 's')} ({quantity(cpu, 's')} of a processor)"
+    if not judged:
+        return [f"took {took}"]
+    reached = [step.reached for step in judged if step.reached is not None]
+    worst = f", largest error {power(max(reached))}" if reached else ""
+    met = sum(step.reached is not None and not step.missed for step in judged)
+    lines = [
+        f"accuracy: tol {power(judged[0].asked or 0.0)} reached in {met} of {len(judged)} stages{worst}; took {took}"
+    ]
+    lines += [f"  {step.name}: error {decimal(step.reached or 0.0, 2)}, above tol" for step in judged if step.missed]
+    return lines + [f"  no answer from {step.problem}" for step in steps if step.problem and step.problem not in said]
 
 
 def audit_lines(audit: Audit) -> list[str]:
