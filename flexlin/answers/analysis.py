@@ -108,7 +108,7 @@ class Analysis:
     @property
     def loops(self) -> tuple[Loop, ...]:
         """Open loop, own loop (about the elastic motion too), designs; no open loop where the scene has no feedback."""
-        first = () if self.own.floquet is self.open_loop.floquet else (self.open_loop,)
+        first = () if self.own.kind == "open" else (self.open_loop,)
         elastic = () if self.elastic is None else (self.elastic,)
         return (*first, self.own, *elastic, *self.designs)
 

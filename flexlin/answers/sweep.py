@@ -60,6 +60,9 @@ def sweep(
     """
     tol = positive("tol", tol)
     axes = {path: real_array(path, value, (None,)) for path, value in values.items()}
+    if any(path.startswith("accuracy.") for path in axes):
+        got, expected = ", ".join(axes), "a number of the links, effects, motion or control"
+        raise ArgumentError("what is asked of the answer is no number of the arm", got=got, expected=expected)
     count = math.prod(map(len, axes.values())) if grid else max(map(len, axes.values()), default=0)
     check_values(count)
     loop = parametric_loop(scene, axes)

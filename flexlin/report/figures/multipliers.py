@@ -40,7 +40,7 @@ def radius(log10: Array) -> Array:
 
 def footer(loop: Loop) -> str:
     """The verdict with the largest modulus, or that there is none."""
-    return "no controller" if loop.floquet is None else f"{loop.verdict}, largest |µ| = {largest_multiplier(loop)}"
+    return "no answer" if loop.floquet is None else f"{loop.verdict}, largest |µ| = {largest_multiplier(loop)}"
 
 
 def circle(loop: Loop) -> Panel:
