@@ -32,7 +32,9 @@ def test_every_stage_with_an_error_is_asked_for_the_scene_s_tol(two_accuracies) 
     for found, tol in zip(two_accuracies, (1e-4, 1e-10), strict=True):
         asked = {step.name: step.asked for step in found.steps if step.asked is not None}
         assert set(asked.values()) == {tol}
-        assert len(asked) == 8  # three loops and one about the elastic motion, that motion, the gain, response, simulation
+        assert (
+            len(asked) == 8
+        )  # three loops and one about the elastic motion, that motion, the gain, response, simulation
 
 
 def test_what_is_said_to_be_reached_is_the_error_of_the_answer(two_accuracies) -> None:
@@ -41,7 +43,9 @@ def test_what_is_said_to_be_reached_is_the_error_of_the_answer(two_accuracies) -
         own = found.own.floquet
         assert reached["Floquet: the scene's loop"] == np.max(own.errors / np.maximum(1, np.abs(own.exponents)))
         assert reached["design: lqr"] == found.designs[0].design.error
-        assert reached["nonlinear simulation of 3 periods"] == max(found.simulation.error, found.simulation.linear_error)
+        assert reached["nonlinear simulation of 3 periods"] == max(
+            found.simulation.error, found.simulation.linear_error
+        )
     coarse, fine = ({step.name: step.reached for step in found.steps} for found in two_accuracies)
     simulated = "nonlinear simulation of 3 periods"
     assert fine[simulated] < 1e-3 * coarse[simulated]
@@ -62,7 +66,9 @@ def test_the_option_stands_for_the_table(tmp_path: Path, capsys: pytest.CaptureF
     assert "accuracy: tol 1×10⁻⁵ reached in" in capsys.readouterr().out
 
 
-def test_a_stage_beyond_its_time_says_so_and_the_rest_stands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_stage_beyond_its_time_says_so_and_the_rest_stands(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """A simulation to the finest tolerance takes minutes here; everything before it takes less than a second."""
     options = ["--set", *SMALL, "designs=[]", "links.0.bending_stiffness=4e6", "--limit-seconds", "2"]
     assert main(["report", "single-link", *options, "--out", str(tmp_path)]) in (0, 1)
@@ -100,7 +106,9 @@ def test_the_terminal_names_what_missed_and_what_has_no_answer() -> None:
         Step("four", 1.0, 0.5),
     ]
     said = accuracy_lines(steps)
-    assert said[0] == "accuracy: tol 1×10⁻⁹ reached in 1 of 3 stages, largest error 3×10⁻⁸; took 5 s (2 s of a processor)"
+    assert (
+        said[0] == "accuracy: tol 1×10⁻⁹ reached in 1 of 3 stages, largest error 3×10⁻⁸; took 5 s (2 s of a processor)"
+    )
     assert said[1:] == ["  two: error 3.4×10⁻⁸, above tol", "  no answer from three: stopped"]
     assert accuracy_lines(steps, "three: stopped")[1:] == said[1:2]
     assert accuracy_lines(steps[3:]) == ["took 1 s (500 ms of a processor)"]
