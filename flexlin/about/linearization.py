@@ -13,11 +13,14 @@ from flexlin.about.scene_law import scene_law
 from flexlin.checks import Array, at_times, times
 from flexlin.errors import MotionError
 from flexlin.mechanics.coordinates import Coordinate
+from flexlin.mechanics.effects import Effect, effects_of
+from flexlin.mechanics.effects.narrow import Features
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion
 from flexlin.periodic.companion import build_companion, build_input
 from flexlin.periodic.system import PeriodicSystem, SecondOrder
 from flexlin.scene.control import Control
+from flexlin.scene.parameters import replace_value
 from flexlin.symbolic import selected
 
 
@@ -100,6 +103,32 @@ class Linearization:
     def breaks(self) -> tuple[float, ...]:
         """Times in [0, T) at which the coefficients lose smoothness."""
         return self.motion.breaks
+
+    @property
+    def features(self) -> Features:
+        """Pairs (time, half-width) in s about which the coefficients change fast: what motion and effects know of it."""
+        found = [
+            *self.motion.features,
+            *(pair for effect in self._effects or () for pair in effect.features(self.motion)),
+        ]
+        return tuple(sorted(found))
+
+    @property
+    def complete(self) -> bool:
+        """Whether breaks and features name everything in the coefficients that is narrower than T/200."""
+        effects = self._effects
+        return effects is not None and self.motion.complete and all(effect.smooth for effect in effects)
+
+    @property
+    def _effects(self) -> tuple[Effect, ...] | None:
+        """The effects in the arm with the present values of its free numbers; None where they are not known."""
+        arm, tables = self.arm, self.arm.effects
+        if tables is None:
+            return None
+        for path, value in zip(arm.parameters.paths, arm.parameters.values, strict=True):
+            if path.startswith("effects."):
+                tables = replace_value(tables, path.removeprefix("effects."), float(value))
+        return effects_of(tables)
 
     @property
     def closed_by(self) -> Law:

@@ -93,7 +93,7 @@ def report(options: argparse.Namespace) -> int:
 def write_gains(options: argparse.Namespace) -> int:
     scene = loaded(options)
     from flexlin.report.progress import Progress
-    from flexlin.report.terminal import accuracy_lines, loop_line, say
+    from flexlin.report.terminal import accuracy_lines, say, say_loop
 
     if not scene.designs:
         raise ArgumentError("nothing to design", got="no [[designs]] table", expected="at least one in the scene")
@@ -107,7 +107,7 @@ def write_gains(options: argparse.Namespace) -> int:
         clock = Clock(progress)
         plant, loops = plant_and_designs(scene, clock)
     for loop in loops:
-        say(loop_line(loop, plant.period), loop.verdict)
+        say_loop(loop, plant.period)
     for line in accuracy_lines(tuple(clock.steps)):
         say(line)
     made = [loop.design for loop in loops if loop.design is not None]

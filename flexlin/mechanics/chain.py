@@ -40,7 +40,7 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
     free = Parameters.of_scene(scene, parameters)
     if scene.model is not None:
         return _registered(scene, free)
-    basis = [basis_of(scene, i) for i in range(len(scene.links))]
+    basis, tables = [basis_of(scene, i) for i in range(len(scene.links))], scene.effects
     scene = free.placed_in(scene)
     effects = effects_of(scene.effects)
     free_motors = any(effect.frees_motors for effect in effects)
@@ -48,7 +48,7 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
     coordinates = chain_coordinates([link.modes for link in scene.links], units, free_motors)
     at, rate = (Symbols.of(coordinates, len(scene.links), mark) for mark in ("", "d_"))
     arm = _equations(_chain(scene.links, effects, basis, at, rate), effects, at, rate, free)
-    arm = replace(arm, coordinates=coordinates)
+    arm = replace(arm, coordinates=coordinates, effects=tables)
     return _with_free_motors(arm) if free_motors else arm
 
 

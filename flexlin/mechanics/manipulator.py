@@ -13,6 +13,7 @@ from flexlin.mechanics.coordinates import Coordinate
 from flexlin.mechanics.coriolis import coriolis_matrix
 from flexlin.mechanics.parameters import Parameters
 from flexlin.mechanics.validation import need_quadratic, validate
+from flexlin.scene.effects import Effects
 
 
 class NamedFunctions(Mapping[str, ca.Function]):
@@ -43,7 +44,8 @@ class Manipulator(Expressions):
     Fields: s, s_dot: (n, 1) symbols (rad, m); residual: (n, 1) left side with s_ddot; B: (n, m) input matrix;
     reference: (n, joints) constant matrix, the rigid motion is s_R = reference q; drives: the coordinate that each joint's motor moves;
     measured: (joints, n) what each motor's encoder reads of s, None: the coordinates in drives;
-    coordinates: what each one is; parameters: free scene parameters; points: (2, k) world positions from the base to the tip, in m.
+    coordinates: what each one is; parameters: free scene parameters; points: (2, k) world positions from the base to the tip, in m;
+    effects: the tables of the effects in it, None where they are not known.
     """
 
     s: ca.SX
@@ -62,6 +64,7 @@ class Manipulator(Expressions):
     points: ca.SX | None = None
     coriolis: ca.SX | None = None
     measured: ca.SX | None = None
+    effects: Effects | None = None
 
     @property
     def n(self) -> int:

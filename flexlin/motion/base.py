@@ -13,6 +13,10 @@ from flexlin.expressions import Expressions
 from flexlin.mechanics.parameters import Parameters
 
 Angles = tuple[Array, Array, Array]
+MOST_HARMONICS, MOST_TURNS = 60, 15.0
+"""Harmonics of the angles, and turns of all joints in a period at their fastest, that leave nothing narrower than T/200."""
+PROBES = 512
+"""Times of a period at which the fastest turning is looked for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +25,8 @@ class Motion:
 
     `sample(t)` returns q, q', q'' (N, joints) in rad, rad/s, rad/s^2; `period` in s; `breaks` are the times in [0, T) at which q'' or a
     derivative of it jumps; `periodic` is False for a one-way motion, whose period is its duration;
-    `prescribed` tells which joints follow their angle exactly and are no coordinates.
+    `prescribed` tells which joints follow their angle exactly and are no coordinates; `harmonics`: of the angles between the breaks, None
+    where they are not known; `features`: pairs (time, half-width) in s where the angles change faster than that.
     """
 
     joints: int
@@ -29,10 +34,23 @@ class Motion:
     prescribed: tuple[bool, ...]
     breaks: tuple[float, ...] = ()
     periodic: bool = True
+    harmonics: int | None = None
+    features: tuple[tuple[float, float], ...] = ()
 
     def sample(self, t: Array) -> Angles:
         """q, q', q'' at the times t (N,)."""
         raise NotImplementedError
+
+    @property
+    def complete(self) -> bool:
+        """Whether breaks and features name everything in sines and cosines of the angles that is narrower than T/200.
+
+        A sine of an angle that turns N times in a period at its fastest has harmonics up to about N, and products have their sums.
+        """
+        if self.harmonics is None or self.harmonics > MOST_HARMONICS:
+            return False
+        rates = np.abs(self.sample(self.period * np.arange(PROBES) / PROBES)[1]).max(axis=0, initial=0.0)
+        return bool(rates.sum() * self.period <= 2 * np.pi * MOST_TURNS)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from flexlin.answers.clock import Step
 from flexlin.report.advice import next_steps, under
 from flexlin.report.figures.coefficients import NOISE, matrix_unit
 from flexlin.report.figures.style import Picture
-from flexlin.report.wording import decimal, duration, largest_multiplier, modulus, pace, power, quantity, rate
+from flexlin.report.wording import caution, decimal, duration, largest_multiplier, modulus, pace, power, quantity, rate
 from flexlin.scene.accuracy import Accuracy
 
 
@@ -22,6 +22,7 @@ def page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture], comm
         analysis=analysis,
         own=analysis.own,
         under=under(analysis.own),
+        caution=caution(analysis.own, analysis.plant.period),
         pace=pace(analysis.own, analysis.plant.period),
         facts=facts(analysis),
         steps=next_steps(analysis),
@@ -79,6 +80,7 @@ def loop_row(loop: Loop, period: float) -> dict[str, str]:
     return {
         "name": loop.name,
         "verdict": loop.verdict,
+        "colour": "undecided" if caution(loop, period) else loop.verdict,
         "rate": rate(growth, error) if loop.floquet is not None else "–",
         "multiplier": largest_multiplier(loop),
         "settled": settled,

@@ -7,12 +7,12 @@ from flexlin.answers.analysis import Analysis, Loop
 from flexlin.answers.audit import Audit, Row
 from flexlin.answers.clock import Step
 from flexlin.report.advice import next_steps
-from flexlin.report.wording import decimal, figures, pace, power, quantity, rate
+from flexlin.report.wording import caution, decimal, figures, pace, power, quantity, rate
 
 COLOURS = {"stable": "green", "unstable": "red", "undecided": "yellow", "failed": "red"}
 
 
-def say(text: str = "", verdict: str | None = None) -> None:
+def say(text: str = "", verdict: str | None = None, colour: str | None = None) -> None:
     """Print a line; a verdict at its beginning is coloured on a terminal."""
     if verdict is None or not sys.stdout.isatty():
         print(text)
@@ -21,15 +21,20 @@ def say(text: str = "", verdict: str | None = None) -> None:
     from rich.text import Text
 
     line = Text(text)
-    line.highlight_words([verdict], COLOURS[verdict] + " bold")
+    line.highlight_words([verdict], (colour or COLOURS[verdict]) + " bold")
     Console(highlight=False, soft_wrap=True).print(line)
+
+
+def say_loop(loop: Loop, period: float) -> None:
+    """Print the verdict on a loop, in the colour of doubt where no arm would show it."""
+    say(loop_line(loop, period), loop.verdict, COLOURS["undecided"] if caution(loop, period) else None)
 
 
 def summarize(analysis: Analysis) -> None:
     """Print the verdicts and what to do next."""
     say(analysis.scene.title)
     for loop in analysis.loops:
-        say(loop_line(loop, analysis.plant.period), loop.verdict)
+        say_loop(loop, analysis.plant.period)
     said = next_steps(analysis)
     for line in (*[f"- {step}" for step in said], *accuracy_lines(analysis.steps, "\n".join(said))):
         say(line)
@@ -80,4 +85,5 @@ def loop_line(loop: Loop, period: float) -> str:
     """One loop in one line."""
     speed = pace(loop, period)
     figure = "" if loop.verdict in ("undecided", "failed") else f", {rate(*loop.growth)}"
-    return f"  {loop.name:<20} {loop.verdict:<10} {speed}{figure}"
+    weak = caution(loop, period)
+    return f"  {loop.name:<20} {loop.verdict:<10} {f'{weak}; ' if weak else ''}{speed}{figure}"

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Optional
 import casadi as ca
 
 from flexlin.mechanics.body import Body, Moments, RigidMass
+from flexlin.mechanics.effects.narrow import Features, Moving
 from flexlin.mechanics.effects.scale import Scale
 from flexlin.mechanics.frames import Frame
 from flexlin.scene.effects import EffectTable
@@ -39,6 +40,8 @@ class Effect(EffectTable):
     CasADi symbol in the place of its number.
     """
 
+    smooth: ClassVar[bool] = False
+    """Whether what the effect adds is as smooth in time as the motion is (sines and polynomials of it), or `features` says where not."""
     input_unit: ClassVar[str | None] = None
     """The unit of the manipulator's inputs, where the effect changes it."""
 
@@ -94,6 +97,10 @@ class Effect(EffectTable):
     def joint_resistance(self, chain: Chain) -> ca.SX:
         """Resisting force of each joint's bearing that no quadratic dissipation function gives, (joints, 1), in N m or N."""
         return ca.SX.zeros(len(chain.joints))
+
+    def features(self, motion: Moving) -> Features:
+        """Where the linear equations change fast in time because of the effect: pairs (time, half-width) in s."""
+        return ()
 
     def input_gain(self, joint: int) -> Any:
         """Force of a joint's motor for one unit of the input; None when the effect leaves the input as it is."""
