@@ -9,8 +9,8 @@ from flexlin.simulation import Simulation
 NEAR = 0.2
 """A resonance is named when it is detuned by less than this share of the motion's frequency."""
 NEGLIGIBLE, SMALL = 1e-5, 0.2
-"""Shares of the arm's length: below the first no arm repeats its own motion (ISO 9283 repeatability of 1 m arms is 0.01 mm and more);
-beyond the second a deflection is not small."""
+"""Shares of the arm's length: the first is of the order in which good arms repeat a motion (some 0.01 mm for 1 m, ISO 9283), so that
+nothing is gained below it; beyond the second a deflection is not small."""
 BEYOND = 0.2
 """A share of the largest deviation by which the linear answer may miss."""
 WORTHWHILE = 1.05
@@ -134,8 +134,9 @@ def about_tip(a: Analysis) -> list[str]:
             f"In steady motion the tip stays within {quantity(largest, 'm')} of its rigid path: nothing has to be done about it."
         ]
     if largest > SMALL * length:
+        share = f"{100 * largest / length:.3g} % of the arm's length"
         return [
-            f"The linear answer puts the tip {quantity(largest, 'm')} away from its rigid path, {100 * largest / length:.3g} % of the arm's length: "
+            f"The linear answer puts the tip {quantity(largest, 'm')} away from its rigid path, {share}: "
             "deflections are not small, so this is no prediction; slow down, stiffen the links, or raise the gains."
         ]
     found = f"In steady motion the tip stays up to {quantity(largest, 'm')} away from its rigid path"
@@ -197,8 +198,8 @@ def holds(a: Analysis, simulation: Simulation) -> str:
     if simulation.deviation <= smallest:
         return "the linear model holds for this motion"
     return (
-        f"the linear model is close on this motion, but a disturbance of {simulation.deviation:.2g} (rad or m), as large as the motion's own "
-        "deviation, may leave it"
+        f"the linear model is close on this motion, but a disturbance as large as the motion's own deviation, "
+        f"{simulation.deviation:.2g} (rad or m), may leave it"
     )
 
 
