@@ -114,6 +114,11 @@ class Linearization:
         return tuple(sorted(found))
 
     @property
+    def may_be_narrow(self) -> bool:
+        """Whether an effect in the arm may have features, for some values of its numbers."""
+        return any(type(effect).features is not Effect.features for effect in self._effects or ())
+
+    @property
     def complete(self) -> bool:
         """Whether breaks and features name everything in the coefficients that is narrower than T/200."""
         effects = self._effects

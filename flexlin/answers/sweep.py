@@ -82,6 +82,13 @@ def check_values(count: int, states: int = 2) -> None:
     check_size(f"a sweep of {count} values", count * (16 * states + 60), "ask for fewer values")
 
 
+def worst_error(data: xr.Dataset) -> float:
+    """The largest error of a sweep, in 1/s up to |exponent| = 1/s and relative beyond; values with unresolved exponents are left out."""
+    size = np.abs(data["exponents"].values).max(axis=-1, initial=1.0)
+    errors = data["error"].values / size
+    return float(errors[np.isfinite(errors)].max(initial=0.0))
+
+
 def laid_out(axes: dict[str, Array], grid: bool) -> tuple[Array, tuple[int, ...], tuple[str, ...]]:
     """All points (V, P), the shape of the result and the names of its dimensions."""
     lengths = tuple(len(axis) for axis in axes.values())
@@ -133,15 +140,23 @@ class Batches:
     def fill(self, found: Found, which: Array, plan: "Plan") -> None:
         """Compute the values `which`: together, those that missed tol again on twice the segments, and the rest one by one."""
         found.period[which] = self.loop.periods(self.points[which])
-        for trial in (plan, replace(plan, segments=2 * plan.segments)):
+        narrow = self.find_narrow(which)
+        alone, which = which[narrow], which[~narrow]
+        for trial in (plan, replace(plan, segments=2 * plan.segments)) if len(which) else ():
             size = self.values_in_chunk(trial.segments)
             parts = [which[i : i + size] for i in range(0, len(which), size)]
             left = [self.try_together(found, part, trial) for part in parts]
             which = np.concatenate([which[:0], *left])
-        for i in which:
+        for i in (*alone, *which):
             result = floquet(self.loop.at(self.points[i]).periodic_system(), self.tol)
             found.put(np.array([i]), result.exponents[None], result.errors[None])
             found.one_by_one[i] = True
+
+    def find_narrow(self, which: Array) -> Array:
+        """Which values have coefficients with narrow features, which a batch would step over."""
+        if not self.loop.linearization.may_be_narrow:
+            return np.zeros(len(which), dtype=bool)
+        return np.array([bool(self.loop.at(self.points[i]).features) for i in which], dtype=bool)
 
     def try_together(self, found: Found, which: Array, plan: "Plan") -> Array:
         """Enter the values that reach tol; return those that do not."""

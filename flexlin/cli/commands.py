@@ -202,7 +202,7 @@ def write_chart(options: argparse.Namespace) -> int:
         import numpy as np
 
         from flexlin.answers.clock import Clock
-        from flexlin.answers.sweep import check_values, sweep
+        from flexlin.answers.sweep import check_values, sweep, worst_error
         from flexlin.files import write_text
         from flexlin.report.figures.chart import draw_chart
         from flexlin.report.page import picture_page
@@ -213,7 +213,7 @@ def write_chart(options: argparse.Namespace) -> int:
         clock.stage("size of the result", scene.accuracy, lambda: check_values(math.prod(counts)))
         values = {key: np.linspace(low, high, n) for (key, low, high, _), n in zip(spans, counts, strict=True)}
         work = partial(sweep, scene, values, scene.accuracy.tol, grid=several)
-        data = clock.stage("exponents of all values", scene.accuracy, work, lambda found: float(found["error"].max()))
+        data = clock.stage("exponents of all values", scene.accuracy, work, worst_error)
         picture = draw_chart(data)
     print(picture.caption)
     for line in accuracy_lines(tuple(clock.steps)):

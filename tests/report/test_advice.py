@@ -139,10 +139,12 @@ def test_a_decay_that_nobody_feels_is_called_so(single_link: Analysis, rate: flo
     assert single_link.plant.period == PERIOD
     a = replace(single_link, own=growing(single_link, rate))
     assert caution(a.own, PERIOD) == words
-    assert (words in loop_line(a.own, PERIOD)) and ("; a disturbance" in loop_line(a.own, PERIOD)) is bool(words)
+    assert words in loop_line(a.own, PERIOD)
+    assert ("; a disturbance" in loop_line(a.own, PERIOD)) is bool(words)
     html = page(a, record(a), [], "")
     headline = html[html.index('<section class="verdict') :].split("</p>")[0]
-    assert (words in headline) and ('class="verdict undecided"' in headline) is bool(words or rate == 0.0)
+    assert words in headline
+    assert ('class="verdict undecided"' in headline) is bool(words or rate == 0.0)
     assert ("stable only in the mathematical sense" in told(a)) is bool(words and rate < 0)
 
 
