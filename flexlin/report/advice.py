@@ -30,6 +30,8 @@ def next_steps(analysis: Analysis) -> list[str]:
 
 def about_verdict(a: Analysis) -> list[str]:
     """What the verdict on the own loop asks for."""
+    if a.own.floquet is None:
+        return [f"There is no verdict {under(a.own)}: {a.own.problem}."]
     if a.own.verdict == "undecided":
         return [
             "The growth rate cannot be distinguished from zero, as for a mode that is free or undamped: "

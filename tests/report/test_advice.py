@@ -161,6 +161,13 @@ def test_the_verdict_asks_for_what_it_calls_for(single_link: Analysis) -> None:
     assert "use the design “lqr”, which is stable" in told(helped)
 
 
+def test_a_loop_without_verdict_is_not_called_unstable(single_link: Analysis) -> None:
+    text = told(replace(single_link, own=Loop("scene's PD", "pd", None, "stopped")))
+    assert "There is no verdict under the scene's PD: stopped." in text
+    assert "unstable along this motion" not in text
+    assert "There is no verdict" not in told(single_link)
+
+
 def test_designs_are_weighed_against_the_loop_that_is_there(single_link: Analysis) -> None:
     rate = single_link.own.growth[0]
 
