@@ -43,7 +43,7 @@ class Measure:
     problems: tuple[str, ...] = ()
 
 
-def measure(scene: Scene, tol: float) -> Measure:
+def measure(scene: Scene, tol: float = 1e-4) -> Measure:
     """Build, linearize and judge a scene's own loop.
 
     Parameters: tol: wanted error of the margin, in 1/s.
