@@ -198,7 +198,8 @@ class Linearization:
             )
         force, B = (self.B, self.input_matrix) if self.about.m else (None, None)
         second_order = SecondOrder(self.M, self.D, self.K, force, self.equations)
-        return PeriodicSystem(self.state_matrix, self.period, B, self.breaks, second_order)
+        named = self.features, self.complete
+        return PeriodicSystem(self.state_matrix, self.period, B, self.breaks, second_order, *named)
 
     def state_matrix(self, t: Array) -> Array:
         """A = [[0, I], [-M^-1 K, -M^-1 D]], (N, 2n, 2n)."""
