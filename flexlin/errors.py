@@ -219,6 +219,10 @@ class ToleranceNotReached(NumericalError):
     """
 
 
+class TimeLimit(NumericalError):
+    """A stage of the work needs more time than it was given."""
+
+
 class ResonantForcing(NumericalError):
     """1 is (nearly) a multiplier: no bounded periodic response exists.
 

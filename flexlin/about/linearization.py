@@ -9,11 +9,14 @@ from flexlin.about.second_order import SecondOrderEquations
 from flexlin.checks import Array
 from flexlin.errors import MotionError
 from flexlin.mechanics.coordinates import Coordinate
+from flexlin.mechanics.effects import Effect, effects_of
+from flexlin.mechanics.effects.narrow import Features
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion
 from flexlin.periodic.companion import build_companion, build_input
 from flexlin.periodic.system import PeriodicSystem, SecondOrder
 from flexlin.scene.control import Control
+from flexlin.scene.parameters import replace_value
 from flexlin.summary import represent
 
 
@@ -104,6 +107,37 @@ class Linearization(SecondOrderEquations):
         return self.motion.breaks
 
     @property
+    def features(self) -> Features:
+        """Pairs (time, half-width) in s about which the coefficients change fast: what motion and effects know of it."""
+        found = [
+            *self.motion.features,
+            *(pair for effect in self._effects or () for pair in effect.features(self.motion)),
+        ]
+        return tuple(sorted(found))
+
+    @property
+    def may_be_narrow(self) -> bool:
+        """Whether an effect in the arm may have features, for some values of its numbers."""
+        return any(type(effect).features is not Effect.features for effect in self._effects or ())
+
+    @property
+    def complete(self) -> bool:
+        """Whether breaks and features name everything in the coefficients that is narrower than T/200."""
+        effects = self._effects
+        return effects is not None and self.motion.complete and all(effect.smooth for effect in effects)
+
+    @property
+    def _effects(self) -> tuple[Effect, ...] | None:
+        """The effects in the arm with the present values of its free numbers; None where they are not known."""
+        arm, tables = self.arm, self.arm.effects
+        if tables is None:
+            return None
+        for path, value in zip(arm.parameters.paths, arm.parameters.values, strict=True):
+            if path.startswith("effects."):
+                tables = replace_value(tables, path.removeprefix("effects."), float(value))
+        return effects_of(tables)
+
+    @property
     def closed_by(self) -> Law:
         """The law that the linear equations hold: the scene's, or no torque at all where they were made without one."""
         return scene_law(self.about, self.control, self.feedforward)
@@ -135,7 +169,8 @@ class Linearization(SecondOrderEquations):
             )
         force, B = (self.B, self.input_matrix) if self.about.m else (None, None)
         second_order = SecondOrder(self.M, self.D, self.K, force, self.equations)
-        return PeriodicSystem(self.state_matrix, self.period, B, self.breaks, second_order, complete=True)
+        named = self.features, self.complete
+        return PeriodicSystem(self.state_matrix, self.period, B, self.breaks, second_order, *named)
 
     def state_matrix(self, t: Array) -> Array:
         """Return A = [[0, I], [-M^-1 K, -M^-1 D]].

@@ -1,5 +1,6 @@
 """Stability over many values of scene parameters: the same equations for all values, evaluated in bounded batches."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
@@ -8,7 +9,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from flexlin.about.free import ParametricLoop, parametric_loop
-from flexlin.checks import Array, positive, real_array
+from flexlin.checks import Array, check_size, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.fourier import FourierSeries
@@ -88,8 +89,15 @@ def sweep(
     """
     tol = positive("tol", tol)
     axes = {path: real_array(path, value, (None,)) for path, value in values.items()}
+    if any(path.startswith("accuracy.") for path in axes):
+        got, expected = ", ".join(axes), "a number of the links, effects, motion or control"
+        raise ArgumentError("what is asked of the answer is no number of the arm", got=got, expected=expected)
+    count = math.prod(map(len, axes.values())) if grid else max(map(len, axes.values()), default=0)
+    check_values(count)
     points, shape, dims = lay_out(axes, grid)
     loop = parametric_loop(scene, axes)
+    check_values(count, 2 * loop.linearization.n)
+    points, shape, dims = lay_out(axes, grid)
     batches = Batches(loop, points, tol, chunk_bytes)
     plan = choose_plan(batches)
     size = batches.values_in_chunk(plan.segments)
@@ -97,6 +105,18 @@ def sweep(
     for start in range(0, len(points), size):
         batches.fill(found, np.arange(start, min(start + size, len(points))), plan)
     return build_dataset(scene, axes, found, shape, dims, tol, plan.segments)
+
+
+def check_values(count: int, states: int = 2) -> None:
+    """Refuse a sweep of too many values before anything is allocated for them."""
+    check_size(f"a sweep of {count} values", count * (16 * states + 60), "ask for fewer values")
+
+
+def worst_error(data: xr.Dataset) -> float:
+    """The largest error of a sweep, in 1/s up to |exponent| = 1/s and relative beyond; values with unresolved exponents are left out."""
+    size = np.abs(data["exponents"].values).max(axis=-1, initial=1.0)
+    errors = data["error"].values / size
+    return float(errors[np.isfinite(errors)].max(initial=0.0))
 
 
 def lay_out(axes: dict[str, Array], grid: bool) -> tuple[Array, tuple[int, ...], tuple[str, ...]]:
@@ -150,15 +170,23 @@ class Batches:
     def fill(self, found: Found, which: Array, plan: "Plan") -> None:
         """Compute the values `which`: together, those that missed tol again on twice the segments, and the rest one by one."""
         found.period[which] = self.loop.periods(self.points[which])
-        for trial in (plan, replace(plan, segments=2 * plan.segments)):
+        narrow = self.find_narrow(which)
+        alone, which = which[narrow], which[~narrow]
+        for trial in (plan, replace(plan, segments=2 * plan.segments)) if len(which) else ():
             size = self.values_in_chunk(trial.segments)
             parts = [which[i : i + size] for i in range(0, len(which), size)]
             left = [self.try_together(found, part, trial) for part in parts]
             which = np.concatenate([which[:0], *left])
-        for i in which:
+        for i in (*alone, *which):
             result = floquet(self.loop.at(self.points[i]).periodic_system(), self.tol)
             found.put(np.array([i]), result.exponents[None], result.errors[None])
             found.one_by_one[i] = True
+
+    def find_narrow(self, which: Array) -> Array:
+        """Which values have coefficients with narrow features, which a batch would step over."""
+        if not self.loop.linearization.may_be_narrow:
+            return np.zeros(len(which), dtype=bool)
+        return np.array([bool(self.loop.at(self.points[i]).features) for i in which], dtype=bool)
 
     def try_together(self, found: Found, which: Array, plan: "Plan") -> Array:
         """Enter the values that reach tol; return those that do not."""

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array
 from flexlin.control.designed_loop import Design
-from flexlin.control.weights import check_constant_pair
+from flexlin.control.weights import constant_lqr
 from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
@@ -72,15 +72,11 @@ def averaged_lqr(
     >>> fl.floquet(design.closed_loop).verdict
     'stable'
     """
-    import control
-
     problem = linear_quadratic(system, Q, R, N)
     A, B, state, effort, cross = (
         mean(system, coefficient) for coefficient in (problem.A, problem.B, problem.Q, problem.R, problem.N)
     )
-    check_constant_pair(A, B, state, "on average")
-    K = control.lqr(A, B, state, effort, cross)[0]
-
+    K, _ = constant_lqr(A, B, state, effort, cross, "on average")
     gain = Constant(K)
     status = "one constant gain for the averaged coefficients; the verdict is Floquet's"
     return Design(name, "averaged-lqr", gain, system.feedback(gain), 0.0, status, problem)

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array
 from flexlin.control.designed_loop import Design, Repeated
-from flexlin.control.weights import check_constant_pair
+from flexlin.control.weights import constant_lqr
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.quadratic.riccati import finite_horizon_riccati
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
@@ -89,10 +89,7 @@ def cost_at_rest(
     N: MatrixFunction | ArrayLike | None,
 ) -> Array:
     """Return the LQR cost of the coefficients at the end of the horizon."""
-    import control
-
     problem, last = linear_quadratic(system, Q, R, N), np.array([system.period * (1 - 1e-12)])
     A, B, state, effort, cross = (f(last)[0] for f in (problem.A, problem.B, problem.Q, problem.R, problem.N))
-    check_constant_pair(A, B, state, "at the end of the horizon")
-    X = control.lqr(A, B, state, effort, cross)[1]
+    _, X = constant_lqr(A, B, state, effort, cross, "at the end of the horizon")
     return 0.5 * (X + X.T)

@@ -6,7 +6,7 @@ from scipy.interpolate import CubicSpline
 
 from flexlin.checks import Array
 from flexlin.control.designed_loop import Design, Repeated
-from flexlin.control.weights import check_constant_pair
+from flexlin.control.weights import constant_lqr
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, linear_quadratic
@@ -90,12 +90,9 @@ def frozen_lqr(
 
 def frozen_gains(problem: LinearQuadratic, t: Array) -> Array:
     """Return the LQR gains of the coefficients frozen at times t, (N, m, n)."""
-    import control
-
     gains = []
     for time, A, B, Q, R, N in zip(
         t, problem.A(t), problem.B(t), problem.Q(t), problem.R(t), problem.N(t), strict=True
     ):
-        check_constant_pair(A, B, Q, f"when frozen at t = {time:.4g} s")
-        gains.append(control.lqr(A, B, Q, R, N)[0])
+        gains.append(constant_lqr(A, B, Q, R, N, f"when frozen at t = {time:.4g} s")[0])
     return np.array(gains)

@@ -66,7 +66,7 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
     free = Parameters.of_scene(scene, parameters)
     if scene.model is not None:
         return _build_registered(scene, free)
-    basis = [choose_basis(scene, i) for i in range(len(scene.links))]
+    basis, tables = [choose_basis(scene, i) for i in range(len(scene.links))], scene.effects
     scene = free.placed_in(scene)
     effects = effects_of(scene.effects)
     free_motors = any(effect.frees_motors for effect in effects)
@@ -74,7 +74,7 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
     coordinates = list_coordinates([link.modes for link in scene.links], units, free_motors)
     at, rate = (Symbols.of(coordinates, len(scene.links), mark) for mark in ("", "d_"))
     arm = _derive_equations(_build_chain(scene.links, effects, basis, at, rate), effects, at, rate, free)
-    arm = replace(arm, coordinates=coordinates)
+    arm = replace(arm, coordinates=coordinates, effects=tables)
     return _free_motors(arm) if free_motors else arm
 
 

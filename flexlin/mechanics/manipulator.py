@@ -13,6 +13,7 @@ from flexlin.mechanics.driving import describe_driving
 from flexlin.mechanics.named_functions import NamedFunctions
 from flexlin.mechanics.parameters import Parameters
 from flexlin.mechanics.validation import check_shapes, check_symbols, need_quadratic, validate
+from flexlin.scene.effects import Effects
 from flexlin.summary import represent
 
 
@@ -52,6 +53,8 @@ class Manipulator(Expressions):
         C as the user gave it; None: Christoffel's symbols of M.
     measured : casadi.SX, shape (joints, n), or None
         What each motor's encoder reads of s; None: the coordinates in `drives`.
+    effects : Effects or None
+        Tables of the effects in it, None where they are not known.
 
     Examples
     --------
@@ -77,6 +80,7 @@ class Manipulator(Expressions):
     points: ca.SX | None = None
     coriolis: ca.SX | None = None
     measured: ca.SX | None = None
+    effects: Effects | None = None
 
     __repr__ = represent
 

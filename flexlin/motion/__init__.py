@@ -7,7 +7,7 @@ import casadi as ca
 from flexlin.errors import MotionError
 from flexlin.mechanics.parameters import Parameters
 from flexlin.motion.base import Motion, SampledMotion, SymbolicMotion
-from flexlin.motion.smooth import make_fourier, make_harmonic, make_rotation
+from flexlin.motion.smooth import highest_harmonic, make_fourier, make_harmonic, make_rotation
 from flexlin.motion.table import read_table_motion
 from flexlin.motion.waypoints import make_point_to_point
 from flexlin.scene.motion import AnyMotion, Fourier, Harmonic, PointToPoint, Rotation, TableMotion
@@ -67,6 +67,7 @@ def build_motion(table: AnyMotion, joints: int, parameters: Parameters | None = 
         prescribed,
         breaks=tuple(period * edge for edge in breaks),
         periodic=getattr(table, "course", "there-and-back") != "one-way",
+        harmonics=highest_harmonic(table),
         phase=phase,
         angles=angles,
         duration=duration,

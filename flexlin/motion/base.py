@@ -14,6 +14,10 @@ from flexlin.mechanics.parameters import Parameters
 from flexlin.summary import represent
 
 Angles = tuple[Array, Array, Array]
+MOST_HARMONICS, MOST_TURNS = 60, 15.0
+"""Harmonics of the angles, and turns of all joints in a period at their fastest, that leave nothing narrower than T/200."""
+PROBES = 512
+"""Times of a period at which the fastest turning is looked for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +36,10 @@ class Motion:
         Times in [0, T), in s, at which q'' or a derivative of it jumps.
     periodic : bool
         False for a one-way motion.
+    harmonics : int or None
+        Highest harmonic of the angles between the breaks, None where it is not known.
+    features : tuple of pairs of float
+        Times and half-widths, in s, where the angles change faster than that.
 
     Examples
     --------
@@ -46,6 +54,8 @@ class Motion:
     prescribed: tuple[bool, ...]
     breaks: tuple[float, ...] = ()
     periodic: bool = True
+    harmonics: int | None = None
+    features: tuple[tuple[float, float], ...] = ()
 
     __repr__ = represent
 
@@ -63,6 +73,17 @@ class Motion:
             q, q', q'' in rad, rad/s, rad/s^2 (m for sliding joints).
         """
         raise NotImplementedError
+
+    @property
+    def complete(self) -> bool:
+        """Whether breaks and features name everything in sines and cosines of the angles that is narrower than T/200.
+
+        A sine of an angle that turns N times in a period at its fastest has harmonics up to about N, and products have their sums.
+        """
+        if self.harmonics is None or self.harmonics > MOST_HARMONICS:
+            return False
+        rates = np.abs(self.sample(self.period * np.arange(PROBES) / PROBES)[1]).max(axis=0, initial=0.0)
+        return bool(rates.sum() * self.period <= 2 * np.pi * MOST_TURNS)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ import casadi as ca
 
 from flexlin.errors import MotionError
 from flexlin.mechanics.parameters import Parameters
-from flexlin.scene.motion import Fourier, Harmonic, Rotation
+from flexlin.scene.motion import AnyMotion, Fourier, Harmonic, Rotation
 
 LARGEST_RATIO = 1000
 """Rates of rotating joints must be ratios of integers up to this one, or the common period would be unusably long."""
@@ -30,6 +30,13 @@ def make_fourier(table: Fourier, phase: ca.SX, parameters: Parameters) -> tuple[
             angle += amplitude * ca.sin(2 * pi * k * phase)
         angles.append(angle)
     return ca.vertcat(*angles), ca.SX(table.period)
+
+
+def highest_harmonic(table: AnyMotion) -> int:
+    """The highest harmonic of the angles; 1 for polynomials between the breaks."""
+    if not isinstance(table, Fourier):
+        return 1
+    return max(len(row) for joint in table.joints for row in (joint.cos, joint.sin, (0.0,)))
 
 
 def make_rotation(table: Rotation, phase: ca.SX, parameters: Parameters) -> tuple[ca.SX, ca.SX]:

@@ -3,10 +3,16 @@
 import numpy as np
 
 from flexlin.answers.analysis import Analysis, Loop
-from flexlin.report.wording import format_quantity
+from flexlin.report.wording import caution, format_quantity
+from flexlin.simulation import Simulation
 
 NEAR = 0.2
 """A resonance is named when it is detuned by less than this share of the motion's frequency."""
+NEGLIGIBLE, SMALL = 1e-5, 0.2
+"""Shares of the arm's length: the first is of the order in which good arms repeat a motion (some 0.01 mm for 1 m, ISO 9283), so that
+nothing is gained below it; beyond the second a deflection is not small."""
+BEYOND = 0.2
+"""A share of the largest deviation by which the linear answer may miss."""
 WORTHWHILE = 1.05
 """A design counts as faster when it settles this many times as fast as the scene's own loop."""
 
@@ -24,19 +30,32 @@ def advise(analysis: Analysis) -> list[str]:
 
 def comment_on_verdict(a: Analysis) -> list[str]:
     """What the verdict on the own loop asks for."""
+    if a.own.floquet is None:
+        return [f"There is no verdict {name_condition(a.own)}: {a.own.problem}."]
     if a.own.verdict == "undecided":
         return [
             "The growth rate cannot be distinguished from zero, as for a mode that is free or undamped: "
             "add feedback or damping, or treat the motion as marginal."
         ]
     if a.own.verdict == "stable":
-        return []
+        return comment_on_slowness(a)
     better = [loop for loop in a.designs if loop.verdict == "stable"]
     change = "add feedback" if a.own.kind == "open" else "change its gains"
     remedy = (
         f"use the design “{better[0].name}”, which is" if better else f"{change}, the speed or the payload until it is"
     )
     return [f"The arm is unstable along this motion {name_condition(a.own)}: {remedy} stable.", *comment_on_cause(a)]
+
+
+def comment_on_slowness(a: Analysis) -> list[str]:
+    """What a decay asks for that is too slow to be felt."""
+    weak = caution(a.own, a.plant.period)
+    if not weak:
+        return []
+    add = "feedback or damping" if a.own.kind == "open" else "damping, or gain on the mode that is slow"
+    return [
+        f"The arm is stable only in the mathematical sense, {weak}: add {add}, and do not count on this verdict as a margin."
+    ]
 
 
 def comment_on_cause(a: Analysis) -> list[str]:
@@ -104,14 +123,24 @@ def warn_of_design(loop: Loop) -> str:
 
 
 def comment_on_tip(a: Analysis) -> list[str]:
-    """Where the steady tip error comes from, and what lowers it."""
+    """Where the steady tip error comes from, and what lowers it, if it is worth lowering."""
     if a.response is None:
         return [f"There is no periodic response: {a.problems['response']}."]
     if a.own.verdict == "unstable":
         return ["The periodic response shown here exists but is unstable: the arm leaves it."]
-    largest = float(a.response.tip_error.max())
+    largest, length = float(a.response.tip_error.max()), arm_length(a)
     if not np.isfinite(largest) or largest == 0:
         return []
+    if largest <= NEGLIGIBLE * length:
+        return [
+            f"In steady motion the tip stays within {format_quantity(largest, 'm')} of its rigid path: nothing has to be done about it."
+        ]
+    if largest > SMALL * length:
+        share = f"{100 * largest / length:.3g} % of the arm's length"
+        return [
+            f"The linear answer puts the tip {format_quantity(largest, 'm')} away from its rigid path, {share}: "
+            "deflections are not small, so this is no prediction; slow down, stiffen the links, or raise the gains."
+        ]
     found = f"In steady motion the tip stays up to {format_quantity(largest, 'm')} away from its rigid path"
     if not a.plant.inputs:
         return [f"{found}, by bending alone: slow down, or stiffen the links."]
@@ -120,12 +149,60 @@ def comment_on_tip(a: Analysis) -> list[str]:
             f"{found}, most of it the links' bending, which no joint feedback removes: slow down, or feed forward the elastic motion too "
             "(flexlin.control.feedforward: joint-exact, tip-exact)."
         ]
-    return [f"{found}, most of it the joints' error: feed the rigid torque forward, or raise the gains."]
+    return [f"{found}, most of it the joints' error: {joint_remedy(a)}."]
+
+
+def joint_remedy(a: Analysis) -> str:
+    """What lowers the joints' error: what the scene does already is no advice."""
+    gains = "add feedback" if a.own.kind == "open" else "raise the gains"
+    if a.scene.control.feedforward == "none":
+        return f'feed the rigid torque forward (control.feedforward = "rigid"), or {gains}'
+    return f"{gains}, or feed forward the elastic motion too (flexlin.control.feedforward: joint-exact, tip-exact)"
+
+
+def arm_length(a: Analysis) -> float:
+    """The length of the arm from the base over its joints to the tip, in m, as the motion begins; not a number where it has no points."""
+    if a.arm.points is None:
+        return float("nan")
+    points = a.plant.about.of_arm("points", a.t[:1], np.zeros((1, a.plant.n)))[0]
+    return float(np.linalg.norm(np.diff(points, axis=1), axis=0).sum())
 
 
 def comment_on_trust(a: Analysis) -> list[str]:
     """How far the linear numbers can be trusted."""
+    said = [] if a.linear_range is None else [a.linear_range.status]
     if a.simulation is None:
-        return [f"The nonlinear simulation has no answer: {a.problems['simulation']}."]
-    said = [a.simulation.status] + ([] if a.linear_range is None else [a.linear_range.status])
-    return [status[0].upper() + status[1:] + "." for status in said]
+        return [f"The nonlinear simulation has no answer: {a.problems['simulation']}.", *map(sentence, said)]
+    return [sentence(status) for status in (agreement(a, a.simulation), *said)]
+
+
+def agreement(a: Analysis, simulation: Simulation) -> str:
+    """How far the linear answer is from the nonlinear one on this motion."""
+    what, apart, largest, error = simulation.apart
+    length = arm_length(a)
+    if apart <= error:
+        return f"linear and nonlinear {what} agree to the error of the integration, {error:.0e}: {holds(a, simulation)}"
+    if apart <= NEGLIGIBLE * (length if np.isfinite(length) else 1.0):
+        facts = f"linear and nonlinear {what} differ by no more than {format_quantity(apart, simulation.unit.strip())}".rstrip()
+        return f"{facts}: {holds(a, simulation)}"
+    share = f"{100 * apart / largest:.2g} % of the largest deviation"
+    facts = f"linear and nonlinear {what} differ by {apart:.3g}{simulation.unit}, {share}"
+    if apart > BEYOND * largest:
+        return f"{facts}: beyond the linear model; reduce speed, payload or disturbance, or trust the simulation only"
+    return f"{facts}: {holds(a, simulation)}"
+
+
+def holds(a: Analysis, simulation: Simulation) -> str:
+    """That the linear model holds on this motion, unless the motion itself goes beyond what the equations allow along the slowest modes."""
+    smallest = np.inf if a.linear_range is None else float(a.linear_range.amplitudes.min())
+    if simulation.deviation <= smallest:
+        return "the linear model holds for this motion"
+    return (
+        f"the linear model is close on this motion, but a disturbance as large as the motion's own deviation, "
+        f"{simulation.deviation:.2g} (rad or m), may leave it"
+    )
+
+
+def sentence(text: str) -> str:
+    """A status as a sentence."""
+    return text[0].upper() + text[1:] + "."

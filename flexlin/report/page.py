@@ -1,5 +1,6 @@
 """report.html: one self-contained page, which asks no other file or host for anything."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -7,10 +8,12 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, Template, select
 
 import flexlin
 from flexlin.answers.analysis import Analysis, Loop
+from flexlin.answers.clock import Step
 from flexlin.report.advice import advise, name_condition
 from flexlin.report.figures.coefficients import NOISE, name_matrix_unit
 from flexlin.report.figures.style import Picture
 from flexlin.report.wording import (
+    caution,
     describe_pace,
     format_decimal,
     format_duration,
@@ -20,6 +23,7 @@ from flexlin.report.wording import (
     format_quantity,
     format_rate,
 )
+from flexlin.scene.accuracy import Accuracy
 
 
 def render_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture], command: str) -> str:
@@ -28,6 +32,7 @@ def render_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture
         analysis=analysis,
         own=analysis.own,
         under=name_condition(analysis.own),
+        caution=caution(analysis.own, analysis.plant.period),
         pace=describe_pace(analysis.own, analysis.plant.period),
         facts=list_facts(analysis),
         steps=advise(analysis),
@@ -39,7 +44,8 @@ def render_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture
         effects=data["effects"],
         versions=data["versions"],
         command=command,
-        total=sum(step.seconds for step in analysis.steps),
+        asked=asked_for(analysis.scene.accuracy),
+        took=[step_row(step) for step in (*analysis.steps, together(analysis.steps))],
     )
 
 
@@ -84,6 +90,7 @@ def describe_loop(loop: Loop, period: float) -> dict[str, str]:
     return {
         "name": loop.name,
         "verdict": loop.verdict,
+        "colour": "undecided" if caution(loop, period) else loop.verdict,
         "rate": format_rate(growth, error) if loop.floquet is not None else "–",
         "multiplier": format_largest_multiplier(loop),
         "settled": settled,
@@ -107,6 +114,30 @@ def list_exponents(loop: Loop) -> dict[str, Any]:
         if value.imag >= -error
     ]
     return {"name": loop.name, "rows": rows}
+
+
+def asked_for(accuracy: Accuracy) -> dict[str, str]:
+    """What the scene asks of every stage."""
+    memory = format_quantity(accuracy.memory, "B") if accuracy.memory < 1e9 else f"{accuracy.memory / 1e9:.3g} GB"
+    return {"tol": format_power(accuracy.tol), "seconds": format_quantity(accuracy.seconds, "s"), "memory": memory}
+
+
+def step_row(step: Step) -> dict[str, Any]:
+    """One stage: what was asked, what was reached, what it took."""
+    return {
+        "name": step.name,
+        "asked": "" if step.asked is None else format_power(step.asked),
+        "reached": "" if step.asked is None else "–" if step.reached is None else format_power(step.reached),
+        "missed": step.missed,
+        "seconds": f"{step.seconds:.3f}",
+        "cpu": f"{step.cpu_seconds:.3f}",
+        "problem": step.problem,
+    }
+
+
+def together(steps: Sequence[Step]) -> Step:
+    """What all stages took."""
+    return Step("together", sum(step.seconds for step in steps), sum(step.cpu_seconds for step in steps))
 
 
 def list_constants(a: Analysis) -> list[tuple[str, str, str]]:

@@ -11,6 +11,7 @@ import numpy as np
 import flexlin
 from flexlin.answers.analysis import Analysis, Loop
 from flexlin.answers.audit import Audit
+from flexlin.answers.clock import Step
 from flexlin.checks import Array
 from flexlin.scene.effects import known_effects
 from flexlin.scene.scene import Scene
@@ -51,8 +52,18 @@ def record(analysis: Analysis) -> dict[str, Any]:
         **({} if a.audit is None else {"effects_audit": audit_block(a.audit)}),
         **({} if a.sensitivity is None else {"sensitivity": record_sensitivity(a.sensitivity)}),
         "versions": list_versions(),
-        "steps": [{"name": step.name, "seconds": round(step.seconds, 4)} for step in a.steps],
+        "accuracy": a.scene.accuracy.model_dump(mode="json"),
+        "steps": [step_block(step) for step in a.steps],
     }
+
+
+def step_block(step: Step) -> dict[str, Any]:
+    """What one stage took; the error that was asked and the one that was reached, and why it has no answer, where there is such."""
+    block: dict[str, Any] = {"name": step.name, "seconds": round(step.seconds, 4)}
+    block["cpu_seconds"] = round(step.cpu_seconds, 4)
+    if step.asked is not None:
+        block |= {"asked": step.asked, "reached": None if step.reached is None else record_number(step.reached)}
+    return block | ({"problem": step.problem} if step.problem else {})
 
 
 def to_json(data: dict[str, Any]) -> str:

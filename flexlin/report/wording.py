@@ -10,6 +10,8 @@ from flexlin.checks import Array
 from flexlin.mechanics.effects import effects_of
 from flexlin.svg.scales import SUPERSCRIPTS
 
+MARGINAL, SLOW = 1e-9, 1e5
+"""A growth rate below this share of the motion's frequency is practically none; periods to settle beyond which a decay is not felt."""
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
 
 
@@ -108,6 +110,18 @@ def describe_pace(loop: Loop, period: float) -> str:
     does = "halves" if growth < 0 else "doubles"
     share = f"{format_decimal(half / period, 2)} {'of a period' if half < period else 'periods'}"
     return f"a disturbance {does} every {format_duration(half)}, {share}"
+
+
+def caution(loop: Loop, period: float) -> str:
+    """What a verdict leaves unsaid where the growth rate is so small that no arm would show it; nothing where it is not."""
+    growth, _ = loop.growth
+    if loop.verdict not in ("stable", "unstable"):
+        return ""
+    if abs(growth) * period < MARGINAL:
+        return "practically marginal"
+    if loop.verdict == "stable" and np.log(50) / -growth > SLOW * period:
+        return f"but it takes {format_duration(np.log(50) / -growth)} to settle"
+    return ""
 
 
 def format_duration(seconds: float) -> str:

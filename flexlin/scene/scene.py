@@ -4,6 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from flexlin.scene.accuracy import Accuracy
 from flexlin.scene.base import NotEndless, Table, Text
 from flexlin.scene.control import Control, DesignTable
 from flexlin.scene.effects import AnyEffects
@@ -58,3 +59,4 @@ class Scene(Table):
     motion: AnyMotion
     control: Control = Control()
     designs: Annotated[tuple[DesignTable, ...], NotEndless] = ()
+    accuracy: Accuracy = Accuracy()

@@ -1,5 +1,7 @@
 """A simulation of the closed loop, nonlinear and linear side by side."""
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -114,13 +116,22 @@ def simulate(
 
 def output_times(lin: Linearization, periods: float, points_per_period: int) -> Array:
     """Equally spaced times of the whole simulation, once their number has been found reasonable."""
+    steps = check_duration(lin, periods, points_per_period)
+    return np.linspace(0.0, periods * lin.period, steps + 1)
+
+
+def check_duration(lin: Linearization, periods: float, points_per_period: int = 128) -> int:
+    """Refuse a simulation whose result would not fit, before it begins; the number of its steps.
+
+    Raises: ArgumentError for a duration that is not positive; TooLarge with the figure.
+    """
     whole("points_per_period", points_per_period)
-    steps = int(np.ceil(periods * points_per_period))
+    steps = math.ceil(positive("periods", periods) * points_per_period)
     numbers = 8 * lin.n + 2 * lin.about.m + 16
     check_size(
         f"a simulation of {periods:g} periods", 8 * numbers * (steps + 1), "simulate fewer periods or fewer points"
     )
-    return np.linspace(0.0, periods * lin.period, steps + 1)
+    return steps
 
 
 def energy_error(lin: Linearization, t: Array, states: Array, work: Array) -> float:

@@ -9,8 +9,10 @@ from flexlin.report.record import record
 
 
 def test_the_elastic_motion_is_judged_beside_the_rigid_one():
-    scene = fl.load_scene("single-link", {"links.0.modes": 1, "designs": [], "control.about": "elastic"})
-    found = analyse(scene, tol=1e-6)
+    scene = fl.load_scene(
+        "single-link", {"links.0.modes": 1, "designs": [], "control.about": "elastic", "accuracy.tol": 1e-6}
+    )
+    found = analyse(scene)
     assert [loop.kind for loop in found.loops] == ["open", "pd", "elastic"]
     assert found.elastic.verdict == found.own.verdict == "stable"
     assert found.elastic.growth[0] == pytest.approx(found.own.growth[0], rel=0.3)

@@ -15,7 +15,7 @@ from flexlin.scene.scene import Scene
 Progress = Callable[[str], None]
 
 
-def audit(scene: Scene, tolerance: float = 0.01, progress: Progress | None = None) -> Audit:
+def audit(scene: Scene, tolerance: float = 0.01, progress: Progress | None = None, tol: float = 1e-4) -> Audit:
     """Switch each effect on or off in turn, change each link's modes by one, and compare.
 
         significance = max(|change of margin| / larger margin, relative change of frequencies, |change of tip error| / reach)
@@ -52,27 +52,27 @@ def audit(scene: Scene, tolerance: float = 0.01, progress: Progress | None = Non
     >>> found.needed
     ('payload',)
     """
-    tolerance = positive("tolerance", tolerance)
+    tolerance, tol = positive("tolerance", tolerance), positive("tol", tol)
     if scene.model is not None:
         raise ArgumentError(
             "a registered model has no effects to switch", got=scene.model, expected="a scene with links"
         )
     report = progress or (lambda text: None)
     report("the scene as it is")
-    base, scale, reach = measure(scene), read_scale(scene), sum(link.length for link in scene.links) or 1.0
+    base, scale, reach = measure(scene, tol), read_scale(scene), sum(link.length for link in scene.links) or 1.0
     rows = []
     for version in (*list_effect_versions(scene, scale), *list_mode_versions(scene)):
         report(version.change)
-        rows.append(_compare(version, base, reach, tolerance))
+        rows.append(_compare(version, base, reach, tolerance, tol))
     rows.sort(key=lambda row: -row.significance if np.isfinite(row.significance) else -np.inf)
     effects, modes = (tuple(row for row in rows if row.kind == kind) for kind in ("effect", "modes"))
     return Audit(base, effects, modes, tolerance)
 
 
-def _compare(version: Version, base: Measure, reach: float, tolerance: float) -> Row:
+def _compare(version: Version, base: Measure, reach: float, tolerance: float, tol: float) -> Row:
     head = (version.change, version.kind, version.subject, version.on, version.table)
     try:
-        other = measure(version.scene)
+        other = measure(version.scene, tol)
     except FlexlinError as error:
         nan = float("nan")
         return Row(*head, nan, nan, nan, 0, nan, 0, "unknown", nan, "see the problem", str(error), version.units)

@@ -16,8 +16,8 @@ from flexlin.simulation import tip_positions
 from flexlin.summary import represent
 
 PHASES, POINTS, REPEATS = 9, 257, 3
-TOLERANCE, SEGMENTS = 1e-4, 4000
-"""Of the margin, in 1/s: below any change that an audit calls a change; a version that needs more segments is not judged."""
+SEGMENTS = 4000
+"""A version that needs more segments than these for its margin is not judged."""
 HARMONICS = (24, 48)
 """Of the periodic response; the difference between the two must be below RESPONSE of it."""
 RESPONSE = 0.01
@@ -70,13 +70,15 @@ class Measure:
     __repr__ = represent
 
 
-def measure(scene: Scene) -> Measure:
+def measure(scene: Scene, tol: float = 1e-4) -> Measure:
     """Build, linearize and judge a scene's own loop.
 
     Parameters
     ----------
     scene : Scene
         The scene.
+    tol : float
+        Wanted error of the margin, in 1/s.
 
     Returns
     -------
@@ -98,7 +100,7 @@ def measure(scene: Scene) -> Measure:
     """
     lin = linearize(build_manipulator(scene), scene.motion, scene.control)
     problems: list[str] = []
-    margin, error, verdict = _judge_margin(lin, problems)
+    margin, error, verdict = _judge_margin(lin, tol, problems)
     return Measure(
         margin,
         error,
@@ -112,9 +114,9 @@ def measure(scene: Scene) -> Measure:
     )
 
 
-def _judge_margin(lin: Linearization, problems: list[str]) -> tuple[float, float, str]:
+def _judge_margin(lin: Linearization, tol: float, problems: list[str]) -> tuple[float, float, str]:
     try:
-        result = floquet(lin.periodic_system(), TOLERANCE, max_segments=SEGMENTS)
+        result = floquet(lin.periodic_system(), tol, max_segments=SEGMENTS)
     except FlexlinError as error:
         problems.append(f"stability: {error}")
         return float("nan"), float("nan"), "unknown"

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Optional
 import casadi as ca
 
 from flexlin.mechanics.body import Body, Moments, RigidMass
+from flexlin.mechanics.effects.narrow import Features, Moving
 from flexlin.mechanics.effects.scale import Scale
 from flexlin.mechanics.frames import Frame
 from flexlin.scene.effects import EffectTable
@@ -60,6 +61,8 @@ class Effect(EffectTable):
     0.0
     """
 
+    smooth: ClassVar[bool] = False
+    """Whether what the effect adds is as smooth in time as the motion is (sines and polynomials of it), or `features` says where not."""
     input_unit: ClassVar[str | None] = None
     """The unit of the manipulator's inputs, where the effect changes it."""
 
@@ -262,6 +265,10 @@ class Effect(EffectTable):
             The forces, in N m or N.
         """
         return ca.SX.zeros(len(chain.joints))
+
+    def features(self, motion: Moving) -> Features:
+        """Where the linear equations change fast in time because of the effect: pairs (time, half-width) in s."""
+        return ()
 
     def input_gain(self, joint: int) -> Any:
         """Return the force of a joint's motor for one unit of the input.

@@ -47,8 +47,9 @@ def draw_plane(a: Analysis) -> Panel:
 
 def find_smallest_rate(loops: list[Loop]) -> float:
     """The power of ten below the smallest growth rate that is not just noise."""
-    rates = np.abs(np.concatenate([loop.floquet.exponents.real for loop in loops if loop.floquet is not None]))
-    clear = rates[rates > 1e-6 * max(1e-3, float(rates.max()))]
+    known = [loop.floquet.exponents.real for loop in loops if loop.floquet is not None]
+    rates = np.abs(np.concatenate([np.empty(0), *known]))
+    clear = rates[rates > 1e-6 * max(1e-3, float(rates.max(initial=0.0)))]
     return float(10 ** np.floor(np.log10(clear.min()))) if clear.size else 1.0
 
 

@@ -40,9 +40,7 @@ def scale_radius(log10: Array) -> Array:
 
 def write_footer(loop: Loop) -> str:
     """The verdict with the largest modulus, or that there is none."""
-    return (
-        "no controller" if loop.floquet is None else f"{loop.verdict}, largest |µ| = {format_largest_multiplier(loop)}"
-    )
+    return "no answer" if loop.floquet is None else f"{loop.verdict}, largest |µ| = {format_largest_multiplier(loop)}"
 
 
 def draw_circle(loop: Loop) -> Panel:
