@@ -1,0 +1,166 @@
+"""Collocation on windows of time whose steps follow the motion: the integrator of the closed loop."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlin.checks import Array, check_size
+from flexlin.errors import NumericalError
+from flexlin.simulation.equations import Equations
+from flexlin.simulation.stepping import stopped
+from flexlin.simulation.sweeps import Solved, Start, solve_window
+from flexlin.simulation.window import Grid, Path, between
+
+LARGEST_WINDOW = 32
+"""Steps of a window at the most; the number is a power of two, because each number needs a mapped function of its own."""
+WINDOW_BYTES = 2**24
+"""The stage matrices of a window take at most this many bytes."""
+FIRST_STEPS = 256
+"""Steps that a period would take at the length that is tried first."""
+AFTER_BREAK = 4
+"""Steps of the first window behind a start or a break, where fast modes ring."""
+ESTIMATE = 10.0
+"""The local estimate is of the order of the motion between the edges; it may be this many times the tolerance."""
+ABSOLUTE = 1e-2
+"""States below this (rad, m and their rates) are resolved to this times the tolerance."""
+MOST_STEPS = 200_000
+"""Steps, refused ones counted, after which a simulation is given up."""
+SHORTEST = 1e-13
+"""A step this short against the whole time is no step any more."""
+SAFETY = 0.9
+"""The next step is this much shorter than the estimate would have it."""
+GROWTH = (0.1, 4.0)
+"""By how much the next step may be shorter or longer."""
+INSIDE = 1e-13
+"""A break of the motion is looked at from so far before it, relative to the period."""
+
+Accept = Callable[[Array, Array], None]
+"""Looks at times (N,) and the states (N, 2n) that were reached there, and raises if they must not be."""
+
+
+@dataclass
+class Progress:
+    """Where an integration stands.
+
+    t, x, work: what was reached; before: the acceleration there, None behind a break; largest: of each state so far; h, count: the
+    step and how many of them come next; begin: how the sweeps begin, since deviations of size `far`.
+    """
+
+    t: float
+    x: Array
+    work: float
+    largest: Array
+    h: float
+    count: int = AFTER_BREAK
+    before: Array | None = None
+    begin: Start = Start.RIGID
+    far: float = 0.0
+    steps: int = 0
+
+
+class Collocation:
+    """Radau IIA collocation with s stages: L-stable, so modes that no step follows are damped, and of order 2 s - 1 at the edges.
+
+    Steps are solved many at a time (`sweeps`) and kept as far as their local error allows.
+    Source: Hairer, Wanner, Solving ODEs II, IV.8.
+    """
+
+    def __init__(self, equations: Equations, period: float, stages: int, tol: float, accept: Accept | None = None):
+        self._equations, self._period, self._stages, self._tol = equations, period, stages, tol
+        self._accept = accept or (lambda t, x: None)
+
+    def integrate(self, t: Array, start: Array, marks: Array) -> Array:
+        """States and work (N, 2n + 1) at times t; marks (K,), from the first to the last time, are edges of steps.
+
+        Raises: NumericalError where no step is short enough or too many are needed; TooLarge when one step's matrices would not fit.
+        """
+        n = len(start) // 2
+        size = 8 * (self._stages * n) ** 2
+        check_size("a simulation step", 4 * size, "use fewer elastic coordinates")
+        most = 2 ** int(np.log2(np.clip(WINDOW_BYTES // size, 1, LARGEST_WINDOW)))
+        out, done = np.empty((len(t), 2 * n + 1)), 1
+        out[0] = np.append(start, 0.0)
+        at = Progress(float(t[0]), start, 0.0, np.abs(start), self._period / FIRST_STEPS)
+        for mark in marks[1:]:
+            at.before, at.count = None, min(AFTER_BREAK, most)
+            while at.t < mark:
+                window = self._advance(at, float(mark), float(t[-1] - t[0]), most)
+                if window is None:
+                    continue
+                grid, path, power = window
+                stop = int(np.searchsorted(t, at.t, side="right"))
+                states, work = between(grid, path, power, t[done:stop])
+                out[done:stop] = np.column_stack([states, at.work + work])
+                at.work += grid.h * float((power @ grid.rule.b).sum())
+                done = stop
+        return out
+
+    def _advance(self, at: Progress, mark: float, whole: float, most: int) -> tuple[Grid, Path, Array] | None:
+        """Try a window: the steps of it that hold, and `at` moved to their end; None where none does, and `at` has shorter steps."""
+        grid = next_grid(at, mark, self._stages)
+        at.steps += grid.count
+        if grid.h < SHORTEST * whole:
+            raise stopped(at.t, "no step is short enough: the motion leaves all bounds, or a mass matrix is singular")
+        if at.steps > MOST_STEPS:
+            raise stopped(at.t, f"{MOST_STEPS} steps were not enough")
+        scale = np.maximum(at.largest, ABSOLUTE)
+        solved = self._solve(at, grid, scale)
+        if solved is None:
+            at.h, at.count = grid.h / 4, max(1, grid.count // 4)
+            return None
+        estimate = np.abs(solved.window.local_errors(solved.path, self._acceleration(at)) / scale).max(axis=1)
+        good = adapt(at, grid, estimate / (ESTIMATE * self._tol), most)
+        if not good:
+            return None
+        part, path = Grid(grid.begin, grid.h, good, grid.stages), solved.path.first(good)
+        self._accept(part.edges[1:], path.x[1:])
+        end = float(part.edges[-1])
+        at.t = mark if mark - end < 1e-3 * grid.h else end
+        at.x, at.before = path.x[-1], path.w[-1, -1]
+        at.largest = np.maximum(at.largest, np.abs(path.x).max(axis=0))
+        return part, path, solved.power[:good]
+
+    def _solve(self, at: Progress, grid: Grid, scale: Array) -> Solved | None:
+        """The motion on the grid, by the cheapest start of the sweeps that leads to it."""
+        size = float(np.abs(at.x[: len(at.x) // 2]).max())
+        if size < 0.5 * at.far:
+            at.begin = Start.RIGID
+        for begin in list(Start)[at.begin :]:
+            solved = solve_window(self._equations, grid, at.x, scale, self._tol, begin, INSIDE * self._period)
+            if solved is not None:
+                if begin > at.begin:
+                    at.begin, at.far = begin, size
+                return solved
+        return None
+
+    def _acceleration(self, at: Progress) -> Array:
+        """The acceleration (n,) from which the window starts."""
+        if at.before is None:
+            n = len(at.x) // 2
+            places = self._equations.places(np.array([at.t + INSIDE * self._period]))
+            y, v, w = at.x[None, :n], at.x[None, n:], np.zeros((1, n))
+            F = self._equations.residual(places, y, v, w)[0][0]
+            slopes = self._equations.slopes(places, y, v, w) or places.linear
+            at.before = -np.linalg.solve(slopes[0][0], F)
+        return at.before
+
+
+def next_grid(at: Progress, mark: float, stages: int) -> Grid:
+    """The steps to try next: as long as wanted, or as many equal ones as lead to the mark."""
+    wanted = max(1.0, (mark - at.t) / at.h)
+    if wanted > at.count:
+        return Grid(at.t, at.h, at.count, stages)
+    return Grid(at.t, (mark - at.t) / (count := 2 ** int(np.ceil(np.log2(wanted) - 1e-9))), count, stages)
+
+
+def adapt(at: Progress, grid: Grid, ratio: Array, most: int) -> int:
+    """How many of the steps hold, from their error against the allowed one; sets the length and the number of the next ones."""
+    refused = ~(ratio <= 1)
+    good = int(np.argmax(refused)) if refused.any() else grid.count
+    worst = ratio[good] if good < grid.count else ratio[grid.count // 2 :].max()
+    factor = SAFETY * max(float(worst), 1e-10) ** (-1 / (grid.stages + 1)) if np.isfinite(worst) else GROWTH[0]
+    at.h = grid.h * float(np.clip(factor, *GROWTH))
+    at.count = max(AFTER_BREAK // 2, grid.count // 2) if good < grid.count else min(most, 2 * grid.count)
+    at.count = min(at.count, most)
+    return good
