@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array, check_size
-from flexlin.errors import NumericalError
 from flexlin.simulation.equations import Equations
 from flexlin.simulation.stepping import stopped
 from flexlin.simulation.sweeps import Solved, Start, solve_window
@@ -35,8 +34,8 @@ GROWTH = (0.1, 4.0)
 INSIDE = 1e-13
 """A break of the motion is looked at from so far before it, relative to the period."""
 
-Accept = Callable[[Array, Array], None]
-"""Looks at times (N,) and the states (N, 2n) that were reached there, and raises if they must not be."""
+Accept = Callable[[Array, Array, Array], None]
+"""Looks at times (N,) and states (N, 2n) that were reached, and the torque (.., m) at the stages before; raises if they must not be."""
 
 
 @dataclass
@@ -68,7 +67,7 @@ class Collocation:
 
     def __init__(self, equations: Equations, period: float, stages: int, tol: float, accept: Accept | None = None):
         self._equations, self._period, self._stages, self._tol = equations, period, stages, tol
-        self._accept = accept or (lambda t, x: None)
+        self._accept = accept or (lambda t, x, torque: None)
 
     def integrate(self, t: Array, start: Array, marks: Array) -> Array:
         """States and work (N, 2n + 1) at times t; marks (K,), from the first to the last time, are edges of steps.
@@ -114,7 +113,7 @@ class Collocation:
         if not good:
             return None
         part, path = Grid(grid.begin, grid.h, good, grid.stages), solved.path.first(good)
-        self._accept(part.edges[1:], path.x[1:])
+        self._accept(part.edges[1:], path.x[1:], solved.torque[:good])
         end = float(part.edges[-1])
         at.t = mark if mark - end < 1e-3 * grid.h else end
         at.x, at.before = path.x[-1], path.w[-1, -1]

@@ -28,6 +28,10 @@ class Places:
     linear: Matrices
     force: Array
 
+    def torque(self, y: Array, v: Array) -> Array:
+        """What the law commands, (N, m)."""
+        return self.offset - np.einsum("tij,tj->ti", self.gain, np.concatenate([y, v], axis=1))
+
 
 class Equations(Protocol):
     """Equations F(t, y, y', y'') = 0 at many times, as the collocation asks for them."""
@@ -52,10 +56,17 @@ class LinearEquations:
         """The coefficients and the law; a law lasts for a period, and after a one-way motion stays as it is at the end."""
         lin, n = self.lin, self.lin.n
         now = t % lin.period if lin.motion.periodic else np.minimum(t, lin.period)
-        c, gain, offset = lin.sample(t), self.law.gain(now), self.law.offset(now)
-        added = c.B @ (gain - self._own.gain(now))
-        force = c.h + np.einsum("tij,tj->ti", c.B, offset - self._own.offset(now))
+        c, gain, own = lin.sample(t), self.law.gain(now), self._own.gain(now)
+        added = c.B @ (gain - own)
+        offset = self._forward(self.law, now, c.tau) + np.einsum("tij,tj->ti", gain, self.law.reference(now))
+        taken = self._forward(self._own, now, c.tau) + np.einsum("tij,tj->ti", own, self._own.reference(now))
+        force = c.h + np.einsum("tij,tj->ti", c.B, offset - taken)
         return Places(t, gain, offset, (c.M, c.D + added[:, :, n:], c.K + added[:, :, :n]), force)
+
+    def _forward(self, law: Law, t: Array, tau: Array) -> Array:
+        """The law's forward part (N, m); that of the rigid motion is known already where the motion is periodic."""
+        known = self.lin.motion.periodic and law.forward == self.lin.feedforward
+        return tau if known else law.forward(t)
 
     def residual(self, at: Places, y: Array, v: Array, w: Array) -> tuple[Array, Array]:
         """M w + D v + K y - h."""
@@ -79,19 +90,15 @@ class NonlinearEquations(LinearEquations):
     def _slopes(self) -> ca.Function:
         return loop_slopes(self.lin.about)
 
-    def torque(self, at: Places, y: Array, v: Array) -> Array:
-        """What the law commands, (N, m)."""
-        return at.offset - np.einsum("tij,tj->ti", at.gain, np.concatenate([y, v], axis=1))
-
     def residual(self, at: Places, y: Array, v: Array, w: Array) -> tuple[Array, Array]:
         """M s'' + C s' + g + d - B torque in the coordinates kept."""
-        F, power = self.lin.about.evaluate(self._residual, at.t, y, v, w, self.torque(at, y, v))
+        F, power = self.lin.about.evaluate(self._residual, at.t, y, v, w, at.torque(y, v))
         return F[:, :, 0], power[:, 0, 0]
 
     def slopes(self, at: Places, y: Array, v: Array, w: Array) -> Matrices | None:
         """Exact derivatives, the gain's part included."""
         n = self.lin.n
-        M, D, K, B = self.lin.about.evaluate(self._slopes, at.t, y, v, w, self.torque(at, y, v))
+        M, D, K, B = self.lin.about.evaluate(self._slopes, at.t, y, v, w, at.torque(y, v))
         added = B @ at.gain
         return M, D + added[:, :, n:], K + added[:, :, :n]
 

@@ -1,6 +1,6 @@
 """The nonlinear equations of motion under a control law, integrated."""
 
-from functools import partial
+from functools import cached_property, partial
 
 import casadi as ca
 import numpy as np
@@ -13,14 +13,24 @@ from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.errors import NumericalError
+from flexlin.simulation.collocation import Collocation
 from flexlin.simulation.drive import Drive
-from flexlin.simulation.stepping import TrialLeftRange, march
+from flexlin.simulation.equations import NonlinearEquations
+from flexlin.simulation.prediction import ROUNDING, with_breaks
+from flexlin.simulation.stepping import TrialLeftRange, march, stopped
 from flexlin.simulation.table import LawTable
 
 FARTHEST = 100.0
 """A deviation from the rigid motion, in rad or m, at which a simulation is given up as diverging."""
 MOST_CALLS = 1_000_000
 """Evaluations of the equations after which a simulation is given up."""
+
+CLOSE = 0.999
+"""A torque nearer to its limit than this, at any stage of the collocation, is integrated as one that is cut."""
+
+
+class TorqueCut(Exception):
+    """The drive does not give the torque that the law commands."""
 
 
 class NonlinearLoop:
@@ -30,6 +40,7 @@ class NonlinearLoop:
     """
 
     def __init__(self, lin: Linearization, law: Law, drive: Drive | None = None):
+        self.lin, self._law = lin, law
         self.about, self.law, self.drive, self.n = lin.about, LawTable(law, lin), drive or Drive(), lin.n
         self._kept = list(lin.kept)
         self._equations = symbolic.Pointwise(deviation_equations(lin.about))
@@ -62,8 +73,10 @@ class NonlinearLoop:
         if not deviation < FARTHEST:
             raise self._lost(f"a deviation of {deviation:.3g} rad or m", t)
 
-    def integrate(self, t: Array, start: Array, rtol: float) -> Array:
+    def integrate(self, t: Array, start: Array, rtol: float, stages: int = 5) -> Array:
         """States [y; y'; work] (N, 2n + 1) at the times t.
+
+        By collocation with `stages` stages as long as the drive gives what is commanded; step by step where it holds or cuts the torque.
 
         Raises: NumericalError when the loop diverges, or when the integrator cannot go on.
         """
@@ -71,6 +84,40 @@ class NonlinearLoop:
         self.accept(t[0], z)
         if self.drive.sample_time is not None:
             return self._held(t, z, rtol)
+        try:
+            return self._collocated(t, start, rtol, stages)
+        except TorqueCut:
+            return self._step_by_step(t, z, rtol)
+
+    @cached_property
+    def _collocation(self) -> NonlinearEquations:
+        return NonlinearEquations(self.lin, self._law)
+
+    def _collocated(self, t: Array, start: Array, rtol: float, stages: int) -> Array:
+        """The smooth loop. Raises: TorqueCut where the drive does not give the torque that is commanded."""
+        marks, limit = with_breaks(t[[0, -1]], self.lin), self.drive.limit
+
+        def accept(t: Array, x: Array, torque: Array) -> None:
+            for now, state in zip(t, x, strict=True):
+                self.accept(now, state)
+            if limit is not None and np.any(np.abs(torque) > CLOSE * np.array(limit)):
+                raise TorqueCut
+            self._check_mass(t, x)
+
+        integrator = Collocation(self._collocation, self.lin.period, stages, max(rtol, ROUNDING), accept)
+        return integrator.integrate(t, start, marks)
+
+    def _check_mass(self, t: Array, x: Array) -> None:
+        """Raises: NumericalError, naming the time, where the mass matrix of a state that was reached is not positive definite."""
+        kept = self._kept
+        M = self.about.of_arm("M", t, x[:, : self.n])[:, kept][:, :, kept]
+        positive = np.linalg.eigvalsh(M)[:, 0] > 0
+        if not positive.all():
+            first = float(t[np.argmin(positive)])
+            raise stopped(first, "the mass matrix is not positive definite beside the state that was reached")
+
+    def _step_by_step(self, t: Array, z: Array, rtol: float) -> Array:
+        """The loop whose torque is cut: a rate with corners is no matter for collocation on long steps."""
 
         def follow(now: float, z: Array) -> Array:
             return self.rate(now, z, self.command(now, z[:-1]))

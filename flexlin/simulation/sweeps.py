@@ -23,11 +23,12 @@ STALLED = 0.1
 
 @dataclass(frozen=True)
 class Solved:
-    """A window's motion, the power (K, s) at its stages, and the matrices it was found with."""
+    """A window's motion, the power (K, s) and the torque (K, s, m) at its stages, and the matrices."""
 
     window: Window
     path: Path
     power: Array
+    torque: Array
 
 
 class Start(IntEnum):
@@ -55,8 +56,8 @@ def solve_window(
     path, last, fresh = grid.rest(start[:n] if begin is Start.REST else np.zeros(n)), np.inf, False
     window = None if begin is Start.REST else Window(grid, *at.linear)
     for sweep in range(SWEEPS):
-        stages = [part.reshape(-1, n) for part in (path.y, path.v, path.w)]
-        F, power = equations.residual(at, *stages)
+        stages = path.stages
+        F = -at.force if sweep == 0 and window is not None else equations.residual(at, *stages)[0]
         if not np.isfinite(F).all():
             return None
         if window is None or (sweep == 1 and begin is not Start.RIGID) or fresh:
@@ -66,9 +67,17 @@ def solve_window(
         left = change / last if sweep else np.inf
         if not path.finite or (sweep > 1 and left > GROWN and change > STALLED * tol):
             return None
-        if change <= SHARE * tol or (left < SLOW and change * left / (1 - left) <= SHARE * tol) or (left >= SLOW and change <= STALLED * tol):
-            power = equations.residual(at, *(part.reshape(-1, n) for part in (path.y, path.v, path.w)))[1]
-            return Solved(window, path, power.reshape(grid.count, -1))
+        if settled(change, left, tol):
+            power = equations.residual(at, *path.stages)[1]
+            torque = at.torque(path.stages[0], path.stages[1]).reshape(grid.count, grid.stages, -1)
+            return Solved(window, path, power.reshape(grid.count, -1), torque)
         fresh = sweep > 0 and left >= SLOW
         last = change
     return None
+
+
+def settled(change: float, left: float, tol: float) -> bool:
+    """Whether what the sweeps still leave over does not count; `left` is the share of the last change that a sweep leaves."""
+    if left >= SLOW:
+        return change <= (STALLED if np.isfinite(left) else SHARE) * tol
+    return change * left / (1 - left) <= SHARE * tol

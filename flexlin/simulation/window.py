@@ -24,6 +24,12 @@ class Path:
         """Whether every number is one."""
         return bool(np.isfinite(self.x).all() and np.isfinite(self.w).all())
 
+    @property
+    def stages(self) -> tuple[Array, Array, Array]:
+        """y, y', y'' (K s, n) of all stages."""
+        n = self.w.shape[-1]
+        return self.y.reshape(-1, n), self.v.reshape(-1, n), self.w.reshape(-1, n)
+
     def first(self, count: int) -> "Path":
         """The first steps of it."""
         return Path(self.x[: count + 1], self.y[:count], self.v[:count], self.w[:count])
