@@ -17,8 +17,10 @@ WINDOW_BYTES = 2**24
 """The stage matrices of a window take at most this many bytes."""
 FIRST_STEPS = 256
 """Steps that a period would take at the length that is tried first."""
-AFTER_BREAK = 4
-"""Steps of the first window behind a start or a break, where fast modes ring."""
+FEW = 4
+"""Steps of the first window behind a start or a break, where fast modes ring; windows as short try sturdier sweeps."""
+MANY_SWEEPS = 6
+"""Sweeps after which windows grow no further, and begin from better slopes."""
 ESTIMATE = 10.0
 """The local estimate is of the order of the motion between the edges; it may be this many times the tolerance."""
 ABSOLUTE = 1e-2
@@ -29,7 +31,7 @@ SHORTEST = 1e-13
 """A step this short against the whole time is no step any more."""
 SAFETY = 0.9
 """The next step is this much shorter than the estimate would have it."""
-GROWTH = (0.1, 4.0)
+GROWTH = (0.02, 4.0)
 """By how much the next step may be shorter or longer."""
 INSIDE = 1e-13
 """A break of the motion is looked at from so far before it, relative to the period."""
@@ -51,7 +53,7 @@ class Progress:
     work: float
     largest: Array
     h: float
-    count: int = AFTER_BREAK
+    count: int = FEW
     before: Array | None = None
     begin: Start = Start.RIGID
     far: float = 0.0
@@ -82,7 +84,7 @@ class Collocation:
         out[0] = np.append(start, 0.0)
         at = Progress(float(t[0]), start, 0.0, np.abs(start), self._period / FIRST_STEPS)
         for mark in marks[1:]:
-            at.before, at.count = None, min(AFTER_BREAK, most)
+            at.before, at.count = None, min(FEW, most)
             while at.t < mark:
                 window = self._advance(at, float(mark), float(t[-1] - t[0]), most)
                 if window is None:
@@ -106,10 +108,10 @@ class Collocation:
         scale = np.maximum(at.largest, ABSOLUTE)
         solved = self._solve(at, grid, scale)
         if solved is None:
-            at.h, at.count = grid.h / 4, max(1, grid.count // 4)
+            at.h, at.count = (grid.h, grid.count // 4) if grid.count > FEW else (grid.h / 4, grid.count)
             return None
         estimate = np.abs(solved.window.local_errors(solved.path, self._acceleration(at)) / scale).max(axis=1)
-        good = adapt(at, grid, estimate / (ESTIMATE * self._tol), most)
+        good = adapt(at, grid, estimate / (ESTIMATE * self._tol), most if solved.sweeps <= MANY_SWEEPS else grid.count)
         if not good:
             return None
         part, path = Grid(grid.begin, grid.h, good, grid.stages), solved.path.first(good)
@@ -125,12 +127,15 @@ class Collocation:
         size = float(np.abs(at.x[: len(at.x) // 2]).max())
         if size < 0.5 * at.far:
             at.begin = Start.RIGID
+        inside, before = INSIDE * self._period, self._acceleration(at)
         for begin in list(Start)[at.begin :]:
-            solved = solve_window(self._equations, grid, at.x, scale, self._tol, begin, INSIDE * self._period)
+            solved = solve_window(self._equations, grid, at.x, before, scale, self._tol, begin, inside)
             if solved is not None:
-                if begin > at.begin:
-                    at.begin, at.far = begin, size
+                if begin > at.begin or (begin is Start.RIGID and solved.sweeps > MANY_SWEEPS):
+                    at.begin, at.far = max(begin, Start.SHIFTED), size
                 return solved
+            if grid.count > FEW:
+                return None
         return None
 
     def _acceleration(self, at: Progress) -> Array:
@@ -160,6 +165,5 @@ def adapt(at: Progress, grid: Grid, ratio: Array, most: int) -> int:
     worst = ratio[good] if good < grid.count else ratio[grid.count // 2 :].max()
     factor = SAFETY * max(float(worst), 1e-10) ** (-1 / (grid.stages + 1)) if np.isfinite(worst) else GROWTH[0]
     at.h = grid.h * float(np.clip(factor, *GROWTH))
-    at.count = max(AFTER_BREAK // 2, grid.count // 2) if good < grid.count else min(most, 2 * grid.count)
-    at.count = min(at.count, most)
+    at.count = min(most, max(FEW // 2, grid.count // 2) if good < grid.count else 2 * grid.count)
     return good

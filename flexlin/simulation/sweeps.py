@@ -6,15 +6,13 @@ from enum import IntEnum
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.simulation.equations import Equations
+from flexlin.simulation.equations import Equations, Matrices, Places
 from flexlin.simulation.window import Grid, Path, Window
 
-SWEEPS = 12
+SWEEPS = 14
 """Sweeps after which a window is given up, and made shorter."""
-SLOW = 0.3
-"""A sweep that leaves more of the last one's change than this calls for the slopes of where it is."""
-GROWN = 2.0
-"""A sweep that enlarges the change so much leads nowhere."""
+SLOW = 0.5
+"""A sweep must not leave more of the last one's change than this."""
 SHARE = 0.02
 """The share of the tolerance that the sweeps may leave over."""
 STALLED = 0.1
@@ -23,57 +21,68 @@ STALLED = 0.1
 
 @dataclass(frozen=True)
 class Solved:
-    """A window's motion, the power (K, s) and the torque (K, s, m) at its stages, and the matrices."""
+    """A window's motion, the power (K, s) and the torque (K, s, m) at its stages, the matrices, and how many sweeps it took."""
 
     window: Window
     path: Path
     power: Array
     torque: Array
+    sweeps: int
 
 
 class Start(IntEnum):
-    """Where the sweeps of a window begin, from cheap to sturdy."""
+    """Where the sweeps of a window begin and with which slopes, from cheap to sturdy."""
 
     RIGID = 0
-    """On the rigid motion, with its slopes: the first sweep is the linear answer, each further one gains a factor of the deviation's size."""
-    LINEAR = 1
-    """The same, but exact slopes from the linear answer on."""
-    REST = 2
-    """At rest in the state reached, with exact slopes: for deviations that the linear answer does not meet."""
+    """On the rigid motion, with its slopes: the first sweep is the linear answer, others gain a factor of the deviation's size."""
+    SHIFTED = 1
+    """At rest in the state reached; the slopes of the rigid motion, all shifted by what they differ in that state."""
+    NEWTON = 2
+    """The same with exact slopes, new in each sweep."""
 
 
 def solve_window(
-    equations: Equations, grid: Grid, start: Array, scale: Array, tol: float, begin: Start, inside: float
+    equations: Equations, grid: Grid, start: Array, before: Array, scale: Array, tol: float, begin: Start, inside: float
 ) -> Solved | None:
-    """The motion on a grid from a state `start` (2n,), or None where the sweeps do not settle.
+    """The motion on a grid from a state `start` (2n,) with acceleration `before` (n,), or None where the sweeps do not settle.
 
-    Slopes are kept as long as the sweeps converge with them. scale: (2n,) what tol is relative to; inside: how far before a step's end
-    its last stage is taken, since a break of the motion may be there.
+    scale: (2n,) what tol is relative to; inside: how far before a step's end its last stage is taken, since a break may be there.
     """
-    n = len(start) // 2
+    n = len(before)
     times = np.minimum(grid.times.reshape(grid.count, -1), grid.edges[1:, None] - inside).ravel()
     at = equations.places(times)
-    path, last, fresh = grid.rest(start[:n] if begin is Start.REST else np.zeros(n)), np.inf, False
-    window = None if begin is Start.REST else Window(grid, *at.linear)
+    rigid = begin is Start.RIGID
+    path, last = grid.rest(np.zeros(n) if rigid else start[:n]), np.inf
+    window = Window(grid, *(at.linear if rigid else shifted(equations, at, grid.begin + inside, start, before)))
     for sweep in range(SWEEPS):
-        stages = path.stages
-        F = -at.force if sweep == 0 and window is not None else equations.residual(at, *stages)[0]
+        F = -at.force if rigid and sweep == 0 else equations.residual(at, *path.stages)[0]
         if not np.isfinite(F).all():
             return None
-        if window is None or (sweep == 1 and begin is not Start.RIGID) or fresh:
-            window = Window(grid, *(equations.slopes(at, *stages) or at.linear))
+        if begin is Start.NEWTON:
+            window = Window(grid, *(equations.slopes(at, *path.stages) or at.linear))
         path, step = window.corrected(path, start, F)
         change = float(np.abs(step / scale).max())
-        left = change / last if sweep else np.inf
-        if not path.finite or (sweep > 1 and left > GROWN and change > STALLED * tol):
+        left = change / last if last > 0 else 0.0
+        if not path.finite:
             return None
-        if settled(change, left, tol):
-            power = equations.residual(at, *path.stages)[1]
+        if settled(change, left if sweep else np.inf, tol):
+            power = equations.residual(at, *path.stages)[1].reshape(grid.count, -1)
             torque = at.torque(path.stages[0], path.stages[1]).reshape(grid.count, grid.stages, -1)
-            return Solved(window, path, power.reshape(grid.count, -1), torque)
-        fresh = sweep > 0 and left >= SLOW
+            return Solved(window, path, power, torque, sweep + 1)
+        if sweep > 1 and left >= SLOW and begin is not Start.NEWTON:
+            return None
         last = change
     return None
+
+
+def shifted(equations: Equations, at: Places, t: float, start: Array, before: Array) -> Matrices:
+    """The slopes of the rigid motion at all stages, shifted by what those of one state differ from them."""
+    n, here = len(before), equations.places(np.array([t]))
+    exact = equations.slopes(here, start[None, :n], start[None, n:], before[None])
+    if exact is None:
+        return at.linear
+    M, D, K = (rigid + (there - one) for rigid, there, one in zip(at.linear, exact, here.linear, strict=True))
+    return M, D, K
 
 
 def settled(change: float, left: float, tol: float) -> bool:
