@@ -111,7 +111,7 @@ class Collocation:
             at.h, at.count = (grid.h, grid.count // 4) if grid.count > FEW else (grid.h / 4, grid.count)
             return None
         estimate = np.abs(solved.window.local_errors(solved.path, self._acceleration(at)) / scale).max(axis=1)
-        good = adapt(at, grid, estimate / (ESTIMATE * self._tol), most if solved.sweeps <= MANY_SWEEPS else grid.count)
+        good = adapt(at, grid, estimate / (ESTIMATE * self._tol), most)
         if not good:
             return None
         part, path = Grid(grid.begin, grid.h, good, grid.stages), solved.path.first(good)

@@ -11,8 +11,10 @@ from flexlin.simulation.window import Grid, Path, Window
 
 SWEEPS = 14
 """Sweeps after which a window is given up, and made shorter."""
-SLOW = 0.5
-"""A sweep must not leave more of the last one's change than this."""
+SLOW = 0.4
+"""A sweep that leaves more of the last one's change than this calls for exact slopes of where it is."""
+GROWN = 2.0
+"""A sweep that enlarges the change so much leads nowhere."""
 SHARE = 0.02
 """The share of the tolerance that the sweeps may leave over."""
 STALLED = 0.1
@@ -52,13 +54,13 @@ def solve_window(
     times = np.minimum(grid.times.reshape(grid.count, -1), grid.edges[1:, None] - inside).ravel()
     at = equations.places(times)
     rigid = begin is Start.RIGID
-    path, last = grid.rest(np.zeros(n) if rigid else start[:n]), np.inf
+    path, last, anew = grid.rest(np.zeros(n) if rigid else start[:n]), np.inf, begin is Start.NEWTON
     window = Window(grid, *(at.linear if rigid else shifted(equations, at, grid.begin + inside, start, before)))
     for sweep in range(SWEEPS):
         F = -at.force if rigid and sweep == 0 else equations.residual(at, *path.stages)[0]
         if not np.isfinite(F).all():
             return None
-        if begin is Start.NEWTON:
+        if anew:
             window = Window(grid, *(equations.slopes(at, *path.stages) or at.linear))
         path, step = window.corrected(path, start, F)
         change = float(np.abs(step / scale).max())
@@ -69,9 +71,9 @@ def solve_window(
             power = equations.residual(at, *path.stages)[1].reshape(grid.count, -1)
             torque = at.torque(path.stages[0], path.stages[1]).reshape(grid.count, grid.stages, -1)
             return Solved(window, path, power, torque, sweep + 1)
-        if sweep > 1 and left >= SLOW and begin is not Start.NEWTON:
+        if sweep > 1 and left > GROWN:
             return None
-        last = change
+        last, anew = change, begin is Start.NEWTON or (sweep > 0 and left >= SLOW)
     return None
 
 
