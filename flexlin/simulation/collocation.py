@@ -44,7 +44,8 @@ Accept = Callable[[Array, Array, Array], None]
 class Progress:
     """Where an integration stands.
 
-    t, x, work: what was reached; before: the acceleration there, None behind a break; largest: of each state so far; h, count: the
+    t, x, work: what was reached; before: the acceleration there, None behind a break; behind, first: whether
+    a break was just passed, and the step that held behind the last one; largest: of each state so far; h, count: the
     step and how many of them come next; begin: how the sweeps begin, since deviations of size `far`.
     """
 
@@ -55,6 +56,8 @@ class Progress:
     h: float
     count: int = FEW
     before: Array | None = None
+    behind: bool = True
+    first: float = np.inf
     begin: Start = Start.RIGID
     far: float = 0.0
     steps: int = 0
@@ -84,7 +87,7 @@ class Collocation:
         out[0] = np.append(start, 0.0)
         at = Progress(float(t[0]), start, 0.0, np.abs(start), self._period / FIRST_STEPS)
         for mark in marks[1:]:
-            at.before, at.count = None, min(FEW, most)
+            at.before, at.behind, at.count, at.h = None, True, min(FEW, most), min(at.h, 2 * at.first)
             while at.t < mark:
                 window = self._advance(at, float(mark), float(t[-1] - t[0]), most)
                 if window is None:
@@ -114,6 +117,8 @@ class Collocation:
         good = adapt(at, grid, estimate / (ESTIMATE * self._tol), most)
         if not good:
             return None
+        if at.behind:
+            at.first, at.behind = grid.h, False
         part, path = Grid(grid.begin, grid.h, good, grid.stages), solved.path.first(good)
         self._accept(part.edges[1:], path.x[1:], solved.torque[:good])
         end = float(part.edges[-1])
