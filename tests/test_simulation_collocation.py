@@ -80,7 +80,7 @@ def test_fixed_steps_converge_with_the_order_of_the_method(stages):
     def last(count):
         x, before = start, np.zeros(lin.n)
         for k in range(count):
-            grid = Grid(end * k / count, end / count, 1, stages)
+            grid = Grid(end * np.array([k, k + 1]) / count, stages)
             x = solve_window(equations, grid, x, before, np.ones(4), 1e-14, Start.NEWTON, 0.0).path.x[-1]
         return x
 
@@ -92,18 +92,18 @@ def test_fixed_steps_converge_with_the_order_of_the_method(stages):
 
 def test_windows_of_many_steps_equal_one_step_after_another():
     lin = closed()
-    equations, grid = NonlinearEquations(lin, lin.law), Grid(0.3, 0.004, 16, 4)
+    equations, grid = NonlinearEquations(lin, lin.law), Grid(0.3 + 0.06 * np.linspace(0, 1, 17) ** 1.3, 4)
     x, before = 0.01 * np.random.default_rng(3).standard_normal(6), np.zeros(3)
     whole = solve_window(equations, grid, x, before, np.ones(6), 1e-12, Start.RIGID, 0.0)
     for k in range(grid.count):
-        one = Grid(grid.edges[k], grid.h, 1, 4)
+        one = Grid(grid.edges[k : k + 2], 4)
         x = solve_window(equations, one, x, before, np.ones(6), 1e-12, Start.NEWTON, 0.0).path.x[-1]
         np.testing.assert_allclose(whole.path.x[k + 1], x, atol=1e-10)
 
 
 def test_a_constant_linear_system_follows_its_matrix_exponential_however_non_normal():
     rng = np.random.default_rng(11)
-    n, grid = 3, Grid(0.0, 0.05, 8, 5)
+    n, grid = 3, Grid(0.4 * np.linspace(0, 1, 9) ** 1.2, 5)
     R = rng.standard_normal((n, n))
     M = R @ R.T + n * np.eye(n)
     D, K = 5 * rng.standard_normal((n, n)), 20 * rng.standard_normal((n, n))
@@ -195,10 +195,10 @@ def test_motion_in_which_the_mass_vanishes_is_named():
 def test_linear_equations_need_one_sweep():
     lin = closed()
     start = np.random.default_rng(5).standard_normal(6)
-    grid = Grid(0.1, 0.01, 4, 4)
+    grid = Grid(np.linspace(0.1, 0.14, 5), 4)
     equations = LinearEquations(lin, lin.law)
     one = solve_window(equations, grid, start, np.zeros(3), np.ones(6), 1e-9, Start.RIGID, 0.0)
-    at = equations.places(grid.times)
+    at = equations.places(grid.times.ravel())
     F, _ = equations.residual(at, *one.path.stages)
     assert one.sweeps == 2
     assert np.abs(F).max() < 1e-9 * np.abs(at.linear[2]).max()

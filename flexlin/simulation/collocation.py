@@ -33,6 +33,8 @@ SAFETY = 0.9
 """The next step is this much shorter than the estimate would have it."""
 GROWTH = (0.02, 4.0)
 """By how much the next step may be shorter or longer."""
+LONGEST = 16.0
+"""How much longer the last step of a window may be than its first."""
 INSIDE = 1e-13
 """A break of the motion is looked at from so far before it, relative to the period."""
 
@@ -61,6 +63,13 @@ class Progress:
     begin: Start = Start.RIGID
     far: float = 0.0
     steps: int = 0
+    growth: float = 1.0
+
+    def shorten(self, grid: Grid) -> None:
+        """A window that did not settle: fewer steps, or where they are few already shorter ones."""
+        few = grid.count <= FEW
+        self.growth, self.h = 1.0, float(grid.h[0]) / (4 if few else 1)
+        self.count = grid.count if few else grid.count // 4
 
 
 class Collocation:
@@ -87,7 +96,8 @@ class Collocation:
         out[0] = np.append(start, 0.0)
         at = Progress(float(t[0]), start, 0.0, np.abs(start), self._period / FIRST_STEPS)
         for mark in marks[1:]:
-            at.before, at.behind, at.count, at.h = None, True, min(FEW, most), min(at.h, 2 * at.first)
+            at.before, at.behind, at.count = None, True, min(FEW, most)
+            at.h, at.growth = min(at.h, 2 * at.first), 1.0
             while at.t < mark:
                 window = self._advance(at, float(mark), float(t[-1] - t[0]), most)
                 if window is None:
@@ -96,7 +106,7 @@ class Collocation:
                 stop = int(np.searchsorted(t, at.t, side="right"))
                 states, work = between(grid, path, power, t[done:stop])
                 out[done:stop] = np.column_stack([states, at.work + work])
-                at.work += grid.h * float((power @ grid.rule.b).sum())
+                at.work += float(grid.h @ (power @ grid.rule.b))
                 done = stop
         return out
 
@@ -104,26 +114,24 @@ class Collocation:
         """Try a window: the steps of it that hold, and `at` moved to their end; None where none does, and `at` has shorter steps."""
         grid = next_grid(at, mark, self._stages)
         at.steps += grid.count
-        if grid.h < SHORTEST * whole:
+        if grid.h.min() < SHORTEST * whole:
             raise stopped(at.t, "no step is short enough: the motion leaves all bounds, or a mass matrix is singular")
         if at.steps > MOST_STEPS:
             raise stopped(at.t, f"{MOST_STEPS} steps were not enough")
         scale = np.maximum(at.largest, ABSOLUTE)
         solved = self._solve(at, grid, scale)
         if solved is None:
-            at.h, at.count = (grid.h, grid.count // 4) if grid.count > FEW else (grid.h / 4, grid.count)
+            at.shorten(grid)
             return None
         estimate = np.abs(solved.window.local_errors(solved.path, self._acceleration(at)) / scale).max(axis=1)
         good = adapt(at, grid, estimate / (ESTIMATE * self._tol), most)
         if not good:
             return None
         if at.behind:
-            at.first, at.behind = grid.h, False
-        part, path = Grid(grid.begin, grid.h, good, grid.stages), solved.path.first(good)
+            at.first, at.behind = float(grid.h[0]), False
+        part, path = grid.first(good), solved.path.first(good)
         self._accept(part.edges[1:], path.x[1:], solved.torque[:good])
-        end = float(part.edges[-1])
-        at.t = mark if mark - end < 1e-3 * grid.h else end
-        at.x, at.before = path.x[-1], path.w[-1, -1]
+        at.t, at.x, at.before = float(part.edges[-1]), path.x[-1], path.w[-1, -1]
         at.largest = np.maximum(at.largest, np.abs(path.x).max(axis=0))
         return part, path, solved.power[:good]
 
@@ -156,19 +164,30 @@ class Collocation:
 
 
 def next_grid(at: Progress, mark: float, stages: int) -> Grid:
-    """The steps to try next: as long as wanted, or as many equal ones as lead to the mark."""
-    wanted = max(1.0, (mark - at.t) / at.h)
-    if wanted > at.count:
-        return Grid(at.t, at.h, at.count, stages)
-    return Grid(at.t, (mark - at.t) / (count := 2 ** int(np.ceil(np.log2(wanted) - 1e-9))), count, stages)
+    """The steps to try next: from `at.h` on, each longer than the last by `at.growth`, or shorter by a factor so that they end on the mark."""
+    count = at.count
+    edges = np.append(0.0, np.cumsum(at.h * at.growth ** np.arange(count)))
+    if edges[-1] < mark - at.t:
+        return Grid(at.t + edges, stages)
+    while count > 1 and edges[count // 2] >= mark - at.t:
+        count //= 2
+    edges = at.t + edges[: count + 1] * ((mark - at.t) / edges[count])
+    edges[-1] = mark
+    return Grid(edges, stages)
 
 
 def adapt(at: Progress, grid: Grid, ratio: Array, most: int) -> int:
-    """How many of the steps hold, from their error against the allowed one; sets the length and the number of the next ones."""
-    refused = ~(ratio <= 1)
-    good = int(np.argmax(refused)) if refused.any() else grid.count
-    worst = ratio[good] if good < grid.count else ratio[grid.count // 2 :].max()
-    factor = SAFETY * max(float(worst), 1e-10) ** (-1 / (grid.stages + 1)) if np.isfinite(worst) else GROWTH[0]
-    at.h = grid.h * float(np.clip(factor, *GROWTH))
-    at.count = min(most, max(FEW // 2, grid.count // 2) if good < grid.count else 2 * grid.count)
-    return good
+    """How many of the steps hold, from their error against the allowed one; sets length, growth and number of the next ones."""
+    with np.errstate(divide="ignore"):
+        factor = np.clip(SAFETY * ratio ** (-1 / (grid.stages + 1)), *GROWTH)
+    wanted = grid.h * np.where(np.isfinite(ratio), factor, GROWTH[0])
+    refused, half = ~(ratio <= 1), grid.count // 2
+    if refused.any():
+        good = int(np.argmax(refused))
+        at.h, at.growth, at.count = float(wanted[good]), 1.0, min(most, max(FEW // 2, grid.count // 2))
+        return good
+    at.count = min(most, 2 * grid.count)
+    trend = (wanted[half:].min() / wanted[: half or 1].min()) ** (1 / max(half, 1))
+    at.growth = float(np.clip(trend, 1.0, LONGEST ** (1 / at.count)))
+    at.h = float(wanted[half:].min())
+    return grid.count

@@ -51,11 +51,11 @@ def solve_window(
     scale: (2n,) what tol is relative to; inside: how far before a step's end its last stage is taken, since a break may be there.
     """
     n = len(before)
-    times = np.minimum(grid.times.reshape(grid.count, -1), grid.edges[1:, None] - inside).ravel()
+    times = np.minimum(grid.times, grid.edges[1:, None] - inside).ravel()
     at = equations.places(times)
     rigid = begin is Start.RIGID
     path, last, anew = grid.rest(np.zeros(n) if rigid else start[:n]), np.inf, begin is Start.NEWTON
-    window = Window(grid, *(at.linear if rigid else shifted(equations, at, grid.begin + inside, start, before)))
+    window = Window(grid, *(at.linear if rigid else shifted(equations, at, grid.edges[0] + inside, start, before)))
     for sweep in range(SWEEPS):
         F = -at.force if rigid and sweep == 0 else equations.residual(at, *path.stages)[0]
         if not np.isfinite(F).all():

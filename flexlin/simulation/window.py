@@ -37,11 +37,9 @@ class Path:
 
 @dataclass(frozen=True)
 class Grid:
-    """Equal steps from `begin`, `count` of them of length h, with the stages of Radau's method in each."""
+    """Steps between increasing edges (K + 1,), with the stages of Radau's method in each."""
 
-    begin: float
-    h: float
-    count: int
+    edges: Array
     stages: int
 
     @property
@@ -50,23 +48,32 @@ class Grid:
         return radau(self.stages)
 
     @property
-    def edges(self) -> Array:
-        """The ends of the steps (K + 1,)."""
-        return self.begin + self.h * np.arange(self.count + 1)
+    def count(self) -> int:
+        """The number of steps."""
+        return len(self.edges) - 1
+
+    @property
+    def h(self) -> Array:
+        """The lengths of the steps (K,)."""
+        return np.diff(self.edges)
 
     @property
     def times(self) -> Array:
-        """The times (K s,) of all stages."""
-        return (self.edges[:-1, None] + self.h * self.rule.c).ravel()
+        """The times (K, s) of all stages."""
+        return self.edges[:-1, None] + self.h[:, None] * self.rule.c
+
+    def first(self, count: int) -> "Grid":
+        """The first steps of it."""
+        return Grid(self.edges[: count + 1], self.stages)
 
     def path(self, x: Array, w: Array) -> Path:
         """The motion that states at the edges and accelerations at the stages make.
 
         v_i = v_0 + h sum_j a_ij w_j,   y_i = y_0 + h c_i v_0 + h^2 sum_j (a^2)_ij w_j
         """
-        h, (c, a), n = self.h, (self.rule.c, self.rule.a), w.shape[-1]
+        h, (c, a), n = self.h[:, None, None], (self.rule.c, self.rule.a), w.shape[-1]
         y, v = x[:-1, None, :n], x[:-1, None, n:]
-        return Path(x, y + (h * c)[:, None] * v + (h * h * (a @ a)) @ w, v + (h * a) @ w, w)
+        return Path(x, y + h * c[:, None] * v + h * h * ((a @ a) @ w), v + h * (a @ w), w)
 
     def rest(self, y: Array) -> Path:
         """The arm at rest in y (n,) at all times."""
@@ -83,21 +90,22 @@ class Window:
     def __init__(self, grid: Grid, M: Array, D: Array, K: Array):
         shape = (grid.count, grid.stages, *M.shape[1:])
         self.grid, self.M, self.D, self.K = grid, M.reshape(shape), D.reshape(shape), K.reshape(shape)
-        rule, h, n = grid.rule, grid.h, M.shape[-1]
+        rule, h, n = grid.rule, grid.h[:, None, None, None], M.shape[-1]
         self._inverse = np.linalg.inv(stage_matrix(self.M, h * self.D, h * h * self.K, rule))
-        right = np.concatenate([self.K, self.D + (h * rule.c)[:, None, None] * self.K], axis=-1)
+        right = np.concatenate([self.K, self.D + h * rule.c[:, None, None] * self.K], axis=-1)
         self._by_start = -self._inverse @ right.reshape(grid.count, -1, 2 * n)
         self._transition = self._ends(self._by_start.reshape(*shape[:2], n, 2 * n))
         diagonal = np.arange(2 * n)
         self._transition[:, diagonal, diagonal] += 1
-        self._transition[:, diagonal[:n], diagonal[n:]] += h
+        self._transition[:, diagonal[:n], diagonal[n:]] += grid.h[:, None]
 
     def _ends(self, w: Array) -> Array:
         """What accelerations (K, s, n, ...) of the stages add to the states at the end of each step, (K, 2n, ...)."""
-        rule, h = self.grid.rule, self.grid.h
-        return np.concatenate(
-            [h * h * np.einsum("i,ki...->k...", rule.b @ rule.a, w), h * np.einsum("i,ki...->k...", rule.b, w)], axis=1
-        )
+        b, a, count, n = self.grid.rule.b, self.grid.rule.a, self.grid.count, w.shape[2]
+        h = self.grid.h[:, None, None]
+        added = np.stack([b @ a, b]) @ w.reshape(count, self.grid.stages, -1)
+        added *= np.concatenate([h * h, h], axis=1)
+        return added.reshape(count, 2 * n, *w.shape[3:])
 
     def corrected(self, path: Path, start: Array, F: Array) -> tuple[Path, Array]:
         """A Newton step from a path whose residuals are F (K s, n) to one that begins at `start`; and the change of x (K + 1, 2n)."""
@@ -119,7 +127,7 @@ class Window:
         It is O(h^(s + 1)), the order of the motion between the edges. before: the acceleration (n,) at the beginning of the window.
         Source: Hairer, Wanner, Solving ODEs II, IV.8, Eq. (8.19).
         """
-        n, g = path.w.shape[-1], self.grid.h / (self.grid.stages + 1)
+        n, g = path.w.shape[-1], self.grid.h[:, None, None] / (self.grid.stages + 1)
         w = np.concatenate([before[None], path.w[:-1, -1]])
         a = (w - np.einsum("j,kjn->kn", self._to_start, path.w))[..., None]
         v = (path.x[:-1, n:] - np.einsum("j,kjn->kn", self._to_start, path.v))[..., None]
@@ -151,14 +159,14 @@ def between(grid: Grid, path: Path, power: Array, t: Array) -> tuple[Array, Arra
 
     power: (K, s), the rate of the work at the stages.
     """
-    rule, h, n, s = grid.rule, grid.h, path.w.shape[-1], grid.stages
-    k = np.clip(np.ceil((t - grid.begin) / h).astype(int) - 1, 0, grid.count - 1)
-    u = ((t - grid.begin) / h - k)[:, None]
-    j = np.arange(s)
-    powers = np.linalg.inv(np.vander(rule.c, s, increasing=True))
+    rule, n, j = grid.rule, path.w.shape[-1], np.arange(grid.stages)
+    k = np.clip(np.searchsorted(grid.edges, t) - 1, 0, grid.count - 1)
+    h = grid.h[k, None]
+    u = (t - grid.edges[k])[:, None] / h
+    powers = np.linalg.inv(np.vander(rule.c, grid.stages, increasing=True))
     once, twice = (u ** (j + 1) / (j + 1)) @ powers, (u ** (j + 2) / ((j + 1) * (j + 2))) @ powers
     y, v, w = path.x[k, :n], path.x[k, n:], path.w[k]
     rate = v + h * np.einsum("ts,tsn->tn", once, w)
     place = y + h * u * v + h * h * np.einsum("ts,tsn->tn", twice, w)
-    done = np.append(0.0, h * np.cumsum(power @ rule.b))[k] + h * np.einsum("ts,ts->t", once, power[k])
+    done = np.append(0.0, np.cumsum(grid.h * (power @ rule.b)))[k] + h[:, 0] * np.einsum("ts,ts->t", once, power[k])
     return np.concatenate([place, rate], axis=1), done
