@@ -33,8 +33,10 @@ SAFETY = 0.9
 """The next step is this much shorter than the estimate would have it."""
 GROWTH = (0.02, 4.0)
 """By how much the next step may be shorter or longer."""
-LONGEST = 16.0
+LONGEST = 5.0
 """How much longer the last step of a window may be than its first."""
+RINGING = 1.15
+"""How much longer each step behind a break is than the last."""
 INSIDE = 1e-13
 """A break of the motion is looked at from so far before it, relative to the period."""
 
@@ -64,6 +66,12 @@ class Progress:
     far: float = 0.0
     steps: int = 0
     growth: float = 1.0
+
+    def behind_break(self, most: int) -> None:
+        """Behind a break fast modes ring, as they did behind the last one."""
+        known = np.isfinite(self.first)
+        self.before, self.behind, self.h = None, True, min(self.h, self.first)
+        self.count, self.growth = (min(2 * FEW, most), RINGING) if known else (min(FEW, most), 1.0)
 
     def shorten(self, grid: Grid) -> None:
         """A window that did not settle: fewer steps, or where they are few already shorter ones."""
@@ -96,8 +104,7 @@ class Collocation:
         out[0] = np.append(start, 0.0)
         at = Progress(float(t[0]), start, 0.0, np.abs(start), self._period / FIRST_STEPS)
         for mark in marks[1:]:
-            at.before, at.behind, at.count = None, True, min(FEW, most)
-            at.h, at.growth = min(at.h, 2 * at.first), 1.0
+            at.behind_break(most)
             while at.t < mark:
                 window = self._advance(at, float(mark), float(t[-1] - t[0]), most)
                 if window is None:
@@ -164,7 +171,7 @@ class Collocation:
 
 
 def next_grid(at: Progress, mark: float, stages: int) -> Grid:
-    """The steps to try next: from `at.h` on, each longer than the last by `at.growth`, or shorter by a factor so that they end on the mark."""
+    """The steps to try next: from `at.h` on, each `at.growth` times the last; shorter by a factor where they would pass the mark."""
     count = at.count
     edges = np.append(0.0, np.cumsum(at.h * at.growth ** np.arange(count)))
     if edges[-1] < mark - at.t:
