@@ -41,14 +41,18 @@ class NonlinearLoop:
 
     def __init__(self, lin: Linearization, law: Law, drive: Drive | None = None):
         self.lin, self._law = lin, law
-        self.about, self.law, self.drive, self.n = lin.about, LawTable(law, lin), drive or Drive(), lin.n
+        self.about, self.drive, self.n = lin.about, drive or Drive(), lin.n
         self._kept = list(lin.kept)
-        self._equations = symbolic.Pointwise(deviation_equations(lin.about))
         self._calls = 0
 
     def command(self, t: float, x: Array) -> Array:
         """The torque (m,) that the motors give for the state x = [y; y'] at one time."""
         return self.drive.saturated(self.law(t, x))
+
+    def commands(self, t: Array, x: Array) -> Array:
+        """The torques (N, m) that the motors give for states (N, 2n) at many times."""
+        now = t % self.lin.period if self.lin.motion.periodic else np.minimum(t, self.lin.period)
+        return self.drive.saturated(self._law.torque(now, x))
 
     def rate(self, t: float, z: Array, torque: Array) -> Array:
         """The rate of z = [y; y'; work] under a torque.
@@ -90,6 +94,15 @@ class NonlinearLoop:
             return self._step_by_step(t, z, rtol)
 
     @cached_property
+    def law(self) -> LawTable:
+        """The law as a step-by-step integrator asks for it."""
+        return LawTable(self._law, self.lin)
+
+    @cached_property
+    def _equations(self) -> symbolic.Pointwise:
+        return symbolic.Pointwise(deviation_equations(self.about))
+
+    @cached_property
     def _collocation(self) -> NonlinearEquations:
         return NonlinearEquations(self.lin, self._law)
 
@@ -98,10 +111,10 @@ class NonlinearLoop:
         marks, limit = with_breaks(t[[0, -1]], self.lin), self.drive.limit
 
         def accept(t: Array, x: Array, torque: Array) -> None:
-            for now, state in zip(t, x, strict=True):
-                self.accept(now, state)
             if limit is not None and np.any(np.abs(torque) > CLOSE * np.array(limit)):
                 raise TorqueCut
+            for now, state in zip(t, x, strict=True):
+                self.accept(now, state)
             self._check_mass(t, x)
 
         integrator = Collocation(self._collocation, self.lin.period, stages, max(rtol, ROUNDING), accept)
@@ -117,7 +130,7 @@ class NonlinearLoop:
             raise stopped(first, "the mass matrix is not positive definite beside the state that was reached")
 
     def _step_by_step(self, t: Array, z: Array, rtol: float) -> Array:
-        """The loop whose torque is cut: a rate with corners is no matter for collocation on long steps."""
+        """The loop whose torque is cut, by a multistep method: corners of the torque would spoil the order of collocation."""
 
         def follow(now: float, z: Array) -> Array:
             return self.rate(now, z, self.command(now, z[:-1]))

@@ -16,8 +16,9 @@ class Simulation:
     """A nonlinear simulation and the linear prediction of the same motion.
 
     t (N,) in s; nonlinear, linear: deviations from the rigid motion as states [y; y'] (N, 2n); torque (N, m) in N m;
-    tip, tip_linear, tip_rigid: positions (N, 2) in m; error: of the nonlinear states, from a second run at a tenth of the tolerance;
-    linear_error: of the linear states, from a second resolution; both relative to the largest number of the states, or absolute below 1;
+    tip, tip_linear, tip_rigid: positions (N, 2) in m; error: of the nonlinear states, from a second run at a tenth of the tolerance,
+    on other steps and by a method of another order; linear_error: of the linear states, in the same way; both relative to the
+    largest number of the states, or absolute below 1;
     energy_error: largest mismatch between the energy and the work done by torques and damping, relative to the largest energy
     that went to and fro (nan when the manipulator gives no energy); difference: largest distance of the two tips, in m;
     difference_error: of that distance, in m, both sides together; status: what the difference means.

@@ -52,7 +52,7 @@ def simulate(
     rough, fine = (loop.integrate(t, start, share * tol, stages) for stages, share in RUNS)
     states, work = fine[:, :-1], fine[:, -1]
     linear, coarse = predict(lin, t, start, law, tol)
-    torque = np.array([loop.command(time, x) for time, x in zip(t, states, strict=True)])
+    torque = loop.commands(t, states)
     tips = [tip_positions(lin, t, part) for part in (states, linear, np.zeros_like(states))]
     missed = sum(
         float(np.linalg.norm(tip - tip_positions(lin, t, other), axis=1).max())
