@@ -31,10 +31,10 @@ class Simulation:
     tip, tip_linear, tip_rigid : array, shape (N, 2)
         Positions of the tip, in m; not numbers when the manipulator gives no points.
     error : float
-        Error of the nonlinear states, from a second run at a tenth of the tolerance, relative to the largest number of the states, or
+        Error of the nonlinear states, from a second run at a tenth of the tolerance on other steps and by a method of another order, relative to the largest number of the states, or
         absolute below 1.
     linear_error : float
-        Error of the linear states, from a second resolution, relative likewise.
+        Error of the linear states, in the same way.
     energy_error : float
         Largest mismatch between the energy and the work done by torques and damping, relative to the largest energy that went to and
         fro; not a number when the manipulator gives no energy.

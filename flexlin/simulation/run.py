@@ -13,7 +13,7 @@ from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.simulation.drive import Drive, scene_drive
 from flexlin.simulation.loop import NonlinearLoop
-from flexlin.simulation.prediction import distance, predict
+from flexlin.simulation.prediction import RUNS, distance, predict
 from flexlin.simulation.result import Simulation
 
 
@@ -89,10 +89,10 @@ def simulate(
     law = law if feedback is None else law.with_gain(feedback)
     start = law.reference(np.zeros(1))[0] if initial is None else real_array("initial", initial, (2 * n,))
     loop = NonlinearLoop(lin, law, drive or scene_drive(lin))
-    rough, fine = (loop.integrate(t, start, rtol) for rtol in (tol, tol / 10))
+    rough, fine = (loop.integrate(t, start, share * tol, stages) for stages, share in RUNS)
     states, work = fine[:, :-1], fine[:, -1]
     linear, coarse = predict(lin, t, start, law, tol)
-    torque = np.array([loop.command(time, x) for time, x in zip(t, states, strict=True)])
+    torque = loop.commands(t, states)
     tips = [tip_positions(lin, t, part) for part in (states, linear, np.zeros_like(states))]
     missed = sum(
         float(np.linalg.norm(tip - tip_positions(lin, t, other), axis=1).max())
