@@ -105,7 +105,7 @@ def judge_fixed(system: PeriodicSystem, setting: Setting, tol: float) -> Floquet
     best = floquet(system, tol)
     apart = measure_distances(fixed.logs, best.log_multipliers) / system.period
     partner = match_all(apart)
-    errors = apart[np.arange(system.n), partner] + best.errors[partner] + fixed.rounding / system.period
+    errors = 1.5 * apart[np.arange(system.n), partner] + best.errors[partner] + fixed.rounding / system.period
     return judge(fixed.logs / system.period, errors, system.period, setting, tol)
 
 
