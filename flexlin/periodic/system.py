@@ -23,6 +23,7 @@ from flexlin.periodic.coefficients import (
 from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve
+from flexlin.summary import represent
 
 
 @dataclass(frozen=True)
@@ -75,6 +76,8 @@ class PeriodicSystem:
     complete: bool = False
     n: int = field(init=False)
     m: int = field(init=False)
+
+    __repr__ = represent
 
     def __init__(
         self,

@@ -14,6 +14,7 @@ from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choice import choose_setting
 from flexlin.periodic.transition.gauss import gauss
 from flexlin.periodic.transition.setting import METHODS, place_segments
+from flexlin.summary import represent
 
 CHUNK_BYTES = 2**25
 """Shifted factors of the modes that are solved together take at most this many bytes (one mode at the least)."""
@@ -42,6 +43,8 @@ class FloquetModes:
     errors: Array
     right: Array
     left: Array
+
+    __repr__ = represent
 
     @property
     def condition(self) -> Array:

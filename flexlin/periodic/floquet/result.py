@@ -7,6 +7,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.transition.setting import Setting
+from flexlin.summary import represent
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,8 @@ class FloquetResult:
     verdict: str
     status: str
     setting: Setting
+
+    __repr__ = represent
 
     @property
     def error(self) -> float:
