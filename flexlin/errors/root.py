@@ -1,0 +1,53 @@
+"""The root of all errors, and the one for requests without measure."""
+
+
+class FlexlinError(Exception):
+    """The root of all errors that flexlin raises on purpose.
+
+    The message reads: what happened; got ..., expected ...; what to do.
+
+    Parameters
+    ----------
+    what : str
+        What happened.
+    got : object, optional
+        What was given or found.
+    expected : str, optional
+        What was expected.
+    todo : str, optional
+        What to do about it.
+
+    Examples
+    --------
+    >>> from flexlin.errors import FlexlinError, InputError, NumericalError
+    >>> print(FlexlinError("the gain does not fit", got=(1, 2), expected="(1, 4)", todo="give one entry for each state"))
+    the gain does not fit; got (1, 2), expected (1, 4); give one entry for each state
+    >>> issubclass(InputError, ValueError), issubclass(NumericalError, ArithmeticError)
+    (True, True)
+    """
+
+    def __init__(self, what: str, *, got: object = None, expected: str | None = None, todo: str | None = None):
+        self.what, self.got, self.expected, self.todo = what, got, expected, todo
+        parts = [what]
+        if got is not None or expected is not None:
+            facts = [f"got {got}"] if got is not None else []
+            facts += [f"expected {expected}"] if expected is not None else []
+            parts.append(", ".join(facts))
+        if todo is not None:
+            parts.append(todo)
+        super().__init__("; ".join(parts))
+
+
+class TooLarge(FlexlinError, MemoryError):
+    """A request whose size in bytes would be unreasonable; nothing was allocated.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    >>> fl.simulate(lin, periods=1e9)
+    Traceback (most recent call last):
+        ...
+    flexlin.errors.TooLarge: a simulation of 1e+09 periods is too large...
+    """
