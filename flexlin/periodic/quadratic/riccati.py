@@ -8,14 +8,18 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.checks import Array, at_times, positive, real_array
+from flexlin.checks import Array, positive, real_array
 from flexlin.errors import NumericalError, ToleranceNotReached
+from flexlin.periodic.coefficients import Constant, MatrixFunction
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.quadratic.doubling import carry_costs
+from flexlin.periodic.quadratic.harmonics import solve_by_harmonics
 from flexlin.periodic.quadratic.hermite import NODES, PanelPolynomials, interpolate_panels, place_panel_nodes
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, linear_quadratic
+from flexlin.periodic.quadratic.solution import RiccatiSolution
 from flexlin.periodic.quadratic.transport import gauss_segments, magnus_segments
-from flexlin.periodic.system import MatrixFunction, PeriodicSystem
+from flexlin.periodic.resolved.resolve import resolve
+from flexlin.periodic.system import PeriodicSystem
 
 STAGES = 8
 MAX_SEGMENTS = 2**15
@@ -25,46 +29,6 @@ MAGNUS_GAIN = 15.0
 """Segments that Magnus' exponential does in the time that collocation needs for one."""
 MAGNUS_ORDER = 4
 """Order on which its error figure relies: 6 on slow coefficients, between 4 and 5 was seen beside very fast eigenvalues."""
-
-
-@dataclass(frozen=True)
-class RiccatiSolution:
-    """X(t) and the gain K(t) of a linear-quadratic problem, at any time, with the evidence that they are right.
-
-    `error` bounds |X error| / max |X| over the horizon: the difference between two accuracies of the segments
-    (`method_error`), what the dense output leaves out, and rounding. `residual` is how far X(t) misses its differential
-    equation between the nodes, relative to |X| per fastest time constant; `closure` is |X(T) - X(0)| / |X| (0 for a finite
-    horizon); `symmetry` is the largest relative asymmetry of a segment's cost before it was symmetrised. Times are wrapped
-    into the period when `periodic`.
-    """
-
-    problem: LinearQuadratic
-    horizon: float
-    periodic: bool
-    polynomials: PanelPolynomials
-    error: float
-    method_error: float
-    residual: float
-    symmetry: float
-    closure: float
-    doublings: int
-    segments: int
-    status: str
-
-    def X(self, t: ArrayLike) -> Array:
-        """Return the cost matrix at times t (N,), (N, n, n), or at one time, (n, n)."""
-        return at_times(lambda s: self.polynomials(self._inside(s)), t)
-
-    def K(self, t: ArrayLike) -> Array:
-        """Return the gain K = R^-1 (B' X + N') at times t (N,), (N, m, n), or at one time, (m, n)."""
-        return at_times(self._gain, t)
-
-    def _gain(self, t: Array) -> Array:
-        inside = self._inside(t)
-        return self.problem.gain(inside, self.polynomials(inside))
-
-    def _inside(self, t: Array) -> Array:
-        return np.mod(t, self.horizon) if self.periodic else np.clip(t, 0.0, self.horizon)
 
 
 def periodic_riccati(
@@ -88,8 +52,25 @@ def periodic_riccati(
     Raises: ArgumentError on weights; NotStabilizable, NotDetectable, IllPosedSegment, ToleranceNotReached.
     Source: Anderson, Int. J. Control 28 (1978) 295 (doubling); Redheffer, J. Math. Phys. 39 (1960) 269 (star product).
     """
-    problem = replace(linear_quadratic(system, Q, R, N), A=system.resolved)
-    return solve_by_plans(problem, system.period, system.resolved.breaks, None, positive("tol", tol))
+    problem, breaks = resolve_problem(linear_quadratic(system, Q, R, N), system)
+    tol = positive("tol", tol)
+    smooth = None if breaks else solve_by_harmonics(problem, system.period, tol)
+    if smooth is not None and smooth.error <= tol:
+        return smooth
+    return solve_by_plans(problem, system.period, breaks, None, tol, smooth)
+
+
+def resolve_problem(problem: LinearQuadratic, system: PeriodicSystem) -> tuple[LinearQuadratic, tuple[float, ...]]:
+    """Return the problem with its coefficients as series, and all places where one is not smooth."""
+    found: dict[str, MatrixFunction] = {"A": system.resolved}
+    breaks = set(system.resolved.breaks)
+    for name in ("B", "Q", "R", "N"):
+        source = getattr(problem, name)
+        if not isinstance(source, Constant):
+            series = resolve(source, system.period, system.breaks, system.features, complete=system.complete)
+            found[name] = Constant(series.mean()) if series.constant else series
+            breaks |= set(series.breaks)
+    return replace(problem, **found), tuple(sorted(breaks))
 
 
 def finite_horizon_riccati(
@@ -128,10 +109,14 @@ def periodic_lyapunov(system: PeriodicSystem, Q: MatrixFunction | ArrayLike, tol
 
 
 def solve_by_plans(
-    problem: LinearQuadratic, horizon: float, breaks: tuple[float, ...], end: Array | None, tol: float
+    problem: LinearQuadratic,
+    horizon: float,
+    breaks: tuple[float, ...],
+    end: Array | None,
+    tol: float,
+    best: RiccatiSolution | None = None,
 ) -> RiccatiSolution:
     """Solve by the cheapest plan that reaches tol; where none does, hand back the best answer with its status."""
-    best: RiccatiSolution | None = None
     for plan in propose_plans(problem, horizon, breaks, end, tol):
         solution = follow_plan(plan, problem, end, tol)
         if best is None or solution.error < best.error:
@@ -231,12 +216,14 @@ def solve_on_panels(
     left_out, method_error = polynomials.tails() / size, float(np.abs(X[::every] - coarse.X).max() / size)
     if not stages:
         method_error /= 2 ** (MAGNUS_ORDER - 1)
+    error = method_error + float(left_out.max()) + fine.closure + fine.rounding
     solution = RiccatiSolution(
         problem=problem,
         horizon=float(starts[-1]),
         periodic=end is None,
-        polynomials=polynomials,
-        error=method_error + float(left_out.max()) + fine.closure + fine.rounding,
+        series=polynomials,
+        error=error,
+        gain_error=amplify(problem, at.ravel(), values.reshape(-1, *X.shape[1:]), error * size),
         method_error=method_error,
         residual=measure_residual(problem, polynomials, size),
         symmetry=symmetry,
@@ -265,6 +252,14 @@ def find_slopes(problem: LinearQuadratic, at: Array, values: Array) -> Array:
     inside[:, -1] -= 1e-11 * width
     rate = problem.rate(inside.ravel(), values.reshape(-1, *values.shape[2:]))
     return rate.reshape(values.shape)
+
+
+def amplify(problem: LinearQuadratic, t: Array, X: Array, error: float) -> float:
+    """Return the largest error of K = R^-1 (B' X + N') that errors of X's entries can make, relative to the largest gain."""
+    few = slice(None, None, max(1, len(t) // 256))
+    to_gain = np.linalg.solve(problem.R(t[few]), np.swapaxes(problem.B(t[few]), 1, 2))
+    gain = float(np.abs(problem.gain(t[few], X[few])).max()) or 1.0
+    return float(np.abs(to_gain).sum(axis=2).max() * error / gain)
 
 
 def measure_residual(problem: LinearQuadratic, polynomials: PanelPolynomials, size: float) -> float:

@@ -1,0 +1,53 @@
+"""The periodic Lyapunov equation at equally spaced times: its mean is inverted exactly, GMRES does the rest."""
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.errors import ToleranceNotReached
+from flexlin.periodic.quadratic.krylov import solve_by_gmres
+from flexlin.periodic.quadratic.scattering import symmetrize, transpose
+
+MOST = 80
+"""Dimensions of the Krylov space: more are needed only where the mean says little of the loop."""
+ENOUGH = 0.1
+"""Relative residual above which an answer is none."""
+
+
+class CollocatedLyapunov:
+    """D' + A' D + D A = right at N equally spaced times of a period, N odd, by trigonometric interpolation.
+
+    The mean A0 = V diag(s) V^-1 has the exact inverse  (V' D V)_ij,k = (V' right V)_ij,k / (i k w + s_i + s_j)  of each harmonic
+    k; it is the preconditioner. The rest, (A - A0)' D + D (A - A0), holds no derivative, so fast eigenvalues do no harm.
+
+    Parameters: A (N, n, n), the samples of a loop; period in s.
+    """
+
+    def __init__(self, A: Array, period: float):
+        mean = A.mean(axis=0)
+        values, self.vectors = np.linalg.eig(mean)
+        self.inverse = np.linalg.inv(self.vectors)
+        waves = 2j * np.pi / period * np.fft.fftfreq(len(A), 1 / len(A))
+        self.divisors = waves[:, None, None] + values[:, None] + values
+        self.rest = A - mean
+
+    def solve(self, right: Array, tol: float) -> Array:
+        """Return D (N, n, n), symmetric, of a symmetric right side, to about tol of its size.
+
+        Raises: ToleranceNotReached when the mean is no guide to the loop, or lies on the border of stability.
+        """
+        with np.errstate(all="ignore"):
+            start = self.invert_mean(right)
+            D, left = solve_by_gmres(self.apply, start, tol, MOST)
+        if not left <= ENOUGH:
+            raise ToleranceNotReached("the periodic Lyapunov equation was not solved", got=f"residual {left:.2g}")
+        return symmetrize(D)
+
+    def apply(self, D: Array) -> Array:
+        """Return D + L0^-1 (the rest of D), L0 the mean operator."""
+        product = D @ self.rest
+        return D + self.invert_mean(product + transpose(product))
+
+    def invert_mean(self, right: Array) -> Array:
+        """Solve with the mean loop in place of the loop."""
+        waves = np.fft.fft(self.vectors.T @ right @ self.vectors, axis=0) / self.divisors
+        return np.asarray((self.inverse.T @ np.fft.ifft(waves, axis=0) @ self.inverse).real)

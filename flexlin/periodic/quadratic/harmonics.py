@@ -1,0 +1,147 @@
+"""The stabilising solution of a smooth problem as a Fourier series: a coarse doubling, then Newton's method."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.errors import NumericalError, ToleranceNotReached
+from flexlin.periodic.fourier import FourierSeries, fourier_differentiation, fourier_nodes
+from flexlin.periodic.quadratic.bound import bound_error
+from flexlin.periodic.quadratic.collocated_lyapunov import CollocatedLyapunov
+from flexlin.periodic.quadratic.doubling import EdgeCosts, carry_costs
+from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, assemble_hamiltonian
+from flexlin.periodic.quadratic.scattering import transpose
+from flexlin.periodic.quadratic.solution import RiccatiSolution
+from flexlin.periodic.quadratic.transport import exponentiate
+
+COUNTS = (33, 65, 129, 257)
+"""Nodes that are tried, odd numbers."""
+MOST_ENTRIES = 2**18
+"""Largest number of entries of X at all nodes: GMRES keeps up to 80 such arrays."""
+ROUNDS = 12
+INEXACT = 1e-4
+"""Relative accuracy of a Newton step."""
+SETTLED = 0.7
+"""Factor by which a step must be shorter than the one before, from the third on."""
+ROUGH = 0.02
+"""Share of the last quarter of the harmonics in a coarse solution, above which more nodes are taken at once."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Ar, B R^-1 B' and Qr at the N nodes of a period, and the matrix that differentiates functions known there."""
+
+    A: Array
+    S: Array
+    Q: Array
+    period: float
+
+    @classmethod
+    def of(cls, problem: LinearQuadratic, count: int, period: float) -> "Samples":
+        """Sample a problem."""
+        return cls(*problem.reduced(fourier_nodes(count, period)), period)
+
+    def residual(self, X: Array) -> Array:
+        """Return X' + A' X + X A - X S X + Q."""
+        rate = (fourier_differentiation(len(X), self.period) @ X.reshape(len(X), -1)).reshape(X.shape)
+        product = X @ self.A
+        return np.asarray(rate + product + transpose(product) - X @ self.S @ X + self.Q)
+
+    def lyapunov(self, X: Array) -> CollocatedLyapunov:
+        """Return the derivative of the residual by X: the Lyapunov operator of the closed loop."""
+        return CollocatedLyapunov(self.A - self.S @ X, self.period)
+
+
+def solve_by_harmonics(problem: LinearQuadratic, period: float, tol: float) -> RiccatiSolution | None:
+    """Solve with as many nodes as X has harmonics; the best answer, or None where this is no way to solve it.
+
+    Assumes smooth coefficients. What is proved, and for which X, is said by `bound_error`.
+    """
+    best: RiccatiSolution | None = None
+    X: FourierSeries | None = None
+    n = problem.A(np.zeros(1)).shape[1]
+    for count in COUNTS:
+        if count * n**2 > MOST_ENTRIES:
+            break
+        samples = Samples.of(problem, count, period)
+        try:
+            costs = start_coarsely(samples, problem) if X is None else None
+            start = X(fourier_nodes(count, period)) if costs is None else costs.X[:-1]
+            if find_tail(start) > ROUGH:
+                continue
+            values = refine(samples, start, tol)
+            X = FourierSeries.through(values, period)
+            if find_tail(values) > 10 * tol and count < COUNTS[-1]:
+                continue
+            found = judge(problem, X, samples)
+        except NumericalError:
+            continue
+        if best is not None and found.error > 0.5 * best.error:
+            return best
+        best = found
+        if best.error <= tol:
+            break
+    return best
+
+
+def start_coarsely(samples: Samples, problem: LinearQuadratic) -> EdgeCosts:
+    """Solve with the Hamiltonian replaced by the mean of neighbouring nodes: of order two, and well posed however coarse.
+
+    Raises: NotStabilizable, NotDetectable.
+    """
+    H = assemble_hamiltonian(samples.A, samples.S, samples.Q)
+    step = samples.period / len(H)
+    segments, _ = exponentiate(step * 0.5 * (H + np.roll(H, -1, axis=0)))
+    return carry_costs(segments, None, problem, step * np.arange(len(H) + 1))
+
+
+def refine(samples: Samples, X: Array, tol: float) -> Array:
+    """Apply Newton's method to the collocated equation until a step stays below tol.
+
+        D' + Ac' D + D Ac = -residual(X),   X <- X + D
+
+    Raises: ToleranceNotReached when the steps do not settle.
+    Source: Kleinman, IEEE Trans. Automat. Control 13 (1968) 114.
+    """
+    last = np.inf
+    for k in range(ROUNDS):
+        D = samples.lyapunov(X).solve(-samples.residual(X), INEXACT)
+        X = X + D
+        moved = float(np.abs(D).max() / (np.abs(X).max() or 1.0))
+        if moved <= max(tol, 1e-15) or (moved > SETTLED * last and moved < 1e-9):
+            return X
+        if not np.isfinite(moved) or (k > 1 and moved > SETTLED * last):
+            break
+        last = moved
+    raise ToleranceNotReached("Newton's method did not settle", got=f"a last step of {moved:.2g}")
+
+
+def find_tail(X: Array) -> float:
+    """Return the size of the last quarter of the harmonics of samples (N, n, n), relative to the largest entry."""
+    size = np.abs(np.fft.rfft(X, axis=0)).max(axis=(1, 2))
+    return float(size[-(len(size) // 4) :].max() / (size.max() or 1.0))
+
+
+def judge(problem: LinearQuadratic, X: FourierSeries, samples: Samples) -> RiccatiSolution:
+    """Put the solution together with the bound on its error. Raises: ToleranceNotReached when there is none."""
+    values = X.values
+    bound = bound_error(problem, X, samples.lyapunov(values))
+    few = slice(None, None, max(1, len(values) // 32))
+    H = assemble_hamiltonian(samples.A[few], samples.S[few], samples.Q[few])
+    fastest = max(float(np.abs(np.linalg.eigvals(H)).max()), 1 / X.period)
+    return RiccatiSolution(
+        problem=problem,
+        horizon=X.period,
+        periodic=True,
+        series=X,
+        error=bound.error,
+        gain_error=bound.gain_error,
+        method_error=bound.error,
+        residual=bound.residual / (float(np.abs(values).max()) * fastest),
+        symmetry=0.0,
+        closure=0.0,
+        doublings=0,
+        segments=len(values),
+        status="converged",
+    )
