@@ -7,9 +7,9 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import NumericalError, ToleranceNotReached
 from flexlin.periodic.fourier import FourierSeries, fourier_differentiation, fourier_nodes
-from flexlin.periodic.quadratic.bound import bound_error
 from flexlin.periodic.quadratic.collocated_lyapunov import CollocatedLyapunov
 from flexlin.periodic.quadratic.doubling import EdgeCosts, carry_costs
+from flexlin.periodic.quadratic.evidence import find_error
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, assemble_hamiltonian
 from flexlin.periodic.quadratic.scattering import transpose
 from flexlin.periodic.quadratic.solution import RiccatiSolution
@@ -48,15 +48,15 @@ class Samples:
         product = X @ self.A
         return np.asarray(rate + product + transpose(product) - X @ self.S @ X + self.Q)
 
-    def lyapunov(self, X: Array) -> CollocatedLyapunov:
-        """Return the derivative of the residual by X: the Lyapunov operator of the closed loop."""
-        return CollocatedLyapunov(self.A - self.S @ X, self.period)
+    def loop(self, X: Array) -> Array:
+        """Return A - S X, whose Lyapunov operator is the derivative of the residual by X."""
+        return np.asarray(self.A - self.S @ X)
 
 
 def solve_by_harmonics(problem: LinearQuadratic, period: float, tol: float) -> RiccatiSolution | None:
     """Solve with as many nodes as X has harmonics; the best answer, or None where this is no way to solve it.
 
-    Assumes smooth coefficients. What is proved, and for which X, is said by `bound_error`.
+    Assumes smooth coefficients. What is proved, and for which X, is said by `find_error`.
     """
     best: RiccatiSolution | None = None
     X: FourierSeries | None = None
@@ -97,7 +97,7 @@ def start_coarsely(samples: Samples, problem: LinearQuadratic) -> EdgeCosts:
 
 
 def refine(samples: Samples, X: Array, tol: float) -> Array:
-    """Apply Newton's method to the collocated equation until a step stays below tol.
+    """Apply Newton's method to the collocated equation until a step stays well below tol, or is rounding.
 
         D' + Ac' D + D Ac = -residual(X),   X <- X + D
 
@@ -106,10 +106,10 @@ def refine(samples: Samples, X: Array, tol: float) -> Array:
     """
     last = np.inf
     for k in range(ROUNDS):
-        D = samples.lyapunov(X).solve(-samples.residual(X), INEXACT)
+        D = CollocatedLyapunov(samples.loop(X), samples.period).solve(-samples.residual(X), INEXACT)
         X = X + D
         moved = float(np.abs(D).max() / (np.abs(X).max() or 1.0))
-        if moved <= max(tol, 1e-15) or (moved > SETTLED * last and moved < 1e-9):
+        if moved <= max(1e-2 * tol, 1e-13) or (moved > SETTLED * last and moved < 1e-9):
             return X
         if not np.isfinite(moved) or (k > 1 and moved > SETTLED * last):
             break
@@ -124,9 +124,9 @@ def find_tail(X: Array) -> float:
 
 
 def judge(problem: LinearQuadratic, X: FourierSeries, samples: Samples) -> RiccatiSolution:
-    """Put the solution together with the bound on its error. Raises: ToleranceNotReached when there is none."""
+    """Put the solution together with its error. Raises: ToleranceNotReached when there is none."""
     values = X.values
-    bound = bound_error(problem, X, samples.lyapunov(values))
+    evidence = find_error(problem, X, samples.loop(values))
     few = slice(None, None, max(1, len(values) // 32))
     H = assemble_hamiltonian(samples.A[few], samples.S[few], samples.Q[few])
     fastest = max(float(np.abs(np.linalg.eigvals(H)).max()), 1 / X.period)
@@ -135,10 +135,10 @@ def judge(problem: LinearQuadratic, X: FourierSeries, samples: Samples) -> Ricca
         horizon=X.period,
         periodic=True,
         series=X,
-        error=bound.error,
-        gain_error=bound.gain_error,
-        method_error=bound.error,
-        residual=bound.residual / (float(np.abs(values).max()) * fastest),
+        error=evidence.error,
+        gain_error=evidence.gain_error,
+        method_error=evidence.error,
+        residual=evidence.residual / (float(np.abs(values).max()) * fastest),
         symmetry=0.0,
         closure=0.0,
         doublings=0,

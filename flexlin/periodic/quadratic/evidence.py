@@ -1,0 +1,110 @@
+"""Whether a solution is the stabilising one, and how wrong it is: its residual, carried through the closed loop's Lyapunov equation."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.errors import ToleranceNotReached
+from flexlin.periodic.fourier import FourierSeries, fourier_nodes
+from flexlin.periodic.quadratic.collocated_lyapunov import CollocatedLyapunov
+from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
+from flexlin.periodic.quadratic.scattering import symmetrize, transpose
+
+ROUNDING = 4 * np.finfo(float).eps
+"""Rounding of a sum of products, relative to the sum of their sizes."""
+SAFETY = 3.0
+"""Factor on the errors that are found."""
+FLOOR = 1e-3
+"""Least weight of a state in W, relative to the largest, in units in which X has a diagonal of ones."""
+WEIGHING, CARRYING = 1e-6, 1e-4
+"""Relative accuracies to which Y and the errors are asked for."""
+MOST_LEFT, MOST_CURVED = 0.5, 0.2
+"""Largest share of W that Y may miss, and the largest curvature q, up to which the proof holds."""
+PROBE = 20
+"""Seed of the signs that rounding is given."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Estimates of |X error| / max |X| and |K error| / max |K|; the largest residual."""
+
+    error: float
+    gain_error: float
+    residual: float
+
+
+def find_error(problem: LinearQuadratic, X: FourierSeries, loop: Array) -> Evidence:
+    """Prove that X lies near the stabilising solution X + E and find E from the residual between the nodes of X.
+
+        E' + Ac' E + E Ac - E S E + F = 0,   Ac = A - S X,   F = X' + A' X + X A - X S X + Q
+
+    The proof (`prove_stable`) also says that the term of second order is small. What is left is a Lyapunov equation, solved on
+    2 N + 1 nodes, with 0 as their only common one: for F as it was computed, and for F as it might be rounded, with signs that
+    are the same at all times and with signs that change at random. The sum of the three, by a factor, is the error.
+
+    Parameters: loop: A - S X (N, n, n) at the N nodes of X.
+    Raises: ToleranceNotReached when there is no proof or no E.
+    """
+    T, N = X.period, len(X.coefficients)
+    t = fourier_nodes(2 * N + 1, T)
+    A, S, Q = problem.reduced(t)
+    values, rate = X(t), X(t, 1)
+    finer, by_A = A - S @ values, values @ A
+    residual = rate + by_A + transpose(by_A) - values @ S @ values + Q
+    rounding = ROUNDING * (np.abs(rate) + sum_sizes(A, S, Q, values))
+    prove_stable(X, loop, np.abs(residual) + rounding, finer, S)
+    lyapunov = CollocatedLyapunov(finer, T)
+    rng = np.random.default_rng(PROBE)
+    n = values.shape[1]
+    same, changing = (np.sign(symmetrize(rng.normal(size=(k, n, n)))) for k in (1, len(t)))
+    parts = [lyapunov.solve(F, CARRYING) for F in (residual, rounding * same, rounding * changing)]
+    to_gain = np.linalg.solve(problem.R(t), transpose(problem.B(t)))
+    size, gain = float(np.abs(values).max()) or 1.0, float(np.abs(problem.gain(t, values)).max()) or 1.0
+    of_gain = sum(float(np.abs(to_gain @ E).max()) for E in parts) + ROUNDING * (np.abs(to_gain) @ np.abs(values)).max()
+    error = SAFETY * sum(float(np.abs(E).max()) for E in parts) / size + ROUNDING
+    return Evidence(error, SAFETY * float(of_gain) / gain, float(np.abs(residual).max()))
+
+
+def sum_sizes(A: Array, S: Array, Q: Array, X: Array) -> Array:
+    """Return |X| |A| + |A|' |X| + |X| |S| |X| + |Q|, entry by entry."""
+    X, product = np.abs(X), np.abs(X) @ np.abs(A)
+    return np.asarray(product + transpose(product) + X @ np.abs(S) @ X + np.abs(Q))
+
+
+def prove_stable(X: FourierSeries, loop: Array, sizes: Array, finer: Array, S: Array) -> None:
+    """Prove that the loop of X is stable and that the stabilising solution lies near.
+
+    Let -W <= F <= W with a constant diagonal W > 0, and Y' + Ac' Y + Y Ac <= -(1 - theta) W at all times. By Lyapunov's theorem
+    the loop is stable if Y > 0 at one time. With q = tr(S Y) tr(W^-1 Y) / (1 - theta)^2 < 1/4 the map that takes E to the solution
+    of the Lyapunov equation with F - E S E keeps -k Y <= E <= k Y for k (1 - theta) = 2 / (1 + sqrt(1 - 4 q)): E is in there.
+    Assumes that F is smooth between the times of `sizes`.
+
+    Parameters: sizes (M, n, n): bounds on |F|; loop (N, n, n): Ac at the nodes of X; finer, S (M, n, n): Ac and S at the times of sizes.
+    Raises: ToleranceNotReached when Y proves nothing.
+    Source: Bittanti, Colaneri, Periodic Systems (2009), ch. 4 (periodic Lyapunov inequality).
+    """
+    T, t = X.period, fourier_nodes(len(finer), X.period)
+    W = weigh(sizes, X(t))
+    units = np.sqrt(np.outer(W, W))
+    right = np.broadcast_to(-np.diag(W), loop.shape)
+    Y = FourierSeries.through(CollocatedLyapunov(loop, T).solve(right, WEIGHING), T)
+    at = Y(t)
+    drift = at @ finer
+    theta = float(np.linalg.norm((Y(t, 1) + drift + transpose(drift) + np.diag(W)) / units, 2, axis=(1, 2)).max())
+    trace = np.einsum("tij,tji->t", S, at) * np.trace(at / units, axis1=1, axis2=2)
+    if theta > MOST_LEFT or trace.max() > MOST_CURVED * (1 - theta) ** 2 or np.linalg.eigvalsh(at[0] / units)[0] <= 0:
+        raise ToleranceNotReached(
+            "the closed loop was not proved stable", got=f"a share of {theta:.2g}, curvature {trace.max():.2g}"
+        )
+
+
+def weigh(sizes: Array, X: Array) -> Array:
+    """Return the diagonal of W (n,) with -W <= F(t) <= W for all |F(t)| <= sizes (N, n, n).
+
+    By Gershgorin's theorem, in units d in which X has about a diagonal of ones:  W_i = max over t of sum_j |F_ij| d_i / d_j.
+    """
+    diagonal = np.sqrt(np.diagonal(X, axis1=1, axis2=2).clip(0.0).max(axis=0))
+    scale = np.maximum(diagonal, 1e-8 * diagonal.max() + np.finfo(float).tiny)
+    W = (sizes / scale).sum(axis=2).max(axis=0) / scale
+    return np.asarray(np.maximum(W, FLOOR * W.max()) * scale**2)
