@@ -11,8 +11,8 @@ from flexlin.periodic.quadratic.collocated_lyapunov import CollocatedLyapunov
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.quadratic.scattering import symmetrize, transpose
 
-ROUNDING = 4 * np.finfo(float).eps
-"""Rounding of a sum of products, relative to the sum of their sizes."""
+ROUNDING = np.finfo(float).eps / 4
+"""Rounding of a sum of products, relative to the sum of their sizes: 3 times the root mean square that was seen."""
 SAFETY = 3.0
 """Factor on the errors that are found."""
 FLOOR = 1e-3
@@ -40,7 +40,7 @@ def find_error(problem: LinearQuadratic, X: FourierSeries, loop: Array) -> Evide
         E' + Ac' E + E Ac - E S E + F = 0,   Ac = A - S X,   F = X' + A' X + X A - X S X + Q
 
     The proof (`prove_stable`) also says that the term of second order is small. What is left is a Lyapunov equation, solved on
-    2 N + 1 nodes, with 0 as their only common one: for F as it was computed, and for F as it might be rounded, with signs that
+    2 N + 1 nodes, of which 0 alone is one of the N: for F as it was computed, and for F as it might be rounded, with signs that
     are the same at all times and with signs that change at random. The sum of the three, by a factor, is the error.
 
     Parameters: loop: A - S X (N, n, n) at the N nodes of X.
@@ -52,24 +52,35 @@ def find_error(problem: LinearQuadratic, X: FourierSeries, loop: Array) -> Evide
     values, rate = X(t), X(t, 1)
     finer, by_A = A - S @ values, values @ A
     residual = rate + by_A + transpose(by_A) - values @ S @ values + Q
-    rounding = ROUNDING * (np.abs(rate) + sum_sizes(A, S, Q, values))
-    prove_stable(X, loop, np.abs(residual) + rounding, finer, S)
+    prove_stable(X, loop, np.abs(residual) + 8 * ROUNDING * sum_sizes(A, S, Q, values, rate), finer, S)
     lyapunov = CollocatedLyapunov(finer, T)
-    rng = np.random.default_rng(PROBE)
-    n = values.shape[1]
-    same, changing = (np.sign(symmetrize(rng.normal(size=(k, n, n)))) for k in (1, len(t)))
-    parts = [lyapunov.solve(F, CARRYING) for F in (residual, rounding * same, rounding * changing)]
+    signs = np.random.default_rng(PROBE).choice([-1.0, 1.0], (2, len(t), *values.shape[1:]))
+    signs[0] = signs[0, 0]
+    roundings = [draw_rounding(A, S, Q, values, rate, sign) for sign in signs]
+    parts = [lyapunov.solve(F, CARRYING) for F in (residual, *roundings)]
     to_gain = np.linalg.solve(problem.R(t), transpose(problem.B(t)))
     size, gain = float(np.abs(values).max()) or 1.0, float(np.abs(problem.gain(t, values)).max()) or 1.0
-    of_gain = sum(float(np.abs(to_gain @ E).max()) for E in parts) + ROUNDING * (np.abs(to_gain) @ np.abs(values)).max()
-    error = SAFETY * sum(float(np.abs(E).max()) for E in parts) / size + ROUNDING
+    of_gain = (
+        sum(float(np.abs(to_gain @ E).max()) for E in parts) + 8 * ROUNDING * (np.abs(to_gain) @ np.abs(values)).max()
+    )
+    error = SAFETY * sum(float(np.abs(E).max()) for E in parts) / size + 8 * ROUNDING
     return Evidence(error, SAFETY * float(of_gain) / gain, float(np.abs(residual).max()))
 
 
-def sum_sizes(A: Array, S: Array, Q: Array, X: Array) -> Array:
-    """Return |X| |A| + |A|' |X| + |X| |S| |X| + |Q|, entry by entry."""
+def sum_sizes(A: Array, S: Array, Q: Array, X: Array, rate: Array) -> Array:
+    """Return |X'| + |X| |A| + |A|' |X| + |X| |S| |X| + |Q|, entry by entry."""
     X, product = np.abs(X), np.abs(X) @ np.abs(A)
-    return np.asarray(product + transpose(product) + X @ np.abs(S) @ X + np.abs(Q))
+    return np.asarray(np.abs(rate) + product + transpose(product) + X @ np.abs(S) @ X + np.abs(Q))
+
+
+def draw_rounding(A: Array, S: Array, Q: Array, X: Array, rate: Array, signs: Array) -> Array:
+    """Return what rounding may make of X' + A' X + X A - (X S) X + Q, with the given signs.
+
+    What is lost in X S is multiplied by X: where X S is a small difference, as in cheap control, that matters less than its size.
+    """
+    sizes = np.abs(rate) + np.abs(Q) + np.abs(X @ S) @ np.abs(X) + 2 * np.abs(X) @ np.abs(A)
+    inner = (np.abs(X) @ np.abs(S)) * np.swapaxes(signs, 1, 2)
+    return ROUNDING * symmetrize(sizes * signs + 2 * inner @ X)
 
 
 def prove_stable(X: FourierSeries, loop: Array, sizes: Array, finer: Array, S: Array) -> None:
