@@ -7,7 +7,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import ToleranceNotReached
 from flexlin.periodic.fourier import FourierSeries, fourier_nodes
-from flexlin.periodic.quadratic.collocated_lyapunov import CollocatedLyapunov
+from flexlin.periodic.quadratic.collocated_lyapunov import CollocatedLyapunov, measure_states
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.quadratic.scattering import symmetrize, transpose
 
@@ -17,7 +17,7 @@ SAFETY = 3.0
 """Factor on the errors that are found."""
 FLOOR = 1e-3
 """Least weight of a state in W, relative to the largest, in units in which X has a diagonal of ones."""
-WEIGHING, CARRYING = 1e-6, 1e-4
+WEIGHING, CARRYING = 1e-4, 1e-2
 """Relative accuracies to which Y and the errors are asked for."""
 MOST_LEFT, MOST_CURVED = 0.5, 0.2
 """Largest share of W that Y may miss, and the largest curvature q, up to which the proof holds."""
@@ -34,37 +34,45 @@ class Evidence:
     residual: float
 
 
-def find_error(problem: LinearQuadratic, X: FourierSeries, loop: Array) -> Evidence:
+def find_error(problem: LinearQuadratic, X: FourierSeries, loop: Array, count: int) -> Evidence:
     """Prove that X lies near the stabilising solution X + E and find E from the residual between the nodes of X.
 
         E' + Ac' E + E Ac - E S E + F = 0,   Ac = A - S X,   F = X' + A' X + X A - X S X + Q
 
     The proof (`prove_stable`) also says that the term of second order is small. What is left is a Lyapunov equation, solved on
-    2 N + 1 nodes, of which 0 alone is one of the N: for F as it was computed, and for F as it might be rounded, with signs that
-    are the same at all times and with signs that change at random. The sum of the three, by a factor, is the error.
+    more nodes: for F as it was computed, and for F as it might be rounded, with signs that
+    are the same at all times and with signs that change at random. The first and the larger of the others, by a factor, are the error.
 
-    Parameters: loop: A - S X (N, n, n) at the N nodes of X.
+    Parameters: loop: A - S X (N, n, n) at the N nodes of X; count: of the nodes between which
+    the residual is looked at.
     Raises: ToleranceNotReached when there is no proof or no E.
     """
-    T, N = X.period, len(X.coefficients)
-    t = fourier_nodes(2 * N + 1, T)
+    T = X.period
+    t = fourier_nodes(count, T)
     A, S, Q = problem.reduced(t)
     values, rate = X(t), X(t, 1)
     finer, by_A = A - S @ values, values @ A
     residual = rate + by_A + transpose(by_A) - values @ S @ values + Q
     prove_stable(X, loop, np.abs(residual) + 8 * ROUNDING * sum_sizes(A, S, Q, values, rate), finer, S)
-    lyapunov = CollocatedLyapunov(finer, T)
+    lyapunov = CollocatedLyapunov(finer, T, values)
     signs = np.random.default_rng(PROBE).choice([-1.0, 1.0], (2, len(t), *values.shape[1:]))
     signs[0] = signs[0, 0]
     roundings = [draw_rounding(A, S, Q, values, rate, sign) for sign in signs]
     parts = [lyapunov.solve(F, CARRYING) for F in (residual, *roundings)]
     to_gain = np.linalg.solve(problem.R(t), transpose(problem.B(t)))
     size, gain = float(np.abs(values).max()) or 1.0, float(np.abs(problem.gain(t, values)).max()) or 1.0
-    of_gain = (
-        sum(float(np.abs(to_gain @ E).max()) for E in parts) + 8 * ROUNDING * (np.abs(to_gain) @ np.abs(values)).max()
+    product = 8 * ROUNDING * float((np.abs(to_gain) @ np.abs(values)).max())
+    return Evidence(
+        SAFETY * add_up(parts) / size + 8 * ROUNDING,
+        (SAFETY * add_up([to_gain @ E for E in parts]) + product) / gain,
+        float(np.abs(residual).max()),
     )
-    error = SAFETY * sum(float(np.abs(E).max()) for E in parts) / size + 8 * ROUNDING
-    return Evidence(error, SAFETY * float(of_gain) / gain, float(np.abs(residual).max()))
+
+
+def add_up(parts: list[Array]) -> float:
+    """Return the largest entry of the first part, plus the largest of all others."""
+    first, *others = (float(np.abs(part).max()) for part in parts)
+    return first + max(others)
 
 
 def sum_sizes(A: Array, S: Array, Q: Array, X: Array, rate: Array) -> Array:
@@ -99,7 +107,7 @@ def prove_stable(X: FourierSeries, loop: Array, sizes: Array, finer: Array, S: A
     W = weigh(sizes, X(t))
     units = np.sqrt(np.outer(W, W))
     right = np.broadcast_to(-np.diag(W), loop.shape)
-    Y = FourierSeries.through(CollocatedLyapunov(loop, T).solve(right, WEIGHING), T)
+    Y = FourierSeries.through(CollocatedLyapunov(loop, T, X.values).solve(right, WEIGHING), T)
     at = Y(t)
     drift = at @ finer
     theta = float(np.linalg.norm((Y(t, 1) + drift + transpose(drift) + np.diag(W)) / units, 2, axis=(1, 2)).max())
@@ -115,7 +123,6 @@ def weigh(sizes: Array, X: Array) -> Array:
 
     By Gershgorin's theorem, in units d in which X has about a diagonal of ones:  W_i = max over t of sum_j |F_ij| d_i / d_j.
     """
-    diagonal = np.sqrt(np.diagonal(X, axis1=1, axis2=2).clip(0.0).max(axis=0))
-    scale = np.maximum(diagonal, 1e-8 * diagonal.max() + np.finfo(float).tiny)
-    W = (sizes / scale).sum(axis=2).max(axis=0) / scale
-    return np.asarray(np.maximum(W, FLOOR * W.max()) * scale**2)
+    units = measure_states(X)
+    W = (sizes / units).sum(axis=2).max(axis=0) / units
+    return np.asarray(np.maximum(W, FLOOR * W.max()) * units**2)

@@ -1,6 +1,7 @@
 """The stabilising solution of a smooth problem as a Fourier series: a coarse doubling, then Newton's method."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -15,17 +16,15 @@ from flexlin.periodic.quadratic.scattering import transpose
 from flexlin.periodic.quadratic.solution import RiccatiSolution
 from flexlin.periodic.quadratic.transport import exponentiate
 
-COUNTS = (33, 65, 129, 257)
-"""Nodes that are tried, odd numbers."""
+COUNTS = (33, 65, 125, 243, 495)
+"""Nodes that are tried but for the last, odd numbers; the next one, which shares only t = 0 with it, judges."""
 MOST_ENTRIES = 2**18
 """Largest number of entries of X at all nodes: GMRES keeps up to 80 such arrays."""
 ROUNDS = 12
-INEXACT = 1e-4
-"""Relative accuracy of a Newton step."""
+INEXACT = (1e-4, 1e-2)
+"""Least and largest relative accuracy of a Newton step; between them that of the step before."""
 SETTLED = 0.7
 """Factor by which a step must be shorter than the one before, from the third on."""
-ROUGH = 0.02
-"""Share of the last quarter of the harmonics in a coarse solution, above which more nodes are taken at once."""
 
 
 @dataclass(frozen=True)
@@ -61,20 +60,22 @@ def solve_by_harmonics(problem: LinearQuadratic, period: float, tol: float) -> R
     best: RiccatiSolution | None = None
     X: FourierSeries | None = None
     n = problem.A(np.zeros(1)).shape[1]
-    for count in COUNTS:
+    for count, finer in pairwise(COUNTS):
         if count * n**2 > MOST_ENTRIES:
             break
         samples = Samples.of(problem, count, period)
         try:
             costs = start_coarsely(samples, problem) if X is None else None
             start = X(fourier_nodes(count, period)) if costs is None else costs.X[:-1]
-            if find_tail(start) > ROUGH:
+            if find_tail(start) ** (COUNTS[-2] / count) > tol:
+                return best
+            if find_tail(start) ** (finer / count) > tol:
                 continue
             values = refine(samples, start, tol)
             X = FourierSeries.through(values, period)
-            if find_tail(values) > 10 * tol and count < COUNTS[-1]:
+            if find_tail(values) > 10 * tol:
                 continue
-            found = judge(problem, X, samples)
+            found = judge(problem, X, samples, finer)
         except NumericalError:
             continue
         if best is not None and found.error > 0.5 * best.error:
@@ -106,7 +107,9 @@ def refine(samples: Samples, X: Array, tol: float) -> Array:
     """
     last = np.inf
     for k in range(ROUNDS):
-        D = CollocatedLyapunov(samples.loop(X), samples.period).solve(-samples.residual(X), INEXACT)
+        D = CollocatedLyapunov(samples.loop(X), samples.period, X).solve(
+            -samples.residual(X), float(np.clip(last, *INEXACT))
+        )
         X = X + D
         moved = float(np.abs(D).max() / (np.abs(X).max() or 1.0))
         if moved <= max(1e-2 * tol, 1e-13) or (moved > SETTLED * last and moved < 1e-9):
@@ -123,10 +126,10 @@ def find_tail(X: Array) -> float:
     return float(size[-(len(size) // 4) :].max() / (size.max() or 1.0))
 
 
-def judge(problem: LinearQuadratic, X: FourierSeries, samples: Samples) -> RiccatiSolution:
+def judge(problem: LinearQuadratic, X: FourierSeries, samples: Samples, finer: int) -> RiccatiSolution:
     """Put the solution together with its error. Raises: ToleranceNotReached when there is none."""
     values = X.values
-    evidence = find_error(problem, X, samples.loop(values))
+    evidence = find_error(problem, X, samples.loop(values), finer)
     few = slice(None, None, max(1, len(values) // 32))
     H = assemble_hamiltonian(samples.A[few], samples.S[few], samples.Q[few])
     fastest = max(float(np.abs(np.linalg.eigvals(H)).max()), 1 / X.period)
