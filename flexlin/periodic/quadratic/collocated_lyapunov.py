@@ -30,7 +30,7 @@ class CollocatedLyapunov:
         mean = A.mean(axis=0)
         values, self.vectors = np.linalg.eig(mean)
         self.inverse = np.linalg.inv(self.vectors)
-        waves = 2j * np.pi / period * np.fft.fftfreq(len(A), 1 / len(A))
+        waves = 2j * np.pi / period * np.arange(len(A) // 2 + 1)
         self.divisors = waves[:, None, None] + values[:, None] + values
         self.rest = A - mean
 
@@ -53,8 +53,8 @@ class CollocatedLyapunov:
 
     def invert_mean(self, right: Array) -> Array:
         """Solve with the mean loop in place of the loop."""
-        waves = np.fft.fft(self.change_basis(right, self.vectors), axis=0)
-        return self.change_basis(np.fft.ifft(waves / self.divisors, axis=0), self.inverse).real.copy()
+        waves = self.change_basis(np.fft.rfft(right, axis=0), self.vectors) / self.divisors
+        return np.asarray(np.fft.irfft(self.change_basis(waves, self.inverse), len(right), axis=0))
 
     @staticmethod
     def change_basis(D: Array, V: Array) -> Array:

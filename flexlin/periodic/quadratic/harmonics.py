@@ -1,7 +1,6 @@
 """The stabilising solution of a smooth problem as a Fourier series: a coarse doubling, then Newton's method."""
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -16,8 +15,9 @@ from flexlin.periodic.quadratic.scattering import transpose
 from flexlin.periodic.quadratic.solution import RiccatiSolution
 from flexlin.periodic.quadratic.transport import exponentiate
 
-COUNTS = (33, 65, 125, 243, 495)
-"""Nodes that are tried but for the last, odd numbers; the next one, which shares only t = 0 with it, judges."""
+COUNTS = {33: 65, 45: 91, 65: 121, 91: 165, 125: 243, 175: 351, 243: 475}
+"""Nodes that are tried and about twice as many that judge them: odd numbers that FFTs like and that share only t = 0."""
+MOST = 243
 MOST_ENTRIES = 2**18
 """Largest number of entries of X at all nodes: GMRES keeps up to 80 such arrays."""
 ROUNDS = 12
@@ -60,16 +60,16 @@ def solve_by_harmonics(problem: LinearQuadratic, period: float, tol: float) -> R
     best: RiccatiSolution | None = None
     X: FourierSeries | None = None
     n = problem.A(np.zeros(1)).shape[1]
-    for count, finer in pairwise(COUNTS):
+    for count, finer in COUNTS.items():
         if count * n**2 > MOST_ENTRIES:
             break
         samples = Samples.of(problem, count, period)
         try:
             costs = start_coarsely(samples, problem) if X is None else None
             start = X(fourier_nodes(count, period)) if costs is None else costs.X[:-1]
-            if find_tail(start) ** (COUNTS[-2] / count) > tol:
+            if find_tail(start) ** (MOST / count) > tol:
                 return best
-            if find_tail(start) ** (finer / count) > tol:
+            if X is None and find_tail(start) > np.sqrt(tol):
                 continue
             values = refine(samples, start, tol)
             X = FourierSeries.through(values, period)
