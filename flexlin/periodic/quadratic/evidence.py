@@ -112,7 +112,8 @@ def prove_stable(X: FourierSeries, loop: Array, sizes: Array, finer: Array, S: A
     drift = at @ finer
     theta = float(np.linalg.norm((Y(t, 1) + drift + transpose(drift) + np.diag(W)) / units, 2, axis=(1, 2)).max())
     trace = np.einsum("tij,tji->t", S, at) * np.trace(at / units, axis1=1, axis2=2)
-    if theta > MOST_LEFT or trace.max() > MOST_CURVED * (1 - theta) ** 2 or np.linalg.eigvalsh(at[0] / units)[0] <= 0:
+    small = theta <= MOST_LEFT and trace.max() <= MOST_CURVED * (1 - theta) ** 2
+    if not (small and np.linalg.eigvalsh(at[0] / units)[0] > 0):
         raise ToleranceNotReached(
             "the closed loop was not proved stable", got=f"a share of {theta:.2g}, curvature {trace.max():.2g}"
         )

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.errors import NumericalError, ToleranceNotReached
+from flexlin.errors import NotDetectable, NotStabilizable, NumericalError, ToleranceNotReached
 from flexlin.periodic.fourier import FourierSeries, fourier_differentiation, fourier_nodes
 from flexlin.periodic.quadratic.collocated_lyapunov import CollocatedLyapunov
-from flexlin.periodic.quadratic.doubling import EdgeCosts, carry_costs
+from flexlin.periodic.quadratic.doubling import carry_costs
 from flexlin.periodic.quadratic.evidence import find_error
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, assemble_hamiltonian
 from flexlin.periodic.quadratic.scattering import transpose
@@ -17,7 +17,8 @@ from flexlin.periodic.quadratic.transport import exponentiate
 
 COUNTS = {33: 65, 45: 91, 65: 121, 91: 165, 125: 243, 175: 351, 243: 475}
 """Nodes that are tried and about twice as many that judge them: odd numbers that FFTs like and that share only t = 0."""
-MOST = 243
+LAST, PATIENCE = 243, 1
+"""The largest number of nodes, and the failures after which another way is taken."""
 MOST_ENTRIES = 2**18
 """Largest number of entries of X at all nodes: GMRES keeps up to 80 such arrays."""
 ROUNDS = 12
@@ -59,42 +60,44 @@ def solve_by_harmonics(problem: LinearQuadratic, period: float, tol: float) -> R
     """
     best: RiccatiSolution | None = None
     X: FourierSeries | None = None
-    n = problem.A(np.zeros(1)).shape[1]
+    n, failures = problem.A(np.zeros(1)).shape[1], 0
     for count, finer in COUNTS.items():
-        if count * n**2 > MOST_ENTRIES:
+        if count * n**2 > MOST_ENTRIES or failures > PATIENCE:
             break
         samples = Samples.of(problem, count, period)
         try:
-            costs = start_coarsely(samples, problem) if X is None else None
-            start = X(fourier_nodes(count, period)) if costs is None else costs.X[:-1]
-            if find_tail(start) ** (MOST / count) > tol:
-                return best
-            if X is None and find_tail(start) > np.sqrt(tol):
+            start = start_coarsely(samples, problem) if X is None else X(fourier_nodes(count, period))
+            tail = find_tail(start)
+            if tail ** (LAST / count) > tol:
+                break
+            if X is None and tail > np.sqrt(tol):
                 continue
-            values = refine(samples, start, tol)
-            X = FourierSeries.through(values, period)
-            if find_tail(values) > 10 * tol:
+            X = FourierSeries.through(refine(samples, start, tol), period)
+            if find_tail(X.values) > 10 * tol:
                 continue
             found = judge(problem, X, samples, finer)
+        except (NotStabilizable, NotDetectable):
+            break
         except NumericalError:
+            failures += 1
             continue
         if best is not None and found.error > 0.5 * best.error:
-            return best
+            break
         best = found
         if best.error <= tol:
             break
     return best
 
 
-def start_coarsely(samples: Samples, problem: LinearQuadratic) -> EdgeCosts:
-    """Solve with the Hamiltonian replaced by the mean of neighbouring nodes: of order two, and well posed however coarse.
+def start_coarsely(samples: Samples, problem: LinearQuadratic) -> Array:
+    """Return X at the nodes, (N, n, n), with the Hamiltonian replaced by the mean of neighbouring nodes: of order two, and well posed however coarse.
 
     Raises: NotStabilizable, NotDetectable.
     """
     H = assemble_hamiltonian(samples.A, samples.S, samples.Q)
     step = samples.period / len(H)
     segments, _ = exponentiate(step * 0.5 * (H + np.roll(H, -1, axis=0)))
-    return carry_costs(segments, None, problem, step * np.arange(len(H) + 1))
+    return carry_costs(segments, None, problem, step * np.arange(len(H) + 1)).X[:-1]
 
 
 def refine(samples: Samples, X: Array, tol: float) -> Array:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import NumericalError, ToleranceNotReached
-from flexlin.periodic.coefficients import Constant, MatrixFunction
+from flexlin.periodic.coefficients import PROBES, Constant, MatrixFunction
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.quadratic.doubling import carry_costs
 from flexlin.periodic.quadratic.harmonics import solve_by_harmonics
@@ -66,7 +66,7 @@ def resolve_problem(problem: LinearQuadratic, system: PeriodicSystem) -> tuple[L
     breaks = set(system.resolved.breaks)
     for name in ("B", "Q", "R", "N"):
         source = getattr(problem, name)
-        if not isinstance(source, Constant):
+        if source(system.period * PROBES).strides[0] != 0:
             series = resolve(source, system.period, system.breaks, system.features, complete=system.complete)
             found[name] = Constant(series.mean()) if series.constant else series
             breaks |= set(series.breaks)
