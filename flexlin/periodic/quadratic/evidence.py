@@ -21,6 +21,8 @@ WEIGHING, CARRYING = 1e-4, 1e-2
 """Relative accuracies to which Y and the errors are asked for."""
 MOST_LEFT, MOST_CURVED = 0.5, 0.2
 """Largest share of W that Y may miss, and the largest curvature q, up to which the proof holds."""
+LEAST_COST = 1e-12
+"""Least eigenvalue of a running cost that is more than rounding."""
 PROBE = 20
 """Seed of the signs that rounding is given."""
 
@@ -39,12 +41,11 @@ def find_error(problem: LinearQuadratic, X: FourierSeries, loop: Array, count: i
 
         E' + Ac' E + E Ac - E S E + F = 0,   Ac = A - S X,   F = X' + A' X + X A - X S X + Q
 
-    The proof (`prove_stable`) also says that the term of second order is small. What is left is a Lyapunov equation, solved on
-    more nodes: for F as it was computed, and for F as it might be rounded, with signs that
-    are the same at all times and with signs that change at random. The first and the larger of the others, by a factor, are the error.
+    A proof (`is_stable_by_cost`, `prove_stable`) also says that the term of second order is small. What is left is a Lyapunov equation, solved
+    on more nodes: for F as it was computed, and for F as it might be rounded, with signs that are the same at all times and with
+    signs that change at random. The first and the larger of the others, by a factor, are the error.
 
-    Parameters: loop: A - S X (N, n, n) at the N nodes of X; count: of the nodes between which
-    the residual is looked at.
+    Parameters: loop: A - S X (N, n, n) at the N nodes of X; count: of the nodes at which the residual is looked at.
     Raises: ToleranceNotReached when there is no proof or no E.
     """
     T = X.period
@@ -53,7 +54,9 @@ def find_error(problem: LinearQuadratic, X: FourierSeries, loop: Array, count: i
     values, rate = X(t), X(t, 1)
     finer, by_A = A - S @ values, values @ A
     residual = rate + by_A + transpose(by_A) - values @ S @ values + Q
-    prove_stable(X, loop, np.abs(residual) + 8 * ROUNDING * sum_sizes(A, S, Q, values, rate), finer, S)
+    sizes = np.abs(residual) + 8 * ROUNDING * sum_sizes(A, S, Q, values, rate)
+    if not is_stable_by_cost(values, weigh(sizes, values), S, Q):
+        prove_stable(X, loop, sizes, finer, S)
     lyapunov = CollocatedLyapunov(finer, T, values)
     signs = np.random.default_rng(PROBE).choice([-1.0, 1.0], (2, len(t), *values.shape[1:]))
     signs[0] = signs[0, 0]
@@ -89,6 +92,24 @@ def draw_rounding(A: Array, S: Array, Q: Array, X: Array, rate: Array, signs: Ar
     sizes = np.abs(rate) + np.abs(Q) + np.abs(X @ S) @ np.abs(X) + 2 * np.abs(X) @ np.abs(A)
     inner = (np.abs(X) @ np.abs(S)) * np.swapaxes(signs, 1, 2)
     return ROUNDING * symmetrize(sizes * signs + 2 * inner @ X)
+
+
+def is_stable_by_cost(X: Array, W: Array, S: Array, Q: Array) -> bool:
+    """Say whether X itself proves its loop stable and near: a Lyapunov function whose decay is the running cost.
+
+        X' + Ac' X + X Ac = F - C,   C = Q + X S X > 0,   -r C <= F <= r C with r = tr(C^-1 W)
+
+    It is as in `prove_stable` with Y = r X. Parameters: X, S, Q (M, n, n) at the times of F; W (n,) with -diag(W) <= F <= diag(W).
+    """
+    units = measure_states(X)
+    both = np.outer(units, units)
+    cost, X, S = (Q + X @ S @ X) / both, X / both, S * both
+    if not (np.linalg.eigvalsh(cost)[:, 0].min() > LEAST_COST * np.abs(cost).max() and np.linalg.eigvalsh(X[0])[0] > 0):
+        return False
+    inverse = np.linalg.inv(cost)
+    share = float((np.diagonal(inverse, axis1=1, axis2=2) @ (W / units**2)).max())
+    curved = share * np.einsum("tij,tji->t", S, X) * np.einsum("tij,tji->t", inverse, X)
+    return bool(share <= MOST_LEFT and curved.max() <= MOST_CURVED * (1 - share) ** 2)
 
 
 def prove_stable(X: FourierSeries, loop: Array, sizes: Array, finer: Array, S: Array) -> None:

@@ -90,7 +90,7 @@ def solve_by_harmonics(problem: LinearQuadratic, period: float, tol: float) -> R
 
 
 def start_coarsely(samples: Samples, problem: LinearQuadratic) -> Array:
-    """Return X at the nodes, (N, n, n), with the Hamiltonian replaced by the mean of neighbouring nodes: of order two, and well posed however coarse.
+    """Return X at the nodes, (N, n, n), with the means of neighbouring Hamiltonians: of order two, well posed however coarse.
 
     Raises: NotStabilizable, NotDetectable.
     """

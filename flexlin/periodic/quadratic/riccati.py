@@ -214,8 +214,6 @@ def solve_on_panels(
     values = X[np.arange(len(starts) - 1)[:, None] * (NODES - 1) + np.arange(NODES)]
     polynomials = interpolate_panels(starts, values, find_slopes(problem, at, values))
     left_out, method_error = polynomials.tails() / size, float(np.abs(X[::every] - coarse.X).max() / size)
-    if not stages:
-        method_error /= 2 ** (MAGNUS_ORDER - 1)
     error = method_error + float(left_out.max()) + fine.closure + fine.rounding
     solution = RiccatiSolution(
         problem=problem,
