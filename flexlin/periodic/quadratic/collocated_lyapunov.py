@@ -9,8 +9,6 @@ from flexlin.periodic.quadratic.scattering import symmetrize, transpose
 
 MOST = 80
 """Dimensions of the Krylov space: more are needed only where the mean says little of the loop."""
-ENOUGH = 0.1
-"""Relative residual above which an answer is none."""
 
 
 class CollocatedLyapunov:
@@ -34,15 +32,15 @@ class CollocatedLyapunov:
         self.divisors = waves[:, None, None] + values[:, None] + values
         self.rest = A - mean
 
-    def solve(self, right: Array, tol: float) -> Array:
-        """Return D (N, n, n), symmetric, of a symmetric right side, to about tol of its size.
+    def solve(self, right: Array, tol: float, enough: float) -> Array:
+        """Return D (N, n, n), symmetric, of a symmetric right side, to about tol of its size; more than `enough` is no answer.
 
         Raises: ToleranceNotReached when the mean is no guide to the loop, or lies on the border of stability.
         """
         with np.errstate(all="ignore"):
             start = self.invert_mean(right / self.units)
             D, left = solve_by_gmres(self.apply, start, tol, MOST)
-        if not left <= ENOUGH:
+        if not left <= enough:
             raise ToleranceNotReached("the periodic Lyapunov equation was not solved", got=f"residual {left:.2g}")
         return symmetrize(D) * self.units
 

@@ -17,12 +17,14 @@ SAFETY = 3.0
 """Factor on the errors that are found."""
 FLOOR = 1e-3
 """Least weight of a state in W, relative to the largest, in units in which X has a diagonal of ones."""
-WEIGHING, CARRYING = 1e-4, 1e-2
+WEIGHING, CARRYING = 1e-4, 1e-4
 """Relative accuracies to which Y and the errors are asked for."""
 MOST_LEFT, MOST_CURVED = 0.5, 0.2
 """Largest share of W that Y may miss, and the largest curvature q, up to which the proof holds."""
 LEAST_COST = 1e-12
 """Least eigenvalue of a running cost that is more than rounding."""
+UNRESOLVED = 0.05
+"""Share of the last quarter of the harmonics from which on E is not resolved."""
 PROBE = 20
 """Seed of the signs that rounding is given."""
 
@@ -41,9 +43,9 @@ def find_error(problem: LinearQuadratic, X: FourierSeries, loop: Array, count: i
 
         E' + Ac' E + E Ac - E S E + F = 0,   Ac = A - S X,   F = X' + A' X + X A - X S X + Q
 
-    A proof (`is_stable_by_cost`, `prove_stable`) also says that the term of second order is small. What is left is a Lyapunov equation, solved
-    on more nodes: for F as it was computed, and for F as it might be rounded, with signs that are the same at all times and with
-    signs that change at random. The first and the larger of the others, by a factor, are the error.
+    A proof (`is_stable_by_cost`, `prove_stable`) also says that the term of second order is small. What is left is a Lyapunov
+    equation, solved on more nodes: for F as it was computed, and for F as it might be rounded, with signs that are the same at
+    all times and with signs that change at random. The first and the larger of the others, by a factor, are the error.
 
     Parameters: loop: A - S X (N, n, n) at the N nodes of X; count: of the nodes at which the residual is looked at.
     Raises: ToleranceNotReached when there is no proof or no E.
@@ -61,7 +63,9 @@ def find_error(problem: LinearQuadratic, X: FourierSeries, loop: Array, count: i
     signs = np.random.default_rng(PROBE).choice([-1.0, 1.0], (2, len(t), *values.shape[1:]))
     signs[0] = signs[0, 0]
     roundings = [draw_rounding(A, S, Q, values, rate, sign) for sign in signs]
-    parts = [lyapunov.solve(F, CARRYING) for F in (residual, *roundings)]
+    parts = [lyapunov.solve(F, CARRYING, 10 * CARRYING) for F in (residual, *roundings)]
+    if np.abs(parts[0]).max() > max(np.abs(part).max() for part in parts[1:]) and find_tail(parts[0]) > UNRESOLVED:
+        raise ToleranceNotReached("the error is not resolved by its nodes", got=f"a tail of {find_tail(parts[0]):.2g}")
     to_gain = np.linalg.solve(problem.R(t), transpose(problem.B(t)))
     size, gain = float(np.abs(values).max()) or 1.0, float(np.abs(problem.gain(t, values)).max()) or 1.0
     product = 8 * ROUNDING * float((np.abs(to_gain) @ np.abs(values)).max())
@@ -70,6 +74,12 @@ def find_error(problem: LinearQuadratic, X: FourierSeries, loop: Array, count: i
         (SAFETY * add_up([to_gain @ E for E in parts]) + product) / gain,
         float(np.abs(residual).max()),
     )
+
+
+def find_tail(X: Array) -> float:
+    """Return the size of the last quarter of the harmonics of samples (N, n, n), relative to the largest entry."""
+    size = np.abs(np.fft.rfft(X, axis=0)).max(axis=(1, 2))
+    return float(size[-(len(size) // 4) :].max() / (size.max() or 1.0))
 
 
 def add_up(parts: list[Array]) -> float:
@@ -128,7 +138,7 @@ def prove_stable(X: FourierSeries, loop: Array, sizes: Array, finer: Array, S: A
     W = weigh(sizes, X(t))
     units = np.sqrt(np.outer(W, W))
     right = np.broadcast_to(-np.diag(W), loop.shape)
-    Y = FourierSeries.through(CollocatedLyapunov(loop, T, X.values).solve(right, WEIGHING), T)
+    Y = FourierSeries.through(CollocatedLyapunov(loop, T, X.values).solve(right, WEIGHING, 10 * WEIGHING), T)
     at = Y(t)
     drift = at @ finer
     theta = float(np.linalg.norm((Y(t, 1) + drift + transpose(drift) + np.diag(W)) / units, 2, axis=(1, 2)).max())

@@ -9,7 +9,7 @@ from flexlin.errors import NotDetectable, NotStabilizable, NumericalError, Toler
 from flexlin.periodic.fourier import FourierSeries, fourier_differentiation, fourier_nodes
 from flexlin.periodic.quadratic.collocated_lyapunov import CollocatedLyapunov
 from flexlin.periodic.quadratic.doubling import carry_costs
-from flexlin.periodic.quadratic.evidence import find_error
+from flexlin.periodic.quadratic.evidence import find_error, find_tail
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, assemble_hamiltonian
 from flexlin.periodic.quadratic.scattering import transpose
 from flexlin.periodic.quadratic.solution import RiccatiSolution
@@ -22,8 +22,8 @@ LAST, PATIENCE = 243, 1
 MOST_ENTRIES = 2**18
 """Largest number of entries of X at all nodes: GMRES keeps up to 80 such arrays."""
 ROUNDS = 12
-INEXACT = (1e-4, 1e-2)
-"""Least and largest relative accuracy of a Newton step; between them that of the step before."""
+INEXACT, ENOUGH = (1e-4, 1e-2), 0.1
+"""Least and largest relative accuracy of a Newton step; between them that of the step before; and what will do."""
 SETTLED = 0.7
 """Factor by which a step must be shorter than the one before, from the third on."""
 
@@ -111,7 +111,7 @@ def refine(samples: Samples, X: Array, tol: float) -> Array:
     last = np.inf
     for k in range(ROUNDS):
         D = CollocatedLyapunov(samples.loop(X), samples.period, X).solve(
-            -samples.residual(X), float(np.clip(last, *INEXACT))
+            -samples.residual(X), float(np.clip(last, *INEXACT)), ENOUGH
         )
         X = X + D
         moved = float(np.abs(D).max() / (np.abs(X).max() or 1.0))
@@ -121,12 +121,6 @@ def refine(samples: Samples, X: Array, tol: float) -> Array:
             break
         last = moved
     raise ToleranceNotReached("Newton's method did not settle", got=f"a last step of {moved:.2g}")
-
-
-def find_tail(X: Array) -> float:
-    """Return the size of the last quarter of the harmonics of samples (N, n, n), relative to the largest entry."""
-    size = np.abs(np.fft.rfft(X, axis=0)).max(axis=(1, 2))
-    return float(size[-(len(size) // 4) :].max() / (size.max() or 1.0))
 
 
 def judge(problem: LinearQuadratic, X: FourierSeries, samples: Samples, finer: int) -> RiccatiSolution:
