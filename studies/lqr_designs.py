@@ -8,6 +8,8 @@ backward integration (compiled as C) to the same accuracy, in one run.
 """
 
 import argparse
+import shutil
+import subprocess
 import tempfile
 import time
 from collections.abc import Callable
@@ -16,7 +18,6 @@ from pathlib import Path
 
 import casadi as ca
 import numpy as np
-from scaling import compiled
 from scipy.integrate import odeint, solve_ivp
 
 import flexlin as fl
@@ -131,7 +132,7 @@ def compile_rate(problem: LinearQuadratic, period: float, folder: Path) -> Calla
     X = ca.reshape(x, n, n)
     product = X @ A
     made = ca.Function("rate", [t, x], [ca.vec(-(product + product.T - X @ S @ X + Q))])
-    function = compiled(made, folder) or made
+    function = compile_function(made, folder)
     buffer, call = function.buffer()
     time_now, state, slope = np.zeros(1), np.zeros(n * n), np.zeros(n * n)
     buffer.set_arg(0, memoryview(time_now))
@@ -144,6 +145,18 @@ def compile_rate(problem: LinearQuadratic, period: float, folder: Path) -> Calla
         return slope.copy()
 
     return rate
+
+
+def compile_function(function: ca.Function, folder: Path) -> ca.Function:
+    """The function as C, or as it is where there is no C compiler."""
+    compiler = shutil.which("gcc") or shutil.which("cc")
+    if compiler is None:
+        return function
+    code = ca.CodeGenerator(f"{function.name()}.c")
+    code.add(function)
+    source, library = code.generate(f"{folder}/"), f"{folder}/{function.name()}.so"
+    subprocess.run([compiler, "-O2", "-shared", "-fPIC", source, "-o", library], check=True)
+    return ca.external(function.name(), library)
 
 
 def error_of(X: np.ndarray, exact: np.ndarray) -> float:

@@ -24,7 +24,7 @@ MOST_LEFT, MOST_CURVED = 0.5, 0.2
 LEAST_COST = 1e-12
 """Least eigenvalue of a running cost that is more than rounding."""
 UNRESOLVED, HIDDEN = 0.05, 10.0
-"""Share of the last quarter of the harmonics from which on E is not resolved, and the factor that it then gets."""
+"""Share of the last quarter of the harmonics from which on E, if above rounding, is not resolved, and the factor that it then gets."""
 PROBE = 20
 """Seed of the signs that rounding is given."""
 
@@ -55,6 +55,8 @@ def find_error(problem: LinearQuadratic, X: FourierSeries, loop: Array, count: i
     A, S, Q = problem.reduced(t)
     values, rate = X(t), X(t, 1)
     finer, by_A = A - S @ values, values @ A
+    if not np.diagonal(values, axis1=1, axis2=2).max() > 0:
+        raise ToleranceNotReached("X is not positive", got="no positive entry on its diagonal")
     residual = rate + by_A + transpose(by_A) - values @ S @ values + Q
     sizes = np.abs(residual) + 8 * ROUNDING * sum_sizes(A, S, Q, values, rate)
     if not is_stable_by_cost(values, weigh(sizes, values), S, Q):
@@ -64,7 +66,7 @@ def find_error(problem: LinearQuadratic, X: FourierSeries, loop: Array, count: i
     signs[0] = signs[0, 0]
     roundings = [draw_rounding(A, S, Q, values, rate, sign) for sign in signs]
     parts = [lyapunov.solve(F, CARRYING, 10 * CARRYING) for F in (residual, *roundings)]
-    if find_tail(parts[0]) > UNRESOLVED:
+    if np.abs(parts[0]).max() > max(np.abs(part).max() for part in parts[1:]) and find_tail(parts[0]) > UNRESOLVED:
         parts[0] *= HIDDEN
     to_gain = np.linalg.solve(problem.R(t), transpose(problem.B(t)))
     size, gain = float(np.abs(values).max()) or 1.0, float(np.abs(problem.gain(t, values)).max()) or 1.0

@@ -24,6 +24,8 @@ from flexlin.periodic.system import PeriodicSystem
 STAGES = 8
 MAX_SEGMENTS = 2**15
 ROUNDS = 12
+LIMITED = 10.0
+"""Error of a series, in units of tol, up to which no other way is tried: rounding limits them all."""
 TRIAL_PANELS = (32, 128)
 MAGNUS_GAIN = 15.0
 """Segments that Magnus' exponential does in the time that collocation needs for one."""
@@ -55,8 +57,8 @@ def periodic_riccati(
     problem, breaks = resolve_problem(linear_quadratic(system, Q, R, N), system)
     tol = positive("tol", tol)
     smooth = None if breaks else solve_by_harmonics(problem, system.period, tol)
-    if smooth is not None and smooth.error <= tol:
-        return smooth
+    if smooth is not None and smooth.error <= LIMITED * tol:
+        return smooth if smooth.error <= tol else name_limit(smooth, "rounding", tol)
     return solve_by_plans(problem, system.period, breaks, None, tol, smooth)
 
 
@@ -131,7 +133,11 @@ def solve_by_plans(
             expected=f"at most {tol:.2g}",
             todo="scale the states and weights to similar sizes, declare jumps of A(t) as breaks, or ask for a larger tol",
         )
-    why = "rounding" if best.segments < MAX_SEGMENTS // 4 else "the number of segments"
+    return name_limit(best, "rounding" if best.segments < MAX_SEGMENTS // 4 else "the number of segments", tol)
+
+
+def name_limit(best: RiccatiSolution, why: str, tol: float) -> RiccatiSolution:
+    """Say in the status what keeps the error above tol."""
     limited = f"limited by {why}: error {best.error:.1g} above the asked {tol:.1g}; ask for tol={2 * best.error:.0e}"
     return replace(best, status=limited)
 
