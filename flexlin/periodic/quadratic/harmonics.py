@@ -21,6 +21,8 @@ LAST, PATIENCE = 243, 1
 """The largest number of nodes, and the failures after which another way is taken."""
 MOST_ENTRIES = 2**18
 """Largest number of entries of X at all nodes: GMRES keeps up to 80 such arrays."""
+NEEDED = 0.75
+"""Share of the nodes that the fall of the last harmonics of a coarse solution promises to need."""
 ROUNDS = 12
 INEXACT, ENOUGH = (1e-4, 1e-2), 0.1
 """Least and largest relative accuracy of a Newton step; between them that of the step before; and what will do."""
@@ -61,7 +63,10 @@ def solve_by_harmonics(problem: LinearQuadratic, period: float, tol: float) -> R
     best: RiccatiSolution | None = None
     X: FourierSeries | None = None
     n, failures = problem.A(np.zeros(1)).shape[1], 0
+    least = 0.0
     for count, finer in COUNTS.items():
+        if count < least:
+            continue
         if count * n**2 > MOST_ENTRIES or failures > PATIENCE:
             break
         samples = Samples.of(problem, count, period)
@@ -70,7 +75,7 @@ def solve_by_harmonics(problem: LinearQuadratic, period: float, tol: float) -> R
             tail = find_tail(start)
             if tail ** (LAST / count) > tol:
                 break
-            if X is None and tail > np.sqrt(tol):
+            if X is None and (least := NEEDED * count * np.log(tol) / np.log(np.clip(tail, 1e-300, 0.9))) > count:
                 continue
             X = FourierSeries.through(refine(samples, start, tol), period)
             if find_tail(X.values) > 10 * tol:
