@@ -9,7 +9,8 @@ from flexlin.about.law import Law
 from flexlin.checks import Array, at_times
 from flexlin.control.designed_loop import Design
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
-from flexlin.periodic.quadratic.riccati import RiccatiSolution, periodic_riccati
+from flexlin.periodic.quadratic.riccati import periodic_riccati
+from flexlin.periodic.quadratic.solution import RiccatiSolution
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_matrix_function, check_samples
 from flexlin.summary import represent
 

@@ -72,5 +72,13 @@ def periodic_lqr(
     solution = periodic_riccati(system, Q, R, N, tol)
     gain, apart = smooth_gain(solution.K, system.period, system.breaks)
     loop = system.feedback(gain)
-    error = float(solution.error + apart)
-    return Design(name, "periodic-lqr", gain, loop, error, solution.status, solution.problem, solution)
+    return Design(
+        name,
+        "periodic-lqr",
+        gain,
+        loop,
+        float(solution.gain_error + apart),
+        solution.status,
+        solution.problem,
+        solution,
+    )

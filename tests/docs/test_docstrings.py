@@ -29,16 +29,11 @@ NOT_LISTED = (
     "flexlin.periodic.quadratic.riccati.periodic_riccati",
     "flexlin.periodic.quadratic.riccati.finite_horizon_riccati",
     "flexlin.periodic.quadratic.riccati.periodic_lyapunov",
-    "flexlin.periodic.quadratic.riccati.RiccatiSolution",
+    "flexlin.periodic.quadratic.solution.RiccatiSolution",
     "flexlin.periodic.response.forced.ForcedResponse",
 )
 """Public by their docstrings, in modules that list no public names."""
-PENDING = {
-    "periodic_riccati",
-    "finite_horizon_riccati",
-    "periodic_lyapunov",
-    "RiccatiSolution",
-}
+PENDING: set[str] = set()
 """Still in the short form."""
 FORM = {
     "GL06": "a section that numpydoc does not know",

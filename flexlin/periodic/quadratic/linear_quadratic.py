@@ -44,12 +44,7 @@ class LinearQuadratic:
 
     def hamiltonian(self, t: Array) -> Array:
         """Return the Hamiltonian matrix, (N, 2n, 2n)."""
-        A, S, Q = self.reduced(t)
-        n = A.shape[1]
-        H = np.empty((len(t), 2 * n, 2 * n))
-        H[:, :n, :n], H[:, :n, n:] = A, -S
-        H[:, n:, :n], H[:, n:, n:] = -Q, -np.swapaxes(A, 1, 2)
-        return H
+        return assemble_hamiltonian(*self.reduced(t))
 
     def rate(self, t: Array, X: Array) -> Array:
         """Return X' of the Riccati equation  -X' = Ar' X + X Ar - X B R^-1 B' X + Qr."""
@@ -60,6 +55,15 @@ class LinearQuadratic:
     def gain(self, t: Array, X: Array) -> Array:
         """Return K = R^-1 (B' X + N'), (N, m, n)."""
         return np.linalg.solve(self.R(t), np.swapaxes(self.B(t), 1, 2) @ X + np.swapaxes(self.N(t), 1, 2))
+
+
+def assemble_hamiltonian(A: Array, S: Array, Q: Array) -> Array:
+    """Return [[A, -S], [-Q, -A']] for stacks of matrices."""
+    n = A.shape[-1]
+    H = np.empty((len(A), 2 * n, 2 * n))
+    H[:, :n, :n], H[:, :n, n:] = A, -S
+    H[:, n:, :n], H[:, n:, n:] = -Q, -np.swapaxes(A, 1, 2)
+    return H
 
 
 def take_once(values: Array) -> Array:

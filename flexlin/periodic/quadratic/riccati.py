@@ -1,73 +1,18 @@
 """The periodic Riccati equation by segments in scattering form, combined in a tree and doubled until the cost stands still."""
 
-from collections.abc import Iterator
-from contextlib import suppress
-from dataclasses import dataclass, replace
-from itertools import pairwise
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.checks import Array, at_times, positive, real_array
-from flexlin.errors import NumericalError, ToleranceNotReached
-from flexlin.periodic.grid import place_edges
-from flexlin.periodic.quadratic.doubling import carry_costs
-from flexlin.periodic.quadratic.hermite import NODES, PanelPolynomials, interpolate_panels, place_panel_nodes
-from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, linear_quadratic
-from flexlin.periodic.quadratic.transport import gauss_segments, magnus_segments
-from flexlin.periodic.system import MatrixFunction, PeriodicSystem
-from flexlin.summary import represent
+from flexlin.checks import positive, real_array
+from flexlin.periodic.coefficients import MatrixFunction
+from flexlin.periodic.quadratic.harmonics import solve_by_harmonics
+from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
+from flexlin.periodic.quadratic.plans import name_limit, resolve_problem, solve_by_plans
+from flexlin.periodic.quadratic.solution import RiccatiSolution
+from flexlin.periodic.system import PeriodicSystem
 
-STAGES = 8
-MAX_SEGMENTS = 2**15
-ROUNDS = 12
-TRIAL_PANELS = (32, 128)
-MAGNUS_GAIN = 15.0
-"""Segments that Magnus' exponential does in the time that collocation needs for one."""
-MAGNUS_ORDER = 4
-"""Order on which its error figure relies: 6 on slow coefficients, between 4 and 5 was seen beside very fast eigenvalues."""
-
-
-@dataclass(frozen=True)
-class RiccatiSolution:
-    """X(t) and the gain K(t) of a linear-quadratic problem, at any time, with the evidence that they are right.
-
-    `error` bounds |X error| / max |X| over the horizon: the difference between two accuracies of the segments
-    (`method_error`), what the dense output leaves out, and rounding. `residual` is how far X(t) misses its differential
-    equation between the nodes, relative to |X| per fastest time constant; `closure` is |X(T) - X(0)| / |X| (0 for a finite
-    horizon); `symmetry` is the largest relative asymmetry of a segment's cost before it was symmetrised. Times are wrapped
-    into the period when `periodic`.
-    """
-
-    problem: LinearQuadratic
-    horizon: float
-    periodic: bool
-    polynomials: PanelPolynomials
-    error: float
-    method_error: float
-    residual: float
-    symmetry: float
-    closure: float
-    doublings: int
-    segments: int
-    status: str
-
-    __repr__ = represent
-
-    def X(self, t: ArrayLike) -> Array:
-        """Return the cost matrix at times t (N,), (N, n, n), or at one time, (n, n)."""
-        return at_times(lambda s: self.polynomials(self._inside(s)), t)
-
-    def K(self, t: ArrayLike) -> Array:
-        """Return the gain K = R^-1 (B' X + N') at times t (N,), (N, m, n), or at one time, (m, n)."""
-        return at_times(self._gain, t)
-
-    def _gain(self, t: Array) -> Array:
-        inside = self._inside(t)
-        return self.problem.gain(inside, self.polynomials(inside))
-
-    def _inside(self, t: Array) -> Array:
-        return np.mod(t, self.horizon) if self.periodic else np.clip(t, 0.0, self.horizon)
+LIMITED = 10.0
+"""Error of a series, in units of tol, up to which no other way is tried: rounding limits them all."""
 
 
 def periodic_riccati(
@@ -81,18 +26,68 @@ def periodic_riccati(
 
         -X' = A' X + X A - (X B + N) R^-1 (B' X + N') + Q,   X(t + T) = X(t)
 
-    Each segment's Hamiltonian transition matrix is brought to scattering form; segments combine by the Redheffer star
-    product; the whole period is doubled until H, the cost of 2^k periods with a free end, stops changing. The period map of
-    the Hamiltonian is never formed, so neither fast unstable plants nor long periods overflow.
     Assumes (A, B) stabilisable, (Q, A) detectable, coefficients smooth between the system's breaks.
 
-    Parameters: system with input; Q (n, n), R (m, m), N (n, m): constants or functions (N,) -> (N, ., .); tol: wished `error`.
-    Returns: X(t), K(t) with error, residual, symmetry, closure, doublings, segments, status.
-    Raises: ArgumentError on weights; NotStabilizable, NotDetectable, IllPosedSegment, ToleranceNotReached.
-    Source: Anderson, Int. J. Control 28 (1978) 295 (doubling); Redheffer, J. Math. Phys. 39 (1960) 269 (star product).
+    Parameters
+    ----------
+    system : PeriodicSystem
+        The plant with n states and m inputs.
+    Q : array_like (n, n), or function of times (N,) -> (N, n, n)
+        Weight of the states, positive semidefinite.
+    R : array_like (m, m), or function of times (N,) -> (N, m, m)
+        Weight of the inputs, positive definite.
+    N : array_like (n, m), or function of times (N,) -> (N, n, m), optional
+        Weight of products of states and inputs.
+    tol : float
+        Wanted `error`, relative to max |X|.
+
+    Returns
+    -------
+    RiccatiSolution
+        X(t), K(t) with error, residual, symmetry, closure, doublings, segments, status.
+
+    Raises
+    ------
+    ArgumentError
+        When a weight does not fit.
+    NotStabilizable, NotDetectable
+        When a mode that does not decay is not reached by the input, or not seen by the weight.
+    IllPosedSegment
+        When a segment has no solution.
+    ToleranceNotReached
+        When X misses tol by far.
+
+    Notes
+    -----
+    Where X has few harmonics it is sought as a Fourier series by Newton's method, proved to stabilise, and its residual gives its error.
+    Otherwise each segment's Hamiltonian transition matrix is brought to scattering form; segments combine by the Redheffer star product;
+    the whole period is doubled until H, the cost of 2^k periods with a free end, stops changing. The period map of the Hamiltonian is
+    never formed, so neither fast unstable plants nor long periods overflow.
+
+    References
+    ----------
+    Anderson, Second-order convergent algorithms for the steady-state Riccati equation, Int. J. Control 28 (1978) 295 (doubling);
+    Redheffer, On a certain linear fractional transformation, J. Math. Phys. 39 (1960) 269 (star product).
+
+    Examples
+    --------
+    x' = x + u with unit weights: 2 X - X^2 + 1 = 0.
+
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> from flexlin.periodic.quadratic.riccati import periodic_riccati
+    >>> solution = periodic_riccati(fl.PeriodicSystem([[1.0]], 1.0, B=[[1.0]]), [[1.0]], [[1.0]])
+    >>> print(f"{solution.X(0.0).item():.10f} {1 + np.sqrt(2):.10f}")
+    2.4142135624 2.4142135624
+    >>> solution.error < 1e-9
+    True
     """
-    problem = replace(linear_quadratic(system, Q, R, N), A=system.resolved)
-    return solve_by_plans(problem, system.period, system.resolved.breaks, None, positive("tol", tol))
+    problem, breaks = resolve_problem(linear_quadratic(system, Q, R, N), system)
+    tol = positive("tol", tol)
+    smooth = None if breaks else solve_by_harmonics(problem, system.period, tol)
+    if smooth is not None and smooth.error <= LIMITED * tol:
+        return smooth if smooth.error <= tol else name_limit(smooth, "rounding", tol)
+    return solve_by_plans(problem, system.period, breaks, None, tol, smooth)
 
 
 def finite_horizon_riccati(
@@ -103,13 +98,51 @@ def finite_horizon_riccati(
     N: MatrixFunction | ArrayLike | None = None,
     tol: float = 1e-9,
 ) -> RiccatiSolution:
-    """Solve the Riccati equation backwards from a cost at the end of the horizon [0, T], T the system's period.
+    """Solve the Riccati equation backwards from a cost at the end of the horizon [0, T].
 
         -X' = A' X + X A - (X B + N) R^-1 (B' X + N') + Q,   X(T) = end
 
-    Assumes and takes what `periodic_riccati` does; end (n, n) symmetric positive semidefinite.
-    Returns: X(t), K(t) for 0 <= t <= T, not wrapped.
-    Raises: ArgumentError, IllPosedSegment, ToleranceNotReached.
+    Assumes coefficients that are smooth between the system's breaks.
+
+    Parameters
+    ----------
+    system : PeriodicSystem
+        The plant with n states and m inputs; its period is T in s.
+    Q : array_like (n, n), or function of times (N,) -> (N, n, n)
+        Weight of the states, positive semidefinite.
+    R : array_like (m, m), or function of times (N,) -> (N, m, m)
+        Weight of the inputs, positive definite.
+    end : array_like, shape (n, n)
+        Cost at T, symmetric positive semidefinite.
+    N : array_like (n, m), or function of times (N,) -> (N, n, m), optional
+        Weight of products of states and inputs.
+    tol : float
+        Wanted `error`, relative to max |X|.
+
+    Returns
+    -------
+    RiccatiSolution
+        X(t), K(t) for 0 <= t <= T, not wrapped.
+
+    Raises
+    ------
+    ArgumentError
+        When a weight does not fit.
+    IllPosedSegment
+        When a segment has no solution.
+    ToleranceNotReached
+        When X misses tol by far.
+
+    Examples
+    --------
+    x' = u with unit weights and no cost at the end: X = tanh(T - t).
+
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> from flexlin.periodic.quadratic.riccati import finite_horizon_riccati
+    >>> solution = finite_horizon_riccati(fl.PeriodicSystem([[0.0]], 2.0, B=[[1.0]]), [[1.0]], [[1.0]], [[0.0]])
+    >>> print(f"{solution.X(0.5).item():.10f} {np.tanh(1.5):.10f}")
+    0.9051482536 0.9051482536
     """
     end = real_array("end", end, (system.n, system.n))
     return solve_by_plans(linear_quadratic(system, Q, R, N), system.period, system.breaks, end, positive("tol", tol))
@@ -120,160 +153,37 @@ def periodic_lyapunov(system: PeriodicSystem, Q: MatrixFunction | ArrayLike, tol
 
         -X' = A' X + X A + Q,   X(t + T) = X(t)
 
-    Parameters: Q (n, n) symmetric positive semidefinite, constant or a function (N,) -> (N, n, n).
-    Returns: X(t) with its error; its K(t) is zero.
-    Raises: ArgumentError; NotStabilizable, naming the mode, when the system is not stable; ToleranceNotReached.
+    Parameters
+    ----------
+    system : PeriodicSystem
+        A stable system with n states.
+    Q : array_like (n, n), or function of times (N,) -> (N, n, n)
+        Weight of the states, symmetric positive semidefinite.
+    tol : float
+        Wanted `error`, relative to max |X|.
+
+    Returns
+    -------
+    RiccatiSolution
+        X(t) with its error; its K(t) is zero.
+
+    Raises
+    ------
+    ArgumentError
+        When the weight does not fit.
+    NotStabilizable
+        When the system is not stable; the message names the mode.
+    ToleranceNotReached
+        When X misses tol by far.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> from flexlin.periodic.quadratic.riccati import periodic_lyapunov
+    >>> print(f"{periodic_lyapunov(fl.PeriodicSystem([[-2.0]], 1.0), [[1.0]]).X(0.0).item():.10f}")
+    0.2500000000
     """
     idle = PeriodicSystem(
         system.A, system.period, np.zeros((system.n, 1)), system.breaks, None, system.features, system.complete
     )
     return periodic_riccati(idle, Q, np.eye(1), tol=tol)
-
-
-def solve_by_plans(
-    problem: LinearQuadratic, horizon: float, breaks: tuple[float, ...], end: Array | None, tol: float
-) -> RiccatiSolution:
-    """Solve by the cheapest plan that reaches tol; where none does, hand back the best answer with its status."""
-    best: RiccatiSolution | None = None
-    for plan in propose_plans(problem, horizon, breaks, end, tol):
-        solution = follow_plan(plan, problem, end, tol)
-        if best is None or solution.error < best.error:
-            best = solution
-        if best.error <= tol:
-            return best
-    assert best is not None
-    if best.error > max(1e-6, 10 * tol):
-        raise ToleranceNotReached(
-            "the Riccati equation was not solved to the asked accuracy",
-            got=f"error {best.error:.2g} with {best.segments} segments",
-            expected=f"at most {tol:.2g}",
-            todo="scale the states and weights to similar sizes, declare jumps of A(t) as breaks, or ask for a larger tol",
-        )
-    why = "rounding" if best.segments < MAX_SEGMENTS // 4 else "the number of segments"
-    limited = f"limited by {why}: error {best.error:.1g} above the asked {tol:.1g}; ask for tol={2 * best.error:.0e}"
-    return replace(best, status=limited)
-
-
-@dataclass(frozen=True)
-class Plan:
-    """Panels to start from, stages of collocation (0: Magnus' exponential), the most segments to spend, the answer if known."""
-
-    starts: Array
-    stages: int
-    most: int
-    solved: tuple[RiccatiSolution, Array] | None = None
-
-
-def propose_plans(
-    problem: LinearQuadratic, horizon: float, breaks: tuple[float, ...], end: Array | None, tol: float
-) -> Iterator[Plan]:
-    """Magnus' exponential where a trial promises less work, then collocation.
-
-    Collocation needs c (h rho)^(2 s - 1) = tol for the check's s - 1 stages, rho the Hamiltonian's largest spectral radius and
-    c = (s!)^2 / ((2 s)! (2 s + 1)!) the error constant of the diagonal Pade approximation. Magnus' need is seen from the trial.
-    """
-    s = STAGES - 1
-    powers = np.cumprod(np.append(1.0, np.arange(1, 2 * s + 2)))
-    reach = (max(tol, 1e-13) * powers[2 * s] * powers[2 * s + 1] / powers[s] ** 2) ** (1 / (2 * s + 1))
-    sampled = problem.hamiltonian(horizon * (np.arange(32) + 0.5) / 32)
-    collocated = int(np.ceil(horizon * np.abs(np.linalg.eigvals(sampled)).max() / reach))
-    most = int(min(MAGNUS_GAIN * collocated, MAX_SEGMENTS))
-    for panels in TRIAL_PANELS:
-        if collocated < 2 * (NODES - 1) * panels:
-            break
-        with suppress(NumericalError):
-            trial = place_edges(horizon, breaks, panels)
-            solved = solve_on_panels(trial, problem, end, 0, tol)
-            if solved[0].segments * max(solved[0].method_error / tol, 1.0) ** (1 / MAGNUS_ORDER) < most:
-                yield Plan(trial, 0, most, solved)
-                break
-    panels = min(-(-collocated // (NODES - 1)), MAX_SEGMENTS // (NODES - 1) // 2)
-    yield Plan(place_edges(horizon, breaks, max(panels, 4)), STAGES, MAX_SEGMENTS)
-
-
-def follow_plan(plan: Plan, problem: LinearQuadratic, end: Array | None, tol: float) -> RiccatiSolution:
-    """Refine the plan's panels until the error is below tol or stops falling; the best answer on the way."""
-    starts, solved = plan.starts, plan.solved
-    best: RiccatiSolution | None = None
-    for _ in range(ROUNDS):
-        solution, parts = solved or solve_on_panels(starts, problem, end, plan.stages, tol)
-        solved = None
-        if best is not None and solution.error > 0.9 * best.error:
-            return best
-        best = solution
-        finer = split_panels(starts, parts)
-        if best.error <= tol or len(finer) == len(starts) or (len(finer) - 1) * (NODES - 1) > plan.most:
-            return best
-        starts = finer
-    assert best is not None
-    return best
-
-
-def solve_on_panels(
-    starts: Array, problem: LinearQuadratic, end: Array | None, stages: int = STAGES, tol: float = 0.0
-) -> tuple[RiccatiSolution, Array]:
-    """Solve on given panels with two accuracies of the segments, and the dense output of the better one.
-
-    Returns: the solution, and into how many parts each panel should be split to reach tol.
-    """
-    at = place_panel_nodes(starts)
-    marks = np.append(at[:, :-1].ravel(), starts[-1])
-    if stages:
-        check, _ = gauss_segments(problem, marks, stages - 1)
-        segments, symmetry = gauss_segments(problem, marks, stages)
-        every, order = 1, 2 * stages - 2
-    else:
-        check, _ = magnus_segments(problem, marks[::2])
-        segments, symmetry = magnus_segments(problem, marks)
-        every, order = 2, MAGNUS_ORDER + 1
-    coarse = carry_costs(check, end, problem, marks)
-    fine = carry_costs(segments, end, problem, marks)
-    X, size = fine.X, float(np.abs(fine.X).max()) or 1.0
-    values = X[np.arange(len(starts) - 1)[:, None] * (NODES - 1) + np.arange(NODES)]
-    polynomials = interpolate_panels(starts, values, find_slopes(problem, at, values))
-    left_out, method_error = polynomials.tails() / size, float(np.abs(X[::every] - coarse.X).max() / size)
-    if not stages:
-        method_error /= 2 ** (MAGNUS_ORDER - 1)
-    solution = RiccatiSolution(
-        problem=problem,
-        horizon=float(starts[-1]),
-        periodic=end is None,
-        polynomials=polynomials,
-        error=method_error + float(left_out.max()) + fine.closure + fine.rounding,
-        method_error=method_error,
-        residual=measure_residual(problem, polynomials, size),
-        symmetry=symmetry,
-        closure=fine.closure,
-        doublings=fine.doublings,
-        segments=len(marks) - 1,
-        status="converged",
-    )
-    room = max(0.5 * tol, 1e-15)
-    for_method = np.ceil(np.clip((method_error / room) ** (1 / order), 1, 8))
-    for_output = np.ceil(np.clip((left_out / room) ** (1 / (2 * NODES)), 1, 4))
-    return solution, np.maximum(for_method, for_output).astype(int)
-
-
-def split_panels(starts: Array, parts: Array) -> Array:
-    """Split each panel into its number of equal parts."""
-    pieces = [np.linspace(a, b, p + 1)[:-1] for (a, b), p in zip(pairwise(starts), parts, strict=True)]
-    return np.append(np.concatenate(pieces), starts[-1])
-
-
-def find_slopes(problem: LinearQuadratic, at: Array, values: Array) -> Array:
-    """Return X' at the nodes of each panel; at its ends from inside, since coefficients may jump there."""
-    inside = at.copy()
-    width = at[:, -1] - at[:, 0]
-    inside[:, 0] += 1e-11 * width
-    inside[:, -1] -= 1e-11 * width
-    rate = problem.rate(inside.ravel(), values.reshape(-1, *values.shape[2:]))
-    return rate.reshape(values.shape)
-
-
-def measure_residual(problem: LinearQuadratic, polynomials: PanelPolynomials, size: float) -> float:
-    """Return the largest miss of the Riccati equation between the nodes, relative to |X| times the fastest rate."""
-    starts = polynomials.starts
-    t = (starts[:-1, None] + np.diff(starts)[:, None] * np.array([0.0843, 0.4127, 0.8871])).ravel()
-    miss = polynomials.rate(t) - problem.rate(t, polynomials(t))
-    fastest = np.abs(np.linalg.eigvals(problem.hamiltonian(t[:: max(1, len(t) // 32)]))).max()
-    return float(np.abs(miss).max() / (size * max(fastest, 1 / starts[-1])))

@@ -11,13 +11,10 @@ from scipy.integrate import solve_ivp
 
 from flexlin.errors import ArgumentError, IllPosedSegment, NotDetectable, NotStabilizable
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.quadratic.riccati import (
-    finite_horizon_riccati,
-    linear_quadratic,
-    periodic_riccati,
-    place_edges,
-    solve_on_panels,
-)
+from flexlin.periodic.grid import place_edges
+from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
+from flexlin.periodic.quadratic.plans import solve_on_panels
+from flexlin.periodic.quadratic.riccati import finite_horizon_riccati, periodic_riccati
 from flexlin.periodic.quadratic.scattering import (
     Segment,
     carry_cost_back,

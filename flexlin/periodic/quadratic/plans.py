@@ -1,0 +1,207 @@
+"""How a Riccati equation is solved: as a Fourier series, by Magnus' exponential or by collocation on panels, refined until tol."""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.errors import NumericalError, ToleranceNotReached
+from flexlin.periodic.coefficients import PROBES, Constant, MatrixFunction
+from flexlin.periodic.grid import place_edges
+from flexlin.periodic.quadratic.doubling import carry_costs
+from flexlin.periodic.quadratic.hermite import NODES, PanelPolynomials, interpolate_panels, place_panel_nodes
+from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
+from flexlin.periodic.quadratic.solution import RiccatiSolution
+from flexlin.periodic.quadratic.transport import gauss_segments, magnus_segments
+from flexlin.periodic.resolved.resolve import resolve
+from flexlin.periodic.system import PeriodicSystem
+
+STAGES = 8
+MAX_SEGMENTS = 2**15
+ROUNDS = 12
+TRIAL_PANELS = (32, 128)
+MAGNUS_GAIN = 15.0
+"""Segments that Magnus' exponential does in the time that collocation needs for one."""
+MAGNUS_ORDER = 4
+"""Order on which its error figure relies: 6 on slow coefficients, between 4 and 5 was seen beside very fast eigenvalues."""
+
+
+def resolve_problem(problem: LinearQuadratic, system: PeriodicSystem) -> tuple[LinearQuadratic, tuple[float, ...]]:
+    """Return the problem with its coefficients as series, and all places where one is not smooth."""
+    found: dict[str, MatrixFunction] = {"A": system.resolved}
+    breaks = set(system.resolved.breaks)
+    for name in ("B", "Q", "R", "N"):
+        source = getattr(problem, name)
+        if source(system.period * PROBES).strides[0] != 0:
+            series = resolve(source, system.period, system.breaks, system.features, complete=system.complete)
+            found[name] = Constant(series.mean()) if series.constant else series
+            breaks |= set(series.breaks)
+    return replace(problem, **found), tuple(sorted(breaks))
+
+
+def solve_by_plans(
+    problem: LinearQuadratic,
+    horizon: float,
+    breaks: tuple[float, ...],
+    end: Array | None,
+    tol: float,
+    best: RiccatiSolution | None = None,
+) -> RiccatiSolution:
+    """Solve by the cheapest plan that reaches tol; where none does, hand back the best answer with its status."""
+    for plan in propose_plans(problem, horizon, breaks, end, tol):
+        solution = follow_plan(plan, problem, end, tol)
+        if best is None or solution.error < best.error:
+            best = solution
+        if best.error <= tol:
+            return best
+    assert best is not None
+    if best.error > max(1e-6, 10 * tol):
+        raise ToleranceNotReached(
+            "the Riccati equation was not solved to the asked accuracy",
+            got=f"error {best.error:.2g} with {best.segments} segments",
+            expected=f"at most {tol:.2g}",
+            todo="scale the states and weights to similar sizes, declare jumps of A(t) as breaks, or ask for a larger tol",
+        )
+    return name_limit(best, "rounding" if best.segments < MAX_SEGMENTS // 4 else "the number of segments", tol)
+
+
+def name_limit(best: RiccatiSolution, why: str, tol: float) -> RiccatiSolution:
+    """Say in the status what keeps the error above tol."""
+    limited = f"limited by {why}: error {best.error:.1g} above the asked {tol:.1g}; ask for tol={2 * best.error:.0e}"
+    return replace(best, status=limited)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Panels to start from, stages of collocation (0: Magnus' exponential), the most segments to spend, the answer if known."""
+
+    starts: Array
+    stages: int
+    most: int
+    solved: tuple[RiccatiSolution, Array] | None = None
+
+
+def propose_plans(
+    problem: LinearQuadratic, horizon: float, breaks: tuple[float, ...], end: Array | None, tol: float
+) -> Iterator[Plan]:
+    """Magnus' exponential where a trial promises less work, then collocation.
+
+    Collocation needs c (h rho)^(2 s - 1) = tol for the check's s - 1 stages, rho the Hamiltonian's largest spectral radius and
+    c = (s!)^2 / ((2 s)! (2 s + 1)!) the error constant of the diagonal Pade approximation. Magnus' need is seen from the trial.
+    """
+    s = STAGES - 1
+    powers = np.cumprod(np.append(1.0, np.arange(1, 2 * s + 2)))
+    reach = (max(tol, 1e-13) * powers[2 * s] * powers[2 * s + 1] / powers[s] ** 2) ** (1 / (2 * s + 1))
+    sampled = problem.hamiltonian(horizon * (np.arange(32) + 0.5) / 32)
+    collocated = int(np.ceil(horizon * np.abs(np.linalg.eigvals(sampled)).max() / reach))
+    most = int(min(MAGNUS_GAIN * collocated, MAX_SEGMENTS))
+    for panels in TRIAL_PANELS:
+        if collocated < 2 * (NODES - 1) * panels:
+            break
+        with suppress(NumericalError):
+            trial = place_edges(horizon, breaks, panels)
+            solved = solve_on_panels(trial, problem, end, 0, tol)
+            if solved[0].segments * max(solved[0].method_error / tol, 1.0) ** (1 / MAGNUS_ORDER) < most:
+                yield Plan(trial, 0, most, solved)
+                break
+    panels = min(-(-collocated // (NODES - 1)), MAX_SEGMENTS // (NODES - 1) // 2)
+    yield Plan(place_edges(horizon, breaks, max(panels, 4)), STAGES, MAX_SEGMENTS)
+
+
+def follow_plan(plan: Plan, problem: LinearQuadratic, end: Array | None, tol: float) -> RiccatiSolution:
+    """Refine the plan's panels until the error is below tol or stops falling; the best answer on the way."""
+    starts, solved = plan.starts, plan.solved
+    best: RiccatiSolution | None = None
+    for _ in range(ROUNDS):
+        solution, parts = solved or solve_on_panels(starts, problem, end, plan.stages, tol)
+        solved = None
+        if best is not None and solution.error > 0.9 * best.error:
+            return best
+        best = solution
+        finer = split_panels(starts, parts)
+        if best.error <= tol or len(finer) == len(starts) or (len(finer) - 1) * (NODES - 1) > plan.most:
+            return best
+        starts = finer
+    assert best is not None
+    return best
+
+
+def solve_on_panels(
+    starts: Array, problem: LinearQuadratic, end: Array | None, stages: int = STAGES, tol: float = 0.0
+) -> tuple[RiccatiSolution, Array]:
+    """Solve on given panels with two accuracies of the segments, and the dense output of the better one.
+
+    Returns: the solution, and into how many parts each panel should be split to reach tol.
+    """
+    at = place_panel_nodes(starts)
+    marks = np.append(at[:, :-1].ravel(), starts[-1])
+    if stages:
+        check, _ = gauss_segments(problem, marks, stages - 1)
+        segments, symmetry = gauss_segments(problem, marks, stages)
+        every, order = 1, 2 * stages - 2
+    else:
+        check, _ = magnus_segments(problem, marks[::2])
+        segments, symmetry = magnus_segments(problem, marks)
+        every, order = 2, MAGNUS_ORDER + 1
+    coarse = carry_costs(check, end, problem, marks)
+    fine = carry_costs(segments, end, problem, marks)
+    X, size = fine.X, float(np.abs(fine.X).max()) or 1.0
+    values = X[np.arange(len(starts) - 1)[:, None] * (NODES - 1) + np.arange(NODES)]
+    polynomials = interpolate_panels(starts, values, find_slopes(problem, at, values))
+    left_out, method_error = polynomials.tails() / size, float(np.abs(X[::every] - coarse.X).max() / size)
+    error = method_error + float(left_out.max()) + fine.closure + fine.rounding
+    solution = RiccatiSolution(
+        problem=problem,
+        horizon=float(starts[-1]),
+        periodic=end is None,
+        series=polynomials,
+        error=float(error),
+        gain_error=amplify(problem, at.ravel(), values.reshape(-1, *X.shape[1:]), error * size),
+        method_error=method_error,
+        residual=measure_residual(problem, polynomials, size),
+        symmetry=symmetry,
+        closure=fine.closure,
+        doublings=fine.doublings,
+        segments=len(marks) - 1,
+        status="converged",
+    )
+    room = max(0.5 * tol, 1e-15)
+    for_method = np.ceil(np.clip((method_error / room) ** (1 / order), 1, 8))
+    for_output = np.ceil(np.clip((left_out / room) ** (1 / (2 * NODES)), 1, 4))
+    return solution, np.maximum(for_method, for_output).astype(int)
+
+
+def split_panels(starts: Array, parts: Array) -> Array:
+    """Split each panel into its number of equal parts."""
+    pieces = [np.linspace(a, b, p + 1)[:-1] for (a, b), p in zip(pairwise(starts), parts, strict=True)]
+    return np.append(np.concatenate(pieces), starts[-1])
+
+
+def find_slopes(problem: LinearQuadratic, at: Array, values: Array) -> Array:
+    """Return X' at the nodes of each panel; at its ends from inside, since coefficients may jump there."""
+    inside = at.copy()
+    width = at[:, -1] - at[:, 0]
+    inside[:, 0] += 1e-11 * width
+    inside[:, -1] -= 1e-11 * width
+    rate = problem.rate(inside.ravel(), values.reshape(-1, *values.shape[2:]))
+    return rate.reshape(values.shape)
+
+
+def amplify(problem: LinearQuadratic, t: Array, X: Array, error: float) -> float:
+    """Return the largest error of K = R^-1 (B' X + N') that errors of X's entries can make, relative to the largest gain."""
+    few = slice(None, None, max(1, len(t) // 256))
+    to_gain = np.linalg.solve(problem.R(t[few]), np.swapaxes(problem.B(t[few]), 1, 2))
+    gain = float(np.abs(problem.gain(t[few], X[few])).max()) or 1.0
+    return float(np.abs(to_gain).sum(axis=2).max() * error / gain)
+
+
+def measure_residual(problem: LinearQuadratic, polynomials: PanelPolynomials, size: float) -> float:
+    """Return the largest miss of the Riccati equation between the nodes, relative to |X| times the fastest rate."""
+    starts = polynomials.starts
+    t = (starts[:-1, None] + np.diff(starts)[:, None] * np.array([0.0843, 0.4127, 0.8871])).ravel()
+    miss = polynomials.rate(t) - problem.rate(t, polynomials(t))
+    fastest = np.abs(np.linalg.eigvals(problem.hamiltonian(t[:: max(1, len(t) // 32)]))).max()
+    return float(np.abs(miss).max() / (size * max(fastest, 1 / starts[-1])))

@@ -1,0 +1,111 @@
+"""X(t) of a linear-quadratic problem as a function, with the evidence that it is right."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexlin.checks import Array, at_times
+from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.quadratic.hermite import PanelPolynomials
+from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
+from flexlin.summary import represent
+
+
+@dataclass(frozen=True)
+class RiccatiSolution:
+    """X(t) and the gain K(t) of a linear-quadratic problem, at any time, with the evidence that they are right.
+
+    Times are wrapped into the period when `periodic`, and held inside [0, horizon] otherwise.
+
+    Attributes
+    ----------
+    problem : LinearQuadratic
+        The coefficients and weights.
+    horizon : float
+        Period or length of the horizon, in s.
+    periodic : bool
+        Whether X repeats.
+    series : PanelPolynomials or FourierSeries
+        X between its nodes.
+    error : float
+        Bounds |X error| / max |X| over the horizon. On panels: difference between two accuracies of the segments, what the dense output
+        leaves out, and rounding; of a Fourier series: what its residual amounts to, by a Lyapunov equation.
+    gain_error : float
+        Bounds |K error| / max |K| likewise.
+    method_error : float
+        The first part of `error`.
+    residual : float
+        How far X(t) misses its differential equation between the nodes, relative to |X| per fastest time constant.
+    symmetry : float
+        Largest relative asymmetry of a segment's cost before it was symmetrised.
+    closure : float
+        |X(T) - X(0)| / |X|; 0 for a finite horizon.
+    doublings : int
+        How often the period was doubled.
+    segments : int
+        Segments of the horizon, or nodes of the Fourier series.
+    status : str
+        What to make of it.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> from flexlin.periodic.quadratic.riccati import periodic_riccati
+    >>> solution = periodic_riccati(fl.PeriodicSystem([[1.0]], 1.0, B=[[1.0]]), [[1.0]], [[1.0]])
+    >>> print(f"{solution.X(0.5).item():.8f} {solution.K([0.5, 0.7]).shape} {solution.status}")
+    2.41421356 (2, 1, 1) converged
+    """
+
+    problem: LinearQuadratic
+    horizon: float
+    periodic: bool
+    series: PanelPolynomials | FourierSeries
+    error: float
+    gain_error: float
+    method_error: float
+    residual: float
+    symmetry: float
+    closure: float
+    doublings: int
+    segments: int
+    status: str
+
+    __repr__ = represent
+
+    def X(self, t: ArrayLike) -> Array:
+        """Return the cost matrix.
+
+        Parameters
+        ----------
+        t : array_like, shape (N,) or ()
+            Times in s.
+
+        Returns
+        -------
+        array, shape (N, n, n) or (n, n)
+            X(t), symmetric.
+        """
+        return at_times(lambda s: self.series(self._inside(s)), t)
+
+    def K(self, t: ArrayLike) -> Array:
+        """Return the gain K = R^-1 (B' X + N').
+
+        Parameters
+        ----------
+        t : array_like, shape (N,) or ()
+            Times in s.
+
+        Returns
+        -------
+        array, shape (N, m, n) or (m, n)
+            K(t).
+        """
+        return at_times(self._gain, t)
+
+    def _gain(self, t: Array) -> Array:
+        inside = self._inside(t)
+        return self.problem.gain(inside, self.series(inside))
+
+    def _inside(self, t: Array) -> Array:
+        return np.mod(t, self.horizon) if self.periodic else np.clip(t, 0.0, self.horizon)

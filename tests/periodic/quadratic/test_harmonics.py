@@ -1,0 +1,179 @@
+"""Riccati equations solved by harmonics: solutions made up first, wrong solutions refused, and the linear algebra below."""
+
+import control
+import numpy as np
+import pytest
+
+from flexlin.control import periodic_lqr
+from flexlin.errors import ToleranceNotReached
+from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.quadratic.collocated_lyapunov import CollocatedLyapunov
+from flexlin.periodic.quadratic.evidence import find_error
+from flexlin.periodic.quadratic.krylov import solve_by_gmres
+from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
+from flexlin.periodic.quadratic.riccati import periodic_lyapunov, periodic_riccati
+from flexlin.periodic.system import PeriodicSystem
+
+
+def flip(M):
+    return np.swapaxes(M, -1, -2)
+
+
+def random_waves(rng, rows, columns, harmonics, decay, period):
+    """A random trigonometric polynomial and its derivative."""
+    size = decay ** np.arange(harmonics + 1)[:, None, None]
+    cosines, sines = (size * rng.normal(size=(harmonics + 1, rows, columns)) for _ in range(2))
+    rate = 2 * np.pi / period * np.arange(harmonics + 1)
+
+    def value(t):
+        angle = np.outer(t, rate)
+        return np.einsum("tk,kij->tij", np.cos(angle), cosines) + np.einsum("tk,kij->tij", np.sin(angle), sines)
+
+    def slope(t):
+        angle = np.outer(t, rate)
+        return np.einsum("tk,kij->tij", np.cos(angle) * rate, sines) - np.einsum(
+            "tk,kij->tij", np.sin(angle) * rate, cosines
+        )
+
+    return value, slope
+
+
+def made_up(seed):
+    """X(t) > 0 is chosen with A, B, R in random units; Q(t) follows, and A is shifted until Q > 0: so X is the stabilising one."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 8))
+    m, T = int(rng.integers(1, n + 1)), 10 ** rng.uniform(-2, 3)
+    harmonics, decay, units = int(rng.integers(1, 6)), rng.uniform(0.1, 0.5), 10 ** rng.uniform(-2, 2, n)
+    fast, R = 2 * np.pi / T * 10 ** rng.uniform(-1, 2.5), 10 ** rng.uniform(-2, 4)
+    (root, root_rate), (A0, _), (B0, _) = (random_waves(rng, n, k, harmonics, decay, T) for k in (n, n, m))
+
+    def X(t):
+        L = 1.5 * np.eye(n) + 0.5 * root(t)
+        return (L @ flip(L) + 0.3 * np.eye(n)) / np.outer(units, units)
+
+    def X_rate(t):
+        product = 0.5 * root_rate(t) @ flip(1.5 * np.eye(n) + 0.5 * root(t))
+        return (product + flip(product)) / np.outer(units, units)
+
+    def B(t):
+        return np.sqrt(fast) * units[:, None] * B0(t)
+
+    def weight(t, shift):
+        product = X(t) @ A(t, shift)
+        Q = -(X_rate(t) + product + flip(product) - X(t) @ B(t) @ flip(B(t)) @ X(t) / R)
+        return 0.5 * (Q + flip(Q))
+
+    def A(t, shift):
+        return fast * A0(t) * (units[:, None] / units) - shift * np.eye(n)
+
+    t = T * np.arange(2000) / 2000
+    inverse = np.linalg.inv(np.linalg.cholesky(X(t) * np.outer(units, units)))
+    least = np.linalg.eigvalsh(inverse @ (weight(t, 0.0) * np.outer(units, units)) @ flip(inverse)).min()
+    shift = -0.5 * least + fast * 10 ** rng.uniform(-4, 0)
+    return PeriodicSystem(lambda t: A(t, shift), T, B), lambda t: weight(t, shift), R * np.eye(m), X
+
+
+def is_series(found):
+    return isinstance(found.series, FourierSeries)
+
+
+@pytest.mark.parametrize("seed", [0, 4, 5, 8, 10, 11, 14, 16, 17, 21, 23, 25])
+def test_errors_of_made_up_solutions_are_covered(seed):
+    system, Q, R, X = made_up(seed)
+    t = np.random.default_rng(seed).uniform(0, system.period, 400)
+    for tol in (1e-4, 1e-7, 1e-9):
+        found = periodic_riccati(system, Q, R, tol=tol)
+        exact = X(t)
+        gain = found.problem.gain(t, exact)
+        assert np.abs(found.X(t) - exact).max() <= found.error * np.abs(exact).max()
+        assert np.abs(found.K(t) - gain).max() <= found.gain_error * np.abs(gain).max()
+        assert found.error <= tol
+
+
+def test_most_made_up_solutions_are_series():
+    made = [made_up(seed) for seed in (8, 10, 11, 16, 17, 21, 25)]
+    assert sum(is_series(periodic_riccati(system, Q, R, tol=1e-6)) for system, Q, R, _ in made) >= 6
+
+
+@pytest.mark.parametrize("effort", [1e-6, 1e-2, 1e4])
+def test_design_knows_the_error_of_its_gain(effort):
+    """The rotated problem of Johansson et al. (2007), from cheap to dear control: K is known exactly."""
+    A0, B0 = np.array([[1.0, 0.5], [3.0, 5.0]]), np.array([[3.0], [1.0]])
+    spin = np.array([[0.0, 2.0], [-2.0, 0.0]])
+
+    def turn(t):
+        c, s = np.cos(2 * t), np.sin(2 * t)
+        return np.stack([np.stack([c, s], -1), np.stack([-s, c], -1)], -2)
+
+    system = PeriodicSystem(lambda t: spin + turn(t) @ A0 @ flip(turn(t)), np.pi, lambda t: turn(t) @ B0)
+    gain, X, _ = control.lqr(A0, B0, np.eye(2), effort * np.eye(1))
+    made = periodic_lqr(system, np.eye(2), effort * np.eye(1))
+    t = np.random.default_rng(1).uniform(0, 9, 300)
+    assert (
+        np.abs(made.K(t) - gain @ flip(turn(t))).max() <= made.error * np.abs(gain).max() + 1e-11 * np.abs(gain).max()
+    )
+    assert np.abs(made.X(t) - turn(t) @ X @ flip(turn(t))).max() <= (made.solution.error + 1e-11) * np.abs(X).max()
+    assert made.error < 1e-6
+
+
+@pytest.mark.parametrize(("A", "Q", "X"), [(1.0, 1.0, 1 - np.sqrt(2)), (0.5, 0.0, 0.0), (-1.0, 1.0, -1 - np.sqrt(2))])
+def test_other_solutions_than_the_stabilising_one_are_refused(A, Q, X):
+    """-X' = 2 A X - X^2 + Q has two constant solutions; the loop of the other one is unstable."""
+    problem = linear_quadratic(PeriodicSystem(np.array([[A]]), 1.0, np.eye(1)), np.array([[Q]]), np.eye(1))
+    values = np.full((33, 1, 1), X)
+    with pytest.raises(ToleranceNotReached):
+        find_error(problem, FourierSeries.through(values, 1.0), A - values, 65)
+
+
+def test_a_wrong_solution_has_its_error():
+    """A stabilising X is moved by 1e-5: the error found is SAFETY times that."""
+    system, Q, R, X = made_up(16)
+    found = periodic_riccati(system, Q, R, tol=1e-9)
+    t = found.horizon * np.arange(33) / 33
+    moved = X(t) * (1 + 1e-5)
+    loop = system.A(t) - system.B(t) @ found.problem.gain(t, moved)
+    error = find_error(found.problem, FourierSeries.through(moved, found.horizon), loop, 65).error
+    assert 2.9e-5 < error < 3.3e-5
+
+
+def test_jump_of_the_input_that_was_not_named_is_found():
+    def B(t):
+        return np.where(np.mod(t, 2.0) < 0.7, 1.0, 3.0)[:, None, None] * np.array([[0.0], [1.0]])
+
+    A = np.array([[0.0, 1.0], [2.0, 0.0]])
+    named = periodic_riccati(PeriodicSystem(A, 2.0, B, breaks=(0.0, 0.7)), np.eye(2), np.eye(1))
+    found = periodic_riccati(PeriodicSystem(A, 2.0, B), np.eye(2), np.eye(1))
+    t = np.linspace(0, 2, 101)[1:-1]
+    assert not is_series(found)
+    assert np.abs(found.X(t) - named.X(t)).max() <= (found.error + named.error) * np.abs(named.X(t)).max()
+
+
+def test_nothing_to_weigh_gives_zero():
+    system = PeriodicSystem(lambda t: -(2 + np.sin(t))[:, None, None] * np.eye(2), 2 * np.pi)
+    assert not periodic_lyapunov(system, np.zeros((2, 2))).X(np.array([0.3, 1.0])).any()
+
+
+def test_lyapunov_equation_of_a_made_up_answer():
+    rng = np.random.default_rng(5)
+    (A, _), (D, rate) = random_waves(rng, 4, 4, 3, 0.3, 1.7), random_waves(rng, 4, 4, 4, 0.4, 1.7)
+    t = 1.7 * np.arange(65) / 65
+    loop, wanted = A(t) - 6 * np.eye(4), D(t) + flip(D(t))
+    right = rate(t) + flip(rate(t)) + flip(loop) @ wanted + wanted @ loop
+    found = CollocatedLyapunov(loop, 1.7, np.broadcast_to(np.diag([1.0, 1e4, 1e-4, 1.0]), loop.shape)).solve(
+        right, 1e-13, 1e-12
+    )
+    assert np.abs(found - wanted).max() < 1e-8 * np.abs(wanted).max()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_gmres_solves_and_tells_its_residual(seed):
+    rng = np.random.default_rng(seed)
+    M, b = np.eye(12) + 0.4 * rng.normal(size=(12, 12)), rng.normal(size=(3, 4))
+
+    def operator(x):
+        return (M @ x.ravel()).reshape(x.shape)
+
+    x, left = solve_by_gmres(operator, b, 1e-12, 12)
+    assert np.abs(operator(x) - b).max() < 1e-10
+    x, left = solve_by_gmres(operator, b, 1e-12, 5)
+    assert left == pytest.approx(np.linalg.norm(operator(x) - b) / np.linalg.norm(b), rel=1e-8)
