@@ -13,7 +13,7 @@ from flexlin.periodic.quadratic.evidence import find_error, find_tail
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, assemble_hamiltonian
 from flexlin.periodic.quadratic.scattering import transpose
 from flexlin.periodic.quadratic.solution import RiccatiSolution
-from flexlin.periodic.quadratic.transport import exponentiate
+from flexlin.periodic.quadratic.transport import scatter_exponentials
 
 COUNTS = {33: 65, 45: 91, 65: 121, 91: 165, 125: 243, 175: 351, 243: 475}
 """Nodes that are tried and about twice as many that judge them: odd numbers that FFTs like and that share only t = 0."""
@@ -80,7 +80,7 @@ def solve_by_harmonics(problem: LinearQuadratic, period: float, tol: float) -> R
             X = FourierSeries.through(refine(samples, start, tol), period)
             if find_tail(X.values) > 10 * tol:
                 continue
-            found = judge(problem, X, samples, finer)
+            found = judge_series(problem, X, samples, finer)
         except (NotStabilizable, NotDetectable):
             break
         except NumericalError:
@@ -101,7 +101,7 @@ def start_coarsely(samples: Samples, problem: LinearQuadratic) -> Array:
     """
     H = assemble_hamiltonian(samples.A, samples.S, samples.Q)
     step = samples.period / len(H)
-    segments, _ = exponentiate(step * 0.5 * (H + np.roll(H, -1, axis=0)))
+    segments, _ = scatter_exponentials(step * 0.5 * (H + np.roll(H, -1, axis=0)))
     return carry_costs(segments, None, problem, step * np.arange(len(H) + 1)).X[:-1]
 
 
@@ -128,7 +128,7 @@ def refine(samples: Samples, X: Array, tol: float) -> Array:
     raise ToleranceNotReached("Newton's method did not settle", got=f"a last step of {moved:.2g}")
 
 
-def judge(problem: LinearQuadratic, X: FourierSeries, samples: Samples, finer: int) -> RiccatiSolution:
+def judge_series(problem: LinearQuadratic, X: FourierSeries, samples: Samples, finer: int) -> RiccatiSolution:
     """Put the solution together with its error. Raises: ToleranceNotReached when there is none."""
     values = X.values
     evidence = find_error(problem, X, samples.loop(values), finer)

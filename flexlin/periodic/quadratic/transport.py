@@ -38,10 +38,10 @@ def magnus_segments(problem: LinearQuadratic, marks: Array) -> tuple[Segment, fl
     Source: Blanes, Casas, Oteo, Ros, Phys. Rep. 470 (2009) 151, section 5.4.3; Higham, Functions of Matrices (2008), ch. 10.
     """
     at_nodes = np.moveaxis(sample_at(problem.hamiltonian, place_nodes(marks, gauss(3).c)), 1, 0)
-    return exponentiate(average_sixth(at_nodes, np.diff(marks)[:, None, None]))
+    return scatter_exponentials(average_sixth(at_nodes, np.diff(marks)[:, None, None]))
 
 
-def exponentiate(averages: Array) -> tuple[Segment, float]:
+def scatter_exponentials(averages: Array) -> tuple[Segment, float]:
     """Exponentiate Hamiltonian matrices (K, 2 n, 2 n) in scattering form: segments and the relative asymmetry of their costs."""
     square = averages @ averages
     size = np.linalg.norm(square @ square, 1, axis=(1, 2)).max() ** 0.25
