@@ -1,59 +1,15 @@
-"""What others use for the same question: transition matrices of one period by SciPy, CasADi's cvodes and heyoka."""
+"""heyoka's variational Taylor integrator on the equations of a loop."""
 
-from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
 import casadi as ca
 import numpy as np
-from scipy.integrate import solve_ivp
 
-from flexlin import symbolic
 from flexlin.about.free import ParametricLoop
+from flexlin.answers.peers.right_hand_sides import state_matrix
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
-
-Transition = Callable[[Array], Array]
-"""Values of the free parameters (P,) -> transition matrix of one period (n, n)."""
-
-
-def state_matrix(loop: ParametricLoop) -> ca.Function:
-    """(phase, p) -> T A = T [[0, I], [-M^-1 K, -M^-1 D]] as one expression, time in units of the period."""
-    phase, p = loop.matrices.sx_in()
-    M, D, K = loop.matrices(phase, p)
-    n = M.shape[0]
-    lower = ca.ldl_solve(ca.horzcat(K, D), *ca.ldl(ca.sparsify(M)))
-    A = ca.vertcat(ca.horzcat(ca.SX.zeros(n, n), ca.SX.eye(n)), -lower)
-    return ca.Function("state_matrix", [phase, p], [ca.densify(loop.duration(p) * A)], ["phase", "p"], ["A"])
-
-
-def scipy_transition(loop: ParametricLoop, method: str, tol: float) -> Transition:
-    """SciPy's solve_ivp on all columns at once, A evaluated through CasADi's buffers."""
-    A = symbolic.Pointwise(state_matrix(loop))
-    n = 2 * loop.linearization.n
-
-    def transition(p: Array) -> Array:
-        def rate(phase: float, x: Array) -> Array:
-            return (A(np.array([phase]), p)[0] @ x.reshape(n, n)).ravel()
-
-        jac = (lambda phase, x: np.kron(A(np.array([phase]), p)[0], np.eye(n))) if method in ("Radau", "BDF") else None
-        extra: dict[str, Any] = {} if jac is None else {"jac": jac}
-        found = solve_ivp(rate, (0.0, 1.0), np.eye(n).ravel(), method, rtol=max(tol, 3e-14), atol=tol, **extra)
-        return np.asarray(found.y[:, -1].reshape(n, n))
-
-    return transition
-
-
-def cvodes_transition(loop: ParametricLoop, tol: float) -> Transition:
-    """CasADi's interface to SUNDIALS cvodes (BDF), all columns at once."""
-    n = 2 * loop.linearization.n
-    phase, p = state_matrix(loop).sx_in()
-    X = ca.SX.sym("X", n, n)
-    equations = {"x": ca.vec(X), "t": phase, "p": p, "ode": ca.vec(state_matrix(loop)(phase, p) @ X)}
-    options = {"reltol": tol, "abstol": tol, "max_num_steps": 1_000_000}
-    integrator = ca.integrator("flow", "cvodes", equations, 0.0, 1.0, options)
-    start = np.eye(n).ravel()
-    return lambda values: np.array(integrator(x0=start, p=values)["xf"]).reshape(n, n).T
 
 
 class HeyokaTransitions:

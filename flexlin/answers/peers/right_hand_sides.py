@@ -1,0 +1,55 @@
+"""X' = T A X as fast as Python can hand it to an integrator: machine code, made from the equations."""
+
+from collections.abc import Callable
+
+import casadi as ca
+import numpy as np
+
+from flexlin.about.free import ParametricLoop
+from flexlin.answers.peers.compiled import compiled
+from flexlin.checks import Array
+
+Rate = Callable[[float, Array], Array]
+"""(phase, columns of X one after another (n n,)) -> the columns of T A X."""
+
+
+def state_matrix(loop: ParametricLoop) -> ca.Function:
+    """(phase, p) -> T A = T [[0, I], [-M^-1 K, -M^-1 D]] as one expression, time in units of the period."""
+    phase, p = loop.matrices.sx_in()
+    M, D, K = loop.matrices(phase, p)
+    n = M.shape[0]
+    lower = ca.ldl_solve(ca.horzcat(K, D), *ca.ldl(ca.sparsify(M)))
+    A = ca.vertcat(ca.horzcat(ca.SX.zeros(n, n), ca.SX.eye(n)), -lower)
+    return ca.Function("state_matrix", [phase, p], [ca.densify(loop.duration(p) * A)], ["phase", "p"], ["A"])
+
+
+def transition_rate(loop: ParametricLoop, p: Array) -> Rate:
+    """The product T A X as one function, zeros and ones of A left out of it."""
+    A = state_matrix(loop)
+    phase, symbols = A.sx_in()
+    X = ca.SX.sym("X", A.size1_out(0), A.size1_out(0))
+    product = ca.densify(ca.vec(ca.sparsify(A(phase, symbols)) @ X))
+    return FastRate(ca.Function("rate", [phase, ca.vec(X), symbols], [product]), p)
+
+
+class FastRate:
+    """(t, x, p) -> x' at fixed p, compiled where there is a compiler, through buffers that are laid out once.
+
+    Each call returns an array of its own: integrators keep the last one.
+    """
+
+    def __init__(self, function: ca.Function, p: Array):
+        self._function = compiled(function) or function
+        self._t, self._x, self._parameters = np.zeros(1), np.zeros(function.numel_in(1)), np.array(p, dtype=float)
+        self._out = np.zeros(function.numel_out(0))
+        self._buffer, self._trigger = self._function.buffer()
+        for i, array in enumerate((self._t, self._x, self._parameters)):
+            if array.size:
+                self._buffer.set_arg(i, array.data)
+        self._buffer.set_res(0, self._out.data)
+
+    def __call__(self, t: float, x: Array) -> Array:
+        self._t[0] = t
+        self._x[:] = x
+        self._trigger()
+        return self._out.copy()
