@@ -11,7 +11,8 @@ from scipy.sparse import csc_array
 
 from flexlin import symbolic
 from flexlin.about.free import ParametricLoop
-from flexlin.answers.peers.right_hand_sides import Rate, state_matrix, transition_rate
+from flexlin.answers.peers.compiled import compiled
+from flexlin.answers.peers.right_hand_sides import Rate, state_matrix, transition_product, transition_rate
 from flexlin.checks import Array
 
 Transition = Callable[[], Array]
@@ -64,14 +65,17 @@ def block_jacobian(A: symbolic.Pointwise, p: Array, phase: float, x: Array) -> c
     return csc_array((np.tile(block.ravel(), n), rows, n * np.arange(n * n + 1)), shape=(n * n, n * n))
 
 
-def cvodes_transition(loop: ParametricLoop, tol: float, p: Array | None = None) -> Transition:
-    """CasADi's interface to SUNDIALS cvodes, all columns at once."""
+def cvodes_transition(loop: ParametricLoop, tol: float, p: Array | None = None, stiff: bool = False) -> Transition:
+    """CasADi's interface to SUNDIALS cvodes, all columns at once, compiled: Adams' formulas, or BDF for `stiff`."""
     values = loop.nominal if p is None else p
     n = 2 * loop.linearization.n
-    phase, symbols = state_matrix(loop).sx_in()
-    X = ca.SX.sym("X", n, n)
-    equations = {"x": ca.vec(X), "t": phase, "p": symbols, "ode": ca.vec(state_matrix(loop)(phase, symbols) @ X)}
-    options = {"reltol": tol, "abstol": tol, "max_num_steps": 1_000_000}
+    product = transition_product(loop)
+    product = compiled(product) or product
+    phase, x, symbols = product.mx_in()
+    options: dict[str, Any] = {"reltol": tol, "abstol": tol, "max_num_steps": 1_000_000}
+    if not stiff:
+        options |= {"linear_multistep_method": "adams", "nonlinear_solver_iteration": "functional"}
+    equations = {"x": x, "t": phase, "p": symbols, "ode": product(phase, x, symbols)}
     integrator = ca.integrator("flow", "cvodes", equations, 0.0, 1.0, options)
     start = np.eye(n).ravel()
     return lambda: np.array(integrator(x0=start, p=values)["xf"]).reshape(n, n).T

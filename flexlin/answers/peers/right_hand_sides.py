@@ -23,13 +23,18 @@ def state_matrix(loop: ParametricLoop) -> ca.Function:
     return ca.Function("state_matrix", [phase, p], [ca.densify(loop.duration(p) * A)], ["phase", "p"], ["A"])
 
 
-def transition_rate(loop: ParametricLoop, p: Array) -> Rate:
-    """The product T A X as one function, zeros and ones of A left out of it."""
+def transition_product(loop: ParametricLoop) -> ca.Function:
+    """(phase, columns of X, p) -> the columns of T A X, zeros of A left out of the product."""
     A = state_matrix(loop)
-    phase, symbols = A.sx_in()
+    phase, p = A.sx_in()
     X = ca.SX.sym("X", A.size1_out(0), A.size1_out(0))
-    product = ca.densify(ca.vec(ca.sparsify(A(phase, symbols)) @ X))
-    return FastRate(ca.Function("rate", [phase, ca.vec(X), symbols], [product]), p)
+    product = ca.densify(ca.vec(ca.sparsify(A(phase, p)) @ X))
+    return ca.Function("product", [phase, ca.vec(X), p], [product], ["phase", "X", "p"], ["rate"])
+
+
+def transition_rate(loop: ParametricLoop, p: Array) -> Rate:
+    """The product for integrators that call Python."""
+    return FastRate(transition_product(loop), p)
 
 
 class FastRate:

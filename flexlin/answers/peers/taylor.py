@@ -13,35 +13,34 @@ from flexlin.errors import ArgumentError
 
 
 class HeyokaTransitions:
-    """heyoka's variational Taylor integrator, compiled for this loop; `batch` systems in one SIMD sweep (1: scalar).
+    """heyoka's Taylor integrator on X' = T A X, compiled for this loop; `batch` systems in one SIMD sweep (1: scalar).
 
+    Parameters: compact: heyoka's compact mode, which compiles sooner and runs slower.
     Raises: ArgumentError when heyoka is not installed.
     """
 
-    def __init__(self, loop: ParametricLoop, tol: float, batch: int = 1):
+    def __init__(self, loop: ParametricLoop, tol: float, batch: int = 1, compact: bool = False):
         hy = heyoka()
         self.n, self.batch = 2 * loop.linearization.n, batch
-        system = hy.var_ode_sys(equations(hy, loop), hy.var_args.vars)
-        start = np.zeros(self.n)
-        parameters = np.zeros(len(loop.paths))
+        system, start, parameters = equations(hy, loop), np.zeros(self.n**2), np.zeros(len(loop.paths))
         if batch == 1:
-            self.integrator = hy.taylor_adaptive(system, start, pars=parameters, tol=tol)
+            self.integrator = hy.taylor_adaptive(system, start, pars=parameters, tol=tol, compact_mode=compact)
         else:
             starts, pars = (np.repeat(a[:, None], batch, axis=1) for a in (start, parameters))
-            self.integrator = hy.taylor_adaptive_batch(system, starts, pars=pars, tol=tol)
+            self.integrator = hy.taylor_adaptive_batch(system, starts, pars=pars, tol=tol, compact_mode=compact)
 
     def __call__(self, points: Array) -> Array:
         """Transition matrices: (P,) -> (n, n), or for a batch (batch, P) -> (batch, n, n)."""
         n, flow = self.n, self.integrator
         if self.batch == 1:
             flow.time = 0.0
-            flow.state[:n], flow.state[n:], flow.pars[:] = 0.0, np.eye(n).ravel(), points
+            flow.state[:], flow.pars[:] = np.eye(n).ravel(), points
             flow.propagate_until(1.0)
-            return np.array(flow.state[n:].reshape(n, n))
+            return np.array(flow.state.reshape(n, n))
         flow.set_time(0.0)
-        flow.state[:n], flow.state[n:], flow.pars[:] = 0.0, np.eye(n).reshape(-1, 1), points.T
+        flow.state[:], flow.pars[:] = np.eye(n).reshape(-1, 1), points.T
         flow.propagate_until(1.0)
-        return np.moveaxis(flow.state[n:].reshape(n, n, -1), -1, 0).copy()
+        return np.moveaxis(flow.state.reshape(n, n, -1), -1, 0).copy()
 
 
 def heyoka(name: str = "heyoka") -> Any:
@@ -55,12 +54,15 @@ def heyoka(name: str = "heyoka") -> Any:
 
 
 def equations(hy: Any, loop: ParametricLoop) -> list[Any]:
-    """x' = T A(phase, p) x as heyoka expressions, from the instructions of CasADi's function."""
+    """X' = T A(phase, p) X, row by row, as heyoka expressions, from the instructions of CasADi's function.
+
+    For these linear equations it compiles and runs faster than the variational equations that heyoka makes of x' = T A x.
+    """
     A = np.array(translated(hy, state_matrix(loop), [[hy.time], [hy.par[i] for i in range(len(loop.paths))]]))
     n = 2 * loop.linearization.n
-    x = hy.make_vars(*[f"x{i}" for i in range(n)])
+    X = np.array(hy.make_vars(*[f"x{i}_{j}" for i in range(n) for j in range(n)])).reshape(n, n)
     rows = A.reshape(n, n).T  # CasADi stores columns one after another
-    return [(x[i], hy.sum([rows[i, j] * x[j] for j in range(n)])) for i in range(n)]
+    return [(X[i, j], hy.sum([rows[i, k] * X[k, j] for k in range(n)])) for i in range(n) for j in range(n)]
 
 
 def translated(hy: Any, function: ca.Function, inputs: list[list[Any]]) -> list[Any]:
