@@ -31,7 +31,7 @@ ACCURACY = 1e-10
 MODES = (1, 3, 6)
 PATH = "effects.payload.mass"
 WHOLE, FACTORS = "flexlin, all exponents", "flexlin, transition matrix"
-GAUSS = [(order, k) for order in (12, 14, 16, 18, 20) for k in (8, 10, 12, 16, 20, 24, 32, 48, 64, 96)]
+GAUSS = [(order, k) for order in (12, 14, 16, 18, 20) for k in (8, 10, 12, 16, 24, 32, 48, 64, 96, 160, 240)]
 BATCH_VALUES = 64
 FULL_MODE = 70
 """Equations up to which heyoka's full mode is tried: it compiles in half a minute there."""

@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from flexlin.about.free import parametric_loop
 from flexlin.answers.accuracy.result import Row
 from flexlin.answers.accuracy.trial import Trial, apart, measured
-from flexlin.answers.peers import HeyokaTransitions, cvodes_transition, scipy_transition
+from flexlin.answers.peers import HeyokaTransitions, cvodes_transition, scipy_transition, transition_rate
 from flexlin.checks import Array
 from flexlin.scene.scene import Scene
 
@@ -16,24 +16,22 @@ RADAU_TOLS, HEYOKA_TOLS = (1e-4, 1e-6, 1e-8), (1e-6, 1e-12)
 
 
 def outside_methods(scene: Scene, exact: Array) -> tuple[list[Row], list[str]]:
-    """SciPy's DOP853 and Radau, CasADi's cvodes and heyoka at several tolerances; notes on what is missing.
+    """SciPy's DOP853, LSODA and Radau, CasADi's cvodes and heyoka at several tolerances; notes on what is missing.
 
     Set-up and compilation are left out.
     """
     loop = parametric_loop(scene, ())
-    p = loop.nominal
+    rate, p = transition_rate(loop, loop.nominal), loop.nominal
     notes = [] if find_spec("heyoka") else ["heyoka is not installed (pip install 'flexlin[peers]'), so it has no row"]
 
     def trials() -> Iterator[Trial]:
-        for method, tols in (("DOP853", TOLS), ("Radau", RADAU_TOLS)):
+        for method, tols in (("DOP853", TOLS), ("LSODA", TOLS), ("Radau", RADAU_TOLS)):
             for tol in tols:
-                run = scipy_transition(loop, method, tol)
-                yield Trial(f"SciPy {method}", f"tol {tol:.0e}", partial(run, p), outside=True)
+                yield Trial(f"SciPy {method}", f"tol {tol:.0e}", scipy_transition(loop, method, tol, rate=rate), outside=True)
         for tol in TOLS:
-            run = cvodes_transition(loop, tol)
-            yield Trial("CasADi cvodes", f"tol {tol:.0e}", partial(run, p), outside=True)
+            yield Trial("CasADi cvodes", f"tol {tol:.0e}", cvodes_transition(loop, tol), outside=True)
         for tol in HEYOKA_TOLS if not notes else ():
-            flow = HeyokaTransitions(loop, tol)
+            flow = HeyokaTransitions(loop, tol, compact=True)
             yield Trial("heyoka", f"tol {tol:.0e}", partial(flow, p), outside=True)
 
     return measured("transition matrices", trials(), lambda P: apart(P, exact)), notes
