@@ -31,7 +31,7 @@ WINGS = {
     **dict.fromkeys(["kronecker", "periodic"], "numeric"),
     "about": "bridge",
 }
-GROUND = ("symbolic", "expressions", "files", "checks", "errors", "text")
+GROUND = ("symbolic", "expressions", "files", "checks", "errors", "text", "summary")
 """What nearly every room stands on: drawn as the ground, without arrows."""
 WING_WIDTH = 380
 

@@ -1,6 +1,8 @@
 """Checks at the boundary: shape, finite, range; made once, where a value comes in."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from operator import index
 from typing import Any
 
@@ -11,7 +13,8 @@ from flexlin.errors import ArgumentError, TooLarge
 
 Array = NDArray[Any]
 LIMIT = 2**30
-"""Bytes that one request may take; a larger one is refused before anything is allocated."""
+"""Bytes that one request may take unless `memory_limit` says otherwise; a larger one is refused before anything is allocated."""
+_limit: ContextVar[int] = ContextVar("limit", default=LIMIT)
 
 
 def real_array(name: str, value: ArrayLike, shape: Sequence[int | None] | None = None) -> Array:
@@ -74,7 +77,18 @@ def at_times(evaluate: Callable[[Array], Array], t: ArrayLike) -> Array:
     return evaluate(times(given)) if given.ndim else evaluate(times(given[None]))[0]
 
 
+@contextmanager
+def memory_limit(size: float) -> Iterator[None]:
+    """Let `check_size` refuse what takes more than `size` bytes, within the block and in this thread."""
+    token = _limit.set(int(positive("the limit of memory", size)))
+    try:
+        yield
+    finally:
+        _limit.reset(token)
+
+
 def check_size(what: str, size: int, todo: str) -> None:
     """Refuse a request of unreasonable size before anything is allocated."""
-    if size > LIMIT:
-        raise TooLarge(f"{what} is too large", got=f"{size} bytes", expected=f"at most {LIMIT} bytes", todo=todo)
+    limit = _limit.get()
+    if size > limit:
+        raise TooLarge(f"{what} is too large", got=f"{size} bytes", expected=f"at most {limit} bytes", todo=todo)

@@ -19,9 +19,9 @@ import numpy as np
 
 import flexlin as fl
 from flexlin.about.free import ParametricLoop, parametric_loop
-from flexlin.answers.accuracy.trial import exponents_apart
-from flexlin.answers.peers import HeyokaTransitions, cvodes_transition, heyoka, scipy_transition, transition_rate
-from flexlin.answers.sweep import Plan, state_coefficients, sweep
+from flexlin.answers.accuracy.trial import compare_exponents
+from flexlin.answers.peers import HeyokaTransitions, import_heyoka, prepare_cvodes, prepare_scipy, prepare_rate
+from flexlin.answers.sweep import Plan, prepare_coefficients, sweep
 from flexlin.checks import Array
 from flexlin.periodic.many.transitions import batched_transitions
 from flexlin.periodic.product.balancing import multiply_scaled
@@ -102,15 +102,19 @@ def one_run(modes: int, repetitions: int, tols: tuple[float, ...]) -> list[Row]:
     def error(P: Array) -> float:
         return float(np.abs(P - exact).max() / np.abs(exact).max())
 
-    rate = transition_rate(loop, loop.nominal)
+    rate = prepare_rate(loop, loop.nominal)
     programs = {
-        FACTORS: {f"gauss {o} on {k}": lambda o=o, k=k: transition(system, Setting("gauss", o, k, "")) for o, k in GAUSS},
+        FACTORS: {
+            f"gauss {o} on {k}": lambda o=o, k=k: transition(system, Setting("gauss", o, k, "")) for o, k in GAUSS
+        },
         **{
-            f"SciPy {method}": {f"tol {t:.0e}": scipy_transition(loop, method, t, rate=rate) for t in tols}
+            f"SciPy {method}": {f"tol {t:.0e}": prepare_scipy(loop, method, t, rate=rate) for t in tols}
             for method in ("DOP853", "LSODA")
         },
         "CasADi cvodes": {
-            f"{name}, tol {t:.0e}": cvodes_transition(loop, t, stiff=name == "BDF") for name in ("Adams", "BDF") for t in tols
+            f"{name}, tol {t:.0e}": prepare_cvodes(loop, t, stiff=name == "BDF")
+            for name in ("Adams", "BDF")
+            for t in tols
         },
     }
     rows = [cheapest(modes, name, settings, error, repetitions) for name, settings in programs.items()]
@@ -123,7 +127,7 @@ def all_exponents(modes: int, loop: ParametricLoop, repetitions: int) -> Row:
     exact = fl.floquet(loop.linearization.periodic_system(), 0.01 * ACCURACY).exponents
     setting = found.setting
     name = f"{setting.method} {setting.order} on {setting.segments}" if setting.segments > 1 else setting.method
-    error = exponents_apart(found.exponents, exact)
+    error = compare_exponents(found.exponents, exact)
     return Row(modes, WHOLE, name, error, time, error <= ACCURACY)
 
 
@@ -148,7 +152,7 @@ def by_heyoka(modes: int, loop: ParametricLoop, error: Callable[[Array], float],
 
 def forget_compiled_code() -> None:
     """Let heyoka compile, not read what an earlier run left on the disk."""
-    state = heyoka().llvm_state
+    state = import_heyoka().llvm_state
     state.set_diskcache_enabled(False)
     state.clear_memcache()
 
@@ -165,15 +169,15 @@ def batch(modes: int, values: int, repetitions: int) -> tuple[Row, Row]:
         parts = [slice(i, i + size) for i in range(0, values, size)]
         return np.concatenate(
             [
-                batched_transitions(state_coefficients(loop, points[k], T[k], plan, ACCURACY)[0], segments, stages)
+                batched_transitions(prepare_coefficients(loop, points[k], T[k], plan, ACCURACY)[0], segments, stages)
                 for k in parts
             ]
         )
 
-    harmonics = state_coefficients(loop, points[:8], T[:8], Plan(64), ACCURACY)[2]
+    harmonics = prepare_coefficients(loop, points[:8], T[:8], Plan(64), ACCURACY)[2]
     exact = flexlin(96 if modes == 1 else 160, 10, harmonics)
     units = np.concatenate([np.ones(loop.linearization.n), np.full(loop.linearization.n, T[0])])
-    simd = max(2, int(heyoka().recommended_simd_size()))
+    simd = max(2, int(import_heyoka().recommended_simd_size()))
     flow = HeyokaTransitions(loop, 1e-9 if modes == 1 else 1e-11, simd)
 
     def other() -> Array:

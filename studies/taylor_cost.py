@@ -214,7 +214,7 @@ def measure(route: str, order: int) -> Cost:
 
 
 def available(route: str) -> bool:
-    """Tell whether this machine has what a route needs."""
+    """Return whether this machine has what a route needs."""
     if route == "daceypy":
         from importlib.util import find_spec
 

@@ -18,7 +18,7 @@ from scipy.linalg import eigh
 import flexlin as fl
 from flexlin.errors import FlexlinError
 from flexlin.kronecker import derivative
-from flexlin.mechanics.link_shapes import shapes_of
+from flexlin.mechanics.link_shapes import make_shapes
 
 SIZES = {"full": (61, np.linspace(0.1, 1.5, 71)), "small": (5, np.array([0.3, 0.6]))}
 """Elbow angles, and frequencies of the motion in Hz."""
@@ -34,7 +34,7 @@ def shape_frequencies(scene: fl.Scene) -> np.ndarray:
     """Frequencies in Hz of each link's shapes, (links, modes)."""
     return np.array(
         [
-            shapes_of(scene, i).beta ** 2 * np.sqrt(link.bending_stiffness / (link.mass_per_length * link.length**4))
+            make_shapes(scene, i).beta ** 2 * np.sqrt(link.bending_stiffness / (link.mass_per_length * link.length**4))
             for i, link in enumerate(scene.links)
         ]
     ) / (2 * np.pi)
@@ -54,7 +54,7 @@ def coupled_frequencies(arm: fl.Manipulator, elbow: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Sweep:
-    """Frequencies of the motion in Hz, with Floquet's margin in 1/s and its error; not a number where it could not be had."""
+    """Frequencies of the motion in Hz, with Floquet's margin in 1/s and its error; not a number where it is not known."""
 
     frequency: np.ndarray
     margin: np.ndarray

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers.sensitivity import default_paths, sensitivity
+from flexlin.answers.sensitivity import choose_paths, sensitivity
 from flexlin.scene.parameters import get_value, replace_value
 
 
@@ -75,7 +75,7 @@ def test_a_spinning_link_without_gravity_in_closed_form():
 
 def test_every_number_of_the_scene_by_default(scene):
     result = sensitivity(scene)
-    assert set(result.parameter.values) == set(default_paths(scene))
+    assert set(result.parameter.values) == set(choose_paths(scene))
     assert "effects.gravity.acceleration" in result.parameter.values
     assert np.isfinite(result.derivative.values).all()
 

@@ -12,6 +12,8 @@ from flexlin.control.validity import LARGEST, SMALLEST
 from flexlin.errors import DesignError, NumericalError, TooLarge
 from flexlin.scene import parse_scene
 from flexlin.simulation import NonlinearLoop, simulate
+from flexlin.simulation.drive import Drive
+from flexlin.simulation.equations import NonlinearEquations
 from flexlin.simulation.stepping import TrialLeftRange
 
 
@@ -89,12 +91,9 @@ def test_a_simulation_of_unreasonable_size_is_refused_before_it_begins(lin):
             simulate(lin, **wrong)
 
 
-@pytest.mark.parametrize("sample_time", [None, 0.001])
-def test_a_trial_that_leaves_the_range_only_shortens_the_step(lin, monkeypatch, sample_time):
+@pytest.mark.parametrize("drive", [Drive(limit=(0.4,)), Drive(sample_time=0.001)])
+def test_a_trial_that_leaves_the_range_only_shortens_the_step(lin, monkeypatch, drive):
     """The equations refuse some evaluations ahead of the accepted time; the answer is the same as without."""
-    from flexlin.simulation.drive import Drive
-
-    drive = Drive(sample_time=sample_time)
     expected = simulate(lin, 0.1, tol=1e-8, drive=drive).nonlinear
     real, refused = NonlinearLoop.rate, []
 
@@ -110,6 +109,36 @@ def test_a_trial_that_leaves_the_range_only_shortens_the_step(lin, monkeypatch, 
     np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
+def test_a_window_that_leaves_the_range_only_shortens_the_steps(lin, monkeypatch):
+    """The same where many steps are solved at once: some residuals ahead are no numbers."""
+    expected = simulate(lin, 0.1, tol=1e-8).nonlinear
+    real, refused = NonlinearEquations.residual, []
+
+    def touchy(self, at, y, v, w):
+        F, power = real(self, at, y, v, w)
+        if len(refused) < 20 and at.t[-1] > 0.013 * (1 + len(refused) // 4):
+            refused.append(at.t[-1])
+            F[-1] = np.nan
+        return F, power
+
+    monkeypatch.setattr(NonlinearEquations, "residual", touchy)
+    found = simulate(lin, 0.1, tol=1e-8).nonlinear
+    assert refused
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_the_last_time_reached_is_named_when_no_window_leads_on(lin, monkeypatch):
+    real = NonlinearEquations.residual
+
+    def wall(self, at, y, v, w):
+        F, power = real(self, at, y, v, w)
+        return np.where(at.t[:, None] > 0.05, np.nan, F), power
+
+    monkeypatch.setattr(NonlinearEquations, "residual", wall)
+    with pytest.raises(NumericalError, match=r"stopped at t = 0\.05 s.*no step is short enough"):
+        simulate(lin, 0.1)
+
+
 def test_a_state_that_was_reached_is_named_when_no_step_leads_on(lin, monkeypatch):
     def wall(self, t, z, torque):
         if t > 0.05:
@@ -118,7 +147,7 @@ def test_a_state_that_was_reached_is_named_when_no_step_leads_on(lin, monkeypatc
 
     monkeypatch.setattr(NonlinearLoop, "rate", wall)
     with pytest.raises(NumericalError, match=r"stopped at t = 0\.05 s.*mass matrix"):
-        simulate(lin, 0.1)
+        simulate(lin, 0.1, drive=Drive(sample_time=0.03))
 
 
 def test_a_design_without_weights_says_so(lin):

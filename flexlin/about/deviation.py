@@ -11,6 +11,7 @@ from flexlin.checks import Array
 from flexlin.errors import InputError
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion, SymbolicMotion
+from flexlin.summary import represent
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +28,8 @@ class Deviation:
     motion: Motion
     kept: tuple[int, ...]
     driven: tuple[int, ...]
+
+    __repr__ = represent
 
     @classmethod
     def of(cls, arm: Manipulator, motion: Motion) -> "Deviation":

@@ -48,10 +48,35 @@ def linearize_about(motion: PeriodicMotion, closed: bool = True) -> PeriodicSyst
     at s = s_R + y of the motion. The motion solves the equations, so nothing is left over on the right side (h = 0), and where
     the links are bent D is not zero even for a single link.
 
-    Parameters: motion: from `periodic_motion` or a feedforward's; closed: with the scene's feedback, else the arm alone.
-    Returns: the periodic system of z, with input u the torque beside it.
-    Raises: SingularMassMatrix.
-    Source: Khang, Dat, Tuan (2019), section 4, with the elastic motion as basic motion.
+    Parameters
+    ----------
+    motion : PeriodicMotion
+        From `periodic_motion` or from a feedforward.
+    closed : bool
+        With the scene's feedback, else the arm alone.
+
+    Returns
+    -------
+    PeriodicSystem
+        The system of [z; z'], with input u the torque beside the motion's.
+
+    Raises
+    ------
+    SingularMassMatrix
+        When M cannot be inverted.
+
+    References
+    ----------
+    Khang, Dat, Tuan (2019), section 4, with the elastic motion as basic motion.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    >>> elastic = fl.control.linearize_about(fl.control.periodic_motion(lin, tol=1e-6))
+    >>> fl.floquet(elastic, tol=1e-6).verdict
+    'stable'
     """
     lin = motion.lin
     c = ElasticCoefficients(motion, slopes(lin.about))

@@ -14,6 +14,7 @@ from flexlin.errors import ArgumentError
 from flexlin.mechanics.chain import build_manipulator
 from flexlin.motion import SymbolicMotion
 from flexlin.scene.scene import Scene
+from flexlin.summary import represent
 from flexlin.symbolic import selected
 
 
@@ -30,6 +31,8 @@ class ParametricLoop:
     linearization: Linearization
     matrices: ca.Function
     duration: ca.Function
+
+    __repr__ = represent
 
     @property
     def nominal(self) -> Array:

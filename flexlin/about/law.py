@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import Constant, MatrixFunction
+from flexlin.summary import represent
 
 VectorFunction = Callable[[Array], Array]
 
@@ -25,6 +26,8 @@ class Law:
     forward: VectorFunction
     gain: MatrixFunction
     reference: VectorFunction
+
+    __repr__ = represent
 
     @classmethod
     def constant(cls, gain: ArrayLike, forward: ArrayLike | None = None) -> "Law":

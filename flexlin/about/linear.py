@@ -4,9 +4,10 @@ import casadi as ca
 import numpy as np
 
 from flexlin.about.deviation import Deviation
-from flexlin.about.linearization import Coefficients, Linearization
+from flexlin.about.linearization import Linearization
 from flexlin.about.routes import ROUTES, Matrices, Route
 from flexlin.about.scene_law import feedback_expressions
+from flexlin.about.second_order import Coefficients
 from flexlin.checks import instance
 from flexlin.errors import ArgumentError, ModelError, MotionError
 from flexlin.mechanics.manipulator import Manipulator
@@ -26,17 +27,47 @@ def linearize(
         D_L = C + dC/ds' (s_R' (x) E) + dd/ds',    K_L = dM/ds (s_R'' (x) E) + dC/ds (s_R' (x) E) + d(g + d)/ds,
         h_L = tau - (M s_R'' + C s_R' + g + d),    all at s_R = E_q q, elastic coordinates at rest.
 
-    A prescribed joint is no coordinate: its row and column are left out. With `control`, the scene's loop is closed; its numbers
-    that the arm keeps free (paths below `control.`) stay free.
+    Assumes small y: the quadratic terms are left out. A prescribed joint is no coordinate: its row and column are left out.
 
-    Assumes small y: the quadratic terms are left out.
+    Parameters
+    ----------
+    arm : Manipulator
+        The equations of motion.
+    motion : Motion, or a scene's motion table
+        The rigid basic motion of the joints.
+    control : Control, optional
+        The scene's control: with it the loop is closed. Its numbers that the arm keeps free (paths below `control.`) stay free.
+    route : {"jacobian", "kronecker"}
+        "jacobian" differentiates the residual M s'' + C s' + g + d (cheapest), "kronecker" writes the equations above in Kronecker
+        layout.
 
-    Parameters: motion: a scene's motion table, or a `Motion`; route: "jacobian" differentiates the residual M s'' + C s' + g + d
-    (cheapest), "kronecker" writes the equations above in Kronecker layout.
-    Returns: a `Linearization`.
-    Raises: MotionError when the motion does not fit; ArgumentError for an unknown route or gains that do not fit;
-    ModelError when a coefficient is not finite along the motion.
-    Source: Khang, Dat, Tuan (2019), Eqs (60)-(67).
+    Returns
+    -------
+    Linearization
+        The coefficients as functions of time.
+
+    Raises
+    ------
+    MotionError
+        When the motion does not fit.
+    ArgumentError
+        For an unknown route or gains that do not fit.
+    ModelError
+        When a coefficient is not finite along the motion.
+
+    References
+    ----------
+    Khang, Dat, Tuan (2019), Eqs (60)-(67).
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    >>> lin.names, lin.period, lin.M([0.0, 0.5]).shape
+    (('q1', 'w11', 'w12'), 2.0, (2, 3, 3))
+    >>> fl.floquet(lin.periodic_system(), tol=1e-6).verdict
+    'stable'
     """
     instance("arm", arm, Manipulator, "make one: fl.build_manipulator(scene), or Manipulator.from_matrices(...)")
     if not isinstance(motion, Motion):

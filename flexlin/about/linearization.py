@@ -1,40 +1,27 @@
 """The bridge: a manipulator linearized along its rigid basic motion, M_L y'' + D_L y' + K_L y = h_L + B_L u."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
-import casadi as ca
-from numpy.typing import ArrayLike
-
-from flexlin.about.deviation import Deviation
 from flexlin.about.law import Law
 from flexlin.about.routes import Route
 from flexlin.about.scene_law import scene_law
-from flexlin.checks import Array, at_times, times
+from flexlin.about.second_order import SecondOrderEquations
+from flexlin.checks import Array
 from flexlin.errors import MotionError
 from flexlin.mechanics.coordinates import Coordinate
+from flexlin.mechanics.effects import Effect, effects_of
+from flexlin.mechanics.effects.narrow import Features
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion
 from flexlin.periodic.companion import build_companion, build_input
 from flexlin.periodic.system import PeriodicSystem, SecondOrder
 from flexlin.scene.control import Control
-from flexlin.symbolic import selected
-
-
-@dataclass(frozen=True)
-class Coefficients:
-    """M_L, D_L, K_L (N, n, n), h_L (N, n), B_L (N, n, m) and the feedforward torque of the rigid motion tau (N, m), at N times."""
-
-    M: Array
-    D: Array
-    K: Array
-    h: Array
-    B: Array
-    tau: Array
+from flexlin.scene.parameters import replace_value
+from flexlin.summary import represent
 
 
 @dataclass(frozen=True, eq=False)
-class Linearization:
+class Linearization(SecondOrderEquations):
     """The linear equations of the small motion y about the rigid basic motion s_R.
 
         M_L(t) y'' + D_L(t) y' + K_L(t) y = h_L(t) + B_L(t) u,     s = s_R + y
@@ -42,14 +29,32 @@ class Linearization:
     Without a loop h_L = -(M s_R'' + C s_R' + g + d) and u is the whole torque. With a loop, torque = feedforward + feedback + u:
     D_L and K_L hold the feedback, h_L the feedforward.
 
-    `M(t)`, `D(t)`, `K(t)` (N, n, n), `h(t)` (N, n), `B(t)` (N, n, m) take times t (N,) in s, or one time, and then give one matrix.
-    `about` is the deviation they are written in; `coefficients` the function of the place on the motion that holds them all.
+    Attributes
+    ----------
+    about : Deviation
+        The deviation y in which the equations are written.
+    coefficients : casadi.Function
+        Place on the motion and free parameters -> M, D, K, h, B, tau.
+    route : {"jacobian", "kronecker"}
+        How they were derived.
+    control : Control or None
+        The scene's control, when its loop is closed.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    >>> lin.n, lin.inputs, lin.K(0.0).shape, lin.B([0.0, 0.1]).shape
+    (3, ('q1',), (3, 3), (2, 3, 1))
+    >>> lin.forcing([0.0]).shape
+    (1, 6)
     """
 
-    about: Deviation
-    coefficients: ca.Function
     route: Route
     control: Control | None = None
+
+    __repr__ = represent
 
     @property
     def arm(self) -> Manipulator:
@@ -102,6 +107,37 @@ class Linearization:
         return self.motion.breaks
 
     @property
+    def features(self) -> Features:
+        """Pairs (time, half-width) in s about which the coefficients change fast: what motion and effects know of it."""
+        found = [
+            *self.motion.features,
+            *(pair for effect in self._effects or () for pair in effect.features(self.motion)),
+        ]
+        return tuple(sorted(found))
+
+    @property
+    def may_be_narrow(self) -> bool:
+        """Whether an effect in the arm may have features, for some values of its numbers."""
+        return any(type(effect).features is not Effect.features for effect in self._effects or ())
+
+    @property
+    def complete(self) -> bool:
+        """Whether breaks and features name everything in the coefficients that is narrower than T/200."""
+        effects = self._effects
+        return effects is not None and self.motion.complete and all(effect.smooth for effect in effects)
+
+    @property
+    def _effects(self) -> tuple[Effect, ...] | None:
+        """The effects in the arm with the present values of its free numbers; None where they are not known."""
+        arm, tables = self.arm, self.arm.effects
+        if tables is None:
+            return None
+        for path, value in zip(arm.parameters.paths, arm.parameters.values, strict=True):
+            if path.startswith("effects."):
+                tables = replace_value(tables, path.removeprefix("effects."), float(value))
+        return effects_of(tables)
+
+    @property
     def closed_by(self) -> Law:
         """The law that the linear equations hold: the scene's, or no torque at all where they were made without one."""
         return scene_law(self.about, self.control, self.feedforward)
@@ -111,49 +147,18 @@ class Linearization:
         """The law that runs on the arm unless another is given: the scene's, or the torque of the rigid motion alone."""
         return scene_law(self.about, self.control or Control(), self.feedforward)
 
-    def sample(self, t: Array) -> Coefficients:
-        """All coefficients at the times t (N,), in one mapped call."""
-        M, D, K, h, B, tau = self.about.evaluate(self.coefficients, times(t))
-        return Coefficients(M, D, K, h[:, :, 0], B, tau[:, :, 0])
-
-    def M(self, t: ArrayLike) -> Array:
-        """The mass matrix, Eq. (65)."""
-        return at_times(lambda t: self.mass_and_input(t)[0], t)
-
-    def D(self, t: ArrayLike) -> Array:
-        """The matrix of y', Eq. (66)."""
-        return at_times(lambda t: self.equations(t)[1], t)
-
-    def K(self, t: ArrayLike) -> Array:
-        """The matrix of y, Eq. (67)."""
-        return at_times(lambda t: self.equations(t)[2], t)
-
-    def h(self, t: ArrayLike) -> Array:
-        """The forcing that the rigid motion leaves over, Eq. (64)."""
-        return at_times(lambda t: self.sample(t).h, t)
-
-    def B(self, t: ArrayLike) -> Array:
-        """The input matrix."""
-        return at_times(lambda t: self.mass_and_input(t)[1], t)
-
-    def feedforward(self, t: ArrayLike) -> Array:
-        """The torque of the rigid motion, (N, m) in N m: what the arm would need if its links were rigid."""
-        return at_times(lambda t: self.about.evaluate(self._torque, t)[0][:, :, 0], t)
-
-    def equations(self, t: Array) -> tuple[Array, Array, Array]:
-        """M, D, K at the times t (N,), without the rest."""
-        M, D, K = self.about.evaluate(self._equations, times(t))
-        return M, D, K
-
-    def mass_and_input(self, t: Array) -> tuple[Array, Array]:
-        """M and B at the times t (N,), without the rest."""
-        M, B = self.about.evaluate(self._inputs, times(t))
-        return M, B
-
     def periodic_system(self) -> PeriodicSystem:
-        """The linear system x' = A(t) x + B(t) u with x = [y; y'].
+        """Return the linear system x' = A(t) x + B(t) u with x = [y; y'].
 
-        Raises: MotionError for a one-way motion, which has no period.
+        Returns
+        -------
+        PeriodicSystem
+            The system of 2n states.
+
+        Raises
+        ------
+        MotionError
+            For a one-way motion, which has no period.
         """
         if not self.motion.periodic:
             raise MotionError(
@@ -164,29 +169,66 @@ class Linearization:
             )
         force, B = (self.B, self.input_matrix) if self.about.m else (None, None)
         second_order = SecondOrder(self.M, self.D, self.K, force, self.equations)
-        return PeriodicSystem(self.state_matrix, self.period, B, self.breaks, second_order, complete=True)
+        named = self.features, self.complete
+        return PeriodicSystem(self.state_matrix, self.period, B, self.breaks, second_order, *named)
 
     def state_matrix(self, t: Array) -> Array:
-        """A = [[0, I], [-M^-1 K, -M^-1 D]], (N, 2n, 2n)."""
+        """Return A = [[0, I], [-M^-1 K, -M^-1 D]].
+
+        Parameters
+        ----------
+        t : array, shape (N,)
+            Times in s.
+
+        Returns
+        -------
+        array, shape (N, 2n, 2n)
+            A(t).
+
+        Raises
+        ------
+        SingularMassMatrix
+            When M cannot be inverted.
+        """
         return build_companion(*self.equations(t), t)
 
     def input_matrix(self, t: Array) -> Array:
-        """[0; M^-1 B], (N, 2n, m)."""
+        """Return the input matrix in state form, [0; M^-1 B].
+
+        Parameters
+        ----------
+        t : array, shape (N,)
+            Times in s.
+
+        Returns
+        -------
+        array, shape (N, 2n, m)
+            B(t).
+
+        Raises
+        ------
+        SingularMassMatrix
+            When M cannot be inverted.
+        """
         return build_input(*self.mass_and_input(t), t)
 
     def forcing(self, t: Array) -> Array:
-        """M_L^-1 h_L in state form, (N, 2n): x' = A x + forcing."""
+        """Return the forcing in state form, [0; M^-1 h], x' = A x + forcing.
+
+        Parameters
+        ----------
+        t : array, shape (N,)
+            Times in s.
+
+        Returns
+        -------
+        array, shape (N, 2n)
+            The forcing, in the unit of x per s.
+
+        Raises
+        ------
+        SingularMassMatrix
+            When M cannot be inverted.
+        """
         c = self.sample(t)
         return build_input(c.M, c.h[:, :, None], t)[:, :, 0]
-
-    @cached_property
-    def _equations(self) -> ca.Function:
-        return selected(self.coefficients, ("M", "D", "K"))
-
-    @cached_property
-    def _inputs(self) -> ca.Function:
-        return selected(self.coefficients, ("M", "B"))
-
-    @cached_property
-    def _torque(self) -> ca.Function:
-        return selected(self.coefficients, ("tau",))

@@ -1,8 +1,8 @@
 """All numbers of a report, from one scene."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,7 +12,6 @@ from flexlin.answers.clock import Clock, Step
 from flexlin.checks import Array
 from flexlin.control import Design, design, linear_range, linearize_about, periodic_motion
 from flexlin.control.validity import Validity
-from flexlin.errors import NumericalError, TooLarge
 from flexlin.mechanics import Manipulator, build_manipulator
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import floquet_modes
@@ -20,6 +19,7 @@ from flexlin.periodic.floquet.resonance import Resonance, find_resonances
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.response.forced import ForcedResponse, forced_response
 from flexlin.periodic.system import PeriodicSystem
+from flexlin.scene.accuracy import Accuracy
 from flexlin.scene.control import DesignTable
 from flexlin.scene.scene import Scene
 from flexlin.simulation import Simulation, simulate, tip_positions
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 
 SAMPLES = 257
 """Points of a period in the figures and in report.json, both ends included."""
-SIMULATED_PERIODS, SIMULATION_TOL = 3.0, 1e-6
-
-Answer = TypeVar("Answer")
+SIMULATED_PERIODS = 3.0
+BY_TOL = ("periodic-lqr", "finite-horizon-lqr")
+"""Designs whose gain has an error that can be asked for."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Loop:
 
     @property
     def verdict(self) -> str:
-        """stable, unstable, undecided, or failed where no controller could be had."""
+        """stable, unstable, undecided, or failed where there is no answer."""
         return "failed" if self.floquet is None else self.floquet.verdict
 
     @property
@@ -77,7 +77,7 @@ class Response:
 
 @dataclass(frozen=True)
 class Analysis:
-    """What a report says: `own` is the scene's own loop, `open_loop` the arm without feedback; `problems` tells what could not be had,
+    """What a report says: `own` is the scene's own loop, `open_loop` the arm without feedback; `problems` says what is missing,
     `resonances` what is behind an unstable own loop, `audit` and `sensitivity` which effects and numbers matter, if that was asked for,
     `elastic` the own loop about the elastic motion, if the scene asks for it, `linear_range` how far the linear equations hold.
     """
@@ -108,103 +108,151 @@ class Analysis:
     @property
     def loops(self) -> tuple[Loop, ...]:
         """Open loop, own loop (about the elastic motion too), designs; no open loop where the scene has no feedback."""
-        first = () if self.own.floquet is self.open_loop.floquet else (self.open_loop,)
+        first = () if self.own.kind == "open" else (self.open_loop,)
         elastic = () if self.elastic is None else (self.elastic,)
         return (*first, self.own, *elastic, *self.designs)
 
 
-def analyse(scene: Scene, clock: Clock | None = None, tol: float = 1e-9) -> Analysis:
+def analyse(scene: Scene, clock: Clock | None = None) -> Analysis:
     """Linearize a scene's arm along its motion, judge every loop by Floquet, and compare with the nonlinear equations.
 
-    Parameters: clock: collects the steps, and tells of their progress; tol: wanted error of exponents and responses.
-    Returns: an `Analysis`; a design, response or simulation that fails is a message in it.
-    Raises: InputError for a scene that cannot be used; NumericalError when the scene's own loop cannot be judged.
+    Every stage is asked for `scene.accuracy.tol` and kept within the limits that stand beside it.
+
+    Parameters: clock: collects the steps, and reports their progress.
+    Returns: an `Analysis`; a stage that fails or meets a limit is a message in it.
+    Raises: InputError for a scene that cannot be used; NumericalError when there are no linear equations.
     """
-    clock = clock or Clock()
-    with clock.step("equations of motion"):
-        arm = build_manipulator(scene)
-    with clock.step("linearization"):
-        plant, closed = linearize(arm, scene.motion), linearize(arm, scene.motion, scene.control)
-        system, loop = plant.periodic_system(), closed.periodic_system()
+    clock, asked, problems = clock or Clock(), scene.accuracy, dict[str, str]()
+    arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
+    plant, closed = clock.stage(
+        "linearization",
+        asked,
+        lambda: (linearize(arm, scene.motion), linearize(arm, scene.motion, scene.control)),
+    )
+    system, loop = plant.periodic_system(), closed.periodic_system()
     t = np.linspace(0.0, plant.period, SAMPLES)
-    with clock.step("coefficients over a period"):
-        coefficients = plant.sample(t)
-    own, open_loop = own_loops(scene, system, loop, tol, clock)
-    elastic = elastic_loop(closed, tol, clock) if scene.control.about == "elastic" else None
-    problems: dict[str, str] = {}
-    behind = causes(own, loop, problems, clock)
-    with clock.step("forced response"):
-        response = attempt(problems, "response", lambda: periodic_response(closed, loop, t, tol))
-    with clock.step(f"nonlinear simulation of {SIMULATED_PERIODS:g} periods"):
-        simulation = attempt(problems, "simulation", lambda: simulate(closed, SIMULATED_PERIODS, tol=SIMULATION_TOL))
-    with clock.step("range of the linear equations"):
-        linear = attempt(problems, "linear range", lambda: linear_range(closed, result=own.floquet))
-    designs = tuple(designed(system, table, tol, clock) for table in scene.designs)
+    coefficients = clock.stage("coefficients over a period", asked, lambda: plant.sample(t))
+    own, open_loop = judge_own_loops(scene, system, loop, clock)
+    elastic = judge_elastic_loop(closed, asked, clock) if scene.control.about == "elastic" else None
+    behind = find_causes(own, loop, problems, asked, clock)
+    response = clock.attempt(
+        problems,
+        "response",
+        "forced response",
+        asked,
+        lambda: find_response(closed, loop, t, asked.tol),
+        lambda found: found.solution.error / max(1.0, float(np.abs(found.states).max())),
+    )
+    simulation = clock.attempt(
+        problems,
+        "simulation",
+        f"nonlinear simulation of {SIMULATED_PERIODS:g} periods",
+        asked,
+        lambda: simulate(closed, SIMULATED_PERIODS, tol=asked.tol),
+        simulation_error,
+    )
+    linear = range_of(closed, own, problems, asked, clock)
+    designs = tuple(design_and_judge(system, table, asked, clock) for table in scene.designs)
     found = (coefficients, own, open_loop, designs, response, simulation, problems, tuple(clock.steps))
     return Analysis(scene, plant, closed, t, *found, resonances=behind, elastic=elastic, linear_range=linear)
 
 
-def plant_and_designs(scene: Scene, clock: Clock, tol: float = 1e-9) -> tuple[Linearization, tuple[Loop, ...]]:
-    """The open-loop linearization of a scene, and its designs with their verdicts."""
-    with clock.step("linearization"):
-        plant = linearize(build_manipulator(scene), scene.motion)
-        system = plant.periodic_system()
-    return plant, tuple(designed(system, table, tol, clock) for table in scene.designs)
+def plant_and_designs(scene: Scene, clock: Clock) -> tuple[Linearization, tuple[Loop, ...]]:
+    """The open-loop linearization of a scene, and its designs with their verdicts, as accurate as the scene asks."""
+    asked = scene.accuracy
+    plant = clock.stage("linearization", asked, lambda: linearize(build_manipulator(scene), scene.motion))
+    system = plant.periodic_system()
+    return plant, tuple(design_and_judge(system, table, asked, clock) for table in scene.designs)
 
 
-def own_loops(
-    scene: Scene, system: PeriodicSystem, loop: PeriodicSystem, tol: float, clock: Clock
-) -> tuple[Loop, Loop]:
+def judge_own_loops(scene: Scene, system: PeriodicSystem, loop: PeriodicSystem, clock: Clock) -> tuple[Loop, Loop]:
     """The scene's own loop and the open loop; one result for both where the scene has no feedback."""
-    feedback = scene.control.feedback
-    with clock.step("Floquet: open loop" if feedback is None else "Floquet: the scene's loop"):
-        result = floquet(loop, tol)
+    feedback, asked = scene.control.feedback, scene.accuracy
     if feedback is None:
-        return Loop("no feedback", "open", result), Loop("open loop", "open", result)
-    with clock.step("Floquet: open loop"):
-        open_loop = judged("open loop", "open", system, tol)
-    return Loop(f"scene's {feedback.kind.upper()}", feedback.kind, result), open_loop
+        own = judge_loop("no feedback", "open", "Floquet: open loop", loop, asked, clock)
+        return own, replace(own, name="open loop")
+    kind = feedback.kind
+    own = judge_loop(f"scene's {kind.upper()}", kind, "Floquet: the scene's loop", loop, asked, clock)
+    return own, judge_loop("open loop", "open", "Floquet: open loop", system, asked, clock)
 
 
-def elastic_loop(closed: Linearization, tol: float, clock: Clock) -> Loop:
+def judge_elastic_loop(closed: Linearization, asked: Accuracy, clock: Clock) -> Loop:
     """The scene's own loop, linearized about the periodic motion of the elastic arm in the place of the rigid one."""
     name, problems = "about elastic motion", dict[str, str]()
-    with clock.step("periodic motion of the elastic arm"):
-        motion = attempt(problems, name, lambda: periodic_motion(closed))
+    motion = clock.attempt(
+        problems,
+        name,
+        "periodic motion of the elastic arm",
+        asked,
+        lambda: periodic_motion(closed, tol=asked.tol),
+        lambda found: found.error,
+    )
     if motion is None:
         return Loop(name, "elastic", None, problems[name])
-    with clock.step("Floquet: about the elastic motion"):
-        return judged(name, "elastic", linearize_about(motion), tol)
+    return judge_loop(name, "elastic", "Floquet: about the elastic motion", linearize_about(motion), asked, clock)
 
 
-def causes(own: Loop, system: PeriodicSystem, problems: dict[str, str], clock: Clock) -> tuple[Resonance, ...]:
+def find_causes(
+    own: Loop, system: PeriodicSystem, problems: dict[str, str], asked: Accuracy, clock: Clock
+) -> tuple[Resonance, ...]:
     """The parametric resonances behind an unstable own loop."""
-    if own.verdict != "unstable":
+    if own.floquet is None or own.verdict != "unstable":
         return ()
-    with clock.step("cause of the instability"):
-        found = attempt(problems, "resonances", lambda: find_resonances(system, floquet_modes(system, own.floquet)))
+    result = own.floquet
+    found = clock.attempt(
+        problems,
+        "resonances",
+        "cause of the instability",
+        asked,
+        lambda: find_resonances(system, floquet_modes(system, result)),
+    )
     return tuple(found or ())
 
 
-def judged(name: str, kind: str, system: PeriodicSystem, tol: float, made: Design | None = None) -> Loop:
-    """Floquet's verdict on a loop beside the scene's own, or why there is none."""
+def range_of(
+    closed: Linearization, own: Loop, problems: dict[str, str], asked: Accuracy, clock: Clock
+) -> Validity | None:
+    """How far the linear equations of the own loop hold; it is measured along the loop's Floquet modes."""
+    if own.floquet is None:
+        problems["linear range"] = "there are no Floquet modes to measure it along"
+        return None
+    name = "range of the linear equations"
+    work = partial(linear_range, closed, result=own.floquet, tol=asked.tol)
+    return clock.attempt(problems, "linear range", name, asked, work)
+
+
+def judge_loop(
+    name: str, kind: str, step: str, system: PeriodicSystem, asked: Accuracy, clock: Clock, made: Design | None = None
+) -> Loop:
+    """Floquet's verdict on a loop, or why there is none."""
     problems: dict[str, str] = {}
-    result = attempt(problems, name, lambda: floquet(system, tol))
+    result = clock.attempt(problems, name, step, asked, lambda: floquet(system, asked.tol), exponent_error)
     return Loop(name, kind, result, problems.get(name, ""), made)
 
 
-def designed(system: PeriodicSystem, table: DesignTable, tol: float, clock: Clock) -> Loop:
+def design_and_judge(system: PeriodicSystem, table: DesignTable, asked: Accuracy, clock: Clock) -> Loop:
     """A designed controller with the verdict on its closed loop."""
     problems: dict[str, str] = {}
-    with clock.step(f"design: {table.name}"):
-        made = attempt(problems, table.name, lambda: design(system, table))
+    error_of = (lambda made: float(made.error)) if table.kind in BY_TOL else None
+    work = partial(design, system, table, asked.tol)
+    made = clock.attempt(problems, table.name, f"design: {table.name}", asked, work, error_of)
     if made is None:
         return Loop(table.name, table.kind, None, problems[table.name])
-    with clock.step(f"Floquet: {table.name}"):
-        return judged(table.name, table.kind, made.closed_loop, tol, made)
+    return judge_loop(table.name, table.kind, f"Floquet: {table.name}", made.closed_loop, asked, clock, made)
 
 
-def periodic_response(closed: Linearization, loop: PeriodicSystem, t: Array, tol: float) -> Response:
+def exponent_error(result: FloquetResult) -> float:
+    """The largest error of a resolved exponent, in 1/s up to |exponent| = 1/s and relative beyond, as it is asked for."""
+    known = np.isfinite(result.errors)
+    return float((result.errors / np.maximum(1.0, np.abs(result.exponents)))[known].max(initial=0.0))
+
+
+def simulation_error(found: Simulation) -> float:
+    """The larger error of the nonlinear and the linear states, relative to the largest, absolute below 1."""
+    return max(found.error, found.linear_error)
+
+
+def find_response(closed: Linearization, loop: PeriodicSystem, t: Array, tol: float) -> Response:
     """The periodic response to what the rigid motion leaves over, and what it does to the tip."""
     solution = forced_response(loop, closed.forcing, tol)
     states = solution(t)
@@ -212,12 +260,3 @@ def periodic_response(closed: Linearization, loop: PeriodicSystem, t: Array, tol
     rigid = tip_positions(closed, t, np.zeros_like(states))
     tip, by_bending = (tip_positions(closed, t, x) - rigid for x in (states, bent))
     return Response(solution, states, tip, by_bending)
-
-
-def attempt(problems: dict[str, str], name: str, work: Callable[[], Answer]) -> Answer | None:
-    """Do the work; where it has no trustworthy answer, note why and return nothing."""
-    try:
-        return work()
-    except (NumericalError, TooLarge) as error:
-        problems[name] = str(error)
-        return None

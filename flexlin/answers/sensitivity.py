@@ -25,27 +25,53 @@ BOUND = ("motion.move_time", "motion.dwell_time", "rate")
 
 
 def sensitivity(scene: Scene, paths: Sequence[str] | None = None, tol: float = 1e-8) -> xr.Dataset:
-    """Derivative of every Floquet exponent of the scene's own loop by every number of the scene.
+    """Differentiate every Floquet exponent of the scene's own loop by numbers of the scene.
 
         d lambda / d theta = (1/T) int_0^T q^H (dA/dtheta + (T'/T) A) p dt - lambda T'/T,   dA/dtheta at fixed phase,
         A = [[0, I], [-M^-1 K, -M^-1 D]],   d(M^-1 K) = M^-1 (dK - dM M^-1 K)
 
-    dM, dD, dK by automatic differentiation of the expressions: no difference is taken.
-    Assumes simple exponents (`condition` is large where two nearly coincide) and mode shapes as the scene's own numbers give them.
+    dM, dD, dK by automatic differentiation of the expressions: no difference is taken. Assumes simple exponents (`condition` is large
+    where two nearly coincide) and mode shapes as the scene's own numbers give them.
 
-    Parameters: paths: dotted paths, all numbers of links, effects, motion and control when not given; tol: of the exponents, in 1/s.
-    Returns: a Dataset: exponents (mode), condition (mode), derivative (parameter, mode) in 1/s per unit of the number,
-    value (parameter), and percent (parameter, mode): what one percent more of the number does to the growth rate, in 1/s.
-    Raises: ArgumentError for a path that leads to no free number.
-    Source: Seyranian, Mailybaev, Multiparameter Stability Theory (2003), section 9.3.
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    paths : sequence of str, optional
+        Dotted paths; by default all numbers of links, effects, motion and control that may be free and are not zero.
+    tol : float
+        Wanted error of the exponents, in 1/s.
+
+    Returns
+    -------
+    xarray.Dataset
+        exponents (mode) in 1/s, condition (mode), derivative (parameter, mode) in 1/s per unit of the number, value (parameter), and
+        percent (parameter, mode): what one percent more of the number does to the growth rate, in 1/s.
+
+    Raises
+    ------
+    ArgumentError
+        For a path that leads to no free number.
+
+    References
+    ----------
+    Seyranian, Mailybaev, Multiparameter Stability Theory with Mechanical Applications (2003), section 9.3.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> found = fl.sensitivity(scene, ["control.feedback.kd.0"], tol=1e-6)
+    >>> found["derivative"].dims, found["value"].values.tolist()
+    (('parameter', 'mode'), [0.5])
     """
-    paths = default_paths(scene) if paths is None else tuple(paths)
+    paths = choose_paths(scene) if paths is None else tuple(paths)
     if not paths:
         raise ArgumentError("no parameter to differentiate by", expected="at least one dotted path")
     loop = parametric_loop(scene, paths)
     system = loop.linearization.periodic_system()
     modes = floquet_modes(system, floquet(system, tol))
-    derivative = integrated(loop, modes)
+    derivative = integrate_derivatives(loop, modes)
     percent = derivative.real * loop.nominal[:, None] / 100
     return xr.Dataset(
         {
@@ -60,15 +86,15 @@ def sensitivity(scene: Scene, paths: Sequence[str] | None = None, tol: float = 1
     )
 
 
-def default_paths(scene: Scene) -> tuple[str, ...]:
+def choose_paths(scene: Scene) -> tuple[str, ...]:
     """All numbers of links, effects, motion and control that may be free and are not zero."""
     paths = [path for path in numeric_paths(scene) if path.startswith(FREE_TABLES) and not path.endswith(BOUND)]
     return tuple(path for path in paths if get_value(scene, path) != 0)
 
 
-def integrated(loop: ParametricLoop, modes: FloquetModes) -> Array:
+def integrate_derivatives(loop: ParametricLoop, modes: FloquetModes) -> Array:
     """The derivatives (P, n), the mean over the period taken chunk by chunk of its nodes; -lambda T'/T enters once."""
-    stretch, states = duration_slope(loop), len(modes.exponents)
+    stretch, states = differentiate_duration(loop), len(modes.exponents)
     used = np.flatnonzero(modes.weights)
     size = max(1, CHUNK_BYTES // (8 * (len(loop.paths) + 1) * 3 * states**2))
     total = -modes.exponents * stretch[:, None] / modes.period
@@ -81,12 +107,12 @@ def integrated(loop: ParametricLoop, modes: FloquetModes) -> Array:
             left=modes.left[k],
             exponents=np.zeros_like(modes.exponents),
         )
-        A, slope = state_slopes(loop, part.times / modes.period)
+        A, slope = differentiate_state_matrix(loop, part.times / modes.period)
         total = total + differentiate_exponents(part, slope, A, stretch)
     return total
 
 
-def state_slopes(loop: ParametricLoop, phases: Array) -> tuple[Array, Array]:
+def differentiate_state_matrix(loop: ParametricLoop, phases: Array) -> tuple[Array, Array]:
     """A (N, 2n, 2n) and its derivatives (P, N, 2n, 2n) by the parameters, at fixed phases."""
     inputs = loop.matrices.sx_in()
     matrices = loop.matrices.call(inputs)
@@ -103,7 +129,7 @@ def state_slopes(loop: ParametricLoop, phases: Array) -> tuple[Array, Array]:
     return A, slope
 
 
-def duration_slope(loop: ParametricLoop) -> Array:
+def differentiate_duration(loop: ParametricLoop) -> Array:
     """dT/dp, (P,)."""
     p = loop.duration.sx_in()[0]
     slope = ca.Function("slope", [p], [ca.densify(ca.jacobian(loop.duration(p), p))])

@@ -1,5 +1,6 @@
 """Stability over many values of scene parameters: the same equations for all values, evaluated in bounded batches."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
@@ -8,7 +9,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from flexlin.about.free import ParametricLoop, parametric_loop
-from flexlin.checks import Array, positive, real_array
+from flexlin.checks import Array, check_size, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.fourier import FourierSeries
@@ -40,37 +41,85 @@ def sweep(
     grid: bool = False,
     chunk_bytes: int = CHUNK_BYTES,
 ) -> xr.Dataset:
-    """Floquet exponents of a scene's own loop for many values of its numbers.
+    """Compute the Floquet exponents of a scene's own loop for many values of its numbers.
 
         M(t, p) y'' + D(t, p) y' + K(t, p) y = 0,   T = T(p),   for p = p_1 ... p_V
 
-    The expressions are derived once. Coefficients are sampled at a few phases and carried to the nodes by their Fourier series; transition
-    matrices and exponents of all values of a batch are found together, with an error from three resolutions. Values on which that
-    error misses tol are computed again one by one by `floquet`.
-    Working memory: at most `chunk_bytes` (64 MiB), however many values; the result takes about 16 n + 60 bytes a value for n states.
+    Assumes mode shapes as the scene's own numbers give them.
 
-    Assumes mode shapes as the scene's own numbers give them. A batch holds one value at the least.
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    values : mapping of str to array_like, shape (V,)
+        Dotted path -> values; one point of the sweep for each index.
+    tol : float
+        Wanted error of an exponent, in 1/s up to |exponent| = 1/s and relative beyond.
+    grid : bool
+        Every combination of the values, with one dimension for each path.
+    chunk_bytes : int
+        Working memory of a batch, in bytes. A batch holds one value at the least.
 
-    Parameters: values: dotted path -> values (V,), one point of the sweep for each index; with `grid` every combination, one dimension a
-    path; tol: wanted error of an exponent, in 1/s up to |exponent| = 1/s and relative beyond.
-    Returns: a Dataset with exponents (..., n) in 1/s by falling real part, error (...) (the largest of a value's exponents), verdict,
-    period in s, and one_by_one: whether the value was left to `floquet`; attrs: tol, segments, one_by_one (how many).
-    Raises: ArgumentError for paths and values that do not fit.
+    Returns
+    -------
+    xarray.Dataset
+        exponents (..., n) in 1/s by falling real part, error (...) in 1/s (the largest of a value's exponents), verdict, period in s,
+        and one_by_one: whether the value was left to `floquet`; attrs: tol, segments, one_by_one (how many).
+
+    Raises
+    ------
+    ArgumentError
+        For paths and values that do not fit.
+
+    Notes
+    -----
+    The expressions are derived once. Coefficients are sampled at a few phases and carried to the nodes by their Fourier series;
+    transition matrices and exponents of all values of a batch are found together, with an error from three resolutions. Values on
+    which that error misses tol are computed again one by one by `floquet`. The result takes about 16 n + 60 bytes a value for n states.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> found = fl.sweep(scene, {"effects.payload.mass": [0.0, 0.03, 0.06]}, tol=1e-6)
+    >>> found["verdict"].values.tolist(), found["exponents"].shape
+    (['stable', 'stable', 'stable'], (3, 6))
+    >>> bool((found["error"] < 1e-6 * abs(found["exponents"]).max("mode")).all())
+    True
     """
     tol = positive("tol", tol)
     axes = {path: real_array(path, value, (None,)) for path, value in values.items()}
-    points, shape, dims = laid_out(axes, grid)
+    if any(path.startswith("accuracy.") for path in axes):
+        got, expected = ", ".join(axes), "a number of the links, effects, motion or control"
+        raise ArgumentError("what is asked of the answer is no number of the arm", got=got, expected=expected)
+    count = math.prod(map(len, axes.values())) if grid else max(map(len, axes.values()), default=0)
+    check_values(count)
+    points, shape, dims = lay_out(axes, grid)
     loop = parametric_loop(scene, axes)
+    check_values(count, 2 * loop.linearization.n)
+    points, shape, dims = lay_out(axes, grid)
     batches = Batches(loop, points, tol, chunk_bytes)
-    plan = piloted(batches)
+    plan = choose_plan(batches)
     size = batches.values_in_chunk(plan.segments)
     found = Found.empty(len(points), 2 * loop.linearization.n)
     for start in range(0, len(points), size):
         batches.fill(found, np.arange(start, min(start + size, len(points))), plan)
-    return dataset(scene, axes, found, shape, dims, tol, plan.segments)
+    return build_dataset(scene, axes, found, shape, dims, tol, plan.segments)
 
 
-def laid_out(axes: dict[str, Array], grid: bool) -> tuple[Array, tuple[int, ...], tuple[str, ...]]:
+def check_values(count: int, states: int = 2) -> None:
+    """Refuse a sweep of too many values before anything is allocated for them."""
+    check_size(f"a sweep of {count} values", count * (16 * states + 60), "ask for fewer values")
+
+
+def worst_error(data: xr.Dataset) -> float:
+    """The largest error of a sweep, in 1/s up to |exponent| = 1/s and relative beyond; values with unresolved exponents are left out."""
+    size = np.abs(data["exponents"].values).max(axis=-1, initial=1.0)
+    errors = data["error"].values / size
+    return float(errors[np.isfinite(errors)].max(initial=0.0))
+
+
+def lay_out(axes: dict[str, Array], grid: bool) -> tuple[Array, tuple[int, ...], tuple[str, ...]]:
     """All points (V, P), the shape of the result and the names of its dimensions."""
     lengths = tuple(len(axis) for axis in axes.values())
     if not axes or 0 in lengths:
@@ -121,15 +170,23 @@ class Batches:
     def fill(self, found: Found, which: Array, plan: "Plan") -> None:
         """Compute the values `which`: together, those that missed tol again on twice the segments, and the rest one by one."""
         found.period[which] = self.loop.periods(self.points[which])
-        for trial in (plan, replace(plan, segments=2 * plan.segments)):
+        narrow = self.find_narrow(which)
+        alone, which = which[narrow], which[~narrow]
+        for trial in (plan, replace(plan, segments=2 * plan.segments)) if len(which) else ():
             size = self.values_in_chunk(trial.segments)
             parts = [which[i : i + size] for i in range(0, len(which), size)]
             left = [self.try_together(found, part, trial) for part in parts]
             which = np.concatenate([which[:0], *left])
-        for i in which:
+        for i in (*alone, *which):
             result = floquet(self.loop.at(self.points[i]).periodic_system(), self.tol)
             found.put(np.array([i]), result.exponents[None], result.errors[None])
             found.one_by_one[i] = True
+
+    def find_narrow(self, which: Array) -> Array:
+        """Which values have coefficients with narrow features, which a batch would step over."""
+        if not self.loop.linearization.may_be_narrow:
+            return np.zeros(len(which), dtype=bool)
+        return np.array([bool(self.loop.at(self.points[i]).features) for i in which], dtype=bool)
 
     def try_together(self, found: Found, which: Array, plan: "Plan") -> Array:
         """Enter the values that reach tol; return those that do not."""
@@ -142,7 +199,7 @@ class Batches:
         """Logs (V, n) of the multipliers, their errors, whether they meet tol, and the plan with what was learnt."""
         points = self.points[which]
         T = self.loop.periods(points)
-        coefficients, usable, harmonics = state_coefficients(self.loop, points, T, plan, self.tol)
+        coefficients, usable, harmonics = prepare_coefficients(self.loop, points, T, plan, self.tol)
         result = batched_exponents(
             coefficients, plan.segments, self.loop.phase_breaks, self.tol / 100, SLACK * plan.spread
         )
@@ -168,7 +225,7 @@ class Plan:
     spread: float = np.inf
 
 
-def piloted(batches: Batches) -> Plan:
+def choose_plan(batches: Batches) -> Plan:
     """The least number of segments on which a few values, spread over all, reach the tolerance."""
     plan = Plan(STARTS[0])
     for segments in STARTS:
@@ -180,7 +237,7 @@ def piloted(batches: Batches) -> Plan:
     return plan
 
 
-def state_coefficients(
+def prepare_coefficients(
     loop: ParametricLoop, points: Array, T: Array, plan: Plan, tol: float
 ) -> tuple[Callable[[Array], tuple[Array, Array]], Array, int]:
     """X = -T^2 M^-1 K, Y = -T M^-1 D as function phases (N,) -> (N, n, n, V), where they are finite (V,), and the harmonics it took.
@@ -213,7 +270,7 @@ def state_coefficients(
     return lambda phases: split(np.nan_to_num(exact(phases))), usable, HARMONICS[-1]
 
 
-def dataset(
+def build_dataset(
     scene: Scene,
     axes: dict[str, Array],
     found: Found,

@@ -1,7 +1,9 @@
 """What each command of the command line does: read the scene, call the library, print, write."""
 
 import argparse
+import math
 import shlex
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +14,8 @@ if TYPE_CHECKING:
 
 DONE, FAILED, BAD_INPUT, OTHER_VERDICT = 0, 1, 2, 3
 """Exit codes."""
+ACCURACY = {"tol": "tol", "limit_seconds": "seconds", "limit_memory": "memory"}
+"""Options that stand for a key of the scene's table [accuracy]."""
 
 
 def loaded(options: argparse.Namespace) -> "Scene":
@@ -21,7 +25,10 @@ def loaded(options: argparse.Namespace) -> "Scene":
     from flexlin.scene.overrides import parse_assignment
 
     check_folder(options.out)
-    return load_scene(options.scene, dict(parse_assignment(text) for text in options.overrides))
+    overrides = dict(parse_assignment(text) for text in options.overrides)
+    asked = {f"accuracy.{key}": getattr(options, name, None) for name, key in ACCURACY.items()}
+    overrides |= {key: value for key, value in asked.items() if value is not None}
+    return load_scene(options.scene, overrides)
 
 
 def list_scenes(options: argparse.Namespace) -> int:
@@ -52,14 +59,15 @@ def check(options: argparse.Namespace) -> int:
 def write_coefficients(options: argparse.Namespace) -> int:
     scene = loaded(options)
     from flexlin.about.linear import linearize
+    from flexlin.answers.clock import Clock
     from flexlin.mechanics import build_manipulator
     from flexlin.report.tables import coefficients_dataset, write_dataset
 
-    arm = build_manipulator(scene)
-    plant, closed = linearize(arm, scene.motion), linearize(arm, scene.motion, scene.control)
-    return print_paths(
-        write_dataset(coefficients_dataset(scene, plant, closed, options.points), options.out, "coefficients")
-    )
+    clock, asked = Clock(), scene.accuracy
+    arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
+    plant, closed = (linearize(arm, scene.motion, control) for control in (None, scene.control))
+    data = clock.stage("coefficients", asked, lambda: coefficients_dataset(scene, plant, closed, options.points))
+    return print_paths(write_dataset(data, options.out, "coefficients"))
 
 
 def report(options: argparse.Namespace) -> int:
@@ -77,13 +85,15 @@ def report(options: argparse.Namespace) -> int:
 
     summarize(analysis)
     print_paths(paths)
+    if analysis.own.floquet is None:
+        return FAILED
     return OTHER_VERDICT if options.require not in (None, analysis.own.verdict) else DONE
 
 
 def write_gains(options: argparse.Namespace) -> int:
     scene = loaded(options)
     from flexlin.report.progress import Progress
-    from flexlin.report.terminal import loop_line, say
+    from flexlin.report.terminal import accuracy_lines, say, say_loop
 
     if not scene.designs:
         raise ArgumentError("nothing to design", got="no [[designs]] table", expected="at least one in the scene")
@@ -91,11 +101,15 @@ def write_gains(options: argparse.Namespace) -> int:
         progress("load the numerical libraries")
         from flexlin.answers.analysis import plant_and_designs
         from flexlin.answers.clock import Clock
-        from flexlin.report.tables import gains_dataset, write_dataset
+        from flexlin.report.tables import check_gains, gains_dataset, write_dataset
 
-        plant, loops = plant_and_designs(scene, Clock(progress))
+        check_gains(scene, options.points)
+        clock = Clock(progress)
+        plant, loops = plant_and_designs(scene, clock)
     for loop in loops:
-        say(loop_line(loop, plant.period), loop.verdict)
+        say_loop(loop, plant.period)
+    for line in accuracy_lines(tuple(clock.steps)):
+        say(line)
     made = [loop.design for loop in loops if loop.design is not None]
     print_paths(write_dataset(gains_dataset(scene, plant, made, options.points), options.out, "gains") if made else [])
     if len(made) < len(loops):
@@ -106,27 +120,42 @@ def write_gains(options: argparse.Namespace) -> int:
 def write_simulation(options: argparse.Namespace) -> int:
     scene = loaded(options)
     from flexlin.about.linear import linearize
+    from flexlin.answers.clock import Clock
     from flexlin.mechanics import build_manipulator
     from flexlin.report.progress import Progress
     from flexlin.report.tables import described, write_dataset
-    from flexlin.simulation import simulate
+    from flexlin.report.terminal import accuracy_lines, say
+    from flexlin.simulation import check_duration, simulate
 
+    asked, tol, said = scene.accuracy, scene.accuracy.tol, list[str]()
     with Progress() as progress:
-        progress("nonlinear simulation")
-        closed = linearize(build_manipulator(scene), scene.motion, scene.control)
+        clock = Clock(progress)
+        arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
+        closed = linearize(arm, scene.motion, scene.control)
+        clock.stage("size of the result", asked, lambda: check_duration(closed, options.periods))
         forward = None
         if options.feedforward != "scene":
             from flexlin.control import feedforward
 
-            forward = feedforward(closed, options.feedforward)
-        result = simulate(closed, options.periods, feedforward=forward)
-    print(result.status)
-    if options.attraction:
-        from flexlin.control import linear_range
-        from flexlin.simulation import region_of_attraction
+            forward = clock.stage("feedforward", asked, lambda: feedforward(closed, options.feedforward, tol))
+        result = clock.stage(
+            "nonlinear simulation",
+            asked,
+            lambda: simulate(closed, options.periods, feedforward=forward, tol=tol),
+            lambda found: max(found.error, found.linear_error),
+        )
+        if options.attraction:
+            from flexlin.control import linear_range
+            from flexlin.simulation import region_of_attraction
 
-        print(linear_range(closed).status)
-        print(region_of_attraction(closed).status)
+            said.append(
+                clock.stage("range of the linear equations", asked, lambda: linear_range(closed, tol=tol)).status
+            )
+            said.append(
+                clock.stage("region of attraction", asked, lambda: region_of_attraction(closed, tol=tol)).status
+            )
+    for line in (result.status, *said, *accuracy_lines(tuple(clock.steps))):
+        say(line)
     data = described(
         result.dataset(), scene, closed.period, "deviations from the rigid motion as states [y; y'], tips in m"
     )
@@ -147,11 +176,13 @@ def audit_effects(options: argparse.Namespace) -> int:
     with Progress() as progress:
         progress("load the numerical libraries")
         from flexlin.answers.audit import audit
+        from flexlin.answers.clock import Clock
         from flexlin.files import write_text
         from flexlin.report.record import audit_block, to_json
         from flexlin.report.terminal import audit_lines, say
 
-        result = audit(scene, options.tolerance, progress)
+        work = partial(audit, scene, options.tolerance, progress, scene.accuracy.tol)
+        result = Clock(progress).stage("audit of the effects", scene.accuracy, work)
     for line in audit_lines(result):
         say(line)
     write_text(options.out / "effects.json", to_json({"schema": 1, "title": scene.title, **audit_block(result)}))
@@ -170,17 +201,23 @@ def write_chart(options: argparse.Namespace) -> int:
         progress("load the numerical libraries")
         import numpy as np
 
-        from flexlin.answers.sweep import sweep
+        from flexlin.answers.clock import Clock
+        from flexlin.answers.sweep import check_values, sweep, worst_error
         from flexlin.files import write_text
         from flexlin.report.figures.chart import draw_chart
         from flexlin.report.page import picture_page
         from flexlin.report.tables import storable, write_dataset
+        from flexlin.report.terminal import accuracy_lines
 
-        progress("exponents of all values")
-        values = {key: np.linspace(low, high, number or (60 if several else 200)) for key, low, high, number in spans}
-        data = sweep(scene, values, grid=several)
+        clock, counts = Clock(progress), [number or (60 if several else 200) for *_, number in spans]
+        clock.stage("size of the result", scene.accuracy, lambda: check_values(math.prod(counts)))
+        values = {key: np.linspace(low, high, n) for (key, low, high, _), n in zip(spans, counts, strict=True)}
+        work = partial(sweep, scene, values, scene.accuracy.tol, grid=several)
+        data = clock.stage("exponents of all values", scene.accuracy, work, worst_error)
         picture = draw_chart(data)
     print(picture.caption)
+    for line in accuracy_lines(tuple(clock.steps)):
+        print(line)
     page = options.out / "chart.html"
     write_text(page, picture_page(scene.title, picture, command(options)))
     return print_paths([page, *write_dataset(storable(data), options.out, "chart")])
@@ -217,10 +254,16 @@ def export(options: argparse.Namespace) -> int:
         from flexlin.answers.analysis import plant_and_designs
         from flexlin.answers.clock import Clock
         from flexlin.report.exports import design_folders, export_all
+        from flexlin.report.tables import check_gains
+        from flexlin.report.terminal import accuracy_lines
 
         design_folders([table.name for table in scene.designs])  # clashing names are refused before any work
-        plant, loops = plant_and_designs(scene, Clock(progress))
-        paths = export_all(plant, loops, options.out, options.points)
+        check_gains(scene, options.points)
+        clock = Clock(progress)
+        plant, loops = plant_and_designs(scene, clock)
+        paths = clock.stage("files", scene.accuracy, lambda: export_all(plant, loops, options.out, options.points))
+    for line in accuracy_lines(tuple(clock.steps)):
+        print(line)
     for loop in loops:
         if loop.design is None:
             print(f"{loop.name}: {loop.problem}")
@@ -246,4 +289,7 @@ def command(options: argparse.Namespace) -> str:
     flags = [f"--{name}" for name in ("effects", "sensitivity", "animate") if getattr(options, name, False)]
     forward = getattr(options, "feedforward", "scene")
     flags += [] if forward == "scene" else ["--feedforward", forward]
+    for name in ACCURACY:
+        value = getattr(options, name, None)
+        flags += [] if value is None else [f"--{name.replace('_', '-')}", f"{value:g}"]
     return shlex.join(["flexlin", options.command, options.scene, *overrides, *over, *flags])

@@ -1,20 +1,23 @@
 """The command line: parses, calls, prints.
 
-Exit codes: 0 done, 2 bad input or usage, 3 a verdict other than the required one, 1 anything else.
+Exit codes: 0 done, 2 bad input or usage (a request too large for memory too), 3 a verdict other than the required one, 1 anything else.
 """
 
 import argparse
 import io
 import os
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from flexlin import __version__
 from flexlin.cli import commands as run
 from flexlin.cli.commands import BAD_INPUT, FAILED
-from flexlin.errors import FlexlinError, InputError, OutputError, SceneError
+from flexlin.errors import FlexlinError, InputError, OutputError, SceneError, TooLarge
 
 
 def count(text: str) -> int:
@@ -65,28 +68,39 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
         ["--sensitivity"],
         {"action": "store_true", "help": "also find which numbers move the growth rate (some seconds)"},
     ),
+    "tol": (["--tol"], {"type": float, "metavar": "ERROR", "help": "wanted error of every stage (default 1e-9, or as in the scene)"}),
+    "seconds": (
+        ["--limit-seconds"],
+        {"type": float, "metavar": "S", "help": "time that a stage may take (default 60, or as in the scene)"},
+    ),
+    "memory": (
+        ["--limit-memory"],
+        {"type": float, "metavar": "BYTES", "help": "memory that a stage may ask for at once (default 2^30, or as in the scene)"},
+    ),
     "tolerance": (["--tolerance"], {"type": float, "default": 0.01, "help": "relative change that matters (default 0.01)"}),
 }  # fmt: skip
 SCENE = ("scene", "set", "out")
+LIMITS = ("seconds", "memory")
+COMPUTED = (*SCENE, "tol", *LIMITS)
 COMMANDS: dict[str, tuple[Any, ...]] = {
     "list": (run.list_scenes, "name the scenes that travel with flexlin"),
     "check": (run.check, "read a scene and derive its equations", *SCENE),
-    "report": (run.report, "write report.html and report.json", *SCENE, "require", "effects", "sensitivity"),
-    "linearize": (run.write_coefficients, "write the coefficients over a period", *SCENE, "points"),
-    "design": (run.write_gains, "design the scene's controllers, write their gains", *SCENE, "require", "points"),
+    "report": (run.report, "write report.html and report.json", *COMPUTED, "require", "effects", "sensitivity"),
+    "linearize": (run.write_coefficients, "write the coefficients over a period", *SCENE, *LIMITS, "points"),
+    "design": (run.write_gains, "design the scene's controllers, write their gains", *COMPUTED, "require", "points"),
     "simulate": (
         run.write_simulation,
         "integrate the nonlinear equations beside the linear ones",
-        *SCENE,
+        *COMPUTED,
         "periods",
         "feedforward",
         "attraction",
         "animate",
     ),
-    "effects": (run.audit_effects, "find which effects and modes the scene needs", *SCENE, "tolerance"),
-    "chart": (run.write_chart, "stability over one or two parameters", *SCENE, "over"),
+    "effects": (run.audit_effects, "find which effects and modes the scene needs", *COMPUTED, "tolerance"),
+    "chart": (run.write_chart, "stability over one or two parameters", *COMPUTED, "over"),
     "cost": (run.write_cost, "measure what accuracy costs in time, beside other programs (a minute)", *SCENE),
-    "export": (run.export, "write system and designs for other tools: npz, MATLAB, netCDF, C", *SCENE, "points"),
+    "export": (run.export, "write system and designs for other tools: npz, MATLAB, netCDF, C", *COMPUTED, "points"),
 }
 
 
@@ -94,13 +108,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code; an error is one message on stderr."""
     options = parser().parse_args(arguments)
     try:
-        return int(options.run(options))
+        with ended_by_signal():
+            return int(options.run(options))
     except FlexlinError as error:
         print(f"flexlin: {with_scene(error, options)}", file=sys.stderr)
-        return BAD_INPUT if isinstance(error, InputError) else FAILED
+        return BAD_INPUT if isinstance(error, (InputError, TooLarge)) else FAILED
     except KeyboardInterrupt:
         print("flexlin: interrupted; no file was left half-written", file=sys.stderr)
         return FAILED
+
+
+@contextmanager
+def ended_by_signal() -> Iterator[None]:
+    """Let a request to end the program (SIGTERM) act as Ctrl-C does; the handler of before is restored."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    handler = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, handler)
 
 
 def with_scene(error: FlexlinError, options: argparse.Namespace) -> str:

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array
 from flexlin.control.designed_loop import Design
-from flexlin.control.weights import check_constant_pair
+from flexlin.control.weights import constant_lqr
 from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
@@ -26,21 +26,57 @@ def averaged_lqr(
 
         A0 = 1/T int A dt, and so on;   A0' X + X A0 - (X B0 + N0) R0^-1 (B0' X + N0') + Q0 = 0,   u = -K x
 
-    Assumes fast coefficients (averaging): nothing guarantees a stable loop, so look at its Floquet verdict.
+    Assumes fast coefficients (averaging). Nothing guarantees a stable loop: look at its Floquet verdict.
 
-    Returns: a design with a constant gain, which is exact: error 0.
-    Raises: ArgumentError; NotStabilizable, NotDetectable, naming eigenvalue and direction.
-    Source: Sanders, Verhulst, Murdock, Averaging Methods (2007); `control.lqr`.
+    Parameters
+    ----------
+    system : PeriodicSystem
+        The plant with n states and m inputs.
+    Q : array_like (n, n), or function of times (N,) -> (N, n, n)
+        Weight of the states.
+    R : array_like (m, m), or function of times (N,) -> (N, m, m)
+        Weight of the inputs.
+    N : array_like (n, m), or function of times (N,) -> (N, n, m), optional
+        Weight of products of states and inputs.
+    name : str
+        Name of the design in reports.
+
+    Returns
+    -------
+    Design
+        A constant gain, which is exact: error 0.
+
+    Raises
+    ------
+    ArgumentError
+        When a weight does not fit.
+    NotStabilizable, NotDetectable
+        When the averaged problem has no solution; the message names eigenvalue and direction.
+
+    References
+    ----------
+    Sanders, Verhulst, Murdock, Averaging Methods in Nonlinear Dynamical Systems (2007); `control.lqr`.
+
+    Examples
+    --------
+    An oscillator whose stiffness swings about zero:
+
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> def stiffness(t):
+    ...     return 0.5 * np.cos(10.0 * t)[:, None, None]
+    >>> system = fl.PeriodicSystem.from_second_order([[1.0]], [[0.0]], stiffness, 0.2 * np.pi, B=[[1.0]])
+    >>> design = fl.control.averaged_lqr(system, np.eye(2), np.eye(1))
+    >>> design.K(np.zeros(1)).round(4)
+    array([[[1.    , 1.7321]]])
+    >>> fl.floquet(design.closed_loop).verdict
+    'stable'
     """
-    import control
-
     problem = linear_quadratic(system, Q, R, N)
     A, B, state, effort, cross = (
         mean(system, coefficient) for coefficient in (problem.A, problem.B, problem.Q, problem.R, problem.N)
     )
-    check_constant_pair(A, B, state, "on average")
-    K = control.lqr(A, B, state, effort, cross)[0]
-
+    K, _ = constant_lqr(A, B, state, effort, cross, "on average")
     gain = Constant(K)
     status = "one constant gain for the averaged coefficients; the verdict is Floquet's"
     return Design(name, "averaged-lqr", gain, system.feedback(gain), 0.0, status, problem)

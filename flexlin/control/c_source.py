@@ -51,10 +51,37 @@ int main(int argc, char **argv) {{
 def linearization_source(lin: Linearization, folder: str | Path, name: str = "linearization") -> list[Path]:
     """Write C source that evaluates M_L, D_L, K_L, h_L, B_L and the rigid torque at a phase of the motion.
 
-    Files: <name>.c and <name>.h by CasADi, main.c a program `main PHASE` that prints the matrices column by column. They need
-    nothing but a C99 compiler and libm:  cc <name>.c main.c -lm
-    Parameters: lin: of a motion given by a formula.
-    Returns: the paths. Raises: ArgumentError for a motion that is given by numbers.
+    The files are <name>.c and <name>.h by CasADi, and main.c, a program `main PHASE` that prints the matrices column by column. They
+    need nothing but a C99 compiler and libm:  cc <name>.c main.c -lm
+
+    Parameters
+    ----------
+    lin : Linearization
+        Of a motion that is given by a formula.
+    folder : str or Path
+        Where the files go; it is made when it does not exist.
+    name : str
+        Name of the function and of its files.
+
+    Returns
+    -------
+    list of Path
+        The files.
+
+    Raises
+    ------
+    ArgumentError
+        For a motion that is given by numbers, such as a table.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     print([path.name for path in fl.control.linearization_source(lin, folder)])
+    ['linearization.c', 'linearization.h', 'main.c']
     """
     if not isinstance(lin.motion, SymbolicMotion):
         raise ArgumentError("a motion given by numbers has no formula to write", expected="another kind of motion")
@@ -62,9 +89,38 @@ def linearization_source(lin: Linearization, folder: str | Path, name: str = "li
 
 
 def gain_source(made: Design, period: float, folder: str | Path, name: str = "gain", knots: int = KNOTS) -> list[Path]:
-    """Write C source of the gain K (m, n) at a phase of the motion: a cubic spline through equally spaced knots.
+    """Write C source of the gain K at a phase of the motion.
 
-    Files and use as of `linearization_source`. The spline's error falls with the fourth power of the knots' distance.
+    The gain is a cubic spline through equally spaced knots; its error falls with the fourth power of their distance. Files and use are
+    those of `linearization_source`.
+
+    Parameters
+    ----------
+    made : Design
+        The design whose gain is written.
+    period : float
+        Period of the motion, in s.
+    folder : str or Path
+        Where the files go; it is made when it does not exist.
+    name : str
+        Name of the function and of its files.
+    knots : int
+        Knots of a period.
+
+    Returns
+    -------
+    list of Path
+        The files.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[0.0, 1.0], [0.0, 0.0]], 1.0, B=[[0.0], [1.0]])
+    >>> made = fl.control.pd_feedback(system, [0], [4.0], [2.0])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     print([path.name for path in fl.control.gain_source(made, system.period, folder, knots=16)])
+    ['gain.c', 'gain.h', 'main.c']
     """
     margin = 4
     phase = np.arange(-margin, knots + margin + 1) / knots

@@ -28,11 +28,39 @@ class DesignTable(Protocol):
 
 
 def design(system: PeriodicSystem, table: DesignTable, tol: float = 1e-9) -> Design:
-    """Make the design that a scene's table asks for.
+    """Make the design that a table of a scene asks for.
 
-    Parameters: system: the plant without feedback, x = [y; y']; tol: wished relative error of periodic gains.
-    Returns: a design bearing the table's name.
-    Raises: ArgumentError for an unknown kind or weights that do not fit; what the design itself raises.
+    Parameters
+    ----------
+    system : PeriodicSystem
+        The plant without feedback, x = [y; y'].
+    table : DesignTable
+        One of the scene's `[[designs]]`; its weights are the diagonals of Q and R.
+    tol : float
+        Wanted relative error of periodic gains.
+
+    Returns
+    -------
+    Design
+        The design, which bears the table's name.
+
+    Raises
+    ------
+    ArgumentError
+        For an unknown kind, or weights that do not fit.
+
+    See Also
+    --------
+    periodic_lqr, frozen_lqr, averaged_lqr, finite_horizon_lqr : What they raise comes through.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> plant = fl.linearize(fl.build_manipulator(scene), scene.motion).periodic_system()
+    >>> made = fl.control.design(plant, scene.designs[0], tol=1e-6)
+    >>> made.kind, made.error < 1e-6
+    ('frozen-lqr', True)
     """
     Q = diagonal_weight("state_weight", table.state_weight, system.n, "the states [y; y']")
     R = diagonal_weight("input_weight", table.input_weight, system.m, "the inputs")

@@ -13,6 +13,7 @@ from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.quadratic.riccati import RiccatiSolution, periodic_lyapunov
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
+from flexlin.summary import represent
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,9 +45,35 @@ class RunningCost:
 class Design:
     """A linear state feedback u = -K(t) x with its closed loop.
 
-    `K(t)` takes times (N,) and gives (N, m, n); `error` is the relative error of K (what it means is said in `status`);
-    `problem` holds the weights by which the loop is judged, whatever way its gain was found; `solution` is the Riccati
-    solution when K is the optimal gain of `problem`.
+    Attributes
+    ----------
+    name : str
+        Name in reports.
+    kind : str
+        Kind of the design, such as "periodic-lqr".
+    K : function of times (N,) -> (N, m, n)
+        The gain.
+    closed_loop : PeriodicSystem
+        x' = (A - B K) x, for Floquet's verdict.
+    error : float
+        Relative error of K; `status` says what it means.
+    status : str
+        What to make of the result.
+    problem : LinearQuadratic or None
+        The weights by which the loop is judged, whatever way its gain was found.
+    solution : RiccatiSolution or None
+        The Riccati solution, when K is the optimal gain of `problem`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[0.0, 1.0], [0.0, 0.0]], 1.0, B=[[0.0], [1.0]])
+    >>> design = fl.periodic_lqr(system, np.eye(2), np.eye(1))
+    >>> design.K(np.array([0.3])).round(6)
+    array([[[1.      , 1.732051]]])
+    >>> print(f"{design.cost([1.0, 0.0]):.6f}")
+    1.732051
     """
 
     name: str
@@ -57,6 +84,8 @@ class Design:
     status: str
     problem: LinearQuadratic | None = None
     solution: RiccatiSolution | None = None
+
+    __repr__ = represent
 
     @property
     def law(self) -> Law:
@@ -83,13 +112,48 @@ class Design:
         return periodic_lyapunov(self.closed_loop, RunningCost(problem, self.K))
 
     def X(self, t: ArrayLike) -> Array:
-        """Return the cost matrix of the loop at times t (N,): (N, n, n)."""
+        """Return the cost matrix of the loop.
+
+        Parameters
+        ----------
+        t : array_like, shape (N,) or ()
+            Times in s.
+
+        Returns
+        -------
+        array, shape (N, n, n) or (n, n)
+            X(t): starting at x at time t costs x' X(t) x.
+
+        Raises
+        ------
+        DesignError
+            When the design has no weights.
+        NotStabilizable
+            When the loop is unstable.
+        """
         return at_times(self.value.X, t)
 
     def cost(self, x0: ArrayLike, t: float = 0.0) -> float:
-        """Return the cost of starting at x0 at time t, x0' X(t) x0; infinite when the loop is unstable.
+        """Return the cost of starting at a state.
 
-        The cost is the integral of x' Q x + 2 x' N u + u' R u from t on.
+            x0' X(t) x0 = int_t^inf (x' Q x + 2 x' N u + u' R u) dt
+
+        Parameters
+        ----------
+        x0 : array_like, shape (n,)
+            The state at time t.
+        t : float
+            The time, in s.
+
+        Returns
+        -------
+        float
+            The cost; infinite when the loop is unstable.
+
+        Raises
+        ------
+        DesignError
+            When the design has no weights.
         """
         start = real_array("x0", x0, (self.closed_loop.n,))
         try:

@@ -11,20 +11,45 @@ from flexlin.control.designed_loop import Design
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
 from flexlin.periodic.quadratic.riccati import RiccatiSolution, periodic_riccati
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_matrix_function, check_samples
+from flexlin.summary import represent
 
 
 @dataclass(frozen=True, eq=False)
 class Estimator:
-    """The estimator x_e' = A x_e + B u + L(t) (measurement - C x_e), with L = P C' V^-1.
+    """A periodic state estimator.
 
-    `P(t)` (N, n, n) is the covariance of x - x_e, `L(t)` (N, n, p) the gain; `closed_loop` is the system of the error,
-    A - L C, for Floquet; `error`, `status` as of the Riccati solution of the dual problem.
+        x_e' = A x_e + B u + L(t) (measurement - C x_e),   L = P C' V^-1
+
+    Attributes
+    ----------
+    system : PeriodicSystem
+        The plant, with n states.
+    C : function of times (N,) -> (N, p, n)
+        What is measured.
+    dual : RiccatiSolution
+        Solution of the dual problem, with time reversed.
+    closed_loop : PeriodicSystem
+        The system A - L C of the estimate's error, for Floquet's verdict.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[0.0, 1.0], [0.0, 0.0]], 1.0)
+    >>> estimator = fl.control.kalman_filter(system, [[1.0, 0.0]], np.eye(2), np.eye(1))
+    >>> estimator.L(0.0).round(4)
+    array([[1.7321],
+           [1.    ]])
+    >>> fl.floquet(estimator.closed_loop).verdict
+    'stable'
     """
 
     system: PeriodicSystem
     C: MatrixFunction
     dual: RiccatiSolution
     closed_loop: PeriodicSystem
+
+    __repr__ = represent
 
     @property
     def error(self) -> float:
@@ -37,11 +62,33 @@ class Estimator:
         return self.dual.status
 
     def P(self, t: ArrayLike) -> Array:
-        """The covariance of the estimate's error at times (N,)."""
+        """Return the covariance of the estimate's error x - x_e.
+
+        Parameters
+        ----------
+        t : array_like, shape (N,) or ()
+            Times in s.
+
+        Returns
+        -------
+        array, shape (N, n, n) or (n, n)
+            P(t), in the squared units of the states.
+        """
         return at_times(lambda t: self.dual.X(-t), t)
 
     def L(self, t: ArrayLike) -> Array:
-        """The filter gain at times (N,)."""
+        """Return the gain of the filter.
+
+        Parameters
+        ----------
+        t : array_like, shape (N,) or ()
+            Times in s.
+
+        Returns
+        -------
+        array, shape (N, n, p) or (n, p)
+            L(t).
+        """
         return at_times(lambda t: np.swapaxes(self.dual.K(-t), 1, 2), t)
 
 
@@ -57,12 +104,49 @@ def kalman_filter(
         P' = A P + P A' - P C' V^-1 C P + W,   P(t + T) = P(t),   L = P C' V^-1
 
     It is the optimal feedback of the dual system, with time reversed:  A -> A(-t)',  B -> C(-t)',  Q -> W(-t),  R -> V(-t).
-    Assumes white noise of intensities W (n, n) on x' and V (p, p) on the measurement, (C, A) detectable, (A, W) stabilisable.
+    Assumes white noise of intensities W on x' and V on the measurement, (C, A) detectable, (A, W) stabilisable.
 
-    Parameters: C (p, n), W, V: constants or functions (N,) -> (N, ., .).
-    Returns: an `Estimator`.
-    Raises: ArgumentError; NotDetectable when a mode that does not decay is not measured; NotStabilizable when W does not excite it.
-    Source: Bittanti, Colaneri, Periodic Systems (2009), ch. 7.
+    Parameters
+    ----------
+    system : PeriodicSystem
+        The plant, with n states.
+    C : array_like (p, n), or function of times (N,) -> (N, p, n)
+        What is measured.
+    W : array_like (n, n), or function of times (N,) -> (N, n, n)
+        Intensity of the noise on x'.
+    V : array_like (p, p), or function of times (N,) -> (N, p, p)
+        Intensity of the noise of the measurement.
+    tol : float
+        Wanted relative error of P.
+
+    Returns
+    -------
+    Estimator
+        Covariance P(t), gain L(t), their error, and the loop A - L C.
+
+    Raises
+    ------
+    ArgumentError
+        When C or an intensity does not fit.
+    NotDetectable
+        When a mode that does not decay is not measured.
+    NotStabilizable
+        When W does not excite such a mode.
+
+    References
+    ----------
+    Bittanti, Colaneri, Periodic Systems (2009), ch. 7.
+
+    Examples
+    --------
+    A constant scalar system x' = x + w: P solves 2 P - P^2 + 1 = 0.
+
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[1.0]], 1.0)
+    >>> estimator = fl.control.kalman_filter(system, [[1.0]], [[1.0]], [[1.0]])
+    >>> print(f"{estimator.P(0.0).item():.6f} {1 + np.sqrt(2):.6f}")
+    2.414214 2.414214
     """
     C, W, V = (as_matrix_function(name, value) for name, value in (("C", C), ("W", W), ("V", V)))
     if check_samples("C", C, system.period).shape[2] != system.n:
@@ -124,12 +208,37 @@ class EstimatedLoop:
 
 
 def output_feedback(made: Design | Law, estimator: Estimator) -> PeriodicSystem:
-    """Close the loop of a design, or of a law's feedback, through an estimator, u = -K x_e.
+    """Close the loop of a design, or of a law's feedback, through an estimator.
 
-        [x; x_e]' = [[A, -B K], [L C, A - B K - L C]] [x; x_e]
+        [x; x_e]' = [[A, -B K], [L C, A - B K - L C]] [x; x_e],   u = -K x_e
 
-    Returns: the system of 2n states, whose exponents are those of A - B K and of A - L C together (separation).
-    Raises: ArgumentError when design and estimator belong to systems of different size.
+    Parameters
+    ----------
+    made : Design or Law
+        Where the gain K comes from.
+    estimator : Estimator
+        Of the same plant.
+
+    Returns
+    -------
+    PeriodicSystem
+        The system of 2n states. Its exponents are those of A - B K and of A - L C together (separation).
+
+    Raises
+    ------
+    ArgumentError
+        When design and estimator belong to systems of different size, or the plant has no input.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[0.0, 1.0], [0.0, 0.0]], 1.0, B=[[0.0], [1.0]])
+    >>> made = fl.control.pd_feedback(system, [0], [2.0], [3.0])
+    >>> estimator = fl.control.kalman_filter(system, [[1.0, 0.0]], np.eye(2), np.eye(1))
+    >>> loop = fl.control.output_feedback(made, estimator)
+    >>> np.sort(fl.floquet(loop).exponents.real).round(4)
+    array([-2.   , -1.   , -0.866, -0.866])
     """
     system = estimator.system
     gain, breaks = (made.gain, ()) if isinstance(made, Law) else (made.K, made.closed_loop.breaks)

@@ -22,9 +22,32 @@ def to_control(system: PeriodicSystem, phase: float = 0.0, outputs: Array | None
 
         x' = A(phase T) x + B(phase T) u,   y = C x
 
-    Parameters: phase in [0, 1); outputs: C (p, n), default all states.
-    Returns: a `control.StateSpace` without direct feed-through; its inputs are none when the system has no B.
-    Raises: ArgumentError when the phase is not in [0, 1).
+    Parameters
+    ----------
+    system : PeriodicSystem
+        The system, with n states.
+    phase : float
+        Part of the period, in [0, 1).
+    outputs : array, shape (p, n), optional
+        C; by default all states.
+
+    Returns
+    -------
+    control.StateSpace
+        Without direct feed-through; it has no inputs when the system has no B.
+
+    Raises
+    ------
+    ArgumentError
+        When the phase is not in [0, 1).
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[0.0, 1.0], [-4.0, 0.0]], 1.0, B=[[0.0], [1.0]])
+    >>> frozen = fl.control.to_control(system)
+    >>> frozen.A.tolist()
+    [[0.0, 1.0], [-4.0, 0.0]]
     """
     import control
 
@@ -38,9 +61,29 @@ def to_control(system: PeriodicSystem, phase: float = 0.0, outputs: Array | None
 
 
 def gain_schedule(made: Design, name: str = "gain_schedule") -> "control.NonlinearIOSystem":
-    """The state feedback u = -K(t) x as a python-control system without states, for `control.input_output_response`.
+    """Return the state feedback u = -K(t) x as a python-control system without states.
 
-    Inputs x[0..n), outputs u[0..m); the time of the response is the time of the motion.
+    It is meant for `control.input_output_response`: inputs x[0..n), outputs u[0..m). The time of the response is the time of the motion.
+
+    Parameters
+    ----------
+    made : Design
+        The design.
+    name : str
+        Name of the python-control system.
+
+    Returns
+    -------
+    control.NonlinearIOSystem
+        The feedback.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[0.0, 1.0], [0.0, 0.0]], 1.0, B=[[0.0], [1.0]])
+    >>> feedback = fl.control.gain_schedule(fl.control.pd_feedback(system, [0], [4.0], [2.0]))
+    >>> feedback.output(0.0, [], [1.0, 0.5]).tolist()
+    [-5.0]
     """
     import control
 
@@ -51,7 +94,28 @@ def gain_schedule(made: Design, name: str = "gain_schedule") -> "control.Nonline
 
 
 def periodic_plant(system: PeriodicSystem, name: str = "plant") -> "control.NonlinearIOSystem":
-    """The periodic system x' = A(t) x + B(t) u as a python-control system with outputs x."""
+    """Return the periodic system x' = A(t) x + B(t) u as a python-control system with outputs x.
+
+    Parameters
+    ----------
+    system : PeriodicSystem
+        The system.
+    name : str
+        Name of the python-control system.
+
+    Returns
+    -------
+    control.NonlinearIOSystem
+        The plant.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[0.0, 1.0], [-4.0, 0.0]], 1.0, B=[[0.0], [1.0]])
+    >>> plant = fl.control.periodic_plant(system)
+    >>> plant.dynamics(0.0, [1.0, 0.0], [3.0]).tolist()
+    [0.0, -1.0]
+    """
     import control
 
     def update(t: float, x: Array, u: Array, _: Any) -> Array:
@@ -68,9 +132,42 @@ def periodic_plant(system: PeriodicSystem, name: str = "plant") -> "control.Nonl
 def save(system: PeriodicSystem, path: str | Path, designs: tuple[Design, ...] = (), phases: int = PHASES) -> Path:
     """Write A(t), B(t) and the gains of designs over one period to a file.
 
-    Arrays: t (N,), A (N, n, n), B (N, n, m), and K_<i>, X_<i> for each design, with `names`, `period`; N equally spaced times.
-    Parameters: path: its ending chooses the format: .npz (NumPy), .mat (MATLAB 5), .nc (netCDF 3).
-    Returns: the path. Raises: ArgumentError for another ending.
+    The arrays are t (N,), A (N, n, n), B (N, n, m), and K_<i>, X_<i> for each design, with `names` and `period`; the N times are
+    equally spaced.
+
+    Parameters
+    ----------
+    system : PeriodicSystem
+        The system.
+    path : str or Path
+        The file. Its ending chooses the format: .npz (NumPy), .mat (MATLAB 5), .nc (netCDF 3).
+    designs : tuple of Design
+        Designs whose gains are written too.
+    phases : int
+        Times of a period.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    ArgumentError
+        For another ending.
+    TooLarge
+        When the table would not fit into memory.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[0.0, 1.0], [-4.0, 0.0]], 1.0, B=[[0.0], [1.0]])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     with np.load(fl.control.save(system, f"{folder}/plant.npz", phases=8)) as content:
+    ...         print(sorted(content), content["A"].shape)
+    ['A', 'B', 'names', 'period', 't'] (8, 2, 2)
     """
     path = Path(path)
     numbers = system.n * (system.n + system.m) + len(designs) * system.n * (system.n + system.m)

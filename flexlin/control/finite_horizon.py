@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array
 from flexlin.control.designed_loop import Design, Repeated
-from flexlin.control.weights import check_constant_pair
+from flexlin.control.weights import constant_lqr
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.quadratic.riccati import finite_horizon_riccati
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
@@ -20,17 +20,59 @@ def finite_horizon_lqr(
     tol: float = 1e-9,
     name: str = "finite-horizon LQR",
 ) -> Design:
-    """Design the feedback that is optimal over [0, T] and ends with the cost x(T)' end x(T).
+    """Design the feedback that is optimal over a horizon [0, T].
 
-        -X' = A' X + X A - (X B + N) R^-1 (B' X + N') + Q,   X(T) = end
+        -X' = A' X + X A - (X B + N) R^-1 (B' X + N') + Q,   X(T) = end,   u = -R^-1 (B' X + N') x
 
-    With end = None the cost after T is that of the LQR for the coefficients at rest at T, so the gain goes over into it.
+    The cost ends with x(T)' end x(T). With end = None the cost after T is that of the LQR for the coefficients at rest at T, so the
+    gain goes over into it.
 
-    Parameters: system: its period is the horizon T in s; end (n, n) symmetric positive semidefinite.
-    Returns: a design; K(t), X(t) hold for 0 <= t <= T. Its closed loop repeats the horizon: a Floquet verdict on it answers for a
-    motion that is repeated.
-    Raises: ArgumentError; NotStabilizable, NotDetectable at the end; ToleranceNotReached.
-    Source: Anderson, Moore, Optimal Control: Linear Quadratic Methods (1990), ch. 2-3.
+    Parameters
+    ----------
+    system : PeriodicSystem
+        The plant with n states and m inputs; its period is the horizon T in s.
+    Q : array_like (n, n), or function of times (N,) -> (N, n, n)
+        Weight of the states.
+    R : array_like (m, m), or function of times (N,) -> (N, m, m)
+        Weight of the inputs.
+    N : array_like (n, m), or function of times (N,) -> (N, n, m), optional
+        Weight of products of states and inputs.
+    end : array_like, shape (n, n), optional
+        Cost at T, symmetric positive semidefinite.
+    tol : float
+        Wanted relative error of X.
+    name : str
+        Name of the design in reports.
+
+    Returns
+    -------
+    Design
+        K(t) and X(t) hold for 0 <= t <= T. The closed loop repeats the horizon: a Floquet verdict on it answers for a motion that
+        is repeated.
+
+    Raises
+    ------
+    ArgumentError
+        When a weight does not fit.
+    NotStabilizable, NotDetectable
+        When the problem at the end of the horizon has no solution.
+    ToleranceNotReached
+        When X misses tol by far.
+
+    References
+    ----------
+    Anderson, Moore, Optimal Control: Linear Quadratic Methods (1990), ch. 2-3.
+
+    Examples
+    --------
+    For x' = u with unit weights and no cost at the end, X = tanh(T - t):
+
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[0.0]], 1.0, B=[[1.0]])
+    >>> design = fl.control.finite_horizon_lqr(system, [[1.0]], [[1.0]], end=[[0.0]])
+    >>> print(f"{design.X(0.25).item():.8f} {np.tanh(0.75):.8f}")
+    0.63514895 0.63514895
     """
     final = cost_at_rest(system, Q, R, N) if end is None else end
     solution = finite_horizon_riccati(system, Q, R, final, N, tol)
@@ -47,10 +89,7 @@ def cost_at_rest(
     N: MatrixFunction | ArrayLike | None,
 ) -> Array:
     """Return the LQR cost of the coefficients at the end of the horizon."""
-    import control
-
     problem, last = linear_quadratic(system, Q, R, N), np.array([system.period * (1 - 1e-12)])
     A, B, state, effort, cross = (f(last)[0] for f in (problem.A, problem.B, problem.Q, problem.R, problem.N))
-    check_constant_pair(A, B, state, "at the end of the horizon")
-    X = control.lqr(A, B, state, effort, cross)[1]
+    _, X = constant_lqr(A, B, state, effort, cross, "at the end of the horizon")
     return 0.5 * (X + X.T)

@@ -6,7 +6,7 @@ from scipy.interpolate import CubicSpline
 
 from flexlin.checks import Array
 from flexlin.control.designed_loop import Design, Repeated
-from flexlin.control.weights import check_constant_pair
+from flexlin.control.weights import constant_lqr
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, linear_quadratic
@@ -25,11 +25,49 @@ def frozen_lqr(
 
         A(t_k)' X_k + X_k A(t_k) - (X_k B + N) R^-1 (B' X_k + N') + Q = 0,   K(t): periodic cubic spline through the K_k
 
-    Assumes slow coefficients: nothing guarantees a stable loop, so look at its Floquet verdict.
+    Assumes slow coefficients. Nothing guarantees a stable loop: look at its Floquet verdict.
 
-    Returns: a design; `error` is how far the schedule misses the frozen gain half-way between phases, relative to the largest gain.
-    Raises: ArgumentError; NotStabilizable, NotDetectable, naming phase, eigenvalue and direction.
-    Source: Rugh, Shamma, Automatica 36 (2000) 1401; `control.lqr`.
+    Parameters
+    ----------
+    system : PeriodicSystem
+        The plant with n states and m inputs.
+    Q : array_like (n, n), or function of times (N,) -> (N, n, n)
+        Weight of the states.
+    R : array_like (m, m), or function of times (N,) -> (N, m, m)
+        Weight of the inputs.
+    N : array_like (n, m), or function of times (N,) -> (N, n, m), optional
+        Weight of products of states and inputs.
+    phases : int
+        Number of frozen phases.
+    name : str
+        Name of the design in reports.
+
+    Returns
+    -------
+    Design
+        Its `error` is how far the schedule misses the frozen gain half-way between phases, relative to the largest gain.
+
+    Raises
+    ------
+    ArgumentError
+        When a weight does not fit, or there are no phases.
+    NotStabilizable, NotDetectable
+        When a frozen problem has no solution; the message names phase, eigenvalue and direction.
+
+    References
+    ----------
+    Rugh, Shamma, Research on gain scheduling, Automatica 36 (2000) 1401; `control.lqr`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> def stiffness(t):
+    ...     return (1.0 + 0.5 * np.cos(t))[:, None, None]
+    >>> system = fl.PeriodicSystem.from_second_order([[1.0]], [[0.0]], stiffness, 2 * np.pi, B=[[1.0]])
+    >>> design = fl.control.frozen_lqr(system, np.eye(2), np.eye(1), phases=8)
+    >>> design.error < 1e-3, fl.floquet(design.closed_loop).verdict
+    (True, 'stable')
     """
     if phases < 1:
         raise ArgumentError("no phases", got=phases, expected="at least 1")
@@ -52,12 +90,9 @@ def frozen_lqr(
 
 def frozen_gains(problem: LinearQuadratic, t: Array) -> Array:
     """Return the LQR gains of the coefficients frozen at times t, (N, m, n)."""
-    import control
-
     gains = []
     for time, A, B, Q, R, N in zip(
         t, problem.A(t), problem.B(t), problem.Q(t), problem.R(t), problem.N(t), strict=True
     ):
-        check_constant_pair(A, B, Q, f"when frozen at t = {time:.4g} s")
-        gains.append(control.lqr(A, B, Q, R, N)[0])
+        gains.append(constant_lqr(A, B, Q, R, N, f"when frozen at t = {time:.4g} s")[0])
     return np.array(gains)

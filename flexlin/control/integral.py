@@ -17,8 +17,29 @@ def with_integral_action(system: PeriodicSystem, measured: ArrayLike) -> Periodi
 
     An LQR for it, u = -K_x x - K_e e, leaves no mean error of C x behind a constant disturbance of the torque.
 
-    Parameters: measured: C (p, n), such as the rows of the joint angles.
-    Returns: the system of n + p states. Raises: ArgumentError when C does not fit or the system has no input.
+    Parameters
+    ----------
+    system : PeriodicSystem
+        The plant with n states and an input.
+    measured : array_like, shape (p, n)
+        C, such as the rows of the joint angles.
+
+    Returns
+    -------
+    PeriodicSystem
+        The system of n + p states.
+
+    Raises
+    ------
+    ArgumentError
+        When C does not fit or the system has no input.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[0.0, 1.0], [0.0, 0.0]], 1.0, B=[[0.0], [1.0]])
+    >>> fl.control.with_integral_action(system, [[1.0, 0.0]]).A([0.0])[0].tolist()
+    [[0.0, 1.0, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
     """
     if system.B is None:
         raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")

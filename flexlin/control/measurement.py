@@ -9,7 +9,7 @@ from flexlin.about.deviation import Deviation
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
-from flexlin.mechanics.link_shapes import shapes_of
+from flexlin.mechanics.link_shapes import make_shapes
 from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.companion import solve_mass
 from flexlin.periodic.system import MatrixFunction
@@ -17,24 +17,98 @@ from flexlin.scene.scene import Scene
 
 
 def joint_angles(lin: Linearization) -> MatrixFunction:
-    """What the motors' encoders read: C (m, 2n), constant, in rad."""
+    """Return what the motors' encoders read.
+
+    Parameters
+    ----------
+    lin : Linearization
+        With n coordinates and m driven joints.
+
+    Returns
+    -------
+    function of times (N,) -> (N, m, 2n)
+        C of the angles in rad (m for sliding joints), constant.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    >>> lin.names
+    ('q1', 'w11', 'w12')
+    >>> fl.control.joint_angles(lin)(np.zeros(1)).round(6).tolist()
+    [[[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]]]
+    """
     rows = encoder_rows(lin)
     return Constant(np.concatenate([rows, np.zeros_like(rows)], axis=1))
 
 
 def joint_rates(lin: Linearization) -> MatrixFunction:
-    """What the motors' tachometers read: C (m, 2n), constant, in rad/s."""
+    """Return what the motors' tachometers read.
+
+    Parameters
+    ----------
+    lin : Linearization
+        With n coordinates and m driven joints.
+
+    Returns
+    -------
+    function of times (N,) -> (N, m, 2n)
+        C of the rates in rad/s (m/s for sliding joints), constant.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    >>> fl.control.joint_rates(lin)(np.zeros(1))[0, :, 3:].round(6).tolist()
+    [[1.0, 0.0, 0.0]]
+    """
     rows = encoder_rows(lin)
     return Constant(np.concatenate([np.zeros_like(rows), rows], axis=1))
 
 
 def bending(scene: Scene, lin: Linearization, link: int, at: float) -> MatrixFunction:
-    """What a strain gauge sees: the curvature w'' of a link, C (1, 2n), constant, in 1/m; times half the thickness it is the strain.
+    """Return what a strain gauge sees: the curvature of a link at a point.
 
         w''(x) = sum_k X_k''(x / l) / l^2 w_k
 
-    Parameters: link: its number from 0; at: x / l from 0 (joint) to 1 (tip).
-    Raises: ArgumentError when the link is rigid or the place is not on it.
+    The curvature times half the thickness of the link is the strain.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene, for the mode shapes of its links.
+    lin : Linearization
+        Made of that scene, with n coordinates.
+    link : int
+        Number of the link, from 0.
+    at : float
+        Place x / l on it, from 0 (joint) to 1 (tip).
+
+    Returns
+    -------
+    function of times (N,) -> (N, 1, 2n)
+        C of the curvature in 1/m, constant.
+
+    Raises
+    ------
+    ArgumentError
+        When the link is rigid or the place is not on it.
+
+    Examples
+    --------
+    The first mode of a clamped beam bends most at its root, and not at its free end:
+
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    >>> root, tip = (fl.control.bending(scene, lin, 0, at)(np.zeros(1))[0, 0, 1] for at in (0.0, 1.0))
+    >>> print(f"{root:.4f} {abs(tip):.4f}")
+    7.6302 0.0000
     """
     if not 0 <= link < len(scene.links) or scene.links[link].modes == 0:
         raise ArgumentError(
@@ -42,7 +116,7 @@ def bending(scene: Scene, lin: Linearization, link: int, at: float) -> MatrixFun
         )
     if not 0 <= at <= 1:
         raise ArgumentError("the place is not on the link", got=at, expected="0 (joint) to 1 (tip)")
-    curvature = shapes_of(scene, link).values(np.array([at]), 2)[:, 0] / scene.links[link].length ** 2
+    curvature = make_shapes(scene, link).values(np.array([at]), 2)[:, 0] / scene.links[link].length ** 2
     own = [i for i, c in enumerate(lin.coordinates) if c.kind == "elastic" and c.link == link]
     C = np.zeros((1, 2 * lin.n))
     C[0, own] = curvature
@@ -50,16 +124,69 @@ def bending(scene: Scene, lin: Linearization, link: int, at: float) -> MatrixFun
 
 
 def tip_position(lin: Linearization) -> MatrixFunction:
-    """What a camera sees of the tip beside its rigid path: C(t) (2, 2n), in m."""
+    """Return what a camera sees of the tip beside its rigid path.
+
+    Parameters
+    ----------
+    lin : Linearization
+        With n coordinates, of a manipulator that says where its tip is.
+
+    Returns
+    -------
+    function of times (N,) -> (N, 2, 2n)
+        C(t) of the tip's displacement in world axes, in m.
+
+    Raises
+    ------
+    ArgumentError
+        When the manipulator gives no points.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    >>> C = fl.control.tip_position(lin)(np.zeros(1))[0]
+    >>> print(f"{np.linalg.norm(C[:, 0]):.2f} m per rad of the joint")
+    0.96 m per rad of the joint
+    """
     return TipSlopes(lin, tip_slopes(lin.about)).position
 
 
 def tip_acceleration(lin: Linearization) -> tuple[MatrixFunction, MatrixFunction]:
-    """What an accelerometer in world axes sees beside the rigid motion: C(t) (2, 2n) and the torque's share D(t) (2, m), in m/s^2.
+    """Return what an accelerometer in world axes sees beside the rigid motion.
 
         a = J y'' + (dp''/ds') y' + (dp''/ds) y,   y'' = M^-1 (B u - D_L y' - K_L y)
 
     An estimator subtracts D u, which is known, and uses C.
+
+    Parameters
+    ----------
+    lin : Linearization
+        With n coordinates and m inputs, of a manipulator that says where its tip is.
+
+    Returns
+    -------
+    C : function of times (N,) -> (N, 2, 2n)
+        The states' share of the acceleration, in m/s^2.
+    D : function of times (N,) -> (N, 2, m)
+        The torque's share, in m/s^2 per N m.
+
+    Raises
+    ------
+    ArgumentError
+        When the manipulator gives no points.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    >>> C, D = fl.control.tip_acceleration(lin)
+    >>> C(np.zeros(1)).shape, D(np.zeros(1)).shape
+    ((1, 2, 6), (1, 2, 1))
     """
     found = TipSlopes(lin, tip_slopes(lin.about))
     return found.acceleration, found.acceleration_by_torque

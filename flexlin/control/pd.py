@@ -24,10 +24,38 @@ def pd_feedback(
 
         u_i = -kp_i y_(j_i) - kd_i y'_(j_i)
 
-    Parameters: system with x = [y; y'] and one input a joint; joints: the coordinate y that each input moves; kp in N m/rad, kd in
-    N m s/rad; problem: weights by which the loop's cost is judged, if it is to be compared.
-    Returns: a design with a constant gain, which is exact: error 0.
-    Raises: ArgumentError when the numbers of joints, inputs and gains differ.
+    Parameters
+    ----------
+    system : PeriodicSystem
+        The plant, x = [y; y'], with one input a joint.
+    joints : sequence of int
+        Number j_i of the coordinate that each input moves.
+    kp : sequence of float
+        Gains on the angles, in N m/rad.
+    kd : sequence of float
+        Gains on the rates, in N m s/rad.
+    problem : LinearQuadratic, optional
+        Weights by which the loop's cost is judged, if it is to be compared.
+    name : str
+        Name of the design in reports.
+
+    Returns
+    -------
+    Design
+        A constant gain, which is exact: error 0.
+
+    Raises
+    ------
+    ArgumentError
+        When the numbers of joints, inputs and gains differ.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[0.0, 1.0], [0.0, 0.0]], 1.0, B=[[0.0], [1.0]])
+    >>> made = fl.control.pd_feedback(system, [0], [2.0], [3.0])
+    >>> fl.floquet(made.closed_loop).exponents.real.round(6).tolist()
+    [-1.0, -2.0]
     """
     n = system.n // 2
     wanted = f"{system.m}: one for each input"

@@ -18,14 +18,56 @@ def periodic_lqr(
 ) -> Design:
     """Design the state feedback that minimises a quadratic cost along a periodic motion.
 
-        u = -K(t) x,   K = R^-1 (B' X + N'),   -X' = A' X + X A - (X B + N) R^-1 (B' X + N') + Q
+        u = -K(t) x,   K = R^-1 (B' X + N'),   -X' = A' X + X A - (X B + N) R^-1 (B' X + N') + Q,   X(t + T) = X(t)
 
-    Assumes what `periodic_riccati` assumes.
+    minimises the integral of x' Q x + 2 x' N u + u' R u. Assumes (A, B) stabilisable, (Q, A) detectable, and coefficients that are
+    smooth between the system's breaks.
 
-    Parameters: Q (n, n), R (m, m), N (n, m): constants or functions (N,) -> (N, ., .); tol: wished relative error of X.
-    Returns: a design with X(t), K(t) at any t, closed_loop, cost(x0), error, status.
-    Raises: ArgumentError on weights; NotStabilizable, NotDetectable; ToleranceNotReached.
-    Source: Bittanti, Colaneri, Periodic Systems (2009), ch. 6.
+    Parameters
+    ----------
+    system : PeriodicSystem
+        The plant with n states and m inputs.
+    Q : array_like (n, n), or function of times (N,) -> (N, n, n)
+        Weight of the states.
+    R : array_like (m, m), or function of times (N,) -> (N, m, m)
+        Weight of the inputs.
+    N : array_like (n, m), or function of times (N,) -> (N, n, m), optional
+        Weight of products of states and inputs.
+    tol : float
+        Wanted relative error of X.
+    name : str
+        Name of the design in reports.
+
+    Returns
+    -------
+    Design
+        K(t) and X(t) at any t, the closed loop, cost(x0), error and status.
+
+    Raises
+    ------
+    ArgumentError
+        When a weight does not fit.
+    NotStabilizable, NotDetectable
+        When a mode that does not decay is not reached by the input, or not seen by the weight.
+    ToleranceNotReached
+        When X misses tol by far.
+
+    References
+    ----------
+    Bittanti, Colaneri, Periodic Systems: Filtering and Control (2009), ch. 6.
+
+    Examples
+    --------
+    For a double integrator with unit weights the gain is known, [1, sqrt(3)]:
+
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[0.0, 1.0], [0.0, 0.0]], 1.0, B=[[0.0], [1.0]])
+    >>> design = fl.periodic_lqr(system, np.eye(2), np.eye(1))
+    >>> design.K(np.zeros(1)).round(8).tolist()
+    [[[1.0, 1.73205081]]]
+    >>> design.error < 1e-9, fl.floquet(design.closed_loop).verdict
+    (True, 'stable')
     """
     solution = periodic_riccati(system, Q, R, N, tol)
     gain, apart = smooth_gain(solution.K, system.period, system.breaks)

@@ -13,15 +13,40 @@ from flexlin.about.linearization import Linearization
 from flexlin.about.periodic_motion import PeriodicMotion, periodic_motion
 from flexlin.checks import Array, at_times
 from flexlin.errors import ArgumentError
+from flexlin.summary import represent
 
 
 @dataclass(frozen=True, eq=False)
 class Feedforward:
-    """What to feed forward: torque(t) (N, m) in N m, and the deviation [y; y'] from the rigid motion that belongs to it.
+    """What to feed forward, and the deviation from the rigid motion that belongs to it.
 
-    The loop then runs as  torque = torque(t) - K ([y; y'] - reference(t)).
-    `linear_tip_error`, `tip_error` (m): largest distance of the tip from the rigid motion's tip when the reference is met, by the
-    linear and by the nonlinear equations; `error`: of the periodic solution, relative; status: what to make of it.
+        torque = torque(t) - K ([y; y'] - reference(t))
+
+    Attributes
+    ----------
+    kind : str
+        "rigid", "joint-exact" or "tip-exact".
+    motion : PeriodicMotion or None
+        The elastic periodic motion; None for "rigid".
+    lin : Linearization
+        What it was computed for.
+    tip_error : float
+        Largest distance of the tip from the rigid motion's tip when the reference is met, by the nonlinear equations, in m.
+    linear_tip_error : float
+        The same by the linear equations, in m.
+    error : float
+        Error of the periodic solution, relative to the largest deviation.
+    status : str
+        What to make of it.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    >>> forward = fl.control.feedforward(lin, "joint-exact")
+    >>> forward.torque([0.0, 0.5]).shape, forward.reference([0.0, 0.5]).shape
+    ((2, 1), (2, 6))
     """
 
     kind: str
@@ -32,6 +57,8 @@ class Feedforward:
     error: float
     status: str
 
+    __repr__ = represent
+
     @property
     def law(self) -> Law:
         """This feedforward with the feedback of `lin`."""
@@ -41,11 +68,33 @@ class Feedforward:
         return Law(self.kind, self.motion.torque, own.gain, self.motion.state)
 
     def torque(self, t: ArrayLike) -> Array:
-        """The torque to feed forward at times (N,): (N, m)."""
+        """Return the torque to feed forward.
+
+        Parameters
+        ----------
+        t : array_like, shape (N,) or ()
+            Times in s.
+
+        Returns
+        -------
+        array, shape (N, m) or (m,)
+            The torque in N m (N for sliding joints, V for motors).
+        """
         return at_times(self.law.forward, t)
 
     def reference(self, t: ArrayLike) -> Array:
-        """The deviation [y; y'] from the rigid motion that the feedback should hold: (N, 2n)."""
+        """Return the deviation from the rigid motion that the feedback should hold.
+
+        Parameters
+        ----------
+        t : array_like, shape (N,) or ()
+            Times in s.
+
+        Returns
+        -------
+        array, shape (N, 2n) or (2n,)
+            [y; y'], in rad or m, and per s.
+        """
         return at_times(self.law.reference, t)
 
 
@@ -78,17 +127,52 @@ KINDS = ("rigid", *CLOSINGS)
 def feedforward(lin: Linearization, kind: str = "tip-exact", tol: float = 1e-8) -> Feedforward:
     """Compute the feedforward of a periodic motion.
 
-        rigid: the torque of the rigid arm, nothing else. The elastic links bend and the loop drags the joints off.
-        joint-exact: encoders(s) = encoders(s_R); the links take their periodic bending.
-        tip-exact: each link's end on its rigid line. The plant is not of minimum phase there: integrated forwards the torque would
-        grow without bound, but its periodic solution exists (stable inversion).
+        rigid:        the torque of the rigid arm, nothing else; the elastic links bend and the loop drags the joints off
+        joint-exact:  encoders(s) = encoders(s_R); the links take their periodic bending
+        tip-exact:    each link's end on its rigid line
 
-    Assumes a periodic, smooth motion, and no multiplier at 1 of the arm with its joints (or its tip) held.
+    The plant is not of minimum phase at its tip: integrated forwards the tip-exact torque would grow without bound, but its periodic
+    solution exists (stable inversion). Assumes a periodic, smooth motion, and no multiplier at 1 of the arm with its joints (or its
+    tip) held.
 
-    Parameters: lin: the linearization, with or without a loop; kind: rigid, joint-exact or tip-exact.
-    Returns: torque and reference, with the tip errors that remain.
-    Raises: ArgumentError for an unknown kind or a manipulator without points; NumericalError when no periodic motion is found.
-    Source: Bayo, J. Robotic Systems 4 (1987) 63; Devasia, Chen, Paden, IEEE TAC 41 (1996) 930.
+    Parameters
+    ----------
+    lin : Linearization
+        With or without a loop.
+    kind : {"rigid", "joint-exact", "tip-exact"}
+        What is to be exact.
+    tol : float
+        Wanted error of the periodic motion, relative to the largest deviation.
+
+    Returns
+    -------
+    Feedforward
+        Torque and reference, with the tip errors that remain.
+
+    Raises
+    ------
+    ArgumentError
+        For an unknown kind, a manipulator without points, or when nothing is driven.
+    MotionError
+        For a one-way motion.
+    NumericalError
+        When no periodic motion is found.
+
+    References
+    ----------
+    Bayo, A finite-element approach to control the end-point motion of a single-link flexible robot, J. Robotic Systems 4 (1987) 63;
+    Devasia, Chen, Paden, Nonlinear inversion-based output tracking, IEEE TAC 41 (1996) 930.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    >>> for kind in ("rigid", "joint-exact", "tip-exact"):
+    ...     print(f"{kind}: {1000 * fl.control.feedforward(lin, kind, tol=1e-6).tip_error:.2f} mm")
+    rigid: 89.42 mm
+    joint-exact: 86.56 mm
+    tip-exact: 0.67 mm
     """
     if kind not in KINDS:
         raise ArgumentError("there is no such feedforward", got=repr(kind), expected=", ".join(KINDS))
@@ -114,7 +198,32 @@ def tip_distance(lin: Linearization, motion: PeriodicMotion) -> float:
 
 
 def tip_positions(lin: Linearization, t: Array, states: Array) -> Array:
-    """World positions of the tip (N, 2) in m for deviations y (N, n) or [y; y'] (N, 2n) from the rigid motion."""
+    """Return world positions of the tip for deviations from the rigid motion.
+
+    Parameters
+    ----------
+    lin : Linearization
+        With n coordinates.
+    t : array, shape (N,)
+        Times in s.
+    states : array, shape (N, n) or (N, 2n)
+        Deviations y or [y; y'], in rad or m.
+
+    Returns
+    -------
+    array, shape (N, 2)
+        Positions in m; not numbers when the manipulator gives no points.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> from flexlin.simulation import tip_positions
+    >>> scene = fl.load_scene("single-link")
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    >>> tip_positions(lin, np.zeros(1), np.zeros((1, 3))).tolist()
+    [[0.96, 0.0]]
+    """
     if lin.arm.points is None:
         return np.full((len(t), 2), np.nan)
     return arm_positions(lin, t, states)[0][:, :, -1]

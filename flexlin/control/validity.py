@@ -1,5 +1,6 @@
 """How far the linear model is valid: where the nonlinear terms of the equations reach a stated share of the linear ones."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,26 +12,43 @@ from flexlin.checks import Array, positive
 from flexlin.control.slow_motions import slow_motions
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.system import PeriodicSystem
+from flexlin.summary import represent
 
 SAMPLES = 64
 """Times of a period at which the terms are compared, about."""
-LARGEST, SMALLEST, HALVINGS = 10.0, 1e-7, 30
-"""Amplitudes between which the border is sought, in rad or m, and the steps of the search."""
+LARGEST, SMALLEST = 10.0, 1e-7
+"""Amplitudes between which the border is sought, in rad or m."""
 STILL = 1e-14
 """An amplitude at which only rounding is left of the nonlinear terms."""
 
 
 @dataclass(frozen=True)
 class Validity:
-    """Along the slowest Floquet modes: how large a deflection may be.
+    """How large a deflection along the slowest Floquet modes the linear model bears.
 
-    directions (k, 2n): starts of motions with a largest deflection of 1 (rad or m) over a period; amplitudes (k,): where the nonlinear
-    terms reach `share` of the linear ones, inf where they do not up to LARGEST, 0 where they exceed it at SMALLEST already.
+    Attributes
+    ----------
+    directions : array, shape (k, 2n)
+        Starts [y; y'] of linear motions with a largest deflection of 1 (rad or m) over a period.
+    amplitudes : array, shape (k,)
+        Where the nonlinear terms reach `share` of the linear ones, in rad or m: inf where they do not up to 10, 0 where they exceed
+        it at 1e-7 already.
+    share : float
+        The share.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from flexlin.control.validity import Validity
+    >>> print(Validity(np.eye(2), np.array([0.2, 0.5]), 0.1).status.split(" along")[0])
+    deflections below 0.2 (rad or m)
     """
 
     directions: Array
     amplitudes: Array
     share: float
+
+    __repr__ = represent
 
     @property
     def status(self) -> str:
@@ -53,7 +71,11 @@ class Validity:
 
 
 def linear_range(
-    lin: Linearization, share: float = 0.1, modes: int = 2, result: FloquetResult | None = None
+    lin: Linearization,
+    share: float = 0.1,
+    modes: int = 2,
+    result: FloquetResult | None = None,
+    tol: float = 1e-8,
 ) -> Validity:
     """Find the amplitude at which the nonlinear terms reach a share of the linear terms, along the slowest Floquet modes.
 
@@ -63,16 +85,45 @@ def linear_range(
     the feedback. |f|^2 = f' M^-1 f weighs forces by the accelerations that they cause, so rad and m may stand side by side.
     R holds all orders; for a small share it is the second-order term, a^2/2 r''[z, z].
 
-    Parameters: lin: with the loop closed; share in (0, 1]; modes: how many of the slowest; result: Floquet's answer for the loop,
-    if it is known.
-    Returns: a `Validity`.
-    Raises: ArgumentError for a share that is not positive; NumericalError, TooLarge when modes of this loop are too fast to be resolved.
+    Parameters
+    ----------
+    lin : Linearization
+        With the loop closed.
+    share : float
+        Share of the linear terms, in (0, 1].
+    modes : int
+        How many of the slowest modes.
+    result : FloquetResult, optional
+        Floquet's answer for the loop, if it is known.
+    tol : float
+        Relative width of the bracket in which the search for an amplitude ends.
+
+    Returns
+    -------
+    Validity
+        Directions, amplitudes and what they mean.
+
+    Raises
+    ------
+    ArgumentError
+        For a share that is not positive.
+    NumericalError, TooLarge
+        When modes of this loop are too fast to be resolved.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    >>> print(f"{fl.control.linear_range(lin, modes=1).amplitudes.min():.2f}")
+    0.10
     """
     positive("share", share)
+    positive("tol", tol)
     system = lin.periodic_system()
     slow = slow_motions(system, modes, result)
     plant = lin if lin.control is None else linearize(lin.arm, lin.motion)
-    amplitudes = [border(plant, system, slow.t, x, share) for x in slow.states]
+    amplitudes = [border(plant, system, slow.t, x, share, tol) for x in slow.states]
     return Validity(slow.directions, np.array(amplitudes), share)
 
 
@@ -108,21 +159,21 @@ class Terms:
         return size(self.mass, left - self.rest - a * self.slope)
 
 
-def border(plant: Linearization, system: PeriodicSystem, t: Array, x: Array, share: float) -> float:
+def border(plant: Linearization, system: PeriodicSystem, t: Array, x: Array, share: float, tol: float) -> float:
     """The amplitude of a linear motion x (N, 2n) at which the nonlinear share is reached.
 
     It is sought at SAMPLES times first; then at those times of all at which the share is largest there.
     """
     terms = Terms.along(plant, system, t, x)
     rounding = 4 * float(terms.nonlinear(STILL).max())
-    first = bisect(terms.at(np.arange(0, len(t), max(1, len(t) // SAMPLES))), share, rounding)
+    first = bisect(terms.at(np.arange(0, len(t), max(1, len(t) // SAMPLES))), share, rounding, tol)
     if first == 0.0:
         return first
     excess = (terms.nonlinear(min(first, LARGEST)) - rounding) / (terms.linear + np.finfo(float).tiny)
-    return bisect(terms.at(np.argsort(excess)[-SAMPLES:]), share, rounding)
+    return bisect(terms.at(np.argsort(excess)[-SAMPLES:]), share, rounding, tol)
 
 
-def bisect(terms: Terms, share: float, rounding: float) -> float:
+def bisect(terms: Terms, share: float, rounding: float, tol: float) -> float:
     """The smallest amplitude between SMALLEST and LARGEST that reaches the share somewhere; 0 or inf beyond these."""
 
     def reached(a: float) -> bool:
@@ -133,7 +184,7 @@ def bisect(terms: Terms, share: float, rounding: float) -> float:
     if reached(SMALLEST):
         return 0.0
     low, high = np.log(SMALLEST), np.log(LARGEST)
-    for _ in range(HALVINGS):
+    for _ in range(math.ceil(math.log2((high - low) / max(tol, 1e-14)))):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if reached(float(np.exp(middle))) else (middle, high)
     return float(np.exp(low))

@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.linalg import matrix_balance
 
 from flexlin.checks import Array, real_array
-from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
+from flexlin.errors import ArgumentError, FlexlinError, NotDetectable, NotStabilizable, NumericalError
 
-MARGIN = 1e-10
-"""A mode counts as reached (or seen) when its share in B (or Q) is larger than this, relative to the matrices' sizes."""
+MARGIN = 1e-13
+"""A mode counts as reached (or seen) when its share in B (or Q) is larger than this, relative to the matrices' sizes: than rounding."""
 
 
 def diagonal_weight(name: str, entries: Sequence[float], size: int, what: str) -> Array:
@@ -23,15 +24,43 @@ def check_constant_pair(A: Array, B: Array, Q: Array, when: str) -> None:
     """Refuse a constant problem with a mode that does not decay and that the input does not reach or the weight does not see.
 
     A mode with eigenvalue s, Re s >= 0, is reached when [s I - A, B] has full rank, seen when [s I - A; Q] has (Hautus).
+    The states are scaled so that rows and columns of A have like sizes (balancing), which leaves both ranks as they are.
     Raises: NotStabilizable, NotDetectable, naming the eigenvalue and the mode's direction.
     """
+    A, (states, _) = matrix_balance(A, permute=False, separate=True)
+    B, Q = B / states[:, None], Q * states
     size = float(np.linalg.norm(A, 2)) or 1.0
     for s in np.linalg.eigvals(A):
         if s.real < -1e-12 * size:
             continue
         shifted = s * np.eye(len(A)) - A
-        lacking(np.concatenate([shifted, scaled(B, size)], axis=1), True, s, when)
-        lacking(np.concatenate([shifted, scaled(Q, size)], axis=0), False, s, when)
+        lacking(np.concatenate([shifted, scaled(B, size)], axis=1), True, s, states, when)
+        lacking(np.concatenate([shifted, scaled(Q, size)], axis=0), False, s, states, when)
+
+
+def constant_lqr(A: Array, B: Array, Q: Array, R: Array, N: Array, when: str) -> tuple[Array, Array]:
+    """Return the LQR gain K and cost X of constant matrices, once the loop that they make has been found stable.
+
+    Raises: NotStabilizable, NotDetectable as `check_constant_pair`; NumericalError where rounding leaves no stable loop.
+    """
+    import control
+
+    check_constant_pair(A, B, Q, when)
+    try:
+        K, X, _ = control.lqr(A, B, Q, R, N)
+        growth = float(np.linalg.eigvals(A - B @ K).real.max())
+    except FlexlinError:
+        raise
+    except (ArithmeticError, ValueError, control.ControlException) as error:
+        growth, why = np.inf, str(error)
+    else:
+        why = f"a loop that grows by {growth:.3g} 1/s"
+    if not growth < 0:
+        todo = "bring states, inputs and weights to like sizes, or leave out the fastest modes"
+        raise NumericalError(
+            f"the Riccati equation has no stabilising solution in numbers of this precision {when}", got=why, todo=todo
+        )
+    return np.asarray(K), np.asarray(X)
 
 
 def scaled(matrix: Array, size: float) -> Array:
@@ -39,15 +68,16 @@ def scaled(matrix: Array, size: float) -> Array:
     return matrix * (size / (float(np.linalg.norm(matrix, 2)) or 1.0))
 
 
-def lacking(pencil: Array, by_input: bool, eigenvalue: complex, when: str) -> None:
+def lacking(pencil: Array, by_input: bool, eigenvalue: complex, states: Array, when: str) -> None:
     """Raise when a Hautus pencil is rank deficient."""
     left, values, right = np.linalg.svd(pencil)
     if values[-1] > MARGIN * values[0]:
         return
-    vector = left[:, -1] if by_input else right[-1].conj()
+    vector = np.abs(left[:, -1] / states if by_input else right[-1] * states)
     kind = NotStabilizable if by_input else NotDetectable
+    got = f"eigenvalue {complex(eigenvalue):.6g}, direction {np.array2string(vector / vector.max(), precision=3, suppress_small=True)}"
     raise kind(
         f"a mode that does not decay {'cannot be reached by the input' if by_input else 'is not seen by the weight Q'} {when}",
-        got=f"eigenvalue {complex(eigenvalue):.6g}, direction {np.array2string(np.abs(vector), precision=3, suppress_small=True)}",
+        got=got,
         todo="add an actuator that moves it" if by_input else "give the mode's states weight in Q",
     )

@@ -5,26 +5,81 @@ CasADi is loaded only when one of its matrices comes in.
 """
 
 from importlib import import_module
-from typing import Any
 
 import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
-
-Matrix = Any
-"""A two-dimensional numpy array or a CasADi matrix (SX, MX, DM)."""
+from flexlin.kronecker.shapes import Matrix, count_variables, expect_columns
 
 
 def kron(A: Matrix, B: Matrix) -> Matrix:
-    """Return A (x) B = [a_ij B]: Khang et al., Eq (2)."""
+    """Return the Kronecker product of two matrices.
+
+        A (x) B = [a_ij B]
+
+    Parameters
+    ----------
+    A : array or CasADi matrix, shape (m, p)
+        First factor.
+    B : array or CasADi matrix, shape (r, q)
+        Second factor.
+
+    Returns
+    -------
+    array or CasADi matrix, shape (m r, p q)
+        The product; CasADi when one of the factors is.
+
+    References
+    ----------
+    Khang, Dat, Tuan (2019), Eq (2).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from flexlin.kronecker import kron
+    >>> kron(np.array([[1.0, 2.0]]), np.eye(2))
+    array([[1., 0., 2., 0.],
+           [0., 1., 0., 2.]])
+    """
     if isinstance(A, np.ndarray) and isinstance(B, np.ndarray):
         return np.kron(A, B)
     return import_module("casadi").kron(A, B)
 
 
 def kronecker_power(A: Matrix, k: int) -> Matrix:
-    """Return A^(x)k = A (x) A (x) ... (x) A, k >= 1 factors: Khang et al., Eqs (11), (12)."""
+    """Return a Kronecker power.
+
+        A^(x)k = A (x) A (x) ... (x) A,   k factors
+
+    Parameters
+    ----------
+    A : array or CasADi matrix, shape (m, p)
+        The factor.
+    k : int
+        Number of factors, at least 1.
+
+    Returns
+    -------
+    array or CasADi matrix, shape (m^k, p^k)
+        The power.
+
+    Raises
+    ------
+    ArgumentError
+        When k is smaller than 1.
+
+    References
+    ----------
+    Khang, Dat, Tuan (2019), Eqs (11), (12).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from flexlin.kronecker import kronecker_power
+    >>> kronecker_power(np.array([[1.0], [3.0]]), 2).ravel()
+    array([1., 3., 3., 9.])
+    """
     if k < 1:
         raise ArgumentError("a Kronecker power needs at least one factor", got=k, expected="1, 2, 3 ...")
     return A if k == 1 else kron(A, kronecker_power(A, k - 1))
@@ -35,8 +90,29 @@ def swap(n: int, q: int) -> Array:
 
         P (b (x) a) = a (x) b   for all a in R^n, b in R^q
 
-    Returns: P of shape (n q, n q).
-    Source: Vetter (1973); the permutation that de Jong et al. (2018) leave out of Eq (24).
+    Parameters
+    ----------
+    n : int
+        Length of a.
+    q : int
+        Length of b.
+
+    Returns
+    -------
+    array, shape (n q, n q)
+        The permutation matrix P.
+
+    References
+    ----------
+    Vetter (1973). It is the permutation that de Jong et al. (2018) leave out of Eq (24).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from flexlin.kronecker import swap
+    >>> a, b = np.array([1.0, 2.0]), np.array([3.0, 4.0, 5.0])
+    >>> bool(np.all(swap(2, 3) @ np.kron(b, a) == np.kron(a, b)))
+    True
     """
     return np.eye(n * q)[np.arange(n * q).reshape(q, n).T.ravel()]
 
@@ -46,10 +122,42 @@ def product_rule(A: Matrix, DA: Matrix, B: Matrix, DB: Matrix) -> Matrix:
 
         D(A B) = DA (B (x) E_n) + A DB
 
-    Parameters: A (m, p), DA (m, p n), B (p, s), DB (p, s n).
-    Returns: (m, s n).
-    Raises: ArgumentError when the shapes do not fit.
-    Source: Khang et al., Eq (19); de Jong et al., Eq (18).
+    D is the derivative by a vector of R^n, with columns (j, i), i fastest.
+
+    Parameters
+    ----------
+    A : array or CasADi matrix, shape (m, p)
+        First factor.
+    DA : array or CasADi matrix, shape (m, p n)
+        Its derivative.
+    B : array or CasADi matrix, shape (p, s)
+        Second factor.
+    DB : array or CasADi matrix, shape (p, s n)
+        Its derivative.
+
+    Returns
+    -------
+    array or CasADi matrix, shape (m, s n)
+        The derivative of A B.
+
+    Raises
+    ------
+    ArgumentError
+        When the shapes do not fit.
+
+    References
+    ----------
+    Khang, Dat, Tuan (2019), Eq (19); de Jong et al. (2018), Eq (18).
+
+    Examples
+    --------
+    The derivative of x^2 = x x at x = 3:
+
+    >>> import numpy as np
+    >>> from flexlin.kronecker import product_rule
+    >>> x, one = np.array([[3.0]]), np.array([[1.0]])
+    >>> product_rule(x, one, x, one)
+    array([[6.]])
     """
     n = count_variables("A", A, DA)
     expect_columns("DB", DB, B.shape[1] * n)
@@ -57,13 +165,37 @@ def product_rule(A: Matrix, DA: Matrix, B: Matrix, DB: Matrix) -> Matrix:
 
 
 def chain_rule(DA: Matrix, Db: Matrix) -> Matrix:
-    """Differentiate A(b(c)), a matrix function of a vector b in R^r, by c in R^n.
+    """Differentiate a matrix function of a vector that depends on another vector.
 
-        D_c A = D_b A (E_p (x) D_c b)
+        D_c A = D_b A (E_p (x) D_c b),   A(b(c)),  b in R^r,  c in R^n
 
-    Parameters: DA = D_b A (m, p r), Db = D_c b (r, n).
-    Returns: (m, p n).
-    Source: de Jong et al., Eq (19).
+    Parameters
+    ----------
+    DA : array or CasADi matrix, shape (m, p r)
+        Derivative of A by b.
+    Db : array or CasADi matrix, shape (r, n)
+        Derivative of b by c.
+
+    Returns
+    -------
+    array or CasADi matrix, shape (m, p n)
+        Derivative of A by c.
+
+    Raises
+    ------
+    ArgumentError
+        When the columns of DA are no multiple of the rows of Db.
+
+    References
+    ----------
+    de Jong et al. (2018), Eq (19).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from flexlin.kronecker import chain_rule
+    >>> chain_rule(np.array([[1.0, 2.0]]), np.array([[10.0], [1.0]]))
+    array([[12.]])
     """
     columns, rest = divmod(DA.shape[1], Db.shape[0])
     if rest:
@@ -76,13 +208,39 @@ def chain_rule(DA: Matrix, Db: Matrix) -> Matrix:
 
 
 def inverse_rule(A_inverse: Matrix, DA: Matrix) -> Matrix:
-    """Differentiate an inverse.
+    """Differentiate an inverse matrix.
 
         D(A^-1) = -A^-1 DA (A^-1 (x) E_n)
 
-    Parameters: A_inverse = A^-1 (m, m), DA (m, m n).
-    Returns: (m, m n).
-    Source: de Jong et al., Eq (20).
+    Parameters
+    ----------
+    A_inverse : array or CasADi matrix, shape (m, m)
+        The inverse of A.
+    DA : array or CasADi matrix, shape (m, m n)
+        Derivative of A by a vector of R^n.
+
+    Returns
+    -------
+    array or CasADi matrix, shape (m, m n)
+        Derivative of the inverse.
+
+    Raises
+    ------
+    ArgumentError
+        When the shapes do not fit.
+
+    References
+    ----------
+    de Jong et al. (2018), Eq (20).
+
+    Examples
+    --------
+    The derivative of 1/x at x = 2:
+
+    >>> import numpy as np
+    >>> from flexlin.kronecker import inverse_rule
+    >>> inverse_rule(np.array([[0.5]]), np.array([[1.0]]))
+    array([[-0.25]])
     """
     n = count_variables("A_inverse", A_inverse, DA)
     return -A_inverse @ DA @ kron(A_inverse, np.eye(n))
@@ -93,27 +251,39 @@ def kronecker_rule(A: Matrix, DA: Matrix, B: Matrix, DB: Matrix) -> Matrix:
 
         D(A (x) B) = (DA (x) B)(E_p (x) P) + A (x) DB,   P (b (x) a) = a (x) b,  a in R^n,  b in R^q
 
-    Parameters: A (m, p), DA (m, p n), B (r, q), DB (r, q n).
-    Returns: (m r, p q n).
-    Raises: ArgumentError when the shapes do not fit.
-    Source: Vetter (1973); left open by de Jong et al. (2018) after Eq (24).
+    Parameters
+    ----------
+    A : array or CasADi matrix, shape (m, p)
+        First factor.
+    DA : array or CasADi matrix, shape (m, p n)
+        Its derivative by a vector of R^n.
+    B : array or CasADi matrix, shape (r, q)
+        Second factor.
+    DB : array or CasADi matrix, shape (r, q n)
+        Its derivative.
+
+    Returns
+    -------
+    array or CasADi matrix, shape (m r, p q n)
+        The derivative of A (x) B.
+
+    Raises
+    ------
+    ArgumentError
+        When the shapes do not fit.
+
+    References
+    ----------
+    Vetter (1973). Left open by de Jong et al. (2018) after Eq (24).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from flexlin.kronecker import kronecker_rule
+    >>> x, one = np.array([[3.0]]), np.array([[1.0]])
+    >>> kronecker_rule(x, one, x, one)
+    array([[6.]])
     """
     n, q = count_variables("A", A, DA), B.shape[1]
     expect_columns("DB", DB, q * n)
     return kron(DA, B) @ kron(np.eye(A.shape[1]), swap(n, q)) + kron(A, DB)
-
-
-def count_variables(name: str, A: Matrix, DA: Matrix) -> int:
-    """Return n, the number of variables by which DA (m, p n) differentiates A (m, p)."""
-    n, rest = divmod(DA.shape[1], A.shape[1])
-    if rest or DA.shape[0] != A.shape[0]:
-        raise ArgumentError(
-            f"the derivative does not fit {name}", got=DA.shape, expected=f"({A.shape[0]}, {A.shape[1]} n)"
-        )
-    return n
-
-
-def expect_columns(name: str, matrix: Matrix, columns: int) -> None:
-    """Check the width of a matrix."""
-    if matrix.shape[1] != columns:
-        raise ArgumentError(f"{name} has the wrong number of columns", got=matrix.shape[1], expected=str(columns))

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlin.errors import ArgumentError
-from flexlin.kronecker.algebra import Matrix, expect_columns, kron, kronecker_power
+from flexlin.kronecker.algebra import kron, kronecker_power
+from flexlin.kronecker.shapes import Matrix, expect_columns
 
 
 class LinearizedProduct(NamedTuple):
@@ -23,10 +24,36 @@ def taylor_sum(derivatives: Sequence[Matrix], delta: Matrix) -> Matrix:
 
         A(x0 + delta) ~ A(x0) + sum_j  1/j! D^j A(x0) (E_p (x) delta^(x)j)
 
-    Parameters: derivatives: A(x0) (m, p), D A (m, p n), D^2 A (m, p n^2) ...; delta: (n, 1).
-    Returns: (m, p).
-    Raises: ArgumentError when a derivative's width does not fit.
-    Source: Khang et al., Eq (47), and its cases (36) for scalars and (41) for vectors.
+    Parameters
+    ----------
+    derivatives : sequence of array or CasADi matrix
+        A(x0) (m, p), D A (m, p n), D^2 A (m, p n^2) and so on.
+    delta : array or CasADi matrix, shape (n, 1)
+        Step from x0.
+
+    Returns
+    -------
+    array or CasADi matrix, shape (m, p)
+        The value of the polynomial.
+
+    Raises
+    ------
+    ArgumentError
+        When the width of a derivative does not fit.
+
+    References
+    ----------
+    Khang, Dat, Tuan (2019), Eq (47), with its cases (36) for scalars and (41) for vectors.
+
+    Examples
+    --------
+    exp(0.1) from the first three derivatives at 0:
+
+    >>> import numpy as np
+    >>> from flexlin.kronecker import taylor_sum
+    >>> one = np.array([[1.0]])
+    >>> print(f"{taylor_sum([one, one, one, one], np.array([[0.1]])).item():.6f}")
+    1.105167
     """
     total = derivatives[0]
     for j, DjA in enumerate(derivatives[1:], start=1):
@@ -40,9 +67,36 @@ def linearization(A0: Matrix, *terms: tuple[Matrix, Matrix]) -> Matrix:
 
         A(x, y) ~ A(x0, y0) + dA/dx (E_p (x) dx) + dA/dy (E_p (x) dy)
 
-    Parameters: A0 (m, p); terms: pairs (dA/dx (m, p n), dx (n, 1)), one for each vector.
-    Returns: (m, p).
-    Source: Khang et al., Eqs (48), (50).
+    Parameters
+    ----------
+    A0 : array or CasADi matrix, shape (m, p)
+        The value at the point.
+    *terms : tuple of two arrays or CasADi matrices
+        A pair (dA/dx (m, p n), dx (n, 1)) for each vector.
+
+    Returns
+    -------
+    array or CasADi matrix, shape (m, p)
+        The linear approximation.
+
+    Raises
+    ------
+    ArgumentError
+        When a derivative does not fit its vector.
+
+    References
+    ----------
+    Khang, Dat, Tuan (2019), Eqs (48), (50).
+
+    Examples
+    --------
+    x y near x = 2, y = 3:
+
+    >>> import numpy as np
+    >>> from flexlin.kronecker import linearization
+    >>> step = np.array([[0.1]])
+    >>> linearization(np.array([[6.0]]), (np.array([[3.0]]), step), (np.array([[2.0]]), step))
+    array([[6.5]])
     """
     total = A0
     for DA, delta in terms:
@@ -56,9 +110,37 @@ def bilinear_term(DxDyA: Matrix, dx: Matrix, dy: Matrix) -> Matrix:
 
         d/dx (dA/dy) (E_(p ny) (x) dx)(E_p (x) dy)
 
-    Parameters: DxDyA (m, p ny nx): first by y, then by x; dx (nx, 1), dy (ny, 1).
-    Returns: (m, p).
-    Source: Khang et al., Eq (49), last term, with E_(p ny) where E_p is printed.
+    Parameters
+    ----------
+    DxDyA : array or CasADi matrix, shape (m, p ny nx)
+        Derivative first by y, then by x.
+    dx : array or CasADi matrix, shape (nx, 1)
+        Step of x.
+    dy : array or CasADi matrix, shape (ny, 1)
+        Step of y.
+
+    Returns
+    -------
+    array or CasADi matrix, shape (m, p)
+        The term.
+
+    Raises
+    ------
+    ArgumentError
+        When the derivative does not fit its vectors.
+
+    References
+    ----------
+    Khang, Dat, Tuan (2019), last term of Eq (49), with E_(p ny) where E_p is printed.
+
+    Examples
+    --------
+    The mixed term of A = x y is dx dy:
+
+    >>> import numpy as np
+    >>> from flexlin.kronecker import bilinear_term
+    >>> bilinear_term(np.array([[1.0]]), np.array([[0.5]]), np.array([[0.25]]))
+    array([[0.125]])
     """
     return multiply_first_order(multiply_first_order(DxDyA, dx), dy)
 
@@ -68,11 +150,37 @@ def linearized_product(A0: Matrix, y0: Matrix, DyA: Matrix, DxA: Matrix) -> Line
 
         A(x, y) y ~ A0 y0 + (A0 + dA/dy (y0 (x) E_ny)) dy + dA/dx (y0 (x) E_nx) dx
 
-    With dA/dy = 0 this is Eq (53).
+    With dA/dy = 0 this is Eq (53) of the paper.
 
-    Parameters: A0 (m, p), y0 (p, 1), DyA (m, p p), DxA (m, p nx), all at (x0, y0).
-    Returns: value (m, 1), by_y (m, p), by_x (m, nx).
-    Source: Khang et al., Eq (52), with the identities E_ny and E_nx where E_n is printed.
+    Parameters
+    ----------
+    A0 : array or CasADi matrix, shape (m, p)
+        A at (x0, y0).
+    y0 : array or CasADi matrix, shape (p, 1)
+        The vector that A multiplies.
+    DyA : array or CasADi matrix, shape (m, p p)
+        Derivative of A by y.
+    DxA : array or CasADi matrix, shape (m, p nx)
+        Derivative of A by x.
+
+    Returns
+    -------
+    LinearizedProduct
+        value (m, 1), by_y (m, p), by_x (m, nx).
+
+    References
+    ----------
+    Khang, Dat, Tuan (2019), Eq (52), with the identities E_ny and E_nx where E_n is printed.
+
+    Examples
+    --------
+    y^2 x, read as (x y) y, near x = 2, y = 3:
+
+    >>> import numpy as np
+    >>> from flexlin.kronecker import linearized_product
+    >>> product = linearized_product(*[np.array([[value]]) for value in (6.0, 3.0, 2.0, 3.0)])
+    >>> [part.item() for part in product]
+    [18.0, 12.0, 9.0]
     """
     by_y = A0 + DyA @ kron(y0, np.eye(y0.shape[0]))
     nx = DxA.shape[1] // A0.shape[1]

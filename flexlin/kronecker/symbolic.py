@@ -6,16 +6,42 @@ from flexlin.errors import ArgumentError
 
 
 def derivative(A: ca.SX, x: ca.SX, order: int = 1) -> ca.SX:
-    """Differentiate a matrix with respect to a vector, `order` times.
+    """Differentiate a CasADi matrix with respect to a vector, once or several times.
 
         dA/dx = [da_1/dx ... da_p/dx],   d^k A/dx^k = d/dx (d^(k-1) A/dx^(k-1))
 
     so the column index of the result is (j, i_1, ..., i_k) with i_k fastest.
 
-    Parameters: A: (m, p) expression; x: (n,) column of symbols; order: k >= 0.
-    Returns: (m, p * n**k) expression.
-    Raises: ArgumentError when x is not a column of symbols or the order is negative.
-    Source: Khang, Dat, Tuan (2019), Eqs (15) and (18).
+    Parameters
+    ----------
+    A : casadi.SX, shape (m, p)
+        The expression.
+    x : casadi.SX, shape (n, 1)
+        A column of symbols.
+    order : int
+        Number of differentiations k, from 0 on.
+
+    Returns
+    -------
+    casadi.SX, shape (m, p n^k)
+        The derivative.
+
+    Raises
+    ------
+    ArgumentError
+        When x is not a column of symbols or the order is negative.
+
+    References
+    ----------
+    Khang, Dat, Tuan (2019), Eqs (15) and (18).
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> from flexlin.kronecker import derivative
+    >>> x = ca.SX.sym("x", 2)
+    >>> derivative(x[0] * x[1], x, 2)
+    SX(@1=1, [[00, @1, @1, 00]])
     """
     if not (x.is_column() and x.is_valid_input()):
         raise ArgumentError("x is not a column of symbols", got=x, expected="SX.sym or MX.sym of shape (n, 1)")

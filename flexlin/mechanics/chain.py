@@ -8,11 +8,11 @@ import casadi as ca
 from flexlin.checks import instance
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.body import Body, Moments
-from flexlin.mechanics.coordinates import Symbols, chain_coordinates
+from flexlin.mechanics.coordinates import Symbols, list_coordinates
 from flexlin.mechanics.effects import Effect, effects_of
 from flexlin.mechanics.effects.base import Chain
 from flexlin.mechanics.frames import Frame
-from flexlin.mechanics.link_shapes import basis_of
+from flexlin.mechanics.link_shapes import choose_basis
 from flexlin.mechanics.links import Basis, BentLink
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.mechanics.parameters import Parameters
@@ -25,45 +25,73 @@ from flexlin.scene.scene import Scene
 def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulator:
     """Derive the equations of the manipulator that a scene describes.
 
+        M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau
+
     Coordinates: first the relative joint displacements q, then the elastic coordinates w link by link, then those of motors behind
-    flexible joints. Energies by recursion over the links, M, C, g by Lagrange's equations.
-    An effect that is off adds no instruction and no coordinate.
+    flexible joints. Energies by recursion over the links, M, C, g by Lagrange's equations. An effect that is off adds no instruction
+    and no coordinate. Assumes slender links in a plane, and deflections small against the length.
 
-    Assumes slender links in a plane, deflections small against the length.
+    Parameters
+    ----------
+    scene : Scene
+        From `load_scene` or `parse_scene`.
+    parameters : iterable of str
+        Dotted paths of scene numbers to keep as free symbols; their values may then change without a rebuild.
 
-    Parameters: parameters: dotted paths of scene numbers to keep as free symbols (their values may then change without a rebuild).
-    Returns: a `Manipulator`.
-    Raises: ArgumentError for a path that is no number of the scene; SceneError for a model that is not registered.
-    Source: Khang, Dat, Tuan (2019), section 4; Book (1984), Recursive Lagrangian dynamics of flexible manipulator arms.
+    Returns
+    -------
+    Manipulator
+        The equations as CasADi expressions.
+
+    Raises
+    ------
+    ArgumentError
+        For a path that is no number of the scene.
+    SceneError
+        For a model that is not registered.
+
+    References
+    ----------
+    Khang, Dat, Tuan (2019), section 4; Book, Recursive Lagrangian dynamics of flexible manipulator arms, Int. J. Robotics Research 3
+    (1984) 87.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> arm = fl.build_manipulator(fl.load_scene("single-link"), ["effects.payload.mass"])
+    >>> arm.names, arm.parameters.paths
+    (('q1', 'w11', 'w12'), ('effects.payload.mass',))
     """
     instance("scene", scene, Scene, "load one: fl.load_scene(name or path)")
     free = Parameters.of_scene(scene, parameters)
     if scene.model is not None:
-        return _registered(scene, free)
-    basis = [basis_of(scene, i) for i in range(len(scene.links))]
+        return _build_registered(scene, free)
+    basis, tables = [choose_basis(scene, i) for i in range(len(scene.links))], scene.effects
     scene = free.placed_in(scene)
     effects = effects_of(scene.effects)
     free_motors = any(effect.frees_motors for effect in effects)
     units = ["m" if link.joint == "prismatic" else "rad" for link in scene.links]
-    coordinates = chain_coordinates([link.modes for link in scene.links], units, free_motors)
+    coordinates = list_coordinates([link.modes for link in scene.links], units, free_motors)
     at, rate = (Symbols.of(coordinates, len(scene.links), mark) for mark in ("", "d_"))
-    arm = _equations(_chain(scene.links, effects, basis, at, rate), effects, at, rate, free)
-    arm = replace(arm, coordinates=coordinates)
-    return _with_free_motors(arm) if free_motors else arm
+    arm = _derive_equations(_build_chain(scene.links, effects, basis, at, rate), effects, at, rate, free)
+    arm = replace(arm, coordinates=coordinates, effects=tables)
+    return _free_motors(arm) if free_motors else arm
 
 
-def _equations(chain: Chain, effects: tuple[Effect, ...], at: Symbols, rate: Symbols, free: Parameters) -> Manipulator:
+def _derive_equations(
+    chain: Chain, effects: tuple[Effect, ...], at: Symbols, rate: Symbols, free: Parameters
+) -> Manipulator:
     """Lagrange's equations of the chain; the motors drive, and their encoders read, what the chain says their angles are."""
-    T, V, R = _energies(chain, effects)
+    T, V, R = _sum_energies(chain, effects)
     measured = ca.jacobian(chain.motor, at.all)
-    gains = ca.vertcat(*[_input_gain(effects, i) for i in range(len(chain.joints))])
+    gains = ca.vertcat(*[_choose_input_gain(effects, i) for i in range(len(chain.joints))])
     arm = Manipulator.from_lagrangian(
         at.all,
         rate.all,
         T,
         V,
         R,
-        resistance=_resistance(chain, effects, at.all),
+        resistance=_sum_resistance(chain, effects, at.all),
         B=ca.densify(measured.T @ ca.diag(gains)),
         joints=range(len(chain.joints)),
         parameters=free,
@@ -73,7 +101,7 @@ def _equations(chain: Chain, effects: tuple[Effect, ...], at: Symbols, rate: Sym
     return replace(arm, measured=measured)
 
 
-def _with_free_motors(arm: Manipulator) -> Manipulator:
+def _free_motors(arm: Manipulator) -> Manipulator:
     """The last coordinates are the motors': rigidly each turns with its joint, and a prescribed joint prescribes its motor."""
     joints = arm.joints
     motors = range(arm.n - joints, arm.n)
@@ -81,7 +109,7 @@ def _with_free_motors(arm: Manipulator) -> Manipulator:
     return replace(arm, reference=eye[:, :joints] + eye[:, list(motors)], drives=tuple(motors))
 
 
-def _registered(scene: Scene, free: Parameters) -> Manipulator:
+def _build_registered(scene: Scene, free: Parameters) -> Manipulator:
     """Build a model that Python code has registered, with its own checked parameters."""
     if any(path.startswith("parameters.") for path in free.paths):
         raise ArgumentError(
@@ -93,7 +121,7 @@ def _registered(scene: Scene, free: Parameters) -> Manipulator:
     return replace(manipulator, parameters=free)
 
 
-def _chain(
+def _build_chain(
     tables: tuple[Link, ...],
     effects: tuple[Effect, ...],
     basis: list[Basis],
@@ -103,7 +131,7 @@ def _chain(
     """Carry a frame from the base over joints and links to the tip."""
     frame, joints, links, tips = Frame.fixed(), [], [], []
     for i, table in enumerate(tables):
-        frame = _behind_joint(frame, table, at.q[i], rate.q[i])
+        frame = _pass_joint(frame, table, at.q[i], rate.q[i])
         radius = sum((effect.joint_radius(i) for effect in effects), ca.SX(0))
         base = frame.moved(ca.vertcat(radius, 0), ca.SX.zeros(2))
         link = BentLink(i, table, basis[i], base, at.modes[i], rate.modes[i])
@@ -120,23 +148,23 @@ def _chain(
         )
     motor, motor_rate = (at.motors, rate.motors) if at.motors.numel() else (q, q_rate)
     bare = Chain(q, q_rate, motor, motor_rate, tuple(joints), tuple(links), tuple(tips))
-    bodies = [Body(link.base, _moments(link, effects)) for link in links]
+    bodies = [Body(link.base, _sum_moments(link, effects)) for link in links]
     return replace(bare, bodies=(*bodies, *(body for effect in effects for body in effect.bodies(bare))))
 
 
-def _behind_joint(frame: Frame, link: Link, q: ca.SX, q_rate: ca.SX) -> Frame:
+def _pass_joint(frame: Frame, link: Link, q: ca.SX, q_rate: ca.SX) -> Frame:
     """The frame that a link's joint carries: turned by q, or moved by q along itself."""
     if link.joint == "revolute":
         return frame.turned(q + link.mount_angle, q_rate)
     return frame.turned(ca.SX(link.mount_angle), ca.SX(0)).moved(ca.vertcat(q, 0), ca.vertcat(q_rate, 0))
 
 
-def _moments(link: BentLink, effects: tuple[Effect, ...]) -> Moments:
+def _sum_moments(link: BentLink, effects: tuple[Effect, ...]) -> Moments:
     extra = [effect.link_moments(link) for effect in effects]
     return sum((moments for moments in extra if moments is not None), link.moments())
 
 
-def _energies(chain: Chain, effects: tuple[Effect, ...]) -> tuple[ca.SX, ca.SX, ca.SX]:
+def _sum_energies(chain: Chain, effects: tuple[Effect, ...]) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Kinetic energy, potential energy and Rayleigh's dissipation of the whole chain."""
     carried = sum((body.kinetic_energy() for body in chain.bodies), ca.SX(0))
     kinetic = sum((effect.kinetic_energy(chain) for effect in effects), carried)
@@ -146,13 +174,13 @@ def _energies(chain: Chain, effects: tuple[Effect, ...]) -> tuple[ca.SX, ca.SX, 
     return kinetic, potential, dissipation
 
 
-def _resistance(chain: Chain, effects: tuple[Effect, ...], s: ca.SX) -> ca.SX:
+def _sum_resistance(chain: Chain, effects: tuple[Effect, ...], s: ca.SX) -> ca.SX:
     """The generalised forces of what resists each joint without being the gradient of a dissipation function."""
     at_joints = sum((effect.joint_resistance(chain) for effect in effects), ca.SX.zeros(len(chain.joints)))
     return ca.densify(ca.jacobian(chain.q, s).T @ at_joints)
 
 
-def _input_gain(effects: tuple[Effect, ...], joint: int) -> ca.SX:
+def _choose_input_gain(effects: tuple[Effect, ...], joint: int) -> ca.SX:
     """Force of one unit of the joint's input: 1, unless a motor makes it of a voltage."""
     gains = [gain for effect in effects if (gain := effect.input_gain(joint)) is not None]
     return ca.SX(gains[-1]) if gains else ca.SX(1)

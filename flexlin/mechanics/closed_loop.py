@@ -103,6 +103,7 @@ def close_loop(
         drives=tuple(range(len(motors))),
         coordinates=tuple(arm.coordinates[i] for i in independent),
         measured=None,
+        effects=None,
         **{name: ca.densify(value) for name, value in zip(parts, reduced, strict=True)},
     )
 

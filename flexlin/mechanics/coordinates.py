@@ -35,7 +35,7 @@ class Coordinate:
         return replace(self, part=f"{part} {self.part}" if self.part else part)
 
 
-def chain_coordinates(modes: Sequence[int], units: Sequence[str], free_motors: bool) -> tuple[Coordinate, ...]:
+def list_coordinates(modes: Sequence[int], units: Sequence[str], free_motors: bool) -> tuple[Coordinate, ...]:
     """Describe the coordinates of a chain whose links have these numbers of modes and whose joints are measured in these units."""
     joints = [Coordinate("joint", f"q{i + 1}", unit, i) for i, unit in enumerate(units)]
     elastic = [

@@ -5,7 +5,7 @@ import casadi as ca
 from flexlin.kronecker import derivative
 
 
-def coriolis_matrix(M: ca.SX, s: ca.SX, s_dot: ca.SX) -> ca.SX:
+def derive_coriolis(M: ca.SX, s: ca.SX, s_dot: ca.SX) -> ca.SX:
     """The matrix of Christoffel's symbols in Kronecker layout, for which M' - 2 C is skew.
 
         C(s, s') = 1/2 [dM/ds (I (x) s') + dM/ds (s' (x) I) - (dM/ds (s' (x) I))^T]

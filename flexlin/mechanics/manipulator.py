@@ -1,49 +1,67 @@
 """The equations of motion of a manipulator, M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 
-from flexlin.errors import ModelError
 from flexlin.expressions import Expressions
 from flexlin.mechanics.coordinates import Coordinate
-from flexlin.mechanics.coriolis import coriolis_matrix
+from flexlin.mechanics.coriolis import derive_coriolis
+from flexlin.mechanics.driving import describe_driving
+from flexlin.mechanics.named_functions import NamedFunctions
 from flexlin.mechanics.parameters import Parameters
-from flexlin.mechanics.validation import need_quadratic, validate
-
-
-class NamedFunctions(Mapping[str, ca.Function]):
-    """CasADi functions by name, from (named inputs, maker of the output), each built at its first use."""
-
-    def __init__(self, table: dict[str, tuple[dict[str, ca.SX], Callable[[], ca.SX]]]):
-        self._table, self._built = table, dict[str, ca.Function]()
-
-    def __getitem__(self, name: str) -> ca.Function:
-        if name not in self._built:
-            inputs, output = self._table[name]
-            self._built[name] = ca.Function(name, list(inputs.values()), [ca.densify(output())], list(inputs), [name])
-        return self._built[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._table)
-
-    def __len__(self) -> int:
-        return len(self._table)
+from flexlin.mechanics.validation import check_shapes, check_symbols, need_quadratic, validate
+from flexlin.scene.effects import Effects
+from flexlin.summary import represent
 
 
 @dataclass(frozen=True, eq=False)
 class Manipulator(Expressions):
-    """A manipulator as CasADi expressions of its coordinates s and rates s_dot.
+    """A manipulator as CasADi expressions of its coordinates and rates.
 
         M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau
 
-    Fields: s, s_dot: (n, 1) symbols (rad, m); residual: (n, 1) left side with s_ddot; B: (n, m) input matrix;
-    reference: (n, joints) constant matrix, the rigid motion is s_R = reference q; drives: the coordinate that each joint's motor moves;
-    measured: (joints, n) what each motor's encoder reads of s, None: the coordinates in drives;
-    coordinates: what each one is; parameters: free scene parameters; points: (2, k) world positions from the base to the tip, in m.
+    Attributes
+    ----------
+    s, s_dot, s_ddot : casadi.SX, shape (n, 1)
+        Symbols of coordinates (rad, m), rates and accelerations.
+    residual : casadi.SX, shape (n, 1)
+        The left side, in N m or N.
+    M : casadi.SX, shape (n, n)
+        Mass matrix.
+    g : casadi.SX, shape (n, 1)
+        Forces of gravity and of elastic potentials.
+    damping : casadi.SX, shape (n, 1)
+        Resisting forces d(s, s').
+    B : casadi.SX, shape (n, m)
+        Input matrix.
+    reference : casadi.DM, shape (n, joints)
+        The rigid motion is s_R = reference q.
+    drives : tuple of int
+        The coordinate that each joint's motor moves.
+    coordinates : tuple of Coordinate
+        What each coordinate is.
+    parameters : Parameters
+        Scene numbers that stay free, with their values.
+    energy : casadi.SX or None
+        Kinetic and potential energy together, in J.
+    points : casadi.SX, shape (2, k), or None
+        World positions from the base to the tip, in m.
+    coriolis : casadi.SX, shape (n, n), or None
+        C as the user gave it; None: Christoffel's symbols of M.
+    measured : casadi.SX, shape (joints, n), or None
+        What each motor's encoder reads of s; None: the coordinates in `drives`.
+    effects : Effects or None
+        Tables of the effects in it, None where they are not known.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> arm = fl.build_manipulator(fl.load_scene("single-link"))
+    >>> arm.n, arm.joints, arm.M.shape
+    (3, 1, (3, 3))
     """
 
     s: ca.SX
@@ -62,6 +80,9 @@ class Manipulator(Expressions):
     points: ca.SX | None = None
     coriolis: ca.SX | None = None
     measured: ca.SX | None = None
+    effects: Effects | None = None
+
+    __repr__ = represent
 
     @property
     def n(self) -> int:
@@ -86,14 +107,11 @@ class Manipulator(Expressions):
     @cached_property
     def C(self) -> ca.SX:
         """The matrix of centrifugal and Coriolis forces, from M unless the user gave one."""
-        return coriolis_matrix(self.M, self.s, self.s_dot) if self.coriolis is None else self.coriolis
+        return derive_coriolis(self.M, self.s, self.s_dot) if self.coriolis is None else self.coriolis
 
     @cached_property
     def functions(self) -> "NamedFunctions":
-        """Named functions of (s, p) or (s, s_dot, p) or (s, s_dot, s_ddot, p): M, C, g, damping, residual; points and energy if known.
-
-        Each is built when it is first asked for.
-        """
+        """CasADi functions of s, s_dot, s_ddot as needed, and p: M, C, g, damping, residual; points and energy if known."""
         p = self.parameters.symbols
         at, moving = {"s": self.s, "p": p}, {"s": self.s, "s_dot": self.s_dot, "p": p}
         accelerated = {"s": self.s, "s_dot": self.s_dot, "s_ddot": self.s_ddot, "p": p}
@@ -126,18 +144,52 @@ class Manipulator(Expressions):
     ) -> "Manipulator":
         """Make a manipulator from its matrices, M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau.
 
-        Assumes the basic motion moves the coordinates `joints` (default: those that B drives) and leaves the others at zero.
+        Assumes the basic motion moves the coordinates `joints` and leaves the others at zero.
 
-        Parameters: s, s_dot: (n, 1) symbols; M, C: (n, n); g, damping: (n, 1); B: (n, m), default the identity.
-        Raises: ModelError when a shape does not fit, an expression holds other symbols, or the matrices contradict mechanics
-        (see `flexlin.mechanics.validation`).
+        Parameters
+        ----------
+        s, s_dot : casadi.SX, shape (n, 1)
+            Symbols of coordinates (rad, m) and rates.
+        M, C : casadi.SX, shape (n, n)
+            Mass matrix, and matrix of centrifugal and Coriolis forces.
+        g : casadi.SX, shape (n, 1)
+            Forces of potentials, in N m or N.
+        B : casadi.SX, shape (n, m), optional
+            Input matrix; by default the identity.
+        damping : casadi.SX, shape (n, 1), optional
+            Resisting forces d(s, s').
+        joints : sequence of int, optional
+            Coordinates that follow the basic motion; by default those that B drives.
+        names : sequence of str, optional
+            Names of the coordinates.
+        points : casadi.SX, shape (2, k), optional
+            World positions from the base to the tip, in m.
+
+        Returns
+        -------
+        Manipulator
+            The checked equations.
+
+        Raises
+        ------
+        ModelError
+            When a shape does not fit, an expression holds other symbols, or the matrices contradict mechanics: M symmetric and positive
+            definite, M' - 2 C skew.
+
+        Examples
+        --------
+        >>> import casadi as ca
+        >>> from flexlin import Manipulator
+        >>> q, rate = ca.SX.sym("q"), ca.SX.sym("rate")
+        >>> Manipulator.from_matrices(q, rate, ca.SX(1), ca.SX(0), 9.81 * ca.sin(q), names=["q"]).names
+        ('q',)
         """
         n = s.numel()
         B = ca.DM.eye(n) if B is None else B
         damping = ca.SX.zeros(n) if damping is None else damping
         s_ddot = ca.SX.sym("s_ddot", n)
-        _check_shapes(n, M=(M, n), C=(C, n), g=(g, 1), damping=(damping, 1), B=(B, None))
-        _check_symbols(ca.vertcat(s, s_dot), M=M, C=C, g=g, damping=damping, B=B)
+        check_shapes(n, M=(M, n), C=(C, n), g=(g, 1), damping=(damping, 1), B=(B, None))
+        check_symbols(ca.vertcat(s, s_dot), M=M, C=C, g=g, damping=damping, B=B)
         arm = cls(
             s,
             s_dot,
@@ -146,7 +198,7 @@ class Manipulator(Expressions):
             M=ca.SX(M),
             g=ca.SX(g),
             damping=ca.SX(damping),
-            **_driving(n, B, joints, names),
+            **describe_driving(n, B, joints, names),
             points=points,
             coriolis=ca.SX(C),
         )
@@ -173,24 +225,63 @@ class Manipulator(Expressions):
 
             d/dt (dT/ds') - dT/ds + dV/ds + dR/ds' + r = B tau
 
-        Assumes T quadratic in s'. The basic motion moves the coordinates `joints` (default: those that B drives).
+        Assumes T quadratic in s'. The basic motion moves the coordinates `joints`.
 
-        Parameters: T, V: kinetic and potential energy (J); dissipation: Rayleigh's function R (W); resistance: (n, 1) resisting
-        forces r(s, s') that no R gives; B: (n, m), default the identity.
-        check: look whether the model obeys mechanics.
-        Raises: ModelError when a shape does not fit, an expression holds other symbols, or the energies contradict mechanics
-        (see `flexlin.mechanics.validation`).
-        Source: Khang, Dat, Tuan (2019), Eq. (55).
+        Parameters
+        ----------
+        s, s_dot : casadi.SX, shape (n, 1)
+            Symbols of coordinates (rad, m) and rates.
+        T, V : casadi.SX, shape (1, 1)
+            Kinetic and potential energy, in J.
+        dissipation : casadi.SX, shape (1, 1), optional
+            Rayleigh's function R, in W.
+        resistance : casadi.SX, shape (n, 1), optional
+            Resisting forces r(s, s') that no R gives, in N m or N.
+        B : casadi.SX, shape (n, m), optional
+            Input matrix; by default the identity.
+        joints : sequence of int, optional
+            Coordinates that follow the basic motion; by default those that B drives.
+        names : sequence of str, optional
+            Names of the coordinates.
+        parameters : Parameters, optional
+            Free symbols that the expressions may hold, with their values.
+        points : casadi.SX, shape (2, k), optional
+            World positions from the base to the tip, in m.
+        check : bool
+            Look whether the model obeys mechanics.
+
+        Returns
+        -------
+        Manipulator
+            The equations.
+
+        Raises
+        ------
+        ModelError
+            When a shape does not fit, an expression holds other symbols, or the energies contradict mechanics.
+
+        References
+        ----------
+        Khang, Dat, Tuan (2019), Eq (55).
+
+        Examples
+        --------
+        >>> import casadi as ca
+        >>> from flexlin import Manipulator
+        >>> q, rate = ca.SX.sym("q"), ca.SX.sym("rate")
+        >>> arm = Manipulator.from_lagrangian(q, rate, rate**2 / 2, -9.81 * ca.cos(q))
+        >>> arm.g
+        SX((-(-9.81*sin(q))))
         """
         n = s.numel()
         B = ca.DM.eye(n) if B is None else B
         R = ca.SX(0) if dissipation is None else dissipation
         resisting = ca.SX.zeros(n) if resistance is None else resistance
         parameters = parameters or Parameters()
-        _check_shapes(1, T=(T, 1), V=(V, 1), dissipation=(R, 1))
-        _check_shapes(n, B=(B, None), resistance=(resisting, 1))
+        check_shapes(1, T=(T, 1), V=(V, 1), dissipation=(R, 1))
+        check_shapes(n, B=(B, None), resistance=(resisting, 1))
         known = ca.vertcat(s, s_dot, parameters.symbols)
-        _check_symbols(known, T=T, V=V, dissipation=R, resistance=resisting, B=B)
+        check_symbols(known, T=T, V=V, dissipation=R, resistance=resisting, B=B)
         s_ddot = ca.SX.sym("s_ddot", n)
         momentum, g, damping = ca.gradient(T, s_dot), ca.gradient(V, s), ca.gradient(R, s_dot) + resisting
         rate_of_momentum = ca.jtimes(momentum, ca.vertcat(s, s_dot), ca.vertcat(s_dot, s_ddot))
@@ -202,7 +293,7 @@ class Manipulator(Expressions):
             M=ca.densify(ca.jacobian(momentum, s_dot)),
             g=ca.densify(g),
             damping=ca.densify(damping),
-            **_driving(n, B, joints, names),
+            **describe_driving(n, B, joints, names),
             parameters=parameters,
             energy=T + V,
             points=points,
@@ -211,40 +302,3 @@ class Manipulator(Expressions):
             need_quadratic(T, s, s_dot, parameters)
             validate(arm)
         return arm
-
-
-def _driving(n: int, B: ca.SX, joints: Sequence[int] | None, names: Sequence[str] | None) -> dict[str, Any]:
-    """Inputs, and the coordinates that follow the basic motion: those given, or those that some input moves; the others are elastic."""
-    moved = [i for i in range(n) if not ca.SX(B[i, :]).is_zero()] if joints is None else list(joints)
-    symbols = tuple(names or (f"s{i + 1}" for i in range(n)))
-    if len(symbols) != n:
-        raise ModelError("names do not fit the coordinates", got=f"{len(symbols)} names", expected=f"{n}")
-    coordinates = tuple(
-        Coordinate("joint", symbol, "rad", moved.index(i)) if i in moved else Coordinate("elastic", symbol, "m")
-        for i, symbol in enumerate(symbols)
-    )
-    return {
-        "B": ca.SX(B),
-        "reference": ca.DM.eye(n)[:, moved],
-        "drives": tuple(moved),
-        "coordinates": coordinates,
-    }
-
-
-def _check_shapes(rows: int, **expressions: tuple[ca.SX, int | None]) -> None:
-    for name, (expression, columns) in expressions.items():
-        got = ca.SX(expression).shape
-        if got[0] != rows or columns not in (None, got[1]):
-            raise ModelError(
-                f"{name} has the wrong shape", got=got, expected=f"({rows}, {'any' if columns is None else columns})"
-            )
-
-
-def _check_symbols(known: ca.SX, **expressions: ca.SX) -> None:
-    names = {symbol.name() for symbol in ca.symvar(known)}
-    for name, expression in expressions.items():
-        strange = [symbol.name() for symbol in ca.symvar(ca.SX(expression)) if symbol.name() not in names]
-        if strange:
-            raise ModelError(
-                f"{name} holds symbols that are neither coordinates, rates nor parameters", got=", ".join(strange)
-            )

@@ -12,6 +12,7 @@ from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.expressions import Expressions
 from flexlin.scene.parameters import get_value, replace_value
+from flexlin.summary import represent
 
 AnyTable = TypeVar("AnyTable", bound=BaseModel)
 
@@ -23,6 +24,8 @@ class Parameters(Expressions):
     paths: tuple[str, ...] = ()
     symbols: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
     values: Array = field(default_factory=lambda: np.zeros(0))
+
+    __repr__ = represent
 
     @classmethod
     def of_scene(cls, scene: BaseModel, paths: Iterable[str]) -> "Parameters":

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import ModelError
-from flexlin.mechanics.coriolis import coriolis_matrix
+from flexlin.mechanics.coriolis import derive_coriolis
 from flexlin.mechanics.parameters import Parameters
 
 TOLERANCE = 1e-8
@@ -146,7 +146,7 @@ def _need_positive(M: Array, names: tuple[str, ...], where: str) -> None:
 
 def _need_christoffel(arm: Equations, inputs: list[tuple[ca.SX, Array]], where: str) -> None:
     """Compare C s' with the forces that M implies, product of rates by product of rates."""
-    expected = coriolis_matrix(arm.M, arm.s, arm.s_dot) @ arm.s_dot
+    expected = derive_coriolis(arm.M, arm.s, arm.s_dot) @ arm.s_dot
     products = [
         _value(ca.jacobian(ca.jacobian(force, arm.s_dot), arm.s_dot), inputs).reshape(arm.n, arm.n, arm.n, order="F")
         for force in (arm.C @ arm.s_dot, expected)
@@ -159,5 +159,26 @@ def _need_christoffel(arm: Equations, inputs: list[tuple[ca.SX, Array]], where: 
             f"C does not belong to M {where}: in row {row} of C s' the product {arm.names[i]}' {arm.names[j]}' has another factor",
             got=f"{share * products[0][row, i, j]:.9g}",
             expected=f"{share * products[1][row, i, j]:.9g}, so that M' - 2 C is skew",
-            todo=f"mend C[{row}, {i}] or C[{row}, {j}], or put forces that are not inertial into damping",
+            todo=f"correct C[{row}, {i}] or C[{row}, {j}], or put forces that are not inertial into damping",
         )
+
+
+def check_shapes(rows: int, **expressions: tuple[ca.SX, int | None]) -> None:
+    """Refuse expressions (rows, columns) of another shape; columns None: any number."""
+    for name, (expression, columns) in expressions.items():
+        got = ca.SX(expression).shape
+        if got[0] != rows or columns not in (None, got[1]):
+            raise ModelError(
+                f"{name} has the wrong shape", got=got, expected=f"({rows}, {'any' if columns is None else columns})"
+            )
+
+
+def check_symbols(known: ca.SX, **expressions: ca.SX) -> None:
+    """Refuse expressions that hold other symbols than the known ones."""
+    names = {symbol.name() for symbol in ca.symvar(known)}
+    for name, expression in expressions.items():
+        strange = [symbol.name() for symbol in ca.symvar(ca.SX(expression)) if symbol.name() not in names]
+        if strange:
+            raise ModelError(
+                f"{name} holds symbols that are neither coordinates, rates nor parameters", got=", ".join(strange)
+            )

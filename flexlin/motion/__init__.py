@@ -7,9 +7,9 @@ import casadi as ca
 from flexlin.errors import MotionError
 from flexlin.mechanics.parameters import Parameters
 from flexlin.motion.base import Motion, SampledMotion, SymbolicMotion
-from flexlin.motion.smooth import fourier, harmonic, rotation
-from flexlin.motion.table import table_motion
-from flexlin.motion.waypoints import point_to_point
+from flexlin.motion.smooth import highest_harmonic, make_fourier, make_harmonic, make_rotation
+from flexlin.motion.table import read_table_motion
+from flexlin.motion.waypoints import make_point_to_point
 from flexlin.scene.motion import AnyMotion, Fourier, Harmonic, PointToPoint, Rotation, TableMotion
 
 __all__ = ["Motion", "SampledMotion", "SymbolicMotion", "build_motion"]
@@ -18,23 +18,47 @@ __all__ = ["Motion", "SampledMotion", "SymbolicMotion", "build_motion"]
 def build_motion(table: AnyMotion, joints: int, parameters: Parameters | None = None) -> Motion:
     """Make the basic motion that a scene's motion table describes.
 
-    Parameters: joints: of the manipulator; parameters: free scene parameters, those below `motion.` become symbols of the motion.
-    Returns: a `Motion` with q(t), q'(t), q''(t), period in s and breaks.
-    Raises: MotionError when the table does not fit the manipulator or describes no usable motion.
+    Parameters
+    ----------
+    table : Harmonic, Rotation, Fourier, PointToPoint or TableMotion
+        The scene's `motion`.
+    joints : int
+        Number of joints of the manipulator.
+    parameters : Parameters, optional
+        Free scene parameters: those below `motion.` become symbols of the motion.
+
+    Returns
+    -------
+    Motion
+        q(t), q'(t), q''(t), the period in s and the breaks.
+
+    Raises
+    ------
+    MotionError
+        When the table does not fit the manipulator or describes no usable motion.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> motion = fl.build_motion(fl.load_scene("single-link").motion, joints=1)
+    >>> q, rate, acceleration = motion.sample(np.array([0.0, 0.5]))
+    >>> motion.period, q.round(6).tolist()
+    (2.0, [[0.0], [0.5]])
     """
     tables = table.joints or (None,) * joints
     if len(tables) != joints:
         raise MotionError("the motion has the wrong number of joints", got=len(tables), expected=str(joints))
     prescribed = tuple((joint.drive if joint and joint.drive else table.drive) == "prescribed" for joint in tables)
     if isinstance(table, TableMotion):
-        return table_motion(table, joints, prescribed)
+        return read_table_motion(table, joints, prescribed)
     parameters = parameters or Parameters()
     free, phase = parameters.placed_in(table, "motion."), ca.SX.sym("phase")
     breaks: tuple[float, ...] = ()
     if isinstance(free, PointToPoint):
-        angles, duration, breaks = point_to_point(free, phase)
+        angles, duration, breaks = make_point_to_point(free, phase)
     else:
-        expressions: dict[type, Any] = {Harmonic: harmonic, Rotation: rotation, Fourier: fourier}
+        expressions: dict[type, Any] = {Harmonic: make_harmonic, Rotation: make_rotation, Fourier: make_fourier}
         angles, duration = expressions[type(free)](free, phase, parameters)
     period = float(ca.evalf(ca.substitute(duration, parameters.symbols, ca.DM(parameters.values))))
     return SymbolicMotion(
@@ -43,6 +67,7 @@ def build_motion(table: AnyMotion, joints: int, parameters: Parameters | None = 
         prescribed,
         breaks=tuple(period * edge for edge in breaks),
         periodic=getattr(table, "course", "there-and-back") != "one-way",
+        harmonics=highest_harmonic(table),
         phase=phase,
         angles=angles,
         duration=duration,

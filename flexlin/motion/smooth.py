@@ -7,19 +7,19 @@ import casadi as ca
 
 from flexlin.errors import MotionError
 from flexlin.mechanics.parameters import Parameters
-from flexlin.scene.motion import Fourier, Harmonic, Rotation
+from flexlin.scene.motion import AnyMotion, Fourier, Harmonic, Rotation
 
 LARGEST_RATIO = 1000
 """Rates of rotating joints must be ratios of integers up to this one, or the common period would be unusably long."""
 
 
-def harmonic(table: Harmonic, phase: ca.SX, parameters: Parameters) -> tuple[ca.SX, ca.SX]:
+def make_harmonic(table: Harmonic, phase: ca.SX, parameters: Parameters) -> tuple[ca.SX, ca.SX]:
     """q = mean + amplitude sin(2 pi t/T + phase), T = 1/frequency."""
     angles = [joint.mean + joint.amplitude * ca.sin(2 * pi * phase + joint.phase) for joint in table.joints]
     return ca.vertcat(*angles), ca.SX(1) / table.frequency
 
 
-def fourier(table: Fourier, phase: ca.SX, parameters: Parameters) -> tuple[ca.SX, ca.SX]:
+def make_fourier(table: Fourier, phase: ca.SX, parameters: Parameters) -> tuple[ca.SX, ca.SX]:
     """q = mean + sum_k cos_k cos(2 pi k t/T) + sin_k sin(2 pi k t/T)."""
     angles = []
     for joint in table.joints:
@@ -32,12 +32,19 @@ def fourier(table: Fourier, phase: ca.SX, parameters: Parameters) -> tuple[ca.SX
     return ca.vertcat(*angles), ca.SX(table.period)
 
 
-def rotation(table: Rotation, phase: ca.SX, parameters: Parameters) -> tuple[ca.SX, ca.SX]:
+def highest_harmonic(table: AnyMotion) -> int:
+    """The highest harmonic of the angles; 1 for polynomials between the breaks."""
+    if not isinstance(table, Fourier):
+        return 1
+    return max(len(row) for joint in table.joints for row in (joint.cos, joint.sin, (0.0,)))
+
+
+def make_rotation(table: Rotation, phase: ca.SX, parameters: Parameters) -> tuple[ca.SX, ca.SX]:
     """q = start + rate t: the angle grows, but sin q and cos q, and so the coefficients, are periodic.
 
     Raises: MotionError when no joint turns, or the rates have no common period.
     """
-    nominal = [_nominal(joint.rate, parameters) for joint in table.joints]
+    nominal = [_read_nominal(joint.rate, parameters) for joint in table.joints]
     leader = next((i for i, rate in enumerate(nominal) if rate != 0), None)
     if leader is None:
         raise MotionError(
@@ -46,12 +53,12 @@ def rotation(table: Rotation, phase: ca.SX, parameters: Parameters) -> tuple[ca.
             expected="a rate that is not 0",
             todo="use kind = 'harmonic' with amplitude 0 for an arm at rest",
         )
-    turns = _turns(nominal, leader)
+    turns = _count_turns(nominal, leader)
     angles = [joint.start + 2 * pi * turn * phase for joint, turn in zip(table.joints, turns, strict=True)]
     return ca.vertcat(*angles), 2 * pi * turns[leader] / ca.SX(table.joints[leader].rate)
 
 
-def _turns(rates: list[float], leader: int) -> list[int]:
+def _count_turns(rates: list[float], leader: int) -> list[int]:
     """Whole turns of each joint in the shortest common period."""
     ratios = [Fraction(rate / rates[leader]).limit_denominator(LARGEST_RATIO) for rate in rates]
     for rate, ratio in zip(rates, ratios, strict=True):
@@ -68,7 +75,7 @@ def _turns(rates: list[float], leader: int) -> list[int]:
     return [sign * turn // shared for turn in turns]
 
 
-def _nominal(value: object, parameters: Parameters) -> float:
+def _read_nominal(value: object, parameters: Parameters) -> float:
     """The number behind a value that may be a free symbol."""
     if not isinstance(value, ca.SX):
         return float(value)  # type: ignore[arg-type]

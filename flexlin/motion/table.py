@@ -15,6 +15,8 @@ from flexlin.scene.motion import TableMotion
 from flexlin.text import printable
 
 FEWEST_ROWS = 7
+MOST_CLOSE = 32
+"""Close rows that are named one by one."""
 LARGEST_FILE = 2**26
 """Bytes of a table."""
 CLOSURE = 1e-6
@@ -34,7 +36,7 @@ class SplineAngles:
         return spline(inside) + np.outer(inside, self.drift), spline(inside, 1) + self.drift, spline(inside, 2)
 
 
-def table_motion(table: TableMotion, joints: int, prescribed: tuple[bool, ...]) -> SampledMotion:
+def read_table_motion(table: TableMotion, joints: int, prescribed: tuple[bool, ...]) -> SampledMotion:
     """A periodic motion through the samples of a CSV file: t, q1, q2 ..., the last row closing the period.
 
     Assumes evenly or unevenly spaced, increasing times; a joint may advance by whole turns over the period.
@@ -44,13 +46,29 @@ def table_motion(table: TableMotion, joints: int, prescribed: tuple[bool, ...]) 
     from scipy.interpolate import make_interp_spline
 
     t, q = _read(Path(table.file), joints)
-    turns = _whole_turns(t, q, table.file)
+    turns = _count_whole_turns(t, q, table.file)
     period = float(t[-1] - t[0])
     drift = turns / period
     residual = q - np.outer(t - t[0], drift)
     residual[-1] = residual[0]
     spline = make_interp_spline(t - t[0], residual, k=5, bc_type="periodic")
-    return SampledMotion(joints, period, prescribed, sampler=SplineAngles(spline, drift, period))
+    harmonics, features = resolution(t)
+    sampler = SplineAngles(spline, drift, period)
+    return SampledMotion(joints, period, prescribed, harmonics=harmonics, features=features, sampler=sampler)
+
+
+def resolution(t: Array) -> tuple[int, tuple[tuple[float, float], ...]]:
+    """How many harmonics a spline through samples at these times may have, beside the narrowest rows: (time, half-width) in s.
+
+    Between two rows a spline may swing once. Rows that lie closer than T / 200 in few places are features; where there are many of them
+    no row is one, and they count as harmonics.
+    """
+    period, spacing = float(t[-1] - t[0]), np.diff(t)
+    close = spacing < period / 200
+    if close.sum() > MOST_CLOSE:
+        return int(np.ceil(period / (2 * spacing.min()))), ()
+    features = tuple((float(s - t[0]), float(h)) for s, h in zip(t[:-1][close], spacing[close], strict=True))
+    return int(np.ceil(period / (2 * spacing[~close].min(initial=period)))), features
 
 
 def _read(path: Path, joints: int) -> tuple[Array, Array]:
@@ -94,7 +112,7 @@ def _read(path: Path, joints: int) -> tuple[Array, Array]:
     return data[:, 0], data[:, 1:]
 
 
-def _whole_turns(t: Array, q: Array, file: str) -> Array:
+def _count_whole_turns(t: Array, q: Array, file: str) -> Array:
     """The advance of each joint over the period, a whole number of turns or nothing."""
     advance = q[-1] - q[0]
     turns = 2 * np.pi * count_turns(advance)

@@ -14,7 +14,7 @@ PROFILES = {
 """Steps from 0 to 1 with zero rate and acceleration (and jerk) at both ends. Source: Biagiotti, Melchiorri (2008), 2.1."""
 
 
-def point_to_point(table: PointToPoint, phase: ca.SX) -> tuple[ca.SX, ca.SX, tuple[float, ...]]:
+def make_point_to_point(table: PointToPoint, phase: ca.SX) -> tuple[ca.SX, ca.SX, tuple[float, ...]]:
     """q = q_i + (q_(i+1) - q_i) step((t - t_i)/move_time), then rest for dwell_time, from waypoint to waypoint.
 
     Returns: angles (joints, 1), duration, and the breaks as phases. Raises: MotionError when joints have unequal numbers of waypoints.
@@ -30,7 +30,7 @@ def point_to_point(table: PointToPoint, phase: ca.SX) -> tuple[ca.SX, ca.SX, tup
     moves = len(visits) - 1
     stage = table.move_time + table.dwell_time
     share = table.move_time / stage
-    steps = [step(table.profile, ca.fmin(ca.fmax((phase * moves - i) / share, 0), 1)) for i in range(moves)]
+    steps = [make_step(table.profile, ca.fmin(ca.fmax((phase * moves - i) / share, 0), 1)) for i in range(moves)]
     angles = []
     for joint in table.joints:
         stops = [joint.waypoints[visit] for visit in visits]
@@ -39,6 +39,6 @@ def point_to_point(table: PointToPoint, phase: ca.SX) -> tuple[ca.SX, ca.SX, tup
     return ca.vertcat(*angles), ca.SX(moves * stage), tuple(breaks)
 
 
-def step(profile: str, x: ca.SX) -> ca.SX:
+def make_step(profile: str, x: ca.SX) -> ca.SX:
     """The polynomial step of a profile at x in [0, 1], by Horner's rule."""
     return reduce(lambda value, coefficient: value * x + coefficient, reversed(PROFILES[profile]), ca.SX(0))

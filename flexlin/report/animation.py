@@ -10,8 +10,8 @@ from flexlin.about.linear import Linearization
 from flexlin.checks import Array
 from flexlin.control.tracking import arm_positions
 from flexlin.errors import ArgumentError
-from flexlin.report.figures.arm import path
-from flexlin.report.page import template
+from flexlin.report.figures.arm import trace_links
+from flexlin.report.page import load_template
 from flexlin.scene.scene import Scene
 from flexlin.simulation import Simulation
 
@@ -30,9 +30,9 @@ def animation_page(scene: Scene, lin: Linearization, run: Simulation, command: s
     Returns: HTML that asks no other file or host for anything.
     Raises: ArgumentError for a manipulator that does not say where its joints and tip are.
     """
-    data = frames(scene, lin, run)
+    data = collect_frames(scene, lin, run)
     trail = data["trail"] * data["step"]
-    return template("animation").render(
+    return load_template("animation").render(
         title=scene.title,
         status=run.status,
         frames=len(data["t"]),
@@ -44,7 +44,7 @@ def animation_page(scene: Scene, lin: Linearization, run: Simulation, command: s
     )
 
 
-def frames(scene: Scene, lin: Linearization, run: Simulation) -> dict[str, Any]:
+def collect_frames(scene: Scene, lin: Linearization, run: Simulation) -> dict[str, Any]:
     """What the page draws: curves in m, rounded to a hundredth of a permille of the arm's reach."""
     if lin.arm.points is None:
         raise ArgumentError(
@@ -59,7 +59,7 @@ def frames(scene: Scene, lin: Linearization, run: Simulation) -> dict[str, Any]:
     reach = float(max(high - low)) or 1.0
     digits = max(0, 5 - int(np.ceil(np.log10(reach))))
     size = np.maximum(high - low, 0.3 * reach)
-    arm = [thinned(path(scene, points, row)) for points, row in zip(bent, s, strict=True)]
+    arm = [thin_out(trace_links(scene, points, row)) for points, row in zip(bent, s, strict=True)]
 
     def rounded(values: Any) -> Any:
         return np.round(np.asarray(values), digits).tolist()
@@ -80,7 +80,7 @@ def frames(scene: Scene, lin: Linearization, run: Simulation) -> dict[str, Any]:
     }
 
 
-def thinned(curve: Array) -> Array:
+def thin_out(curve: Array) -> Array:
     """Every few points of a curve, its end always among them."""
     kept = np.unique(np.append(np.arange(0, curve.shape[1], THIN), curve.shape[1] - 1))
     return curve[:, kept]

@@ -16,7 +16,7 @@ LONGEST = 60
 """Characters of a design's name that its folder keeps."""
 
 
-def folder_of(name: str, position: int) -> str:
+def name_folder(name: str, position: int) -> str:
     """Return the folder of a design's C source: its name in small Latin letters and digits, else its number among the designs."""
     words = re.sub(r"[^a-z0-9]+", "-", name.lower())[:LONGEST].strip("-")
     readable = words and (name.isascii() or re.search("[a-z]", words))
@@ -31,7 +31,7 @@ def design_folders(names: Sequence[str]) -> dict[str, str]:
     """
     owners: dict[str, str] = {}
     for position, name in enumerate(names, start=1):
-        folder = folder_of(name, position)
+        folder = name_folder(name, position)
         if folder in owners:
             raise InputError(
                 "two designs would be written into one folder",

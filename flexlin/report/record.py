@@ -11,6 +11,7 @@ import numpy as np
 import flexlin
 from flexlin.answers.analysis import Analysis, Loop
 from flexlin.answers.audit import Audit
+from flexlin.answers.clock import Step
 from flexlin.checks import Array
 from flexlin.scene.effects import known_effects
 from flexlin.scene.scene import Scene
@@ -36,21 +37,33 @@ def record(analysis: Analysis) -> dict[str, Any]:
         "coordinates": list(a.plant.names),
         "inputs": list(a.plant.inputs),
         "period": a.plant.period,
-        "floquet": loop_block(a.own),
-        "open_loop": loop_block(a.open_loop),
-        **({} if a.elastic is None else {"elastic_motion": loop_block(a.elastic)}),
+        "floquet": record_loop(a.own),
+        "open_loop": record_loop(a.open_loop),
+        **({} if a.elastic is None else {"elastic_motion": record_loop(a.elastic)}),
         "resonances": [str(resonance) for resonance in a.resonances],
-        "designs": {loop.name: loop_block(loop) for loop in a.designs},
+        "designs": {loop.name: record_loop(loop) for loop in a.designs},
         "t": a.t.tolist(),
-        "coefficients": {name: numbers(getattr(a.coefficients, name)) for name in ("M", "D", "K", "h", "B", "tau")},
-        "forced_response": response_block(a),
-        "simulation": simulation_block(a),
-        "linear_range": linear_range_block(a),
+        "coefficients": {
+            name: record_numbers(getattr(a.coefficients, name)) for name in ("M", "D", "K", "h", "B", "tau")
+        },
+        "forced_response": record_response(a),
+        "simulation": record_simulation(a),
+        "linear_range": record_linear_range(a),
         **({} if a.audit is None else {"effects_audit": audit_block(a.audit)}),
-        **({} if a.sensitivity is None else {"sensitivity": sensitivity_block(a.sensitivity)}),
-        "versions": versions(),
-        "steps": [{"name": step.name, "seconds": round(step.seconds, 4)} for step in a.steps],
+        **({} if a.sensitivity is None else {"sensitivity": record_sensitivity(a.sensitivity)}),
+        "versions": list_versions(),
+        "accuracy": a.scene.accuracy.model_dump(mode="json"),
+        "steps": [step_block(step) for step in a.steps],
     }
+
+
+def step_block(step: Step) -> dict[str, Any]:
+    """What one stage took; the error that was asked and the one that was reached, and why it has no answer, where there is such."""
+    block: dict[str, Any] = {"name": step.name, "seconds": round(step.seconds, 4)}
+    block["cpu_seconds"] = round(step.cpu_seconds, 4)
+    if step.asked is not None:
+        block |= {"asked": step.asked, "reached": None if step.reached is None else record_number(step.reached)}
+    return block | ({"problem": step.problem} if step.problem else {})
 
 
 def to_json(data: dict[str, Any]) -> str:
@@ -69,11 +82,11 @@ def effects(scene: Scene) -> dict[str, Any]:
     }
 
 
-def loop_block(loop: Loop) -> dict[str, Any]:
+def record_loop(loop: Loop) -> dict[str, Any]:
     """What is known of one loop."""
     block: dict[str, Any] = {"name": loop.name, "kind": loop.kind, "verdict": loop.verdict}
     if loop.design is not None:
-        block |= {"design_error": number(loop.design.error), "design_status": loop.design.status}
+        block |= {"design_error": record_number(loop.design.error), "design_status": loop.design.status}
     if loop.floquet is None:
         return block | {"status": loop.problem}
     result, setting = loop.floquet, loop.floquet.setting
@@ -82,11 +95,11 @@ def loop_block(loop: Loop) -> dict[str, Any]:
         "status": result.status,
         "growth_rate": growth,
         "growth_rate_error": growth_error,
-        "exponents": numbers(result.exponents),
-        "errors": numbers(result.errors),
-        "error": number(result.error),
-        "log_multipliers": numbers(result.log_multipliers),
-        "multipliers": numbers(result.multipliers),
+        "exponents": record_numbers(result.exponents),
+        "errors": record_numbers(result.errors),
+        "error": record_number(result.error),
+        "log_multipliers": record_numbers(result.log_multipliers),
+        "multipliers": record_numbers(result.multipliers),
         "setting": {
             "method": setting.method,
             "order": setting.order,
@@ -96,45 +109,45 @@ def loop_block(loop: Loop) -> dict[str, Any]:
     }
 
 
-def response_block(analysis: Analysis) -> dict[str, Any]:
+def record_response(analysis: Analysis) -> dict[str, Any]:
     """The periodic response of the scene's own loop at the times `t`."""
     response = analysis.response
     if response is None:
         return {"problem": analysis.problems["response"]}
     return {
-        "states": numbers(response.states),
-        "tip_error_xy": numbers(response.tip),
-        "largest_tip_error": number(response.tip_error.max()),
-        "rms_tip_error": number(np.sqrt(np.mean(response.tip_error[:-1] ** 2))),
-        "error": number(response.solution.error),
-        "amplification": number(response.solution.amplification),
+        "states": record_numbers(response.states),
+        "tip_error_xy": record_numbers(response.tip),
+        "largest_tip_error": record_number(response.tip_error.max()),
+        "rms_tip_error": record_number(np.sqrt(np.mean(response.tip_error[:-1] ** 2))),
+        "error": record_number(response.solution.error),
+        "amplification": record_number(response.solution.amplification),
         "status": response.solution.status,
     }
 
 
-def simulation_block(analysis: Analysis) -> dict[str, Any]:
+def record_simulation(analysis: Analysis) -> dict[str, Any]:
     """The nonlinear equations beside the linear prediction."""
     simulation = analysis.simulation
     if simulation is None:
         return {"problem": analysis.problems["simulation"]}
     return {
-        "t": numbers(simulation.t),
-        "nonlinear": numbers(simulation.nonlinear),
-        "linear": numbers(simulation.linear),
-        "torque": numbers(simulation.torque),
-        "tip": numbers(simulation.tip),
-        "tip_linear": numbers(simulation.tip_linear),
-        "tip_rigid": numbers(simulation.tip_rigid),
-        "largest_tip_difference": number(simulation.difference),
-        "largest_tip_error": number(simulation.tip_error),
-        "error": number(simulation.error),
-        "linear_error": number(simulation.linear_error),
-        "largest_tip_difference_error": number(simulation.difference_error),
+        "t": record_numbers(simulation.t),
+        "nonlinear": record_numbers(simulation.nonlinear),
+        "linear": record_numbers(simulation.linear),
+        "torque": record_numbers(simulation.torque),
+        "tip": record_numbers(simulation.tip),
+        "tip_linear": record_numbers(simulation.tip_linear),
+        "tip_rigid": record_numbers(simulation.tip_rigid),
+        "largest_tip_difference": record_number(simulation.difference),
+        "largest_tip_error": record_number(simulation.tip_error),
+        "error": record_number(simulation.error),
+        "linear_error": record_number(simulation.linear_error),
+        "largest_tip_difference_error": record_number(simulation.difference_error),
         "status": simulation.status,
     }
 
 
-def linear_range_block(analysis: Analysis) -> dict[str, Any]:
+def record_linear_range(analysis: Analysis) -> dict[str, Any]:
     """Amplitudes, in rad or m, at which second-order terms count along the slowest modes of the scene's own loop."""
     found = analysis.linear_range
     if found is None:
@@ -142,8 +155,8 @@ def linear_range_block(analysis: Analysis) -> dict[str, Any]:
     return {
         "status": found.status,
         "share": found.share,
-        "directions": numbers(found.directions),
-        "amplitudes": numbers(found.amplitudes),
+        "directions": record_numbers(found.directions),
+        "amplitudes": record_numbers(found.amplitudes),
     }
 
 
@@ -156,37 +169,38 @@ def audit_block(audit: Audit) -> dict[str, Any]:
         "droppable": list(audit.droppable),
         "missing": list(audit.missing),
         "rows": [
-            {key: number(value) if isinstance(value, float) else value for key, value in row.items()} for row in rows
+            {key: record_number(value) if isinstance(value, float) else value for key, value in row.items()}
+            for row in rows
         ],
     }
 
 
-def sensitivity_block(data: "xarray.Dataset") -> dict[str, Any]:
+def record_sensitivity(data: "xarray.Dataset") -> dict[str, Any]:
     """What one percent more of each number does to each growth rate, in 1/s, beside the number and the exponents."""
     return {
         "parameters": [str(path) for path in data["parameter"].values],
-        "values": numbers(data["value"].values),
-        "exponents": numbers(data["exponents"].values),
-        "condition": numbers(data["condition"].values),
-        "percent": numbers(data["percent"].values),
+        "values": record_numbers(data["value"].values),
+        "exponents": record_numbers(data["exponents"].values),
+        "condition": record_numbers(data["condition"].values),
+        "percent": record_numbers(data["percent"].values),
     }
 
 
-def versions() -> dict[str, str]:
+def list_versions() -> dict[str, str]:
     """Versions of flexlin, Python and the packages that made the numbers."""
     packages = {package: version(package) for package in PACKAGES}
     return {"flexlin": flexlin.__version__, "python": python_version(), "platform": platform(), **packages}
 
 
-def numbers(array: Array) -> Any:
+def record_numbers(array: Array) -> Any:
     """An array as nested lists, complex numbers as [re, im]."""
     if np.iscomplexobj(array):
-        return numbers(np.stack([array.real, array.imag], axis=-1))
+        return record_numbers(np.stack([array.real, array.imag], axis=-1))
     if np.all(np.isfinite(array)):
         return np.asarray(array, dtype=float).tolist()
-    return [numbers(part) if np.ndim(part) else number(part) for part in array]
+    return [record_numbers(part) if np.ndim(part) else record_number(part) for part in array]
 
 
-def number(value: float) -> float | None:
+def record_number(value: float) -> float | None:
     """A number, or nothing where it is not finite."""
     return float(value) if np.isfinite(value) else None

@@ -8,7 +8,7 @@ import xarray
 
 import flexlin
 from flexlin.about.linear import Linearization
-from flexlin.checks import check_size
+from flexlin.checks import check_size, memory_limit
 from flexlin.control import Design
 from flexlin.files import replacing
 from flexlin.scene.scene import Scene
@@ -64,6 +64,12 @@ def gains_dataset(scene: Scene, plant: Linearization, designs: list[Design], poi
     )
     data["K"].attrs["long_name"] = "feedback gain"
     return described(data, scene, plant.period, "u = -K(t) [y; y'], beside the feedforward torque of the rigid motion")
+
+
+def check_gains(scene: Scene, points: int) -> None:
+    """Refuse gains at too many times before any is designed; what each has at the least is counted."""
+    with memory_limit(scene.accuracy.memory):
+        check_points(points, sum(len(table.state_weight) * len(table.input_weight) for table in scene.designs))
 
 
 def check_points(points: int, numbers: int) -> None:

@@ -1,16 +1,26 @@
 """What the command line prints: short, and in colour only on a terminal."""
 
 import sys
+from collections.abc import Sequence
 
 from flexlin.answers.analysis import Analysis, Loop
 from flexlin.answers.audit import Audit, Row
-from flexlin.report.advice import next_steps
-from flexlin.report.wording import figures, pace, quantity, rate
+from flexlin.answers.clock import Step
+from flexlin.report.advice import advise
+from flexlin.report.wording import (
+    caution,
+    describe_pace,
+    format_decimal,
+    format_figures,
+    format_power,
+    format_quantity,
+    format_rate,
+)
 
 COLOURS = {"stable": "green", "unstable": "red", "undecided": "yellow", "failed": "red"}
 
 
-def say(text: str = "", verdict: str | None = None) -> None:
+def say(text: str = "", verdict: str | None = None, colour: str | None = None) -> None:
     """Print a line; a verdict at its beginning is coloured on a terminal."""
     if verdict is None or not sys.stdout.isatty():
         print(text)
@@ -19,17 +29,42 @@ def say(text: str = "", verdict: str | None = None) -> None:
     from rich.text import Text
 
     line = Text(text)
-    line.highlight_words([verdict], COLOURS[verdict] + " bold")
+    line.highlight_words([verdict], (colour or COLOURS[verdict]) + " bold")
     Console(highlight=False, soft_wrap=True).print(line)
+
+
+def say_loop(loop: Loop, period: float) -> None:
+    """Print the verdict on a loop, in the colour of doubt where no arm would show it."""
+    say(loop_line(loop, period), loop.verdict, COLOURS["undecided"] if caution(loop, period) else None)
 
 
 def summarize(analysis: Analysis) -> None:
     """Print the verdicts and what to do next."""
     say(analysis.scene.title)
     for loop in analysis.loops:
-        say(loop_line(loop, analysis.plant.period), loop.verdict)
-    for step in next_steps(analysis):
-        say(f"- {step}")
+        say_loop(loop, analysis.plant.period)
+    said = advise(analysis)
+    for line in (*[f"- {step}" for step in said], *accuracy_lines(analysis.steps, "\n".join(said))):
+        say(line)
+
+
+def accuracy_lines(steps: Sequence[Step], said: str = "") -> list[str]:
+    """What was asked, what was reached, what it took: one line, and one for each stage that missed or has no answer that was not `said`."""
+    judged = [step for step in steps if step.asked is not None]
+    total, cpu = sum(step.seconds for step in steps), sum(step.cpu_seconds for step in steps)
+    took = f"{format_quantity(total, 's')} ({format_quantity(cpu, 's')} of a processor)"
+    if not judged:
+        return [f"took {took}"]
+    reached = [step.reached for step in judged if step.reached is not None]
+    worst = f", largest error {format_power(max(reached))}" if reached else ""
+    met = sum(step.reached is not None and not step.missed for step in judged)
+    lines = [
+        f"accuracy: tol {format_power(judged[0].asked or 0.0)} reached in {met} of {len(judged)} stages{worst}; took {took}"
+    ]
+    lines += [
+        f"  {step.name}: error {format_decimal(step.reached or 0.0, 2)}, above tol" for step in judged if step.missed
+    ]
+    return lines + [f"  no answer from {step.problem}" for step in steps if step.problem and step.problem not in said]
 
 
 def audit_lines(audit: Audit) -> list[str]:
@@ -39,25 +74,30 @@ def audit_lines(audit: Audit) -> list[str]:
         (*audit.effects, *audit.modes),
         key=lambda row: -row.significance if row.significance == row.significance else 1.0,
     )
-    tried = [f"  {row.subject}: {figures(row.table, row.units)}" for row in rows if row.kind == "effect" and not row.on]
+    tried = [
+        f"  {row.subject}: {format_figures(row.table, row.units)}"
+        for row in rows
+        if row.kind == "effect" and not row.on
+    ]
     return [
         head,
-        *[audit_line(row) for row in rows],
+        *[format_audit_row(row) for row in rows],
         *(["effects that are off were tried with", *tried] if tried else []),
     ]
 
 
-def audit_line(row: Row) -> str:
+def format_audit_row(row: Row) -> str:
     """One change in one line."""
     if row.problem and row.verdict == "unknown":
         return f"{row.change:<30} {row.problem}"
     size = "verdict" if row.significance == float("inf") else f"{row.significance:.2g}"
-    tip = "" if row.tip_error != row.tip_error else quantity(row.tip_error, "m")
+    tip = "" if row.tip_error != row.tip_error else format_quantity(row.tip_error, "m")
     return f"{row.change:<30} {size:>12} {row.margin:>+11.2g} {row.frequency:>10.2g} {tip:>10} {row.instructions:>+7d}  {row.advice}"
 
 
 def loop_line(loop: Loop, period: float) -> str:
     """One loop in one line."""
-    speed = pace(loop, period)
-    figure = "" if loop.verdict in ("undecided", "failed") else f", {rate(*loop.growth)}"
-    return f"  {loop.name:<20} {loop.verdict:<10} {speed}{figure}"
+    speed = describe_pace(loop, period)
+    figure = "" if loop.verdict in ("undecided", "failed") else f", {format_rate(*loop.growth)}"
+    weak = caution(loop, period)
+    return f"  {loop.name:<20} {loop.verdict:<10} {f'{weak}; ' if weak else ''}{speed}{figure}"

@@ -10,68 +10,70 @@ from flexlin.checks import Array
 from flexlin.mechanics.effects import effects_of
 from flexlin.svg.scales import SUPERSCRIPTS
 
+MARGINAL, SLOW = 1e-9, 1e5
+"""A growth rate below this share of the motion's frequency is practically none; periods to settle beyond which a decay is not felt."""
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
 
 
-def quantity(value: float, unit: str, digits: int = 3) -> str:
+def format_quantity(value: float, unit: str, digits: int = 3) -> str:
     """A value with an SI prefix: 0.0123 m -> 12.3 mm."""
     if not math.isfinite(value):
         return f"not finite {unit}"
     if value == 0:
         return f"0 {unit}"
-    prefix = prefix_power(float(f"{value:.{digits}g}"))
-    return f"{minus(f'{value / 10.0**prefix:.{digits}g}')} {PREFIXES[prefix]}{unit}"
+    prefix = choose_prefix(float(f"{value:.{digits}g}"))
+    return f"{replace_minus(f'{value / 10.0**prefix:.{digits}g}')} {PREFIXES[prefix]}{unit}"
 
 
-def scaled(values: Array, unit: str) -> tuple[Array, str]:
+def scale_values(values: Array, unit: str) -> tuple[Array, str]:
     """Values with the SI prefix that makes the largest readable, and the unit with it."""
     largest = float(np.abs(values).max()) if values.size else 0.0
-    prefix = prefix_power(largest)
+    prefix = choose_prefix(largest)
     return values / 10.0**prefix, PREFIXES[prefix] + unit
 
 
-def prefix_power(value: float) -> int:
+def choose_prefix(value: float) -> int:
     """The power of ten of a value's SI prefix; none for zero and for what is not finite."""
     if value == 0 or not math.isfinite(value):
         return 0
     return min(max(3 * math.floor(math.log10(abs(value)) / 3), min(PREFIXES)), max(PREFIXES))
 
 
-def joint_unit(analysis: Analysis, joint: int) -> str:
+def name_joint_unit(analysis: Analysis, joint: int) -> str:
     """rad, or m for a joint that slides."""
     return analysis.arm.coordinates[analysis.arm.drives[joint]].unit
 
 
-def coordinate_unit(analysis: Analysis, index: int) -> str:
+def name_coordinate_unit(analysis: Analysis, index: int) -> str:
     """The unit of a coordinate of the linear equations."""
     return analysis.plant.coordinates[index].unit
 
 
-def input_unit(analysis: Analysis, index: int) -> str:
+def name_input_unit(analysis: Analysis, index: int) -> str:
     """The unit of an input: what an effect makes of it, such as V behind a motor, else the force of its joint."""
     units = [unit for effect in effects_of(analysis.scene.effects) if (unit := effect.input_unit) is not None]
     if units:
         return units[-1]
-    return "N" if joint_unit(analysis, analysis.plant.driven[index]) == "m" else "N m"
+    return "N" if name_joint_unit(analysis, analysis.plant.driven[index]) == "m" else "N m"
 
 
-def input_units(analysis: Analysis) -> str:
+def name_input_units(analysis: Analysis) -> str:
     """The units of all inputs."""
-    return " and ".join(sorted({input_unit(analysis, i) for i in range(len(analysis.plant.inputs))}))
+    return " and ".join(sorted({name_input_unit(analysis, i) for i in range(len(analysis.plant.inputs))}))
 
 
-def rate(value: float, error: float) -> str:
+def format_rate(value: float, error: float) -> str:
     """A growth rate with its error: −2.5207 ± 8×10⁻¹⁴ 1/s."""
-    return f"{decimal(value, 5)} ± {power(error)} 1/s"
+    return f"{format_decimal(value, 5)} ± {format_power(error)} 1/s"
 
 
-def decimal(value: float, digits: int) -> str:
+def format_decimal(value: float, digits: int) -> str:
     """A number to some digits, with a proper minus sign and powers of ten: −3.4474×10⁻⁸."""
     mantissa, e, exponent = f"{value:.{digits}g}".partition("e")
-    return minus(mantissa) + (f"×10{str(int(exponent)).translate(SUPERSCRIPTS)}" if e else "")
+    return replace_minus(mantissa) + (f"×10{str(int(exponent)).translate(SUPERSCRIPTS)}" if e else "")
 
 
-def power(value: float) -> str:
+def format_power(value: float) -> str:
     """A size to one digit, 8×10⁻¹⁴."""
     if value == 0 or not math.isfinite(value):
         return f"{value:g}"
@@ -79,48 +81,62 @@ def power(value: float) -> str:
     return f"{digit}×10{str(int(exponent)).translate(SUPERSCRIPTS)}"
 
 
-def figures(table: dict[str, Any], units: dict[str, str]) -> str:
+def format_figures(table: dict[str, Any], units: dict[str, str]) -> str:
     """The figures of an effect with their units: mass 0.03 kg, inertia 0 kg m^2."""
-    return ", ".join(f"{key} {listed(value)} {units.get(key, '')}".rstrip() for key, value in table.items()) or "none"
+    return (
+        ", ".join(f"{key} {format_list(value)} {units.get(key, '')}".rstrip() for key, value in table.items()) or "none"
+    )
 
 
-def listed(value: Any) -> str:
+def format_list(value: Any) -> str:
     """A number, or the numbers of a list, to four digits."""
     values = value if isinstance(value, (list, tuple)) else (value,)
     return ", ".join(f"{v:.4g}" if isinstance(v, float) else str(v) for v in values)
 
 
-def minus(text: str) -> str:
+def replace_minus(text: str) -> str:
     """A number's text with a proper minus sign."""
     return text.replace("-", "−")
 
 
-def pace(loop: Loop, period: float) -> str:
+def describe_pace(loop: Loop, period: float) -> str:
     """What a loop's growth rate means for a disturbance, without the rate itself."""
     growth, error = loop.growth
     if loop.floquet is None:
         return loop.problem
     if abs(growth) <= error:
-        return f"growth rate zero to within {power(error)} 1/s"
+        return f"growth rate zero to within {format_power(error)} 1/s"
     half = math.log(2) / abs(growth)
     does = "halves" if growth < 0 else "doubles"
-    share = f"{decimal(half / period, 2)} {'of a period' if half < period else 'periods'}"
-    return f"a disturbance {does} every {duration(half)}, {share}"
+    share = f"{format_decimal(half / period, 2)} {'of a period' if half < period else 'periods'}"
+    return f"a disturbance {does} every {format_duration(half)}, {share}"
 
 
-def duration(seconds: float) -> str:
+def caution(loop: Loop, period: float) -> str:
+    """What a verdict leaves unsaid where the growth rate is so small that no arm would show it; nothing where it is not."""
+    growth, _ = loop.growth
+    if loop.verdict not in ("stable", "unstable"):
+        return ""
+    if abs(growth) * period < MARGINAL:
+        return "practically marginal"
+    if loop.verdict == "stable" and np.log(50) / -growth > SLOW * period:
+        return f"but it takes {format_duration(np.log(50) / -growth)} to settle"
+    return ""
+
+
+def format_duration(seconds: float) -> str:
     """A time in s, or ms, µs ... below one."""
-    return quantity(seconds, "s") if seconds < 1000 else f"{decimal(seconds, 3)} s"
+    return format_quantity(seconds, "s") if seconds < 1000 else f"{format_decimal(seconds, 3)} s"
 
 
-def largest_multiplier(loop: Loop) -> str:
+def format_largest_multiplier(loop: Loop) -> str:
     """The modulus of the largest multiplier, from its logarithm."""
     if loop.floquet is None:
         return "–"
-    return modulus(float(loop.floquet.log_multipliers[0].real))
+    return format_modulus(float(loop.floquet.log_multipliers[0].real))
 
 
-def modulus(log: float) -> str:
+def format_modulus(log: float) -> str:
     """exp(log) as text, however far from 1."""
     if abs(log) < 7:
         return f"{math.exp(log):.4g}"

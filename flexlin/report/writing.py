@@ -1,6 +1,7 @@
 """From a scene to report.json and report.html."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,25 +32,27 @@ def write_report(
     with clock.step("load the numerical libraries"):
         from flexlin.answers.analysis import analyse
         from flexlin.report.record import record, to_json
-    analysis = analyse(scene, clock)
+    analysis, asked = analyse(scene, clock), scene.accuracy
     if with_audit:
-        with clock.step("audit of the effects"):
-            from flexlin.answers.audit import audit
+        from flexlin.answers.audit import audit
 
-            analysis = replace(analysis, audit=audit(scene, progress=progress))
+        work = partial(audit, scene, progress=progress, tol=asked.tol)
+        found = clock.attempt(analysis.problems, "effects audit", "audit of the effects", asked, work)
+        analysis = replace(analysis, audit=found)
     if with_sensitivity:
-        with clock.step("sensitivities"):
-            from flexlin.answers.sensitivity import sensitivity
+        from flexlin.answers.sensitivity import sensitivity
 
-            analysis = replace(analysis, sensitivity=sensitivity(scene))
+        rates = partial(sensitivity, scene, tol=asked.tol)
+        moved = clock.attempt(analysis.problems, "sensitivity", "sensitivities", asked, rates)
+        analysis = replace(analysis, sensitivity=moved)
     with clock.step("load the drawing library"):
-        from flexlin.report.figures import pictures
-        from flexlin.report.page import page
+        from flexlin.report.figures import draw_pictures
+        from flexlin.report.page import render_page
     with clock.step("figures"):
-        drawn = pictures(analysis)
+        drawn = draw_pictures(analysis)
     analysis = replace(analysis, steps=tuple(clock.steps))
     data = record(analysis)
     paths = [folder / "report.html", folder / "report.json"]
-    write_text(paths[0], page(analysis, data, drawn, command))
+    write_text(paths[0], render_page(analysis, data, drawn, command))
     write_text(paths[1], to_json(data))
     return analysis, paths

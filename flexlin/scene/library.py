@@ -19,7 +19,19 @@ def models_folder() -> Path:
 
 
 def builtin_scenes() -> dict[str, Path]:
-    """The built-in scenes by name."""
+    """Return the built-in scenes by name.
+
+    Returns
+    -------
+    dict of str to Path
+        The scene files.
+
+    Examples
+    --------
+    >>> from flexlin.scene import builtin_scenes
+    >>> "single-link" in builtin_scenes()
+    True
+    """
     return {path.stem: path for path in sorted(models_folder().glob("*.toml"))}
 
 
@@ -35,7 +47,34 @@ _REGISTRY: dict[str, RegisteredModel] = {}
 
 
 def register_model(name: str, schema: type[BaseModel], build: Callable[..., Any]) -> None:
-    """Let scenes say `model = name`; `schema` is a pydantic model of the parameters, `build(parameters)` returns a Manipulator."""
+    """Let scenes say `model = name` for equations that are written in Python.
+
+    Parameters
+    ----------
+    name : str
+        Name of the model.
+    schema : type of pydantic.BaseModel
+        Checks the scene's `parameters` table.
+    build : callable
+        Checked parameters -> Manipulator.
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> from pydantic import BaseModel
+    >>> import flexlin as fl
+    >>> from flexlin.scene import register_model
+    >>> class Pendulum(BaseModel):
+    ...     length: float
+    >>> def build(table):
+    ...     q, rate = ca.SX.sym("q"), ca.SX.sym("rate")
+    ...     return fl.Manipulator.from_lagrangian(q, rate, (table.length * rate) ** 2 / 2, -9.81 * table.length * ca.cos(q))
+    >>> register_model("pendulum", Pendulum, build)
+    >>> motion = {"kind": "harmonic", "frequency": 0.5, "joints": [{"amplitude": 0.3}]}
+    >>> raw = {"schema": 1, "title": "A pendulum", "model": "pendulum", "parameters": {"length": 0.5}, "motion": motion}
+    >>> fl.build_manipulator(fl.parse_scene(raw)).M
+    SX(0.25)
+    """
     _REGISTRY[name] = RegisteredModel(schema, build)
 
 

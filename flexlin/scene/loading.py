@@ -25,11 +25,31 @@ AnyTable = TypeVar("AnyTable", bound=BaseModel)
 
 
 def load_scene(source: str | Path, overrides: Mapping[str, Any] | None = None) -> Scene:
-    """Load a scene by its built-in name or from a TOML file, with dotted overrides.
+    """Load a scene by its built-in name or from a TOML file.
 
-    Parameters: source: a name that `builtin_scenes` lists, or a path; overrides: {"effects.payload.mass": 0.3}.
-    Returns: a frozen, checked `Scene`.
-    Raises: SceneError with all problems at once, each with its key, what was got and what was expected.
+    Parameters
+    ----------
+    source : str or Path
+        A name that `builtin_scenes` lists, or a path.
+    overrides : mapping of str to value, optional
+        Dotted paths and what stands there instead, such as {"effects.payload.mass": 0.3}.
+
+    Returns
+    -------
+    Scene
+        A frozen, checked scene.
+
+    Raises
+    ------
+    SceneError
+        With all problems at once, each with its key, what was got and what was expected.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link", {"effects.payload.mass": 0.1})
+    >>> scene.title, scene.effects.payload.mass
+    ('Single-link flexible manipulator', 0.1)
     """
     path = _find(source)
     return parse_scene(_read(path), str(path), overrides, path.parent)
@@ -41,7 +61,41 @@ def parse_scene(
     overrides: Mapping[str, Any] | None = None,
     folder: Path | None = None,
 ) -> Scene:
-    """Check raw scene data; relative file names in it are meant from `folder`."""
+    """Check a scene that is given as plain data.
+
+    Parameters
+    ----------
+    raw : mapping
+        The tables of the scene, as TOML gives them.
+    source : str
+        Name of the scene in messages.
+    overrides : mapping of str to value, optional
+        Dotted paths and what stands there instead.
+    folder : Path, optional
+        Where relative file names in the scene start.
+
+    Returns
+    -------
+    Scene
+        A frozen, checked scene.
+
+    Raises
+    ------
+    SceneError
+        With all problems at once.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> raw = {
+    ...     "schema": 1,
+    ...     "title": "A stiff link",
+    ...     "links": [{"length": 1.0, "mass_per_length": 2.0, "modes": 0}],
+    ...     "motion": {"kind": "harmonic", "frequency": 0.5, "joints": [{"amplitude": 0.3}]},
+    ... }
+    >>> fl.parse_scene(raw).motion.frequency
+    0.5
+    """
     source = printable(source)
     if too_deep(raw) or too_deep(overrides or {}):
         raise SceneError(source, [Problem("scene", "tables in tables without end", SHALLOW)])
@@ -70,7 +124,7 @@ def checked_table(schema: type[AnyTable], raw: Mapping[str, Any], source: str, k
 
 
 def _explains(known: Problem, other: Problem) -> bool:
-    """Whether a problem is already told, or only follows from one that leaves the number of coordinates unknown."""
+    """Whether a problem is already listed, or only follows from one that leaves the number of coordinates unknown."""
     if known.key == other.key or known.key.startswith(f"{other.key}."):
         return True
     counted = known.key.startswith(("links", "motion")) and known.key.rsplit(".", 1)[-1].isdigit()

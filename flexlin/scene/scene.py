@@ -4,6 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from flexlin.scene.accuracy import Accuracy
 from flexlin.scene.base import NotEndless, Table, Text
 from flexlin.scene.control import Control, DesignTable
 from flexlin.scene.effects import AnyEffects
@@ -12,10 +13,40 @@ from flexlin.scene.motion import AnyMotion
 
 
 class Scene(Table):
-    """All that flexlin needs to know of an arm, its motion and its control. A scene is data: nothing in it is evaluated as code.
+    """All that flexlin needs to know of an arm, its motion and its control.
 
-    Either `links` describe a planar chain, or `model` names a model that Python code has registered, with its `parameters`.
-    SI units and radians everywhere.
+    A scene is data: nothing in it is evaluated as code. Either `links` describe a planar chain, or `model` names a model that Python
+    code has registered, with its `parameters`. SI units and radians everywhere.
+
+    Attributes
+    ----------
+    schema_version : int
+        Version of the format, 1; its key is `schema`.
+    title : str
+        Title in reports.
+    source : str
+        Where the numbers come from.
+    model : str or None
+        Name of a registered model.
+    parameters : dict
+        The registered model's own table.
+    links : tuple of Link
+        The links from the base on.
+    effects : Effects
+        A table for each physical effect that is on.
+    motion : Harmonic, Rotation, Fourier, PointToPoint or TableMotion
+        The basic motion of the joints.
+    control : Control
+        Feedforward, feedback, saturation and sampling.
+    designs : tuple of DesignTable
+        Controllers to design.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> scene.links[0].length, scene.motion.kind, scene.control.feedback.kp
+    (0.96, 'harmonic', (3.0,))
     """
 
     schema_version: Annotated[Literal[1], Field(alias="schema")]
@@ -28,3 +59,4 @@ class Scene(Table):
     motion: AnyMotion
     control: Control = Control()
     designs: Annotated[tuple[DesignTable, ...], NotEndless] = ()
+    accuracy: Accuracy = Accuracy()

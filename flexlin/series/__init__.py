@@ -1,7 +1,8 @@
 """Taylor maps of explicit and implicit functions to any order, with their error, radius and linear range."""
 
 from flexlin.series.explicit import TaylorMap, taylor
-from flexlin.series.implicit import ImplicitMap, implicit_taylor
+from flexlin.series.implicit import implicit_taylor
+from flexlin.series.implicit_map import ImplicitMap
 from flexlin.series.radius import Radius
 from flexlin.series.solution import solve_implicit
 from flexlin.series.unroll import c_code

@@ -14,15 +14,41 @@ from flexlin.series.indices import indices
 from flexlin.series.polynomial import Polynomial
 from flexlin.series.recording import record_expressions
 from flexlin.series.space import Numeric
+from flexlin.summary import represent
 
 
 @dataclass(frozen=True)
 class TaylorMap:
-    """The Taylor polynomial of a matrix function, A(x0 + dx) ~ sum_k 1/k! D^k A(x0) (E_p (x) dx^(x)k)."""
+    """The Taylor polynomial of a matrix function.
+
+        A(x0 + dx) ~ sum_k 1/k! D^k A(x0) (E_p (x) dx^(x)k)
+
+    Call it with dx (n,) to get the value (m, p), or with dx (N, n) to get (N, m, p).
+
+    Attributes
+    ----------
+    polynomial : Polynomial
+        The coefficients, each monomial stored once.
+    x0 : array, shape (n,)
+        Where it is expanded.
+    shape : tuple of int
+        (m, p).
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> import flexlin as fl
+    >>> x = ca.SX.sym("x", 2)
+    >>> P = fl.taylor(x[0] * x[1] ** 2, x, [1.0, 2.0], 3)
+    >>> P([0.5, 0.0]).item(), P.derivative(1).tolist()
+    (6.0, [[4.0, 4.0]])
+    """
 
     polynomial: Polynomial
     x0: Array
     shape: tuple[int, int]
+
+    __repr__ = represent
 
     @property
     def order(self) -> int:
@@ -36,12 +62,40 @@ class TaylorMap:
         return values.reshape(*values.shape[:-1], columns, rows).swapaxes(-1, -2)
 
     def derivative(self, k: int) -> Array:
-        """Return D^k A(x0) (m, p n^k) in the layout of Khang et al., Eqs (15), (18)."""
+        """Return a derivative at x0 in Kronecker layout.
+
+        Parameters
+        ----------
+        k : int
+            Its order, at most that of the map.
+
+        Returns
+        -------
+        array, shape (m, p n^k)
+            D^k A(x0).
+
+        Raises
+        ------
+        ArgumentError
+            For an order that is not known.
+        TooLarge
+            When the layout would not fit into memory.
+
+        References
+        ----------
+        Khang, Dat, Tuan (2019), Eqs (15), (18).
+        """
         rows, columns = self.shape
         return self.polynomial.kronecker(k).reshape(columns, rows, -1).swapaxes(0, 1).reshape(rows, -1)
 
     def function(self) -> ca.Function:
-        """Return the polynomial as a casadi.Function dx -> A (m, p)."""
+        """Return the polynomial as a CasADi function.
+
+        Returns
+        -------
+        casadi.Function
+            dx (n,) -> A (m, p).
+        """
         dx = ca.SX.sym("dx", len(self.x0))
         return ca.Function("taylor", [dx], [ca.reshape(self.polynomial.expression(dx), *self.shape)], ["dx"], ["A"])
 
@@ -52,12 +106,44 @@ def taylor(A: Any, x: Any, x0: ArrayLike, order: int) -> TaylorMap:
         A(x0 + dx) ~ A(x0) + sum_(k=1..order) 1/k! D^k A(x0) (E_p (x) dx^(x)k)
 
     by truncated power series on the expression's own operations; each mixed derivative is computed and stored once.
-
     Assumes that A is analytic at x0.
-    Parameters: A: CasADi expression (m, p) of x only; x: column of symbols (n,); x0 (n,); order >= 0.
-    Returns: a TaylorMap P: P(dx) (m, p), P.derivative(k) (m, p n^k), P.function().
-    Raises: ArgumentError on shapes, free symbols, operations or points without a power series; TooLarge with the bytes wanted.
-    Source: Khang, Dat, Tuan (2019), Eqs (36), (41), (47).
+
+    Parameters
+    ----------
+    A : casadi.SX or casadi.MX, shape (m, p)
+        An expression of x only.
+    x : casadi.SX or casadi.MX, shape (n, 1)
+        A column of symbols.
+    x0 : array_like, shape (n,)
+        Where to expand.
+    order : int
+        The highest degree, from 0 on.
+
+    Returns
+    -------
+    TaylorMap
+        P: P(dx) (m, p), P.derivative(k) (m, p n^k), P.function().
+
+    Raises
+    ------
+    ArgumentError
+        On shapes, free symbols, and operations or points without a power series.
+    TooLarge
+        When the coefficients would not fit into memory; the message gives the bytes.
+
+    References
+    ----------
+    Khang, Dat, Tuan (2019), Eqs (36), (41), (47).
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> x = ca.SX.sym("x")
+    >>> P = fl.taylor(ca.sin(x), x, [0.0], 7)
+    >>> print(f"{P([0.5]).item():.8f} {np.sin(0.5):.8f}")
+    0.47942553 0.47942554
     """
     check_symbols("x", x)
     point = real_array("x0", x0, (x.numel(),))

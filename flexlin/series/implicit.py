@@ -1,133 +1,21 @@
-"""Taylor maps of implicit functions v(u), f(u, v) = 0, that know how far they may be trusted."""
+"""From equations f(u, v) = 0 to the Taylor map of v(u)."""
 
-from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.checks import Array, positive, real_array
-from flexlin.errors import ArgumentError, ToleranceNotReached
+from flexlin.checks import real_array
+from flexlin.errors import ArgumentError
 from flexlin.series.engine import expand_implicit, seeded
 from flexlin.series.explicit import check_analytic, check_symbols
-from flexlin.series.indices import indices, shared_indices
-from flexlin.series.newton import closure_and_jacobian, newton, newton_step
+from flexlin.series.implicit_map import ImplicitMap
+from flexlin.series.indices import indices
 from flexlin.series.polynomial import Polynomial
-from flexlin.series.radius import Radius, line_series, radius_along
 from flexlin.series.recording import record_expressions
 from flexlin.series.solution import closed
 from flexlin.series.space import Numeric
-from flexlin.series.tape import Tape
-from flexlin.series.unroll import unrolled
-
-
-@dataclass(frozen=True)
-class ImplicitMap:
-    """The Taylor polynomial of v(u) about (u0, v0), with f(u, v) = 0."""
-
-    tape: Tape
-    polynomial: Polynomial
-    u0: Array
-    v0: Array
-
-    @property
-    def order(self) -> int:
-        """The highest degree."""
-        return self.polynomial.indices.order
-
-    def __call__(self, du: ArrayLike) -> Array:
-        """Return v (nv,) at u0 + du, du (nu,); or (N, nv) for du (N, nu)."""
-        return self.polynomial(du)
-
-    def jacobian(self, k: int) -> Array:
-        """Return C_k = D_u^k v (nv, nu^k) in Kronecker layout, i_k fastest: de Jong et al., Eqs (16)-(24)."""
-        return self.polynomial.kronecker(k)
-
-    def error(self, du: ArrayLike) -> Any:
-        """Return the estimated error of the polynomial, |V^-1 f(u, v)|: the length of one Newton step from its value.
-
-        Within a few percent of the true error while that is small; infinite where V is singular.
-        Returns: a float for du (nu,), (N,) for du (N, nu); in the units of v.
-        """
-        values = np.atleast_2d(self(du))
-        sizes = np.linalg.norm(newton_step(self.tape, self.u0 + np.atleast_2d(du), values), axis=1)
-        return sizes if np.ndim(du) == 2 else float(sizes[0])
-
-    def refined(self, du: ArrayLike) -> Array:
-        """Return v with f(u, v) = 0 to rounding: Newton's method from the polynomial's value, shapes as in a call.
-
-        Raises: ToleranceNotReached naming the first point where it does not end.
-        """
-        points = np.atleast_2d(np.asarray(du, dtype=float))
-        v, last = newton(self.tape, self.u0 + points, np.atleast_2d(self(du)))
-        bad = np.flatnonzero(~(last < 1e-9 * (1 + np.abs(v).max(axis=1))))
-        if bad.size:
-            raise ToleranceNotReached(
-                "Newton's method from the Taylor value does not end",
-                got=f"du = {points[bad[0]].tolist()}",
-                todo="stay inside c.radius(direction), or expand about a nearer point",
-            )
-        return v if np.ndim(du) == 2 else v[0]
-
-    def rates(self, u: ArrayLike, u1: ArrayLike, u2: ArrayLike) -> tuple[Array, Array, Array]:
-        """Return v, v', v'' where u moves: the polynomial refined by Newton's method, then a series of order 2 in time.
-
-        Parameters: u (the coordinates themselves, not du), u' and u'', each (N, nu).
-        Returns: three arrays (N, nv).
-        Raises: ToleranceNotReached naming the first point where the loop does not close.
-        """
-        u, u1, u2 = (real_array(name, x, (None, len(self.u0))) for name, x in (("u", u), ("u1", u1), ("u2", u2)))
-        v = self.refined(u - self.u0)
-        space = Numeric(shared_indices(1, 2), (len(u),))
-        series = expand_implicit(
-            self.tape, space, [np.stack(parts) for parts in zip(u.T, u1.T, u2.T / 2, strict=True)], v.T
-        )
-        value, first, second = np.moveaxis(np.array(series), 0, 2)
-        return value, first, 2 * second
-
-    def radius(self, direction: ArrayLike) -> Radius:
-        """Return how far |du| the series of v converges along a direction, with what limits it.
-
-        The nearest point t in the complex plane where V(u0 + t d) is singular on this branch. A singularity behind counts as well:
-        a power series converges in a disk.
-
-        Returns: a float that also bears kind ("real singularity", "complex pair", "not found"), location, v, estimate, status.
-        """
-        return radius_along(self.tape, self.u0, self.v0, self.unit(direction))
-
-    def linear_range(self, tol: float, direction: ArrayLike) -> float:
-        """Return how far |du| = sqrt(2 tol / |C_2 d d|) the linear map v0 + C_1 du stays within `tol` along d.
-
-        Where C_2 d d = 0 the next term that is not zero takes its place; infinite where none is.
-        Parameters: tol > 0 in the units of v; direction (nu,), any length.
-        """
-        tol = positive("tol", tol)
-        series = line_series(self.tape, self.u0, self.v0, self.unit(direction), max(4, self.order))
-        sizes = np.linalg.norm(series, axis=1)
-        scale = max(sizes[1:].max(), np.finfo(float).tiny)
-        bent = [k for k in range(2, len(sizes)) if sizes[k] > 1e-13 * scale]
-        return float((tol / sizes[bent[0]]) ** (1 / bent[0])) if bent else float("inf")
-
-    def function(self) -> ca.Function:
-        """Return the polynomial as a casadi.Function du -> v."""
-        du = ca.SX.sym("du", len(self.u0))
-        return ca.Function("taylor", [du], [self.polynomial.expression(du)], ["du"], ["v"])
-
-    @cached_property
-    def moving(self) -> ca.Function:
-        """The whole computation unrolled: a casadi.Function (u0, v0, du) -> v for any point of evaluation near this one."""
-        _, V = closure_and_jacobian(self.tape, self.u0[None, :], self.v0[None, :])
-        return unrolled(self.tape, self.polynomial.indices, V[0])
-
-    def unit(self, direction: ArrayLike) -> Array:
-        """Return a checked direction of length 1."""
-        d = real_array("direction", direction, (len(self.u0),))
-        length = np.linalg.norm(d)
-        if length == 0:
-            raise ArgumentError("the direction is zero", got=d.tolist(), expected="a vector other than zero")
-        return d / length
 
 
 def implicit_taylor(f: Any, u: Any, v: Any, u0: ArrayLike, v0: ArrayLike, order: int) -> ImplicitMap:
@@ -136,13 +24,53 @@ def implicit_taylor(f: Any, u: Any, v: Any, u0: ArrayLike, v0: ArrayLike, order:
         v(u0 + du) ~ v0 + sum_(k=1..order) 1/k! C_k du^(x)k
 
     by truncated power series, order by order; symmetric derivatives are computed and stored once.
-
     Assumes f analytic, as many equations as dependent coordinates, V = D_v f regular at the point. A v0 given with few digits is refined.
-    Parameters: f: CasADi column (nv,) of u (nu,) and v (nv,), columns of symbols; u0, v0: a point with f = 0; order >= 0.
-    Returns: an ImplicitMap c: c(du), c.jacobian(k), c.error(du), c.radius(direction), c.linear_range(tol, direction), c.function().
-    Raises: ArgumentError on shapes, symbols, or a point that does not solve f = 0; SingularClosure where V is singular;
-    TooLarge with the bytes wanted.
-    Source: de Jong, Müller, van Dijk, Herder (2018), Eqs (14)-(25), corrected.
+
+    Parameters
+    ----------
+    f : casadi.SX or casadi.MX, shape (nv, 1)
+        The equations, expressions of u and v only.
+    u : casadi.SX or casadi.MX, shape (nu, 1)
+        Symbols of the independent coordinates.
+    v : casadi.SX or casadi.MX, shape (nv, 1)
+        Symbols of the dependent coordinates.
+    u0 : array_like, shape (nu,)
+        Where to expand.
+    v0 : array_like, shape (nv,)
+        A solution there.
+    order : int
+        The highest degree, from 0 on.
+
+    Returns
+    -------
+    ImplicitMap
+        c: c(du), c.jacobian(k), c.error(du), c.radius(direction), c.linear_range(tol, direction), c.function().
+
+    Raises
+    ------
+    ArgumentError
+        On shapes, symbols, or a point that does not solve f = 0.
+    SingularClosure
+        Where V is singular.
+    TooLarge
+        When the coefficients would not fit into memory; the message gives the bytes.
+
+    References
+    ----------
+    de Jong, Müller, van Dijk, Herder (2018), Eqs (14)-(25), corrected.
+
+    Examples
+    --------
+    v^3 + v = u near u = 2, v = 1, where v' = 1/4:
+
+    >>> import casadi as ca
+    >>> import flexlin as fl
+    >>> u, v = ca.SX.sym("u"), ca.SX.sym("v")
+    >>> c = fl.implicit_taylor(v**3 + v - u, u, v, [2.0], [1.0], 5)
+    >>> c.jacobian(1).item()
+    0.25
+    >>> print(f"{c([0.2]).item():.6f} {c.refined([0.2]).item():.6f}")
+    1.048228 1.048228
     """
     check_symbols("u", u)
     check_symbols("v", v)

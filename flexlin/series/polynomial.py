@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array, check_size, real_array
 from flexlin.errors import ArgumentError
 from flexlin.series.indices import Indices
+from flexlin.summary import represent
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,8 @@ class Polynomial:
 
     indices: Indices
     coefficients: Array
+
+    __repr__ = represent
 
     def __call__(self, dx: ArrayLike) -> Array:
         """Return the values (..., outputs) at dx (n,) or (N, n)."""

@@ -24,9 +24,25 @@ Kind = Literal["real singularity", "complex pair", "not found"]
 class Radius(float):
     """A radius of convergence: a length |du|, with what limits it.
 
-    `kind`: "real singularity", "complex pair" or "not found" (then the number is nan and `estimate` is all there is);
-    `location`: the signed or complex distance along the direction; `v`: the dependent coordinates there;
-    `estimate`: the distance read off the series alone; `status`: what to do next.
+    Attributes
+    ----------
+    kind : {"real singularity", "complex pair", "not found"}
+        What limits the series. When nothing was found the number is nan and `estimate` is all there is.
+    location : complex
+        The signed or complex distance along the direction.
+    v : array, shape (nv,)
+        The dependent coordinates there.
+    estimate : float
+        The distance read off the series alone.
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> import flexlin as fl
+    >>> u, v = ca.SX.sym("u"), ca.SX.sym("v")
+    >>> circle = fl.implicit_taylor(u**2 + v**2 - 1, u, v, [0.6], [0.8], 4)
+    >>> print(circle.radius([1.0]).status)
+    a singular configuration lies ahead, at a distance of 0.4
     """
 
     kind: Kind
@@ -38,6 +54,14 @@ class Radius(float):
         value = super().__new__(cls, abs(location))
         value.kind, value.location, value.v, value.estimate = kind, location, v, estimate
         return value
+
+    def __reduce__(self) -> tuple[type["Radius"], tuple[Kind, complex, Array, float]]:
+        return type(self), (self.kind, self.location, self.v, self.estimate)
+
+    def __repr__(self) -> str:
+        return (
+            f"Radius({float(self):.6g}, kind={self.kind!r}, location={self.location:.6g}, estimate={self.estimate:.6g})"
+        )
 
     @property
     def status(self) -> str:

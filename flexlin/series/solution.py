@@ -23,9 +23,36 @@ CLOSED = 1e-3
 def solve_implicit(f: Any, u: Any, v: Any, u0: ArrayLike, guess: ArrayLike) -> Array:
     """Solve f(u0, v) = 0 for v by Newton's method from a guess.
 
-    Parameters: f, u, v as in `implicit_taylor`; u0 (nu,), guess (nv,).
-    Returns: v (nv,), to rounding.
-    Raises: ToleranceNotReached when 50 steps from this guess do not reach a solution.
+    Parameters
+    ----------
+    f : casadi.SX or casadi.MX, shape (nv, 1)
+        The equations, expressions of u and v only.
+    u : casadi.SX or casadi.MX, shape (nu, 1)
+        Symbols of the independent coordinates.
+    v : casadi.SX or casadi.MX, shape (nv, 1)
+        Symbols of the dependent coordinates.
+    u0 : array_like, shape (nu,)
+        The independent coordinates.
+    guess : array_like, shape (nv,)
+        Where to start.
+
+    Returns
+    -------
+    array, shape (nv,)
+        v, to rounding.
+
+    Raises
+    ------
+    ToleranceNotReached
+        When 50 steps from this guess do not reach a solution.
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> from flexlin.series import solve_implicit
+    >>> u, v = ca.SX.sym("u"), ca.SX.sym("v")
+    >>> solve_implicit(v**3 + v - u, u, v, [2.0], [0.5]).round(12).tolist()
+    [1.0]
     """
     point, start = real_array("u0", u0, (u.numel(),)), real_array("guess", guess, (v.numel(),))
     solution, last = newton(record_expressions("f", [ca.vec(f)], [u, v]), point[None, :], start[None, :], 50)

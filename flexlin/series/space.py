@@ -138,7 +138,7 @@ class Symbolic:
 
 
 def occupied(part: Array) -> Array:
-    """Tell which coefficients are not structural zeros."""
+    """Return which coefficients are not structural zeros."""
     return np.array([type(value) is not int or value != 0 for value in part], dtype=bool)
 
 

@@ -43,9 +43,32 @@ def scalars(column: ca.SX) -> Array:
 
 
 def c_code(function: ca.Function) -> str:
-    """Return self-contained C source of a casadi.Function.
+    """Return self-contained C source of a CasADi function.
 
-    Raises: ArgumentError when a C compiler could not use it (the function calls external code).
+    Parameters
+    ----------
+    function : casadi.Function
+        Such as `TaylorMap.function()` or `ImplicitMap.moving`.
+
+    Returns
+    -------
+    str
+        C99 source.
+
+    Raises
+    ------
+    ArgumentError
+        When a C compiler could not use it, because the function calls external code.
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> import flexlin as fl
+    >>> from flexlin.series import c_code
+    >>> x = ca.SX.sym("x")
+    >>> source = c_code(fl.taylor(ca.sin(x), x, [0.0], 3).function())
+    >>> "taylor" in source
+    True
     """
     try:
         generator = ca.CodeGenerator(f"{function.name()}.c")

@@ -6,13 +6,14 @@ from flexlin.simulation.drive import Drive
 from flexlin.simulation.loop import NonlinearLoop
 from flexlin.simulation.prediction import predict
 from flexlin.simulation.result import Simulation
-from flexlin.simulation.run import simulate
+from flexlin.simulation.run import check_duration, simulate
 
 __all__ = [
     "Attraction",
     "Drive",
     "NonlinearLoop",
     "Simulation",
+    "check_duration",
     "predict",
     "region_of_attraction",
     "simulate",

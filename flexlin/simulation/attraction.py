@@ -11,17 +11,38 @@ from flexlin.control.slow_motions import slow_motions
 from flexlin.errors import NumericalError
 from flexlin.periodic.system import MatrixFunction
 from flexlin.simulation.loop import NonlinearLoop
+from flexlin.summary import represent
 
 
 @dataclass(frozen=True)
 class Attraction:
-    """Along the slowest Floquet modes: directions (k, 2n) whose linear motions have a largest deflection of 1 over a period, the amplitude
-    that still comes back, and the smallest that does not (inf when every amplitude up to `largest` came back)."""
+    """How large a deflection along the slowest Floquet modes still comes back.
+
+    Attributes
+    ----------
+    directions : array, shape (k, 2n)
+        Directions [y; y'] whose linear motions have a largest deflection of 1 (rad or m) over a period.
+    inside : array, shape (k,)
+        The amplitude that still comes back, in rad or m.
+    outside : array, shape (k,)
+        The smallest amplitude that does not; inf when every amplitude tried came back.
+    status : str
+        What to make of it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from flexlin.simulation import Attraction
+    >>> Attraction(np.eye(2), np.array([0.5, 1.0]), np.array([0.6, np.inf]), "a sample").inside.tolist()
+    [0.5, 1.0]
+    """
 
     directions: Array
     inside: Array
     outside: Array
     status: str
+
+    __repr__ = represent
 
 
 def region_of_attraction(
@@ -40,7 +61,42 @@ def region_of_attraction(
     x_p is the periodic motion of the loop, v a real Floquet direction, its linear motion scaled to a largest deflection of 1 (rad or m).
     Assumes a stable loop. What is found is a sample of the region's border, no proof of what lies inside.
 
-    Returns: an `Attraction`. Raises: NumericalError when the loop has no periodic motion near the rigid one.
+    Parameters
+    ----------
+    lin : Linearization
+        With the loop closed.
+    feedback : function of times (N,) -> (N, m, 2n), optional
+        Takes the place of the loop's gain.
+    modes : int
+        How many of the slowest modes.
+    largest : float
+        The largest amplitude tried, in rad or m.
+    periods : float
+        Time in which a deflection must come back, in periods.
+    halvings : int
+        Steps of the bisection.
+    tol : float
+        Error of the simulations.
+
+    Returns
+    -------
+    Attraction
+        The amplitudes found.
+
+    Raises
+    ------
+    NumericalError
+        When the loop has no periodic motion near the rigid one.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> from flexlin.simulation import region_of_attraction
+    >>> scene = fl.load_scene("single-link", {"links.0.modes": 1, "designs": []})
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    >>> found = region_of_attraction(lin, modes=1, largest=0.2, periods=2.0, tol=1e-4)
+    >>> found.inside.tolist()
+    [0.2]
     """
     law = lin.law if feedback is None else lin.law.with_gain(feedback)
     motion = periodic_motion(lin, law=law)

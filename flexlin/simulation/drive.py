@@ -13,8 +13,26 @@ from flexlin.errors import ArgumentError
 class Drive:
     """What stands between the commanded torque and the joint; each part is off unless it is given.
 
-    limit: (m,) largest |torque| in N m; sample_time in s: the command is computed once in each interval and held (zero-order hold);
-    delay in s: between measuring and the torque taking effect, below one sample time.
+    Parameters
+    ----------
+    limit : tuple of float, optional
+        Largest |torque| of each of the m inputs, in N m.
+    sample_time : float, optional
+        The command is computed once in each interval of this length, in s, and held (zero-order hold).
+    delay : float
+        Time between measuring and the torque taking effect, in s; at most one sample time.
+
+    Raises
+    ------
+    ArgumentError
+        When a number is out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from flexlin.simulation import Drive
+    >>> Drive(limit=(2.0,)).saturated(np.array([3.5])).tolist()
+    [2.0]
     """
 
     limit: tuple[float, ...] | None = None
@@ -34,7 +52,18 @@ class Drive:
             )
 
     def saturated(self, torque: Array) -> Array:
-        """The torque that the motor gives."""
+        """Return the torque that the motor gives.
+
+        Parameters
+        ----------
+        torque : array, shape (m,)
+            The commanded torque, in N m.
+
+        Returns
+        -------
+        array, shape (m,)
+            The torque within the limits.
+        """
         return torque if self.limit is None else np.clip(torque, -np.array(self.limit), self.limit)
 
 

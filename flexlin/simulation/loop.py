@@ -1,6 +1,6 @@
 """The nonlinear equations of motion under a control law, integrated."""
 
-from functools import partial
+from functools import cached_property, partial
 
 import casadi as ca
 import numpy as np
@@ -13,8 +13,11 @@ from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.errors import NumericalError
+from flexlin.simulation.collocation import Collocation
 from flexlin.simulation.drive import Drive
-from flexlin.simulation.stepping import TrialLeftRange, march
+from flexlin.simulation.equations import NonlinearEquations
+from flexlin.simulation.prediction import ROUNDING, with_breaks
+from flexlin.simulation.stepping import TrialLeftRange, march, stopped
 from flexlin.simulation.table import LawTable
 
 FARTHEST = 100.0
@@ -22,27 +25,89 @@ FARTHEST = 100.0
 MOST_CALLS = 1_000_000
 """Evaluations of the equations after which a simulation is given up."""
 
+CLOSE = 0.999
+"""A torque nearer to its limit than this, at any stage of the collocation, is integrated as one that is cut."""
+
+
+class TorqueCut(Exception):
+    """The drive does not give the torque that the law commands."""
+
 
 class NonlinearLoop:
     """The nonlinear equations in the deviation x = [y; y'] from the rigid motion; the last state is the work done on the arm.
 
-    M y'' = B torque - (M s_R'' + C s' + g + d),   work' = s' (M s'' + C s' + g)
+        M y'' = B torque - (M s_R'' + C s' + g + d),   work' = s' (M s'' + C s' + g)
+
+    Parameters
+    ----------
+    lin : Linearization
+        The arm and its motion.
+    law : Law
+        What commands the torque.
+    drive : Drive, optional
+        Saturation, sampling and delay.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> from flexlin.simulation import NonlinearLoop
+    >>> scene = fl.load_scene("single-link", {"links.0.modes": 1, "designs": []})
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    >>> loop = NonlinearLoop(lin, lin.law)
+    >>> loop.integrate(np.array([0.0, 0.1]), np.zeros(4), 1e-6).shape
+    (2, 5)
     """
 
     def __init__(self, lin: Linearization, law: Law, drive: Drive | None = None):
-        self.about, self.law, self.drive, self.n = lin.about, LawTable(law, lin), drive or Drive(), lin.n
+        self.lin, self._law = lin, law
+        self.about, self.drive, self.n = lin.about, drive or Drive(), lin.n
         self._kept = list(lin.kept)
-        self._equations = symbolic.Pointwise(deviation_equations(lin.about))
         self._calls = 0
 
     def command(self, t: float, x: Array) -> Array:
-        """The torque (m,) that the motors give for the state x = [y; y'] at one time."""
+        """Return the torque that the motors give for a state at one time.
+
+        Parameters
+        ----------
+        t : float
+            Time in s.
+        x : array, shape (2n,)
+            State [y; y'].
+
+        Returns
+        -------
+        array, shape (m,)
+            The torque, in N m.
+        """
         return self.drive.saturated(self.law(t, x))
 
-    def rate(self, t: float, z: Array, torque: Array) -> Array:
-        """The rate of z = [y; y'; work] under a torque.
+    def commands(self, t: Array, x: Array) -> Array:
+        """The torques (N, m) that the motors give for states (N, 2n) at many times."""
+        now = t % self.lin.period if self.lin.motion.periodic else np.minimum(t, self.lin.period)
+        return self.drive.saturated(self._law.torque(now, x))
 
-        Raises: TrialLeftRange where the mass matrix is not positive definite: an integrator's trial may come there, an arm does not.
+    def rate(self, t: float, z: Array, torque: Array) -> Array:
+        """Return the rate of z = [y; y'; work] under a torque.
+
+        Parameters
+        ----------
+        t : float
+            Time in s.
+        z : array, shape (2n + 1,)
+            State, with the work in J.
+        torque : array, shape (m,)
+            The torque, in N m.
+
+        Returns
+        -------
+        array, shape (2n + 1,)
+            z'.
+
+        Raises
+        ------
+        TrialLeftRange
+            Where the mass matrix is not positive definite: an integrator's trial may come there, an arm does not.
         """
         self._calls += 1
         if self._calls > MOST_CALLS:
@@ -57,20 +122,95 @@ class NonlinearLoop:
         return np.concatenate([x[self.n :], acceleration, [power]])
 
     def accept(self, t: float, z: Array) -> None:
-        """Look at a state that was reached. Raises: NumericalError when the loop diverges."""
+        """Look at a state that was reached.
+
+        Parameters
+        ----------
+        t : float
+            Time in s.
+        z : array, shape (2n + 1,)
+            State [y; y'; work].
+
+        Raises
+        ------
+        NumericalError
+            When the loop diverges.
+        """
         deviation = np.abs(z[: self.n]).max(initial=0.0)
         if not deviation < FARTHEST:
             raise self._lost(f"a deviation of {deviation:.3g} rad or m", t)
 
-    def integrate(self, t: Array, start: Array, rtol: float) -> Array:
-        """States [y; y'; work] (N, 2n + 1) at the times t.
+    def integrate(self, t: Array, start: Array, rtol: float, stages: int = 5) -> Array:
+        """Integrate from a start.
 
-        Raises: NumericalError when the loop diverges, or when the integrator cannot go on.
+        Parameters
+        ----------
+        t : array, shape (N,)
+            Times in s; the first is that of the start.
+        start : array, shape (2n,)
+            State [y; y'] at the first time.
+        rtol : float
+            Relative tolerance of the integrator.
+        stages : int
+            Of the collocation, which serves as long as the drive gives what is commanded; a torque that is held or cut is stepped through.
+
+        Returns
+        -------
+        array, shape (N, 2n + 1)
+            States [y; y'; work] at the times.
+
+        Raises
+        ------
+        NumericalError
+            When the loop diverges, or when the integrator cannot go on.
         """
         z = np.append(start, 0.0)
         self.accept(t[0], z)
         if self.drive.sample_time is not None:
             return self._held(t, z, rtol)
+        try:
+            return self._collocated(t, start, rtol, stages)
+        except TorqueCut:
+            return self._step_by_step(t, z, rtol)
+
+    @cached_property
+    def law(self) -> LawTable:
+        """The law as a step-by-step integrator asks for it."""
+        return LawTable(self._law, self.lin)
+
+    @cached_property
+    def _equations(self) -> symbolic.Pointwise:
+        return symbolic.Pointwise(deviation_equations(self.about))
+
+    @cached_property
+    def _collocation(self) -> NonlinearEquations:
+        return NonlinearEquations(self.lin, self._law)
+
+    def _collocated(self, t: Array, start: Array, rtol: float, stages: int) -> Array:
+        """The smooth loop. Raises: TorqueCut where the drive does not give the torque that is commanded."""
+        marks, limit = with_breaks(t[[0, -1]], self.lin), self.drive.limit
+
+        def accept(t: Array, x: Array, torque: Array) -> None:
+            if limit is not None and np.any(np.abs(torque) > CLOSE * np.array(limit)):
+                raise TorqueCut
+            for now, state in zip(t, x, strict=True):
+                self.accept(now, state)
+            self._check_mass(t, x)
+
+        integrator = Collocation(self._collocation, self.lin.period, stages, max(rtol, ROUNDING), accept)
+        return integrator.integrate(t, start, marks)
+
+    def _check_mass(self, t: Array, x: Array) -> None:
+        """Raises: NumericalError, naming the time, where the mass matrix of a state that was reached is not positive definite."""
+        kept = self._kept
+        M = self.about.of_arm("M", t, x[:, : self.n])[:, kept][:, :, kept]
+        positive = np.linalg.eigvalsh(M)[:, 0] > 0
+        if not positive.all():
+            first = float(t[np.argmin(positive)])
+            raise stopped(first, "the mass matrix is not positive definite beside the state that was reached")
+
+    def _step_by_step(self, t: Array, z: Array, rtol: float) -> Array:
+        """The loop whose torque is cut, by a multistep method: corners of the torque would spoil the order of collocation."""
 
         def follow(now: float, z: Array) -> Array:
             return self.rate(now, z, self.command(now, z[:-1]))

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.summary import represent
 
 if TYPE_CHECKING:
     import xarray
@@ -15,12 +16,39 @@ if TYPE_CHECKING:
 class Simulation:
     """A nonlinear simulation and the linear prediction of the same motion.
 
-    t (N,) in s; nonlinear, linear: deviations from the rigid motion as states [y; y'] (N, 2n); torque (N, m) in N m;
-    tip, tip_linear, tip_rigid: positions (N, 2) in m; error: of the nonlinear states, from a second run at a tenth of the tolerance;
-    linear_error: of the linear states, from a second resolution; both relative to the largest number of the states, or absolute below 1;
-    energy_error: largest mismatch between the energy and the work done by torques and damping, relative to the largest energy
-    that went to and fro (nan when the manipulator gives no energy); difference: largest distance of the two tips, in m;
-    difference_error: of that distance, in m, both sides together; status: what the difference means.
+    Attributes
+    ----------
+    names : tuple of str
+        Names of the n coordinates y.
+    t : array, shape (N,)
+        Times in s.
+    nonlinear : array, shape (N, 2n)
+        Deviation from the rigid motion [y; y'] by the nonlinear equations, in rad or m, and per s.
+    linear : array, shape (N, 2n)
+        The same by the linear equations.
+    torque : array, shape (N, m)
+        Torque that the drives give, in N m.
+    tip, tip_linear, tip_rigid : array, shape (N, 2)
+        Positions of the tip, in m; not numbers when the manipulator gives no points.
+    error : float
+        Error of the nonlinear states, from a second run at a tenth of the tolerance on other steps and by a method of another order, relative to the largest number of the states, or
+        absolute below 1.
+    linear_error : float
+        Error of the linear states, in the same way.
+    energy_error : float
+        Largest mismatch between the energy and the work done by torques and damping, relative to the largest energy that went to and
+        fro; not a number when the manipulator gives no energy.
+    difference_error : float
+        Error of `difference`, in m.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link", {"links.0.modes": 1, "designs": []})
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    >>> run = fl.simulate(lin, periods=0.25, tol=1e-6)
+    >>> run.difference > run.difference_error, sorted(run.dataset().coords)
+    (True, ['axis', 'state', 'time'])
     """
 
     names: tuple[str, ...]
@@ -35,6 +63,8 @@ class Simulation:
     linear_error: float
     energy_error: float
     difference_error: float
+
+    __repr__ = represent
 
     @property
     def difference(self) -> float:
@@ -89,7 +119,13 @@ class Simulation:
         return self.names[worst], float(apart[worst]), float(largest[worst]), error
 
     def dataset(self) -> "xarray.Dataset":
-        """All series as an xarray.Dataset."""
+        """Return all series as a dataset.
+
+        Returns
+        -------
+        xarray.Dataset
+            The series by time, with the errors as attributes.
+        """
         import xarray
 
         states = [*self.names, *[f"{name}_rate" for name in self.names]]

@@ -1,5 +1,7 @@
 """A simulation of the closed loop, nonlinear and linear side by side."""
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -11,7 +13,7 @@ from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.simulation.drive import Drive, scene_drive
 from flexlin.simulation.loop import NonlinearLoop
-from flexlin.simulation.prediction import distance, predict
+from flexlin.simulation.prediction import RUNS, distance, predict
 from flexlin.simulation.result import Simulation
 
 
@@ -30,15 +32,53 @@ def simulate(
 
         M(s) s'' + C s' + g + d = B torque,   torque = tau_ff(t) - K ([y; y'] - reference(t)),   s = s_R + y
 
-    The law is that of `lin` (`lin.law`: the scene's own feedback, and the torque of the rigid motion), unless others are given.
+    The law is that of `lin` (the scene's own feedback, and the torque of the rigid motion), unless another is given.
     Assumes prescribed joints follow their angles. The drive, by default the scene's, may saturate and sample the torque; the linear
     answer leaves that out.
 
-    Parameters: lin: from `linearize(arm, motion, control)`; periods: length of the simulation; initial: deviation [y; y'] (2n,) at t = 0,
-    default the law's reference; feedback: gain (m, 2n), or function (N,) -> (N, m, 2n), in the place of the law's; tol: of the
-    nonlinear and of the linear states; feedforward: from `control.feedforward`, in the place of the law's; law: a whole law.
-    Returns: a `Simulation` with the errors of both answers and its energy error.
-    Raises: NumericalError when the integrator cannot go on (a loop that diverges); TooLarge when the result would not fit.
+    Parameters
+    ----------
+    lin : Linearization
+        From `linearize(arm, motion, control)`, with n coordinates and m inputs.
+    periods : float
+        Length of the simulation, in periods of the motion.
+    initial : array_like, shape (2n,), optional
+        Deviation [y; y'] at t = 0; by default the law's reference.
+    feedback : array_like (m, 2n), or function of times (N,) -> (N, m, 2n), optional
+        Takes the place of the law's gain.
+    tol : float
+        Wanted error of the nonlinear and of the linear states.
+    points_per_period : int
+        Output times of a period.
+    feedforward : Feedforward, optional
+        From `control.feedforward`; takes the place of the law's.
+    drive : Drive, optional
+        Saturation, sampling and delay.
+    law : Law, optional
+        A whole law.
+
+    Returns
+    -------
+    Simulation
+        Both answers with their errors, and the error of the energy.
+
+    Raises
+    ------
+    ArgumentError
+        When arguments do not fit.
+    NumericalError
+        When the integrator cannot go on (a loop that diverges).
+    TooLarge
+        When the result would not fit into memory.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link", {"links.0.modes": 1, "designs": []})
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    >>> run = fl.simulate(lin, periods=0.25, tol=1e-6)
+    >>> run.t.shape, run.nonlinear.shape, run.error < 1e-5, run.energy_error < 1e-5
+    ((33,), (33, 4), True, True)
     """
     t = output_times(lin, positive("periods", periods), points_per_period)
     tol, n = positive("tol", tol), lin.n
@@ -49,10 +89,10 @@ def simulate(
     law = law if feedback is None else law.with_gain(feedback)
     start = law.reference(np.zeros(1))[0] if initial is None else real_array("initial", initial, (2 * n,))
     loop = NonlinearLoop(lin, law, drive or scene_drive(lin))
-    rough, fine = (loop.integrate(t, start, rtol) for rtol in (tol, tol / 10))
+    rough, fine = (loop.integrate(t, start, share * tol, stages) for stages, share in RUNS)
     states, work = fine[:, :-1], fine[:, -1]
     linear, coarse = predict(lin, t, start, law, tol)
-    torque = np.array([loop.command(time, x) for time, x in zip(t, states, strict=True)])
+    torque = loop.commands(t, states)
     tips = [tip_positions(lin, t, part) for part in (states, linear, np.zeros_like(states))]
     missed = sum(
         float(np.linalg.norm(tip - tip_positions(lin, t, other), axis=1).max())
@@ -76,13 +116,22 @@ def simulate(
 
 def output_times(lin: Linearization, periods: float, points_per_period: int) -> Array:
     """Equally spaced times of the whole simulation, once their number has been found reasonable."""
+    steps = check_duration(lin, periods, points_per_period)
+    return np.linspace(0.0, periods * lin.period, steps + 1)
+
+
+def check_duration(lin: Linearization, periods: float, points_per_period: int = 128) -> int:
+    """Refuse a simulation whose result would not fit, before it begins; the number of its steps.
+
+    Raises: ArgumentError for a duration that is not positive; TooLarge with the figure.
+    """
     whole("points_per_period", points_per_period)
-    steps = int(np.ceil(periods * points_per_period))
+    steps = math.ceil(positive("periods", periods) * points_per_period)
     numbers = 8 * lin.n + 2 * lin.about.m + 16
     check_size(
         f"a simulation of {periods:g} periods", 8 * numbers * (steps + 1), "simulate fewer periods or fewer points"
     )
-    return np.linspace(0.0, periods * lin.period, steps + 1)
+    return steps
 
 
 def energy_error(lin: Linearization, t: Array, states: Array, work: Array) -> float:

@@ -7,7 +7,7 @@ from html import escape
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.svg.panel import FONT, Mark, Panel, say, text_width
+from flexlin.svg.panel import FONT, Mark, Panel, measure_text, write_text
 from flexlin.svg.scales import Linear, Scale
 
 WIDTH = 760.0
@@ -54,12 +54,15 @@ class Fitted:
 
 def draw(rows: Sequence[Row], description: str, legend: Sequence[Mark] = ()) -> str:
     """Lay out rows of panels from the top down; returns one svg element, `legend` above all panels."""
-    parts, top = legend_row(legend, 4.0, 12.0), 20.0 if legend else 4.0
+    parts, top = draw_legend(legend, 4.0, 12.0), 20.0 if legend else 4.0
     grid = [
-        [fit(panel, width, row.height) for panel, width in zip(row.panels, widths(row), strict=False)] for row in rows
+        [fit(panel, width, row.height) for panel, width in zip(row.panels, measure_widths(row), strict=False)]
+        for row in rows
     ]
     for row, fitted in zip(rows, grid, strict=True):
-        margins = [max(other[k].margin for other in grid if same_columns(other, fitted, k)) for k in range(len(fitted))]
+        margins = [
+            max(other[k].margin for other in grid if share_columns(other, fitted, k)) for k in range(len(fitted))
+        ]
         drawn, top = draw_row(row, fitted, margins, top)
         parts += drawn
     body = "\n".join(parts)
@@ -69,13 +72,13 @@ def draw(rows: Sequence[Row], description: str, legend: Sequence[Mark] = ()) -> 
     )
 
 
-def widths(row: Row) -> list[float]:
+def measure_widths(row: Row) -> list[float]:
     """The width of each cell of a row."""
     shares = np.array(row.shares or [1.0] * len(row.panels))
     return [float(width) for width in (WIDTH - GAP * (len(shares) - 1)) * shares / shares.sum()]
 
 
-def same_columns(one: list[Fitted], other: list[Fitted], k: int) -> bool:
+def share_columns(one: list[Fitted], other: list[Fitted], k: int) -> bool:
     """Whether column k of two rows should line up."""
     return len(one) > k and (one is other or not any(f.panel.equal or f.panel.bare for f in (*one, *other)))
 
@@ -84,11 +87,11 @@ def fit(panel: Panel, width: float, height: float) -> Fitted:
     """Set a panel's open scales by its marks, and find its margin."""
     x, y = panel.fitted()
     if panel.bare:
-        return Fitted(panel, *(equal_units(x, y, width, height) if panel.equal else (x, y)), [], 0.0)
+        return Fitted(panel, *(equalize_units(x, y, width, height) if panel.equal else (x, y)), [], 0.0)
     if panel.equal:
-        x, y = equal_units(x, y, width - ROUGH_MARGIN - RIGHT, height)
+        x, y = equalize_units(x, y, width - ROUGH_MARGIN - RIGHT, height)
     y_ticks = y.ticks(min(7, max(3, int(height / 19))))
-    labels = max((text_width(label) for _, label in y_ticks), default=0.0) if panel.ticked[1] else 0.0
+    labels = max((measure_text(label) for _, label in y_ticks), default=0.0) if panel.ticked[1] else 0.0
     margin = labels + 8.0 + (LABEL if panel.y_label else 0.0)
     return Fitted(panel, x, y, y_ticks, max(margin, ROUGH_MARGIN) if panel.equal else margin)
 
@@ -98,7 +101,7 @@ def draw_row(row: Row, fitted: list[Fitted], margins: list[float], top: float) -
     head = (TITLE if any(panel.title for panel in row.panels) else 6.0) + LEGEND * any(p.legend for p in row.panels)
     foot = max(TICK * (p.ticked[0] and not p.bare) + LABEL * bool(p.x_label or p.footer) for p in row.panels) + 8.0
     parts, left = [], 0.0
-    for panel, width, margin in zip(fitted, widths(row), margins, strict=False):
+    for panel, width, margin in zip(fitted, measure_widths(row), margins, strict=False):
         right = 0.0 if panel.panel.bare else RIGHT
         parts += draw_panel(panel, Box(left + margin, top + head, width - margin - right, row.height), top)
         left += width + GAP
@@ -109,18 +112,18 @@ def draw_panel(fitted: Fitted, box: Box, top: float) -> list[str]:
     """Draw one panel: words above, axes, marks, words below."""
     panel, x, y = fitted.panel, fitted.x, fitted.y
     middle = box.left + box.width / 2
-    room = box.left + box.width + RIGHT - text_width(panel.title)
+    room = box.left + box.width + RIGHT - measure_text(panel.title)
     anchor, at = ("middle", middle) if panel.bare else ("start", min(box.left, room))
-    parts = [say(at, top + 13, panel.title, f"font-weight:600;text-anchor:{anchor}")]
-    parts += legend_row(panel.legend, box.left, box.top - 6)
+    parts = [write_text(at, top + 13, panel.title, f"font-weight:600;text-anchor:{anchor}")]
+    parts += draw_legend(panel.legend, box.left, box.top - 6)
     if not panel.bare:
-        parts += axes(panel, box, x, fitted.y_ticks, y)
-    parts += [element(mark, box, x, y) for mark in panel.marks]
+        parts += draw_axes(panel, box, x, fitted.y_ticks, y)
+    parts += [draw_mark(mark, box, x, y) for mark in panel.marks]
     below = box.top + box.height + TICK * (panel.ticked[0] and not panel.bare) + 12
-    return [*parts, say(middle, below, panel.x_label or panel.footer, "fill:var(--faint);text-anchor:middle")]
+    return [*parts, write_text(middle, below, panel.x_label or panel.footer, "fill:var(--faint);text-anchor:middle")]
 
 
-def axes(panel: Panel, box: Box, x: Scale, y_ticks: list[tuple[float, str]], y: Scale) -> list[str]:
+def draw_axes(panel: Panel, box: Box, x: Scale, y_ticks: list[tuple[float, str]], y: Scale) -> list[str]:
     """Grid lines and labels of both axes."""
     bottom, right = box.top + box.height, box.left + box.width
     ticks = x.ticks(max(2, int(box.width / 62)))
@@ -134,47 +137,47 @@ def axes(panel: Panel, box: Box, x: Scale, y_ticks: list[tuple[float, str]], y: 
     ]
     if panel.ticked[0]:
         style = "fill:var(--faint);text-anchor:middle"
-        parts += [say(at, bottom + 14, label, style) for at, (_, label) in zip(across, ticks, strict=True)]
+        parts += [write_text(at, bottom + 14, label, style) for at, (_, label) in zip(across, ticks, strict=True)]
     if panel.ticked[1]:
         style = "fill:var(--faint);text-anchor:end"
-        parts += [say(box.left - 5, at + 4, label, style) for at, (_, label) in zip(up, y_ticks, strict=True)]
+        parts += [write_text(box.left - 5, at + 4, label, style) for at, (_, label) in zip(up, y_ticks, strict=True)]
     if panel.y_label:
         at, middle = (
-            box.left - 11 - max((text_width(label) for _, label in y_ticks), default=0.0),
+            box.left - 11 - max((measure_text(label) for _, label in y_ticks), default=0.0),
             box.top + box.height / 2,
         )
         turned = f"rotate(-90 {at:.1f} {middle:.1f})"
-        parts.append(say(at, middle, panel.y_label, "fill:var(--faint);text-anchor:middle", transform=turned))
+        parts.append(write_text(at, middle, panel.y_label, "fill:var(--faint);text-anchor:middle", transform=turned))
     return parts
 
 
-def element(mark: Mark, box: Box, x: Scale, y: Scale) -> str:
+def draw_mark(mark: Mark, box: Box, x: Scale, y: Scale) -> str:
     """One mark in pixels."""
     if mark.kind == "zero":
         at = float(box.y(y, np.zeros(1))[0])
         return f'<path d="M{box.left:.1f},{at:.1f}h{box.width:.1f}" style="{mark.style}"/>'
     across, up = box.x(x, mark.x), box.y(y, mark.y)
     if mark.kind == "words":
-        return say(float(across[0]), float(up[0]), mark.texts[0], mark.style)
+        return write_text(float(across[0]), float(up[0]), mark.texts[0], mark.style)
     if mark.kind == "cells":
-        return f'<path d="{rectangles(across.reshape(2, -1), up.reshape(2, -1))}" style="{mark.style}"/>'
+        return f'<path d="{draw_rectangles(across.reshape(2, -1), up.reshape(2, -1))}" style="{mark.style}"/>'
     if mark.kind == "dots":
         texts = mark.texts or ("",) * len(across)
         return "".join(
             f'<path transform="translate({a:.1f} {b:.1f})" d="{mark.shape}" style="{mark.style}"><title>{escape(text)}</title></path>'
             for a, b, text in zip(across, up, texts, strict=True)
         )
-    return f'<path d="{trace(across, up)}{"z" if mark.kind == "area" else ""}" style="{mark.style}"/>'
+    return f'<path d="{draw_trace(across, up)}{"z" if mark.kind == "area" else ""}" style="{mark.style}"/>'
 
 
-def rectangles(across: Array, up: Array) -> str:
+def draw_rectangles(across: Array, up: Array) -> str:
     """Rectangles between low and high ends (2, N) as one path."""
     (left, right), (bottom, top) = across.tolist(), up.tolist()
     corners = zip(left, right, bottom, top, strict=True)
     return "".join(f"M{a:.2f},{c:.2f}H{b:.2f}V{d:.2f}H{a:.2f}z" for a, b, c, d in corners)
 
 
-def trace(across: Array, up: Array) -> str:
+def draw_trace(across: Array, up: Array) -> str:
     """Points as a path; a point that is not finite breaks the line."""
     pen, steps = "M", []
     for a, b in zip(across.tolist(), up.tolist(), strict=True):
@@ -186,7 +189,7 @@ def trace(across: Array, up: Array) -> str:
     return "".join(steps)
 
 
-def legend_row(marks: Sequence[Mark], left: float, baseline: float) -> list[str]:
+def draw_legend(marks: Sequence[Mark], left: float, baseline: float) -> list[str]:
     """Keys and labels in one line."""
     parts = []
     for mark in marks:
@@ -199,12 +202,12 @@ def legend_row(marks: Sequence[Mark], left: float, baseline: float) -> list[str]
         else:
             parts.append(f'<path d="M{left:.1f},{middle:.1f}h{KEY - 5:.1f}" style="{mark.style}"/>')
             left += KEY
-        parts.append(say(left, baseline, mark.label, "fill:var(--faint)"))
-        left += text_width(mark.label) + 14
+        parts.append(write_text(left, baseline, mark.label, "fill:var(--faint)"))
+        left += measure_text(mark.label) + 14
     return parts
 
 
-def equal_units(x: Scale, y: Scale, width: float, height: float) -> tuple[Scale, Scale]:
+def equalize_units(x: Scale, y: Scale, width: float, height: float) -> tuple[Scale, Scale]:
     """Widen one of two linear scales until a unit is as long on both axes."""
     if not (isinstance(x, Linear) and isinstance(y, Linear)):
         return x, y

@@ -40,7 +40,7 @@ class Mark:
 class Panel:
     """One pair of axes: scales, labels, and marks in the order in which they are drawn.
 
-    `equal` keeps one unit the same length on both axes; `bare` leaves axes and grid out; `ticked` tells which axes bear labels.
+    `equal` keeps one unit the same length on both axes; `bare` leaves axes and grid out; `ticked` says which axes have labels.
     Colours are names of the page's CSS variables.
     """
 
@@ -114,21 +114,21 @@ class Panel:
         """Both scales with their open ends set by the marks."""
         x = np.concatenate([mark.x for mark in self.marks] or [np.zeros(1)])
         y = np.concatenate([mark.y for mark in self.marks] or [np.zeros(1)])
-        return self.x.fitted(finite(x)), self.y.fitted(finite(y))
+        return self.x.fitted(select_finite(x)), self.y.fitted(select_finite(y))
 
 
-def finite(values: Array) -> Array:
+def select_finite(values: Array) -> Array:
     """The finite values, or zero when there is none."""
     kept = values[np.isfinite(values)]
     return kept if kept.size else np.zeros(1)
 
 
-def text_width(text: str, size: float = FONT) -> float:
+def measure_text(text: str, size: float = FONT) -> float:
     """About how wide a text will be."""
     return GLYPH * size * len(text)
 
 
-def say(x: float, y: float, text: str, style: str = "", **attributes: str) -> str:
+def write_text(x: float, y: float, text: str, style: str = "", **attributes: str) -> str:
     """A text element."""
     more = "".join(f' {name}="{value}"' for name, value in attributes.items())
     return f'<text x="{x:.1f}" y="{y:.1f}" style="{style}"{more}>{escape(text)}</text>'

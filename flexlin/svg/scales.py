@@ -43,7 +43,7 @@ class Linear:
         unit = 10.0 ** math.floor(math.log10(raw))
         step = next(factor * unit for factor in ROUND if factor * unit >= raw * (1 - 1e-9))
         marks = step * np.arange(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)
-        return [(float(mark), plain(float(mark), step)) for mark in marks]
+        return [(float(mark), format_plain(float(mark), step)) for mark in marks]
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Symlog:
         powers = range(0, math.ceil(max(abs(low), abs(high))) + 1, every)
         marks = [(0.0, "0")]
         for sign, mark in ((1, ""), (-1, "−")):
-            marks += [(sign * 10.0 ** (start + k), f"{mark}{power_of_ten(start + k)}") for k in powers]
+            marks += [(sign * 10.0 ** (start + k), f"{mark}{format_power_of_ten(start + k)}") for k in powers]
         return [(value, label) for value, label in marks if low <= float(self.bend(np.array(value))) <= high]
 
 
@@ -116,7 +116,7 @@ class Logarithmic:
         if last - first < 1:
             return Linear(self.low, self.high).ticks(most)
         every = max(1, math.ceil((last - first + 1) / max(most, 1)))
-        return [(10.0**k, power_of_ten(k)) for k in range(first, last + 1, every)]
+        return [(10.0**k, format_power_of_ten(k)) for k in range(first, last + 1, every)]
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ class Named:
 Scale = Linear | Symlog | Logarithmic | Named
 
 
-def plain(value: float, step: float) -> str:
+def format_plain(value: float, step: float) -> str:
     """A tick's label with as many decimals as its step needs."""
     if value != 0 and (abs(value) >= 1e6 or step < 1e-4):
         return f"{value:.3g}".replace("-", "−")
@@ -149,6 +149,6 @@ def plain(value: float, step: float) -> str:
     return f"{value:.{decimals}f}".replace("-", "−") if value != 0 else "0"
 
 
-def power_of_ten(k: int) -> str:
+def format_power_of_ten(k: int) -> str:
     """0.01, 0.1, 1, 10, 100, else 10 with a superscript."""
     return f"{10.0**k:g}" if -2 <= k <= 2 else "10" + str(k).translate(SUPERSCRIPTS)

@@ -1,6 +1,9 @@
 """Pickling: what comes back, in this process and in a fresh one, gives the same numbers to the last bit."""
 
+import dataclasses
+import inspect
 import pickle
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +12,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
+from flexlin import series, simulation
 from flexlin.about.free import parametric_loop
 from flexlin.control import (
     averaged_lqr,
@@ -26,6 +30,7 @@ from flexlin.control import (
     with_integral_action,
 )
 from flexlin.control.measurement import joint_angles, tip_acceleration, tip_position
+from tests.public_results import answer_results, arm_results, public_results, series_results, stability_results
 
 T = np.array([0.0, 0.13, 0.57, 1.21])
 
@@ -34,7 +39,7 @@ import pickle, sys
 import numpy as np
 objects, t = pickle.load(open(sys.argv[1], "rb"))
 sys.path.insert(0, sys.argv[3])
-from test_pickling import numbers
+from tests.about.test_pickling import numbers
 pickle.dump({name: numbers(value, t) for name, value in objects.items()}, open(sys.argv[2], "wb"))
 """
 
@@ -67,12 +72,36 @@ def numbers(value, t):
         return [value.state(t), value.torque(t), np.array([value.error])]
     if kind == "Feedforward":
         return [value.torque(t), value.reference(t), np.array([value.tip_error])]
-    if kind == "ForcedResponse" or callable(value):
+    if kind in ("TaylorMap", "Polynomial"):
+        n = len(value.x0) if kind == "TaylorMap" else value.indices.n
+        return [value(np.outer(t, np.ones(n)))]
+    if kind == "ForcedResponse" or (callable(value) and kind != "ImplicitMap"):
         return [value(t)]
     if kind == "ParametricLoop":
         point = 1.1 * value.nominal
         return [*value.sample(t[:2] / 9, point[None]), value.periods(point[None]), value.at(point).M(t)]
-    return [np.asarray(item) for item in vars(value).values() if isinstance(item, np.ndarray | float)]
+    if kind == "RiccatiSolution":
+        return [value.X(t), value.K(t), np.array([value.error, value.residual, value.closure])]
+    if kind == "ImplicitMap":
+        at = 0.01 * t[:, None]
+        return [value(at), value.refined(at), value.error(at), value.jacobian(2), np.array([value.radius([1.0])])]
+    if kind == "OpenChain":
+        return [value.pose(np.full(value.n, 0.3))]
+    if kind == "Radius":
+        return [np.array([float(value), value.location, value.estimate]), value.v]
+    if kind == "Dataset":
+        return [np.asarray(value[name]) for name in sorted(value.variables)]
+    return leaves(value)
+
+
+def leaves(value):
+    """All numbers and texts inside an object, a tuple or a table, in order."""
+    if isinstance(value, np.ndarray | float | int | complex | str | None):
+        return [np.asarray(value if value is not None else "none")]
+    parts = value.values() if isinstance(value, dict) else value if isinstance(value, tuple | list) else None
+    if parts is None:
+        parts = [value.name_in()] if type(value).__name__ == "Function" else getattr(value, "__dict__", {}).values()
+    return [leaf for part in parts for leaf in leaves(part)]
 
 
 def check(objects, folder):
@@ -81,7 +110,7 @@ def check(objects, folder):
     source, target = folder / "objects.pickle", folder / "numbers.pickle"
     source.write_bytes(pickle.dumps((objects, T)))
     here = {name: numbers(value, T) for name, value in pickle.loads(source.read_bytes())[0].items()}
-    subprocess.run([sys.executable, "-c", FRESH, source, target, Path(__file__).parent], check=True)
+    subprocess.run([sys.executable, "-c", FRESH, source, target, Path(__file__).parents[2]], check=True)
     for got in (here, pickle.loads(target.read_bytes())):
         for name, arrays in expected.items():
             for a, b in zip(arrays, got[name], strict=True):
@@ -165,3 +194,37 @@ def test_designs_and_results(tmp_path):
         },
         tmp_path,
     )
+
+
+@pytest.mark.parametrize("made", [series_results, stability_results, arm_results, answer_results])
+def test_every_public_result(made, tmp_path):
+    objects = made()
+    assert all(numbers(value, T) for value in objects.values())
+    check(objects, tmp_path)
+
+
+def test_every_result_class_is_tried():
+    """The classes whose instances public functions hand back, by their annotations."""
+    tried = {kind.__name__ for value in public_results().values() for kind in type(value).__mro__}
+    for module in (fl, fl.control, fl.kronecker, series, simulation):
+        for name in module.__all__:
+            value = getattr(module, name)
+            if inspect.isfunction(value):
+                words = set(re.findall(r"[A-Z]\w+", str(inspect.signature(value).return_annotation).split(".")[-1]))
+                known = {
+                    word for word in words if dataclasses.is_dataclass(getattr(inspect.getmodule(value), word, None))
+                }
+                assert known <= tried, name
+
+
+def test_errors_come_back_whole():
+    problems = [fl.errors.Problem("links.0.length", "-1", "a positive number")]
+    for error in (
+        fl.errors.ArgumentError("a", got=1, expected="b", todo="c"),
+        fl.errors.TooLarge("a", got=2),
+        fl.errors.SceneError("scene.toml", problems),
+    ):
+        again = pickle.loads(pickle.dumps(error))
+        assert type(again) is type(error)
+        assert str(again) == str(error)
+        assert vars(again) == vars(error)

@@ -158,7 +158,9 @@ def test_bad_tables_are_refused(changes, message):
 
 def test_a_stiff_loop_takes_the_exponential_and_agrees_with_collocation():
     """Cheap control of a light inertia: a loop at -3e3/s beside slow modes."""
-    from flexlin.periodic.quadratic.riccati import linear_quadratic, place_edges, solve_on_panels
+    from flexlin.periodic.grid import place_edges
+    from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
+    from flexlin.periodic.quadratic.riccati import solve_on_panels
 
     def stiffness(t):
         return np.array([[3.0, -1.0], [-1.0, 2.0]]) * (1 + 0.3 * np.cos(2 * np.pi * t))[:, None, None]

@@ -9,7 +9,7 @@ import flexlin as fl
 from flexlin.about.free import parametric_loop
 from flexlin.answers.accuracy import CostResult, Row, cost
 from flexlin.answers.accuracy import own_stages as own
-from flexlin.answers.peers import cvodes_transition, heyoka, scipy_transition
+from flexlin.answers.peers import import_heyoka, prepare_cvodes, prepare_scipy
 from flexlin.cli.main import main
 from flexlin.errors import ArgumentError, InputError
 from flexlin.periodic.transition.setting import Setting
@@ -86,11 +86,11 @@ def test_cheapest_in_a_table_made_by_hand():
 
 def test_outside_programs_integrate_the_same_equations(scene):
     loop = parametric_loop(scene, ["effects.payload.mass"])
-    exact = own.transition(loop.linearization.periodic_system(), Setting("gauss", 20, 64, ""))
-    for transition, tol in ((scipy_transition(loop, "DOP853", 1e-9), 1e-8), (cvodes_transition(loop, 1e-9), 1e-5)):
+    exact = own.multiply_period(loop.linearization.periodic_system(), Setting("gauss", 20, 64, ""))
+    for transition, tol in ((prepare_scipy(loop, "DOP853", 1e-9), 1e-8), (prepare_cvodes(loop, 1e-9), 1e-5)):
         assert np.abs(transition(loop.nominal) - exact).max() < tol * np.abs(exact).max()
     with pytest.raises(ArgumentError, match="peers"):
-        heyoka("no_such_module_heyoka")
+        import_heyoka("no_such_module_heyoka")
 
 
 def test_a_one_way_motion_is_refused():

@@ -8,7 +8,7 @@ import flexlin as fl
 from flexlin.control.measurement import bending
 from flexlin.mechanics.closed_loop import side_by_side
 from flexlin.mechanics.coordinates import Coordinate
-from flexlin.mechanics.link_shapes import shapes_of
+from flexlin.mechanics.link_shapes import make_shapes
 
 from .scenes import arm_of, scene_of
 
@@ -21,7 +21,7 @@ def test_a_strain_gauge_on_an_arm_of_ten_links_reads_one_link(link):
     row = bending(scene, lin, link=link, at=0.0)(np.zeros(1))[0, 0]
     columns = [10 + 2 * link, 11 + 2 * link]
     assert np.flatnonzero(row).tolist() == columns
-    curvature = shapes_of(scene, link).values(np.array([0.0]), 2)[:, 0] / scene.links[link].length ** 2
+    curvature = make_shapes(scene, link).values(np.array([0.0]), 2)[:, 0] / scene.links[link].length ** 2
     np.testing.assert_allclose(row[columns], curvature, rtol=1e-14)
 
 

@@ -5,8 +5,8 @@ import pytest
 
 from flexlin.mechanics import build_manipulator
 from flexlin.mechanics.beam import clamped_with_tip
-from flexlin.mechanics.carried import carried_by
-from flexlin.mechanics.link_shapes import shapes_of
+from flexlin.mechanics.carried import sum_carried
+from flexlin.mechanics.link_shapes import make_shapes
 from flexlin.scene import load_scene
 
 from .scenes import value
@@ -21,13 +21,13 @@ def scene():
 
 def test_what_link_1_carries(scene):
     """Hub 1 kg, link 0.1 kg, payload 0.1 kg; the paper's 1.2 kg and 0.133833 kg m^2."""
-    np.testing.assert_allclose(carried_by(scene, 0), (1.2, 0.133833), rtol=3e-6)
-    np.testing.assert_allclose(carried_by(scene, 1), (0.1, 5e-4), rtol=1e-15)
+    np.testing.assert_allclose(sum_carried(scene, 0), (1.2, 0.133833), rtol=3e-6)
+    np.testing.assert_allclose(sum_carried(scene, 1), (0.1, 5e-4), rtol=1e-15)
 
 
 def test_printed_frequencies(scene):
     for link, printed in enumerate(([0.48, 1.80], [2.18, 15.91])):
-        omega = shapes_of(scene, link).beta ** 2 * np.sqrt(1.0 / (DENSITY * LENGTH**4))
+        omega = make_shapes(scene, link).beta ** 2 * np.sqrt(1.0 / (DENSITY * LENGTH**4))
         np.testing.assert_allclose(omega / (2 * np.pi), printed, atol=0.005)
 
 

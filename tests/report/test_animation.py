@@ -10,7 +10,7 @@ import pytest
 import flexlin as fl
 from flexlin.cli.main import main
 from flexlin.errors import ArgumentError
-from flexlin.report.animation import animation_page, frames
+from flexlin.report.animation import animation_page, collect_frames
 from flexlin.simulation import simulate
 
 
@@ -23,7 +23,7 @@ def played():
 
 def test_curves_end_where_the_simulation_has_the_tip(played):
     scene, lin, run = played
-    data = frames(scene, lin, run)
+    data = collect_frames(scene, lin, run)
     ends = np.array([[curve[0][-1], curve[1][-1]] for curve in data["arm"]])
     np.testing.assert_allclose(ends, run.tip, atol=2e-5)
     straight = np.array([curve[0][-1] ** 2 + curve[1][-1] ** 2 for curve in data["rigid"]])
@@ -44,7 +44,7 @@ def test_the_page_is_whole_and_asks_for_nothing(played):
 def test_long_simulations_are_thinned(played, monkeypatch):
     """Wider steps over the whole simulation, not its beginning alone; the tips stay with their times."""
     monkeypatch.setattr("flexlin.report.animation.FRAMES", 20)
-    run, data = played[2], frames(*played)
+    run, data = played[2], collect_frames(*played)
     assert 10 < len(data["t"]) <= 20
     assert data["step"] == pytest.approx(data["t"][1] - data["t"][0], abs=1e-6)
     assert data["t"][-1] > run.t[-1] - data["step"]

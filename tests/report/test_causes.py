@@ -11,17 +11,19 @@ import flexlin as fl
 from flexlin.answers.analysis import analyse
 from flexlin.answers.sensitivity import sensitivity
 from flexlin.cli.main import main
-from flexlin.report.advice import next_steps
+from flexlin.report.advice import advise
 from flexlin.report.figures.sensitivity import draw_sensitivity
 from flexlin.report.record import record
 
 
 def test_a_parametric_resonance_is_named() -> None:
     # The link is Mathieu's equation with a near 4: its second tongue, where the mean frequency equals that of rotation.
-    scene = fl.load_scene("spinning-link", {"effects.gravity.acceleration": 10.0, "motion.joints.0.rate": 3.9})
-    found = analyse(scene, tol=1e-7)
+    scene = fl.load_scene(
+        "spinning-link", {"effects.gravity.acceleration": 10.0, "motion.joints.0.rate": 3.9, "accuracy.tol": 1e-7}
+    )
+    found = analyse(scene)
     assert found.own.verdict == "unstable"
-    assert any("parametric resonance" in said and "2 × 0.6207 Hz" in said for said in next_steps(found))
+    assert any("parametric resonance" in said and "2 × 0.6207 Hz" in said for said in advise(found))
     assert "order 2" in record(found)["resonances"][0]
 
 

@@ -18,7 +18,7 @@ def test_a_design_without_an_answer_is_told_and_the_others_stand(
     assert data["floquet"]["verdict"] == "stable"
     assert data["designs"]["blind"]["verdict"] == "failed"
     assert "weight Q" in data["designs"]["blind"]["status"]
-    assert "no controller" in page
+    assert "no answer" in page
     assert "has no answer" in capsys.readouterr().out
     assert main(["design", *scene]) == 1
 

@@ -8,7 +8,7 @@ import pytest
 
 import flexlin as fl
 from flexlin.answers.analysis import Analysis, Loop
-from flexlin.report.record import loop_block, numbers, record, to_json
+from flexlin.report.record import record, record_loop, record_numbers, to_json
 
 
 def test_the_record_holds_what_the_library_computes(single_link: Analysis) -> None:
@@ -45,7 +45,7 @@ def test_the_periodic_response_repeats_and_solves_its_equation(single_link: Anal
 def test_numbers_beyond_floating_point_become_null_and_keep_their_logs(single_link: Analysis) -> None:
     found = single_link.own.floquet
     far = replace(found, exponents=np.array([1e4 + 1j, -1e4 + 0j, -1.0 + 0j]), errors=np.full(3, 1e-9))
-    block = loop_block(Loop("far", "pd", far))
+    block = record_loop(Loop("far", "pd", far))
     text = to_json(block)
     period = found.period
     overflown, vanished, ordinary = json.loads(text)["multipliers"]
@@ -58,4 +58,4 @@ def test_numbers_beyond_floating_point_become_null_and_keep_their_logs(single_li
 
 def test_numbers_keep_every_digit() -> None:
     values = np.array([[1 / 3, np.pi], [1e-300, -0.1]])
-    assert np.array_equal(np.array(json.loads(json.dumps(numbers(values)))), values)
+    assert np.array_equal(np.array(json.loads(json.dumps(record_numbers(values)))), values)

@@ -6,8 +6,8 @@ from importlib.util import find_spec
 
 from flexlin.about.free import parametric_loop
 from flexlin.answers.accuracy.result import Row
-from flexlin.answers.accuracy.trial import Trial, apart, measured
-from flexlin.answers.peers import HeyokaTransitions, cvodes_transition, scipy_transition, transition_rate
+from flexlin.answers.accuracy.trial import Trial, compare_arrays, measure_trials
+from flexlin.answers.peers import HeyokaTransitions, prepare_cvodes, prepare_scipy, prepare_rate
 from flexlin.checks import Array
 from flexlin.scene.scene import Scene
 
@@ -15,23 +15,25 @@ TOLS = (1e-5, 1e-7, 1e-9, 1e-11, 1e-13)
 RADAU_TOLS, HEYOKA_TOLS = (1e-4, 1e-6, 1e-8), (1e-6, 1e-12)
 
 
-def outside_methods(scene: Scene, exact: Array) -> tuple[list[Row], list[str]]:
+def measure_outside_methods(scene: Scene, exact: Array) -> tuple[list[Row], list[str]]:
     """SciPy's DOP853, LSODA and Radau, CasADi's cvodes and heyoka at several tolerances; notes on what is missing.
 
     Set-up and compilation are left out.
     """
     loop = parametric_loop(scene, ())
-    rate, p = transition_rate(loop, loop.nominal), loop.nominal
+    rate, p = prepare_rate(loop, loop.nominal), loop.nominal
     notes = [] if find_spec("heyoka") else ["heyoka is not installed (pip install 'flexlin[peers]'), so it has no row"]
 
     def trials() -> Iterator[Trial]:
         for method, tols in (("DOP853", TOLS), ("LSODA", TOLS), ("Radau", RADAU_TOLS)):
             for tol in tols:
-                yield Trial(f"SciPy {method}", f"tol {tol:.0e}", scipy_transition(loop, method, tol, rate=rate), outside=True)
+                yield Trial(
+                    f"SciPy {method}", f"tol {tol:.0e}", prepare_scipy(loop, method, tol, rate=rate), outside=True
+                )
         for tol in TOLS:
-            yield Trial("CasADi cvodes", f"tol {tol:.0e}", cvodes_transition(loop, tol), outside=True)
+            yield Trial("CasADi cvodes", f"tol {tol:.0e}", prepare_cvodes(loop, tol), outside=True)
         for tol in HEYOKA_TOLS if not notes else ():
             flow = HeyokaTransitions(loop, tol, compact=True)
             yield Trial("heyoka", f"tol {tol:.0e}", partial(flow, p), outside=True)
 
-    return measured("transition matrices", trials(), lambda P: apart(P, exact)), notes
+    return measure_trials("transition matrices", trials(), lambda P: compare_arrays(P, exact)), notes

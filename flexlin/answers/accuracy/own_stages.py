@@ -9,7 +9,7 @@ import numpy as np
 from flexlin import symbolic
 from flexlin.about.linear import Linearization, linearize
 from flexlin.answers.accuracy.result import Row
-from flexlin.answers.accuracy.trial import Trial, apart, exponents_apart, measured
+from flexlin.answers.accuracy.trial import Trial, compare_arrays, compare_exponents, measure_trials
 from flexlin.checks import Array
 from flexlin.mechanics import build_manipulator
 from flexlin.mechanics.manipulator import Manipulator
@@ -35,7 +35,7 @@ LARGEST = 1024
 """Segments times stages of a trial of collocation: more are not tried."""
 
 
-def coefficients(closed: Linearization) -> list[Row]:
+def measure_coefficients(closed: Linearization) -> list[Row]:
     """A(t) over the period from samples and their Fourier series, by the number of harmonics."""
     system, T = closed.periodic_system(), closed.period
     if system.breaks:
@@ -46,23 +46,23 @@ def coefficients(closed: Linearization) -> list[Row]:
     def trials() -> Iterator[Trial]:
         for h in HARMONICS:
             at = T * np.arange(2 * h + 1) / (2 * h + 1)
-            yield Trial("Fourier series", f"{h} harmonics", partial(from_samples, system, at, t))
+            yield Trial("Fourier series", f"{h} harmonics", partial(interpolate_samples, system, at, t))
 
-    return measured("coefficients", trials(), lambda A: apart(A, exact))
+    return measure_trials("coefficients", trials(), lambda A: compare_arrays(A, exact))
 
 
-def from_samples(system: PeriodicSystem, at: Array, t: Array) -> Array:
+def interpolate_samples(system: PeriodicSystem, at: Array, t: Array) -> Array:
     """A at the times t by the Fourier series through its samples at equidistant times."""
     return FourierSeries.through(system.A(at), system.period)(t)
 
 
-def transition(system: PeriodicSystem, setting: Setting) -> Array:
+def multiply_period(system: PeriodicSystem, setting: Setting) -> Array:
     """The transition matrix of one period."""
     P, log_scale = multiply_scaled(factor_period(system, setting)[1])
     return P * np.exp(log_scale)
 
 
-def transition_matrices(system: PeriodicSystem, exact: Array) -> list[Row]:
+def measure_transition_matrices(system: PeriodicSystem, exact: Array) -> list[Row]:
     """Every method at every order, and the setting that the engine starts from at each tol."""
 
     def trials() -> Iterator[Trial]:
@@ -70,16 +70,18 @@ def transition_matrices(system: PeriodicSystem, exact: Array) -> list[Row]:
             for order in orders:
                 for count in (k for k in SEGMENTS if k * order <= 2 * LARGEST or method == "magnus"):
                     setting = Setting(method, order, count, "")
-                    yield Trial(f"{method} {order}", f"{count} segments", partial(transition, system, setting))
+                    yield Trial(f"{method} {order}", f"{count} segments", partial(multiply_period, system, setting))
         for tol in TOLS:
             setting = choose_setting(system, tol, "auto", None, None)
             name = f"{setting.segments} segments"
-            yield Trial(f"{setting.method} {setting.order}", name, partial(transition, system, setting), f"{tol:.0e}")
+            yield Trial(
+                f"{setting.method} {setting.order}", name, partial(multiply_period, system, setting), f"{tol:.0e}"
+            )
 
-    return measured("transition matrices", trials(), lambda P: apart(P, exact))
+    return measure_trials("transition matrices", trials(), lambda P: compare_arrays(P, exact))
 
 
-def exponents(system: PeriodicSystem, exact: Array) -> list[Row]:
+def measure_exponents(system: PeriodicSystem, exact: Array) -> list[Row]:
     """floquet at each tol with its own choice of method, with each method, and by Hill's Fourier matrix."""
 
     def trials() -> Iterator[Trial]:
@@ -93,10 +95,10 @@ def exponents(system: PeriodicSystem, exact: Array) -> list[Row]:
                     mark,
                 )
 
-    return measured("exponents", trials(), lambda found: exponents_apart(found.exponents, exact))
+    return measure_trials("exponents", trials(), lambda found: compare_exponents(found.exponents, exact))
 
 
-def riccati(plant: Linearization) -> list[Row]:
+def measure_riccati(plant: Linearization) -> list[Row]:
     """The periodic Riccati equation of the open loop with unit weights, X at 32 times."""
     if not plant.inputs:
         return []
@@ -107,10 +109,10 @@ def riccati(plant: Linearization) -> list[Row]:
         Trial("periodic_riccati", f"tol {tol:.0e}", partial(periodic_riccati, system, Q, R, tol=tol), f"{tol:.0e}")
         for tol in TOLS
     ]
-    return measured("periodic Riccati", trials, lambda solution: apart(solution.X(t), exact))
+    return measure_trials("periodic Riccati", trials, lambda solution: compare_arrays(solution.X(t), exact))
 
 
-def forced(closed: Linearization) -> list[Row]:
+def measure_forced_response(closed: Linearization) -> list[Row]:
     """The periodic response to what the rigid motion leaves over, at 32 times."""
     system, t = closed.periodic_system(), closed.period * np.arange(32) / 32
     exact = forced_response(system, closed.forcing, FINE)(t)
@@ -123,10 +125,10 @@ def forced(closed: Linearization) -> list[Row]:
         )
         for tol in TOLS
     ]
-    return measured("forced response", trials, lambda response: apart(response(t), exact))
+    return measure_trials("forced response", trials, lambda response: compare_arrays(response(t), exact))
 
 
-def modes(scene: Scene, more: int = 2) -> list[Row]:
+def measure_modes(scene: Scene, more: int = 2) -> list[Row]:
     """The leading exponent with 0, 1, 2 ... modes a link, against two modes more than the scene has."""
     if not scene.links or all(link.modes == 0 for link in scene.links):
         return []
@@ -142,10 +144,10 @@ def modes(scene: Scene, more: int = 2) -> list[Row]:
 
     exact = leading(most)
     trials = [Trial("assumed modes", f"{k} a link", partial(leading, k)) for k in range(most)]
-    return measured("number of modes", trials, lambda value: abs(value - exact) / max(1.0, abs(exact)))
+    return measure_trials("number of modes", trials, lambda value: abs(value - exact) / max(1.0, abs(exact)))
 
 
-def taylor_order(arm: Manipulator, motion: Motion, orders: tuple[int, ...] = (1, 2, 3, 4)) -> list[Row]:
+def measure_taylor_order(arm: Manipulator, motion: Motion, orders: tuple[int, ...] = (1, 2, 3, 4)) -> list[Row]:
     """Forces of the nonlinear equations at a displaced state by Taylor's polynomial in s, by its order."""
     q, q1, q2 = (arm.reference @ ca.DM(part[0]) for part in motion.sample(np.array([0.3 * motion.period])))
     known = ca.vertcat(arm.s_dot, arm.s_ddot, arm.parameters.symbols)
@@ -157,4 +159,6 @@ def taylor_order(arm: Manipulator, motion: Motion, orders: tuple[int, ...] = (1,
     exact = symbolic.evaluate(function, (start + step)[None])[0][0]
     maps = {order: taylor(force, arm.s, start, order) for order in orders}
     trials = [Trial("Taylor polynomial", f"order {k}", partial(maps[k], step)) for k in orders]
-    return measured("Taylor order", trials, lambda value: apart(np.asarray(value).reshape(exact.shape), exact))
+    return measure_trials(
+        "Taylor order", trials, lambda value: compare_arrays(np.asarray(value).reshape(exact.shape), exact)
+    )

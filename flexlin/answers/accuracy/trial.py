@@ -27,19 +27,19 @@ class Trial:
     outside: bool = False
 
 
-def measured(stage: str, trials: Iterable[Trial], error: Callable[[Any], float]) -> list[Row]:
+def measure_trials(stage: str, trials: Iterable[Trial], error: Callable[[Any], float]) -> list[Row]:
     """Run every trial; one that gives up (too many segments, an outside integrator's failure) has no row."""
     rows = []
     for trial in trials:
         try:
-            value, seconds = timed(trial.run)
+            value, seconds = time_run(trial.run)
         except (FlexlinError, RuntimeError):
             continue
         rows.append(Row(stage, trial.method, trial.setting, error(value), seconds, trial.chosen, trial.outside))
     return rows
 
 
-def timed(run: Callable[[], Any]) -> tuple[Any, float]:
+def time_run(run: Callable[[], Any]) -> tuple[Any, float]:
     """The result and the CPU time: the first run warms up, the median of the next counts; of long runs the first."""
     start = process_time()
     value = run()
@@ -54,11 +54,11 @@ def timed(run: Callable[[], Any]) -> tuple[Any, float]:
     return value, max(median(times), 1e-9)
 
 
-def apart(value: Array, exact: Array) -> float:
+def compare_arrays(value: Array, exact: Array) -> float:
     """Largest difference relative to the largest entry."""
     return float(np.abs(value - exact).max() / max(float(np.abs(exact).max()), float(np.finfo(float).tiny)))
 
 
-def exponents_apart(value: Array, exact: Array) -> float:
+def compare_exponents(value: Array, exact: Array) -> float:
     """Largest distance to the nearest exact exponent, relative to max(1, |exponent|)."""
     return float((np.abs(value[:, None] - exact).min(axis=0) / np.maximum(1.0, np.abs(exact))).max())

@@ -6,9 +6,9 @@ import numpy as np
 
 from flexlin.about.linear import linearize
 from flexlin.answers.accuracy import own_stages as own
-from flexlin.answers.accuracy.outside import outside_methods
+from flexlin.answers.accuracy.outside import measure_outside_methods
 from flexlin.answers.accuracy.result import CostResult, Row
-from flexlin.answers.accuracy.trial import apart
+from flexlin.answers.accuracy.trial import compare_arrays
 from flexlin.errors import ArgumentError, FlexlinError
 from flexlin.mechanics import build_manipulator
 from flexlin.motion import SymbolicMotion
@@ -23,13 +23,37 @@ def cost(scene: Scene, *, peers: bool = True) -> CostResult:
 
         error = max |result - reference| / max |reference|,   of exponents max |difference| / max(1, |exponent|)
 
+    Parameters
+    ----------
+    scene : Scene
+        A scene with a periodic motion.
+    peers : bool
+        Measure SciPy, CasADi cvodes and (where installed) heyoka on the transition matrices too.
+
+    Returns
+    -------
+    CostResult
+        `recommendations()` names the cheapest setting for each accuracy; rows with `chosen` are the engine's choices.
+
+    Raises
+    ------
+    ArgumentError
+        For a one-way motion.
+
+    Notes
+    -----
     Stages: sampling the coefficients, transition matrices by every method and order, exponents, periodic Riccati equation, forced
     response, number of modes, order of Taylor's polynomial. References come from a finer resolution; how well two of them agree is
     the result's `floor`. Times are CPU times of one thread, medians of five where a run is short; building the model is left out.
 
-    Parameters: peers: measure SciPy, CasADi cvodes and (where installed) heyoka on the transition matrices too.
-    Returns: a CostResult; `recommendations()` names the cheapest setting for each accuracy, rows with `chosen` are the engine's choices.
-    Raises: ArgumentError for a one-way motion.
+    Examples
+    --------
+    A run takes some seconds, so this one is not among the tests of docstrings:
+
+    >>> import flexlin as fl
+    >>> result = fl.cost(fl.load_scene("single-link"), peers=False)  # doctest: +SKIP
+    >>> result.cheapest("exponents", 1e-8).setting  # doctest: +SKIP
+    'tol 1e-08'
     """
     arm = build_manipulator(scene)
     closed, plant = linearize(arm, scene.motion, scene.control), linearize(arm, scene.motion)
@@ -37,15 +61,15 @@ def cost(scene: Scene, *, peers: bool = True) -> CostResult:
         raise ArgumentError("a one-way motion has no period, so there is nothing to measure", got=scene.motion.kind)
     system = closed.periodic_system()
     count = int(np.clip(np.ceil(2 * measure_pace(system).rate.max() * closed.period), 128, 2048))
-    exact, check = (own.transition(system, Setting("gauss", order, count, "")) for order in (24, 20))
+    exact, check = (own.multiply_period(system, Setting("gauss", order, count, "")) for order in (24, 20))
     stages: dict[str, Callable[[], list[Row]]] = {
-        "coefficients": lambda: own.coefficients(closed),
-        "transition matrices": lambda: own.transition_matrices(system, exact),
-        "exponents": lambda: own.exponents(system, floquet(system, own.FINEST).exponents),
-        "periodic Riccati": lambda: own.riccati(plant),
-        "forced response": lambda: own.forced(closed),
-        "number of modes": lambda: own.modes(scene),
-        "Taylor order": lambda: own.taylor_order(arm, closed.motion),
+        "coefficients": lambda: own.measure_coefficients(closed),
+        "transition matrices": lambda: own.measure_transition_matrices(system, exact),
+        "exponents": lambda: own.measure_exponents(system, floquet(system, own.FINEST).exponents),
+        "periodic Riccati": lambda: own.measure_riccati(plant),
+        "forced response": lambda: own.measure_forced_response(closed),
+        "number of modes": lambda: own.measure_modes(scene),
+        "Taylor order": lambda: own.measure_taylor_order(arm, closed.motion),
     }
     rows, notes = [], []
     for name, stage in stages.items():
@@ -54,6 +78,6 @@ def cost(scene: Scene, *, peers: bool = True) -> CostResult:
         except FlexlinError as error:
             notes.append(f"{name} left out: {error.what}")
     if peers and isinstance(closed.motion, SymbolicMotion):
-        found, missing = outside_methods(scene, exact)
+        found, missing = measure_outside_methods(scene, exact)
         rows, notes = rows + found, notes + missing
-    return CostResult(scene.title, tuple(rows), max(apart(check, exact), 1e-15), tuple(notes)).marked()
+    return CostResult(scene.title, tuple(rows), max(compare_arrays(check, exact), 1e-15), tuple(notes)).marked()

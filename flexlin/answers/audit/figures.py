@@ -13,10 +13,11 @@ from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.fourier import fourier_differentiation
 from flexlin.scene.scene import Scene
 from flexlin.simulation import tip_positions
+from flexlin.summary import represent
 
 PHASES, POINTS, REPEATS = 9, 257, 3
-TOLERANCE, SEGMENTS = 1e-4, 4000
-"""Of the margin, in 1/s: below any change that an audit calls a change; a version that needs more segments is not judged."""
+SEGMENTS = 4000
+"""A version that needs more segments than these for its margin is not judged."""
 HARMONICS = (24, 48)
 """Of the periodic response; the difference between the two must be below RESPONSE of it."""
 RESPONSE = 0.01
@@ -24,12 +25,36 @@ RESPONSE = 0.01
 
 @dataclass(frozen=True)
 class Measure:
-    """A scene's own loop in figures.
+    """A scene's own loop in figures. A figure that is not known is not a number, and `problems` says why.
 
-    margin: largest real part of the Floquet exponents, with its error, in 1/s (negative is stable); frequencies (k,): natural
-    frequencies of the frozen loop, averaged over the period, ascending, in rad/s; tip_error: largest distance in m between the tip and
-    its rigid motion in the periodic response; coordinates; instructions of all coefficients; microseconds to evaluate them at one time.
-    A figure that could not be had is not a number, and `problems` says why.
+    Attributes
+    ----------
+    margin : float
+        Largest real part of the Floquet exponents, in 1/s; negative is stable.
+    margin_error : float
+        Its error, in 1/s.
+    verdict : str
+        "stable", "unstable", "undecided" or "unknown".
+    frequencies : array, shape (k,)
+        Natural frequencies of the frozen loop, averaged over the period, ascending, in rad/s.
+    tip_error : float
+        Largest distance between the tip and its rigid motion in the periodic response, in m.
+    coordinates : int
+        Number of coordinates.
+    instructions : int
+        Instructions of all coefficients.
+    microseconds : float
+        Time to evaluate them at one time.
+    problems : tuple of str
+        Why figures are missing.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> from flexlin.answers.audit import measure
+    >>> figures = measure(fl.load_scene("single-link", {"links.0.modes": 1, "designs": []}))
+    >>> figures.verdict, figures.coordinates, figures.problems
+    ('stable', 2, ())
     """
 
     margin: float
@@ -42,50 +67,75 @@ class Measure:
     microseconds: float
     problems: tuple[str, ...] = ()
 
+    __repr__ = represent
 
-def measure(scene: Scene) -> Measure:
+
+def measure(scene: Scene, tol: float = 1e-4) -> Measure:
     """Build, linearize and judge a scene's own loop.
 
-    Returns: a `Measure`. Raises: InputError when the scene cannot be built at all.
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    tol : float
+        Wanted error of the margin, in 1/s.
+
+    Returns
+    -------
+    Measure
+        Margin, frequencies, tip error, and the size of the equations.
+
+    Raises
+    ------
+    InputError
+        When the scene cannot be built at all.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> from flexlin.answers.audit import measure
+    >>> figures = measure(fl.load_scene("single-link", {"links.0.modes": 1, "designs": []}))
+    >>> figures.margin < -figures.margin_error
+    True
     """
     lin = linearize(build_manipulator(scene), scene.motion, scene.control)
     problems: list[str] = []
-    margin, error, verdict = _margin(lin, problems)
+    margin, error, verdict = _judge_margin(lin, tol, problems)
     return Measure(
         margin,
         error,
         verdict,
-        _frequencies(lin),
-        _tip_error(lin, problems),
+        _average_frequencies(lin),
+        _measure_tip_error(lin, problems),
         lin.n,
         lin.coefficients.n_instructions(),
-        _microseconds(lin),
+        _time_evaluation(lin),
         tuple(problems),
     )
 
 
-def _margin(lin: Linearization, problems: list[str]) -> tuple[float, float, str]:
+def _judge_margin(lin: Linearization, tol: float, problems: list[str]) -> tuple[float, float, str]:
     try:
-        result = floquet(lin.periodic_system(), TOLERANCE, max_segments=SEGMENTS)
+        result = floquet(lin.periodic_system(), tol, max_segments=SEGMENTS)
     except FlexlinError as error:
         problems.append(f"stability: {error}")
         return float("nan"), float("nan"), "unknown"
     return float(result.exponents[0].real), float(result.errors[0]), result.verdict
 
 
-def _frequencies(lin: Linearization) -> Array:
+def _average_frequencies(lin: Linearization) -> Array:
     """sqrt |eigenvalues of M^-1 K|, each averaged over phases of the motion."""
     c = lin.sample(np.linspace(0, lin.period, PHASES, endpoint=False))
     squares = np.linalg.eigvals(np.linalg.solve(c.M, c.K))
     return np.sort(np.sqrt(np.abs(squares)), axis=1).mean(axis=0)
 
 
-def _tip_error(lin: Linearization, problems: list[str]) -> float:
+def _measure_tip_error(lin: Linearization, problems: list[str]) -> float:
     """The largest distance of the tip from its rigid motion, with few harmonics and with more."""
     if not lin.motion.periodic:
         problems.append("periodic response: a one-way motion has none")
         return float("nan")
-    coarse, fine = (_tip_distance(lin, harmonics) for harmonics in HARMONICS)
+    coarse, fine = (_measure_tip_distance(lin, harmonics) for harmonics in HARMONICS)
     if not abs(fine - coarse) <= RESPONSE * fine + 1e-12:
         problems.append(
             f"periodic response: {HARMONICS[1]} harmonics do not resolve it, {coarse:.3g} m became {fine:.3g} m"
@@ -93,7 +143,7 @@ def _tip_error(lin: Linearization, problems: list[str]) -> float:
     return fine
 
 
-def _tip_distance(lin: Linearization, harmonics: int) -> float:
+def _measure_tip_distance(lin: Linearization, harmonics: int) -> float:
     """Solve M y'' + D y' + K y = h on 2 harmonics + 1 times by Fourier collocation: fast modes that nothing excites do not matter."""
     count, n = 2 * harmonics + 1, lin.n
     t = lin.period * np.arange(count) / count
@@ -109,7 +159,7 @@ def _tip_distance(lin: Linearization, harmonics: int) -> float:
     return float(np.linalg.norm(away, axis=1).max())
 
 
-def _microseconds(lin: Linearization) -> float:
+def _time_evaluation(lin: Linearization) -> float:
     t = np.linspace(0, lin.period, POINTS)
     lin.sample(t)
     times = []

@@ -6,17 +6,54 @@ from typing import Any
 import numpy as np
 
 from flexlin.answers.audit.figures import Measure
+from flexlin.summary import represent
 
 
 @dataclass(frozen=True)
 class Row:
-    """One change of the scene and what came of it.
+    """One change of a scene and what came of it. Differences are version minus scene.
 
-    change: what was done; kind: "effect" or "modes"; subject: the effect's name or the link's key; on: whether the scene has it;
-    table, units: the effect's figures in the version that has it. Differences are version minus scene: margin in 1/s, tip_error in m,
-    frequency: largest relative change of the slower half of the frequencies; instructions; microseconds a point; coordinates.
-    significance: largest of the relative changes (of margin, frequencies, and tip error against the arm's reach);
-    advice: what to do at the audit's tolerance; problem: why the version could not be judged.
+    Attributes
+    ----------
+    change : str
+        What was done.
+    kind : {"effect", "modes"}
+        What was changed.
+    subject : str
+        The effect's name or the link's key.
+    on : bool
+        Whether the scene has it.
+    table : dict
+        The effect's figures in the version that has it.
+    margin : float
+        Difference of the largest growth rates, in 1/s.
+    frequency : float
+        Largest relative change of the slower half of the frequencies.
+    tip_error : float
+        Difference of the tip errors, in m.
+    instructions : int
+        Difference of the instructions of all coefficients.
+    microseconds : float
+        Difference of the times to evaluate them once, in microseconds.
+    coordinates : int
+        Difference of the numbers of coordinates.
+    verdict : str
+        Verdict on the version.
+    significance : float
+        Largest of the relative changes: of margin, of frequencies, and of the tip error against the arm's reach.
+    advice : str
+        What to do at the audit's tolerance.
+    problem : str
+        Why the version could not be judged.
+    units : dict
+        Units of the figures in `table`.
+
+    Examples
+    --------
+    >>> from flexlin.answers.audit import Row
+    >>> row = Row("shear off", "effect", "shear", True, {}, 0.0, 1e-5, 0.0, 0, 0.0, 0, "stable", 1e-5, "may be dropped")
+    >>> row.judged
+    True
     """
 
     change: str
@@ -36,20 +73,45 @@ class Row:
     problem: str = ""
     units: dict[str, str] = field(default_factory=dict)
 
+    __repr__ = represent
+
     @property
     def judged(self) -> bool:
-        """Whether all figures could be had: without them nothing can be called needless."""
+        """Whether all figures are known: without them nothing can be called needless."""
         return bool(np.isfinite(self.margin) and np.isfinite(self.tip_error))
 
 
 @dataclass(frozen=True)
 class Audit:
-    """What a scene needs: the scene's own figures, and one row for each change, the most significant first."""
+    """What a scene needs.
+
+    Attributes
+    ----------
+    base : Measure
+        The scene's own figures.
+    effects : tuple of Row
+        One row for each effect switched, the most significant first.
+    modes : tuple of Row
+        One row for each change of a link's modes.
+    tolerance : float
+        Relative change that matters.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from flexlin.answers.audit import Audit, Measure, Row
+    >>> base = Measure(-1.0, 1e-9, "stable", np.array([5.0]), 0.01, 3, 100, 2.0)
+    >>> row = Row("shear off", "effect", "shear", True, {}, 0.0, 1e-5, 0.0, 0, 0.0, 0, "stable", 1e-5, "may be dropped")
+    >>> Audit(base, (row,), (), 0.01).droppable
+    ('shear',)
+    """
 
     base: Measure
     effects: tuple[Row, ...]
     modes: tuple[Row, ...]
     tolerance: float
+
+    __repr__ = represent
 
     @property
     def needed(self) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ import numpy as np
 
 from flexlin.mechanics import build_manipulator
 from flexlin.mechanics.effects import Scale
-from flexlin.mechanics.link_shapes import shapes_of
+from flexlin.mechanics.link_shapes import make_shapes
 from flexlin.motion import build_motion
 from flexlin.scene.scene import Scene
 
@@ -15,7 +15,7 @@ def read_scale(scene: Scene) -> Scale:
     arm = build_manipulator(scene)
     M = ca.Function("M", [arm.s], [ca.densify(arm.M)])(np.zeros(arm.n))
     slowest = [
-        shapes_of(scene, i).beta[0] ** 2 * np.sqrt(link.bending_stiffness / (link.mass_per_length * link.length**4))
+        make_shapes(scene, i).beta[0] ** 2 * np.sqrt(link.bending_stiffness / (link.mass_per_length * link.length**4))
         for i, link in enumerate(scene.links)
         if link.modes and link.bending_stiffness is not None
     ]

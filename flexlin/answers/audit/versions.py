@@ -22,7 +22,7 @@ class Version:
     units: dict[str, str] = field(default_factory=dict)
 
 
-def effect_versions(scene: Scene, scale: Scale) -> Iterator[Version]:
+def list_effect_versions(scene: Scene, scale: Scale) -> Iterator[Version]:
     """Switch each effect off, or on with the figures that its own file proposes; an effect without a proposal is not tried."""
     on = scene.effects.on()
     for name, effect in known_effects().items():
@@ -38,7 +38,7 @@ def effect_versions(scene: Scene, scale: Scale) -> Iterator[Version]:
         yield Version(version, change, "effect", name, name in on, shown.model_dump(), effect.units())
 
 
-def mode_versions(scene: Scene) -> Iterator[Version]:
+def list_mode_versions(scene: Scene) -> Iterator[Version]:
     """Give each link that can bend a mode less and a mode more."""
     for i, link in enumerate(scene.links):
         if link.bending_stiffness is None or not link.mass_per_length:

@@ -8,7 +8,7 @@ from pathlib import Path
 import casadi as ca
 
 
-def compiled(function: ca.Function) -> ca.Function | None:
+def compile_function(function: ca.Function) -> ca.Function | None:
     """The function as C with its Jacobian, compiled with optimization and loaded; None where there is no C compiler."""
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None:

@@ -11,8 +11,8 @@ from scipy.sparse import csc_array
 
 from flexlin import symbolic
 from flexlin.about.free import ParametricLoop
-from flexlin.answers.peers.compiled import compiled
-from flexlin.answers.peers.right_hand_sides import Rate, state_matrix, transition_product, transition_rate
+from flexlin.answers.peers.compiled import compile_function
+from flexlin.answers.peers.right_hand_sides import Rate, derive_state_matrix, derive_product, prepare_rate
 from flexlin.checks import Array
 
 Transition = Callable[[], Array]
@@ -21,7 +21,7 @@ LEAST = 3e-14
 """The smallest relative tolerance that SciPy takes."""
 
 
-def scipy_transition(
+def prepare_scipy(
     loop: ParametricLoop, method: str, tol: float, p: Array | None = None, rate: Rate | None = None
 ) -> Transition:
     """SciPy on all columns at once: DOP853 or Radau by solve_ivp, LSODA by odeint, whose loop over the steps is compiled.
@@ -31,11 +31,13 @@ def scipy_transition(
     """
     values = loop.nominal if p is None else p
     n = 2 * loop.linearization.n
-    f = transition_rate(loop, values) if rate is None else rate
+    f = prepare_rate(loop, values) if rate is None else rate
     start = np.eye(n).ravel()
     if method == "LSODA":
-        return partial(by_odeint, f, start, tol)
-    jac = partial(block_jacobian, symbolic.Pointwise(state_matrix(loop)), values) if method == "Radau" else None
+        return partial(integrate_by_odeint, f, start, tol)
+    jac = (
+        partial(arrange_jacobian, symbolic.Pointwise(derive_state_matrix(loop)), values) if method == "Radau" else None
+    )
     extra: dict[str, Any] = {} if jac is None else {"jac": jac}
 
     def transition() -> Array:
@@ -47,7 +49,7 @@ def scipy_transition(
     return transition
 
 
-def by_odeint(rate: Rate, start: Array, tol: float) -> Array:
+def integrate_by_odeint(rate: Rate, start: Array, tol: float) -> Array:
     """LSODA over one period."""
     n = round(np.sqrt(len(start)))
     options = {"rtol": max(tol, LEAST), "atol": tol, "ml": n - 1, "mu": n - 1, "mxstep": 10**7, "full_output": True}
@@ -57,7 +59,7 @@ def by_odeint(rate: Rate, start: Array, tol: float) -> Array:
     return np.asarray(found[-1].reshape(n, n).T)
 
 
-def block_jacobian(A: symbolic.Pointwise, p: Array, phase: float, x: Array) -> csc_array:
+def arrange_jacobian(A: symbolic.Pointwise, p: Array, phase: float, x: Array) -> csc_array:
     """T A once for each column of X, as one sparse matrix."""
     block = A(np.array([phase]), p)[0].T
     n = len(block)
@@ -65,12 +67,12 @@ def block_jacobian(A: symbolic.Pointwise, p: Array, phase: float, x: Array) -> c
     return csc_array((np.tile(block.ravel(), n), rows, n * np.arange(n * n + 1)), shape=(n * n, n * n))
 
 
-def cvodes_transition(loop: ParametricLoop, tol: float, p: Array | None = None, stiff: bool = False) -> Transition:
+def prepare_cvodes(loop: ParametricLoop, tol: float, p: Array | None = None, stiff: bool = False) -> Transition:
     """CasADi's interface to SUNDIALS cvodes, all columns at once, compiled: Adams' formulas, or BDF for `stiff`."""
     values = loop.nominal if p is None else p
     n = 2 * loop.linearization.n
-    product = transition_product(loop)
-    product = compiled(product) or product
+    product = derive_product(loop)
+    product = compile_function(product) or product
     phase, x, symbols = product.mx_in()
     options: dict[str, Any] = {"reltol": tol, "abstol": tol, "max_num_steps": 1_000_000}
     if not stiff:

@@ -6,14 +6,14 @@ import casadi as ca
 import numpy as np
 
 from flexlin.about.free import ParametricLoop
-from flexlin.answers.peers.compiled import compiled
+from flexlin.answers.peers.compiled import compile_function
 from flexlin.checks import Array
 
 Rate = Callable[[float, Array], Array]
 """(phase, columns of X one after another (n n,)) -> the columns of T A X."""
 
 
-def state_matrix(loop: ParametricLoop) -> ca.Function:
+def derive_state_matrix(loop: ParametricLoop) -> ca.Function:
     """(phase, p) -> T A = T [[0, I], [-M^-1 K, -M^-1 D]] as one expression, time in units of the period."""
     phase, p = loop.matrices.sx_in()
     M, D, K = loop.matrices(phase, p)
@@ -23,18 +23,18 @@ def state_matrix(loop: ParametricLoop) -> ca.Function:
     return ca.Function("state_matrix", [phase, p], [ca.densify(loop.duration(p) * A)], ["phase", "p"], ["A"])
 
 
-def transition_product(loop: ParametricLoop) -> ca.Function:
+def derive_product(loop: ParametricLoop) -> ca.Function:
     """(phase, columns of X, p) -> the columns of T A X, zeros of A left out of the product."""
-    A = state_matrix(loop)
+    A = derive_state_matrix(loop)
     phase, p = A.sx_in()
     X = ca.SX.sym("X", A.size1_out(0), A.size1_out(0))
     product = ca.densify(ca.vec(ca.sparsify(A(phase, p)) @ X))
     return ca.Function("product", [phase, ca.vec(X), p], [product], ["phase", "X", "p"], ["rate"])
 
 
-def transition_rate(loop: ParametricLoop, p: Array) -> Rate:
+def prepare_rate(loop: ParametricLoop, p: Array) -> Rate:
     """The product for integrators that call Python."""
-    return FastRate(transition_product(loop), p)
+    return FastRate(derive_product(loop), p)
 
 
 class FastRate:
@@ -44,7 +44,7 @@ class FastRate:
     """
 
     def __init__(self, function: ca.Function, p: Array):
-        self._function = compiled(function) or function
+        self._function = compile_function(function) or function
         self._t, self._x, self._parameters = np.zeros(1), np.zeros(function.numel_in(1)), np.array(p, dtype=float)
         self._out = np.zeros(function.numel_out(0))
         self._buffer, self._trigger = self._function.buffer()

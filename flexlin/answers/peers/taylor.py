@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 
 from flexlin.about.free import ParametricLoop
-from flexlin.answers.peers.right_hand_sides import state_matrix
+from flexlin.answers.peers.right_hand_sides import derive_state_matrix
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 
@@ -20,9 +20,9 @@ class HeyokaTransitions:
     """
 
     def __init__(self, loop: ParametricLoop, tol: float, batch: int = 1, compact: bool = False):
-        hy = heyoka()
+        hy = import_heyoka()
         self.n, self.batch = 2 * loop.linearization.n, batch
-        system, start, parameters = equations(hy, loop), np.zeros(self.n**2), np.zeros(len(loop.paths))
+        system, start, parameters = write_equations(hy, loop), np.zeros(self.n**2), np.zeros(len(loop.paths))
         if batch == 1:
             self.integrator = hy.taylor_adaptive(system, start, pars=parameters, tol=tol, compact_mode=compact)
         else:
@@ -43,7 +43,7 @@ class HeyokaTransitions:
         return np.moveaxis(flow.state.reshape(n, n, -1), -1, 0).copy()
 
 
-def heyoka(name: str = "heyoka") -> Any:
+def import_heyoka(name: str = "heyoka") -> Any:
     """The module heyoka."""
     try:
         return import_module(name)
@@ -53,19 +53,19 @@ def heyoka(name: str = "heyoka") -> Any:
         ) from None
 
 
-def equations(hy: Any, loop: ParametricLoop) -> list[Any]:
+def write_equations(hy: Any, loop: ParametricLoop) -> list[Any]:
     """X' = T A(phase, p) X, row by row, as heyoka expressions, from the instructions of CasADi's function.
 
     For these linear equations it compiles and runs faster than the variational equations that heyoka makes of x' = T A x.
     """
-    A = np.array(translated(hy, state_matrix(loop), [[hy.time], [hy.par[i] for i in range(len(loop.paths))]]))
+    A = np.array(translate(hy, derive_state_matrix(loop), [[hy.time], [hy.par[i] for i in range(len(loop.paths))]]))
     n = 2 * loop.linearization.n
     X = np.array(hy.make_vars(*[f"x{i}_{j}" for i in range(n) for j in range(n)])).reshape(n, n)
     rows = A.reshape(n, n).T  # CasADi stores columns one after another
     return [(X[i, j], hy.sum([rows[i, k] * X[k, j] for k in range(n)])) for i in range(n) for j in range(n)]
 
 
-def translated(hy: Any, function: ca.Function, inputs: list[list[Any]]) -> list[Any]:
+def translate(hy: Any, function: ca.Function, inputs: list[list[Any]]) -> list[Any]:
     """The first output of a CasADi function of scalars, as heyoka expressions.
 
     Raises: ArgumentError for an operation that has no counterpart.

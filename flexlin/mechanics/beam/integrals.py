@@ -60,7 +60,7 @@ def shape_integrals(
         gram = int mu X X^T,  bending = int eps psi' psi'^T,  shortening = int mu Gamma,  shortening_moment = int mu xi Gamma,
         section = int eps,  rotation = int eps psi,  rotations = int eps psi psi^T,  shear = int mu (X' - psi) (X' - psi)^T
 
-    Assumes shapes and profiles smooth between their breaks, and the profiles resolved by 8 nodes more than the shapes need; `error` tells.
+    Assumes shapes and profiles smooth between their breaks, and the profiles resolved by 8 nodes more than the shapes need: see `error`.
 
     Parameters: profiles relative to the link's own mass per length (and section's area) and stiffness (and second moment of area);
     None is 1 everywhere.

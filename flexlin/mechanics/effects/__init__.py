@@ -31,9 +31,33 @@ def effects_of(tables: Effects) -> tuple[Effect, ...]:
 
 
 def register_effect(name: str, effect: type[Effect]) -> None:
-    """Let scenes say [effects.name] for an effect written in Python: the class holds the table's keys and what they add to the chain.
+    """Let scenes say [effects.name] for an effect that is written in Python.
 
-    Raises: ArgumentError when the name is taken or the class is no `Effect`.
+    Parameters
+    ----------
+    name : str
+        Name of the table; an identifier that is not yet in use.
+    effect : type of Effect
+        The class: its fields are the keys of the table, its methods what the effect adds to the chain.
+
+    Raises
+    ------
+    ArgumentError
+        When the name is taken or the class is no `Effect`.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> from flexlin.mechanics import Effect, register_effect
+    >>> class SpringToWall(Effect):
+    ...     "A spring between the tip and where it stands at rest."
+    ...     stiffness: float
+    ...     def potential_energy(self, chain):
+    ...         return self.stiffness * chain.tips[-1].position[1] ** 2 / 2
+    >>> register_effect("spring_to_wall", SpringToWall)
+    >>> scene = fl.load_scene("single-link", {"effects.spring_to_wall": {"stiffness": 5.0}})
+    >>> list(scene.effects.on())[-1]
+    'spring_to_wall'
     """
     if not (isinstance(effect, type) and issubclass(effect, Effect)):
         raise ArgumentError("this is no effect", got=repr(effect), expected="a subclass of flexlin.mechanics.Effect")

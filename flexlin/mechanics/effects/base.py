@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Optional
 import casadi as ca
 
 from flexlin.mechanics.body import Body, Moments, RigidMass
+from flexlin.mechanics.effects.narrow import Features, Moving
 from flexlin.mechanics.effects.scale import Scale
 from flexlin.mechanics.frames import Frame
 from flexlin.scene.effects import EffectTable
@@ -36,67 +37,252 @@ class Effect(EffectTable):
     """One physical effect: its keys in the scene, and what it adds to the chain when its table is there.
 
     The first sentence of a class says in reports what the effect is; a key's unit stands beside its type. A key's value may be a
-    CasADi symbol in the place of its number.
+    CasADi symbol in the place of its number. Each method of this class adds nothing: a subclass overrides what it needs.
+
+    Attributes
+    ----------
+    input_unit : str or None
+        The unit of the manipulator's inputs, where the effect changes it.
+
+    See Also
+    --------
+    flexlin.mechanics.register_effect : Makes a subclass known to scenes.
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> from flexlin.mechanics import Effect
+    >>> class Spring(Effect):
+    ...     "A spring at the first joint."
+    ...     stiffness: float
+    ...     def potential_energy(self, chain):
+    ...         return self.stiffness * chain.q[0] ** 2 / 2
+    >>> Spring(stiffness=2.0).joint_radius(0)
+    0.0
     """
 
+    smooth: ClassVar[bool] = False
+    """Whether what the effect adds is as smooth in time as the motion is (sines and polynomials of it), or `features` says where not."""
     input_unit: ClassVar[str | None] = None
     """The unit of the manipulator's inputs, where the effect changes it."""
 
     @classmethod
     def tried_with(cls, scale: Scale) -> Optional["Effect"]:
-        """The effect with figures for a scene that has none; None where it has nothing to act on, or nothing is known of its size."""
+        """Return the effect with figures for a scene that has none.
+
+        Parameters
+        ----------
+        scale : Scale
+            Lengths, masses and frequencies of the scene.
+
+        Returns
+        -------
+        Effect or None
+            None where it has nothing to act on, or nothing is known of its size.
+        """
         return None
 
     def joint_radius(self, joint: int) -> Any:
-        """Distance from the joint's axis to where its link begins, in m."""
+        """Return the distance from a joint's axis to where its link begins.
+
+        Parameters
+        ----------
+        joint : int
+            Number of the joint, from 0.
+
+        Returns
+        -------
+        float or casadi.SX
+            The distance, in m.
+        """
         return 0.0
 
     def joint_body(self, joint: int) -> RigidMass | None:
-        """The rigid body that the effect puts on a joint."""
+        """Return the rigid body that the effect puts on a joint.
+
+        Parameters
+        ----------
+        joint : int
+            Number of the joint, from 0.
+
+        Returns
+        -------
+        RigidMass or None
+            Mass in kg, inertia in kg m^2 and place in m.
+        """
         return None
 
     def tip_body(self, link: int, links: int) -> RigidMass | None:
-        """The rigid body that the effect puts on the tip of one of the links."""
+        """Return the rigid body that the effect puts on the tip of a link.
+
+        Parameters
+        ----------
+        link : int
+            Number of the link, from 0.
+        links : int
+            How many links there are.
+
+        Returns
+        -------
+        RigidMass or None
+            Mass in kg, inertia in kg m^2 and place in m.
+        """
         return None
 
     def section_shear(self, link: int) -> Any:
-        """Shear stiffness kappa G A of a link's sections, in N; None when the effect does not let them shear."""
+        """Return the shear stiffness kappa G A of a link's sections.
+
+        Parameters
+        ----------
+        link : int
+            Number of the link, from 0.
+
+        Returns
+        -------
+        float, profile or None
+            The stiffness in N; None when the effect does not let the sections shear.
+        """
         return None
 
     def section_gyration(self, link: int) -> Any:
-        """Radius of gyration of a link's sections, in m."""
+        """Return the radius of gyration of a link's sections.
+
+        Parameters
+        ----------
+        link : int
+            Number of the link, from 0.
+
+        Returns
+        -------
+        float or profile
+            The radius, in m.
+        """
         return 0.0
 
     def tip_shortening(self, link: "BentLink") -> tuple[ca.SX, ca.SX]:
-        """Displacement of the link's tip along the link, with its rate, in m and m/s."""
+        """Return the displacement of a link's tip along the link.
+
+        Parameters
+        ----------
+        link : BentLink
+            The link with its elastic coordinates.
+
+        Returns
+        -------
+        displacement : casadi.SX
+            In m.
+        rate : casadi.SX
+            Its rate, in m/s.
+        """
         return ca.SX(0), ca.SX(0)
 
     def link_moments(self, link: "BentLink") -> Moments | None:
-        """What is added to the moments of a link."""
+        """Return what is added to the moments of a link.
+
+        Parameters
+        ----------
+        link : BentLink
+            The link with its elastic coordinates.
+
+        Returns
+        -------
+        Moments or None
+            Mass, first and second moment with their rates.
+        """
         return None
 
     def bodies(self, chain: Chain) -> tuple[Body, ...]:
-        """Bodies added to the chain."""
+        """Return the bodies that are added to the chain.
+
+        Parameters
+        ----------
+        chain : Chain
+            The chain as its kinematics left it.
+
+        Returns
+        -------
+        tuple of Body
+            Frames with moments.
+        """
         return ()
 
     def kinetic_energy(self, chain: Chain) -> ca.SX:
-        """Kinetic energy beside that of the bodies, in J."""
+        """Return the kinetic energy beside that of the bodies.
+
+        Parameters
+        ----------
+        chain : Chain
+            The chain.
+
+        Returns
+        -------
+        casadi.SX
+            The energy, in J.
+        """
         return ca.SX(0)
 
     def potential_energy(self, chain: Chain) -> ca.SX:
-        """Potential energy, in J; `chain.bodies` is complete here."""
+        """Return the potential energy of the effect.
+
+        Parameters
+        ----------
+        chain : Chain
+            The chain; its `bodies` are complete here.
+
+        Returns
+        -------
+        casadi.SX
+            The energy, in J.
+        """
         return ca.SX(0)
 
     def dissipation(self, chain: Chain) -> ca.SX:
-        """Rayleigh's dissipation function, in W: the resisting force is its gradient by the rates."""
+        """Return Rayleigh's dissipation function: the resisting force is its gradient by the rates.
+
+        Parameters
+        ----------
+        chain : Chain
+            The chain.
+
+        Returns
+        -------
+        casadi.SX
+            The function, in W.
+        """
         return ca.SX(0)
 
     def joint_resistance(self, chain: Chain) -> ca.SX:
-        """Resisting force of each joint's bearing that no quadratic dissipation function gives, (joints, 1), in N m or N."""
+        """Return the resisting force of each joint's bearing that no quadratic dissipation function gives.
+
+        Parameters
+        ----------
+        chain : Chain
+            The chain.
+
+        Returns
+        -------
+        casadi.SX, shape (joints, 1)
+            The forces, in N m or N.
+        """
         return ca.SX.zeros(len(chain.joints))
 
+    def features(self, motion: Moving) -> Features:
+        """Where the linear equations change fast in time because of the effect: pairs (time, half-width) in s."""
+        return ()
+
     def input_gain(self, joint: int) -> Any:
-        """Force of a joint's motor for one unit of the input; None when the effect leaves the input as it is."""
+        """Return the force of a joint's motor for one unit of the input.
+
+        Parameters
+        ----------
+        joint : int
+            Number of the joint, from 0.
+
+        Returns
+        -------
+        float, casadi.SX or None
+            The force in N m or N; None when the effect leaves the input as it is.
+        """
         return None
 
 

@@ -10,6 +10,7 @@ from typing import Annotated
 import casadi as ca
 
 from flexlin.mechanics.effects.base import Chain, Effect, per_joint
+from flexlin.mechanics.effects.narrow import Features, Moving, slow_passages
 from flexlin.mechanics.effects.scale import LOSS, Scale
 from flexlin.scene.base import AllPositive, PerLink, Unit
 
@@ -17,6 +18,7 @@ from flexlin.scene.base import AllPositive, PerLink, Unit
 class CoulombFriction(Effect):
     """Sliding friction in the joints, of either sign beyond a small rate; one number for every joint or one a joint."""
 
+    smooth = True
     lists = "each"
     torque: Annotated[PerLink, Unit("N m")]
     rate: Annotated[AllPositive, Unit("rad/s")] = 0.01
@@ -24,6 +26,14 @@ class CoulombFriction(Effect):
     @classmethod
     def tried_with(cls, scale: Scale) -> "CoulombFriction":
         return cls(torque=scale.of_inertias(LOSS * scale.motion**2), rate=0.1 * scale.motion)
+
+    def features(self, motion: Moving) -> Features:
+        """Where a joint turns round: the slope c / eps lasts while |q'| is a few eps."""
+        found: list[tuple[float, float]] = []
+        for i in range(motion.joints):
+            if per_joint(self.torque, i, single="every") > 0:
+                found += slow_passages(motion, i, per_joint(self.rate, i, single="every"))
+        return tuple(found)
 
     def joint_resistance(self, chain: Chain) -> ca.SX:
         joints = range(len(chain.joints))

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 class GeometricStiffening(Effect):
     """The shortening of a bent link, kept to second order in kinetic and potential energy."""
 
+    smooth = True
+
     @classmethod
     def tried_with(cls, scale: Scale) -> Optional["GeometricStiffening"]:
         return None if scale.bending is None else cls()

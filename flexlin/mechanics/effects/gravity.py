@@ -15,6 +15,7 @@ from flexlin.scene.base import Number, Unit
 class Gravity(Effect):
     """Gravity in the plane of motion, along -y of the world."""
 
+    smooth = True
     acceleration: Annotated[Number, Unit("m/s^2")] = 9.81
 
     @classmethod

@@ -18,6 +18,7 @@ from flexlin.scene.link_rules import pinned
 class Hub(Effect):
     """A rigid body that turns with each link about its joint; a single number stands for the first joint only."""
 
+    smooth = True
     lists = "first"
     inertia_keys = ("mass", "inertia")
     inertia: Annotated[PerLink, Unit("kg m^2")] = 0.0

@@ -16,6 +16,7 @@ from flexlin.scene.base import AllPositive, Unit
 class JointFlexibility(Effect):
     """A spring between each motor and its link, the motor's inertia on the link side; one number for every joint or one a joint."""
 
+    smooth = True
     lists = "each"
     frees_motors = True
     stiffness: Annotated[AllPositive, Unit("N m/rad")]

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 class KelvinVoigtDamping(Effect):
     """The links' material resists the rate of bending; one retardation time for every link or one a link."""
 
+    smooth = True
     lists = "each"
     retardation_time: Annotated[PerLink, Unit("s")]
 

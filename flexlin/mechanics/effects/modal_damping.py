@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 class ModalDamping(Effect):
     """The same damping ratio on every elastic mode, or one ratio a mode of each link; modes beyond the list have its last ratio."""
 
+    smooth = True
     ratio: Annotated[NonNegative | Annotated[tuple[NonNegative, ...], Field(min_length=1)], Unit("")]
 
     @classmethod

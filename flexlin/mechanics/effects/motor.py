@@ -18,6 +18,7 @@ from flexlin.scene.base import AllPositive, PerLink, Unit
 class Motor(Effect):
     """A direct-current motor behind a gear, whose input is its voltage; one number for every joint or one a joint."""
 
+    smooth = True
     lists = "each"
     input_unit = "V"
     torque_constant: Annotated[AllPositive, Unit("N m/A")]

@@ -16,6 +16,7 @@ from flexlin.scene.base import Number, PerLink, Unit
 class Payload(Effect):
     """A rigid body on the tip of the last link, or one a link, that turns with the tip; its centre lies `offset` beyond the tip."""
 
+    smooth = True
     lists = "first"
     inertia_keys = ("mass", "inertia")
     mass: Annotated[PerLink, Unit("kg")]

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 class RayleighDamping(Effect):
     """alpha M + beta K on the elastic coordinates of every link that bends."""
 
+    smooth = True
     mass_factor: Annotated[NonNegative, Unit("1/s")] = 0.0
     stiffness_factor: Annotated[NonNegative, Unit("s")] = 0.0
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 class RotaryInertia(Effect):
     """The inertia of the links' sections, by their radius of gyration sqrt(I/A); one number for every link or one a link."""
 
+    smooth = True
     lists = "each"
     radius_of_gyration: Annotated[PerLink, Unit("m")]
 

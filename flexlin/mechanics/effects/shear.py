@@ -26,6 +26,7 @@ SHEAR_RATIO = 0.32
 class Shear(Effect):
     """Timoshenko's shear of the links, by its stiffness kappa G A; one number for every link or one a link."""
 
+    smooth = True
     lists = "each"
     stiffness: Annotated[AllPositive, Unit("N")]
 

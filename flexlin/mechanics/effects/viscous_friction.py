@@ -12,6 +12,7 @@ from flexlin.scene.base import NonNegative, Positive, Unit
 class ViscousFriction(Effect):
     """A torque -c q' on each joint; one number for every joint or one a joint."""
 
+    smooth = True
     lists = "each"
     coefficient: Annotated[Positive | tuple[NonNegative, ...], Unit("N m s/rad")]
 

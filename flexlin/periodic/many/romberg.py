@@ -43,7 +43,7 @@ def batched_exponents(
 ) -> BatchedExponents:
     """Logs of the Floquet multipliers of y'' = X(phase) y + Y(phase) y' over one period, for V values at once.
 
-        Magnus of order 4 on K, 2 K, 4 K segments; logs extrapolated by Romberg's scheme to order 8, whose last step tells the error
+        Magnus of order 4 on K, 2 K, 4 K segments; logs extrapolated by Romberg's scheme to order 8, whose last step gives the error
 
     Assumes X, Y smooth between the breaks.
 

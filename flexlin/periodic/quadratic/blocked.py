@@ -1,6 +1,7 @@
 """Which mode keeps a linear-quadratic problem from having a stabilising solution."""
 
 import numpy as np
+from scipy.linalg import eig
 
 from flexlin.checks import Array
 from flexlin.errors import NotDetectable, NotStabilizable
@@ -12,6 +13,8 @@ STAGES = 8
 MAX_PERIODS = 20
 LARGEST = 1e100
 """A size that only growth without end reaches."""
+DECAYS, COUPLED = 1e-8, 1e-6
+"""A mode whose logarithm over a period lies below -DECAYS decays by itself; a share above COUPLED is never rounding."""
 
 
 def bound_sizes(problem: LinearQuadratic, horizon: float) -> tuple[float, float]:
@@ -50,15 +53,60 @@ def name_blocked_mode(
         vector = step @ vector
         length = np.linalg.norm(vector)
         vector, growth = vector / length, growth + np.log(length)
+    got = f"real part of its exponent about {growth / marks[-1]:.3g}/s, " + describe_direction(
+        vector, place, unreached, marks
+    )
+    steps = np.roll(steps, -place, axis=0)
+    coupling, rounding = measure_coupling(unreached, steps, vector, place, problem, marks)
     kind = NotStabilizable if unreached else NotDetectable
-    what = "cannot be reached by the input" if unreached else "is not seen by the weight Q"
-    moment = "t = 0" if place == 0 else f"t = {(marks[::-1] if unreached else marks)[place]:.4g} s"
+    what = "reached by the input" if unreached else "seen by the weight Q"
+    if growth < -DECAYS or coupling > rounding:
+        return kind(
+            f"a mode is {what} too weakly to be computed with",
+            got=f"{got}; its share is {coupling:.1g}, and rounding makes up to {rounding:.1g}",
+            todo="bring states, inputs and weights to like sizes, ask for a larger tol, or leave out the fastest modes",
+        )
     return kind(
-        f"a mode that does not decay {what}",
-        got=f"real part of its exponent about {growth / marks[-1]:.3g}/s, "
-        f"direction {np.array2string(vector, precision=3, suppress_small=True)} at {moment}",
+        f"a mode that does not decay {'cannot be reached by the input' if unreached else 'is not seen by the weight Q'}",
+        got=got,
         todo="add an actuator that moves it" if unreached else "give the mode's states weight in Q",
     )
+
+
+def describe_direction(vector: Array, place: int, unreached: bool, marks: Array) -> str:
+    """Say a direction and the time at which it holds."""
+    moment = "t = 0" if place == 0 else f"t = {(marks[::-1] if unreached else marks)[place]:.4g} s"
+    return f"direction {np.array2string(vector, precision=3, suppress_small=True)} at {moment}"
+
+
+def measure_coupling(
+    unreached: bool, steps: Array, vector: Array, place: int, problem: LinearQuadratic, marks: Array
+) -> tuple[float, float]:
+    """Return the share of a mode in the input (or the weight) over a period, and how much of a share rounding makes.
+
+        max over t of |S p| / (|S| |p|),   S = B R^-1 B' (or Q)
+
+    p(t) is the Floquet vector nearest to `vector`, from the eigenvectors of the product of the steps; its rounding is that of an
+    eigenvector, which grows with the condition of the eigenvalue.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        product = steps[0]
+        for step in steps[1:]:
+            product = step @ product
+    if np.all(np.isfinite(product)):
+        left, right = eig(product, left=True)[1:]
+        nearest = int(np.argmax(np.abs(right.conj().T @ vector)))
+        p, condition = right[:, nearest], 1 / max(abs(np.vdot(left[:, nearest], right[:, nearest])), 1e-100)
+    else:
+        p, condition = vector.astype(complex), 1e100
+    ordered = np.roll((marks[::-1] if unreached else marks)[:-1], -place)
+    weights, share = problem.reduced(ordered)[1 if unreached else 2], 0.0
+    for weight, step in zip(np.broadcast_to(weights, steps.shape), steps, strict=True):
+        size = np.linalg.norm(weight, 2) or 1.0
+        share = max(share, float(np.linalg.norm(weight @ p) / size))
+        p = step @ p
+        p = p / (np.linalg.norm(p) or 1.0)
+    return share, min(COUPLED, 1e2 * len(p) * np.finfo(float).eps * condition)
 
 
 def find_main_direction(backward: Segment, size: Array, large: float) -> tuple[Array, int]:

@@ -28,6 +28,7 @@ from flexlin.periodic.transition.gauss import (
 )
 from flexlin.periodic.transition.radau import radau
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, report_too_many
+from flexlin.summary import represent
 
 VectorFunction = Callable[[Array], Array]
 ROUNDINGS, RESONANT = 4.0, 100.0
@@ -46,6 +47,8 @@ class PiecewiseSolution:
     start: Array
     slope: Array
 
+    __repr__ = represent
+
     def __call__(self, t: Array) -> Array:
         k = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, len(self.start) - 1)
         h = np.diff(self.edges)[k]
@@ -55,10 +58,31 @@ class PiecewiseSolution:
 
 @dataclass(frozen=True)
 class ForcedResponse:
-    """The T-periodic solution x(t); call it with times (N,) to get (N, n).
+    """The periodic solution x(t) of a periodic system under a periodic force.
 
-    error: estimated bound of |error| at any time, in the unit of x; amplification: how much an error of the force
-    or of rounding may grow (1 / the smallest singular value of the periodicity condition); status: what to make of it.
+    Call it with times (N,) to get (N, n), or with one time to get (n,).
+
+    Attributes
+    ----------
+    solution : PiecewiseSolution
+        The collocation polynomials.
+    period : float
+        Period in s.
+    error : float
+        Estimated bound of the error at any time, in the unit of x.
+    amplification : float
+        How much an error of the force or of rounding may grow: 1 / the smallest singular value of the periodicity condition.
+    segments : int
+        Segments of the period.
+    status : str
+        What to make of it.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> response = fl.forced_response(fl.PeriodicSystem([[-2.0]], 1.0), [4.0])
+    >>> response([0.0, 7.3]).round(10).tolist(), response.error < 1e-9
+    ([[2.0], [2.0]], True)
     """
 
     solution: PiecewiseSolution
@@ -67,6 +91,8 @@ class ForcedResponse:
     amplification: float
     segments: int
     status: str
+
+    __repr__ = represent
 
     def __call__(self, t: ArrayLike) -> Array:
         """The state at times (N,), any real numbers, (N, n), or at one time, (n,)."""
@@ -81,17 +107,54 @@ def forced_response(
     breaks: Sequence[float] = (),
     max_segments: int = MAX_SEGMENTS,
 ) -> ForcedResponse:
-    """Compute the T-periodic solution of x' = A(t) x + f(t).
+    """Compute the periodic solution of a periodic system under a periodic force.
 
-        x_(k+1) = Phi_k x_k + g_k,   x_K = x_0
+        x' = A(t) x + f(t),   x(t + T) = x(t):     x_(k+1) = Phi_k x_k + g_k,   x_K = x_0
 
-    on Gauss collocation segments, or on Radau IIA where Gauss would need very many. The cyclic system is condensed by
-    orthogonal transformations, so fast modes of either sign do no harm. Between the edges x is the collocation polynomial.
+    on Gauss collocation segments, or on Radau IIA where Gauss would need very many. Between the edges x is the collocation polynomial.
+    Assumes A and f smooth between `system.breaks` and `breaks`, and f(t + T) = f(t).
 
-    Assumes A and f smooth between `system.breaks` and `breaks` (times in [0, T)), and f(t + T) = f(t).
-    Parameters: f: function (N,) -> (N, n), or a constant (n,); tol: wanted error of x, absolute up to |x| = 1, relative beyond.
-    Returns: ForcedResponse. Working memory: the stages' transition matrices, 16 s n^2 bytes a segment, and CHUNK_BYTES.
-    Raises: ResonantForcing, naming the multiplier, when 1 is so nearly a multiplier that tol is out of reach; TooManySegments.
+    Parameters
+    ----------
+    system : PeriodicSystem
+        The system, with n states.
+    f : function of times (N,) -> (N, n), or sequence of n floats
+        The force in state form, in the unit of x per s.
+    tol : float
+        Wanted error of x, absolute up to |x| = 1, relative beyond.
+    breaks : sequence of float
+        Times in [0, T), in s, at which f or a derivative of it jumps.
+    max_segments : int
+        The most segments of the period that may be used.
+
+    Returns
+    -------
+    ForcedResponse
+        The solution with its error.
+
+    Raises
+    ------
+    ArgumentError
+        When the force does not fit.
+    ResonantForcing
+        When 1 is so nearly a multiplier that tol is out of reach; the message names the multiplier.
+    TooManySegments
+        When tol needs more segments than allowed.
+
+    Notes
+    -----
+    The cyclic system is condensed by orthogonal transformations, so fast modes of either sign do no harm. Working memory: the stages'
+    transition matrices, 16 s n^2 bytes a segment, and 32 MiB.
+
+    Examples
+    --------
+    x' = -x + cos t has the periodic solution (cos t + sin t) / 2:
+
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> response = fl.forced_response(fl.PeriodicSystem([[-1.0]], 2 * np.pi), lambda t: np.cos(t)[:, None])
+    >>> print(f"{response(0.7).item():.9f} {(np.cos(0.7) + np.sin(0.7)) / 2:.9f}")
+    0.704529937 0.704529937
     """
     instance("system", system, PeriodicSystem)
     whole("max_segments", max_segments)
@@ -110,7 +173,7 @@ def forced_response(
         if rounding > RESONANT * max(tol, 1e-10):
             raise report_resonance(Phi, sigma)
         if previous is not None:
-            apart = measure_difference(solution, previous) + rounding * scale
+            apart = float(measure_difference(solution, previous) + rounding * scale)
             if apart <= tol * scale or apart <= 3 * rounding * scale:
                 break
         previous = solution

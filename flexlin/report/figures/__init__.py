@@ -27,7 +27,7 @@ FIGURES: tuple[Callable[[Analysis], Picture | None], ...] = (
 )
 
 
-def pictures(analysis: Analysis) -> list[Picture]:
+def draw_pictures(analysis: Analysis) -> list[Picture]:
     """All figures that this analysis has numbers for, in the order of the page."""
     drawn = [picture for draw in FIGURES if (picture := draw(analysis)) is not None]
     if analysis.sensitivity is not None:

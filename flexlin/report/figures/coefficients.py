@@ -7,8 +7,8 @@ import numpy as np
 
 from flexlin.answers.analysis import Analysis
 from flexlin.checks import Array
-from flexlin.report.figures.style import Picture, in_columns, over_period
-from flexlin.report.wording import coordinate_unit
+from flexlin.report.figures.style import Picture, arrange_in_columns, make_period_panel
+from flexlin.report.wording import name_coordinate_unit
 from flexlin.svg import draw
 
 MOST = 12
@@ -32,17 +32,17 @@ class Entry:
 
 def draw_coefficients(a: Analysis) -> Picture:
     """A panel for each entry of M_L, D_L, K_L and h_L that varies."""
-    varying = list(entries(a))
+    varying = list(list_entries(a))
     least = sorted((entry.swing for entry in varying), reverse=True)[:MOST][-1:] or [0.0]
     shown = [entry for entry in varying if entry.swing >= least[0]][:MOST]
     panels = [
-        over_period(a.plant.period, entry.title).line(a.t, entry.values, COLOURS[entry.matrix]) for entry in shown
+        make_period_panel(a.plant.period, entry.title).line(a.t, entry.values, COLOURS[entry.matrix]) for entry in shown
     ]
-    svg = draw(in_columns(panels, 75), TITLE) if panels else ""
-    return Picture("coefficients", TITLE, caption(len(varying), len(shown)), svg)
+    svg = draw(arrange_in_columns(panels, 75), TITLE) if panels else ""
+    return Picture("coefficients", TITLE, write_caption(len(varying), len(shown)), svg)
 
 
-def caption(varying: int, shown: int) -> str:
+def write_caption(varying: int, shown: int) -> str:
     """What is shown, and what is not."""
     if not varying:
         return (
@@ -55,7 +55,7 @@ def caption(varying: int, shown: int) -> str:
     )
 
 
-def entries(a: Analysis) -> Iterator[Entry]:
+def list_entries(a: Analysis) -> Iterator[Entry]:
     """All entries that vary; of a pair that is equal at all times, the upper one."""
     for name in ("M", "D", "K"):
         matrix = getattr(a.coefficients, name)
@@ -65,28 +65,34 @@ def entries(a: Analysis) -> Iterator[Entry]:
             symmetric = bool(np.all(np.abs(values - mirror) <= NOISE * size))
             if np.ptp(values) > NOISE * size and not (symmetric and j < i):
                 yield Entry(
-                    name, f"{name}{index(i, j)} in {matrix_unit(a, name, i, j)}", values, float(np.ptp(values) / size)
+                    name,
+                    f"{name}{name_entry(i, j)} in {name_matrix_unit(a, name, i, j)}",
+                    values,
+                    float(np.ptp(values) / size),
                 )
     size = np.abs(a.coefficients.h).max() or 1.0
     for i in range(a.plant.n):
         values = a.coefficients.h[:, i]
         if np.ptp(values) > NOISE * size:
             yield Entry(
-                "h", f"h{str(i + 1).translate(SUBSCRIPTS)} in {force_unit(a, i)}", values, float(np.ptp(values) / size)
+                "h",
+                f"h{str(i + 1).translate(SUBSCRIPTS)} in {name_force_unit(a, i)}",
+                values,
+                float(np.ptp(values) / size),
             )
 
 
-def index(i: int, j: int) -> str:
+def name_entry(i: int, j: int) -> str:
     """Subscripts, with a comma where an index has two digits."""
     comma = "," if max(i, j) > 8 else ""
     return f"{i + 1}{comma}{j + 1}".translate(SUBSCRIPTS)
 
 
-def force_unit(a: Analysis, i: int) -> str:
+def name_force_unit(a: Analysis, i: int) -> str:
     """N m for a row of a rotation, N for one of a displacement."""
-    return "N" if coordinate_unit(a, i) == "m" else "N m"
+    return "N" if name_coordinate_unit(a, i) == "m" else "N m"
 
 
-def matrix_unit(a: Analysis, name: str, i: int, j: int) -> str:
+def name_matrix_unit(a: Analysis, name: str, i: int, j: int) -> str:
     """The unit of an entry, by how many of its row and its column are rotations."""
-    return UNITS[name][sum(coordinate_unit(a, k) == "rad" for k in (i, j))]
+    return UNITS[name][sum(name_coordinate_unit(a, k) == "rad" for k in (i, j))]

@@ -5,7 +5,7 @@ import numpy as np
 from flexlin.answers.analysis import Analysis
 from flexlin.checks import Array
 from flexlin.report.figures.style import Picture
-from flexlin.report.wording import coordinate_unit, scaled
+from flexlin.report.wording import name_coordinate_unit, scale_values
 from flexlin.simulation import Simulation
 from flexlin.svg import Linear, Panel, Row, draw
 
@@ -17,8 +17,10 @@ def draw_comparison(a: Analysis) -> Picture | None:
     if a.simulation is None:
         return None
     s = a.simulation
-    name, unit, nonlinear, linear, gap = tip(s) if np.all(np.isfinite(s.tip)) else first_coordinate(a, s)
-    (both, both_unit), (apart, apart_unit) = scaled(np.array([nonlinear, linear]), unit), scaled(gap, unit)
+    name, unit, nonlinear, linear, gap = (
+        compare_tips(s) if np.all(np.isfinite(s.tip)) else compare_first_coordinate(a, s)
+    )
+    (both, both_unit), (apart, apart_unit) = scale_values(np.array([nonlinear, linear]), unit), scale_values(gap, unit)
     time = Linear(0.0, float(s.t[-1]))
     upper = Panel(f"{name} in {both_unit}", x=time, ticked=(False, True)).zero()
     upper.line(s.t, both[0], "sky", width=4.0, label="nonlinear").line(
@@ -35,7 +37,7 @@ def draw_comparison(a: Analysis) -> Picture | None:
 Curves = tuple[str, str, Array, Array, Array]
 
 
-def tip(s: Simulation) -> Curves:
+def compare_tips(s: Simulation) -> Curves:
     """The component of the tip error that is largest, and the distance of the two tips."""
     nonlinear, linear = s.tip - s.tip_rigid, s.tip_linear - s.tip_rigid
     axis = int(np.argmax(np.abs(nonlinear).max(axis=0)))
@@ -43,7 +45,7 @@ def tip(s: Simulation) -> Curves:
     return f"tip error along {'xy'[axis]}", "m", nonlinear[:, axis], linear[:, axis], distance
 
 
-def first_coordinate(a: Analysis, s: Simulation) -> Curves:
+def compare_first_coordinate(a: Analysis, s: Simulation) -> Curves:
     """The first coordinate's deviation."""
     nonlinear, linear = s.nonlinear[:, 0], s.linear[:, 0]
-    return f"{a.plant.names[0]}", coordinate_unit(a, 0), nonlinear, linear, nonlinear - linear
+    return f"{a.plant.names[0]}", name_coordinate_unit(a, 0), nonlinear, linear, nonlinear - linear

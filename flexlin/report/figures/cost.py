@@ -21,7 +21,7 @@ def draw_cost(result: CostResult) -> Picture:
     rows = [Panels([panels[0]], 360.0)]
     rest = panels[1:]
     rows += [Panels(rest[i : i + 2], 220.0) for i in range(0, len(rest), 2)]
-    return Picture("cost", TITLE, caption(result), draw(rows, TITLE))
+    return Picture("cost", TITLE, write_caption(result), draw(rows, TITLE))
 
 
 def draw_stage(result: CostResult, stage: str) -> Panel:
@@ -30,38 +30,38 @@ def draw_stage(result: CostResult, stage: str) -> Panel:
         stage, x=Logarithmic(), y=Logarithmic(), x_label="error against the reference", y_label="CPU time in ms"
     )
     rows = [row for row in result.stage(stage) if not row.chosen and row.error < 1.0]
-    families = list(dict.fromkeys(family(row.method) for row in rows))
+    families = list(dict.fromkeys(name_family(row.method) for row in rows))
     named: set[str] = set()
     for method in dict.fromkeys(row.method for row in rows):
-        mine, name = [row for row in rows if row.method == method], family(method)
+        mine, name = [row for row in rows if row.method == method], name_family(method)
         i = families.index(name)
         colour, dash = SERIES[i % len(SERIES)], DASHES[1] if mine[0].outside else ""
         errors, times = [max(row.error, UNSEEN) for row in mine], [1e3 * row.seconds for row in mine]
         panel.line(errors, times, colour, width=1.2, dash=dash)
-        texts, label = [words(row) for row in mine], "" if name in named else name
+        texts, label = [describe_row(row) for row in mine], "" if name in named else name
         panel.dots(errors, times, colour, SHAPES[i // len(SERIES) % 3], size=3.0, label=label, texts=texts)
         named.add(name)
     chosen = [row for row in result.stage(stage) if row.chosen and row.error < 1.0]
     if chosen:
         x, y = [max(row.error, UNSEEN) for row in chosen], [1e3 * row.seconds for row in chosen]
         panel.dots(
-            x, y, "ink", "diamond", 4.5, "engine's choice", [f"tol {row.chosen}: {words(row)}" for row in chosen]
+            x, y, "ink", "diamond", 4.5, "engine's choice", [f"tol {row.chosen}: {describe_row(row)}" for row in chosen]
         )
     return panel
 
 
-def family(method: str) -> str:
+def name_family(method: str) -> str:
     """The method without its order, as short as a legend needs it: gauss 8 -> gauss, CasADi cvodes -> cvodes."""
     name = method.removeprefix("floquet, ").removeprefix("CasADi ").replace("SciPy DOP853", "DOP853")
     return name.rstrip(" 0123456789") if name[0].islower() else name
 
 
-def words(row: Row) -> str:
+def describe_row(row: Row) -> str:
     """What one sees on pointing at a mark."""
     return f"{row.method}, {row.setting}: error {row.error:.1e}, {1e3 * row.seconds:.3g} ms"
 
 
-def caption(result: CostResult) -> str:
+def write_caption(result: CostResult) -> str:
     """How to read the picture."""
     notes = f" {'; '.join(result.notes)}." if result.notes else ""
     return (

@@ -16,31 +16,33 @@ HEIGHT = 17.0
 def draw_effects(audit: Audit) -> Picture:
     """Bars of significance, the largest on top, with the tolerance as a line."""
     rows = [*audit.effects, *audit.modes]
-    rows.sort(key=significance)
+    rows.sort(key=clip_significance)
     panel = Panel(
         x=Logarithmic(LEAST, MOST), y=Named(tuple(row.change for row in rows)), x_label="largest relative change"
     )
     for i, row in enumerate(rows):
         if not np.isnan(row.significance):
-            size = max(LEAST, min(significance(row), MOST))
-            panel.area([LEAST, size, size, LEAST], [i - 0.3, i - 0.3, i + 0.3, i + 0.3], colour(row, audit.tolerance))
+            size = max(LEAST, min(clip_significance(row), MOST))
+            panel.area(
+                [LEAST, size, size, LEAST], [i - 0.3, i - 0.3, i + 0.3, i + 0.3], choose_colour(row, audit.tolerance)
+            )
     panel.line([audit.tolerance] * 2, [-0.5, len(rows) - 0.5], "ink", width=1.2, dash="4 3")
-    return Picture("effects", TITLE, caption(audit), draw([Line([panel], HEIGHT * len(rows))], TITLE))
+    return Picture("effects", TITLE, write_caption(audit), draw([Line([panel], HEIGHT * len(rows))], TITLE))
 
 
-def significance(row: Row) -> float:
+def clip_significance(row: Row) -> float:
     """What a row is sorted by; a version that could not be judged comes last."""
     return -1.0 if np.isnan(row.significance) else row.significance
 
 
-def colour(row: Row, tolerance: float) -> str:
+def choose_colour(row: Row, tolerance: float) -> str:
     """Blue where the scene's choice is needed, orange where it leaves out what matters, grey below the tolerance."""
     if row.significance <= tolerance:
         return "grid"
     return "blue" if row.on else "orange"
 
 
-def caption(audit: Audit) -> str:
+def write_caption(audit: Audit) -> str:
     """How to read the bars, and the advice."""
     findings = [
         f"needed: {', '.join(audit.needed) or 'none'}",

@@ -5,7 +5,7 @@ import numpy as np
 from flexlin.about.linear import Linearization
 from flexlin.answers.analysis import Analysis, Loop
 from flexlin.checks import Array
-from flexlin.report.figures.style import SHAPES, Picture, loop_colour, over_period
+from flexlin.report.figures.style import SHAPES, Picture, choose_loop_colour, make_period_panel
 from flexlin.svg import Linear, Panel, Row, Symlog, draw
 
 TITLE = "Exponents and frequencies"
@@ -13,11 +13,11 @@ TITLE = "Exponents and frequencies"
 
 def draw_exponents(a: Analysis) -> Picture:
     """The complex plane on the left, frozen frequencies over the period on the right."""
-    rows = [Row([plane(a), frozen(a)], 190, (1.4, 1.0))]
-    return Picture("exponents", TITLE, caption(1 / a.plant.period), draw(rows, TITLE))
+    rows = [Row([draw_plane(a), draw_frozen(a)], 190, (1.4, 1.0))]
+    return Picture("exponents", TITLE, write_caption(1 / a.plant.period), draw(rows, TITLE))
 
 
-def caption(frequency: float) -> str:
+def write_caption(frequency: float) -> str:
     """What the axes mean."""
     return (
         "Left: Floquet exponents by growth rate and frequency; a mode left of the line decays. Frequencies are known modulo "
@@ -26,12 +26,12 @@ def caption(frequency: float) -> str:
     )
 
 
-def plane(a: Analysis) -> Panel:
+def draw_plane(a: Analysis) -> Panel:
     """Growth rate, on a scale that is linear near zero and logarithmic beyond, against frequency."""
     known = [(loop, i) for i, loop in enumerate(a.loops) if loop.floquet is not None]
     half = 0.5 / a.plant.period
     panel = Panel(
-        "Floquet exponents", x=Symlog(smallest_rate([loop for loop, _ in known])), y=Linear(-0.06 * half, 1.06 * half),
+        "Floquet exponents", x=Symlog(find_smallest_rate([loop for loop, _ in known])), y=Linear(-0.06 * half, 1.06 * half),
         x_label="growth rate in 1/s", y_label="frequency in Hz, modulo 1/T",
     )  # fmt: skip
     panel.line([0, 0], [-0.06 * half, 1.06 * half], "ink", width=1.3)
@@ -41,26 +41,27 @@ def plane(a: Analysis) -> Panel:
         frequency = np.abs(upper.imag) / (2 * np.pi)
         texts = [f"{loop.name}: {value.real:.5g} 1/s, {f:.4g} Hz" for value, f in zip(upper, frequency, strict=True)]
         shape = SHAPES[i % len(SHAPES)]
-        panel.dots(upper.real, frequency, loop_colour(loop, i), shape, 4.2, label=loop.name, texts=texts)
+        panel.dots(upper.real, frequency, choose_loop_colour(loop, i), shape, 4.2, label=loop.name, texts=texts)
     return panel
 
 
-def smallest_rate(loops: list[Loop]) -> float:
+def find_smallest_rate(loops: list[Loop]) -> float:
     """The power of ten below the smallest growth rate that is not just noise."""
-    rates = np.abs(np.concatenate([loop.floquet.exponents.real for loop in loops if loop.floquet is not None]))
-    clear = rates[rates > 1e-6 * max(1e-3, float(rates.max()))]
+    known = [loop.floquet.exponents.real for loop in loops if loop.floquet is not None]
+    rates = np.abs(np.concatenate([np.empty(0), *known]))
+    clear = rates[rates > 1e-6 * max(1e-3, float(rates.max(initial=0.0)))]
     return float(10 ** np.floor(np.log10(clear.min()))) if clear.size else 1.0
 
 
-def frozen(a: Analysis) -> Panel:
+def draw_frozen(a: Analysis) -> Panel:
     """Frequencies of the eigenvalues of A(t) over the period: open loop and own loop."""
-    panel = over_period(a.plant.period, "natural frequencies, frozen")
+    panel = make_period_panel(a.plant.period, "natural frequencies, frozen")
     curves: list[tuple[Linearization, str, str]] = [(a.plant, "faint", "open loop")]
     if a.own is not a.loops[0]:
         curves.append((a.closed, "blue", a.own.name))
     t, found = a.t[::2], []
     for linearization, colour, label in curves:
-        found.append(frozen_frequencies(linearization, t))
+        found.append(compute_frozen_frequencies(linearization, t))
         for k, frequency in enumerate(found[-1].T):
             panel.line(t, frequency, colour, label=label if k == 0 else "")
     clear = np.concatenate([f.ravel() for f in found])
@@ -70,7 +71,7 @@ def frozen(a: Analysis) -> Panel:
     return panel
 
 
-def frozen_frequencies(linearization: Linearization, t: Array) -> Array:
+def compute_frozen_frequencies(linearization: Linearization, t: Array) -> Array:
     """|Im| / 2 pi of the eigenvalues of A(t), (N, n) in Hz, one of each pair."""
     values = np.linalg.eigvals(linearization.periodic_system().A(t))
     return np.sort(np.abs(values.imag), axis=1)[:, ::2] / (2 * np.pi)

@@ -5,7 +5,7 @@ import numpy as np
 from flexlin.answers.analysis import Analysis, Loop
 from flexlin.checks import Array
 from flexlin.report.figures.style import Picture
-from flexlin.report.wording import largest_multiplier, modulus
+from flexlin.report.wording import format_largest_multiplier, format_modulus
 from flexlin.svg import Linear, Panel, Row, draw
 
 COLUMNS = 4
@@ -25,28 +25,28 @@ CAPTION = (
 
 def draw_multipliers(a: Analysis) -> Picture:
     """A unit circle for each loop."""
-    panels = [circle(loop) for loop in a.loops]
+    panels = [draw_circle(loop) for loop in a.loops]
     columns = min(COLUMNS, max(3, len(panels)))
     rows = [Row(panels[i : i + columns], 165) for i in range(0, len(panels), columns)]
     return Picture("multipliers", TITLE, CAPTION, draw(rows, TITLE))
 
 
-def radius(log10: Array) -> Array:
+def scale_radius(log10: Array) -> Array:
     """A monotone map of log10 |mu| with radius(-inf) = 0, radius(0) = 1, radius(inf) = 2, as smooth at 1 as it is elsewhere."""
     inside = HALF / (HALF + np.maximum(-log10, 0.0))
     outside = HALF / (HALF + np.maximum(log10, 0.0))
     return np.where(log10 <= 0, inside, 2.0 - outside)
 
 
-def footer(loop: Loop) -> str:
+def write_footer(loop: Loop) -> str:
     """The verdict with the largest modulus, or that there is none."""
-    return "no controller" if loop.floquet is None else f"{loop.verdict}, largest |µ| = {largest_multiplier(loop)}"
+    return "no answer" if loop.floquet is None else f"{loop.verdict}, largest |µ| = {format_largest_multiplier(loop)}"
 
 
-def circle(loop: Loop) -> Panel:
+def draw_circle(loop: Loop) -> Panel:
     """The unit circle, its rings, and the multipliers of one loop; the view grows where one lies far outside."""
     logs = loop.floquet.log_multipliers if loop.floquet is not None else np.zeros(0, dtype=complex)
-    r = radius(logs.real / np.log(10))
+    r = scale_radius(logs.real / np.log(10))
     reach = max(REACH, float(r.max(initial=0.0)) + 0.15)
     view = Linear(-reach, reach)
     panel = Panel(
@@ -55,13 +55,13 @@ def circle(loop: Loop) -> Panel:
         y=view,
         equal=True,
         bare=True,
-        footer=footer(loop),
+        footer=write_footer(loop),
     )
     panel.area(np.cos(TURN), np.sin(TURN), "shade")
     for power in RINGS:
-        size = float(radius(np.array(power)))
+        size = float(scale_radius(np.array(power)))
         panel.line(size * np.cos(TURN), size * np.sin(TURN), "faint", width=0.7, dash="2 3", opacity=0.7)
     panel.line([-1.12, 1.12], [0, 0], "grid", width=0.8).line([0, 0], [-1.12, 1.12], "grid", width=0.8)
     panel.line(np.cos(TURN), np.sin(TURN), "ink", width=1.3)
-    texts = [f"|µ| = {modulus(log.real)}, angle {np.degrees(log.imag):.1f}°" for log in logs]
+    texts = [f"|µ| = {format_modulus(log.real)}, angle {np.degrees(log.imag):.1f}°" for log in logs]
     return panel.dots(r * np.cos(logs.imag), r * np.sin(logs.imag), loop.verdict, size=4.2, texts=texts)

@@ -6,7 +6,7 @@ from flexlin.answers.analysis import Loop
 from flexlin.svg import Linear, Panel, Row
 
 SERIES = ("blue", "vermilion", "green", "purple", "orange", "sky")
-"""Told apart with every kind of colour blindness. Source: Okabe, Ito (2002), Color Universal Design; purple from Tol (2021)."""
+"""Distinguishable with every kind of colour blindness. Source: Okabe, Ito (2002), Color Universal Design; purple from Tol (2021)."""
 SHAPES = ("circle", "square", "diamond", "triangle")
 DASHES = ("", "6 3", "2 2.5", "8 3 2 3")
 
@@ -21,12 +21,12 @@ class Picture:
     svg: str
 
 
-def over_period(period: float, title: str, label: bool = True) -> Panel:
+def make_period_panel(period: float, title: str, label: bool = True) -> Panel:
     """A panel of something over one period; without `label` the panel below bears the times."""
     return Panel(title, x=Linear(0.0, period), x_label="time in s" if label else "", ticked=(label, True))
 
 
-def in_columns(panels: list[Panel], height: float) -> list[Row]:
+def arrange_in_columns(panels: list[Panel], height: float) -> list[Row]:
     """Panels row by row, three in a row or what leaves fewer places empty; the last one of each column bears the labels of time."""
     columns = 2 if len(panels) in (2, 4) else min((3, 4), key=lambda k: -len(panels) % k)
     columns = max(1, min(columns, len(panels)))
@@ -36,6 +36,6 @@ def in_columns(panels: list[Panel], height: float) -> list[Row]:
     return [Row(panels[i : i + columns], height, (1.0,) * columns) for i in range(0, len(panels), columns)]
 
 
-def loop_colour(loop: Loop, position: int) -> str:
+def choose_loop_colour(loop: Loop, position: int) -> str:
     """The colour of a loop: grey for the open loop, then the series in order."""
     return "faint" if loop.kind == "open" else SERIES[position % len(SERIES)]

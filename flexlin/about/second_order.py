@@ -1,0 +1,186 @@
+"""The coefficients of M y'' + D y' + K y = h + B u along a motion, as functions of time."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+from numpy.typing import ArrayLike
+
+from flexlin.about.deviation import Deviation
+from flexlin.checks import Array, at_times, times
+from flexlin.summary import represent
+from flexlin.symbolic import selected
+
+
+@dataclass(frozen=True)
+class Coefficients:
+    """M_L, D_L, K_L (N, n, n), h_L (N, n), B_L (N, n, m) and the feedforward torque of the rigid motion tau (N, m), at N times."""
+
+    M: Array
+    D: Array
+    K: Array
+    h: Array
+    B: Array
+    tau: Array
+
+    __repr__ = represent
+
+
+@dataclass(frozen=True, eq=False)
+class SecondOrderEquations:
+    """The equations M_L y'' + D_L y' + K_L y = h_L + B_L u of the deviation y, with all coefficients in one CasADi function."""
+
+    about: Deviation
+    coefficients: ca.Function
+
+    def sample(self, t: Array) -> Coefficients:
+        """Return all coefficients at many times, in one mapped call.
+
+        Parameters
+        ----------
+        t : array, shape (N,)
+            Times in s.
+
+        Returns
+        -------
+        Coefficients
+            M, D, K (N, n, n), h (N, n), B (N, n, m) and the torque of the rigid motion tau (N, m).
+        """
+        M, D, K, h, B, tau = self.about.evaluate(self.coefficients, times(t))
+        return Coefficients(M, D, K, h[:, :, 0], B, tau[:, :, 0])
+
+    def M(self, t: ArrayLike) -> Array:
+        """Return the mass matrix, Eq (65).
+
+        Parameters
+        ----------
+        t : array_like, shape (N,) or ()
+            Times in s.
+
+        Returns
+        -------
+        array, shape (N, n, n) or (n, n)
+            M_L, in kg m^2, kg m and kg.
+        """
+        return at_times(lambda t: self.mass_and_input(t)[0], t)
+
+    def D(self, t: ArrayLike) -> Array:
+        """Return the matrix of y', Eq (66).
+
+        Parameters
+        ----------
+        t : array_like, shape (N,) or ()
+            Times in s.
+
+        Returns
+        -------
+        array, shape (N, n, n) or (n, n)
+            D_L, in the unit of M per s.
+        """
+        return at_times(lambda t: self.equations(t)[1], t)
+
+    def K(self, t: ArrayLike) -> Array:
+        """Return the matrix of y, Eq (67).
+
+        Parameters
+        ----------
+        t : array_like, shape (N,) or ()
+            Times in s.
+
+        Returns
+        -------
+        array, shape (N, n, n) or (n, n)
+            K_L, in the unit of M per s^2.
+        """
+        return at_times(lambda t: self.equations(t)[2], t)
+
+    def h(self, t: ArrayLike) -> Array:
+        """Return the forcing that the rigid motion leaves over, Eq (64).
+
+        Parameters
+        ----------
+        t : array_like, shape (N,) or ()
+            Times in s.
+
+        Returns
+        -------
+        array, shape (N, n) or (n,)
+            h_L, in N m or N.
+        """
+        return at_times(lambda t: self.sample(t).h, t)
+
+    def B(self, t: ArrayLike) -> Array:
+        """Return the input matrix.
+
+        Parameters
+        ----------
+        t : array_like, shape (N,) or ()
+            Times in s.
+
+        Returns
+        -------
+        array, shape (N, n, m) or (n, m)
+            B_L.
+        """
+        return at_times(lambda t: self.mass_and_input(t)[1], t)
+
+    def feedforward(self, t: ArrayLike) -> Array:
+        """Return the torque of the rigid motion: what the arm would need if its links were rigid.
+
+        Parameters
+        ----------
+        t : array_like, shape (N,) or ()
+            Times in s.
+
+        Returns
+        -------
+        array, shape (N, m) or (m,)
+            The torque, in N m (N for sliding joints, V for motors).
+        """
+        return at_times(lambda t: self.about.evaluate(self._torque, t)[0][:, :, 0], t)
+
+    def equations(self, t: Array) -> tuple[Array, Array, Array]:
+        """Return M, D, K without the rest.
+
+        Parameters
+        ----------
+        t : array, shape (N,)
+            Times in s.
+
+        Returns
+        -------
+        tuple of array, each of shape (N, n, n)
+            M, D, K.
+        """
+        M, D, K = self.about.evaluate(self._equations, times(t))
+        return M, D, K
+
+    def mass_and_input(self, t: Array) -> tuple[Array, Array]:
+        """Return M and B without the rest.
+
+        Parameters
+        ----------
+        t : array, shape (N,)
+            Times in s.
+
+        Returns
+        -------
+        M : array, shape (N, n, n)
+            Mass matrix.
+        B : array, shape (N, n, m)
+            Input matrix.
+        """
+        M, B = self.about.evaluate(self._inputs, times(t))
+        return M, B
+
+    @cached_property
+    def _equations(self) -> ca.Function:
+        return selected(self.coefficients, ("M", "D", "K"))
+
+    @cached_property
+    def _inputs(self) -> ca.Function:
+        return selected(self.coefficients, ("M", "B"))
+
+    @cached_property
+    def _torque(self) -> ca.Function:
+        return selected(self.coefficients, ("tau",))

@@ -1,0 +1,129 @@
+"""Where a saturating function of a joint's rate changes fast while the joint follows its basic motion."""
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from flexlin.checks import Array
+
+Features = tuple[tuple[float, float], ...]
+"""Pairs (time, half-width) in s, times in [0, T)."""
+SAMPLES = 8192
+"""Times of a period among which turn-arounds are bracketed; two that are closer are found as a minimum of |q'| between them."""
+SATURATED = 20.0
+"""Rates over the saturating one at which nothing is left: sech^2(20) is 2e-17."""
+WIDE = 1 / 20
+"""Of the period: what is wider is not narrow."""
+COVERED = 4.5
+"""Where q' leaves zero as t^p, it passes the rate after p times the half-width there; p is at most 4 in the shipped motions."""
+HALVINGS = 60
+
+
+class Moving(Protocol):
+    """What is asked of a basic motion: see `flexlin.motion.Motion`."""
+
+    @property
+    def joints(self) -> int: ...
+    @property
+    def period(self) -> float: ...
+    @property
+    def breaks(self) -> tuple[float, ...]: ...
+    def sample(self, t: Array) -> tuple[Array, Array, Array]: ...
+
+
+def slow_passages(motion: Moving, joint: int, rate: float) -> Features:
+    """Find where |q'| of a joint is no larger than a saturating rate for a short while.
+
+        f(q'(t) / rate) changes over |q'| < rate:   at a turn-around within rate / |q''|
+
+    Turn-arounds are sign changes of q', and minima of |q'| where it only touches zero; where q' leaves a rest, the passage through
+    +-rate. The half-width is the time in which q' changes by `rate`, on the faster side.
+
+    Parameters: rate in rad/s, or m/s.
+    Returns: features narrower than T / 20, by rising time; those that another beside them covers are left out.
+    """
+    T, edges = motion.period, np.unique(np.array(motion.breaks, dtype=float))
+
+    def of(t: Array) -> tuple[Array, Array]:
+        if not len(t):
+            return t, t
+        _, speed, acceleration = motion.sample(np.mod(t, T))
+        return speed[:, joint], acceleration[:, joint]
+
+    t = np.union1d(T * np.arange(-1, SAMPLES + 1) / SAMPLES, edges)
+    speed, acceleration = of(t)
+    touching = minima(of, t, speed, acceleration)
+    t = np.union1d(t, touching)
+    speed, _ = of(t)
+    still = np.union1d(touching, edges)
+    still = still[np.abs(of(still)[0]) <= SATURATED * rate]
+    turns = np.union1d(crossings(lambda s: of(s)[0], t, speed), still)
+    leaving = crossings(lambda s: np.abs(of(s)[0]) - rate, t, np.abs(speed) - rate)
+    with np.errstate(divide="ignore"):
+        passing = rate / np.abs(of(leaving)[1])
+    narrow = [
+        (float(time), float(width), float(covered * width))
+        for times, lasting, covered in ((turns, widths(of, turns, rate, T), 1.5), (leaving, passing, COVERED))
+        for time, width in sorted(zip(np.mod(times, T), lasting, strict=True), key=lambda pair: pair[1])
+        if 0 < width < WIDE * T
+    ]
+    return uncovered(narrow, T)
+
+
+def crossings(f: Callable[[Array], Array], t: Array, values: Array) -> Array:
+    """Zeros of f between neighbouring times where it changes its sign, and at those where it is zero for an instant."""
+    change = values[:-1] * values[1:] < 0
+    low, high, sign = t[:-1][change], t[1:][change], np.sign(values[:-1][change])
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        left = np.sign(f(middle)) == sign
+        low, high = np.where(left, middle, low), np.where(left, high, middle)
+    inner = (values[1:-1] == 0) & (values[:-2] != 0) & (values[2:] != 0)
+    return np.union1d(0.5 * (low + high), t[1:-1][inner])
+
+
+def minima(of: Callable[[Array], tuple[Array, Array]], t: Array, speed: Array, acceleration: Array) -> Array:
+    """Times of the minima of |q'| that are no zeros of q' on the grid: there q'' changes its sign between neighbours."""
+    size = np.abs(speed)
+    low = np.concatenate(
+        [[size[0] <= size[1]], (size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:]), [size[-1] <= size[-2]]]
+    )
+    beside = low[:-1] | low[1:]
+    change = beside & (acceleration[:-1] * acceleration[1:] < 0)
+    first, last, sign = t[:-1][change], t[1:][change], np.sign(acceleration[:-1][change])
+    for _ in range(HALVINGS):
+        middle = 0.5 * (first + last)
+        left = np.sign(of(middle)[1]) == sign
+        first, last = np.where(left, middle, first), np.where(left, last, middle)
+    return np.union1d(0.5 * (first + last), t[:-1][low[:-1] & (acceleration[:-1] == 0) & (speed[:-1] != 0)])
+
+
+def widths(of: Callable[[Array], tuple[Array, Array]], centres: Array, rate: float, period: float) -> Array:
+    """The time in which q' changes by `rate` from its value at each centre, on the faster side; T/2 where it never does."""
+    best = np.full(len(centres), period / 2)
+    if not len(centres):
+        return best
+    start = of(centres)[0]
+    for side in (1.0, -1.0):
+        ladder = period * 2.0 ** -np.arange(1.0, 45.0)[::-1]
+        moved = np.stack([np.abs(of(centres + side * step)[0] - start) >= rate for step in ladder])
+        first = np.argmax(moved, axis=0)
+        high = np.where(moved.any(axis=0), ladder[first], period / 2)
+        low = np.where(first > 0, high / 2, 0.0)
+        for _ in range(HALVINGS // 2):
+            middle = 0.5 * (low + high)
+            there = np.abs(of(centres + side * middle)[0] - start) >= rate
+            low, high = np.where(there, low, middle), np.where(there, middle, high)
+        best = np.minimum(best, high)
+    return best
+
+
+def uncovered(narrow: list[tuple[float, float, float]], period: float) -> Features:
+    """Those of (time, width, reach) that have no earlier one of the list within their reach: they are resolved with it."""
+    kept: list[tuple[float, float]] = []
+    for time, width, reach in narrow:
+        away = [abs(time - other) for other, _ in kept]
+        if all(min(d, period - d) > reach for d in away):
+            kept.append((time, width))
+    return tuple(sorted(kept))

@@ -1,0 +1,22 @@
+"""How accurate the answers should be, and what they may cost."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from flexlin.scene.base import Table
+
+FINEST, COARSEST = 1e-15, 0.1
+"""Rounding allows no smaller error; a larger one is no answer."""
+
+
+class Accuracy(Table):
+    """What is asked of every stage of the work: an error, and limits of time and memory.
+
+    tol: wanted error of each stage's answer, as the stage measures it (exponents in 1/s, relative beyond 1/s; gains, responses and
+    simulations relative); seconds: wall time that a stage may take; memory: bytes that it may ask for at once.
+    """
+
+    tol: Annotated[float, Field(strict=True, ge=FINEST, le=COARSEST)] = 1e-9
+    seconds: Annotated[float, Field(strict=True, gt=0, le=1e7)] = 60.0
+    memory: Annotated[float, Field(strict=True, ge=2.0**20, le=2.0**50)] = 2.0**30

@@ -1,0 +1,172 @@
+"""Public docstrings: in numpydoc form, with the parameters of the signature, and with examples that run."""
+
+import dataclasses
+import doctest
+import inspect
+import pkgutil
+from collections.abc import Iterator
+from importlib import import_module
+from types import ModuleType
+from typing import Any
+
+import pytest
+from numpydoc.docscrape import NumpyDocString, get_doc_object
+from numpydoc.validate import validate
+
+import flexlin as fl
+from flexlin.scene import effects, library
+
+MODULES = (
+    "flexlin.mechanics",
+    "flexlin.scene",
+    "flexlin.motion",
+    "flexlin.series",
+    "flexlin.simulation",
+    "flexlin.answers.audit",
+    "flexlin.answers.accuracy",
+)
+NOT_LISTED = (
+    "flexlin.periodic.quadratic.riccati.periodic_riccati",
+    "flexlin.periodic.quadratic.riccati.finite_horizon_riccati",
+    "flexlin.periodic.quadratic.riccati.periodic_lyapunov",
+    "flexlin.periodic.quadratic.riccati.RiccatiSolution",
+    "flexlin.periodic.response.forced.ForcedResponse",
+)
+"""Public by their docstrings, in modules that list no public names."""
+PENDING = {
+    "PeriodicSystem",
+    "FloquetResult",
+    "floquet",
+    "floquet_modes",
+    "periodic_riccati",
+    "finite_horizon_riccati",
+    "periodic_lyapunov",
+    "RiccatiSolution",
+}
+"""Still in the short form."""
+FORM = {
+    "GL06": "a section that numpydoc does not know",
+    "GL07": "sections in another order",
+    "GL08": "no docstring",
+    "SS01": "no summary",
+    "SS06": "a summary of several lines",
+    "RT01": "no section on what is returned",
+    "RT03": "a return value that is not described",
+    "YD01": "no section on what is yielded",
+}
+PARAMETERS = {
+    "PR01": "parameters that are not described",
+    "PR02": "descriptions of parameters that are not there",
+    "PR03": "parameters in another order",
+    "PR04": "a parameter without type",
+    "PR07": "a parameter without description",
+}
+EXAMPLES = {"EX01": "no examples"}
+BRANCHES = {"InputError", "OutputError", "NumericalError", "IllPosedSegment"}
+"""Errors that only name a branch, or a case that no short example provokes."""
+
+
+def public_names() -> dict[str, Any]:
+    """Every public function and class by a dotted name, each once."""
+    found: dict[int, tuple[str, Any]] = {}
+
+    def add(name: str, value: Any) -> None:
+        if isinstance(value, ModuleType):
+            for inner in value.__all__:
+                add(f"{value.__name__}.{inner}", getattr(value, inner))
+        elif callable(value):
+            found.setdefault(id(value), (name, value))
+
+    for name in fl.__all__:
+        add(f"flexlin.{name}", getattr(fl, name))
+    for name in MODULES:
+        add(name, import_module(name))
+    for name in NOT_LISTED:
+        module, _, last = name.rpartition(".")
+        add(name, getattr(import_module(module), last))
+    return {name: value for name, value in found.values() if value.__name__ not in PENDING}
+
+
+def public_methods(name: str, kind: type) -> Iterator[tuple[str, Any]]:
+    """The public methods that flexlin itself wrote, with those of its base classes."""
+    for base in kind.__mro__:
+        for key, value in vars(base).items():
+            function = getattr(value, "__func__", value)
+            if inspect.isfunction(function) and not key.startswith("_") and base.__module__.startswith("flexlin"):
+                yield f"{name}.{key}", function
+
+
+NAMES = public_names()
+METHODS = {key: f for name, kind in NAMES.items() if inspect.isclass(kind) for key, f in public_methods(name, kind)}
+METHODS = {key: f for key, f in METHODS.items() if f.__qualname__.split(".")[0] not in ("Table", "EffectTable")}
+
+
+def mistakes(value: Any, wanted: dict[str, str]) -> dict[str, str]:
+    """What numpydoc's own check finds, among what is wanted."""
+    return {code: message for code, message in validate(get_doc_object(value))["errors"] if code in wanted}
+
+
+def test_the_walk_reaches_what_is_public():
+    assert len(NAMES) > 100
+    assert len(METHODS) > 50
+    assert {"flexlin.linearize", "flexlin.control.Design", "flexlin.mechanics.register_effect"} <= set(NAMES)
+    assert {"flexlin.Manipulator.from_matrices", "flexlin.Linearization.M"} <= set(METHODS)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_functions_and_classes(name):
+    value = NAMES[name]
+    wanted = dict(FORM)
+    if value.__name__ not in BRANCHES:
+        wanted |= EXAMPLES
+    if not inspect.isclass(value) or constructed(value):
+        wanted |= PARAMETERS
+    assert mistakes(value, wanted) == {}
+
+
+def constructed(kind: type) -> bool:
+    """Whether users make objects of this class themselves, by arguments that it checks or explains: not a result, not a subclass."""
+    doc = NumpyDocString(inspect.getdoc(kind) or "")
+    return "__init__" in vars(kind) and not (dataclasses.is_dataclass(kind) and doc["Attributes"])
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_methods(name):
+    assert mistakes(METHODS[name], FORM | PARAMETERS) == {}
+
+
+@pytest.mark.parametrize("name", [name for name, value in NAMES.items() if dataclasses.is_dataclass(value)])
+def test_every_field_is_described(name):
+    doc = NumpyDocString(inspect.getdoc(NAMES[name]) or "")
+    described = [part.strip() for entry in doc["Attributes"] or doc["Parameters"] for part in entry.name.split(",")]
+    inherited = {
+        f.name for base in NAMES[name].__mro__[1:] if dataclasses.is_dataclass(base) for f in dataclasses.fields(base)
+    }
+    fields = {field.name for field in dataclasses.fields(NAMES[name]) if field.repr}
+    assert fields - inherited <= set(described) <= fields | inherited
+    assert all(entry.desc for entry in doc["Attributes"] or doc["Parameters"])
+
+
+TREE = ["flexlin", *(found.name for found in pkgutil.walk_packages(fl.__path__, "flexlin."))]
+
+
+@pytest.mark.parametrize("name", [name for name in TREE if not name.endswith("__main__")])
+def test_examples_run(name, monkeypatch):
+    monkeypatch.setattr(effects, "_REGISTRY", effects.known_effects())
+    monkeypatch.setattr(library, "_REGISTRY", dict(library._REGISTRY))
+    runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
+    for test in doctest.DocTestFinder(exclude_empty=True).find(import_module(name), extraglobs={}):
+        test.globs.clear()  # an example imports what it uses
+        test.globs["__name__"] = "__main__"
+        messages: list[str] = []
+        assert runner.run(test, out=messages.append).failed == 0, "".join(messages)
+
+
+def test_public_names_have_examples_among_those_that_run():
+    finder = doctest.DocTestFinder(recurse=False)
+    without = [
+        name
+        for name, value in NAMES.items()
+        if value.__name__ not in BRANCHES and not finder.find(value, name)[0].examples
+    ]
+    assert without == []

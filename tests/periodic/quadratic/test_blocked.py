@@ -1,0 +1,55 @@
+"""Why there is no stabilising solution: the mode is not reached at all, or too weakly for numbers of this precision."""
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.errors import NotDetectable, NotStabilizable
+
+A = np.array([[0.5, 0.0], [0.3, -1000.0]])
+
+
+@pytest.mark.parametrize("share", [1e-9, 1e-11])
+def test_a_mode_that_is_reached_needs_no_actuator(share: float) -> None:
+    """The input's share in the unstable mode is exact here: it is said, and that scales are what is in the way."""
+    system = fl.PeriodicSystem(A, 1.0, np.array([[share], [1.0]]))
+    with pytest.raises(NotStabilizable, match="too weakly to be computed with") as caught:
+        fl.periodic_lqr(system, np.eye(2), np.eye(1))
+    assert f"its share is {share:.0e}" in str(caught.value)
+    assert "actuator" not in str(caught.value)
+
+
+def test_a_mode_that_is_not_reached_needs_one() -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(5):
+        turn = np.linalg.qr(rng.normal(size=(2, 2)))[0]
+        system = fl.PeriodicSystem(turn @ A @ turn.T, 1.0, turn @ np.array([[0.0], [1.0]]))
+        with pytest.raises(NotStabilizable, match="cannot be reached by the input") as caught:
+            fl.periodic_lqr(system, np.eye(2), np.eye(1))
+        assert "add an actuator" in str(caught.value)
+
+
+@pytest.mark.parametrize("share", [0.0, 1e-9])
+def test_the_same_holds_for_what_the_weight_sees(share: float) -> None:
+    """Dually: a growing mode with a share in Q of a billionth, and with none."""
+    seen = np.array([[share, 1.0]])
+    system = fl.PeriodicSystem(np.diag([0.5, -1000.0]), 1.0, np.array([[1.0], [1.0]]))
+    text = "seen by the weight Q too weakly" if share else "is not seen by the weight Q"
+    with pytest.raises(NotDetectable, match=text):
+        fl.periodic_lqr(system, seen.T @ seen, np.eye(1))
+
+
+def test_a_stiff_damped_link_is_reached_at_every_frozen_phase() -> None:
+    """A link a million times stiffer moves as a rigid one: its slowest gain is that of the rigid arm, whose design must exist too."""
+    from flexlin.control import frozen_lqr
+
+    scenes = [{"links.0.modes": 2, "links.0.bending_stiffness": 3.6866e6}, {"links.0.modes": 0}]
+    gains = []
+    for changes in scenes:
+        scene = fl.load_scene("single-link", {**changes, "designs": []})
+        lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+        weight = np.zeros(2 * lin.n)
+        weight[[0, lin.n]] = 100.0, 1.0
+        made = frozen_lqr(lin.periodic_system(), np.diag(weight + 1e-3), np.diag([0.1]))
+        gains.append(made.K(np.zeros(1))[0][:, [0, lin.n]])
+    assert gains[0] == pytest.approx(gains[1], rel=1e-3)

@@ -1,0 +1,123 @@
+"""One tol for every stage: it is asked of each, what each reached is said, and a limit that ends one leaves the rest."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.answers.analysis import analyse
+from flexlin.answers.clock import Step
+from flexlin.cli.main import main
+from flexlin.errors import TooManySegments
+from flexlin.report.terminal import accuracy_lines
+
+SMALL = ["links.0.modes=1"]
+DESIGN = "designs=[{name='lqr', kind='periodic-lqr', state_weight=[1.0, 1.0, 1.0, 1.0], input_weight=[1.0]}]"
+
+
+@pytest.fixture(scope="module")
+def two_accuracies():
+    changes = {"links.0.modes": 1, "control.about": "elastic"}
+    weights = {"state_weight": [1.0] * 4, "input_weight": [1.0]}
+    designs = [{"name": "lqr", "kind": "periodic-lqr", **weights}]
+    return [
+        analyse(fl.load_scene("single-link", {**changes, "designs": designs, "accuracy": {"tol": tol}}))
+        for tol in (1e-4, 1e-10)
+    ]
+
+
+def test_every_stage_with_an_error_is_asked_for_the_scene_s_tol(two_accuracies) -> None:
+    for found, tol in zip(two_accuracies, (1e-4, 1e-10), strict=True):
+        asked = {step.name: step.asked for step in found.steps if step.asked is not None}
+        assert set(asked.values()) == {tol}
+        assert (
+            len(asked) == 8
+        )  # three loops and one about the elastic motion, that motion, the gain, response, simulation
+
+
+def test_what_is_said_to_be_reached_is_the_error_of_the_answer(two_accuracies) -> None:
+    for found in two_accuracies:
+        reached = {step.name: step.reached for step in found.steps}
+        own = found.own.floquet
+        assert reached["Floquet: the scene's loop"] == np.max(own.errors / np.maximum(1, np.abs(own.exponents)))
+        assert reached["design: lqr"] == found.designs[0].design.error
+        assert reached["nonlinear simulation of 3 periods"] == max(
+            found.simulation.error, found.simulation.linear_error
+        )
+    coarse, fine = ({step.name: step.reached for step in found.steps} for found in two_accuracies)
+    simulated = "nonlinear simulation of 3 periods"
+    assert fine[simulated] < 1e-3 * coarse[simulated]
+    apart = np.abs(two_accuracies[0].own.floquet.exponents - two_accuracies[1].own.floquet.exponents)
+    assert np.all(apart <= two_accuracies[0].own.floquet.errors + two_accuracies[1].own.floquet.errors)
+
+
+def test_the_option_stands_for_the_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    options = ["--set", *SMALL, "designs=[]", "accuracy.tol=1e-3", "--tol", "1e-5", "--limit-seconds", "50"]
+    assert main(["report", "single-link", *options, "--out", str(tmp_path)]) == 0
+    data, page = json.loads((tmp_path / "report.json").read_text()), (tmp_path / "report.html").read_text()
+    assert data["accuracy"] == {"tol": 1e-5, "seconds": 50.0, "memory": 2.0**30}
+    assert {step["asked"] for step in data["steps"] if "asked" in step} == {1e-5}
+    assert all(step["reached"] >= 0 for step in data["steps"] if "asked" in step)
+    assert all({"seconds", "cpu_seconds"} <= set(step) for step in data["steps"])
+    assert "--tol 1e-05 --limit-seconds 50" in page
+    assert "1×10⁻⁵" in page
+    assert "accuracy: tol 1×10⁻⁵ reached in" in capsys.readouterr().out
+
+
+def test_a_stage_beyond_its_time_says_so_and_the_rest_stands(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The simulation never ends: it is stopped, and what comes before and after it is there."""
+
+    def endless(*_: object, **__: object) -> None:
+        while True:
+            np.linalg.eigvals(np.eye(8))
+
+    monkeypatch.setattr("flexlin.answers.analysis.simulate", endless)
+    options = ["--set", *SMALL, DESIGN, "--limit-seconds", "3", "--out", str(tmp_path)]
+    assert main(["report", "single-link", *options, "--require", "stable"]) == 0
+    data, page = json.loads((tmp_path / "report.json").read_text()), (tmp_path / "report.html").read_text()
+    stopped = {step["name"]: step["problem"] for step in data["steps"] if "problem" in step}
+    assert set(stopped) == {"nonlinear simulation of 3 periods"}
+    assert "stopped at the time limit; got no answer in 3 s" in data["simulation"]["problem"]
+    assert data["floquet"]["verdict"] == data["designs"]["lqr"]["verdict"] == "stable"
+    assert data["forced_response"]["error"] < 1e-8
+    assert "stopped at the time limit" in page
+    assert capsys.readouterr().out.count("stopped at the time limit; got no answer in 3 s") == 1
+
+
+def test_an_own_loop_without_verdict_leaves_the_rest(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The report is written and says why; the exit code is 1, as before, whatever verdict was required."""
+
+    def refuse(*_: object) -> None:
+        raise TooManySegments("this needs 10^9 segments")
+
+    monkeypatch.setattr("flexlin.answers.analysis.floquet", refuse)
+    options = ["--set", *SMALL, DESIGN, "--out", str(tmp_path), "--require", "stable"]
+    assert main(["report", "single-link", *options]) == 1
+    data, page = json.loads((tmp_path / "report.json").read_text()), (tmp_path / "report.html").read_text()
+    assert data["floquet"] == {**data["floquet"], "verdict": "failed", "status": "this needs 10^9 segments"}
+    assert data["simulation"]["error"] < 1e-6
+    assert data["designs"]["lqr"]["design_error"] < 1e-9
+    assert "this needs 10^9 segments" in page
+    assert "scene's PD           failed" in capsys.readouterr().out
+
+
+def test_the_terminal_names_what_missed_and_what_has_no_answer() -> None:
+    steps = [
+        Step("one", 1.0, 0.5, 1e-9, 2e-10),
+        Step("two", 2.0, 0.5, 1e-9, 3.4e-8),
+        Step("three", 1.0, 0.5, 1e-9, None, "three: stopped"),
+        Step("four", 1.0, 0.5),
+    ]
+    said = accuracy_lines(steps)
+    assert (
+        said[0] == "accuracy: tol 1×10⁻⁹ reached in 1 of 3 stages, largest error 3×10⁻⁸; took 5 s (2 s of a processor)"
+    )
+    assert said[1:] == ["  two: error 3.4×10⁻⁸, above tol", "  no answer from three: stopped"]
+    assert accuracy_lines(steps, "three: stopped")[1:] == said[1:2]
+    assert accuracy_lines(steps[3:]) == ["took 1 s (500 ms of a processor)"]

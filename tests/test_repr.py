@@ -1,0 +1,87 @@
+"""The repr of every public result: a few lines that say what it is, whatever its size."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from flexlin.summary import represent
+from tests.public_results import public_results
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A dataclass with every kind of field."""
+
+    value: object
+    other: object = None
+    hidden: object = field(default="secret", repr=False)
+
+    __repr__ = represent
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [
+        (True, "True"),
+        (3, "3"),
+        (np.float64(1 / 3), "0.333333"),
+        (1 / 3 - 2j, "0.333333-2j"),
+        ("text", "'text'"),
+        ("x" * 200, repr("x" * 77 + "...")),
+        (np.arange(3.0) / 3, "[0, 0.333333, 0.666667]"),
+        (np.array(2.5), "2.5"),
+        (np.zeros((2, 3)), "<float64 (2, 3)>"),
+        (np.zeros(7, dtype=complex), "<complex128 (7,)>"),
+        (np.array(["a"]), "<<U1 (1,)>"),
+        ((1, 2.5, "a"), "(1, 2.5, 'a')"),
+        ((1,), "(1,)"),
+        ((), "()"),
+        ([], "[]"),
+        ({}, "{}"),
+        ([None], "[None]"),
+        ({"a": 1}, "<1 int>"),
+        (tuple(range(7)), "<7 int>"),
+        ((Sample(1), 2.0), "<2 Sample or float>"),
+        (Sample(1), "<Sample>"),
+        (np.sin, "<ufunc>"),
+        (float, "<class float>"),
+    ],
+)
+def test_each_kind_of_field(value, shown):
+    assert repr(Sample(value)) == f"Sample(value={shown}, other=None)"
+
+
+def test_long_ones_are_wrapped_and_cut():
+    lines = repr(Sample("a" * 100, "b" * 100)).split("\n")
+    assert lines[0] == "Sample("
+    assert lines[-1] == ")"
+    assert max(map(len, lines)) <= 120
+
+    @dataclass
+    class Wide:
+        rows: tuple = ()
+
+    wide = type("Wide", (), {"__annotations__": {f"name_{i}": float for i in range(200)}})
+    made = dataclass(wide)(*np.arange(200.0) / 7)
+    lines = represent(made).split("\n")
+    assert len(lines) == 12
+    assert lines[-2].strip() == "..."
+
+
+LONG = {"FloquetModes"}
+
+
+def short(value) -> None:
+    text = repr(value)
+    assert text.count("\n") < 12, text
+    assert len(text) < 2000
+    assert type(value).__name__ in text
+
+
+def test_the_results_of_every_public_function():
+    results = public_results()
+    assert len(results) > 35
+    for value in results.values():
+        if type(value).__module__.startswith("flexlin") and type(value).__name__ not in LONG:
+            short(value)

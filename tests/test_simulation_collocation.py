@@ -1,0 +1,204 @@
+"""The integrator of the nonlinear loop: its order, its errors against independent codes, stiffness, and where it must give up."""
+
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+import flexlin as fl
+from flexlin.control import periodic_motion
+from flexlin.errors import NumericalError
+from flexlin.simulation import simulate
+from flexlin.simulation.collocation import Collocation
+from flexlin.simulation.drive import Drive
+from flexlin.simulation.equations import LinearEquations, NonlinearEquations
+from flexlin.simulation.prediction import with_breaks
+from flexlin.simulation.sweeps import Start, solve_window
+from flexlin.simulation.window import Grid, Window, between
+
+
+def closed(name="single-link", changes=None):
+    scene = fl.load_scene(name, changes or {})
+    return fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+
+
+def independent(lin, start, t, method="DOP853", rtol=1e-11):
+    """The loop by SciPy from the arm's own functions: s'' by a dense solve at one time after another."""
+    functions, law, E = lin.arm.functions, lin.law, lin.arm.reference.full()
+    kept, n, p = list(lin.kept), lin.n, []
+    B = lin.arm.B[:, list(lin.driven)]
+    inputs = ca.Function("B", [lin.arm.s], [ca.densify(B)])
+
+    def rate(time, x):
+        now = np.array([time])
+        s, s1, s2 = (E @ part[0] for part in lin.motion.sample(now))
+        s[kept] += x[:n]
+        s1[kept] += x[n:]
+        left = np.array(functions["residual"](s, s1, s2, p)).ravel()
+        M = np.array(functions["M"](s, p))
+        torque = law.torque(now, x[None])[0]
+        force = (inputs(s).full() @ torque - left)[kept]
+        return np.concatenate([x[n:], np.linalg.solve(M[np.ix_(kept, kept)], force)])
+
+    return solve_ivp(rate, (t[0], t[-1]), start, method=method, t_eval=t, rtol=rtol, atol=1e-13).y.T
+
+
+@pytest.mark.parametrize(("name", "share"), [("single-link", 0.1), ("three-link", 0.05), ("pick-and-place", 0.03)])
+def test_states_agree_with_an_independent_integrator_within_the_stated_error(name, share):
+    lin = closed(name)
+    for tol in (1e-5, 1e-8):
+        run = simulate(lin, share, tol=tol)
+        expected = independent(lin, np.zeros(2 * lin.n), run.t)
+        apart = np.abs(run.nonlinear - expected).max() / max(1.0, np.abs(expected).max())
+        assert apart <= run.error + 1e-10
+        assert run.error <= 10 * tol
+
+
+@pytest.mark.parametrize("size", [0.3, 1.5])
+def test_large_deviations_agree_with_an_independent_integrator(size):
+    """Far beyond the linear model the slopes of the rigid motion lead nowhere, and others take their place."""
+    lin = closed()
+    start = size * np.array([1.0, 0.02, 0.0, 1.0, 0.0, 0.0])
+    run = simulate(lin, 0.1, initial=start, tol=1e-7)
+    expected = independent(lin, start, run.t)
+    assert np.abs(run.nonlinear - expected).max() <= (run.error + 1e-9) * np.abs(expected).max()
+    assert np.abs(run.nonlinear - run.linear).max() > 1e-3 * size
+    assert run.energy_error < 1e-6
+
+
+@pytest.mark.parametrize("stages", [2, 3, 4, 5])
+def test_fixed_steps_converge_with_the_order_of_the_method(stages):
+    """Radau IIA: 2 s - 1 at the edges."""
+    lin = closed("khang-2019")
+    equations, end = NonlinearEquations(lin, lin.law), 0.4 * lin.period
+    start = np.array([0.3, 0.1, 0.0, 0.0])
+    assert len(start) == 2 * lin.n
+
+    def last(count):
+        x, before = start, np.zeros(lin.n)
+        for k in range(count):
+            grid = Grid(end * np.array([k, k + 1]) / count, stages)
+            x = solve_window(equations, grid, x, before, np.ones(4), 1e-14, Start.NEWTON, 0.0).path.x[-1]
+        return x
+
+    exact = independent(lin, start, np.array([0.0, end]), rtol=1e-13)[-1]
+    counts = (32, 64) if stages == 5 else (64, 128)
+    rough, fine = (np.abs(last(count) - exact).max() for count in counts)
+    assert np.log2(rough / fine) == pytest.approx(2 * stages - 1, abs=0.6)
+
+
+def test_windows_of_many_steps_equal_one_step_after_another():
+    lin = closed()
+    equations, grid = NonlinearEquations(lin, lin.law), Grid(0.3 + 0.06 * np.linspace(0, 1, 17) ** 1.3, 4)
+    x, before = 0.01 * np.random.default_rng(3).standard_normal(6), np.zeros(3)
+    whole = solve_window(equations, grid, x, before, np.ones(6), 1e-12, Start.RIGID, 0.0)
+    for k in range(grid.count):
+        one = Grid(grid.edges[k : k + 2], 4)
+        x = solve_window(equations, one, x, before, np.ones(6), 1e-12, Start.NEWTON, 0.0).path.x[-1]
+        np.testing.assert_allclose(whole.path.x[k + 1], x, atol=1e-10)
+
+
+def test_a_constant_linear_system_follows_its_matrix_exponential_however_non_normal():
+    rng = np.random.default_rng(11)
+    n, grid = 3, Grid(0.4 * np.linspace(0, 1, 9) ** 1.2, 5)
+    R = rng.standard_normal((n, n))
+    M = R @ R.T + n * np.eye(n)
+    D, K = 5 * rng.standard_normal((n, n)), 20 * rng.standard_normal((n, n))
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]])
+    window = Window(grid, *(np.tile(part, (40, 1, 1)) for part in (M, D, K)))
+    start = rng.standard_normal(2 * n)
+    path, _ = window.corrected(grid.rest(np.zeros(n)), start, np.zeros((40, n)))
+    for k, t in enumerate(grid.edges):
+        np.testing.assert_allclose(path.x[k], expm(A * t) @ start, atol=1e-9)
+    t = rng.uniform(0.0, 0.4, 50)
+    states, _ = between(grid, path, np.zeros((8, 5)), t)
+    np.testing.assert_allclose(states, [expm(A * time) @ start for time in t], atol=1e-6)
+
+
+def steps_of(lin, start, tol=1e-6):
+    """The steps that a run takes, refused ones counted."""
+    counts = []
+    integrator = Collocation(NonlinearEquations(lin, lin.law), lin.period, 4, tol)
+    real = integrator._advance
+
+    def counted(at, *rest):
+        found = real(at, *rest)
+        counts.append(at.steps)
+        return found
+
+    integrator._advance = counted
+    t = np.linspace(0.0, 3 * lin.period, 65)
+    integrator.integrate(t, start, with_breaks(t[[0, -1]], lin))
+    return counts[-1]
+
+
+def test_ten_thousand_times_stiffer_links_take_hardly_more_steps():
+    """On the periodic motion no step follows the modes of 7e3 and 2e4 rad/s; from rest they ring, and are followed till they are damped."""
+    soft = closed()
+    stiff = closed(changes={"links.0.bending_stiffness": 3.6866e4})
+    settled = [steps_of(lin, periodic_motion(lin).state(np.zeros(1))[0]) for lin in (soft, stiff)]
+    assert settled[1] <= 2 * settled[0]
+    run = simulate(stiff, 0.5, tol=1e-6)
+    assert run.error < 1e-5
+    assert run.energy_error < 1e-5
+
+
+def test_fast_modes_that_ring_are_seen_though_no_output_shows_them():
+    """Few outputs, long first steps: an L-stable method would damp the ringing away; the estimate must not let it."""
+    lin = closed()
+    start = np.array([0.0, 0.0, 1e-3, 0.0, 0.0, 0.0])
+    run = simulate(lin, 0.04, initial=start, tol=1e-7, points_per_period=25)
+    expected = independent(lin, start, run.t)
+    assert np.abs(run.nonlinear - expected).max() < 1e-6
+
+
+def test_the_linear_answer_is_that_of_the_matrices():
+    lin = closed("pick-and-place")
+    run = simulate(lin, 0.25, tol=1e-9)
+
+    def rate(t, x):
+        now = np.array([t])
+        return lin.state_matrix(now)[0] @ x + lin.forcing(now)[0]
+
+    pieces, x = [np.zeros((1, 2 * lin.n))], np.zeros(2 * lin.n)
+    marks = [0.0, *[b for b in lin.breaks if 0 < b < run.t[-1]], run.t[-1]]
+    for begin, end in pairwise(marks):
+        stops = run.t[(run.t > begin) & (run.t <= end)]
+        found = solve_ivp(rate, (begin, end), x, "Radau", np.unique([*stops, end]), rtol=1e-9, atol=1e-13).y.T
+        pieces.append(found[: len(stops)])
+        x = found[-1]
+    assert np.abs(run.linear - np.concatenate(pieces)).max() < 1e-7
+    assert run.linear_error < 1e-8
+
+
+def test_a_torque_that_is_cut_changes_the_integrator_and_not_the_answer():
+    """A limit just above what is commanded is the free loop; step by step it is the same loop too."""
+    lin = closed()
+    free = simulate(lin, 0.3, tol=1e-8)
+    limit = 1.0005 * np.abs(free.torque).max()
+    near = simulate(lin, 0.3, tol=1e-8, drive=Drive(limit=(limit,)))
+    np.testing.assert_allclose(near.nonlinear, free.nonlinear, atol=1e-6)
+
+
+def test_motion_in_which_the_mass_vanishes_is_named():
+    """(1 - s) s'' - s'^2 / 2 = 1 from rest cannot pass s = 1."""
+    s, rate = ca.SX.sym("s"), ca.SX.sym("rate")
+    arm = fl.Manipulator.from_matrices(s, rate, 1 - s, -rate / 2, ca.SX(-1.0))
+    motion = fl.load_scene("single-link", {"motion.joints": [{"amplitude": 0.0, "mean": 0.0}]}).motion
+    with pytest.raises(NumericalError, match="stopped at t = "):
+        simulate(fl.linearize(arm, motion, fl.scene.control.Control(feedforward="none")), 3, tol=1e-6)
+
+
+def test_linear_equations_need_one_sweep():
+    lin = closed()
+    start = np.random.default_rng(5).standard_normal(6)
+    grid = Grid(np.linspace(0.1, 0.14, 5), 4)
+    equations = LinearEquations(lin, lin.law)
+    one = solve_window(equations, grid, start, np.zeros(3), np.ones(6), 1e-9, Start.RIGID, 0.0)
+    at = equations.places(grid.times.ravel())
+    F, _ = equations.residual(at, *one.path.stages)
+    assert one.sweeps == 2
+    assert np.abs(F).max() < 1e-9 * np.abs(at.linear[2]).max()
