@@ -20,7 +20,7 @@ import numpy as np
 import flexlin as fl
 from flexlin.about.free import ParametricLoop, parametric_loop
 from flexlin.answers.accuracy.trial import compare_exponents
-from flexlin.answers.peers import HeyokaTransitions, import_heyoka, prepare_cvodes, prepare_scipy, prepare_rate
+from flexlin.answers.peers import HeyokaTransitions, import_heyoka, prepare_cvodes, prepare_rate, prepare_scipy
 from flexlin.answers.sweep import Plan, prepare_coefficients, sweep
 from flexlin.checks import Array
 from flexlin.periodic.many.transitions import batched_transitions

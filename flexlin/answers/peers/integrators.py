@@ -12,7 +12,7 @@ from scipy.sparse import csc_array
 from flexlin import symbolic
 from flexlin.about.free import ParametricLoop
 from flexlin.answers.peers.compiled import compile_function
-from flexlin.answers.peers.right_hand_sides import Rate, derive_state_matrix, derive_product, prepare_rate
+from flexlin.answers.peers.right_hand_sides import Rate, derive_product, derive_state_matrix, prepare_rate
 from flexlin.checks import Array
 
 Transition = Callable[[], Array]
