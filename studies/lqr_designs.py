@@ -20,6 +20,7 @@ import numpy as np
 from scipy.integrate import odeint, solve_ivp
 
 import flexlin as fl
+from flexlin.answers.peers.compiled import compile_function
 from flexlin.answers.peers.right_hand_sides import FastRate
 from flexlin.control import averaged_lqr, frozen_lqr, periodic_lqr
 from flexlin.periodic.quadratic.riccati import periodic_riccati
@@ -134,7 +135,8 @@ def packed_riccati(lin: fl.Linearization, Q: np.ndarray) -> FastRate:
     product, gain = X @ A, ca.vertcat(ca.SX(n, B.shape[1]), solved[:, 2 * n :]).T @ X
     rate = product + product.T - gain.T @ ca.DM(np.linalg.inv(R)) @ gain + ca.DM(Q)
     packed = ca.vertcat(*[rate[i, j] for i, j in pairs])
-    return FastRate(ca.Function("riccati", [s, x, p], [packed]), lin.arm.parameters.values)
+    function = ca.Function("riccati", [s, x, p], [packed])
+    return FastRate(compile_function(function) or function, lin.arm.parameters.values)
 
 
 def integrate_back(rate: FastRate, method: str, settle: float, tol: float, n: int) -> np.ndarray:

@@ -1,6 +1,7 @@
 """The figures of cost: every stage is there, errors fall as settings get finer, and the cheapest is the cheapest."""
 
 import json
+import shutil
 import time
 
 import numpy as np
@@ -13,6 +14,7 @@ from flexlin.answers.accuracy import own_stages as own
 from flexlin.answers.accuracy.own_stages import name_setting
 from flexlin.answers.accuracy.trial import Trial, measure_trials
 from flexlin.answers.peers import import_heyoka, prepare_cvodes, prepare_rate, prepare_scipy
+from flexlin.answers.peers.right_hand_sides import compile_product
 from flexlin.cli.main import main
 from flexlin.errors import ArgumentError, InputError
 from flexlin.periodic.transition.setting import Setting
@@ -91,6 +93,7 @@ def test_cheapest_in_a_table_made_by_hand():
     assert found.cheapest("exponents", 1e-9) is None
 
 
+COMPILER = bool(shutil.which("gcc") or shutil.which("cc"))
 OUTSIDE = {
     "DOP853": lambda loop: prepare_scipy(loop, "DOP853", 1e-9),
     "LSODA": lambda loop: prepare_scipy(loop, "LSODA", 1e-11),
@@ -108,6 +111,7 @@ def test_outside_programs_integrate_the_same_equations(scene, name, compiler, mo
         monkeypatch.setattr("shutil.which", lambda name: None)
     loop = parametric_loop(scene, ["effects.payload.mass"])
     exact = own.multiply_period(loop.linearization.periodic_system(), Setting("gauss", 20, 64, ""))
+    assert compile_product(loop).is_a("External") == (compiler and COMPILER)
     assert np.abs(OUTSIDE[name](loop)() - exact).max() < 1e-5 * np.abs(exact).max()
 
 

@@ -62,7 +62,8 @@ def interpolate_samples(system: PeriodicSystem, at: Array, t: Array) -> Array:
 def multiply_period(system: PeriodicSystem, setting: Setting) -> Array:
     """The transition matrix of one period."""
     P, log_scale = multiply_scaled(factor_period(system, setting)[1])
-    return P * np.exp(log_scale)
+    with np.errstate(over="ignore", invalid="ignore"):  # a method that is far too coarse may leave the range
+        return np.asarray(P * np.exp(log_scale))
 
 
 def measure_transition_matrices(system: PeriodicSystem, exact: Array) -> list[Row]:

@@ -34,7 +34,7 @@ class Trial:
 def measure_trials(stage: str, trials: Iterable[Trial], error: Callable[[Any], float]) -> list[Row]:
     """Run the trials one after another for STAGE_SECONDS, the first ones first.
 
-    One that gives up (too many segments, no time left, an outside integrator's failure) has no row.
+    One that gives up (too many segments, no time left, an outside integrator's failure) or overflows has no row.
     """
     rows, end = [], perf_counter() + STAGE_SECONDS
     for trial in trials:
@@ -46,8 +46,11 @@ def measure_trials(stage: str, trials: Iterable[Trial], error: Callable[[Any], f
                 value, seconds = time_run(trial.run)
         except (FlexlinError, RuntimeError):
             continue
+        missed = error(value)
+        if not np.isfinite(missed):
+            continue
         setting = ", ".join([trial.setting, *([trial.detail(value)] if trial.detail else [])])
-        rows.append(Row(stage, trial.method, setting, error(value), seconds, trial.chosen, trial.outside))
+        rows.append(Row(stage, trial.method, setting, missed, seconds, trial.chosen, trial.outside))
     return rows
 
 
@@ -67,8 +70,9 @@ def time_run(run: Callable[[], Any]) -> tuple[Any, float]:
 
 
 def compare_arrays(value: Array, exact: Array) -> float:
-    """Largest difference relative to the largest entry."""
-    return float(np.abs(value - exact).max() / max(float(np.abs(exact).max()), float(np.finfo(float).tiny)))
+    """Largest difference relative to the largest entry; inf or not a number where the value is no number."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return float(np.abs(value - exact).max() / max(float(np.abs(exact).max()), float(np.finfo(float).tiny)))
 
 
 def compare_exponents(value: Array, exact: Array) -> float:

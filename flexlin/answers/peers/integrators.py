@@ -11,8 +11,7 @@ from scipy.sparse import csc_array
 
 from flexlin import symbolic
 from flexlin.about.free import ParametricLoop
-from flexlin.answers.peers.compiled import compile_function
-from flexlin.answers.peers.right_hand_sides import Rate, derive_product, derive_state_matrix, prepare_rate
+from flexlin.answers.peers.right_hand_sides import Rate, compile_product, derive_state_matrix, prepare_rate
 from flexlin.checks import Array
 
 Transition = Callable[[], Array]
@@ -71,8 +70,7 @@ def prepare_cvodes(loop: ParametricLoop, tol: float, p: Array | None = None, sti
     """CasADi's interface to SUNDIALS cvodes, all columns at once, compiled: Adams' formulas, or BDF for `stiff`."""
     values = loop.nominal if p is None else p
     n = 2 * loop.linearization.n
-    product = derive_product(loop)
-    product = compile_function(product) or product
+    product = compile_product(loop)
     phase, x, symbols = product.mx_in()
     options: dict[str, Any] = {"reltol": tol, "abstol": tol, "max_num_steps": 1_000_000}
     if not stiff:

@@ -1,6 +1,7 @@
 """X' = T A X as fast as Python can hand it to an integrator: machine code, made from the equations."""
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -32,19 +33,26 @@ def derive_product(loop: ParametricLoop) -> ca.Function:
     return ca.Function("product", [phase, ca.vec(X), p], [product], ["phase", "X", "p"], ["rate"])
 
 
+@lru_cache(maxsize=4)
+def compile_product(loop: ParametricLoop) -> ca.Function:
+    """The product as machine code where there is a compiler, kept for all tolerances."""
+    product = derive_product(loop)
+    return compile_function(product) or product
+
+
 def prepare_rate(loop: ParametricLoop, p: Array) -> Rate:
     """The product for integrators that call Python."""
-    return FastRate(derive_product(loop), p)
+    return FastRate(compile_product(loop), p)
 
 
 class FastRate:
-    """(t, x, p) -> x' at fixed p, compiled where there is a compiler, through buffers that are laid out once.
+    """(t, x, p) -> x' at fixed p through buffers that are laid out once.
 
     Each call returns an array of its own: integrators keep the last one.
     """
 
     def __init__(self, function: ca.Function, p: Array):
-        self._function = compile_function(function) or function
+        self._function = function  # which must live as long as its buffers
         self._t, self._x, self._parameters = np.zeros(1), np.zeros(function.numel_in(1)), np.array(p, dtype=float)
         self._out = np.zeros(function.numel_out(0))
         self._buffer, self._trigger = self._function.buffer()
