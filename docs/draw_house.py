@@ -22,7 +22,7 @@ WIDTH, MARGIN, TOP, ROW, HEIGHT = 1160, 40, 92, 108, 62
 """Pixels: of the picture, its margin, the first row's top, from row to row, of a room."""
 CENTRES = {
     "cli": 600, "report": 400, "answers": 560, "svg": 170, "simulation": 760, "control": 900, "about": 600,
-    "motion": 400, "mechanics": 230, "scene": 150, "series": 400, "kronecker": 580, "periodic": 930,
+    "motion": 400, "mechanics": 230, "scene": 150, "series": 400, "kronecker": 560, "periodic": 905,
 }  # fmt: skip
 """Where each room stands across; its row is its layer in the import contract."""
 COLOURS = {"bridge": "#5b6b3a", "above": "#4a4a55", "symbolic": "#a8522f", "numeric": "#22628f", "ground": "#6b6257"}
@@ -33,7 +33,8 @@ WINGS = {
 }
 GROUND = ("symbolic", "expressions", "files", "checks", "errors", "text", "summary")
 """What nearly every room stands on: drawn as the ground, without arrows."""
-WING_WIDTH = 380
+WING_WIDTH, DEEPER = 430, 50
+"""Pixels: of the numeric wing, whose rooms are shown one by one, and by which its row is higher than the others."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,7 @@ def house() -> tuple[dict[str, Room], int]:
             width = WING_WIDTH if name == "periodic" else 145 + 1.6 * size_of(name)[0] ** 0.5
             y, height = TOP + i * ROW, float(HEIGHT)
             if name == "periodic":
-                height += 2 * ROW
+                height += 2 * ROW + DEEPER
                 y -= 2 * ROW
             colour = COLOURS[WINGS.get(name, "above")]
             rooms[name] = Room(name, CENTRES[name] - width / 2, y, width, height, colour)
@@ -154,7 +155,7 @@ def box(room: Room, path: str, words: int = 2, title: int = 15) -> Iterator[str]
         f'stroke="{room.colour}" stroke-width="1.6"/>'
     )
     yield (
-        f'<text x="{room.x + 10:.1f}" y="{room.y + title + 5:.1f}" class="name" font-size="{title}" '
+        f'<text x="{room.x + (10 if room.w > 100 else 6):.1f}" y="{room.y + title + 5:.1f}" class="name" font-size="{title}" '
         f'fill="{room.colour}">{room.name}</text>'
     )
     if room.w > 100:
@@ -168,27 +169,27 @@ def box(room: Room, path: str, words: int = 2, title: int = 15) -> Iterator[str]
 def wing(periodic: Room) -> Iterator[str]:
     """The rooms inside the numeric wing, row by row as its own contract has them."""
     rows = layers("inside the numeric wing")
-    top, bottom = periodic.y + 58, periodic.y + periodic.h - 10
+    top, bottom = periodic.y + 58, periodic.y + periodic.h - 6
     step = (bottom - top) / len(rows)
     for i, row in enumerate(rows):
         width = (periodic.w - 20 - 8 * (len(row) - 1)) / len(row)
         for k, name in enumerate(row):
-            room = Room(name, periodic.x + 10 + k * (width + 8), top + i * step, width, step - 7, periodic.colour)
-            yield from box(room, f"periodic/{name}", 0, 12)
+            room = Room(name, periodic.x + 10 + k * (width + 8), top + i * step, width, step - 5, periodic.colour)
+            yield from box(room, f"periodic/{name}", 0, 12 if width > 100 else 10)
 
 
 def ground(y: float) -> Iterator[str]:
     """The ground: what nearly every room stands on."""
     width = (WIDTH - 2 * MARGIN - 8 * (len(GROUND) - 1)) / len(GROUND)
     for k, name in enumerate(GROUND):
-        yield from box(Room(name, MARGIN + k * (width + 8), y, width, HEIGHT, COLOURS["ground"]), name)
+        yield from box(Room(name, MARGIN + k * (width + 8), y, width, HEIGHT, COLOURS["ground"]), name, title=12)
 
 
 def picture() -> str:
     """The whole picture as SVG."""
     rooms, count = house()
     found = arrows(list(rooms))
-    floor = TOP + count * ROW + 4
+    floor = TOP + count * ROW + DEEPER + 4
     height = floor + HEIGHT + 44
     tips = "".join(
         f'<marker id="tip-{c[1:]}" viewBox="0 0 8 8" refX="2" refY="4" markerWidth="9" markerHeight="9" '

@@ -220,7 +220,20 @@ class ToleranceNotReached(NumericalError):
 
 
 class TimeLimit(NumericalError):
-    """A stage of the work needs more time than it was given."""
+    """A stage of the work needs more time than it was given.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> from flexlin.answers.clock import time_limit
+    >>> oscillator = fl.PeriodicSystem([[0.0, 1.0], [-1.0, -0.1]], 1.0)
+    >>> with time_limit("exponents", 0.2):
+    ...     while True:
+    ...         answer = fl.floquet(oscillator)
+    Traceback (most recent call last):
+        ...
+    flexlin.errors.TimeLimit: exponents: stopped at the time limit...
+    """
 
 
 class ResonantForcing(NumericalError):
@@ -310,7 +323,7 @@ class NotPeriodic(InputError):
     >>> fl.floquet(system)
     Traceback (most recent call last):
         ...
-    flexlin.errors.NotPeriodic: A(t + T) is not A(t)...
+    flexlin.errors.NotPeriodic: A(t) does not repeat with the period T = 2 s...
     """
 
 

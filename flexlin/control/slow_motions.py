@@ -21,7 +21,7 @@ SLOW_TOL = 1e-6
 GONE = 200.0
 """A mode that decays by exp(-GONE) from one sample to the next has no motion to show."""
 SAMPLES = 64
-"""Times of a period at which a motion is given, at the least."""
+"""Times of a period at which a motion is given, at the least, where a direction is all that is asked for."""
 REAL = 1e-6
 """An imaginary part this small against the real one belongs to a real mode."""
 
@@ -39,24 +39,26 @@ class SlowMotions:
     states: Array
 
 
-def slow_motions(system: PeriodicSystem, count: int, result: FloquetResult | None = None) -> SlowMotions:
+def slow_motions(
+    system: PeriodicSystem, count: int, result: FloquetResult | None = None, samples: int = SAMPLES
+) -> SlowMotions:
     """Find the `count` slowest real motions of a system of second order; a complex pair gives two of them.
 
     Each mode is turned in the complex plane so that its largest deflection at t = 0 is real: one motion starts from there, the other
     swings through. Modes that decay too fast to be resolved are left out.
 
-    Parameters: result: the exponents, if they are known.
+    Parameters: result: the exponents, if they are known; samples: times of a period, at the least.
     Raises: what `floquet` raises; TooLarge when the resolution that a fast mode asks for makes too many transition matrices;
     NumericalError when no mode is resolved.
     """
     result = result or floquet(system, TOLERANCE)
-    seen = np.isfinite(result.errors) & (result.exponents.real * system.period > -SAMPLES * GONE)
+    seen = np.isfinite(result.errors) & (result.exponents.real * system.period > -samples * GONE)
     slow = np.flatnonzero((result.exponents.imag >= 0) & seen)[: max(1, count)]
     if not len(slow):
         raise NumericalError(
             "no Floquet mode is resolved", todo="ask for a smaller tol, or look at the Floquet verdict"
         )
-    t, modes = right_modes(system, result, slow)
+    t, modes = right_modes(system, result, slow, samples)
     n = system.n // 2
     found = [
         motion for i, mode in zip(slow, modes, strict=True) for motion in real_motions(t, mode, result.exponents[i], n)
@@ -66,7 +68,7 @@ def slow_motions(system: PeriodicSystem, count: int, result: FloquetResult | Non
     return SlowMotions(states[:, 0], t, states)
 
 
-def right_modes(system: PeriodicSystem, result: FloquetResult, which: Array) -> tuple[Array, Array]:
+def right_modes(system: PeriodicSystem, result: FloquetResult, which: Array, samples: int) -> tuple[Array, Array]:
     """Times (N,) and periodic right eigenvectors (k, N, n) of some exponents.
 
     p_(j+1) = exp(-lambda h_j) Phi_j p_j,   p_N = p_0:   the null vector of a cyclic system
@@ -74,7 +76,7 @@ def right_modes(system: PeriodicSystem, result: FloquetResult, which: Array) -> 
     n, setting = system.n, result.setting
     if setting.method not in METHODS:
         setting = choose_setting(system, SLOW_TOL, "radau", None, None)
-    setting = setting.with_segments(max(SAMPLES, setting.segments))
+    setting = setting.with_segments(max(samples, setting.segments))
     grid = place_segments(system, setting)
     check_size(
         "a mode's system",

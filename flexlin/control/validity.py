@@ -14,8 +14,9 @@ from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
 
-SAMPLES = 64
-"""Times of a period at which the terms are compared, about."""
+SAMPLES, CANDIDATES = 1024, 64
+"""Times of a period among which the largest share is sought, at the least: where the linear terms all pass through small values
+it peaks within a hundredth of a period; and how many of them a search looks at."""
 LARGEST, SMALLEST = 10.0, 1e-7
 """Amplitudes between which the border is sought, in rad or m."""
 STILL = 1e-14
@@ -116,12 +117,12 @@ def linear_range(
     >>> scene = fl.load_scene("single-link")
     >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
     >>> print(f"{fl.control.linear_range(lin, modes=1).amplitudes.min():.2f}")
-    0.10
+    0.07
     """
     positive("share", share)
     positive("tol", tol)
     system = lin.periodic_system()
-    slow = slow_motions(system, modes, result)
+    slow = slow_motions(system, modes, result, SAMPLES)
     plant = lin if lin.control is None else linearize(lin.arm, lin.motion)
     amplitudes = [border(plant, system, slow.t, x, share, tol) for x in slow.states]
     return Validity(slow.directions, np.array(amplitudes), share)
@@ -162,15 +163,15 @@ class Terms:
 def border(plant: Linearization, system: PeriodicSystem, t: Array, x: Array, share: float, tol: float) -> float:
     """The amplitude of a linear motion x (N, 2n) at which the nonlinear share is reached.
 
-    It is sought at SAMPLES times first; then at those times of all at which the share is largest there.
+    It is sought at CANDIDATES times first; then at those times of all at which the share is largest there.
     """
     terms = Terms.along(plant, system, t, x)
     rounding = 4 * float(terms.nonlinear(STILL).max())
-    first = bisect(terms.at(np.arange(0, len(t), max(1, len(t) // SAMPLES))), share, rounding, tol)
+    first = bisect(terms.at(np.arange(0, len(t), max(1, len(t) // CANDIDATES))), share, rounding, tol)
     if first == 0.0:
         return first
     excess = (terms.nonlinear(min(first, LARGEST)) - rounding) / (terms.linear + np.finfo(float).tiny)
-    return bisect(terms.at(np.argsort(excess)[-SAMPLES:]), share, rounding, tol)
+    return bisect(terms.at(np.argsort(excess)[-CANDIDATES:]), share, rounding, tol)
 
 
 def bisect(terms: Terms, share: float, rounding: float, tol: float) -> float:

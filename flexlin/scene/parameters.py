@@ -59,6 +59,20 @@ def _child(node: Any, step: str, path: str) -> Any:
             return getattr(node, step)
     except (IndexError, KeyError, ValueError):
         pass
+    off = isinstance(node, BaseModel) and step in type(node).model_fields
     raise ArgumentError(
-        f"the scene has nothing at {path!r}", got=step, expected="a dotted path such as effects.payload.mass"
+        f"the scene has nothing at {path!r}",
+        got=step,
+        expected=f"one of {', '.join(_names(node)) or 'none: the path is too long'}",
+        todo=f"switch {step} on in the scene, or with --set" if off else None,
     )
+
+
+def _names(node: Any) -> list[str]:
+    """What a path may go on with at a table of the scene."""
+    if isinstance(node, tuple):
+        return [str(i) for i in range(len(node))]
+    if isinstance(node, dict):
+        return list(node)
+    fields = type(node).model_fields if isinstance(node, BaseModel) else ()
+    return [name for name in fields if getattr(node, name) is not None]

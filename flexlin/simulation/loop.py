@@ -83,7 +83,20 @@ class NonlinearLoop:
         return self.drive.saturated(self.law(t, x))
 
     def commands(self, t: Array, x: Array) -> Array:
-        """The torques (N, m) that the motors give for states (N, 2n) at many times."""
+        """Return the torques that the motors give at many times.
+
+        Parameters
+        ----------
+        t : array, shape (N,)
+            Times in s.
+        x : array, shape (N, 2n)
+            States [y; y'].
+
+        Returns
+        -------
+        array, shape (N, m)
+            Torques in N m (forces in N).
+        """
         now = t % self.lin.period if self.lin.motion.periodic else np.minimum(t, self.lin.period)
         return self.drive.saturated(self._law.torque(now, x))
 

@@ -31,8 +31,8 @@ class Simulation:
     tip, tip_linear, tip_rigid : array, shape (N, 2)
         Positions of the tip, in m; not numbers when the manipulator gives no points.
     error : float
-        Error of the nonlinear states, from a second run at a tenth of the tolerance on other steps and by a method of another order, relative to the largest number of the states, or
-        absolute below 1.
+        Error of the nonlinear states, from a second run at a tenth of the tolerance on other steps and by a method of another order,
+        relative to the largest number of the states, or absolute below 1.
     linear_error : float
         Error of the linear states, in the same way.
     energy_error : float

@@ -121,9 +121,37 @@ def output_times(lin: Linearization, periods: float, points_per_period: int) -> 
 
 
 def check_duration(lin: Linearization, periods: float, points_per_period: int = 128) -> int:
-    """Refuse a simulation whose result would not fit, before it begins; the number of its steps.
+    """Refuse a simulation whose result would not fit into memory, before it begins.
 
-    Raises: ArgumentError for a duration that is not positive; TooLarge with the figure.
+    Parameters
+    ----------
+    lin : Linearization
+        The loop that is simulated.
+    periods : float
+        Duration in periods of the motion.
+    points_per_period : int
+        Times of a period at which the result is kept.
+
+    Returns
+    -------
+    int
+        How many steps there are between the kept times.
+
+    Raises
+    ------
+    ArgumentError
+        For a duration that is not positive.
+    TooLarge
+        With the figure.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> from flexlin.simulation import check_duration
+    >>> scene = fl.load_scene("single-link")
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    >>> check_duration(lin, periods=2.5)
+    320
     """
     whole("points_per_period", points_per_period)
     steps = math.ceil(positive("periods", periods) * points_per_period)

@@ -10,7 +10,7 @@ import flexlin as fl
 from flexlin.about.free import parametric_loop
 from flexlin.mechanics.effects.coulomb_friction import CoulombFriction
 from flexlin.motion import build_motion
-from flexlin.motion.table import table_motion
+from flexlin.motion.table import read_table_motion
 from flexlin.scene.motion import Fourier, Harmonic, PointToPoint, Rotation, TableMotion
 
 RIGID = {
@@ -183,7 +183,7 @@ def test_close_rows_of_a_table_are_features(tmp_path):
     ):
         path = tmp_path / f"{name}.csv"
         np.savetxt(path, np.column_stack([rows, 0.3 * np.sin(2 * np.pi * rows)]), delimiter=",")
-        motion = table_motion(TableMotion(kind="table", file=str(path)), 1, (False,))
+        motion = read_table_motion(TableMotion(kind="table", file=str(path)), 1, (False,))
         assert motion.complete is complete
         if name == "few":
             assert np.array(motion.features) == pytest.approx(np.array([(0.51, 1e-4), (0.5101, 1e-4)]), rel=1e-6)

@@ -7,15 +7,15 @@ import pytest
 
 import flexlin as fl
 from flexlin.answers.analysis import Analysis, Loop
-from flexlin.report.advice import arm_length, next_steps
-from flexlin.report.page import page
+from flexlin.report.advice import advise, arm_length
+from flexlin.report.page import render_page
 from flexlin.report.record import record
 from flexlin.report.terminal import loop_line
 from flexlin.report.wording import caution
 
 
 def told(analysis: Analysis) -> str:
-    return "\n".join(next_steps(analysis))
+    return "\n".join(advise(analysis))
 
 
 def growing(a: Analysis, rate: float, kind: str = "pd", error: float = 1e-16) -> Loop:
@@ -141,7 +141,7 @@ def test_a_decay_that_nobody_feels_is_called_so(single_link: Analysis, rate: flo
     assert caution(a.own, PERIOD) == words
     assert words in loop_line(a.own, PERIOD)
     assert ("; a disturbance" in loop_line(a.own, PERIOD)) is bool(words)
-    html = page(a, record(a), [], "")
+    html = render_page(a, record(a), [], "")
     headline = html[html.index('<section class="verdict') :].split("</p>")[0]
     assert words in headline
     assert ('class="verdict undecided"' in headline) is bool(words or rate == 0.0)

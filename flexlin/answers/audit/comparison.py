@@ -31,6 +31,8 @@ def audit(scene: Scene, tolerance: float = 0.01, progress: Progress | None = Non
         Relative change that matters.
     progress : callable, optional
         Called with the description of each version before it is measured.
+    tol : float
+        Wanted error of the exponents, as in `floquet`, and of the tip's motion; the changes are compared beside the errors.
 
     Returns
     -------

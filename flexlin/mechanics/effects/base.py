@@ -267,7 +267,18 @@ class Effect(EffectTable):
         return ca.SX.zeros(len(chain.joints))
 
     def features(self, motion: Moving) -> Features:
-        """Where the linear equations change fast in time because of the effect: pairs (time, half-width) in s."""
+        """Return where the linear equations change fast in time because of the effect.
+
+        Parameters
+        ----------
+        motion : Moving
+            Angles and rates of the joints along the motion, by time.
+
+        Returns
+        -------
+        tuple of (float, float)
+            Pairs (time, half-width) in s.
+        """
         return ()
 
     def input_gain(self, joint: int) -> Any:

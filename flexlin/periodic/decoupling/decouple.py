@@ -64,6 +64,7 @@ def decouple(
     Examples
     --------
     >>> import numpy as np
+    >>> from flexlin.periodic.decoupling.decouple import decouple
     >>> def A(t):
     ...     A = np.zeros((len(t), 2, 2))
     ...     A[:, 0], A[:, 1, 0] = [-1.0, 1.0], np.cos(t)

@@ -25,7 +25,7 @@ UNRESOLVED = 0.5
 """Logs of multipliers with larger errors are ill-conditioned beyond measuring; their group is only enclosed."""
 SAFETY = 3.0
 MARK = 0.7
-"""The angle by which the members of a complex group are turned, to tell them from their conjugates."""
+"""The angle by which the members of a complex group are turned, to separate them from their conjugates."""
 
 
 @dataclass(frozen=True)

@@ -38,8 +38,18 @@ def periodic_frame(modes: Modes, groups: tuple[Group, ...]) -> tuple[Array, Arra
         if closing is None:
             return None
         L[group.part, group.part], turning[i] = closing
-    steps = expm(-np.arange(count)[:, None, None] / count * L)
-    return made_real(T @ steps, groups, turning), turning
+    return made_real(T @ turn_back(L, groups, count), groups, turning), turning
+
+
+def turn_back(L: Array, groups: tuple[Group, ...], count: int) -> Array:
+    """exp(-(k / N) L) for k = 0 ... N - 1, (N, n, n), block by block."""
+    steps = np.zeros((count, *L.shape), complex)
+    part = -np.arange(count) / count
+    for group in groups:
+        block = L[group.part, group.part]
+        turned = np.exp(part * block[0, 0])[:, None, None] if group.size == 1 else expm(part[:, None, None] * block)
+        steps[:, group.part, group.part] = turned
+    return steps
 
 
 def open_frame(modes: Modes, groups: tuple[Group, ...]) -> Array:

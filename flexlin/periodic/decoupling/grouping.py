@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from flexlin.checks import Array
 
 AMBIGUOUS = 0.3
-"""Two modes whose vectors share more than this part from one node to the next are not told apart."""
+"""Two modes whose vectors share more than this part from one node to the next are not distinguished."""
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class Modes:
     """Eigenvalues (N, n), right vectors (N, n, n) as columns and left ones (N, n, n) as rows, each mode followed along the nodes.
 
     conjugate (N, n): the mode that holds the conjugate eigenvalue (itself where that is real);
-    near (n, n): pairs that must stay together: they could not be told apart, or do not close after a period.
+    near (n, n): pairs that must stay together: they could not be distinguished, or do not close after a period.
     """
 
     values: Array

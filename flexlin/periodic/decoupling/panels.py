@@ -67,6 +67,7 @@ def panel_exponents(A: MatrixFunction, period: float, breaks: tuple[float, ...] 
     Examples
     --------
     >>> import numpy as np
+    >>> from flexlin.periodic.decoupling.panels import panel_exponents
     >>> slow, fast = np.diag([-1.0, -50]), np.array([[-1.0, 3], [0, -400]])
     >>> answer = panel_exponents(lambda t: np.where(t[:, None, None] < 0.5, slow, fast), 1.0, (0.0, 0.5))
     >>> [round(float(value), 9) for value in answer.exponents.real]

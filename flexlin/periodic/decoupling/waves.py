@@ -5,9 +5,14 @@ from functools import lru_cache
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.periodic.fourier import fourier_waves
 
 KEPT = 1 / 3
 """The part of the nodes' harmonics that the filter keeps; the others hold the rounding that differentiation amplifies."""
+
+
+NOTHING = 1e-17
+"""Harmonics below this part of the largest number are left out."""
 
 
 def apply(operator: Array, values: Array) -> Array:
@@ -56,15 +61,17 @@ def interleaved(nodes: Array, between: Array) -> Array:
 
 
 def interpolated(values: Array, period: float, t: Array) -> Array:
-    """The trigonometric interpolant of nodes k T / N at the times t (M,)."""
+    """The trigonometric interpolant of nodes k T / N at the times t (M,), without harmonics that are nothing but rounding."""
     count = len(values)
-    k = harmonics(count)
-    phase = 2 * np.pi * np.asarray(t, float)[:, None] / period
-    terms = np.exp(1j * phase * k)
-    if count % 2 == 0:
-        terms[:, count // 2] = np.cos(phase[:, 0] * (count // 2))
     spectrum = np.fft.fft(values, axis=0).reshape(count, -1) / count
-    found = (terms @ spectrum).reshape(len(phase), *values.shape[1:])
+    if count % 2 == 0:  # half of the middle harmonic on either side: a cosine
+        spectrum[count // 2] /= 2
+    H = count // 2
+    up, down = spectrum[1 : H + 1], spectrum[: -H - 1 : -1]
+    size = np.maximum(np.abs(up).max(axis=1, initial=0.0), np.abs(down).max(axis=1, initial=0.0))
+    K = int(np.flatnonzero(size > NOTHING * np.abs(spectrum).max()).max(initial=-1)) + 1
+    waves = fourier_waves(np.asarray(t, float) / period, K)
+    found = (spectrum[0] + waves @ up[:K] + waves.conj() @ down[:K]).reshape(len(waves), *values.shape[1:])
     return found if np.iscomplexobj(values) else found.real
 
 

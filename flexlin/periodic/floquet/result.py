@@ -7,16 +7,37 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.transition.setting import Setting
+from flexlin.summary import represent
 
 
 @dataclass(frozen=True)
 class FloquetResult:
-    """Floquet exponents lambda of x' = A(t) x: solutions exp(lambda t) p(t), p(t + T) = p(t).
+    """Floquet exponents lambda of x' = A(t) x, each with its error, and the verdict that they allow.
 
-    exponents (n,) complex in 1/s by falling real part, imaginary parts in (-pi/T, pi/T]; log_multipliers = lambda T;
-    errors (n,): estimated bounds of |error of each exponent|, inf for those that decay too fast to be resolved;
-    error: the largest of the finite ones;
-    verdict: stable, unstable or undecided; status: what it rests on and what to do next; setting: method, order, segments, reason.
+        x(t) = exp(lambda t) p(t),   p(t + T) = p(t)
+
+    Attributes
+    ----------
+    exponents : array, shape (n,)
+        Complex, in 1/s, by falling real part; imaginary parts in (-pi/T, pi/T].
+    errors : array, shape (n,)
+        Estimated bounds of the error of each exponent, in 1/s: by perturbation theory, from what the method leaves out, what is not
+        known of A, and rounding. inf for exponents that decay too fast to be resolved.
+    period : float
+        T in s.
+    verdict : str
+        stable, unstable or undecided; undecided where an exponent's distance to the imaginary axis is below its error.
+    status : str
+        What the verdict rests on and what to do next.
+    setting : Setting
+        How the exponents were computed: method, order and segments, and `setting.reason` for the choice.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> result = fl.floquet(fl.PeriodicSystem([[0.0, 1.0], [-1.0, -0.2]], 1.0))
+    >>> result.verdict, result.exponents.real.round(9).tolist(), result.error < 1e-12
+    ('stable', [-0.1, -0.1], True)
     """
 
     exponents: Array
@@ -25,6 +46,8 @@ class FloquetResult:
     verdict: str
     status: str
     setting: Setting
+
+    __repr__ = represent
 
     @property
     def error(self) -> float:

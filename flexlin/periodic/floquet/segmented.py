@@ -1,19 +1,23 @@
 """Floquet exponents from the transition matrices of segments, with the error of the method and of rounding."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.floquet.uncertainty import couple_uncertainty
 from flexlin.periodic.product.balancing import balance_factors, count_groupings, multiply_pairs
-from flexlin.periodic.product.perturbation import spectrum_motion
+from flexlin.periodic.product.perturbation import Motion, spectrum_motion
 from flexlin.periodic.product.schur import periodic_schur
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.setting import METHODS, Setting, place_segments, report_too_many
 
-SAFETY = 1.5
+SAFETY = 2.0
 """Factor on the method's error, which is measured against a better method."""
+SHARED = 0.1
+"""Part of the worst mode's error, relative to what is allowed, that every mode is given: a small one may be so by accident."""
+JUMP = 1e-11
+"""Of the period: how well the place of a jump that nobody named is known."""
 HIDDEN = 1e-3
 """A mode whose log is uncertain by this part of its distance below the largest is known to lie below, and no more."""
 TRACE = 1e-11
@@ -75,11 +79,12 @@ def measure_spectrum(
     def noise(left: Array, right: Array) -> Array:
         """Couplings by what the coefficients are not known by, over each group."""
         known = couple_uncertainty(system, marks[:-1], left / scale, scale[:, None] * right)
-        return np.diff(marks)[:, None, None] * known
+        return np.diff(marks)[:, None, None] * known + couple_jumps(system, marks, left / scale, scale[:, None] * right)
 
     begin = None if start is None else np.linalg.qr(start / scale[:, None])[0]
     form = periodic_schur(groups, begin)
     motion = spectrum_motion(form, groups, better, noise, 2.0**rounds)
+    motion = share_errors(motion, form.logs, system.period)
     order = np.argsort(-form.logs.real, kind="stable")
     logs, method, rounding = form.logs[order], motion.method[order], motion.rounding[order]
     errors = SAFETY * method + rounding
@@ -88,6 +93,25 @@ def measure_spectrum(
         errors = np.where((errors > HIDDEN * below) & (below > errors[0]), np.inf, errors)
     errors = errors + liouville_excess(system, logs, errors)
     return SegmentedSpectrum(logs, errors, rounding, setting, scale[:, None] * form.start), method
+
+
+def share_errors(motion: Motion, logs: Array, period: float) -> Motion:
+    """Give every mode at least a part of the worst mode's error by the method, each relative to max(T, |log|)."""
+    size = np.maximum(period, np.abs(logs))
+    known = np.isfinite(motion.method)
+    worst = float((motion.method / size)[known].max(initial=0.0))
+    return replace(motion, method=np.maximum(motion.method, SHARED * min(worst, 1.0) * size))
+
+
+def couple_jumps(system: PeriodicSystem, marks: Array, left: Array, right: Array) -> Array:
+    """Couplings by the uncertain places of the jumps that were found, in the groups that hold them, (K, n, n)."""
+    known = np.zeros(left.shape)
+    for place in system.resolved.found:
+        k = min(max(int(np.searchsorted(marks, place.time, side="right")) - 1, 0), len(left) - 1)
+        known[k] += (
+            JUMP * system.period * np.abs(left[k]) @ np.abs(system.resolved(marks[k : k + 1])[0]) @ np.abs(right[k])
+        )
+    return known
 
 
 def improve_factors(system: PeriodicSystem, setting: Setting, grid: Array) -> Array:

@@ -20,6 +20,8 @@ CANCELLED = 0.3
 """The part of the factors' errors that counts even where their sum cancels."""
 SAMES = (1e-6, 1e-3, 0.1)
 """Ratios of multipliers that count as equal: wider ones are tried where a perturbation is larger than the gaps."""
+ALONE = 0.01
+"""An eigenvalue that moves by less than this part of the distance to its neighbour is not part of a block."""
 CLOSE = 0.1
 """Couplings above this part of a gap move the pair by about their own size: m multipliers of a split chain have 1 / (2 m sin(pi / m))."""
 
@@ -53,8 +55,9 @@ def spectrum_motion(
     """
     counted = np.broadcast_to(counts, len(factors))[:, None, None]
     motion = motion_at(SAMES[0], form, factors, better, noise, counted)
+    apart = measure_distances(form.logs, form.logs) + np.diag(np.full(len(form.logs), np.inf))
     for same in SAMES[1:]:
-        if np.all(motion.method + motion.rounding < same * SAMES[0]):
+        if np.all(motion.method + motion.rounding < ALONE * apart.min(axis=1)):
             break
         other = motion_at(same, form, factors, better, noise, counted)
         motion = Motion(

@@ -18,7 +18,7 @@ DECAYS, COUPLED = 1e-8, 1e-6
 
 
 def bound_sizes(problem: LinearQuadratic, horizon: float) -> tuple[float, float]:
-    """Return the sizes of H and G from which on a mode's coupling to B or Q cannot be told from rounding.
+    """Return the sizes of H and G from which on a mode's coupling to B or Q cannot be distinguished from rounding.
 
     One mode of rate a needs X = 2 a / b for its share b of B R^-1 B', and dually 2 a / q of G for its share q of Q.
     """

@@ -16,6 +16,7 @@ from flexlin.periodic.quadratic.hermite import NODES, PanelPolynomials, interpol
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, linear_quadratic
 from flexlin.periodic.quadratic.transport import gauss_segments, magnus_segments
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
+from flexlin.summary import represent
 
 STAGES = 8
 MAX_SEGMENTS = 2**15
@@ -50,6 +51,8 @@ class RiccatiSolution:
     doublings: int
     segments: int
     status: str
+
+    __repr__ = represent
 
     def X(self, t: ArrayLike) -> Array:
         """Return the cost matrix at times t (N,), (N, n, n), or at one time, (n, n)."""

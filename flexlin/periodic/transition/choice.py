@@ -14,9 +14,11 @@ from flexlin.periodic.transition.setting import METHODS, ORDERS, Setting
 
 MARGIN = 3.0
 """The first guess aims at this part of tol."""
-STAGES = range(3, 11)
+STAGES = range(4, 11)
 """Gauss stages among which the engine chooses."""
-WAVES = 2.2
+LEAST = 4
+"""Segments of a period at the least: on fewer, a method and a better one err alike."""
+WAVES = 3.0
 """Gauss nodes for each harmonic of the coefficients, so that none hides between them."""
 PLACES = 96
 """Times at which the eigenvalues of A(t) are looked at."""
@@ -100,7 +102,9 @@ def spread_out(method: str, order: int, demand: Array, reason: str, rate: float,
 def gauss_demand(pace: Pace, tol: float, stages: int) -> Array:
     """Segments that each panel needs with s Gauss stages, (P,)."""
     steps = pace.length / choose_gauss_step(pace.rate, tol, stages)
-    return np.maximum.reduce([steps, separate_modes(pace), WAVES * pace.waves / stages, np.ones(len(steps))])
+    return np.maximum.reduce(
+        [steps, separate_modes(pace), WAVES * pace.waves / stages, np.full(len(steps), max(1.0, LEAST / len(steps)))]
+    )
 
 
 def magnus_demand(pace: Pace) -> Array:
