@@ -45,7 +45,7 @@ TOLS = (1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13, 1e-14)
 
 @dataclass(frozen=True)
 class Row:
-    """One program at the setting that was cheapest; reached tells whether it met the accuracy."""
+    """One program at the setting that was cheapest; reached: whether it met the accuracy."""
 
     modes: int
     program: str
