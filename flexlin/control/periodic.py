@@ -1,17 +1,11 @@
 """The optimal periodic state feedback."""
 
-from contextlib import suppress
-
 from numpy.typing import ArrayLike
 
 from flexlin.control.designed_loop import Design
 from flexlin.control.smooth_gain import smooth_gain
-from flexlin.errors import ToleranceNotReached
 from flexlin.periodic.quadratic.riccati import periodic_riccati
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
-
-FINEST = 1e-13
-"""Relative error of X below which rounding leaves nothing to ask for."""
 
 
 def periodic_lqr(
@@ -40,7 +34,7 @@ def periodic_lqr(
     N : array_like (n, m), or function of times (N,) -> (N, n, m), optional
         Weight of products of states and inputs.
     tol : float
-        Wanted relative error of X, and of the gain as the smooth series that the loop reads.
+        Wanted relative error of X.
     name : str
         Name of the design in reports.
 
@@ -77,10 +71,6 @@ def periodic_lqr(
     """
     solution = periodic_riccati(system, Q, R, N, tol)
     gain, apart = smooth_gain(solution.K, system.period, system.breaks)
-    if apart > tol:  # R^-1 B' makes more of the errors of X
-        with suppress(ToleranceNotReached):
-            solution = periodic_riccati(system, Q, R, N, max(FINEST, 0.1 * tol * tol / apart))
-            gain, apart = smooth_gain(solution.K, system.period, system.breaks)
     loop = system.feedback(gain)
     error = float(solution.error + apart)
     return Design(name, "periodic-lqr", gain, loop, error, solution.status, solution.problem, solution)

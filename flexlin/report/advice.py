@@ -181,7 +181,8 @@ def agreement(a: Analysis, simulation: Simulation) -> str:
     what, apart, largest, error = simulation.apart
     length = arm_length(a)
     if apart <= error:
-        return f"linear and nonlinear {what} agree to the error of the integration, {error:.0e}: {holds(a, simulation)}"
+        agree = f"agree to the error of the integration, {error:.0e}{simulation.unit}" if error else "are the same"
+        return f"linear and nonlinear {what} {agree}: {holds(a, simulation)}"
     if apart <= NEGLIGIBLE * (length if np.isfinite(length) else 1.0):
         facts = f"linear and nonlinear {what} differ by no more than {format_quantity(apart, simulation.unit.strip())}".rstrip()
         return f"{facts}: {holds(a, simulation)}"

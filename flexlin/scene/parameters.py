@@ -64,7 +64,7 @@ def _child(node: Any, step: str, path: str) -> Any:
         f"the scene has nothing at {path!r}",
         got=step,
         expected=f"one of {', '.join(_names(node)) or 'none: the path is too long'}",
-        todo=f"switch {step} on in the scene, or with --set" if off else None,
+        todo=f"switch {step} on: give its whole table, in the scene or with --set" if off else None,
     )
 
 

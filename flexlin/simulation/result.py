@@ -31,8 +31,8 @@ class Simulation:
     tip, tip_linear, tip_rigid : array, shape (N, 2)
         Positions of the tip, in m; not numbers when the manipulator gives no points.
     error : float
-        Error of the nonlinear states, from a second run at a tenth of the tolerance on other steps and by a method of another order,
-        relative to the largest number of the states, or absolute below 1.
+        Error of the nonlinear states, from a second run at a tenth of the tolerance, on other steps and by a method of another
+        order, relative to the largest number of the states, or absolute below 1.
     linear_error : float
         Error of the linear states, in the same way.
     energy_error : float
@@ -86,7 +86,8 @@ class Simulation:
         """How far the linear model can be trusted here, and what to do."""
         what, apart, largest, error = self.apart
         if apart <= error:
-            return f"linear and nonlinear {what} agree to the error of the integration, {error:.0e}: the linear model holds here"
+            agree = f"agree to the error of the integration, {error:.0e}{self.unit}" if error else "are the same"
+            return f"linear and nonlinear {what} {agree}: the linear model holds here"
         share = apart / largest
         facts = f"linear and nonlinear {what} differ by {apart:.3g}{self.unit}, {100 * share:.2g} % of the largest deviation"
         if share > 0.2:

@@ -103,7 +103,8 @@ def test_a_difference_of_no_account_is_not_beyond_the_model(single_link: Analysi
 
 def test_answers_that_agree_are_said_to(single_link: Analysis) -> None:
     text = told(with_difference(single_link, 1e-7, 0.05, error=1e-6))
-    assert "agree to the error of the integration, 1e-06: the linear model holds for this motion" in text
+    assert "agree to the error of the integration, 1e-06 m: the linear model holds for this motion" in text
+    assert "are the same: the linear" in told(with_difference(single_link, 0.0, 0.05, error=0.0))
     assert "agree to the error" not in told(with_difference(single_link, 1e-3, 0.05))
     assert "2 % of the largest deviation: the linear model holds for this motion" in told(
         with_difference(single_link, 1e-3, 0.05)

@@ -9,6 +9,9 @@ from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.transition.setting import Setting
 from flexlin.summary import represent
 
+MARGINAL = 1e-9
+"""Growth per basic frequency below which no arm shows whether a motion grows or decays."""
+
 
 @dataclass(frozen=True)
 class FloquetResult:
@@ -31,6 +34,8 @@ class FloquetResult:
         What the verdict rests on and what to do next.
     setting : Setting
         How the exponents were computed: method, order and segments, and `setting.reason` for the choice.
+    reason : str
+        Why a verdict is undecided or practically marginal, in one sentence; empty where it is neither.
 
     Examples
     --------
@@ -46,13 +51,15 @@ class FloquetResult:
     verdict: str
     status: str
     setting: Setting
+    reason: str = ""
 
     __repr__ = represent
 
     @property
     def error(self) -> float:
         """The largest error of a resolved exponent, in 1/s."""
-        return float(self.errors[np.isfinite(self.errors)].max())
+        known = self.errors[np.isfinite(self.errors)]
+        return float(known.max()) if len(known) else np.inf
 
     @property
     def log_multipliers(self) -> Array:
@@ -82,17 +89,14 @@ def judge(
     else:
         verdict = "undecided"
     facts = f"growth rate {growth[critical]:.6g} +- {errors[critical]:.1e} 1/s by {setting}"
+    isolated = undamped and verdict == "undecided" and are_isolated(exponents, errors, period)
+    reason = explain(verdict, float(growth[critical]), float(errors[critical]), period, tol, isolated)
     advice = {
         "stable": "every disturbance decays",
         "unstable": "some disturbance grows: change the motion, the speed, the payload or the controller",
-        "undecided": "the growth rate is zero to within its error: ask for a smaller tol, add damping, "
-        "or treat the system as marginal (undamped and rigid-body modes are)",
+        "undecided": "add damping, or treat the system as marginal (undamped and rigid-body modes are)",
     }[verdict]
-    if undamped and verdict == "undecided" and are_isolated(exponents, errors, period):
-        advice = (
-            "the system is undamped and every multiplier is simple: all lie on the unit circle, the motion stays bounded "
-            "and nothing decays; add damping for a margin"
-        )
+    advice = f"{reason}; {advice}" if reason else advice
     hidden = int(np.isinf(errors).sum())
     if hidden:
         advice += f"; {hidden} exponents decay too fast to be resolved and are only known to lie below the others"
@@ -100,7 +104,27 @@ def judge(
     limit = (
         f"; tol {tol:.0e} was not reached, the error above is what rounding and the resolution allow" if missed else ""
     )
-    return FloquetResult(exponents, errors, period, verdict, f"{verdict}: {facts}; {advice}{limit}", setting)
+    status = f"{verdict}: {facts}; {advice}{limit}"
+    return FloquetResult(exponents, errors, period, verdict, status, setting, reason)
+
+
+def explain(verdict: str, growth: float, error: float, period: float, tol: float, isolated: bool) -> str:
+    """Why a verdict is undecided, or says less than it seems to; nothing where it is plain."""
+    if isolated:
+        return (
+            "the system is undamped and every multiplier is simple: all lie on the unit circle, the motion stays bounded "
+            "and nothing decays"
+        )
+    if verdict == "undecided" and error > tol * max(1.0, abs(growth)):
+        return (
+            "double precision cannot decide: rounding moves the growth rate by more than its distance to zero, because exponents "
+            "nearly coincide or the system is far from normal"
+        )
+    if verdict == "undecided":
+        return "the growth rate is zero to within its error: a smaller tol may decide"
+    if abs(growth) * period < MARGINAL * 2 * np.pi:
+        return f"practically marginal: the growth rate is below {MARGINAL:.0e} of the basic frequency"
+    return ""
 
 
 def are_isolated(exponents: Array, errors: Array, period: float) -> bool:

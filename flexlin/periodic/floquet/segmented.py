@@ -16,6 +16,8 @@ SAFETY = 2.0
 """Factor on the method's error, which is measured against a better method."""
 SHARED = 0.1
 """Part of the worst mode's error, relative to what is allowed, that every mode is given: a small one may be so by accident."""
+LOST = 1e-2
+"""A mode whose error exceeds this part of its size is not followed at all, and says nothing of the others."""
 JUMP = 1e-11
 """Of the period: how well the place of a jump that nobody named is known."""
 HIDDEN = 1e-3
@@ -98,9 +100,9 @@ def measure_spectrum(
 def share_errors(motion: Motion, logs: Array, period: float) -> Motion:
     """Give every mode at least a part of the worst mode's error by the method, each relative to max(T, |log|)."""
     size = np.maximum(period, np.abs(logs))
-    known = np.isfinite(motion.method)
+    known = motion.method < LOST * size
     worst = float((motion.method / size)[known].max(initial=0.0))
-    return replace(motion, method=np.maximum(motion.method, SHARED * min(worst, 1.0) * size))
+    return replace(motion, method=np.maximum(motion.method, SHARED * worst * size))
 
 
 def couple_jumps(system: PeriodicSystem, marks: Array, left: Array, right: Array) -> Array:

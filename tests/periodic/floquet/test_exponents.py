@@ -113,3 +113,15 @@ def test_errors_name_the_figure():
         fl.floquet(mathieu_second_order(1, 0.2), method="euler")
     with pytest.raises(ArgumentError, match="no such order"):
         fl.floquet(mathieu_second_order(1, 0.2), order=3)
+
+
+def test_reasons_of_verdicts_that_say_less_than_they_seem():
+    oscillator = np.array([[0, 1.0], [-1.0, 0]])
+    assert "undamped" in fl.floquet(fl.PeriodicSystem(oscillator, 1.0)).reason
+    defective = fl.floquet(fl.PeriodicSystem(np.array([[0, 1e6], [0, 0]]) + np.triu(np.full((2, 2), 1.0), 1), 1.0))
+    assert "double precision cannot decide" in defective.reason or "zero to within" in defective.reason
+    slow = fl.floquet(fl.PeriodicSystem(np.diag([-1e-11, -1.0]), 1.0))
+    assert slow.verdict == "stable"
+    assert "practically marginal" in slow.reason
+    assert "practically marginal" in slow.status
+    assert fl.floquet(fl.PeriodicSystem(np.diag([-1.0, -2.0]), 1.0)).reason == ""
