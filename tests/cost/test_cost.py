@@ -1,6 +1,8 @@
 """The figures of cost: every stage is there, errors fall as settings get finer, and the cheapest is the cheapest."""
 
 import json
+import shutil
+import time
 
 import numpy as np
 import pytest
@@ -9,10 +11,14 @@ import flexlin as fl
 from flexlin.about.free import parametric_loop
 from flexlin.answers.accuracy import CostResult, Row, cost
 from flexlin.answers.accuracy import own_stages as own
-from flexlin.answers.peers import import_heyoka, prepare_cvodes, prepare_scipy
+from flexlin.answers.accuracy.own_stages import name_setting
+from flexlin.answers.accuracy.trial import Trial, measure_trials
+from flexlin.answers.peers import import_heyoka, prepare_cvodes, prepare_rate, prepare_scipy
+from flexlin.answers.peers.right_hand_sides import compile_product
 from flexlin.cli.main import main
 from flexlin.errors import ArgumentError, InputError
 from flexlin.periodic.transition.setting import Setting
+from flexlin.report.figures.cost import summarise_cost
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +29,10 @@ def scene():
 
 @pytest.fixture(scope="module")
 def result(scene):
-    return cost(scene, peers=False)
+    with pytest.MonkeyPatch.context() as patch:  # all trials, however slow the machine
+        for module in ("trial", "work_precision"):
+            patch.setattr(f"flexlin.answers.accuracy.{module}.STAGE_SECONDS", 600.0)
+        return cost(scene, peers=False)
 
 
 def test_every_stage_is_measured_with_errors_that_reach_the_floor(result):
@@ -84,13 +93,84 @@ def test_cheapest_in_a_table_made_by_hand():
     assert found.cheapest("exponents", 1e-9) is None
 
 
-def test_outside_programs_integrate_the_same_equations(scene):
+COMPILER = bool(shutil.which("gcc") or shutil.which("cc"))
+OUTSIDE = {
+    "DOP853": lambda loop: prepare_scipy(loop, "DOP853", 1e-9),
+    "LSODA": lambda loop: prepare_scipy(loop, "LSODA", 1e-11),
+    "Radau": lambda loop: prepare_scipy(loop, "Radau", 1e-7),
+    "cvodes, Adams": lambda loop: prepare_cvodes(loop, 1e-9),
+    "cvodes, BDF": lambda loop: prepare_cvodes(loop, 1e-9, stiff=True),
+}
+
+
+@pytest.mark.parametrize("compiler", [True, False])
+@pytest.mark.parametrize("name", OUTSIDE)
+def test_outside_programs_integrate_the_same_equations(scene, name, compiler, monkeypatch):
+    """With machine code, and without a compiler; two columns swapped, or a buffer overwritten, would be found out."""
+    if not compiler:
+        monkeypatch.setattr("shutil.which", lambda name: None)
     loop = parametric_loop(scene, ["effects.payload.mass"])
     exact = own.multiply_period(loop.linearization.periodic_system(), Setting("gauss", 20, 64, ""))
-    for transition, tol in ((prepare_scipy(loop, "DOP853", 1e-9), 1e-8), (prepare_cvodes(loop, 1e-9), 1e-5)):
-        assert np.abs(transition(loop.nominal) - exact).max() < tol * np.abs(exact).max()
+    assert compile_product(loop).is_a("External") == (compiler and COMPILER)
+    assert np.abs(OUTSIDE[name](loop)() - exact).max() < 1e-5 * np.abs(exact).max()
+
+
+def test_heyoka_is_named_where_it_is_missing():
     with pytest.raises(ArgumentError, match="peers"):
         import_heyoka("no_such_module_heyoka")
+
+
+def test_each_call_of_a_compiled_right_hand_side_returns_its_own_array(scene):
+    """Integrators keep the last slope while they ask for the next."""
+    loop = parametric_loop(scene, ["effects.payload.mass"])
+    rate, x = prepare_rate(loop, loop.nominal), np.random.default_rng(1).standard_normal((4, 4))
+    first = rate(0.1, x.T.ravel())
+    kept = first.copy()
+    rate(0.6, 2 * x.T.ravel())
+    np.testing.assert_array_equal(first, kept)
+    A = loop.linearization.state_matrix(np.array([0.1 * loop.linearization.period]))[0]
+    np.testing.assert_allclose(first.reshape(4, 4).T, loop.linearization.period * A @ x, rtol=1e-12)
+
+
+def test_the_engine_says_what_it_took(result):
+    """Settings of the automatic choice name the method, also where that is no method of segments."""
+    settings = [row.setting for row in result.stage("exponents") if row.chosen]
+    assert all("gauss" in setting or "decoupling" in setting for setting in settings)
+    assert name_setting(Setting("eigenvalues", 0, 1, "A is constant")) == "eigenvalues"
+    assert name_setting(Setting("gauss", 12, 30, "")) == "gauss 12 on 30"
+
+
+def test_a_stage_ends_in_time_and_keeps_what_it_has(monkeypatch):
+    """The first trial counts, one that never ends has no row, and none is begun after that."""
+    monkeypatch.setattr("flexlin.answers.accuracy.trial.STAGE_SECONDS", 0.2)
+    begun = []
+
+    def endless() -> None:
+        begun.append("endless")
+        while True:
+            time.sleep(0.001)
+
+    def late() -> float:
+        begun.append("late")
+        return 1.0
+
+    trials = [Trial("a", "quick", lambda: 1.0), Trial("b", "endless", endless), Trial("c", "late", late)]
+    rows = measure_trials("exponents", trials, lambda value: 0.5)
+    assert [row.setting for row in rows] == ["quick"]
+    assert begun == ["endless"]
+
+
+def test_the_summary_says_what_each_tol_costs_and_where_it_is_missed():
+    rows = (
+        Row("exponents", "floquet, auto", "tol 1e-06", 2e-7, 0.0123, "1e-06"),
+        Row("exponents", "floquet, auto", "tol 1e-10", 3e-9, 1.5, "1e-10"),
+        Row("transition matrices", "gauss 8", "8 segments", 1e-9, 1.0, "1e-06"),
+    )
+    assert summarise_cost(CostResult("by hand", rows, 1e-14)) == [
+        "exponents: tol 1e-06 costs 12 ms, 1e-10 costs 1.5 s (reaches 3e-09)",
+        "the default is tol 1e-09; --tol or the scene's [accuracy] changes it",
+    ]
+    assert summarise_cost(CostResult("nothing", (), 1e-14)) == []
 
 
 def test_a_one_way_motion_is_refused():

@@ -1,6 +1,8 @@
 """The pages of docs/ show what the code and the studies give: generated blocks, the picture of the house, the index of studies."""
 
+import ast
 import importlib.util
+import re
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -77,6 +79,20 @@ def test_the_house_shows_every_import(tmp_path, monkeypatch):
     (package / "ground.py").write_text("from flexlin.errors import E\n")
     monkeypatch.setattr(house, "PACKAGE", package)
     assert house.arrows(["above", "below", "ground"]) == {("above", "below"): 2, ("above", "ground"): 1}
+
+
+def test_every_place_that_the_walks_name_exists():
+    """`room/file.py: name` is a class or function of that file; each walk names several places."""
+    walks = PAGES["house.md"].split("## Three walks")[1].split("\n## ")[0]
+    places = re.findall(r"`([\w/]+\.py): (\w+)`", walks)
+    assert min(len(re.findall(r"\.py: \w+`", walk)) for walk in re.split(r"\n\*\*", walks)[1:]) >= 5
+    missing = []
+    for file, name in places:
+        tree = ast.parse((ROOT / "flexlin" / file).read_text(encoding="utf-8"))
+        defined = {node.name for node in tree.body if isinstance(node, ast.FunctionDef | ast.ClassDef)}
+        missing += [f"{file}: {name}"] if name not in defined else []
+    assert not missing
+    assert not re.findall(r"`[\w/]+\.py`", walks), "a file is named without what it holds"
 
 
 def test_no_arrow_of_the_house_points_up():

@@ -5,6 +5,7 @@ from itertools import islice
 from flexlin.answers.accuracy import CostResult, Row
 from flexlin.answers.accuracy.result import STAGES
 from flexlin.report.figures.style import DASHES, SERIES, SHAPES, Picture
+from flexlin.scene.accuracy import Accuracy
 from flexlin.svg import Logarithmic, Panel, draw
 from flexlin.svg import Row as Panels
 
@@ -71,8 +72,31 @@ def write_caption(result: CostResult) -> str:
     )
 
 
+def summarise_cost(result: CostResult) -> list[str]:
+    """What each tol costs, a line for each stage that takes one: what a user can act on."""
+    lines = []
+    for stage in STAGES:
+        rows = [row for row in result.stage(stage) if row.chosen and row.stage != "transition matrices"]
+        if rows:
+            costs = ", ".join(f"{row.chosen} costs {describe_time(row.seconds)}{describe_miss(row)}" for row in rows)
+            lines.append(f"{stage}: tol {costs}")
+    default = f"the default is tol {Accuracy().tol:.0e}; --tol or the scene's [accuracy] changes it"
+    return [*lines, default] if lines else []
+
+
+def describe_time(seconds: float) -> str:
+    """A time with two digits and its unit."""
+    value, unit = (seconds, "s") if seconds >= 1 else (1e3 * seconds, "ms")
+    return f"{float(f'{value:.2g}'):g} {unit}"
+
+
+def describe_miss(row: Row) -> str:
+    """What was reached where that is less than was asked for."""
+    return "" if row.error <= float(row.chosen) else f" (reaches {row.error:.0e})"
+
+
 def cost_table(result: CostResult) -> str:
-    """The cheapest setting for each accuracy, the engine's own choice for each tol, and the outside programs, as lines of text."""
+    """The cheapest setting for each accuracy, the engine's choice for each tol, outside programs, and what a user can act on, as text."""
     lines = [f"{'stage':<20} {'accuracy':>8}  {'cheapest':<34} {'error':>8} {'ms':>9}"]
     for stage, accuracy, row in result.recommendations():
         name = f"{row.method}, {row.setting}"
@@ -89,4 +113,4 @@ def cost_table(result: CostResult) -> str:
         for row in islice(mine, 2):
             name = f"{row.method}, {row.setting}"
             lines.append(f"{'(other programs)':<20} {'':>8}  {name:<34} {row.error:8.1e} {1e3 * row.seconds:9.3f}")
-    return "\n".join([*lines, *result.notes])
+    return "\n".join([*lines, *result.notes, *summarise_cost(result)])
