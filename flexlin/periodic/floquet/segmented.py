@@ -14,11 +14,11 @@ from flexlin.periodic.transition.setting import METHODS, Setting, place_segments
 
 SAFETY = 2.0
 """Factor on the method's error, which is measured against a better method."""
-SHARED = 0.1
+SHARED = 0.003
 """Part of the worst mode's error, relative to what is allowed, that every mode is given: a small one may be so by accident."""
 LOST = 1e-2
 """A mode whose error exceeds this part of its size is not followed at all, and says nothing of the others."""
-JUMP = 1e-11
+JUMP = 3e-12
 """Of the period: how well the place of a jump that nobody named is known."""
 HIDDEN = 1e-3
 """A mode whose log is uncertain by this part of its distance below the largest is known to lie below, and no more."""

@@ -13,7 +13,7 @@ def solve_by_gmres(operator: Callable[[Array], Array], right: Array, tol: float,
     """Find x with |operator(x) - right| <= tol |right| in a Krylov space of at most `most` dimensions.
 
     Each new vector is made orthogonal twice, so the small least-squares problem, solved by rotations,
-    tells the true residual.
+    gives the true residual.
     Returns: x, shaped as `right`, and the relative residual that it leaves.
     Source: Saad, Schultz, SIAM J. Sci. Stat. Comput. 7 (1986) 856.
     """
