@@ -31,10 +31,8 @@ class Manipulator(Expressions):
         The left side, in N m or N.
     M : casadi.SX, shape (n, n)
         Mass matrix.
-    g : casadi.SX, shape (n, 1)
-        Forces of gravity and of elastic potentials.
-    damping : casadi.SX, shape (n, 1)
-        Resisting forces d(s, s').
+    g, damping : casadi.SX, shape (n, 1)
+        Forces of gravity and of elastic potentials; resisting forces d(s, s').
     B : casadi.SX, shape (n, m)
         Input matrix.
     reference : casadi.DM, shape (n, joints)
@@ -59,9 +57,8 @@ class Manipulator(Expressions):
     Examples
     --------
     >>> import flexlin as fl
-    >>> arm = fl.build_manipulator(fl.load_scene("single-link"))
-    >>> arm.n, arm.joints, arm.M.shape
-    (3, 1, (3, 3))
+    >>> fl.build_manipulator(fl.load_scene("single-link")).M.shape
+    (3, 3)
     """
 
     s: ca.SX

@@ -295,17 +295,3 @@ class Effect(EffectTable):
             The force in N m or N; None when the effect leaves the input as it is.
         """
         return None
-
-
-def per_joint(value: Any, joint: int, *, single: str) -> Any:
-    """Read a table's value for one joint: a tuple by index; a single number stands for the `"first"` joint or for `"every"` one."""
-    if isinstance(value, tuple):
-        return value[joint] if joint < len(value) else 0.0
-    return value if single == "every" or joint == 0 else 0.0
-
-
-def at_tip(value: Any, link: int, links: int) -> Any:
-    """Read a table's value for the tip of one link: a tuple by index; a single number stands for the last link."""
-    if isinstance(value, tuple):
-        return value[link] if link < len(value) else 0.0
-    return value if link == links - 1 else 0.0

@@ -9,9 +9,10 @@ from typing import Annotated
 
 import casadi as ca
 
-from flexlin.mechanics.effects.base import Chain, Effect, per_joint
+from flexlin.mechanics.effects.base import Chain, Effect
 from flexlin.mechanics.effects.narrow import Features, Moving, slow_passages
 from flexlin.mechanics.effects.scale import LOSS, Scale
+from flexlin.mechanics.effects.shared import per_joint
 from flexlin.scene.base import AllPositive, PerLink, Unit
 
 

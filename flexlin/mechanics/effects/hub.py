@@ -8,8 +8,9 @@ from typing import Annotated, Any
 
 from flexlin.errors import Problem
 from flexlin.mechanics.body import Body, RigidMass, rigid_body
-from flexlin.mechanics.effects.base import Chain, Effect, per_joint
+from flexlin.mechanics.effects.base import Chain, Effect
 from flexlin.mechanics.effects.scale import PART, Scale
+from flexlin.mechanics.effects.shared import per_joint
 from flexlin.scene.base import PerLink, Unit
 from flexlin.scene.effects import RawArm, RawTable
 from flexlin.scene.link_rules import pinned

@@ -10,8 +10,9 @@ from typing import Annotated, Any
 
 import casadi as ca
 
-from flexlin.mechanics.effects.base import Chain, Effect, per_joint
+from flexlin.mechanics.effects.base import Chain, Effect
 from flexlin.mechanics.effects.scale import LOSS, PART, Scale
+from flexlin.mechanics.effects.shared import per_joint
 from flexlin.scene.base import AllPositive, PerLink, Unit
 
 

@@ -8,8 +8,9 @@ from typing import Annotated
 import casadi as ca
 
 from flexlin.mechanics.body import Body, RigidMass, rigid_body
-from flexlin.mechanics.effects.base import Chain, Effect, at_tip
+from flexlin.mechanics.effects.base import Chain, Effect
 from flexlin.mechanics.effects.scale import PART, Scale
+from flexlin.mechanics.effects.shared import at_tip
 from flexlin.scene.base import Number, PerLink, Unit
 
 

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import casadi as ca
 
 from flexlin.mechanics.body import Moments
-from flexlin.mechanics.effects.base import Effect, per_joint
+from flexlin.mechanics.effects.base import Effect
 from flexlin.mechanics.effects.scale import SLENDERNESS, Scale
+from flexlin.mechanics.effects.shared import per_joint
 from flexlin.scene.base import PerLink, Unit
 
 if TYPE_CHECKING:

@@ -4,8 +4,9 @@ from typing import Annotated
 
 import casadi as ca
 
-from flexlin.mechanics.effects.base import Chain, Effect, per_joint
+from flexlin.mechanics.effects.base import Chain, Effect
 from flexlin.mechanics.effects.scale import LOSS, Scale
+from flexlin.mechanics.effects.shared import per_joint
 from flexlin.scene.base import NonNegative, Positive, Unit
 
 
