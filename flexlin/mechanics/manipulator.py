@@ -43,10 +43,8 @@ class Manipulator(Expressions):
         What each coordinate is.
     parameters : Parameters
         Scene numbers that stay free, with their values.
-    energy : casadi.SX or None
-        Kinetic and potential energy together, in J.
-    points : casadi.SX, shape (2, k), or None
-        World positions from the base to the tip, in m.
+    energy, points : casadi.SX or None
+        Kinetic and potential energy together, in J; world positions (2, k) from the base to the tip, in m.
     coriolis : casadi.SX, shape (n, n), or None
         C as the user gave it; None: Christoffel's symbols of M.
     measured : casadi.SX, shape (joints, n), or None
