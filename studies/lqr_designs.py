@@ -97,7 +97,7 @@ def race(
     exact = periodic_riccati(system, Q, R, tol=tol / 10)
     X0 = exact.X(np.zeros(1))[0]
     found, seconds = least_time(lambda: periodic_riccati(lin.periodic_system(), Q, R, tol=tol))
-    times = {"segments": (seconds, error_of(found.X(np.zeros(1))[0], X0))}
+    times = {"flexlin": (seconds, error_of(found.X(np.zeros(1))[0], X0))}
     settle = system.period * np.ceil(-np.log(0.1 * tol) / (-2 * growth(system.feedback(exact.K)) * system.period))
     rate = packed_riccati(lin, Q)
     for method in methods:
