@@ -1,7 +1,7 @@
 """Which design survives which speed and payload? And what does the periodic Riccati equation cost?
 
 The shipped single link carries more and swings faster. Every design is made for the light, slow arm it was tuned on (robustness) and
-for each arm anew (performance), and Floquet judges each loop. Then the periodic Riccati equation is solved by segments and by SciPy's
+for each arm anew (performance), and Floquet judges each loop. Then the periodic Riccati equation is solved by flexlin and by SciPy's
 backward integration of a compiled right-hand side to the same accuracy, in one run.
 
     python studies/lqr_designs.py [--small] [--out DIR]
@@ -197,7 +197,7 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, objec
     times = race() if full else race(1e-4, modes=0)
     for way, (seconds, error) in times.items():
         print(
-            f"{way:>10}: {seconds:8.3f} s, error {error:.1e}, {seconds / times['segments'][0]:6.1f} times the segments' time"
+            f"{way:>10}: {seconds:8.3f} s, error {error:.1e}, {seconds / times['flexlin'][0]:6.1f} times flexlin's time"
         )
     Path(out).mkdir(parents=True, exist_ok=True)
     draw(data, Path(out) / "lqr_designs.svg")
