@@ -15,10 +15,12 @@ from flexlin.control import (
     frozen_lqr,
     kalman_filter,
     linear_range,
+    linearize_about,
     output_feedback,
     pd_feedback,
     periodic_lqr,
     periodic_motion,
+    tip_acceleration,
     tip_position,
     with_integral_action,
 )
@@ -81,6 +83,7 @@ def arm_results() -> dict[str, Any]:
     weights = np.diag([1.0, 1.0, 0.01, 0.01]), 100 * np.eye(1)
     lqr = periodic_lqr(system, *weights, tol=1e-7)
     filtered = kalman_filter(system, fl.control.joint_angles(plant), 0.1 * np.eye(4), 1e-4 * np.eye(1), tol=1e-6)
+    elastic = periodic_motion(lin)
     return {
         "scene": scene,
         "arm": arm,
@@ -98,9 +101,13 @@ def arm_results() -> dict[str, Any]:
         "estimator": filtered,
         "loop": output_feedback(lqr, filtered),
         "integral": with_integral_action(system, np.eye(1, 4)),
-        "elastic motion": periodic_motion(lin),
+        "elastic motion": elastic,
+        "about it": linearize_about(elastic),
         "feedforward": feedforward(lin, "tip-exact"),
+        "its law": feedforward(lin, "joint-exact").law,
+        "response": fl.forced_response(lin.periodic_system(), lin.forcing, tol=1e-7),
         "camera": tip_position(lin),
+        "accelerometer": tip_acceleration(lin)[0],
         "range": linear_range(lin),
         "simulation": fl.simulate(lin, 0.1),
         "attraction": region_of_attraction(lin, modes=1, periods=1.0, halvings=1, tol=1e-4),

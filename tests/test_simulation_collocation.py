@@ -18,11 +18,7 @@ from flexlin.simulation.equations import LinearEquations, NonlinearEquations
 from flexlin.simulation.prediction import with_breaks
 from flexlin.simulation.sweeps import Start, solve_window
 from flexlin.simulation.window import Grid, Window, between
-
-
-def closed(name="single-link", changes=None):
-    scene = fl.load_scene(name, changes or {})
-    return fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+from tests.closed_arm import closed
 
 
 def independent(lin, start, t, method="DOP853", rtol=1e-11):

@@ -15,11 +15,7 @@ from flexlin.simulation import NonlinearLoop, simulate
 from flexlin.simulation.drive import Drive
 from flexlin.simulation.equations import NonlinearEquations
 from flexlin.simulation.stepping import TrialLeftRange
-
-
-def closed(name="single-link", changes=None):
-    scene = fl.load_scene(name, changes or {})
-    return fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+from tests.closed_arm import closed
 
 
 @pytest.fixture(scope="module")

@@ -49,15 +49,6 @@ def chebyshev_coefficients(values: Array) -> Array:
     return coefficients
 
 
-@lru_cache(maxsize=32)
-def chebyshev_differentiation(count: int) -> Array:
-    """Return the matrix from values at `chebyshev_nodes` to the derivatives by u there; by time: times 2 / width."""
-    slope = chebyshev.chebder(np.eye(count), axis=0) if count > 1 else np.zeros((1, 1))
-    matrix = chebyshev_basis(chebyshev_nodes(count), len(slope)) @ slope @ chebyshev_transform(count)
-    matrix.setflags(write=False)
-    return matrix
-
-
 def panel_times(begin: Array, end: Array, count: int) -> Array:
     """Return the Chebyshev nodes of panels (P,), strictly inside them: (P, K)."""
     middle, half = (begin + end) / 2, (end - begin) / 2

@@ -52,7 +52,6 @@ def _shown_as_it_stands(text: str) -> str:
 Number = Annotated[float, Field(strict=True, ge=-LARGEST, le=LARGEST)]
 Positive = Annotated[float, Field(strict=True, gt=0, le=LARGEST), AfterValidator(_not_tiny)]
 NonNegative = Annotated[float, Field(strict=True, ge=0, le=LARGEST), AfterValidator(_not_tiny)]
-Count = Annotated[int, Field(strict=True, ge=0)]
 Text = Annotated[str, AfterValidator(_shown_as_it_stands)]
 """One line that is printed as it stands, so nothing in it may steer a terminal."""
 MOST = 200

@@ -9,11 +9,7 @@ from flexlin.about.law import Law, is_constant
 from flexlin.control import feedforward, pd_feedback, periodic_motion
 from flexlin.errors import ArgumentError
 from flexlin.simulation.table import LawTable
-
-
-def closed(name="single-link", changes=None):
-    scene = fl.load_scene(name, changes or {})
-    return fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+from tests.closed_arm import closed
 
 
 @pytest.fixture(scope="module")

@@ -14,22 +14,7 @@ import pytest
 import flexlin as fl
 from flexlin import series, simulation
 from flexlin.about.free import parametric_loop
-from flexlin.control import (
-    averaged_lqr,
-    feedforward,
-    finite_horizon_lqr,
-    frozen_lqr,
-    horizon_system,
-    kalman_filter,
-    linear_range,
-    linearize_about,
-    output_feedback,
-    pd_feedback,
-    periodic_lqr,
-    periodic_motion,
-    with_integral_action,
-)
-from flexlin.control.measurement import joint_angles, tip_acceleration, tip_position
+from flexlin.control import horizon_system
 from tests.public_results import answer_results, arm_results, public_results, series_results, stability_results
 
 T = np.array([0.0, 0.13, 0.57, 1.21])
@@ -161,39 +146,6 @@ def test_a_motion_from_a_table(tmp_path):
     np.savetxt(file, np.column_stack([t, 0.5 * np.sin(np.pi * t)]), delimiter=",", header="t,q1", comments="")
     scene = fl.load_scene("single-link", {"motion": {"kind": "table", "file": str(file)}})
     check({"linearization": fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)}, tmp_path)
-
-
-def test_designs_and_results(tmp_path):
-    scene = fl.load_scene("single-link")
-    arm = fl.build_manipulator(scene)
-    plant, lin = fl.linearize(arm, scene.motion), fl.linearize(arm, scene.motion, scene.control)
-    system = plant.periodic_system()
-    weights = np.diag([1.0, 1.0, 1.0, 0.01, 0.01, 0.01]), 100 * np.eye(1)
-    lqr = periodic_lqr(system, *weights, tol=1e-7)
-    motion = periodic_motion(lin)
-    filtered = kalman_filter(system, joint_angles(plant), 0.1 * np.eye(6), 1e-4 * np.eye(1), tol=1e-6)
-    check(
-        {
-            "periodic": lqr,
-            "frozen": frozen_lqr(system, *weights, phases=4),
-            "averaged": averaged_lqr(system, *weights),
-            "horizon": finite_horizon_lqr(system, *weights, tol=1e-6),
-            "pd": pd_feedback(system, [0], [10.0], [1.0]),
-            "estimator": filtered,
-            "loop": output_feedback(lqr, filtered),
-            "integral": with_integral_action(system, np.eye(1, 6)),
-            "motion": motion,
-            "about": linearize_about(motion),
-            "feedforward": feedforward(lin, "tip-exact"),
-            "its law": feedforward(lin, "joint-exact").law,
-            "simulation": fl.simulate(lin, 0.1),
-            "range": linear_range(lin),
-            "response": fl.forced_response(lin.periodic_system(), lin.forcing, tol=1e-7),
-            "camera": tip_position(lin),
-            "accelerometer": tip_acceleration(lin)[0],
-        },
-        tmp_path,
-    )
 
 
 @pytest.mark.parametrize("made", [series_results, stability_results, arm_results, answer_results])

@@ -10,13 +10,9 @@ from flexlin.about.elastic import linearize_about
 from flexlin.about.periodic_motion import periodic_motion
 from flexlin.control.tracking import KINDS, feedforward, tip_positions
 from flexlin.errors import ArgumentError
+from tests.closed_arm import closed
 
 BARE = {"control": {"feedforward": "rigid"}}
-
-
-def closed(name="single-link", changes=None):
-    scene = fl.load_scene(name, changes or {})
-    return fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
 
 
 @pytest.fixture(scope="module")

@@ -128,8 +128,3 @@ def block_mask(groups: tuple[Group, ...]) -> Array:
     """True inside the diagonal blocks (n, n)."""
     label = np.repeat(np.arange(len(groups)), [group.size for group in groups])
     return label[:, None] == label
-
-
-def conjugate_columns(groups: tuple[Group, ...]) -> Array:
-    """For each mode of a complex group the place of its conjugate; itself in a real group."""
-    return np.concatenate([np.arange(groups[g.partner].start, groups[g.partner].stop) for g in groups])
