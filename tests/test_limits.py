@@ -151,7 +151,7 @@ def test_a_request_that_would_not_fit_is_refused_with_the_figure(
 def test_a_request_to_end_the_program_acts_as_ctrl_c(tmp_path: Path) -> None:
     """SIGTERM in the middle of the work: one line, exit code 1, no file."""
     program = [sys.executable, "-m", "flexlin", "simulate", "single-link", "--periods", "3000", "--out", str(tmp_path)]
-    watch = "import sys; from flexlin.cli import commands; print('ready', flush=True)"
+    watch = "import sys; from flexlin.cli import main; print('ready', flush=True)"
     code = f"{watch}; from flexlin.cli.main import entry; sys.argv[0] = 'flexlin'; entry()"
     run = subprocess.Popen(
         [sys.executable, "-c", code, *program[3:]], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True

@@ -1,0 +1,18 @@
+"""One file for each command: PURPOSE, the options that it TAKES, and `run`, which reads the scene, calls the library, prints and writes."""
+
+from types import ModuleType
+
+from flexlin.cli.commands import chart, check, cost, design, effects, export, linearize, list_scenes, report, simulate
+
+COMMANDS: dict[str, ModuleType] = {
+    "list": list_scenes,
+    "check": check,
+    "report": report,
+    "linearize": linearize,
+    "design": design,
+    "simulate": simulate,
+    "effects": effects,
+    "chart": chart,
+    "cost": cost,
+    "export": export,
+}

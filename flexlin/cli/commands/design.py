@@ -1,0 +1,37 @@
+"""`flexlin design`: design the scene's controllers, write their gains."""
+
+import argparse
+
+from flexlin.cli.options import COMPUTED
+from flexlin.cli.shared import DONE, FAILED, OTHER_VERDICT, loaded, print_paths
+from flexlin.errors import ArgumentError
+
+PURPOSE = "design the scene's controllers, write their gains"
+TAKES = (*COMPUTED, "require", "points")
+
+
+def run(options: argparse.Namespace) -> int:
+    scene = loaded(options)
+    from flexlin.report.progress import Progress
+    from flexlin.report.terminal import accuracy_lines, say, say_loop
+
+    if not scene.designs:
+        raise ArgumentError("nothing to design", got="no [[designs]] table", expected="at least one in the scene")
+    with Progress() as progress:
+        progress("load the numerical libraries")
+        from flexlin.answers.analysis import plant_and_designs
+        from flexlin.answers.clock import Clock
+        from flexlin.report.tables import check_gains, gains_dataset, write_dataset
+
+        check_gains(scene, options.points)
+        clock = Clock(progress)
+        plant, loops = plant_and_designs(scene, clock)
+    for loop in loops:
+        say_loop(loop, plant.period)
+    for line in accuracy_lines(tuple(clock.steps)):
+        say(line)
+    made = [loop.design for loop in loops if loop.design is not None]
+    print_paths(write_dataset(gains_dataset(scene, plant, made, options.points), options.out, "gains") if made else [])
+    if len(made) < len(loops):
+        return FAILED
+    return OTHER_VERDICT if options.require and any(loop.verdict != options.require for loop in loops) else DONE

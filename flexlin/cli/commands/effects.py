@@ -1,0 +1,30 @@
+"""`flexlin effects`: find which effects and modes the scene needs."""
+
+import argparse
+from functools import partial
+
+from flexlin.cli.options import COMPUTED
+from flexlin.cli.shared import loaded, print_paths
+
+PURPOSE = "find which effects and modes the scene needs"
+TAKES = (*COMPUTED, "tolerance")
+
+
+def run(options: argparse.Namespace) -> int:
+    scene = loaded(options)
+    from flexlin.report.progress import Progress
+
+    with Progress() as progress:
+        progress("load the numerical libraries")
+        from flexlin.answers.audit import audit
+        from flexlin.answers.clock import Clock
+        from flexlin.files import write_text
+        from flexlin.report.record import audit_block, to_json
+        from flexlin.report.terminal import audit_lines, say
+
+        work = partial(audit, scene, options.tolerance, progress, scene.accuracy.tol)
+        result = Clock(progress).stage("audit of the effects", scene.accuracy, work)
+    for line in audit_lines(result):
+        say(line)
+    write_text(options.out / "effects.json", to_json({"schema": 1, "title": scene.title, **audit_block(result)}))
+    return print_paths([options.out / "effects.json"])

@@ -1,0 +1,23 @@
+"""`flexlin linearize`: write the coefficients over a period."""
+
+import argparse
+
+from flexlin.cli.options import LIMITS, SCENE
+from flexlin.cli.shared import loaded, print_paths
+
+PURPOSE = "write the coefficients over a period"
+TAKES = (*SCENE, *LIMITS, "points")
+
+
+def run(options: argparse.Namespace) -> int:
+    scene = loaded(options)
+    from flexlin.about.linear import linearize
+    from flexlin.answers.clock import Clock
+    from flexlin.mechanics import build_manipulator
+    from flexlin.report.tables import coefficients_dataset, write_dataset
+
+    clock, asked = Clock(), scene.accuracy
+    arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
+    plant, closed = (linearize(arm, scene.motion, control) for control in (None, scene.control))
+    data = clock.stage("coefficients", asked, lambda: coefficients_dataset(scene, plant, closed, options.points))
+    return print_paths(write_dataset(data, options.out, "coefficients"))

@@ -1,0 +1,29 @@
+"""`flexlin report`: write report.html and report.json."""
+
+import argparse
+
+from flexlin.cli.options import COMPUTED
+from flexlin.cli.shared import DONE, FAILED, OTHER_VERDICT, command, loaded, print_paths
+
+PURPOSE = "write report.html and report.json"
+TAKES = (*COMPUTED, "require", "effects", "sensitivity")
+
+
+def run(options: argparse.Namespace) -> int:
+    scene = loaded(options)
+    from flexlin.report.progress import Progress
+
+    with Progress() as progress:
+        progress("load the numerical libraries")
+        from flexlin.report.writing import write_report
+
+        analysis, paths = write_report(
+            scene, options.out, command(options), progress, options.effects, options.sensitivity
+        )
+    from flexlin.report.terminal import summarize
+
+    summarize(analysis)
+    print_paths(paths)
+    if analysis.own.floquet is None:
+        return FAILED
+    return OTHER_VERDICT if options.require not in (None, analysis.own.verdict) else DONE

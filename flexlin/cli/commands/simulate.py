@@ -1,0 +1,61 @@
+"""`flexlin simulate`: integrate the nonlinear equations beside the linear ones."""
+
+import argparse
+
+from flexlin.cli.options import COMPUTED
+from flexlin.cli.shared import command, loaded, print_paths
+
+PURPOSE = "integrate the nonlinear equations beside the linear ones"
+TAKES = (*COMPUTED, "periods", "feedforward", "attraction", "animate")
+
+
+def run(options: argparse.Namespace) -> int:
+    scene = loaded(options)
+    from flexlin.about.linear import linearize
+    from flexlin.answers.clock import Clock
+    from flexlin.mechanics import build_manipulator
+    from flexlin.report.progress import Progress
+    from flexlin.report.tables import described, write_dataset
+    from flexlin.report.terminal import accuracy_lines, say
+    from flexlin.simulation import check_duration, simulate
+
+    asked, tol, said = scene.accuracy, scene.accuracy.tol, list[str]()
+    with Progress() as progress:
+        clock = Clock(progress)
+        arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
+        closed = linearize(arm, scene.motion, scene.control)
+        clock.stage("size of the result", asked, lambda: check_duration(closed, options.periods))
+        forward = None
+        if options.feedforward != "scene":
+            from flexlin.control import feedforward
+
+            forward = clock.stage("feedforward", asked, lambda: feedforward(closed, options.feedforward, tol))
+        result = clock.stage(
+            "nonlinear simulation",
+            asked,
+            lambda: simulate(closed, options.periods, feedforward=forward, tol=tol),
+            lambda found: max(found.error, found.linear_error),
+        )
+        if options.attraction:
+            from flexlin.control import linear_range
+            from flexlin.simulation import region_of_attraction
+
+            said.append(
+                clock.stage("range of the linear equations", asked, lambda: linear_range(closed, tol=tol)).status
+            )
+            said.append(
+                clock.stage("region of attraction", asked, lambda: region_of_attraction(closed, tol=tol)).status
+            )
+    for line in (result.status, *said, *accuracy_lines(tuple(clock.steps))):
+        say(line)
+    data = described(
+        result.dataset(), scene, closed.period, "deviations from the rigid motion as states [y; y'], tips in m"
+    )
+    paths = write_dataset(data, options.out, "simulation")
+    if options.animate:
+        from flexlin.files import write_text
+        from flexlin.report.animation import animation_page
+
+        write_text(options.out / "animation.html", animation_page(scene, closed, result, command(options)))
+        paths.append(options.out / "animation.html")
+    return print_paths(paths)

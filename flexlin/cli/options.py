@@ -1,0 +1,69 @@
+"""The options of the command line, each once, and the groups that commands take together."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+
+def count(text: str) -> int:
+    """Read a whole number from 2 on."""
+    number = int(text)
+    if number < 2:
+        raise argparse.ArgumentTypeError(f"got {number}, expected a whole number from 2 on")
+    return number
+
+
+def span(text: str) -> tuple[str, float, float, int | None]:
+    """Read KEY=LOW:HIGH or KEY=LOW:HIGH:COUNT."""
+    key, _, values = text.partition("=")
+    low, high, *rest = values.split(":")
+    found = (key.strip(), float(low), float(high), count(rest[0]) if rest else None)
+    if not key.strip() or not found[1] < found[2] or len(rest) > 1:
+        raise argparse.ArgumentTypeError(f"got {text!r}, expected KEY=LOW:HIGH:COUNT with LOW below HIGH")
+    return found
+
+
+OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
+    "scene": (["scene"], {"metavar": "SCENE", "help": "a built-in name (see flexlin list) or a TOML file"}),
+    "set": (
+        ["--set"],
+        {"dest": "overrides", "metavar": "KEY=VALUE", "action": "extend", "nargs": "+", "default": [],
+         "help": "override a number of the scene, such as effects.payload.mass=0.3"},
+    ),
+    "out": (["--out"], {"type": Path, "default": Path(), "metavar": "DIR", "help": "folder for the results (default: here)"}),
+    "require": (["--require"], {"choices": ["stable"], "help": "exit with code 3 when a verdict is another one"}),
+    "points": (["--points"], {"type": count, "default": 256, "help": "times in a period (default 256)"}),
+    "periods": (["--periods"], {"type": float, "default": 5.0, "help": "length of the simulation (default 5)"}),
+    "feedforward": (
+        ["--feedforward"],
+        {"choices": ["scene", "rigid", "joint-exact", "tip-exact"], "default": "scene",
+         "help": "what to feed forward (default: as in the scene); tip-exact keeps the tip on its path"},
+    ),
+    "attraction": (
+        ["--attraction"], {"action": "store_true", "help": "also find how far a disturbance may go (some seconds)"},
+    ),
+    "animate": (["--animate"], {"action": "store_true", "help": "also write animation.html, which plays the simulation"}),
+    "effects": (["--effects"], {"action": "store_true", "help": "also find which effects matter (some seconds)"}),
+    "over": (
+        ["--over"],
+        {"type": span, "metavar": "KEY=LOW:HIGH[:COUNT]", "action": "extend", "nargs": "+", "required": True,
+         "help": "a parameter to vary, such as motion.frequency=0.2:3:200; give two for a map"},
+    ),
+    "sensitivity": (
+        ["--sensitivity"],
+        {"action": "store_true", "help": "also find which numbers move the growth rate (some seconds)"},
+    ),
+    "tol": (["--tol"], {"type": float, "metavar": "ERROR", "help": "wanted error of every stage (default 1e-9, or as in the scene)"}),
+    "seconds": (
+        ["--limit-seconds"],
+        {"type": float, "metavar": "S", "help": "time that a stage may take (default 60, or as in the scene)"},
+    ),
+    "memory": (
+        ["--limit-memory"],
+        {"type": float, "metavar": "BYTES", "help": "memory that a stage may ask for at once (default 2^30, or as in the scene)"},
+    ),
+    "tolerance": (["--tolerance"], {"type": float, "default": 0.01, "help": "relative change that matters (default 0.01)"}),
+}  # fmt: skip
+SCENE = ("scene", "set", "out")
+LIMITS = ("seconds", "memory")
+COMPUTED = (*SCENE, "tol", *LIMITS)

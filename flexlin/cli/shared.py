@@ -1,0 +1,51 @@
+"""What the commands share: reading the scene with its overrides, exit codes, the command line as a page quotes it."""
+
+import argparse
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from flexlin.scene import Scene
+
+DONE, FAILED, BAD_INPUT, OTHER_VERDICT = 0, 1, 2, 3
+"""Exit codes."""
+ACCURACY = {"tol": "tol", "limit_seconds": "seconds", "limit_memory": "memory"}
+"""Options that stand for a key of the scene's table [accuracy]."""
+
+
+def loaded(options: argparse.Namespace) -> "Scene":
+    """The scene with its overrides, once the output folder has been found usable."""
+    from flexlin.files import check_folder
+    from flexlin.scene import load_scene
+    from flexlin.scene.overrides import parse_assignment
+
+    check_folder(options.out)
+    overrides = dict(parse_assignment(text) for text in options.overrides)
+    asked = {f"accuracy.{key}": getattr(options, name, None) for name, key in ACCURACY.items()}
+    overrides |= {key: value for key, value in asked.items() if value is not None}
+    return load_scene(options.scene, overrides)
+
+
+def print_paths(paths: list[Path]) -> int:
+    """Print where the results are; done."""
+    for path in paths:
+        print(f"wrote {path}")
+    return DONE
+
+
+def command(options: argparse.Namespace) -> str:
+    """The command line that made a page, without its output folder."""
+    overrides = [word for text in options.overrides for word in ("--set", text)]
+    axes = [
+        f"{key}={low:g}:{high:g}" + (f":{number}" if number else "")
+        for key, low, high, number in getattr(options, "over", [])
+    ]
+    over = ["--over", *axes] if axes else []
+    flags = [f"--{name}" for name in ("effects", "sensitivity", "animate") if getattr(options, name, False)]
+    forward = getattr(options, "feedforward", "scene")
+    flags += [] if forward == "scene" else ["--feedforward", forward]
+    for name in ACCURACY:
+        value = getattr(options, name, None)
+        flags += [] if value is None else [f"--{name.replace('_', '-')}", f"{value:g}"]
+    return shlex.join(["flexlin", options.command, options.scene, *overrides, *over, *flags])
