@@ -15,6 +15,7 @@ from flexlin.scene.library import builtin_scenes
 from flexlin.scene.overrides import SHALLOW, apply_overrides, too_deep
 from flexlin.scene.problems import schema_problems
 from flexlin.scene.scene import Scene
+from flexlin.scene.toml import parse_toml
 from flexlin.text import printable
 
 LARGEST_FILE = 2**20
@@ -164,7 +165,7 @@ def _find(source: str | Path) -> Path:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(read_text(path, LARGEST_FILE))
+        return parse_toml(read_text(path, LARGEST_FILE))
     except RecursionError:
         raise SceneError(printable(path), [Problem("file", "tables in tables without end", SHALLOW)]) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:

@@ -6,11 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from flexlin.errors import ArgumentError, Problem
+from flexlin.scene.toml import DEEPEST, parse_toml
 from flexlin.text import printable
 
 OFF = "off"
-DEEPEST = 32
-"""Tables and lists in each other; a scene needs five."""
 SHALLOW = f"at most {DEEPEST} tables and lists in each other"
 
 
@@ -42,7 +41,7 @@ def parse_assignment(text: str) -> tuple[str, Any]:
             expected="key=value, such as effects.payload.mass=0.3",
         )
     try:
-        return key.strip(), tomllib.loads(f"value = {value}")["value"]
+        return key.strip(), parse_toml(f"value = {value}")["value"]
     except tomllib.TOMLDecodeError:
         return key.strip(), value.strip()
     except RecursionError:

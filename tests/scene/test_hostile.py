@@ -93,12 +93,29 @@ def test_every_number_may_be_extreme_without_a_fault(name, size):
 
 
 @pytest.mark.parametrize(
-    "deep", ["x = " + "[" * 900 + "]" * 900, ".".join("a" * 20_000) + " = 1", "x" + ".x" * 40 + "=1"]
+    "deep",
+    [
+        "x = " + "[" * 900 + "]" * 900,
+        ".".join("a" * 20_000) + " = 1",
+        "x" + ".x" * 40 + "=1",
+        " . ".join(["'a#'", '"b."'] * 20) + " = 1",
+        "[" + ".".join("a" * 20_000) + "]",
+        "x = { y = {" + ".".join("a" * 20_000) + " = 1 } }",
+    ],
 )
 def test_tables_in_tables_without_end(deep, tmp_path):
     (tmp_path / "scene.toml").write_text(f"{deep}\n{TEXT}", encoding="utf-8")
     with pytest.raises(SceneError, match="at most 32 tables and lists in each other"):
         fl.load_scene(tmp_path / "scene.toml")
+
+
+@pytest.mark.parametrize("quote", ['"', "'", '"""', "'''"])
+def test_dots_in_texts_and_comments_are_no_tables(quote, tmp_path):
+    dots = ".".join("a" * 50)
+    title = f"title = {quote}{dots}{quote}  # {dots} it's"
+    path = tmp_path / "scene.toml"
+    path.write_text(re.sub("(?m)^title = .*", lambda _: title, TEXT, count=1), encoding="utf-8")
+    assert fl.load_scene(path).title == dots
 
 
 def test_the_same_from_python_and_the_command_line(capsys):
@@ -115,6 +132,8 @@ def test_the_same_from_python_and_the_command_line(capsys):
     with pytest.raises(fl.errors.ArgumentError, match="at most 32"):
         parse_assignment("parameters.a=" + "[" * 5000 + "]" * 5000)
     assert main(["check", "single-link", "--set", "a." * 20_000 + "a=1"]) == BAD_INPUT
+    assert main(["check", "single-link", "--set", "effects.payload={ " + "a." * 20_000 + "a = 1 }"]) == BAD_INPUT
+    assert parse_assignment("title=" + "a." * 50 + "a") == ("title", "a." * 50 + "a")
     assert len(capsys.readouterr().err) < 1000
 
 
