@@ -1,4 +1,4 @@
-"""The symbolic wing: equations of motion of planar chains with rigid and flexible links.
+"""The symbolic wing: equations of motion of chains with rigid and flexible links.
 
 The builder and the manipulator are loaded when they are first used: a scene only needs to know the effects.
 """

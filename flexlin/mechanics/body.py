@@ -5,24 +5,27 @@ from typing import Any
 
 import casadi as ca
 
-from flexlin.mechanics.frames import QUARTER_TURN, Frame
+from flexlin.mechanics.frames import Frame, cross, cross_matrix
+
+PAIRS = ((0, 1), (0, 2), (1, 2))
 
 
 @dataclass(frozen=True)
 class Moments:
     """The moments of a mass whose points lie at r(t) in a moving frame.
 
-        mass = int dm,            first = int r dm,          first_rate = int r' dm,
-        second = int r.r dm,      swirl = int r x r' dm,     agitation = int r'.r' dm
+        mass = int dm,                        first = int r dm,          first_rate = int r' dm,
+        second = int (r.r E - r r^T) dm,      swirl = int r x r' dm,     agitation = int r'.r' dm
 
-    Units: kg, kg m, kg m/s, kg m^2, kg m^2/s, kg m^2/s^2; the firsts are (2, 1).
+    Units: kg, kg m, kg m/s, kg m^2, kg m^2/s, kg m^2/s^2; first, first_rate and swirl are (3, 1), second is (3, 3). What is zero
+    has no entry.
     """
 
     mass: ca.SX = field(default_factory=lambda: ca.SX(0))
-    first: ca.SX = field(default_factory=lambda: ca.SX.zeros(2))
-    first_rate: ca.SX = field(default_factory=lambda: ca.SX.zeros(2))
-    second: ca.SX = field(default_factory=lambda: ca.SX(0))
-    swirl: ca.SX = field(default_factory=lambda: ca.SX(0))
+    first: ca.SX = field(default_factory=lambda: ca.SX(3, 1))
+    first_rate: ca.SX = field(default_factory=lambda: ca.SX(3, 1))
+    second: ca.SX = field(default_factory=lambda: ca.SX(3, 3))
+    swirl: ca.SX = field(default_factory=lambda: ca.SX(3, 1))
     agitation: ca.SX = field(default_factory=lambda: ca.SX(0))
 
     def __add__(self, other: "Moments") -> "Moments":
@@ -46,16 +49,17 @@ class Body:
     def kinetic_energy(self) -> ca.SX:
         """Kinetic energy of the mass.
 
-            T = m/2 v.v + v.(w J first + first_rate) + w^2/2 second + w swirl + 1/2 agitation
+            T = m/2 v.v + v.(w x first + first_rate) + 1/2 w.second w + w.swirl + 1/2 agitation
 
-        with v the frame's velocity in its own axes and w its rate. Returns: J.
+        with v the frame's velocity and w its angular velocity, both in its own axes. Returns: J.
         """
-        v, w, k = self.frame.velocity, self.frame.rate, self.moments
-        drift = w * (QUARTER_TURN @ k.first) + k.first_rate
-        return k.mass / 2 * ca.sumsqr(v) + ca.dot(v, drift) + w**2 / 2 * k.second + w * k.swirl + k.agitation / 2
+        v, w, k = self.frame.velocity, self.frame.spin, self.moments
+        drift = cross(w, k.first) + k.first_rate
+        turning = ca.dot(ca.diag(k.second), w**2) / 2 + sum(w[i] * w[j] * k.second[i, j] for i, j in PAIRS)
+        return k.mass / 2 * ca.sumsqr(v) + ca.dot(v, drift) + turning + ca.dot(w, k.swirl) + k.agitation / 2
 
     def mass_moment(self) -> ca.SX:
-        """int (position) dm in world axes, (2, 1), in kg m: the gradient of the potential energy in a uniform field."""
+        """int (position) dm in world axes, (3, 1), in kg m: the gradient of the potential energy in a uniform field."""
         return self.moments.mass * self.frame.position + self.frame.rotation @ self.moments.first
 
 
@@ -68,8 +72,21 @@ class RigidMass:
     offset: Any = 0.0
 
 
-def rigid_body(frame: Frame, mass: ca.SX, inertia: ca.SX, offset: ca.SX | None = None) -> Body:
-    """A rigid body with its centre at `offset` (2, 1) in the frame's axes and `inertia` about its centre."""
-    if offset is None:
+def rigid_body(frame: Frame, mass: Any, inertia: ca.SX, centre: ca.SX | None = None) -> Body:
+    """A rigid body with its centre at `centre` (3, 1) in the frame's axes and `inertia` (3, 3) about its centre."""
+    mass = ca.SX(mass)
+    if centre is None:
         return Body(frame, Moments(mass=mass, second=inertia))
-    return Body(frame, Moments(mass=mass, first=mass * offset, second=inertia + mass * ca.sumsqr(offset)))
+    lever = cross_matrix(centre)
+    return Body(frame, Moments(mass=mass, first=mass * centre, second=inertia + mass * (lever.T @ lever)))
+
+
+def tensor(xx: Any = 0, yy: Any = 0, zz: Any = 0, xy: Any = 0, xz: Any = 0, yz: Any = 0) -> ca.SX:
+    """A symmetric matrix (3, 3) that holds only what is not zero."""
+    rows = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
+    return ca.sparsify(ca.vertcat(*[ca.horzcat(*[ca.SX(entry) for entry in row]) for row in rows]))
+
+
+def about(axis: ca.SX, inertia: Any) -> ca.SX:
+    """The inertia (3, 3) of a body that has one about an axis and none across it."""
+    return ca.sparsify(ca.SX(inertia) * (axis @ axis.T))

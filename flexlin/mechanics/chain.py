@@ -1,4 +1,4 @@
-"""The planar chain: from a scene's links and effects to kinetic energy, potential energy and dissipation."""
+"""The chain: from a scene's links and effects to kinetic energy, potential energy and dissipation."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -11,7 +11,7 @@ from flexlin.mechanics.body import Body, Moments
 from flexlin.mechanics.coordinates import Symbols, list_coordinates
 from flexlin.mechanics.effects import Effect, effects_of
 from flexlin.mechanics.effects.base import Chain
-from flexlin.mechanics.frames import Frame
+from flexlin.mechanics.frames import Frame, X, Z, column
 from flexlin.mechanics.link_shapes import choose_basis
 from flexlin.mechanics.links import Basis, BentLink
 from flexlin.mechanics.manipulator import Manipulator
@@ -95,10 +95,16 @@ def _derive_equations(
         B=ca.densify(measured.T @ ca.diag(gains)),
         joints=range(len(chain.joints)),
         parameters=free,
-        points=ca.horzcat(*[frame.position for frame in (*chain.joints, chain.tips[-1])]),
+        points=_list_points(chain),
         check=False,
     )
     return replace(arm, measured=measured)
+
+
+def _list_points(chain: Chain) -> ca.SX:
+    """Where the joints and the last tip are, (2, k) for an arm that cannot leave its plane, else (3, k)."""
+    points = ca.sparsify(ca.horzcat(*[frame.position for frame in (*chain.joints, chain.tips[-1])]))
+    return ca.densify(points if points[2, :].nnz() else points[:2, :])
 
 
 def _free_motors(arm: Manipulator) -> Manipulator:
@@ -133,9 +139,9 @@ def _build_chain(
     for i, table in enumerate(tables):
         frame = _pass_joint(frame, table, at.q[i], rate.q[i])
         radius = sum((effect.joint_radius(i) for effect in effects), ca.SX(0))
-        base = frame.moved(ca.vertcat(radius, 0), ca.SX.zeros(2))
+        base = frame.moved(column(radius, 0, 0), ca.SX(3, 1))
         link = BentLink(i, table, basis[i], base, at.modes[i], rate.modes[i])
-        joints.append(frame.turned(*link.base_turn))
+        joints.append(frame.turned(Z, *link.base_turn))
         links.append(link)
         shortening = [effect.tip_shortening(link) for effect in effects]
         frame = link.tip(sum((u for u, _ in shortening), ca.SX(0)), sum((u_rate for _, u_rate in shortening), ca.SX(0)))
@@ -155,8 +161,8 @@ def _build_chain(
 def _pass_joint(frame: Frame, link: Link, q: ca.SX, q_rate: ca.SX) -> Frame:
     """The frame that a link's joint carries: turned by q, or moved by q along itself."""
     if link.joint == "revolute":
-        return frame.turned(q + link.mount_angle, q_rate)
-    return frame.turned(ca.SX(link.mount_angle), ca.SX(0)).moved(ca.vertcat(q, 0), ca.vertcat(q_rate, 0))
+        return frame.turned(Z, q + link.mount_angle, q_rate)
+    return frame.turned(Z, link.mount_angle).moved(X * q, X * q_rate)
 
 
 def _sum_moments(link: BentLink, effects: tuple[Effect, ...]) -> Moments:

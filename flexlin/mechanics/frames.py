@@ -1,46 +1,97 @@
-"""A frame that moves in the plane, carried along the chain from joint to joint."""
+"""A frame that moves in space, carried along the chain from joint to joint.
+
+Every vector and matrix keeps structural zeros: an arm whose axes are parallel has the expressions of a plane, and no others.
+"""
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import casadi as ca
 
-QUARTER_TURN = ca.DM([[0, -1], [1, 0]])
-"""J of the plane: J v is v turned by +90 degrees, so a point at rest in a frame of rate w moves with w J r."""
+ROUNDING = 1e-15
+"""Cosines and sines of fixed angles that are smaller are zero: pi/2 is no floating-point number."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Frame:
-    """Orientation and position of a moving frame, with their rates; vectors are (2, 1).
+    """Orientation and position of a moving frame, with their rates; vectors are (3, 1).
 
-    The position is in world axes (m), the velocity in the frame's own axes (m/s): kinetic energy then holds relative angles only.
+    The position is in world axes (m); the velocity (m/s) and the angular velocity `spin` (rad/s) are in the frame's own axes: kinetic
+    energy then holds relative angles only. The rotation is `before` times a turn by `angle` about `axis`, so that turns about one
+    axis add their angles instead of multiplying matrices.
     """
 
+    before: ca.SX
+    axis: ca.SX
     angle: ca.SX
-    rate: ca.SX
+    spin: ca.SX
     position: ca.SX
     velocity: ca.SX
 
     @classmethod
     def fixed(cls) -> "Frame":
         """The base, at rest."""
-        return cls(ca.SX(0), ca.SX(0), ca.SX.zeros(2), ca.SX.zeros(2))
+        return cls(ca.SX.eye(3), Z, ca.SX(0), ca.SX(3, 1), ca.SX(3, 1), ca.SX(3, 1))
 
-    @property
+    @cached_property
     def rotation(self) -> ca.SX:
-        """R(angle), from this frame's axes to the world's."""
-        return rotation(self.angle)
+        """R (3, 3), from this frame's axes to the world's."""
+        return self.before @ rotation_about(self.axis, self.angle)
 
-    def turned(self, angle: ca.SX, rate: ca.SX) -> "Frame":
-        """The frame behind a joint at the origin."""
-        return Frame(self.angle + angle, self.rate + rate, self.position, rotation(angle).T @ self.velocity)
+    def turned(self, axis: ca.SX, angle: Any, rate: Any = 0) -> "Frame":
+        """The frame behind a turn about an axis through the origin; a turn leaves its own axis where it is."""
+        angle, rate = ca.SX(angle), ca.sparsify(ca.SX(rate))
+        if angle.is_zero() and not rate.nnz():
+            return self
+        turn = rotation_about(axis, angle)
+        before, whole = (self.before, self.angle + angle) if is_same(axis, self.axis) else (self.rotation, angle)
+        return Frame(before, axis, whole, turn.T @ self.spin + axis * rate, self.position, turn.T @ self.velocity)
 
     def moved(self, offset: ca.SX, offset_rate: ca.SX) -> "Frame":
         """The frame whose origin lies at `offset`, which changes with `offset_rate`, both in this frame's axes."""
-        velocity = self.velocity + offset_rate + self.rate * (QUARTER_TURN @ offset)
-        return Frame(self.angle, self.rate, self.position + self.rotation @ offset, velocity)
+        velocity = self.velocity + offset_rate + cross(self.spin, offset)
+        return Frame(self.before, self.axis, self.angle, self.spin, self.position + self.rotation @ offset, velocity)
 
 
-def rotation(angle: ca.SX) -> ca.SX:
-    """The rotation matrix of the plane, (2, 2)."""
+def column(*entries: Any) -> ca.SX:
+    """A column that holds only what is not zero."""
+    return ca.sparsify(ca.vertcat(*[ca.SX(entry) for entry in entries]))
+
+
+X, Y, Z = column(1, 0, 0), column(0, 1, 0), column(0, 0, 1)
+
+
+def cross_matrix(a: ca.SX) -> ca.SX:
+    """The matrix (3, 3) with cross_matrix(a) b = a x b."""
+    x, y, z, none = a[0], a[1], a[2], ca.SX(1, 1)
+    rows = ((none, -z, y), (z, none, -x), (-y, x, none))
+    return ca.vertcat(*[ca.horzcat(*row) for row in rows])
+
+
+def cross(a: ca.SX, b: ca.SX) -> ca.SX:
+    """a x b, (3, 1), from what is not zero."""
+    return cross_matrix(a) @ b
+
+
+def is_same(a: ca.SX, b: ca.SX) -> bool:
+    """Whether two expressions are equal as they stand."""
+    return bool((a - b).is_zero())
+
+
+def unit(direction: Any) -> ca.SX:
+    """A direction of three numbers or symbols as a column of length 1."""
+    a = column(*direction)
+    return ca.sparsify(a / ca.sqrt(ca.sumsqr(a)))
+
+
+def rotation_about(axis: ca.SX, angle: ca.SX) -> ca.SX:
+    """Rodrigues' rotation matrix, (3, 3).
+
+    R = a a^T + cos(angle) (E - a a^T) + sin(angle) a~
+    """
     c, s = ca.cos(angle), ca.sin(angle)
-    return ca.vertcat(ca.horzcat(c, -s), ca.horzcat(s, c))
+    if angle.is_constant():
+        c, s = (ca.SX(0 if abs(float(part)) < ROUNDING else float(part)) for part in (c, s))
+    along = axis @ axis.T
+    return ca.sparsify(along + c * ca.sparsify(ca.SX.eye(3) - along) + s * cross_matrix(axis))

@@ -6,8 +6,8 @@ import casadi as ca
 
 from flexlin.checks import Array
 from flexlin.mechanics.beam import ShapeIntegrals
-from flexlin.mechanics.body import Moments
-from flexlin.mechanics.frames import Frame
+from flexlin.mechanics.body import Moments, tensor
+from flexlin.mechanics.frames import Frame, Z, column
 from flexlin.scene.links import Link
 
 
@@ -64,16 +64,18 @@ class BentLink:
     def moments(self) -> Moments:
         """Moments of the bent link about its base frame, first order in w except where energy is of second order.
 
-        first = (int rhoA x, int rhoA w),  second = int rhoA (x^2 + w^2),  swirl = int rhoA x w',  agitation = int rhoA w'^2.
+        first = int rhoA (x, w, 0),  second = int rhoA (r.r E - r r^T),  swirl = int rhoA (0, 0, x w'),  agitation = int rhoA w'^2.
         """
         k, m, length = self.basis.integrals, self.mass, self.table.length
         mode, gram = ca.DM(k.mode), ca.DM(k.gram)
+        along, across = length**2 * k.second, ca.bilin(gram, self.w, self.w)
+        mixed = m * length * ca.dot(ca.DM(k.mode_moment), self.w)
         return Moments(
             mass=m * k.mass,
-            first=m * ca.vertcat(length * k.first, ca.dot(mode, self.w)),
-            first_rate=m * ca.vertcat(0, ca.dot(mode, self.w_rate)),
-            second=m * (length**2 * k.second + ca.bilin(gram, self.w, self.w)),
-            swirl=m * length * ca.dot(ca.DM(k.mode_moment), self.w_rate),
+            first=column(m * (length * k.first), m * ca.dot(mode, self.w), 0),
+            first_rate=column(0, m * ca.dot(mode, self.w_rate), 0),
+            second=tensor(xx=m * across, yy=m * along, zz=m * (along + across), xy=-mixed),
+            swirl=column(0, 0, m * length * ca.dot(ca.DM(k.mode_moment), self.w_rate)),
             agitation=m * ca.bilin(gram, self.w_rate, self.w_rate),
         )
 
@@ -81,6 +83,6 @@ class BentLink:
         """The frame at the tip, turned by the slope w'(l); `shortening` is the tip's displacement along x (negative when bent)."""
         k, length = self.basis.integrals, self.table.length
         across, slope = ca.DM(k.tip), ca.DM(k.tip_slope) / length
-        offset = ca.vertcat(length + shortening, ca.dot(across, self.w))
-        offset_rate = ca.vertcat(shortening_rate, ca.dot(across, self.w_rate))
-        return self.base.moved(offset, offset_rate).turned(ca.dot(slope, self.w), ca.dot(slope, self.w_rate))
+        offset = column(length + shortening, ca.dot(across, self.w), 0)
+        offset_rate = column(shortening_rate, ca.dot(across, self.w_rate), 0)
+        return self.base.moved(offset, offset_rate).turned(Z, ca.dot(slope, self.w), ca.dot(slope, self.w_rate))

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import flexlin as fl
+from flexlin.scene import builtin_scenes
+from studies.scaling import scene_of as chain_of
 
 from .scenes import scene_of
 
@@ -34,3 +36,30 @@ def test_growth_with_the_number_of_modes(links):
     n, residual, matrices = zip(*[instructions(links, modes) for modes in (3, 6, 12)], strict=True)
     assert exponent(n, residual) < 2.1
     assert exponent(n, matrices) < 2.4
+
+
+PLANAR = {  # instructions of the residual and of (M, D, K, h) when frames and moments knew the plane only
+    (1, 2): (498, 272),
+    (2, 2): (1200, 1877),
+    (3, 3): (3186, 7707),
+    (6, 1): (2184, 12444),
+    "de-luca-siciliano-1991": (1123, 1739),
+    "pick-and-place": (973, 1893),
+    "quanser-flexible-link": (150, 92),
+    "rigid-flexible-forearm": (419, 472),
+    "rotating-beam": (1112, 242),
+    "single-link": (499, 271),
+    "three-link": (1088, 2993),
+}
+
+
+@pytest.mark.parametrize("name", PLANAR, ids=str)
+def test_a_planar_arm_costs_what_a_planar_code_costs(name):
+    """Frames and moments are spatial; what never leaves the plane has no entries, and so no instructions."""
+    scene = fl.load_scene(builtin_scenes()[name]) if isinstance(name, str) else chain_of(*name)
+    arm = fl.build_manipulator(scene)
+    lin = fl.linearize(arm, scene.motion, scene.control)
+    counts = arm.functions["residual"].n_instructions(), lin.coefficients.n_instructions()
+    assert counts[0] <= 1.05 * PLANAR[name][0]
+    assert counts[1] <= 1.05 * PLANAR[name][1]
+    assert arm.points.shape[0] == 2

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Optional
 
 import casadi as ca
 
-from flexlin.mechanics.body import Moments
+from flexlin.mechanics.body import Moments, tensor
 from flexlin.mechanics.effects.base import Effect
 from flexlin.mechanics.effects.scale import Scale
+from flexlin.mechanics.frames import column
 
 if TYPE_CHECKING:
     from flexlin.mechanics.links import BentLink
@@ -39,8 +40,9 @@ class GeometricStiffening(Effect):
             return None
         k = link.basis.integrals
         along = link.mass / link.table.length * ca.DM(k.shortening)
+        drawn_in = -link.mass * ca.bilin(ca.DM(k.shortening_moment), link.w, link.w)
         return Moments(
-            first=ca.vertcat(-ca.bilin(along, link.w, link.w) / 2, 0),
-            first_rate=ca.vertcat(-ca.bilin(along, link.w, link.w_rate), 0),
-            second=-link.mass * ca.bilin(ca.DM(k.shortening_moment), link.w, link.w),
+            first=column(-ca.bilin(along, link.w, link.w) / 2, 0, 0),
+            first_rate=column(-ca.bilin(along, link.w, link.w_rate), 0, 0),
+            second=tensor(yy=drawn_in, zz=drawn_in),
         )

@@ -7,10 +7,11 @@ from collections.abc import Iterator
 from typing import Annotated, Any
 
 from flexlin.errors import Problem
-from flexlin.mechanics.body import Body, RigidMass, rigid_body
+from flexlin.mechanics.body import Body, RigidMass, about, rigid_body
 from flexlin.mechanics.effects.base import Chain, Effect
 from flexlin.mechanics.effects.scale import PART, Scale
 from flexlin.mechanics.effects.shared import per_joint
+from flexlin.mechanics.frames import Z
 from flexlin.scene.base import PerLink, Unit
 from flexlin.scene.effects import RawArm, RawTable
 from flexlin.scene.link_rules import pinned
@@ -50,4 +51,6 @@ class Hub(Effect):
 
     def bodies(self, chain: Chain) -> tuple[Body, ...]:
         on = [self.joint_body(joint) for joint in range(len(chain.joints))]
-        return tuple(rigid_body(frame, body.mass, body.inertia) for frame, body in zip(chain.joints, on, strict=True))
+        return tuple(
+            rigid_body(frame, body.mass, about(Z, body.inertia)) for frame, body in zip(chain.joints, on, strict=True)
+        )

@@ -5,12 +5,11 @@ Source: Khang, Dat, Tuan (2019), Fig. 1 (m_E); the inertia as in De Luca, Sicili
 
 from typing import Annotated
 
-import casadi as ca
-
-from flexlin.mechanics.body import Body, RigidMass, rigid_body
+from flexlin.mechanics.body import Body, RigidMass, about, rigid_body
 from flexlin.mechanics.effects.base import Chain, Effect
 from flexlin.mechanics.effects.scale import PART, Scale
 from flexlin.mechanics.effects.shared import at_tip
+from flexlin.mechanics.frames import Z, column
 from flexlin.scene.base import Number, PerLink, Unit
 
 
@@ -35,6 +34,6 @@ class Payload(Effect):
         links = len(chain.links)
         on = [self.tip_body(link, links) for link in range(links)]
         return tuple(
-            rigid_body(frame, body.mass, body.inertia, ca.vertcat(body.offset, 0))
+            rigid_body(frame, body.mass, about(Z, body.inertia), column(body.offset, 0, 0))
             for frame, body in zip(chain.tips, on, strict=True)
         )

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import casadi as ca
 
-from flexlin.mechanics.body import Moments
+from flexlin.mechanics.body import Moments, about
 from flexlin.mechanics.effects.base import Effect
 from flexlin.mechanics.effects.scale import SLENDERNESS, Scale
 from flexlin.mechanics.effects.shared import per_joint
+from flexlin.mechanics.frames import Z
 from flexlin.scene.base import PerLink, Unit
 
 if TYPE_CHECKING:
@@ -36,8 +37,8 @@ class RotaryInertia(Effect):
         radius = per_joint(self.radius_of_gyration, link.index, single="every")
         inertia = link.mass * radius**2
         return Moments(
-            second=inertia * k.section,
-            swirl=inertia / length * ca.dot(ca.DM(k.rotation), link.w_rate) if link.bends else ca.SX(0),
+            second=about(Z, inertia * k.section),
+            swirl=Z * (inertia / length * ca.dot(ca.DM(k.rotation), link.w_rate)) if link.bends else ca.SX(3, 1),
             agitation=inertia / length**2 * ca.bilin(ca.DM(k.rotations), link.w_rate, link.w_rate)
             if link.bends
             else ca.SX(0),
