@@ -56,7 +56,14 @@ OVERRIDES = {
     "a negative gain": ("control.feedback.kd=[-1.0]", "control.feedback.kd", "-1.0", "greater than or equal to 0"),
     "a gain that is not a number": ("control.feedback.kp=[nan]", "control.feedback.kp", "nan", "finite"),
     "an unknown feedback": ('control.feedback.kind="pid"', "control.feedback.kind", "'pid'", "'pd'"),
-    "too few weights": ("designs.0.state_weight=[1.0]", "designs.0.state_weight", "expected 6"),
+    "too few weights": (
+        'designs=[{name="a", kind="periodic-lqr", state_weight=[1.0], input_weight=[1.0]}]', "designs.0.state_weight", "expected 6"
+    ),
+    "weights twice": ("designs.0.state_weight=[1.0, 1.0, 1.0, 1.0, 1.0, 1.0]", "designs.0", "either weights"),
+    "another dimension": ('designs.0.weights.tip="2 deg"', "designs.0.weights.tip", "'2 deg'", "a length such as 2 mm"),
+    "no such unit": ('designs.0.weights.input="3 furlong"', "designs.0.weights.input", "'furlong'", "a torque"),
+    "a weight without end": ('designs.0.weights.rates="0 deg/s"', "designs.0.weights.rates", "greater than 0"),
+    "an unknown weight": ('designs.0.weights.jonts="2 deg"', "designs.0.weights.jonts", "did you mean 'joints'"),
     "an unknown design": ('designs.0.kind="magic"', "designs.0.kind", "'magic'", "periodic-lqr"),
     "one name for two designs": ('designs.1.name="frozen LQR"', "designs.1.name", "a second time"),
     "a text for a table": ('effects="gravity"', "effects", "'gravity'", "a table"),

@@ -102,6 +102,13 @@ class Linearization(SecondOrderEquations):
         return tuple(self.arm.names[self.arm.drives[i]] for i in self.driven)
 
     @property
+    def input_units(self) -> tuple[str, ...]:
+        """The units of the inputs: what an effect makes of them, such as V behind a motor, else the force of each joint."""
+        own = [unit for effect in self._effects or () if (unit := effect.input_unit) is not None]
+        moved = [self.arm.coordinates[self.arm.drives[i]].unit for i in self.driven]
+        return tuple(own[-1] if own else "N" if unit == "m" else "N m" for unit in moved)
+
+    @property
     def breaks(self) -> tuple[float, ...]:
         """Times in [0, T) at which the coefficients lose smoothness."""
         return self.motion.breaks

@@ -152,7 +152,7 @@ def analyse(scene: Scene, clock: Clock | None = None) -> Analysis:
         simulation_error,
     )
     linear = range_of(closed, own, problems, asked, clock)
-    designs = tuple(design_and_judge(system, table, asked, clock) for table in scene.designs)
+    designs = tuple(design_and_judge(plant, table, asked, clock) for table in scene.designs)
     found = (coefficients, own, open_loop, designs, response, simulation, problems, tuple(clock.steps))
     return Analysis(scene, plant, closed, t, *found, resonances=behind, elastic=elastic, linear_range=linear)
 
@@ -161,8 +161,7 @@ def plant_and_designs(scene: Scene, clock: Clock) -> tuple[Linearization, tuple[
     """The open-loop linearization of a scene, and its designs with their verdicts, as accurate as the scene asks."""
     asked = scene.accuracy
     plant = clock.stage("linearization", asked, lambda: linearize(build_manipulator(scene), scene.motion))
-    system = plant.periodic_system()
-    return plant, tuple(design_and_judge(system, table, asked, clock) for table in scene.designs)
+    return plant, tuple(design_and_judge(plant, table, asked, clock) for table in scene.designs)
 
 
 def judge_own_loops(scene: Scene, system: PeriodicSystem, loop: PeriodicSystem, clock: Clock) -> tuple[Loop, Loop]:
@@ -230,11 +229,11 @@ def judge_loop(
     return Loop(name, kind, result, problems.get(name, ""), made)
 
 
-def design_and_judge(system: PeriodicSystem, table: DesignTable, asked: Accuracy, clock: Clock) -> Loop:
+def design_and_judge(plant: Linearization, table: DesignTable, asked: Accuracy, clock: Clock) -> Loop:
     """A designed controller with the verdict on its closed loop."""
     problems: dict[str, str] = {}
     error_of = (lambda made: float(made.error)) if table.kind in BY_TOL else None
-    work = partial(design, system, table, asked.tol)
+    work = partial(design, plant, table, asked.tol)
     made = clock.attempt(problems, table.name, f"design: {table.name}", asked, work, error_of)
     if made is None:
         return Loop(table.name, table.kind, None, problems[table.name])

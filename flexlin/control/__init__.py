@@ -31,6 +31,7 @@ _ON_MANIPULATORS = {
     "linear_range": "flexlin.control.validity",
     "linearization_source": "flexlin.control.c_source",
     "linearize_about": "flexlin.about.elastic",
+    "physical_weights": "flexlin.control.bryson",
     "periodic_motion": "flexlin.about.periodic_motion",
 }
 

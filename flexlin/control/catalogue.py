@@ -2,40 +2,46 @@
 
 from typing import Protocol
 
+from flexlin.about.linearization import Linearization
 from flexlin.control.averaged import averaged_lqr
+from flexlin.control.bryson import physical_weights
 from flexlin.control.designed_loop import Design
 from flexlin.control.finite_horizon import finite_horizon_lqr
 from flexlin.control.frozen import frozen_lqr
 from flexlin.control.periodic import periodic_lqr
 from flexlin.control.weights import diagonal_weight
 from flexlin.errors import ArgumentError
-from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.coefficients import Constant
+from flexlin.periodic.system import MatrixFunction, PeriodicSystem
+from flexlin.scene.weights import Weights
 
 
 class DesignTable(Protocol):
-    """What a scene says about a design: weights are the diagonals of Q (state [y; y']) and R."""
+    """What a scene says about a design: weights in physical sizes, or the diagonals of Q (state [y; y']) and R."""
 
     @property
     def name(self) -> str: ...
     @property
     def kind(self) -> str: ...
     @property
-    def state_weight(self) -> tuple[float, ...]: ...
+    def weights(self) -> Weights | None: ...
     @property
-    def input_weight(self) -> tuple[float, ...]: ...
+    def state_weight(self) -> tuple[float, ...] | None: ...
+    @property
+    def input_weight(self) -> tuple[float, ...] | None: ...
     @property
     def phases(self) -> int: ...
 
 
-def design(system: PeriodicSystem, table: DesignTable, tol: float = 1e-9) -> Design:
+def design(plant: Linearization | PeriodicSystem, table: DesignTable, tol: float = 1e-9) -> Design:
     """Make the design that a table of a scene asks for.
 
     Parameters
     ----------
-    system : PeriodicSystem
-        The plant without feedback, x = [y; y'].
+    plant : Linearization or PeriodicSystem
+        The arm without feedback, x = [y; y']; weights in physical sizes need the arm's own linearization.
     table : DesignTable
-        One of the scene's `[[designs]]`; its weights are the diagonals of Q and R.
+        One of the scene's `[[designs]]`.
     tol : float
         Wanted relative error of periodic gains.
 
@@ -57,13 +63,13 @@ def design(system: PeriodicSystem, table: DesignTable, tol: float = 1e-9) -> Des
     --------
     >>> import flexlin as fl
     >>> scene = fl.load_scene("single-link")
-    >>> plant = fl.linearize(fl.build_manipulator(scene), scene.motion).periodic_system()
-    >>> made = fl.control.design(plant, scene.designs[0], tol=1e-6)
+    >>> plant = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    >>> made = fl.control.design(plant, scene.designs[1], tol=1e-6)
     >>> made.kind, made.error < 1e-6
-    ('frozen-lqr', True)
+    ('periodic-lqr', True)
     """
-    Q = diagonal_weight("state_weight", table.state_weight, system.n, "the states [y; y']")
-    R = diagonal_weight("input_weight", table.input_weight, system.m, "the inputs")
+    system = plant if isinstance(plant, PeriodicSystem) else plant.periodic_system()
+    Q, R = design_weights(plant, system, table)
     if table.kind == "periodic-lqr":
         return periodic_lqr(system, Q, R, tol=tol, name=table.name)
     if table.kind == "frozen-lqr":
@@ -77,3 +83,19 @@ def design(system: PeriodicSystem, table: DesignTable, tol: float = 1e-9) -> Des
         got=repr(table.kind),
         expected="periodic-lqr, frozen-lqr, averaged-lqr or finite-horizon-lqr",
     )
+
+
+def design_weights(
+    plant: Linearization | PeriodicSystem, system: PeriodicSystem, table: DesignTable
+) -> tuple[MatrixFunction, MatrixFunction]:
+    """Q(t) and R of a design's table; raises ArgumentError for weights that do not fit the arm."""
+    if table.weights is None:
+        state, effort = (() if bare is None else bare for bare in (table.state_weight, table.input_weight))
+        Q = diagonal_weight("state_weight", state, system.n, "the states [y; y']")
+        return Constant(Q), Constant(diagonal_weight("input_weight", effort, system.m, "the inputs"))
+    if isinstance(plant, PeriodicSystem):
+        raise ArgumentError(
+            "weights in physical sizes need to know the coordinates", got="a PeriodicSystem", expected="a Linearization"
+        )
+    Q, R = physical_weights(plant, table.weights)
+    return Q, Constant(R)

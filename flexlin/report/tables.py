@@ -69,7 +69,7 @@ def gains_dataset(scene: Scene, plant: Linearization, designs: list[Design], poi
 def check_gains(scene: Scene, points: int) -> None:
     """Refuse gains at too many times before any is designed; what each has at the least is counted."""
     with memory_limit(scene.accuracy.memory):
-        check_points(points, sum(len(table.state_weight) * len(table.input_weight) for table in scene.designs))
+        check_points(points, sum(max(2, len(table.state_weight or ())) for table in scene.designs))
 
 
 def check_points(points: int, numbers: int) -> None:

@@ -7,7 +7,6 @@ import numpy as np
 
 from flexlin.answers.analysis import Analysis, Loop
 from flexlin.checks import Array
-from flexlin.mechanics.effects import effects_of
 from flexlin.svg.scales import SUPERSCRIPTS
 
 MARGINAL, SLOW = 1e-9, 1e5
@@ -50,16 +49,13 @@ def name_coordinate_unit(analysis: Analysis, index: int) -> str:
 
 
 def name_input_unit(analysis: Analysis, index: int) -> str:
-    """The unit of an input: what an effect makes of it, such as V behind a motor, else the force of its joint."""
-    units = [unit for effect in effects_of(analysis.scene.effects) if (unit := effect.input_unit) is not None]
-    if units:
-        return units[-1]
-    return "N" if name_joint_unit(analysis, analysis.plant.driven[index]) == "m" else "N m"
+    """The unit of an input: V behind a motor, else the force of its joint."""
+    return analysis.plant.input_units[index]
 
 
 def name_input_units(analysis: Analysis) -> str:
     """The units of all inputs."""
-    return " and ".join(sorted({name_input_unit(analysis, i) for i in range(len(analysis.plant.inputs))}))
+    return " and ".join(sorted(set(analysis.plant.input_units)))
 
 
 def format_rate(value: float, error: float) -> str:

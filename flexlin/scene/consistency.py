@@ -1,5 +1,7 @@
 """What one table of a scene demands of another; checked on the raw data, so that all errors come at once."""
 
+import difflib
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -7,13 +9,18 @@ from flexlin.errors import Problem
 from flexlin.scene.base import MOST
 from flexlin.scene.effects import RawArm, effect_contradictions, known_effects, tables_on
 from flexlin.scene.link_rules import link_contradictions
+from flexlin.scene.weights import Weights
+from flexlin.text import printable
+
+COORDINATE = re.compile(r"(q|w|theta)\w*\d(_rate)?")
+"""What names of coordinates of a chain, and of their rates, look like."""
 
 
 def contradictions(raw: dict[str, Any]) -> list[Problem]:
     """List where the tables of a raw scene do not fit each other; lists too long to be looked at are the schema's to refuse."""
     if any(isinstance(raw.get(key), list) and len(raw[key]) > MOST for key in ("links", "designs")):
         return []
-    return [*_links(raw), *_joint_counts(raw), *_design_names(raw)]
+    return [*_links(raw), *_joint_counts(raw), *_design_names(raw), *_weighted(raw)]
 
 
 def _links(raw: dict[str, Any]) -> Iterator[Problem]:
@@ -105,6 +112,19 @@ def _design_names(raw: dict[str, Any]) -> Iterator[Problem]:
     for i, name in enumerate(names):
         if name in names[:i]:
             yield Problem(f"designs.{i}.name", f"{name!r} a second time", "a name of its own")
+
+
+def _weighted(raw: dict[str, Any]) -> Iterator[Problem]:
+    """Keys of weights that are neither a group nor like a coordinate of a chain; a registered model may name its own."""
+    groups = list(Weights.model_fields)
+    for i, design in enumerate(_tables(raw.get("designs"))):
+        weights = design.get("weights") if raw.get("model") is None else None
+        for key in weights if isinstance(weights, dict) else ():
+            if key not in groups and not COORDINATE.fullmatch(str(key)):
+                close = difflib.get_close_matches(str(key), groups, n=1)
+                hint = f"; did you mean {close[0]!r}?" if close else ""
+                expected = f"one of {', '.join(groups)}, or a coordinate such as q1, w11, w11_rate{hint}"
+                yield Problem(f"designs.{i}.weights.{printable(key)}", "an unknown key", expected)
 
 
 def _tables(value: object) -> list[dict[str, Any]]:

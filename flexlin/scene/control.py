@@ -2,9 +2,10 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from flexlin.scene.base import NonNegative, Positive, Table, Text
+from flexlin.scene.weights import Weights
 
 
 class Pd(Table):
@@ -43,10 +44,20 @@ class Control(Table):
 
 
 class DesignTable(Table):
-    """A controller to be designed; weights are the diagonals of Q (state [y; y']) and R."""
+    """A controller to be designed; weights in physical sizes, or the bare diagonals of Q (state [y; y']) and R."""
 
     name: Annotated[Text, Field(min_length=1, max_length=400)]
     kind: Literal["periodic-lqr", "frozen-lqr", "averaged-lqr", "finite-horizon-lqr"]
-    state_weight: tuple[NonNegative, ...]
-    input_weight: tuple[Positive, ...]
+    weights: Weights | None = None
+    state_weight: tuple[NonNegative, ...] | None = None
+    input_weight: tuple[Positive, ...] | None = None
     phases: Annotated[int, Field(strict=True, ge=1, le=4096)] = 16
+
+    @model_validator(mode="after")
+    def _weighs_once(self) -> "DesignTable":
+        bare = (self.state_weight is None, self.input_weight is None)
+        if bare != ((True, True) if self.weights is not None else (False, False)):
+            raise ValueError(
+                'either weights = { joints = "0.5 deg", ..., input = "3 N m" }, or state_weight and input_weight'
+            )
+        return self

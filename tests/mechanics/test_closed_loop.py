@@ -9,6 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import flexlin as fl
+from flexlin.control import physical_weights
 from flexlin.errors import FlexlinError, ModelError, ToleranceNotReached
 from flexlin.mechanics.closed_loop import close_loop
 from flexlin.scene.library import models_folder
@@ -122,7 +123,7 @@ def test_both_routes_agree(arm, scene):
 def test_floquet_and_lqr_as_for_any_arm(arm, scene):
     lin = fl.linearize(arm, scene.motion)
     design = scene.designs[0]
-    gain = fl.periodic_lqr(lin.periodic_system(), np.diag(design.state_weight), np.diag(design.input_weight), tol=1e-6)
+    gain = fl.periodic_lqr(lin.periodic_system(), *physical_weights(lin, design.weights), tol=1e-6)
     closed = fl.floquet(gain.closed_loop, tol=1e-6)
     assert fl.floquet(lin.periodic_system(), tol=1e-6).exponents.real.max() > -1e-3
     assert closed.verdict == "stable"

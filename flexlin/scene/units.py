@@ -1,0 +1,140 @@
+"""Quantities with units: "2 mm" or 0.002, "3 N m", "5 deg/s", each held to the dimension that its key asks for."""
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, PlainValidator
+
+from flexlin.scene.base import LARGEST, SMALLEST, Positive, Unit
+
+Dimension = tuple[int, int, int, int, int]
+"""Powers of m, kg, s, A and rad; an angle counts as a dimension, so that no degree passes for a metre."""
+
+_BASE: dict[str, tuple[float, Dimension]] = {
+    "m": (1.0, (1, 0, 0, 0, 0)),
+    "g": (1e-3, (0, 1, 0, 0, 0)),
+    "s": (1.0, (0, 0, 1, 0, 0)),
+    "A": (1.0, (0, 0, 0, 1, 0)),
+    "rad": (1.0, (0, 0, 0, 0, 1)),
+    "N": (1.0, (1, 1, -2, 0, 0)),
+    "Nm": (1.0, (2, 1, -2, 0, 0)),
+    "J": (1.0, (2, 1, -2, 0, 0)),
+    "W": (1.0, (2, 1, -3, 0, 0)),
+    "V": (1.0, (2, 1, -3, -1, 0)),
+    "Hz": (1.0, (0, 0, -1, 0, 0)),
+}
+_PREFIXES = {"": 1.0, "k": 1e3, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "n": 1e-9}
+UNITS: dict[str, tuple[float, Dimension]] = {
+    **{prefix + name: (size * factor, powers) for prefix, size in _PREFIXES.items() for name, (factor, powers) in _BASE.items()},
+    "cm": (1e-2, (1, 0, 0, 0, 0)),
+    "deg": (math.pi / 180, (0, 0, 0, 0, 1)),
+    "°": (math.pi / 180, (0, 0, 0, 0, 1)),
+    "rev": (2 * math.pi, (0, 0, 0, 0, 1)),
+    "rpm": (2 * math.pi / 60, (0, 0, -1, 0, 1)),
+    "min": (60.0, (0, 0, 1, 0, 0)),
+}  # fmt: skip
+"""Every unit that may be written, with its size in SI units."""
+NAMES = {
+    "m": "a length such as 2 mm",
+    "rad": "an angle such as 0.5 deg",
+    "m/s": "a speed such as 50 mm/s",
+    "rad/s": "a rate such as 5 deg/s",
+    "N m": "a torque such as 3 N m",
+    "N": "a force such as 3 N",
+    "V": "a voltage such as 6 V",
+    "A": "a current such as 2 A",
+    "s": "a time such as 2 ms",
+    "Hz": "a frequency such as 30 Hz",
+    "W": "a power such as 20 W",
+    "1/m": "a curvature such as 0.01 1/m",
+}
+"""The dimensions that keys ask for by their SI unit, in words."""
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number in SI units; its dimension is None where no unit was written."""
+
+    value: float
+    dimension: Dimension | None
+
+
+def dimension_of(unit: str) -> tuple[float, Dimension]:
+    """Return the size in SI units and the dimension of a unit such as "mN m" or "deg/s^2"; raises ValueError naming what is no unit."""
+    size, powers = 1.0, [0, 0, 0, 0, 0]
+    for place, side in enumerate(unit.split("/")):
+        for factor in re.split(r"[\s*·]+", side.strip()):
+            name, _, power = factor.replace("²", "^2").partition("^")
+            if name in ("1", "") and place == 0:
+                continue
+            if name not in UNITS or not re.fullmatch(r"[1-9]?", power):
+                raise ValueError(f"a known unit in the place of {factor!r}")
+            times = int(power or 1) * (-1 if place else 1)
+            size *= UNITS[name][0] ** times
+            powers = [p + times * q for p, q in zip(powers, UNITS[name][1], strict=True)]
+    return size, (powers[0], powers[1], powers[2], powers[3], powers[4])
+
+
+def read_quantity(value: Any) -> Quantity:
+    """Read a number, or a text such as "2 mm"; raises ValueError with what was expected."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        raise ValueError("a number, or a text such as '2 mm'")
+    if not isinstance(value, str):
+        return Quantity(float(value), None)
+    found = _NUMBER.fullmatch(value)
+    if found is None:
+        raise ValueError("a number with a unit, such as '2 mm'")
+    number, unit = float(found.group(1)), found.group(2)
+    if not unit:
+        return Quantity(number, None)
+    size, powers = dimension_of(unit)
+    return Quantity(number * size, powers)
+
+
+def in_si(value: Any, *units: str) -> float:
+    """Return a quantity in SI units; it must have the dimension of one of these units. Raises: ValueError with what was expected."""
+    wanted = " or ".join(f"{NAMES[unit]} (a bare number is in {unit})" for unit in units)
+    try:
+        found = read_quantity(value)
+    except ValueError as error:
+        raise ValueError(f"{error}: {wanted}") from None
+    if found.dimension not in (None, *(dimension_of(unit)[1] for unit in units)):
+        raise ValueError(wanted)
+    return found.value
+
+
+def _reader(units: tuple[str, ...]) -> Callable[[Any], Any]:
+    """A quantity in SI units; other things are left for the schema to refuse."""
+
+    def read(value: Any) -> Any:
+        return in_si(value, *units) if isinstance(value, str) else value
+
+    return read
+
+
+def _keeper(units: tuple[str, ...]) -> Callable[[Any], Any]:
+    """A quantity as it was written, once it has been found positive and of one of the dimensions; or a list of such."""
+
+    def keep(value: Any) -> Any:
+        if isinstance(value, (list, tuple)):
+            if not value:
+                raise ValueError("a list of 1 or more")
+            return tuple(keep(item) for item in value)
+        if not SMALLEST <= in_si(value, *units) <= LARGEST:
+            raise ValueError("a number greater than 0")
+        return value
+
+    return keep
+
+
+Length = Annotated[Positive, BeforeValidator(_reader(("m",))), Unit("m")]
+Speed = Annotated[Positive, BeforeValidator(_reader(("m/s",))), Unit("m/s")]
+AnyDisplacement = Annotated[Any, PlainValidator(_keeper(("rad", "m")))]
+"""An angle or a length, or a list of such, kept as written: which of the two is the coordinate's to say."""
+AnyRate = Annotated[Any, PlainValidator(_keeper(("rad/s", "m/s")))]
+AnyInput = Annotated[Any, PlainValidator(_keeper(("N m", "N", "V")))]
+AnyDeviation = Annotated[Any, PlainValidator(_keeper(("rad", "m", "rad/s", "m/s")))]

@@ -1,0 +1,37 @@
+"""Weights of a design in physical sizes: the largest deviations that are acceptable."""
+
+from typing import Any
+
+from pydantic import ConfigDict
+
+from flexlin.scene.base import Table
+from flexlin.scene.units import AnyDeviation, AnyDisplacement, AnyInput, AnyRate, Length, Speed
+
+RATE = "_rate"
+"""What stands behind a coordinate's name for its rate."""
+
+
+class Weights(Table):
+    """The largest acceptable deviations (Bryson's rule): Q and R hold the inverses of their squares.
+
+        Q(t) = sum_i (y_i / d_i)^2 + |C_tip(t) [y; y']|^2 / d_tip^2,   R = diag(1 / d_u^2)
+
+    tip: distance of the tip from its path; joints, rates: each angle of joints and of motors behind flexible joints, and its rate (a
+    list: one a joint); deflection, deflection_rates: each elastic coordinate; input: each torque (a list: one each).
+    A coordinate's own name, such as w11 or q1_rate, takes the place of what the others say about it. What is not named costs nothing.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
+    __pydantic_extra__: dict[str, AnyDeviation]
+
+    tip: Length | None = None
+    joints: AnyDisplacement | None = None
+    rates: AnyRate | None = None
+    deflection: Length | None = None
+    deflection_rates: Speed | None = None
+    input: AnyInput
+
+    @property
+    def coordinates(self) -> dict[str, Any]:
+        """What is said of single coordinates and rates, by their names."""
+        return dict(self.__pydantic_extra__ or {})

@@ -1,0 +1,89 @@
+"""Weights in physical sizes: Bryson's rule through the arm's own tip, for any number of modes."""
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.control import design, physical_weights
+from flexlin.errors import ArgumentError
+from flexlin.scene.weights import Weights
+from flexlin.simulation import tip_positions
+
+WITH_DESIGNS = {
+    "single-link": ("links.0.modes", 1, 5),
+    "quanser-flexible-link": ("links.0.modes", 1, 5),
+    "flexible-joint-link": ("links.0.modes", 1, 5),
+    "five-bar": ("parameters.left.1.modes", 0, 2),
+    "khang-2019": ("parameters.payload_mass", 0.2),
+}
+"""A key and the values that it takes; the paper's own model has one mode."""
+
+
+def arm_of(name, **overrides):
+    scene = fl.load_scene(name, overrides)
+    return scene, fl.linearize(fl.build_manipulator(scene), scene.motion)
+
+
+def weigh(lin, **sizes):
+    return physical_weights(lin, Weights.model_validate({"input": 1.0, **sizes}))
+
+
+def test_a_state_at_its_sizes_costs_their_number():
+    """Each deviation at its acceptable size costs 1; the tip's part is measured by moving the nonlinear arm."""
+    _, lin = arm_of("de-luca-siciliano-1991")
+    sizes = {
+        "joints": ["0.5 deg", "1 deg"],
+        "rates": "5 deg/s",
+        "deflection": "1 mm",
+        "w21": "3 mm",
+        "input": ["3 N m", 2.0],
+    }
+    Q, R = weigh(lin, tip="2 mm", **sizes)
+    bare, _ = weigh(lin, **sizes)
+    deg, t = np.pi / 180, np.array([0.0, 0.7, 3.1])
+    at_sizes = np.array([0.5 * deg, deg, 1e-3, 1e-3, 3e-3, 1e-3, 5 * deg, 5 * deg, 0, 0, 0, 0])
+    assert at_sizes @ bare(t)[0] @ at_sizes == pytest.approx(8.0, rel=1e-12)
+    assert np.diag(R) == pytest.approx([1 / 9, 1 / 4])
+    y = np.random.default_rng(1).normal(size=(1, 12)) * 1e-6
+    moved = [tip_positions(lin, t, np.repeat(sign * y, 3, axis=0)) for sign in (1, -1)]
+    by_tip = np.sum((moved[0] - moved[1]) ** 2, axis=1) / 4 / 2e-3**2
+    assert [(y @ (Q(t) - bare(t))[k] @ y.T).item() for k in range(3)] == pytest.approx(by_tip, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", WITH_DESIGNS)
+def test_built_in_designs_bear_any_number_of_modes(name):
+    key, *values = WITH_DESIGNS[name]
+    for value in values:
+        scene, lin = arm_of(name, **{key: value})
+        for table in scene.designs:
+            made = design(lin, table, tol=1e-6)
+            assert fl.floquet(made.closed_loop, tol=1e-6).verdict == "stable"
+
+
+def test_one_more_mode_leaves_the_gain_of_the_others():
+    """The sizes do not depend on the number of modes, so the gain converges as modes are added."""
+    gains = []
+    for modes in (1, 2, 3, 4):
+        scene, lin = arm_of("single-link", **{"links.0.modes": modes})
+        gains.append(design(lin, scene.designs[1], tol=1e-6).K(0.3)[0, [0, 1, modes + 1]])
+    steps = np.abs(np.diff(gains, axis=0)).max(axis=1)
+    assert steps[1] < 0.5 * steps[0]
+    assert steps[2] < 0.02 * np.abs(gains[-1]).max()
+
+
+def test_sizes_that_do_not_fit_the_arm_are_refused():
+    _, lin = arm_of("arm-on-carriage")
+    _, two = arm_of("three-link")
+    for sizes, words in (
+        ({"joints": "2 mm"}, "weights.joints has another unit"),
+        ({"input": "3 V"}, "weights.input has another unit"),
+        ({"w13": "2 mm"}, "unknown key"),
+        ({"w11": "2 deg"}, "weights.w11|unknown key"),
+        ({"joints": ["1 deg", "1 deg"]}, "2 sizes"),
+        ({"input": [1.0, 1.0]}, "2 sizes"),
+    ):
+        with pytest.raises(ArgumentError, match=words):
+            weigh(lin, **sizes)
+    assert weigh(two, joints=["1 deg", "2 deg", "3 deg"])[0](np.zeros(1)).shape[-1] == 2 * two.n
+    with pytest.raises(ArgumentError, match="to know the coordinates"):
+        design(lin.periodic_system(), fl.load_scene("single-link").designs[0])
