@@ -91,11 +91,11 @@ def design_weights(
     """Q(t) and R of a design's table; raises ArgumentError for weights that do not fit the arm."""
     if table.weights is None:
         state, effort = (() if bare is None else bare for bare in (table.state_weight, table.input_weight))
-        Q = diagonal_weight("state_weight", state, system.n, "the states [y; y']")
-        return Constant(Q), Constant(diagonal_weight("input_weight", effort, system.m, "the inputs"))
+        Q = Constant(diagonal_weight("state_weight", state, system.n, "the states [y; y']"))
+        return Q, Constant(diagonal_weight("input_weight", effort, system.m, "the inputs"))
     if isinstance(plant, PeriodicSystem):
         raise ArgumentError(
             "weights in physical sizes need to know the coordinates", got="a PeriodicSystem", expected="a Linearization"
         )
-    Q, R = physical_weights(plant, table.weights)
-    return Q, Constant(R)
+    by_state, R = physical_weights(plant, table.weights)
+    return by_state, Constant(R)
