@@ -56,9 +56,13 @@ def test_linearize_writes_what_the_library_samples(tmp_path: Path) -> None:
 
 
 def test_design_writes_the_gains(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    scene = ["design", "khang-2019", "--points", "8", "--out", str(tmp_path), "--require", "stable"]
-    assert main(scene) == 0
-    assert "stable" in capsys.readouterr().out
+    scene = ["design", "khang-2019", "--points", "8", "--out", str(tmp_path), "--require"]
+    assert main([*scene, "linear-stable"]) == 0
+    assert main([*scene, "stable"]) == 3  # its link would bend by 0.6 of its length
+    assert "stable, but the linear model does not hold here" in capsys.readouterr().out
+    light = ["parameters.payload_mass=0.01", "parameters.mass_per_length=0.03"]
+    assert main([*scene, "stable", "--set", *light]) == 0
+    assert "does not hold" not in capsys.readouterr().out
     with xarray.open_dataset(tmp_path / "gains.nc", engine="scipy") as data:
         assert data["K"].shape == (1, 8, 1, 4)
 

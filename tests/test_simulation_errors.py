@@ -1,5 +1,6 @@
 """What a simulation says of its own errors, of its size, and of where an integrator only tried to go."""
 
+import pickle
 from dataclasses import replace
 
 import casadi as ca
@@ -9,7 +10,7 @@ import pytest
 import flexlin as fl
 from flexlin.control import linear_range, pd_feedback
 from flexlin.control.validity import LARGEST, SMALLEST
-from flexlin.errors import DesignError, NumericalError, TooLarge
+from flexlin.errors import DesignError, NumericalError, SimulationStopped, TooLarge
 from flexlin.scene import parse_scene
 from flexlin.simulation import NonlinearLoop, simulate
 from flexlin.simulation.drive import Drive
@@ -138,12 +139,35 @@ def test_the_last_time_reached_is_named_when_no_window_leads_on(lin, monkeypatch
 def test_a_state_that_was_reached_is_named_when_no_step_leads_on(lin, monkeypatch):
     def wall(self, t, z, torque):
         if t > 0.05:
-            raise TrialLeftRange("the mass matrix is not positive definite")
+            raise TrialLeftRange("no meaning")
         return np.zeros_like(z)
 
     monkeypatch.setattr(NonlinearLoop, "rate", wall)
-    with pytest.raises(NumericalError, match=r"stopped at t = 0\.05 s.*mass matrix"):
+    with pytest.raises(
+        SimulationStopped, match=r"t = 0\.05 s.*a trial beyond it fails \(no meaning\).*its mass matrix is sound"
+    ):
         simulate(lin, 0.1, drive=Drive(sample_time=0.03))
+
+
+def test_a_mass_matrix_that_becomes_singular_is_read_from_the_state_that_was_reached():
+    """A heavy payload on a bent link whose shortening is counted: M(s) is definite for small bending only."""
+    weak = closed(
+        changes={
+            "motion.frequency": 0.9,
+            "effects.payload.mass": 2.0,
+            "control.feedback.kp": [0.5],
+            "control.feedback.kd": [0.01],
+        }
+    )
+    with pytest.raises(SimulationStopped, match="mass matrix that becomes singular") as caught:
+        simulate(weak, 1.0, tol=1e-6)
+    end = caught.value
+    M = weak.about.of_arm("M", np.array([end.t]), end.reached[None, : weak.n])[0]
+    rigid = weak.about.of_arm("M", np.array([end.t]), np.zeros((1, weak.n)))[0]
+    assert end.left_range
+    assert 0 < np.linalg.eigvalsh(M)[0] < 1e-4 * np.linalg.eigvalsh(rigid)[0]
+    assert f"{abs(end.reached[0]):.3g} rad in q1 and {np.abs(end.reached[1 : weak.n]).max():.3g} m in w11" in str(end)
+    assert pickle.loads(pickle.dumps(end)).left_range
 
 
 def test_a_design_without_weights_says_so(lin):
@@ -185,7 +209,7 @@ def test_the_linear_range_says_where_it_looked():
     assert "holds nowhere" in nowhere.status
     everywhere = linear_range(spring(1e6))
     assert np.isinf(everywhere.amplitudes).all()
-    assert "up to 10 (rad or m), the largest tried" in everywhere.status
+    assert "up to 10 rad in s1, the largest tried" in everywhere.status
 
 
 def test_the_linear_range_does_not_depend_on_the_segments_of_the_exponents():

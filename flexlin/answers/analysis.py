@@ -9,20 +9,22 @@ import numpy as np
 from flexlin.about.linear import Coefficients, Linearization, linearize
 from flexlin.answers.audit import Audit
 from flexlin.answers.clock import Clock, Step
+from flexlin.answers.steady import Response, arm_length, find_response, response_error
+from flexlin.answers.validity import ModelValidity, judge_model
 from flexlin.checks import Array
 from flexlin.control import Design, design, linear_range, linearize_about, periodic_motion
 from flexlin.control.validity import Validity
+from flexlin.errors import SimulationStopped
 from flexlin.mechanics import Manipulator, build_manipulator
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import floquet_modes
 from flexlin.periodic.floquet.resonance import Resonance, find_resonances
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.response.forced import ForcedResponse, forced_response
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.accuracy import Accuracy
 from flexlin.scene.control import DesignTable
 from flexlin.scene.scene import Scene
-from flexlin.simulation import Simulation, simulate, tip_positions
+from flexlin.simulation import Simulation, simulate
 
 if TYPE_CHECKING:
     import xarray
@@ -36,13 +38,15 @@ BY_TOL = ("periodic-lqr", "finite-horizon-lqr")
 
 @dataclass(frozen=True)
 class Loop:
-    """One loop on the arm and Floquet's verdict on it; `problem` says why there is none, `design` is the designed controller, if any."""
+    """One loop on the arm and Floquet's verdict on it; `problem` says why there is none, `design` is the designed controller, if any,
+    `response` the loop's periodic response, if that is known and kept: an unstable loop leaves it."""
 
     name: str
     kind: str
     floquet: FloquetResult | None
     problem: str = ""
     design: Design | None = None
+    response: Response | None = None
 
     @property
     def verdict(self) -> str:
@@ -50,29 +54,16 @@ class Loop:
         return "failed" if self.floquet is None else self.floquet.verdict
 
     @property
+    def steady(self) -> tuple[float, float] | None:
+        """The bending and the tip error of the steady motion that the loop keeps, in m, where there is one."""
+        return None if self.response is None or self.verdict in ("unstable", "failed") else self.response.sizes
+
+    @property
     def growth(self) -> tuple[float, float]:
         """The largest growth rate and its error, in 1/s."""
         if self.floquet is None:
             return float("nan"), float("nan")
         return float(self.floquet.exponents[0].real), float(self.floquet.errors[0])
-
-
-@dataclass(frozen=True)
-class Response:
-    """The periodic response of the scene's own loop: states [y; y'] (N, 2n), and how far the tip is from its rigid motion, (N, 2) in m.
-
-    `tip_by_bending` is the part of it that is left when only the elastic coordinates deviate.
-    """
-
-    solution: ForcedResponse
-    states: Array
-    tip: Array
-    tip_by_bending: Array
-
-    @property
-    def tip_error(self) -> Array:
-        """The distance of the tip from its rigid motion, (N,) in m; not a number where the model has no points."""
-        return np.linalg.norm(self.tip, axis=1)
 
 
 @dataclass(frozen=True)
@@ -99,6 +90,21 @@ class Analysis:
     sensitivity: "xarray.Dataset | None" = None
     elastic: Loop | None = None
     linear_range: Validity | None = None
+    stopped: SimulationStopped | None = None
+
+    def validity(self, loop: Loop) -> ModelValidity:
+        """Whether the linear model can be believed along the motion under one of the loops; only the own loop is simulated."""
+        if loop is not self.own:
+            return judge_model(self.length, loop.steady)
+        run, end = self.simulation, self.stopped
+        simulated = None if run is None else (*run.apart[1:], run.unit.strip())
+        ended = None if end is None or not end.left_range else (end.t, SIMULATED_PERIODS * self.plant.period)
+        return judge_model(self.length, replace(loop, response=self.response).steady, simulated, ended)
+
+    @property
+    def length(self) -> float:
+        """The length of the arm, in m; not a number where it has no points."""
+        return arm_length(self.plant)
 
     @property
     def arm(self) -> Manipulator:
@@ -124,11 +130,7 @@ def analyse(scene: Scene, clock: Clock | None = None) -> Analysis:
     """
     clock, asked, problems = clock or Clock(), scene.accuracy, dict[str, str]()
     arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
-    plant, closed = clock.stage(
-        "linearization",
-        asked,
-        lambda: (linearize(arm, scene.motion), linearize(arm, scene.motion, scene.control)),
-    )
+    plant, closed = linearize_both(arm, scene, clock)
     system, loop = plant.periodic_system(), closed.periodic_system()
     t = np.linspace(0.0, plant.period, SAMPLES)
     coefficients = clock.stage("coefficients over a period", asked, lambda: plant.sample(t))
@@ -141,7 +143,7 @@ def analyse(scene: Scene, clock: Clock | None = None) -> Analysis:
         "forced response",
         asked,
         lambda: find_response(closed, loop, t, asked.tol),
-        lambda found: found.solution.error / max(1.0, float(np.abs(found.states).max())),
+        response_error,
     )
     simulation = clock.attempt(
         problems,
@@ -151,17 +153,42 @@ def analyse(scene: Scene, clock: Clock | None = None) -> Analysis:
         lambda: simulate(closed, SIMULATED_PERIODS, tol=asked.tol),
         simulation_error,
     )
+    failure = clock.failures.get("simulation")
+    ended = failure if isinstance(failure, SimulationStopped) else None
     linear = range_of(closed, own, problems, asked, clock)
-    designs = tuple(design_and_judge(plant, table, asked, clock) for table in scene.designs)
+    designs = design_all(scene, plant, closed, t, clock)
+    bare = replace(own, name="open loop", response=response)
+    open_loop = bare if own.kind == "open" else with_response(open_loop, closed, t, asked, clock, system)
     found = (coefficients, own, open_loop, designs, response, simulation, problems, tuple(clock.steps))
-    return Analysis(scene, plant, closed, t, *found, resonances=behind, elastic=elastic, linear_range=linear)
+    return Analysis(
+        scene, plant, closed, t, *found, resonances=behind, elastic=elastic, linear_range=linear, stopped=ended
+    )
 
 
 def plant_and_designs(scene: Scene, clock: Clock) -> tuple[Linearization, tuple[Loop, ...]]:
     """The open-loop linearization of a scene, and its designs with their verdicts, as accurate as the scene asks."""
     asked = scene.accuracy
-    plant = clock.stage("linearization", asked, lambda: linearize(build_manipulator(scene), scene.motion))
-    return plant, tuple(design_and_judge(plant, table, asked, clock) for table in scene.designs)
+    arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
+    plant, closed = linearize_both(arm, scene, clock)
+    t = np.linspace(0.0, plant.period, SAMPLES)
+    return plant, design_all(scene, plant, closed, t, clock)
+
+
+def linearize_both(arm: Manipulator, scene: Scene, clock: Clock) -> tuple[Linearization, Linearization]:
+    """The arm alone, and with the scene's own loop."""
+    return clock.stage(
+        "linearization",
+        scene.accuracy,
+        lambda: (linearize(arm, scene.motion), linearize(arm, scene.motion, scene.control)),
+    )
+
+
+def design_all(scene: Scene, plant: Linearization, closed: Linearization, t: Array, clock: Clock) -> tuple[Loop, ...]:
+    """The scene's designs with their verdicts and the steady motions that they keep."""
+    asked = scene.accuracy
+    return tuple(
+        with_response(design_and_judge(plant, table, asked, clock), closed, t, asked, clock) for table in scene.designs
+    )
 
 
 def judge_own_loops(scene: Scene, system: PeriodicSystem, loop: PeriodicSystem, clock: Clock) -> tuple[Loop, Loop]:
@@ -240,6 +267,20 @@ def design_and_judge(plant: Linearization, table: DesignTable, asked: Accuracy, 
     return judge_loop(table.name, table.kind, f"Floquet: {table.name}", made.closed_loop, asked, clock, made)
 
 
+def with_response(
+    loop: Loop, closed: Linearization, t: Array, asked: Accuracy, clock: Clock, system: PeriodicSystem | None = None
+) -> Loop:
+    """The loop with its periodic response to what the feedforward leaves over, where it keeps one and its states are the arm's."""
+    system = loop.design.closed_loop if loop.design is not None else system
+    if system is None or loop.verdict not in ("stable", "undecided") or system.n != 2 * closed.n:
+        return loop
+    name, problems, known = f"forced response: {loop.name}", dict[str, str](), system
+    found = clock.attempt(
+        problems, name, name, asked, lambda: find_response(closed, known, t, asked.tol), response_error
+    )
+    return replace(loop, response=found)
+
+
 def exponent_error(result: FloquetResult) -> float:
     """The largest error of a resolved exponent, in 1/s up to |exponent| = 1/s and relative beyond, as it is asked for."""
     known = np.isfinite(result.errors)
@@ -249,13 +290,3 @@ def exponent_error(result: FloquetResult) -> float:
 def simulation_error(found: Simulation) -> float:
     """The larger error of the nonlinear and the linear states, relative to the largest, absolute below 1."""
     return max(found.error, found.linear_error)
-
-
-def find_response(closed: Linearization, loop: PeriodicSystem, t: Array, tol: float) -> Response:
-    """The periodic response to what the rigid motion leaves over, and what it does to the tip."""
-    solution = forced_response(loop, closed.forcing, tol)
-    states = solution(t)
-    bent = states * [coordinate.kind == "elastic" for coordinate in closed.coordinates * 2]
-    rigid = tip_positions(closed, t, np.zeros_like(states))
-    tip, by_bending = (tip_positions(closed, t, x) - rigid for x in (states, bent))
-    return Response(solution, states, tip, by_bending)

@@ -40,10 +40,11 @@ class Step:
 
 @dataclass
 class Clock:
-    """Collects the steps; `progress` is called with the name of each step as it begins."""
+    """Collects the steps, and the errors of attempts by their keys; `progress` is called with the name of each step as it begins."""
 
     progress: Progress | None = None
     steps: list[Step] = field(default_factory=list)
+    failures: dict[str, FlexlinError] = field(default_factory=dict)
 
     @contextmanager
     def step(self, name: str) -> Iterator[dict[str, Any]]:
@@ -93,7 +94,7 @@ class Clock:
         try:
             return self.stage(name, accuracy, work, error_of)
         except (NumericalError, TooLarge) as error:
-            problems[key] = str(error)
+            problems[key], self.failures[key] = str(error), error
             return None
 
 

@@ -31,7 +31,12 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
          "help": "override a number of the scene, such as effects.payload.mass=0.3"},
     ),
     "out": (["--out"], {"type": Path, "default": Path(), "metavar": "DIR", "help": "folder for the results (default: here)"}),
-    "require": (["--require"], {"choices": ["stable"], "help": "exit with code 3 when a verdict is another one"}),
+    "require": (
+        ["--require"],
+        {"choices": ["stable", "valid", "linear-stable"],
+         "help": "exit with code 3 unless the loop is stable in a linear model that holds along the motion as far as is known (stable), "
+                 "was found to hold by simulation (valid), or may hold or not (linear-stable)"},
+    ),
     "points": (["--points"], {"type": count, "default": 256, "help": "times in a period (default 256)"}),
     "periods": (["--periods"], {"type": float, "default": 5.0, "help": "length of the simulation (default 5)"}),
     "feedforward": (

@@ -27,6 +27,14 @@ def loaded(options: argparse.Namespace) -> "Scene":
     return load_scene(options.scene, overrides)
 
 
+def meets(required: str | None, verdict: str, model: str) -> bool:
+    """Whether a loop with this verdict, in a linear model that is valid, invalid or unknown, is what --require asks for."""
+    if required is None:
+        return True
+    allowed = {"stable": ("valid", "unknown"), "valid": ("valid",), "linear-stable": ("valid", "unknown", "invalid")}
+    return verdict == "stable" and model in allowed[required]
+
+
 def print_paths(paths: list[Path]) -> int:
     """Print where the results are; done."""
     for path in paths:

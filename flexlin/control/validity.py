@@ -10,6 +10,7 @@ from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array, positive
 from flexlin.control.slow_motions import slow_motions
+from flexlin.mechanics.coordinates import Coordinate
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
@@ -30,44 +31,51 @@ class Validity:
     Attributes
     ----------
     directions : array, shape (k, 2n)
-        Starts [y; y'] of linear motions with a largest deflection of 1 (rad or m) over a period.
+        Starts [y; y'] of linear motions whose largest deflection over a period is 1, in the unit of the coordinate that makes it.
     amplitudes : array, shape (k,)
-        Where the nonlinear terms reach `share` of the linear ones, in rad or m: inf where they do not up to 10, 0 where they exceed
-        it at 1e-7 already.
+        Where the nonlinear terms reach `share` of the linear ones, in the unit of `leading`: inf where they do not up to 10, 0 where
+        they exceed it at 1e-7 already.
     share : float
         The share.
+    leading : tuple of Coordinate
+        The coordinate of each direction whose deflection is the amplitude, in its unit; the others deflect by less.
 
     Examples
     --------
     >>> import numpy as np
+    >>> import flexlin as fl
     >>> from flexlin.control.validity import Validity
-    >>> print(Validity(np.eye(2), np.array([0.2, 0.5]), 0.1).status.split(" along")[0])
-    deflections below 0.2 (rad or m)
+    >>> plant = fl.linearize(fl.build_manipulator(scene := fl.load_scene("khang-2019")), scene.motion)
+    >>> print(Validity(np.eye(4)[:2], np.array([0.2, 0.5]), 0.1, plant.coordinates).status.split(" along")[0])
+    deflections below 0.2 rad in q1
     """
 
     directions: Array
     amplitudes: Array
     share: float
+    leading: tuple[Coordinate, ...]
 
     __repr__ = represent
 
     @property
     def status(self) -> str:
         """What the smallest amplitude means."""
-        smallest, percent = self.amplitudes.min(), f"{100 * self.share:g} % of the linear ones"
+        worst, percent = int(np.argmin(self.amplitudes)), f"{100 * self.share:g} % of the linear ones"
+        smallest, at = self.amplitudes[worst], self.leading[worst]
+        where = f"{at.unit} in {at.name}"
         if not np.isfinite(smallest):
             return (
-                f"along the slowest modes the nonlinear terms stay below {percent} for deflections up to {LARGEST:g} (rad or m), "
+                f"along the slowest modes the nonlinear terms stay below {percent} for deflections up to {LARGEST:g} {where}, "
                 "the largest tried"
             )
         if smallest == 0.0:
             return (
-                f"the nonlinear terms exceed {percent} already at deflections of {SMALLEST:g} (rad or m) along the slowest modes: "
+                f"the nonlinear terms exceed {percent} already at deflections of {SMALLEST:g} {where} along the slowest modes: "
                 "the linear model holds nowhere here; trust the nonlinear simulation, or smooth what is abrupt (Coulomb friction)"
             )
         return (
-            f"deflections below {smallest:.3g} (rad or m) along the slowest modes keep the nonlinear terms below {percent}; "
-            "beyond that trust the nonlinear simulation"
+            f"deflections below {smallest:.3g} {where} along the slowest modes keep the nonlinear terms below {percent}; "
+            "a disturbance that is larger is a matter for the nonlinear simulation"
         )
 
 
@@ -125,7 +133,8 @@ def linear_range(
     slow = slow_motions(system, modes, result, SAMPLES)
     plant = lin if lin.control is None else linearize(lin.arm, lin.motion)
     amplitudes = [border(plant, system, slow.t, x, share, tol) for x in slow.states]
-    return Validity(slow.directions, np.array(amplitudes), share)
+    leading = np.abs(slow.states[:, :, : lin.n]).max(axis=1).argmax(axis=1)
+    return Validity(slow.directions, np.array(amplitudes), share, tuple(lin.coordinates[k] for k in leading))
 
 
 @dataclass(frozen=True, eq=False)

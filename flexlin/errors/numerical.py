@@ -1,5 +1,7 @@
 """Errors of sound questions that have no trustworthy answer: exit code 1 on the command line."""
 
+from typing import Any
+
 from flexlin.errors.root import FlexlinError
 
 
@@ -67,6 +69,42 @@ class TimeLimit(NumericalError):
         ...
     flexlin.errors.TimeLimit: exponents: stopped at the time limit...
     """
+
+
+class SimulationStopped(NumericalError):
+    """A nonlinear simulation cannot go on from a state that it has reached.
+
+    Parameters
+    ----------
+    what, got, todo : str
+        As for every `FlexlinError`.
+    t : float
+        The last time that was reached, in s.
+    reached : array, shape (2n,), optional
+        The deviation [y; y'] from the rigid motion at that time: a state of the arm, never a trial of the integrator.
+    left_range : bool
+        Whether that state lies where the equations lose their meaning, or far from the rigid motion; else the integrator was given
+        up for a reason of its own.
+
+    Examples
+    --------
+    >>> from flexlin.errors import SimulationStopped
+    >>> SimulationStopped("the nonlinear simulation stopped at t = 0.1 s", t=0.1, left_range=True).left_range
+    True
+    """
+
+    def __init__(
+        self,
+        what: str,
+        *,
+        got: object = None,
+        todo: str | None = None,
+        t: float = float("nan"),
+        reached: Any = None,
+        left_range: bool = False,
+    ):
+        self.t, self.reached, self.left_range = t, reached, left_range
+        super().__init__(what, got=got, todo=todo)
 
 
 class ResonantForcing(NumericalError):

@@ -3,16 +3,13 @@
 import numpy as np
 
 from flexlin.answers.analysis import Analysis, Loop
+from flexlin.answers.validity import REPEATABLE
+from flexlin.report.headline import reason
 from flexlin.report.wording import caution, format_quantity
 from flexlin.simulation import Simulation
 
 NEAR = 0.2
 """A resonance is named when it is detuned by less than this share of the motion's frequency."""
-NEGLIGIBLE, SMALL = 1e-5, 0.2
-"""Shares of the arm's length: the first is of the order in which good arms repeat a motion (some 0.01 mm for 1 m, ISO 9283), so that
-nothing is gained below it; beyond the second a deflection is not small."""
-BEYOND = 0.2
-"""A share of the largest deviation by which the linear answer may miss."""
 WORTHWHILE = 1.05
 """A design counts as faster when it settles this many times as fast as the scene's own loop."""
 
@@ -20,11 +17,25 @@ WORTHWHILE = 1.05
 def advise(analysis: Analysis) -> list[str]:
     """What to do, most urgent first."""
     return [
+        *comment_on_model(analysis),
         *comment_on_verdict(analysis),
         *comment_on_elastic_motion(analysis),
         *comment_on_designs(analysis),
         *comment_on_tip(analysis),
         *comment_on_trust(analysis),
+    ]
+
+
+def comment_on_model(a: Analysis) -> list[str]:
+    """What to do where the linear model itself does not hold along the motion: its verdict then says little."""
+    found = a.validity(a.own)
+    if found.verdict != "invalid" or a.own.floquet is None:
+        return []
+    remedies = ["slow the motion down", "stiffen the links", "lower the payload"]
+    remedies += [("add feedback" if a.own.kind == "open" else "raise the gains")] if a.plant.inputs else []
+    return [
+        f"The linear model does not hold along this motion: {reason(found)}. The verdict is about that model alone, so this is no "
+        f"prediction of the arm; {', '.join(remedies[:-1])} or {remedies[-1]}."
     ]
 
 
@@ -39,7 +50,7 @@ def comment_on_verdict(a: Analysis) -> list[str]:
         ]
     if a.own.verdict == "stable":
         return comment_on_slowness(a)
-    better = [loop for loop in a.designs if loop.verdict == "stable"]
+    better = [loop for loop in a.designs if trusts(a, loop)]
     change = "add feedback" if a.own.kind == "open" else "change its gains"
     remedy = (
         f"use the design “{better[0].name}”, which is" if better else f"{change}, the speed or the payload until it is"
@@ -90,8 +101,8 @@ def comment_on_elastic_motion(a: Analysis) -> list[str]:
 
 def comment_on_designs(a: Analysis) -> list[str]:
     """Which designed controller is worth a try, and which is not."""
-    said = [warn_of_design(loop) for loop in a.designs if loop.verdict != "stable"]
-    stable = [loop for loop in a.designs if loop.verdict == "stable"]
+    stable = [loop for loop in a.designs if trusts(a, loop)]
+    said = [warn_of_design(a, loop) for loop in a.designs if not trusts(a, loop)]
     if not stable or a.own.verdict != "stable":
         return said
     best = min(stable, key=lambda loop: loop.growth[0])
@@ -115,10 +126,17 @@ def name_condition(loop: Loop) -> str:
     return "without feedback" if loop.kind == "open" else f"under the {loop.name}"
 
 
-def warn_of_design(loop: Loop) -> str:
+def trusts(a: Analysis, loop: Loop) -> bool:
+    """Whether a loop is stable in a linear model that holds for it, as far as is known."""
+    return loop.verdict == "stable" and a.validity(loop).verdict != "invalid"
+
+
+def warn_of_design(a: Analysis, loop: Loop) -> str:
     """Why a design should not be used."""
     if loop.floquet is None:
         return f"The design “{loop.name}” has no answer: {loop.problem}."
+    if loop.verdict == "stable":
+        return f"The design “{loop.name}” is stable, but the linear model does not hold under it: {reason(a.validity(loop))}."
     return f"The design “{loop.name}” is {loop.verdict} along this motion: do not use it as it is."
 
 
@@ -128,18 +146,12 @@ def comment_on_tip(a: Analysis) -> list[str]:
         return [f"There is no periodic response: {a.problems['response']}."]
     if a.own.verdict == "unstable":
         return ["The periodic response shown here exists but is unstable: the arm leaves it."]
-    largest, length = float(a.response.tip_error.max()), arm_length(a)
-    if not np.isfinite(largest) or largest == 0:
+    largest = float(a.response.tip_error.max())
+    if not np.isfinite(largest) or largest == 0 or not_small(a):
         return []
-    if largest <= NEGLIGIBLE * length:
+    if largest <= REPEATABLE * a.length:
         return [
             f"In steady motion the tip stays within {format_quantity(largest, 'm')} of its rigid path: nothing has to be done about it."
-        ]
-    if largest > SMALL * length:
-        share = f"{100 * largest / length:.3g} % of the arm's length"
-        return [
-            f"The linear answer puts the tip {format_quantity(largest, 'm')} away from its rigid path, {share}: "
-            "deflections are not small, so this is no prediction; slow down, stiffen the links, or raise the gains."
         ]
     found = f"In steady motion the tip stays up to {format_quantity(largest, 'm')} away from its rigid path"
     if not a.plant.inputs:
@@ -160,12 +172,9 @@ def joint_remedy(a: Analysis) -> str:
     return f"{gains}, or feed forward the elastic motion too (flexlin.control.feedforward: joint-exact, tip-exact)"
 
 
-def arm_length(a: Analysis) -> float:
-    """The length of the arm from the base over its joints to the tip, in m, as the motion begins; not a number where it has no points."""
-    if a.arm.points is None:
-        return float("nan")
-    points = a.plant.about.of_arm("points", a.t[:1], np.zeros((1, a.plant.n)))[0]
-    return float(np.linalg.norm(np.diff(points, axis=1), axis=0).sum())
+def not_small(a: Analysis) -> bool:
+    """Whether the steady deflections are too large for the linear model, which has been said then."""
+    return any(found.against and found.what in ("bending", "tip") for found in a.validity(a.own).evidence)
 
 
 def comment_on_trust(a: Analysis) -> list[str]:
@@ -179,29 +188,44 @@ def comment_on_trust(a: Analysis) -> list[str]:
 def agreement(a: Analysis, simulation: Simulation) -> str:
     """How far the linear answer is from the nonlinear one on this motion."""
     what, apart, largest, error = simulation.apart
-    length = arm_length(a)
     if apart <= error:
         agree = f"agree to the error of the integration, {error:.0e}{simulation.unit}" if error else "are the same"
         return f"linear and nonlinear {what} {agree}: {holds(a, simulation)}"
-    if apart <= NEGLIGIBLE * (length if np.isfinite(length) else 1.0):
+    if apart <= REPEATABLE * (a.length if np.isfinite(a.length) else 1.0):
         facts = f"linear and nonlinear {what} differ by no more than {format_quantity(apart, simulation.unit.strip())}".rstrip()
         return f"{facts}: {holds(a, simulation)}"
     share = f"{100 * apart / largest:.2g} % of the largest deviation"
     facts = f"linear and nonlinear {what} differ by {apart:.3g}{simulation.unit}, {share}"
-    if apart > BEYOND * largest:
-        return f"{facts}: beyond the linear model; reduce speed, payload or disturbance, or trust the simulation only"
     return f"{facts}: {holds(a, simulation)}"
 
 
 def holds(a: Analysis, simulation: Simulation) -> str:
-    """That the linear model holds on this motion, unless the motion itself goes beyond what the equations allow along the slowest modes."""
-    smallest = np.inf if a.linear_range is None else float(a.linear_range.amplitudes.min())
-    if simulation.deviation <= smallest:
+    """What the comparison says of the linear model: that it holds on this motion, unless the figures speak against it or the motion
+    itself goes beyond what the equations allow along the slowest modes."""
+    found = a.validity(a.own)
+    if found.verdict == "invalid":
+        assert found.reason is not None
+        apart = found.reason.what == "difference"
+        return (
+            "beyond the linear model; reduce speed, payload or disturbance, or trust the simulation only"
+            if apart
+            else "both rest on equations of small deflections, which this motion is not"
+        )
+    outgrown = largest_beyond_range(a, simulation)
+    if not outgrown:
         return "the linear model holds for this motion"
-    return (
-        f"the linear model is close on this motion, but a disturbance as large as the motion's own deviation, "
-        f"{simulation.deviation:.2g} (rad or m), may leave it"
-    )
+    return f"the linear model is close on this motion, but a disturbance as large as the motion's own deviation, {outgrown}, may leave it"
+
+
+def largest_beyond_range(a: Analysis, simulation: Simulation) -> str:
+    """The motion's own deviation in a coordinate along whose slow mode it exceeds what the equations allow; nothing where none does."""
+    if a.linear_range is None:
+        return ""
+    for amplitude, at in zip(a.linear_range.amplitudes, a.linear_range.leading, strict=False):
+        own = float(np.abs(simulation.nonlinear[:, a.plant.names.index(at.name)]).max())
+        if own > amplitude:
+            return f"{own:.2g} {at.unit} in {at.name}"
+    return ""
 
 
 def sentence(text: str) -> str:

@@ -12,8 +12,8 @@ from flexlin.answers.clock import Step
 from flexlin.report.advice import advise, name_condition
 from flexlin.report.figures.coefficients import NOISE, name_matrix_unit
 from flexlin.report.figures.style import Picture
+from flexlin.report.headline import colour, doubt, reason
 from flexlin.report.wording import (
-    caution,
     describe_pace,
     format_decimal,
     format_duration,
@@ -28,15 +28,17 @@ from flexlin.scene.accuracy import Accuracy
 
 def render_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture], command: str) -> str:
     """Fill the page's template: verdict first, then what to do, figures, and everything that went in."""
+    model = analysis.validity(analysis.own)
     return load_template("page").render(
         analysis=analysis,
         own=analysis.own,
         under=name_condition(analysis.own),
-        caution=caution(analysis.own, analysis.plant.period),
+        doubt=doubt(analysis.own, analysis.plant.period, model),
+        reason=reason(model),
         pace=describe_pace(analysis.own, analysis.plant.period),
         facts=list_facts(analysis),
         steps=advise(analysis),
-        loops=[describe_loop(loop, analysis.plant.period) for loop in analysis.loops],
+        loops=[describe_loop(analysis, loop) for loop in analysis.loops],
         exponents=[list_exponents(loop) for loop in analysis.loops if loop.floquet is not None],
         pictures=pictures,
         constants=list_constants(analysis),
@@ -81,22 +83,32 @@ def list_facts(a: Analysis) -> list[tuple[str, str]]:
     return said
 
 
-def describe_loop(loop: Loop, period: float) -> dict[str, str]:
+def describe_loop(a: Analysis, loop: Loop) -> dict[str, str]:
     """One row of the comparison of loops."""
-    growth, error = loop.growth
+    (growth, error), period, model = loop.growth, a.plant.period, a.validity(loop)
     settled = "–"
     if loop.verdict == "stable":
         settled = format_duration(np.log(50) / -growth)
     return {
         "name": loop.name,
         "verdict": loop.verdict,
-        "colour": "undecided" if caution(loop, period) else loop.verdict,
+        "colour": colour(loop, period, model),
+        "doubt": doubt(loop, period, model),
+        "tip": steady_tip(a, loop),
         "rate": format_rate(growth, error) if loop.floquet is not None else "–",
         "multiplier": format_largest_multiplier(loop),
         "settled": settled,
         "status": loop.problem or (loop.floquet.status if loop.floquet else ""),
         "design": loop.design.status if loop.design is not None else "",
     }
+
+
+def steady_tip(a: Analysis, loop: Loop) -> str:
+    """How far the tip stays from its rigid path in the steady motion that the loop keeps, if that is known."""
+    response = a.response if loop is a.own else loop.response
+    if response is None or loop.verdict == "unstable" or not np.all(np.isfinite(response.tip)):
+        return "–"
+    return format_quantity(response.sizes[1], "m")
 
 
 def list_exponents(loop: Loop) -> dict[str, Any]:

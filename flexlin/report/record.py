@@ -13,6 +13,7 @@ from flexlin.answers.analysis import Analysis, Loop
 from flexlin.answers.audit import Audit
 from flexlin.answers.clock import Step
 from flexlin.checks import Array
+from flexlin.report.headline import reason
 from flexlin.scene.effects import known_effects
 from flexlin.scene.scene import Scene
 
@@ -37,11 +38,12 @@ def record(analysis: Analysis) -> dict[str, Any]:
         "coordinates": list(a.plant.names),
         "inputs": list(a.plant.inputs),
         "period": a.plant.period,
+        "validity": record_validity(a, a.own),
         "floquet": record_loop(a.own),
-        "open_loop": record_loop(a.open_loop),
+        "open_loop": record_loop(a.open_loop) | {"validity": record_validity(a, a.open_loop)},
         **({} if a.elastic is None else {"elastic_motion": record_loop(a.elastic)}),
         "resonances": [str(resonance) for resonance in a.resonances],
-        "designs": {loop.name: record_loop(loop) for loop in a.designs},
+        "designs": {loop.name: record_loop(loop) | {"validity": record_validity(a, loop)} for loop in a.designs},
         "t": a.t.tolist(),
         "coefficients": {
             name: record_numbers(getattr(a.coefficients, name)) for name in ("M", "D", "K", "h", "B", "tau")
@@ -107,6 +109,23 @@ def record_loop(loop: Loop) -> dict[str, Any]:
             "reason": setting.reason,
         },
     }
+
+
+def record_validity(a: Analysis, loop: Loop) -> dict[str, Any]:
+    """Whether the linear model holds along the motion under a loop, and the figures that say so: each with its bound, both in `unit`."""
+    found = a.validity(loop)
+    figures = [
+        {
+            "what": figure.what,
+            "value": record_number(figure.value),
+            "bound": record_number(figure.bound),
+            "unit": figure.unit,
+            "share": record_number(figure.share),
+            "against": figure.against,
+        }
+        for figure in found.evidence
+    ]
+    return {"verdict": found.verdict, "reason": reason(found), "figures": figures}
 
 
 def record_response(analysis: Analysis) -> dict[str, Any]:

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from flexlin.answers.analysis import Analysis, Loop
 from flexlin.answers.audit import Audit, Row
 from flexlin.answers.clock import Step
+from flexlin.answers.validity import ModelValidity
 from flexlin.report.advice import advise
+from flexlin.report.headline import colour, doubt
 from flexlin.report.wording import (
-    caution,
     describe_pace,
     format_decimal,
     format_figures,
@@ -17,10 +18,11 @@ from flexlin.report.wording import (
     format_rate,
 )
 
+UNKNOWN = ModelValidity("unknown")
 COLOURS = {"stable": "green", "unstable": "red", "undecided": "yellow", "failed": "red"}
 
 
-def say(text: str = "", verdict: str | None = None, colour: str | None = None) -> None:
+def say(text: str = "", verdict: str | None = None, shade: str | None = None) -> None:
     """Print a line; a verdict at its beginning is coloured on a terminal."""
     if verdict is None or not sys.stdout.isatty():
         print(text)
@@ -29,20 +31,21 @@ def say(text: str = "", verdict: str | None = None, colour: str | None = None) -
     from rich.text import Text
 
     line = Text(text)
-    line.highlight_words([verdict], (colour or COLOURS[verdict]) + " bold")
+    line.highlight_words([verdict], (shade or COLOURS[verdict]) + " bold")
     Console(highlight=False, soft_wrap=True).print(line)
 
 
-def say_loop(loop: Loop, period: float) -> None:
-    """Print the verdict on a loop, in the colour of doubt where no arm would show it."""
-    say(loop_line(loop, period), loop.verdict, COLOURS["undecided"] if caution(loop, period) else None)
+def say_loop(loop: Loop, period: float, model: ModelValidity = UNKNOWN) -> None:
+    """Print the verdict on a loop, in the colour of doubt where there is one."""
+    shown = colour(loop, period, model)
+    say(loop_line(loop, period, model), loop.verdict, COLOURS[shown])
 
 
 def summarize(analysis: Analysis) -> None:
     """Print the verdicts and what to do next."""
     say(analysis.scene.title)
     for loop in analysis.loops:
-        say_loop(loop, analysis.plant.period)
+        say_loop(loop, analysis.plant.period, analysis.validity(loop))
     said = advise(analysis)
     for line in (*[f"- {step}" for step in said], *accuracy_lines(analysis.steps, "\n".join(said))):
         say(line)
@@ -95,9 +98,10 @@ def format_audit_row(row: Row) -> str:
     return f"{row.change:<30} {size:>12} {row.margin:>+11.2g} {row.frequency:>10.2g} {tip:>10} {row.instructions:>+7d}  {row.advice}"
 
 
-def loop_line(loop: Loop, period: float) -> str:
-    """One loop in one line."""
+def loop_line(loop: Loop, period: float, model: ModelValidity = UNKNOWN) -> str:
+    """One loop in one line, with what goes behind its verdict."""
     speed = describe_pace(loop, period)
     figure = "" if loop.verdict in ("undecided", "failed") else f", {format_rate(*loop.growth)}"
-    weak = caution(loop, period)
-    return f"  {loop.name:<20} {loop.verdict:<10} {f'{weak}; ' if weak else ''}{speed}{figure}"
+    weak = doubt(loop, period, model)
+    verdict = f"{loop.verdict}, {weak};" if weak else f"{loop.verdict:<10}"
+    return f"  {loop.name:<20} {verdict} {speed}{figure}"

@@ -94,7 +94,7 @@ class Collocation:
     def integrate(self, t: Array, start: Array, marks: Array) -> Array:
         """States and work (N, 2n + 1) at times t; marks (K,), from the first to the last time, are edges of steps.
 
-        Raises: NumericalError where no step is short enough or too many are needed; TooLarge when one step's matrices would not fit.
+        Raises: SimulationStopped where no step is short enough or too many are needed; TooLarge when one step's matrices would not fit.
         """
         n = len(start) // 2
         size = 8 * (self._stages * n) ** 2
@@ -122,9 +122,9 @@ class Collocation:
         grid = next_grid(at, mark, self._stages)
         at.steps += grid.count
         if grid.h.min() < SHORTEST * whole:
-            raise stopped(at.t, "no step is short enough: the motion leaves all bounds, or a mass matrix is singular")
+            raise stopped(at.t, "no step is short enough", at.x)
         if at.steps > MOST_STEPS:
-            raise stopped(at.t, f"{MOST_STEPS} steps were not enough")
+            raise stopped(at.t, f"{MOST_STEPS} steps were not enough", at.x)
         scale = np.maximum(at.largest, ABSOLUTE)
         solved = self._solve(at, grid, scale)
         if solved is None:

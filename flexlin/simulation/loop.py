@@ -12,9 +12,10 @@ from flexlin.about.deviation import Deviation
 from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
-from flexlin.errors import NumericalError
+from flexlin.errors import SimulationStopped
 from flexlin.simulation.collocation import Collocation
 from flexlin.simulation.drive import Drive
+from flexlin.simulation.ending import explain_end, name_largest, smallest_masses
 from flexlin.simulation.equations import NonlinearEquations
 from flexlin.simulation.prediction import ROUNDING, with_breaks
 from flexlin.simulation.stepping import TrialLeftRange, march, stopped
@@ -130,7 +131,7 @@ class NonlinearLoop:
         kept, left = self._kept, left[:, 0]
         _, acceleration, failed = dposv(M[kept], (B @ torque - left)[kept])
         if failed:
-            raise TrialLeftRange("the mass matrix is not positive definite beside the state that was reached")
+            raise TrialLeftRange("the mass matrix is not positive definite there")
         power = rates[:, 0] @ (left + M @ acceleration) - lost[0, 0]
         return np.concatenate([x[self.n :], acceleration, [power]])
 
@@ -146,12 +147,12 @@ class NonlinearLoop:
 
         Raises
         ------
-        NumericalError
+        SimulationStopped
             When the loop diverges.
         """
-        deviation = np.abs(z[: self.n]).max(initial=0.0)
-        if not deviation < FARTHEST:
-            raise self._lost(f"a deviation of {deviation:.3g} rad or m", t)
+        deviation = np.abs(z[: self.n])
+        if not deviation.max(initial=0.0) < FARTHEST:
+            raise self._lost(f"a state {name_largest(self.lin, deviation)} off the rigid motion", t, far=True)
 
     def integrate(self, t: Array, start: Array, rtol: float, stages: int = 5) -> Array:
         """Integrate from a start.
@@ -174,17 +175,20 @@ class NonlinearLoop:
 
         Raises
         ------
-        NumericalError
+        SimulationStopped
             When the loop diverges, or when the integrator cannot go on.
         """
         z = np.append(start, 0.0)
         self.accept(t[0], z)
-        if self.drive.sample_time is not None:
-            return self._held(t, z, rtol)
         try:
-            return self._collocated(t, start, rtol, stages)
-        except TorqueCut:
-            return self._step_by_step(t, z, rtol)
+            if self.drive.sample_time is not None:
+                return self._held(t, z, rtol)
+            try:
+                return self._collocated(t, start, rtol, stages)
+            except TorqueCut:
+                return self._step_by_step(t, z, rtol)
+        except SimulationStopped as end:
+            raise (explain_end(self.lin, end) if end.reached is not None else end) from None
 
     @cached_property
     def law(self) -> LawTable:
@@ -214,13 +218,11 @@ class NonlinearLoop:
         return integrator.integrate(t, start, marks)
 
     def _check_mass(self, t: Array, x: Array) -> None:
-        """Raises: NumericalError, naming the time, where the mass matrix of a state that was reached is not positive definite."""
-        kept = self._kept
-        M = self.about.of_arm("M", t, x[:, : self.n])[:, kept][:, :, kept]
-        positive = np.linalg.eigvalsh(M)[:, 0] > 0
+        """Raises: SimulationStopped, naming the time, where the mass matrix of a state that was reached is not positive definite."""
+        positive = smallest_masses(self.lin, t, x) > 0
         if not positive.all():
-            first = float(t[np.argmin(positive)])
-            raise stopped(first, "the mass matrix is not positive definite beside the state that was reached")
+            first = int(np.argmin(positive))
+            raise stopped(float(t[first]), "the mass matrix is not positive definite there", x[first])
 
     def _step_by_step(self, t: Array, z: Array, rtol: float) -> Array:
         """The loop whose torque is cut, by a multistep method: corners of the torque would spoil the order of collocation."""
@@ -257,11 +259,13 @@ class NonlinearLoop:
         rate = partial(self.rate, torque=torque)
         return DOP853(rate, t, z, end, rtol=max(rtol, 1e-13), atol=rtol * 1e-2, first_step=first)
 
-    def _lost(self, got: str, t: float) -> NumericalError:
-        return NumericalError(
+    def _lost(self, got: str, t: float, far: bool = False) -> SimulationStopped:
+        return SimulationStopped(
             f"the nonlinear simulation makes no headway at t = {t:.4g} s",
             got=got,
-            todo="the loop diverges or is very stiff: look at its Floquet verdict, or simulate fewer periods",
+            todo="the loop diverges or is very stiff: lower the gains, slow the motion down, or simulate fewer periods",
+            t=t,
+            left_range=far,
         )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.integrate import OdeSolver
 
 from flexlin.checks import Array
-from flexlin.errors import NumericalError
+from flexlin.errors import SimulationStopped
 
 SHORTENED = 0.1
 """What is left of a step after a trial that left the range."""
@@ -30,7 +30,7 @@ def march(
     """Integrate from `begin` to `end`: the state there, and the states (N, n) at the stops (N,), begin < stops <= end.
 
     Parameters: make: (t, z, first step or None) -> solver; accept: looks at each accepted state, and raises if it must not be.
-    Raises: NumericalError when no step is short enough, naming the last accepted time.
+    Raises: SimulationStopped when no step is short enough, naming the last accepted time.
     """
     slack, values = 1e-12 * (end - begin), np.empty((len(stops), len(z)))
     now, step = begin, end - begin if first is None else first
@@ -42,11 +42,11 @@ def march(
         except TrialLeftRange as reason:
             step, solver = SHORTENED * step, None
             if step <= SHORTEST * (end - begin):
-                raise stopped(now, str(reason)) from None
+                raise stopped(now, f"no step is short enough: a trial beyond it fails ({reason})", z[:-1]) from None
             first = min(step, end - now)
             continue
         if solver.status == "failed":
-            raise stopped(now, message)
+            raise stopped(now, message, z[:-1])
         accept(solver.t, solver.y)
         inside = (stops > now) & (stops <= solver.t + slack)
         if inside.any():
@@ -55,10 +55,12 @@ def march(
     return z, values
 
 
-def stopped(t: float, why: str) -> NumericalError:
-    """What to say when the integrator cannot go on from an accepted state."""
-    return NumericalError(
+def stopped(t: float, why: str, reached: Array | None = None) -> SimulationStopped:
+    """What to say when the integrator cannot go on from an accepted state; `reached` (2n,) is that state."""
+    return SimulationStopped(
         f"the nonlinear simulation stopped at t = {t:.4g} s",
         got=why,
-        todo="the loop probably diverges: look at its Floquet verdict, lower the gains, or simulate fewer periods",
+        todo="slow the motion down, stiffen the links or raise the gains; or simulate fewer periods",
+        t=t,
+        reached=reached,
     )

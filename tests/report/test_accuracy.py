@@ -33,8 +33,8 @@ def test_every_stage_with_an_error_is_asked_for_the_scene_s_tol(two_accuracies) 
         asked = {step.name: step.asked for step in found.steps if step.asked is not None}
         assert set(asked.values()) == {tol}
         assert (
-            len(asked) == 8
-        )  # three loops and one about the elastic motion, that motion, the gain, response, simulation
+            len(asked) == 9
+        )  # three loops and one about the elastic motion, that motion, the gain, two responses, simulation
 
 
 def test_what_is_said_to_be_reached_is_the_error_of_the_answer(two_accuracies) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 import flexlin as fl
 from flexlin.answers.analysis import Analysis, Loop
-from flexlin.report.advice import advise, arm_length
+from flexlin.report.advice import advise
 from flexlin.report.page import render_page
 from flexlin.report.record import record
 from flexlin.report.terminal import loop_line
@@ -53,13 +53,13 @@ def with_range(a: Analysis, amplitude: float) -> Analysis:
 
 def test_the_length_of_the_arm_is_that_of_its_links(single_link: Analysis) -> None:
     hub = single_link.scene.effects.hub.radius
-    assert arm_length(single_link) == pytest.approx(0.96 + (hub[0] if isinstance(hub, tuple) else hub))
+    assert single_link.length == pytest.approx(0.96 + (hub[0] if isinstance(hub, tuple) else hub))
     three = fl.load_scene("three-link", {"designs": []})
     plant = fl.linearize(fl.build_manipulator(three), three.motion)
     blind = replace(single_link, plant=plant)
-    assert arm_length(blind) == pytest.approx(sum(link.length for link in three.links))
+    assert blind.length == pytest.approx(sum(link.length for link in three.links))
     nowhere = replace(plant, about=replace(plant.about, arm=replace(plant.arm, points=None)))
-    assert np.isnan(arm_length(replace(single_link, plant=nowhere)))
+    assert np.isnan(replace(single_link, plant=nowhere).length)
 
 
 def test_what_is_fed_forward_already_is_no_advice(single_link: Analysis) -> None:
@@ -116,7 +116,7 @@ def test_the_model_is_not_said_to_hold_beside_a_range_that_the_motion_leaves(sin
     narrow, wide = told(with_range(a, 0.00041)), told(with_range(a, 0.1))
     assert "deflections below 0.00041" in narrow.lower()
     assert "model holds" not in narrow
-    assert "a disturbance as large as the motion's own deviation, 0.05 (rad or m), may leave it" in narrow
+    assert "a disturbance as large as the motion's own deviation, 0.05 rad in q1, may leave it" in narrow
     assert "the linear model holds for this motion" in wide
     assert "may leave it" not in wide
 

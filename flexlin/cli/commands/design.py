@@ -3,7 +3,7 @@
 import argparse
 
 from flexlin.cli.options import COMPUTED
-from flexlin.cli.shared import DONE, FAILED, OTHER_VERDICT, loaded, print_paths
+from flexlin.cli.shared import DONE, FAILED, OTHER_VERDICT, loaded, meets, print_paths
 from flexlin.errors import ArgumentError
 
 PURPOSE = "design the scene's controllers, write their gains"
@@ -21,17 +21,24 @@ def run(options: argparse.Namespace) -> int:
         progress("load the numerical libraries")
         from flexlin.answers.analysis import plant_and_designs
         from flexlin.answers.clock import Clock
+        from flexlin.answers.steady import arm_length
+        from flexlin.answers.validity import judge_model
+        from flexlin.report.headline import reason
         from flexlin.report.tables import check_gains, gains_dataset, write_dataset
 
         check_gains(scene, options.points)
         clock = Clock(progress)
         plant, loops = plant_and_designs(scene, clock)
-    for loop in loops:
-        say_loop(loop, plant.period)
+    models = [judge_model(arm_length(plant), loop.steady) for loop in loops]
+    for loop, model in zip(loops, models, strict=True):
+        say_loop(loop, plant.period, model)
+        if model.verdict == "invalid":
+            say(f"    {reason(model)}")
     for line in accuracy_lines(tuple(clock.steps)):
         say(line)
     made = [loop.design for loop in loops if loop.design is not None]
     print_paths(write_dataset(gains_dataset(scene, plant, made, options.points), options.out, "gains") if made else [])
     if len(made) < len(loops):
         return FAILED
-    return OTHER_VERDICT if options.require and any(loop.verdict != options.require for loop in loops) else DONE
+    met = all(meets(options.require, loop.verdict, model.verdict) for loop, model in zip(loops, models, strict=True))
+    return DONE if met else OTHER_VERDICT

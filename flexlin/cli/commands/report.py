@@ -3,7 +3,7 @@
 import argparse
 
 from flexlin.cli.options import COMPUTED
-from flexlin.cli.shared import DONE, FAILED, OTHER_VERDICT, command, loaded, print_paths
+from flexlin.cli.shared import DONE, FAILED, OTHER_VERDICT, command, loaded, meets, print_paths
 
 PURPOSE = "write report.html and report.json"
 TAKES = (*COMPUTED, "require", "effects", "sensitivity")
@@ -26,4 +26,5 @@ def run(options: argparse.Namespace) -> int:
     print_paths(paths)
     if analysis.own.floquet is None:
         return FAILED
-    return OTHER_VERDICT if options.require not in (None, analysis.own.verdict) else DONE
+    met = meets(options.require, analysis.own.verdict, analysis.validity(analysis.own).verdict)
+    return DONE if met else OTHER_VERDICT

@@ -1,0 +1,57 @@
+"""The periodic response of a loop, and what it does to the tip."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlin.about.linear import Linearization
+from flexlin.checks import Array
+from flexlin.periodic.response.forced import ForcedResponse, forced_response
+from flexlin.periodic.system import PeriodicSystem
+from flexlin.simulation import tip_positions
+
+
+@dataclass(frozen=True)
+class Response:
+    """The periodic response of a loop: states [y; y'] (N, 2n), and how far the tip is from its rigid motion, (N, 2) in m.
+
+    `tip_by_bending` is the part of it that is left when only the elastic coordinates deviate.
+    """
+
+    solution: ForcedResponse
+    states: Array
+    tip: Array
+    tip_by_bending: Array
+
+    @property
+    def tip_error(self) -> Array:
+        """The distance of the tip from its rigid motion, (N,) in m; not a number where the model has no points."""
+        return np.linalg.norm(self.tip, axis=1)
+
+    @property
+    def sizes(self) -> tuple[float, float]:
+        """The largest tip error by bending alone, and the largest of all, in m."""
+        return float(np.linalg.norm(self.tip_by_bending, axis=1).max()), float(self.tip_error.max())
+
+
+def find_response(closed: Linearization, loop: PeriodicSystem, t: Array, tol: float) -> Response:
+    """The periodic response to what the rigid motion leaves over, and what it does to the tip."""
+    solution = forced_response(loop, closed.forcing, tol)
+    states = solution(t)
+    bent = states * [coordinate.kind == "elastic" for coordinate in closed.coordinates * 2]
+    rigid = tip_positions(closed, t, np.zeros_like(states))
+    tip, by_bending = (tip_positions(closed, t, x) - rigid for x in (states, bent))
+    return Response(solution, states, tip, by_bending)
+
+
+def response_error(found: Response) -> float:
+    """The error of the states, relative to the largest, absolute below 1."""
+    return found.solution.error / max(1.0, float(np.abs(found.states).max()))
+
+
+def arm_length(plant: Linearization) -> float:
+    """The length of the arm from the base over its joints to the tip, in m, as the motion begins; not a number where it has no points."""
+    if plant.arm.points is None:
+        return float("nan")
+    points = plant.about.of_arm("points", np.zeros(1), np.zeros((1, plant.n)))[0]
+    return float(np.linalg.norm(np.diff(points, axis=1), axis=0).sum())

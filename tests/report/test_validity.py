@@ -1,0 +1,147 @@
+"""A verdict is worth what the linear model behind it is worth: words, colours and exit codes where that does not hold."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexlin.answers.analysis import Analysis, Loop
+from flexlin.answers.validity import judge_model
+from flexlin.cli.main import main
+from flexlin.cli.shared import meets
+from flexlin.errors import SimulationStopped
+from flexlin.report.advice import advise
+from flexlin.report.page import render_page
+from flexlin.report.record import record
+
+BROKEN = [
+    "motion.frequency=0.9",
+    "effects.payload.mass=2",
+    "control.feedback.kp=[0.5]",
+    "control.feedback.kd=[0.01]",
+    "designs=[]",
+]
+
+
+def steady_tip(a: Analysis, metres: float, by_bending: float = 1.0) -> Analysis:
+    """The steady motion's tip stays so far from its path, so much of it by bending."""
+    tip = np.full_like(a.response.tip, metres / np.sqrt(2))
+    return replace(a, response=replace(a.response, tip=tip, tip_by_bending=by_bending * tip))
+
+
+def test_a_meaningless_result_is_not_green(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The linear tip is 5.74 m off on an arm of 0.96 m, and the nonlinear equations end within 10 ms."""
+    run = ["report", "single-link", "--set", *BROKEN, "--out", str(tmp_path), "--tol", "1e-6", "--require"]
+    assert main([*run, "stable"]) == 3
+    said, page = capsys.readouterr().out, (tmp_path / "report.html").read_text()
+    data = json.loads((tmp_path / "report.json").read_text())
+    assert "stable, but the linear model does not hold here" in said
+    assert data["floquet"]["verdict"] == "stable"
+    assert data["validity"]["verdict"] == "invalid"
+    tip = next(figure for figure in data["validity"]["figures"] if figure["what"] == "tip")
+    assert (tip["value"], tip["bound"]) == (pytest.approx(5.74, abs=0.01), pytest.approx(0.192))
+    assert tip["value"] == data["forced_response"]["largest_tip_error"]
+    headline = page[page.index('<section class="verdict') :].split("</p>")[0]
+    assert headline.startswith('<section class="verdict undecided">')
+    assert "Stable, but the linear model does not hold here" in headline
+    assert re.search(r"5\.74 m, 598 % of the arm(?:'|&#39;)s length", headline)
+    assert "look at its Floquet verdict" not in said + page
+    assert "5.74 m" in said
+
+
+@pytest.mark.parametrize(
+    ("required", "verdict", "model", "met"),
+    [
+        ("stable", "stable", "invalid", False),
+        ("stable", "stable", "unknown", True),
+        ("stable", "stable", "valid", True),
+        ("valid", "stable", "unknown", False),
+        ("valid", "stable", "valid", True),
+        ("valid", "unstable", "valid", False),
+        ("linear-stable", "stable", "invalid", True),
+        ("linear-stable", "undecided", "valid", False),
+        (None, "unstable", "invalid", True),
+    ],
+)
+def test_what_each_requirement_asks(required: str | None, verdict: str, model: str, met: bool) -> None:
+    assert meets(required, verdict, model) is met
+
+
+def test_a_model_that_holds_is_said_to(single_link: Analysis) -> None:
+    data = record(single_link)
+    assert data["validity"]["verdict"] == "valid"
+    assert data["validity"]["reason"] == ""
+    assert not any(figure["against"] for figure in data["validity"]["figures"])
+    assert "does not hold" not in render_page(single_link, data, [], "") + "".join(advise(single_link))
+
+
+def test_bending_breaks_the_equations_themselves_and_joints_do_not() -> None:
+    """A simulation of the same beams confirms no large bending; it confirms joints that are far off."""
+    agreed = (0.001, 0.5, 1e-9, "m")
+    assert judge_model(1.0, (0.5, 0.5), agreed).verdict == "invalid"
+    assert judge_model(1.0, (0.05, 0.5), agreed).verdict == "valid"
+    assert judge_model(1.0, (0.05, 0.5), (0.001, 0.1, 1e-9, "m")).verdict == "invalid"  # it came a fifth as far
+    assert judge_model(1.0, (0.05, 0.5)).verdict == "invalid"
+    assert judge_model(1.0, (0.05, 0.1)).verdict == "unknown"
+    assert judge_model(float("nan"), (float("nan"), float("nan"))).verdict == "unknown"
+
+
+def test_two_answers_apart_speak_against_the_model_where_it_matters() -> None:
+    assert judge_model(1.0, None, (0.03, 0.1, 1e-9, "m")).verdict == "invalid"
+    assert judge_model(1.0, None, (0.01, 0.1, 1e-9, "m")).verdict == "valid"
+    assert judge_model(1.0, None, (5e-6, 5e-6, 1e-9, "m")).verdict == "valid"  # no arm repeats so well
+    assert judge_model(1.0, None, (0.03, 0.1, 0.04, "m")).verdict == "valid"  # the error of the integration is larger
+    assert judge_model(float("nan"), None, (0.3, 1.0, 1e-9, "rad")).verdict == "invalid"
+    assert judge_model(1.0, None, None, (0.1, 3.0)).verdict == "invalid"
+    assert judge_model(1.0).verdict == "unknown"
+
+
+@pytest.mark.parametrize(("left", "verdict"), [(True, "invalid"), (False, "unknown")])
+def test_an_end_of_the_simulation_counts_where_the_arm_left_the_equations(
+    single_link: Analysis, left: bool, verdict: str
+) -> None:
+    end = SimulationStopped("the nonlinear simulation stopped at t = 0.1 s", t=0.1, left_range=left)
+    a = replace(single_link, simulation=None, stopped=end, problems={"simulation": str(end)})
+    found = a.validity(a.own)
+    assert found.verdict == verdict
+    assert ("lose their meaning after 100 ms" in "".join(advise(a))) is left
+
+
+def test_a_design_is_judged_by_its_own_steady_motion(single_link: Analysis) -> None:
+    own = single_link.own
+    loops = [
+        Loop(name, "periodic-lqr", own.floquet, response=steady_tip(single_link, metres).response)
+        for name, metres in (("far", 0.5), ("near", 0.01))
+    ]
+    a = replace(single_link, designs=tuple(loops))
+    data, said = record(a), "\n".join(advise(a))
+    assert [data["designs"][name]["validity"]["verdict"] for name in ("far", "near")] == ["invalid", "unknown"]
+    assert "The design “far” is stable, but the linear model does not hold under it" in said
+    assert "The design “near” is stable, but" not in said
+    page = render_page(a, data, [], "")
+    rows = {name: page[page.index(f"<td>{name}</td>") :].split("</tr>")[0] for name in ("far", "near")}
+    assert 'class="undecided">stable<br>but the linear model does not hold here' in rows["far"]
+    assert "500 mm" in rows["far"]
+    assert 'class="stable">stable</td>' in rows["near"]
+    assert "10 mm" in rows["near"]
+
+
+def test_an_unstable_loop_is_recommended_no_design_that_the_model_does_not_hold_for(single_link: Analysis) -> None:
+    own = single_link.own.floquet
+    unstable = Loop("scene's PD", "pd", replace(own, exponents=own.exponents + 10.0, verdict="unstable"))
+    far = Loop("far", "periodic-lqr", own, response=steady_tip(single_link, 0.5).response)
+    said = "\n".join(advise(replace(single_link, own=unstable, designs=(far,))))
+    assert "use the design" not in said
+    assert "use the design “far”" in "\n".join(
+        advise(replace(single_link, own=unstable, designs=(replace(far, response=None),)))
+    )
+
+
+def test_answers_that_agree_on_a_large_bending_are_not_praised(single_link: Analysis) -> None:
+    said = "\n".join(advise(steady_tip(single_link, 0.5)))
+    assert "the linear model holds" not in said
+    assert "both rest on equations of small deflections, which this motion is not" in said
+    assert "both rest on equations" not in "\n".join(advise(single_link))
