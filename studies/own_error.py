@@ -26,7 +26,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the jury lives w
 from tests.periodic.judge import Outcome, judged
 from tests.periodic.random_systems import COUNTS, draw
 
-SIZES = {"small": 500, "medium": 8, "full": 1}
+SIZES = {"small": 2000, "medium": 8, "full": 1}
 """The whole jury is divided by this."""
 LIMIT = 60.0
 """Seconds that one answer may take."""

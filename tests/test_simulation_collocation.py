@@ -159,11 +159,16 @@ def test_the_linear_answer_is_that_of_the_matrices():
         now = np.array([t])
         return lin.state_matrix(now)[0] @ x + lin.forcing(now)[0]
 
+    def slope(t, x):
+        return lin.state_matrix(np.array([t]))[0]
+
     pieces, x = [np.zeros((1, 2 * lin.n))], np.zeros(2 * lin.n)
     marks = [0.0, *[b for b in lin.breaks if 0 < b < run.t[-1]], run.t[-1]]
     for begin, end in pairwise(marks):
         stops = run.t[(run.t > begin) & (run.t <= end)]
-        found = solve_ivp(rate, (begin, end), x, "Radau", np.unique([*stops, end]), rtol=1e-9, atol=1e-13).y.T
+        found = solve_ivp(
+            rate, (begin, end), x, "LSODA", np.unique([*stops, end]), rtol=1e-10, atol=1e-13, jac=slope
+        ).y.T
         pieces.append(found[: len(stops)])
         x = found[-1]
     assert np.abs(run.linear - np.concatenate(pieces)).max() < 1e-7

@@ -141,6 +141,3 @@ class SceneError(InputError):
         lines += [str(problem) for problem in self.problems[:SHOWN]]
         lines += [f"... and {len(self.problems) - SHOWN} more"] if len(self.problems) > SHOWN else []
         super().__init__("\n  ".join(lines))
-
-    def __reduce__(self) -> tuple[type["SceneError"], tuple[str, tuple[Problem, ...]]]:
-        return type(self), (self.source, self.problems)

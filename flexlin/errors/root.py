@@ -1,5 +1,7 @@
 """The root of all errors, and the one for requests without measure."""
 
+from typing import Any
+
 
 class FlexlinError(Exception):
     """The root of all errors that flexlin raises on purpose.
@@ -36,6 +38,17 @@ class FlexlinError(Exception):
         if todo is not None:
             parts.append(todo)
         super().__init__("; ".join(parts))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return restore_error, (type(self), str(self), vars(self))
+
+
+def restore_error(kind: type[FlexlinError], message: str, facts: dict[str, Any]) -> FlexlinError:
+    """An error as it was in another process, whatever its class is made from."""
+    base: Any = kind.__base__  # kind's own __new__ may be MemoryError's, which makes no other class
+    error: FlexlinError = base.__new__(kind, message)
+    vars(error).update(facts)
+    return error
 
 
 class TooLarge(FlexlinError, MemoryError):

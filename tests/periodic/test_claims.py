@@ -15,7 +15,7 @@ from tests.periodic.jumping_systems import reference_jump, reference_pulse
 from tests.periodic.non_normal_systems import reference_non_normal
 from tests.periodic.random_systems import COUNTS, draw
 
-SAMPLE = [(kind, 5_000_000 + k) for kind in COUNTS for k in range(3)]
+SAMPLE = [(kind, 5_000_000 + k) for kind in COUNTS for k in range(2)]
 FOUND = [
     ("non-normal switched", 28),
     ("pulses", 26),
@@ -73,7 +73,7 @@ def test_claims_hold_where_an_engine_has_failed(kind, seed):
 
 def test_claims_do_not_exaggerate():
     kinds = ("rotation", "shear", "mixed", "multipliers 1e-300 to 1e300", "reparametrised")
-    ratios = [r for kind in kinds for seed in range(8) for r in judged(draw(kind, seed)).overestimates]
+    ratios = [r for kind in kinds for seed in range(3) for r in judged(draw(kind, seed)).overestimates]
     assert len(ratios) > 50
     assert np.median(ratios) < 30
 

@@ -47,7 +47,7 @@ def fast_and_slow(fast, period=2.0):
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_exponent_is_further_off_than_three_times_its_error(kind):
     done = 0
-    for seed in range(12):
+    for seed in range(8):
         system = random_system(seed, kind)
         decoupled = decouple(system, system.period, tol=1e-8)
         if isinstance(decoupled, Refusal):
@@ -190,7 +190,7 @@ def test_a_decoupled_system_pickles_and_is_short_in_print():
     assert len(repr(decoupled)) < 120
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(5))
 def test_panels_between_any_breaks_give_the_same_exponents(seed):
     system = random_system(seed, KINDS[seed])
     breaks = (0.0, *np.sort(np.random.default_rng(seed).random(4)) * system.period)

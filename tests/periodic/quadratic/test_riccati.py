@@ -127,7 +127,7 @@ def test_varying_weights_and_breaks_against_scipy():
         return (0.1 + 0.05 * np.sin(np.pi * t))[:, None, None] * np.eye(1)
 
     found = periodic_riccati(square_wave(), Q, R, tol=1e-10)
-    stops, X = backward(found.problem, np.eye(2), 0.0, 12.0, [0.1, 0.69, 0.71, 1.3, 1.999])
+    stops, X = backward(found.problem, np.eye(2), 0.0, 10.0, [0.1, 0.69, 0.71, 1.3, 1.999])
     assert np.abs(found.X(stops) - X).max() < 1e-8 * np.abs(X).max()
 
 
