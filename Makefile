@@ -16,7 +16,7 @@ report: $(STAMP)
 	$(BIN)/flexlin report single-link --out out/single-link
 
 test: lint
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist loadgroup
 
 peers: $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements/peers.txt
