@@ -25,6 +25,7 @@ _HOME = {
     "periodic_lqr": "flexlin.control",
     "simulate": "flexlin.simulation",
     "sweep": "flexlin.answers.sweep",
+    "critical_values": "flexlin.answers.critical_values",
     "sensitivity": "flexlin.answers.sensitivity",
     "audit": "flexlin.answers.audit.comparison",
     "cost": "flexlin.answers.accuracy",

@@ -20,6 +20,7 @@ VERBS = {
     "build_manipulator",
     "build_motion",
     "cost",
+    "critical_values",
     "floquet",
     "floquet_modes",
     "forced_response",

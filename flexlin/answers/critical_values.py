@@ -1,0 +1,179 @@
+"""At which value of a scene's number the loop becomes unstable, and at which it is stable again."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexlin.answers.spectra import Family, Source, make_family
+from flexlin.checks import Array, positive, real_array, whole
+from flexlin.errors import ArgumentError
+from flexlin.periodic.boundary.crossings import SAMPLES, Crossing, find_crossings
+from flexlin.periodic.boundary.spectra import Spectra
+from flexlin.periodic.floquet.resonance import Resonance
+from flexlin.summary import represent
+
+SIMPLE = 0.1
+"""Exact and measured slopes of the growth rate must agree to this part, or another exponent has been met."""
+
+
+@dataclass(frozen=True)
+class CriticalValue:
+    """A value of a number at which a loop becomes unstable, or stable again.
+
+    Attributes
+    ----------
+    path : str
+        Dotted path of the number.
+    value : float
+        The critical value, in the number's unit.
+    error : float
+        Its error: that of the exponent over the slope of the growth rate; of the multipliers' squared distance over its slope where
+        two of them meet without damping. Where `touching`, it holds the whole closed tongue.
+    kind : str
+        onset where the loop is unstable above the value, recovery where it is unstable below.
+    resonance : str
+        What makes it unstable, in words.
+    distance : float
+        The value less the scene's own, in the number's unit; not a number where there is no scene.
+    slope : float
+        Of the largest growth rate at the value, in 1/s per unit; infinite where two undamped multipliers meet, since growth then begins
+        like a square root, and zero where a tongue only touches.
+    touching : bool
+        Whether onset and recovery are so close that rounding hides what lies between them.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("spinning-link", {"effects.gravity.acceleration": 3.0})
+    >>> first, second = fl.critical_values(scene, "motion.joints.0.rate", (2.3, 2.6), samples=65)
+    >>> first.kind, round(first.value, 6), second.kind, round(second.value, 6)
+    ('onset', 2.418547, 'recovery', 2.436804)
+    >>> first.resonance
+    'principal resonance of order 3: 2 x 3.674 rad/s near 3 w'
+    """
+
+    path: str
+    value: float
+    error: float
+    kind: str
+    resonance: str
+    distance: float
+    slope: float
+    touching: bool = False
+
+    __repr__ = represent
+
+
+def critical_values(
+    source: Source,
+    path: str,
+    limits: tuple[float, float],
+    tol: float = 1e-6,
+    *,
+    loop: str = "own",
+    samples: int = SAMPLES,
+) -> list[CriticalValue]:
+    """Find every value of a number, within limits, at which a loop becomes unstable or stable again.
+
+        max_i Re lambda_i(p) = 0,   error of p = error of lambda / |d Re lambda / dp|
+
+    The range is scanned at `samples` values, so no interval of instability wider than one step is missed; narrower ones are looked
+    for where two multipliers meet. Without damping the growth rate begins like a square root; the squared distance of the two
+    multipliers that meet is smooth there and takes its place. Free rigid motions, whose exponents are zero throughout, do not count.
+
+    Parameters
+    ----------
+    source : Scene, or function of a float that returns a PeriodicSystem
+        The scene; or the systems themselves, where there is no scene.
+    path : str
+        Dotted path of the number, such as motion.frequency; for a function, the number's name.
+    limits : (float, float)
+        Least and largest value, in the number's unit.
+    tol : float
+        Wanted error of a critical value, in the number's unit.
+    loop : str
+        Which loop of the scene: own.
+    samples : int
+        Values of the scan: one more than the steps of the range.
+
+    Returns
+    -------
+    list of CriticalValue
+        In rising order; empty where the verdict does not change.
+
+    Raises
+    ------
+    ArgumentError
+        For a path that leads to no free number, limits that do not rise, or an unknown loop.
+
+    References
+    ----------
+    Seyranian, Mailybaev, Multiparameter Stability Theory with Mechanical Applications (2003), ch. 9 and 11.
+
+    Examples
+    --------
+    Mathieu's equation y'' + (a - 0.4 cos 2t) y = 0 is unstable between a = 0.797 and a = 1.195:
+
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> def mathieu(a):
+    ...     return fl.PeriodicSystem.from_second_order([[1.0]], [[0.0]], lambda t: (a - 0.4 * np.cos(2 * t))[:, None, None], np.pi)
+    >>> found = fl.critical_values(mathieu, "a", (0.5, 1.5), samples=33)
+    >>> [(one.kind, round(one.value, 6)) for one in found]
+    [('onset', 0.797266), ('recovery', 1.194706)]
+    """
+    low, high = check_limits(path, limits)
+    family = make_family(source, [path], loop)
+
+    def rough(values: Array) -> Spectra:
+        return family.rough(values[:, None])
+
+    def fine(values: Array) -> Spectra:
+        return family.fine(values[:, None])
+
+    tol, samples = positive("tol", tol), whole("samples", samples, 3)
+    constant = family.is_constant(np.array([(low + high) / 2]))
+    found = find_crossings(rough, fine, low, high, tol, samples, constant)
+    return [describe_crossing(path, crossing, family) for crossing in found]
+
+
+def check_limits(path: str, limits: tuple[float, float]) -> tuple[float, float]:
+    """Both ends of a range as floats. Raises: ArgumentError unless they rise."""
+    low, high = real_array(f"limits of {path}", limits, (2,)).tolist()
+    if not low < high:
+        raise ArgumentError(f"the limits of {path} do not rise", got=f"({low:g}, {high:g})", expected="low < high")
+    return low, high
+
+
+def describe_crossing(path: str, crossing: Crossing, family: Family) -> CriticalValue:
+    """A crossing with its resonance, its distance from the scene's own value, and its exact slope."""
+    kind, distance = "onset" if crossing.onset else "recovery", crossing.value - float(family.own[0])
+    if crossing.touching:
+        text = f"touching tongue: closed to within rounding, narrower than {2 * crossing.error:.1e}"
+        return CriticalValue(path, crossing.value, crossing.error, kind, text, distance, 0.0, True)
+    causes = family.resonances(np.array([crossing.inside]))
+    text = describe_cause(causes[0]) if causes else "its growth is too slow to name a resonance"
+    found = CriticalValue(path, crossing.value, crossing.error, kind, text, distance, np.inf)
+    return found if crossing.undamped else sharpen(found, family)
+
+
+def sharpen(found: CriticalValue, family: Family) -> CriticalValue:
+    """The error by the exact slope of the growth rate, where that is known; for a crossing with damping."""
+    exact = family.slopes(np.array([found.value]))
+    if exact is None:
+        return found
+    exponents, errors, slopes = exact
+    lead = int(np.argmin(np.abs(exponents.real)))
+    slope = float(slopes[0, lead].real)
+    error = (abs(float(exponents.real[lead])) + float(errors[lead])) / abs(slope) if slope else np.inf
+    return replace(found, slope=slope, error=max(error, 4e-16 * abs(found.value)))
+
+
+def describe_cause(cause: Resonance) -> str:
+    """The resonance condition in words."""
+    a, b = cause.frequencies
+    if cause.kind == "average":
+        still = abs(cause.exponent.imag) <= abs(cause.exponent) * 1e-6
+        return "divergence" if still else f"flutter of the averaged system near {a:.4g} rad/s"
+    rule = {"principal": f"2 x {a:.4g}", "sum": f"{a:.4g} + {b:.4g}", "difference": f"{a:.4g} - {b:.4g}"}[cause.kind]
+    return f"{cause.kind} resonance of order {cause.order}: {rule} rad/s near {cause.order} w"

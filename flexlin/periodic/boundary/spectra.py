@@ -1,0 +1,105 @@
+"""Spectra of many systems of one family: verdicts, and functions of them that stay smooth where multipliers meet."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.periodic.circle import wrap_angle
+
+RESTING = 1e-5
+"""A log of a multiplier below this at every value belongs to a rigid motion that neither grows nor decays."""
+
+
+@dataclass(frozen=True)
+class Spectra:
+    """Logs of the Floquet multipliers of V systems, (V, n), and their errors, (V, n); not finite where there is no answer."""
+
+    logs: Array
+    errors: Array
+
+    @property
+    def verdicts(self) -> Array:
+        """1 where an exponent grows beyond its error, -1 where all decay beyond theirs, else 0, (V,)."""
+        growth = self.logs.real
+        decays = (growth < -self.errors) | (np.isinf(self.errors) & (growth < 0))
+        return np.where((growth > self.errors).any(axis=1), 1, np.where(decays.all(axis=1), -1, 0))
+
+    @property
+    def leading(self) -> Array:
+        """Index (V,) of the log that grows fastest for certain."""
+        return np.argmax(self.logs.real - np.where(np.isfinite(self.errors), self.errors, np.inf), axis=1)
+
+    def at(self, which: Array) -> "Spectra":
+        """The spectra of some of the systems."""
+        return Spectra(self.logs[which], self.errors[which])
+
+
+SpectraFunction = Callable[[Array], Spectra]
+"""Points (V, P) of the parameters -> spectra."""
+
+
+def count_resting(spectra: Spectra) -> int:
+    """How many logs are zero at every value: free rigid motions, whose drift is no instability."""
+    near = np.abs(spectra.logs) <= np.where(np.isfinite(spectra.errors), spectra.errors, 0.0) + RESTING
+    return int(near.sum(axis=1).min()) if len(near) else 0
+
+
+def drop_resting(spectra: Spectra, count: int) -> Spectra:
+    """The spectra without the `count` logs nearest to zero."""
+    if not count:
+        return spectra
+    kept = np.sort(np.argsort(np.abs(spectra.logs), axis=1, kind="stable")[:, count:], axis=1)
+    return Spectra(np.take_along_axis(spectra.logs, kept, axis=1), np.take_along_axis(spectra.errors, kept, axis=1))
+
+
+def measure_meetings(spectra: Spectra) -> tuple[Array, Array]:
+    """Squared half distances D (V, J) of multipliers that are neighbours in angle, and the pairs' growth (V, J).
+
+        D = ((log mu_a - log mu_b) / 2)^2,   log mu = growth + D^(1/2)
+
+    D is real and smooth where two multipliers meet: below zero while they pass each other by, above zero while they are locked
+    in a resonance. Column 0: a pair and its conjugate at angle 0; the last: at angle pi; between them: neighbours in angle.
+    Source: Seyranian, Mailybaev, Multiparameter Stability Theory (2003), section 1.4 (strong interaction of eigenvalues).
+    """
+    logs = drop_odd(spectra.logs)
+    angle = np.abs(wrap_angle(logs.imag))
+    order = np.lexsort((-logs.real, np.round(angle, 9)), axis=1)
+    angle, growth = np.take_along_axis(angle, order, axis=1), np.take_along_axis(logs.real, order, axis=1)
+    across = np.concatenate(
+        [angle[:, :1] + angle[:, 1:2], angle[:, 2::2] - angle[:, 1:-1:2], 2 * np.pi - angle[:, -1:] - angle[:, -2:-1]],
+        axis=1,
+    )
+    first = np.concatenate([growth[:, :1], growth[:, 1:-1:2], growth[:, -2:-1]], axis=1)
+    second = np.concatenate([growth[:, 1:2], growth[:, 2::2], growth[:, -1:]], axis=1)
+    return (((first - second) / 2) ** 2 - (across / 2) ** 2), (first + second) / 2
+
+
+def drop_odd(logs: Array) -> Array:
+    """An even number of logs: without the fastest decaying of an odd number, which meets nobody near the unit circle."""
+    if logs.shape[1] % 2 == 0:
+        return logs
+    alone = np.argsort(logs.real, axis=1, kind="stable")[:, 1:]
+    return np.take_along_axis(logs, np.sort(alone, axis=1), axis=1)
+
+
+def measure_margins(spectra: Spectra, undamped: Array, angles: Array) -> tuple[Array, Array]:
+    """A function (V,) that is positive where a system is unstable and passes zero smoothly at the boundary, and its error (V,).
+
+        damped: the largest growth;   undamped: D of the two multipliers nearest to a given angle, which meet at the boundary
+
+    Parameters: undamped (V,): whether the stable side is neutral; angles (V,): of the multiplier that leaves the circle.
+    """
+    rows = np.arange(len(spectra.logs))
+    lead = spectra.leading
+    growth, error = spectra.logs.real[rows, lead], spectra.errors[rows, lead]
+    unstable = spectra.verdicts > 0
+    turned = spectra.logs - 1j * angles[:, None]
+    apart = np.hypot(turned.real, wrap_angle(turned.imag))
+    near = np.argsort(apart, axis=1, kind="stable")[:, :2]
+    pair = np.take_along_axis(turned, near, axis=1)
+    half = pair[:, 0] - pair[:, -1]
+    passing = -((np.hypot(half.real, wrap_angle(half.imag)) / 2) ** 2)
+    margin = np.where(undamped, np.where(unstable, growth**2, passing), growth)
+    return margin, np.where(undamped, error**2 + 2 * error * np.sqrt(np.abs(margin)), error)

@@ -1,0 +1,107 @@
+"""Critical values against closed forms and dense scans."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from flexlin.periodic.boundary.crossings import find_crossings
+from flexlin.periodic.boundary.roots import SignedEnds, solve_brackets
+from tests.periodic.boundary.piecewise import meissner, piecewise
+
+
+def trace_roots(q: float, low: float, high: float) -> np.ndarray:
+    """Zeros of |trace| - 2 of Meissner's equation, from its closed form."""
+
+    def excess(a: np.ndarray, sign: float) -> np.ndarray:
+        u, v = np.sqrt(a + q + 0j), np.sqrt(a - q + 0j)
+        trace = 2 * np.cos(np.pi * u) * np.cos(np.pi * v) - (u / v + v / u) * np.sin(np.pi * u) * np.sin(np.pi * v)
+        return trace.real - sign
+
+    grid, roots = np.linspace(low, high, 200001), []
+    for sign in (2.0, -2.0):
+        value = excess(grid, sign)
+        edges = np.flatnonzero(np.sign(value[1:]) != np.sign(value[:-1]))
+        roots += [brentq(excess, grid[k], grid[k + 1], (sign,), xtol=1e-14) for k in edges]
+    return np.sort(roots)
+
+
+@pytest.mark.parametrize("q", [0.02, 0.3, 1.0])
+def test_undamped_tongues_are_exact_onset_and_recovery_in_turn(q):
+    spectra = meissner(q)
+    found = find_crossings(spectra, spectra, q + 0.03, 9.7, 1e-9, samples=257)
+    wide = [one for one in found if not one.touching]
+    exact = trace_roots(q, q + 0.03, 9.7)
+    assert len(exact) >= 4
+    assert all(np.abs(exact - one.value).min() <= one.error + 1e-12 for one in wide)
+    assert all(one.error < 1e-6 for one in wide)
+    step = (9.7 - q) / 256
+    alone = [x for x in exact if np.sort(np.abs(exact - x))[1] > step]
+    assert all(min(abs(one.value - x) for one in wide) < 1e-9 for x in alone)
+    assert all(one.onset != two.onset for one, two in pairwise(found))
+
+
+def test_a_tongue_as_narrow_as_rounding_is_told_as_touching():
+    """a = 1 and q -> 0: half of Meissner's tongues have a width of order q, half of order q^2: 1e-16 of the range."""
+    spectra = meissner(1e-9)
+    found = find_crossings(spectra, spectra, 0.5, 1.5, 1e-9, samples=129)
+    assert [one.touching for one in found] == [True, True]
+    assert abs(found[0].value - 1.0) <= found[0].error < 1e-5
+    assert [one.onset for one in found] == [True, False]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_random_pairs_of_oscillators_against_a_dense_scan(seed):
+    """Two coupled modes with and without damping, frequency as the parameter: tongues of all orders and combinations."""
+    rng = np.random.default_rng(seed)
+    turn = np.linalg.qr(rng.standard_normal((2, 2)))[0]
+    mean = turn @ np.diag(rng.uniform(0.5, 6.0, 2)) @ turn.T
+    swing = rng.standard_normal((2, 2)) * 0.3
+    swing = swing + swing.T
+    damping = [0.0, 3e-4][seed % 2] * np.eye(2)
+
+    def stiffness(sign):
+        return lambda p: np.broadcast_to(mean + sign * swing, (len(p), 2, 2))
+
+    spectra = piecewise(stiffness(1.0), stiffness(-1.0), damping, lambda p: np.pi / p)
+    low, high = 0.8, 4.0
+    values = [one.value for one in find_crossings(spectra, spectra, low, high, 1e-9) if not one.touching]
+    grid = np.linspace(low, high, 8001)
+    unstable = spectra(grid).verdicts > 0
+    edges = grid[np.flatnonzero(unstable[1:] != unstable[:-1])]
+    step, guaranteed = grid[1] - grid[0], (high - low) / 1000
+    ends = np.concatenate([[low], edges, [high]])
+    wide = np.minimum(np.diff(ends)[:-1], np.diff(ends)[1:]) > guaranteed
+    assert all(np.min(np.abs(np.array(values) - x)) < 2 * step for x in edges[wide])
+    for x in values:
+        assert spectra(np.array([x - 1e-7, x + 1e-7])).verdicts.clip(0).sum() == 1
+
+
+def test_no_boundary_and_a_boundary_in_the_first_cell():
+    spectra = meissner(0.3, damping=0.4)
+    assert find_crossings(spectra, spectra, 1.4, 3.0, 1e-9, samples=65) == []
+    edge = trace_roots(0.3, 0.5, 2.0)[0]
+    spectra = meissner(0.3)
+    found = find_crossings(spectra, spectra, edge - 1e-4, edge + 0.05, 1e-9, samples=65)
+    assert [one.onset for one in found] == [True]
+    assert abs(found[0].value - edge) < 1e-9
+
+
+def test_roots_of_many_functions_at_once():
+    """A simple zero, one of order three, a jump, and a square root's beginning."""
+    functions = [
+        lambda x: x**2 - 2,
+        lambda x: (x - 1.1) ** 3,
+        lambda x: np.sign(x - 1.3),
+        lambda x: -1e-6 + np.sqrt(abs(x - 1)),
+    ]
+    exact = [np.sqrt(2.0), 1.1, 1.3, 1 + 1e-12]
+
+    def evaluate(which, x):
+        return np.array([functions[i](value) for i, value in zip(which, x, strict=True)])
+
+    a, b, every = np.full(4, 1.0), np.full(4, 2.0), np.arange(4)
+    found = solve_brackets(evaluate, SignedEnds(a, b, evaluate(every, a), evaluate(every, b)), 1e-13)
+    assert np.all(np.abs(found.best - exact) <= found.width + 1e-9 * np.array([0, 1, 0, 0]))
+    assert np.all(found.width <= 1e-13)

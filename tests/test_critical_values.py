@@ -1,0 +1,97 @@
+"""Critical values of scenes, against Mathieu's characteristic values and against bisection by `floquet`."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
+from scipy.special import mathieu_a, mathieu_b
+
+import flexlin as fl
+from flexlin.errors import ArgumentError
+from flexlin.scene.parameters import replace_value
+
+
+def critical_rates(gravity: float, low: float, high: float) -> np.ndarray:
+    """Rates of the spinning link at which Mathieu's a meets a characteristic value of q; constants of the clamped mode by quadrature.
+
+    a = 4 (k11 + (G - 1) W^2) / W^2, q = 2 g H / W^2 for l = EI = rhoA = 1.
+    """
+    beta = 1.8751040687119611
+    sigma = (np.cosh(beta) + np.cos(beta)) / (np.sinh(beta) + np.sin(beta))
+
+    def slope(x):
+        return beta * (np.sinh(beta * x) + np.sin(beta * x) - sigma * (np.cosh(beta * x) - np.cos(beta * x)))
+
+    G, H = (
+        quad(lambda x, f=f: f(x) * slope(x) ** 2, 0, 1, epsabs=1e-13)[0]
+        for f in (lambda x: (1 - x * x) / 2, lambda x: 1 - x)
+    )
+    grid, roots = np.linspace(low, high, 20001), []
+    for n in range(1, 9):
+        for characteristic in (mathieu_a, mathieu_b):
+
+            def excess(W, n=n, characteristic=characteristic):
+                return 4 * (beta**4 / W**2 + G - 1) - characteristic(n, 2 * gravity * H / W**2)
+
+            value = excess(grid)
+            roots += [
+                brentq(excess, grid[k], grid[k + 1], xtol=1e-14) for k in np.flatnonzero(value[1:] * value[:-1] < 0)
+            ]
+    return np.sort(roots)
+
+
+def test_the_spinning_link_meets_mathieus_characteristic_values():
+    scene = fl.load_scene("spinning-link", {"effects.gravity.acceleration": 3.0})
+    found = fl.critical_values(scene, "motion.joints.0.rate", (1.7, 12.0), tol=1e-9)
+    exact = critical_rates(3.0, 1.7, 12.0)
+    assert len(found) == len(exact) == 6
+    for one, x in zip(found, exact, strict=True):
+        assert abs(one.value - x) <= one.error + 1e-12 < 1e-9
+        assert one.distance == one.value - 2.0
+        assert not one.touching
+    assert [one.kind for one in found] == ["onset", "recovery"] * 3
+    assert [one.resonance[:30] for one in found[::2]] == [f"principal resonance of order {k}" for k in (4, 3, 2)]
+
+
+def largest_growth(scene, path, value):
+    scene = replace_value(scene, path, float(value))
+    system = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control).periodic_system()
+    return fl.floquet(system, 1e-12).exponents.real.max()
+
+
+@pytest.mark.parametrize(
+    ("name", "path", "low", "high"),
+    [("khang-2019", "motion.frequency", 2.0, 3.0), ("arm-on-carriage", "control.feedback.kp.0", 0.05, 1.0)],
+)
+def test_damped_scenes_agree_with_bisection_by_floquet(name, path, low, high):
+    scene = fl.load_scene(name)
+    (found,) = fl.critical_values(scene, path, (low, high), tol=1e-8, samples=17)
+    exact = brentq(lambda value: largest_growth(scene, path, value), low, high, xtol=1e-12)
+    assert abs(found.value - exact) <= found.error + 1e-11
+    assert found.error < 1e-8
+    assert (found.kind == "onset") == (largest_growth(scene, path, high) > 0)
+    h = 1e-5 * abs(exact)
+    measured = (largest_growth(scene, path, exact + h) - largest_growth(scene, path, exact - h)) / (2 * h)
+    assert found.slope == pytest.approx(measured, rel=1e-4)
+
+
+def test_a_stable_scene_and_a_constant_system_have_none():
+    scene = fl.load_scene("flexible-joint-link")
+    assert fl.critical_values(scene, "motion.frequency", (0.5, 2.0), samples=17) == []
+    scene = fl.load_scene("spinning-link", {"effects.gravity.acceleration": 0.0})
+    assert fl.critical_values(scene, "motion.joints.0.rate", (1.0, 8.0), samples=65) == []
+
+
+@pytest.mark.parametrize(
+    ("path", "limits", "loop"),
+    [
+        ("motion.frequency", (2.0, 1.0), "own"),
+        ("motion.frequency", (1.0, 2.0), "no such"),
+        ("links.0.x", (1.0, 2.0), "own"),
+    ],
+)
+def test_what_does_not_fit_is_refused(path, limits, loop):
+    with pytest.raises(ArgumentError):
+        fl.critical_values(fl.load_scene("khang-2019"), path, limits, loop=loop)
+    with pytest.raises(ArgumentError):
+        fl.critical_values("khang-2019", path, limits)
