@@ -112,7 +112,7 @@ def critical_values(
 
     Examples
     --------
-    Mathieu's equation y'' + (a - 0.4 cos 2t) y = 0 is unstable between a = 0.797 and a = 1.195:
+    Mathieu's equation y'' + (a - 0.4 cos 2t) y = 0 is unstable between a = 0.795 and a = 1.195:
 
     >>> import numpy as np
     >>> import flexlin as fl
@@ -120,7 +120,7 @@ def critical_values(
     ...     return fl.PeriodicSystem.from_second_order([[1.0]], [[0.0]], lambda t: (a - 0.4 * np.cos(2 * t))[:, None, None], np.pi)
     >>> found = fl.critical_values(mathieu, "a", (0.5, 1.5), samples=33)
     >>> [(one.kind, round(one.value, 6)) for one in found]
-    [('onset', 0.797266), ('recovery', 1.194706)]
+    [('onset', 0.795124), ('recovery', 1.194874)]
     """
     low, high = check_limits(path, limits)
     family = make_family(source, [path], loop)
