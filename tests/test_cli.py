@@ -28,7 +28,11 @@ def test_check_says_what_moves(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_report_writes_both_files_and_nothing_else(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["report", "single-link", *SMALL, "--out", str(tmp_path / "new")]) == 0
-    assert sorted(p.name for p in (tmp_path / "new").iterdir()) == ["report.html", "report.json"]
+    assert sorted(p.name for p in (tmp_path / "new").iterdir()) == [
+        "flexlin-results.json",
+        "report.html",
+        "report.json",
+    ]
     assert json.loads((tmp_path / "new/report.json").read_text())["floquet"]["verdict"] == "stable"
     captured = capsys.readouterr()
     assert "stable" in captured.out
@@ -108,6 +112,7 @@ def test_export_writes_what_other_tools_read(tmp_path: Path) -> None:
         "c/linearization.c",
         "c/linearization.h",
         "c/main.c",
+        "flexlin-results.json",
         "system.mat",
         "system.nc",
         "system.npz",

@@ -1,5 +1,7 @@
 """C source of the linearization and of a gain schedule, through CasADi's code generator, with a small program around it."""
 
+import errno
+import os
 from pathlib import Path
 
 import casadi as ca
@@ -8,10 +10,14 @@ import numpy as np
 from flexlin.about.linearization import Linearization
 from flexlin.control.designed_loop import Design
 from flexlin.errors import ArgumentError
+from flexlin.files import results
 from flexlin.motion import SymbolicMotion
 
 KNOTS = 256
 """Knots of the gain's cubic spline over a period."""
+
+LAST = '} /* extern "C" */\n#endif\n'
+"""The last lines of the files that CasADi writes."""
 
 MAIN = """\
 /* Prints every output of a function at a phase in [0, 1): name, then its numbers column by column.
@@ -59,7 +65,7 @@ def linearization_source(lin: Linearization, folder: str | Path, name: str = "li
     lin : Linearization
         Of a motion that is given by a formula.
     folder : str or Path
-        Where the files go; it is made when it does not exist.
+        Where the files go, as one set with their checksums; it is made when it does not exist.
     name : str
         Name of the function and of its files.
 
@@ -72,6 +78,8 @@ def linearization_source(lin: Linearization, folder: str | Path, name: str = "li
     ------
     ArgumentError
         For a motion that is given by numbers, such as a table.
+    OutputError
+        When the folder cannot be written.
 
     Examples
     --------
@@ -83,9 +91,15 @@ def linearization_source(lin: Linearization, folder: str | Path, name: str = "li
     ...     print([path.name for path in fl.control.linearization_source(lin, folder)])
     ['linearization.c', 'linearization.h', 'main.c']
     """
+    with results(Path(folder), name) as made:
+        return made.placed(*write_linearization(lin, made.stage, name))
+
+
+def write_linearization(lin: Linearization, folder: Path, name: str = "linearization") -> list[str]:
+    """Write `linearization_source` into a folder of a set; returns the names of the files."""
     if not isinstance(lin.motion, SymbolicMotion):
         raise ArgumentError("a motion given by numbers has no formula to write", expected="another kind of motion")
-    return _write(lin.coefficients, np.asarray(lin.arm.parameters.values, dtype=float), Path(folder), name)
+    return _write(lin.coefficients, np.asarray(lin.arm.parameters.values, dtype=float), folder, name)
 
 
 def gain_source(made: Design, period: float, folder: str | Path, name: str = "gain", knots: int = KNOTS) -> list[Path]:
@@ -101,7 +115,7 @@ def gain_source(made: Design, period: float, folder: str | Path, name: str = "ga
     period : float
         Period of the motion, in s.
     folder : str or Path
-        Where the files go; it is made when it does not exist.
+        Where the files go, as one set with their checksums; it is made when it does not exist.
     name : str
         Name of the function and of its files.
     knots : int
@@ -111,6 +125,11 @@ def gain_source(made: Design, period: float, folder: str | Path, name: str = "ga
     -------
     list of Path
         The files.
+
+    Raises
+    ------
+    OutputError
+        When the folder cannot be written.
 
     Examples
     --------
@@ -122,24 +141,34 @@ def gain_source(made: Design, period: float, folder: str | Path, name: str = "ga
     ...     print([path.name for path in fl.control.gain_source(made, system.period, folder, knots=16)])
     ['gain.c', 'gain.h', 'main.c']
     """
+    with results(Path(folder), name) as files:
+        return files.placed(*write_gain(made, period, files.stage, name, knots))
+
+
+def write_gain(found: Design, period: float, folder: Path, name: str = "gain", knots: int = KNOTS) -> list[str]:
+    """Write `gain_source` into a folder of a set; returns the names of the files."""
     margin = 4
     phase = np.arange(-margin, knots + margin + 1) / knots
-    gains = made.K(np.mod(phase, 1.0) * period)
+    gains = found.K(np.mod(phase, 1.0) * period)
     shape = gains.shape[1:]
     table = gains.transpose(0, 2, 1).reshape(len(phase), -1)
     spline = ca.interpolant("K", "bspline", [phase.tolist()], table.ravel().tolist(), {"inline": False})
     where = ca.MX.sym("phase")
     K = ca.reshape(spline(where), shape[0], shape[1])
-    return _write(ca.Function(name, [where], [ca.densify(K)], ["phase"], ["K"]), np.zeros(0), Path(folder), name)
+    return _write(ca.Function(name, [where], [ca.densify(K)], ["phase"], ["K"]), np.zeros(0), folder, name)
 
 
-def _write(function: ca.Function, parameters: np.ndarray, folder: Path, name: str) -> list[Path]:
+def _write(function: ca.Function, parameters: np.ndarray, folder: Path, name: str) -> list[str]:
     folder.mkdir(parents=True, exist_ok=True)
     inputs = function.mx_in()
     named = ca.Function(name, inputs, function.call(inputs), function.name_in(), function.name_out())
     generator = ca.CodeGenerator(f"{name}.c", {"with_header": True})
     generator.add(named)
     generator.generate(str(folder) + "/")
+    names = [f"{name}.c", f"{name}.h"]
+    for file in names:  # CasADi says nothing when the disk is full
+        if not (folder / file).read_text(encoding="utf-8").endswith(LAST):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     values = ", ".join(repr(float(value)) for value in parameters) or "0"
     main = MAIN.format(
         name=name,
@@ -148,5 +177,5 @@ def _write(function: ca.Function, parameters: np.ndarray, folder: Path, name: st
         parameters=values,
         count=len(parameters),
     )
-    (folder / "main.c").write_text(main)
-    return [folder / f"{name}.c", folder / f"{name}.h", folder / "main.c"]
+    (folder / "main.c").write_text(main, encoding="utf-8")
+    return [*names, "main.c"]

@@ -8,6 +8,8 @@ import numpy as np
 from flexlin.checks import Array, check_size
 from flexlin.control.designed_loop import Design
 from flexlin.errors import ArgumentError
+from flexlin.files import replacing
+from flexlin.files.arrays import write_npz
 from flexlin.periodic.system import PeriodicSystem
 
 if TYPE_CHECKING:
@@ -157,6 +159,8 @@ def save(system: PeriodicSystem, path: str | Path, designs: tuple[Design, ...] =
         For another ending.
     TooLarge
         When the table would not fit into memory.
+    OutputError
+        When the file cannot be written; one of before is still there then.
 
     Examples
     --------
@@ -170,6 +174,13 @@ def save(system: PeriodicSystem, path: str | Path, designs: tuple[Design, ...] =
     ['A', 'B', 'names', 'period', 't'] (8, 2, 2)
     """
     path = Path(path)
+    with replacing(path) as temporary:
+        write_system(system, temporary, designs, phases)
+    return path
+
+
+def write_system(system: PeriodicSystem, path: Path, designs: tuple[Design, ...], phases: int) -> None:
+    """Write what `save` writes, into a set or under a temporary name."""
     numbers = system.n * (system.n + system.m) + len(designs) * system.n * (system.n + system.m)
     check_size(f"a table of {phases} times", 8 * phases * (numbers + 1), "ask for fewer phases (--points)")
     t = system.period * np.arange(phases) / phases
@@ -185,18 +196,17 @@ def save(system: PeriodicSystem, path: str | Path, designs: tuple[Design, ...] =
     if path.suffix not in writers:
         raise ArgumentError("the file's ending names no known format", got=path.name, expected=", ".join(writers))
     writers[path.suffix](path, arrays, names, system.period)
-    return path
 
 
 def _save_npz(path: Path, arrays: dict[str, Array], names: list[str], period: float) -> None:
-    content: dict[str, Any] = {**arrays, "names": np.array(names, dtype=str), "period": np.array(period)}
-    np.savez_compressed(path, **content)
+    write_npz(path, {**arrays, "names": np.array(names, dtype=str), "period": np.array(period)}, compressed=True)
 
 
 def _save_mat(path: Path, arrays: dict[str, Array], names: list[str], period: float) -> None:
     from scipy.io import savemat
 
-    savemat(path, {**arrays, "names": np.array(names, dtype=object), "period": period})
+    with path.open("wb") as file:
+        savemat(file, {**arrays, "names": np.array(names, dtype=object), "period": period})
 
 
 def _save_netcdf(path: Path, arrays: dict[str, Array], names: list[str], period: float) -> None:
@@ -210,4 +220,4 @@ def _save_netcdf(path: Path, arrays: dict[str, Array], names: list[str], period:
     )
     data.attrs.update(period=period, designs="; ".join(names))
     data["time"].attrs["units"] = "s"
-    data.to_netcdf(path, engine="scipy")
+    path.write_bytes(data.to_netcdf(engine="scipy"))

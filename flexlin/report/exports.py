@@ -6,9 +6,10 @@ from pathlib import Path
 
 from flexlin.about.linear import Linearization
 from flexlin.answers.analysis import Loop
-from flexlin.control import gain_source, linearization_source, save
+from flexlin.control.c_source import write_gain, write_linearization
+from flexlin.control.export import write_system
 from flexlin.errors import InputError
-from flexlin.files import replacing, replacing_folder
+from flexlin.files import results
 from flexlin.motion import SymbolicMotion
 
 FORMATS = (".npz", ".mat", ".nc")
@@ -44,24 +45,21 @@ def design_folders(names: Sequence[str]) -> dict[str, str]:
 
 
 def export_all(plant: Linearization, loops: Sequence[Loop], folder: Path, points: int) -> list[Path]:
-    """Write A(t), B(t) and the gains over a period in every format, and C source of coefficients and gains.
+    """Write A(t), B(t) and the gains over a period in every format, and C source of coefficients and gains, as one set.
 
     Each design has its C source in a folder named after it; a motion that is given by numbers has no C source of its coefficients.
     Raises: InputError as `design_folders`, before anything is written.
     """
     folders = design_folders([loop.name for loop in loops])
     system, designs = plant.periodic_system(), tuple(loop.design for loop in loops if loop.design is not None)
-    paths = [folder / f"system{ending}" for ending in FORMATS]
-    for path in paths:
-        with replacing(path) as temporary:
-            save(system, temporary, designs, points)
-    if isinstance(plant.motion, SymbolicMotion):
-        with replacing_folder(folder / "c") as temporary:
-            linearization_source(plant, temporary)
-        paths.append(folder / "c")
-    for made in designs:
-        target = folder / folders[made.name]
-        with replacing_folder(target) as temporary:
-            gain_source(made, plant.period, temporary)
-        paths.append(target)
-    return paths
+    names = [f"system{ending}" for ending in FORMATS]
+    with results(folder, "export") as made:
+        for name in names:
+            write_system(system, made / name, designs, points)
+        if isinstance(plant.motion, SymbolicMotion):
+            write_linearization(plant, made / "c")
+            names.append("c")
+        for found in designs:
+            write_gain(found, plant.period, made / folders[found.name])
+            names.append(folders[found.name])
+    return made.placed(*names)

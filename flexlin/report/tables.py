@@ -10,7 +10,8 @@ import flexlin
 from flexlin.about.linear import Linearization
 from flexlin.checks import check_size, memory_limit
 from flexlin.control import Design
-from flexlin.files import replacing
+from flexlin.files import Results
+from flexlin.files.arrays import write_npz
 from flexlin.scene.scene import Scene
 
 MEANING = {
@@ -100,12 +101,10 @@ def storable(data: xarray.Dataset) -> xarray.Dataset:
     return data
 
 
-def write_dataset(data: xarray.Dataset, folder: Path, stem: str) -> list[Path]:
-    """Write `stem`.nc and `stem`.npz; returns their paths."""
-    netcdf, npz = folder / f"{stem}.nc", folder / f"{stem}.npz"
-    with replacing(netcdf) as temporary:
-        data.to_netcdf(temporary, engine="scipy")
+def write_dataset(data: xarray.Dataset, made: Results, stem: str) -> list[Path]:
+    """Write `stem`.nc and `stem`.npz into a set of results; returns where they will stand."""
+    names = f"{stem}.nc", f"{stem}.npz"
+    (made / names[0]).write_bytes(data.to_netcdf(engine="scipy"))
     arrays = {str(name): np.asarray(data[name].values) for name in data.variables}
-    with replacing(npz) as temporary, temporary.open("wb") as file:
-        np.savez(file, allow_pickle=False, **arrays)
-    return [netcdf, npz]
+    write_npz(made / names[1], arrays)
+    return made.placed(*names)

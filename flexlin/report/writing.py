@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexlin.answers.clock import Clock, Progress
-from flexlin.files import write_text
+from flexlin.files import results
 from flexlin.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ def write_report(
     with_audit: bool = False,
     with_sensitivity: bool = False,
 ) -> "tuple[Analysis, list[Path]]":
-    """Analyse a scene and write report.html and report.json into a folder, each whole or not at all.
+    """Analyse a scene and write report.html and report.json into a folder, as one set.
 
     Parameters: command: the command line, which the page shows; progress: called with the name of each step as it begins;
     with_audit, with_sensitivity: also find which effects and which numbers matter (some seconds each).
@@ -52,7 +52,7 @@ def write_report(
         drawn = draw_pictures(analysis)
     analysis = replace(analysis, steps=tuple(clock.steps))
     data = record(analysis)
-    paths = [folder / "report.html", folder / "report.json"]
-    write_text(paths[0], render_page(analysis, data, drawn, command))
-    write_text(paths[1], to_json(data))
-    return analysis, paths
+    with results(folder, "report") as made:
+        (made / "report.html").write_text(render_page(analysis, data, drawn, command), encoding="utf-8")
+        (made / "report.json").write_text(to_json(data), encoding="utf-8")
+    return analysis, made.placed("report.html", "report.json")

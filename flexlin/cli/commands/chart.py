@@ -26,7 +26,7 @@ def run(options: argparse.Namespace) -> int:
 
         from flexlin.answers.clock import Clock
         from flexlin.answers.sweep import check_values, sweep, worst_error
-        from flexlin.files import write_text
+        from flexlin.files import results
         from flexlin.report.figures.chart import draw_chart
         from flexlin.report.page import picture_page
         from flexlin.report.tables import storable, write_dataset
@@ -41,6 +41,7 @@ def run(options: argparse.Namespace) -> int:
     print(picture.caption)
     for line in accuracy_lines(tuple(clock.steps)):
         print(line)
-    page = options.out / "chart.html"
-    write_text(page, picture_page(scene.title, picture, command(options)))
-    return print_paths([page, *write_dataset(storable(data), options.out, "chart")])
+    with results(options.out, "chart") as made:
+        (made / "chart.html").write_text(picture_page(scene.title, picture, command(options)), encoding="utf-8")
+        paths = made.placed("chart.html") + write_dataset(storable(data), made, "chart")
+    return print_paths(paths)

@@ -18,14 +18,16 @@ def run(options: argparse.Namespace) -> int:
         import json
 
         from flexlin.answers.accuracy import cost
-        from flexlin.files import write_text
+        from flexlin.files import results
         from flexlin.report.figures.cost import cost_table, draw_cost
         from flexlin.report.page import picture_page
 
         progress("accuracy against time, stage by stage")
         result = cost(scene)
     print(cost_table(result))
-    page, data = options.out / "cost.html", options.out / "cost.json"
-    write_text(page, picture_page(scene.title, draw_cost(result), command(options)))
-    write_text(data, json.dumps(result.record(), indent=1))
-    return print_paths([page, data])
+    with results(options.out, "cost") as made:
+        (made / "cost.html").write_text(
+            picture_page(scene.title, draw_cost(result), command(options)), encoding="utf-8"
+        )
+        (made / "cost.json").write_text(json.dumps(result.record(), indent=1), encoding="utf-8")
+    return print_paths(made.placed("cost.html", "cost.json"))

@@ -23,6 +23,7 @@ def run(options: argparse.Namespace) -> int:
         from flexlin.answers.clock import Clock
         from flexlin.answers.steady import arm_length
         from flexlin.answers.validity import judge_model
+        from flexlin.files import results
         from flexlin.report.headline import reason
         from flexlin.report.tables import check_gains, gains_dataset, write_dataset
 
@@ -37,7 +38,11 @@ def run(options: argparse.Namespace) -> int:
     for line in accuracy_lines(tuple(clock.steps)):
         say(line)
     made = [loop.design for loop in loops if loop.design is not None]
-    print_paths(write_dataset(gains_dataset(scene, plant, made, options.points), options.out, "gains") if made else [])
+    if made:
+        data = gains_dataset(scene, plant, made, options.points)
+        with results(options.out, "gains") as files:
+            paths = write_dataset(data, files, "gains")
+        print_paths(paths)
     if len(made) < len(loops):
         return FAILED
     met = all(meets(options.require, loop.verdict, model.verdict) for loop, model in zip(loops, models, strict=True))

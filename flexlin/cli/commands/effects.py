@@ -18,7 +18,7 @@ def run(options: argparse.Namespace) -> int:
         progress("load the numerical libraries")
         from flexlin.answers.audit import audit
         from flexlin.answers.clock import Clock
-        from flexlin.files import write_text
+        from flexlin.files import results
         from flexlin.report.record import audit_block, to_json
         from flexlin.report.terminal import audit_lines, say
 
@@ -26,5 +26,7 @@ def run(options: argparse.Namespace) -> int:
         result = Clock(progress).stage("audit of the effects", scene.accuracy, work)
     for line in audit_lines(result):
         say(line)
-    write_text(options.out / "effects.json", to_json({"schema": 1, "title": scene.title, **audit_block(result)}))
-    return print_paths([options.out / "effects.json"])
+    with results(options.out, "effects") as made:
+        text = to_json({"schema": 1, "title": scene.title, **audit_block(result)})
+        (made / "effects.json").write_text(text, encoding="utf-8")
+    return print_paths(made.placed("effects.json"))

@@ -13,6 +13,7 @@ def run(options: argparse.Namespace) -> int:
     scene = loaded(options)
     from flexlin.about.linear import linearize
     from flexlin.answers.clock import Clock
+    from flexlin.files import results
     from flexlin.mechanics import build_manipulator
     from flexlin.report.tables import coefficients_dataset, write_dataset
 
@@ -20,4 +21,6 @@ def run(options: argparse.Namespace) -> int:
     arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
     plant, closed = (linearize(arm, scene.motion, control) for control in (None, scene.control))
     data = clock.stage("coefficients", asked, lambda: coefficients_dataset(scene, plant, closed, options.points))
-    return print_paths(write_dataset(data, options.out, "coefficients"))
+    with results(options.out, "coefficients") as made:
+        paths = write_dataset(data, made, "coefficients")
+    return print_paths(paths)

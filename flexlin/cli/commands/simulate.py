@@ -13,6 +13,7 @@ def run(options: argparse.Namespace) -> int:
     scene = loaded(options)
     from flexlin.about.linear import linearize
     from flexlin.answers.clock import Clock
+    from flexlin.files import results
     from flexlin.mechanics import build_manipulator
     from flexlin.report.progress import Progress
     from flexlin.report.tables import described, write_dataset
@@ -51,11 +52,12 @@ def run(options: argparse.Namespace) -> int:
     data = described(
         result.dataset(), scene, closed.period, "deviations from the rigid motion as states [y; y'], tips in m"
     )
-    paths = write_dataset(data, options.out, "simulation")
-    if options.animate:
-        from flexlin.files import write_text
-        from flexlin.report.animation import animation_page
+    with results(options.out, "simulation") as made:
+        paths = write_dataset(data, made, "simulation")
+        if options.animate:
+            from flexlin.report.animation import animation_page
 
-        write_text(options.out / "animation.html", animation_page(scene, closed, result, command(options)))
-        paths.append(options.out / "animation.html")
+            page = animation_page(scene, closed, result, command(options))
+            (made / "animation.html").write_text(page, encoding="utf-8")
+            paths += made.placed("animation.html")
     return print_paths(paths)

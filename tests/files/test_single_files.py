@@ -8,7 +8,12 @@ import pytest
 from flexlin.cli import main as cli
 from flexlin.cli.main import main
 from flexlin.errors import OutputError
-from flexlin.files import replacing, write_text
+from flexlin.files import replacing
+
+
+def write_text(path: Path, text: str) -> None:
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
 
 
 def test_a_file_is_written_whole(tmp_path: Path) -> None:
@@ -54,5 +59,5 @@ def test_a_fault_of_the_program_is_one_line(capsys: pytest.CaptureFixture[str]) 
         cli.report_fault(IndexError, fault, sys.exc_info()[2])
     message = capsys.readouterr().err
     assert message.count("\n") == 1
-    assert "test_files.py" in message
+    assert "test_single_files.py" in message
     assert "IndexError" in message

@@ -1,0 +1,11 @@
+"""The one door to the disk: a set of results stands whole or not at all, and what is read is a file of sane size.
+
+`docs/results.md` says what a reader may rely on.
+"""
+
+from flexlin.files.folders import check_folder
+from flexlin.files.manifest import MANIFEST
+from flexlin.files.reading import read_text
+from flexlin.files.writing import Results, replacing, results, write_text
+
+__all__ = ["MANIFEST", "Results", "check_folder", "read_text", "replacing", "results", "write_text"]

@@ -1,0 +1,24 @@
+"""Whether a folder can take results, asked before any work is done."""
+
+import os
+from pathlib import Path
+
+from flexlin.errors import OutputError
+
+
+def check_folder(folder: Path) -> None:
+    """Refuse a folder that cannot be made or written to, before any work is done; nothing is created.
+
+    Raises: OutputError.
+    """
+    existing = folder
+    while not existing.exists() and existing != existing.parent:
+        existing = existing.parent
+    if not existing.is_dir():
+        raise OutputError(f"{folder} cannot be the output folder", got=f"{existing}, a file", expected="a folder")
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise OutputError(
+            f"{folder} cannot be the output folder",
+            got=f"{existing} without permission to write",
+            expected="a folder of yours",
+        )

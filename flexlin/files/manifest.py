@@ -1,0 +1,86 @@
+"""Which files belong to which set of results, with the checksum of each: `flexlin-results.json` in the folder of the results."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+
+from flexlin.files.reading import read_text
+
+MANIFEST = "flexlin-results.json"
+FORMAT = 1
+LARGEST = 2**24
+"""Bytes of a manifest."""
+Files = Mapping[str, str]
+"""Names below the folder, parted by /, and their SHA-256."""
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """The sets of a folder by name; no file belongs to two."""
+
+    sets: Mapping[str, Files] = field(default_factory=dict)
+
+    @property
+    def files(self) -> dict[str, str]:
+        """All files of all sets."""
+        return {name: digest for files in self.sets.values() for name, digest in files.items()}
+
+    def having(self, name: str, files: Files) -> "Manifest":
+        """The manifest with a set in the place of what bore its name; files of other sets that it replaces become its own."""
+        others = {
+            other: {path: digest for path, digest in has.items() if path not in files}
+            for other, has in self.sets.items()
+            if other != name
+        }
+        return Manifest({**{other: has for other, has in others.items() if has}, name: files})
+
+    def write(self, folder: Path) -> None:
+        """Write it into a folder; it can be checked with sha256sum."""
+        sets = {name: {"sha256": dict(sorted(files.items()))} for name, files in sorted(self.sets.items())}
+        text = json.dumps({"format": FORMAT, "sets": sets}, indent=1)
+        (folder / MANIFEST).write_text(text + "\n", encoding="utf-8")
+
+
+def read_manifest(folder: Path) -> Manifest:
+    """The manifest of a folder; an empty one where there is none, or none that flexlin could have written."""
+    try:
+        data = json.loads(read_text(folder / MANIFEST, LARGEST))
+        sets = (
+            {str(name): dict(one["sha256"]) for name, one in data["sets"].items()} if data["format"] == FORMAT else {}
+        )
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return Manifest()
+    entries = [entry for files in sets.values() for entry in files.items()]
+    sane = all(isinstance(digest, str) and stays_below(path) for path, digest in entries)
+    return Manifest(sets) if sane else Manifest()
+
+
+def stays_below(name: str) -> bool:
+    """Whether a name of a manifest leads to a place below its folder, whoever wrote it."""
+    path = PurePosixPath(name)
+    return bool(path.parts) and not path.is_absolute() and ".." not in path.parts and not set("\\:\0") & set(name)
+
+
+def files_below(folder: Path) -> dict[str, Path]:
+    """All that is no folder below a folder, by its name parted by /; the manifest is left out."""
+    found = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if not is_folder(path)}
+    found.pop(MANIFEST, None)
+    return found
+
+
+def is_folder(path: Path) -> bool:
+    """Whether it is a folder and no link to one."""
+    return path.is_dir() and not path.is_symlink()
+
+
+def has_digest(path: Path, digest: str | None) -> bool:
+    """Whether a regular file has this content."""
+    return path.is_file() and not path.is_symlink() and digest_of(path) == digest
+
+
+def digest_of(path: Path) -> str:
+    """The SHA-256 of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

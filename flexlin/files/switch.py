@@ -1,0 +1,180 @@
+"""How a staged set takes the place of the old one: in one rename where the folder is flexlin's own, else file by file.
+
+A move that was cut off is gone on with by whoever comes next.
+"""
+
+import os
+import shutil
+from pathlib import Path
+
+from flexlin.errors import OutputError
+from flexlin.files.disk import alone, exchange, sync, sync_all
+from flexlin.files.manifest import (
+    MANIFEST,
+    Files,
+    Manifest,
+    digest_of,
+    files_below,
+    has_digest,
+    is_folder,
+    read_manifest,
+)
+from flexlin.files.staging import INNER, PART, WHOLE, staged, user
+
+
+def switch(stage: Path, target: Path, name: str) -> None:
+    """Let the staged files be the set `name` of the folder `target`.
+
+    The set that a reader finds changes in one rename: of the whole folder where it is new, or where only flexlin writes to it; else of the
+    staging folder, whose files then move to their places. Whoever comes next goes on with moves that were cut off.
+    Raises: OutputError where a folder stands in the place of a file; OSError.
+    """
+    files = {path: digest_of(file) for path, file in files_below(stage).items()}
+    sync_all(stage)
+    with alone(target.parent):
+        finish(target)
+        refuse_clashes(files, target)
+        manifest = read_manifest(target).having(name, files)
+        if not switch_folder(stage, target, manifest, name):
+            switch_files(stage, target, manifest)
+        sync(target.parent)
+
+
+def switch_folder(stage: Path, target: Path, manifest: Manifest, name: str) -> bool:
+    """Let the staging folder be the target, or change places with it; False where that cannot be done, and then nothing has changed."""
+    new = not target.exists()
+    if target in stage.parents or not (new or is_own(target, manifest, manifest.sets[name])):
+        return False
+    try:
+        for path in manifest.files.keys() - manifest.sets[name].keys():
+            if (target / path).exists():
+                (stage / path).parent.mkdir(parents=True, exist_ok=True)
+                os.link(target / path, stage / path)
+    except OSError:  # a file system without second names
+        return False
+    manifest.write(stage)
+    sync(stage / MANIFEST)
+    sync_folders(stage, manifest.files)
+    if new:
+        os.rename(stage, target)
+        return True
+    return take_place(stage, target)
+
+
+def is_own(target: Path, manifest: Manifest, staged_files: Files) -> bool:
+    """Whether nothing but results of flexlin's stands in a folder, as they were written or about to be replaced."""
+    old = read_manifest(target).files
+    tops = {path.partition("/")[0] for path in (MANIFEST, *old, *staged_files)}
+    with os.scandir(target) as entries:
+        if any(entry.name not in tops for entry in entries):
+            return False
+
+    def fits(path: str, file: Path) -> bool:
+        carried = path in old and path in manifest.files and not file.is_symlink()
+        return path in staged_files or carried or has_digest(file, old.get(path))
+
+    return all(fits(path, file) for path, file in files_below(target).items())
+
+
+def may_be_missed(folder: Path) -> bool:
+    """Whether something hangs on the folder itself: a process that works in it, a disk, other owners."""
+    try:
+        here, about = Path.cwd(), folder.stat()
+    except OSError:
+        return True
+    owned = about.st_uid == user() and about.st_gid == folder.parent.stat().st_gid
+    return folder in (here, *here.parents) or os.path.ismount(folder) or not owned
+
+
+def take_place(new: Path, at: Path) -> bool:
+    """Let a new folder and the one in its place change names, in one step; False where that cannot be done."""
+    if may_be_missed(at):
+        return False
+    shutil.copystat(at, new)
+    os.utime(new)
+    return exchange(new, at)
+
+
+def switch_files(stage: Path, target: Path, manifest: Manifest) -> None:
+    """Declare the staging folder whole in one rename, then move its files to their places."""
+    manifest.write(stage)
+    sync(stage / MANIFEST)
+    sync(stage)
+    sync(stage.parent)
+    os.rename(stage.parent, stage.parent.with_suffix(WHOLE))
+    sync(stage.parent.parent)
+    try:
+        finish(target)
+    except BaseException:  # an interrupt in the middle must not leave half of it
+        finish(target)
+        raise
+
+
+def finish(target: Path) -> None:
+    """Move the files of sets that are whole to their places, the manifest last; what the old set had beyond them goes."""
+    for whole in (path for place in (target.parent, target) for path in staged(place, target.name, WHOLE)):
+        stage = whole / INNER
+        manifest, old = read_manifest(stage), read_manifest(target).files
+        if manifest.sets:
+            target.mkdir(parents=True, exist_ok=True)
+            for name in sorted({path.partition("/")[0] for path in manifest.files}):
+                move(stage / name, target / name, name, manifest.files, old)
+            for path in old.keys() - manifest.files.keys():
+                remove(target, path, old[path])
+            sync_folders(target, manifest.files)
+            os.replace(stage / MANIFEST, target / MANIFEST)
+            sync(target)
+        os.rename(whole, whole.with_suffix(PART))
+        shutil.rmtree(whole.with_suffix(PART), ignore_errors=True)
+
+
+def move(new: Path, at: Path, name: str, wanted: Files, old: Files) -> None:
+    """Move a staged file, or a folder with all that is in it, to its place; what is not new is left alone."""
+    if not is_folder(new):
+        if has_digest(new, wanted.get(name)):
+            os.replace(new, at)
+        return
+    inside = {f"{name}/{path}": file for path, file in files_below(new).items()}
+    whole = inside.keys() == {path for path in wanted if path.startswith(f"{name}/")}
+    whole &= all(has_digest(file, wanted[path]) for path, file in inside.items())
+    if whole and not os.path.lexists(at):
+        os.rename(new, at)
+        return
+    there = {f"{name}/{path}": file for path, file in files_below(at).items()}
+    own = all(path in inside or has_digest(file, old.get(path)) for path, file in there.items())
+    if not (whole and own and take_place(new, at)):
+        at.mkdir(exist_ok=True)
+        for child in sorted(new.iterdir()):
+            move(child, at / child.name, f"{name}/{child.name}", wanted, old)
+
+
+def remove(target: Path, path: str, digest: str) -> None:
+    """Take away a file of the old set that nobody has changed since, and its folders where they are empty now."""
+    file = target / path
+    folders = [parent for parent in file.parents if target in parent.parents]
+    if any(folder.is_symlink() for folder in folders):
+        return
+    if has_digest(file, digest):
+        file.unlink()
+    for folder in folders:
+        if folder.is_dir() and not any(folder.iterdir()):
+            folder.rmdir()
+
+
+def sync_folders(folder: Path, files: Files) -> None:
+    """Have the folders that hold files of a set on the disk."""
+    for parent in {(folder / path).parent for path in files} | {folder}:
+        if parent.is_dir():
+            sync(parent)
+
+
+def refuse_clashes(files: Files, target: Path) -> None:
+    """Refuse a folder in the place of a file, and a file in the place of a folder, before anything is moved."""
+    for path in (MANIFEST, *files):
+        for at in (target / path, *(target / path).parents):
+            wrong = is_folder(at) if at == target / path else at.exists() and not at.is_dir()
+            if wrong:
+                got, expected = ("a folder", "a file") if at == target / path else ("a file", "a folder")
+                raise OutputError(f"{at} cannot be written", got=got, expected=f"{expected}, or nothing, of that name")
+            if at == target:
+                break
