@@ -66,7 +66,7 @@ def test_small_chunks_give_the_same_numbers_in_bounded_memory(scene):
 
 def test_values_that_the_batch_cannot_certify_go_one_by_one(scene, monkeypatch):
     """With one and two segments no error estimate can be small: the batch must say so and hand over."""
-    monkeypatch.setattr("flexlin.answers.sweep.STARTS", (1,))
+    monkeypatch.setattr("flexlin.answers.sweep.batches.STARTS", (1,))
     result = sweep(scene, {"effects.payload.mass": [0.03, 0.05]})
     assert result.attrs["one_by_one"] == 2
     assert result.one_by_one.all()

@@ -1,5 +1,6 @@
 """The chain: from a scene's links and effects to kinetic energy, potential energy and dissipation."""
 
+import warnings
 from collections.abc import Iterable
 from dataclasses import replace
 
@@ -15,7 +16,7 @@ from flexlin.mechanics.frames import Frame, X, Z, column
 from flexlin.mechanics.link_shapes import choose_basis
 from flexlin.mechanics.links import Basis, BentLink
 from flexlin.mechanics.manipulator import Manipulator
-from flexlin.mechanics.parameters import Parameters
+from flexlin.mechanics.parameters import Parameters, given_to_model
 from flexlin.scene.library import registered_model
 from flexlin.scene.links import Link
 from flexlin.scene.loading import checked_table
@@ -116,14 +117,23 @@ def _free_motors(arm: Manipulator) -> Manipulator:
 
 
 def _build_registered(scene: Scene, free: Parameters) -> Manipulator:
-    """Build a model that Python code has registered, with its own checked parameters."""
-    if any(path.startswith("parameters.") for path in free.paths):
-        raise ArgumentError(
-            "the parameters of a registered model cannot be left free", got=free.paths, expected="none of parameters.*"
-        )
+    """Build a model that Python code has registered, with its own checked parameters; the free ones are symbols in its table.
+
+    Raises: ArgumentError where its code asks for numbers and cannot do with symbols.
+    """
     entry = registered_model(str(scene.model))
     table = checked_table(entry.schema, scene.parameters, f"model {scene.model}", "parameters")
-    manipulator: Manipulator = entry.build(table)
+    own = [path for path in free.paths if path.startswith("parameters.")]
+    if not own:
+        manipulator: Manipulator = entry.build(table)
+        return replace(manipulator, parameters=free)
+    try:
+        with given_to_model(free), warnings.catch_warnings():
+            warnings.simplefilter("error")
+            manipulator = entry.build(free.placed_in(table, "parameters."))
+    except Exception as error:  # code of the model's own meets symbols that it may not expect
+        got = f"{', '.join(own)} ({str(error).splitlines()[0][:120]})"
+        raise ArgumentError(f"the model {scene.model} takes numbers, no symbols", got=got) from error
     return replace(manipulator, parameters=free)
 
 

@@ -11,7 +11,7 @@ from flexlin.mechanics.coordinates import Coordinate
 from flexlin.mechanics.coriolis import derive_coriolis
 from flexlin.mechanics.driving import describe_driving
 from flexlin.mechanics.named_functions import NamedFunctions
-from flexlin.mechanics.parameters import Parameters
+from flexlin.mechanics.parameters import Parameters, parameters_at_hand
 from flexlin.mechanics.validation import check_shapes, check_symbols, need_quadratic, validate
 from flexlin.scene.effects import Effects
 from flexlin.summary import represent
@@ -184,7 +184,9 @@ class Manipulator(Expressions):
         damping = ca.SX.zeros(n) if damping is None else damping
         s_ddot = ca.SX.sym("s_ddot", n)
         check_shapes(n, M=(M, n), C=(C, n), g=(g, 1), damping=(damping, 1), B=(B, None))
-        check_symbols(ca.vertcat(s, s_dot), M=M, C=C, g=g, damping=damping, B=B)
+        parameters = parameters_at_hand()
+        known = ca.vertcat(s, s_dot, parameters.symbols)
+        check_symbols(known, M=M, C=C, g=g, damping=damping, B=B)
         arm = cls(
             s,
             s_dot,
@@ -194,6 +196,7 @@ class Manipulator(Expressions):
             g=ca.SX(g),
             damping=ca.SX(damping),
             **describe_driving(n, B, joints, names),
+            parameters=parameters,
             points=points,
             coriolis=ca.SX(C),
         )
@@ -272,7 +275,7 @@ class Manipulator(Expressions):
         B = ca.DM.eye(n) if B is None else B
         R = ca.SX(0) if dissipation is None else dissipation
         resisting = ca.SX.zeros(n) if resistance is None else resistance
-        parameters = parameters or Parameters()
+        parameters = parameters_at_hand(parameters)
         check_shapes(1, T=(T, 1), V=(V, 1), dissipation=(R, 1))
         check_shapes(n, B=(B, None), resistance=(resisting, 1))
         known = ca.vertcat(s, s_dot, parameters.symbols)

@@ -1,6 +1,8 @@
 """Scene parameters left free: symbols in the expressions, each with its dotted path and nominal value."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from typing import TypeVar
 
@@ -36,7 +38,8 @@ class Parameters(Expressions):
         paths = tuple(paths)
         values = [get_value(scene, path) for path in paths]
         for path, value in zip(paths, values, strict=True):
-            if not isinstance(value, float):
+            whole = path.startswith("parameters.") and type(value) is int  # a model's table is not checked yet
+            if not isinstance(value, float) and not whole:
                 raise ArgumentError(
                     f"{path} cannot be left free", got=repr(value)[:80], expected="a real number of the scene"
                 )
@@ -49,3 +52,21 @@ class Parameters(Expressions):
             if path.startswith(prefix):
                 table = replace_value(table, path.removeprefix(prefix), self.symbols[i])
         return table
+
+
+_given: ContextVar[Parameters | None] = ContextVar("given", default=None)
+
+
+@contextmanager
+def given_to_model(parameters: Parameters) -> Iterator[None]:
+    """Within the block, equations that are made without a list of parameters hold these."""
+    token = _given.set(parameters)
+    try:
+        yield
+    finally:
+        _given.reset(token)
+
+
+def parameters_at_hand(parameters: Parameters | None = None) -> Parameters:
+    """The parameters that are named; else those given to the model that is being built; else none."""
+    return parameters or _given.get() or Parameters()

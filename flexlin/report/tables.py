@@ -93,11 +93,15 @@ def described(data: xarray.Dataset, scene: Scene, period: float, equation: str) 
 
 
 def storable(data: xarray.Dataset) -> xarray.Dataset:
-    """The data with complex numbers parted into _re and _im, which netCDF can hold."""
+    """The data as netCDF can hold it: complex numbers parted into _re and _im; repeated texts as numbers that `flag_meanings` explains."""
     for name in [str(name) for name in data.data_vars if np.iscomplexobj(data[name])]:
         parts = {f"{name}_re": data[name].real, f"{name}_im": data[name].imag}
         named = {key: part.assign_attrs(data[name].attrs) for key, part in parts.items()}
         data = data.drop_vars(name).assign(named)
+    for name in [str(name) for name in data.data_vars if data[name].dtype == object]:
+        texts, codes = np.unique(data[name].values.astype(str), return_inverse=True)
+        flags = {"flag_values": np.arange(len(texts)), "flag_meanings": " | ".join(texts.tolist())}
+        data = data.assign({name: (data[name].dims, codes.reshape(data[name].shape).astype(np.int32), flags)})
     return data
 
 

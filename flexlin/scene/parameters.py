@@ -26,7 +26,7 @@ def replace_value(node: Any, path: str, value: Any) -> Any:
     step, _, rest = path.partition(".")
     child = _child(node, step, path)
     new = replace_value(child, rest, value) if rest else value
-    if isinstance(node, tuple):
+    if isinstance(node, (tuple, list)):
         i = int(step)
         return (*node[:i], new, *node[i + 1 :])
     if isinstance(node, dict):
@@ -40,7 +40,7 @@ def numeric_paths(node: Any, prefix: str = "") -> list[str]:
         return [prefix]
     if isinstance(node, BaseModel):
         children = [(name, getattr(node, name)) for name in type(node).model_fields]
-    elif isinstance(node, tuple):
+    elif isinstance(node, (tuple, list)):
         children = [(str(i), child) for i, child in enumerate(node)]
     elif isinstance(node, dict):
         children = list(node.items())
@@ -51,7 +51,7 @@ def numeric_paths(node: Any, prefix: str = "") -> list[str]:
 
 def _child(node: Any, step: str, path: str) -> Any:
     try:
-        if isinstance(node, tuple):
+        if isinstance(node, (tuple, list)):
             return node[int(step)]
         if isinstance(node, dict):
             return node[step]
@@ -70,7 +70,7 @@ def _child(node: Any, step: str, path: str) -> Any:
 
 def _names(node: Any) -> list[str]:
     """What a path may go on with at a table of the scene."""
-    if isinstance(node, tuple):
+    if isinstance(node, (tuple, list)):
         return [str(i) for i in range(len(node))]
     if isinstance(node, dict):
         return list(node)

@@ -1,0 +1,138 @@
+"""Which loop on the arm is asked about while scene numbers vary: the scene's own, the open arm, or one that is designed."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexlin.about.free import KeptGain, ParametricLoop, parametric_loop
+from flexlin.checks import Array
+from flexlin.control import design
+from flexlin.errors import ArgumentError, ModelError, SceneError
+from flexlin.periodic.system import PeriodicSystem
+from flexlin.scene.control import DesignTable
+from flexlin.scene.parameters import get_value
+from flexlin.scene.revised import revise_scene
+from flexlin.scene.scene import Scene
+from flexlin.summary import represent
+
+REDONE = ", redone"
+"""What is written behind a design's name to have it made anew at each value."""
+
+
+NEARBY, PROBES = 0.03, 17
+"""How far from the scene's own numbers, and at how many phases, two ways to the same equations are compared."""
+
+
+@dataclass(frozen=True, eq=False)
+class RedesignedLoop:
+    """A loop whose controller is designed anew, to `tol`, at each point of the free scene numbers."""
+
+    plant: "ParametricLoop | RebuiltLoop"
+    table: DesignTable
+    tol: float
+
+    __repr__ = represent
+
+    @property
+    def states(self) -> int:
+        """The number of states."""
+        return self.plant.states
+
+    def system_at(self, point: Array) -> PeriodicSystem:
+        """The closed loop at one point (P,)."""
+        return design(self.plant.system_at(point), self.table, self.tol).closed_loop
+
+
+@dataclass(frozen=True, eq=False)
+class RebuiltLoop:
+    """A loop whose equations are derived anew at each point, for models whose code takes numbers and no symbols."""
+
+    scene: Scene
+    paths: tuple[str, ...]
+    closed: bool
+    states: int
+    kept: KeptGain | None = None
+
+    __repr__ = represent
+
+    def system_at(self, point: Array) -> PeriodicSystem:
+        """The loop at one point (P,)."""
+        scene = revise_scene(self.scene, dict(zip(self.paths, map(float, point), strict=True)))
+        loop = parametric_loop(scene, (), closed=self.closed)
+        return (loop if self.kept is None else loop.with_gain(self.kept)).system_at(np.zeros(0))
+
+    def with_gain(self, kept: KeptGain) -> "RebuiltLoop":
+        """The loop u = -K(phase) [y; y'] on this arm."""
+        return replace(self, kept=kept)
+
+
+def choose_loop(
+    scene: Scene, paths: Iterable[str], loop: str = "own", tol: float = 1e-9
+) -> ParametricLoop | RedesignedLoop | RebuiltLoop:
+    """The loop that a word names, with the numbers at the dotted paths left free.
+
+        "own": the scene's; "open": no feedback; a design's name: its gain as designed with the scene's own numbers, kept while they
+        vary, as a function of the phase; the name followed by ", redone": designed anew at each value
+
+    Parameters: tol: relative error of designed gains.
+    Raises: ArgumentError for an unknown loop, or a free number of a controller that is not in it; what `design` raises.
+    """
+    paths = tuple(paths)
+    if loop == "own":
+        return leave_free(scene, paths, closed=True)
+    table = None if loop == "open" else find_design(scene, loop)
+    strangers = [path for path in paths if path.startswith("control.")]
+    if strangers:
+        todo = "ask for loop = own"
+        raise ArgumentError("the scene's controller has no part in this loop", got=f"{strangers[0]}, {loop}", todo=todo)
+    plant = leave_free(scene, paths, closed=False)
+    if table is None:
+        return plant
+    if loop == table.name + REDONE:
+        return RedesignedLoop(plant, table, tol)
+    made = design(parametric_loop(scene, (), closed=False).system_at(np.zeros(0)), table, tol)
+    period = made.closed_loop.period
+    return plant.with_gain(KeptGain(made.K, period, tuple(t / period for t in made.closed_loop.breaks)))
+
+
+def leave_free(scene: Scene, paths: tuple[str, ...], closed: bool) -> ParametricLoop | RebuiltLoop:
+    """The scene's own loop or the open arm with free numbers: as symbols, or derived anew at each point where that cannot be."""
+    if not any(path.startswith("parameters.") for path in paths):
+        return parametric_loop(scene, paths, closed=closed)
+    fixed = parametric_loop(scene, (), closed=closed)
+    rebuilt = RebuiltLoop(scene, paths, closed, fixed.states)
+    try:
+        loop = parametric_loop(scene, paths, closed=closed)
+    except (ArgumentError, ModelError):  # the model's code takes numbers only
+        for path in paths:
+            get_value(scene, path)
+        return rebuilt
+    return loop if is_same_model(loop, rebuilt) else rebuilt
+
+
+def is_same_model(loop: ParametricLoop, rebuilt: RebuiltLoop) -> bool:
+    """Whether a model written in Python means the same with symbols as with numbers, at the scene's own point and beside it.
+
+    Its code may take decisions, or read its own tables of numbers, that no symbol shows.
+    """
+    for factor in (1.0, 1 + NEARBY):
+        point = loop.nominal * factor
+        try:
+            exact = rebuilt.system_at(point)
+        except SceneError:
+            continue
+        phases = np.linspace(0.0, 1.0, PROBES, endpoint=False)
+        A, again = loop.system_at(point).A(phases * exact.period), exact.A(phases * exact.period)
+        if not np.allclose(A, again, rtol=1e-9, atol=1e-9 * np.abs(again).max()):
+            return False
+    return True
+
+
+def find_design(scene: Scene, loop: str) -> DesignTable:
+    """The design that a word names. Raises: ArgumentError with the words that there are."""
+    for table in scene.designs:
+        if loop in (table.name, table.name + REDONE):
+            return table
+    words = ["own", "open", *(word for table in scene.designs for word in (table.name, table.name + REDONE))]
+    raise ArgumentError("there is no such loop", got=repr(loop), expected=" | ".join(words))

@@ -1,0 +1,138 @@
+"""Exponents of many values together by NumPy, in batches of bounded memory."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from flexlin.about.free import ParametricLoop
+from flexlin.answers.sweep.found import Found
+from flexlin.checks import Array
+from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.many import batched_exponents
+from flexlin.periodic.many.algebra import solve_positive
+from flexlin.periodic.many.romberg import measure_spread
+
+CHUNK_BYTES = 2**26
+"""Working memory of one batch."""
+STARTS = (8, 12, 16, 24, 32, 48, 64, 96, 128)
+"""Numbers of segments among which the pilot chooses."""
+SLACK = 1.1
+"""The spread of the moduli may exceed the pilot's by this factor."""
+PILOTS, ENOUGH = 24, 0.9
+"""Values on which the pilot runs, and the share of them that must reach the tolerance."""
+HARMONICS = (6, 8, 10, 12, 16, 24, 32, 48, 64)
+"""Harmonics of the period with which the coefficients may be represented."""
+TAIL = 1e-4
+"""The two highest harmonics of a representation must be this small against the coefficients, in units of the tolerance."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How a batch is computed: segments of the coarsest resolution, harmonics tried first, expected spread of the moduli."""
+
+    segments: int
+    harmonics: int = HARMONICS[0]
+    spread: float = np.inf
+
+
+@dataclass(frozen=True)
+class Batches:
+    """The batched computation over chosen points."""
+
+    loop: ParametricLoop
+    points: Array
+    tol: float
+    chunk_bytes: int
+
+    def fill(self, found: Found, which: Array, plan: "Plan") -> None:
+        """Compute the values `which`: together, those that missed tol again on twice the segments, and the rest one by one."""
+        found.period[which] = self.loop.periods(self.points[which])
+        narrow = self.find_narrow(which)
+        alone, which = which[narrow], which[~narrow]
+        for trial in (plan, replace(plan, segments=2 * plan.segments)) if len(which) else ():
+            size = self.values_in_chunk(trial.segments)
+            parts = [which[i : i + size] for i in range(0, len(which), size)]
+            left = [self.try_together(found, part, trial) for part in parts]
+            which = np.concatenate([which[:0], *left])
+        for i in (*alone, *which):
+            found.put_alone(i, partial(self.loop.system_at, self.points[i]), self.tol)
+
+    def find_narrow(self, which: Array) -> Array:
+        """Which values have coefficients with narrow features, which a batch would step over."""
+        if not self.loop.linearization.may_be_narrow:
+            return np.zeros(len(which), dtype=bool)
+        return np.array([bool(self.loop.at(self.points[i]).features) for i in which], dtype=bool)
+
+    def try_together(self, found: Found, which: Array, plan: "Plan") -> Array:
+        """Enter the values that reach tol; return those that do not."""
+        logs, errors, reached, _ = self.batch(which, plan)
+        T = found.period[which, None]
+        found.put(which[reached], (logs / T)[reached], (errors / T)[reached])
+        return which[~reached]
+
+    def batch(self, which: Array, plan: "Plan") -> tuple[Array, Array, Array, "Plan"]:
+        """Logs (V, n) of the multipliers, their errors, whether they meet tol, and the plan with what was learnt."""
+        points = self.points[which]
+        T = self.loop.periods(points)
+        coefficients, usable, harmonics = prepare_coefficients(self.loop, points, T, plan, self.tol)
+        result = batched_exponents(
+            coefficients, plan.segments, self.loop.phase_breaks, self.tol / 100, SLACK * plan.spread
+        )
+        logs, errors = result.logs.T, result.errors.T
+        allowed = self.tol * np.maximum(T[:, None], np.abs(logs))
+        reached = usable & result.sound & np.all(errors <= allowed, axis=1)
+        learnt = replace(plan, harmonics=harmonics, spread=measure_spread(result.logs[:, reached]))
+        return logs, errors, reached, learnt
+
+    def values_in_chunk(self, segments: int) -> int:
+        """How many values a batch may hold: coefficients at the nodes of the finest resolution, its factors, and copies of both."""
+        n, pieces = self.loop.linearization.n, segments + len(self.loop.phase_breaks)
+        nodes, factors = 8 * pieces, 4 * pieces
+        return max(1, int(self.chunk_bytes // (8 * (3 * nodes * 2 * n * n + 5 * factors * 4 * n * n))))
+
+
+def choose_plan(batches: Batches) -> Plan:
+    """The least number of segments on which a few values, spread over all, reach the tolerance."""
+    plan = Plan(STARTS[0])
+    for segments in STARTS:
+        some = min(PILOTS, batches.values_in_chunk(segments))
+        which = np.unique(np.linspace(0, len(batches.points) - 1, some).round().astype(int))
+        reached, plan = batches.batch(which, replace(plan, segments=segments, spread=np.inf))[2:]
+        if reached.mean() >= ENOUGH:
+            break
+    return plan
+
+
+def prepare_coefficients(
+    loop: ParametricLoop, points: Array, T: Array, plan: Plan, tol: float
+) -> tuple[Callable[[Array], tuple[Array, Array]], Array, int]:
+    """X = -T^2 M^-1 K, Y = -T M^-1 D as function phases (N,) -> (N, n, n, V), where they are finite (V,), and the harmonics it took.
+
+    Without breaks they are sampled at 2 H + 1 phases and interpolated by their Fourier series of H harmonics, once the two highest
+    harmonics have vanished; else, or when that needs more samples than there are nodes, they are evaluated at each phase asked.
+    """
+    n = loop.linearization.n
+
+    def exact(phases: Array) -> Array:
+        M, D, K = (
+            np.moveaxis(A.reshape(len(phases), len(points), n, n), (0, 1), (2, 3)) for A in loop.sample(phases, points)
+        )
+        stacked = np.concatenate([T * K, D], axis=1).reshape(n, 2 * n, -1)
+        Z = solve_positive(M.reshape(n, n, -1), stacked)
+        return np.moveaxis(Z.reshape(n, 2 * n, len(phases), -1), 2, 0) * -T
+
+    def split(Z: Array) -> tuple[Array, Array]:
+        return Z[:, :, :n], Z[:, :, n:]
+
+    usable: Array = np.ones(len(points), dtype=bool)
+    if not loop.phase_breaks:
+        for harmonics in (h for h in HARMONICS if plan.harmonics <= h < 4 * plan.segments):
+            Z = exact(np.arange(2 * harmonics + 1) / (2 * harmonics + 1))
+            usable = np.asarray(np.isfinite(Z).all(axis=(0, 1, 2)))
+            Z[..., ~usable] = 0.0
+            series = FourierSeries.through(Z, 1.0)
+            if series.tail <= max(TAIL * tol, 3e-15):
+                return lambda phases, series=series: split(series(phases)), usable, harmonics
+    return lambda phases: split(np.nan_to_num(exact(phases))), usable, HARMONICS[-1]

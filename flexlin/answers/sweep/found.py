@@ -1,0 +1,94 @@
+"""What a sweep knows of each value, and the dataset that comes of it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from flexlin.checks import Array
+from flexlin.errors import FlexlinError, TimeLimit
+from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.system import PeriodicSystem
+from flexlin.scene.scene import Scene
+
+VERDICTS = np.array(["undecided", "stable", "unstable", "failed"])
+FAILED = 3
+WITHIN = "the growth rate is zero to within its error: a smaller tol may decide"
+
+
+@dataclass
+class Found:
+    """What is known of each value so far."""
+
+    exponents: Array
+    error: Array
+    verdict: Array
+    period: Array
+    one_by_one: Array
+    reason: Array
+
+    @classmethod
+    def empty(cls, values: int, states: int) -> "Found":
+        code, flag = np.zeros(values, dtype=np.int8), np.zeros(values, dtype=bool)
+        numbers = (
+            np.full((values, states), np.nan, dtype=complex),
+            np.full(values, np.nan),
+            code,
+            np.full(values, np.nan),
+        )
+        return cls(*numbers, flag, np.full(values, "", dtype=object))
+
+    def put(self, which: Array, exponents: Array, errors: Array) -> None:
+        """Enter exponents and errors (V, n): unordered, and judge them."""
+        order = np.argsort(-exponents.real, axis=1, kind="stable")
+        self.exponents[which] = np.take_along_axis(exponents, order, axis=1)
+        self.error[which] = errors.max(axis=1)
+        growth = exponents.real
+        self.verdict[which] = np.where((growth > errors).any(axis=1), 2, np.where((growth < -errors).all(axis=1), 1, 0))
+        self.reason[which] = np.where(self.verdict[which] == 0, WITHIN, "")
+
+    def put_alone(self, i: int, make: Callable[[], PeriodicSystem], tol: float) -> None:
+        """Enter what `floquet` says of one value, or why its equations have no answer."""
+        self.one_by_one[i] = True
+        try:
+            system = make()
+            result = floquet(system, tol)
+        except (FlexlinError, np.linalg.LinAlgError) as error:
+            if isinstance(error, TimeLimit):
+                raise
+            self.verdict[i], self.reason[i] = FAILED, str(error)
+            return
+        self.exponents[i], self.error[i], self.period[i] = result.exponents, result.errors.max(), system.period
+        self.verdict[i], self.reason[i] = VERDICTS.tolist().index(result.verdict), result.reason
+
+
+def build_dataset(
+    scene: Scene,
+    axes: dict[str, Array],
+    found: Found,
+    shape: tuple[int, ...],
+    dims: tuple[str, ...],
+    about: dict[str, str | float],
+) -> xr.Dataset:
+    """The result with names and units."""
+    each = {name: (dims, getattr(found, name).reshape(shape)) for name in ("error", "period", "one_by_one", "reason")}
+    coords = {path: (path if dims != ("value",) else "value", axis) for path, axis in axes.items()}
+    data = xr.Dataset(
+        {
+            "exponents": ((*dims, "mode"), found.exponents.reshape(*shape, -1), {"units": "1/s"}),
+            "verdict": (dims, VERDICTS[found.verdict].reshape(shape)),
+            **each,
+        },
+        coords=coords,
+        attrs={"title": scene.title, **about, "one_by_one": int(found.one_by_one.sum())},
+    )
+    data["error"].attrs["units"], data["period"].attrs["units"] = "1/s", "s"
+    return data
+
+
+def worst_error(data: xr.Dataset) -> float:
+    """The largest error of a sweep, in 1/s up to |exponent| = 1/s and relative beyond; values with unresolved exponents are left out."""
+    size = np.abs(data["exponents"].values).max(axis=-1, initial=1.0)
+    errors = data["error"].values / size
+    return float(errors[np.isfinite(errors)].max(initial=0.0))

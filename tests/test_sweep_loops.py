@@ -1,0 +1,126 @@
+"""Sweeps of every loop, of models written in Python, and over values that a scene or its equations refuse."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from pydantic import BaseModel
+
+import flexlin as fl
+from flexlin.control import design
+from flexlin.errors import ArgumentError, SceneError
+from flexlin.scene import register_model
+
+PAYLOAD = "effects.payload.mass"
+LQR = {
+    "name": "LQR",
+    "kind": "periodic-lqr",
+    "state_weight": [100.0, 100.0, 1.0, 1.0],
+    "input_weight": [0.1],
+}
+SMALL = {"links.0.modes": 1, "designs": [LQR]}
+
+
+def plant_of(scene):
+    return fl.linearize(fl.build_manipulator(scene), scene.motion).periodic_system()
+
+
+def largest_gap(found, exact):
+    return float(np.abs(found[:, None] - exact.exponents).min(axis=1).max())
+
+
+@pytest.mark.parametrize(("path", "values"), [(PAYLOAD, [0.01, 0.1]), ("motion.frequency", [0.4, 0.9])])
+def test_each_loop_agrees_with_one_built_by_hand(path, values):
+    scenes = [fl.load_scene("single-link", {**SMALL, path: value}) for value in values]
+    scene = fl.load_scene("single-link", SMALL)
+    kept, T = design(plant_of(scene), scene.designs[0]), 1 / scene.motion.frequency
+    loops = {
+        "own": lambda s: fl.linearize(fl.build_manipulator(s), s.motion, s.control).periodic_system(),
+        "open": plant_of,
+        "LQR": lambda s: plant_of(s).feedback(lambda t: kept.K(t * T * s.motion.frequency)),
+        "LQR, redone": lambda s: design(plant_of(s), s.designs[0]).closed_loop,
+    }
+    for name, build in loops.items():
+        data = fl.sweep(scene, {path: values}, 1e-8, loop=name)
+        assert data.attrs["loop"] == name
+        for i, other in enumerate(scenes):
+            exact = fl.floquet(build(other), 1e-10)
+            assert largest_gap(data["exponents"].values[i], exact) <= 2e-8 * np.abs(exact.exponents).max(), name
+            assert data["verdict"].values[i] == exact.verdict
+
+
+def test_a_model_written_in_python_is_swept_by_symbols_or_rebuilt_at_each_value():
+    """A pendulum whose code takes symbols, one that refuses them, and one that means something else with them."""
+
+    class Table(BaseModel):
+        length: float
+
+    def build(length):
+        q, rate = ca.SX.sym("q"), ca.SX.sym("rate")
+        return fl.Manipulator.from_lagrangian(q, rate, (length * rate) ** 2 / 2, -9.81 * length * ca.cos(q))
+
+    register_model("swept pendulum", Table, lambda p: build(p.length))
+    register_model("counting pendulum", Table, lambda p: build(float(p.length)))
+    register_model("lying pendulum", Table, lambda p: build(p.length if isinstance(p.length, float) else 2 * p.length))
+    motion = {"kind": "harmonic", "frequency": 0.5, "joints": [{"amplitude": 0.3}]}
+    feedback = {"kind": "pd", "kp": [3.0], "kd": [0.4]}
+    raw = {"schema": 1, "title": "A pendulum", "parameters": {"length": 1}, "motion": motion}
+    alone = []
+    for model in ("swept pendulum", "counting pendulum", "lying pendulum"):
+        scene = fl.parse_scene({**raw, "model": model, "control": {"feedback": feedback}})
+        data = fl.sweep(scene, {"parameters.length": [0.5, 0.8]})
+        alone.append(data.attrs["one_by_one"])
+        long = fl.parse_scene(
+            {**raw, "model": model, "control": {"feedback": feedback}}, overrides={"parameters.length": 0.8}
+        )
+        exact = fl.floquet(fl.linearize(fl.build_manipulator(long), long.motion, long.control).periodic_system())
+        assert largest_gap(data["exponents"].values[1], exact) < 3e-8
+    assert alone == [0, 2, 2]
+
+
+@pytest.mark.parametrize(
+    ("path", "values", "key"),
+    [
+        (PAYLOAD, [0.1, -0.5], "effects.payload.mass: got -0.5"),
+        (PAYLOAD, [*np.linspace(0.0, 1.0, 3000), -1e-9], "effects.payload.mass: got -1e-09"),
+        ("links.0.length", [0.5, 0.0], "links.0.length: got 0"),
+        ("motion.frequency", [1.0, 1e-40], "motion.frequency"),
+    ],
+)
+def test_a_value_that_the_scene_refuses_is_named_before_anything_is_computed(path, values, key, monkeypatch):
+    monkeypatch.setattr("flexlin.answers.sweep.run.choose_loop", lambda *_: pytest.fail("computed"))
+    with pytest.raises(SceneError, match=key):
+        fl.sweep(fl.load_scene("single-link", SMALL), {path: values})
+
+
+def test_a_registered_models_own_table_is_checked():
+    with pytest.raises(SceneError, match=r"parameters\.payload_mass: got -0\.1"):
+        fl.sweep(fl.load_scene("khang-2019"), {"parameters.payload_mass": [0.1, -0.1]})
+
+
+def test_a_value_whose_equations_break_is_marked_and_the_others_stand():
+    """Two masses on springs, coupled by inertia: M = [[1, c], [c, 1]] is singular at c = 1 and indefinite above."""
+
+    class Table(BaseModel):
+        coupling: float
+
+    def build(table):
+        s, rate = ca.SX.sym("s", 2), ca.SX.sym("rate", 2)
+        M = ca.vertcat(ca.horzcat(1, table.coupling), ca.horzcat(table.coupling, 1))
+        return fl.Manipulator.from_matrices(s, rate, M, ca.SX(2, 2), ca.densify(s), damping=rate)
+
+    register_model("coupled", Table, build)
+    motion = {"kind": "harmonic", "frequency": 0.5, "joints": [{"amplitude": 0.3}] * 2}
+    raw = {"schema": 1, "title": "Coupled", "model": "coupled", "parameters": {"coupling": 0.5}, "motion": motion}
+    data = fl.sweep(fl.parse_scene(raw), {"parameters.coupling": [0.2, 1.0, 0.5]})
+    assert data["verdict"].values.tolist() == ["stable", "failed", "stable"]
+    assert data["reason"].values.tolist()[::2] == ["", ""]
+    assert "singular" in data["reason"].values[1]
+    assert np.isnan(data["exponents"].values[1]).all()
+
+
+def test_loops_that_are_not_there_are_refused():
+    scene = fl.load_scene("single-link", SMALL)
+    with pytest.raises(ArgumentError, match=r"own .* open .* LQR"):
+        fl.sweep(scene, {PAYLOAD: [0.1]}, loop="lqr")
+    with pytest.raises(ArgumentError, match="no part in this loop"):
+        fl.sweep(scene, {"control.feedback.kp.0": [1.0]}, loop="open")
