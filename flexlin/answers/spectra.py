@@ -8,7 +8,8 @@ import numpy as np
 
 from flexlin.about.free import ParametricLoop, parametric_loop
 from flexlin.answers.sensitivity import integrate_derivatives
-from flexlin.answers.sweep import CHUNK_BYTES, Batches, Found, Plan, choose_plan
+from flexlin.answers.sweep.batches import CHUNK_BYTES, Batches, Plan, choose_plan
+from flexlin.answers.sweep.found import Found
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.boundary.spectra import Spectra
