@@ -9,11 +9,10 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError
-from flexlin.series.engine import expand, seeded
 from flexlin.series.indices import indices
 from flexlin.series.polynomial import Polynomial
 from flexlin.series.recording import record_expressions
-from flexlin.series.space import Numeric
+from flexlin.series.support import bytes_of, expand_by_support
 from flexlin.summary import represent
 
 
@@ -148,10 +147,8 @@ def taylor(A: Any, x: Any, x0: ArrayLike, order: int) -> TaylorMap:
     check_symbols("x", x)
     point = real_array("x0", x0, (x.numel(),))
     tape = record_expressions("A", [ca.vec(A)], [x])
-    table = indices(x.numel(), order, tape.size)
-    space = Numeric(table)
-    (outputs,) = expand(tape, space, [seeded(space, point, np.eye(len(point)))])
-    coefficients = np.array(outputs).T.reshape(table.size, -1)
+    table = indices(x.numel(), order, bytes_of(tape, len(point), max(order, 0)))
+    coefficients = np.array(expand_by_support(tape, point, order)).T.reshape(table.size, -1)
     check_analytic(coefficients, "x0", point)
     return TaylorMap(Polynomial(table, coefficients), point, A.shape)
 

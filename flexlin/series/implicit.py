@@ -1,5 +1,6 @@
 """From equations f(u, v) = 0 to the Taylor map of v(u)."""
 
+from math import comb
 from typing import Any
 
 import casadi as ca
@@ -81,7 +82,7 @@ def implicit_taylor(f: Any, u: Any, v: Any, u0: ArrayLike, v0: ArrayLike, order:
         )
     point, guess = real_array("u0", u0, (u.numel(),)), real_array("v0", v0, (v.numel(),))
     tape = record_expressions("f", [f], [u, v])
-    table = indices(len(point), order, tape.size)
+    table = indices(len(point), order, 8 * tape.size * comb(len(point) + max(order, 0), len(point)))
     solution = closed(tape, point, guess)
     space = Numeric(table)
     series = expand_implicit(tape, space, seeded(space, point, np.eye(len(point))), solution)

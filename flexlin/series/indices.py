@@ -2,13 +2,17 @@
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from itertools import combinations_with_replacement
 from math import comb
 
 import numpy as np
 
 from flexlin.checks import Array, check_size
 from flexlin.errors import ArgumentError
+
+UNDIVIDED = 4
+"""Up to so many variables, the monomials of a degree stand in one row."""
+TABLES = 50_000
+"""Products of two coefficients up to which they are listed; more are made by blocks."""
 
 
 @dataclass(frozen=True)
@@ -23,41 +27,106 @@ class Pairs:
 class Indices:
     """The multi-indices alpha in n variables with |alpha| <= order: binomial(n + order, order) of them.
 
-    A monomial is known by the sorted tuple of its factors, such as (0, 0, 1) for x0^2 x1; degrees follow each other.
+    Degrees follow each other. Few variables: within a degree the exponents fall lexicographically. Many variables: they are divided into
+    a head y and a tail z, and degree k is a row of matrices, y^beta z^gamma with |beta| = k, k - 1 ... 0; rows beta, columns gamma.
     """
 
     def __init__(self, n: int, order: int):
         self.n, self.order = n, order
-        self.factors = [t for k in range(order + 1) for t in combinations_with_replacement(range(n), k)]
         self.start = np.array([comb(n + k - 1, n) if k else 0 for k in range(order + 2)])
-        self.size = len(self.factors)
+        self.size = int(self.start[-1])
+        self.divided = n > UNDIVIDED
+        self.kept: dict[tuple[int, int], Array] = {}
+        if self.divided:
+            self.head = shared_indices((n + 2) // 2, order)
+            self.tail = shared_indices(n - self.head.n, order)
+
+    def __reduce__(self) -> tuple:
+        return shared_indices, (self.n, self.order)
 
     def degree(self, k: int) -> slice:
         """Where the monomials of degree k stand."""
         return slice(int(self.start[k]), int(self.start[k + 1]))
 
+    def width(self, k: int) -> int:
+        """Return how many monomials have degree k."""
+        return int(self.start[k + 1] - self.start[k])
+
     @cached_property
-    def up(self) -> Array:
-        """up[i, j]: the place of monomial i times x_j, for i of degree below the order (rows, n)."""
-        place = {t: i for i, t in enumerate(self.factors)}
-        below = self.factors[: self.start[self.order]]
-        table = [[place[tuple(sorted((*t, j)))] for j in range(self.n)] for t in below]
-        return np.array(table, dtype=np.intp).reshape(len(below), self.n)
+    def tabulated(self) -> bool:
+        """Whether products are few enough to be listed one by one."""
+        return not self.divided or comb(2 * self.n + self.order, self.order) <= TABLES
+
+    def blocks(self, k: int, part: Array) -> list[Array]:
+        """Return a part of degree k as its matrices, by the degree 0 ... k of the head's factor."""
+        shapes = [(self.head.width(d), self.tail.width(k - d)) for d in range(k, -1, -1)]
+        ends = np.cumsum([rows * columns for rows, columns in shapes])
+        return [one.reshape(shape) for one, shape in zip(np.split(part, ends[:-1]), shapes, strict=True)][::-1]
 
     @cached_property
     def powers(self) -> Array:
         """alpha itself for each monomial (size, n)."""
-        return np.array([np.bincount(t, minlength=self.n) for t in self.factors], dtype=int).reshape(self.size, self.n)
+        rows = [self.powers_of(k) for k in range(self.order + 1)]
+        return np.concatenate(rows, axis=1).T
+
+    def powers_of(self, k: int) -> Array:
+        """Return the exponents of degree k, one row a variable (n, width)."""
+        kind = np.int8 if self.order < 100 else np.int64
+        if not self.divided:
+            return falling(self.n, k).astype(kind)
+        pieces = []
+        for d in range(k, -1, -1):
+            y, z = self.head.powers_of(d), self.tail.powers_of(k - d)
+            pieces.append(np.concatenate([np.repeat(y, z.shape[1], axis=1), np.tile(z, y.shape[1])]))
+        return np.concatenate(pieces, axis=1)
+
+    def rank(self, powers: Array) -> Array:
+        """Return the places of exponents (n, N) of equal degree within that degree (N,).
+
+            rank = sum_i binomial(n - i - 2 + r_i, n - i - 1),   r_i: what is left of the degree behind variable i
+
+        as so many monomials with a larger exponent of variable i, and equal ones before, come first.
+        """
+        k = int(powers[:, :1].sum())
+        if self.divided:
+            first, second = powers[: self.head.n], powers[self.head.n :]
+            return self.rank_of_product(first, second, k)
+        left, places = np.full(powers.shape[1], k), np.zeros(powers.shape[1], dtype=np.intp)
+        for i in range(self.n - 1):
+            left = left - powers[i]
+            places += np.array([comb(self.n - i - 2 + r, self.n - i - 1) if r else 0 for r in range(k + 1)])[left]
+        return places
+
+    def rank_of_product(self, first: Array, second: Array, k: int) -> Array:
+        """Return the places of y^first z^second within degree k."""
+        degrees = first.sum(axis=0, dtype=np.intp)
+        widths = [self.head.width(d) * self.tail.width(k - d) for d in range(k + 1)]
+        before = np.cumsum([0, *widths[:0:-1]])[::-1]
+        places = np.empty(first.shape[1], dtype=np.intp)
+        for d in range(k + 1):
+            where = np.flatnonzero(degrees == d)
+            if len(where):
+                rows, columns = self.head.rank(first[:, where]), self.tail.rank(second[:, where])
+                places[where] = before[d] + rows * self.tail.width(k - d) + columns
+        return places
 
     @cached_property
     def degrees(self) -> Array:
         """|alpha| for each monomial (size,)."""
-        return self.powers.sum(axis=1)
+        return np.repeat(np.arange(self.order + 1), np.diff(self.start))
 
     @cached_property
     def factorials(self) -> Array:
         """alpha! for each monomial (size,)."""
         return np.cumprod(np.maximum(1, np.arange(self.order + 1.0)))[self.powers].prod(axis=1)
+
+    def sums(self, i: int, j: int) -> Array:
+        """Return the place, within degree i + j, of each product of monomials of degree i and j (width_i, width_j)."""
+        if (i, j) not in self.kept:
+            a, b = self.powers_of(i), self.powers_of(j)
+            places = self.rank((a[:, :, None] + b[:, None, :]).reshape(self.n, -1))
+            self.kept[i, j] = places.astype(np.int32).reshape(a.shape[1], -1)
+        return self.kept[i, j]
 
     @lru_cache(maxsize=64)  # noqa: B019  an Indices lives as long as its cache in `indices`
     def pairs(self, k: int) -> Pairs:
@@ -65,57 +134,77 @@ class Indices:
         blocks = []
         for i in range(k + 1):
             a, b = (np.arange(self.start[d], self.start[d + 1]) for d in (i, k - i))
-            left, right = np.repeat(a, len(b)), np.tile(b, len(a))
-            result = left
-            for step in np.array([self.factors[j] for j in b], dtype=np.intp).reshape(len(b), k - i).T:
-                result = self.up[result, np.tile(step, len(a))]
-            blocks.append((result, left, right))
+            blocks.append((self.sums(i, k - i).ravel(), np.repeat(a, len(b)), np.tile(b, len(a))))
         result, left, right = (np.concatenate(column) for column in zip(*blocks, strict=True))
         sequence = np.argsort(result, kind="stable")
-        start = np.searchsorted(result[sequence], np.arange(self.start[k], self.start[k + 1]))
+        start = np.searchsorted(result[sequence], np.arange(self.width(k)))
         return Pairs(left[sequence], right[sequence], start)
 
     def dense(self, k: int) -> Array:
         """The place of the monomial of each column (i_1 ... i_k) of the Kronecker layout, i_k fastest (n^k,)."""
         table = np.zeros(1, dtype=np.intp)
-        for _ in range(k):
-            table = self.up[table].ravel()
-        return table
+        for j in range(k):
+            table = self.sums(j, 1)[table].ravel()
+        return table + self.start[k]
 
     def monomials(self, x: Array) -> Array:
         """All monomials at points x (..., n): (..., size)."""
         values = np.empty((*x.shape[:-1], self.size), dtype=x.dtype)
         values[..., 0] = 1.0
+        if self.divided:
+            y, z = self.head.monomials(x[..., : self.head.n]), self.tail.monomials(x[..., self.head.n :])
         for k in range(1, self.order + 1):
-            values[..., self.degree(k)] = values[..., self.parent[self.degree(k)]] * x[..., self.last[self.degree(k)]]
+            where = self.degree(k)
+            if not self.divided:
+                np.multiply(values[..., self.parent[where]], x[..., self.last[where]], out=values[..., where])
+                continue
+            begin = where.start
+            for d in range(k, -1, -1):
+                block = y[..., self.head.degree(d), None] * z[..., None, self.tail.degree(k - d)]
+                end = begin + block.shape[-1] * block.shape[-2]
+                values[..., begin:end] = block.reshape(*x.shape[:-1], -1)
+                begin = end
         return values
 
     @cached_property
     def last(self) -> Array:
         """The last factor of each monomial (size,), 0 for the constant."""
-        return np.array([t[-1] if t else 0 for t in self.factors], dtype=np.intp)
+        return self.n - 1 - np.argmax(self.powers[:, ::-1] > 0, axis=1) if self.order else np.zeros(1, dtype=np.intp)
 
     @cached_property
     def parent(self) -> Array:
         """The place of each monomial without its last factor (size,)."""
-        place = {t: i for i, t in enumerate(self.factors)}
-        return np.array([place[t[:-1]] for t in self.factors], dtype=np.intp)
+        places = [np.zeros(1, dtype=np.intp)]
+        for k in range(1, self.order + 1):
+            less = self.powers_of(k)
+            less[self.last[self.degree(k)], np.arange(less.shape[1])] -= 1
+            places.append(self.start[k - 1] + self.rank(less))
+        return np.concatenate(places)
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=64)
+def falling(n: int, k: int) -> Array:
+    """Return the exponents of degree k in n variables, falling lexicographically (n, binomial(n + k - 1, k))."""
+    if n <= 1:
+        return np.full((n, 1 if n or not k else 0), k)
+    rest = [falling(n - 1, m) for m in range(k + 1)]
+    return np.concatenate([np.concatenate([np.full((1, one.shape[1]), k - m), one]) for m, one in enumerate(rest)], axis=1)
+
+
+@lru_cache(maxsize=64)
 def shared_indices(n: int, order: int) -> Indices:
     """Return the kept Indices of n variables and this order."""
     return Indices(n, order)
 
 
-def indices(n: int, order: int, numbers: int) -> Indices:
-    """Return the multi-indices for a computation that holds `numbers` series, or refuse.
+def indices(n: int, order: int, series: int) -> Indices:
+    """Return the multi-indices for a computation whose series take so many bytes, or refuse.
 
     Raises: ArgumentError on a negative order; TooLarge when series and product tables need an unreasonable number of bytes.
     """
     if order < 0 or n < 1:
         raise ArgumentError("a series needs variables and an order", got=(n, order), expected="n >= 1, order >= 0")
-    size = 8 * (numbers * comb(n + order, n) + 4 * comb(2 * n + order, order))
+    size = series + 32 * (comb(2 * n + order, order) if n <= UNDIVIDED else comb(n + 2 + order, order))
     check_size(
         f"a series of order {order} in {n} variables", size, "lower the order, or take a series in one direction"
     )

@@ -9,7 +9,7 @@ A function is computed from the differential equation that it satisfies.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 from flexlin.checks import Array
 from flexlin.series.space import Numeric, Symbolic, choose
@@ -17,6 +17,16 @@ from flexlin.series.space import Numeric, Symbolic, choose
 Space = Numeric | Symbolic
 Series = list[Array]
 """The coefficients of each node, by the node's number."""
+
+
+class Readable(Protocol):
+    """The coefficients of each node as one node reads them; a list of them is one."""
+
+    def __getitem__(self, i: int, /) -> Any:
+        """Return the series of a node."""
+        ...
+
+
 Increments = Mapping[int, Array]
 """Movements of parts of one degree, by the node's number; a node not in it does not move."""
 
@@ -29,11 +39,11 @@ class Node(Protocol):
         """The nodes whose parts of equal degree it reads."""
         ...
 
-    def value(self, space: Space, c: Series) -> Array:
+    def value(self, space: Space, c: Readable) -> Array:
         """Return the part of degree 0, of length 1."""
         ...
 
-    def part(self, space: Space, c: Series, k: int) -> Array:
+    def part(self, space: Space, c: Readable, k: int) -> Array:
         """Return the part of degree k."""
         ...
 
@@ -49,10 +59,10 @@ class Sum:
     operands: tuple[int, int]
     factors: tuple[float, float]
 
-    def value(self, space: Space, c: Series) -> Array:
+    def value(self, space: Space, c: Readable) -> Array:
         return self.part(space, c, 0)
 
-    def part(self, space: Space, c: Series, k: int) -> Array:
+    def part(self, space: Space, c: Readable, k: int) -> Array:
         a, b = (c[i][space.indices.degree(k)] for i in self.operands)
         return times(self.factors[0], a) + times(self.factors[1], b)
 
@@ -67,11 +77,11 @@ class Product:
 
     operands: tuple[int, int]
 
-    def value(self, space: Space, c: Series) -> Array:
+    def value(self, space: Space, c: Readable) -> Array:
         a, b = self.operands
         return c[a][:1] * c[b][:1]
 
-    def part(self, space: Space, c: Series, k: int) -> Array:
+    def part(self, space: Space, c: Readable, k: int) -> Array:
         a, b = self.operands
         return space.convolve(c[a], c[b], k)
 
@@ -87,11 +97,11 @@ class Quotient:
     operands: tuple[int, int]
     result: int
 
-    def value(self, space: Space, c: Series) -> Array:
+    def value(self, space: Space, c: Readable) -> Array:
         a, b = self.operands
         return c[a][:1] / c[b][:1]
 
-    def part(self, space: Space, c: Series, k: int) -> Array:
+    def part(self, space: Space, c: Readable, k: int) -> Array:
         a, b = self.operands
         return (c[a][space.indices.degree(k)] - space.convolve(c[self.result], c[b], k)) / c[b][:1]
 
@@ -107,10 +117,10 @@ class Root:
     operands: tuple[int]
     result: int
 
-    def value(self, space: Space, c: Series) -> Array:
+    def value(self, space: Space, c: Readable) -> Array:
         return space.apply("sqrt", c[self.operands[0]][:1])
 
-    def part(self, space: Space, c: Series, k: int) -> Array:
+    def part(self, space: Space, c: Readable, k: int) -> Array:
         y = c[self.result]
         return (c[self.operands[0]][space.indices.degree(k)] - space.convolve(y, y, k)) / (2 * y[:1])
 
@@ -130,11 +140,11 @@ class Integral:
     parameter: float | None = None
     slope: int = -1
 
-    def value(self, space: Space, c: Series) -> Array:
+    def value(self, space: Space, c: Readable) -> Array:
         u = c[self.operands[0]][:1]
         return space.apply(self.function, u, *([0 * u + self.parameter] if self.parameter is not None else []))
 
-    def part(self, space: Space, c: Series, k: int) -> Array:
+    def part(self, space: Space, c: Readable, k: int) -> Array:
         return space.integrate(c[self.operands[0]], c[self.slope], k)
 
     def increment(self, c: Series, delta: Increments) -> Array:
@@ -148,11 +158,11 @@ class Angle:
     operands: tuple[int, int]
     slopes: tuple[int, int]
 
-    def value(self, space: Space, c: Series) -> Array:
+    def value(self, space: Space, c: Readable) -> Array:
         a, b = self.operands
         return space.apply("atan2", c[a][:1], c[b][:1])
 
-    def part(self, space: Space, c: Series, k: int) -> Array:
+    def part(self, space: Space, c: Readable, k: int) -> Array:
         (a, b), (p, q) = self.operands, self.slopes
         return space.integrate(c[a], c[p], k) - space.integrate(c[b], c[q], k)
 
@@ -169,10 +179,10 @@ class Switch:
     read: tuple[int, ...]
     operands: tuple[int, ...] = ()
 
-    def value(self, space: Space, c: Series) -> Array:
+    def value(self, space: Space, c: Readable) -> Array:
         return space.apply(self.function, *[c[i][:1] for i in self.read])
 
-    def part(self, space: Space, c: Series, k: int) -> Array:
+    def part(self, space: Space, c: Readable, k: int) -> Array:
         return space.zero()[space.indices.degree(k)]
 
     def increment(self, c: Series, delta: Increments) -> Array:
@@ -186,10 +196,10 @@ class Choice:
     switch: int
     operands: tuple[int]
 
-    def value(self, space: Space, c: Series) -> Array:
+    def value(self, space: Space, c: Readable) -> Array:
         return choose(c[self.switch][:1], c[self.operands[0]][:1])
 
-    def part(self, space: Space, c: Series, k: int) -> Array:
+    def part(self, space: Space, c: Readable, k: int) -> Array:
         return choose(c[self.switch][:1], c[self.operands[0]][space.indices.degree(k)])
 
     def increment(self, c: Series, delta: Increments) -> Array:

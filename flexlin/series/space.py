@@ -8,6 +8,8 @@ import casadi as ca
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.series.blocks import multiply_parts
+from flexlin.series.embedding import Coefficients, reach, whole
 from flexlin.series.functions import CASADI, NUMPY
 from flexlin.series.indices import Indices
 
@@ -22,15 +24,28 @@ class Numeric:
         """Return the series 0."""
         return np.zeros((self.indices.size, *self.batch), dtype=self.dtype)
 
-    def convolve(self, a: Array, b: Array, k: int) -> Array:
+    def convolve(self, a: Coefficients, b: Coefficients, k: int) -> Array:
         """Return the part of degree k of a product."""
-        pairs = self.indices.pairs(k)
-        return np.add.reduceat(a[pairs.left] * b[pairs.right], pairs.start, axis=0)
+        if self.indices.tabulated or self.batch:
+            pairs, a, b = self.indices.pairs(k), whole(a), whole(b)
+            return np.add.reduceat(a[pairs.left] * b[pairs.right], pairs.start, axis=0)
+        return self.sum_products(a, b, k, np.ones(k + 1))
 
-    def integrate(self, u: Array, g: Array, k: int) -> Array:
+    def integrate(self, u: Coefficients, g: Coefficients, k: int) -> Array:
         """Return the part of degree k of y with y' = g u', by the Euler derivative: k y_k = sum_j j u_j g_(k-j)."""
-        degrees = self.indices.degrees.reshape(-1, *[1] * len(self.batch))
-        return self.convolve(degrees * u, g, k) / k
+        if self.indices.tabulated or self.batch:
+            degrees = self.indices.degrees.reshape(-1, *[1] * len(self.batch))
+            return self.convolve(degrees * whole(u), g, k) / k
+        return self.sum_products(u, g, k, np.arange(k + 1) / k)
+
+    def sum_products(self, a: Coefficients, b: Coefficients, k: int, weights: Array) -> Array:
+        """Return sum_i weights_i a_i b_(k-i), leaving out parts that are zero."""
+        total = self.zero()[self.indices.degree(k)]
+        for i in range(max(0, k - reach(b)), min(k, reach(a)) + 1):
+            left, right = a[self.indices.degree(i)], b[self.indices.degree(k - i)]
+            if weights[i] and left.any() and right.any():
+                total += multiply_parts(self.indices, weights[i] * left, i, right, k - i)
+        return total
 
     def apply(self, name: str, *arguments: Array) -> Array:
         """Apply an elementary function elementwise."""

@@ -1,0 +1,81 @@
+"""Products of homogeneous polynomials in many variables, as products of small matrices instead of coefficient by coefficient.
+
+With variables divided into a head y and a tail z, a part of degree k is a row of matrices A_d (Indices.blocks), d its degree in y:
+
+    (a b)_(gamma) = sum_(alpha + beta = gamma) A_alpha * B_beta,    A_alpha, B_beta: rows, which are polynomials in z
+
+A product in z is a product with the matrix T of a, T[mu, nu] = a_(nu - mu), so all rows of B take part in one matrix product;
+the sum over alpha + beta = gamma is one product with a sparse matrix of ones. Rows of zeros take no part.
+"""
+
+import numpy as np
+from scipy.sparse import csc_array
+
+from flexlin.checks import Array
+from flexlin.series.indices import Indices
+
+BUILDING, MULTIPLYING = 1.5, 0.1
+"""Nanoseconds an entry of T takes to be gathered, and a product with it."""
+AT_ONCE = 200_000
+"""Entries of products before summation that are held at once, so that they stay in the cache."""
+
+
+def multiply_parts(indices: Indices, a: Array, i: int, b: Array, j: int) -> Array:
+    """Return the product of a part of degree i and one of degree j (width of degree i + j,)."""
+    if i == 0 or j == 0:
+        return a * b
+    total = np.zeros(indices.width(i + j), dtype=np.result_type(a, b))
+    into = indices.blocks(i + j, total)
+    right = [occupied_rows(B) for B in indices.blocks(j, b)]
+    for d, (rows, A) in enumerate(occupied_rows(A) for A in indices.blocks(i, a)):
+        for e, (others, B) in enumerate(right):
+            if len(rows) and len(others):
+                places = indices.head.sums(d, e)[np.ix_(rows, others)]
+                add_product(into[d + e], places, indices.tail, (A, i - d), (B, j - e))
+    return total
+
+
+def occupied_rows(A: Array) -> tuple[Array, Array]:
+    """Return which rows are not zero, and these rows."""
+    rows = np.flatnonzero(A.any(axis=1))
+    return rows, A if len(rows) == len(A) else A[rows]
+
+
+def add_product(into: Array, places: Array, tail: Indices, a: tuple[Array, int], b: tuple[Array, int]) -> None:
+    """Add A_alpha * B_beta to row places[alpha, beta] for all rows alpha and beta.
+
+    Parameters: a, b: rows with their degree in z. The one whose matrices T cost less gives them.
+    """
+    (A, m), (B, n) = a, b
+    entries = [len(one) * tail.width(k) * (BUILDING + MULTIPLYING * len(other)) for one, other, k in ((A, B, n), (B, A, m))]
+    if entries[1] < entries[0]:
+        (A, m), (B, n), places = (B, n), (A, m), places.T
+    if m == 0 or n == 0:
+        if m == 0:
+            (A, m), (B, n), places = (B, n), (A, m), places.T
+        pattern = csc_array(
+            (np.tile(B[:, 0], len(A)), places.ravel(), np.arange(0, places.size + 1, len(B))), shape=(len(into), len(A))
+        )
+        into += pattern @ A
+        return
+    step = max(1, AT_ONCE // (len(B) * into.shape[1]))
+    table = differences(tail, n, m)
+    for first in range(0, len(A), step):
+        rows = A[first : first + step]
+        padded = np.concatenate([rows, np.zeros((len(rows), 1), dtype=rows.dtype)], axis=1)
+        products = np.matmul(B, np.take(padded, table, axis=1, mode="clip")).reshape(-1, into.shape[1])
+        where = places[first : first + step].ravel()
+        ones = np.ones(len(where), dtype=products.dtype)
+        into += csc_array((ones, where, np.arange(len(where) + 1)), shape=(len(into), len(where))) @ products
+
+
+def differences(tail: Indices, n: int, m: int) -> Array:
+    """Return the place within degree m of monomial nu of degree n + m over mu of degree n, one behind the last where mu does not divide nu.
+
+    Returns: (width_n, width_(n + m)).
+    """
+    if ("over", n, m) not in tail.kept:
+        table = np.full((tail.width(n), tail.width(n + m)), tail.width(m), dtype=np.intp)
+        np.put_along_axis(table, tail.sums(n, m).astype(np.intp), np.arange(tail.width(m))[None, :], axis=1)
+        tail.kept["over", n, m] = table
+    return tail.kept["over", n, m]

@@ -1,0 +1,89 @@
+"""Explicit series, each held in the variables that it depends on and computed to the degree that it reaches."""
+
+from dataclasses import dataclass
+from math import comb
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.series.embedding import Coefficients, Embedded, whole
+from flexlin.series.indices import TABLES, shared_indices
+from flexlin.series.nodes import Choice, Node, Product, Sum
+from flexlin.series.space import Numeric
+from flexlin.series.tape import Tape
+
+
+@dataclass(frozen=True)
+class Support:
+    """Which variables a node depends on, and the highest degree it has (at most the order)."""
+
+    variables: tuple[int, ...]
+    reach: int
+
+
+def find_supports(tape: Tape, order: int) -> list[Support]:
+    """Return the support of each node of a tape with one input, its entries being the variables."""
+    supports = [Support((), 0)] * tape.size
+    for i, node in enumerate(tape.inputs[0]):
+        supports[node] = Support((i,), min(1, order))
+    for node, operation in tape.operations:
+        read = [supports[i] for i in operation.operands]
+        variables = tuple(sorted({i for one in read for i in one.variables}))
+        supports[node] = Support(variables, min(order, reach_of(operation, [one.reach for one in read], order)))
+    return supports
+
+
+def reach_of(operation: Node, reaches: list[int], order: int) -> int:
+    """Return the highest degree of a result, from those of its operands."""
+    if isinstance(operation, Product):
+        return sum(reaches)
+    if isinstance(operation, Sum | Choice):
+        return max(reaches)
+    return order if any(reaches) else 0
+
+
+@dataclass(frozen=True)
+class Reading:
+    """The series of a tape as one node reads them: in the variables of that node."""
+
+    series: list[Array]
+    supports: list[Support]
+    node: int
+    order: int
+
+    def __getitem__(self, i: int) -> Coefficients:
+        own, wider = self.supports[i].variables, self.supports[self.node].variables
+        if own == wider or not set(own) <= set(wider):
+            return self.series[i]
+        among = tuple(wider.index(j) for j in own)
+        sizes = (shared_indices(len(own), self.order), shared_indices(len(wider), self.order))
+        return Embedded(self.series[i], *sizes, among, self.supports[i].reach)
+
+
+@np.errstate(all="ignore")
+def expand_by_support(tape: Tape, point: Array, order: int) -> list[Array]:
+    """Return the series of all outputs in all variables of the tape's one input; nan or infinite where they do not exist."""
+    supports = find_supports(tape, order)
+    spaces = [Numeric(shared_indices(len(one.variables), order)) for one in supports]
+    series = [space.zero() for space in spaces]
+    for node, value in zip(tape.inputs[0], point, strict=True):
+        series[node][: min(2, len(series[node]))] = [value, 1.0][: len(series[node])]
+    for node, value in tape.constants.items():
+        series[node][0] = value
+    readings = {node: Reading(series, supports, node, order) for node, _ in tape.operations}
+    for node, operation in tape.operations:
+        series[node][:1] = operation.value(spaces[node], readings[node])
+    for k in range(1, order + 1):
+        for node, operation in tape.operations:
+            if k <= supports[node].reach:
+                series[node][spaces[node].indices.degree(k)] = operation.part(spaces[node], readings[node], k)
+    wide = shared_indices(len(point), order)
+    return [
+        whole(Embedded(series[i], spaces[i].indices, wide, supports[i].variables, order)) for i in tape.outputs[0]
+    ]
+
+
+def bytes_of(tape: Tape, n: int, order: int) -> int:
+    """Return the memory that the series of a tape in n variables, its outputs and one product take."""
+    sizes = [comb(len(one.variables) + order, order) for one in find_supports(tape, order)]
+    return 8 * (sum(sizes) + (2 * len(tape.outputs[0]) + 2) * comb(n + order, order) + TABLES)
