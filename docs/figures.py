@@ -110,6 +110,23 @@ def taylor_cost() -> str:
     return when(record) + "\n\n" + table(["route", "order 5", "ratio", "order 8"], lines)
 
 
+def taylor_variables() -> str:
+    """The tip of an arm of twelve joints, beside daceypy."""
+    record = measured("taylor_variables")
+    lines = [
+        [
+            row["tool"],
+            str(row["order"]),
+            duration(1e3 * row["expand"]),
+            duration(1e3 * row["evaluate"]),
+            f"{row['bytes'] / 1e6:.0f} MB",
+            f"{row['error']:.0e}",
+        ]
+        for row in record["rows"]
+    ]
+    return when(record) + "\n\n" + table(["tool", "order", "expand", "evaluate", "memory", "error in m"], lines)
+
+
 def riccati_race() -> str:
     """The periodic Riccati solver beside SciPy's integrators, at 1e-10."""
     record = measured("riccati_race")
@@ -198,6 +215,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "hard-cases": hard_cases,
     "cost-of-accuracy": cost_of_accuracy,
     "taylor-cost": taylor_cost,
+    "taylor-variables": taylor_variables,
     "riccati-race": riccati_race,
     "scaling": scaling,
     "tracking": tracking,
@@ -224,6 +242,10 @@ def measure_taylor_cost(out: str) -> dict[str, Any]:
     return {"rows": [asdict(cost) for cost in import_module("taylor_cost").main("full")]}
 
 
+def measure_taylor_variables(out: str) -> dict[str, Any]:
+    return {"rows": [asdict(cost) for cost in import_module("taylor_variables").main("full")]}
+
+
 def measure_riccati_race(out: str) -> dict[str, Any]:
     return {"times": import_module("lqr_designs").race()}
 
@@ -237,6 +259,7 @@ def measure_scaling(out: str) -> dict[str, Any]:
 MEASURES = {
     "cost_of_accuracy": measure_cost_of_accuracy,
     "taylor_cost": measure_taylor_cost,
+    "taylor_variables": measure_taylor_variables,
     "riccati_race": measure_riccati_race,
     "scaling": measure_scaling,
 }
@@ -262,6 +285,7 @@ RECORDED: dict[str, Callable[[Any, dict[str, Any], Path], None]] = {
         [study.Row(**row) for row in record["rows"]], out / "x.svg"
     ),
     "taylor_cost": lambda study, record, out: study.draw([study.Cost(**row) for row in record["rows"]], out),
+    "taylor_variables": lambda study, record, out: study.draw([study.Cost(**row) for row in record["rows"]], out),
     "scaling": lambda study, record, out: study.draw(
         [study.Cost(**not_measured(row)) for row in record["rows"]],
         {"floquet": float("nan"), **record["exponents"]},

@@ -3,6 +3,7 @@
 The inverse kinematics of a planar 5-bar (2 inputs, 4 outputs), all derivatives at one point, by: the dense Kronecker recursion; nested
 CasADi Jacobians; nested Jacobians of a CasADi rootfinder; the power-series engine in numbers; the same unrolled to a casadi.Function and
 compiled as C; Newton's method in daceypy's truncated polynomials (where installed). Error and memory by order, times as ratios of one run.
+Twelve variables instead of two: `taylor_variables.py`.
 
 Run: python studies/taylor_cost.py [--size small] [--out DIR]
 """

@@ -16,6 +16,8 @@ from flexlin.series.indices import Indices
 
 BUILDING, MULTIPLYING = 1.5, 0.1
 """Nanoseconds an entry of T takes to be gathered, and a product with it."""
+FEW = 3
+"""Rows up to which a loop is faster than a sparse matrix."""
 AT_ONCE = 200_000
 """Entries of products before summation that are held at once, so that they stay in the cache."""
 
@@ -47,16 +49,18 @@ def add_product(into: Array, places: Array, tail: Indices, a: tuple[Array, int],
     Parameters: a, b: rows with their degree in z. The one whose matrices T cost less gives them.
     """
     (A, m), (B, n) = a, b
-    entries = [len(one) * tail.width(k) * (BUILDING + MULTIPLYING * len(other)) for one, other, k in ((A, B, n), (B, A, m))]
+    entries = [
+        len(one) * tail.width(k) * (BUILDING + MULTIPLYING * len(other)) for one, other, k in ((A, B, n), (B, A, m))
+    ]
     if entries[1] < entries[0]:
         (A, m), (B, n), places = (B, n), (A, m), places.T
-    if m == 0 or n == 0:
-        if m == 0:
-            (A, m), (B, n), places = (B, n), (A, m), places.T
-        pattern = csc_array(
-            (np.tile(B[:, 0], len(A)), places.ravel(), np.arange(0, places.size + 1, len(B))), shape=(len(into), len(A))
-        )
-        into += pattern @ A
+    if m == 0:
+        (A, m), (B, n), places = (B, n), (A, m), places.T
+    if n == 0:
+        for weight, where in zip(B[:, 0], places.T, strict=True) if len(B) <= FEW else []:
+            into[where] += weight * A
+        if len(B) > FEW:
+            add_rows(into, places.ravel(), np.tile(B[:, 0], len(A)), A)
         return
     step = max(1, AT_ONCE // (len(B) * into.shape[1]))
     table = differences(tail, n, m)
@@ -65,8 +69,16 @@ def add_product(into: Array, places: Array, tail: Indices, a: tuple[Array, int],
         padded = np.concatenate([rows, np.zeros((len(rows), 1), dtype=rows.dtype)], axis=1)
         products = np.matmul(B, np.take(padded, table, axis=1, mode="clip")).reshape(-1, into.shape[1])
         where = places[first : first + step].ravel()
-        ones = np.ones(len(where), dtype=products.dtype)
-        into += csc_array((ones, where, np.arange(len(where) + 1)), shape=(len(into), len(where))) @ products
+        if len(rows) == 1 or len(B) == 1:
+            into[where] += products
+        else:
+            add_rows(into, where, np.ones(len(where), dtype=products.dtype), products)
+
+
+def add_rows(into: Array, where: Array, weights: Array, rows: Array) -> None:
+    """Add each row to as many places as there are for it, times weights."""
+    ends = np.arange(0, len(where) + 1, len(where) // len(rows))
+    into += csc_array((weights, where, ends), shape=(len(into), len(rows))) @ rows
 
 
 def differences(tail: Indices, n: int, m: int) -> Array:

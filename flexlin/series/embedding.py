@@ -1,13 +1,12 @@
 """Series in some of the variables, read as series in more."""
 
 from dataclasses import dataclass
-from functools import lru_cache
 from sys import maxsize
 
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.series.indices import Indices, shared_indices
+from flexlin.series.indices import Indices, kept_indices
 
 
 @dataclass(frozen=True)
@@ -24,9 +23,16 @@ class Embedded:
     reach: int
 
     def __getitem__(self, where: slice) -> Array:
-        k = int(np.searchsorted(self.indices.start, where.start or 0, side="right")) - 1 if where.start else 0
+        k = int(np.searchsorted(self.indices.start, where.start, side="right")) - 1 if where.start else 0
         part = np.zeros(self.indices.width(k), dtype=self.series.dtype)
-        part[embed(self.among, self.indices.n, self.indices.order, k)] = self.series[self.own.degree(k)]
+        if k <= self.reach:
+            blocks = self.indices.blocks(k, part), self.own.blocks(k, self.series[self.own.degree(k)])
+            first = tuple(i for i in self.among if i < self.indices.head.n)
+            second = tuple(i - self.indices.head.n for i in self.among[len(first) :])
+            for d, (target, source) in enumerate(zip(*blocks, strict=True)):
+                if source.size:
+                    rows = places_among(first, self.indices.head, d)
+                    target[rows[:, None], places_among(second, self.indices.tail, k - d)] = source
         return part
 
 
@@ -46,11 +52,12 @@ def whole(series: Coefficients) -> Array:
     return series
 
 
-@lru_cache(maxsize=256)
-def embed(among: tuple[int, ...], n: int, order: int, k: int) -> Array:
-    """Return the places, within degree k in n variables, of the monomials of the variables `among`."""
-    own, wider = shared_indices(len(among), order), shared_indices(n, order)
-    powers = own.powers_of(k)
-    spread = np.zeros((n, powers.shape[1]), dtype=powers.dtype)
-    spread[list(among)] = powers
-    return wider.rank(spread)
+def places_among(among: tuple[int, ...], indices: Indices, k: int) -> Array:
+    """Return the places within degree k of the monomials in the variables `among`."""
+    key = ("among", among, k)
+    if key not in indices.kept:
+        powers = kept_indices(len(among), 0, indices.order).powers_of(k)
+        spread = np.zeros((indices.n, powers.shape[1]), dtype=powers.dtype)
+        spread[list(among)] = powers
+        indices.kept[key] = indices.rank(spread)
+    return indices.kept[key]

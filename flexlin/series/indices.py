@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import comb
+from typing import Any
 
 import numpy as np
 
@@ -29,20 +30,22 @@ class Indices:
 
     Degrees follow each other. Few variables: within a degree the exponents fall lexicographically. Many variables: they are divided into
     a head y and a tail z, and degree k is a row of matrices, y^beta z^gamma with |beta| = k, k - 1 ... 0; rows beta, columns gamma.
+
+    Parameters: head, tail: numbers of variables; no tail: they are not divided.
     """
 
-    def __init__(self, n: int, order: int):
-        self.n, self.order = n, order
-        self.start = np.array([comb(n + k - 1, n) if k else 0 for k in range(order + 2)])
+    def __init__(self, head: int, tail: int, order: int):
+        self.n, self.order = head + tail, order
+        self.start = np.array([comb(self.n + k - 1, self.n) if k else 0 for k in range(order + 2)])
         self.size = int(self.start[-1])
-        self.divided = n > UNDIVIDED
-        self.kept: dict[tuple[int, int], Array] = {}
-        if self.divided:
-            self.head = shared_indices((n + 2) // 2, order)
-            self.tail = shared_indices(n - self.head.n, order)
+        self.divided = tail > 0
+        self.kept: dict[Any, Array] = {}
+        self.layouts: dict[int, list[tuple[int, int, tuple[int, int]]]] = {}
+        self.head = kept_indices(head, 0, order) if self.divided else self
+        self.tail = kept_indices(tail if self.divided else 0, 0, order) if self.n else self
 
     def __reduce__(self) -> tuple:
-        return shared_indices, (self.n, self.order)
+        return kept_indices, (self.n - self.tail.n, self.tail.n, self.order)
 
     def degree(self, k: int) -> slice:
         """Where the monomials of degree k stand."""
@@ -55,13 +58,19 @@ class Indices:
     @cached_property
     def tabulated(self) -> bool:
         """Whether products are few enough to be listed one by one."""
-        return not self.divided or comb(2 * self.n + self.order, self.order) <= TABLES
+        return self.n <= UNDIVIDED or comb(2 * self.n + self.order, self.order) <= TABLES
 
     def blocks(self, k: int, part: Array) -> list[Array]:
         """Return a part of degree k as its matrices, by the degree 0 ... k of the head's factor."""
-        shapes = [(self.head.width(d), self.tail.width(k - d)) for d in range(k, -1, -1)]
-        ends = np.cumsum([rows * columns for rows, columns in shapes])
-        return [one.reshape(shape) for one, shape in zip(np.split(part, ends[:-1]), shapes, strict=True)][::-1]
+        return [part[begin:end].reshape(shape) for begin, end, shape in self.layout(k)]
+
+    def layout(self, k: int) -> list[tuple[int, int, tuple[int, int]]]:
+        """Return where the matrices of degree k begin and end, and their shapes, by the degree of the head's factor."""
+        if k not in self.layouts:
+            shapes = [(self.head.width(d), self.tail.width(k - d)) for d in range(k + 1)]
+            ends = np.cumsum([rows * columns for rows, columns in shapes[::-1]])[::-1].tolist()
+            self.layouts[k] = [(end - m * n, end, (m, n)) for end, (m, n) in zip(ends, shapes, strict=True)]
+        return self.layouts[k]
 
     @cached_property
     def powers(self) -> Array:
@@ -188,13 +197,25 @@ def falling(n: int, k: int) -> Array:
     if n <= 1:
         return np.full((n, 1 if n or not k else 0), k)
     rest = [falling(n - 1, m) for m in range(k + 1)]
-    return np.concatenate([np.concatenate([np.full((1, one.shape[1]), k - m), one]) for m, one in enumerate(rest)], axis=1)
+    return np.concatenate(
+        [np.concatenate([np.full((1, one.shape[1]), k - m), one]) for m, one in enumerate(rest)], axis=1
+    )
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=128)
+def kept_indices(head: int, tail: int, order: int) -> Indices:
+    """Return the kept Indices of a head and a tail of so many variables."""
+    return Indices(head, tail, order)
+
+
+def head_of(n: int) -> int:
+    """Return how many of n variables are the head."""
+    return n if n <= UNDIVIDED else (n + 2) // 2
+
+
 def shared_indices(n: int, order: int) -> Indices:
     """Return the kept Indices of n variables and this order."""
-    return Indices(n, order)
+    return kept_indices(head_of(n), n - head_of(n), order)
 
 
 def indices(n: int, order: int, series: int) -> Indices:

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.series.embedding import Coefficients, Embedded, whole
-from flexlin.series.indices import TABLES, shared_indices
+from flexlin.series.indices import TABLES, Indices, head_of, kept_indices, shared_indices
 from flexlin.series.nodes import Choice, Node, Product, Sum
 from flexlin.series.space import Numeric
 from flexlin.series.tape import Tape
@@ -19,6 +19,11 @@ class Support:
 
     variables: tuple[int, ...]
     reach: int
+
+    def indices(self, n: int, order: int) -> Indices:
+        """Return the indices of these variables among n, divided as all n are."""
+        head = sum(i < head_of(n) for i in self.variables)
+        return kept_indices(head, len(self.variables) - head, order)
 
 
 def find_supports(tape: Tape, order: int) -> list[Support]:
@@ -49,14 +54,14 @@ class Reading:
     series: list[Array]
     supports: list[Support]
     node: int
-    order: int
+    spaces: list[Numeric]
 
     def __getitem__(self, i: int) -> Coefficients:
         own, wider = self.supports[i].variables, self.supports[self.node].variables
         if own == wider or not set(own) <= set(wider):
             return self.series[i]
         among = tuple(wider.index(j) for j in own)
-        sizes = (shared_indices(len(own), self.order), shared_indices(len(wider), self.order))
+        sizes = self.spaces[i].indices, self.spaces[self.node].indices
         return Embedded(self.series[i], *sizes, among, self.supports[i].reach)
 
 
@@ -64,13 +69,13 @@ class Reading:
 def expand_by_support(tape: Tape, point: Array, order: int) -> list[Array]:
     """Return the series of all outputs in all variables of the tape's one input; nan or infinite where they do not exist."""
     supports = find_supports(tape, order)
-    spaces = [Numeric(shared_indices(len(one.variables), order)) for one in supports]
+    spaces = [Numeric(one.indices(len(point), order)) for one in supports]
     series = [space.zero() for space in spaces]
     for node, value in zip(tape.inputs[0], point, strict=True):
         series[node][: min(2, len(series[node]))] = [value, 1.0][: len(series[node])]
     for node, value in tape.constants.items():
         series[node][0] = value
-    readings = {node: Reading(series, supports, node, order) for node, _ in tape.operations}
+    readings = {node: Reading(series, supports, node, spaces) for node, _ in tape.operations}
     for node, operation in tape.operations:
         series[node][:1] = operation.value(spaces[node], readings[node])
     for k in range(1, order + 1):
@@ -78,9 +83,7 @@ def expand_by_support(tape: Tape, point: Array, order: int) -> list[Array]:
             if k <= supports[node].reach:
                 series[node][spaces[node].indices.degree(k)] = operation.part(spaces[node], readings[node], k)
     wide = shared_indices(len(point), order)
-    return [
-        whole(Embedded(series[i], spaces[i].indices, wide, supports[i].variables, order)) for i in tape.outputs[0]
-    ]
+    return [whole(Embedded(series[i], spaces[i].indices, wide, supports[i].variables, order)) for i in tape.outputs[0]]
 
 
 def bytes_of(tape: Tape, n: int, order: int) -> int:

@@ -157,3 +157,59 @@ def test_wrong_arguments_are_named():
         P.derivative(3)
     with pytest.raises(ArgumentError, match="dx"):
         P(np.zeros(3))
+
+
+def power_products(n, *supports):
+    """exp of two linear forms and a quadratic one, multiplied: dense and sparse factors in n variables."""
+    x = ca.SX.sym("x", n)
+    forms = [sum((0.3 + 0.1 * i) * x[i] for i in support) for support in supports]
+    return x, ca.exp(forms[0]) * ca.sin(forms[1]) + (x[0] * x[n - 1] + x[1]) ** 3 / (2 + forms[2])
+
+
+@pytest.mark.parametrize(
+    ("n", "order", "supports"),
+    [
+        (5, 9, (range(5), (0, 4), (3,))),
+        (6, 8, ((1, 2), range(6), (5,))),
+        (9, 6, (range(9), range(4, 9), (0, 8))),
+        (12, 5, (range(7), range(7, 12), (11,))),
+    ],
+)
+def test_many_variables_against_series_in_directions(n, order, supports):
+    """Along random lines the map in n variables is a series in one variable, where products are listed one by one."""
+    x, f = power_products(n, *supports)
+    rng = np.random.default_rng(n)
+    point, t = 0.3 * rng.normal(size=n), ca.SX.sym("t")
+    P = fl.taylor(f, x, point, order)
+    c = P.polynomial
+    second = ca.Function("D", [x], [fl.kronecker.derivative(f, x, 2)])(point).full()
+    assert_allclose(P.derivative(2), second, atol=1e-13 * np.abs(second).max())
+    assert_allclose(P.function()(point), P(point), rtol=1e-11)
+    for direction in rng.normal(size=(8, n)):
+        terms = c.indices.monomials(direction) * c.coefficients[:, 0]
+        line = np.add.reduceat(terms, c.indices.start[:-1])
+        judge = fl.taylor(ca.substitute(f, x, ca.DM(point) + t * direction), t, [0.0], order).polynomial.coefficients
+        sizes = np.add.reduceat(np.abs(terms), c.indices.start[:-1])
+        assert np.all(np.abs(line - judge[:, 0]) < 1e-14 * sizes + 1e-13 * np.abs(judge[:, 0]))
+
+
+def test_every_coefficient_in_twelve_variables():
+    """exp(w x) has the coefficients w^alpha / alpha!, and sin(w x) the same with signs."""
+    x, w = ca.SX.sym("x", 12), np.linspace(0.5, -0.4, 12)
+    phase = ca.dot(ca.DM(w), x)
+    P = fl.taylor(ca.vertcat(ca.exp(phase), ca.sin(phase)), x, np.zeros(12), 7).polynomial
+    exact = np.prod(w**P.indices.powers, axis=1) / P.indices.factorials
+    assert_allclose(P.coefficients[:, 0], exact, rtol=1e-13)
+    sign = np.array([0.0, 1, 0, -1])[P.indices.degrees % 4]
+    assert_allclose(P.coefficients[:, 1], sign * exact, rtol=1e-13, atol=0)
+
+
+def test_many_variables_take_little_memory():
+    x = ca.SX.sym("x", 12)
+    f = ca.sin(ca.sum1(x)) * ca.exp(x[3] - x[7])
+    tracemalloc.start()
+    P = fl.taylor(f, x, np.zeros(12), 7)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 25e6
+    P.derivative(3)

@@ -223,3 +223,12 @@ def test_refinement_outside_the_reach_says_so(inverse):
     with pytest.raises(ToleranceNotReached, match="radius"):
         inverse.refined([2.0, 0.0])
     assert inverse.error([2.0, 0.0]) > 0.1
+
+
+def test_implicit_series_in_many_variables():
+    """v(u) put into f leaves no part of any degree; 6 variables at order 8 are beyond listed products."""
+    u, v = ca.SX.sym("u", 6), ca.SX.sym("v")
+    total = ca.sum1(u) + u[0] * u[5]
+    c = fl.implicit_taylor(ca.exp(v) - 1 - total, u, v, np.zeros(6), [0.0], 8).polynomial
+    judge = fl.taylor(ca.log(1 + total), u, np.zeros(6), 8).polynomial
+    assert_allclose(c.coefficients, judge.coefficients, rtol=1e-11, atol=1e-11)
