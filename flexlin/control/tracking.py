@@ -211,7 +211,7 @@ def tip_positions(lin: Linearization, t: Array, states: Array) -> Array:
 
     Returns
     -------
-    array, shape (N, 2)
+    array, shape (N, 2), or (N, 3) for an arm in space
         Positions in m; not numbers when the manipulator gives no points.
 
     Examples

@@ -74,11 +74,13 @@ class RigidMass:
 
 def rigid_body(frame: Frame, mass: Any, inertia: ca.SX, centre: ca.SX | None = None) -> Body:
     """A rigid body with its centre at `centre` (3, 1) in the frame's axes and `inertia` (3, 3) about its centre."""
-    mass = ca.SX(mass)
-    if centre is None:
-        return Body(frame, Moments(mass=mass, second=inertia))
-    lever = cross_matrix(centre)
-    return Body(frame, Moments(mass=mass, first=mass * centre, second=inertia + mass * (lever.T @ lever)))
+    return Body(frame, rigid_moments(mass, inertia, ca.SX(3, 1) if centre is None else centre))
+
+
+def rigid_moments(mass: Any, inertia: ca.SX, centre: ca.SX) -> Moments:
+    """The moments of a rigid body with its centre at `centre` (3, 1) and `inertia` (3, 3) about its centre."""
+    mass, lever = ca.SX(mass), cross_matrix(centre)
+    return Moments(mass=mass, first=mass * centre, second=inertia + mass * (lever.T @ lever))
 
 
 def tensor(xx: Any = 0, yy: Any = 0, zz: Any = 0, xy: Any = 0, xz: Any = 0, yz: Any = 0) -> ca.SX:

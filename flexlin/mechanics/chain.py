@@ -8,11 +8,11 @@ import casadi as ca
 
 from flexlin.checks import instance
 from flexlin.errors import ArgumentError
-from flexlin.mechanics.body import Body, Moments
+from flexlin.mechanics.body import Body, Moments, rigid_moments, tensor
 from flexlin.mechanics.coordinates import Symbols, list_coordinates
 from flexlin.mechanics.effects import Effect, effects_of
 from flexlin.mechanics.effects.base import Chain
-from flexlin.mechanics.frames import Frame, X, Z, column
+from flexlin.mechanics.frames import Frame, X, Y, Z, column, is_same, unit
 from flexlin.mechanics.link_shapes import choose_basis
 from flexlin.mechanics.links import Basis, BentLink
 from flexlin.mechanics.manipulator import Manipulator
@@ -21,6 +21,7 @@ from flexlin.scene.library import registered_model
 from flexlin.scene.links import Link
 from flexlin.scene.loading import checked_table
 from flexlin.scene.scene import Scene
+from flexlin.scene.space import RigidPart
 
 
 def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulator:
@@ -30,7 +31,7 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
 
     Coordinates: first the relative joint displacements q, then the elastic coordinates w link by link, then those of motors behind
     flexible joints. Energies by recursion over the links, M, C, g by Lagrange's equations. An effect that is off adds no instruction
-    and no coordinate. Assumes slender links in a plane, and deflections small against the length.
+    and no coordinate. Assumes slender links, and deflections small against the length.
 
     Parameters
     ----------
@@ -71,7 +72,7 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
     scene = free.placed_in(scene)
     effects = effects_of(scene.effects)
     free_motors = any(effect.frees_motors for effect in effects)
-    units = ["m" if link.joint == "prismatic" else "rad" for link in scene.links]
+    units = {i: "m" if link.joint == "prismatic" else "rad" for i, link in enumerate(scene.links) if link.moves}
     coordinates = list_coordinates([link.modes for link in scene.links], units, free_motors)
     at, rate = (Symbols.of(coordinates, len(scene.links), mark) for mark in ("", "d_"))
     arm = _derive_equations(_build_chain(scene.links, effects, basis, at, rate), effects, at, rate, free)
@@ -85,7 +86,7 @@ def _derive_equations(
     """Lagrange's equations of the chain; the motors drive, and their encoders read, what the chain says their angles are."""
     T, V, R = _sum_energies(chain, effects)
     measured = ca.jacobian(chain.motor, at.all)
-    gains = ca.vertcat(*[_choose_input_gain(effects, i) for i in range(len(chain.joints))])
+    gains = ca.vertcat(*[_choose_input_gain(effects, i) for i in chain.moving])
     arm = Manipulator.from_lagrangian(
         at.all,
         rate.all,
@@ -94,7 +95,7 @@ def _derive_equations(
         R,
         resistance=_sum_resistance(chain, effects, at.all),
         B=ca.densify(measured.T @ ca.diag(gains)),
-        joints=range(len(chain.joints)),
+        joints=range(len(chain.moving)),
         parameters=free,
         points=_list_points(chain),
         check=False,
@@ -145,9 +146,14 @@ def _build_chain(
     rate: Symbols,
 ) -> Chain:
     """Carry a frame from the base over joints and links to the tip."""
-    frame, joints, links, tips = Frame.fixed(), [], [], []
+    frame, mounts, axes, joints, links, tips = Frame.fixed(), [], [], [], [], []
+    moving = tuple(i for i, table in enumerate(tables) if table.moves)
     for i, table in enumerate(tables):
-        frame = _pass_joint(frame, table, at.q[i], rate.q[i])
+        mounts.append(pass_mount(frame, table))
+        axes.append(unit(table.joint_axis))
+        place = moving.index(i) if table.moves else None
+        displacement = (ca.SX(0), ca.SX(0)) if place is None else (at.q[place], rate.q[place])
+        frame = pass_joint(mounts[i], table, axes[i], *displacement)
         radius = sum((effect.joint_radius(i) for effect in effects), ca.SX(0))
         base = frame.moved(column(radius, 0, 0), ca.SX(3, 1))
         link = BentLink(i, table, basis[i], base, at.modes[i], rate.modes[i])
@@ -157,27 +163,40 @@ def _build_chain(
         frame = link.tip(sum((u for u, _ in shortening), ca.SX(0)), sum((u_rate for _, u_rate in shortening), ca.SX(0)))
         tips.append(frame)
     q, q_rate = at.q, rate.q
-    if links:
-        q, q_rate = (
-            q + ca.vertcat(*[k.base_turn[0] for k in links]),
-            q_rate + ca.vertcat(*[k.base_turn[1] for k in links]),
-        )
+    turns = [links[i].base_turn for i in moving]
+    if turns:
+        q, q_rate = (x + ca.vertcat(*extra) for x, extra in zip((q, q_rate), zip(*turns, strict=True), strict=True))
     motor, motor_rate = (at.motors, rate.motors) if at.motors.numel() else (q, q_rate)
-    bare = Chain(q, q_rate, motor, motor_rate, tuple(joints), tuple(links), tuple(tips))
+    by_link = (tuple(found) for found in (mounts, axes, joints, links, tips))
+    bare = Chain(q, q_rate, motor, motor_rate, moving, *by_link)
     bodies = [Body(link.base, _sum_moments(link, effects)) for link in links]
     return replace(bare, bodies=(*bodies, *(body for effect in effects for body in effect.bodies(bare))))
 
 
-def _pass_joint(frame: Frame, link: Link, q: ca.SX, q_rate: ca.SX) -> Frame:
-    """The frame that a link's joint carries: turned by q, or moved by q along itself."""
-    if link.joint == "revolute":
+def pass_mount(frame: Frame, link: Link) -> Frame:
+    """The frame before a link's joint: moved by the mount's xyz, turned by its yaw, pitch and roll."""
+    roll, pitch, yaw = link.mount.rpy
+    moved = frame.moved(column(*link.mount.xyz), ca.SX(3, 1))
+    return moved.turned(Z, yaw).turned(Y, pitch).turned(X, roll)
+
+
+def pass_joint(frame: Frame, link: Link, axis: ca.SX, q: ca.SX, q_rate: ca.SX) -> Frame:
+    """The frame that a link's joint carries: turned by the mount's angle, then by q about its axis, or moved by q along it."""
+    if link.joint == "revolute" and is_same(axis, Z):
         return frame.turned(Z, q + link.mount_angle, q_rate)
-    return frame.turned(Z, link.mount_angle).moved(X * q, X * q_rate)
+    mounted = frame.turned(Z, link.mount_angle)
+    return mounted.moved(axis * q, axis * q_rate) if link.joint == "prismatic" else mounted.turned(axis, q, q_rate)
 
 
 def _sum_moments(link: BentLink, effects: tuple[Effect, ...]) -> Moments:
     extra = [effect.link_moments(link) for effect in effects]
-    return sum((moments for moments in extra if moments is not None), link.moments())
+    own = link.moments() if link.table.body is None else link.moments() + _read_body(link.table.body)
+    return sum((moments for moments in extra if moments is not None), own)
+
+
+def _read_body(part: RigidPart) -> Moments:
+    """The rigid body where a link begins."""
+    return rigid_moments(part.mass, tensor(**part.inertia.entries()), column(*part.centre))
 
 
 def _sum_energies(chain: Chain, effects: tuple[Effect, ...]) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -192,7 +211,7 @@ def _sum_energies(chain: Chain, effects: tuple[Effect, ...]) -> tuple[ca.SX, ca.
 
 def _sum_resistance(chain: Chain, effects: tuple[Effect, ...], s: ca.SX) -> ca.SX:
     """The generalised forces of what resists each joint without being the gradient of a dissipation function."""
-    at_joints = sum((effect.joint_resistance(chain) for effect in effects), ca.SX.zeros(len(chain.joints)))
+    at_joints = sum((effect.joint_resistance(chain) for effect in effects), ca.SX.zeros(len(chain.moving)))
     return ca.densify(ca.jacobian(chain.q, s).T @ at_joints)
 
 

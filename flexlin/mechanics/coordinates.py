@@ -1,6 +1,6 @@
 """The coordinates of a manipulator: what each one is, and the symbols of a chain's, joints first, then modes, then motors."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -35,15 +35,15 @@ class Coordinate:
         return replace(self, part=f"{part} {self.part}" if self.part else part)
 
 
-def list_coordinates(modes: Sequence[int], units: Sequence[str], free_motors: bool) -> tuple[Coordinate, ...]:
-    """Describe the coordinates of a chain whose links have these numbers of modes and whose joints are measured in these units."""
-    joints = [Coordinate("joint", f"q{i + 1}", unit, i) for i, unit in enumerate(units)]
+def list_coordinates(modes: Sequence[int], units: Mapping[int, str], free_motors: bool) -> tuple[Coordinate, ...]:
+    """Describe the coordinates of a chain: the modes of each link; the unit of the joint before each link that moves."""
+    joints = [Coordinate("joint", f"q{i + 1}", unit, i) for i, unit in units.items()]
     elastic = [
         Coordinate("elastic", f"w{i + 1}{'' if count < 10 else '_'}{k + 1}", "m", i, k)
         for i, count in enumerate(modes)
         for k in range(count)
     ]
-    motors = [Coordinate("motor", f"theta{i + 1}", unit, i) for i, unit in enumerate(units)] if free_motors else []
+    motors = [Coordinate("motor", f"theta{i + 1}", unit, i) for i, unit in units.items()] if free_motors else []
     return (*joints, *elastic, *motors)
 
 

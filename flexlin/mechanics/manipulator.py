@@ -44,7 +44,7 @@ class Manipulator(Expressions):
     parameters : Parameters
         Scene numbers that stay free, with their values.
     energy, points : casadi.SX or None
-        Kinetic and potential energy together, in J; world positions (2, k) from the base to the tip, in m.
+        Kinetic and potential energy together, in J; world positions (2, k), in space (3, k), from the base to the tip, in m.
     coriolis : casadi.SX, shape (n, n), or None
         C as the user gave it; None: Christoffel's symbols of M.
     measured : casadi.SX, shape (joints, n), or None

@@ -19,6 +19,8 @@ FRAMES = 900
 """Pictures at the most: a longer simulation is shown in wider steps."""
 TRAIL = 0.5
 """Share of a period for which the tip's path stays on the page."""
+SIGHT = np.array([[-1.0, 1.0, 0.0], [-1.0, -1.0, 2.0]]) / np.sqrt([[2.0], [6.0]])
+"""An arm in space is seen from (1, 1, 1), with z upwards."""
 THIN = 4
 """Every so many points of a link's axis are drawn."""
 
@@ -54,12 +56,21 @@ def collect_frames(scene: Scene, lin: Linearization, run: Simulation) -> dict[st
     t, states = run.t[::every], run.nonlinear[::every]
     bent, s = arm_positions(lin, t, states)
     rigid, _ = arm_positions(lin, t, np.zeros_like(states))
+    arm = [thin_out(trace_links(scene, points, row)) for points, row in zip(bent, s, strict=True)]
+    tip, linear, error = run.tip[::every], run.tip_linear[::every], np.linalg.norm(run.tip - run.tip_rigid, axis=1)
+    if bent.shape[1] == 3:
+        bent, rigid, arm, tip, linear = (
+            SIGHT @ bent,
+            SIGHT @ rigid,
+            [SIGHT @ c for c in arm],
+            tip @ SIGHT.T,
+            linear @ SIGHT.T,
+        )
     low, high = bent.min(axis=(0, 2)), bent.max(axis=(0, 2))
     low, high = np.minimum(low, rigid.min(axis=(0, 2))), np.maximum(high, rigid.max(axis=(0, 2)))
     reach = float(max(high - low)) or 1.0
     digits = max(0, 5 - int(np.ceil(np.log10(reach))))
     size = np.maximum(high - low, 0.3 * reach)
-    arm = [thin_out(trace_links(scene, points, row)) for points, row in zip(bent, s, strict=True)]
 
     def rounded(values: Any) -> Any:
         return np.round(np.asarray(values), digits).tolist()
@@ -74,9 +85,9 @@ def collect_frames(scene: Scene, lin: Linearization, run: Simulation) -> dict[st
         "arm": [rounded(curve) for curve in arm],
         "joints": [rounded(points[:, :-1]) for points in bent],
         "rigid": [rounded(points) for points in rigid],
-        "tip": rounded(run.tip[::every]),
-        "linear": rounded(run.tip_linear[::every]),
-        "error": np.round(np.linalg.norm(run.tip - run.tip_rigid, axis=1)[::every], 9).tolist(),
+        "tip": rounded(tip),
+        "linear": rounded(linear),
+        "error": np.round(error[::every], 9).tolist(),
     }
 
 

@@ -8,7 +8,7 @@ from typing import Any
 from flexlin.errors import Problem
 from flexlin.scene.base import MOST
 from flexlin.scene.effects import RawArm, effect_contradictions, known_effects, tables_on
-from flexlin.scene.link_rules import link_contradictions
+from flexlin.scene.link_rules import link_contradictions, moves
 from flexlin.scene.weights import Weights
 from flexlin.text import printable
 
@@ -43,7 +43,7 @@ def _links(raw: dict[str, Any]) -> Iterator[Problem]:
             "0",
             f"a positive number, or an effect that gives the last link inertia ({_bodies()})",
         )
-    arm = RawArm(links, _motion_joints(raw))
+    arm = RawArm(links, _motion_joints(raw, links))
     yield from link_contradictions(arm)
     yield from effect_contradictions(_effects(raw), arm)
 
@@ -57,18 +57,19 @@ def _bodies() -> str:
     return " or ".join(name for name, effect in known_effects().items() if effect.inertia_keys)
 
 
-def _motion_joints(raw: dict[str, Any]) -> list[Any]:
-    """The raw tables of the joints' motion, each with the motion's default drive."""
+def _motion_joints(raw: dict[str, Any], links: list[dict[str, Any]]) -> list[Any]:
+    """The raw table of the motion of each link's joint, with the motion's default drive; empty for a fixed joint."""
     motion = raw["motion"] if isinstance(raw.get("motion"), dict) else {}
-    return [{"drive": motion.get("drive", "torque"), **joint} for joint in _tables(motion.get("joints"))]
+    tables = iter([{"drive": motion.get("drive", "torque"), **joint} for joint in _tables(motion.get("joints"))])
+    return [next(tables, {}) if moves(link) else {} for link in links]
 
 
 def _has_mass(link: dict[str, Any], raw: dict[str, Any]) -> bool:
     """Whether the last link, with what it carries, has inertia; unknown counts as yes."""
     effects = _effects(raw)
-    return link.get("mass_per_length") != 0 or any(
-        effect.gives_inertia(effects[name]) for name, effect in tables_on(effects)
-    )
+    own = link.get("mass_per_length", 0 if "body" in link else None) != 0
+    body = link["body"].get("mass") != 0 if isinstance(link.get("body"), dict) else False
+    return own or body or any(effect.gives_inertia(effects[name]) for name, effect in tables_on(effects))
 
 
 def _joint_counts(raw: dict[str, Any]) -> Iterator[Problem]:
@@ -77,8 +78,9 @@ def _joint_counts(raw: dict[str, Any]) -> Iterator[Problem]:
     joints = motion.get("joints")
     if not links or not isinstance(joints, list):
         return
-    if len(joints) not in ({0, len(links)} if motion.get("kind") == "table" else {len(links)}):
-        yield Problem("motion.joints", f"{len(joints)} tables", f"{len(links)}, one for each link's joint")
+    moving = sum(moves(link) for link in links)
+    if len(joints) not in ({0, moving} if motion.get("kind") == "table" else {moving}):
+        yield Problem("motion.joints", f"{len(joints)} tables", f"{moving}, one for each link's joint")
         return
     default = motion.get("drive", "torque")
     driven = sum(joint.get("drive", default) == "torque" for joint in _tables(joints))
@@ -104,7 +106,7 @@ def _added_coordinates(links: list[dict[str, Any]], raw: dict[str, Any]) -> int:
     """How many coordinates there are beside the driven joints: modes and free motors."""
     modes = [count for link in links if isinstance(count := link.get("modes", 0), int)]
     free_motors = any(effect.frees_motors for _, effect in tables_on(_effects(raw)))
-    return sum(modes) + (len(links) if free_motors else 0)
+    return sum(modes) + (sum(moves(link) for link in links) if free_motors else 0)
 
 
 def _design_names(raw: dict[str, Any]) -> Iterator[Problem]:

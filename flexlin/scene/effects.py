@@ -22,7 +22,7 @@ RawTable = dict[str, Any]
 
 @dataclass(frozen=True)
 class RawArm:
-    """The raw tables of the links and of the joints' motion, with which an effect's table must agree."""
+    """The raw tables of the links, and of the motion of each link's joint (empty for a fixed one)."""
 
     links: Sequence[RawTable]
     joints: Sequence[RawTable]

@@ -11,8 +11,14 @@ def link_contradictions(arm: RawArm) -> Iterator[Problem]:
     for i, link in enumerate(arm.links):
         yield from _bending(f"links.{i}", link)
         yield from _shapes(f"links.{i}", link)
+        yield from _joint(f"links.{i}", link)
         if pinned(link) and i < len(arm.joints) and arm.joints[i].get("drive") == "prescribed":
             yield Problem(f"motion.joints.{i}.drive", "'prescribed'", "'torque', because the link's shapes are pinned")
+
+
+def moves(link: RawTable) -> bool:
+    """Whether a raw link's joint lets it move."""
+    return link.get("joint", "revolute") != "fixed"
 
 
 def pinned(link: RawTable) -> bool:
@@ -38,3 +44,13 @@ def _shapes(key: str, link: RawTable) -> Iterator[Problem]:
     for setting, needed in (("carried", "clamped-loaded"), ("elements", "finite-element")):
         if setting in link and shapes != needed:
             yield Problem(f"{key}.{setting}", f"a value beside mode_shapes = {shapes!r}", f"only beside {needed!r}")
+
+
+def _joint(key: str, link: RawTable) -> Iterator[Problem]:
+    joint, axis = link.get("joint", "revolute"), link.get("axis")
+    if joint == "fixed" and axis is not None:
+        yield Problem(f"{key}.axis", "an axis beside joint = 'fixed'", "no axis, or a joint that moves")
+    if pinned(link) and joint == "fixed":
+        yield Problem(f"{key}.mode_shapes", repr(link["mode_shapes"]), "clamped shapes, because the joint is fixed")
+    if pinned(link) and axis not in (None, [0, 0, 1], (0, 0, 1)):
+        yield Problem(f"{key}.mode_shapes", repr(link["mode_shapes"]), "clamped shapes, or a joint that turns about z")

@@ -1,10 +1,11 @@
-"""The links of a planar chain."""
+"""The links of a chain."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
 from flexlin.scene.base import NonNegative, Number, Positive, Table
+from flexlin.scene.space import Direction, Mount, RigidPart
 
 MAX_MODES = 60
 
@@ -33,9 +34,10 @@ class Carried(Table):
 
 
 class Link(Table):
-    """A slender link behind its joint: Euler-Bernoulli bending in the plane, `modes` assumed modes (0: rigid).
+    """A slender link along x behind its joint: Euler-Bernoulli bending in the plane, `modes` assumed modes (0: rigid).
 
-    `mount_angle` turns the joint against the tip before it; a prismatic joint moves the link along its own axis.
+    The joint's frame is that of the tip before it, moved and turned by `mount` and then turned by `mount_angle` about z. The joint
+    turns about `axis` (z) or slides along it (x). `body` is a rigid body where the link begins.
     A moving base is a carriage: a rigid link of no length and no mass on a prismatic joint with a prescribed motion.
     """
 
@@ -49,8 +51,27 @@ class Link(Table):
     elements: Annotated[int, Field(strict=True, ge=1, le=500)] = 40
     carried: Carried | None = None
     sections: Sections | None = None
-    joint: Literal["revolute", "prismatic"] = "revolute"
+    joint: Literal["revolute", "prismatic", "fixed"] = "revolute"
+    axis: Direction | None = None
+    mount: Mount = Mount()
     mount_angle: Number = 0.0
+    body: RigidPart | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _may_be_rigid_alone(cls, raw: Any) -> Any:
+        """A link whose table has a rigid body may leave out the beam."""
+        return {"length": 0.0, "mass_per_length": 0.0, **raw} if isinstance(raw, dict) and "body" in raw else raw
+
+    @property
+    def moves(self) -> bool:
+        """Whether the link's joint lets it move."""
+        return self.joint != "fixed"
+
+    @property
+    def joint_axis(self) -> Direction:
+        """The joint's axis in the link's frame: where none is given z for a turning joint, x for a sliding one."""
+        return self.axis or ((1.0, 0.0, 0.0) if self.joint == "prismatic" else (0.0, 0.0, 1.0))
 
     @property
     def pinned(self) -> bool:

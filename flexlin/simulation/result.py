@@ -28,7 +28,7 @@ class Simulation:
         The same by the linear equations.
     torque : array, shape (N, m)
         Torque that the drives give, in N m.
-    tip, tip_linear, tip_rigid : array, shape (N, 2)
+    tip, tip_linear, tip_rigid : array, shape (N, 2), or (N, 3) for an arm in space
         Positions of the tip, in m; not numbers when the manipulator gives no points.
     error : float
         Error of the nonlinear states, from a second run at a tenth of the tolerance, on other steps and by a method of another
@@ -138,7 +138,9 @@ class Simulation:
             "tip_linear": (("time", "axis"), self.tip_linear),
             "tip_rigid": (("time", "axis"), self.tip_rigid),
         }
-        data = xarray.Dataset(series, coords={"time": self.t, "state": states, "axis": ["x", "y"]})
+        data = xarray.Dataset(
+            series, coords={"time": self.t, "state": states, "axis": list("xyz"[: self.tip.shape[1]])}
+        )
         data["time"].attrs["units"] = "s"
         data.attrs["integration_error"] = self.error
         data.attrs["linear_error"] = self.linear_error

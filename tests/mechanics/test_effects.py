@@ -22,6 +22,7 @@ ON = {
     "viscous_friction": {"coefficient": [0.2, 0.1]},
     "coulomb_friction": {"torque": [0.3, 0.1], "rate": 0.05},
     "motor": {"torque_constant": 0.05, "resistance": 2.0, "gear_ratio": [50.0, 30.0], "rotor_inertia": 1e-5},
+    "rotor_spin": {"inertia": [1e-4, 2e-5], "gear_ratio": [-60.0, 50.0]},
 }
 ADDED = {"joint_flexibility": 2}
 
@@ -125,6 +126,7 @@ NEUTRAL = {
     "kelvin_voigt_damping": {"retardation_time": 0.0},
     "viscous_friction": {"coefficient": [0.0, 0.0]},
     "coulomb_friction": {"torque": 0.0},
+    "rotor_spin": {"inertia": 0.0, "gear_ratio": 100.0},
 }
 
 

@@ -21,6 +21,7 @@ SHIPPED = (
     "viscous_friction",
     "coulomb_friction",
     "motor",
+    "rotor_spin",
 )
 """The file, and the scene's table, of each effect, in the order of reports; the class is the same name in capitals."""
 

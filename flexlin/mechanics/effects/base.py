@@ -19,14 +19,18 @@ if TYPE_CHECKING:
 class Chain:
     """The chain as its kinematics left it.
 
-    q, q_rate: the joints' displacements as their bearings see them, (joints, 1), in rad or m; motor, motor_rate: the same as the motors
-    see them, behind any joint flexibility; a frame behind each joint; links; a frame at each link's tip; all bodies that have mass.
+    q, q_rate: the displacements of the joints that move as their bearings see them, (joints, 1), in rad or m; motor, motor_rate: the
+    same as the motors see them, behind any joint flexibility; moving: the number of the link behind each of these joints. For each link:
+    the frame before its joint, the joint's axis (3, 1), the frame behind it, the link, the frame at its tip. All bodies that have mass.
     """
 
     q: ca.SX
     q_rate: ca.SX
     motor: ca.SX
     motor_rate: ca.SX
+    moving: tuple[int, ...]
+    mounts: tuple[Frame, ...]
+    axes: tuple[ca.SX, ...]
     joints: tuple[Frame, ...]
     links: tuple["BentLink", ...]
     tips: tuple[Frame, ...]
@@ -264,7 +268,7 @@ class Effect(EffectTable):
         casadi.SX, shape (joints, 1)
             The forces, in N m or N.
         """
-        return ca.SX.zeros(len(chain.joints))
+        return ca.SX.zeros(len(chain.moving))
 
     def features(self, motion: Moving) -> Features:
         """Return where the linear equations change fast in time because of the effect.

@@ -37,7 +37,7 @@ class CoulombFriction(Effect):
         return tuple(found)
 
     def joint_resistance(self, chain: Chain) -> ca.SX:
-        joints = range(len(chain.joints))
+        joints = chain.moving
         torque, rate = (
             ca.vertcat(*[per_joint(v, i, single="every") for i in joints]) for v in (self.torque, self.rate)
         )

@@ -1,4 +1,4 @@
-"""Gravity: V = g int y dm over links, payload and hubs.
+"""Gravity: V = -g int (direction . r) dm over links, payload and hubs.
 
 Source: Khang, Dat, Tuan (2019), Eq. (55), where it makes g(s).
 """
@@ -9,19 +9,23 @@ import casadi as ca
 
 from flexlin.mechanics.effects.base import Chain, Effect
 from flexlin.mechanics.effects.scale import Scale
+from flexlin.mechanics.frames import unit
 from flexlin.scene.base import Number, Unit
+from flexlin.scene.space import Direction
 
 
 class Gravity(Effect):
-    """Gravity in the plane of motion, along -y of the world."""
+    """Gravity, along -y of the world unless another direction is given."""
 
     smooth = True
     acceleration: Annotated[Number, Unit("m/s^2")] = 9.81
+    direction: Direction = (0.0, -1.0, 0.0)
 
     @classmethod
     def tried_with(cls, scale: Scale) -> "Gravity":
         return cls()
 
     def potential_energy(self, chain: Chain) -> ca.SX:
-        """V = g sum_bodies int y dm."""
-        return self.acceleration * sum((body.mass_moment()[1] for body in chain.bodies), ca.SX(0))
+        """V = -g direction . sum_bodies int r dm."""
+        moment = sum((body.mass_moment() for body in chain.bodies), ca.SX(3, 1))
+        return self.acceleration * ca.dot(-unit(self.direction), moment)

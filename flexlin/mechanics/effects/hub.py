@@ -1,4 +1,4 @@
-"""Hub: T = 1/2 m v^2 + 1/2 J1 q'^2 of a rigid body on each joint; its radius moves the link out, x -> x + r.
+"""Hub: T = 1/2 m v^2 + 1/2 J1 (w . axis)^2 of a rigid body on each joint; its radius moves the link out, x -> x + r.
 
 Source: Khang, Dat, Tuan (2019), Eq. (68) (J1).
 """
@@ -11,7 +11,6 @@ from flexlin.mechanics.body import Body, RigidMass, about, rigid_body
 from flexlin.mechanics.effects.base import Chain, Effect
 from flexlin.mechanics.effects.scale import PART, Scale
 from flexlin.mechanics.effects.shared import per_joint
-from flexlin.mechanics.frames import Z
 from flexlin.scene.base import PerLink, Unit
 from flexlin.scene.effects import RawArm, RawTable
 from flexlin.scene.link_rules import pinned
@@ -52,5 +51,6 @@ class Hub(Effect):
     def bodies(self, chain: Chain) -> tuple[Body, ...]:
         on = [self.joint_body(joint) for joint in range(len(chain.joints))]
         return tuple(
-            rigid_body(frame, body.mass, about(Z, body.inertia)) for frame, body in zip(chain.joints, on, strict=True)
+            rigid_body(frame, body.mass, about(axis, body.inertia))
+            for frame, axis, body in zip(chain.joints, chain.axes, on, strict=True)
         )

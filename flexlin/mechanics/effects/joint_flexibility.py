@@ -1,6 +1,8 @@
-"""Joint flexibility: each motor has a coordinate theta of its own behind a spring, V = 1/2 k (theta - q)^2, T = 1/2 J_m theta'^2.
+"""Joint flexibility: each motor has a coordinate theta of its own behind a spring, V = 1/2 k (theta - q)^2, T = 1/2 J_m theta'^2,
+R = 1/2 d (theta' - q')^2.
 
-Assumes the motor's inertia, reflected to the link side, sees its own rate only (gears turn it much faster than the links).
+Assumes the motor's inertia, reflected to the link side, sees its own rate only (gears turn it much faster than the links); what this
+leaves out is `effects.rotor_spin`.
 Source: Spong (1987), Modeling and control of elastic joint robots.
 """
 
@@ -11,7 +13,7 @@ import casadi as ca
 from flexlin.mechanics.effects.base import Chain, Effect
 from flexlin.mechanics.effects.scale import PART, Scale
 from flexlin.mechanics.effects.shared import per_joint
-from flexlin.scene.base import AllPositive, Unit
+from flexlin.scene.base import AllPositive, PerLink, Unit
 
 
 class JointFlexibility(Effect):
@@ -22,6 +24,7 @@ class JointFlexibility(Effect):
     frees_motors = True
     stiffness: Annotated[AllPositive, Unit("N m/rad")]
     motor_inertia: Annotated[AllPositive, Unit("kg m^2")]
+    damping: Annotated[PerLink, Unit("N m s/rad")] = 0.0
 
     @classmethod
     def tried_with(cls, scale: Scale) -> "JointFlexibility":
@@ -30,9 +33,13 @@ class JointFlexibility(Effect):
         return cls(stiffness=scale.of_inertias(fast**2), motor_inertia=scale.of_inertias(PART))
 
     def kinetic_energy(self, chain: Chain) -> ca.SX:
-        inertias = [per_joint(self.motor_inertia, i, single="every") for i in range(len(chain.joints))]
+        inertias = [per_joint(self.motor_inertia, i, single="every") for i in chain.moving]
         return ca.dot(ca.vertcat(*inertias), chain.motor_rate**2) / 2
 
     def potential_energy(self, chain: Chain) -> ca.SX:
-        stiffness = [per_joint(self.stiffness, i, single="every") for i in range(len(chain.joints))]
+        stiffness = [per_joint(self.stiffness, i, single="every") for i in chain.moving]
         return ca.dot(ca.vertcat(*stiffness), (chain.motor - chain.q) ** 2) / 2
+
+    def dissipation(self, chain: Chain) -> ca.SX:
+        damping = [per_joint(self.damping, i, single="every") for i in chain.moving]
+        return ca.dot(ca.vertcat(*damping), (chain.motor_rate - chain.q_rate) ** 2) / 2

@@ -34,12 +34,12 @@ class Motor(Effect):
         return cls(torque_constant=constants, resistance=constants, rotor_inertia=scale.of_inertias(PART))
 
     def kinetic_energy(self, chain: Chain) -> ca.SX:
-        inertias = [self._of("gear_ratio", i) ** 2 * self._of("rotor_inertia", i) for i in range(len(chain.joints))]
+        inertias = [self._of("gear_ratio", i) ** 2 * self._of("rotor_inertia", i) for i in chain.moving]
         return ca.dot(ca.vertcat(*inertias), chain.motor_rate**2) / 2
 
     def dissipation(self, chain: Chain) -> ca.SX:
         """R = 1/2 N^2 k^2 / R theta'^2, the work of the back electromotive force."""
-        damping = [self.input_gain(i) ** 2 * self._of("resistance", i) for i in range(len(chain.joints))]
+        damping = [self.input_gain(i) ** 2 * self._of("resistance", i) for i in chain.moving]
         return ca.dot(ca.vertcat(*damping), chain.motor_rate**2) / 2
 
     def input_gain(self, joint: int) -> Any:

@@ -1,20 +1,26 @@
-"""Payload: T = 1/2 m v^2 + 1/2 J (q' + w'_x(l)')^2 of a rigid body on a link's tip.
+"""Payload: T = 1/2 m v^2 + 1/2 J (q' + w'_x(l)')^2 of a rigid body on a link's tip; in space 1/2 w.J w, about a centre anywhere.
 
 Source: Khang, Dat, Tuan (2019), Fig. 1 (m_E); the inertia as in De Luca, Siciliano (1991).
 """
 
 from typing import Annotated
 
-from flexlin.mechanics.body import Body, RigidMass, about, rigid_body
+import casadi as ca
+
+from flexlin.mechanics.body import Body, RigidMass, about, rigid_body, tensor
 from flexlin.mechanics.effects.base import Chain, Effect
 from flexlin.mechanics.effects.scale import PART, Scale
 from flexlin.mechanics.effects.shared import at_tip
-from flexlin.mechanics.frames import Z, column
+from flexlin.mechanics.frames import X, Z, column
 from flexlin.scene.base import Number, PerLink, Unit
+from flexlin.scene.space import Inertia, Vector
 
 
 class Payload(Effect):
-    """A rigid body on the tip of the last link, or one a link, that turns with the tip; its centre lies `offset` beyond the tip."""
+    """A rigid body on the tip of the last link, or one a link, that turns with the tip; its centre lies `offset` beyond the tip.
+
+    `inertia` is about z; `centre` and `tensor` say in space what the body on the last tip has beside `offset` and `inertia`.
+    """
 
     smooth = True
     lists = "first"
@@ -22,6 +28,8 @@ class Payload(Effect):
     mass: Annotated[PerLink, Unit("kg")]
     inertia: Annotated[PerLink, Unit("kg m^2")] = 0.0
     offset: Annotated[Number | tuple[Number, ...], Unit("m")] = 0.0
+    centre: Annotated[Vector, Unit("m")] = (0.0, 0.0, 0.0)
+    tensor: Annotated[Inertia, Unit("kg m^2")] = Inertia()
 
     @classmethod
     def tried_with(cls, scale: Scale) -> "Payload":
@@ -34,6 +42,11 @@ class Payload(Effect):
         links = len(chain.links)
         on = [self.tip_body(link, links) for link in range(links)]
         return tuple(
-            rigid_body(frame, body.mass, about(Z, body.inertia), column(body.offset, 0, 0))
+            rigid_body(frame, body.mass, *self._in_space(body, frame is chain.tips[-1]))
             for frame, body in zip(chain.tips, on, strict=True)
         )
+
+    def _in_space(self, body: RigidMass, last: bool) -> tuple[ca.SX, ca.SX]:
+        """Inertia (3, 3) and centre (3, 1) of the body on a tip."""
+        inertia, centre = about(Z, body.inertia), ca.sparsify(X * body.offset)
+        return (inertia + tensor(**self.tensor.entries()), centre + column(*self.centre)) if last else (inertia, centre)

@@ -22,5 +22,5 @@ class ViscousFriction(Effect):
         return cls(coefficient=scale.of_inertias(2 * LOSS * scale.motion))
 
     def dissipation(self, chain: Chain) -> ca.SX:
-        coefficients = [per_joint(self.coefficient, i, single="every") for i in range(chain.q.numel())]
+        coefficients = [per_joint(self.coefficient, i, single="every") for i in chain.moving]
         return ca.dot(ca.vertcat(*coefficients), chain.q_rate**2) / 2

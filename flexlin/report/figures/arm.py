@@ -14,6 +14,8 @@ from flexlin.svg import Panel, Row, draw
 PHASES = 12
 """Pictures of the arm in one period."""
 XI = np.linspace(0.0, 1.0, 33)
+VIEWS = ((0, 1), (0, 2), (1, 2))
+"""World axes across and up of the pictures: one is enough for an arm in its plane."""
 TITLE = "The arm along its motion"
 
 
@@ -35,8 +37,15 @@ def draw_arm(a: Analysis) -> Picture:
         "arm",
         TITLE,
         caption,
-        draw([Row([draw_stroboscope(a), *draw_beside(a)], 220, (1.7, *[1.0] * len(draw_beside(a))))], TITLE),
+        draw(lay_out(draw_stroboscope(a), draw_beside(a)), TITLE),
     )
+
+
+def lay_out(views: list[Panel], beside: list[Panel]) -> list[Row]:
+    """One view beside the panels of the motion, or three views above them."""
+    if len(views) == 1:
+        return [Row([*views, *beside], 220, (1.7, *[1.0] * len(beside)))]
+    return [Row(views, 220), Row(beside, 110)]
 
 
 def draw_beside(a: Analysis) -> list[Panel]:
@@ -67,25 +76,31 @@ def draw_torques(a: Analysis) -> Panel:
     return panel
 
 
-def draw_stroboscope(a: Analysis) -> Panel:
-    """The arm at equal steps of a period."""
+def draw_stroboscope(a: Analysis) -> list[Panel]:
+    """The arm at equal steps of a period, seen along each axis that it is not flat to."""
     states = a.response.states if a.response else np.zeros((len(a.t), 2 * a.plant.n))
     (bent, s), (rigid, _) = (arm_positions(a.plant, a.t, x) for x in (states, np.zeros_like(states)))
-    panel = Panel("the arm", x_label="x in m", y_label="y in m", equal=True)
     picked = np.arange(PHASES) * (len(a.t) - 1) // PHASES
-    for i in picked:
-        x, y = trace_links(a.scene, rigid[i], np.zeros(a.arm.n))
-        panel.line(x, y, "faint", width=0.8, opacity=0.5)
-    for k, i in enumerate(picked):
-        x, y = trace_links(a.scene, bent[i], s[i])
-        panel.line(x, y, "blue", width=2.0, opacity=0.25 + 0.75 * (k + 1) / PHASES)
-    panel.line(bent[:, 0, -1], bent[:, 1, -1], "vermilion", width=1.5)
-    return panel.dots(bent[picked[-1], 0, :-1], bent[picked[-1], 1, :-1], "ink", size=3.5)
+    still = [trace_links(a.scene, rigid[i], np.zeros(a.arm.n)) for i in picked]
+    moving = [trace_links(a.scene, bent[i], s[i]) for i in picked]
+    panels = []
+    for across, up in VIEWS if bent.shape[1] == 3 else VIEWS[:1]:
+        title = "the arm" if bent.shape[1] == 2 else f"the arm along {'xyz'[3 - across - up]}"
+        panel = Panel(title, x_label=f"{'xyz'[across]} in m", y_label=f"{'xyz'[up]} in m", equal=True)
+        for curve in still:
+            panel.line(curve[across], curve[up], "faint", width=0.8, opacity=0.5)
+        for k, curve in enumerate(moving):
+            panel.line(curve[across], curve[up], "blue", width=2.0, opacity=0.25 + 0.75 * (k + 1) / PHASES)
+        panel.line(bent[:, across, -1], bent[:, up, -1], "vermilion", width=1.5)
+        panels.append(panel.dots(bent[picked[-1], across, :-1], bent[picked[-1], up, :-1], "ink", size=3.5))
+    return panels
 
 
 def trace_links(scene: Scene, points: Array, s: Array) -> Array:
-    """The axis of the whole arm, (2, N): each link its chord, and across it what its modes add to the chord."""
-    curves, first = [], len(scene.links)
+    """The axis of the whole arm, (2, N): each link its chord, and across it what its modes add; in space (3, N), the chords."""
+    if len(points) == 3:
+        return points
+    curves, first = [], sum(link.moves for link in scene.links)
     for i, link in enumerate(scene.links):
         base, tip = points[:, i], points[:, i + 1]
         curve = base[:, None] + np.outer(tip - base, XI)

@@ -1,0 +1,164 @@
+"""Rigid chains in space: against Newton and Euler by finite rotations, and unchanged when the whole scene is turned and moved."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import flexlin as fl
+from flexlin.errors import SceneError
+from flexlin.scene import parse_scene
+
+from .scenes import random_state, value
+from .spatial import inverse_dynamics, random_chain, random_inertia, scene_table, table_of
+
+
+def chain_of(seed, joints, **effects):
+    links = random_chain(np.random.default_rng(seed), joints)
+    return links, fl.build_manipulator(parse_scene(scene_table(links, **effects)))
+
+
+@pytest.mark.parametrize("joints", range(1, 8))
+def test_inverse_dynamics(joints):
+    for seed in range(3):
+        links, arm = chain_of(100 * joints + seed, joints)
+        state = random_state(arm, seed)
+        expected = inverse_dynamics(links, *state)
+        got = value(arm, "residual", *state)[:, 0]
+        np.testing.assert_allclose(got, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
+
+
+def test_payload_with_any_centre_and_inertia():
+    """A payload is a body fixed to the last tip."""
+    rng = np.random.default_rng(5)
+    links = random_chain(rng, 3, fixed=0.0)
+    J, centre = random_inertia(rng, 0.7), rng.normal(size=3).tolist()
+    payload = {"mass": 0.7, "centre": centre, "tensor": table_of(J), "offset": 0.2, "inertia": 0.03}
+    arm = fl.build_manipulator(parse_scene(scene_table(links, payload=payload)))
+    J[2, 2] += 0.03
+    body = {"mass": 0.7, "centre": [centre[0] + 0.2, *centre[1:]], "inertia": table_of(J)}
+    fixed = {"joint": "fixed", "mount": {"xyz": [0.0] * 3, "rpy": [0.0] * 3}, "body": body}
+    state = random_state(arm, 2)
+    expected = inverse_dynamics([*links, fixed], *state)
+    np.testing.assert_allclose(value(arm, "residual", *state)[:, 0], expected, rtol=0, atol=1e-11 * abs(expected).max())
+
+
+def test_a_hub_turns_about_its_axis():
+    """The hub's inertia is that of a body round about the joint's axis."""
+    links = random_chain(np.random.default_rng(7), 4, fixed=0.0)
+    arm = fl.build_manipulator(parse_scene(scene_table(links, hub={"inertia": [0.4] * 4})))
+    for link in links:
+        axis = np.array(link["axis"]) / np.linalg.norm(link["axis"])
+        for name, part in table_of(0.4 * np.outer(axis, axis)).items():
+            link["body"]["inertia"][name] += part
+    state = random_state(arm, 2)
+    expected = inverse_dynamics(links, *state)
+    np.testing.assert_allclose(value(arm, "residual", *state)[:, 0], expected, rtol=0, atol=1e-11 * abs(expected).max())
+
+
+def test_spinning_rotors_are_bodies_behind_their_gears():
+    """T of a disc that turns with the link before the joint and by N q' about the joint's axis, but for the two squares."""
+    ratio, J = 80.0, 2e-4
+    links, arm = chain_of(11, 4, rotor_spin={"inertia": J, "gear_ratio": ratio})
+    _, bare = chain_of(11, 4)
+    q, rate, _ = random_state(arm, 1)
+    w, R, extra, joint = np.zeros(3), np.eye(3), 0.0, 0
+    for link in links:
+        R = R @ Rotation.from_euler("xyz", link["mount"]["rpy"]).as_matrix()
+        if link["joint"] == "fixed":
+            continue
+        axis = np.array(link["axis"]) / np.linalg.norm(link["axis"])
+        if link["joint"] == "revolute":
+            whole, alone = (R @ axis) @ w + ratio * rate[joint], ratio * rate[joint]
+            extra += J / 2 * (whole**2 - alone**2 - ((R @ axis) @ w) ** 2)
+            w = w + R @ axis * rate[joint]
+            R = R @ Rotation.from_rotvec(axis * q[joint]).as_matrix()
+        joint += 1
+    got = value(arm, "energy", q, rate) - value(bare, "energy", q, rate)
+    assert float(got[0, 0]) == pytest.approx(extra, rel=1e-9)
+
+
+def test_a_flexible_joint_has_a_damped_spring_of_its_own():
+    links, arm = chain_of(3, 3, joint_flexibility={"stiffness": 40.0, "motor_inertia": 0.2, "damping": 0.7})
+    s, rate, acceleration = random_state(arm, 4)
+    n = 3
+    twist = 40.0 * (s[n:] - s[:n]) + 0.7 * (rate[n:] - rate[:n])
+    expected = inverse_dynamics(links, s[:n], rate[:n], acceleration[:n])
+    got = value(arm, "residual", s, rate, acceleration)[:, 0]
+    np.testing.assert_allclose(got[:n], expected - twist, rtol=0, atol=1e-11 * np.abs(expected).max())
+    np.testing.assert_allclose(got[n:], 0.2 * acceleration[n:] + twist, rtol=1e-12)
+
+
+LINK = {"length": 0.6, "mass_per_length": 0.5, "bending_stiffness": 9.0, "modes": 2}
+EFFECTS = {"payload": {"mass": 0.2, "inertia": 0.01}, "geometric_stiffening": {}, "modal_damping": {"ratio": 0.01}}
+
+
+def test_turning_and_moving_a_whole_scene_changes_nothing():
+    """Gravity with it: the same exponents, gains and all. A planar arm is then one in space."""
+    control = {"feedback": {"kind": "pd", "kp": [30.0, 10.0], "kd": [3.0, 1.0]}}
+    raw = scene_table([{**LINK, "joint": "revolute"}, {**LINK, "joint": "revolute", "mount_angle": 0.4}], **EFFECTS)
+    raw |= {"control": control, "motion": {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.5}] * 2}}
+    turn = Rotation.from_rotvec([0.3, -1.1, 0.7])
+
+    def exponents(links, direction):
+        table = {**raw, "links": links, "effects": raw["effects"] | {"gravity": {"direction": list(direction)}}}
+        scene = parse_scene(table)
+        lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+        return fl.floquet(lin.periodic_system(), 1e-10).exponents
+
+    base = {"xyz": [0.4, 2.0, -0.7], "rpy": turn.as_euler("xyz").tolist()}
+    plain = exponents(raw["links"], [0.0, -1.0, 0.0])
+    turned = exponents([{**raw["links"][0], "mount": base}, raw["links"][1]], turn.apply([0.0, -1.0, 0.0]))
+    distance = np.abs(plain[:, None] - turned).min(axis=1)
+    assert distance.max() <= 1e-9 * np.abs(plain).max()
+
+
+def test_arms_in_space_say_where_their_tip_is():
+    links, arm = chain_of(21, 5)
+    q, _, _ = random_state(arm, 3)
+    R, p, joint = np.eye(3), np.zeros(3), 0
+    for link in links:
+        p = p + R @ link["mount"]["xyz"]
+        R = R @ Rotation.from_euler("xyz", link["mount"]["rpy"]).as_matrix()
+        if link["joint"] == "fixed":
+            continue
+        step = np.array(link["axis"]) / np.linalg.norm(link["axis"]) * q[joint]
+        p = p + R @ step if link["joint"] == "prismatic" else p
+        R = R @ Rotation.from_rotvec(step).as_matrix() if link["joint"] == "revolute" else R
+        joint += 1
+    np.testing.assert_allclose(value(arm, "points", q)[:, -1], p, rtol=0, atol=1e-12)
+
+
+def test_the_axis_may_stay_a_symbol():
+    """Its derivative is that of the forces by finite differences of the axis."""
+    scene = parse_scene(scene_table(random_chain(np.random.default_rng(2), 2, fixed=0.0)))
+    path = "links.1.axis.0"
+    arm = fl.build_manipulator(scene, [path])
+    p, state = arm.parameters, random_state(arm, 1)
+    slope = ca.Function("f", [arm.s, arm.s_dot, arm.s_ddot, p.symbols], [ca.jacobian(arm.residual, p.symbols)])
+    forces = [
+        np.array(arm.functions["residual"](*state, p.values + sign * 1e-6 * np.ones(1)))[:, 0] for sign in (1, -1)
+    ]
+    np.testing.assert_allclose(np.array(slope(*state, p.values))[:, 0], (forces[0] - forces[1]) / 2e-6, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        ({"axis": [0, 0, 0]}, "links.0.axis"),
+        ({"axis": [0, 1]}, "links.0.axis.2"),
+        ({"axis": [0, 1, 0], "joint": "fixed"}, "links.0.axis"),
+        ({"mount": {"xyz": [0, 0]}}, "links.0.mount.xyz.2"),
+        ({"mount": {"rpy": [0, 0, float("inf")]}}, "links.0.mount.rpy.2"),
+        ({"body": {"mass": -1.0}}, "links.0.body.mass"),
+        ({"body": {"mass": 1.0, "inertia": {"xx": 1.0, "yy": 1.0, "xy": 2.0}}}, "links.0.body.inertia"),
+        ({"axis": [0, 1, 0], "modes": 1, "mode_shapes": "pinned-free"}, "links.0.mode_shapes"),
+    ],
+)
+def test_what_space_does_not_allow(change, key):
+    with pytest.raises(SceneError) as caught:
+        parse_scene(scene_table([{**LINK, "joint": "revolute", **change}]) | {"motion": MOTION})
+    assert key in {problem.key for problem in caught.value.problems}, caught.value
+
+
+MOTION = {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.5}]}
