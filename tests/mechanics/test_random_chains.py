@@ -26,6 +26,7 @@ SCALAR = {
     "viscous_friction": {"coefficient": 0.2},
     "coulomb_friction": {"torque": 0.3, "rate": 0.05},
     "motor": {"torque_constant": 0.05, "resistance": 2.0, "gear_ratio": 50.0, "rotor_inertia": 1e-5},
+    "rotor_spin": {"inertia": 1e-6, "gear_ratio": -40.0},
 }
 TABLES = ON | FIRST_ONLY | SCALAR
 

@@ -50,7 +50,7 @@ def test_shipped_scenes_load(name):
         (["links", 0, "modes"], 61, "links.0.modes", "60"),
         (["links", 0, "modes"], 1.5, "links.0.modes", "whole number"),
         (["links", 0, "bending_stiffness"], None, "links.0.bending_stiffness", "positive"),
-        (["links", 0, "colour"], "red", "links.0.colour", "one of bending_stiffness"),
+        (["links", 0, "colour"], "red", "links.0.colour", "one of axis"),
         (["links", 0, "mass_per_length"], 0.0, "links.0.mass_per_length", "mass"),
         (["effects", "wind"], {}, "effects.wind", "gravity"),
         (["effects", "payload"], {"mass": -0.1}, "effects.payload.mass", "greater than or equal to 0"),

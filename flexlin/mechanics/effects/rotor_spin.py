@@ -7,7 +7,7 @@ inertia, the second to `motor_inertia` or `rotor_inertia`. Assumes rotors round 
 Simulation of cooperating robot manipulators on a mobile platform (1991); Spong (1987) leaves this term out.
 """
 
-from typing import Annotated, Optional
+from typing import Annotated
 
 import casadi as ca
 
@@ -29,10 +29,8 @@ class RotorSpin(Effect):
     gear_ratio: Annotated[Number | tuple[Number, ...], Unit("")]
 
     @classmethod
-    def tried_with(cls, scale: Scale) -> Optional["RotorSpin"]:
+    def tried_with(cls, scale: Scale) -> "RotorSpin":
         """Rotors as heavy, seen through their gears, as those that other effects are tried with."""
-        if len(scale.links) < 2:
-            return None
         return cls(inertia=scale.of_inertias(PART / RATIO**2), gear_ratio=RATIO)
 
     def kinetic_energy(self, chain: Chain) -> ca.SX:
