@@ -6,8 +6,10 @@ from pathlib import Path
 
 from flexlin.about.linear import Linearization
 from flexlin.answers.analysis import Loop
-from flexlin.control.c_source import write_gain, write_linearization
-from flexlin.control.export import write_system
+from flexlin.control.export.c_gain import write_gain
+from flexlin.control.export.c_linearization import write_linearization
+from flexlin.control.export.files import write_system
+from flexlin.control.export.matlab import matlab_script
 from flexlin.errors import InputError
 from flexlin.files import results
 from flexlin.motion import SymbolicMotion
@@ -55,11 +57,12 @@ def export_all(plant: Linearization, loops: Sequence[Loop], folder: Path, points
     names = [f"system{ending}" for ending in FORMATS]
     with results(folder, "export") as made:
         for name in names:
-            write_system(system, made / name, designs, points)
+            write_system(system, made / name, designs, points, plant)
+        names.append(matlab_script(made / "system.mat", len(designs)).name)
         if isinstance(plant.motion, SymbolicMotion):
             write_linearization(plant, made / "c")
             names.append("c")
         for found in designs:
-            write_gain(found, plant.period, made / folders[found.name])
+            write_gain(found, plant.period, made / folders[found.name], lin=plant)
             names.append(folders[found.name])
     return made.placed(*names)

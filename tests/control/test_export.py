@@ -10,8 +10,7 @@ import scipy.io
 import xarray
 
 import flexlin as fl
-from flexlin.control import periodic_lqr
-from flexlin.control.c_source import gain_source, linearization_source
+from flexlin.control import gain_source, linearization_source, periodic_lqr
 from flexlin.control.export import gain_schedule, periodic_plant, save, to_control
 from flexlin.errors import ArgumentError
 

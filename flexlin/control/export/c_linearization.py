@@ -1,4 +1,4 @@
-"""C source of the linearization and of a gain schedule, through CasADi's code generator, with a small program around it."""
+"""C source of the linearization through CasADi's code generator, with a small program around it."""
 
 import errno
 import os
@@ -8,13 +8,9 @@ import casadi as ca
 import numpy as np
 
 from flexlin.about.linearization import Linearization
-from flexlin.control.designed_loop import Design
 from flexlin.errors import ArgumentError
 from flexlin.files import results
 from flexlin.motion import SymbolicMotion
-
-KNOTS = 256
-"""Knots of the gain's cubic spline over a period."""
 
 LAST = '} /* extern "C" */\n#endif\n'
 """The last lines of the files that CasADi writes."""
@@ -100,62 +96,6 @@ def write_linearization(lin: Linearization, folder: Path, name: str = "lineariza
     if not isinstance(lin.motion, SymbolicMotion):
         raise ArgumentError("a motion given by numbers has no formula to write", expected="another kind of motion")
     return _write(lin.coefficients, np.asarray(lin.arm.parameters.values, dtype=float), folder, name)
-
-
-def gain_source(made: Design, period: float, folder: str | Path, name: str = "gain", knots: int = KNOTS) -> list[Path]:
-    """Write C source of the gain K at a phase of the motion.
-
-    The gain is a cubic spline through equally spaced knots; its error falls with the fourth power of their distance. Files and use are
-    those of `linearization_source`.
-
-    Parameters
-    ----------
-    made : Design
-        The design whose gain is written.
-    period : float
-        Period of the motion, in s.
-    folder : str or Path
-        Where the files go, as one set with their checksums; it is made when it does not exist.
-    name : str
-        Name of the function and of its files.
-    knots : int
-        Knots of a period.
-
-    Returns
-    -------
-    list of Path
-        The files.
-
-    Raises
-    ------
-    OutputError
-        When the folder cannot be written.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> import flexlin as fl
-    >>> system = fl.PeriodicSystem([[0.0, 1.0], [0.0, 0.0]], 1.0, B=[[0.0], [1.0]])
-    >>> made = fl.control.pd_feedback(system, [0], [4.0], [2.0])
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     print([path.name for path in fl.control.gain_source(made, system.period, folder, knots=16)])
-    ['gain.c', 'gain.h', 'main.c']
-    """
-    with results(Path(folder), name) as files:
-        return files.placed(*write_gain(made, period, files.stage, name, knots))
-
-
-def write_gain(found: Design, period: float, folder: Path, name: str = "gain", knots: int = KNOTS) -> list[str]:
-    """Write `gain_source` into a folder of a set; returns the names of the files."""
-    margin = 4
-    phase = np.arange(-margin, knots + margin + 1) / knots
-    gains = found.K(np.mod(phase, 1.0) * period)
-    shape = gains.shape[1:]
-    table = gains.transpose(0, 2, 1).reshape(len(phase), -1)
-    spline = ca.interpolant("K", "bspline", [phase.tolist()], table.ravel().tolist(), {"inline": False})
-    where = ca.MX.sym("phase")
-    K = ca.reshape(spline(where), shape[0], shape[1])
-    return _write(ca.Function(name, [where], [ca.densify(K)], ["phase"], ["K"]), np.zeros(0), folder, name)
 
 
 def _write(function: ca.Function, parameters: np.ndarray, folder: Path, name: str) -> list[str]:

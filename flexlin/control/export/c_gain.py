@@ -1,0 +1,213 @@
+"""C source of a controller: gain(phase, state, torque), its matrix, and the whole law with feedforward."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import flexlin
+from flexlin.about.law import Law
+from flexlin.about.linearization import Linearization
+from flexlin.checks import Array
+from flexlin.control.designed_loop import Design
+from flexlin.control.export.c_series import SAMPLES, Form, write_series
+from flexlin.control.export.labels import Labels
+from flexlin.files import results
+from flexlin.periodic.coefficients import MatrixFunction
+
+HEADER = """\
+/* {title}, written by flexlin {version}. C99, needs libm only; no memory is allocated.
+
+   {name}(phase, state, torque)          torque = -K(phase) state
+   {name}_matrix(phase, K)               K, {m} x {n}, row by row
+   {name}_law(phase, state, torque)      torque = forward(phase) - K(phase) (state - reference(phase))
+
+   phase: t / T with T = {period!r} s; {beyond}
+   state, the deviation from the rigid motion:
+{states}
+   torque:
+{inputs}
+   forward: {forward}
+   Layout of K: {layout}; entry {n} i + j is K[i][j].
+   Largest error of K against flexlin's: {error:.1e} of its largest entry. */
+#ifndef FLEXLIN_{guard}_H
+#define FLEXLIN_{guard}_H
+#define {guard}_STATES {n}
+#define {guard}_INPUTS {m}
+#define {guard}_PERIOD {period!r}
+void {name}(double phase, const double *state, double *torque);
+void {name}_matrix(double phase, double *K);
+void {name}_law(double phase, const double *state, double *torque);
+#endif
+"""
+SOURCE = """\
+#include <math.h>
+#include "{name}.h"
+
+{series}
+static double within(double phase) {{ return {within}; }}
+
+void {name}_matrix(double phase, double *K) {{ K_of(within(phase), K); }}
+
+void {name}(double phase, const double *state, double *torque) {{
+  double K[{size}];
+  int i, j;
+  K_of(within(phase), K);
+  for (i = 0; i < {m}; ++i) {{
+    torque[i] = 0.0;
+    for (j = 0; j < {n}; ++j) torque[i] -= K[{n} * i + j] * state[j];
+  }}
+}}
+
+void {name}_law(double phase, const double *state, double *torque) {{
+  double forward[{m}], reference[{n}];
+  int i;
+  forward_of(within(phase), forward);
+  reference_of(within(phase), reference);
+  for (i = 0; i < {n}; ++i) reference[i] = state[i] - reference[i];
+  {name}(phase, reference, torque);
+  for (i = 0; i < {m}; ++i) torque[i] += forward[i];
+}}
+"""
+MAIN = """\
+/* Prints the gain at a phase: K and its numbers column by column.   usage: main PHASE */
+#include <stdio.h>
+#include <stdlib.h>
+#include "{name}.h"
+
+int main(int argc, char **argv) {{
+  double K[{m} * {n}];
+  int i, j;
+  if (argc != 2) {{ fprintf(stderr, "usage: %s PHASE\\n", argv[0]); return 2; }}
+  {name}_matrix(atof(argv[1]), K);
+  printf("K");
+  for (j = 0; j < {n}; ++j) for (i = 0; i < {m}; ++i) printf(" %.17g", K[{n} * i + j]);
+  printf("\\n");
+  return 0;
+}}
+"""
+WITHIN = {True: "phase - floor(phase)", False: "phase < 0.0 ? 0.0 : phase > 1.0 ? 1.0 : phase"}
+BEYOND = {True: "any number, taken modulo 1", False: "held at 0 before the motion and at 1 after it"}
+"""What becomes of a phase outside [0, 1], for periodic and for one-way motions."""
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """A vector function of time (N,) -> (N, k) as a matrix of one column."""
+
+    vector: MatrixFunction
+
+    def __call__(self, t: Array) -> Array:
+        return self.vector(t)[:, :, None]
+
+
+def gain_source(
+    made: Design,
+    period: float,
+    folder: str | Path,
+    name: str = "gain",
+    samples: int = SAMPLES,
+    *,
+    lin: Linearization | None = None,
+    law: Law | None = None,
+    form: Form = "series",
+) -> list[Path]:
+    """Write C source of a controller: the torque of a state at a phase of the motion.
+
+        torque = -K(phase) state,     or with feedforward  forward(phase) - K(phase) (state - reference(phase))
+
+    The files are <name>.h, which says layout, units and order, <name>.c, and main.c, a program `main PHASE` that prints K column by
+    column. They need nothing but a C99 compiler and libm:  cc <name>.c main.c -lm
+
+    Parameters
+    ----------
+    made : Design
+        The design whose gain is written, of n states and m inputs.
+    period : float
+        Period of the motion, in s.
+    folder : str or Path
+        Where the files go, as one set with their checksums; it is made when it does not exist.
+    name : str
+        Name of the function and of its files.
+    samples : int
+        Samples of a period when the form is "sampled".
+    lin : Linearization, optional
+        The arm: it gives states and inputs their names and units, and its law the feedforward.
+    law : Law, optional
+        Another feedforward, such as `feedforward(lin, "tip-exact").law`; its gain is not used.
+    form : {"series", "sampled"}
+        "series": a Fourier series, or Chebyshev's between breaks, as accurate as the gain itself; "sampled": cubic splines.
+
+    Returns
+    -------
+    list of Path
+        The files.
+
+    Raises
+    ------
+    ArgumentError
+        When the arm does not fit the design, or for another form.
+    OutputError
+        When the folder cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[0.0, 1.0], [0.0, 0.0]], 1.0, B=[[0.0], [1.0]])
+    >>> made = fl.control.pd_feedback(system, [0], [4.0], [2.0])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     print([path.name for path in fl.control.gain_source(made, system.period, folder)])
+    ['gain.c', 'gain.h', 'main.c']
+    """
+    with results(Path(folder), name) as files:
+        return files.placed(*write_gain(made, period, files.stage, name, samples, lin, law, form))
+
+
+def write_gain(
+    made: Design,
+    period: float,
+    folder: Path,
+    name: str = "gain",
+    samples: int = SAMPLES,
+    lin: Linearization | None = None,
+    law: Law | None = None,
+    form: Form = "series",
+) -> list[str]:
+    """Write `gain_source` into a folder of a set; returns the names of the files."""
+    m, n = made.K(np.zeros(1)).shape[1:]
+    labels = Labels.fitting(lin, n, m)
+    chosen = law or (made.law if lin is None else lin.law)
+    breaks = tuple(made.closed_loop.breaks)
+    once = lin is not None and not lin.motion.periodic
+    parts = [
+        write_series(title, f, period, breaks, form, samples)
+        for title, f in (
+            ("K_of", made.K),
+            ("forward_of", Column(chosen.forward)),
+            ("reference_of", Column(chosen.reference)),
+        )
+    ]
+    words = {
+        "name": name, "guard": name.upper(), "n": n, "m": m, "size": n * m, "period": float(period), "version": flexlin.__version__,
+        "title": f"The design “{made.name}”".replace("*/", "* /").replace("\\", "/"), "forward": chosen.feedforward,
+        "states": listed(labels.states, labels.state_units), "inputs": listed(labels.inputs, labels.input_units),
+        "layout": parts[0].layout, "error": parts[0].error, "series": "\n".join(part.source for part in parts),
+        "within": WITHIN[not once], "beyond": BEYOND[not once],
+    }  # fmt: skip
+    return write_c(folder, {f"{name}.c": SOURCE, f"{name}.h": HEADER, "main.c": MAIN}, words)
+
+
+def listed(names: tuple[str, ...], units: tuple[str, ...]) -> str:
+    """Names and units, one a line, with their places."""
+    return "\n".join(
+        f"     [{i}] {name}, {unit or 'no unit given'}" for i, (name, unit) in enumerate(zip(names, units, strict=True))
+    )
+
+
+def write_c(folder: Path, templates: dict[str, str], words: dict[str, object]) -> list[str]:
+    """Fill in the templates and write them as files of the folder; returns their names."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for file, template in templates.items():
+        (folder / file).write_text(template.format(**words), encoding="utf-8")
+    return list(templates)

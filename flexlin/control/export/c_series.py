@@ -1,0 +1,167 @@
+"""C source that evaluates a matrix function of the phase: one Fourier series, or Chebyshev polynomials on panels."""
+
+import itertools
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from flexlin.checks import Array
+from flexlin.control.smooth_gain import Series, smooth_gain
+from flexlin.errors import ArgumentError
+from flexlin.periodic.chebyshev import ChebyshevPanels
+from flexlin.periodic.coefficients import MatrixFunction
+from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.resolved.sampling import stratified
+
+Form = Literal["series", "sampled"]
+SAMPLES = 256
+"""Samples of a period when the form is "sampled"."""
+NEGLIGIBLE = 1e-15
+"""Coefficients at the end of a series are left out when all together are smaller than this against the largest value."""
+FOURIER = """\
+static void {name}(double phase, double *out) {{
+  static const double table[{rows}][{size}] = {{
+{table}
+  }};
+  const double angle = 6.283185307179586476925 * phase, c1 = cos(angle), s1 = sin(angle);
+  double c = 1.0, s = 0.0, next;
+  int k, i;
+  for (i = 0; i < {size}; ++i) out[i] = 0.0;
+  for (k = 1; k <= {harmonics}; ++k) {{
+    next = c * c1 - s * s1;
+    s = s * c1 + c * s1;
+    c = next;
+    for (i = 0; i < {size}; ++i) out[i] += c * table[2 * k - 1][i] + s * table[2 * k][i];
+  }}
+  for (i = 0; i < {size}; ++i) out[i] += table[0][i];
+}}
+"""
+PANELS = """\
+static void {name}(double phase, double *out) {{
+  static const double edges[{edge_count}] = {{{edges}}};
+  static const double table[{panels}][{degrees}][{size}] = {{
+{table}
+  }};
+  int low = 0, high = {panels}, middle, k, i;
+  double u, b0, b1, b2;
+  while (high - low > 1) {{
+    middle = (low + high) / 2;
+    if (phase >= edges[middle]) low = middle; else high = middle;
+  }}
+  u = ((phase - edges[low]) - (edges[low + 1] - phase)) / (edges[low + 1] - edges[low]);
+  for (i = 0; i < {size}; ++i) {{
+    b1 = b2 = 0.0;
+    for (k = {degrees} - 1; k > 0; --k) {{ b0 = 2.0 * u * b1 - b2 + table[low][k][i]; b2 = b1; b1 = b0; }}
+    out[i] = u * b1 - b2 + table[low][0][i];
+  }}
+}}
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class CSeries:
+    """A C function `static void name(double phase, double *out)`, entries row by row.
+
+    source: its text; error: the largest deviation from the function that it stands for, relative to the largest value; layout: in words.
+    """
+
+    source: str
+    error: float
+    layout: str
+
+
+def write_series(
+    name: str,
+    f: MatrixFunction,
+    period: float,
+    breaks: tuple[float, ...],
+    form: Form = "series",
+    samples: int = SAMPLES,
+) -> CSeries:
+    """Write a function of time (N,) -> (N, rows, columns) as C; times in s, breaks in [0, T).
+
+    form "series": as accurate as the function is smooth; "sampled": cubic polynomials through `samples` values of a period.
+    """
+    if form not in ("series", "sampled"):
+        raise ArgumentError("there is no such form", got=repr(form), expected="'series' or 'sampled'")
+    series = smooth_gain(f, period, breaks)[0] if form == "series" else through_samples(f, period, breaks, samples)
+    series = shortened(series)
+    edges = np.unique([0.0, *breaks, period])
+    t = (edges[:-1, None] + np.diff(edges)[:, None] * stratified(499)).ravel()
+    wanted = f(t)
+    error = float(np.abs(series(t) - wanted).max() / (np.abs(wanted).max() or 1.0))
+    source, layout = write_fourier(name, series) if isinstance(series, FourierSeries) else write_panels(name, series)
+    return CSeries(source, error, layout)
+
+
+def through_samples(f: MatrixFunction, period: float, breaks: tuple[float, ...], samples: int) -> ChebyshevPanels:
+    """Cubic splines through about `samples` values, in pieces between the breaks; a smooth period closes on itself."""
+    marks, panels, edges = np.unique([0.0, *breaks, period]), [], [np.zeros(1)]
+    for begin, end in itertools.pairwise(marks):
+        t = np.linspace(begin, end, max(4, round(samples * (end - begin) / period)) + 1)
+        inside = np.clip(t, np.nextafter(begin, np.inf), np.nextafter(end, -np.inf))
+        values = np.array(f(inside))
+        if not breaks:
+            values[-1] = values[0]
+        spline = CubicSpline(t, values, axis=0, bc_type="not-a-knot" if breaks else "periodic")
+        panels.append(power_to_chebyshev(spline.c, np.diff(t)))
+        edges.append(t[1:])
+    return ChebyshevPanels(np.concatenate(edges), np.concatenate(panels))
+
+
+def power_to_chebyshev(c: Array, width: Array) -> Array:
+    """Coefficients (P, 4, ...) on [-1, 1] of cubics sum_k c[k] (t - begin)^(3 - k) on panels of these widths (P,)."""
+    half = (width / 2).reshape(-1, *[1] * (c.ndim - 2))
+    a3, a2, a1, a0 = c[0] * half**3, c[1] * half**2, c[2] * half, c[3]
+    p0, p1, p2, p3 = a0 + a1 + a2 + a3, a1 + 2 * a2 + 3 * a3, a2 + 3 * a3, a3
+    return np.stack([p0 + p2 / 2, p1 + 3 * p3 / 4, p2 / 2, p3 / 4], axis=1)
+
+
+def shortened(series: Series) -> Series:
+    """The series without the end that is below rounding."""
+    c = series.coefficients
+    limit = NEGLIGIBLE * (np.abs(c).max() or 1.0)
+    if isinstance(series, FourierSeries):
+        H = series.harmonics
+        waves = np.abs(c[1 : H + 1]) + np.abs(c[H + 1 :])
+        keep = needed(waves.reshape(H, -1), limit)
+        return FourierSeries(np.concatenate([c[: keep + 1], c[H + 1 : H + 1 + keep]]), series.period)
+    keep = needed(np.moveaxis(np.abs(c), 1, 0).reshape(c.shape[1], -1), limit)
+    return ChebyshevPanels(series.edges, c[:, : max(1, keep)])
+
+
+def needed(sizes: Array, limit: float) -> int:
+    """How many of the first rows (N, E) are needed for the sum of the rest to stay below the limit."""
+    left = sizes.max(axis=1, initial=0.0)[::-1].cumsum()[::-1]
+    return int(np.count_nonzero(left > limit))
+
+
+def write_fourier(name: str, series: FourierSeries) -> tuple[str, str]:
+    """The text, and the layout in words."""
+    H, flat = series.harmonics, series.coefficients.reshape(len(series.coefficients), -1)
+    rows = [flat[0]] + [row for k in range(1, H + 1) for row in (flat[k], flat[H + k])]
+    source = FOURIER.format(name=name, rows=len(rows), size=flat.shape[1], table=table(rows), harmonics=H)
+    return source, f"Fourier series of {H} harmonics: mean, then cosine and sine of each"
+
+
+def write_panels(name: str, series: ChebyshevPanels) -> tuple[str, str]:
+    """The text, and the layout in words."""
+    c = series.coefficients
+    flat = c.reshape(*c.shape[:2], -1)
+    phases = numbers(series.edges / series.period)
+    blocks = ",\n".join(f"  {{\n{table(list(panel))}\n  }}" for panel in flat)
+    sizes = {"panels": len(flat), "degrees": flat.shape[1], "size": flat.shape[2], "edge_count": len(flat) + 1}
+    source = PANELS.format(name=name, edges=phases, table=blocks, **sizes)
+    return source, f"Chebyshev series of degree {flat.shape[1] - 1} on {len(flat)} panels"
+
+
+def table(rows: list[Array]) -> str:
+    """Rows of numbers, each in braces."""
+    return ",\n".join(f"    {{{numbers(row)}}}" for row in rows)
+
+
+def numbers(row: Array) -> str:
+    """Numbers that C reads back without loss."""
+    return ", ".join(repr(float(value)) for value in row)

@@ -1,0 +1,125 @@
+"""A system and its designs over a period as one file: NumPy, MATLAB, netCDF."""
+
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from flexlin.about.linearization import Linearization
+from flexlin.checks import Array, check_size
+from flexlin.control.designed_loop import Design
+from flexlin.control.export.labels import Labels
+from flexlin.errors import ArgumentError
+from flexlin.files import replacing
+from flexlin.files.arrays import write_npz
+from flexlin.periodic.system import PeriodicSystem
+
+Texts = dict[str, list[str]]
+PHASES = 256
+"""Samples of a period in a file."""
+
+
+def save(
+    system: PeriodicSystem,
+    path: str | Path,
+    designs: tuple[Design, ...] = (),
+    phases: int = PHASES,
+    lin: Linearization | None = None,
+) -> Path:
+    """Write A(t), B(t) and the gains of designs over one period to a file.
+
+    The arrays are t (N,), A (N, n, n), B (N, n, m), and K_<i>, X_<i> for each design, with `names` of the designs and `period`; the N
+    times are equally spaced. `states`, `state_units`, `inputs` and `input_units` name the axes.
+
+    Parameters
+    ----------
+    system : PeriodicSystem
+        The system.
+    path : str or Path
+        The file. Its ending chooses the format: .npz (NumPy), .mat (MATLAB 5), .nc (netCDF 3).
+    designs : tuple of Design
+        Designs whose gains are written too.
+    phases : int
+        Times of a period.
+    lin : Linearization, optional
+        The arm, which gives states and inputs their names and units.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    ArgumentError
+        For another ending.
+    TooLarge
+        When the table would not fit into memory.
+    OutputError
+        When the file cannot be written; one of before is still there then.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[0.0, 1.0], [-4.0, 0.0]], 1.0, B=[[0.0], [1.0]])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     with np.load(fl.control.save(system, f"{folder}/plant.npz", phases=8)) as content:
+    ...         print(sorted(content), content["A"].shape)
+    ['A', 'B', 'input_units', 'inputs', 'names', 'period', 'state_units', 'states', 't'] (8, 2, 2)
+    """
+    path = Path(path)
+    with replacing(path) as temporary:
+        write_system(system, temporary, designs, phases, lin)
+    return path
+
+
+def write_system(
+    system: PeriodicSystem, path: Path, designs: tuple[Design, ...], phases: int, lin: Linearization | None = None
+) -> None:
+    """Write what `save` writes, into a set or under a temporary name."""
+    numbers = system.n * (system.n + system.m) + len(designs) * system.n * (system.n + system.m)
+    check_size(f"a table of {phases} times", 8 * phases * (numbers + 1), "ask for fewer phases (--points)")
+    t = system.period * np.arange(phases) / phases
+    arrays: dict[str, Array] = {"t": t, "A": system.A(t)}
+    if system.B is not None:
+        arrays["B"] = system.B(t)
+    for i, made in enumerate(designs):
+        arrays[f"K_{i}"] = made.K(t)
+        if made.solution is not None:
+            arrays[f"X_{i}"] = made.solution.X(t)
+    texts = {"names": [made.name for made in designs]}
+    texts |= {key: list(value) for key, value in asdict(Labels.fitting(lin, system.n, system.m)).items()}
+    writers = {".npz": _save_npz, ".mat": _save_mat, ".nc": _save_netcdf}
+    if path.suffix not in writers:
+        raise ArgumentError("the file's ending names no known format", got=path.name, expected=", ".join(writers))
+    writers[path.suffix](path, arrays, texts, system.period)
+
+
+def _save_npz(path: Path, arrays: dict[str, Array], texts: Texts, period: float) -> None:
+    words = {key: np.array(value, dtype=str) for key, value in texts.items()}
+    write_npz(path, {**arrays, **words, "period": np.array(period)}, compressed=True)
+
+
+def _save_mat(path: Path, arrays: dict[str, Array], texts: Texts, period: float) -> None:
+    from scipy.io import savemat
+
+    words = {key: np.array(value, dtype=object) for key, value in texts.items()}
+    with path.open("wb") as file:
+        savemat(file, {**arrays, **words, "period": period})
+
+
+def _save_netcdf(path: Path, arrays: dict[str, Array], texts: Texts, period: float) -> None:
+    import xarray
+
+    axes = {"A": ("time", "state", "state_"), "B": ("time", "state", "input")}
+    axes |= {key: ("time", "input", "state") for key in arrays if key.startswith("K_")}
+    axes |= {key: ("time", "state", "state_") for key in arrays if key.startswith("X_")}
+    coordinates = {"time": arrays["t"], "state": texts["states"], "state_": texts["states"]}
+    coordinates |= {"input": texts["inputs"]} if "B" in arrays else {}
+    data = xarray.Dataset({key: (axes[key], value) for key, value in arrays.items() if key != "t"}, coordinates)
+    data.attrs.update(period=period, designs="; ".join(texts["names"]))
+    data.attrs.update({key: "; ".join(texts[key]) for key in ("state_units", "input_units")})
+    data["time"].attrs["units"] = "s"
+    path.write_bytes(data.to_netcdf(engine="scipy"))

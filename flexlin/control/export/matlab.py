@@ -1,0 +1,64 @@
+"""A MATLAB script beside the .mat file: it rebuilds plant, gains and frozen loops with named states, and checks itself."""
+
+from pathlib import Path
+
+import flexlin
+
+SCRIPT = """\
+function arm = {function}(phase)
+%{FUNCTION}  The arm of {data} as MATLAB objects; written by flexlin {version}, needs no toolbox unless stated.
+%
+%   arm = {function}()        arm.A(t), arm.B(t), arm.gain{{i}}(t): matrices at a time t in s, splines through the samples
+%   arm = {function}(phase)   also arm.frozen and arm.loop{{i}} at phase = t / T in [0, 1): ss objects (Control System Toolbox)
+%
+%   x' = A(t) x + B(t) u,  u = -K(t) x,  x = [y; y'] the deviation from the rigid motion, u beside the feedforward torque.
+%   States and inputs bear their names and units.
+
+data = load(fullfile(fileparts(mfilename('fullpath')), '{data}'));
+arm.period = data.period;
+arm.states = strtrim(cellstr(char(data.states)));
+arm.state_units = strtrim(cellstr(char(data.state_units)));
+arm.inputs = strtrim(cellstr(char(data.inputs)));
+arm.input_units = strtrim(cellstr(char(data.input_units)));
+arm.names = strtrim(cellstr(char(data.names)));
+n = numel(arm.states);
+m = numel(arm.inputs);
+arm.A = periodic(data.t, data.A, data.period, n, n);
+arm.B = periodic(data.t, data.B, data.period, n, m);
+for i = 1:{designs}
+    arm.gain{{i}} = periodic(data.t, data.(sprintf('K_%d', i - 1)), data.period, m, n);
+end
+check = max(max(abs(arm.A(data.t(2)) - reshape(data.A(2, :, :), n, n))));
+assert(check <= 1e-9 * max(abs(data.A(:))), 'the splines do not pass through the samples');
+if nargin < 1
+    return
+end
+t = phase * arm.period;
+arm.frozen = ss(arm.A(t), arm.B(t), eye(n), zeros(n, m), 'StateName', arm.states, 'StateUnit', arm.state_units, ...
+    'InputName', arm.inputs, 'InputUnit', arm.input_units, 'OutputName', arm.states, 'OutputUnit', arm.state_units);
+for i = 1:{designs}
+    arm.loop{{i}} = ss(arm.A(t) - arm.B(t) * arm.gain{{i}}(t), arm.B(t), eye(n), zeros(n, m), 'StateName', arm.states, ...
+        'InputName', arm.inputs, 'OutputName', arm.states, 'Name', arm.names{{i}});
+end
+end
+
+function f = periodic(t, samples, period, rows, columns)
+% A periodic spline through samples (time, row, column): three samples are repeated at either end.
+t = t(:).';
+last = numel(t);
+values = reshape(samples, last, rows * columns).';
+keep = 3;
+times = [t(last - keep + 1:last) - period, t, t(1:keep) + period];
+values = [values(:, last - keep + 1:last), values, values(:, 1:keep)];
+piecewise = spline(times, values);
+f = @(time) reshape(ppval(piecewise, mod(time, period)), rows, columns);
+end
+"""
+
+
+def matlab_script(data: Path, designs: int, function: str = "load_arm") -> Path:
+    """Write the script beside a .mat file that `save` wrote with a number of designs; returns its path."""
+    target = data.with_name(f"{function}.m")
+    words = {"function": function, "FUNCTION": function.upper(), "data": data.name, "designs": designs}
+    target.write_text(SCRIPT.format(version=flexlin.__version__, **words), encoding="utf-8")
+    return target

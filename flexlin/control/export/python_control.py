@@ -1,0 +1,150 @@
+"""Systems and designs for python-control, their states, inputs and outputs named."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexlin.about.linearization import Linearization
+from flexlin.checks import Array
+from flexlin.control.designed_loop import Design
+from flexlin.control.export.labels import Labels
+from flexlin.errors import ArgumentError
+from flexlin.periodic.system import PeriodicSystem
+
+if TYPE_CHECKING:
+    import control
+
+
+def to_control(
+    system: PeriodicSystem | Linearization, phase: float = 0.0, outputs: Array | None = None, names: Sequence[str] = ()
+) -> "control.StateSpace":
+    """Freeze a periodic system at a phase of its motion as a python-control StateSpace with named states, inputs and outputs.
+
+        x' = A(phase T) x + B(phase T) u,   y = C x
+
+    Parameters
+    ----------
+    system : PeriodicSystem or Linearization
+        The system, with n states; an arm's own linearization names them (q1, w11, ..., q1_rate, ...) and its inputs.
+    phase : float
+        Part of the period, in [0, 1).
+    outputs : array, shape (p, n), optional
+        C; by default all states.
+    names : sequence of str
+        Names of these outputs.
+
+    Returns
+    -------
+    control.StateSpace
+        Without direct feed-through; it has no inputs when the system has no B.
+
+    Raises
+    ------
+    ArgumentError
+        When the phase is not in [0, 1).
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[0.0, 1.0], [-4.0, 0.0]], 1.0, B=[[0.0], [1.0]])
+    >>> frozen = fl.control.to_control(system)
+    >>> frozen.A.tolist(), frozen.state_labels
+    ([[0.0, 1.0], [-4.0, 0.0]], ['x1', 'x2'])
+    """
+    import control
+
+    lin = system if isinstance(system, Linearization) else None
+    system = system.periodic_system() if isinstance(system, Linearization) else system
+
+    if not 0 <= phase < 1:
+        raise ArgumentError("phase is out of range", got=phase, expected="a number in [0, 1)")
+    t = np.array([phase * system.period])
+    A = system.A(t)[0]
+    B = np.zeros((system.n, 0)) if system.B is None else system.B(t)[0]
+    C = np.eye(system.n) if outputs is None else np.asarray(outputs, dtype=float)
+    labels = Labels.fitting(lin, *B.shape)
+    seen = list(names) or (list(labels.states) if outputs is None else [f"y{i + 1}" for i in range(len(C))])
+    if len(seen) != len(C):
+        raise ArgumentError("names do not fit the outputs", got=len(seen), expected=str(len(C)))
+    D = np.zeros((len(C), B.shape[1]))
+    return control.ss(A, B, C, D, states=list(labels.states), inputs=list(labels.inputs) or 0, outputs=seen)
+
+
+def gain_schedule(
+    made: Design, name: str = "gain_schedule", lin: Linearization | None = None
+) -> "control.NonlinearIOSystem":
+    """Return the state feedback u = -K(t) x as a python-control system without states.
+
+    It is meant for `control.input_output_response`: inputs x[0..n), outputs u[0..m). The time of the response is the time of the motion.
+
+    Parameters
+    ----------
+    made : Design
+        The design.
+    name : str
+        Name of the python-control system.
+    lin : Linearization, optional
+        The arm, which gives inputs and outputs their names.
+
+    Returns
+    -------
+    control.NonlinearIOSystem
+        The feedback.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[0.0, 1.0], [0.0, 0.0]], 1.0, B=[[0.0], [1.0]])
+    >>> feedback = fl.control.gain_schedule(fl.control.pd_feedback(system, [0], [4.0], [2.0]))
+    >>> feedback.output(0.0, [], [1.0, 0.5]).tolist()
+    [-5.0]
+    """
+    import control
+
+    def feedback(t: float, _: Array, x: Array, __: Any) -> Array:
+        return -made.K(np.array([float(t)]))[0] @ x
+
+    labels = Labels.fitting(lin, made.closed_loop.n, made.closed_loop.m)
+    return control.nlsys(None, feedback, inputs=list(labels.states), outputs=list(labels.inputs), name=name)
+
+
+def periodic_plant(system: PeriodicSystem | Linearization, name: str = "plant") -> "control.NonlinearIOSystem":
+    """Return the periodic system x' = A(t) x + B(t) u as a python-control system with outputs x.
+
+    Parameters
+    ----------
+    system : PeriodicSystem or Linearization
+        The system; an arm's own linearization names states, inputs and outputs.
+    name : str
+        Name of the python-control system.
+
+    Returns
+    -------
+    control.NonlinearIOSystem
+        The plant.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[0.0, 1.0], [-4.0, 0.0]], 1.0, B=[[0.0], [1.0]])
+    >>> plant = fl.control.periodic_plant(system)
+    >>> plant.dynamics(0.0, [1.0, 0.0], [3.0]).tolist()
+    [0.0, -1.0]
+    """
+    import control
+
+    lin = system if isinstance(system, Linearization) else None
+    system = system.periodic_system() if isinstance(system, Linearization) else system
+    labels = Labels.fitting(lin, system.n, system.m)
+
+    def update(t: float, x: Array, u: Array, _: Any) -> Array:
+        now = np.array([float(t)])
+        drift = system.A(now)[0] @ x
+        return drift if system.B is None else drift + system.B(now)[0] @ np.atleast_1d(u)
+
+    def output(t: float, x: Array, u: Array, _: Any) -> Array:
+        return x
+
+    inputs, states = list(labels.inputs) or 0, list(labels.states)
+    return control.nlsys(update, output, inputs=inputs, outputs=states, states=states, name=name)

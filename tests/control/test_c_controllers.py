@@ -1,0 +1,169 @@
+"""C controllers and estimators: compiled, called, and put in the loop in the place of Python's."""
+
+import ctypes
+import re
+import shutil
+import subprocess
+
+import control
+import numpy as np
+import pytest
+import scipy.io
+from scipy.integrate import solve_ivp
+
+import flexlin as fl
+from flexlin.control import design, estimator_source, gain_source, kalman_filter, periodic_plant, save, to_control
+from flexlin.control.export.labels import Labels
+from flexlin.control.export.matlab import matlab_script
+from flexlin.errors import ArgumentError
+
+COMPILER = shutil.which("cc") or shutil.which("gcc")
+needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler on this machine")
+NUMBERS = ctypes.POINTER(ctypes.c_double)
+SMALL = {"links.0.modes": 1}
+
+
+def library(files):
+    """The compiled sources without main, as strict C99."""
+    folder, sources = files[0].parent, [str(file) for file in files if file.suffix == ".c" and file.stem != "main"]
+    strict = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O2", "-shared", "-fPIC"]
+    subprocess.run([COMPILER, *strict, *sources, "-lm", "-o", str(folder / "library.so")], check=True)
+    return ctypes.CDLL(str(folder / "library.so"))
+
+
+def call(function, *arguments, size):
+    """Call a C function whose last argument is filled with `size` numbers."""
+    out = np.zeros(size)
+    kept = [np.ascontiguousarray(a, dtype=float) if np.ndim(a) else ctypes.c_double(a) for a in arguments]
+    function(
+        *[a.ctypes.data_as(NUMBERS) if isinstance(a, np.ndarray) else a for a in kept], out.ctypes.data_as(NUMBERS)
+    )
+    return out
+
+
+@pytest.fixture(scope="module")
+def arm():
+    scene = fl.load_scene("single-link", SMALL)
+    manipulator = fl.build_manipulator(scene)
+    plant = fl.linearize(manipulator, scene.motion)
+    return scene, plant, fl.linearize(manipulator, scene.motion, scene.control)
+
+
+@needs_compiler
+def test_the_c_controller_moves_the_arm_as_python_does(arm, tmp_path):
+    """The whole nonlinear loop, gain and feedforward computed by C; and the header says where each state stands."""
+    scene, plant, closed = arm
+    made = design(plant, scene.designs[1])
+    files = gain_source(made, plant.period, tmp_path, lin=plant)
+    c, T = library(files), plant.period
+
+    def gain(t):
+        return np.array([call(c.gain_matrix, now / T, size=4).reshape(1, 4) for now in t])
+
+    def torque(t, x):
+        return np.array([call(c.gain_law, now / T, state, size=1) for now, state in zip(t, x, strict=True)])
+
+    start = np.array([0.05, -0.01, 0.0, 0.1])
+    runs = [fl.simulate(closed, 6, start, feedback, 1e-9, 16) for feedback in (made.K, gain)]
+    assert np.abs(runs[0].nonlinear - runs[1].nonlinear).max() < 1e-11
+    np.testing.assert_allclose(torque(runs[0].t, runs[0].nonlinear), runs[0].torque, rtol=1e-11, atol=1e-11)
+    x = np.arange(1.0, 5.0)
+    assert call(c.gain, 3.3, x, size=1) == pytest.approx(-made.K(0.3 * T) @ x, rel=1e-12)
+    order = re.findall(r"\[(\d)\] (\w+), (\S+(?: m)?)\n", files[1].read_text(encoding="utf-8"))
+    units = ("rad", "m", "rad/s", "m/s", "N m")
+    names = ("q1", "w11", "q1_rate", "w11_rate", "q1")
+    assert order == [(str(i % 4), name, unit) for i, (name, unit) in enumerate(zip(names, units, strict=True))]
+
+
+@needs_compiler
+@pytest.mark.parametrize(("kind", "least"), [("finite-horizon-lqr", 1e-5), ("frozen-lqr", 1e-9)])
+def test_a_gain_with_corners_is_met_on_either_side(kind, least, tmp_path):
+    """There and back: the coefficients have corners at every way point. The header states how far C and Python are apart."""
+    weights = {"joints": "1 deg", "rates": "20 deg/s", "deflection": 1e-2, "deflection_rates": 0.5, "input": 10.0}
+    table = {"name": "made */ \\ \u201c", "kind": kind, "phases": 8, "weights": weights}
+    scene = fl.load_scene("pick-and-place", {"links.0.modes": 1, "designs": [table]})
+    plant = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    made = design(plant, scene.designs[0], tol=1e-7)
+    files = gain_source(made, plant.period, tmp_path, lin=plant)
+    c, stated = library(files), float(re.search(r"flexlin's: (\S+) of", files[1].read_text(encoding="utf-8"))[1])
+    corners = np.array(made.closed_loop.breaks)
+    t = np.concatenate([np.linspace(0, plant.period, 401)[:-1] + 1e-4, corners + 1e-9, (corners - 1e-9)[corners > 0]])
+    found = np.array([call(c.gain_matrix, now / plant.period, size=2 * 2 * plant.n) for now in t])
+    wanted = made.K(t).reshape(len(t), -1)
+    assert np.abs(found - wanted).max() < max(4 * stated, 1e-12) * np.abs(wanted).max()
+    assert stated < least
+
+
+@needs_compiler
+def test_a_sampled_gain_converges_with_its_samples(arm, tmp_path):
+    scene, plant, _ = arm
+    made, errors = design(plant, scene.designs[1], tol=1e-6), []
+    t = np.linspace(0, plant.period, 301)
+    for count in (32, 64, 128):
+        c = library(gain_source(made, plant.period, tmp_path / str(count), samples=count, form="sampled"))
+        found = np.array([call(c.gain_matrix, now / plant.period, size=4) for now in t])
+        errors.append(np.abs(found - made.K(t)[:, 0]).max())
+    assert errors[0] > 10 * errors[1] > 100 * errors[2]
+    with pytest.raises(ArgumentError, match="no such form"):
+        gain_source(made, plant.period, tmp_path, form="table")
+
+
+@needs_compiler
+def test_the_c_estimator_follows_the_filter(arm, tmp_path):
+    """Its rate is that of the filter, and its step is of fourth order against an independent integrator."""
+    _, plant, _ = arm
+    system = plant.periodic_system()
+    C = fl.control.joint_angles(plant)
+    estimator = kalman_filter(system, C, np.diag([0, 0, 1.0, 1.0]), [[1e-4]], tol=1e-7)
+    names = ["encoder of q1 in rad"]
+    c, T = library(estimator_source(estimator, tmp_path, lin=plant, measurements=names)), plant.period
+    x, measured, u = np.array([0.1, -0.02, 0.3, 0.5]), np.array([0.07]), np.array([0.4])
+
+    def rate(t, z):
+        now = np.array([t])
+        L, A = estimator.L(now)[0], system.A(now)[0]
+        return A @ z + system.B(now)[0] @ u + L @ (measured - C(now)[0] @ z)
+
+    for phase in (0.0, 0.37, 12.9):
+        np.testing.assert_allclose(call(c.estimator_rate, phase, x, measured, u, size=4), rate(phase * T, x), rtol=1e-9)
+    span, errors = 0.04, []
+    exact = solve_ivp(rate, (0.3, 0.3 + span), x, "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+    for count in (8, 16):
+        z = x.copy()
+        for k in range(count):
+            at, step = (ctypes.c_double(v) for v in ((0.3 + k * span / count) / T, span / count))
+            assert c.estimator_step(at, step, *(v.ctypes.data_as(NUMBERS) for v in (measured, u, z))) == 0
+        errors.append(np.abs(z - exact).max())
+    assert errors[1] < 1e-5
+    assert errors[0] / errors[1] > 12
+    with pytest.raises(ArgumentError, match="measurements"):
+        estimator_source(estimator, tmp_path, measurements=("a", "b"))
+
+
+def test_python_control_systems_bear_the_arms_names(arm):
+    _scene, plant, _ = arm
+    labels = Labels.of(plant)
+    frozen = to_control(plant, 0.2, np.eye(4)[:1], ["encoder"])
+    assert isinstance(frozen, control.StateSpace)
+    assert (frozen.state_labels, frozen.input_labels, frozen.output_labels) == (
+        list(labels.states),
+        ["q1"],
+        ["encoder"],
+    )
+    assert periodic_plant(plant).state_labels == ["q1", "w11", "q1_rate", "w11_rate"]
+    with pytest.raises(ArgumentError, match="outputs"):
+        to_control(plant, 0.2, np.eye(4), ["encoder"])
+
+
+def test_the_matlab_script_reads_what_the_file_holds(arm, tmp_path):
+    scene, plant, _ = arm
+    made = design(plant, scene.designs[1], tol=1e-6)
+    script = matlab_script(save(plant.periodic_system(), tmp_path / "system.mat", (made,), 8, plant), 1).read_text()
+    data = scipy.io.loadmat(tmp_path / "system.mat")
+    asked = set(re.findall(r"data\.(\w+)", script)) | {"K_0"}
+    assert asked <= set(data)
+    assert {"A", "B", "t", "states", "state_units", "inputs", "names"} <= asked
+    assert [str(name[0]) for name in data["states"].ravel()] == ["q1", "w11", "q1_rate", "w11_rate"]
+    assert script.count("function ") == 2
+    assert script.count("\nend\n") >= 2
+    assert "'system.mat'" in script
