@@ -112,11 +112,8 @@ def test_export_writes_what_other_tools_read(tmp_path: Path) -> None:
         "c/linearization.c",
         "c/linearization.h",
         "c/main.c",
-<<<<<<< HEAD
         "flexlin-results.json",
-=======
         "load_arm.m",
->>>>>>> 9ac0b86 (Write controllers and estimators in C as accurate as they are, with names and units)
         "system.mat",
         "system.nc",
         "system.npz",

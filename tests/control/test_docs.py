@@ -15,4 +15,4 @@ def test_examples_print_what_the_page_says():
     with redirect_stdout(said):
         exec(compile(code, str(PAGE), "exec"), {})
     assert said.getvalue().split() == expected
-    assert len(expected) == 7
+    assert len(expected) == 9
