@@ -10,7 +10,7 @@ import numpy as np
 
 import flexlin
 from flexlin.answers.analysis import Analysis, Loop
-from flexlin.answers.audit import Audit
+from flexlin.answers.audit import Audit, Minimal, Row
 from flexlin.answers.clock import Step
 from flexlin.checks import Array
 from flexlin.report.headline import reason
@@ -181,16 +181,31 @@ def record_linear_range(analysis: Analysis) -> dict[str, Any]:
 
 def audit_block(audit: Audit) -> dict[str, Any]:
     """Which effects and modes the scene needs; a significance that is not finite (another verdict) is null."""
-    rows = [asdict(row) for row in (*audit.effects, *audit.modes)]
     return {
         "tolerance": audit.tolerance,
         "needed": list(audit.needed),
         "droppable": list(audit.droppable),
         "missing": list(audit.missing),
-        "rows": [
-            {key: record_number(value) if isinstance(value, float) else value for key, value in row.items()}
-            for row in rows
-        ],
+        "rows": [audit_row(row) for row in (*audit.effects, *audit.modes)],
+        "pairs": [audit_row(row) for row in audit.pairs],
+        "minimal": None if audit.minimal is None else record_minimal(audit.minimal),
+        **({"problem": audit.problem} if audit.problem else {}),
+    }
+
+
+def audit_row(row: Row) -> dict[str, Any]:
+    """One change; a figure that is not finite is null."""
+    return {key: record_number(value) if isinstance(value, float) else value for key, value in asdict(row).items()}
+
+
+def record_minimal(minimal: Minimal) -> dict[str, Any]:
+    """The smallest scene that was found to be enough, and its error."""
+    return {
+        "dropped": list(minimal.dropped),
+        "added": list(minimal.added),
+        "coordinates": minimal.coordinates,
+        "error": audit_row(minimal.error),
+        "scene": minimal.scene.model_dump(mode="json", by_alias=True, exclude_none=True),
     }
 
 

@@ -4,11 +4,12 @@ import sys
 from collections.abc import Sequence
 
 from flexlin.answers.analysis import Analysis, Loop
-from flexlin.answers.audit import Audit, Row
+from flexlin.answers.audit import Audit, Measure, Row
 from flexlin.answers.clock import Step
 from flexlin.answers.validity import ModelValidity
 from flexlin.report.advice import advise
 from flexlin.report.headline import colour, doubt
+from flexlin.report.minimal import describe_error
 from flexlin.report.wording import (
     describe_pace,
     format_decimal,
@@ -71,22 +72,57 @@ def accuracy_lines(steps: Sequence[Step], said: str = "") -> list[str]:
 
 
 def audit_lines(audit: Audit) -> list[str]:
-    """The audit as a table, the most significant change first."""
+    """The audit as a table, the most significant change first; the figures of the effects; pairs; the smallest scene that is enough."""
     head = f"{'change':<30} {'significance':>12} {'margin 1/s':>11} {'frequency':>10} {'tip error':>10} {'instr.':>7}  advice"
     rows = sorted(
         (*audit.effects, *audit.modes),
         key=lambda row: -row.significance if row.significance == row.significance else 1.0,
     )
-    tried = [
-        f"  {row.subject}: {format_figures(row.table, row.units)}"
-        for row in rows
-        if row.kind == "effect" and not row.on
-    ]
+    figures = {
+        words: [
+            f"  {row.subject}: {format_figures(row.table, row.units)}"
+            for row in rows
+            if row.kind == "effect" and row.on is on
+        ]
+        for on, words in (
+            (True, "effects of the scene, with its figures"),
+            (False, "effects that are off were tried with"),
+        )
+    }
+    pairs = [f"  {row.subject}: {row.advice}, {format_size(row)}" for row in audit.pairs]
     return [
         head,
         *[format_audit_row(row) for row in rows],
-        *(["effects that are off were tried with", *tried] if tried else []),
+        describe_base(audit.base),
+        *[line for words, lines in figures.items() if lines for line in (words, *lines)],
+        *(["two effects at once", *pairs] if pairs else []),
+        *minimal_lines(audit),
     ]
+
+
+def describe_base(base: Measure) -> str:
+    """The scene's own figures."""
+    frequencies = ", ".join(f"{value / 6.283185307179586:.3g}" for value in base.frequencies[:4])
+    tip = "" if base.tip_error != base.tip_error else f", tip error {format_quantity(base.tip_error, 'm')}"
+    return f"the scene: {base.verdict}, {format_rate(base.margin, base.margin_error)}; natural frequencies {frequencies} Hz{tip}"
+
+
+def minimal_lines(audit: Audit) -> list[str]:
+    """The smallest scene that was found to be enough."""
+    if audit.minimal is None:
+        return [audit.problem] if audit.problem else []
+    found = audit.minimal
+    changes = [*(f"drop: {text}" for text in found.dropped), *(f"add: {text}" for text in found.added)]
+    size = f"{found.coordinates} coordinates in the place of {audit.base.coordinates}"
+    return [
+        f"minimal scene, {size}, error {describe_error(found.error)}",
+        *(f"  {text}" for text in changes or ["nothing to drop"]),
+    ]
+
+
+def format_size(row: Row) -> str:
+    """The significance of a row."""
+    return "another verdict" if row.significance == float("inf") else f"{row.significance:.2g} together"
 
 
 def format_audit_row(row: Row) -> str:

@@ -1,5 +1,8 @@
 """The audit: an effect that matters is called so, one that does not is not, and its figures are those of the two scenes."""
 
+import tomllib
+
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -7,7 +10,12 @@ from scipy.linalg import eigvals
 
 import flexlin as fl
 from flexlin.answers.audit import audit
-from flexlin.errors import ArgumentError
+from flexlin.answers.audit.judging import Judge
+from flexlin.answers.audit.models import list_model_versions
+from flexlin.answers.audit.versions import Version, with_modes
+from flexlin.report.minimal import fitting, minimal_text
+from flexlin.scene import register_model
+from flexlin.scene.base import Number, Table
 from flexlin.scene.effects import known_effects
 from flexlin.simulation import tip_positions
 
@@ -21,7 +29,10 @@ def scene():
 def result(scene):
     told = []
     answer = audit(scene, 0.02, told.append)
-    assert len(told) == 1 + len(answer.effects) + len(answer.modes)
+    singles = len(answer.effects) + len(answer.modes)
+    assert told[1 : 1 + singles] == [
+        f"{name.partition(' (')[0]} ({i} of {singles})" for i, name in enumerate(told[1 : 1 + singles])
+    ]
     return answer
 
 
@@ -103,7 +114,7 @@ def test_modes_are_tried_both_ways(result):
 def test_a_softening_model_is_caught():
     """Without stiffening the spinning link loses stiffness with speed: the verdict of the beam at W = 3.6 changes (Khang's model)."""
     scene = fl.load_scene("rotating-beam", {"links.0.modes": 2, "motion.joints.0.rate": 3.6})
-    row = next(row for row in audit(scene, 0.01).effects if row.subject == "geometric_stiffening")
+    row = next(row for row in audit(scene, 0.01, together=False).effects if row.subject == "geometric_stiffening")
     assert row.frequency > 0.5
     assert row.advice == "keep"
 
@@ -121,6 +132,119 @@ def test_what_cannot_be_judged_is_not_called_needless():
     assert row.advice.startswith("undecided")
 
 
-def test_registered_models_are_refused():
-    with pytest.raises(ArgumentError, match="registered model"):
-        audit(fl.load_scene("khang-2019"))
+def test_a_registered_model_s_own_table_is_switched():
+    """Khang's arm: what may be zero is taken away in turn; its margins are those of the scenes without it."""
+    result = audit(fl.load_scene("khang-2019", {"designs": []}))
+    assert {row.subject for row in result.effects} == {"hub_inertia", "payload_mass", "gravity"}
+    row = next(row for row in result.effects if row.subject == "payload_mass")
+    lins = [
+        fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+        for scene in (fl.load_scene("khang-2019", {"parameters.payload_mass": mass}) for mass in (0.1, 0.0))
+    ]
+    margins = [fl.floquet(lin.periodic_system()).exponents[0].real for lin in lins]
+    assert row.margin == pytest.approx(margins[1] - margins[0], abs=3e-4)
+    assert row.table == {"payload_mass": 0.1}
+
+
+def test_effects_and_modes_inside_a_model_s_table_are_found():
+    scene = fl.load_scene("five-bar", {"designs": []})
+    versions = {version.change: version for version in list_model_versions(scene)}
+    assert {"without payload", "without hub", "without geometric_stiffening", "without modal_damping"} <= set(versions)
+    assert "base" not in {version.subject for version in versions.values()}  # a base of no width is refused
+    assert versions["right.1 with 2 modes"].make(scene).parameters["right"][1]["modes"] == 2
+    assert "payload" not in versions["without payload"].make(scene).parameters["effects"]
+    assert scene.parameters["effects"]["payload"] == {"mass": 0.2}
+
+
+def springs(changes):
+    """An arm whose two extra terms are known: x'' + 0.2 x' + (10 + a + b + c d) x = 0 with numbers of the model's table."""
+    return fl.parse_scene(
+        {
+            "schema": 1,
+            "title": "springs",
+            "model": "springs",
+            "parameters": {"a": 0.0, "b": 0.0, "c": 0.0, "d": 0.0, **changes},
+            "control": {"feedforward": "none"},
+            "motion": {"kind": "harmonic", "frequency": 0.5, "joints": [{"amplitude": 0.1}]},
+        }
+    )
+
+
+class Springs(Table):
+    a: Number
+    b: Number
+    c: Number
+    d: Number
+
+
+def build_springs(p):
+    s, rate = ca.SX.sym("s"), ca.SX.sym("rate")
+    stiffness = 10.0 + p.a + p.b + (0.7 if p.c == p.d == 0.0 else 0.0)
+    return fl.Manipulator.from_matrices(s, rate, ca.SX(1.0), ca.SX(0.0), stiffness * s, damping=0.2 * rate, B=ca.DM(1))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _registered():
+    register_model("springs", Springs, build_springs)
+
+
+def test_two_effects_that_cancel_are_found_and_dropped_together():
+    """+1 and -1 of ten: each moves the frequency by 5 %, both by nothing."""
+    result = audit(springs({"a": 1.0, "b": -1.0}), 0.01)
+    assert [(row.subject, row.advice) for row in result.pairs] == [("a and b", "cancel each other")]
+    assert result.needed == ("a", "b")
+    assert set(result.minimal.dropped) == {"without a", "without b"}
+    assert result.minimal.error.significance < 1e-6
+    assert result.minimal.scene.parameters["a"] == result.minimal.scene.parameters["b"] == 0.0
+
+
+def test_two_effects_that_are_noticed_only_together_are_found_and_one_is_kept():
+    result = audit(springs({"c": 1.0, "d": 1.0}), 0.01)
+    assert [(row.subject, row.advice) for row in result.pairs] == [("c and d", "noticed only together")]
+    assert result.droppable == ("c", "d")
+    assert len(result.minimal.dropped) == 1
+    assert result.minimal.error.significance <= 0.01
+
+
+def test_effects_that_only_add_up_are_no_pair():
+    assert audit(springs({"a": 1.0, "b": 1.0}), 0.01).pairs == ()
+
+
+def test_the_minimal_scene_makes_the_error_that_it_states(result, scene):
+    """Measured anew from the text that is written, and no larger than the tolerance."""
+    text = minimal_text(result, result.minimal, "flexlin effects quanser-flexible-link")
+    again = fl.parse_scene(tomllib.loads(text))
+    grown = fl.load_scene("quanser-flexible-link", {"links.0.modes": again.links[0].modes, "designs": []})
+    judge = Judge.of(grown, grown.links[0].length, 0.02, 1e-4)
+    row = judge.row(Version(lambda _: again, "", "minimal", "", True, {}))
+    assert result.minimal.added == ("link 1 with 2 modes",)
+    assert row.significance == pytest.approx(result.minimal.error.significance, rel=1e-3, abs=1e-12)
+    assert 0 < row.significance <= 0.02
+    assert f"{100 * row.significance:.2g} %" in text.split("\n[")[0]
+    assert {row.subject for row in result.effects if row.on} - set(again.effects.on()) == {
+        change.removeprefix("without ") for change in result.minimal.dropped
+    }
+
+
+def test_designs_that_no_longer_fit_are_left_out_of_the_minimal_scene():
+    listed = {"name": "listed", "kind": "periodic-lqr", "state_weight": [1.0] * 6, "input_weight": [1.0]}
+    scene = fl.load_scene("single-link", {"designs": [listed]})
+    smaller = with_modes(scene, 0, -1)
+    assert [design.name for design in fitting(scene)[0].designs] == ["listed"]
+    kept, said = fitting(smaller)
+    assert kept.designs == ()
+    assert "listed" in said[0]
+
+
+def test_what_is_beyond_small_deflections_is_no_plain_advice():
+    """Gravity on a soft strip: 8 m of deflection on an arm of 1 m is not something to consider."""
+    soft = {"links.0.bending_stiffness": 0.05, "links.0.modes": 1, "effects": {"hub": {"inertia": 0.1}}, "designs": []}
+
+    def gravity(changes):
+        found = audit(fl.load_scene("single-link", changes), together=False)
+        return next(row for row in found.effects if row.subject == "gravity")
+
+    row = gravity(soft)
+    assert row.tip_error > 1.0
+    assert row.advice.startswith("with these figures the deflections are not small")
+    assert gravity({**soft, "links.0.bending_stiffness": 5.0}).advice.startswith("consider it")

@@ -54,7 +54,10 @@ def test_the_lines_are_sorted_and_tell_the_problem(audited: Audit) -> None:
     lines = audit_lines(audited)
     assert [line.split()[1] for line in lines[1:6]] == ["gravity", "payload", "motor", "hub", "shear"]
     assert "it cannot be judged" in lines[5]
-    assert lines[6:] == ["effects that are off were tried with", "  motor: none", "  shear: none"]
+    assert lines[6].startswith("the scene: stable, −1 ± 1×10⁻⁹ 1/s")
+    assert lines[7] == "effects of the scene, with its figures"
+    assert lines[8:11] == ["  gravity: none", "  payload: none", "  hub: none"]
+    assert lines[11:] == ["effects that are off were tried with", "  motor: none", "  shear: none"]
 
 
 def test_the_command_and_the_report_agree(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

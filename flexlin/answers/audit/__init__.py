@@ -2,6 +2,6 @@
 
 from flexlin.answers.audit.comparison import audit
 from flexlin.answers.audit.figures import Measure, measure
-from flexlin.answers.audit.result import Audit, Row
+from flexlin.answers.audit.result import Audit, Minimal, Row
 
-__all__ = ["Audit", "Measure", "Row", "audit", "measure"]
+__all__ = ["Audit", "Measure", "Minimal", "Row", "audit", "measure"]

@@ -1,32 +1,45 @@
-"""Each effect switched on or off in turn, each link given a mode more or less: what changes, and what it costs."""
+"""Each effect switched on or off in turn and in pairs, each link given a mode more or less: what changes, and what it costs."""
 
 from collections.abc import Callable
 
 import numpy as np
 
-from flexlin.answers.audit.figures import Measure, measure
-from flexlin.answers.audit.result import Audit, Row
+from flexlin.about.linear import linearize
+from flexlin.answers.audit.judging import Judge
+from flexlin.answers.audit.minimal import shrink
+from flexlin.answers.audit.models import list_model_versions
+from flexlin.answers.audit.result import Audit, Minimal, Row
 from flexlin.answers.audit.scale import read_scale
+from flexlin.answers.audit.together import find_interplay
 from flexlin.answers.audit.versions import Version, list_effect_versions, list_mode_versions
+from flexlin.answers.counted import Counted
+from flexlin.answers.steady import arm_length
 from flexlin.checks import positive
-from flexlin.errors import ArgumentError, FlexlinError
+from flexlin.errors import TimeLimit
+from flexlin.mechanics import build_manipulator
 from flexlin.scene.scene import Scene
 
 Progress = Callable[[str], None]
 
 
-def audit(scene: Scene, tolerance: float = 0.01, progress: Progress | None = None, tol: float = 1e-4) -> Audit:
-    """Switch each effect on or off in turn, change each link's modes by one, and compare.
+def audit(
+    scene: Scene,
+    tolerance: float = 0.01,
+    progress: Progress | None = None,
+    tol: float = 1e-4,
+    together: bool = True,
+) -> Audit:
+    """Switch each effect on or off, alone and in pairs, change each link's modes by one, and find the smallest scene.
 
         significance = max(|change of margin| / larger margin, relative change of frequencies, |change of tip error| / reach)
 
-    An effect that the scene leaves out is tried with small stated parameters; infinite significance means another verdict.
-    Assumes that effects may be judged one at a time: two that are each small may matter together.
+    An effect that the scene leaves out is tried with small stated parameters; infinite significance means another verdict. Of a
+    registered model the effects and numbers in its own table are taken away in turn.
 
     Parameters
     ----------
     scene : Scene
-        A scene with links.
+        A scene with links or with a registered model.
     tolerance : float
         Relative change that matters.
     progress : callable, optional
@@ -34,15 +47,16 @@ def audit(scene: Scene, tolerance: float = 0.01, progress: Progress | None = Non
     tol : float
         Wanted error of the exponents, as in `floquet`, and of the tip's motion; the changes are compared beside the errors.
 
+    together : bool
+        Whether to try pairs of effects too, and to look for the smallest scene that is enough.
+
     Returns
     -------
     Audit
-        One row for each change, the most significant first.
+        One row for each change, the most significant first; the pairs that act otherwise together; the minimal scene and its error.
 
     Raises
     ------
-    ArgumentError
-        For a scene with a registered model.
     InputError
         When the scene itself cannot be built.
 
@@ -55,78 +69,46 @@ def audit(scene: Scene, tolerance: float = 0.01, progress: Progress | None = Non
     ('payload',)
     """
     tolerance, tol = positive("tolerance", tolerance), positive("tol", tol)
-    if scene.model is not None:
-        raise ArgumentError(
-            "a registered model has no effects to switch", got=scene.model, expected="a scene with links"
-        )
     report = progress or (lambda text: None)
     report("the scene as it is")
-    base, scale, reach = measure(scene, tol), read_scale(scene), sum(link.length for link in scene.links) or 1.0
-    rows = []
-    for version in (*list_effect_versions(scene, scale), *list_mode_versions(scene)):
-        report(version.change)
-        rows.append(_compare(version, base, reach, tolerance, tol))
-    rows.sort(key=lambda row: -row.significance if np.isfinite(row.significance) else -np.inf)
+    judge = Judge.of(scene, find_reach(scene), tolerance, tol)
+    tried: list[tuple[Version, Row]] = []
+    versions = list_versions(scene)
+    for done, version in enumerate(versions):
+        report(Counted(version.change, done, len(versions)))
+        tried.append((version, judge.row(version)))
+    pairs, minimal, problem = look_further(judge, tried, report) if together else ((), None, "")
+    rows = sorted(
+        (row for _, row in tried), key=lambda row: -row.significance if np.isfinite(row.significance) else -np.inf
+    )
     effects, modes = (tuple(row for row in rows if row.kind == kind) for kind in ("effect", "modes"))
-    return Audit(base, effects, modes, tolerance)
+    return Audit(judge.base, effects, modes, tolerance, pairs, minimal, problem)
 
 
-def _compare(version: Version, base: Measure, reach: float, tolerance: float, tol: float) -> Row:
-    head = (version.change, version.kind, version.subject, version.on, version.table)
+def look_further(
+    judge: Judge, tried: list[tuple[Version, Row]], report: Progress
+) -> tuple[tuple[Row, ...], Minimal | None, str]:
+    """Pairs and the minimal scene, as far as time allows: what single changes do is known then already."""
+    pairs: tuple[Row, ...] = ()
+    if not np.isfinite(judge.base.margin):
+        return pairs, None, "the scene itself has no margin to compare with"
     try:
-        other = measure(version.scene, tol)
-    except FlexlinError as error:
-        nan = float("nan")
-        return Row(*head, nan, nan, nan, 0, nan, 0, "unknown", nan, "see the problem", str(error), version.units)
-    margin, frequency, tip_error = (
-        other.margin - base.margin,
-        _compare_frequencies(base, other),
-        other.tip_error - base.tip_error,
-    )
-    significance = max(
-        _compare_margins(base, other), frequency, abs(tip_error) / reach if np.isfinite(tip_error) else 0.0
-    )
-    if "unknown" not in (base.verdict, other.verdict) and base.verdict != other.verdict:
-        significance = float("inf")
-    return Row(
-        *head,
-        margin,
-        frequency,
-        tip_error,
-        other.instructions - base.instructions,
-        other.microseconds - base.microseconds,
-        other.coordinates - base.coordinates,
-        other.verdict,
-        significance,
-        _advise(version, significance > tolerance, bool(np.isfinite(margin) and np.isfinite(tip_error))),
-        "; ".join(other.problems),
-        version.units,
-    )
+        pairs = find_interplay(judge, tried, report)
+        return pairs, shrink(judge, tried, pairs, report), ""
+    except TimeLimit as error:
+        return pairs, None, f"pairs of effects and the minimal scene: {error}"
 
 
-def _compare_frequencies(base: Measure, other: Measure) -> float:
-    """The largest relative change of the slower half of the frequencies that both have: the last modes of a basis are never accurate."""
-    count = (min(len(base.frequencies), len(other.frequencies)) + 1) // 2
-    first, second = base.frequencies[:count], other.frequencies[:count]
-    scale = np.maximum(np.maximum(first, second), 1e-9)
-    return float(np.max(np.abs(first - second) / scale, initial=0.0))
+def list_versions(scene: Scene) -> list[Version]:
+    """All single changes that are tried."""
+    if scene.model is not None:
+        return list(list_model_versions(scene))
+    return [*list_effect_versions(scene, read_scale(scene)), *list_mode_versions(scene)]
 
 
-def _compare_margins(base: Measure, other: Measure) -> float:
-    """The change of the margin against the larger of the two; 0 within their errors or where one is unknown."""
-    change = abs(other.margin - base.margin)
-    if not change > base.margin_error + other.margin_error:
-        return 0.0
-    return change / max(abs(base.margin), abs(other.margin))
-
-
-def _advise(version: Version, matters: bool, judged: bool) -> str:
-    if not (matters or judged):
-        return "undecided: not all of it could be judged"
-    if version.kind == "modes":
-        if version.on:
-            return "its last mode is needed" if matters else "a mode less is enough"
-        return "another mode would be noticed" if matters else "its modes are enough"
-    if version.on:
-        return "keep" if matters else "may be dropped"
-    return "consider it: with these figures it would be noticed" if matters else "not needed with these figures"
+def find_reach(scene: Scene) -> float:
+    """The length by which tip errors are measured: of the links, else of the model's arm, else 1."""
+    if scene.links:
+        return sum(link.length for link in scene.links)
+    length = arm_length(linearize(build_manipulator(scene), scene.motion, scene.control))
+    return length if np.isfinite(length) and length > 0 else 1.0

@@ -38,7 +38,7 @@ class Measure:
     frequencies : array, shape (k,)
         Natural frequencies of the frozen loop, averaged over the period, ascending, in rad/s.
     tip_error : float
-        Largest distance between the tip and its rigid motion in the periodic response, in m.
+        Largest distance between the tip and its rigid motion in the periodic response, in m; not a number without points.
     coordinates : int
         Number of coordinates.
     instructions : int
@@ -134,6 +134,8 @@ def _measure_tip_error(lin: Linearization, problems: list[str]) -> float:
     """The largest distance of the tip from its rigid motion, with few harmonics and with more."""
     if not lin.motion.periodic:
         problems.append("periodic response: a one-way motion has none")
+        return float("nan")
+    if lin.arm.points is None:
         return float("nan")
     coarse, fine = (_measure_tip_distance(lin, harmonics) for harmonics in HARMONICS)
     if not abs(fine - coarse) <= RESPONSE * fine + 1e-12:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from flexlin.answers.audit.figures import Measure
+from flexlin.scene.scene import Scene
 from flexlin.summary import represent
 
 
@@ -82,6 +83,33 @@ class Row:
 
 
 @dataclass(frozen=True)
+class Minimal:
+    """The smallest scene that was found, and how far it is from the scene with modes enough.
+
+    Attributes
+    ----------
+    scene : Scene
+        The scene, without designs whose lists of weights no longer fit.
+    error : Row
+        What it changes, all at once: its `significance` is the error that it makes.
+    dropped : tuple of str
+        The changes that made it smaller.
+    added : tuple of str
+        The changes that made it larger: modes that the scene lacked.
+    coordinates : int
+        Its number of coordinates.
+    """
+
+    scene: Scene
+    error: Row
+    dropped: tuple[str, ...]
+    added: tuple[str, ...]
+    coordinates: int
+
+    __repr__ = represent
+
+
+@dataclass(frozen=True)
 class Audit:
     """What a scene needs.
 
@@ -95,6 +123,12 @@ class Audit:
         One row for each change of a link's modes.
     tolerance : float
         Relative change that matters.
+    pairs : tuple of Row
+        Pairs of effects that are noticed only together, or cancel.
+    minimal : Minimal or None
+        The smallest scene that was found to be enough; None where the scene itself has no margin to compare with.
+    problem : str
+        Why pairs or the minimal scene are missing.
 
     Examples
     --------
@@ -110,6 +144,9 @@ class Audit:
     effects: tuple[Row, ...]
     modes: tuple[Row, ...]
     tolerance: float
+    pairs: tuple[Row, ...] = ()
+    minimal: Minimal | None = None
+    problem: str = ""
 
     __repr__ = represent
 

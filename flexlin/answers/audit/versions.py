@@ -1,19 +1,26 @@
 """The versions of a scene that an audit tries: each effect switched on or off, each link a mode more or less."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from flexlin.mechanics.effects import Effect, Scale
 from flexlin.scene.effects import known_effects
 from flexlin.scene.scene import Scene
 
+MOST_MODES = 12
+"""No link is given more modes than these."""
+
 
 @dataclass(frozen=True)
 class Version:
-    """A changed scene, and how to speak of the change."""
+    """A change of a scene, as `make` does it to any scene, and how to speak of it.
 
-    scene: Scene
+    on: whether the scene has what the change takes away, for an effect; whether there are fewer modes, for modes.
+    """
+
+    make: Callable[[Scene], Scene]
     change: str
     kind: str
     subject: str
@@ -22,20 +29,23 @@ class Version:
     units: dict[str, str] = field(default_factory=dict)
 
 
-def list_effect_versions(scene: Scene, scale: Scale) -> Iterator[Version]:
+def list_effect_versions(scene: Scene, scale: Scale | None) -> Iterator[Version]:
     """Switch each effect off, or on with the figures that its own file proposes; an effect without a proposal is not tried."""
     on = scene.effects.on()
     for name, effect in known_effects().items():
-        shown = on.get(name)
-        other = None
-        if shown is None and issubclass(effect, Effect):
+        shown, other = on.get(name), None
+        if shown is None and scale is not None and issubclass(effect, Effect):
             shown = other = effect.tried_with(scale)
         if shown is None:
             continue
-        effects = scene.effects.model_copy(update={name: other})
         change = f"without {name}" if name in on else f"with {name}"
-        version = scene.model_copy(update={"effects": effects})
-        yield Version(version, change, "effect", name, name in on, shown.model_dump(), effect.units())
+        switch = partial(with_effect, name=name, table=other)
+        yield Version(switch, change, "effect", name, name in on, shown.model_dump(), effect.units())
+
+
+def with_effect(scene: Scene, name: str, table: Effect | None) -> Scene:
+    """The scene with another table of one effect, or without it."""
+    return scene.model_copy(update={"effects": scene.effects.model_copy(update={name: table})})
 
 
 def list_mode_versions(scene: Scene) -> Iterator[Version]:
@@ -43,9 +53,15 @@ def list_mode_versions(scene: Scene) -> Iterator[Version]:
     for i, link in enumerate(scene.links):
         if link.bending_stiffness is None or not link.mass_per_length:
             continue
-        for modes in (link.modes - 1, link.modes + 1):
-            if modes >= 0:
-                links = (*scene.links[:i], link.model_copy(update={"modes": modes}), *scene.links[i + 1 :])
+        for step in (-1, 1):
+            modes = link.modes + step
+            if 0 <= modes <= MOST_MODES:
                 change = f"link {i + 1} with {modes} mode{'s' if modes != 1 else ''}"
-                version = scene.model_copy(update={"links": links})
-                yield Version(version, change, "modes", f"links.{i}", modes < link.modes, {"modes": modes})
+                give = partial(with_modes, link=i, step=step)
+                yield Version(give, change, "modes", f"links.{i}", step < 0, {"modes": modes})
+
+
+def with_modes(scene: Scene, link: int, step: int) -> Scene:
+    """The scene with some modes more in one link; designs whose weights are a list for each state no longer fit, and go."""
+    changed = scene.links[link].model_copy(update={"modes": scene.links[link].modes + step})
+    return scene.model_copy(update={"links": (*scene.links[:link], changed, *scene.links[link + 1 :])})

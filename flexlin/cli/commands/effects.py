@@ -4,7 +4,7 @@ import argparse
 from functools import partial
 
 from flexlin.cli.options import COMPUTED
-from flexlin.cli.shared import loaded, print_paths
+from flexlin.cli.shared import command, loaded, print_paths
 
 PURPOSE = "find which effects and modes the scene needs"
 TAKES = (*COMPUTED, "tolerance")
@@ -19,6 +19,7 @@ def run(options: argparse.Namespace) -> int:
         from flexlin.answers.audit import audit
         from flexlin.answers.clock import Clock
         from flexlin.files import results
+        from flexlin.report.minimal import minimal_text
         from flexlin.report.record import audit_block, to_json
         from flexlin.report.terminal import audit_lines, say
 
@@ -26,7 +27,10 @@ def run(options: argparse.Namespace) -> int:
         result = Clock(progress).stage("audit of the effects", scene.accuracy, work)
     for line in audit_lines(result):
         say(line)
+    texts = {"effects.json": to_json({"schema": 1, "title": scene.title, **audit_block(result)})}
+    if result.minimal is not None:
+        texts["minimal.toml"] = minimal_text(result, result.minimal, command(options))
     with results(options.out, "effects") as made:
-        text = to_json({"schema": 1, "title": scene.title, **audit_block(result)})
-        (made / "effects.json").write_text(text, encoding="utf-8")
-    return print_paths(made.placed("effects.json"))
+        for name, text in texts.items():
+            (made / name).write_text(text, encoding="utf-8")
+    return print_paths(made.placed(*texts))
