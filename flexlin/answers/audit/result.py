@@ -98,6 +98,14 @@ class Minimal:
         The changes that made it larger: modes that the scene lacked.
     coordinates : int
         Its number of coordinates.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> changes = {"links.0.modes": 0, "links.0.bending_stiffness": None, "designs": []}
+    >>> found = fl.audit(fl.load_scene("single-link", changes)).minimal
+    >>> found.error.significance <= 0.01, found.coordinates
+    (True, 1)
     """
 
     scene: Scene
