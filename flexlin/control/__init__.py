@@ -16,6 +16,7 @@ from flexlin.control.frozen import frozen_lqr
 from flexlin.control.integral import with_integral_action
 from flexlin.control.pd import pd_feedback
 from flexlin.control.periodic import periodic_lqr
+from flexlin.periodic.sampled.stability import sampled_floquet
 
 _ON_MANIPULATORS = {
     "Feedforward": "flexlin.control.tracking",
@@ -29,6 +30,7 @@ _ON_MANIPULATORS = {
     "estimator_source": "flexlin.control.export.c_estimator",
     "gain_source": "flexlin.control.export.c_gain",
     "horizon_system": "flexlin.control.horizon",
+    "lifted_model": "flexlin.control.export.lifted",
     "linear_range": "flexlin.control.validity",
     "linearization_source": "flexlin.control.export.c_linearization",
     "linearize_about": "flexlin.about.elastic",
@@ -49,6 +51,7 @@ __all__ = [
     "pd_feedback",
     "periodic_lqr",
     "periodic_plant",
+    "sampled_floquet",
     "save",
     "to_control",
     "with_integral_action",

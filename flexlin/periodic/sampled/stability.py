@@ -1,0 +1,125 @@
+"""Floquet's verdict on a loop whose gain is sampled and held, with a delay: exact for the held input, no averaging."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexlin.checks import Array, positive
+from flexlin.errors import ArgumentError
+from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples
+from flexlin.periodic.floquet.result import FloquetResult, judge
+from flexlin.periodic.product.balancing import balance_factors, count_groupings, multiply_pairs
+from flexlin.periodic.product.perturbation import spectrum_motion
+from flexlin.periodic.product.schur import periodic_schur
+from flexlin.periodic.sampled.commensurate import Round, find_rounds
+from flexlin.periodic.sampled.hold import STAGES, hold_plant
+from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.transition.setting import Setting
+
+HIDDEN = 1e-3
+"""A mode whose log is uncertain by this part of its distance below the largest is only known to lie below."""
+GROUPS = 128
+"""Factors that are left when neighbours have been multiplied: a mode without memory, which a delay brings, bounds no grouping."""
+SAFETY = 2.0
+"""Factor on what the method leaves out, and on the step between two sampling times that surround the wanted one."""
+
+
+@dataclass(frozen=True)
+class RoundSpectrum:
+    """Logs of the multipliers of one round (r,) by falling real part, and their errors (r,), inf where unresolved."""
+
+    logs: Array
+    errors: Array
+
+
+def sampled_floquet(
+    system: PeriodicSystem,
+    gain: MatrixFunction | ArrayLike,
+    sample_time: float,
+    delay: float = 0.0,
+    tol: float = 1e-9,
+) -> FloquetResult:
+    """Compute the Floquet exponents of the loop u(t) = -K(t_k) x(t_k) for t_k + delay <= t < t_(k+1) + delay, t_k = k h.
+
+        z_(k+1) = (F_k - G_k [K(t_k), 0]) z_k,    z = [x; u_(k-1)],    growth = log of the product's multipliers / time
+
+    F and G are exact for the held input. Where N samples fill q periods the product over them is periodic and the exponents are
+    exact. Other sampling times lie between two that do so; the nearer one gives the exponents, their distance counts as error.
+
+    Parameters
+    ----------
+    system : PeriodicSystem
+        The plant without feedback, with n states and m inputs.
+    gain : array_like (m, n), or function of times (N,) -> (N, m, n)
+        K, read at the instants only.
+    sample_time : float
+        h, in s.
+    delay : float
+        Time from measuring to the torque taking effect, 0 to h, in s.
+    tol : float
+        Wanted error of the exponents, in 1/s, relative beyond 1/s.
+
+    Returns
+    -------
+    FloquetResult
+        With `setting.method` "sampled"; its period is that of q motions. A mode without memory has no resolved exponent.
+
+    Raises
+    ------
+    ArgumentError
+        When the gain does not fit, or the delay is longer than the sampling time.
+    TooManySegments
+        When the loop would take too many steps.
+
+    References
+    ----------
+    Chen, Francis, Optimal Sampled-Data Control Systems (1995), ch. 3 and 8; Bittanti, Colaneri, Periodic Systems (2009), ch. 6.
+
+    Examples
+    --------
+    x' = u under u = -2 x(t_k) is stable for h < 1:
+
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[0.0]], 1.0, B=[[1.0]])
+    >>> [fl.control.sampled_floquet(system, [[2.0]], h).verdict for h in (0.9, 1.1)]
+    ['stable', 'unstable']
+    """
+    h, tol = positive("sample_time", sample_time), positive("tol", tol)
+    if not 0 <= delay <= h:
+        raise ArgumentError("the delay is out of range", got=delay, expected=f"0 to the sampling time, {h:g} s")
+    K = as_matrix_function("gain", gain)
+    got = check_samples("gain", K, system.period).shape[1:]
+    if got != (system.m, system.n):
+        raise ArgumentError("the gain does not fit the system", got=got, expected=f"({system.m}, {system.n})")
+    best, *others = find_rounds(system.period, h)
+    spectrum, time = solve_round(system, K, best, delay / h, tol), best.periods * system.period
+    exponents, errors = spectrum.logs / time, spectrum.errors / time
+    reason = f"{best.samples} samples in {best.periods} periods"
+    for other in others:
+        beside = solve_round(system, K, other, delay / h, tol).logs[0].real / (other.periods * system.period)
+        errors = errors + SAFETY * abs(beside - exponents[0].real)
+        reason += f", {best.off:.0e} beside the sampling time"
+    return judge(exponents, errors, time, Setting("sampled", 0, best.samples, reason), tol)
+
+
+def solve_round(system: PeriodicSystem, K: MatrixFunction, turn: Round, delay: float, tol: float) -> RoundSpectrum:
+    """The multipliers of the loop over one round; delay as a part of the sampling time."""
+    loops = []
+    for stages in (STAGES, STAGES + 2):
+        plant = hold_plant(system, turn.samples, turn.periods, delay, tol, stages)
+        loops.append(plant.closed_by(K(np.mod(plant.instants, system.period))))
+    even, scale = balance_factors(loops[0])
+    groups, rounds = count_groupings(even)
+    while len(groups) > GROUPS:
+        groups, rounds = multiply_pairs(groups), rounds + 1
+    better = loops[1] * (scale / scale[:, None])
+    for _ in range(rounds):
+        better = multiply_pairs(better)
+    form = periodic_schur(groups)
+    motion = spectrum_motion(form, groups, better, None, 2.0**rounds)
+    errors = SAFETY * motion.method + motion.rounding
+    order = np.argsort(-form.logs.real, kind="stable")
+    logs, errors = form.logs[order], errors[order]
+    below = logs.real[0] - logs.real
+    return RoundSpectrum(logs, np.where((errors > HIDDEN * below) & (below > errors[0]), np.inf, errors))

@@ -1,0 +1,148 @@
+"""Sampled loops: the verdict against long simulations, and against what is known of constant plants."""
+
+import control
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import flexlin as fl
+from flexlin.control import lifted_model, sampled_floquet
+from flexlin.errors import ArgumentError
+from flexlin.periodic.sampled.commensurate import MOST, find_rounds
+
+T = np.pi
+LOOPS = 16
+"""Trials of the suite; 50 of them take half a minute."""
+
+
+def matrices(t):
+    """A damped pendulum whose pivot shakes: the plant of the random trials, written without flexlin."""
+    A = np.zeros((*np.shape(t), 2, 2))
+    A[..., 0, 1], A[..., 1, 1] = 1.0, -0.1
+    A[..., 1, 0] = 0.6 + 0.5 * np.cos(2 * t)
+    B = np.zeros((*np.shape(t), 2, 1))
+    B[..., 1, 0] = 1.0 + 0.3 * np.sin(2 * t)
+    return A, B
+
+
+def gains(t):
+    return np.stack([4.0 + np.cos(2 * t), 1.5 + 0.5 * np.sin(2 * t)], axis=-1)[..., None, :]
+
+
+def growth_by_simulation(h, delay, samples=600, steps=8):
+    """The growth rates (L,) of L loops, each with its own sampling time and delay, by classical Runge-Kutta steps."""
+    rng = np.random.default_rng(8)
+    x, u, logs, marks = rng.normal(size=(len(h), 2, 1)), np.zeros((len(h), 1, 1)), np.zeros(len(h)), []
+
+    def rate(t, x, u):
+        A, B = matrices(t)
+        return A @ x + B @ u
+
+    for k in range(samples):
+        measured = -gains(k * h) @ x
+        for begin, end, held in ((k * h, k * h + delay, u), (k * h + delay, (k + 1) * h, measured)):
+            d = ((end - begin) / steps)[:, None, None]
+            for s in range(steps):
+                t = begin + d[:, 0, 0] * s
+                half, whole = t + d[:, 0, 0] / 2, t + d[:, 0, 0]
+                k1 = rate(t, x, held)
+                k2 = rate(half, x + d / 2 * k1, held)
+                k3 = rate(half, x + d / 2 * k2, held)
+                x = x + d / 6 * (k1 + 2 * k2 + 2 * k3 + rate(whole, x + d * k3, held))
+        u = measured
+        size = np.sqrt((x**2).sum(axis=(1, 2)) + (u**2).sum(axis=(1, 2)))
+        x, u, logs = x / size[:, None, None], u / size[:, None, None], logs + np.log(size)
+        marks.append(logs.copy())
+    return (marks[-1] - marks[samples // 5]) / (h * (samples - 1 - samples // 5)), 12 / (h * samples)
+
+
+def test_verdicts_agree_with_long_simulations_around_the_limit():
+    """Random sampling times with random delays, most of them incommensurate with the period, a third close to the limit."""
+    system = fl.PeriodicSystem(lambda t: matrices(t)[0], T, lambda t: matrices(t)[1])
+    rng = np.random.default_rng(11)
+    part = rng.uniform(0, 1, LOOPS)
+    h = rng.uniform(0.15, 0.75, LOOPS)
+    h[::10] = T / rng.integers(5, 12, len(h[::10]))
+    simulated, blur = growth_by_simulation(h, part * h)
+    found = [sampled_floquet(system, gains, step, share * step, 1e-6) for step, share in zip(h, part, strict=True)]
+    rates = np.array([result.exponents[0].real for result in found])
+    errors = np.array([result.errors[0] for result in found])
+    verdicts = np.array([result.verdict for result in found])
+    assert np.abs(rates - simulated).max() < 0.05
+    assert np.all(np.abs(rates - simulated) < blur + errors)
+    decided = (np.abs(simulated) > blur) & (verdicts != "undecided")
+    assert np.array_equal(verdicts[decided] == "stable", simulated[decided] < 0)
+    assert (verdicts == "undecided").sum() <= 2
+    assert LOOPS / 5 < (verdicts == "stable").sum() < 4 * LOOPS / 5
+
+
+@pytest.mark.parametrize("part", [0.0, 0.4, 1.0])
+def test_a_constant_plant_has_the_eigenvalues_of_one_sample(part):
+    rng = np.random.default_rng(5)
+    A, B, K = rng.normal(size=(3, 3)), rng.normal(size=(3, 2)), rng.normal(size=(2, 3))
+    for h in (0.1, 0.23, 2.0):
+        M = np.zeros((5, 5))
+        M[:3, :3], M[:3, 3:] = A, B
+        P0, P1 = expm(M * part * h), expm(M * (1 - part) * h)
+        F = np.zeros((5, 5))
+        F[:3, :3], F[:3, 3:], F[3:, :3] = P1[:3, :3] @ P0[:3, :3] - P1[:3, 3:] @ K, P1[:3, :3] @ P0[:3, 3:], -K
+        known = np.log(np.abs(np.linalg.eigvals(F)).max()) / h
+        found = sampled_floquet(fl.PeriodicSystem(A, 2.0, B), K, h, part * h)
+        assert abs(found.exponents[0].real - known) <= found.errors[0] + 1e-12
+        assert found.errors[0] < 1e-9
+
+
+def test_fast_sampling_tends_to_the_continuous_loop_and_corners_are_met():
+    """An arm whose coefficients have corners; the sampling instants do not fall on them."""
+    scene = fl.load_scene("pick-and-place", {"links.0.modes": 0, "links.1.modes": 0})
+    arm = fl.build_manipulator(scene)
+    closed, plant = (fl.linearize(arm, scene.motion, law) for law in (scene.control, None))
+    slow = fl.floquet(closed.periodic_system()).exponents[0].real
+    apart = [
+        abs(sampled_floquet(plant.periodic_system(), closed.law.gain, h, tol=1e-7).exponents[0].real - slow)
+        for h in (0.008, 0.004)
+    ]
+    assert apart[1] < 0.6 * apart[0] < 0.5
+
+
+def test_the_lifted_model_is_the_sampled_plant():
+    """Poles under the feedback of all samples, and the response to a random input, sample by sample."""
+    system = fl.PeriodicSystem(lambda t: matrices(t)[0], T, lambda t: matrices(t)[1])
+    N, part = 6, 0.3
+    lifted = lifted_model(system, T / N, part * T / N)
+    assert isinstance(lifted, control.StateSpace)
+    assert lifted.state_labels == ["x1", "x2", "u1_held"]
+    assert lifted.dt == pytest.approx(T)
+    K = gains(T * np.arange(N) / N)
+    feed = np.zeros((N, 2 * N))
+    for k in range(N):
+        feed[k, 2 * k : 2 * k + 2] = K[k]
+    poles = np.linalg.eigvals(lifted.A - lifted.B @ np.linalg.solve(np.eye(N) + feed @ lifted.D, feed @ lifted.C))
+    found = sampled_floquet(system, gains, T / N, part * T / N)
+    assert np.abs(poles).max() == pytest.approx(np.abs(found.multipliers).max(), rel=1e-9)
+    with pytest.raises(ArgumentError, match="such as sample_time"):
+        lifted_model(system, 0.5)
+
+
+def test_rounds_are_the_nearest_fractions():
+    rng = np.random.default_rng(2)
+    for ratio in (*rng.uniform(1e-3, 3, 40), np.sqrt(2) / 50, 1 / 7, 3 / 8, 1.0, 2.0):
+        rounds = find_rounds(1.0, ratio)
+        exact = [turn for turn in rounds if turn.off == 0]
+        assert exact or len(rounds) == 2 or ratio > 1
+        assert rounds[0].off <= 1 / MOST
+        for turn in rounds:
+            assert abs(turn.periods / turn.samples / ratio - 1) == pytest.approx(turn.off, abs=1e-11)
+    assert find_rounds(2.0, 0.75) == (find_rounds(1.0, 3 / 8)[0],)
+
+
+def test_what_does_not_fit_is_refused():
+    system = fl.PeriodicSystem([[0.0]], 1.0, B=[[1.0]])
+    for arguments, words in (
+        (([[1.0]], 0.1, 0.2), "delay"),
+        (([[1.0]], 0.1, -0.01), "delay"),
+        (([[1.0]], 0.0), "sample_time"),
+        (([[1.0, 2.0]], 0.1), "does not fit"),
+    ):
+        with pytest.raises(ArgumentError, match=words):
+            sampled_floquet(system, *arguments)
