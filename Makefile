@@ -1,8 +1,9 @@
 # Two commands do all set-up on a machine with Python 3.11, its venv module and make:
 #   make report   runs the single-link stability report
 #   make test     checks style, types and imports, and runs the tests
-# and a third compares with Pinocchio, heyoka and daceypy:
-#   make peers
+# Others need more packages:
+#   make peers    compares with Pinocchio, heyoka and daceypy
+#   make docs     builds the documentation into build/site; runs its pages, warnings are errors
 # After changes that move figures, make figures writes the generated parts of docs/ anew.
 PYTHON ?= python3
 BIN := .venv/bin
@@ -10,7 +11,7 @@ STAMP := .venv/installed
 export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 
-.PHONY: report test peers figures lint clean
+.PHONY: report test peers docs figures lint clean
 
 report: $(STAMP)
 	$(BIN)/flexlin report single-link --out out/single-link
@@ -21,6 +22,10 @@ test: lint
 peers: $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements/peers.txt
 	$(BIN)/python -m pytest -m peers
+
+docs: $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements/docs.txt
+	$(BIN)/sphinx-build -b html -W --keep-going -q -j 2 -d build/doctrees docs build/site
 
 figures: $(STAMP)
 	$(BIN)/python docs/figures.py

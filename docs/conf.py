@@ -3,18 +3,30 @@
 import os
 import sys
 import sysconfig
+import tempfile
 from pathlib import Path
 
 import flexlin
 
 ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT))
+sys.path[:0] = [str(ROOT), str(ROOT / "docs")]
 os.environ["PATH"] = f"{sysconfig.get_path('scripts')}{os.pathsep}{os.environ['PATH']}"  # pages call `flexlin`
+QUIET = Path(tempfile.mkdtemp(), "profile_default", "ipython_kernel_config.py")
+QUIET.parent.mkdir()
+QUIET.write_text("c.IPKernelApp.log_level = 40\n")
+os.environ["IPYTHONDIR"] = str(QUIET.parents[1])
 os.environ |= {"COLUMNS": "110", "TERM": "dumb", "NO_COLOR": "1"}  # plain text from commands
 
 project, author, release = "flexlin", "The flexlin authors", flexlin.__version__
 project_copyright = "the flexlin authors"
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.mathjax", "numpydoc", "sphinx_copybutton"]
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.mathjax",
+    "numpydoc",
+    "sphinx_copybutton",
+]
 exclude_patterns = ["_build", "**.ipynb_checkpoints"]
 nitpicky = False
 
@@ -38,3 +50,27 @@ numpydoc_show_class_members = False
 numpydoc_xref_param_type = False
 copybutton_prompt_text = r">>> |\.\.\. |\$ "
 copybutton_prompt_is_regexp = True
+
+
+def setup(app):
+    """Fill in the reference tables before a page is parsed; show equations of docstrings as they are written."""
+    from reference_tables import fill
+
+    app.connect("source-read", lambda app, name, source: source.__setitem__(0, fill(source[0])))
+    app.connect("autodoc-process-docstring", lambda *event: quote_equations(event[-1]), priority=400)
+
+
+def quote_equations(lines):
+    """Make the indented equations of a docstring's summary literal blocks, and let |x| be no substitution."""
+    heads = [k for k, line in enumerate(lines) if line and set(line) <= {"-"}]
+    end = heads[0] - 1 if heads else len(lines)
+    summary, inside = [], False
+    for line in lines[:end]:
+        indented = line.startswith("    ")
+        if indented and not inside:
+            summary += [".. code-block:: none", ""]
+        inside = indented or (inside and not line)
+        summary.append(line if inside else line.replace("|", "\\|"))
+    examples = next((k for k, line in enumerate(lines) if line == "Examples"), len(lines))
+    rest = [line.replace("|", "\\|") if k < examples else line for k, line in enumerate(lines)][end:]
+    lines[:] = [*summary, *rest]
