@@ -30,6 +30,10 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
         {"dest": "overrides", "metavar": "KEY=VALUE", "action": "extend", "nargs": "+", "default": [],
          "help": "override a number of the scene, such as effects.payload.mass=0.3"},
     ),
+    "data": (
+        ["--data"],
+        {"type": Path, "metavar": "DIR", "help": "folder whose files the scene may name, beside its own (see docs/security.md)"},
+    ),
     "out": (["--out"], {"type": Path, "default": Path(), "metavar": "DIR", "help": "folder for the results (default: here)"}),
     "require": (
         ["--require"],
@@ -69,6 +73,6 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
     ),
     "tolerance": (["--tolerance"], {"type": float, "default": 0.01, "help": "relative change that matters (default 0.01)"}),
 }  # fmt: skip
-SCENE = ("scene", "set", "out")
+SCENE = ("scene", "set", "data", "out")
 LIMITS = ("seconds", "memory")
 COMPUTED = (*SCENE, "tol", *LIMITS)

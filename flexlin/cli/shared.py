@@ -24,7 +24,7 @@ def loaded(options: argparse.Namespace) -> "Scene":
     overrides = dict(parse_assignment(text) for text in options.overrides)
     asked = {f"accuracy.{key}": getattr(options, name, None) for name, key in ACCURACY.items()}
     overrides |= {key: value for key, value in asked.items() if value is not None}
-    return load_scene(options.scene, overrides)
+    return load_scene(options.scene, overrides, options.data)
 
 
 def meets(required: str | None, verdict: str, model: str) -> bool:
@@ -50,6 +50,7 @@ def command(options: argparse.Namespace) -> str:
         for key, low, high, number in getattr(options, "over", [])
     ]
     over = ["--over", *axes] if axes else []
+    over += ["--data", str(options.data)] if getattr(options, "data", None) else []
     flags = [f"--{name}" for name in ("effects", "sensitivity", "animate") if getattr(options, name, False)]
     forward = getattr(options, "feedforward", "scene")
     flags += [] if forward == "scene" else ["--feedforward", forward]

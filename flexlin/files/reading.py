@@ -1,5 +1,6 @@
 """What is read is a regular file of sane size."""
 
+import os
 import stat
 from pathlib import Path
 
@@ -12,9 +13,18 @@ def read_text(path: Path, most: int) -> str:
     Parameters: most: bytes that it may have.
     Raises: OSError saying what is wrong with the file; UnicodeDecodeError (a ValueError).
     """
-    about = path.stat()
+    refuse_odd(path.stat(), most)
+    with path.open("rb") as file:
+        refuse_odd(os.fstat(file.fileno()), most)  # another one may have come in its place
+        content = file.read(most + 1)
+    if len(content) > most:  # files of the system itself state no size
+        raise OSError(f"it has more than {most} bytes")
+    return content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+
+
+def refuse_odd(about: os.stat_result, most: int) -> None:
+    """Refuse what is no regular file, or too large."""
     if not stat.S_ISREG(about.st_mode):
         raise OSError("it is no regular file")
     if about.st_size > most:
         raise OSError(f"it has {about.st_size} bytes, more than {most}")
-    return path.read_text(encoding="utf-8-sig")

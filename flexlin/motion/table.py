@@ -17,8 +17,8 @@ from flexlin.text import printable
 FEWEST_ROWS = 7
 MOST_CLOSE = 32
 """Close rows that are named one by one."""
-LARGEST_FILE = 2**26
-"""Bytes of a table."""
+LARGEST_FILE, MOST_ROWS = 2**26, 2**18
+"""Bytes and rows of a table."""
 CLOSURE = 1e-6
 """The last row must repeat the first to this share of the joint's range (whole turns apart)."""
 
@@ -75,13 +75,19 @@ def _read(path: Path, joints: int) -> tuple[Array, Array]:
     """Times (N,) and angles (N, joints) of a CSV file with or without a line of names."""
     name = printable(path)
     try:
-        lines = [line for line in read_text(path, LARGEST_FILE).splitlines() if line.strip()]
+        text = read_text(path, LARGEST_FILE)
     except (OSError, ValueError) as error:
         raise MotionError(
             f"motion.file: the table {name} cannot be read",
-            got=printable(error),
+            got="no text in UTF-8" if isinstance(error, UnicodeError) else printable(error),
             expected="a CSV file of t, q1, q2 ...",
         ) from None
+    if text.count("\n") > MOST_ROWS:
+        got, expected = f"{text.count(chr(10))} rows", f"at most {MOST_ROWS}"
+        raise MotionError(
+            f"motion.file: the table {name} is too long", got=got, expected=expected, todo="take fewer samples"
+        )
+    lines = [line for line in text.splitlines() if line.strip()]
     rows = []
     for number, line in enumerate(lines, start=1):
         try:
@@ -90,7 +96,7 @@ def _read(path: Path, joints: int) -> tuple[Array, Array]:
             if number > 1:
                 raise MotionError(
                     f"motion.file: {name}, row {number} is not numeric",
-                    got=repr(line[:60]),
+                    got="a cell that is none",
                     expected="numbers parted by commas",
                 ) from None
     widths = {len(row) for row in rows}

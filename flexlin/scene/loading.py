@@ -12,6 +12,7 @@ from flexlin.errors import Problem, SceneError
 from flexlin.files import read_text
 from flexlin.scene.consistency import contradictions
 from flexlin.scene.library import builtin_scenes
+from flexlin.scene.named_files import place_motion_file
 from flexlin.scene.overrides import SHALLOW, apply_overrides, too_deep
 from flexlin.scene.problems import schema_problems
 from flexlin.scene.scene import Scene
@@ -25,7 +26,9 @@ LONGEST_NAME = 4096
 AnyTable = TypeVar("AnyTable", bound=BaseModel)
 
 
-def load_scene(source: str | Path, overrides: Mapping[str, Any] | None = None) -> Scene:
+def load_scene(
+    source: str | Path, overrides: Mapping[str, Any] | None = None, data_folder: str | Path | None = None
+) -> Scene:
     """Load a scene by its built-in name or from a TOML file.
 
     Parameters
@@ -34,6 +37,8 @@ def load_scene(source: str | Path, overrides: Mapping[str, Any] | None = None) -
         A name that `builtin_scenes` lists, or a path.
     overrides : mapping of str to value, optional
         Dotted paths and what stands there instead, such as {"effects.payload.mass": 0.3}.
+    data_folder : str or Path, optional
+        A folder beside the scene's own whose files the scene may name.
 
     Returns
     -------
@@ -53,14 +58,15 @@ def load_scene(source: str | Path, overrides: Mapping[str, Any] | None = None) -
     ('Single-link flexible manipulator', 0.1)
     """
     path = _find(source)
-    return parse_scene(_read(path), str(path), overrides, path.parent)
+    return parse_scene(_read(path), str(path), overrides, path.parent, data_folder)
 
 
 def parse_scene(
     raw: Mapping[str, Any],
     source: str = "scene",
     overrides: Mapping[str, Any] | None = None,
-    folder: Path | None = None,
+    folder: str | Path | None = None,
+    data_folder: str | Path | None = None,
 ) -> Scene:
     """Check a scene that is given as plain data.
 
@@ -72,8 +78,10 @@ def parse_scene(
         Name of the scene in messages.
     overrides : mapping of str to value, optional
         Dotted paths and what stands there instead.
-    folder : Path, optional
-        Where relative file names in the scene start.
+    folder : str or Path, optional
+        The scene's own folder, by default the one that you work in: files that the scene names must lie below it.
+    data_folder : str or Path, optional
+        Another folder whose files the scene may name.
 
     Returns
     -------
@@ -101,8 +109,7 @@ def parse_scene(
     if too_deep(raw) or too_deep(overrides or {}):
         raise SceneError(source, [Problem("scene", "tables in tables without end", SHALLOW)])
     data, problems = apply_overrides(dict(raw), overrides or {})
-    if folder is not None:
-        problems += _find_motion_file(data, folder)
+    problems += place_motion_file(data, [Path(one) for one in (folder or Path(), data_folder) if one is not None])
     try:
         scene = Scene.model_validate(data)
     except ValidationError as error:
@@ -131,18 +138,6 @@ def _explains(known: Problem, other: Problem) -> bool:
     counted = known.key.startswith(("links", "motion")) and known.key.rsplit(".", 1)[-1].isdigit()
     counted |= known.key.rsplit(".", 1)[-1] in ("modes", "drive", "joints", "links")
     return counted and other.key.startswith(("control.", "designs."))
-
-
-def _find_motion_file(data: dict[str, Any], folder: Path) -> list[Problem]:
-    """Make the name of the motion's file absolute."""
-    motion = data.get("motion")
-    if not isinstance(motion, dict) or not isinstance(motion.get("file"), str):
-        return []
-    try:
-        motion["file"] = str((folder / motion["file"]).resolve())
-    except (OSError, ValueError, RuntimeError):  # a null character, a loop of links
-        return [Problem("motion.file", printable(repr(motion["file"])), "the name of a CSV file")]
-    return []
 
 
 def _find(source: str | Path) -> Path:
