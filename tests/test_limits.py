@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexlin.answers.clock import Clock, limited, time_limit
+from flexlin.answers.clock import Clock
+from flexlin.answers.limits import limited, time_limit
 from flexlin.checks import LIMIT, check_size, memory_limit
 from flexlin.cli.main import main
 from flexlin.errors import ArgumentError, NumericalError, TimeLimit, TooLarge
@@ -59,6 +60,28 @@ def test_an_alarm_that_compiled_code_hands_on_as_its_own_error_is_the_time_limit
         wraps()
     with pytest.raises(RuntimeError, match="its own"), time_limit("the stage", 60.0):
         raise RuntimeError("its own")
+
+
+def test_a_block_that_takes_too_much_memory_is_ended() -> None:
+    """What nobody has predicted is noticed on the way."""
+    taken: list[np.ndarray] = []
+
+    def greedy() -> None:
+        for _ in range(4000):
+            taken.append(np.ones(2**17))
+            time.sleep(0.001)
+
+    with (
+        pytest.raises(
+            TooLarge, match=r"the table: stopped at the limit of memory; got \d+ bytes, expected at most 50000000 bytes"
+        ),
+        time_limit("the table", 60.0, 5e7),
+    ):
+        greedy()
+    assert len(taken) < 4000
+    with time_limit("the table", 60.0, 5e7):
+        spin(0.5)
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
 
 
 def test_an_alarm_of_before_rings_in_its_time() -> None:

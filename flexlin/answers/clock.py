@@ -1,29 +1,26 @@
 """The stages of the work: what each was asked, what it reached, what it took, and the limits that it keeps."""
 
-import signal
-import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, TypeVar
 
-import numpy as np
-
-from flexlin.checks import memory_limit
-from flexlin.errors import FlexlinError, NumericalError, TimeLimit, TooLarge
+from flexlin.answers.limits import limited
+from flexlin.errors import FlexlinError, NumericalError, TooLarge
 from flexlin.scene.accuracy import Accuracy
+from flexlin.text import printable
 
 Progress = Callable[[str], None]
 Answer = TypeVar("Answer")
-AGAIN = 1.0
-"""Seconds after which the alarm rings once more, where a calculation has taken the first for a failed attempt of its own."""
 
 
 @dataclass(frozen=True)
 class Step:
     """One stage of the work: wall and processor time in s; the error that was asked and the one that was reached, where it has one;
-    `problem` says why it has no answer."""
+    `problem` says why it has no answer, `notes` what the libraries warned of on the way."""
 
     name: str
     seconds: float
@@ -31,6 +28,7 @@ class Step:
     asked: float | None = None
     reached: float | None = None
     problem: str = ""
+    notes: tuple[str, ...] = ()
 
     @property
     def missed(self) -> bool:
@@ -52,13 +50,16 @@ class Clock:
         if self.progress is not None:
             self.progress(name)
         found: dict[str, Any] = {}
-        start, cpu = time.perf_counter(), time.process_time()
+        start, cpu, heard = time.perf_counter(), time.process_time(), list[warnings.WarningMessage]()
         try:
-            yield found
+            with warnings.catch_warnings(record=True) as recorded:
+                heard = recorded
+                yield found
         except FlexlinError as error:
             found["problem"] = str(error)
             raise
         finally:
+            found["notes"] = tuple(dict.fromkeys(map(note_of, heard)))
             self.steps.append(Step(name, time.perf_counter() - start, time.process_time() - cpu, **found))
 
     def stage(
@@ -98,65 +99,6 @@ class Clock:
             return None
 
 
-@contextmanager
-def limited(name: str, accuracy: Accuracy) -> Iterator[None]:
-    """Keep the block within the limits of time and memory.
-
-    Raises: TimeLimit, TooLarge; NumericalError in the place of MemoryError and LinAlgError.
-    """
-    try:
-        with time_limit(name, accuracy.seconds), memory_limit(accuracy.memory):
-            yield
-    except FlexlinError:
-        raise
-    except MemoryError as error:
-        todo = "ask for a larger tol, or for less at once"
-        raise NumericalError(f"{name}: there is not enough memory", got=str(error) or None, todo=todo) from error
-    except np.linalg.LinAlgError as error:
-        todo = "look at the scene's numbers: scales that lie very far apart do this"
-        raise NumericalError(f"{name}: linear algebra has no answer", got=str(error), todo=todo) from error
-
-
-@contextmanager
-def time_limit(name: str, seconds: float) -> Iterator[None]:
-    """End the block with TimeLimit once it has taken so many seconds of wall time.
-
-    An alarm of the operating system interrupts the main thread between two instructions of Python, as Ctrl-C does; handler and timer of
-    before are restored. In other threads, and where there is no such alarm, the block is let run to its end.
-    """
-    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
-        yield
-        return
-    armed, rung = True, False
-
-    def ring(*_: object) -> None:
-        nonlocal rung
-        if armed:
-            rung = True
-            raise out_of_time(name, seconds)
-
-    handler, start = signal.signal(signal.SIGALRM, ring), time.perf_counter()
-    before, _ = signal.setitimer(signal.ITIMER_REAL, seconds, AGAIN)
-    try:
-        yield
-    except BaseException as error:  # compiled code may hand the alarm on as an error of its own
-        if rung and not isinstance(error, TimeLimit):
-            raise out_of_time(name, seconds) from error
-        raise
-    finally:
-        try:
-            armed = False
-        finally:  # even if the alarm rings just now
-            signal.setitimer(signal.ITIMER_REAL, 0)
-            signal.signal(signal.SIGALRM, handler)
-            if before:
-                signal.setitimer(signal.ITIMER_REAL, max(1e-3, before - (time.perf_counter() - start)))
-
-
-def out_of_time(name: str, seconds: float) -> TimeLimit:
-    """The error of a stage that was stopped."""
-    return TimeLimit(
-        f"{name}: stopped at the time limit",
-        got=f"no answer in {seconds:g} s",
-        todo="ask for a larger tol, or allow more time (--limit-seconds, or seconds in the scene's [accuracy])",
-    )
+def note_of(warning: warnings.WarningMessage) -> str:
+    """A warning of a library as one line: its kind, where it came from, what it says."""
+    return printable(f"{warning.category.__name__} in {Path(warning.filename).stem}: {warning.message}")

@@ -9,6 +9,7 @@ import os
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -30,6 +31,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except FlexlinError as error:
         print(f"flexlin: {with_scene(error, options)}", file=sys.stderr)
         return BAD_INPUT if isinstance(error, (InputError, TooLarge)) else FAILED
+    except MemoryError:
+        print("flexlin: there is not enough memory; ask for less at once", file=sys.stderr)
+        return BAD_INPUT
     except KeyboardInterrupt:
         print("flexlin: interrupted; no file was left half-written", file=sys.stderr)
         return FAILED
@@ -56,7 +60,7 @@ def with_scene(error: FlexlinError, options: argparse.Namespace) -> str:
 
 def entry() -> None:
     """The program `flexlin`: a fault of flexlin itself is one line too, with exit code 1."""
-    sys.excepthook = report_fault
+    sys.excepthook, warnings.showwarning = report_fault, report_warning
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal that knows no ± gets a question mark
@@ -71,6 +75,13 @@ def entry() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = FAILED
     sys.exit(code)
+
+
+def report_warning(
+    message: Warning | str, category: type[Warning], filename: str, lineno: int, file: Any = None, line: Any = None
+) -> None:
+    """Say in one line what a library warns of outside the stages of the work, whose own notes hold theirs."""
+    print(f"flexlin: note: {category.__name__} in {Path(filename).stem}: {message}", file=sys.stderr)
 
 
 def report_fault(kind: type[BaseException], fault: BaseException, trace: Any) -> None:

@@ -144,6 +144,7 @@ def step_row(step: Step) -> dict[str, Any]:
         "seconds": f"{step.seconds:.3f}",
         "cpu": f"{step.cpu_seconds:.3f}",
         "problem": step.problem,
+        "notes": step.notes,
     }
 
 

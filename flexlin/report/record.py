@@ -60,11 +60,12 @@ def record(analysis: Analysis) -> dict[str, Any]:
 
 
 def step_block(step: Step) -> dict[str, Any]:
-    """What one stage took; the error that was asked and the one that was reached, and why it has no answer, where there is such."""
+    """What one stage took; the error that was asked and the one that was reached, what libraries warned of, why it has no answer."""
     block: dict[str, Any] = {"name": step.name, "seconds": round(step.seconds, 4)}
     block["cpu_seconds"] = round(step.cpu_seconds, 4)
     if step.asked is not None:
         block |= {"asked": step.asked, "reached": None if step.reached is None else record_number(step.reached)}
+    block |= {"notes": list(step.notes)} if step.notes else {}
     return block | ({"problem": step.problem} if step.problem else {})
 
 

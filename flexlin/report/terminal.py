@@ -57,8 +57,9 @@ def accuracy_lines(steps: Sequence[Step], said: str = "") -> list[str]:
     judged = [step for step in steps if step.asked is not None]
     total, cpu = sum(step.seconds for step in steps), sum(step.cpu_seconds for step in steps)
     took = f"{format_quantity(total, 's')} ({format_quantity(cpu, 's')} of a processor)"
+    notes = [f"  {step.name}: {note}" for step in steps for note in step.notes]
     if not judged:
-        return [f"took {took}"]
+        return [f"took {took}", *notes]
     reached = [step.reached for step in judged if step.reached is not None]
     worst = f", largest error {format_power(max(reached))}" if reached else ""
     met = sum(step.reached is not None and not step.missed for step in judged)
@@ -68,7 +69,9 @@ def accuracy_lines(steps: Sequence[Step], said: str = "") -> list[str]:
     lines += [
         f"  {step.name}: error {format_decimal(step.reached or 0.0, 2)}, above tol" for step in judged if step.missed
     ]
-    return lines + [f"  no answer from {step.problem}" for step in steps if step.problem and step.problem not in said]
+    return [*lines, *notes] + [
+        f"  no answer from {step.problem}" for step in steps if step.problem and step.problem not in said
+    ]
 
 
 def audit_lines(audit: Audit) -> list[str]:

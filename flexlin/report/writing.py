@@ -48,8 +48,7 @@ def write_report(
     with clock.step("load the drawing library"):
         from flexlin.report.figures import draw_pictures
         from flexlin.report.page import render_page
-    with clock.step("figures"):
-        drawn = draw_pictures(analysis)
+    drawn = clock.stage("figures", asked, partial(draw_pictures, analysis))
     analysis = replace(analysis, steps=tuple(clock.steps))
     data = record(analysis)
     with results(folder, "report") as made:

@@ -157,9 +157,8 @@ def mutated(draw: st.DrawFn, most: int = 4, wild: bool = True) -> tuple[str, Raw
         elif change == "drop":
             del holder[key]
         elif change == "add" and isinstance(holder, dict):
-            holder[draw(st.sampled_from(("extra", "mass", "kind", "", "a.b", "\u00e9")))] = draw(
-                st.sampled_from(NONSENSE)
-            )
+            key = draw(st.sampled_from(("extra", "mass", "kind", "", "a.b", "\u00e9")))
+            holder[key] = deepcopy(draw(st.sampled_from(NONSENSE)))
         elif change == "repeat" and isinstance(holder, list):
             holder.insert(key, deepcopy(holder[key]))
     return name, raw

@@ -6,6 +6,7 @@ import select
 import signal
 import sys
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,7 +39,9 @@ def run(arguments: Sequence[str], stop_after: Callable[[int], None] | None = Non
     sys.stderr.flush()
     reader, writer = os.pipe()
     start, before = time.monotonic(), resident()
-    child = os.fork()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # other threads of this process hold nothing that the child needs
+        child = os.fork()
     if child == 0:
         os.close(reader)
         begin(arguments, writer, space)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from flexlin.answers.accuracy.result import Row
-from flexlin.answers.clock import time_limit
+from flexlin.answers.limits import time_limit
 from flexlin.checks import Array
 from flexlin.errors import FlexlinError
 

@@ -10,7 +10,7 @@ from flexlin.answers.accuracy import own_stages as own
 from flexlin.answers.accuracy.outside import measure_outside_methods
 from flexlin.answers.accuracy.result import CostResult, Row
 from flexlin.answers.accuracy.trial import STAGE_SECONDS, compare_arrays
-from flexlin.answers.clock import time_limit
+from flexlin.answers.limits import time_limit
 from flexlin.errors import ArgumentError, FlexlinError
 from flexlin.mechanics import build_manipulator
 from flexlin.motion import SymbolicMotion

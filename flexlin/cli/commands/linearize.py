@@ -19,7 +19,9 @@ def run(options: argparse.Namespace) -> int:
 
     clock, asked = Clock(), scene.accuracy
     arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
-    plant, closed = (linearize(arm, scene.motion, control) for control in (None, scene.control))
+    plant, closed = clock.stage(
+        "linearization", asked, lambda: [linearize(arm, scene.motion, control) for control in (None, scene.control)]
+    )
     data = clock.stage("coefficients", asked, lambda: coefficients_dataset(scene, plant, closed, options.points))
     with results(options.out, "coefficients") as made:
         paths = write_dataset(data, made, "coefficients")

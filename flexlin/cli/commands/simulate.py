@@ -24,7 +24,7 @@ def run(options: argparse.Namespace) -> int:
     with Progress() as progress:
         clock = Clock(progress)
         arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
-        closed = linearize(arm, scene.motion, scene.control)
+        closed = clock.stage("linearization", asked, lambda: linearize(arm, scene.motion, scene.control))
         clock.stage("size of the result", asked, lambda: check_duration(closed, options.periods))
         forward = None
         if options.feedforward != "scene":

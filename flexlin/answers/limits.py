@@ -1,0 +1,106 @@
+"""The limits of time and memory that a stage of the work keeps."""
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+from flexlin.checks import memory_limit
+from flexlin.errors import FlexlinError, NumericalError, TimeLimit, TooLarge
+from flexlin.scene.accuracy import Accuracy
+
+TICK = 0.2
+"""Seconds between two looks at the clock and at the memory in use."""
+AGAIN = 1.0
+"""Seconds after which the alarm rings once more, where a calculation has taken the first for a failed attempt of its own."""
+
+
+@contextmanager
+def limited(name: str, accuracy: Accuracy) -> Iterator[None]:
+    """Keep the block within the limits of time and memory.
+
+    Raises: TimeLimit, TooLarge; NumericalError in the place of MemoryError and LinAlgError.
+    """
+    try:
+        with time_limit(name, accuracy.seconds, accuracy.memory), memory_limit(accuracy.memory):
+            yield
+    except FlexlinError:
+        raise
+    except MemoryError as error:
+        todo = "ask for a larger tol, or for less at once"
+        raise NumericalError(f"{name}: there is not enough memory", got=str(error) or None, todo=todo) from error
+    except np.linalg.LinAlgError as error:
+        todo = "look at the scene's numbers: scales that lie very far apart do this"
+        raise NumericalError(f"{name}: linear algebra has no answer", got=str(error), todo=todo) from error
+
+
+@contextmanager
+def time_limit(name: str, seconds: float, memory: float = float("inf")) -> Iterator[None]:
+    """End the block with TimeLimit once it has taken so many seconds of wall time, with TooLarge once it holds so many bytes more.
+
+    An alarm of the operating system interrupts the main thread between two instructions of Python, as Ctrl-C does; handler and timer of
+    before are restored. In other threads, and where there is no such alarm, the block is let run to its end.
+    """
+    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
+        yield
+        return
+    armed, rung, held = True, list[TimeLimit | TooLarge](), resident()
+
+    def ring(*_: object) -> None:
+        if not armed:
+            return
+        late, taken = time.perf_counter() - start >= seconds, resident() - held
+        if late or taken > memory:
+            signal.setitimer(signal.ITIMER_REAL, AGAIN, AGAIN)
+            rung.append(out_of_time(name, seconds) if late else out_of_memory(name, taken, memory))
+            raise rung[-1]
+
+    start = time.perf_counter()
+    handler = signal.signal(signal.SIGALRM, ring)
+    before, _ = signal.setitimer(signal.ITIMER_REAL, min(seconds, TICK), min(seconds, TICK))
+    try:
+        yield
+    except BaseException as error:  # compiled code may hand the alarm on as an error of its own
+        if rung and not isinstance(error, TimeLimit | TooLarge):
+            raise rung[-1] from error
+        raise
+    finally:
+        try:
+            armed = False
+        finally:  # even if the alarm rings just now
+            signal.setitimer(signal.ITIMER_REAL, 0)
+            signal.signal(signal.SIGALRM, handler)
+            if before:
+                signal.setitimer(signal.ITIMER_REAL, max(1e-3, before - (time.perf_counter() - start)))
+
+
+def resident() -> int:
+    """Bytes of memory that this process holds; 0 where the system does not say."""
+    try:
+        with open("/proc/self/statm", "rb") as file:
+            return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except (OSError, ValueError, IndexError):
+        return 0
+
+
+def out_of_time(name: str, seconds: float) -> TimeLimit:
+    """The error of a stage that took too long."""
+    return TimeLimit(
+        f"{name}: stopped at the time limit",
+        got=f"no answer in {seconds:g} s",
+        todo="ask for a larger tol, or allow more time (--limit-seconds, or seconds in the scene's [accuracy])",
+    )
+
+
+def out_of_memory(name: str, taken: int, memory: float) -> TooLarge:
+    """The error of a stage that took too much memory."""
+    return TooLarge(
+        f"{name}: stopped at the limit of memory",
+        got=f"{taken} bytes",
+        expected=f"at most {memory:.0f} bytes",
+        todo="ask for a larger tol, or allow more (--limit-memory, or memory in the scene's [accuracy])",
+    )

@@ -1,0 +1,122 @@
+"""Kills, full disks and little memory, and what a reader finds afterwards."""
+
+import os
+import random
+import shutil
+import signal
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+
+from tests.files.reader import leftovers, standing
+from tests.torture.rows import SETS, Row, case_of
+from tests.torture.trial import run
+
+
+def kills(count: int, number: int, out: Path) -> Row:
+    """SIGKILL and SIGTERM at random times, half of them while files are written; then the next run."""
+    row, chance = Row("kills"), random.Random(number)
+    for at in range(count):
+        command = chance.choice(["report", "chart", "design", "export"])
+        folder = out / f"{command}-{at % 7}" / "out"
+        folder.parent.mkdir(exist_ok=True)
+        if at % 3 == 0 and folder.is_dir():
+            (folder / "foreign.txt").write_text("mine")
+        words = case_of(command, f"title='{at}'", folder)
+        how = chance.choice([signal.SIGKILL, signal.SIGKILL, signal.SIGTERM])
+        before = whole_set(folder, command)
+        trial = run(words, stop_after=partial(kill_at, folder=folder, chance=chance, how=how))
+        row.runs, row.slowest = row.runs + 1, max(row.slowest, trial.seconds)
+        judge_rest(row, folder, command, before, f"{command} {at} {how.name}")
+        if at % 4 == 3 or at == count - 1:
+            row.count(run(case_of(command, "title='next'", folder)), f"after {command} {at}")
+            if leftovers(folder) or whole_set(folder, command) is None:
+                row.left += 1
+                row.wrong.append(f"left after the next run of {command} {at}: {leftovers(folder)}")
+    return row
+
+
+def kill_at(child: int, folder: Path, chance: random.Random, how: signal.Signals) -> None:
+    """Kill a run after a random time, or a random moment after its files have begun to appear."""
+    start, during = time.monotonic(), chance.random() < 0.6
+    until = start + (20.0 if during else chance.uniform(0.0, 2.5))
+    while time.monotonic() < until and not (during and any(folder.parent.rglob(".*.flexlin-*"))):
+        if os.waitid(os.P_PID, child, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None:
+            return
+        time.sleep(0.0005)
+    if during:
+        time.sleep(chance.choice([0.0, chance.uniform(0.0, 0.01), chance.uniform(0.0, 0.2)]))
+    os.kill(child, how)
+
+
+def whole_set(folder: Path, command: str) -> dict[str, bytes] | None:
+    """The set of a command, if the manifest vouches for it."""
+    return standing(folder, SETS[command])
+
+
+def judge_rest(row: Row, folder: Path, command: str, before: dict[str, bytes] | None, case: str) -> None:
+    """A set that is neither the old one nor a whole new one is mixed, unless its switch is declared and will be finished."""
+    found = whole_set(folder, command)
+    declared = any(folder.parent.rglob(".*.whole/set/flexlin-results.json"))
+    if (found is None and not declared) or (before and found == {}):
+        row.mixed += 1
+        row.wrong.append(f"mixed or half: {case}")
+
+
+@contextmanager
+def small_disk(size: int, out: Path) -> Iterator[Path]:
+    """A disk of so many bytes: a tmpfs where that may be mounted, else nothing."""
+    place = Path(tempfile.mkdtemp(dir=out))
+    done = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", place], capture_output=True, check=False
+    )
+    if done.returncode:
+        place.rmdir()
+        raise PermissionError(done.stderr.decode().strip())
+    try:
+        yield place
+    finally:
+        subprocess.run(["umount", place], check=True)
+        place.rmdir()
+
+
+def disks(count: int, number: int, out: Path) -> Row:
+    """Full disks of random sizes, with old results on them; then room again."""
+    row, chance = Row("disks"), random.Random(number)
+    for at in range(count):
+        command = chance.choice(list(SETS))
+        with small_disk(2**22, out) as disk:
+            folder = disk / "out"
+            row.count(run(case_of(command, "title='old'", folder)), f"{command} before {at}")
+            before = whole_set(folder, command)
+            need = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
+            free = shutil.disk_usage(disk).free
+            ballast = disk / "ballast"
+            ballast.write_bytes(b"\0" * (free - 4096 * int(chance.uniform(0, 1.1) * need / 4096)))
+            trial = run(case_of(command, "title='new'", folder))
+            row.count(trial, f"{command} {at}")
+            judge_rest(row, folder, command, before, f"{command} on a full disk")
+            if trial.code and ("cannot be written" not in trial.said or leftovers(folder)):
+                row.left += 1
+                row.wrong.append(f"full disk: {command} {at}: {trial.code} {trial.said[-200:]} {leftovers(folder)}")
+            ballast.unlink()
+            row.count(run(case_of(command, "title='next'", folder)), f"{command} after {at}")
+            row.left += bool(leftovers(folder))
+    return row
+
+
+def memory(count: int, number: int, out: Path) -> Row:
+    """Runs in so little address space that something fails: a message, no trace, and nothing half-written."""
+    row, chance = Row("memory"), random.Random(number)
+    for at in range(count):
+        command, space = chance.choice(list(SETS)), int(2 ** chance.uniform(20, 28))
+        folder = out / "tight" / command
+        before = whole_set(folder, command)
+        row.count(run(case_of(command, f"title='{at}'", folder), space=space), f"{command} in {space} bytes")
+        judge_rest(row, folder, command, before, f"{command} in {space} bytes")
+        row.left += bool(leftovers(folder))
+    return row
