@@ -4,14 +4,16 @@
 # Others need more packages:
 #   make peers    compares with Pinocchio, heyoka and daceypy
 #   make docs     builds the documentation into build/site; runs its pages, warnings are errors
+# After changes of dependencies, make lock (with uv) pins them with their hashes: nothing else is ever installed.
 # After changes that move figures, make figures writes the generated parts of docs/ anew.
 PYTHON ?= python3
 BIN := .venv/bin
+PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
 STAMP := .venv/installed
 export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 
-.PHONY: report test peers docs figures lint clean
+.PHONY: report test peers docs figures lint lock clean
 
 report: $(STAMP)
 	$(BIN)/flexlin report single-link --out out/single-link
@@ -20,11 +22,11 @@ test: lint
 	$(BIN)/python -m pytest -n 2 --dist loadgroup
 
 peers: $(STAMP)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements/peers.txt
+	$(PIP) --require-hashes -r requirements/peers.txt
 	$(BIN)/python -m pytest -m peers
 
 docs: $(STAMP)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements/docs.txt
+	$(PIP) --require-hashes -r requirements/docs.txt
 	$(BIN)/sphinx-build -b html -W --keep-going -q -j 2 -d build/doctrees docs build/site
 
 figures: $(STAMP)
@@ -39,9 +41,16 @@ lint: $(STAMP)
 
 $(STAMP): pyproject.toml requirements/lock.txt
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements/lock.txt
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --editable .
+	$(PIP) --require-hashes -r requirements/lock.txt
+	$(PIP) --no-deps --no-build-isolation --editable .
 	touch $@
+
+LOCK = uv pip compile --quiet --universal --python-version 3.11 --no-emit-index-url --no-annotate --generate-hashes pyproject.toml
+
+lock:
+	$(LOCK) --extra dev -o requirements/lock.txt
+	$(LOCK) --extra dev --extra peers -c requirements/lock.txt -o requirements/peers.txt
+	$(LOCK) --extra docs --extra plot --extra cluster -c requirements/lock.txt -o requirements/docs.txt
 
 clean:
 	rm -rf .venv build dist out

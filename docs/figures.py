@@ -30,7 +30,7 @@ MEASURED, PICTURES, STUDIES = DOCS / "measured", DOCS / "pictures", ROOT / "stud
 BLOCK = re.compile(r"(<!-- generated: ([\w-]+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
 WIDTH = 540
 """Of a small picture, in pixels."""
-sys.path[:0] = [str(ROOT), str(STUDIES)]
+sys.path[:0] = [str(ROOT), str(STUDIES), str(DOCS)]
 
 
 def table(head: list[str], rows: list[list[str]]) -> str:
@@ -211,6 +211,11 @@ def studies() -> str:
     return table(["study", "question", "its picture, of the small run"], rows)
 
 
+def licences() -> str:
+    """The packages that flexlin stands on, with the licence that each states."""
+    return table(["package", "licence", "needed"], import_module("licences").rows())
+
+
 BLOCKS: dict[str, Callable[[], str]] = {
     "hard-cases": hard_cases,
     "cost-of-accuracy": cost_of_accuracy,
@@ -221,6 +226,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "tracking": tracking,
     "mode-shapes": mode_shapes,
     "studies": studies,
+    "licences": licences,
 }
 
 
