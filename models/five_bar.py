@@ -8,7 +8,7 @@ from pydantic import Field
 import flexlin as fl
 from flexlin.mechanics.closed_loop import close_loop, side_by_side
 from flexlin.scene import Scene, parse_scene, register_model
-from flexlin.scene.base import Number, Positive, Table
+from flexlin.scene.base import Number, Positive, Table, Unit
 from flexlin.scene.effects import AnyEffects, Effects
 from flexlin.scene.links import Link
 
@@ -23,11 +23,16 @@ class Parameters(Table):
     then of the right one.
     """
 
-    base: Positive
+    base: Annotated[Positive, Unit("m")]
+    """Distance of the two base joints."""
     left: TwoLinks
+    """The two links of the left arm."""
     right: TwoLinks
-    posture: FourAngles
+    """The two links of the right arm."""
+    posture: Annotated[FourAngles, Unit("rad")]
+    """Angles near the middle of the motion: base and elbow of the left arm, then of the right one."""
     effects: AnyEffects
+    """The physical effects of both arms."""
 
 
 def build(p: Parameters) -> fl.Manipulator:

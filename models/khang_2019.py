@@ -3,11 +3,13 @@
 Nothing here comes from flexlin's own chain: it is the second, independent way to the same equations.
 """
 
+from typing import Annotated
+
 import casadi as ca
 
 import flexlin as fl
 from flexlin.scene import register_model
-from flexlin.scene.base import NonNegative, Number, Positive, Table
+from flexlin.scene.base import NonNegative, Number, Positive, Table, Unit
 
 BETA = 1.8751040687119612
 SIGMA = 0.7340955137589128
@@ -19,12 +21,18 @@ Integrals Containing Characteristic Functions of a Vibrating Beam, University of
 class Parameters(Table):
     """The constants of the paper, SI units."""
 
-    length: Positive
-    mass_per_length: Positive
-    bending_stiffness: Positive
-    hub_inertia: NonNegative
-    payload_mass: NonNegative
-    gravity: Number = 9.81
+    length: Annotated[Positive, Unit("m")]
+    """Length of the link."""
+    mass_per_length: Annotated[Positive, Unit("kg/m")]
+    """Mass per length."""
+    bending_stiffness: Annotated[Positive, Unit("N m^2")]
+    """Bending stiffness E I."""
+    hub_inertia: Annotated[NonNegative, Unit("kg m^2")]
+    """Inertia of the hub about the joint."""
+    payload_mass: Annotated[NonNegative, Unit("kg")]
+    """Mass at the tip."""
+    gravity: Annotated[Number, Unit("m/s^2")] = 9.81
+    """Acceleration of gravity."""
 
 
 def build(p: Parameters) -> fl.Manipulator:

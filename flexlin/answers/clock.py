@@ -3,13 +3,14 @@
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
 from flexlin.answers.limits import limited
 from flexlin.errors import FlexlinError, NumericalError, TooLarge
+from flexlin.progress import part
 from flexlin.scene.accuracy import Accuracy
 from flexlin.text import printable
 
@@ -38,11 +39,15 @@ class Step:
 
 @dataclass
 class Clock:
-    """Collects the steps, and the errors of attempts by their keys; `progress` is called with the name of each step as it begins."""
+    """Collects the steps, and the errors of attempts by their keys; `progress` is called with the name of each step as it begins.
+
+    planned: how many steps there will be, where that is known: each is said to be one part of the work.
+    """
 
     progress: Progress | None = None
     steps: list[Step] = field(default_factory=list)
     failures: dict[str, FlexlinError] = field(default_factory=dict)
+    planned: int = 0
 
     @contextmanager
     def step(self, name: str) -> Iterator[dict[str, Any]]:
@@ -52,7 +57,7 @@ class Clock:
         found: dict[str, Any] = {}
         start, cpu, heard = time.perf_counter(), time.process_time(), list[warnings.WarningMessage]()
         try:
-            with warnings.catch_warnings(record=True) as recorded:
+            with warnings.catch_warnings(record=True) as recorded, self._part():
                 heard = recorded
                 yield found
         except FlexlinError as error:
@@ -61,6 +66,13 @@ class Clock:
         finally:
             found["notes"] = tuple(dict.fromkeys(map(note_of, heard)))
             self.steps.append(Step(name, time.perf_counter() - start, time.process_time() - cpu, **found))
+
+    def _part(self) -> AbstractContextManager[None]:
+        """The part of the work that the next step is, where it is known how many there will be."""
+        if not self.planned:
+            return nullcontext()
+        low, high = (min(done / self.planned, 1.0) for done in (len(self.steps), len(self.steps) + 1))
+        return part(low, high)
 
     def stage(
         self,

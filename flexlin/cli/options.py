@@ -25,16 +25,19 @@ def span(text: str) -> tuple[str, float, float, int | None]:
 
 OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
     "scene": (["scene"], {"metavar": "SCENE", "help": "a built-in name (see flexlin list) or a TOML file"}),
+    "name": (["name"], {"type": Path, "metavar": "NAME", "help": "of the new scene, which is written to NAME.toml"}),
+    "like": (["--like"], {"default": "single-link", "metavar": "SCENE", "help": "the scene to start from (default: single-link)"}),
     "set": (
         ["--set"],
         {"dest": "overrides", "metavar": "KEY=VALUE", "action": "extend", "nargs": "+", "default": [],
-         "help": "override a number of the scene, such as effects.payload.mass=0.3"},
+         "help": "override values of the scene in SI units: effects.payload.mass=0.3 motion.frequency=0.9; lists in brackets: "
+                 "control.feedback.kp=[5,2]; an effect on by its whole table: effects.shear={stiffness=1e5}, or off: effects.gravity=off"},
     ),
     "data": (
         ["--data"],
         {"type": Path, "metavar": "DIR", "help": "folder whose files the scene may name, beside its own (see docs/security.md)"},
     ),
-    "out": (["--out"], {"type": Path, "default": Path(), "metavar": "DIR", "help": "folder for the results (default: here)"}),
+    "out": (["--out"], {"type": Path, "metavar": "DIR", "help": "folder for the results (default: out/ and the scene's name)"}),
     "require": (
         ["--require"],
         {"choices": ["stable", "valid", "linear-stable"],

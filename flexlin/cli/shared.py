@@ -20,11 +20,16 @@ def loaded(options: argparse.Namespace) -> "Scene":
     from flexlin.scene import load_scene
     from flexlin.scene.overrides import parse_assignment
 
-    check_folder(options.out)
+    if options.out is not None:
+        check_folder(options.out)
     overrides = dict(parse_assignment(text) for text in options.overrides)
     asked = {f"accuracy.{key}": getattr(options, name, None) for name, key in ACCURACY.items()}
     overrides |= {key: value for key, value in asked.items() if value is not None}
-    return load_scene(options.scene, overrides, options.data)
+    scene = load_scene(options.scene, overrides, options.data)
+    if options.out is None:
+        options.out = Path("out") / Path(options.scene).stem
+        check_folder(options.out)
+    return scene
 
 
 def meets(required: str | None, verdict: str, model: str) -> bool:

@@ -1,49 +1,83 @@
-"""Progress on a terminal, once the work has taken longer than a second."""
+"""Progress on stderr, once the work has taken two seconds: on a terminal one line that changes, in a pipe a line now and then."""
 
 import sys
 import threading
+import time
 from typing import Any
 
-PATIENCE = 1.0
+from flexlin.progress import listening
+
+PATIENCE = 2.0
 """Seconds of silence before progress is shown."""
+TICK, APART = 0.25, 5.0
+"""Seconds between two looks at the clock, and between two lines in a pipe."""
+LEAST = 0.02
+"""No time left is guessed before this share is done."""
 
 
 class Progress:
-    """Shows the step at hand on a terminal once the work has taken longer than a second; says nothing elsewhere.
+    """Shows the step at hand, how much is done and how long the rest may take, once the work has taken longer than two seconds.
 
-    Use as a context manager, and call it with the name of each step.
+    Use as a context manager, which listens to what calculations say of themselves, and call it with the name of each step.
     """
 
     def __init__(self) -> None:
-        self._name = ""
+        self._name, self.share = "", 0.0
         self._status: Any = None
-        self._lock = threading.Lock()
-        self._timer = threading.Timer(PATIENCE, self._show)
-        self._timer.daemon = True
+        self._over = threading.Event()
+        self._listening = listening(self._advance)
+        self._start, self._written = time.perf_counter(), 0.0
+        self._thread = threading.Thread(target=self._watch, daemon=True)
 
     def __call__(self, name: str) -> None:
-        with self._lock:
-            self._name = name
-            if self._status is not None:
-                self._status.update(name)
+        self._name = str(name)
+
+    def _advance(self, share: float) -> None:
+        """Take a share; what was done once stays done."""
+        self.share = max(self.share, min(share, 1.0))
+
+    @property
+    def line(self) -> str:
+        """What is shown."""
+        share, elapsed = self.share, time.perf_counter() - self._start
+        if share < LEAST:
+            return f"{self._name} ({elapsed:.0f} s so far)"
+        return f"{100 * share:.0f} %, about {elapsed * (1 - share) / share:.0f} s left: {self._name}"
 
     def __enter__(self) -> "Progress":
-        if sys.stderr.isatty():
-            self._timer.start()
+        self._start = time.perf_counter()
+        self._listening.__enter__()
+        self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._timer.cancel()
-        with self._lock:
-            if self._status is not None:
-                self._status.stop()
-            self._status = None
-            self._name = ""
+        self._listening.__exit__(None, None, None)
+        self._over.set()
+        self._thread.join()
+        if self._status is not None:
+            self._status.stop()
+        self._status = None
 
-    def _show(self) -> None:
-        from rich.console import Console
-
-        with self._lock:
+    def _watch(self) -> None:
+        """Show the line from time to time, until the work is over."""
+        if self._over.wait(PATIENCE):
+            return
+        show = self._on_terminal if sys.stderr.isatty() else self._in_pipe
+        while not self._over.is_set():
             if self._name:
-                self._status = Console(stderr=True).status(self._name)
-                self._status.start()
+                show()
+            self._over.wait(TICK)
+
+    def _on_terminal(self) -> None:
+        if self._status is None:
+            from rich.console import Console
+
+            self._status = Console(stderr=True).status(self.line)
+            self._status.start()
+        self._status.update(self.line)
+
+    def _in_pipe(self) -> None:
+        now = time.perf_counter()
+        if now - self._written >= APART:
+            self._written = now
+            print(f"flexlin: {self.line}", file=sys.stderr, flush=True)

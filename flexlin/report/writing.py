@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from flexlin.answers.analysis import Analysis
 
 
+STAGES = 13
+"""Of a report without designs, about."""
+
+
 def write_report(
     scene: Scene,
     folder: Path,
@@ -28,7 +32,7 @@ def write_report(
     Returns: the analysis and the paths of the files.
     Raises: what `analyse` raises; OutputError when the folder cannot be written.
     """
-    clock = Clock(progress)
+    clock = Clock(progress, planned=STAGES + 3 * len(scene.designs) + with_audit + with_sensitivity)
     with clock.step("load the numerical libraries"):
         from flexlin.answers.analysis import analyse
         from flexlin.report.record import record, to_json

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from flexlin.scene.base import Table
+from flexlin.scene.base import Table, Unit
 
 FINEST, COARSEST = 1e-15, 0.1
 """Rounding allows no smaller error; a larger one is no answer."""
@@ -18,5 +18,8 @@ class Accuracy(Table):
     """
 
     tol: Annotated[float, Field(strict=True, ge=FINEST, le=COARSEST)] = 1e-9
-    seconds: Annotated[float, Field(strict=True, gt=0, le=1e7)] = 60.0
-    memory: Annotated[float, Field(strict=True, ge=2.0**20, le=2.0**50)] = 2.0**30
+    """Wanted error of each stage's answer."""
+    seconds: Annotated[float, Field(strict=True, gt=0, le=1e7), Unit("s")] = 60.0
+    """Wall time that a stage may take."""
+    memory: Annotated[float, Field(strict=True, ge=2.0**20, le=2.0**50), Unit("B")] = 2.0**30
+    """Memory that a stage may ask for at once."""

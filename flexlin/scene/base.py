@@ -1,7 +1,7 @@
 """What all tables of a scene share: frozen, no unknown keys, finite numbers, SI units and radians."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
@@ -11,7 +11,7 @@ from flexlin.text import steers
 class Table(BaseModel):
     """One table of a scene file."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
 
     @classmethod
     def units(cls) -> dict[str, str]:
@@ -28,6 +28,10 @@ class Unit:
     """The unit of a key, stated beside its type: `mass: Annotated[NonNegative, Unit("kg")]`; empty for a ratio."""
 
     name: str
+
+    def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> dict[str, Any]:
+        """The key's JSON schema, with the unit in it."""
+        return {**handler(core), "unit": self.name}
 
 
 LARGEST = 1e30

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from flexlin.scene.base import NonNegative, Positive, Table, Text
+from flexlin.scene.base import NonNegative, Positive, Table, Text, Unit
 from flexlin.scene.weights import Weights
 
 
@@ -12,21 +12,27 @@ class Pd(Table):
     """u = -kp (q - q_R) - kd (q' - q_R'), one gain a torque-driven joint."""
 
     kind: Literal["pd"]
-    kp: tuple[NonNegative, ...]
-    kd: tuple[NonNegative, ...]
+    """The kind of feedback."""
+    kp: Annotated[tuple[NonNegative, ...], Unit("N m/rad or N/m")]
+    """Stiffness of each torque-driven joint's loop."""
+    kd: Annotated[tuple[NonNegative, ...], Unit("N m s/rad or N s/m")]
+    """Damping of each torque-driven joint's loop."""
 
 
 class Saturation(Table):
     """The motors give no more than this torque, in N m, one number a torque-driven joint."""
 
-    torque: tuple[Positive, ...]
+    torque: Annotated[tuple[Positive, ...], Unit("N m or N")]
+    """Largest torque of each torque-driven joint."""
 
 
 class Sampling(Table):
     """The torque is computed once every `period` (s), held in between, and takes effect `delay` (s) after the measurement."""
 
-    period: Positive
-    delay: NonNegative = 0.0
+    period: Annotated[Positive, Unit("s")]
+    """Time between two samples."""
+    delay: Annotated[NonNegative, Unit("s")] = 0.0
+    """Time from the measurement to the torque."""
 
 
 class Control(Table):
@@ -37,21 +43,32 @@ class Control(Table):
     """
 
     feedforward: Literal["rigid", "none"] = "rigid"
+    """rigid: the torque of the rigid motion."""
     feedback: Pd | None = None
+    """The feedback about the basic motion."""
     saturation: Saturation | None = None
+    """What the motors give at most; in the nonlinear simulation."""
     sampling: Sampling | None = None
+    """How the controller samples; in the nonlinear simulation."""
     about: Literal["rigid", "elastic"] = "rigid"
+    """elastic: judge the loop about the elastic arm's own motion too."""
 
 
 class DesignTable(Table):
     """A controller to be designed; weights in physical sizes, or the bare diagonals of Q (state [y; y']) and R."""
 
     name: Annotated[Text, Field(min_length=1, max_length=400)]
+    """Name in reports."""
     kind: Literal["periodic-lqr", "frozen-lqr", "averaged-lqr", "finite-horizon-lqr"]
+    """The kind of design."""
     weights: Weights | None = None
+    """Acceptable deviations, in physical sizes."""
     state_weight: tuple[NonNegative, ...] | None = None
+    """Diagonal of Q for the state [y; y']."""
     input_weight: tuple[Positive, ...] | None = None
+    """Diagonal of R for the inputs."""
     phases: Annotated[int, Field(strict=True, ge=1, le=4096)] = 16
+    """Places of a period at which a frozen-lqr is designed."""
 
     @model_validator(mode="after")
     def _weighs_once(self) -> "DesignTable":

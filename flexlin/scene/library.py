@@ -91,6 +91,12 @@ def registered_model(name: str) -> RegisteredModel:
     return _REGISTRY[name]
 
 
+def shipped_models() -> dict[str, RegisteredModel]:
+    """The models that flexlin ships, and whatever Python code has registered beside them."""
+    _register_shipped()
+    return dict(_REGISTRY)
+
+
 def _register_shipped() -> None:
     """Run the model files that flexlin itself ships: each calls `register_model`. No name from a scene is ever imported."""
     for path in sorted(models_folder().glob("*.py")):

@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from flexlin.scene.base import NonNegative, Number, Positive, Table
+from flexlin.scene.base import NonNegative, Number, Positive, Table, Unit
 from flexlin.scene.space import Direction, Mount, RigidPart
 
 MAX_MODES = 60
@@ -14,8 +14,11 @@ class Sections(Table):
     """Relative mass and stiffness of a tapered link at places xi = x/l from 0 to 1, linear between them."""
 
     at: Annotated[tuple[NonNegative, ...], Field(min_length=2)]
+    """Places x/l from 0 to 1."""
     mass: tuple[Positive, ...]
+    """Mass per length there, relative to mass_per_length."""
     stiffness: tuple[Positive, ...]
+    """Bending stiffness there, relative to bending_stiffness."""
 
     @model_validator(mode="after")
     def _is_a_partition(self) -> "Sections":
@@ -29,8 +32,10 @@ class Sections(Table):
 class Carried(Table):
     """The rigid body for which loaded shapes are made: mass in kg, inertia about the link's tip in kg m^2."""
 
-    mass: NonNegative
-    inertia: NonNegative = 0.0
+    mass: Annotated[NonNegative, Unit("kg")]
+    """Mass of the body."""
+    inertia: Annotated[NonNegative, Unit("kg m^2")] = 0.0
+    """Its inertia about the link's tip."""
 
 
 class Link(Table):
@@ -41,21 +46,34 @@ class Link(Table):
     A moving base is a carriage: a rigid link of no length and no mass on a prismatic joint with a prescribed motion.
     """
 
-    length: NonNegative
-    mass_per_length: NonNegative
-    bending_stiffness: Positive | None = None
+    length: Annotated[NonNegative, Unit("m")]
+    """Length from joint to tip."""
+    mass_per_length: Annotated[NonNegative, Unit("kg/m")]
+    """Mass per length."""
+    bending_stiffness: Annotated[Positive | None, Unit("N m^2")] = None
+    """Bending stiffness E I; a link without it is rigid."""
     modes: Annotated[int, Field(strict=True, ge=0, le=MAX_MODES)] = 0
+    """Number of assumed modes; 0 is a rigid link."""
     mode_shapes: Literal["clamped-free", "clamped-loaded", "pinned-free", "pinned-hub", "finite-element"] = (
         "clamped-free"
     )
+    """The assumed modes' shapes."""
     elements: Annotated[int, Field(strict=True, ge=1, le=500)] = 40
+    """Finite elements of which finite-element shapes are made."""
     carried: Carried | None = None
+    """The body at the tip for which clamped-loaded shapes are made."""
     sections: Sections | None = None
+    """How mass and stiffness vary along the link."""
     joint: Literal["revolute", "prismatic", "fixed"] = "revolute"
+    """How the link moves against the one before it."""
     axis: Direction | None = None
+    """The joint's axis in the link's frame; z for a turning joint, x for a sliding one."""
     mount: Mount = Mount()
-    mount_angle: Number = 0.0
+    """Where the joint lies at the tip before it."""
+    mount_angle: Annotated[Number, Unit("rad")] = 0.0
+    """Angle by which the joint's frame is turned about z."""
     body: RigidPart | None = None
+    """A rigid body where the link begins."""
 
     @model_validator(mode="before")
     @classmethod

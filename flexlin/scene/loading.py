@@ -122,6 +122,18 @@ def parse_scene(
     return scene
 
 
+def scene_text(source: str | Path) -> str:
+    """The text of a built-in scene or of a TOML file, as it stands there.
+
+    Raises: SceneError when there is no such scene, or its file cannot be read.
+    """
+    path = _find(source)
+    try:
+        return read_text(path, LARGEST_FILE)
+    except (UnicodeDecodeError, OSError) as error:
+        raise SceneError(printable(path), [Problem("file", printable(error), "a readable TOML file")]) from None
+
+
 def checked_table(schema: type[AnyTable], raw: Mapping[str, Any], source: str, key: str) -> AnyTable:
     """Check one raw table by its schema; raises SceneError with all problems, their keys below `key`."""
     try:

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from flexlin.scene.base import NonNegative, Number, Positive, Table, Text
+from flexlin.scene.base import NonNegative, Number, Positive, Table, Text, Unit
 
 Drive = Literal["torque", "prescribed"]
 
@@ -13,56 +13,75 @@ class Joint(Table):
     """A joint is driven by torque, or its angle is a prescribed function of time and no coordinate."""
 
     drive: Drive | None = None
+    """torque: the joint has a motor; prescribed: its motion is given and it is no coordinate."""
 
 
 class HarmonicJoint(Joint):
-    mean: Number = 0.0
-    amplitude: Number
-    phase: Number = 0.0
+    mean: Annotated[Number, Unit("rad or m")] = 0.0
+    """Middle of the motion."""
+    amplitude: Annotated[Number, Unit("rad or m")]
+    """Largest distance from the middle."""
+    phase: Annotated[Number, Unit("rad")] = 0.0
+    """Phase at t = 0."""
 
 
 class RotationJoint(Joint):
-    start: Number = 0.0
-    rate: Number
+    start: Annotated[Number, Unit("rad or m")] = 0.0
+    """Where it is at t = 0."""
+    rate: Annotated[Number, Unit("rad/s or m/s")]
+    """Constant rate."""
 
 
 class FourierJoint(Joint):
-    mean: Number = 0.0
-    cos: tuple[Number, ...] = ()
-    sin: tuple[Number, ...] = ()
+    mean: Annotated[Number, Unit("rad or m")] = 0.0
+    """Mean over a period."""
+    cos: Annotated[tuple[Number, ...], Unit("rad or m")] = ()
+    """Coefficients of cos(2 pi k t/T), k = 1, 2 ..."""
+    sin: Annotated[tuple[Number, ...], Unit("rad or m")] = ()
+    """Coefficients of sin(2 pi k t/T), k = 1, 2 ..."""
 
 
 class PointToPointJoint(Joint):
-    waypoints: Annotated[tuple[Number, ...], Field(min_length=2)]
+    waypoints: Annotated[tuple[Number, ...], Field(min_length=2), Unit("rad or m")]
+    """Where the joint rests, in this order."""
 
 
 class MotionTable(Table):
     """What all motions share: `drive` is the default of the joints."""
 
     drive: Drive = "torque"
+    """What moves the joints that do not say so themselves."""
 
 
 class Harmonic(MotionTable):
     """q = mean + amplitude sin(2 pi f t + phase)."""
 
     kind: Literal["harmonic"]
-    frequency: Positive
+    """The kind of motion."""
+    frequency: Annotated[Positive, Unit("Hz")]
+    """Periods in a second."""
     joints: Annotated[tuple[HarmonicJoint, ...], Field(min_length=1)]
+    """One table a joint."""
 
 
 class Rotation(MotionTable):
     """q = start + rate t."""
 
     kind: Literal["rotation"]
+    """The kind of motion."""
     joints: Annotated[tuple[RotationJoint, ...], Field(min_length=1)]
+    """One table a joint."""
 
 
 class Fourier(MotionTable):
     """q = mean + sum_k cos_k cos(2 pi k t/T) + sin_k sin(2 pi k t/T)."""
 
     kind: Literal["fourier"]
-    period: Positive
+    """The kind of motion."""
+    period: Annotated[Positive, Unit("s")]
+    """Length of a period."""
     joints: Annotated[tuple[FourierJoint, ...], Field(min_length=1)]
+    """One table a joint."""
 
 
 class PointToPoint(MotionTable):
@@ -72,19 +91,28 @@ class PointToPoint(MotionTable):
     """
 
     kind: Literal["point-to-point"]
-    move_time: Positive
-    dwell_time: NonNegative = 0.0
+    """The kind of motion."""
+    move_time: Annotated[Positive, Unit("s")]
+    """Time from one waypoint to the next."""
+    dwell_time: Annotated[NonNegative, Unit("s")] = 0.0
+    """Time of rest at each waypoint."""
     profile: Literal["quintic", "septic"] = "quintic"
+    """The polynomial of each move."""
     course: Literal["there-and-back", "one-way"] = "there-and-back"
+    """there-and-back is periodic; one-way ends at the last waypoint."""
     joints: Annotated[tuple[PointToPointJoint, ...], Field(min_length=1)]
+    """One table a joint."""
 
 
 class TableMotion(MotionTable):
     """Samples t, q1, q2 ... over one period in a CSV file, joined by a periodic quintic spline."""
 
     kind: Literal["table"]
+    """The kind of motion."""
     file: Text
+    """CSV file with samples t, q1, q2 ... of one period (s; rad or m), seen from the scene's folder."""
     joints: tuple[Joint, ...] = ()
+    """One table a joint, where one says what drives it."""
 
 
 AnyMotion = Annotated[Harmonic | Rotation | Fourier | PointToPoint | TableMotion, Field(discriminator="kind")]

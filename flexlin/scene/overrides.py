@@ -1,11 +1,13 @@
 """Dotted overrides: `effects.payload.mass=0.3` on the command line, {"effects.payload.mass": 0.3} in Python."""
 
 import copy
+import difflib
 import tomllib
 from collections.abc import Mapping
 from typing import Any
 
 from flexlin.errors import ArgumentError, Problem
+from flexlin.scene.effects import known_effects
 from flexlin.scene.toml import DEEPEST, parse_toml
 from flexlin.text import printable
 
@@ -83,6 +85,10 @@ def _place(tree: Any, path: list[str], value: Any) -> tuple[str, str] | None:
             return f"index {last!r}", f"a number from 0 to {len(tree) - 1}"
         tree[int(last)] = value
     elif path[:1] == ["effects"] and len(path) == 2 and value == OFF:
+        known = known_effects()
+        if last not in known:
+            close = difflib.get_close_matches(last, known, n=1)
+            return "an unknown key", f"one of {', '.join(known)}" + (f"; did you mean {close[0]!r}?" if close else "")
         tree.pop(last, None)
     else:
         tree[last] = value

@@ -7,7 +7,9 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 
 from flexlin.errors import Problem
+from flexlin.scene.base import Table
 from flexlin.scene.effects import Effects, effects_table
+from flexlin.scene.suggestions import suggest
 from flexlin.text import printable
 
 WORDS = {
@@ -58,7 +60,8 @@ def _problem(schema: type[BaseModel], entry: Any) -> Problem:
     if kind == "union_tag_invalid":
         return Problem(f"{key}.kind", repr(context["tag"]), f"one of {context['expected_tags']}")
     got = "nothing" if kind == "missing" else repr(entry["input"])[:LONGEST]
-    return Problem(key, got, _expected(kind, context, entry["msg"]))
+    hint = "" if kind == "missing" else suggest(kind, entry["input"], _unit_of(schema, entry["loc"]))
+    return Problem(key, got, _expected(kind, context, entry["msg"]) + hint)
 
 
 def _expected(kind: str, context: Any, message: str) -> str:
@@ -73,18 +76,34 @@ def _expected(kind: str, context: Any, message: str) -> str:
     return WORDS.get(kind, message)
 
 
+def _unit_of(schema: type[BaseModel], location: Sequence[Any]) -> str | None:
+    """The unit that a key states; of a number in a list, that of the list."""
+    path = [step for step in location if isinstance(step, str) and not _is_branch(step)]
+    for table in _tables(schema, path) if path else ():
+        unit = table.units().get(path[-1]) if issubclass(table, Table) else None
+        if unit:
+            return unit
+    return None
+
+
 def _known_keys(schema: type[BaseModel], location: Sequence[Any]) -> str:
     """The keys that a table may hold, the likeliest first."""
+    tables = _tables(schema, location)
+    keys = sorted({field.alias or name for table in tables for name, field in table.model_fields.items()})
+    close = difflib.get_close_matches(str(location[-1]), keys, n=1)
+    hint = f"; did you mean {close[0]!r}?" if close else ""
+    return f"one of {', '.join(keys)}{hint}" if keys else "an empty table"
+
+
+def _tables(schema: type[BaseModel], location: Sequence[Any]) -> list[type[BaseModel]]:
+    """The tables in which the last key of a location may stand."""
     tables: list[type[BaseModel]] = [schema]
     for step in location[:-1]:
         if isinstance(step, str) and not _is_tag(step, tables):
             tables = [model for table in tables for model in _models(_annotation(table, step))]
         elif isinstance(step, str):
             tables = [table for table in tables if step in get_args(table.model_fields["kind"].annotation)]
-    keys = sorted({field.alias or name for table in tables for name, field in table.model_fields.items()})
-    close = difflib.get_close_matches(str(location[-1]), keys, n=1)
-    hint = f"; did you mean {close[0]!r}?" if close else ""
-    return f"one of {', '.join(keys)}{hint}" if keys else "an empty table"
+    return tables
 
 
 def _annotation(table: type[BaseModel], key: str) -> Any:

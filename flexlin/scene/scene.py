@@ -50,13 +50,24 @@ class Scene(Table):
     """
 
     schema_version: Annotated[Literal[1], Field(alias="schema")]
+    """Version of the format: 1."""
     title: Text
+    """Title in reports."""
     source: Text = ""
+    """Where the numbers come from."""
     model: Text | None = None
+    """Name of a registered model, in the place of links."""
     parameters: dict[str, Any] = Field(default_factory=dict)
+    """The registered model's own table."""
     links: Annotated[tuple[Link, ...], NotEndless] = ()
+    """The links from the base on, one [[links]] each."""
     effects: AnyEffects
+    """The physical effects that are on: a table each."""
     motion: AnyMotion
+    """The basic motion of the joints."""
     control: Control = Control()
+    """What runs on the arm: feedforward and feedback."""
     designs: Annotated[tuple[DesignTable, ...], NotEndless] = ()
+    """Controllers to design and compare, one [[designs]] each."""
     accuracy: Accuracy = Accuracy()
+    """The wanted error, and what a stage may cost."""

@@ -2,10 +2,9 @@
 
 from typing import Annotated, Any
 
-import numpy as np
 from pydantic import AfterValidator, model_validator
 
-from flexlin.scene.base import NonNegative, Number, Table
+from flexlin.scene.base import NonNegative, Number, Table, Unit
 
 Vector = tuple[Number, Number, Number]
 ROUNDING = 1e-9
@@ -25,22 +24,32 @@ Direction = Annotated[Vector, AfterValidator(_not_zero)]
 class Mount(Table):
     """Where a joint's frame lies in the frame of the tip before it: `xyz` in m, then turned by roll, pitch and yaw, as in URDF."""
 
-    xyz: Vector = (0.0, 0.0, 0.0)
-    rpy: Vector = (0.0, 0.0, 0.0)
+    xyz: Annotated[Vector, Unit("m")] = (0.0, 0.0, 0.0)
+    """Place of the joint's frame."""
+    rpy: Annotated[Vector, Unit("rad")] = (0.0, 0.0, 0.0)
+    """Roll, pitch and yaw of the joint's frame."""
 
 
 class Inertia(Table):
     """The inertia of a body about its centre, in its frame's axes (kg m^2); products as in URDF, xy = -int x y dm."""
 
-    xx: NonNegative = 0.0
-    yy: NonNegative = 0.0
-    zz: NonNegative = 0.0
-    xy: Number = 0.0
-    xz: Number = 0.0
-    yz: Number = 0.0
+    xx: Annotated[NonNegative, Unit("kg m^2")] = 0.0
+    """Entry xx of the inertia."""
+    yy: Annotated[NonNegative, Unit("kg m^2")] = 0.0
+    """Entry yy of the inertia."""
+    zz: Annotated[NonNegative, Unit("kg m^2")] = 0.0
+    """Entry zz of the inertia."""
+    xy: Annotated[Number, Unit("kg m^2")] = 0.0
+    """Entry xy of the inertia."""
+    xz: Annotated[Number, Unit("kg m^2")] = 0.0
+    """Entry xz of the inertia."""
+    yz: Annotated[Number, Unit("kg m^2")] = 0.0
+    """Entry yz of the inertia."""
 
     @model_validator(mode="after")
     def _is_an_inertia(self) -> "Inertia":
+        import numpy as np  # a scene without bodies in space is read without it
+
         matrix = np.array([[self.xx, self.xy, self.xz], [self.xy, self.yy, self.yz], [self.xz, self.yz, self.zz]])
         if np.linalg.eigvalsh(matrix).min() < -ROUNDING * np.abs(matrix).max():
             raise ValueError("principal inertias that are not negative")
@@ -54,6 +63,9 @@ class Inertia(Table):
 class RigidPart(Table):
     """A rigid body in a link's frame: mass (kg), centre (m), inertia about the centre (kg m^2)."""
 
-    mass: NonNegative
-    centre: Vector = (0.0, 0.0, 0.0)
+    mass: Annotated[NonNegative, Unit("kg")]
+    """Mass of the body."""
+    centre: Annotated[Vector, Unit("m")] = (0.0, 0.0, 0.0)
+    """Its centre in the link's frame."""
     inertia: Inertia = Inertia()
+    """Its inertia about its centre."""

@@ -3,33 +3,42 @@
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+Note = Callable[[tuple[str, ...]], str]
+COLUMN = 36
+"""Where comments begin."""
 BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
-def write_toml(data: Mapping[str, Any]) -> str:
+def write_toml(data: Mapping[str, Any], note: Note = lambda path: "") -> str:
     """Write plain data as TOML: tables below their headings, lists of tables as [[...]], all else on one line.
 
-    Holds texts, truth values, finite numbers, lists and tables; keys whose value is None are left out.
+    Holds texts, truth values, finite numbers, lists and tables; keys whose value is None are left out. What `note` says of a path of
+    keys stands behind it as a comment.
     """
-    return "\n".join(list_lines(data, ())).strip() + "\n"
+    return "\n".join(list_lines(data, (), note)).strip() + "\n"
 
 
-def list_lines(table: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[str]:
+def list_lines(table: Mapping[str, Any], path: tuple[str, ...], note: Note) -> Iterator[str]:
     """The lines of one table: its values first, then the tables in it."""
     given = {key: value for key, value in table.items() if value is not None}
     below = {key: value for key, value in given.items() if is_table(value) or is_list_of_tables(value)}
     for key, value in given.items():
         if key not in below:
-            yield f"{write_key(key)} = {write_value(value)}"
+            yield with_note(f"{write_key(key)} = {write_value(value)}", note((*path, key)))
     for key, value in below.items():
         name = ".".join(map(write_key, (*path, key)))
         for child in [value] if is_table(value) else value:
             yield ""
-            yield f"[{name}]" if is_table(value) else f"[[{name}]]"
-            yield from list_lines(child, (*path, key))
+            yield with_note(f"[{name}]" if is_table(value) else f"[[{name}]]", note((*path, key)))
+            yield from list_lines(child, (*path, key), note)
+
+
+def with_note(line: str, note: str) -> str:
+    """A line with a comment behind it."""
+    return f"{line:<{COLUMN}} # {note}" if note else line
 
 
 def is_table(value: Any) -> bool:

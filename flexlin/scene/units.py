@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, PlainValidator
+from pydantic import BeforeValidator, PlainValidator, WithJsonSchema
 
 from flexlin.scene.base import LARGEST, SMALLEST, Positive, Unit
 
@@ -131,10 +131,13 @@ def _keeper(units: tuple[str, ...]) -> Callable[[Any], Any]:
     return keep
 
 
-Length = Annotated[Positive, BeforeValidator(_reader(("m",))), Unit("m")]
-Speed = Annotated[Positive, BeforeValidator(_reader(("m/s",))), Unit("m/s")]
-AnyDisplacement = Annotated[Any, PlainValidator(_keeper(("rad", "m")))]
+NUMBER_OR_TEXT: Any = {"anyOf": [{"type": "number", "exclusiveMinimum": 0}, {"type": "string"}]}
+"""The JSON schema of a quantity."""
+ONE_OR_MORE: Any = {"anyOf": [*NUMBER_OR_TEXT["anyOf"], {"type": "array", "items": NUMBER_OR_TEXT}]}
+Length = Annotated[Positive, BeforeValidator(_reader(("m",))), WithJsonSchema(NUMBER_OR_TEXT), Unit("m")]
+Speed = Annotated[Positive, BeforeValidator(_reader(("m/s",))), WithJsonSchema(NUMBER_OR_TEXT), Unit("m/s")]
+AnyDisplacement = Annotated[Any, PlainValidator(_keeper(("rad", "m"))), WithJsonSchema(ONE_OR_MORE)]
 """An angle or a length, or a list of such, kept as written: which of the two is the coordinate's to say."""
-AnyRate = Annotated[Any, PlainValidator(_keeper(("rad/s", "m/s")))]
-AnyInput = Annotated[Any, PlainValidator(_keeper(("N m", "N", "V")))]
-AnyDeviation = Annotated[Any, PlainValidator(_keeper(("rad", "m", "rad/s", "m/s")))]
+AnyRate = Annotated[Any, PlainValidator(_keeper(("rad/s", "m/s"))), WithJsonSchema(ONE_OR_MORE)]
+AnyInput = Annotated[Any, PlainValidator(_keeper(("N m", "N", "V"))), WithJsonSchema(ONE_OR_MORE)]
+AnyDeviation = Annotated[Any, PlainValidator(_keeper(("rad", "m", "rad/s", "m/s"))), WithJsonSchema(ONE_OR_MORE)]

@@ -1,10 +1,10 @@
 """Weights of a design in physical sizes: the largest deviations that are acceptable."""
 
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import ConfigDict
 
-from flexlin.scene.base import Table
+from flexlin.scene.base import Table, Unit
 from flexlin.scene.units import AnyDeviation, AnyDisplacement, AnyInput, AnyRate, Length, Speed
 
 RATE = "_rate"
@@ -21,15 +21,21 @@ class Weights(Table):
     A coordinate's own name, such as w11 or q1_rate, takes the place of what the others say about it. What is not named costs nothing.
     """
 
-    model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False, use_attribute_docstrings=True)
     __pydantic_extra__: dict[str, AnyDeviation]
 
     tip: Length | None = None
-    joints: AnyDisplacement | None = None
-    rates: AnyRate | None = None
+    """Acceptable distance of the tip from its path."""
+    joints: Annotated[AnyDisplacement | None, Unit("rad or m")] = None
+    """Acceptable deviation of joints, or a list of one each."""
+    rates: Annotated[AnyRate | None, Unit("rad/s or m/s")] = None
+    """Acceptable deviation of the joints' rates, or a list of one each."""
     deflection: Length | None = None
+    """Acceptable deviation of elastic coordinates."""
     deflection_rates: Speed | None = None
-    input: AnyInput
+    """Acceptable rate of elastic coordinates."""
+    input: Annotated[AnyInput, Unit("N m, N or V")]
+    """Acceptable torque, or a list of one each."""
 
     @property
     def coordinates(self) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from flexlin.answers.accuracy.result import Row
 from flexlin.answers.limits import time_limit
 from flexlin.checks import Array
 from flexlin.errors import FlexlinError
+from flexlin.progress import advance
 
 SHORT, REPETITIONS = 0.05, 5
 """Runs shorter than this, in s, are repeated so often and their median is kept."""
@@ -39,6 +40,7 @@ def measure_trials(stage: str, trials: Iterable[Trial], error: Callable[[Any], f
     rows, end = [], perf_counter() + STAGE_SECONDS
     for trial in trials:
         left = end - perf_counter()
+        advance(1 - left / STAGE_SECONDS)
         if left <= 0:
             break
         try:

@@ -17,7 +17,11 @@ from flexlin.motion import SymbolicMotion
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.transition.choice import measure_pace
 from flexlin.periodic.transition.setting import Setting
+from flexlin.progress import part
 from flexlin.scene.scene import Scene
+
+TOTAL_SECONDS = 45.0
+"""Wall time after which no stage is begun: with the last one at its limit, all of it is within a minute."""
 
 
 def cost(scene: Scene, *, peers: bool = True) -> CostResult:
@@ -58,6 +62,7 @@ def cost(scene: Scene, *, peers: bool = True) -> CostResult:
     >>> result.cheapest("exponents", 1e-8).setting  # doctest: +SKIP
     'tol 1e-08, gauss 20 on 40'
     """
+    start = perf_counter()
     arm = build_manipulator(scene)
     closed, plant = linearize(arm, scene.motion, scene.control), linearize(arm, scene.motion)
     if not closed.motion.periodic:
@@ -74,18 +79,22 @@ def cost(scene: Scene, *, peers: bool = True) -> CostResult:
         "number of modes": lambda: own.measure_modes(scene),
         "Taylor order": lambda: own.measure_taylor_order(arm, closed.motion),
     }
-    rows, notes = [], []
-    for name, stage in stages.items():
+    rows, notes, last = [], [], len(stages) + peers
+    for done, (name, stage) in enumerate(stages.items()):
         begin = perf_counter()
+        left = start + TOTAL_SECONDS - begin
+        if left <= 0:
+            notes.append(f"{name} left out: the whole took {TOTAL_SECONDS:g} s without it")
+            continue
         try:
-            with time_limit(name, 2 * STAGE_SECONDS):
+            with time_limit(name, min(2 * STAGE_SECONDS, left)), part(done / last, (done + 1) / last):
                 rows += stage()
         except FlexlinError as error:
             notes.append(f"{name} left out: {error.what}")
         else:
             if perf_counter() - begin > STAGE_SECONDS:
                 notes.append(f"{name}: the slowest settings are left out, which {STAGE_SECONDS:g} s do not hold")
-    if peers and isinstance(closed.motion, SymbolicMotion):
+    if peers and isinstance(closed.motion, SymbolicMotion) and perf_counter() < start + TOTAL_SECONDS:
         found, missing = measure_outside_methods(scene, exact)
         rows, notes = rows + found, notes + missing
     return CostResult(scene.title, tuple(rows), max(compare_arrays(check, exact), 1e-15), tuple(notes)).marked()

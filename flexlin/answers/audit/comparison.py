@@ -12,14 +12,16 @@ from flexlin.answers.audit.result import Audit, Minimal, Row
 from flexlin.answers.audit.scale import read_scale
 from flexlin.answers.audit.together import find_interplay
 from flexlin.answers.audit.versions import Version, list_effect_versions, list_mode_versions
-from flexlin.answers.counted import Counted
 from flexlin.answers.steady import arm_length
 from flexlin.checks import positive
 from flexlin.errors import TimeLimit
 from flexlin.mechanics import build_manipulator
+from flexlin.progress import advance, part
 from flexlin.scene.scene import Scene
 
 Progress = Callable[[str], None]
+SINGLE, PAIRS = 0.3, 0.7
+"""Shares of the time after which single changes, and pairs of effects, are done, about."""
 
 
 def audit(
@@ -75,7 +77,8 @@ def audit(
     tried: list[tuple[Version, Row]] = []
     versions = list_versions(scene)
     for done, version in enumerate(versions):
-        report(Counted(version.change, done, len(versions)))
+        report(version.change)
+        advance(SINGLE * done / len(versions))
         tried.append((version, judge.row(version)))
     pairs, minimal, problem = look_further(judge, tried, report) if together else ((), None, "")
     rows = sorted(
@@ -93,8 +96,10 @@ def look_further(
     if not np.isfinite(judge.base.margin):
         return pairs, None, "the scene itself has no margin to compare with"
     try:
-        pairs = find_interplay(judge, tried, report)
-        return pairs, shrink(judge, tried, pairs, report), ""
+        with part(SINGLE, PAIRS):
+            pairs = find_interplay(judge, tried, report)
+        with part(PAIRS, 1.0):
+            return pairs, shrink(judge, tried, pairs, report), ""
     except TimeLimit as error:
         return pairs, None, f"pairs of effects and the minimal scene: {error}"
 

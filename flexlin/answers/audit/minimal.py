@@ -6,7 +6,7 @@ from flexlin.answers.audit.judging import Judge
 from flexlin.answers.audit.models import list_model_versions
 from flexlin.answers.audit.result import Minimal, Row
 from flexlin.answers.audit.versions import Version, list_mode_versions
-from flexlin.answers.counted import Counted
+from flexlin.progress import advance
 from flexlin.scene.scene import Scene
 
 MOST_GROWTH = 2
@@ -42,7 +42,8 @@ def shrink(
         partners += [item for item in candidates if f"{item[0].subject} and {version.subject}" in cancelling]
         for partner in (None, *partners):
             trial = version.make(scene) if partner is None else partner[0].make(version.make(scene))
-            report(Counted(f"minimal scene: {version.change}", done, done + len(candidates) + 1))
+            report(f"minimal scene: {version.change}")
+            advance(done / (done + len(candidates) + 1))
             found = judge.row(nothing(), trial)
             if found.judged and found.significance <= judge.tolerance:
                 row, scene = found, trial

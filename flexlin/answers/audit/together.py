@@ -9,7 +9,7 @@ import numpy as np
 from flexlin.answers.audit.judging import Judge
 from flexlin.answers.audit.result import Row
 from flexlin.answers.audit.versions import Version
-from flexlin.answers.counted import Counted
+from flexlin.progress import advance
 
 NEED, CANCEL = "noticed only together", "cancel each other"
 
@@ -28,7 +28,8 @@ def find_interplay(
     pairs = list(list_pairs(tried, judge.tolerance))
     for done, ((one, first), (two, _)) in enumerate(pairs):
         both = joined(one, two)
-        report(Counted(f"together: {both.change}", done, len(pairs)))
+        report(f"together: {both.change}")
+        advance(done / len(pairs))
         row = judge.row(both, two.make(one.make(judge.scene)))
         alone, together = first.significance > judge.tolerance, row.significance > judge.tolerance
         if np.isfinite(row.significance) and row.judged and alone != together:

@@ -15,6 +15,7 @@ from flexlin.answers.sweep.batches import CHUNK_BYTES, Batches, choose_plan
 from flexlin.answers.sweep.found import Found, build_dataset
 from flexlin.checks import positive, real_array
 from flexlin.errors import ArgumentError
+from flexlin.progress import advance
 from flexlin.scene.scene import Scene
 
 DESIGN_TOL = 1e-9
@@ -99,8 +100,10 @@ def sweep(
         plan = choose_plan(batches)
         segments, size = plan.segments, batches.values_in_chunk(plan.segments)
         for start in range(0, len(points), size):
+            advance(start / len(points))
             batches.fill(found, np.arange(start, min(start + size, len(points))), plan)
     else:
         for i, point in enumerate(points):
+            advance(i / len(points))
             found.put_alone(i, partial(chosen.system_at, point), tol)
     return build_dataset(scene, axes, found, shape, dims, {"loop": loop, "tol": tol, "segments": segments})

@@ -2,10 +2,27 @@
 
 from types import ModuleType
 
-from flexlin.cli.commands import chart, check, cost, design, effects, export, linearize, list_scenes, report, simulate
+from flexlin.cli.commands import (
+    chart,
+    check,
+    cost,
+    design,
+    effects,
+    export,
+    linearize,
+    list_scenes,
+    new,
+    report,
+    schema,
+    show,
+    simulate,
+)
 
 COMMANDS: dict[str, ModuleType] = {
     "list": list_scenes,
+    "show": show,
+    "new": new,
+    "schema": schema,
     "check": check,
     "report": report,
     "linearize": linearize,

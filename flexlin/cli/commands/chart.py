@@ -32,7 +32,7 @@ def run(options: argparse.Namespace) -> int:
         from flexlin.report.tables import storable, write_dataset
         from flexlin.report.terminal import accuracy_lines
 
-        clock, counts = Clock(progress), [number or (60 if several else 200) for *_, number in spans]
+        clock, counts = Clock(progress, planned=2), [number or (60 if several else 200) for *_, number in spans]
         clock.stage("size of the result", scene.accuracy, lambda: check_values(math.prod(counts)))
         values = {key: np.linspace(low, high, n) for (key, low, high, _), n in zip(spans, counts, strict=True)}
         work = partial(sweep, scene, values, scene.accuracy.tol, grid=several)

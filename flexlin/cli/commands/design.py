@@ -28,7 +28,7 @@ def run(options: argparse.Namespace) -> int:
         from flexlin.report.tables import check_gains, gains_dataset, write_dataset
 
         check_gains(scene, options.points)
-        clock = Clock(progress)
+        clock = Clock(progress, planned=3 + 3 * len(scene.designs))
         plant, loops = plant_and_designs(scene, clock)
     models = [judge_model(arm_length(plant), loop.steady) for loop in loops]
     for loop, model in zip(loops, models, strict=True):

@@ -23,7 +23,7 @@ def run(options: argparse.Namespace) -> int:
 
         design_folders([table.name for table in scene.designs])  # clashing names are refused before any work
         check_gains(scene, options.points)
-        clock = Clock(progress)
+        clock = Clock(progress, planned=4 + 3 * len(scene.designs))
         plant, loops = plant_and_designs(scene, clock)
         paths = clock.stage("files", scene.accuracy, lambda: export_all(plant, loops, options.out, options.points))
     for line in accuracy_lines(tuple(clock.steps)):

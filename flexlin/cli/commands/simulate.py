@@ -22,7 +22,7 @@ def run(options: argparse.Namespace) -> int:
 
     asked, tol, said = scene.accuracy, scene.accuracy.tol, list[str]()
     with Progress() as progress:
-        clock = Clock(progress)
+        clock = Clock(progress, planned=4 + 2 * options.attraction)
         arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
         closed = clock.stage("linearization", asked, lambda: linearize(arm, scene.motion, scene.control))
         clock.stage("size of the result", asked, lambda: check_duration(closed, options.periods))

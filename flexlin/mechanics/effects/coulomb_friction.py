@@ -22,7 +22,9 @@ class CoulombFriction(Effect):
     smooth = True
     lists = "each"
     torque: Annotated[PerLink, Unit("N m")]
+    """Sliding friction of each joint."""
     rate: Annotated[AllPositive, Unit("rad/s")] = 0.01
+    """Rate at which friction has reached three quarters of it."""
 
     @classmethod
     def tried_with(cls, scale: Scale) -> "CoulombFriction":

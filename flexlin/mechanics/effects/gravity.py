@@ -19,7 +19,9 @@ class Gravity(Effect):
 
     smooth = True
     acceleration: Annotated[Number, Unit("m/s^2")] = 9.81
+    """Acceleration of gravity."""
     direction: Direction = (0.0, -1.0, 0.0)
+    """Where it points, in the world's frame."""
 
     @classmethod
     def tried_with(cls, scale: Scale) -> "Gravity":

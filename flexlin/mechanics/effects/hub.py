@@ -23,8 +23,11 @@ class Hub(Effect):
     lists = "first"
     inertia_keys = ("mass", "inertia")
     inertia: Annotated[PerLink, Unit("kg m^2")] = 0.0
+    """Inertia about the joint."""
     mass: Annotated[PerLink, Unit("kg")] = 0.0
+    """Mass at the joint."""
     radius: Annotated[PerLink, Unit("m")] = 0.0
+    """Distance from the joint at which the link begins."""
 
     @classmethod
     def tried_with(cls, scale: Scale) -> "Hub":

@@ -23,8 +23,11 @@ class JointFlexibility(Effect):
     lists = "each"
     frees_motors = True
     stiffness: Annotated[AllPositive, Unit("N m/rad")]
+    """Stiffness between motor and link."""
     motor_inertia: Annotated[AllPositive, Unit("kg m^2")]
+    """Inertia of the motor, seen from the link."""
     damping: Annotated[PerLink, Unit("N m s/rad")] = 0.0
+    """Damping between motor and link."""
 
     @classmethod
     def tried_with(cls, scale: Scale) -> "JointFlexibility":

@@ -22,6 +22,7 @@ class KelvinVoigtDamping(Effect):
     smooth = True
     lists = "each"
     retardation_time: Annotated[PerLink, Unit("s")]
+    """Resistance to the rate of bending over the stiffness."""
 
     @classmethod
     def tried_with(cls, scale: Scale) -> Optional["KelvinVoigtDamping"]:

@@ -22,6 +22,7 @@ class ModalDamping(Effect):
 
     smooth = True
     ratio: Annotated[NonNegative | Annotated[tuple[NonNegative, ...], Field(min_length=1)], Unit("")]
+    """Damping ratio of every elastic mode, or one a mode."""
 
     @classmethod
     def tried_with(cls, scale: Scale) -> Optional["ModalDamping"]:

@@ -23,9 +23,13 @@ class Motor(Effect):
     lists = "each"
     input_unit = "V"
     torque_constant: Annotated[AllPositive, Unit("N m/A")]
+    """Torque of the motor per current."""
     resistance: Annotated[AllPositive, Unit("ohm")]
+    """Resistance of the winding."""
     gear_ratio: Annotated[AllPositive, Unit("")] = 1.0
+    """Turns of the motor per turn of the joint."""
     rotor_inertia: Annotated[PerLink, Unit("kg m^2")] = 0.0
+    """Inertia of the rotor about its own axis."""
 
     @classmethod
     def tried_with(cls, scale: Scale) -> "Motor":

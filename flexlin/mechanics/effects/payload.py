@@ -26,10 +26,15 @@ class Payload(Effect):
     lists = "first"
     inertia_keys = ("mass", "inertia")
     mass: Annotated[PerLink, Unit("kg")]
+    """Mass of the payload."""
     inertia: Annotated[PerLink, Unit("kg m^2")] = 0.0
+    """Its inertia about its centre, about z."""
     offset: Annotated[Number | tuple[Number, ...], Unit("m")] = 0.0
+    """Distance of its centre beyond the tip."""
     centre: Annotated[Vector, Unit("m")] = (0.0, 0.0, 0.0)
+    """Its centre seen from the tip, in space."""
     tensor: Annotated[Inertia, Unit("kg m^2")] = Inertia()
+    """Its inertia about its centre, in space."""
 
     @classmethod
     def tried_with(cls, scale: Scale) -> "Payload":

@@ -20,7 +20,9 @@ class RayleighDamping(Effect):
 
     smooth = True
     mass_factor: Annotated[NonNegative, Unit("1/s")] = 0.0
+    """alpha, on the mass matrix."""
     stiffness_factor: Annotated[NonNegative, Unit("s")] = 0.0
+    """beta, on the stiffness matrix."""
 
     @classmethod
     def tried_with(cls, scale: Scale) -> Optional["RayleighDamping"]:

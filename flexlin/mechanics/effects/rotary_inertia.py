@@ -24,6 +24,7 @@ class RotaryInertia(Effect):
     smooth = True
     lists = "each"
     radius_of_gyration: Annotated[PerLink, Unit("m")]
+    """Radius of gyration sqrt(I/A) of the sections."""
 
     @classmethod
     def tried_with(cls, scale: Scale) -> "RotaryInertia":

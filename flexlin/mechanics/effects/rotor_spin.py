@@ -26,7 +26,9 @@ class RotorSpin(Effect):
     smooth = True
     lists = "each"
     inertia: Annotated[PerLink, Unit("kg m^2")]
+    """Inertia of the rotor about its own axis."""
     gear_ratio: Annotated[Number | tuple[Number, ...], Unit("")]
+    """Turns of the motor per turn of the joint; negative where it turns the other way."""
 
     @classmethod
     def tried_with(cls, scale: Scale) -> "RotorSpin":

@@ -30,6 +30,7 @@ class Shear(Effect):
     smooth = True
     lists = "each"
     stiffness: Annotated[AllPositive, Unit("N")]
+    """Shear stiffness kappa G A of the sections."""
 
     @classmethod
     def tried_with(cls, scale: Scale) -> Optional["Shear"]:

@@ -16,6 +16,7 @@ class ViscousFriction(Effect):
     smooth = True
     lists = "each"
     coefficient: Annotated[Positive | tuple[NonNegative, ...], Unit("N m s/rad")]
+    """Torque per rate of each joint."""
 
     @classmethod
     def tried_with(cls, scale: Scale) -> "ViscousFriction":

@@ -1,0 +1,79 @@
+"""Progress: shares of parts of parts add up, nothing is said of short work, lines in a pipe and not too many."""
+
+import io
+import time
+
+import pytest
+
+from flexlin.answers.clock import Clock
+from flexlin.progress import advance, listening, part
+from flexlin.report import progress as shown
+from flexlin.report.progress import Progress
+from flexlin.scene.accuracy import Accuracy
+
+
+def test_parts_of_parts_say_shares_of_the_whole() -> None:
+    said: list[float] = []
+    with listening(said.append):
+        advance(0.1)
+        with part(0.2, 0.6):
+            advance(0.5)
+            with part(0.5, 1.0):
+                advance(0.5)
+                advance(7.0)
+        advance(0.9)
+    advance(0.3)  # nobody listens any more
+    assert said == pytest.approx([0.1, 0.2, 0.4, 0.4, 0.5, 0.6, 0.6, 0.6, 0.9])
+
+
+def test_the_listener_of_before_is_back_after_an_error() -> None:
+    said: list[float] = []
+    with listening(said.append):
+        with pytest.raises(ValueError, match="lost"), part(0.5, 1.0):
+            raise ValueError("lost")
+        advance(0.25)
+    assert said == [0.5, 0.25]
+
+
+def test_planned_stages_share_the_work_alike() -> None:
+    said: list[float] = []
+    clock = Clock(planned=4)
+    with listening(said.append):
+        for _ in range(5):  # one more than was planned
+            clock.stage("stage", Accuracy(), lambda: advance(0.5))
+    assert said == sorted(said)
+    assert 0.375 in said
+    assert said[-1] <= 1.0
+
+
+@pytest.mark.parametrize(("patience", "words"), [(0.05, True), (60.0, False)])
+def test_a_pipe_gets_lines_with_percentage_and_time_left(
+    monkeypatch: pytest.MonkeyPatch, patience: float, words: bool
+) -> None:
+    monkeypatch.setattr(shown, "PATIENCE", patience)
+    monkeypatch.setattr(shown, "TICK", 0.01)
+    monkeypatch.setattr(shown, "APART", 0.1)
+    pipe = io.StringIO()
+    monkeypatch.setattr("sys.stderr", pipe)
+    with Progress() as progress:
+        progress("first step")
+        advance(0.25)
+        time.sleep(0.35)
+    lines = pipe.getvalue().splitlines()
+    assert bool(lines) is words
+    assert len(lines) <= 4
+    assert all(line.startswith("flexlin: 25 %, about ") and line.endswith("s left: first step") for line in lines)
+
+
+def test_the_time_left_is_that_of_the_rest() -> None:
+    progress = Progress()
+    progress("half")
+    progress._start = time.perf_counter() - 30.0
+    progress._advance(0.75)
+    assert progress.line == "75 %, about 10 s left: half"
+    progress._advance(0.1)
+    assert progress.share == 0.75  # what was done once stays done
+    early = Progress()
+    early("first")
+    early._start = time.perf_counter() - 30.0
+    assert early.line == "first (30 s so far)"

@@ -1,0 +1,190 @@
+"""The JSON schema, `new`, `show`, and what a refused value probably meant."""
+
+import json
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import flexlin as fl
+from flexlin.cli.main import main
+from flexlin.errors import SceneError
+from flexlin.scene import builtin_scenes, scene_schema
+from flexlin.scene.effects import known_effects
+from flexlin.scene.suggestions import suggest
+from flexlin.scene.toml_text import write_toml
+
+SCHEMA = scene_schema()
+
+
+def accepts(node: dict[str, Any], value: Any) -> bool:
+    """Whether a value is allowed, by the keywords that pydantic writes; nothing of flexlin's own."""
+    if "$ref" in node:
+        return accepts(SCHEMA["$defs"][node["$ref"].rpartition("/")[2]], value)
+    if "const" in node and value != node["const"]:
+        return False
+    if "enum" in node and value not in node["enum"]:
+        return False
+    for union in ("anyOf", "oneOf"):
+        if union in node and not any(accepts(child, value) for child in node[union]):
+            return False
+    kinds = {
+        "number": (int, float),
+        "integer": int,
+        "string": str,
+        "object": dict,
+        "array": (list, tuple),
+        "null": type(None),
+    }
+    if "type" in node and (not isinstance(value, kinds[node["type"]]) or isinstance(value, bool)):
+        return False
+    if isinstance(value, int | float) and not (
+        value >= node.get("minimum", value)
+        and value <= node.get("maximum", value)
+        and ("exclusiveMinimum" not in node or value > node["exclusiveMinimum"])
+    ):
+        return False
+    if isinstance(value, dict) and "properties" in node:
+        keys = node["properties"]
+        known = set(value) <= set(keys) or node.get("additionalProperties") is not False
+        inside = all(accepts(keys[key], child) for key, child in value.items() if key in keys)
+        return known and set(node.get("required", ())) <= set(value) and inside
+    return not (isinstance(value, list) and "items" in node) or all(accepts(node["items"], child) for child in value)
+
+
+@pytest.mark.parametrize("name", builtin_scenes())
+def test_every_scene_fits_the_schema(name: str) -> None:
+    raw = tomllib.loads(builtin_scenes()[name].read_text(encoding="utf-8"))
+    assert accepts(SCHEMA, raw)
+    for rule in SCHEMA["allOf"]:
+        if raw.get("model") == rule["if"]["properties"]["model"]["const"]:
+            assert accepts(rule["then"], raw)
+            assert not accepts(rule["then"], {**raw, "parameters": {**raw["parameters"], "lenght": 1.0}})
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"links.0.lenght": 1.0}, {"links.0.length": "long"}, {"links.0.modes": 2.5}, {"effects.shear": {"stiffness": -1.0}},
+     {"effects.magnetism": {}}, {"motion.kind": "spiral"}, {"control.feedback.kp": 3.0}, {"links.0.length": -1.0}],
+)  # fmt: skip
+def test_what_the_schema_refuses_flexlin_refuses(change: dict[str, Any]) -> None:
+    raw = tomllib.loads(builtin_scenes()["single-link"].read_text(encoding="utf-8"))
+    (path, value), tree = next(iter(change.items())), raw
+    *steps, last = path.split(".")
+    for step in steps:
+        tree = tree[int(step) if step.isdigit() else step]
+    tree[last] = value
+    assert not accepts(SCHEMA, raw)
+    with pytest.raises(SceneError):
+        fl.parse_scene(raw)
+
+
+def numbers(node: Any, path: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
+    """Every key of every table, with its path."""
+    if isinstance(node, dict):
+        for key, child in node.get("properties", {}).items():
+            yield f"{path}.{key}", child
+        for key, child in node.items():
+            yield from numbers(child, f"{path}.{key}")
+    elif isinstance(node, list):
+        for child in node:
+            yield from numbers(child, path)
+
+
+COUNTS = {
+    "modes",
+    "elements",
+    "phases",
+    "tol",
+    "schema",
+    "state_weight",
+    "input_weight",
+    "axis",
+    "direction",
+    "at",
+    "mass",
+    "stiffness",
+}
+"""Keys that are counts, ratios or directions, or are relative in one table and bear a unit in another."""
+
+
+def test_every_key_has_a_description_and_every_number_a_unit() -> None:
+    found = {path: node for path, node in numbers(SCHEMA) if ".if." not in path}
+    assert len(found) > 90
+    assert {path for path, node in found.items() if not node.get("description")} == set()
+    assert set(known_effects()) <= set(SCHEMA["$defs"]["Effects"]["properties"])
+    text = {path: json.dumps(node) for path, node in found.items()}
+    bare = {path for path, node in text.items() if '"number"' in node and '"unit"' not in node}
+    assert {path.rpartition(".")[2] for path in bare} <= COUNTS
+
+
+@pytest.mark.parametrize("name", builtin_scenes())
+def test_a_new_scene_says_what_its_model_says(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "mine.toml"
+    assert main(["new", str(tmp_path / "mine"), "--like", name]) == 0
+    old, made = fl.load_scene(name), fl.load_scene(path)
+    assert made.model_copy(update={"title": old.title, "source": old.source}) == old
+    assert made.title == "mine"
+    lines = [line for line in path.read_text().splitlines() if " = " in line and not line.startswith("#")]
+    assert all(" # " in line for line in lines)
+    before = path.read_text()
+    assert main(["new", str(path), "--like", name]) == 2
+    assert path.read_text() == before
+    assert "there already" in capsys.readouterr().err
+
+
+def test_show_prints_the_file(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["show", "spinning-link"]) == 0
+    assert capsys.readouterr().out == builtin_scenes()["spinning-link"].read_text(encoding="utf-8")
+    assert main(["show", "spinning-lnk"]) == 2
+    assert "did you mean 'spinning-link'?" in capsys.readouterr().err
+    assert main(["schema"]) == 0
+    assert json.loads(capsys.readouterr().out) == scene_schema()
+
+
+HINTS = {
+    "control.feedback.kp=5,2": "did you mean [5, 2]?",
+    "control.feedback.kp=(5, 2)": "did you mean [5, 2]?",
+    "control.feedback.kd=0.5": "did you mean [0.5]?",
+    "links.0.length=96cm": "did you mean 0.96? Numbers are in m",
+    "motion.joints.0.amplitude=30 deg": "did you mean 0.523598775598? Numbers are in rad or m",
+    "effects.payload.mass=30 g": "did you mean 0.03? Numbers are in kg",
+    "effects.hub.inertia=3kg": "expected a number in kg m^2",
+    "links.0.length=3 parsec": "expected a number in m, without a unit behind it",
+    "links.0.length=[0.9]": "did you mean 0.9?",
+    "effects.gravty=off": "did you mean 'gravity'?",
+}
+
+
+@pytest.mark.parametrize("assignment", HINTS)
+def test_a_refused_value_is_answered_by_what_was_meant(assignment: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "single-link", "--set", assignment]) == 2
+    assert HINTS[assignment] in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("kind", "value"),
+    [
+        ("tuple_type", "fast"),
+        ("tuple_type", True),
+        ("float_type", "long"),
+        ("float_type", "9" * 10**6),
+        ("model_type", "5, 2"),
+    ],
+)
+def test_no_guess_where_nothing_is_like_it(kind: str, value: Any) -> None:
+    assert "did you mean" not in suggest(kind, value, "m")
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        {"a": 1e-300, "b": -0.0, "c": True, "d": 'q"uo\\te\n\t\x7f', "e": [1, [2.5, "x"], {"k": 1}], "f": {}, "g": []},
+        {"with space": {"a.b": 1, "": 2}, "deep": {"er": {"est": [{"x": [{"y": 1}]}, {}]}}},
+    ],
+)
+def test_what_is_written_reads_back(data: dict[str, Any]) -> None:
+    assert tomllib.loads(write_toml(data)) == data
+    assert tomllib.loads(write_toml(data, lambda path: "note")) == data
