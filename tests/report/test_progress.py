@@ -55,6 +55,7 @@ def test_a_pipe_gets_lines_with_percentage_and_time_left(
     monkeypatch.setattr(shown, "APART", 0.1)
     pipe = io.StringIO()
     monkeypatch.setattr("sys.stderr", pipe)
+    monkeypatch.setattr("sys.__stderr__", pipe)
     with Progress() as progress:
         progress("first step")
         advance(0.25)
