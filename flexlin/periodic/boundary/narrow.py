@@ -1,5 +1,6 @@
 """Tongues between the values of a scan: where multipliers meet, or growth has a peak, between two neighbours."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,36 +37,62 @@ def measure_heights(spectra: Spectra) -> Array:
 
 
 def find_peaks(points: Array, spectra: Spectra, function: SpectraFunction, accuracy: float) -> Peaks:
-    """Climb every peak of `measure_heights` between values (V,) that are not unstable, by parabolas through three values.
+    """Climb every peak of `measure_heights` between values (V,) that are not unstable.
 
     Parameters: accuracy: of the place of a peak.
-    Source: Brent, Algorithms for Minimization without Derivatives (1973), ch. 5: successive parabolic interpolation.
     """
+    return climb_peaks(list_slopes(points, spectra), lambda which, values: function(values), accuracy)
+
+
+@dataclass(frozen=True)
+class Slopes:
+    """Three neighbouring values (3, V) about each peak, the heights there, which function it is, and the error of the logs, (V,)."""
+
+    x: Array
+    f: Array
+    column: Array
+    error: Array
+    conjugate: Array
+
+
+def list_slopes(points: Array, spectra: Spectra) -> Slopes:
+    """The peaks of a scan, each with its two neighbours."""
     heights, quiet = measure_heights(spectra), spectra.verdicts <= 0
     index, column = list_peaks(heights, quiet, spectra)
-    x = np.stack([points[index - 1], points[index], points[index + 1]])
-    f = np.stack([heights[index - 1, column], heights[index, column], heights[index + 1, column]])
-    unstable = np.zeros(len(index), dtype=bool)
-    error = np.max(np.where(np.isfinite(spectra.errors), spectra.errors, 0.0), axis=1)[index]
+    three = index + np.arange(-1, 2)[:, None]
+    last = heights.shape[1] - 2
+    conjugate = (column == 0) | (column == last)
+    return Slopes(points[three], heights[three, column], column, widest_error(spectra)[index], conjugate)
+
+
+def climb_peaks(start: Slopes, function: Callable[[Array, Array], Spectra], accuracy: float) -> Peaks:
+    """Climb by parabolas through three values, until a system is unstable or two multipliers have met.
+
+    Parameters: function: (indices (W,), values (W,)) -> spectra; accuracy: of the place of a peak.
+    Source: Brent, Algorithms for Minimization without Derivatives (1973), ch. 5: successive parabolic interpolation.
+    """
+    x, f, error = start.x.copy(), start.f.copy(), start.error.copy()
+    unstable, climbing = np.zeros(len(error), dtype=bool), np.ones(len(error), dtype=bool)
     bend = np.maximum(-fit_curvature(x, f), 0.0)
-    climbing = np.ones(len(index), dtype=bool)
     for _ in range(STEPS):
         which = np.flatnonzero(climbing)
         if not len(which):
             break
         new = place_vertex(x[:, which], f[:, which])
-        found = function(new)
-        value = measure_heights(found)[np.arange(len(which)), column[which]]
-        error[which] = np.max(np.where(np.isfinite(found.errors), found.errors, 0.0), axis=1)
-        unstable[which] = found.verdicts > 0
+        found = function(which, new)
+        value = measure_heights(found)[np.arange(len(which)), start.column[which]]
+        error[which], unstable[which] = widest_error(found), found.verdicts > 0
         moved = np.abs(new - x[1, which])
         x[:, which], f[:, which] = enclose_peak(x[:, which], f[:, which], new, value)
         x[1, which] = np.where(unstable[which], new, x[1, which])
         met = np.abs(f[1, which]) <= error[which] ** 2
         climbing[which] = ~unstable[which] & (moved > accuracy) & ~met
-    gap = 2 * np.sqrt(np.maximum(-f[1], 0.0))
-    last = heights.shape[1] - 2
-    return Peaks(x[1], unstable, gap, bend, (column == 0) | (column == last), error)
+    return Peaks(x[1], unstable, 2 * np.sqrt(np.maximum(-f[1], 0.0)), bend, start.conjugate, error)
+
+
+def widest_error(spectra: Spectra) -> Array:
+    """The largest finite error of each spectrum, (V,)."""
+    return np.asarray(np.max(np.where(np.isfinite(spectra.errors), spectra.errors, 0.0), axis=1))
 
 
 def list_peaks(heights: Array, quiet: Array, spectra: Spectra) -> tuple[Array, Array]:
