@@ -1,6 +1,7 @@
 """The boundary between two of its points: cubic pieces, halved until the boundary's own middle agrees with them."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,9 +11,9 @@ from flexlin.periodic.boundary.spectra import SpectraFunction, measure_margins
 
 STEP = 3e-5
 """Of the ranges: the step of the differences that give the margin's gradient, whose only use is the direction of the boundary."""
-FIRST, WIDER, TRIES = 1e-4, 8.0, 6
-"""How far from a piece's middle the boundary is looked for first, in lengths of the piece, and how often farther."""
-DEEPEST = 24
+FIRST, WIDER, FARTHEST, TRIES = 1e-4, 8.0, 1.5, 6
+"""How far from a piece's middle the boundary is looked for, in lengths of the piece: at first, by which factor farther, at the most."""
+DEEPEST = 40
 
 
 @dataclass(frozen=True)
@@ -31,9 +32,11 @@ class Vertices:
         return Vertices(*(getattr(self, name)[which] for name in Vertices.__annotations__))
 
 
-def find_directions(points: Array, angles: Array, undamped: Array, function: SpectraFunction) -> tuple[Array, Array]:
-    """Unit tangents (V, 2) of the boundary, unstable side on the left, and the margin's slope across it (V,), by central differences."""
-    moves = STEP * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+def find_directions(
+    points: Array, angles: Array, undamped: Array, function: SpectraFunction, step: float = STEP
+) -> Array:
+    """Unit tangents (V, 2) of the boundary, unstable side on the left, by central differences of the margin."""
+    moves = step * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
     places = np.clip(points[None] + moves[:, None], 0.0, 1.0)
     spectra = function(places.reshape(-1, 2))
     margin = measure_margins(spectra, np.tile(undamped, 4), np.tile(angles, 4))[0].reshape(4, -1)
@@ -44,13 +47,12 @@ def find_directions(points: Array, angles: Array, undamped: Array, function: Spe
         ],
         axis=1,
     )
-    size = np.linalg.norm(gradient, axis=1)
     tangents = np.stack([gradient[:, 1], -gradient[:, 0]], axis=1)
-    return tangents / np.maximum(size, 1e-300)[:, None], size
+    return np.asarray(tangents / np.maximum(np.linalg.norm(gradient, axis=1), 1e-300)[:, None])
 
 
 def cubic_middle(first: Vertices, second: Vertices) -> tuple[Array, Array, Array]:
-    """Middle (V, 2) of the cubic through two vertices with their directions, the normal there towards the unstable side, and the chords (V,)."""
+    """Middle (V, 2) of the cubics through two vertices with their directions, normals there towards the unstable side, and chords (V,)."""
     chord = second.points - first.points
     length = np.linalg.norm(chord, axis=1)
     middle = (first.points + second.points) / 2 + length[:, None] / 8 * (first.directions - second.directions)
@@ -70,80 +72,80 @@ def place_cubic(first: Vertices, second: Vertices, share: Array) -> Array:
     )
 
 
-def find_middles(first: Vertices, second: Vertices, function: SpectraFunction, accuracy: float) -> tuple[Vertices, Array]:
+def find_middles(
+    first: Vertices, second: Vertices, function: SpectraFunction, accuracy: float
+) -> tuple[Vertices, Array]:
     """Points of the boundary on the normals of the cubics' middles, and how far off they lie (V,); infinite where none was met."""
     middle, normal, length = cubic_middle(first, second)
-    undamped = first.undamped & second.undamped
-    angles = np.angle(np.exp(1j * first.angles) + np.exp(1j * second.angles))
-    near = np.abs(np.abs(first.angles) + np.abs(second.angles) - 2 * np.pi) < 0.2
-    angles = np.where(near, first.angles, angles)
+    undamped, angles = first.undamped & second.undamped, mean_angles(first.angles, second.angles)
 
     def margin(which: Array, offsets: Array) -> tuple[Array, Array]:
         places = np.clip(middle[which] + offsets[:, None] * normal[which], 0.0, 1.0)
         return measure_margins(function(places), undamped[which], angles[which])
 
-    every = np.arange(len(middle))
-    here = margin(every, np.zeros(len(middle)))[0]
-    way = np.where(here > 0, -1.0, 1.0)
-    outer, there, searching = np.zeros(len(middle)), here.copy(), here != 0
+    start = enclose_boundary(lambda which, x: margin(which, x)[0], length)
+    met = np.flatnonzero(start.at_a * start.at_b <= 0)
+    chosen = SignedEnds(start.a[met], start.b[met], start.at_a[met], start.at_b[met])
+    ends = solve_brackets(lambda k, x: margin(met[k], x)[0], chosen, accuracy)
+    offset, error = np.full(len(middle), np.inf), np.zeros(len(middle))
+    offset[met] = ends.best
+    left, uncertain = margin(met, ends.best)
+    reach = np.maximum(np.abs(chosen.b - chosen.a), 1e-300)
+    slope = np.maximum(np.abs(chosen.at_b - chosen.at_a) / reach, 1e-300)
+    error[met] = np.minimum((np.abs(left) + uncertain) / slope, reach) + ends.width / 2
+    points = np.clip(middle + np.where(np.isfinite(offset), offset, 0.0)[:, None] * normal, 0.0, 1.0)
+    return Vertices(points, np.zeros_like(points), error, angles, undamped), np.abs(offset)
+
+
+def mean_angles(first: Array, second: Array) -> Array:
+    """Half-way between angles on the circle; the first where they are opposite, as for a multiplier at -1."""
+    together = np.exp(1j * first) + np.exp(1j * second)
+    return np.where(np.abs(together) > 0.5, np.angle(together), first)
+
+
+def enclose_boundary(margin: Callable[[Array, Array], Array], length: Array) -> SignedEnds:
+    """Offsets from the middles between which the margin changes sign, towards the side that the middle's own sign says.
+
+    Parameters: margin: (indices, offsets) -> margins; length (V,): of the pieces. Where no change is met, both ends have one sign.
+    """
+    here = margin(np.arange(len(length)), np.zeros(len(length)))
+    outer, there, searching = np.zeros(len(length)), here.copy(), here != 0
     for k in range(TRIES):
         which = np.flatnonzero(searching)
         if not len(which):
             break
-        outer[which] = way[which] * np.minimum(FIRST * WIDER**k, 1.5) * length[which]
-        there[which] = margin(which, outer[which])[0]
+        outer[which] = -np.sign(here[which]) * min(FIRST * WIDER**k, FARTHEST) * length[which]
+        there[which] = margin(which, outer[which])
         searching[which] = np.sign(there[which]) == np.sign(here[which])
-    met = ~searching
-    which = np.flatnonzero(met)
-    start = SignedEnds(np.zeros(len(which)), outer[which], here[which], there[which])
-    ends = solve_brackets(lambda k, x: margin(which[k], x)[0], start, accuracy)
-    offset = np.zeros(len(middle))
-    offset[which] = ends.best
-    points = np.clip(middle + offset[:, None] * normal, 0.0, 1.0)
-    error = np.zeros(len(middle))
-    left, uncertain = margin(which, offset[which])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slope = np.abs((start.at_b - start.at_a) / (start.b - start.a))
-        error[which] = np.minimum((np.abs(left) + uncertain) / slope, np.abs(start.b)) + ends.width / 2
-    error = np.nan_to_num(error, nan=0.0, posinf=0.0)
-    found = Vertices(points, np.zeros_like(points), error, angles, undamped)
-    return found, np.where(met, np.abs(offset), np.inf)
-
-
-@dataclass
-class Piece:
-    """A cubic between two vertices, and how far the boundary's middle lay off it."""
-
-    first: int
-    second: int
-    off: float = 0.0
+    return SignedEnds(np.zeros(len(length)), outer, here, there)
 
 
 def refine_pieces(
-    vertices: Vertices, pairs: Array, function: SpectraFunction, tol: float
-) -> tuple[Vertices, dict[int, tuple[int, float]]]:
+    vertices: Vertices, pairs: Array, function: SpectraFunction, tol: float, step: float
+) -> tuple[Vertices, Array, Array]:
     """Halve the pieces between pairs (P, 2) of vertices until the boundary's middle lies within tol / 2 of each cubic.
 
-    Returns: all vertices; for each that begins a piece, the one that follows it and how far the boundary lay off (inf: not followed).
+    Returns: all vertices; for each the one that follows it, -1 where none does, and how far the boundary lay off; inf: it was not met.
     """
-    follower: dict[int, tuple[int, float]] = {}
+    links: list[tuple[Array, Array]] = []
     for _ in range(DEEPEST):
         if not len(pairs):
             break
         first, second = vertices.at(pairs[:, 0]), vertices.at(pairs[:, 1])
-        found, off = find_middles(first, second, function, tol / 50)
+        found, off = find_middles(first, second, function, tol / 8)
         length = np.linalg.norm(second.points - first.points, axis=1)
         done = (off <= tol / 2) | (length <= tol) | ~np.isfinite(off)
-        for (a, b), distance, size in zip(pairs[done], off[done], length[done], strict=True):
-            follower[int(a)] = (int(b), float(min(distance, size) if size <= tol else distance))
+        links.append((pairs[done], np.where(length <= tol, np.minimum(off, length), off)[done]))
         new = found.at(~done)
-        directions = find_directions(new.points, new.angles, new.undamped, function)[0] if len(new.points) else new.directions
-        count = len(vertices.points)
-        vertices = join_vertices(vertices, Vertices(new.points, directions, new.errors, new.angles, new.undamped))
-        fresh = np.arange(count, len(vertices.points))
-        open_ = pairs[~done]
-        pairs = np.concatenate([np.stack([open_[:, 0], fresh], axis=1), np.stack([fresh, open_[:, 1]], axis=1)])
-    return vertices, follower
+        directions = find_directions(new.points, new.angles, new.undamped, function, step)
+        fresh = np.arange(len(vertices.points), len(vertices.points) + len(new.points))
+        vertices = join_vertices(vertices, replace(new, directions=directions))
+        halved = pairs[~done]
+        pairs = np.concatenate([np.stack([halved[:, 0], fresh], axis=1), np.stack([fresh, halved[:, 1]], axis=1)])
+    follower, distance = np.full(len(vertices.points), -1), np.zeros(len(vertices.points))
+    for some, off in links:
+        follower[some[:, 0]], distance[some[:, 0]] = some[:, 1], off
+    return vertices, follower, distance
 
 
 def join_vertices(some: Vertices, more: Vertices) -> Vertices:

@@ -45,7 +45,9 @@ def is_peak(i: int, j: int, growth: Array, verdicts: Array) -> bool:
         return False
     around = verdicts[i, j] * (growth[i, j] - growth[near])
     lifted = abs(float(growth[i, j])) <= 2 * float(np.abs(around).max())
-    return bool(lifted and np.all(around <= 0)) or bool(lifted and verdicts[i, j] < 0 and np.all(growth[near] <= growth[i, j]))
+    return bool(lifted and np.all(around <= 0)) or bool(
+        lifted and verdicts[i, j] < 0 and np.all(growth[near] <= growth[i, j])
+    )
 
 
 def add_lines(

@@ -5,12 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.boundary.narrow import Slopes, climb_peaks, list_end_peaks, list_slopes
+from flexlin.periodic.boundary.narrow import (
+    Slopes,
+    climb_peaks,
+    find_strips,
+    list_end_peaks,
+    list_slopes,
+    list_strips,
+)
 from flexlin.periodic.boundary.roots import SignedEnds, solve_brackets
 from flexlin.periodic.boundary.spectra import Spectra, SpectraFunction, measure_margins
-
-ACROSS = 1e-3
-"""Of a line's length: how exactly a peak between two points is placed, at the most."""
 
 
 @dataclass(frozen=True)
@@ -66,13 +70,31 @@ def add_narrow_tongues(lines: list[Line], function: SpectraFunction, accuracy: f
     lines = insert_values(lines, ends, function)
     slopes = [list_slopes(line.values, line.spectra) for line in lines]
     owner = np.repeat(np.arange(len(lines)), [len(one.column) for one in slopes])
-    every = Slopes(*(np.concatenate([getattr(one, name) for one in slopes], axis=-1) for name in Slopes.__annotations__))
+    every = Slopes(
+        *(np.concatenate([getattr(one, name) for one in slopes], axis=-1) for name in Slopes.__annotations__)
+    )
 
     def at(which: Array, values: Array) -> Spectra:
         return function(place_on_lines(lines, owner[which], values))
 
     peaks = climb_peaks(every, at, accuracy)
     more = [np.unique(peaks.points[peaks.unstable & (owner == k)]) for k in range(len(lines))]
+    return insert_values(lines, more, function)
+
+
+def add_quiet_strips(lines: list[Line], function: SpectraFunction, accuracy: float) -> list[Line]:
+    """The lines with further points in quiet strips between two tongues that lie in neighbouring points."""
+    strips = [list_strips(line.values, line.spectra) for line in lines]
+    owner = np.repeat(np.arange(len(lines)), [len(one[0]) for one in strips])
+    if not len(owner):
+        return lines
+    first, second, before, after = (np.concatenate([one[k] for one in strips]) for k in range(4))
+
+    def at(which: Array, values: Array) -> Spectra:
+        return function(place_on_lines(lines, owner[which], values))
+
+    quiet = find_strips(first, second, (before, after), at, accuracy)
+    more = [np.unique(quiet[np.isfinite(quiet) & (owner == k)]) for k in range(len(lines))]
     return insert_values(lines, more, function)
 
 
@@ -119,7 +141,9 @@ def find_nodes(lines: list[Line], xs: Array, ys: Array, function: SpectraFunctio
     error = np.minimum((np.abs(left) + uncertain) / slope, np.abs(unstable - quiet)) + ends.width / 2
     axis = np.array([line.axis for line in lines])[owner]
     marks = [xs if line.axis == 0 else ys for line in lines]
-    cell = np.array([np.searchsorted(marks[k], (a + b) / 2) - 1 for k, a, b in zip(owner, quiet, unstable, strict=True)])
+    cell = np.array(
+        [np.searchsorted(marks[k], (a + b) / 2) - 1 for k, a, b in zip(owner, quiet, unstable, strict=True)]
+    )
     index = np.array([line.index for line in lines])[owner]
     inside = place_on_lines(lines, owner, unstable)
     points = place_on_lines(lines, owner, value)
@@ -136,5 +160,3 @@ def list_changes(line: Line) -> tuple[Array, Array, Array, Array]:
     undamped = (verdicts[quiet] == 0) & (verdicts[beyond] >= 0)
     angle = line.spectra.logs.imag[np.arange(len(verdicts)), line.spectra.leading][unstable]
     return line.values[quiet], line.values[unstable], angle, undamped
-
-

@@ -36,7 +36,10 @@ def link_nodes(nodes: Nodes, directions: Array, shape: tuple[int, int]) -> Array
     follower = np.full(len(nodes), -1)
     keys_in, keys_out = entered @ [shape[1] + 1, 1], left @ [shape[1] + 1, 1]
     for key in np.unique(keys_in[entered[:, 0] >= 0]):
-        coming, going = np.flatnonzero((keys_in == key) & (entered[:, 0] >= 0)), np.flatnonzero((keys_out == key) & (left[:, 0] >= 0))
+        coming, going = (
+            np.flatnonzero((keys_in == key) & (entered[:, 0] >= 0)),
+            np.flatnonzero((keys_out == key) & (left[:, 0] >= 0)),
+        )
         rows, columns = linear_sum_assignment(measure_turning(nodes.points, directions, coming, going, shape))
         follower[coming[rows]] = going[columns]
     return follower
@@ -53,7 +56,7 @@ def measure_turning(points: Array, directions: Array, coming: Array, going: Arra
 
 
 def list_chains(follower: Array) -> list[tuple[Array, bool]]:
-    """The curves as nodes in order, and whether each is closed."""
+    """The curves as vertices in order, and whether each is closed; a closed one ends where it begins."""
     first = np.setdiff1d(np.arange(len(follower)), follower)
     seen = np.zeros(len(follower), dtype=bool)
     chains = []
@@ -64,5 +67,6 @@ def list_chains(follower: Array) -> list[tuple[Array, bool]]:
             chain.append(node)
             node = int(follower[node])
         if chain:
-            chains.append((np.array(chain), node == chain[0]))
+            closed = node == chain[0]
+            chains.append((np.array([*chain, node] if closed else chain), closed))
     return [(chain, closed) for chain, closed in chains if len(chain) > 1]

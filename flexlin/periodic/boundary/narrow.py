@@ -6,12 +6,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.periodic.boundary.roots import SignedEnds, solve_brackets
 from flexlin.periodic.boundary.spectra import Spectra, SpectraFunction, measure_meetings
 
 STEPS = 14
 """Steps towards a peak; a parabola through three values of a smooth function needs about six."""
 REACH = 2.0
 """A pair whose decay over a period exceeds its motion across a cell by this factor is not lifted to growth inside the cell alone."""
+
+UNLIKE = 0.5
+"""Angles of multipliers that differ by more belong to different tongues."""
+
+LinesFunction = Callable[[Array, Array], Spectra]
+"""Indices (W,) and values (W,) -> spectra: many scans, each of its own."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +72,7 @@ def list_slopes(points: Array, spectra: Spectra) -> Slopes:
     return Slopes(points[three], heights[three, column], column, widest_error(spectra)[index], conjugate)
 
 
-def climb_peaks(start: Slopes, function: Callable[[Array, Array], Spectra], accuracy: float) -> Peaks:
+def climb_peaks(start: Slopes, function: LinesFunction, accuracy: float) -> Peaks:
     """Climb by parabolas through three values, until a system is unstable or two multipliers have met.
 
     Parameters: function: (indices (W,), values (W,)) -> spectra; accuracy: of the place of a peak.
@@ -88,6 +95,35 @@ def climb_peaks(start: Slopes, function: Callable[[Array, Array], Spectra], accu
         met = np.abs(f[1, which]) <= error[which] ** 2
         climbing[which] = ~unstable[which] & (moved > accuracy) & ~met
     return Peaks(x[1], unstable, 2 * np.sqrt(np.maximum(-f[1], 0.0)), bend, start.conjugate, error)
+
+
+def list_strips(points: Array, spectra: Spectra) -> tuple[Array, Array, Array, Array]:
+    """Neighbours, both unstable, whose growing multipliers stand at unlike angles, (V,) each with the angles there: between them the
+    system may be quiet."""
+    angle = np.abs(spectra.logs.imag[np.arange(len(points)), spectra.leading])
+    unstable = spectra.verdicts > 0
+    index = np.flatnonzero(unstable[1:] & unstable[:-1] & (np.abs(np.diff(angle)) > UNLIKE))
+    return points[index], points[index + 1], angle[index], angle[index + 1]
+
+
+def find_strips(
+    first: Array, second: Array, angles: tuple[Array, Array], function: LinesFunction, accuracy: float
+) -> Array:
+    """A quiet value between each pair of unstable ones, not a number where one tongue goes over into the next.
+
+    Zero of the squared growth, taken as positive where the growing multiplier stands nearer to the first one's angle.
+    """
+
+    def signed(which: Array, values: Array) -> Array:
+        found = function(which, values)
+        rows = np.arange(len(which))
+        lead = found.logs[rows, found.leading]
+        nearer = np.abs(np.abs(lead.imag) - angles[0][which]) <= np.abs(np.abs(lead.imag) - angles[1][which])
+        return np.where(found.verdicts > 0, np.where(nearer, 1.0, -1.0) * lead.real**2, 0.0)
+
+    every = np.arange(len(first))
+    ends = solve_brackets(signed, SignedEnds(first, second, signed(every, first), signed(every, second)), accuracy)
+    return np.where(ends.at_a == 0, ends.a, np.where(ends.at_b == 0, ends.b, np.nan))
 
 
 def widest_error(spectra: Spectra) -> Array:

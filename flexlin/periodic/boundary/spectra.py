@@ -10,6 +10,8 @@ from flexlin.periodic.circle import wrap_angle
 
 RESTING = 1e-5
 """A log of a multiplier below this at every value belongs to a rigid motion that neither grows nor decays."""
+CONJUGATE = 1e-6
+"""The sine of an angle below which a multiplier meets its own conjugate."""
 
 
 @dataclass(frozen=True)
@@ -87,19 +89,26 @@ def drop_odd(logs: Array) -> Array:
 def measure_margins(spectra: Spectra, undamped: Array, angles: Array) -> tuple[Array, Array]:
     """A function (V,) that is positive where a system is unstable and passes zero smoothly at the boundary, and its error (V,).
 
-        damped: the largest growth;   undamped: D of the two multipliers nearest to a given angle, which meet at the boundary
+        undamped: D, the squared growth;   damped: -a b = D - delta^2,   a, b = log mu - i angle = -delta +- D^(1/2)
+
+    of the two multipliers nearest to an angle. Where the growing one is not among these, the growth itself stands in.
 
     Parameters: undamped (V,): whether the stable side is neutral; angles (V,): of the multiplier that leaves the circle.
     """
-    rows = np.arange(len(spectra.logs))
-    lead = spectra.leading
+    rows, lead = np.arange(len(spectra.logs)), spectra.leading
     growth, error = spectra.logs.real[rows, lead], spectra.errors[rows, lead]
-    unstable = spectra.verdicts > 0
     turned = spectra.logs - 1j * angles[:, None]
-    apart = np.hypot(turned.real, wrap_angle(turned.imag))
-    near = np.argsort(apart, axis=1, kind="stable")[:, :2]
-    pair = np.take_along_axis(turned, near, axis=1)
-    half = pair[:, 0] - pair[:, -1]
-    passing = -((np.hypot(half.real, wrap_angle(half.imag)) / 2) ** 2)
-    margin = np.where(undamped, np.where(unstable, growth**2, passing), growth)
-    return margin, np.where(undamped, error**2 + 2 * error * np.sqrt(np.abs(margin)), error)
+    turned = turned.real + 1j * wrap_angle(turned.imag)
+    near = np.argsort(np.abs(turned), axis=1, kind="stable")[:, :2]
+    pair, wrong = np.take_along_axis(turned, near, axis=1), np.take_along_axis(spectra.errors, near, axis=1)
+    a, b = pair[:, 0], pair[:, -1]
+    passing = -((np.hypot((a - b).real, wrap_angle((a - b).imag)) / 2) ** 2)
+    neutral = np.where(spectra.verdicts > 0, growth**2, passing)
+    product = np.where(np.abs(np.sin(angles)) < CONJUGATE, np.abs(a * b), np.abs(a.real * b.real))
+    inside = (near == lead[:, None]).any(axis=1) & (spectra.logs.shape[1] > 1)
+    damped = np.where(inside, np.sign(growth) * product, growth)
+    damped_error = np.where(
+        inside, wrong[:, 0] * np.abs(b) + wrong[:, -1] * np.abs(a) + wrong[:, 0] * wrong[:, -1], error
+    )
+    neutral_error = error**2 + 2 * error * np.sqrt(np.abs(neutral))
+    return np.where(undamped, neutral, damped), np.where(undamped, neutral_error, damped_error)
