@@ -26,6 +26,7 @@ _HOME = {
     "simulate": "flexlin.simulation",
     "sweep": "flexlin.answers.sweep",
     "critical_values": "flexlin.answers.critical_values",
+    "stability_boundary": "flexlin.answers.stability_boundary",
     "sensitivity": "flexlin.answers.sensitivity",
     "audit": "flexlin.answers.audit.comparison",
     "cost": "flexlin.answers.accuracy",

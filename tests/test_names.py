@@ -31,6 +31,7 @@ VERBS = {
     "periodic_lqr",
     "sensitivity",
     "simulate",
+    "stability_boundary",
     "sweep",
     "taylor",
 }

@@ -151,8 +151,7 @@ def describe_crossing(path: str, crossing: Crossing, family: Family) -> Critical
     if crossing.touching:
         text = f"touching tongue: closed to within rounding, narrower than {2 * crossing.error:.1e}"
         return CriticalValue(path, crossing.value, crossing.error, kind, text, distance, 0.0, True)
-    causes = family.resonances(np.array([crossing.inside]))
-    text = describe_cause(causes[0]) if causes else "its growth is too slow to name a resonance"
+    text = describe_causes(family, np.array([crossing.inside]))
     found = CriticalValue(path, crossing.value, crossing.error, kind, text, distance, np.inf)
     return found if crossing.undamped else sharpen(found, family)
 
@@ -167,6 +166,12 @@ def sharpen(found: CriticalValue, family: Family) -> CriticalValue:
     slope = float(slopes[0, lead].real)
     error = (abs(float(exponents.real[lead])) + float(errors[lead])) / abs(slope) if slope else np.inf
     return replace(found, slope=slope, error=max(error, 4e-16 * abs(found.value)))
+
+
+def describe_causes(family: Family, point: Array) -> str:
+    """What makes a system unstable at a point (P,), in words."""
+    causes = family.resonances(point)
+    return describe_cause(causes[0]) if causes else "its growth is too slow to name a resonance"
 
 
 def describe_cause(cause: Resonance) -> str:
