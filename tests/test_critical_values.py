@@ -11,27 +11,31 @@ from flexlin.errors import ArgumentError
 from flexlin.scene.parameters import replace_value
 
 
-def critical_rates(gravity: float, low: float, high: float) -> np.ndarray:
-    """Rates of the spinning link at which Mathieu's a meets a characteristic value of q; constants of the clamped mode by quadrature.
-
-    a = 4 (k11 + (G - 1) W^2) / W^2, q = 2 g H / W^2 for l = EI = rhoA = 1.
-    """
+def clamped_constants() -> tuple[float, float, float]:
+    """k11, G, H of the first clamped mode for l = EI = rhoA = 1, by quadrature."""
     beta = 1.8751040687119611
     sigma = (np.cosh(beta) + np.cos(beta)) / (np.sinh(beta) + np.sin(beta))
 
     def slope(x):
         return beta * (np.sinh(beta * x) + np.sin(beta * x) - sigma * (np.cosh(beta * x) - np.cos(beta * x)))
 
-    G, H = (
-        quad(lambda x, f=f: f(x) * slope(x) ** 2, 0, 1, epsabs=1e-13)[0]
-        for f in (lambda x: (1 - x * x) / 2, lambda x: 1 - x)
-    )
+    shares = (lambda x: (1 - x * x) / 2, lambda x: 1 - x)
+    G, H = (quad(lambda x, f=f: f(x) * slope(x) ** 2, 0, 1, epsabs=1e-13)[0] for f in shares)
+    return beta**4, G, H
+
+
+def critical_rates(gravity: float, low: float, high: float) -> np.ndarray:
+    """Rates of the spinning link at which Mathieu's a meets a characteristic value of q.
+
+    a = 4 (k11 + (G - 1) W^2) / W^2, q = 2 g H / W^2
+    """
+    k11, G, H = clamped_constants()
     grid, roots = np.linspace(low, high, 20001), []
     for n in range(1, 9):
         for characteristic in (mathieu_a, mathieu_b):
 
             def excess(W, n=n, characteristic=characteristic):
-                return 4 * (beta**4 / W**2 + G - 1) - characteristic(n, 2 * gravity * H / W**2)
+                return 4 * (k11 / W**2 + G - 1) - characteristic(n, 2 * gravity * H / W**2)
 
             value = excess(grid)
             roots += [

@@ -4,16 +4,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexlin.answers.spectra import Family, Source, make_family
+from flexlin.answers.spectra import FINE, Family, Source, make_family
 from flexlin.checks import Array, positive, real_array, whole
 from flexlin.errors import ArgumentError
 from flexlin.periodic.boundary.crossings import SAMPLES, Crossing, find_crossings
 from flexlin.periodic.boundary.spectra import Spectra
+from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.resonance import Resonance
 from flexlin.summary import represent
-
-SIMPLE = 0.1
-"""Exact and measured slopes of the growth rate must agree to this part, or another exponent has been met."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +90,7 @@ def critical_values(
     tol : float
         Wanted error of a critical value, in the number's unit.
     loop : str
-        Which loop of the scene: own.
+        Which loop of the scene, as in `sweep`: own, open, a design's name, or that name followed by ", redone".
     samples : int
         Values of the scan: one more than the steps of the range.
 
@@ -105,6 +103,8 @@ def critical_values(
     ------
     ArgumentError
         For a path that leads to no free number, limits that do not rise, or an unknown loop.
+    SceneError
+        For limits that the scene's schema refuses.
 
     References
     ----------
@@ -123,7 +123,7 @@ def critical_values(
     [('onset', 0.795124), ('recovery', 1.194874)]
     """
     low, high = check_limits(path, limits)
-    family = make_family(source, [path], loop)
+    family = make_family(source, {path: (low, high)}, loop)
 
     def rough(values: Array) -> Spectra:
         return family.rough(values[:, None])
@@ -153,14 +153,17 @@ def describe_crossing(path: str, crossing: Crossing, family: Family) -> Critical
         return CriticalValue(path, crossing.value, crossing.error, kind, text, distance, 0.0, True)
     text = describe_causes(family, np.array([crossing.inside]))
     found = CriticalValue(path, crossing.value, crossing.error, kind, text, distance, np.inf)
-    return found if crossing.undamped else sharpen(found, family)
+    return found if crossing.undamped else add_slope(found, family)
 
 
-def sharpen(found: CriticalValue, family: Family) -> CriticalValue:
-    """The error by the exact slope of the growth rate, where that is known; for a crossing with damping."""
-    exact = family.slopes(np.array([found.value]))
+def add_slope(found: CriticalValue, family: Family) -> CriticalValue:
+    """The slope of the growth rate, and the error by it; exact where A's derivatives are known, else by a difference."""
+    point = np.array([found.value])
+    exact = family.slopes(point)
     if exact is None:
-        return found
+        step = max(1e-6 * abs(found.value), 10 * found.error)
+        pair = [floquet(family.system_at(point + move), FINE).exponents.real.max() for move in (-step, step)]
+        return replace(found, slope=float((pair[1] - pair[0]) / (2 * step)))
     exponents, errors, slopes = exact
     lead = int(np.argmin(np.abs(exponents.real)))
     slope = float(slopes[0, lead].real)

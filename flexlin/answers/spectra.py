@@ -1,27 +1,33 @@
 """Floquet spectra as functions of scene numbers: many values at once and cheap, or one by one and as accurate as can be."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
-from flexlin.about.free import ParametricLoop, parametric_loop
+from flexlin.about.free import ParametricLoop
+from flexlin.answers.loops import choose_loop
 from flexlin.answers.sensitivity import integrate_derivatives
+from flexlin.answers.sweep.axes import check_axes
 from flexlin.answers.sweep.batches import CHUNK_BYTES, Batches, Plan, choose_plan
-from flexlin.answers.sweep.found import Found
 from flexlin.checks import Array
-from flexlin.errors import ArgumentError
+from flexlin.errors import ArgumentError, FlexlinError, TimeLimit
 from flexlin.periodic.boundary.spectra import Spectra
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import floquet_modes
 from flexlin.periodic.floquet.resonance import Resonance, find_resonances
+from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
 
 ROUGH, FINE = 1e-8, 1e-12
 """Wanted errors of the exponents, in 1/s: of the scan, and of the values that are reported."""
+LOOSE = 3e-5
+"""A log of a multiplier this uncertain still serves: where two meet, they are known to a root of what their distance squared is."""
+
+FINER = (1, 4, 16)
+"""Segments of a batch, in those that the pilot chose: where multipliers meet, more are needed."""
 
 Source = Scene | Callable[..., PeriodicSystem]
 """A scene, or a function of one number for each parameter that returns a system."""
@@ -29,15 +35,15 @@ Source = Scene | Callable[..., PeriodicSystem]
 
 @dataclass
 class Family:
-    """Systems that depend on parameters (P,): a function that makes them one by one. `evaluations` counts the spectra."""
+    """Systems that depend on parameters (P,); `own`: their values in the scene, `evaluations`: how many spectra were computed."""
 
-    make: Callable[..., PeriodicSystem]
+    make: Callable[[Array], PeriodicSystem]
     own: Array
     evaluations: int = 0
 
     def system_at(self, point: Array) -> PeriodicSystem:
         """The system at one point (P,)."""
-        return self.make(*map(float, point))
+        return self.make(point)
 
     def rough(self, points: Array) -> Spectra:
         """Spectra at points (V, P), to ROUGH."""
@@ -48,18 +54,39 @@ class Family:
         return self.one_by_one(points, FINE)
 
     def one_by_one(self, points: Array, tol: float) -> Spectra:
-        """Each by `floquet`."""
+        """Each by `floquet`; not a number where the equations break."""
         self.evaluations += len(points)
-        found = [floquet(self.system_at(point), tol) for point in points]
-        logs, errors = [one.log_multipliers for one in found], [one.errors * one.period for one in found]
-        return Spectra(np.array(logs), np.array(errors))
+        found = [self.try_at(point, tol) for point in points]
+        known = [one for one in found if one is not None]
+        if not known:
+            return self.unknown(points, tol)
+        states = len(known[0].exponents)
+        none = np.full(states, np.nan + 0j), np.full(states, np.inf)
+        pairs = [none if one is None else (one.log_multipliers, one.errors * one.period) for one in found]
+        return Spectra(np.array([logs for logs, _ in pairs]), np.array([errors for _, errors in pairs]))
+
+    def try_at(self, point: Array, tol: float) -> FloquetResult | None:
+        """The exponents at one point, none where the equations break."""
+        try:
+            return floquet(self.system_at(point), tol)
+        except TimeLimit:
+            raise
+        except (FlexlinError, np.linalg.LinAlgError):
+            return None
+
+    def unknown(self, points: Array, tol: float) -> Spectra:
+        """No spectrum at any of the points: that of the first says why, unless there is none to ask for."""
+        if len(points):
+            floquet(self.system_at(points[0]), tol)
+        states = self.system_at(self.own).n if np.isfinite(self.own).all() else 2
+        return Spectra(np.full((len(points), states), np.nan + 0j), np.full((len(points), states), np.inf))
 
     def is_constant(self, point: Array) -> bool:
         """Whether A does not depend on time at a point (P,)."""
         return self.system_at(point).resolved.constant
 
     def slopes(self, point: Array) -> tuple[Array, Array, Array] | None:
-        """Exponents (n,) at a point, their errors (n,) and their exact derivatives (P, n); None where A's are not known."""
+        """Exponents (n,) at a point, their errors (n,) and their exact derivatives (P, n); None where those of A are not known."""
         return None
 
     def resonances(self, point: Array) -> list[Resonance]:
@@ -71,50 +98,75 @@ class Family:
 
 @dataclass
 class SceneFamily(Family):
-    """The loops of a scene with some of its numbers left free."""
+    """A loop on a scene's arm whose equations keep the numbers as symbols."""
 
     loop: ParametricLoop | None = None
-
-    @cached_property
-    def parametric(self) -> ParametricLoop:
-        assert self.loop is not None
-        return self.loop
-
-    def system_at(self, point: Array) -> PeriodicSystem:
-        return self.parametric.at(point).periodic_system()
+    plan: Plan | None = None
 
     def rough(self, points: Array) -> Spectra:
-        """As the sweep computes them: together where that is accurate enough."""
-        self.evaluations += len(points)
-        batches = Batches(self.parametric, points, ROUGH, CHUNK_BYTES)
-        found = Found.empty(len(points), self.parametric.linearization.n * 2)
-        size = batches.values_in_chunk(self.plan(points).segments)
-        for start in range(0, len(points), size):
-            batches.fill(found, np.arange(start, min(start + size, len(points))), self.plan(points))
-        T = found.period[:, None]
-        return Spectra(found.exponents * T, np.broadcast_to(found.error[:, None] * T, found.exponents.shape))
+        """Together, as a sweep computes them, where that is accurate enough; else one by one."""
+        assert self.loop is not None
+        if not len(points):
+            return self.unknown(points, ROUGH)
+        batches = Batches(self.loop, points, ROUGH, CHUNK_BYTES)
+        if self.plan is None:
+            self.plan = choose_plan(batches)
+        states, narrow = self.loop.states, batches.find_narrow(np.arange(len(points)))
+        logs, errors = np.full((len(points), states), np.nan + 0j), np.full((len(points), states), np.inf)
+        left = np.flatnonzero(~narrow)
+        for finer in FINER:
+            plan = replace(self.plan, segments=finer * self.plan.segments)
+            size = batches.values_in_chunk(plan.segments)
+            for part in [left[i : i + size] for i in range(0, len(left), size)]:
+                logs[part], errors[part], narrow[part] = self.together(batches, part, plan)
+            left = left[narrow[left]]
+        self.evaluations += len(points) - int(narrow.sum())
+        if narrow.any():
+            alone = self.one_by_one(points[narrow], ROUGH)
+            logs[narrow], errors[narrow] = alone.logs, alone.errors
+        return Spectra(logs, errors)
 
-    def plan(self, points: Array) -> Plan:
-        """How batches are computed, chosen once, on the first points."""
-        if not hasattr(self, "_plan"):
-            self._plan = choose_plan(Batches(self.parametric, points, ROUGH, CHUNK_BYTES))
-        return self._plan
+    def together(self, batches: Batches, part: Array, plan: Plan) -> tuple[Array, Array, Array]:
+        """Logs and errors (V, n) of a batch, and which of its values are not accurate enough, (V,)."""
+        logs, errors, reached, _ = batches.batch(part, plan)
+        return logs, errors, ~(reached | (errors.max(axis=1) <= LOOSE))
 
     def slopes(self, point: Array) -> tuple[Array, Array, Array] | None:
-        loop = replace(self.parametric, linearization=self.parametric.at(point))
+        assert self.loop is not None
+        if self.loop.kept is not None:
+            return None
+        loop = replace(self.loop, linearization=self.loop.at(point))
         system = loop.linearization.periodic_system()
         modes = floquet_modes(system, floquet(system, FINE))
         return modes.exponents, modes.errors, integrate_derivatives(loop, modes)
 
 
-def make_family(source: Source, paths: Sequence[str], loop: str) -> Family:
-    """The systems that a scene's loop, or a function, makes of the numbers at the paths."""
+def make_family(source: Source, ranges: dict[str, tuple[float, float]], loop: str) -> Family:
+    """The systems that a scene's loop, or a function, makes of numbers in ranges.
+
+    Raises: ArgumentError for a source of another kind, and for paths that lead to no free number; SceneError for a range that the schema
+    refuses.
+    """
     if isinstance(source, Scene):
-        if loop != "own":
-            raise ArgumentError("there is no such loop", got=repr(loop), expected="own")
-        own = np.array([get_value(source, path) for path in paths], dtype=float)
-        return SceneFamily(lambda: None, own, loop=parametric_loop(source, paths))  # type: ignore[arg-type, return-value]
+        check_axes(source, {path: np.array(limits) for path, limits in ranges.items()}, grid=True)
+        own = np.array([get_value(source, path) for path in ranges], dtype=float)
+        chosen = choose_loop(source, tuple(ranges), loop)
+        if isinstance(chosen, ParametricLoop):
+            return SceneFamily(chosen.system_at, own, loop=chosen)
+        return Family(chosen.system_at, own)
     if not callable(source):
         expected = "a scene, or a function of numbers that returns a PeriodicSystem"
         raise ArgumentError("the source is of another kind", got=repr(source)[:80], expected=expected)
-    return Family(source, np.full(len(paths), np.nan))
+    if loop != "own":
+        raise ArgumentError("a function has one loop", got=repr(loop), expected="own")
+    return Family(Positional(source), np.full(len(ranges), np.nan))
+
+
+@dataclass(frozen=True)
+class Positional:
+    """A function of numbers as a function of a point."""
+
+    source: Callable[..., PeriodicSystem]
+
+    def __call__(self, point: Array) -> PeriodicSystem:
+        return self.source(*map(float, point))

@@ -25,7 +25,7 @@ class BoundaryCurve:
     points : array, shape (N, 2)
         The curve as a polyline, in the numbers' units, as fine as the wanted error asks.
     error : array, shape (N,)
-        Distance of each point from the exact boundary, as a share of both ranges.
+        Distance of each point from the exact boundary, in the unit of the number with the longer range: each range counts as that long.
     closed : bool
         Whether the curve ends where it begins: the rim of an island, or of a hole.
     resonance : str
@@ -94,6 +94,8 @@ def stability_boundary(
     ------
     ArgumentError
         For paths that lead to no free numbers, ranges that do not rise, or an unknown loop.
+    SceneError
+        For ranges that the scene's schema refuses.
 
     References
     ----------
@@ -119,7 +121,7 @@ def stability_boundary(
         raise ArgumentError("a boundary has two parameters", got=", ".join(ranges) or "none", expected=expected)
     limits = np.array([check_limits(path, limits) for path, limits in ranges.items()])
     low, span = limits[:, 0], limits[:, 1] - limits[:, 0]
-    family = make_family(source, list(ranges), loop)
+    family = make_family(source, {path: (float(a), float(b)) for path, (a, b) in ranges.items()}, loop)
 
     def rough(points: Array) -> Spectra:
         return family.rough(low + span * points)
@@ -136,4 +138,5 @@ def describe_curve(paths: tuple[str, str], curve: Curve, family: Family, low: Ar
     inside = low + span * curve.inside
     text, counted = describe_causes(family, inside), family.evaluations
     place = (float(inside[0]), float(inside[1]))
-    return BoundaryCurve(paths, low + span * curve.points, curve.errors, curve.closed, text, place, counted)
+    error = curve.errors * float(span.max())
+    return BoundaryCurve(paths, low + span * curve.points, error, curve.closed, text, place, counted)

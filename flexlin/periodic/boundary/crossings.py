@@ -98,7 +98,8 @@ def merge_scans(points: Array, scan: Spectra, more: Array, function: SpectraFunc
 def list_intervals(points: Array, scan: Spectra) -> Intervals:
     """The pairs of neighbours between which instability begins or ends; undecided values beside a stable one are stepped over."""
     verdicts = scan.verdicts
-    edges = np.flatnonzero((verdicts[1:] > 0) != (verdicts[:-1] > 0))
+    known = scan.known
+    edges = np.flatnonzero(((verdicts[1:] > 0) != (verdicts[:-1] > 0)) & known[1:] & known[:-1])
     rising = verdicts[edges + 1] > 0
     quiet, unstable, step = (
         np.where(rising, edges, edges + 1),

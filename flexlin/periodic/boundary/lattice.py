@@ -153,7 +153,8 @@ def find_nodes(lines: list[Line], xs: Array, ys: Array, function: SpectraFunctio
 def list_changes(line: Line) -> tuple[Array, Array, Array, Array]:
     """Quiet and unstable end of every change of verdict along a line, angle of the growing multiplier, and whether it is undamped."""
     verdicts = line.spectra.verdicts
-    edges = np.flatnonzero((verdicts[1:] > 0) != (verdicts[:-1] > 0))
+    known = line.spectra.known
+    edges = np.flatnonzero(((verdicts[1:] > 0) != (verdicts[:-1] > 0)) & known[1:] & known[:-1])
     rising = verdicts[edges + 1] > 0
     quiet, unstable = np.where(rising, edges, edges + 1), np.where(rising, edges + 1, edges)
     beyond = np.clip(quiet + np.where(rising, -1, 1), 0, len(verdicts) - 1)

@@ -22,7 +22,7 @@ def find_cells(nodes: Nodes, shape: tuple[int, int]) -> tuple[Array, Array]:
     forward = (along != nodes.rising)[:, None]
     inside = np.array(shape) - 1
     cells = [np.where(forward, ahead, behind), np.where(forward, behind, ahead)]
-    entered, left = (np.where(((cell >= 0) & (cell < inside)).all(axis=1)[:, None], cell, -1) for cell in cells)
+    entered, left = (np.where(np.all((cell >= 0) & (cell < inside), axis=1)[:, None], cell, -1) for cell in cells)
     return entered, left
 
 

@@ -29,6 +29,11 @@ class Spectra:
         return np.where((growth > self.errors).any(axis=1), 1, np.where(decays.all(axis=1), -1, 0))
 
     @property
+    def known(self) -> Array:
+        """Where there is an answer, (V,)."""
+        return np.asarray(np.isfinite(self.logs).all(axis=1))
+
+    @property
     def leading(self) -> Array:
         """Index (V,) of the log that grows fastest for certain."""
         return np.argmax(self.logs.real - np.where(np.isfinite(self.errors), self.errors, np.inf), axis=1)
@@ -44,7 +49,8 @@ SpectraFunction = Callable[[Array], Spectra]
 
 def count_resting(spectra: Spectra) -> int:
     """How many logs are zero at every value: free rigid motions, whose drift is no instability."""
-    near = np.abs(spectra.logs) <= np.where(np.isfinite(spectra.errors), spectra.errors, 0.0) + RESTING
+    known = spectra.at(spectra.known)
+    near = np.abs(known.logs) <= np.where(np.isfinite(known.errors), known.errors, 0.0) + RESTING
     return int(near.sum(axis=1).min()) if len(near) else 0
 
 

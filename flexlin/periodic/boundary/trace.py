@@ -15,7 +15,7 @@ EXACT = 8.0
 """Points of the boundary are placed to this part of the wanted error."""
 INNER = 4
 """Cells on either side of a box that is divided again."""
-SMALLEST = 4.0
+SMALLEST = 30.0
 """Boxes of fewer than this many wanted errors are not divided."""
 JOINED = 1e-2
 """Of a box's size: crossings of its border this close, found from inside and from outside, are one."""
@@ -88,12 +88,12 @@ def divide_cells(
     """Trace those cells again, on a lattice of their own, through which a piece could not be followed."""
     xs, ys = lines
     entered, _ = find_cells(nodes, (len(xs), len(ys)))
-    broken = [node for node in np.flatnonzero(next_node >= 0) if not is_followed(node, next_node[node], trace)]
+    broken = [node for node in np.flatnonzero(next_node >= 0).tolist() if not is_followed(node, next_node[node], trace)]
     for i, j in np.unique(entered[broken], axis=0) if broken else ():
         box = Box((xs[i], ys[j]), (xs[i + 1], ys[j + 1]), INNER)
         through = np.flatnonzero((next_node >= 0) & (entered == (i, j)).all(axis=1))
         follower = trace.follower.copy()
-        for node in through:
+        for node in through.tolist():
             cut_pieces(node, next_node[node], follower)
         trace = Trace(trace.vertices, follower, trace.off, trace.inside)
         if box.size > SMALLEST * tol:
