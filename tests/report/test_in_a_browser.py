@@ -1,0 +1,97 @@
+"""The pages in a real browser, where one is present: nothing is cut at the width of a phone, a tablet or a desk."""
+
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from flexlin.cli.main import main
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+WIDTHS = (390, 768, 1280)
+MEASURE = """<body><script>
+for (const width of WIDTHS) {
+  const frame = document.createElement("iframe");
+  Object.assign(frame, {width, height: 1000, src: "PAGE"});
+  frame.onload = () => {
+    const page = frame.contentDocument, style = (element) => page.defaultView.getComputedStyle(element);
+    const shown = (element) => !element.closest("svg") && style(element).display !== "inline" && element.clientWidth > 0;
+    const cut = [...page.body.querySelectorAll("*")].filter((element) => shown(element)
+      && element.scrollWidth > element.clientWidth + 1 && !["auto", "scroll"].includes(style(element).overflowX));
+    const found = document.createElement("p");
+    const root = page.documentElement, names = cut.map((element) => element.outerHTML.slice(0, 80));
+    found.textContent = "measured " + JSON.stringify({width, wide: root.scrollWidth, room: root.clientWidth, cut: names});
+    document.body.append(found);
+  };
+  document.body.append(frame);
+}
+</script></body>"""
+
+pytestmark = pytest.mark.skipif(BROWSER is None, reason="no browser on this machine")
+
+
+def browse(folder: Path, *options: str) -> str:
+    """Run the browser without a window."""
+    command = [BROWSER, "--headless=new", "--no-sandbox", "--disable-gpu", "--allow-file-access-from-files"]
+    home = f"--user-data-dir={folder / 'browser'}"
+    run = subprocess.run([*command, home, *options], capture_output=True, text=True, check=True, timeout=120)
+    return run.stdout
+
+
+def measure(page: Path) -> list[dict]:
+    """Width asked and needed of a page in frames of all widths, and the elements in it that are cut."""
+    frames = page.with_name("frames.html")
+    frames.write_text(MEASURE.replace("PAGE", page.name).replace("WIDTHS", str(list(WIDTHS))), encoding="utf-8")
+    text = browse(page.parent, "--virtual-time-budget=5000", "--window-size=2600,1200", "--dump-dom", frames.as_uri())
+    return [
+        json.loads(found.replace("&lt;", "<").replace("&gt;", ">"))
+        for found in re.findall(r"<p>measured (.*?)</p>", text)
+    ]
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("pages")
+    assert main(["report", "single-link", "--tol", "1e-5", "--out", str(folder / "report")]) == 0
+    over = ["motion.frequency=0.2:3:6", "effects.payload.mass=0:0.3:6"]
+    assert main(["chart", "single-link", "--tol", "1e-4", "--over", *over, "--out", str(folder / "chart")]) == 0
+    simulation = ["simulate", "five-bar", "--tol", "1e-4", "--periods", "0.2", "--animate"]
+    assert main([*simulation, "--out", str(folder / "animation")]) == 0
+    return folder
+
+
+@pytest.mark.xdist_group("browser")
+@pytest.mark.parametrize("page", ["report/report.html", "chart/chart.html", "animation/animation.html"])
+def test_nothing_is_cut_at_any_width(pages, page):
+    measured = measure(pages / page)
+    assert sorted(found["width"] for found in measured) == list(WIDTHS)
+    for found in measured:
+        assert found["wide"] <= found["room"]
+        assert found["cut"] == []
+
+
+@pytest.mark.xdist_group("browser")
+def test_the_measure_sees_what_is_cut(tmp_path):
+    page = tmp_path / "page.html"
+    page.write_text(
+        "<body><p style='width: 300px'>fits</p><p style='white-space: nowrap; overflow: hidden'>" + "long " * 200
+    )
+    assert all(len(found["cut"]) == 1 for found in measure(page))
+    page.write_text("<body style='margin: 0'><div style='width: 1000px'>wide</div>")
+    assert [found["wide"] > found["room"] for found in sorted(measure(page), key=lambda found: found["width"])] == [
+        True,
+        True,
+        False,
+    ]
+
+
+@pytest.mark.xdist_group("browser")
+def test_the_report_prints(pages):
+    page, printed = pages / "report" / "report.html", pages / "report.pdf"
+    browse(pages, "--virtual-time-budget=5000", "--no-pdf-header-footer", f"--print-to-pdf={printed}", page.as_uri())
+    content = printed.read_bytes()
+    assert content.startswith(b"%PDF")
+    assert 4 <= len(re.findall(rb"/Type\s*/Page\b", content)) <= 14
