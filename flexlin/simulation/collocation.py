@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array, check_size
+from flexlin.simulation.beside import LinearAnswer
 from flexlin.simulation.equations import Equations
 from flexlin.simulation.stepping import stopped
 from flexlin.simulation.sweeps import Solved, Start, solve_window
@@ -50,7 +51,8 @@ class Progress:
 
     t, x, work: what was reached; before: the acceleration there, None behind a break; behind, first: whether
     a break was just passed, and the step that held behind the last one; largest: of each state so far; h, count: the
-    step and how many of them come next; begin: how the sweeps begin, since deviations of size `far`.
+    step and how many of them come next; begin: how the sweeps begin, since deviations of size `far`; linear: the linear
+    answer, where it is wanted too.
     """
 
     t: float
@@ -66,6 +68,7 @@ class Progress:
     far: float = 0.0
     steps: int = 0
     growth: float = 1.0
+    linear: LinearAnswer | None = None
 
     def behind_break(self, most: int) -> None:
         """Behind a break fast modes ring, as they did behind the last one."""
@@ -91,8 +94,10 @@ class Collocation:
         self._equations, self._period, self._stages, self._tol = equations, period, stages, tol
         self._accept = accept or (lambda t, x, torque: None)
 
-    def integrate(self, t: Array, start: Array, marks: Array) -> Array:
+    def integrate(self, t: Array, start: Array, marks: Array, linear: bool = False) -> Array:
         """States and work (N, 2n + 1) at times t; marks (K,), from the first to the last time, are edges of steps.
+
+        With `linear`, the 2n states of the linear equations on the same steps follow, (N, 4n + 1); the steps are short enough for both.
 
         Raises: SimulationStopped where no step is short enough or too many are needed; TooLarge when one step's matrices would not fit.
         """
@@ -100,24 +105,29 @@ class Collocation:
         size = 8 * (self._stages * n) ** 2
         check_size("a simulation step", 4 * size, "use fewer elastic coordinates")
         most = 2 ** int(np.log2(np.clip(WINDOW_BYTES // size, 1, LARGEST_WINDOW)))
-        out, done = np.empty((len(t), 2 * n + 1)), 1
-        out[0] = np.append(start, 0.0)
         at = Progress(float(t[0]), start, 0.0, np.abs(start), self._period / FIRST_STEPS)
+        at.linear = LinearAnswer(start) if linear else None
+        out, done = np.empty((len(t), 2 * n + 1 + 2 * n * linear)), 1
+        out[0] = np.concatenate([start, [0.0], start if linear else []])
         for mark in marks[1:]:
             at.behind_break(most)
             while at.t < mark:
                 window = self._advance(at, float(mark), float(t[-1] - t[0]), most)
                 if window is None:
                     continue
-                grid, path, power = window
+                grid, path, power, beside = window
                 stop = int(np.searchsorted(t, at.t, side="right"))
                 states, work = between(grid, path, power, t[done:stop])
-                out[done:stop] = np.column_stack([states, at.work + work])
+                out[done:stop, : 2 * n + 1] = np.column_stack([states, at.work + work])
+                if beside is not None:
+                    out[done:stop, 2 * n + 1 :] = LinearAnswer.states(grid, beside, t[done:stop])
                 at.work += float(grid.h @ (power @ grid.rule.b))
                 done = stop
         return out
 
-    def _advance(self, at: Progress, mark: float, whole: float, most: int) -> tuple[Grid, Path, Array] | None:
+    def _advance(
+        self, at: Progress, mark: float, whole: float, most: int
+    ) -> tuple[Grid, Path, Array, Path | None] | None:
         """Try a window: the steps of it that hold, and `at` moved to their end; None where none does, and `at` has shorter steps."""
         grid = next_grid(at, mark, self._stages)
         at.steps += grid.count
@@ -131,6 +141,10 @@ class Collocation:
             at.shorten(grid)
             return None
         estimate = np.abs(solved.window.local_errors(solved.path, self._acceleration(at)) / scale).max(axis=1)
+        beside = None
+        if at.linear is not None:
+            beside, missed = at.linear.on(solved.rigid, solved.at, ABSOLUTE)
+            estimate = np.maximum(estimate, missed.max(axis=1))
         good = adapt(at, grid, estimate / (ESTIMATE * self._tol), most)
         if not good:
             return None
@@ -140,7 +154,10 @@ class Collocation:
         self._accept(part.edges[1:], path.x[1:], solved.torque[:good])
         at.t, at.x, at.before = float(part.edges[-1]), path.x[-1], path.w[-1, -1]
         at.largest = np.maximum(at.largest, np.abs(path.x).max(axis=0))
-        return part, path, solved.power[:good]
+        if at.linear is not None and beside is not None:
+            beside = beside.first(good)
+            at.linear.accept(beside)
+        return part, path, solved.power[:good], beside
 
     def _solve(self, at: Progress, grid: Grid, scale: Array) -> Solved | None:
         """The motion on the grid, by the cheapest start of the sweeps that leads to it."""
@@ -167,6 +184,8 @@ class Collocation:
             F = self._equations.residual(places, y, v, w)[0][0]
             slopes = self._equations.slopes(places, y, v, w) or places.linear
             at.before = -np.linalg.solve(slopes[0][0], F)
+            if at.linear is not None:
+                at.linear.behind_break(places)
         return at.before
 
 

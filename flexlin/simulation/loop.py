@@ -178,17 +178,24 @@ class NonlinearLoop:
         SimulationStopped
             When the loop diverges, or when the integrator cannot go on.
         """
+        return self.beside_linear(t, start, rtol, stages, linear=False)[0]
+
+    def beside_linear(
+        self, t: Array, start: Array, rtol: float, stages: int, linear: bool = True
+    ) -> tuple[Array, Array | None]:
+        """What `integrate` returns, and the linear answer (N, 2n) on the same steps; none where the torque is held or cut."""
         z = np.append(start, 0.0)
         self.accept(t[0], z)
         try:
             if self.drive.sample_time is not None:
-                return self._held(t, z, rtol)
+                return self._held(t, z, rtol), None
             try:
-                return self._collocated(t, start, rtol, stages)
+                found = self._collocated(t, start, rtol, stages, linear)
             except TorqueCut:
-                return self._step_by_step(t, z, rtol)
+                return self._step_by_step(t, z, rtol), None
         except SimulationStopped as end:
             raise (explain_end(self.lin, end) if end.reached is not None else end) from None
+        return found[:, : len(z)], found[:, len(z) :] if linear else None
 
     @cached_property
     def law(self) -> LawTable:
@@ -203,7 +210,7 @@ class NonlinearLoop:
     def _collocation(self) -> NonlinearEquations:
         return NonlinearEquations(self.lin, self._law)
 
-    def _collocated(self, t: Array, start: Array, rtol: float, stages: int) -> Array:
+    def _collocated(self, t: Array, start: Array, rtol: float, stages: int, linear: bool) -> Array:
         """The smooth loop. Raises: TorqueCut where the drive does not give the torque that is commanded."""
         marks, limit = with_breaks(t[[0, -1]], self.lin), self.drive.limit
 
@@ -215,7 +222,7 @@ class NonlinearLoop:
             self._check_mass(t, x)
 
         integrator = Collocation(self._collocation, self.lin.period, stages, max(rtol, ROUNDING), accept)
-        return integrator.integrate(t, start, marks)
+        return integrator.integrate(t, start, marks, linear)
 
     def _check_mass(self, t: Array, x: Array) -> None:
         """Raises: SimulationStopped, naming the time, where the mass matrix of a state that was reached is not positive definite."""

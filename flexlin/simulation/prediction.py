@@ -11,7 +11,7 @@ from flexlin.simulation.equations import LinearEquations
 
 ROUNDING = 1e-12
 """A tolerance below this is not asked of a run."""
-RUNS = ((4, 0.25), (5, 0.025))
+RUNS = ((7, 0.25), (8, 0.025))
 """Stages and share of the tolerance of the two runs that are compared: other steps, other places of the stages, another order.
 
 Over some periods the errors of the steps add up to two or three times the tolerance that each keeps."""

@@ -89,9 +89,10 @@ def simulate(
     law = law if feedback is None else law.with_gain(feedback)
     start = law.reference(np.zeros(1))[0] if initial is None else real_array("initial", initial, (2 * n,))
     loop = NonlinearLoop(lin, law, drive or scene_drive(lin))
-    rough, fine = (loop.integrate(t, start, share * tol, stages) for stages, share in RUNS)
+    (rough, coarse), (fine, linear) = (loop.beside_linear(t, start, share * tol, stages) for stages, share in RUNS)
     states, work = fine[:, :-1], fine[:, -1]
-    linear, coarse = predict(lin, t, start, law, tol)
+    if linear is None or coarse is None:
+        linear, coarse = predict(lin, t, start, law, tol)
     torque = loop.commands(t, states)
     tips = [tip_positions(lin, t, part) for part in (states, linear, np.zeros_like(states))]
     missed = sum(

@@ -23,13 +23,18 @@ STALLED = 0.1
 
 @dataclass(frozen=True)
 class Solved:
-    """A window's motion, the power (K, s) and the torque (K, s, m) at its stages, the matrices, and how many sweeps it took."""
+    """A window's motion, the power (K, s) and the torque (K, s, m) at its stages, the matrices, and how many sweeps it took.
+
+    at, rigid: the equations of the rigid motion at the stages, and their matrices.
+    """
 
     window: Window
     path: Path
     power: Array
     torque: Array
     sweeps: int
+    at: Places
+    rigid: Window
 
 
 class Start(IntEnum):
@@ -55,7 +60,9 @@ def solve_window(
     at = equations.places(times)
     rigid = begin is Start.RIGID
     path, last, anew = grid.rest(np.zeros(n) if rigid else start[:n]), np.inf, begin is Start.NEWTON
-    window = Window(grid, *(at.linear if rigid else shifted(equations, at, grid.edges[0] + inside, start, before)))
+    window = first = Window(
+        grid, *(at.linear if rigid else shifted(equations, at, grid.edges[0] + inside, start, before))
+    )
     for sweep in range(SWEEPS):
         F = -at.force if rigid and sweep == 0 else equations.residual(at, *path.stages)[0]
         if not np.isfinite(F).all():
@@ -70,7 +77,7 @@ def solve_window(
         if settled(change, left if sweep else np.inf, tol):
             power = equations.residual(at, *path.stages)[1].reshape(grid.count, -1)
             torque = at.torque(path.stages[0], path.stages[1]).reshape(grid.count, grid.stages, -1)
-            return Solved(window, path, power, torque, sweep + 1)
+            return Solved(window, path, power, torque, sweep + 1, at, first if rigid else Window(grid, *at.linear))
         if sweep > 1 and left > GROWN:
             return None
         last, anew = change, begin is Start.NEWTON or (sweep > 0 and left >= SLOW)
