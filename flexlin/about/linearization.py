@@ -6,7 +6,7 @@ from flexlin.about.law import Law
 from flexlin.about.routes import Route
 from flexlin.about.scene_law import scene_law
 from flexlin.about.second_order import SecondOrderEquations
-from flexlin.checks import Array
+from flexlin.checks import Array, times
 from flexlin.errors import MotionError
 from flexlin.mechanics.coordinates import Coordinate
 from flexlin.mechanics.effects import Effect, effects_of
@@ -237,5 +237,5 @@ class Linearization(SecondOrderEquations):
         SingularMassMatrix
             When M cannot be inverted.
         """
-        c = self.sample(t)
-        return build_input(c.M, c.h[:, :, None], t)[:, :, 0]
+        M, h = self.about.evaluate(self._forces, times(t))
+        return build_input(M, h, t)[:, :, 0]

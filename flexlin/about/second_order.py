@@ -182,5 +182,9 @@ class SecondOrderEquations:
         return selected(self.coefficients, ("M", "B"))
 
     @cached_property
+    def _forces(self) -> ca.Function:
+        return selected(self.coefficients, ("M", "h"))
+
+    @cached_property
     def _torque(self) -> ca.Function:
         return selected(self.coefficients, ("tau",))

@@ -55,7 +55,7 @@ def averaged_lqr(
 
     References
     ----------
-    Sanders, Verhulst, Murdock, Averaging Methods in Nonlinear Dynamical Systems (2007); `control.lqr`.
+    Sanders, Verhulst, Murdock, Averaging Methods in Nonlinear Dynamical Systems (2007); `scipy.linalg.solve_continuous_are`.
 
     Examples
     --------

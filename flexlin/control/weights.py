@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import matrix_balance
+from scipy.linalg import LinAlgError, matrix_balance, solve_continuous_are
 
 from flexlin.checks import Array, real_array
-from flexlin.errors import ArgumentError, FlexlinError, NotDetectable, NotStabilizable, NumericalError
+from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable, NumericalError
 
 MARGIN = 1e-13
 """A mode counts as reached (or seen) when its share in B (or Q) is larger than this, relative to the matrices' sizes: than rounding."""
@@ -41,17 +41,17 @@ def check_constant_pair(A: Array, B: Array, Q: Array, when: str) -> None:
 def constant_lqr(A: Array, B: Array, Q: Array, R: Array, N: Array, when: str) -> tuple[Array, Array]:
     """Return the LQR gain K and cost X of constant matrices, once the loop that they make has been found stable.
 
+        A' X + X A - (X B + N) R^-1 (B' X + N') + Q = 0,   K = R^-1 (B' X + N')
+
+    SciPy's solver is the one that python-control calls, without the second that it takes to load python-control.
     Raises: NotStabilizable, NotDetectable as `check_constant_pair`; NumericalError where rounding leaves no stable loop.
     """
-    import control
-
     check_constant_pair(A, B, Q, when)
     try:
-        K, X, _ = control.lqr(A, B, Q, R, N)
+        X = solve_continuous_are(A, B, Q, R, s=N)
+        K = np.linalg.solve(R, B.T @ X + N.T)
         growth = float(np.linalg.eigvals(A - B @ K).real.max())
-    except FlexlinError:
-        raise
-    except (ArithmeticError, ValueError, control.ControlException) as error:
+    except (ArithmeticError, ValueError, LinAlgError) as error:
         growth, why = np.inf, str(error)
     else:
         why = f"a loop that grows by {growth:.3g} 1/s"
@@ -60,7 +60,7 @@ def constant_lqr(A: Array, B: Array, Q: Array, R: Array, N: Array, when: str) ->
         raise NumericalError(
             f"the Riccati equation has no stabilising solution in numbers of this precision {when}", got=why, todo=todo
         )
-    return np.asarray(K), np.asarray(X)
+    return K, X
 
 
 def scaled(matrix: Array, size: float) -> Array:

@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
-from scipy.special import erf
 
 from flexlin.checks import Array
 
@@ -14,6 +13,13 @@ def atan2(y: Array, x: Array) -> Array:
     if np.iscomplexobj(y) or np.iscomplexobj(x):
         return -1j * np.log((x + 1j * y) / np.sqrt(x * x + y * y))
     return np.arctan2(y, x)
+
+
+def erf(x: Array) -> Array:
+    """Return the error function, also of complex x."""
+    from scipy import special
+
+    return np.asarray(special.erf(x))
 
 
 def less(a: Array, b: Array) -> Array:

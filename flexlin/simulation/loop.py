@@ -1,10 +1,10 @@
 """The nonlinear equations of motion under a control law, integrated."""
 
 from functools import cached_property, partial
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
-from scipy.integrate import DOP853, LSODA
 from scipy.linalg.lapack import dposv
 
 from flexlin import symbolic
@@ -20,6 +20,9 @@ from flexlin.simulation.equations import NonlinearEquations
 from flexlin.simulation.prediction import ROUNDING, with_breaks
 from flexlin.simulation.stepping import TrialLeftRange, march, stopped
 from flexlin.simulation.table import LawTable
+
+if TYPE_CHECKING:
+    from scipy.integrate import DOP853
 
 FARTHEST = 100.0
 """A deviation from the rigid motion, in rad or m, at which a simulation is given up as diverging."""
@@ -233,11 +236,12 @@ class NonlinearLoop:
 
     def _step_by_step(self, t: Array, z: Array, rtol: float) -> Array:
         """The loop whose torque is cut, by a multistep method: corners of the torque would spoil the order of collocation."""
+        from scipy.integrate import LSODA
 
         def follow(now: float, z: Array) -> Array:
             return self.rate(now, z, self.command(now, z[:-1]))
 
-        def make(now: float, z: Array, first: float | None) -> LSODA:
+        def make(now: float, z: Array, first: float | None) -> "LSODA":
             return LSODA(follow, now, z, t[-1], first_step=first, rtol=rtol, atol=rtol * 1e-2)
 
         return np.concatenate([z[None], march(make, z, t[0], t[-1], t[1:], self.accept)[1]])
@@ -261,8 +265,10 @@ class NonlinearLoop:
             sample += 1
         return out
 
-    def _explicit(self, t: float, z: Array, first: float, torque: Array, end: float, rtol: float) -> DOP853:
+    def _explicit(self, t: float, z: Array, first: float, torque: Array, end: float, rtol: float) -> "DOP853":
         """An integrator under a constant torque."""
+        from scipy.integrate import DOP853
+
         rate = partial(self.rate, torque=torque)
         return DOP853(rate, t, z, end, rtol=max(rtol, 1e-13), atol=rtol * 1e-2, first_step=first)
 

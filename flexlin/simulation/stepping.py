@@ -1,12 +1,15 @@
 """Step by step through time: a trial that leaves the model's range shortens the step, only accepted states count."""
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.integrate import OdeSolver
 
 from flexlin.checks import Array
 from flexlin.errors import SimulationStopped
+
+if TYPE_CHECKING:
+    from scipy.integrate import OdeSolver
 
 SHORTENED = 0.1
 """What is left of a step after a trial that left the range."""
@@ -19,7 +22,7 @@ class TrialLeftRange(Exception):
 
 
 def march(
-    make: Callable[[float, Array, float | None], OdeSolver],
+    make: Callable[[float, Array, float | None], "OdeSolver"],
     z: Array,
     begin: float,
     end: float,

@@ -2,13 +2,16 @@
 
 from collections.abc import Callable
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import CubicSpline, PPoly
 
 from flexlin.about.law import Law, is_constant
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 POINTS = 2048
 """Knots of a tabulated law in one period: a tenth harmonic is met to 1e-9 of its size."""
@@ -34,8 +37,10 @@ class LawTable:
         return offset - gain @ x
 
 
-def tabulated(f: Callable[[Array], Array], lin: Linearization) -> PPoly:
+def tabulated(f: Callable[[Array], Array], lin: Linearization) -> "PPoly":
     """A function over one period by cubic splines between the breaks of the motion."""
+    from scipy.interpolate import CubicSpline, PPoly
+
     marks = np.unique([0.0, *lin.breaks, lin.period])
     pieces = []
     for begin, end in pairwise(marks):

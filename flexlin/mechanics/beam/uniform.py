@@ -9,7 +9,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
 from flexlin.checks import Array
 from flexlin.errors import ToleranceNotReached
@@ -19,6 +18,8 @@ Boundary = Callable[[Array, Array, Array], Array]
 
 STEP = 0.02
 """Width of the scan for roots; roots of a uniform beam lie near pi apart."""
+BISECTIONS = 60
+"""Halvings after which a bracket of that width is one bit wide."""
 
 
 @dataclass(frozen=True)
@@ -86,13 +87,21 @@ def solve_modes(n: int, boundary: Boundary, lowest: float = 1e-3) -> UniformShap
     brackets = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0)[:n]
     if len(brackets) < n:
         raise ToleranceNotReached("not all roots of the beam were found", got=len(brackets), expected=f"{n} roots")
-    roots = [
-        brentq(lambda b: determinant(b)[0], grid[i], grid[i + 1], xtol=1e-15, rtol=4 * np.finfo(float).eps)
-        for i in brackets
-    ]
-    beta = np.array(roots, dtype=float)
+    beta = bisect(determinant, grid[brackets], grid[brackets + 1])
     null = np.linalg.svd(boundary_matrix(beta, boundary))[2][:, -1, :] if n else np.zeros((0, 4))
     return normalised(UniformShapes(beta, null))
+
+
+def bisect(function: Callable[[Array], Array], low: Array, high: Array) -> Array:
+    """The root in each of many brackets (n,), to the last bit: a batch of determinants is as cheap as one."""
+    sign = np.sign(function(low)) if len(low) else low
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        if not ((low < middle) & (middle < high)).any():
+            break
+        same = np.sign(function(middle)) == sign
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    return 0.5 * (low + high)
 
 
 def normalised(shapes: UniformShapes) -> UniformShapes:

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from flexlin.checks import Array
+from flexlin.periodic.assignment import assign
 from flexlin.periodic.circle import match_logs, pair_conjugates, wrap_angle, wrap_log
 from flexlin.periodic.decoupling.coupling import group_separation
 from flexlin.periodic.decoupling.decoupled import Decoupled, as_real
@@ -167,6 +167,6 @@ def members(values: Array, period: float, segments: int, logs: Array) -> tuple[A
     turned = product_logs(factor_group(values + turn, period, segments))
     apart = logs[:, None] + 1j * MARK - turned
     miss = np.minimum(np.hypot(apart.real, wrap_angle(apart.imag)), MARK)
-    row, column = linear_sum_assignment(miss)
+    row, column = np.arange(len(miss)), assign(miss)
     order = np.argsort(miss[row, column], kind="stable")[:half]
     return row[order], float(miss[row, column][order].max())

@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
-from scipy.sparse.csgraph import connected_components
 
 from flexlin.checks import Array
+from flexlin.periodic.assignment import assign
 
 AMBIGUOUS = 0.3
 """Two modes whose vectors share more than this part from one node to the next are not distinguished."""
@@ -82,7 +81,7 @@ def matched(share: Array, closed: bool) -> tuple[Array, Array]:
     order[0] = np.arange(n)
     for k, step in enumerate(best[:steps_taken]):
         if len(np.unique(step)) < n:
-            step = linear_sum_assignment(-share[k])[1]
+            step = assign(-share[k])
         order[k + 1] = step[order[k]]
     now, then = order[:steps_taken, :, None], order[1 : steps_taken + 1, None, :]
     near |= (share[np.arange(steps_taken)[:, None, None], now, then] > AMBIGUOUS).any(axis=0) & ~np.eye(n, dtype=bool)
@@ -102,10 +101,10 @@ def grouped_modes(modes: Modes, together: Array) -> tuple[Array, tuple[Group, ..
         join[i, modes.conjugate[:, i]] = True
     mate = modes.conjugate[0]
     while True:
-        labels = connected_components(join, directed=False)[1]
+        labels = connected(join)
         image = labels[:, None] == labels
         wider = join | image | image[np.ix_(mate, mate)]
-        if (connected_components(wider, directed=False)[1] == labels).all():
+        if (connected(wider) == labels).all():
             break
         join = wider
     columns: list[int] = []
@@ -122,6 +121,16 @@ def grouped_modes(modes: Modes, together: Array) -> tuple[Array, tuple[Group, ..
             groups += [Group(start, start + size, index + 1), Group(start + size, start + 2 * size, index)]
             columns += members.tolist() + mate[members].tolist()
     return np.array(columns), tuple(groups)
+
+
+def connected(join: Array) -> Array:
+    """The connected components of an undirected graph (n, n): a label for each node, counted by their first members."""
+    reach = join | join.T | np.eye(len(join), dtype=bool)
+    while True:
+        wider = reach @ reach
+        if (wider == reach).all():
+            return np.unique(reach.argmax(axis=1), return_inverse=True)[1]
+        reach = wider
 
 
 def block_mask(groups: tuple[Group, ...]) -> Array:

@@ -1,9 +1,9 @@
 """Floquet exponents of a periodic system, with their own error and a verdict that admits doubt."""
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from flexlin.checks import Array, instance, positive, whole
+from flexlin.periodic.assignment import assign
 from flexlin.periodic.circle import measure_distances, pair_conjugates, wrap_log
 from flexlin.periodic.decoupling.decoupled import Refusal
 from flexlin.periodic.floquet.constant import solve_constant
@@ -152,14 +152,9 @@ def judge_fixed(system: PeriodicSystem, setting: Setting, tol: float) -> Floquet
     fixed = solve_by_segments(system, setting, tol, setting.segments, fixed=True)
     best = floquet(system, tol)
     apart = measure_distances(fixed.logs, best.log_multipliers) / system.period
-    partner = match_all(apart)
+    partner = assign(apart)
     errors = 1.5 * apart[np.arange(system.n), partner] + best.errors[partner] + fixed.rounding / system.period
     return judge(fixed.logs / system.period, errors, system.period, setting, tol)
-
-
-def match_all(apart: Array) -> Array:
-    """The assignment (n,) of rows to columns whose largest distance counts most."""
-    return np.asarray(linear_sum_assignment(apart)[1])
 
 
 def solve_by_hill(system: PeriodicSystem, tol: float, harmonics: int | None) -> FloquetResult:

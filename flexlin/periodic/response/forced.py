@@ -1,10 +1,9 @@
 """The periodic response of a periodic system to a periodic force, known between the grid points too."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.polynomial.legendre import legvander
 from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, at_times, instance, positive, real_array, whole
@@ -12,48 +11,26 @@ from flexlin.errors import ArgumentError, ResonantForcing
 from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.floquet.uncertainty import couple_uncertainty
 from flexlin.periodic.grid import place_edges
-from flexlin.periodic.product.cyclic import cyclic_system
 from flexlin.periodic.product.eigenvalues import product_logs
 from flexlin.periodic.product.perturbation import COHERENT
+from flexlin.periodic.response.collocated import PiecewiseSolution, VectorFunction, solve_periodic
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.choice import choose_setting
-from flexlin.periodic.transition.gauss import (
-    CHUNK_BYTES,
-    Tableau,
-    gauss,
-    place_nodes,
-    sample_at,
-    solve_stages,
-    weigh_stages,
-)
+from flexlin.periodic.transition.choice import MARGIN, choose_setting
+from flexlin.periodic.transition.gauss import Tableau, gauss
 from flexlin.periodic.transition.radau import radau
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, report_too_many
 from flexlin.summary import represent
 
-VectorFunction = Callable[[Array], Array]
 ROUNDINGS, RESONANT = 4.0, 100.0
 """Roundings that the periodicity condition amplifies; a response that loses this factor beyond tol counts as resonant."""
 STIFF = 1024
 """Segments of Gauss collocation beyond which Radau IIA is taken: its smooth solution does not feel modes that are fast and damped."""
+COARSE, LEAST = 4, 16
+"""The first segments: of those that would follow the fastest mode, which a smooth force hardly moves; and of a period at the least."""
+GROWTH = (1.3, 2.0)
+"""How many times more segments the next resolution has: enough to be evidence, and no more than the last one's error calls for."""
 PROBES = np.array([0.13, 0.5, 0.81])
 """Where inside each segment two resolutions are compared."""
-
-
-@dataclass(frozen=True)
-class PiecewiseSolution:
-    """The collocation polynomials: x(t_k + theta h_k) = start_k + h_k sum_m slope_km int_0^theta P_m."""
-
-    edges: Array
-    start: Array
-    slope: Array
-
-    __repr__ = represent
-
-    def __call__(self, t: Array) -> Array:
-        k = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, len(self.start) - 1)
-        h = np.diff(self.edges)[k]
-        integral = h[:, None] * integrate_legendre((t - self.edges[k]) / h, self.slope.shape[1])
-        return self.start[k] + (integral[:, None, :] @ self.slope[k])[:, 0]
 
 
 @dataclass(frozen=True)
@@ -161,25 +138,33 @@ def forced_response(
     force = as_vector_function(f, system)
     corners = tuple(np.union1d(system.resolved.breaks, real_array("breaks", breaks, (None,))).tolist())
     setting = choose_setting(system, positive("tol", tol), "gauss", None, None)
-    stages, count, previous = max(6, setting.order // 2), setting.segments, None
+    stages, enough, previous = max(6, setting.order // 2), setting.segments, None
     rule = gauss(stages)
-    if count > STIFF:
-        stages, count = 6, STIFF // 8
+    if enough > STIFF:
+        stages, enough = 6, STIFF // 4
         rule = radau(stages)
+    count = after = max(LEAST, enough // COARSE)
     while True:
         solution, sigma, Phi = solve_periodic(system, force, place_edges(system.period, corners, count), rule)
-        scale = max(1.0, float(np.abs(solution.start).max()))
-        rounding = ROUNDINGS * np.finfo(float).eps / sigma
-        if rounding > RESONANT * max(tol, 1e-10):
-            raise report_resonance(Phi, sigma)
-        if previous is not None:
-            apart = float(measure_difference(solution, previous) + rounding * scale)
+        rounding = ROUNDINGS * np.finfo(float).eps / max(sigma, np.finfo(float).tiny)
+        if solution is None or rounding > RESONANT * max(tol, 1e-10):
+            if count >= enough:
+                raise report_resonance(Phi, sigma)
+            solution, after = None, 2 * count
+        elif previous is None:
+            after = int(np.ceil(GROWTH[0] * count))
+        else:
+            scale = max(1.0, float(np.abs(solution.start).max()))
+            missed = measure_difference(solution, previous)
+            apart = missed + rounding * scale
             if apart <= tol * scale or apart <= 3 * rounding * scale:
                 break
+            wanted = len(previous.start) * (MARGIN * missed / (tol * scale)) ** (1 / (stages + 1))
+            after = int(np.ceil(np.clip(wanted, GROWTH[0] * count, GROWTH[1] * count)))
         previous = solution
-        if 2 * count > max_segments:
-            raise report_too_many(2 * count, max_segments, tol)
-        count *= 2
+        if after > max_segments:
+            raise report_too_many(after, max_segments, tol)
+        count = after
     apart += unknown_response(system, solution, corners, max(1, count // 2), rule)
     family = "Radau" if rule.c[-1] == 1 else "Gauss"
     status = f"periodic response to {apart:.1e} on {count} segments of {stages} {family} stages; amplification {1 / sigma:.1e}"
@@ -198,7 +183,7 @@ def unknown_response(
         return couple_uncertainty(system, t, eye, solution(t)[:, :, None])[:, :, 0]
 
     moved = solve_periodic(system, force, place_edges(system.period, corners, count), rule)[0]
-    return COHERENT * float(np.abs(moved.start).max())
+    return np.inf if moved is None else COHERENT * float(np.abs(moved.start).max())
 
 
 def as_vector_function(f: VectorFunction | Sequence[float], system: PeriodicSystem) -> VectorFunction:
@@ -211,59 +196,6 @@ def as_vector_function(f: VectorFunction | Sequence[float], system: PeriodicSyst
     if shape != (3, n):
         raise ArgumentError("f(t) has the wrong shape", got=shape, expected=f"(3, {n}) for t of shape (3,)")
     return f
-
-
-def solve_periodic(
-    system: PeriodicSystem, f: VectorFunction, grid: Array, rule: Tableau
-) -> tuple[PiecewiseSolution, float, Array]:
-    """Solve for the states at the edges; returns the solution, the smallest singular value of the closure, and Phi."""
-    h = np.diff(grid)
-    t = np.minimum(place_nodes(grid, rule.c), np.nextafter(grid[1:], -np.inf)[:, None])
-    force = real_array("f", sample_at(f, t))[..., None]
-    A = sample_at(system.resolved, t)
-    hA = A * h[:, None, None, None]
-    hf = force * h[:, None, None, None]
-    n = A.shape[-1]
-    eye = np.broadcast_to(np.eye(n), A.shape)
-    right = np.concatenate([eye, integrate_stages(rule, hf)], axis=-1)
-    size = max(1, CHUNK_BYTES // (8 * (len(rule.c) * n) ** 2))
-    parts = [solve_stages(hA[k : k + size], rule, right[k : k + size]) for k in range(0, len(h), size)]
-    Y = np.concatenate(parts)
-    Phi, g = find_ends(hA, hf, rule, Y)
-    cyclic = cyclic_system(Phi)
-    sigma = float(np.linalg.svd(cyclic.closure, compute_uv=False)[-1])
-    if sigma == 0.0:
-        raise report_resonance(Phi, sigma)
-    x = cyclic.solve(g)
-    rise = (Y[..., :n] @ x[:, None] + Y[..., n:] - x[:, None])[..., 0] / h[:, None, None]
-    slope = invert_legendre(rule) @ np.linalg.solve(rule.a, rise)
-    return PiecewiseSolution(grid, x[..., 0], slope), sigma, Phi
-
-
-def find_ends(hA: Array, hf: Array, rule: Tableau, Y: Array) -> tuple[Array, Array]:
-    """Transition matrices and particular ends of the segments from the stages Y = [of Phi, of f]; the last stage where c = 1."""
-    n = hA.shape[-1]
-    if rule.c[-1] == 1:
-        return Y[:, -1, :, :n], Y[:, -1, :, n:]
-    step = weigh_stages(hA, rule, Y)
-    return np.eye(n) + step[..., :n], step[..., n:] + (rule.b[:, None, None] * hf).sum(axis=1)
-
-
-def integrate_stages(rule: Tableau, values: Array) -> Array:
-    """sum_j a_ij values_j over the stage axis of (K, s, n, r)."""
-    return np.einsum("ij,kjnr->kinr", rule.a, values)
-
-
-def invert_legendre(rule: Tableau) -> Array:
-    """The matrix from stage values to coefficients of P_m on [0, 1]."""
-    return np.linalg.inv(legvander(2 * rule.c - 1, len(rule.c) - 1))
-
-
-def integrate_legendre(theta: Array, count: int) -> Array:
-    """int_0^theta P_m(2 s - 1) ds for m < count: (N, count)."""
-    P = legvander(2 * theta - 1, count)
-    m = np.arange(1, count)
-    return np.column_stack([theta, (P[:, 2:] - P[:, :-2]) / (2 * (2 * m + 1))])
 
 
 def measure_difference(fine: PiecewiseSolution, coarse: PiecewiseSolution) -> float:

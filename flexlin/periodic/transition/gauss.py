@@ -142,7 +142,25 @@ def solve_stages(hA: Array, rule: Tableau, right: Array) -> Array:
 def collocate_accelerations(M: Array, D: Array, K: Array, h: Array, rule: Tableau) -> Array:
     """Transition matrices (..., 2n, 2n) from stage samples M, D, K (..., s, n, n) and lengths h (...)."""
     s, n = K.shape[-3:-1]
-    lead = K.shape[:-3]
+    lead, h = K.shape[:-3], h[..., None, None]
+    right = np.concatenate([K, D + rule.c[:, None, None] * (h[..., None] * K)], axis=-1)
+    w = -solve_accelerations(M, D, K, h[..., 0, 0], rule, right)
+    rows = np.stack([rule.b * (1 - rule.c), rule.b]) @ w.reshape(*lead, s, 2 * n * n)
+    Phi = rows.reshape(*lead, 2 * n, 2 * n)
+    Phi[..., :n, :] *= h * h
+    Phi[..., n:, :] *= h
+    diagonal = np.arange(2 * n)
+    Phi[..., diagonal, diagonal] += 1
+    Phi[..., diagonal[:n], diagonal[n:]] += h[..., 0]
+    return Phi
+
+
+def solve_accelerations(M: Array, D: Array, K: Array, h: Array, rule: Tableau, right: Array) -> Array:
+    """Solve M_i w_i + sum_j (a_ij h D_i + (a^2)_ij h^2 K_i) w_j = right_i for the stages, all (..., s, n, r).
+
+    Raises: SingularMassMatrix.
+    """
+    s, n, r = right.shape[-3:]
     h = h[..., None, None, None]
     # unknowns coordinate by coordinate, stage by stage inside: NumPy's inner loops then run over the stages
     hD, hhK = (np.moveaxis(A, -3, -2)[..., None] for A in (h * D, h * h * K))
@@ -150,20 +168,12 @@ def collocate_accelerations(M: Array, D: Array, K: Array, h: Array, rule: Tablea
     G += (rule.a @ rule.a)[:, None, :] * hhK
     stage = np.arange(s)
     G[..., stage, :, stage] += np.moveaxis(M, -3, 0)
-    right = np.swapaxes(np.concatenate([K, D + rule.c[:, None, None] * (h * K)], axis=-1), -3, -2)
+    lead, by_coordinate = right.shape[:-3], np.swapaxes(right, -3, -2)
     try:
-        w = -np.linalg.solve(G.reshape(*lead, n * s, n * s), right.reshape(*lead, n * s, 2 * n))
+        w = np.linalg.solve(G.reshape(*lead, n * s, n * s), by_coordinate.reshape(*lead, n * s, r))
     except np.linalg.LinAlgError:
         raise SingularMassMatrix(
             "the accelerations are not determined on some segment of the period",
             todo="give every coordinate inertia, or remove the coordinate",
         ) from None
-    h = h[..., 0]
-    rows = np.stack([rule.b * (1 - rule.c), rule.b]) @ w.reshape(*lead, n, s, 2 * n)
-    Phi = np.swapaxes(rows, -3, -2).reshape(*lead, 2 * n, 2 * n)
-    Phi[..., :n, :] *= h * h
-    Phi[..., n:, :] *= h
-    diagonal = np.arange(2 * n)
-    Phi[..., diagonal, diagonal] += 1
-    Phi[..., diagonal[:n], diagonal[n:]] += h[..., 0]
-    return Phi
+    return np.swapaxes(w.reshape(*lead, n, s, r), -3, -2)

@@ -4,7 +4,6 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
-from scipy.special import roots_jacobi
 
 from flexlin.checks import Array
 from flexlin.periodic.system import MatrixFunction
@@ -15,11 +14,13 @@ from flexlin.periodic.transition.gauss import Tableau, collect_chunks, sample_at
 def radau(stages: int) -> Tableau:
     """Return the s-stage Radau IIA tableau; c_s = 1, so the last stage is the step's result.
 
-    Source: Hairer, Wanner, Solving ODEs II, IV.5; the inner nodes are the zeros of the Jacobi polynomial P^(1,0)_(s-1).
+    Source: Hairer, Wanner, Solving ODEs II, IV.5; the inner nodes are the zeros of the Jacobi polynomial P^(1,0)_(s-1), eigenvalues
+    of its recurrence (Golub, Welsch 1969).
     """
-    x = np.append(roots_jacobi(stages - 1, 1, 0)[0], 1.0) if stages > 1 else np.ones(1)
-    P = legvander(x, stages)
     k = np.arange(1, stages)
+    diagonal, beside = -1 / ((2 * k - 1) * (2 * k + 1)), np.sqrt(k * (k + 1.0)) / (2 * k + 1)
+    x = np.append(np.linalg.eigvalsh(np.diag(diagonal) + np.diag(beside[:-1], -1)), 1.0)
+    P = legvander(x, stages)
     integral = np.column_stack([(1 + x) / 2, (P[:, 2:] - P[:, :-2]) / (2 * (2 * k + 1))])
     a = np.linalg.solve(P[:, :stages].T, integral.T).T
     return Tableau((1 + x) / 2, a, a[-1])
