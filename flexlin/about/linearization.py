@@ -174,6 +174,11 @@ class Linearization(SecondOrderEquations):
                 expected="a periodic basic motion",
                 todo="use course = 'there-and-back', or a finite-horizon design",
             )
+        return self._periodic_system
+
+    @cached_property
+    def _periodic_system(self) -> PeriodicSystem:
+        """Made once, so that its coefficients are resolved once."""
         force, B = (self.B, self.input_matrix) if self.about.m else (None, None)
         second_order = SecondOrder(self.M, self.D, self.K, force, self.equations)
         named = self.features, self.complete

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 SAMPLES = 257
 """Points of a period in the figures and in report.json, both ends included."""
 SIMULATED_PERIODS = 3.0
+RANGE = 1e-4
+"""Relative width to which the range of the linear equations is found: three digits are printed, and times are sampled."""
 BY_TOL = ("periodic-lqr", "finite-horizon-lqr")
 """Designs whose gain has an error that can be asked for."""
 
@@ -122,7 +124,8 @@ class Analysis:
 def analyse(scene: Scene, clock: Clock | None = None) -> Analysis:
     """Linearize a scene's arm along its motion, judge every loop by Floquet, and compare with the nonlinear equations.
 
-    Every stage is asked for `scene.accuracy.tol` and kept within the limits that stand beside it.
+    Every stage is asked for `scene.accuracy.tol` and kept within the limits that stand beside it; where no tol is given the nonlinear
+    check is asked for what its comparison needs.
 
     Parameters: clock: collects the steps, and reports their progress.
     Returns: an `Analysis`; a stage that fails or meets a limit is a message in it.
@@ -149,8 +152,8 @@ def analyse(scene: Scene, clock: Clock | None = None) -> Analysis:
         problems,
         "simulation",
         f"nonlinear simulation of {SIMULATED_PERIODS:g} periods",
-        asked,
-        lambda: simulate(closed, SIMULATED_PERIODS, tol=asked.tol),
+        asked.of_comparison,
+        lambda: simulate(closed, SIMULATED_PERIODS, tol=asked.of_comparison.tol),
         simulation_error,
     )
     failure = clock.failures.get("simulation")
@@ -243,7 +246,7 @@ def range_of(
         problems["linear range"] = "there are no Floquet modes to measure it along"
         return None
     name = "range of the linear equations"
-    work = partial(linear_range, closed, result=own.floquet, tol=asked.tol)
+    work = partial(linear_range, closed, result=own.floquet, tol=max(RANGE, asked.tol))
     return clock.attempt(problems, "linear range", name, asked, work)
 
 

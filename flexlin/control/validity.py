@@ -1,7 +1,7 @@
 """How far the linear model is valid: where the nonlinear terms of the equations reach a stated share of the linear ones."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,10 @@ SAMPLES, CANDIDATES = 1024, 64
 it peaks within a hundredth of a period; and how many of them a search looks at."""
 LARGEST, SMALLEST = 10.0, 1e-7
 """Amplitudes between which the border is sought, in rad or m."""
+REPEATS = 4
+"""Searches among the times of largest share at the most."""
+HUGE = 700.0
+"""A logarithm beyond all numbers."""
 STILL = 1e-14
 """An amplitude at which only rounding is left of the nonlinear terms."""
 
@@ -169,35 +173,68 @@ class Terms:
         return size(self.mass, left - self.rest - a * self.slope)
 
 
+    def excess(self, a: float, share: float, rounding: float) -> Array:
+        """The logarithm of |R(a)| against the share of the linear terms at each time; HUGE where the forces are no numbers."""
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            nonlinear = self.nonlinear(a)
+            ratio = np.log((nonlinear - rounding) / (share * a * self.linear))
+        return np.where(nonlinear <= rounding, -HUGE, np.clip(np.nan_to_num(ratio, nan=HUGE), -HUGE, HUGE))
+
+
 def border(plant: Linearization, system: PeriodicSystem, t: Array, x: Array, share: float, tol: float) -> float:
     """The amplitude of a linear motion x (N, 2n) at which the nonlinear share is reached.
 
-    It is sought at CANDIDATES times first; then at those times of all at which the share is largest there.
+    It is sought at CANDIDATES times first; then at those times of all at which the share is largest there, until these stay the same.
     """
     terms = Terms.along(plant, system, t, x)
     rounding = 4 * float(terms.nonlinear(STILL).max())
-    first = bisect(terms.at(np.arange(0, len(t), max(1, len(t) // CANDIDATES))), share, rounding, tol)
-    if first == 0.0:
-        return first
-    excess = (terms.nonlinear(min(first, LARGEST)) - rounding) / (terms.linear + np.finfo(float).tiny)
-    return bisect(terms.at(np.argsort(excess)[-CANDIDATES:]), share, rounding, tol)
+    found = search_border(terms.at(np.arange(0, len(t), max(1, len(t) // CANDIDATES))), share, rounding, tol)
+    for _ in range(REPEATS):
+        if found == 0.0:
+            break
+        largest = np.argsort(terms.excess(min(found, LARGEST), share, rounding))[-CANDIDATES:]
+        before, found = found, search_border(terms.at(largest), share, rounding, tol)
+        if found >= before * (1 - tol):
+            break
+    return found
 
 
-def bisect(terms: Terms, share: float, rounding: float, tol: float) -> float:
+def search_border(terms: Terms, share: float, rounding: float, tol: float) -> float:
     """The smallest amplitude between SMALLEST and LARGEST that reaches the share somewhere; 0 or inf beyond these."""
 
-    def reached(a: float) -> bool:
-        return bool(np.any(terms.nonlinear(a) > share * a * terms.linear + rounding))
+    def excess(log: float) -> float:
+        """Nearly linear in log a."""
+        return float(terms.excess(float(np.exp(log)), share, rounding).max())
 
-    if not reached(LARGEST):
+    ends = np.log(SMALLEST), np.log(LARGEST)
+    at = [excess(end) for end in ends]
+    if at[1] <= 0:
         return np.inf
-    if reached(SMALLEST):
-        return 0.0
-    low, high = np.log(SMALLEST), np.log(LARGEST)
-    for _ in range(math.ceil(math.log2((high - low) / max(tol, 1e-14)))):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if reached(float(np.exp(middle))) else (middle, high)
-    return float(np.exp(low))
+    return 0.0 if at[0] > 0 else float(np.exp(bracket_root(excess, *ends, *at, max(tol, 1e-14))))
+
+
+def bracket_root(f: Callable[[float], float], low: float, high: float, at_low: float, at_high: float, width: float) -> float:
+    """The lower end of a bracket f(low) <= 0 < f(high) narrowed to a width: by secants, never slower than bisection by more than a step.
+
+    Source: Oliveira, Takahashi, An enhancement of the bisection method average performance preserving minmax optimality (ITP),
+    ACM TOMS 47 (2020), with kappa_1 = 0.2 / (high - low), kappa_2 = 2, n_0 = 1.
+    """
+    most, kappa = math.ceil(math.log2((high - low) / width)) + 1, 0.2 / (high - low)
+    for step in range(most):
+        if high - low <= width:
+            break
+        middle, span = 0.5 * (low + high), high - low
+        secant = low + span * at_low / (at_low - at_high)
+        side, nudge = math.copysign(1.0, middle - secant), kappa * span**2
+        inner = secant + side * nudge if nudge <= abs(middle - secant) else middle
+        reach = 0.5 * (width * 2.0 ** (most - step) - span)
+        x = inner if abs(inner - middle) <= reach else middle - side * reach
+        value = f(x)
+        if value > 0:
+            high, at_high = x, value
+        else:
+            low, at_low = x, value
+    return low
 
 
 def size(M: Array, force: Array) -> Array:

@@ -8,6 +8,8 @@ from flexlin.scene.base import Table, Unit
 
 FINEST, COARSEST = 1e-15, 0.1
 """Rounding allows no smaller error; a larger one is no answer."""
+COMPARED = 1e-6
+"""The error of a report's nonlinear check where no tol is given: a thousandth of the smallest difference that such a check speaks of."""
 
 
 class Accuracy(Table):
@@ -18,8 +20,13 @@ class Accuracy(Table):
     """
 
     tol: Annotated[float, Field(strict=True, ge=FINEST, le=COARSEST)] = 1e-9
-    """Wanted error of each stage's answer."""
+    """Wanted error of each stage's answer; left out, the nonlinear check of a report is asked for 1e-6."""
     seconds: Annotated[float, Field(strict=True, gt=0, le=1e7), Unit("s")] = 60.0
     """Wall time that a stage may take."""
     memory: Annotated[float, Field(strict=True, ge=2.0**20, le=2.0**50), Unit("B")] = 2.0**30
     """Memory that a stage may ask for at once."""
+
+    @property
+    def of_comparison(self) -> "Accuracy":
+        """What a comparison of linear and nonlinear motion is asked for: tol if the user gave one, else COMPARED."""
+        return self if "tol" in self.model_fields_set else self.model_copy(update={"tol": COMPARED})
