@@ -184,8 +184,8 @@ def test_simulate_writes_both_answers(tmp_path: Path, capsys: pytest.CaptureFixt
     assert (tmp_path / "simulation.nc").exists()
 
 
-BESIDES = {"xarray", "pandas", "control", "matplotlib"}
-"""Heavy libraries that neither a verdict nor a periodic design needs; `control` is 1.2 s, and brings matplotlib."""
+BESIDES = {"xarray", "pandas", "control", "matplotlib", "scipy.optimize", "scipy.interpolate", "scipy.integrate"}
+"""Heavy libraries that neither a verdict nor a design needs; `control` is 1.2 s, and brings matplotlib; each of SciPy's 0.2 s."""
 COMMANDS_IN_TURN = """
 import sys
 from flexlin.cli.main import entry, main
@@ -200,9 +200,10 @@ except SystemExit as end:
 
 @pytest.fixture(scope="module")
 def run_of_its_own(tmp_path_factory: pytest.TempPathFactory) -> list[bytes]:
-    """What `list` and then the report of an undecided loop with a periodic design print where the terminal knows only ASCII."""
-    design = 'designs=[{name="periodic", kind="periodic-lqr", state_weight=[1, 1], input_weight=[10]}]'
-    free = ["links.0.modes=0", "effects.gravity=off", "control={}", design]
+    """What `list` and then the report of an undecided loop with two designs print where the terminal knows only ASCII."""
+    weights = "state_weight=[1, 1], input_weight=[10]"
+    kinds = ", ".join(f'{{name="{kind}", kind="{kind}-lqr", {weights}}}' for kind in ("periodic", "frozen"))
+    free = ["links.0.modes=0", "effects.gravity=off", "control={}", f"designs=[{kinds}]"]
     arguments = ["report", "single-link", "--set", *free, "--out", str(tmp_path_factory.mktemp("ascii"))]
     command = [sys.executable, "-c", COMMANDS_IN_TURN % (BESIDES, BESIDES), *arguments]
     run = subprocess.run(command, capture_output=True, check=False, env={**os.environ, "PYTHONIOENCODING": "ascii"})
@@ -219,7 +220,7 @@ def test_a_terminal_that_knows_only_ascii_is_served(run_of_its_own: list[bytes])
 
 
 def test_no_command_loads_a_library_that_it_does_not_need(run_of_its_own: list[bytes]) -> None:
-    """`list` loads no numerical library; a report with a periodic design neither python-control nor matplotlib."""
+    """`list` loads no numerical library; a report with designs neither python-control nor matplotlib."""
     after_list, after_report = (line for line in run_of_its_own if line.startswith(b"["))
     assert any(b"periodic" in line and b"stable" in line for line in run_of_its_own)
     assert after_list == b"[]"

@@ -11,7 +11,7 @@ from scipy.linalg import expm
 import flexlin as fl
 from flexlin.control import periodic_motion
 from flexlin.errors import NumericalError
-from flexlin.simulation import simulate
+from flexlin.simulation import NonlinearLoop, predict, simulate
 from flexlin.simulation.collocation import Collocation
 from flexlin.simulation.drive import Drive
 from flexlin.simulation.equations import LinearEquations, NonlinearEquations
@@ -203,3 +203,14 @@ def test_linear_equations_need_one_sweep():
     F, _ = equations.residual(at, *one.path.stages)
     assert one.sweeps == 2
     assert np.abs(F).max() < 1e-9 * np.abs(at.linear[2]).max()
+
+
+def test_the_linear_answer_beside_the_nonlinear_one_is_that_of_a_run_of_its_own():
+    """Far from the rigid motion too, where the sweeps' matrices are not the rigid ones; and behind breaks."""
+    for name, size in (("single-link", 0.9), ("pick-and-place", 1e-3)):
+        lin = closed(name)
+        start = size * np.random.default_rng(9).standard_normal(2 * lin.n)
+        t = np.linspace(0.0, 0.3 * lin.period, 33)
+        _, beside = NonlinearLoop(lin, lin.law).beside_linear(t, start, 1e-9, 5)
+        alone, _ = predict(lin, t, start, lin.law, 1e-10)
+        assert np.abs(beside - alone).max() <= 1e-7 * np.abs(alone).max()

@@ -1,6 +1,7 @@
 """The bridge: a manipulator linearized along its rigid basic motion, M_L y'' + D_L y' + K_L y = h_L + B_L u."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from flexlin.about.law import Law
 from flexlin.about.routes import Route

@@ -1,7 +1,6 @@
 """How far the linear model is valid: where the nonlinear terms of the equations reach a stated share of the linear ones."""
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +10,7 @@ from flexlin.about.linearization import Linearization
 from flexlin.checks import Array, positive
 from flexlin.control.slow_motions import slow_motions
 from flexlin.mechanics.coordinates import Coordinate
+from flexlin.periodic.boundary.roots import SignedEnds, solve_brackets
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
@@ -172,7 +172,6 @@ class Terms:
         left = residual(self.plant, self.t, [a * z for z in self.motion])
         return size(self.mass, left - self.rest - a * self.slope)
 
-
     def excess(self, a: float, share: float, rounding: float) -> Array:
         """The logarithm of |R(a)| against the share of the linear terms at each time; HUGE where the forces are no numbers."""
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -202,39 +201,18 @@ def border(plant: Linearization, system: PeriodicSystem, t: Array, x: Array, sha
 def search_border(terms: Terms, share: float, rounding: float, tol: float) -> float:
     """The smallest amplitude between SMALLEST and LARGEST that reaches the share somewhere; 0 or inf beyond these."""
 
-    def excess(log: float) -> float:
+    def excess(_: Array, logs: Array) -> Array:
         """Nearly linear in log a."""
-        return float(terms.excess(float(np.exp(log)), share, rounding).max())
+        return np.array([terms.excess(float(a), share, rounding).max() for a in np.exp(logs)])
 
-    ends = np.log(SMALLEST), np.log(LARGEST)
-    at = [excess(end) for end in ends]
-    if at[1] <= 0:
+    low, high = np.log([SMALLEST]), np.log([LARGEST])
+    at_low, at_high = excess(low, low), excess(high, high)
+    if at_high[0] <= 0:
         return np.inf
-    return 0.0 if at[0] > 0 else float(np.exp(bracket_root(excess, *ends, *at, max(tol, 1e-14))))
-
-
-def bracket_root(f: Callable[[float], float], low: float, high: float, at_low: float, at_high: float, width: float) -> float:
-    """The lower end of a bracket f(low) <= 0 < f(high) narrowed to a width: by secants, never slower than bisection by more than a step.
-
-    Source: Oliveira, Takahashi, An enhancement of the bisection method average performance preserving minmax optimality (ITP),
-    ACM TOMS 47 (2020), with kappa_1 = 0.2 / (high - low), kappa_2 = 2, n_0 = 1.
-    """
-    most, kappa = math.ceil(math.log2((high - low) / width)) + 1, 0.2 / (high - low)
-    for step in range(most):
-        if high - low <= width:
-            break
-        middle, span = 0.5 * (low + high), high - low
-        secant = low + span * at_low / (at_low - at_high)
-        side, nudge = math.copysign(1.0, middle - secant), kappa * span**2
-        inner = secant + side * nudge if nudge <= abs(middle - secant) else middle
-        reach = 0.5 * (width * 2.0 ** (most - step) - span)
-        x = inner if abs(inner - middle) <= reach else middle - side * reach
-        value = f(x)
-        if value > 0:
-            high, at_high = x, value
-        else:
-            low, at_low = x, value
-    return low
+    if at_low[0] > 0:
+        return 0.0
+    found = solve_brackets(excess, SignedEnds(low, high, at_low, at_high), max(tol, 1e-14))
+    return float(np.exp(min(found.a[0], found.b[0])))
 
 
 def size(M: Array, force: Array) -> Array:

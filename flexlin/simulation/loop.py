@@ -3,12 +3,10 @@
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
-import casadi as ca
 import numpy as np
 from scipy.linalg.lapack import dposv
 
 from flexlin import symbolic
-from flexlin.about.deviation import Deviation
 from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
@@ -16,7 +14,7 @@ from flexlin.errors import SimulationStopped
 from flexlin.simulation.collocation import Collocation
 from flexlin.simulation.drive import Drive
 from flexlin.simulation.ending import explain_end, name_largest, smallest_masses
-from flexlin.simulation.equations import NonlinearEquations
+from flexlin.simulation.equations import NonlinearEquations, deviation_equations
 from flexlin.simulation.prediction import ROUNDING, with_breaks
 from flexlin.simulation.stepping import TrialLeftRange, march, stopped
 from flexlin.simulation.table import LawTable
@@ -186,7 +184,22 @@ class NonlinearLoop:
     def beside_linear(
         self, t: Array, start: Array, rtol: float, stages: int, linear: bool = True
     ) -> tuple[Array, Array | None]:
-        """What `integrate` returns, and the linear answer (N, 2n) on the same steps; none where the torque is held or cut."""
+        """Integrate from a start, and the linear equations on the same steps.
+
+        Parameters
+        ----------
+        t, start, rtol, stages : array, array, float, int
+            As for `integrate`.
+        linear : bool
+            Whether the linear answer is wanted.
+
+        Returns
+        -------
+        z : array, shape (N, 2n + 1)
+            What `integrate` returns.
+        x : array, shape (N, 2n), or None
+            States of the linear equations; none where the torque is held or cut.
+        """
         z = np.append(start, 0.0)
         self.accept(t[0], z)
         try:
@@ -280,16 +293,3 @@ class NonlinearLoop:
             t=t,
             left_range=far,
         )
-
-
-def deviation_equations(about: Deviation) -> ca.Function:
-    """M (all rows, kept columns), B, the residual without y'', the rates s' and the power lost to damping.
-
-    They are functions of x = [y; y'] and the place on the motion, with s = s_R + y.
-    """
-    arm, n = about.arm, about.n
-    x, (*_, angles) = ca.SX.sym("x", 2 * n), about.symbols()
-    lost = ca.dot(arm.s_dot, arm.damping)
-    expressions = [arm.M[:, list(about.kept)], arm.B[:, list(about.driven)], arm.residual, arm.s_dot, lost]
-    values = about.lift(expressions, angles, x[:n], x[n:])
-    return about.function(angles, {"x": x}, dict(zip(("M", "B", "left", "rates", "lost"), values, strict=True)))

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 
 import flexlin as fl
 from flexlin.control import (
@@ -19,6 +20,7 @@ from flexlin.control import (
     periodic_lqr,
     with_integral_action,
 )
+from flexlin.control.spline import PeriodicSpline
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
 
 KINDS = ("periodic-lqr", "frozen-lqr", "averaged-lqr", "finite-horizon-lqr")
@@ -192,3 +194,12 @@ def test_integral_action_removes_the_mean_joint_error():
     assert fl.floquet(integral.closed_loop).verdict == "stable"
     assert means[0] > 1e-3
     assert means[1] < 1e-9
+
+
+@pytest.mark.parametrize("count", [2, 3, 16])
+def test_the_schedule_of_frozen_gains_is_scipy_s_periodic_spline(count):
+    values, period = np.random.default_rng(count).standard_normal((count, 2, 3)), 1.7
+    knots = period * np.arange(count + 1) / count
+    expected = CubicSpline(knots, np.concatenate([values, values[:1]]), bc_type="periodic")
+    t = np.append(knots, np.random.default_rng(7).uniform(0.0, period, 40))
+    np.testing.assert_allclose(PeriodicSpline.through(values, period)(t), expected(t), atol=1e-13)

@@ -37,6 +37,14 @@ def test_every_stage_with_an_error_is_asked_for_the_scene_s_tol(two_accuracies) 
         )  # three loops and one about the elastic motion, that motion, the gain, two responses, simulation
 
 
+def test_the_nonlinear_check_has_a_tol_of_its_own_only_where_none_is_given() -> None:
+    scene = fl.load_scene("single-link", {"links.0.modes": 1, "designs": []})
+    steps = {step.name: step for step in analyse(scene).steps}
+    check = steps["nonlinear simulation of 3 periods"]
+    assert check.asked == 1e-6 >= check.reached
+    assert steps["forced response"].asked == scene.accuracy.tol == 1e-9
+
+
 def test_what_is_said_to_be_reached_is_the_error_of_the_answer(two_accuracies) -> None:
     for found in two_accuracies:
         reached = {step.name: step.reached for step in found.steps}

@@ -18,8 +18,6 @@ Boundary = Callable[[Array, Array, Array], Array]
 
 STEP = 0.02
 """Width of the scan for roots; roots of a uniform beam lie near pi apart."""
-BISECTIONS = 60
-"""Halvings after which a bracket of that width is one bit wide."""
 
 
 @dataclass(frozen=True)
@@ -87,21 +85,22 @@ def solve_modes(n: int, boundary: Boundary, lowest: float = 1e-3) -> UniformShap
     brackets = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0)[:n]
     if len(brackets) < n:
         raise ToleranceNotReached("not all roots of the beam were found", got=len(brackets), expected=f"{n} roots")
-    beta = bisect(determinant, grid[brackets], grid[brackets + 1])
+    beta = bisect(determinant, grid[brackets], grid[brackets + 1], np.sign(values[brackets]))
     null = np.linalg.svd(boundary_matrix(beta, boundary))[2][:, -1, :] if n else np.zeros((0, 4))
     return normalised(UniformShapes(beta, null))
 
 
-def bisect(function: Callable[[Array], Array], low: Array, high: Array) -> Array:
-    """The root in each of many brackets (n,), to the last bit: a batch of determinants is as cheap as one."""
-    sign = np.sign(function(low)) if len(low) else low
-    for _ in range(BISECTIONS):
+def bisect(function: Callable[[Array], Array], low: Array, high: Array, sign: Array) -> Array:
+    """The root in each bracket (n,) to the last bit, where `sign` is that of the function at its lower end.
+
+    One call with all middles costs as much as one root's step, so simple halving is fast enough.
+    """
+    while True:
         middle = 0.5 * (low + high)
         if not ((low < middle) & (middle < high)).any():
-            break
+            return middle
         same = np.sign(function(middle)) == sign
         low, high = np.where(same, middle, low), np.where(same, high, middle)
-    return 0.5 * (low + high)
 
 
 def normalised(shapes: UniformShapes) -> UniformShapes:

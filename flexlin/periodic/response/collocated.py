@@ -106,7 +106,8 @@ def collocate_second_order(coefficients: ResolvedCompanion, t: Array, h: Array, 
     W = np.concatenate(found)
     flat = W.reshape(len(t), s, -1)
     ends = [
-        (weights @ flat).reshape(len(t), n, 2 * n + 1) * size for weights, size in ((rule.b @ rule.a, each**2), (rule.b, each))
+        (weights @ flat).reshape(len(t), n, 2 * n + 1) * size
+        for weights, size in ((rule.b @ rule.a, each**2), (rule.b, each))
     ]
     ends[0][..., -1] += h[:, None] * (rule.b @ force[..., :n])
     whole = np.concatenate(ends, axis=1)

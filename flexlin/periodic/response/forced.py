@@ -29,6 +29,8 @@ COARSE, LEAST = 4, 16
 """The first segments: of those that would follow the fastest mode, which a smooth force hardly moves; and of a period at the least."""
 GROWTH = (1.3, 2.0)
 """How many times more segments the next resolution has: enough to be evidence, and no more than the last one's error calls for."""
+LEVELS, STAGNANT = 4, 3.0
+"""Resolutions in a row that come no nearer to each other, and the multiple of their largest difference that is stated as error."""
 PROBES = np.array([0.13, 0.5, 0.81])
 """Where inside each segment two resolutions are compared."""
 
@@ -138,39 +140,61 @@ def forced_response(
     force = as_vector_function(f, system)
     corners = tuple(np.union1d(system.resolved.breaks, real_array("breaks", breaks, (None,))).tolist())
     setting = choose_setting(system, positive("tol", tol), "gauss", None, None)
-    stages, enough, previous = max(6, setting.order // 2), setting.segments, None
+    stages, enough = max(6, setting.order // 2), setting.segments
     rule = gauss(stages)
     if enough > STIFF:
         stages, enough = 6, STIFF // 4
         rule = radau(stages)
-    count = after = max(LEAST, enough // COARSE)
-    while True:
-        solution, sigma, Phi = solve_periodic(system, force, place_edges(system.period, corners, count), rule)
-        rounding = ROUNDINGS * np.finfo(float).eps / max(sigma, np.finfo(float).tiny)
-        if solution is None or rounding > RESONANT * max(tol, 1e-10):
-            if count >= enough:
-                raise report_resonance(Phi, sigma)
-            solution, after = None, 2 * count
-        elif previous is None:
-            after = int(np.ceil(GROWTH[0] * count))
-        else:
-            scale = max(1.0, float(np.abs(solution.start).max()))
-            missed = measure_difference(solution, previous)
-            apart = missed + rounding * scale
-            if apart <= tol * scale or apart <= 3 * rounding * scale:
-                break
-            wanted = len(previous.start) * (MARGIN * missed / (tol * scale)) ** (1 / (stages + 1))
-            after = int(np.ceil(np.clip(wanted, GROWTH[0] * count, GROWTH[1] * count)))
-        previous = solution
-        if after > max_segments:
-            raise report_too_many(after, max_segments, tol)
-        count = after
+    limits = enough, max_segments
+    solution, sigma, apart, scale = refine_response(system, force, corners, tol, rule, limits)
+    count = len(solution.start)
     apart += unknown_response(system, solution, corners, max(1, count // 2), rule)
     family = "Radau" if rule.c[-1] == 1 else "Gauss"
     status = f"periodic response to {apart:.1e} on {count} segments of {stages} {family} stages; amplification {1 / sigma:.1e}"
     if apart > tol * scale:
-        status += f"; tol {tol:.0e} was not reached: near resonance the error above is what rounding allows"
+        status += f"; tol {tol:.0e} was not reached: the error above is what rounding allows"
     return ForcedResponse(solution, system.period, apart, 1 / sigma, count, status)
+
+
+def refine_response(
+    system: PeriodicSystem,
+    force: VectorFunction,
+    corners: tuple[float, ...],
+    tol: float,
+    rule: Tableau,
+    limits: tuple[int, int],
+) -> tuple[PiecewiseSolution, float, float, float]:
+    """Solve on more and more segments until two resolutions that share no edges agree to tol, or to what rounding allows.
+
+    Parameters: limits: segments that would follow the fastest mode, and the most that may be used.
+    Returns: the solution, the smallest singular value of its closure, how far the two are apart, and the size of the response.
+    """
+    count, previous, misses = max(LEAST, limits[0] // COARSE), None, list[float]()
+    while count <= limits[1]:
+        solution, sigma, Phi = solve_periodic(system, force, place_edges(system.period, corners, count), rule)
+        rounding = ROUNDINGS * np.finfo(float).eps / max(sigma, np.finfo(float).tiny)
+        if solution is None or rounding > RESONANT * max(tol, 1e-10):
+            if count >= limits[0]:
+                raise report_resonance(Phi, sigma)
+            previous, count = None, 2 * count
+            continue
+        wanted = 0.0
+        if previous is not None:
+            scale = max(1.0, float(np.abs(solution.start).max()))
+            missed = measure_difference(solution, previous)
+            if missed <= (tol - rounding) * scale or missed <= 2 * rounding * scale:
+                return solution, sigma, float(missed + rounding * scale), scale
+            misses.append(missed)
+            if stagnant(misses):
+                return solution, sigma, float(STAGNANT * max(misses[-LEVELS:]) + rounding * scale), scale
+            wanted = len(previous.start) * (MARGIN * missed / (tol * scale)) ** (1 / (len(rule.c) + 1))
+        previous, count = solution, int(np.ceil(np.clip(wanted, GROWTH[0] * count, GROWTH[1] * count)))
+    raise report_too_many(count, limits[1], tol)
+
+
+def stagnant(misses: list[float]) -> bool:
+    """Whether more segments have stopped to help: rounding of the force and of the coefficients is all that is left."""
+    return len(misses) > LEVELS and min(misses[-LEVELS:]) > 0.5 * min(misses[:-LEVELS])
 
 
 def unknown_response(

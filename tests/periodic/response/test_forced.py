@@ -74,3 +74,29 @@ def test_bad_forces_are_refused():
         fl.forced_response(system, [np.nan, 0.0])
     with pytest.raises(TooManySegments):
         fl.forced_response(system, lambda t: np.where(t < 0.512, 1.0, 0.0)[:, None] * np.ones(2), max_segments=100)
+
+
+@pytest.mark.parametrize("stiffness", [30.0, 1e7])
+def test_second_order_systems_answer_as_their_state_equations_do(stiffness, rng):
+    """A manufactured motion under a force on rates and places alike: by accelerations, and by states where nobody knows of M, D, K."""
+    n, T = 2, 1.3
+    w, R = 2 * np.pi / T, rng.standard_normal((3, n, n))
+    M, D = R[0] @ R[0].T + np.eye(n), 0.2 * R[1] @ R[1].T + 0.3 * np.eye(n)
+
+    def K(t):
+        return stiffness * (np.eye(n) + 0.1 * (R[2] + R[2].T) * np.cos(w * t)[:, None, None])
+
+    second = fl.PeriodicSystem.from_second_order(M, D, K, T)
+    amplitude = rng.standard_normal((2, 2 * n))
+
+    def exact(t):
+        return np.sin(w * t)[:, None] * amplitude[0] + np.cos(2 * w * t)[:, None] * amplitude[1]
+
+    def force(t):
+        slope = w * (np.cos(w * t)[:, None] * amplitude[0] - 2 * np.sin(2 * w * t)[:, None] * amplitude[1])
+        return slope - (second.A(t) @ exact(t)[..., None])[..., 0]
+
+    t = np.linspace(0.0, T, 201)
+    for system in (second, fl.PeriodicSystem(second.A, T)):
+        response = fl.forced_response(system, force, tol=1e-9)
+        assert np.abs(response(t) - exact(t)).max() <= response.error <= 2e-9 + 1e-13 * stiffness
