@@ -17,6 +17,7 @@ from flexlin.errors.given import (
 )
 from flexlin.errors.numerical import (
     IllPosedSegment,
+    NotCertified,
     NotDetectable,
     NotStabilizable,
     NumericalError,
@@ -39,6 +40,7 @@ __all__ = [
     "InputError",
     "ModelError",
     "MotionError",
+    "NotCertified",
     "NotDetectable",
     "NotPeriodic",
     "NotStabilizable",

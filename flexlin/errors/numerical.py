@@ -181,3 +181,16 @@ class UnresolvedCoefficient(NumericalError):
         ...
     flexlin.errors.UnresolvedCoefficient: A(t) cannot be resolved near...
     """
+
+
+class NotCertified(NumericalError):
+    """A loop gets no certificate: it is not stable, undecided, or no Lyapunov matrix that was tried proves it.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> fl.floquet(fl.PeriodicSystem([[0.1]], 1.0)).certificate()
+    Traceback (most recent call last):
+        ...
+    flexlin.errors.NotCertified: the loop is unstable...
+    """

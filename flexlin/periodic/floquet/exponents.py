@@ -1,5 +1,7 @@
 """Floquet exponents of a periodic system, with their own error and a verdict that admits doubt."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from flexlin.checks import Array, instance, positive, whole
@@ -95,6 +97,14 @@ def floquet(
     tol = positive("tol", tol)
     order, segments = (None if v is None else whole(k, v) for k, v in (("order", order), ("segments", segments)))
     limit = min(whole("max_segments", max_segments), FACTOR_BYTES // (8 * system.n**2))
+    answer = find_exponents(system, tol, method, order, segments, limit)
+    return replace(answer, resolved=system.resolved)
+
+
+def find_exponents(
+    system: PeriodicSystem, tol: float, method: str, order: int | None, segments: int | None, limit: int
+) -> FloquetResult:
+    """Choose a way to the exponents and go it."""
     if method == "hill":
         return solve_by_hill(system, tol, order)
     if method == "auto" and system.resolved.constant:

@@ -1,13 +1,20 @@
 """The answer of a Floquet analysis: exponents, their errors, a verdict that admits doubt, and what to do next."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.transition.setting import Setting
+from flexlin.periodic.resolved.companion import ResolvedCompanion
+from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.summary import represent
+
+if TYPE_CHECKING:
+    from flexlin.periodic.certificate.lyapunov import Certificate
 
 MARGINAL = 1e-9
 """Growth per basic frequency below which no arm shows whether a motion grows or decays."""
@@ -36,6 +43,8 @@ class FloquetResult:
         How the exponents were computed: method, order and segments, and `setting.reason` for the choice.
     reason : str
         Why a verdict is undecided or practically marginal, in one sentence; empty where it is neither.
+    resolved : ResolvedMatrix or ResolvedCompanion
+        A(t) as the series that the exponents belong to, for the certificate.
 
     Examples
     --------
@@ -52,6 +61,7 @@ class FloquetResult:
     status: str
     setting: Setting
     reason: str = ""
+    resolved: ResolvedMatrix | ResolvedCompanion | None = field(default=None, repr=False, compare=False)
 
     __repr__ = represent
 
@@ -73,6 +83,34 @@ class FloquetResult:
             size = np.exp(self.log_multipliers.real)
             angle = self.log_multipliers.imag
             return np.where(np.isinf(size), size + 0j, size * np.exp(1j * angle))
+
+
+    def certificate(self) -> "Certificate":
+        """Issue a Lyapunov certificate: a periodic X(t) > 0 with X' + A' X + X A < 0 proved over the whole period.
+
+        Returns
+        -------
+        Certificate
+            X(t), margin, tolerates.
+
+        Raises
+        ------
+        NotCertified
+            For an unstable or undecided loop, or where no X that is tried proves it.
+
+        References
+        ----------
+        Bittanti, Colaneri, Periodic Systems (2009), ch. 4 (periodic Lyapunov inequality).
+
+        Examples
+        --------
+        >>> import flexlin as fl
+        >>> print(f"{fl.floquet(fl.PeriodicSystem([[-0.3]], 1.0)).certificate().margin:.4f}")
+        0.6000
+        """
+        certify = import_module("flexlin.periodic.certificate.lyapunov").certify  # it stands above this room
+        proof: Certificate = certify(self)
+        return proof
 
 
 def judge(

@@ -1,0 +1,95 @@
+"""A(t) and X(t) as polynomials on common panels of the period, with what the polynomials of A may be off."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.errors import ToleranceNotReached
+from flexlin.periodic.chebyshev import chebyshev_basis, chebyshev_coefficients, panel_times
+from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.resolved.companion import ResolvedCompanion
+from flexlin.periodic.resolved.matrix import WAVES, ResolvedMatrix, divided
+
+NODES, TAIL = 32, 4
+"""Nodes of a panel, and how many of its last coefficients must have vanished."""
+MOST = 512
+"""Panels of a period."""
+KNOWN, SHAPED = 1e-13, 1e-8
+"""How small the last coefficients of A and of X must be, relative to their largest values."""
+LEAST = 1e-11
+"""Coefficients of X that are left out, relative to the largest."""
+EPS = float(np.finfo(float).eps)
+Resolved = ResolvedMatrix | ResolvedCompanion
+
+
+@dataclass(frozen=True)
+class CommonPanels:
+    """Edges (P + 1,) from 0 to T, Chebyshev coefficients of A and X (P, K, n, n), and a bound on the error of A's entries (n, n)."""
+
+    edges: Array
+    A: Array
+    X: Array
+    error: Array
+
+
+def represent_on_panels(resolved: Resolved, X: Callable[[Array], Array]) -> CommonPanels:
+    """Interpolate A and X on panels that are halved until both are followed.
+
+    Raises: ToleranceNotReached when that takes too many panels.
+    """
+    longest = WAVES * resolved.period / max(resolved.degree, 1)
+    edges = resolved.edges
+    if isinstance(resolved.series, FourierSeries):
+        edges = divided(edges, min(longest, resolved.period))
+    while len(edges) <= MOST:
+        t = panel_times(edges[:-1], edges[1:], NODES)
+        parts = [f(t.ravel()).reshape(*t.shape, -1) for f in (resolved, X)]
+        coefficients = [chebyshev_coefficients(values) for values in parts]
+        rough = np.zeros(len(t), dtype=bool)
+        for values, one, tol in zip(parts, coefficients, (KNOWN, SHAPED), strict=True):
+            tails = np.abs(one[:, -TAIL:]).max(axis=1)
+            floor = 50 * EPS * np.abs(values).max(axis=(0, 1))  # what rounding leaves in the last coefficients
+            rough |= np.any(tails > np.maximum(tol * np.abs(values).max(axis=(0, 1)), floor), axis=1)
+        if not rough.any():
+            return assemble(resolved, edges, *coefficients)
+        edges = np.union1d(edges, ((edges[:-1] + edges[1:]) / 2)[rough])
+    raise ToleranceNotReached("A and X were not followed by polynomials", got=f"more than {MOST} panels")
+
+
+def assemble(resolved: Resolved, edges: Array, A: Array, X: Array) -> CommonPanels:
+    """Put panels together; A's error: that of its representation, what the panels add between their nodes, and rounding."""
+    n = round(A.shape[-1] ** 0.5)
+    A, X = (one.reshape(*one.shape[:2], n, n) for one in (A, X))
+    X = (X + np.swapaxes(X, -1, -2)) / 2
+    u = np.linspace(-1.0, 1.0, 2 * NODES + 1)[1:-1]
+    t = (edges[:-1, None] + edges[1:, None]) / 2 + np.diff(edges)[:, None] / 2 * u
+    apart = np.abs(resolved(t.ravel()).reshape(*t.shape, n, n) - np.einsum("uk,pkij->puij", chebyshev_basis(u, NODES), A))
+    between = 3 * apart.max(axis=(0, 1)) + np.abs(A[:, -TAIL:]).sum(axis=1).max(axis=0)
+    error = error_of(resolved) + between + 8 * EPS * np.abs(A).sum(axis=1).max(axis=0)
+    return CommonPanels(edges, trimmed(A, 4 * EPS), trimmed(X, LEAST), np.where(np.abs(A).max(axis=(0, 1)) > 0, error, 0.0))
+
+
+def error_of(resolved: Resolved) -> Array:
+    """A bound on the error of A's representation (n, n); of second order:
+
+        |dA| <= 1.5 |M^-1| (|dM| |M^-1 K| + |dK|)   and with D in the place of K,
+
+    at 257 times, with half as much again for between them.
+    """
+    if isinstance(resolved, ResolvedMatrix):
+        return resolved.error
+    t = resolved.period * np.arange(257) / 257
+    M, D, K = resolved.sample(t)
+    dM, dD, dK = resolved.split(resolved.blocks.error)
+    inverse = np.abs(np.linalg.inv(M))
+    sides = [(inverse @ (dM @ np.abs(np.linalg.solve(M, one)) + error)).max(axis=0) for one, error in ((K, dK), (D, dD))]
+    lower = 1.5 * np.concatenate(sides, axis=1)
+    return np.concatenate([np.zeros_like(lower), lower])
+
+
+def trimmed(coefficients: Array, least: float) -> Array:
+    """Coefficients without the highest ones, where those are negligible on every panel."""
+    size = np.abs(coefficients).max(axis=(0, 2, 3)) / max(float(np.abs(coefficients).max()), np.finfo(float).tiny)
+    return coefficients[:, : max(int(np.flatnonzero(size > least).max(initial=0)) + 1, 1)]

@@ -1,0 +1,108 @@
+"""The Lyapunov inequality over a whole period: values at samples, and between them a bound from the coefficients."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.periodic.certificate.panels import CommonPanels
+from flexlin.periodic.chebyshev import chebyshev_basis, chebyshev_coefficients, chebyshev_nodes
+
+SAMPLES = (65, 257, 1025, 4097)
+"""Equally spaced samples of a panel, ends included, that are tried."""
+SHARE = 0.02
+"""Share of the margin that the bound between samples may cost."""
+ROUNDINGS = 8.0
+EPS = float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True)
+class Proof:
+    """X' + A' X + X A <= -margin X, in 1/s, and the spectral norm of a change of A, in 1/s, that leaves it negative; margin <= 0: none."""
+
+    margin: float
+    tolerates: float
+
+
+def prove(panels: CommonPanels) -> Proof:
+    """Bound the margin from below.
+
+    In coordinates z = L' x, L L' = mean X, with R = X' + A' X + X A:
+
+        R(t) + mu X(t) <= -(what A's error and rounding can add)
+
+    holds at the samples, and between two of them because a matrix polynomial p lies within h^2/8 max |p''| of its chord, where
+    |p''| <= sum_k |c_k| k^2 (k^2 - 1) / 3 (Markov). Where X grows from one panel to the next, the growth is paid from the margin.
+    """
+    L = np.linalg.cholesky(mean_of(panels))
+    A = L.T @ panels.A @ np.linalg.inv(L.T)
+    X = np.linalg.solve(L, np.swapaxes(np.linalg.solve(L, panels.X), -1, -2))
+    unknown = np.linalg.norm(np.abs(L.T) @ panels.error @ np.abs(np.linalg.inv(L.T)))
+    best = Proof(-np.inf, 0.0)
+    for count in SAMPLES:
+        found, lost = bound_margin(panels.edges, A, X, float(unknown), count)
+        best = max(best, found, key=lambda one: one.margin)
+        if lost <= SHARE * max(found.margin, 0.0) or found.margin == -np.inf:
+            break
+    return Proof(best.margin, best.tolerates / float(np.linalg.cond(L)))
+
+
+def mean_of(panels: CommonPanels) -> Array:
+    """The mean of X over the period (n, n)."""
+    even = np.arange(0, panels.X.shape[1], 2)
+    share = np.diff(panels.edges) / panels.edges[-1]
+    return np.einsum("p,k,pkij->ij", share, 1 / (1 - even**2.0), panels.X[:, ::2])
+
+
+def bound_margin(edges: Array, A: Array, X: Array, unknown: float, count: int) -> tuple[Proof, float]:
+    """Return the margin proved with so many samples a panel, and what the bound between samples costs."""
+    half = np.diff(edges)[:, None, None, None] / 2
+    slope = np.polynomial.chebyshev.chebder(X, axis=1) / half if X.shape[1] > 1 else np.zeros_like(X)
+    degree = A.shape[1] + X.shape[1] - 1
+    R = chebyshev_coefficients(flat(sum_terms(A, X, slope, chebyshev_nodes(degree))))
+    h = 2.0 / (count - 1)
+    bends = [h**2 / 8 * bend(one).max() for one in (R, flat(X))]
+    u = np.linspace(-1.0, 1.0, count)
+    values, size = sum_terms(A, X, slope, u), evaluate(X, u)
+    least = float(np.linalg.eigvalsh(size).min()) - bends[1]
+    most = float(np.linalg.norm(size, 2, axis=(-2, -1)).max()) + bends[1]
+    if not least > 0:
+        return Proof(-np.inf, 0.0), np.inf
+    largest_A = float(np.linalg.norm(evaluate(A, u), axis=(-2, -1)).max())
+    rounding = ROUNDINGS * len(A[0, 0]) * EPS * (2 * largest_A * most + float(np.abs(evaluate(slope, u)).max()))
+    known = 2 * unknown * most + rounding
+    first = largest_ratio(values, size, known)
+    mu = largest_ratio(values, size, known + bends[0] + max(-first, 0.0) * bends[1])
+    ends = evaluate(X, np.array([-1.0, 1.0]))
+    grown = np.log([max(largest_ratio(b, a, 0.0), 1.0) for a, b in zip(np.roll(ends[:, 1], 1, axis=0), ends[:, 0], strict=True)])
+    margin = -mu - float(grown.sum()) / float(edges[-1])
+    return Proof(margin, max(margin, 0.0) / 2 * float(np.sqrt(least / most))), mu - first
+
+
+def sum_terms(A: Array, X: Array, slope: Array, u: Array) -> Array:
+    """X' + A' X + X A at u of each panel, (P, U, n, n)."""
+    product = evaluate(X, u) @ evaluate(A, u)
+    return evaluate(slope, u) + product + np.swapaxes(product, -1, -2)
+
+
+def evaluate(coefficients: Array, u: Array) -> Array:
+    """Polynomials of each panel at u (U,): (P, U, n, n)."""
+    return np.einsum("uk,pkij->puij", chebyshev_basis(u, coefficients.shape[1]), coefficients, optimize=True)
+
+
+def flat(values: Array) -> Array:
+    """Matrices as rows."""
+    return values.reshape(*values.shape[:2], -1)
+
+
+def bend(coefficients: Array) -> Array:
+    """A bound on the second derivative of each panel's polynomial in [-1, 1], by |T_k''| <= k^2 (k^2 - 1) / 3 (P,)."""
+    k = np.arange(coefficients.shape[1])
+    return np.linalg.norm(coefficients, axis=2) @ (k**2 * (k**2 - 1.0) / 3)
+
+
+def largest_ratio(R: Array, X: Array, added: float) -> float:
+    """The largest eigenvalue of X^-1/2 (R + added) X^-1/2 over all samples, X > 0."""
+    L = np.linalg.cholesky(X)
+    half = np.linalg.solve(L, R + added * np.eye(R.shape[-1]))
+    return float(np.linalg.eigvalsh(np.linalg.solve(L, np.swapaxes(half, -1, -2))).max())
