@@ -16,10 +16,10 @@ NODES, TAIL = 32, 4
 """Nodes of a panel, and how many of its last coefficients must have vanished."""
 MOST = 512
 """Panels of a period."""
-KNOWN, SHAPED = 1e-13, 1e-8
+KNOWN, SHAPED = 1e-11, 1e-6
 """How small the last coefficients of A and of X must be, relative to their largest values."""
-LEAST = 1e-11
-"""Coefficients of X that are left out, relative to the largest."""
+LEAST = 1e-8
+"""Coefficients of X that are left out, in units in which X has a diagonal of ones."""
 EPS = float(np.finfo(float).eps)
 Resolved = ResolvedMatrix | ResolvedCompanion
 
@@ -67,8 +67,11 @@ def assemble(resolved: Resolved, edges: Array, A: Array, X: Array) -> CommonPane
     t = (edges[:-1, None] + edges[1:, None]) / 2 + np.diff(edges)[:, None] / 2 * u
     apart = np.abs(resolved(t.ravel()).reshape(*t.shape, n, n) - np.einsum("uk,pkij->puij", chebyshev_basis(u, NODES), A))
     between = 3 * apart.max(axis=(0, 1)) + np.abs(A[:, -TAIL:]).sum(axis=1).max(axis=0)
-    error = error_of(resolved) + between + 8 * EPS * np.abs(A).sum(axis=1).max(axis=0)
-    return CommonPanels(edges, trimmed(A, 4 * EPS), trimmed(X, LEAST), np.where(np.abs(A).max(axis=(0, 1)) > 0, error, 0.0))
+    units = np.sqrt(np.abs(X[..., range(n), range(n)]).sum(axis=1).max(axis=0))
+    kept = trimmed(A, 4 * EPS * np.abs(A).max(axis=(0, 1)))
+    dropped = np.abs(A[:, kept.shape[1] :]).sum(axis=1).max(axis=0)
+    error = error_of(resolved) + between + dropped + 8 * EPS * np.abs(A).sum(axis=1).max(axis=0)
+    return CommonPanels(edges, kept, trimmed(X, LEAST * np.outer(units, units)), np.where(np.any(A, axis=(0, 1)), error, 0.0))
 
 
 def error_of(resolved: Resolved) -> Array:
@@ -89,7 +92,7 @@ def error_of(resolved: Resolved) -> Array:
     return np.concatenate([np.zeros_like(lower), lower])
 
 
-def trimmed(coefficients: Array, least: float) -> Array:
-    """Coefficients without the highest ones, where those are negligible on every panel."""
-    size = np.abs(coefficients).max(axis=(0, 2, 3)) / max(float(np.abs(coefficients).max()), np.finfo(float).tiny)
-    return coefficients[:, : max(int(np.flatnonzero(size > least).max(initial=0)) + 1, 1)]
+def trimmed(coefficients: Array, least: Array) -> Array:
+    """Coefficients without the highest ones, where those are at most `least` (n, n) on every panel."""
+    counts = np.flatnonzero(np.any(np.abs(coefficients) > least, axis=(0, 2, 3)))
+    return coefficients[:, : int(counts.max(initial=0)) + 1]

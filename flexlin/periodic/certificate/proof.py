@@ -8,9 +8,9 @@ from flexlin.checks import Array
 from flexlin.periodic.certificate.panels import CommonPanels
 from flexlin.periodic.chebyshev import chebyshev_basis, chebyshev_coefficients, chebyshev_nodes
 
-SAMPLES = (65, 257, 1025, 4097)
+SAMPLES = (65, 257, 1025)
 """Equally spaced samples of a panel, ends included, that are tried."""
-SHARE = 0.02
+SHARE = 0.05
 """Share of the margin that the bound between samples may cost."""
 ROUNDINGS = 8.0
 EPS = float(np.finfo(float).eps)
