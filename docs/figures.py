@@ -207,7 +207,8 @@ def studies() -> str:
     rows = []
     for path in sorted(STUDIES.glob("*.py")):
         question = (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").splitlines()[0]
-        rows.append([f"[`{path.stem}`](../studies/{path.name})", question, f"![{path.stem}](pictures/{path.stem}.png)"])
+        picture = f"![{path.stem}](pictures/{path.stem}.png)" if (PICTURES / f"{path.stem}.png").exists() else ""
+        rows.append([f"[`{path.stem}`](../studies/{path.name})", question, picture])
     return table(["study", "question", "its picture, of the small run"], rows)
 
 

@@ -40,19 +40,25 @@ def holds(certificate, samples=1025):
     if hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest() != certificate["sha256"]:
         return False
     widths, mu, k = np.diff(edges), said["margin"], np.arange(0, X.shape[1], 2)
-    if edges[0] != 0 or min(widths) <= 0 or np.any(X != X.swapaxes(2, 3)) or np.any(error < 0) or not mu > 0:
+    if edges[0] != 0 or min(widths) <= 0 or np.any(X.swapaxes(2, 3) != X) or np.any(error < 0) or not mu > 0:
         return False
     mean = np.einsum("p,k,pkij->ij", widths / edges[-1], 1 / (1 - k**2), X[:, ::2])
     if not np.linalg.eigvalsh(mean).min() > 0:
         return False
     L = np.linalg.cholesky(mean)
     inverse = np.linalg.inv(L.T)
-    unknown = np.linalg.norm(np.abs(L.T) @ error @ np.abs(inverse)) + 1e-15 * len(L) * np.linalg.norm(L.T @ A @ inverse, 2, (2, 3)).sum(1).max()
+    unknown = (
+        np.linalg.norm(np.abs(L.T) @ error @ np.abs(inverse))
+        + 1e-15 * len(L) * np.linalg.norm(L.T @ A @ inverse, 2, (2, 3)).sum(1).max()
+    )
     u, step, least, most, worst, ends = np.linspace(-1, 1, samples), 2 / (samples - 1), np.inf, 0.0, -np.inf, []
     for a, x, width in zip(L.T @ A @ inverse, inverse.T @ X @ inverse, widths, strict=True):
         nodes, S = chebpts1(len(a) + len(x)), values(u, x)
         R = chebfit(nodes, left_side(nodes, a, x, width).reshape(len(nodes), -1), len(nodes) - 1)
-        least, most = min(least, np.linalg.eigvalsh(S).min() - between(x, step)), max(most, np.linalg.eigvalsh(S).max() + between(x, step))
+        least, most = (
+            min(least, np.linalg.eigvalsh(S).min() - between(x, step)),
+            max(most, np.linalg.eigvalsh(S).max() + between(x, step)),
+        )
         if not least > 0:
             return False
         added = between(R, step) + mu * between(x, step) + 2 * unknown * most
@@ -64,6 +70,7 @@ def holds(certificate, samples=1025):
 
 
 if __name__ == "__main__":
-    report = json.load(open(sys.argv[1]))
+    with open(sys.argv[1], encoding="utf-8") as file:
+        report = json.load(file)
     for name, loop in {"own": report["floquet"], "open": report["open_loop"], **report["designs"]}.items():
         print(name, loop["verdict"], holds(loop["certificate"]) if loop.get("certificate") else "no certificate")

@@ -16,6 +16,7 @@ from flexlin.control import Design, design, linear_range, linearize_about, perio
 from flexlin.control.validity import Validity
 from flexlin.errors import SimulationStopped
 from flexlin.mechanics import Manipulator, build_manipulator
+from flexlin.periodic.certificate.lyapunov import Certificate
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import floquet_modes
 from flexlin.periodic.floquet.resonance import Resonance, find_resonances
@@ -41,7 +42,8 @@ BY_TOL = ("periodic-lqr", "finite-horizon-lqr")
 @dataclass(frozen=True)
 class Loop:
     """One loop on the arm and Floquet's verdict on it; `problem` says why there is none, `design` is the designed controller, if any,
-    `response` the loop's periodic response, if that is known and kept: an unstable loop leaves it."""
+    `response` the loop's periodic response, if that is known and kept: an unstable loop leaves it,
+    `certificate` the proof that it is stable."""
 
     name: str
     kind: str
@@ -49,6 +51,7 @@ class Loop:
     problem: str = ""
     design: Design | None = None
     response: Response | None = None
+    certificate: Certificate | None = None
 
     @property
     def verdict(self) -> str:
@@ -256,7 +259,10 @@ def judge_loop(
     """Floquet's verdict on a loop, or why there is none."""
     problems: dict[str, str] = {}
     result = clock.attempt(problems, name, step, asked, lambda: floquet(system, asked.tol), exponent_error)
-    return Loop(name, kind, result, problems.get(name, ""), made)
+    proof = None
+    if result is not None and result.verdict == "stable":
+        proof = clock.attempt(dict[str, str](), name, f"certificate: {name}", asked, result.certificate)
+    return Loop(name, kind, result, problems.get(name, ""), made, certificate=proof)
 
 
 def design_and_judge(plant: Linearization, table: DesignTable, asked: Accuracy, clock: Clock) -> Loop:

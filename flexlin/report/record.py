@@ -109,6 +109,7 @@ def record_loop(loop: Loop) -> dict[str, Any]:
             "segments": setting.segments,
             "reason": setting.reason,
         },
+        "certificate": None if loop.certificate is None else loop.certificate.record(),
     }
 
 

@@ -53,7 +53,8 @@ def test_records_say_when_and_where():
 
 
 def test_every_study_has_its_picture():
-    names = {path.stem for path in (ROOT / "studies").glob("*.py")}
+    studies = (ROOT / "studies").glob("*.py")
+    names = {path.stem for path in studies if "def main(" in path.read_text(encoding="utf-8")}  # the others only check
     assert names == {path.stem for path in (DOCS / "pictures").glob("*.png")}
     for name in names:
         picture = (DOCS / "pictures" / f"{name}.png").read_bytes()

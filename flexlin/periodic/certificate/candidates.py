@@ -20,10 +20,11 @@ Candidate = Callable[[Array], Array]
 
 
 def propose(result: FloquetResult, resolved: Resolved) -> Iterator[tuple[str, Candidate]]:
-    """Yield candidates with their names, the one that proves most first; one that cannot be computed is passed over."""
+    """Yield candidates with their names, the cheap ones first; one that cannot be computed is passed over."""
     system = PeriodicSystem(resolved, result.period, breaks=resolved.breaks)
     system.__dict__["resolved"] = resolved
-    ways = (("Floquet modes", from_modes), ("eigenvectors of A(t)", from_eigenvectors), ("Lyapunov equation", from_equation))
+    ways = [("Floquet modes", from_modes), ("Lyapunov equation", from_equation)]
+    ways.insert(1 if resolved.breaks else 0, ("eigenvectors of A(t)", from_eigenvectors))  # cheap, but they jump with A
     for name, way in ways:
         try:
             yield name, way(system, result)

@@ -17,7 +17,7 @@ from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.summary import represent
 
-GOOD = 0.5
+GOOD = 0.8
 """Share of twice the decay, which no margin exceeds, at which no further candidate is tried."""
 CLAIMED = 1 - 1e-6
 """What is claimed of what was proved, so that another program's rounding does not matter."""
@@ -83,7 +83,12 @@ class Certificate:
         """
         panels = self.panels
         data: dict[str, Any] = {"edges": panels.edges.tolist(), "A": panels.A.tolist(), "X": panels.X.tolist()}
-        data |= {"error": panels.error.tolist(), "margin": self.margin, "tolerates": self.tolerates, "source": self.source}
+        data |= {
+            "error": panels.error.tolist(),
+            "margin": self.margin,
+            "tolerates": self.tolerates,
+            "source": self.source,
+        }
         return data | {"sha256": hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()}
 
 

@@ -18,6 +18,8 @@ MOST = 512
 """Panels of a period."""
 KNOWN, SHAPED = 1e-11, 1e-6
 """How small the last coefficients of A and of X must be, relative to their largest values."""
+FAINT = 0.02
+"""Coefficients of A that are left out and counted as error, relative to what is not known anyway."""
 LEAST = 1e-8
 """Coefficients of X that are left out, in units in which X has a diagonal of ones."""
 EPS = float(np.finfo(float).eps)
@@ -65,13 +67,17 @@ def assemble(resolved: Resolved, edges: Array, A: Array, X: Array) -> CommonPane
     X = (X + np.swapaxes(X, -1, -2)) / 2
     u = np.linspace(-1.0, 1.0, 2 * NODES + 1)[1:-1]
     t = (edges[:-1, None] + edges[1:, None]) / 2 + np.diff(edges)[:, None] / 2 * u
-    apart = np.abs(resolved(t.ravel()).reshape(*t.shape, n, n) - np.einsum("uk,pkij->puij", chebyshev_basis(u, NODES), A))
+    apart = np.abs(
+        resolved(t.ravel()).reshape(*t.shape, n, n) - np.einsum("uk,pkij->puij", chebyshev_basis(u, NODES), A)
+    )
     between = 3 * apart.max(axis=(0, 1)) + np.abs(A[:, -TAIL:]).sum(axis=1).max(axis=0)
     units = np.sqrt(np.abs(X[..., range(n), range(n)]).sum(axis=1).max(axis=0))
-    kept = trimmed(A, 4 * EPS * np.abs(A).max(axis=(0, 1)))
-    dropped = np.abs(A[:, kept.shape[1] :]).sum(axis=1).max(axis=0)
-    error = error_of(resolved) + between + dropped + 8 * EPS * np.abs(A).sum(axis=1).max(axis=0)
-    return CommonPanels(edges, kept, trimmed(X, LEAST * np.outer(units, units)), np.where(np.any(A, axis=(0, 1)), error, 0.0))
+    error = error_of(resolved) + between + 8 * EPS * np.abs(A).sum(axis=1).max(axis=0)
+    kept = trimmed(A, FAINT * error)
+    error = error + np.abs(A[:, kept.shape[1] :]).sum(axis=1).max(axis=0)
+    return CommonPanels(
+        edges, kept, trimmed(X, LEAST * np.outer(units, units)), np.where(np.any(A, axis=(0, 1)), error, 0.0)
+    )
 
 
 def error_of(resolved: Resolved) -> Array:
@@ -87,7 +93,9 @@ def error_of(resolved: Resolved) -> Array:
     M, D, K = resolved.sample(t)
     dM, dD, dK = resolved.split(resolved.blocks.error)
     inverse = np.abs(np.linalg.inv(M))
-    sides = [(inverse @ (dM @ np.abs(np.linalg.solve(M, one)) + error)).max(axis=0) for one, error in ((K, dK), (D, dD))]
+    sides = [
+        (inverse @ (dM @ np.abs(np.linalg.solve(M, one)) + error)).max(axis=0) for one, error in ((K, dK), (D, dD))
+    ]
     lower = 1.5 * np.concatenate(sides, axis=1)
     return np.concatenate([np.zeros_like(lower), lower])
 

@@ -12,6 +12,8 @@ SAMPLES = (65, 257, 1025)
 """Equally spaced samples of a panel, ends included, that are tried."""
 SHARE = 0.05
 """Share of the margin that the bound between samples may cost."""
+SKEWED = 1e6
+"""Condition of L, in units in which X has a diagonal of ones, beyond which rounding may say anything."""
 ROUNDINGS = 8.0
 EPS = float(np.finfo(float).eps)
 
@@ -35,6 +37,8 @@ def prove(panels: CommonPanels) -> Proof:
     |p''| <= sum_k |c_k| k^2 (k^2 - 1) / 3 (Markov). Where X grows from one panel to the next, the growth is paid from the margin.
     """
     L = np.linalg.cholesky(mean_of(panels))
+    if np.linalg.cond(L / np.sqrt((L**2).sum(axis=1))[:, None]) > SKEWED:
+        return Proof(-np.inf, 0.0)
     A = L.T @ panels.A @ np.linalg.inv(L.T)
     X = np.linalg.solve(L, np.swapaxes(np.linalg.solve(L, panels.X), -1, -2))
     unknown = np.linalg.norm(np.abs(L.T) @ panels.error @ np.abs(np.linalg.inv(L.T)))
@@ -74,7 +78,9 @@ def bound_margin(edges: Array, A: Array, X: Array, unknown: float, count: int) -
     first = largest_ratio(values, size, known)
     mu = largest_ratio(values, size, known + bends[0] + max(-first, 0.0) * bends[1])
     ends = evaluate(X, np.array([-1.0, 1.0]))
-    grown = np.log([max(largest_ratio(b, a, 0.0), 1.0) for a, b in zip(np.roll(ends[:, 1], 1, axis=0), ends[:, 0], strict=True)])
+    grown = np.log(
+        [max(largest_ratio(b, a, 0.0), 1.0) for a, b in zip(np.roll(ends[:, 1], 1, axis=0), ends[:, 0], strict=True)]
+    )
     margin = -mu - float(grown.sum()) / float(edges[-1])
     return Proof(margin, max(margin, 0.0) / 2 * float(np.sqrt(least / most))), mu - first
 

@@ -2,19 +2,16 @@
 
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.circle import measure_distances
-from flexlin.periodic.transition.setting import Setting
 from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
+from flexlin.periodic.transition.setting import Setting
 from flexlin.summary import represent
-
-if TYPE_CHECKING:
-    from flexlin.periodic.certificate.lyapunov import Certificate
 
 MARGINAL = 1e-9
 """Growth per basic frequency below which no arm shows whether a motion grows or decays."""
@@ -84,8 +81,7 @@ class FloquetResult:
             angle = self.log_multipliers.imag
             return np.where(np.isinf(size), size + 0j, size * np.exp(1j * angle))
 
-
-    def certificate(self) -> "Certificate":
+    def certificate(self) -> Any:
         """Issue a Lyapunov certificate: a periodic X(t) > 0 with X' + A' X + X A < 0 proved over the whole period.
 
         Returns
@@ -109,8 +105,7 @@ class FloquetResult:
         0.6000
         """
         certify = import_module("flexlin.periodic.certificate.lyapunov").certify  # it stands above this room
-        proof: Certificate = certify(self)
-        return proof
+        return certify(self)
 
 
 def judge(

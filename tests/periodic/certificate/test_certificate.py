@@ -1,0 +1,154 @@
+"""Lyapunov certificates against what no X can exceed, against changes of A, and against an independent checker and its forgeries."""
+
+import copy
+import hashlib
+import importlib.util
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import flexlin as fl
+from flexlin.errors import NotCertified
+from tests.periodic.systems import lyapunov_transformed, meissner
+
+STUDY = Path(__file__).parents[3] / "studies" / "check_certificate.py"
+SPEC = importlib.util.spec_from_file_location("check_certificate", STUDY)
+checker = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(checker)
+
+
+def damped_meissner(t):
+    return meissner(t) - np.array([[0.0, 0.0], [0.0, 0.3]])
+
+
+def transformed(seed, values, harmonics=2):
+    """A system whose exponents are the eigenvalues of a random non-normal matrix."""
+    rng = np.random.default_rng(seed)
+    constant = np.diag(values) + np.triu(rng.standard_normal((len(values),) * 2), 1)
+    return fl.PeriodicSystem(lyapunov_transformed(constant, 2.0, harmonics, rng), np.pi)
+
+
+SYSTEMS = {
+    "constant": fl.PeriodicSystem([[0.0, 1.0], [-1.0, -0.2]], 1.0),
+    "defective": fl.PeriodicSystem([[-0.5, 1.0, 0.0], [0.0, -0.5, 1.0], [0.0, 0.0, -0.5]], 1.0),
+    "jumps": fl.PeriodicSystem(damped_meissner, np.pi, breaks=[0.0, np.pi / 3]),
+    "non-normal": transformed(1, [-0.3, -1.0, -4.0]),
+    "fast and slow": transformed(2, [-0.05, -300.0]),
+    "narrow": fl.PeriodicSystem(
+        lambda t: (
+            np.array([[0.0, 1.0], [-4.0, -0.4]])
+            + np.exp(-(((np.mod(t, 1.0) - 0.4) / 0.01) ** 2))[:, None, None] * np.array([[0.0, 0.0], [3.0, 0.0]])
+        ),
+        1.0,
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def certificates():
+    return {name: (system, fl.floquet(system)) for name, system in SYSTEMS.items()}
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_inequality_holds_where_nobody_sampled(name, certificates):
+    system, result = certificates[name]
+    proof = result.certificate()
+    decay = -result.exponents.real.max()
+    assert 0.5 * decay < proof.margin <= 2 * decay * (1 + 1e-9)
+    edges = proof.panels.edges
+    t = np.sort(np.random.default_rng(3).uniform(0, system.period, 4000))
+    t = t[np.abs(t[:, None] - edges).min(axis=1) > 1e-6 * system.period]
+    X, A, h = proof.X(t), system.A(t), 1e-7 * system.period
+    slope = (proof.X(t + h) - proof.X(t - h)) / (2 * h)
+    left = slope + np.swapaxes(A, 1, 2) @ X + X @ A
+    L = np.linalg.inv(np.linalg.cholesky(X))
+    ratio = np.linalg.eigvalsh(L @ left @ np.swapaxes(L, 1, 2)).max()
+    assert ratio <= -proof.margin + 1e-5 * max(1.0, np.abs(L @ slope @ np.swapaxes(L, 1, 2)).max())
+    assert checker.holds(json.loads(json.dumps(proof.record())))
+
+
+@pytest.mark.parametrize("name", ["constant", "non-normal", "jumps"])
+def test_changes_within_the_tolerance_leave_it_stable(name, certificates):
+    system, result = certificates[name]
+    proof, rng = result.certificate(), np.random.default_rng(5)
+    for _ in range(3):
+        change = rng.standard_normal((system.n, system.n))
+        change *= proof.tolerates / np.linalg.norm(change, 2)
+        w = 2 * np.pi / system.period * rng.integers(1, 4)
+        moved = fl.PeriodicSystem(
+            lambda t, change=change, w=w: system.A(t) + np.cos(w * t)[:, None, None] * change,
+            system.period,
+            breaks=system.breaks,
+        )
+        assert fl.floquet(moved).verdict == "stable"
+
+
+def test_constant_loop_is_proved_in_full(certificates):
+    assert certificates["constant"][1].certificate().margin == pytest.approx(0.2, rel=1e-5)
+
+
+def forged(record, rng):
+    """A certificate with one thing changed, and signed anew by somebody who knows how."""
+    bad = copy.deepcopy(record)
+    kind = rng.choice(["X", "margin", "tolerates", "edges", "error", "panel"])
+    if kind == "X":
+        X = np.array(bad["X"])
+        i, j = rng.integers(len(X[0, 0]), size=2)
+        X[rng.integers(len(X)), 0, [i, j], [j, i]] -= (1 + rng.random()) * np.abs(X[:, 0]).max()
+        bad["X"] = X.tolist()
+    elif kind == "panel":
+        X = np.array(bad["X"])
+        X[rng.integers(len(X))] *= 1e6 if len(X) > 1 else -1
+        bad["X"] = X.tolist()
+    elif kind == "edges":
+        bad["edges"] = (np.array(bad["edges"]) * -1).tolist()
+    elif kind == "error":
+        bad["error"] = (np.array(bad["error"]) + bad["margin"] * (10 + rng.random())).tolist()
+    else:
+        bad[kind] *= 1.5 + rng.random()
+    return bad
+
+
+def signed(record):
+    said = {key: value for key, value in record.items() if key != "sha256"}
+    return said | {"sha256": hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()}
+
+
+def test_checker_rejects_a_hundred_forgeries(certificates):
+    """As they are, by their digest; signed anew, by the inequality."""
+    rng = np.random.default_rng(7)
+    records = [json.loads(json.dumps(certificates[name][1].certificate().record())) for name in ("non-normal", "jumps")]
+    for k in range(100):
+        bad = forged(records[k % 2], rng)
+        assert not checker.holds(bad, 33)
+        if k % 4 < 2:
+            assert not checker.holds(signed(bad), 17)
+
+
+def test_smallest_change_of_a_number_is_seen(certificates):
+    record = certificates["non-normal"][1].certificate().record()
+    record["X"][0][0][0][0] = np.nextafter(record["X"][0][0][0][0], np.inf)
+    assert not checker.holds(record)
+
+
+@pytest.mark.parametrize(
+    ("A", "verdict"), [([[0.0, 1.0], [-1.0, 0.01]], "unstable"), ([[0.0, 1.0], [-1.0, 0.0]], "undecided")]
+)
+def test_no_certificate_without_stability(A, verdict):
+    with pytest.raises(NotCertified, match=verdict):
+        fl.floquet(fl.PeriodicSystem(A, 1.0)).certificate()
+
+
+def test_second_order_and_pickled_results_are_certified():
+    import pickle
+
+    def spring(t):
+        return (1.0 + 0.4 * np.cos(2.0 * t))[:, None, None]
+
+    system = fl.PeriodicSystem.from_second_order([[2.0]], [[0.5]], spring, np.pi)
+    result = fl.floquet(system)
+    other = pickle.loads(pickle.dumps(result)).certificate()
+    assert_allclose(other.X([0.1, 2.0]), result.certificate().X([0.1, 2.0]), rtol=0)
