@@ -12,6 +12,8 @@ SAMPLES = (65, 257, 1025)
 """Equally spaced samples of a panel, ends included, that are tried."""
 SHARE = 0.05
 """Share of the margin that the bound between samples may cost."""
+LEAST = 1e-12
+"""Of the margin: what a certificate must tolerate, or it says more of rounding than of the loop."""
 SKEWED = 1e6
 """Condition of L, in units in which X has a diagonal of ones, beyond which rounding may say anything."""
 ROUNDINGS = 8.0
@@ -48,7 +50,8 @@ def prove(panels: CommonPanels) -> Proof:
         best = max(best, found, key=lambda one: one.margin)
         if lost <= SHARE * max(found.margin, 0.0) or found.margin == -np.inf:
             break
-    return Proof(best.margin, best.tolerates / float(np.linalg.cond(L)))
+    tolerates = best.tolerates / float(np.linalg.cond(L))
+    return Proof(best.margin, tolerates) if tolerates > LEAST * best.margin else Proof(-np.inf, 0.0)
 
 
 def mean_of(panels: CommonPanels) -> Array:
