@@ -124,3 +124,16 @@ def test_loops_that_are_not_there_are_refused():
         fl.sweep(scene, {PAYLOAD: [0.1]}, loop="lqr")
     with pytest.raises(ArgumentError, match="no part in this loop"):
         fl.sweep(scene, {"control.feedback.kp.0": [1.0]}, loop="open")
+
+
+def test_a_design_in_physical_sizes_is_made_anew_at_each_value():
+    """Its weights go through the tip's map, which moves with the numbers that vary."""
+    weights = {"tip": "5 mm", "rates": "10 deg/s", "input": "0.3 N m"}
+    tables = [{"name": "LQR", "kind": "periodic-lqr", "weights": weights}]
+    scene = fl.load_scene("single-link", {"links.0.modes": 1, "designs": tables})
+    data = fl.sweep(scene, {"links.0.length": [0.8, 1.1]}, 1e-7, loop="LQR, redone")
+    for i, length in enumerate((0.8, 1.1)):
+        other = fl.load_scene("single-link", {"links.0.modes": 1, "links.0.length": length, "designs": tables})
+        lin = fl.linearize(fl.build_manipulator(other), other.motion)
+        exact = fl.floquet(design(lin, other.designs[0]).closed_loop)
+        assert largest_gap(data["exponents"].values[i], exact) <= 2e-6 * np.abs(exact.exponents).max()

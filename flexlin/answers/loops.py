@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexlin.about.free import KeptGain, ParametricLoop, parametric_loop
+from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.control import design
 from flexlin.errors import ArgumentError, ModelError, SceneError
@@ -41,7 +42,7 @@ class RedesignedLoop:
 
     def system_at(self, point: Array) -> PeriodicSystem:
         """The closed loop at one point (P,)."""
-        return design(self.plant.system_at(point), self.table, self.tol).closed_loop
+        return design(self.plant.at(point), self.table, self.tol).closed_loop
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +59,16 @@ class RebuiltLoop:
 
     def system_at(self, point: Array) -> PeriodicSystem:
         """The loop at one point (P,)."""
-        scene = revise_scene(self.scene, dict(zip(self.paths, map(float, point), strict=True)))
-        loop = parametric_loop(scene, (), closed=self.closed)
+        loop = self._loop_at(point)
         return (loop if self.kept is None else loop.with_gain(self.kept)).system_at(np.zeros(0))
+
+    def at(self, point: Array) -> Linearization:
+        """The linearization at one point (P,), without a kept gain."""
+        return self._loop_at(point).at(np.zeros(0))
+
+    def _loop_at(self, point: Array) -> ParametricLoop:
+        scene = revise_scene(self.scene, dict(zip(self.paths, map(float, point), strict=True)))
+        return parametric_loop(scene, (), closed=self.closed)
 
     def with_gain(self, kept: KeptGain) -> "RebuiltLoop":
         """The loop u = -K(phase) [y; y'] on this arm."""
@@ -91,7 +99,7 @@ def choose_loop(
         return plant
     if loop == table.name + REDONE:
         return RedesignedLoop(plant, table, tol)
-    made = design(parametric_loop(scene, (), closed=False).system_at(np.zeros(0)), table, tol)
+    made = design(parametric_loop(scene, (), closed=False).at(np.zeros(0)), table, tol)
     period = made.closed_loop.period
     return plant.with_gain(KeptGain(made.K, period, tuple(t / period for t in made.closed_loop.breaks)))
 

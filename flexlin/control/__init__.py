@@ -27,6 +27,7 @@ _ON_MANIPULATORS = {
     "tip_position": "flexlin.control.measurement",
     "PeriodicMotion": "flexlin.about.periodic_motion",
     "feedforward": "flexlin.control.tracking",
+    "drive_load": "flexlin.control.drives",
     "estimator_source": "flexlin.control.export.c_estimator",
     "gain_source": "flexlin.control.export.c_gain",
     "horizon_system": "flexlin.control.horizon",

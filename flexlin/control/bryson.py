@@ -12,7 +12,7 @@ from flexlin.errors import ArgumentError
 from flexlin.mechanics.coordinates import Coordinate
 from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.system import MatrixFunction
-from flexlin.scene.units import in_si
+from flexlin.scene.units import in_si, spread
 from flexlin.scene.weights import RATE, Weights
 
 TURNING = ("joint", "motor")
@@ -75,7 +75,7 @@ def physical_weights(lin: Linearization, weights: Weights) -> tuple[MatrixFuncti
     ([100.0, 40000.0, 0.0, 1.0, 0.0, 0.0], [[4.0]])
     """
     fixed = np.diag([0.0 if size is None else size**-2.0 for size in state_sizes(lin, weights)])
-    R = np.diag([size**-2.0 for size in input_sizes(lin, weights.input)])
+    R = np.diag([size**-2.0 for size in spread("weights.input", weights.input, lin.input_units) or ()])
     if weights.tip is None:
         return Constant(fixed), R
     from flexlin.control.measurement import tip_position
@@ -119,19 +119,6 @@ def of_joint(lin: Linearization, key: str, value: Any, coordinate: Coordinate) -
             f"weights.{key} does not fit the arm", got=f"{len(value)} sizes", expected=f"{len(joints)}, one a joint"
         )
     return value[joints.index((coordinate.part, coordinate.link))]
-
-
-def input_sizes(lin: Linearization, value: Any) -> list[float]:
-    """The acceptable size of each input."""
-    units = lin.input_units
-    if not isinstance(value, Sequence) or isinstance(value, str):
-        value = [value] * len(units)
-    if len(value) != len(units):
-        raise ArgumentError(
-            "weights.input does not fit the arm", got=f"{len(value)} sizes", expected=f"{len(units)}, one an input"
-        )
-    sizes = [size_in("input", item, unit) for item, unit in zip(value, units, strict=True)]
-    return [size for size in sizes if size is not None]
 
 
 def size_in(key: str, value: Any, unit: str) -> float | None:

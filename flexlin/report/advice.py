@@ -2,8 +2,10 @@
 
 import numpy as np
 
-from flexlin.answers.analysis import Analysis, Loop
+from flexlin.answers.analysis import Analysis
+from flexlin.answers.judging import Loop
 from flexlin.answers.validity import REPEATABLE
+from flexlin.report.drive_words import comment_on_drives, comment_on_gains
 from flexlin.report.headline import reason
 from flexlin.report.wording import caution, format_quantity
 from flexlin.simulation import Simulation
@@ -20,6 +22,8 @@ def advise(analysis: Analysis) -> list[str]:
         *comment_on_model(analysis),
         *comment_on_verdict(analysis),
         *comment_on_elastic_motion(analysis),
+        *comment_on_sampling(analysis),
+        *comment_on_drives(analysis),
         *comment_on_designs(analysis),
         *comment_on_tip(analysis),
         *comment_on_trust(analysis),
@@ -99,6 +103,21 @@ def comment_on_elastic_motion(a: Analysis) -> list[str]:
     return [f"Linearizing about the elastic motion instead of the rigid one {moved}; {trust}."]
 
 
+def comment_on_sampling(a: Analysis) -> list[str]:
+    """Which loops are stable only as long as nothing samples them."""
+    sampling, continuous = a.scene.control.sampling, {loop.name: loop for loop in (a.own, *a.designs)}
+    said = []
+    for loop in a.sampled if sampling is not None else ():
+        base = continuous[loop.name.removesuffix(", sampled")]
+        if sampling is not None and base.verdict == "stable" and loop.verdict != "stable":
+            late = f" and {format_quantity(sampling.delay, 's')} late" if sampling.delay else ""
+            said.append(
+                f"Sampled every {format_quantity(sampling.period, 's')}{late}, {name_loop(base)} is {loop.verdict}, though stable when "
+                "continuous: sample faster, or lower the gains."
+            )
+    return said
+
+
 def comment_on_designs(a: Analysis) -> list[str]:
     """Which designed controller is worth a try, and which is not."""
     stable = [loop for loop in a.designs if trusts(a, loop)]
@@ -110,8 +129,7 @@ def comment_on_designs(a: Analysis) -> list[str]:
     if gain > WORTHWHILE:
         return [
             *said,
-            f"The design “{best.name}” settles {gain:.3g} times as fast as {name_loop(a.own)}: "
-            "compare its gains with what the drive allows.",
+            f"The design “{best.name}” settles {gain:.3g} times as fast as {name_loop(a.own)}: {comment_on_gains(a, best)}.",
         ]
     return [*said, f"No design settles faster than {name_loop(a.own)}: change the weights, or keep the loop you have."]
 

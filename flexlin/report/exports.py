@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from flexlin.about.linear import Linearization
-from flexlin.answers.analysis import Loop
+from flexlin.answers.judging import Loop
 from flexlin.control.export.c_gain import write_gain
 from flexlin.control.export.c_linearization import write_linearization
 from flexlin.control.export.files import write_system

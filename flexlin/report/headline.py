@@ -1,6 +1,6 @@
 """What a verdict is worth: the words behind it where the linear model does not hold, or where no arm would show the decay."""
 
-from flexlin.answers.analysis import Loop
+from flexlin.answers.judging import Loop
 from flexlin.answers.validity import Evidence, ModelValidity
 from flexlin.report.wording import caution, format_quantity
 

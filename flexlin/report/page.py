@@ -7,9 +7,11 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template, select_autoescape
 
 import flexlin
-from flexlin.answers.analysis import Analysis, Loop
+from flexlin.answers.analysis import Analysis
 from flexlin.answers.clock import Step
+from flexlin.answers.judging import Loop
 from flexlin.report.advice import advise, name_condition
+from flexlin.report.drive_words import drive_cells
 from flexlin.report.figures.coefficients import NOISE, name_matrix_unit
 from flexlin.report.figures.style import Picture
 from flexlin.report.headline import colour, doubt, reason
@@ -100,6 +102,7 @@ def describe_loop(a: Analysis, loop: Loop) -> dict[str, str]:
         "settled": settled,
         "status": loop.problem or (loop.floquet.status if loop.floquet else ""),
         "design": loop.design.status if loop.design is not None else "",
+        **drive_cells(a, loop),
     }
 
 

@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import flexlin
-from flexlin.answers.analysis import Analysis, Loop
+from flexlin.answers.analysis import Analysis
 from flexlin.answers.audit import Audit, Minimal, Row
 from flexlin.answers.clock import Step
+from flexlin.answers.judging import Loop
 from flexlin.checks import Array
+from flexlin.report.drive_words import record_load
 from flexlin.report.headline import reason
 from flexlin.scene.effects import known_effects
 from flexlin.scene.scene import Scene
@@ -39,11 +41,17 @@ def record(analysis: Analysis) -> dict[str, Any]:
         "inputs": list(a.plant.inputs),
         "period": a.plant.period,
         "validity": record_validity(a, a.own),
-        "floquet": record_loop(a.own),
-        "open_loop": record_loop(a.open_loop) | {"validity": record_validity(a, a.open_loop)},
+        "floquet": record_loop(a.own) | record_load(a, a.own),
+        "open_loop": record_loop(a.open_loop)
+        | {"validity": record_validity(a, a.open_loop)}
+        | record_load(a, a.open_loop),
         **({} if a.elastic is None else {"elastic_motion": record_loop(a.elastic)}),
         "resonances": [str(resonance) for resonance in a.resonances],
-        "designs": {loop.name: record_loop(loop) | {"validity": record_validity(a, loop)} for loop in a.designs},
+        "designs": {
+            loop.name: record_loop(loop) | {"validity": record_validity(a, loop)} | record_load(a, loop)
+            for loop in a.designs
+        },
+        **({"sampled": {loop.name: record_loop(loop) for loop in a.sampled}} if a.sampled else {}),
         "t": a.t.tolist(),
         "coefficients": {
             name: record_numbers(getattr(a.coefficients, name)) for name in ("M", "D", "K", "h", "B", "tau")

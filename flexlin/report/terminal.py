@@ -3,11 +3,13 @@
 import sys
 from collections.abc import Sequence
 
-from flexlin.answers.analysis import Analysis, Loop
+from flexlin.answers.analysis import Analysis
 from flexlin.answers.audit import Audit, Measure, Row
 from flexlin.answers.clock import Step
+from flexlin.answers.judging import Loop
 from flexlin.answers.validity import ModelValidity
 from flexlin.report.advice import advise
+from flexlin.report.drive_words import drive_line
 from flexlin.report.headline import colour, doubt
 from flexlin.report.minimal import describe_error
 from flexlin.report.wording import (
@@ -47,6 +49,9 @@ def summarize(analysis: Analysis) -> None:
     say(analysis.scene.title)
     for loop in analysis.loops:
         say_loop(loop, analysis.plant.period, analysis.validity(loop))
+        over = drive_line(analysis, loop)
+        if over:
+            say(f"    {over}")
     said = advise(analysis)
     for line in (*[f"- {step}" for step in said], *accuracy_lines(analysis.steps, "\n".join(said))):
         say(line)

@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from flexlin.answers.analysis import Analysis, Loop
+from flexlin.answers.analysis import Analysis
+from flexlin.answers.judging import Loop
 from flexlin.checks import Array
 from flexlin.svg.scales import SUPERSCRIPTS
 

@@ -7,6 +7,7 @@ from pydantic import Field
 from flexlin.scene.accuracy import Accuracy
 from flexlin.scene.base import NotEndless, Table, Text
 from flexlin.scene.control import Control, DesignTable
+from flexlin.scene.drives import Drives
 from flexlin.scene.effects import AnyEffects
 from flexlin.scene.links import Link
 from flexlin.scene.motion import AnyMotion
@@ -40,6 +41,8 @@ class Scene(Table):
         Feedforward, feedback, saturation and sampling.
     designs : tuple of DesignTable
         Controllers to design.
+    drives : Drives or None
+        What the drives can give.
 
     Examples
     --------
@@ -69,5 +72,7 @@ class Scene(Table):
     """What runs on the arm: feedforward and feedback."""
     designs: Annotated[tuple[DesignTable, ...], NotEndless] = ()
     """Controllers to design and compare, one [[designs]] each."""
+    drives: Drives | None = None
+    """Limits of the drives: torque, speed, power, current."""
     accuracy: Accuracy = Accuracy()
     """The wanted error, and what a stage may cost."""

@@ -2,12 +2,13 @@
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator, PlainValidator, WithJsonSchema
 
+from flexlin.errors import ArgumentError
 from flexlin.scene.base import LARGEST, SMALLEST, Positive, Unit
 
 Dimension = tuple[int, int, int, int, int]
@@ -50,6 +51,8 @@ NAMES = {
     "Hz": "a frequency such as 30 Hz",
     "W": "a power such as 20 W",
     "1/m": "a curvature such as 0.01 1/m",
+    "N m/A": "a torque constant such as 0.05 N m/A",
+    "N/A": "a force constant such as 20 N/A",
 }
 """The dimensions that keys ask for by their SI unit, in words."""
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
@@ -116,7 +119,7 @@ def _reader(units: tuple[str, ...]) -> Callable[[Any], Any]:
     return read
 
 
-def _keeper(units: tuple[str, ...]) -> Callable[[Any], Any]:
+def kept_quantities(*units: str) -> Callable[[Any], Any]:
     """A quantity as it was written, once it has been found positive and of one of the dimensions; or a list of such."""
 
     def keep(value: Any) -> Any:
@@ -131,13 +134,26 @@ def _keeper(units: tuple[str, ...]) -> Callable[[Any], Any]:
     return keep
 
 
+def spread(key: str, value: Any, units: Sequence[str]) -> list[float] | None:
+    """Return a quantity, or a list of one each, in the SI units of several things; raises ArgumentError where it does not fit."""
+    if value is None:
+        return None
+    several = list(value) if isinstance(value, (list, tuple)) else [value] * len(units)
+    if len(several) != len(units):
+        raise ArgumentError(f"{key} does not fit the arm", got=f"{len(several)} quantities", expected=f"{len(units)}")
+    try:
+        return [in_si(item, unit) for item, unit in zip(several, units, strict=True)]
+    except ValueError as error:
+        raise ArgumentError(f"{key} has another unit than the arm", got=repr(value), expected=str(error)) from None
+
+
 NUMBER_OR_TEXT: Any = {"anyOf": [{"type": "number", "exclusiveMinimum": 0}, {"type": "string"}]}
 """The JSON schema of a quantity."""
 ONE_OR_MORE: Any = {"anyOf": [*NUMBER_OR_TEXT["anyOf"], {"type": "array", "items": NUMBER_OR_TEXT}]}
 Length = Annotated[Positive, BeforeValidator(_reader(("m",))), WithJsonSchema(NUMBER_OR_TEXT), Unit("m")]
 Speed = Annotated[Positive, BeforeValidator(_reader(("m/s",))), WithJsonSchema(NUMBER_OR_TEXT), Unit("m/s")]
-AnyDisplacement = Annotated[Any, PlainValidator(_keeper(("rad", "m"))), WithJsonSchema(ONE_OR_MORE)]
+AnyDisplacement = Annotated[Any, PlainValidator(kept_quantities("rad", "m")), WithJsonSchema(ONE_OR_MORE)]
 """An angle or a length, or a list of such, kept as written: which of the two is the coordinate's to say."""
-AnyRate = Annotated[Any, PlainValidator(_keeper(("rad/s", "m/s"))), WithJsonSchema(ONE_OR_MORE)]
-AnyInput = Annotated[Any, PlainValidator(_keeper(("N m", "N", "V"))), WithJsonSchema(ONE_OR_MORE)]
-AnyDeviation = Annotated[Any, PlainValidator(_keeper(("rad", "m", "rad/s", "m/s"))), WithJsonSchema(ONE_OR_MORE)]
+AnyRate = Annotated[Any, PlainValidator(kept_quantities("rad/s", "m/s")), WithJsonSchema(ONE_OR_MORE)]
+AnyInput = Annotated[Any, PlainValidator(kept_quantities("N m", "N", "V")), WithJsonSchema(ONE_OR_MORE)]
+AnyDeviation = Annotated[Any, PlainValidator(kept_quantities("rad", "m", "rad/s", "m/s")), WithJsonSchema(ONE_OR_MORE)]

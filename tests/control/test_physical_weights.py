@@ -79,8 +79,8 @@ def test_sizes_that_do_not_fit_the_arm_are_refused():
         ({"input": "3 V"}, "weights.input has another unit"),
         ({"w13": "2 mm"}, "unknown key"),
         ({"w11": "2 deg"}, "weights.w11|unknown key"),
-        ({"joints": ["1 deg", "1 deg"]}, "2 sizes"),
-        ({"input": [1.0, 1.0]}, "2 sizes"),
+        ({"joints": ["1 deg", "1 deg"]}, "2 quantities|2 sizes"),
+        ({"input": [1.0, 1.0]}, "2 quantities|2 sizes"),
     ):
         with pytest.raises(ArgumentError, match=words):
             weigh(lin, **sizes)

@@ -104,7 +104,7 @@ def test_an_own_loop_without_verdict_leaves_the_rest(
     def refuse(*_: object) -> None:
         raise TooManySegments("this needs 10^9 segments")
 
-    monkeypatch.setattr("flexlin.answers.analysis.floquet", refuse)
+    monkeypatch.setattr("flexlin.answers.judging.floquet", refuse)
     options = ["--set", *SMALL, DESIGN, "--out", str(tmp_path), "--require", "stable"]
     assert main(["report", "single-link", *options]) == 1
     data, page = json.loads((tmp_path / "report.json").read_text()), (tmp_path / "report.html").read_text()

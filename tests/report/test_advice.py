@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers.analysis import Analysis, Loop
+from flexlin.answers.analysis import Analysis
+from flexlin.answers.judging import Loop
 from flexlin.report.advice import advise
 from flexlin.report.page import render_page
 from flexlin.report.record import record

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers.analysis import Analysis, Loop
+from flexlin.answers.analysis import Analysis
+from flexlin.answers.judging import Loop
 from flexlin.report.record import record, record_loop, record_numbers, to_json
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexlin.answers.analysis import Analysis, Loop
+from flexlin.answers.analysis import Analysis
+from flexlin.answers.judging import Loop
 from flexlin.answers.validity import judge_model
 from flexlin.cli.main import main
 from flexlin.cli.shared import meets

@@ -19,8 +19,6 @@ from flexlin.periodic.transition.setting import Setting
 
 HIDDEN = 1e-3
 """A mode whose log is uncertain by this part of its distance below the largest is only known to lie below."""
-GROUPS = 128
-"""Factors that are left when neighbours have been multiplied: a mode without memory, which a delay brings, bounds no grouping."""
 SAFETY = 2.0
 """Factor on what the method leaves out, and on the step between two sampling times that surround the wanted one."""
 
@@ -111,8 +109,6 @@ def solve_round(system: PeriodicSystem, K: MatrixFunction, turn: Round, delay: f
         loops.append(plant.closed_by(K(np.mod(plant.instants, system.period))))
     even, scale = balance_factors(loops[0])
     groups, rounds = count_groupings(even)
-    while len(groups) > GROUPS:
-        groups, rounds = multiply_pairs(groups), rounds + 1
     better = loops[1] * (scale / scale[:, None])
     for _ in range(rounds):
         better = multiply_pairs(better)

@@ -3,7 +3,8 @@
 import numpy as np
 
 from flexlin.about.linear import Linearization
-from flexlin.answers.analysis import Analysis, Loop
+from flexlin.answers.analysis import Analysis
+from flexlin.answers.judging import Loop
 from flexlin.checks import Array
 from flexlin.report.figures.style import SHAPES, Picture, choose_loop_colour, make_period_panel
 from flexlin.svg import Linear, Panel, Row, Symlog, draw

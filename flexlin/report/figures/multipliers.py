@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from flexlin.answers.analysis import Analysis, Loop
+from flexlin.answers.analysis import Analysis
+from flexlin.answers.judging import Loop
 from flexlin.checks import Array
 from flexlin.report.figures.style import Picture
 from flexlin.report.wording import format_largest_multiplier, format_modulus

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from flexlin.answers.analysis import Loop
+from flexlin.answers.judging import Loop
 from flexlin.svg import Linear, Panel, Row
 
 SERIES = ("blue", "vermilion", "green", "purple", "orange", "sky")

@@ -1,0 +1,195 @@
+"""What a loop asks of the drives: torque, speed, power and current along a motion, against what the drives can give."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flexlin.about.law import Law
+from flexlin.about.linearization import Linearization
+from flexlin.checks import Array
+from flexlin.mechanics.effects import effects_of
+from flexlin.scene.drives import Drives
+from flexlin.scene.units import spread
+from flexlin.summary import represent
+
+UNITS = {"N": ("N", "m/s", "N/A"), "N m": ("N m", "rad/s", "N m/A")}
+"""Units of a joint's torque, speed and torque constant by that of its torque."""
+
+
+@dataclass(frozen=True)
+class Demand:
+    """One figure of a loop: what it is, of which joint, its value and its limit (None where there is none), both in `unit`."""
+
+    what: str
+    joint: str
+    value: float
+    limit: float | None
+    unit: str
+
+    @property
+    def exceeds(self) -> bool:
+        """Whether the drive cannot give this."""
+        return self.limit is not None and not self.value <= self.limit
+
+
+@dataclass(frozen=True)
+class DriveLoad:
+    """What a loop asks of the drives along a motion.
+
+    Attributes
+    ----------
+    joints : tuple of str
+        Names of the m driven coordinates.
+    torque, speed, power : array, shape (N, m)
+        At the joints, in N m, rad/s and W (N and m/s where they slide).
+    current : array, shape (N, m), or None
+        Of the motors, in A, where the torque constants are known.
+    demands : tuple of Demand
+        The largest and the root mean square values over the motion, with the limits.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link", {"drives": {"torque": {"peak": "0.4 N m"}}})
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    >>> t = np.array([0.0, 0.5, 1.0, 1.5])
+    >>> load = fl.control.drive_load(lin, t, lin.law.reference(t), lin.law, scene.drives)
+    >>> [(demand.what, round(demand.value, 2), demand.limit) for demand in load.exceeded]
+    [('peak torque', 1.28, 0.4)]
+    """
+
+    joints: tuple[str, ...]
+    torque: Array
+    speed: Array
+    power: Array
+    current: Array | None
+    demands: tuple[Demand, ...]
+
+    __repr__ = represent
+
+    @property
+    def exceeded(self) -> tuple[Demand, ...]:
+        """The demands above their limits, the worst first."""
+        over = [demand for demand in self.demands if demand.exceeds]
+        return tuple(sorted(over, key=lambda demand: -demand.value / (demand.limit or 1.0)))
+
+
+def drive_load(lin: Linearization, t: Array, states: Array, law: Law, drives: Drives | None = None) -> DriveLoad:
+    """Find what the drives have to do along a motion of the arm.
+
+        torque = forward(t) - K(t) ([y; y'] - reference(t)),   speed = q_R' + y',   power = torque speed
+
+    Behind a motor the input is its voltage u: current = (u - k N q') / R, torque = k N current.
+
+    Parameters
+    ----------
+    lin : Linearization
+        The arm and its motion, with n coordinates.
+    t : array, shape (N,)
+        Times in s, equally spaced over whole periods without the end, so that means are means over a period.
+    states : array, shape (N, 2n)
+        Deviations [y; y'] from the rigid motion.
+    law : Law
+        What commands the torque.
+    drives : Drives, optional
+        The limits.
+
+    Returns
+    -------
+    DriveLoad
+        Torque, speed, power and current, and the figures that limits are held against.
+
+    Raises
+    ------
+    ArgumentError
+        When the limits do not fit the arm.
+
+    Examples
+    --------
+    The rigid motion's own torque, of an arm that does not deviate from it:
+
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link")
+    >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    >>> load = fl.control.drive_load(lin, np.arange(0.0, 2.0, 0.1), np.zeros((20, 6)), lin.law)
+    >>> bool(np.allclose(load.torque, lin.feedforward(np.arange(0.0, 2.0, 0.1))))
+    True
+    """
+    t = np.asarray(t, dtype=float)
+    command, n = law.torque(t, states), lin.n
+    speed = joint_speeds(lin, t, states[:, :n], states[:, n:])
+    torque, current = torque_and_current(lin, command, speed, drives)
+    units = [UNITS["N" if lin.arm.coordinates[lin.arm.drives[i]].unit == "m" else "N m"] for i in lin.driven]
+    demands = list_demands(lin.inputs, units, torque, speed, current, drives or Drives())
+    return DriveLoad(lin.inputs, torque, speed, torque * speed, current, tuple(demands))
+
+
+def joint_speeds(lin: Linearization, t: Array, y: Array, rates: Array) -> Array:
+    """The rates (N, m) of the coordinates that the motors drive, rigid motion and deviation together."""
+    moving = lin.about.positions(t, y, rates)[1]
+    return moving[:, [lin.arm.drives[i] for i in lin.driven]]
+
+
+def torque_and_current(
+    lin: Linearization, command: Array, speed: Array, drives: Drives | None
+) -> tuple[Array, Array | None]:
+    """The torques at the joints (N, m), and the motors' currents where they are known."""
+    tables = lin.arm.effects
+    motor = None if tables is None else next((e for e in effects_of(tables) if e.input_unit == "V"), None)
+    if motor is not None:
+        gain = np.array([float(motor.input_gain(i)) for i in lin.driven])
+        constant = np.array([constant_of(motor, i) for i in lin.driven])
+        resistance = constant / gain
+        current = (command - constant * speed) / resistance
+        return constant * current, current
+    units = [UNITS["N" if unit == "N" else "N m"][2] for unit in lin.input_units]
+    known = None if drives is None else spread("drives.torque_constant", drives.torque_constant, units)
+    return command, None if known is None else command / np.array(known)
+
+
+def constant_of(motor: Any, joint: int) -> float:
+    """The torque at the joint for an ampere, N k, of an effect that makes voltages the inputs."""
+    resistance = motor.resistance
+    own = resistance[joint] if isinstance(resistance, tuple) else resistance
+    return float(motor.input_gain(joint)) * float(own)
+
+
+def list_demands(
+    joints: tuple[str, ...],
+    units: list[tuple[str, str, str]],
+    torque: Array,
+    speed: Array,
+    current: Array | None,
+    drives: Drives,
+) -> list[Demand]:
+    """Every figure of every joint, with its limit if there is one."""
+    moment, rate, amperes, watts = [u[0] for u in units], [u[1] for u in units], ["A"] * len(units), ["W"] * len(units)
+    rows: list[tuple[str, Array, Callable[[Array], float], Any, str, list[str]]] = [
+        ("peak torque", np.abs(torque), largest, drives.torque.peak, "torque.peak", moment),
+        ("RMS torque", torque**2, mean_root, drives.torque.continuous, "torque.continuous", moment),
+        ("peak speed", np.abs(speed), largest, drives.speed, "speed", rate),
+        ("peak power", np.abs(torque * speed), largest, drives.power, "power", watts),
+    ]
+    if current is not None:
+        rows.append(("peak current", np.abs(current), largest, drives.current.peak, "current.peak", amperes))
+        rows.append(("RMS current", current**2, mean_root, drives.current.continuous, "current.continuous", amperes))
+    found = []
+    for what, values, measure, wanted, key, of in rows:
+        limits = spread(f"drives.{key}", wanted, of)
+        for i, joint in enumerate(joints):
+            found.append(Demand(what, joint, measure(values[:, i]), None if limits is None else limits[i], of[i]))
+    return found
+
+
+def largest(values: Array) -> float:
+    """The largest."""
+    return float(np.max(values))
+
+
+def mean_root(squares: Array) -> float:
+    """The root of the mean."""
+    return float(np.sqrt(np.mean(squares)))
