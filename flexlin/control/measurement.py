@@ -110,14 +110,14 @@ def bending(scene: Scene, lin: Linearization, link: int, at: float) -> MatrixFun
     >>> print(f"{root:.4f} {abs(tip):.4f}")
     7.6302 0.0000
     """
-    if not 0 <= link < len(scene.links) or scene.links[link].modes == 0:
+    if not 0 <= link < len(scene.links) or scene.links[link].counts.y == 0:
         raise ArgumentError(
             "there is no flexible link of that number", got=link, expected=f"0 to {len(scene.links) - 1}"
         )
     if not 0 <= at <= 1:
         raise ArgumentError("the place is not on the link", got=at, expected="0 (joint) to 1 (tip)")
     curvature = make_shapes(scene, link).values(np.array([at]), 2)[:, 0] / scene.links[link].length ** 2
-    own = [i for i, c in enumerate(lin.coordinates) if c.kind == "elastic" and c.link == link]
+    own = [i for i, c in enumerate(lin.coordinates) if c.kind == "elastic" and c.link == link and c.direction == "y"]
     C = np.zeros((1, 2 * lin.n))
     C[0, own] = curvature
     return Constant(C)

@@ -6,6 +6,7 @@ from typing import Any
 import casadi as ca
 
 from flexlin.mechanics.frames import Frame, cross, cross_matrix
+from flexlin.scene.space import Inertia
 
 PAIRS = ((0, 1), (0, 2), (1, 2))
 
@@ -65,11 +66,16 @@ class Body:
 
 @dataclass(frozen=True)
 class RigidMass:
-    """A rigid body where a link can carry one: mass (kg), inertia about its centre (kg m^2), centre at `offset` along the frame (m)."""
+    """A rigid body where a link can carry one: mass (kg), inertia about z, or the joint's axis (kg m^2), centre at `offset` along x (m).
+
+    In space its centre lies by `centre` further, and it has the inertia `tensor` about its centre too.
+    """
 
     mass: Any
     inertia: Any
     offset: Any = 0.0
+    centre: tuple[Any, Any, Any] = (0.0, 0.0, 0.0)
+    tensor: Inertia | None = None
 
 
 def rigid_body(frame: Frame, mass: Any, inertia: ca.SX, centre: ca.SX | None = None) -> Body:

@@ -14,9 +14,10 @@ from flexlin.mechanics.effects import Effect, effects_of
 from flexlin.mechanics.effects.base import Chain
 from flexlin.mechanics.frames import Frame, X, Y, Z, column, is_same, unit
 from flexlin.mechanics.link_shapes import choose_basis
-from flexlin.mechanics.links import Basis, BentLink
+from flexlin.mechanics.links import BentLink, LinkBasis
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.mechanics.parameters import Parameters, given_to_model
+from flexlin.mechanics.sections import turned_sections
 from flexlin.scene.library import registered_model
 from flexlin.scene.links import Link
 from flexlin.scene.loading import checked_table
@@ -73,7 +74,7 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
     effects = effects_of(scene.effects)
     free_motors = any(effect.frees_motors for effect in effects)
     units = {i: "m" if link.joint == "prismatic" else "rad" for i, link in enumerate(scene.links) if link.moves}
-    coordinates = list_coordinates([link.modes for link in scene.links], units, free_motors)
+    coordinates = list_coordinates([link.counts for link in scene.links], units, free_motors)
     at, rate = (Symbols.of(coordinates, len(scene.links), mark) for mark in ("", "d_"))
     arm = _derive_equations(_build_chain(scene.links, effects, basis, at, rate), effects, at, rate, free)
     arm = replace(arm, coordinates=coordinates, effects=tables)
@@ -141,7 +142,7 @@ def _build_registered(scene: Scene, free: Parameters) -> Manipulator:
 def _build_chain(
     tables: tuple[Link, ...],
     effects: tuple[Effect, ...],
-    basis: list[Basis],
+    basis: list[LinkBasis],
     at: Symbols,
     rate: Symbols,
 ) -> Chain:
@@ -156,11 +157,11 @@ def _build_chain(
         frame = pass_joint(mounts[i], table, axes[i], *displacement)
         radius = sum((effect.joint_radius(i) for effect in effects), ca.SX(0))
         base = frame.moved(column(radius, 0, 0), ca.SX(3, 1))
-        link = BentLink(i, table, basis[i], base, at.modes[i], rate.modes[i])
+        link = BentLink.of(i, table, basis[i], base, at.modes[i], rate.modes[i])
         joints.append(frame.turned(Z, *link.base_turn))
         links.append(link)
-        shortening = [effect.tip_shortening(link) for effect in effects]
-        frame = link.tip(sum((u for u, _ in shortening), ca.SX(0)), sum((u_rate for _, u_rate in shortening), ca.SX(0)))
+        moved = [(*effect.tip_displacement(link), *effect.tip_turn(link)) for effect in effects]
+        frame = link.tip(*(sum((parts[k] for parts in moved), ca.SX(3, 1)) for k in range(4)))
         tips.append(frame)
     q, q_rate = at.q, rate.q
     turns = [links[i].base_turn for i in moving]
@@ -191,6 +192,8 @@ def pass_joint(frame: Frame, link: Link, axis: ca.SX, q: ca.SX, q_rate: ca.SX) -
 def _sum_moments(link: BentLink, effects: tuple[Effect, ...]) -> Moments:
     extra = [effect.link_moments(link) for effect in effects]
     own = link.moments() if link.table.body is None else link.moments() + _read_body(link.table.body)
+    if link.table.polar_inertia is not None:
+        own = own + turned_sections(link, (link.table.polar_inertia * link.table.length, 0, 0))
     return sum((moments for moments in extra if moments is not None), own)
 
 
@@ -203,7 +206,7 @@ def _sum_energies(chain: Chain, effects: tuple[Effect, ...]) -> tuple[ca.SX, ca.
     """Kinetic energy, potential energy and Rayleigh's dissipation of the whole chain."""
     carried = sum((body.kinetic_energy() for body in chain.bodies), ca.SX(0))
     kinetic = sum((effect.kinetic_energy(chain) for effect in effects), carried)
-    bending = sum((link.bending_energy for link in chain.links), ca.SX(0))
+    bending = sum((link.elastic_energy for link in chain.links), ca.SX(0))
     potential = sum((effect.potential_energy(chain) for effect in effects), bending)
     dissipation = sum((effect.dissipation(chain) for effect in effects), ca.SX(0))
     return kinetic, potential, dissipation

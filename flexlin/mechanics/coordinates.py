@@ -1,12 +1,16 @@
 """The coordinates of a manipulator: what each one is, and the symbols of a chain's, joints first, then modes, then motors."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import casadi as ca
 
+from flexlin.scene.links import Direction, Modes
+
 Kind = Literal["joint", "elastic", "motor"]
+NAMES: dict[Direction, tuple[str, str]] = {"y": ("w", "m"), "z": ("wz", "m"), "torsion": ("phi", "rad")}
+"""Letter and unit of a link's elastic coordinates."""
 
 
 @dataclass(frozen=True)
@@ -15,7 +19,7 @@ class Coordinate:
 
     kind: a joint's displacement, an elastic one, or that of a motor behind a flexible joint; symbol: its own name, such as q1 or w12;
     unit: rad or m; link: number of its link or joint from 0, None where the model has no links; mode: number from 0 of the link's mode;
-    part: the arm it belongs to, where several make one manipulator.
+    part: the arm it belongs to, where several make one manipulator; direction: y, z or torsion for a mode of a link.
     """
 
     kind: Kind
@@ -24,6 +28,7 @@ class Coordinate:
     link: int | None = None
     mode: int | None = None
     part: str = ""
+    direction: Direction | None = field(default=None, compare=False)
 
     @property
     def name(self) -> str:
@@ -35,12 +40,14 @@ class Coordinate:
         return replace(self, part=f"{part} {self.part}" if self.part else part)
 
 
-def list_coordinates(modes: Sequence[int], units: Mapping[int, str], free_motors: bool) -> tuple[Coordinate, ...]:
+def list_coordinates(modes: Sequence[Modes], units: Mapping[int, str], free_motors: bool) -> tuple[Coordinate, ...]:
     """Describe the coordinates of a chain: the modes of each link; the unit of the joint before each link that moves."""
     joints = [Coordinate("joint", f"q{i + 1}", unit, i) for i, unit in units.items()]
     elastic = [
-        Coordinate("elastic", f"w{i + 1}{'' if count < 10 else '_'}{k + 1}", "m", i, k)
-        for i, count in enumerate(modes)
+        Coordinate("elastic", f"{letter}{i + 1}{'' if count < 10 else '_'}{k + 1}", unit, i, k, direction=direction)
+        for i, counts in enumerate(modes)
+        for direction, count in counts.by_direction().items()
+        for letter, unit in (NAMES[direction],)
         for k in range(count)
     ]
     motors = [Coordinate("motor", f"theta{i + 1}", unit, i) for i, unit in units.items()] if free_motors else []

@@ -14,49 +14,65 @@ from flexlin.mechanics.beam import (
     pinned_with_hub,
     shape_integrals,
     tapered,
+    twisted,
 )
+from flexlin.mechanics.beam.couplings import couple_shapes
 from flexlin.mechanics.carried import find_bodies_on_joint, sum_carried
+from flexlin.mechanics.deflection import Basis
 from flexlin.mechanics.effects import effects_of
-from flexlin.mechanics.links import Basis
-from flexlin.scene.links import Link
+from flexlin.mechanics.links import LinkBasis
+from flexlin.scene.links import DIRECTIONS, Direction, Link
 from flexlin.scene.scene import Scene
 
 
-def choose_basis(scene: Scene, index: int) -> Basis:
-    """Return the integrals of the shapes that the table of a link asks for: numbers, computed before any graph is built.
+def choose_basis(scene: Scene, index: int) -> LinkBasis:
+    """Return the integrals of all shapes that the table of a link asks for: numbers, computed before any graph is built.
 
     Loaded, hub and sheared shapes take the scene's numbers as they are, and keep them when a mass is left free as a symbol
     (the basis then is no longer exact, but remains a basis).
     """
-    shapes, section = make_shapes(scene, index), make_section(scene, index)
+    profiles = make_profiles(scene.links[index])
+    shapes = {direction: make_shapes(scene, index, direction) for direction in DIRECTIONS}
+    several = sum(part.n > 0 for part in shapes.values()) > 1
+    couplings = couple_shapes(shapes["y"], shapes["z"], shapes["torsion"], *profiles) if several else None
+    y, z, torsion = (integrate_basis(scene, index, part, direction) for direction, part in shapes.items())
+    return LinkBasis(y, z, torsion, couplings)
+
+
+def integrate_basis(scene: Scene, index: int, shapes: Shapes, direction: Direction) -> Basis:
+    """The integrals of the shapes of one direction."""
     integrals = shape_integrals(shapes, *make_profiles(scene.links[index]))
-    stiffness = np.diag(integrals.bending) + (section.shear or 0.0) * np.diag(integrals.shear)
-    return Basis(integrals, shapes.beta, stiffness)
+    shear = make_section(scene, index, direction).shear if direction != "torsion" else None
+    return Basis(integrals, shapes.beta, np.diag(integrals.bending) + (shear or 0.0) * np.diag(integrals.shear))
 
 
-def make_shapes(scene: Scene, index: int) -> Shapes:
+def make_shapes(scene: Scene, index: int, direction: Direction = "y") -> Shapes:
     """Return the shapes themselves."""
-    link, section = scene.links[index], make_section(scene, index)
-    ends, base = read_ends(scene, index), "pinned" if link.pinned else "clamped"
+    link = scene.links[index]
+    n = getattr(link.counts, direction)
+    if direction == "torsion":
+        return twisted(n, make_profiles(link)[1], read_disc(scene, index))
+    section = make_section(scene, index, direction)
+    ends, base = read_ends(scene, index, direction), "pinned" if link.pinned else "clamped"
     if link.mode_shapes == "finite-element":
-        return finite_elements(link.modes, link.elements, *make_profiles(link), ends)
+        return finite_elements(n, link.elements, *make_profiles(link), ends)
     if link.sections is not None or section.shear is not None:
-        return tapered(link.modes, *make_profiles(link), ends, base, section)
+        return tapered(n, *make_profiles(link), ends, base, section)
     if link.pinned:
-        return pinned_with_hub(link.modes, ends.hub_inertia)
+        return pinned_with_hub(n, ends.hub_inertia)
     if link.mode_shapes == "clamped-loaded":
-        return clamped_with_tip(link.modes, ends.mass, ends.inertia)
-    return clamped_free(link.modes)
+        return clamped_with_tip(n, ends.mass, ends.inertia)
+    return clamped_free(n)
 
 
-def make_section(scene: Scene, index: int) -> Section:
+def make_section(scene: Scene, index: int, direction: Direction = "y") -> Section:
     """The height of a link's sections, relative to its length and bending stiffness, where the scene lets them shear."""
     link, effects = scene.links[index], effects_of(scene.effects)
     sheared = [stiffness for effect in effects if (stiffness := effect.section_shear(index)) is not None]
-    if not sheared or not link.modes:
+    if not sheared or not getattr(link.counts, direction):
         return Section()
     gyration = sum(effect.section_gyration(index) for effect in effects) / link.length
-    return Section(sheared[-1] * link.length**2 / link.bending_stiffness, gyration)
+    return Section(sheared[-1] * link.length**2 / link.stiffness_in(direction), gyration)
 
 
 def make_profiles(link: Link) -> tuple[Profile | None, Profile | None]:
@@ -67,14 +83,25 @@ def make_profiles(link: Link) -> tuple[Profile | None, Profile | None]:
     return Profile.table(table.at, table.mass), Profile.table(table.at, table.stiffness)
 
 
-def read_ends(scene: Scene, index: int) -> Ends:
+def read_disc(scene: Scene, index: int) -> float:
+    """What the tip carries, as inertia about the link's axis relative to the link's own, that the shapes of twist are made for."""
+    link = scene.links[index]
+    unloaded = link.mode_shapes != "clamped-loaded" or link.carried is not None
+    if unloaded or not link.counts.torsion or link.polar_inertia is None:
+        return 0.0
+    return sum_carried(scene, index, "torsion")[1] / (link.polar_inertia * link.length)
+
+
+def read_ends(scene: Scene, index: int, direction: Direction = "y") -> Ends:
     """The bodies on the link's ends, relative to its own mass, that its shapes are made for."""
     link = scene.links[index]
-    if not link.modes:
+    if not getattr(link.counts, direction):
         return Ends()
     mass = link.mass_per_length * link.length
     if link.mode_shapes == "clamped-loaded":
-        carried = sum_carried(scene, index) if link.carried is None else (link.carried.mass, link.carried.inertia)
+        carried = (
+            sum_carried(scene, index, direction) if link.carried is None else (link.carried.mass, link.carried.inertia)
+        )
         return Ends(mass=carried[0] / mass, inertia=carried[1] / (mass * link.length**2))
     if link.mode_shapes == "pinned-hub":
         inertia = float(sum(body.inertia for body in find_bodies_on_joint(scene, index)))

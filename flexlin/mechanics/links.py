@@ -1,39 +1,52 @@
-"""One link of the chain: rigid, or bent along its assumed modes."""
+"""One link of the chain: rigid, or bent and twisted along its assumed modes."""
 
 from dataclasses import dataclass
 
 import casadi as ca
 
-from flexlin.checks import Array
-from flexlin.mechanics.beam import ShapeIntegrals
+from flexlin.mechanics.beam.couplings import Couplings
 from flexlin.mechanics.body import Moments, tensor
-from flexlin.mechanics.frames import Frame, Z, column
-from flexlin.scene.links import Link
+from flexlin.mechanics.deflection import Basis, Deflection, product
+from flexlin.mechanics.frames import Frame, X, Y, Z, column
+from flexlin.scene.links import DIRECTIONS, Link
 
 
 @dataclass(frozen=True)
-class Basis:
-    """A link's assumed modes as numbers: integrals, roots beta (n,), and each mode's stiffness (n,) relative to EI / l^3."""
+class LinkBasis:
+    """The assumed modes of a link as numbers: of each direction, and their products; `couplings` is None where there are none."""
 
-    integrals: ShapeIntegrals
-    beta: Array
-    stiffness: Array
+    y: Basis
+    z: Basis
+    torsion: Basis
+    couplings: Couplings | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BentLink:
-    """A link whose axis is displaced by w(x, t) = sum X_k(x) w_k(t) across its frame's x-axis.
+    """A link whose axis is displaced by v(x, t) along y and by w(x, t) along z of its frame, and whose sections turn by phi(x, t).
 
-    Assumes small deflections of a slender beam; `w`, `w_rate` are (modes, 1) in m and m/s (X is dimensionless).
-    The shape integrals are dimensionless numbers, so length, mass and stiffness may be symbols.
+    Assumes small deflections of a slender beam. The shape integrals are dimensionless numbers, so length, mass and stiffness may be
+    symbols.
     """
 
     index: int
     table: Link
-    basis: Basis
     base: Frame
-    w: ca.SX
-    w_rate: ca.SX
+    y: Deflection
+    z: Deflection
+    torsion: Deflection
+    couplings: Couplings | None = None
+
+    @classmethod
+    def of(cls, index: int, table: Link, basis: LinkBasis, base: Frame, w: ca.SX, w_rate: ca.SX) -> "BentLink":
+        """Deal the link's elastic coordinates out: those of bending in y first, then in z, then of twist."""
+        counts = [getattr(table.counts, direction) for direction in DIRECTIONS]
+        ends = [sum(counts[:k]) for k in range(len(counts) + 1)]
+        y, z, torsion = (
+            Deflection(direction, table, getattr(basis, direction), w[a:b], w_rate[a:b])
+            for direction, a, b in zip(DIRECTIONS, ends[:-1], ends[1:], strict=True)
+        )
+        return cls(index, table, base, y, z, torsion, basis.couplings)
 
     @property
     def mass(self) -> ca.SX:
@@ -41,48 +54,92 @@ class BentLink:
         return self.table.mass_per_length * self.table.length
 
     @property
-    def bends(self) -> bool:
-        """Whether the link has any mode."""
-        return self.table.modes > 0
+    def bending(self) -> tuple[Deflection, ...]:
+        """The directions in which the link bends."""
+        return tuple(part for part in (self.y, self.z) if part.n)
 
     @property
-    def bending_energy(self) -> ca.SX:
-        """1/2 int EI w''^2 dx, in J."""
-        if not self.bends:
-            return ca.SX(0)
-        stiffness = ca.SX(self.table.bending_stiffness) / self.table.length**3
-        return stiffness / 2 * ca.bilin(ca.DM(self.basis.integrals.bending), self.w, self.w)
+    def deflections(self) -> tuple[Deflection, ...]:
+        """All that is elastic in the link."""
+        return tuple(part for part in (self.y, self.z, self.torsion) if part.n)
+
+    @property
+    def elastic_energy(self) -> ca.SX:
+        """1/2 int (EI_z v''^2 + EI_y w''^2 + GJ phi'^2) dx, in J."""
+        return sum((part.energy for part in self.deflections), ca.SX(0))
 
     @property
     def base_turn(self) -> tuple[ca.SX, ca.SX]:
-        """The slope w'(0) of pinned shapes, with its rate: the hub turns by it beside the joint coordinate; zero when clamped."""
+        """The slope v'(0) of pinned shapes, with its rate: the hub turns by it beside the joint coordinate; zero when clamped."""
         if not self.table.pinned:
             return ca.SX(0), ca.SX(0)
-        slope = ca.DM(self.basis.integrals.base_slope) / self.table.length
-        return ca.dot(slope, self.w), ca.dot(slope, self.w_rate)
+        return self.y.linear(self.y.integrals.base_slope / self.table.length)
 
     def moments(self) -> Moments:
-        """Moments of the bent link about its base frame, first order in w except where energy is of second order.
+        """Moments of the bent link about its base frame, first order in v, w, phi except where energy is of second order.
 
-        first = int rhoA (x, w, 0),  second = int rhoA (r.r E - r r^T),  swirl = int rhoA (0, 0, x w'),  agitation = int rhoA w'^2.
+        first = int rhoA (x, v, w),  second = int rhoA (r.r E - r r^T),  swirl = int rhoA (v w' - w v', -x w', x v'),
+        agitation = int rhoA (v'^2 + w'^2). The sections' own inertia is not in them.
         """
-        k, m, length = self.basis.integrals, self.mass, self.table.length
-        mode, gram = ca.DM(k.mode), ca.DM(k.gram)
-        along, across = length**2 * k.second, ca.bilin(gram, self.w, self.w)
-        mixed = m * length * ca.dot(ca.DM(k.mode_moment), self.w)
+        k, m, length = self.y.integrals, self.mass, self.table.length
+        (v, v_rate), (w, w_rate) = (part.linear(part.integrals.mode) for part in (self.y, self.z))
+        (mv, mv_rate), (mw, mw_rate) = (part.linear(part.integrals.mode_moment) for part in (self.y, self.z))
+        along = length**2 * k.second
+        vv, ww = (part.square(part.integrals.gram) for part in (self.y, self.z))
+        vw, whirl = self._cross_products()
+        spread = tensor(
+            xx=m * (vv + ww),
+            yy=m * (along + ww),
+            zz=m * (along + vv),
+            xy=-m * length * mv,
+            xz=-m * length * mw,
+            yz=-m * vw,
+        )
         return Moments(
             mass=m * k.mass,
-            first=column(m * (length * k.first), m * ca.dot(mode, self.w), 0),
-            first_rate=column(0, m * ca.dot(mode, self.w_rate), 0),
-            second=tensor(xx=m * across, yy=m * along, zz=m * (along + across), xy=-mixed),
-            swirl=column(0, 0, m * length * ca.dot(ca.DM(k.mode_moment), self.w_rate)),
-            agitation=m * ca.bilin(gram, self.w_rate, self.w_rate),
+            first=column(m * (length * k.first), m * v, m * w),
+            first_rate=column(0, m * v_rate, m * w_rate),
+            second=spread,
+            swirl=column(m * whirl, -m * length * mw_rate, m * length * mv_rate),
+            agitation=sum((part.inertia_form() for part in self.bending), ca.SX(0)),
         )
 
-    def tip(self, shortening: ca.SX, shortening_rate: ca.SX) -> Frame:
-        """The frame at the tip, turned by the slope w'(l); `shortening` is the tip's displacement along x (negative when bent)."""
-        k, length = self.basis.integrals, self.table.length
-        across, slope = ca.DM(k.tip), ca.DM(k.tip_slope) / length
-        offset = column(length + shortening, ca.dot(across, self.w), 0)
-        offset_rate = column(shortening_rate, ca.dot(across, self.w_rate), 0)
-        return self.base.moved(offset, offset_rate).turned(Z, ca.dot(slope, self.w), ca.dot(slope, self.w_rate))
+    def _cross_products(self) -> tuple[ca.SX, ca.SX]:
+        """int mu v w and int mu (v w' - w v'), dimensionless in x."""
+        if self.couplings is None:
+            return ca.SX(0), ca.SX(0)
+        form, y, z = ca.DM(self.couplings.across), self.y, self.z
+        whirl = ca.bilin(form, y.w, z.w_rate) - ca.bilin(form, y.w_rate, z.w)
+        return product(self.couplings.across, y, z)[0], whirl
+
+    def turns(self) -> tuple[ca.SX, ca.SX]:
+        """First order of the tip's rotation (phi, -w', v')(l), (3, 1), and its rate."""
+        length = self.table.length
+        phi, phi_rate = self.torsion.linear(self.torsion.integrals.tip_slope)
+        down, down_rate = self.z.linear(-self.z.integrals.tip_slope / length)
+        up, up_rate = self.y.linear(self.y.integrals.tip_slope / length)
+        return column(phi, down, up), column(phi_rate, down_rate, up_rate)
+
+    def tip(self, shift: ca.SX, shift_rate: ca.SX, turn: ca.SX, turn_rate: ca.SX) -> Frame:
+        """The frame at the tip; `shift` and `turn` (3, 1) are what effects add to displacement and rotation.
+
+        The rotation exp(theta~) is Rz(a) Ry(b) Rx(c) with a, b, c = theta and products that make it so to second order.
+        """
+        (v, v_rate), (w, w_rate) = (part.linear(part.integrals.tip) for part in (self.y, self.z))
+        theta, theta_rate = (a + b for a, b in zip(self.turns(), (turn, turn_rate), strict=True))
+        angles, rates = split_rotation(theta, theta_rate)
+        frame = self.base.moved(column(self.table.length, v, w) + shift, column(0, v_rate, w_rate) + shift_rate)
+        for axis, angle, rate in zip((Z, Y, X), angles, rates, strict=True):
+            frame = frame.turned(axis, angle, rate)
+        return frame
+
+
+def split_rotation(theta: ca.SX, rate: ca.SX) -> tuple[tuple[ca.SX, ...], tuple[ca.SX, ...]]:
+    """Angles a, b, c with Rz(a) Ry(b) Rx(c) = exp(theta~) to second order, and their rates.
+
+    a = theta_z + theta_x theta_y / 2,   b = theta_y - theta_x theta_z / 2,   c = theta_x + theta_y theta_z / 2
+    """
+    (x, y, z), (dx, dy, dz) = (ca.vertsplit(part) for part in (theta, rate))
+    angles = (z + x * y / 2, y - x * z / 2, x + y * z / 2)
+    rates = (dz + (dx * y + x * dy) / 2, dy - (dx * z + x * dz) / 2, dx + (dy * z + y * dz) / 2)
+    return angles, rates

@@ -8,11 +8,11 @@ from typing import Any
 from flexlin.errors import Problem
 from flexlin.scene.base import MOST
 from flexlin.scene.effects import RawArm, effect_contradictions, known_effects, tables_on
-from flexlin.scene.link_rules import link_contradictions, moves
+from flexlin.scene.link_rules import link_contradictions, mode_counts, moves
 from flexlin.scene.weights import Weights
 from flexlin.text import printable
 
-COORDINATE = re.compile(r"(q|w|theta)\w*\d(_rate)?")
+COORDINATE = re.compile(r"(q|w|theta|phi)\w*\d(_rate)?")
 """What names of coordinates of a chain, and of their rates, look like."""
 
 
@@ -104,7 +104,7 @@ def _joint_counts(raw: dict[str, Any]) -> Iterator[Problem]:
 
 def _added_coordinates(links: list[dict[str, Any]], raw: dict[str, Any]) -> int:
     """How many coordinates there are beside the driven joints: modes and free motors."""
-    modes = [count for link in links if isinstance(count := link.get("modes", 0), int)]
+    modes = [count for link in links for count in mode_counts(link).values()]
     free_motors = any(effect.frees_motors for _, effect in tables_on(_effects(raw)))
     return sum(modes) + (sum(moves(link) for link in links) if free_motors else 0)
 

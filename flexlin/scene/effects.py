@@ -33,6 +33,8 @@ class EffectTable(Table):
 
     lists: ClassVar[Literal["each", "first"] | None] = None
     """What a list in the table holds: one number for each link, one for each of the first links, or something else."""
+    vectors: ClassVar[tuple[str, ...]] = ()
+    """Keys whose list is a vector, not one number a link."""
     frees_motors: ClassVar[bool] = False
     """Whether each motor has a coordinate of its own."""
     inertia_keys: ClassVar[tuple[str, ...]] = ()
@@ -111,7 +113,7 @@ def effect_contradictions(effects: Mapping[str, Any], arm: RawArm) -> Iterator[P
     """List what does not fit in the raw tables of the effects."""
     for name, effect in tables_on(effects):
         for key, value in effects[name].items():
-            if isinstance(value, list):
+            if isinstance(value, list) and key not in effect.vectors:
                 yield from _list_length(f"effects.{name}.{key}", effect.lists, len(value), len(arm.links))
         yield from effect.contradictions(effects[name], arm)
 

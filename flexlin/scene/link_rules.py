@@ -23,15 +23,28 @@ def moves(link: RawTable) -> bool:
 
 def pinned(link: RawTable) -> bool:
     """Whether a raw link turns its hub by its shapes, so that the joint's coordinate is not the hub's angle."""
-    return link.get("modes", 0) != 0 and str(link.get("mode_shapes", "")).startswith("pinned")
+    return sum(mode_counts(link).values()) != 0 and str(link.get("mode_shapes", "")).startswith("pinned")
+
+
+def mode_counts(link: RawTable) -> dict[str, int]:
+    """The numbers of modes of a raw link by direction; what is no number counts as none."""
+    modes = link.get("modes", 0)
+    counts = modes if isinstance(modes, dict) else {"y": modes}
+    return {key: count for key, count in counts.items() if isinstance(count, int)}
 
 
 def _bending(key: str, link: RawTable) -> Iterator[Problem]:
-    if link.get("modes", 0) == 0:
+    counts = mode_counts(link)
+    if not any(counts.values()):
         if link.get("length") == 0 and link.get("mass_per_length") != 0:
             yield Problem(f"{key}.length", "0", "a positive number, because the link has mass")
         return
-    if link.get("bending_stiffness") is None:
+    for setting, unit in (("torsional_stiffness", "N m^2"), ("polar_inertia", "kg m")):
+        if counts.get("torsion") and link.get(setting) is None:
+            yield Problem(
+                f"{key}.{setting}", "nothing", f"a positive number in {unit}, because the link has modes of torsion"
+            )
+    if link.get("bending_stiffness") is None and (counts.get("y") or counts.get("z")):
         yield Problem(f"{key}.bending_stiffness", "nothing", "a positive number in N m^2, because modes is not 0")
     if link.get("mass_per_length") == 0:
         yield Problem(f"{key}.mass_per_length", "0", "a positive number, because a link without mass has no modes")
@@ -50,6 +63,10 @@ def _joint(key: str, link: RawTable) -> Iterator[Problem]:
     joint, axis = link.get("joint", "revolute"), link.get("axis")
     if joint == "fixed" and axis is not None:
         yield Problem(f"{key}.axis", "an axis beside joint = 'fixed'", "no axis, or a joint that moves")
+    if pinned(link) and any(count for direction, count in mode_counts(link).items() if direction != "y"):
+        yield Problem(
+            f"{key}.mode_shapes", repr(link["mode_shapes"]), "clamped shapes, because the link deflects in space"
+        )
     if pinned(link) and joint == "fixed":
         yield Problem(f"{key}.mode_shapes", repr(link["mode_shapes"]), "clamped shapes, because the joint is fixed")
     if pinned(link) and axis not in (None, [0, 0, 1], (0, 0, 1)):

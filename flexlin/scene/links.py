@@ -2,12 +2,16 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, TypeAdapter, WrapValidator, model_validator
 
 from flexlin.scene.base import NonNegative, Number, Positive, Table, Unit
-from flexlin.scene.space import Direction, Mount, RigidPart
+from flexlin.scene.space import Axis, Mount, RigidPart
 
 MAX_MODES = 60
+Direction = Literal["y", "z", "torsion"]
+DIRECTIONS: tuple[Direction, ...] = ("y", "z", "torsion")
+"""How a link deflects: bent along its y, bent along its z, twisted about its x."""
+Count = Annotated[int, Field(strict=True, ge=0, le=MAX_MODES)]
 
 
 class Sections(Table):
@@ -29,6 +33,27 @@ class Sections(Table):
         return self
 
 
+COUNT: TypeAdapter[int] = TypeAdapter(Count)
+
+
+class Modes(Table):
+    """How many assumed modes a link has: bent in y, bent in z, twisted."""
+
+    y: Count = 0
+    z: Count = 0
+    torsion: Count = 0
+
+    def by_direction(self) -> dict[Direction, int]:
+        """The numbers by direction, in the order of the coordinates."""
+        return {"y": self.y, "z": self.z, "torsion": self.torsion}
+
+
+def _count_or_table(value: Any, _: Any) -> "int | Modes":
+    if isinstance(value, Modes):
+        return value
+    return Modes.model_validate(value) if isinstance(value, dict) else COUNT.validate_python(value)
+
+
 class Carried(Table):
     """The rigid body for which loaded shapes are made: mass in kg, inertia about the link's tip in kg m^2."""
 
@@ -39,7 +64,10 @@ class Carried(Table):
 
 
 class Link(Table):
-    """A slender link along x behind its joint: Euler-Bernoulli bending in the plane, `modes` assumed modes (0: rigid).
+    """A slender link along x behind its joint: Euler-Bernoulli bending and St. Venant's twist, `modes` assumed modes (0: rigid).
+
+    A number of modes stands for bending in the plane of x and y. `bending_stiffness` is EI, or the pair about y and about z:
+    bending in z has the first, bending in y the second.
 
     The joint's frame is that of the tip before it, moved and turned by `mount` and then turned by `mount_angle` about z. The joint
     turns about `axis` (z) or slides along it (x). `body` is a rigid body where the link begins.
@@ -50,10 +78,14 @@ class Link(Table):
     """Length from joint to tip."""
     mass_per_length: Annotated[NonNegative, Unit("kg/m")]
     """Mass per length."""
-    bending_stiffness: Annotated[Positive | None, Unit("N m^2")] = None
-    """Bending stiffness E I; a link without it is rigid."""
-    modes: Annotated[int, Field(strict=True, ge=0, le=MAX_MODES)] = 0
-    """Number of assumed modes; 0 is a rigid link."""
+    bending_stiffness: Annotated[Positive | tuple[Positive, Positive] | None, Unit("N m^2")] = None
+    """Bending stiffness E I, or the pair about y and about z; a link without it is rigid."""
+    torsional_stiffness: Annotated[Positive | None, Unit("N m^2")] = None
+    """Torsional stiffness G J."""
+    polar_inertia: Annotated[Positive | None, Unit("kg m")] = None
+    """Polar inertia of the sections per length, rho I_p."""
+    modes: Annotated[Count | Modes, WrapValidator(_count_or_table)] = 0
+    """Number of assumed modes, or a table of those in y, in z and of torsion; 0 is a rigid link."""
     mode_shapes: Literal["clamped-free", "clamped-loaded", "pinned-free", "pinned-hub", "finite-element"] = (
         "clamped-free"
     )
@@ -66,7 +98,7 @@ class Link(Table):
     """How mass and stiffness vary along the link."""
     joint: Literal["revolute", "prismatic", "fixed"] = "revolute"
     """How the link moves against the one before it."""
-    axis: Direction | None = None
+    axis: Axis | None = None
     """The joint's axis in the link's frame; z for a turning joint, x for a sliding one."""
     mount: Mount = Mount()
     """Where the joint lies at the tip before it."""
@@ -82,12 +114,24 @@ class Link(Table):
         return {"length": 0.0, "mass_per_length": 0.0, **raw} if isinstance(raw, dict) and "body" in raw else raw
 
     @property
+    def counts(self) -> Modes:
+        """The numbers of modes by direction."""
+        return self.modes if isinstance(self.modes, Modes) else Modes.model_construct(y=self.modes, z=0, torsion=0)
+
+    def stiffness_in(self, direction: Direction) -> Any:
+        """GJ for twist, EI about z for bending in y, EI about y for bending in z."""
+        if direction == "torsion":
+            return self.torsional_stiffness
+        both = self.bending_stiffness
+        return both["zy".index(direction)] if isinstance(both, tuple) else both
+
+    @property
     def moves(self) -> bool:
         """Whether the link's joint lets it move."""
         return self.joint != "fixed"
 
     @property
-    def joint_axis(self) -> Direction:
+    def joint_axis(self) -> Axis:
         """The joint's axis in the link's frame: where none is given z for a turning joint, x for a sliding one."""
         return self.axis or ((1.0, 0.0, 0.0) if self.joint == "prismatic" else (0.0, 0.0, 1.0))
 

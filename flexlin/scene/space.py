@@ -17,7 +17,7 @@ def _not_zero(value: Vector) -> Vector:
     return value
 
 
-Direction = Annotated[Vector, AfterValidator(_not_zero)]
+Axis = Annotated[Vector, AfterValidator(_not_zero)]
 """Three numbers that need not have length 1."""
 
 

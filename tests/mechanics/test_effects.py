@@ -13,6 +13,7 @@ ON = {
     "payload": {"mass": [0.05, 0.1], "inertia": [0.001, 0.002], "offset": [0.0, 0.03]},
     "hub": {"mass": [0.3, 0.2], "inertia": [0.02, 0.01], "radius": [0.04, 0.02]},
     "geometric_stiffening": {},
+    "bending_torsion_coupling": {},
     "rotary_inertia": {"radius_of_gyration": 0.02},
     "shear": {"stiffness": 300.0},
     "modal_damping": {"ratio": [0.01, 0.03]},
@@ -24,6 +25,8 @@ ON = {
     "motor": {"torque_constant": 0.05, "resistance": 2.0, "gear_ratio": [50.0, 30.0], "rotor_inertia": 1e-5},
     "rotor_spin": {"inertia": [1e-4, 2e-5], "gear_ratio": [-60.0, 50.0]},
 }
+SPATIAL = {"modes": {"y": 1, "z": 1, "torsion": 1}, "torsional_stiffness": 0.8, "polar_inertia": 1e-3}
+"""A link that deflects in every way."""
 ADDED = {"joint_flexibility": 2}
 
 
@@ -136,7 +139,8 @@ def instructions(arm):
 
 @pytest.mark.parametrize("name", ON)
 def test_an_effect_adds_its_own_coordinates_and_instructions_only(name):
-    bare, alone = arm_of({}, {}), arm_of({}, {}, effects={name: ON[name]})
+    link = SPATIAL if name == "bending_torsion_coupling" else {}
+    bare, alone = arm_of(link, link), arm_of(link, link, effects={name: ON[name]})
     assert alone.n - bare.n == ADDED.get(name, 0)
     assert instructions(alone) > instructions(bare)
     if name in NEUTRAL:  # an effect of no size leaves no trace in the graph
@@ -145,10 +149,10 @@ def test_an_effect_adds_its_own_coordinates_and_instructions_only(name):
 
 def test_taking_effects_off_one_by_one_always_shortens_the_graph():
     tables = {name: ON[name] for name in ON if name != "joint_flexibility"}
-    counts = [instructions(arm_of({}, {}, effects=tables))]
+    counts = [instructions(arm_of(SPATIAL, {}, effects=tables))]
     for name in list(tables):
         del tables[name]
-        counts.append(instructions(arm_of({}, {}, effects=tables)))
+        counts.append(instructions(arm_of(SPATIAL, {}, effects=tables)))
     assert counts == sorted(counts, reverse=True)
     assert len(set(counts)) == len(counts)
-    assert counts[-1] == instructions(arm_of({}, {}))
+    assert counts[-1] == instructions(arm_of(SPATIAL, {}))

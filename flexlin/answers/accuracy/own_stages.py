@@ -23,6 +23,7 @@ from flexlin.periodic.response.forced import ForcedResponse, forced_response
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choice import choose_setting
 from flexlin.periodic.transition.setting import Setting, factor_period
+from flexlin.scene.links import Link, Modes
 from flexlin.scene.parameters import replace_value
 from flexlin.scene.scene import Scene
 from flexlin.series import taylor
@@ -141,14 +142,17 @@ def measure_forced_response(closed: Linearization) -> list[Row]:
 
 def measure_modes(scene: Scene, more: int = 2) -> list[Row]:
     """The leading exponent with 0, 1, 2 ... modes in each link that bends, against two modes more than the scene has."""
-    if not scene.links or all(link.modes == 0 for link in scene.links):
+    if not scene.links or all(not any(counts_of(link)) for link in scene.links):
         return []
-    most = max(link.modes for link in scene.links) + more
+    most = max(count for link in scene.links for count in counts_of(link)) + more
 
     def leading(count: int) -> complex:
         changed = scene
-        for i in (i for i, link in enumerate(scene.links) if link.modes):
-            changed = replace_value(changed, f"links.{i}.modes", count)
+        for i, link in enumerate(scene.links):
+            counts: dict[str, int] = {d: count for d, n in link.counts.by_direction().items() if n}
+            if counts:
+                modes = link.counts.model_copy(update=counts) if isinstance(link.modes, Modes) else count
+                changed = replace_value(changed, f"links.{i}.modes", modes)
         loop = linearize(build_manipulator(changed), changed.motion, changed.control)
         first = floquet(loop.periodic_system(), 1e-8).exponents[0]
         return complex(first.real, abs(first.imag))
@@ -156,6 +160,11 @@ def measure_modes(scene: Scene, more: int = 2) -> list[Row]:
     exact = leading(most)
     trials = [Trial("assumed modes", f"{k} a link", partial(leading, k)) for k in range(most)]
     return measure_trials("number of modes", trials, lambda value: abs(value - exact) / max(1.0, abs(exact)))
+
+
+def counts_of(link: Link) -> tuple[int, ...]:
+    """The numbers of modes of a link, one a direction."""
+    return tuple(link.counts.by_direction().values())
 
 
 def measure_taylor_order(arm: Manipulator, motion: Motion, orders: tuple[int, ...] = (1, 2, 3, 4)) -> list[Row]:

@@ -7,7 +7,10 @@ from flexlin.mechanics import build_manipulator
 from flexlin.mechanics.effects import Scale
 from flexlin.mechanics.link_shapes import make_shapes
 from flexlin.motion import build_motion
+from flexlin.scene.links import Direction
 from flexlin.scene.scene import Scene
+
+BENDING: tuple[Direction, ...] = ("y", "z")
 
 
 def read_scale(scene: Scene) -> Scale:
@@ -15,9 +18,10 @@ def read_scale(scene: Scene) -> Scale:
     arm = build_manipulator(scene)
     M = ca.Function("M", [arm.s], [ca.densify(arm.M)])(np.zeros(arm.n))
     slowest = [
-        make_shapes(scene, i).beta[0] ** 2 * np.sqrt(link.bending_stiffness / (link.mass_per_length * link.length**4))
+        make_shapes(scene, i, d).beta[0] ** 2 * np.sqrt(link.stiffness_in(d) / (link.mass_per_length * link.length**4))
         for i, link in enumerate(scene.links)
-        if link.modes and link.bending_stiffness is not None
+        for d in BENDING
+        if getattr(link.counts, d)
     ]
     return Scale(
         links=scene.links,

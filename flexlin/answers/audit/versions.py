@@ -7,6 +7,7 @@ from typing import Any
 
 from flexlin.mechanics.effects import Effect, Scale
 from flexlin.scene.effects import known_effects
+from flexlin.scene.links import Direction, Modes
 from flexlin.scene.scene import Scene
 
 MOST_MODES = 12
@@ -53,15 +54,21 @@ def list_mode_versions(scene: Scene) -> Iterator[Version]:
     for i, link in enumerate(scene.links):
         if link.bending_stiffness is None or not link.mass_per_length:
             continue
-        for step in (-1, 1):
-            modes = link.modes + step
-            if 0 <= modes <= MOST_MODES:
-                change = f"link {i + 1} with {modes} mode{'s' if modes != 1 else ''}"
-                give = partial(with_modes, link=i, step=step)
-                yield Version(give, change, "modes", f"links.{i}", step < 0, {"modes": modes})
+        for direction, count in link.counts.by_direction().items():
+            plain = not isinstance(link.modes, Modes)
+            for step in (-1, 1) if count or (plain and direction == "y") else ():
+                modes = count + step
+                if 0 <= modes <= MOST_MODES:
+                    which = "" if plain else f" in {direction}"
+                    change = f"link {i + 1} with {modes} mode{'s' if modes != 1 else ''}{which}"
+                    give = partial(with_modes, link=i, step=step, direction=direction)
+                    yield Version(give, change, "modes", f"links.{i}", step < 0, {"modes": modes})
 
 
-def with_modes(scene: Scene, link: int, step: int) -> Scene:
+def with_modes(scene: Scene, link: int, step: int, direction: Direction = "y") -> Scene:
     """The scene with some modes more in one link; designs whose weights are a list for each state no longer fit, and go."""
-    changed = scene.links[link].model_copy(update={"modes": scene.links[link].modes + step})
+    old = scene.links[link]
+    count = getattr(old.counts, direction) + step
+    modes = old.counts.model_copy(update={direction: count}) if isinstance(old.modes, Modes) else count
+    changed = old.model_copy(update={"modes": modes})
     return scene.model_copy(update={"links": (*scene.links[:link], changed, *scene.links[link + 1 :])})

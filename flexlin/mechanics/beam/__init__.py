@@ -6,6 +6,7 @@ from flexlin.mechanics.beam.pinned import pinned_free, pinned_with_hub
 from flexlin.mechanics.beam.profile import Profile
 from flexlin.mechanics.beam.ritz import Ends, Section, finite_elements, tapered
 from flexlin.mechanics.beam.shapes import Shapes
+from flexlin.mechanics.beam.twist import twisted
 
 __all__ = [
     "Ends",
@@ -20,4 +21,5 @@ __all__ = [
     "pinned_with_hub",
     "shape_integrals",
     "tapered",
+    "twisted",
 ]

@@ -12,6 +12,7 @@ SHIPPED = (
     "payload",
     "hub",
     "geometric_stiffening",
+    "bending_torsion_coupling",
     "rotary_inertia",
     "shear",
     "modal_damping",

@@ -163,8 +163,8 @@ class Effect(EffectTable):
         """
         return 0.0
 
-    def tip_shortening(self, link: "BentLink") -> tuple[ca.SX, ca.SX]:
-        """Return the displacement of a link's tip along the link.
+    def tip_displacement(self, link: "BentLink") -> tuple[ca.SX, ca.SX]:
+        """Return the displacement of a link's tip beside that of its modes.
 
         Parameters
         ----------
@@ -173,12 +173,29 @@ class Effect(EffectTable):
 
         Returns
         -------
-        displacement : casadi.SX
-            In m.
-        rate : casadi.SX
+        displacement : casadi.SX, shape (3, 1)
+            In the link's axes, in m.
+        rate : casadi.SX, shape (3, 1)
             Its rate, in m/s.
         """
-        return ca.SX(0), ca.SX(0)
+        return ca.SX(3, 1), ca.SX(3, 1)
+
+    def tip_turn(self, link: "BentLink") -> tuple[ca.SX, ca.SX]:
+        """Return the rotation of a link's tip beside that of its modes.
+
+        Parameters
+        ----------
+        link : BentLink
+            The link with its elastic coordinates.
+
+        Returns
+        -------
+        rotation : casadi.SX, shape (3, 1)
+            Rotation vector in the link's axes, in rad.
+        rate : casadi.SX, shape (3, 1)
+            Its rate, in rad/s.
+        """
+        return ca.SX(3, 1), ca.SX(3, 1)
 
     def link_moments(self, link: "BentLink") -> Moments | None:
         """Return what is added to the moments of a link.

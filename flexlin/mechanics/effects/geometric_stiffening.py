@@ -1,8 +1,8 @@
-"""Geometric (centrifugal) stiffening: a bent link is shorter, u(x) = -1/2 int_0^x w'^2.
+"""Geometric (centrifugal) stiffening: a bent link is shorter, u(x) = -1/2 int_0^x (v'^2 + w'^2).
 
-Kept to second order in w it adds to the moments of the link, with Gamma(x) = int_0^x X' X'^T,
+Kept to second order it adds to the moments of the link, with Gamma(x) = int_0^x X' X'^T for each of the two directions,
 
-    first.x += -1/2 w^T (int rhoA Gamma) w,   second += -w^T (int rhoA x Gamma) w,
+    first.x += -1/2 v^T (int rhoA Gamma) v,   second.yy, second.zz += -v^T (int rhoA x Gamma) v,
 
 and moves the tip, and with it every link beyond, by u(l). On a single link this is q'^2 G - g sin(q) H in K_L(2, 2).
 
@@ -31,18 +31,16 @@ class GeometricStiffening(Effect):
     def tried_with(cls, scale: Scale) -> Optional["GeometricStiffening"]:
         return None if scale.bending is None else cls()
 
-    def tip_shortening(self, link: "BentLink") -> tuple[ca.SX, ca.SX]:
-        gamma = ca.DM(link.basis.integrals.tip_shortening) / link.table.length
-        return -ca.bilin(gamma, link.w, link.w) / 2, -ca.bilin(gamma, link.w, link.w_rate)
+    def tip_displacement(self, link: "BentLink") -> tuple[ca.SX, ca.SX]:
+        drawn = [part.quadratic(part.integrals.tip_shortening / link.table.length) for part in link.bending]
+        return tuple(column(-sum((part[i] for part in drawn), ca.SX(0)), 0, 0) for i in (0, 1))
 
     def link_moments(self, link: "BentLink") -> Moments | None:
-        if not link.bends:
+        if not link.bending:
             return None
-        k = link.basis.integrals
-        along = link.mass / link.table.length * ca.DM(k.shortening)
-        drawn_in = -link.mass * ca.bilin(ca.DM(k.shortening_moment), link.w, link.w)
-        return Moments(
-            first=column(-ca.bilin(along, link.w, link.w) / 2, 0, 0),
-            first_rate=column(-ca.bilin(along, link.w, link.w_rate), 0, 0),
-            second=tensor(yy=drawn_in, zz=drawn_in),
-        )
+        m, length = link.mass, link.table.length
+        drawn = [part.quadratic(part.integrals.shortening) for part in link.bending]
+        first, rate = (m / length * sum((part[i] for part in drawn), ca.SX(0)) for i in (0, 1))
+        turned = [part.square(part.integrals.shortening_moment) for part in link.bending]
+        second = -m * sum(turned, ca.SX(0))
+        return Moments(first=column(-first, 0, 0), first_rate=column(-rate, 0, 0), second=tensor(yy=second, zz=second))

@@ -11,7 +11,7 @@ from flexlin.mechanics.effects.base import Chain, Effect
 from flexlin.mechanics.effects.scale import Scale
 from flexlin.mechanics.frames import unit
 from flexlin.scene.base import Number, Unit
-from flexlin.scene.space import Direction
+from flexlin.scene.space import Axis
 
 
 class Gravity(Effect):
@@ -20,7 +20,7 @@ class Gravity(Effect):
     smooth = True
     acceleration: Annotated[Number, Unit("m/s^2")] = 9.81
     """Acceleration of gravity."""
-    direction: Direction = (0.0, -1.0, 0.0)
+    direction: Axis = (0.0, -1.0, 0.0)
     """Where it points, in the world's frame."""
 
     @classmethod

@@ -29,9 +29,12 @@ class KelvinVoigtDamping(Effect):
         return None if scale.bending is None else cls(retardation_time=2 * LOSS / scale.bending)
 
     def dissipation(self, chain: Chain) -> ca.SX:
-        return sum((self._of_link(link) for link in chain.links if link.bends), ca.SX(0))
+        return sum((self._of_link(link) for link in chain.links), ca.SX(0))
 
     def _of_link(self, link: "BentLink") -> ca.SX:
         eta = per_joint(self.retardation_time, link.index, single="every")
-        stiffness = eta * ca.SX(link.table.bending_stiffness) / link.table.length**3
-        return stiffness / 2 * ca.bilin(ca.DM(link.basis.integrals.bending), link.w_rate, link.w_rate)
+        forms = [
+            part.rigidity * ca.bilin(ca.DM(part.integrals.bending), part.w_rate, part.w_rate)
+            for part in link.deflections
+        ]
+        return eta / 2 * sum(forms, ca.SX(0))

@@ -14,7 +14,7 @@ from flexlin.mechanics.effects.scale import LOSS, Scale
 from flexlin.scene.base import NonNegative, Unit
 
 if TYPE_CHECKING:
-    from flexlin.mechanics.links import BentLink
+    from flexlin.mechanics.deflection import Deflection
 
 
 class ModalDamping(Effect):
@@ -30,12 +30,10 @@ class ModalDamping(Effect):
 
     def dissipation(self, chain: Chain) -> ca.SX:
         """R = 1/2 sum_k d_k w_k'^2 over the modes of all links."""
-        return sum((self._of_link(link) for link in chain.links if link.bends), ca.SX(0))
+        return sum((self._of(part) for link in chain.links for part in link.deflections), ca.SX(0))
 
-    def _of_link(self, link: "BentLink") -> ca.SX:
-        table = link.table
+    def _of(self, part: "Deflection") -> ca.SX:
         given = self.ratio if isinstance(self.ratio, tuple) else (self.ratio,)
-        ratios = ca.vertcat(*[given[min(k, len(given) - 1)] for k in range(table.modes)])
-        shape = ca.DM(link.basis.stiffness / link.basis.beta**2)
-        scale = ca.sqrt(ca.SX(table.mass_per_length) * table.bending_stiffness) / table.length
-        return scale * ca.dot(ratios * shape, link.w_rate**2)
+        ratios = ca.vertcat(*[given[min(k, len(given) - 1)] for k in range(part.n)])
+        shape = ca.DM(part.basis.stiffness / part.basis.beta**2)
+        return part.resistance * ca.dot(ratios * shape, part.w_rate**2)

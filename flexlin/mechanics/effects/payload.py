@@ -3,6 +3,7 @@
 Source: Khang, Dat, Tuan (2019), Fig. 1 (m_E); the inertia as in De Luca, Siciliano (1991).
 """
 
+from dataclasses import replace
 from typing import Annotated
 
 import casadi as ca
@@ -24,6 +25,7 @@ class Payload(Effect):
 
     smooth = True
     lists = "first"
+    vectors = ("centre",)
     inertia_keys = ("mass", "inertia")
     mass: Annotated[PerLink, Unit("kg")]
     """Mass of the payload."""
@@ -41,17 +43,18 @@ class Payload(Effect):
         return cls(mass=PART * scale.mass)
 
     def tip_body(self, link: int, links: int) -> RigidMass:
-        return RigidMass(*(at_tip(value, link, links) for value in (self.mass, self.inertia, self.offset)))
+        body = RigidMass(*(at_tip(value, link, links) for value in (self.mass, self.inertia, self.offset)))
+        return replace(body, centre=self.centre, tensor=self.tensor) if link == links - 1 else body
 
     def bodies(self, chain: Chain) -> tuple[Body, ...]:
         links = len(chain.links)
         on = [self.tip_body(link, links) for link in range(links)]
         return tuple(
-            rigid_body(frame, body.mass, *self._in_space(body, frame is chain.tips[-1]))
+            rigid_body(frame, body.mass, self._inertia(body), ca.sparsify(X * body.offset) + column(*body.centre))
             for frame, body in zip(chain.tips, on, strict=True)
         )
 
-    def _in_space(self, body: RigidMass, last: bool) -> tuple[ca.SX, ca.SX]:
-        """Inertia (3, 3) and centre (3, 1) of the body on a tip."""
-        inertia, centre = about(Z, body.inertia), ca.sparsify(X * body.offset)
-        return (inertia + tensor(**self.tensor.entries()), centre + column(*self.centre)) if last else (inertia, centre)
+    def _inertia(self, body: RigidMass) -> ca.SX:
+        """Inertia (3, 3) of the body on a tip."""
+        extra = ca.SX(3, 3) if body.tensor is None else tensor(**body.tensor.entries())
+        return about(Z, body.inertia) + extra

@@ -12,7 +12,7 @@ from flexlin.mechanics.effects.scale import LOSS, Scale
 from flexlin.scene.base import NonNegative, Unit
 
 if TYPE_CHECKING:
-    from flexlin.mechanics.links import BentLink
+    from flexlin.mechanics.deflection import Deflection
 
 
 class RayleighDamping(Effect):
@@ -29,10 +29,9 @@ class RayleighDamping(Effect):
         return None if scale.bending is None else cls(stiffness_factor=2 * LOSS / scale.bending)
 
     def dissipation(self, chain: Chain) -> ca.SX:
-        return sum((self._of_link(link) for link in chain.links if link.bends), ca.SX(0))
+        return sum((self._of(part) for link in chain.links for part in link.deflections), ca.SX(0))
 
-    def _of_link(self, link: "BentLink") -> ca.SX:
-        k, table = link.basis.integrals, link.table
-        stiffness = ca.SX(table.bending_stiffness) / table.length**3
-        mass = self.mass_factor * link.mass * ca.bilin(ca.DM(k.gram), link.w_rate, link.w_rate)
-        return (mass + self.stiffness_factor * stiffness * ca.bilin(ca.DM(k.bending), link.w_rate, link.w_rate)) / 2
+    def _of(self, part: "Deflection") -> ca.SX:
+        stiffness = self.stiffness_factor * part.rigidity
+        bending = ca.bilin(ca.DM(part.integrals.bending), part.w_rate, part.w_rate)
+        return (self.mass_factor * part.inertia_form() + stiffness * bending) / 2

@@ -1,17 +1,18 @@
-"""Rotary inertia: the sections of a link turn, T = 1/2 int rho I (q' + psi')^2, psi = w'_x without shear.
+"""Rotary inertia: the sections of a link turn, in the plane T = 1/2 int rho I (q' + psi')^2, psi = w'_x without shear.
 
-With the radius of gyration r, rho I = rho A r^2. Source: Rayleigh, Theory of Sound (1877), section 186.
+With the radius of gyration r about z, rho I_z = rho A r^2; a section's inertia about y is what its polar inertia leaves. Sections that
+turn out of the plane of rotation are pulled back into it: the propeller moment. Source: Rayleigh, Theory of Sound (1877), section 186.
 """
 
 from typing import TYPE_CHECKING, Annotated, Any
 
 import casadi as ca
 
-from flexlin.mechanics.body import Moments, about
+from flexlin.mechanics.body import Moments
 from flexlin.mechanics.effects.base import Effect
 from flexlin.mechanics.effects.scale import SLENDERNESS, Scale
 from flexlin.mechanics.effects.shared import per_joint
-from flexlin.mechanics.frames import Z
+from flexlin.mechanics.sections import turned_sections
 from flexlin.scene.base import PerLink, Unit
 
 if TYPE_CHECKING:
@@ -34,13 +35,8 @@ class RotaryInertia(Effect):
         return per_joint(self.radius_of_gyration, link, single="every")
 
     def link_moments(self, link: "BentLink") -> Moments | None:
-        k, length = link.basis.integrals, link.table.length
-        radius = per_joint(self.radius_of_gyration, link.index, single="every")
-        inertia = link.mass * radius**2
-        return Moments(
-            second=about(Z, inertia * k.section),
-            swirl=Z * (inertia / length * ca.dot(ca.DM(k.rotation), link.w_rate)) if link.bends else ca.SX(3, 1),
-            agitation=inertia / length**2 * ca.bilin(ca.DM(k.rotations), link.w_rate, link.w_rate)
-            if link.bends
-            else ca.SX(0),
-        )
+        """About z as given; about y what the polar inertia leaves, where the link has one."""
+        about_z = link.mass * per_joint(self.radius_of_gyration, link.index, single="every") ** 2
+        polar = link.table.polar_inertia
+        about_y = ca.SX(0) if polar is None else polar * link.table.length - about_z
+        return turned_sections(link, (0, about_y, about_z))

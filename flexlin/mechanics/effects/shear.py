@@ -37,7 +37,7 @@ class Shear(Effect):
         if scale.bending is None:
             return None
         stiffness = [
-            SHEAR_RATIO * (link.bending_stiffness or 1.0) / (SLENDERNESS * (link.length or 1.0)) ** 2
+            SHEAR_RATIO * (link.stiffness_in("y") or 1.0) / (SLENDERNESS * (link.length or 1.0)) ** 2
             for link in scale.links
         ]
         return cls(stiffness=tuple(stiffness))
@@ -54,8 +54,8 @@ class Shear(Effect):
         return per_joint(self.stiffness, link, single="every")
 
     def potential_energy(self, chain: Chain) -> ca.SX:
-        return sum((self._of_link(link) for link in chain.links if link.bends), ca.SX(0))
+        return sum((self._of_link(link) for link in chain.links if link.bending), ca.SX(0))
 
     def _of_link(self, link: "BentLink") -> ca.SX:
         stiffness = per_joint(self.stiffness, link.index, single="every") / ca.SX(link.table.length)
-        return stiffness / 2 * ca.bilin(ca.DM(link.basis.integrals.shear), link.w, link.w)
+        return stiffness * sum((part.quadratic(part.integrals.shear)[0] for part in link.bending), ca.SX(0))

@@ -105,10 +105,12 @@ def trace_links(scene: Scene, points: Array, s: Array) -> Array:
         base, tip = points[:, i], points[:, i + 1]
         curve = base[:, None] + np.outer(tip - base, XI)
         length = float(np.linalg.norm(tip - base))
-        if link.modes and length > 0:
+        if link.counts.y and length > 0:
             shapes = make_shapes(scene, i)
-            across = (shapes.values(XI) - np.outer(shapes.values(XI[-1:])[:, 0], XI)).T @ s[first : first + link.modes]
+            across = (shapes.values(XI) - np.outer(shapes.values(XI[-1:])[:, 0], XI)).T @ s[
+                first : first + link.counts.y
+            ]
             curve += np.outer([base[1] - tip[1], tip[0] - base[0]], across) / length
-        first += link.modes
+        first += sum(link.counts.by_direction().values())
         curves.append(curve)
     return np.concatenate(curves, axis=1) if curves else points

@@ -1,0 +1,71 @@
+"""Coupling of bending and twist: a twisted section bends about its own axes, so the axis moves across to second order.
+
+With curvatures v'', w'' and twist phi' measured in the sections' axes, R' = R kappa~ and r' = R e_x give to second order
+
+    v2(x) = -int_0^x (x - s) phi w'' ds,   w2(x) = int_0^x (x - s) phi v'' ds,   theta2 = 1/2 int theta x theta' ds
+
+beside the shortening of `geometric_stiffening`, with theta = (phi, -w', v'). The elastic energy stays quadratic. A load across the stiff
+plane then does work on phi and v'' together: the beam buckles sideways. Source: Hodges, Dowell, NASA TN D-7818 (1974), whose curvatures
+these are; Timoshenko, Gere, Theory of Elastic Stability (1961), section 6.3, for what follows.
+"""
+
+from typing import TYPE_CHECKING, Optional
+
+import casadi as ca
+
+from flexlin.mechanics.body import Moments, tensor
+from flexlin.mechanics.deflection import product
+from flexlin.mechanics.effects.base import Effect
+from flexlin.mechanics.effects.scale import Scale
+from flexlin.mechanics.frames import column
+
+if TYPE_CHECKING:
+    from flexlin.mechanics.links import BentLink
+
+
+class BendingTorsionCoupling(Effect):
+    """What twist and bending in two planes do together, kept to second order in kinetic and potential energy."""
+
+    smooth = True
+
+    @classmethod
+    def tried_with(cls, scale: Scale) -> Optional["BendingTorsionCoupling"]:
+        return None if scale.bending is None else cls()
+
+    def tip_displacement(self, link: "BentLink") -> tuple[ca.SX, ca.SX]:
+        k = link.couplings
+        if k is None:
+            return ca.SX(3, 1), ca.SX(3, 1)
+        (across, across_rate), (up, up_rate) = (
+            product(part.tip, link.torsion, bent) for part, bent in ((k.z, link.z), (k.y, link.y))
+        )
+        return column(0, -across, up), column(0, -across_rate, up_rate)
+
+    def tip_turn(self, link: "BentLink") -> tuple[ca.SX, ca.SX]:
+        k, length = link.couplings, link.table.length
+        if k is None:
+            return ca.SX(3, 1), ca.SX(3, 1)
+        about = (
+            product(k.both_bent, link.y, link.z),
+            product(k.y.turn, link.torsion, link.y),
+            product(k.z.turn, link.torsion, link.z),
+        )
+        sizes = (1 / length**2, 1 / length, 1 / length)
+        return tuple(column(*[size * part[i] for size, part in zip(sizes, about, strict=True)]) for i in (0, 1))
+
+    def link_moments(self, link: "BentLink") -> Moments | None:
+        k, m, length = link.couplings, link.mass, link.table.length
+        if k is None:
+            return None
+        (v, v_rate), (w, w_rate) = (
+            product(part.mass, link.torsion, bent) for part, bent in ((k.z, link.z), (k.y, link.y))
+        )
+        (mv, mv_rate), (mw, mw_rate) = (
+            product(part.moment, link.torsion, bent) for part, bent in ((k.z, link.z), (k.y, link.y))
+        )
+        return Moments(
+            first=column(0, -m * v, m * w),
+            first_rate=column(0, -m * v_rate, m * w_rate),
+            second=tensor(xy=m * length * mv, xz=-m * length * mw),
+            swirl=column(0, -m * length * mw_rate, -m * length * mv_rate),
+        )

@@ -1,0 +1,132 @@
+"""Beams bent in two planes and twisted: known frequencies and loads."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+from scipy.optimize import brentq
+
+import flexlin as fl
+from flexlin.errors import SceneError
+from flexlin.scene import parse_scene
+
+BEAM = {"length": 1.0, "mass_per_length": 1.0, "bending_stiffness": 1.0}
+
+
+def scene_of(link, effects, rate=0.0):
+    """One link that turns about z at a rate, or stands still."""
+    still = {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.0}]}
+    motion = {"kind": "rotation", "joints": [{"rate": rate}]} if rate else still
+    motion["drive"] = "prescribed"
+    return parse_scene({"schema": 1, "title": "beam", "links": [link], "effects": effects, "motion": motion})
+
+
+def frequencies(scene):
+    lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    assert np.abs(lin.D(0.0)).max() < 1e-9
+    return np.sqrt(eigh(lin.K(0.0), lin.M(0.0), eigvals_only=True)), lin
+
+
+@pytest.mark.parametrize(("rate", "flap"), [(0.0, 3.5160), (2.0, 4.1373), (6.0, 7.3604), (12.0, 13.170)])
+def test_rotating_blade(rate, flap):
+    """Flap across the plane of rotation (Wright et al. 1982), lag in it: lag^2 = flap^2 - Omega^2; from one scene."""
+    scene = scene_of({**BEAM, "modes": {"y": 10, "z": 10}}, {"geometric_stiffening": {}}, rate)
+    lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    M, K = lin.M(0.0), lin.K(0.0)
+    np.testing.assert_allclose(K[:10, 10:], 0, atol=1e-9)
+    lag, flapping = (
+        np.sqrt(eigh(K[part, part], M[part, part], eigvals_only=True)[0]) for part in (np.s_[:10], np.s_[10:])
+    )
+    assert flapping == pytest.approx(flap, rel=5e-5)
+    assert lag == pytest.approx(np.sqrt(flapping**2 - rate**2), rel=1e-9)
+
+
+@pytest.mark.parametrize("shapes", ["clamped-free", "clamped-loaded"])
+@pytest.mark.parametrize("disc", [0.0, 0.3, 20.0])
+def test_torsion_of_a_shaft_with_a_disc(disc, shapes):
+    """omega tan(omega l / c) = GJ / (J c), c^2 = GJ / (rho I_p)."""
+    length, stiffness, polar = 0.7, 3.0, 0.02
+    link = {**BEAM, "length": length, "modes": {"torsion": 4}, "torsional_stiffness": stiffness, "polar_inertia": polar}
+    tensor = {"payload": {"mass": 0.0, "tensor": {"xx": disc * polar * length}}} if disc else {}
+    found, _ = frequencies(scene_of({**link, "mode_shapes": shapes}, tensor))
+    c = np.sqrt(stiffness / polar)
+    root = brentq(lambda x: x * np.sin(x) * disc - np.cos(x), 1e-6, np.pi / 2) if disc else np.pi / 2
+    assert found[0] == pytest.approx(root * c / length, rel=1e-6)
+
+
+def test_bending_has_a_stiffness_in_each_plane():
+    link = {**BEAM, "bending_stiffness": [2.0, 7.0], "modes": {"y": 2, "z": 2}}
+    found, lin = frequencies(scene_of(link, {}))
+    expected = np.outer(np.sqrt([2.0, 7.0]), np.array([1.87510407, 4.69409113]) ** 2)
+    np.testing.assert_allclose(found, np.sort(expected.ravel()), rtol=1e-8)
+    assert lin.names == ("w11", "w12", "wz11", "wz12")
+
+
+def test_lateral_buckling():
+    """A clamped strip under a transverse load at its tip turns over at 4.0126 sqrt(EI_z GJ) / l^2 (Timoshenko, Gere)."""
+    length, weak, twist = 1.3, 0.4, 0.25
+    link = {
+        **BEAM,
+        "length": length,
+        "mass_per_length": 1e-6,
+        "bending_stiffness": [900.0, weak],
+        "modes": {"y": 8, "z": 1, "torsion": 5},
+        "torsional_stiffness": twist,
+        "polar_inertia": 1e-6,
+    }
+    effects = {
+        "gravity": {"direction": [0, 0, -1]},
+        "payload": {"mass": 0.1},
+        "geometric_stiffening": {},
+        "bending_torsion_coupling": {},
+    }
+    scene = scene_of(link, effects)
+    arm = fl.build_manipulator(scene, ["effects.payload.mass"])
+    state = ca.vertcat(arm.s, arm.s_dot, arm.s_ddot)
+    K = ca.Function("K", [state, arm.parameters.symbols], [ca.jacobian(arm.residual, arm.s)[1:, 1:]])
+
+    def lowest(mass):
+        return np.linalg.eigvalsh(np.array(K(np.zeros(3 * arm.n), mass))).min()
+
+    load = 4.0126 * np.sqrt(weak * twist) / length**2
+    assert lowest(0.9 * load / 9.81) > 0 > lowest(1.1 * load / 9.81)
+    assert 9.81 * brentq(lowest, 0.9 * load / 9.81, 1.1 * load / 9.81) == pytest.approx(load, rel=1e-3)
+
+
+def test_a_strip_in_its_weak_plane_does_not_turn_over():
+    """Without the coupling nothing happens at all; the load in y of a strip that is weak in y leaves K positive."""
+    link = {**BEAM, "bending_stiffness": [900.0, 0.4], "modes": {"y": 3, "z": 1, "torsion": 3}}
+    link |= {"torsional_stiffness": 0.25, "polar_inertia": 1e-6}
+    heavy = {"gravity": {"direction": [0, -1, 0]}, "payload": {"mass": 5.0}, "bending_torsion_coupling": {}}
+    arm = fl.build_manipulator(scene_of(link, heavy))
+    K = np.array(ca.Function("K", [arm.s], [ca.densify(ca.jacobian(arm.g, arm.s))])(np.zeros(arm.n)))[1:, 1:]
+    assert np.linalg.eigvalsh(K).min() > 0
+    np.testing.assert_allclose(K, K.T, rtol=0, atol=1e-12 * np.abs(K).max())
+
+
+def test_a_flat_blade_turns_back_into_the_plane_of_rotation():
+    """The propeller moment: omega^2 = omega_0^2 + Omega^2 (J_z - J_y) / J_x for the twist of a blade."""
+    polar, radius, rate = 0.02, 0.12, 5.0
+    link = {**BEAM, "modes": {"torsion": 4}, "torsional_stiffness": 3.0, "polar_inertia": polar}
+    found, _ = frequencies(scene_of(link, {"rotary_inertia": {"radius_of_gyration": radius}}, rate))
+    about_z = radius**2
+    expected = (np.pi / 2) ** 2 * 3.0 / polar + rate**2 * (2 * about_z - polar) / polar
+    assert found[0] ** 2 == pytest.approx(expected, rel=3e-6)  # the root is to 1e-6
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        ({"modes": {"torsion": 1}, "polar_inertia": 1.0}, "links.0.torsional_stiffness"),
+        ({"modes": {"torsion": 1}, "torsional_stiffness": 1.0}, "links.0.polar_inertia"),
+        ({"modes": {"z": 1}, "bending_stiffness": None}, "links.0.bending_stiffness"),
+        ({"modes": {"x": 1}}, "links.0.modes.x"),
+        ({"modes": {"y": -1}}, "links.0.modes.y"),
+        ({"modes": {"y": 1, "z": 1}, "mode_shapes": "pinned-free"}, "links.0.mode_shapes"),
+        ({"modes": 1, "bending_stiffness": [1.0, 2.0, 3.0]}, "links.0.bending_stiffness"),
+    ],
+)
+def test_what_a_link_in_space_must_say(change, key):
+    with pytest.raises(SceneError) as caught:
+        scene_of({**BEAM, **change}, {})
+    assert key in {problem.key for problem in caught.value.problems}, caught.value
