@@ -40,8 +40,11 @@ class Modes(Table):
     """How many assumed modes a link has: bent in y, bent in z, twisted."""
 
     y: Count = 0
+    """Number of modes of bending in y."""
     z: Count = 0
+    """Number of modes of bending in z."""
     torsion: Count = 0
+    """Number of modes of twist."""
 
     def by_direction(self) -> dict[Direction, int]:
         """The numbers by direction, in the order of the coordinates."""
