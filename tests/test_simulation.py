@@ -10,8 +10,9 @@ from flexlin.scene import parse_scene
 from flexlin.simulation import simulate
 
 
-def loop(**overrides):
-    scene = fl.load_scene("single-link", {key.replace("__", "."): value for key, value in overrides.items()})
+def loop(data_folder=None, **overrides):
+    changes = {key.replace("__", "."): value for key, value in overrides.items()}
+    scene = fl.load_scene("single-link", changes, data_folder)
     return fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
 
 
@@ -70,7 +71,7 @@ def test_table_motion_and_symbolic_motion_agree(tmp_path):
     table = tmp_path / "sine.csv"
     np.savetxt(table, np.column_stack([t, 0.5 * np.sin(np.pi * t)]), delimiter=",", header="t,q1", comments="")
     one = simulate(loop(), periods=0.5)
-    other = simulate(loop(motion={"kind": "table", "file": str(table)}), periods=0.5)
+    other = simulate(loop(tmp_path, motion={"kind": "table", "file": str(table)}), periods=0.5)
     np.testing.assert_allclose(other.tip, one.tip, atol=1e-7)
 
 

@@ -149,7 +149,7 @@ def test_free_numbers_stay_free(tmp_path):
 def test_a_motion_from_a_table(tmp_path):
     t, file = np.linspace(0.0, 2.0, 41), tmp_path / "sine.csv"
     np.savetxt(file, np.column_stack([t, 0.5 * np.sin(np.pi * t)]), delimiter=",", header="t,q1", comments="")
-    scene = fl.load_scene("single-link", {"motion": {"kind": "table", "file": str(file)}})
+    scene = fl.load_scene("single-link", {"motion": {"kind": "table", "file": str(file)}}, file.parent)
     check({"linearization": fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)}, tmp_path)
 
 
