@@ -13,6 +13,7 @@ import xarray
 import flexlin as fl
 from flexlin.cli.main import main
 from flexlin.scene import builtin_scenes
+from tests.test_stability_boundary import distances
 
 SMALL = ["--set", "links.0.modes=1", "designs=[]"]
 
@@ -99,15 +100,23 @@ def test_a_chart_over_one_parameter_agrees_with_single_verdicts(
     )
     with xarray.open_dataset(tmp_path / "chart.nc", engine="scipy") as data:
         growth = data["exponents_re"].values.max(axis=-1)
-        rates = data["motion.joints.0.rate"].values
+        rates = data["rate_of_joint_1"].values
+        assert data["rate_of_joint_1"].attrs["units"] == "rad/s"
+        assert data["critical_value"].values.round(4).tolist() == [3.6424, 3.9659]
     for rate, found in zip(rates, growth, strict=True):
         scene = fl.load_scene(
             "spinning-link", {"effects.gravity.acceleration": 5.0, "motion.joints.0.rate": float(rate)}
         )
         lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
         assert abs(fl.floquet(lin.periodic_system()).exponents[0].real - found) < 1e-7
-    assert "3 values" in capsys.readouterr().out
-    assert "flexlin chart spinning-link" in (tmp_path / "chart.html").read_text()
+    said = capsys.readouterr().out
+    assert "3 values" in said
+    assert "rate of joint 1: becomes unstable at 3.642" in said
+    page = (tmp_path / "chart.html").read_text()
+    assert "flexlin chart spinning-link" in page
+    assert all(
+        words in page for words in ("Stability chart of the scene", "Campbell diagram", "rate of joint 1 in rad/s")
+    )
 
 
 def test_a_chart_over_two_parameters_is_a_map(tmp_path: Path) -> None:
@@ -116,8 +125,14 @@ def test_a_chart_over_two_parameters_is_a_map(tmp_path: Path) -> None:
     page = (tmp_path / "chart.html").read_text()
     assert "fill:var(--unstable)" in page
     assert "fill:var(--undecided)" in page
+    assert all(
+        words in page for words in ("gravity acceleration in m/s²", "principal, order", "url(#hatch)", "data-probe=")
+    )
     with np.load(tmp_path / "chart.npz") as arrays:
         assert arrays["verdict"].shape == (5, 4)
+        rate, gravity = arrays["boundary_rate_of_joint_1"], arrays["boundary_gravity_acceleration"]
+    assert len(rate) > 100
+    assert distances(np.stack([rate, gravity], axis=1)).max() < 4e-3
 
 
 def test_export_writes_what_other_tools_read(tmp_path: Path) -> None:

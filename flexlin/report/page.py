@@ -53,9 +53,10 @@ def render_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture
     )
 
 
-def picture_page(title: str, picture: Picture, command: str) -> str:
-    """A page of one picture."""
-    return load_template("picture").render(title=title, picture=picture, command=command, version=flexlin.__version__)
+def picture_page(title: str, picture: Picture, command: str, more: Sequence[Picture] = ()) -> str:
+    """A page of one picture, and of others below it."""
+    version = flexlin.__version__
+    return load_template("picture").render(title=title, picture=picture, more=more, command=command, version=version)
 
 
 def load_template(name: str) -> Template:

@@ -156,7 +156,17 @@ def draw_mark(mark: Mark, box: Box, x: Scale, y: Scale) -> str:
     if mark.kind == "zero":
         at = float(box.y(y, np.zeros(1))[0])
         return f'<path d="M{box.left:.1f},{at:.1f}h{box.width:.1f}" style="{mark.style}"/>'
+    if mark.kind == "probe":
+        place = f'x="{box.left:.1f}" y="{box.top:.1f}" width="{box.width:.1f}" height="{box.height:.1f}"'
+        return f'<rect class="probe" {place} style="{mark.style}" data-probe="{escape(mark.texts[0], quote=True)}"/>'
     across, up = box.x(x, mark.x), box.y(y, mark.y)
+    if mark.kind == "hatch":
+        lines = f'<path d="M0,6L6,0" style="{mark.style};stroke-width:1"/>'
+        pattern = (
+            f'<defs><pattern id="hatch" width="6" height="6" patternUnits="userSpaceOnUse">{lines}</pattern></defs>'
+        )
+        shape = draw_rectangles(across.reshape(2, -1), up.reshape(2, -1))
+        return f'{pattern}<path d="{shape}" style="fill:url(#hatch);stroke:none"/>'
     if mark.kind == "words":
         return write_text(float(across[0]), float(up[0]), mark.texts[0], mark.style)
     if mark.kind == "cells":

@@ -90,11 +90,23 @@ class Panel:
         style = f"fill:var(--{colour});fill-opacity:{opacity:.2g};stroke:none"
         return self._add(Mark("cells", *_points(np.concatenate(x), np.concatenate(y)), style))
 
+    def hatch(self, x: tuple[Array, Array], y: tuple[Array, Array], colour: str) -> "Panel":
+        """Hatch rectangles from low to high ends, ((N,), (N,)) on each axis."""
+        return self._add(
+            Mark("hatch", *_points(np.concatenate(x), np.concatenate(y)), f"stroke:var(--{colour});stroke-opacity:.45")
+        )
+
+    def probe(self, data: str) -> "Panel":
+        """Lay a sheet without colour over the axes, which bears data (JSON) for a script that reads the pointer's place."""
+        return self._add(Mark("probe", np.zeros(0), np.zeros(0), "fill:none;pointer-events:all", texts=(data,)))
+
     def words(
-        self, x: float, y: float, text: str, colour: str = "faint", size: float = SMALL, anchor: str = "middle"
-    ) -> "Panel":
-        """Write a few words at a point."""
-        style = f"fill:var(--{colour});font-size:{size}px;text-anchor:{anchor}"
+        self, x: float, y: float, text: str, colour: str = "faint", size: float = SMALL, anchor: str = "middle",
+        halo: bool = False,
+    ) -> "Panel":  # fmt: skip
+        """Write a few words at a point; a halo in the paper's colour keeps them legible on marks."""
+        around = ";paint-order:stroke;stroke:var(--paper);stroke-width:2.6px;stroke-linejoin:round" if halo else ""
+        style = f"fill:var(--{colour});font-size:{size}px;text-anchor:{anchor}{around}"
         return self._add(Mark("words", *_points([x], [y]), style, texts=(text,)))
 
     def zero(self) -> "Panel":

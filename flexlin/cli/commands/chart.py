@@ -14,7 +14,7 @@ TAKES = (*COMPUTED, "over")
 
 def run(options: argparse.Namespace) -> int:
     scene = loaded(options)
-    spans, several = options.over, len(options.over) > 1
+    spans = options.over
     if len(spans) > 2 or len({key for key, *_ in spans}) < len(spans):
         got = ", ".join(key for key, *_ in spans)
         raise ArgumentError("a chart has one or two axes", got=f"--over {got}", expected="one or two different keys")
@@ -27,21 +27,24 @@ def run(options: argparse.Namespace) -> int:
         from flexlin.answers.clock import Clock
         from flexlin.answers.sweep import check_values, sweep, worst_error
         from flexlin.files import results
-        from flexlin.report.figures.chart import draw_chart
+        from flexlin.report.charts import chart_dataset, draw_charts, find_boundary
         from flexlin.report.page import picture_page
         from flexlin.report.tables import storable, write_dataset
         from flexlin.report.terminal import accuracy_lines
 
-        clock, counts = Clock(progress, planned=2), [number or (60 if several else 200) for *_, number in spans]
+        several = len(spans) > 1
+        clock, counts = Clock(progress, planned=4), [number or (60 if several else 200) for *_, number in spans]
         clock.stage("size of the result", scene.accuracy, lambda: check_values(math.prod(counts)))
         values = {key: np.linspace(low, high, n) for (key, low, high, _), n in zip(spans, counts, strict=True)}
         work = partial(sweep, scene, values, scene.accuracy.tol, grid=several)
         data = clock.stage("exponents of all values", scene.accuracy, work, worst_error)
-        picture = draw_chart(data)
-    print(picture.caption)
+        found = find_boundary(scene, {key: (low, high) for key, low, high, _ in spans}, data, clock)
+        pictures = draw_charts(scene, data, *found)
+    print(pictures[0].caption)
     for line in accuracy_lines(tuple(clock.steps)):
         print(line)
     with results(options.out, "chart") as made:
-        (made / "chart.html").write_text(picture_page(scene.title, picture, command(options)), encoding="utf-8")
-        paths = made.placed("chart.html") + write_dataset(storable(data), made, "chart")
+        page = picture_page(scene.title, pictures[0], command(options), pictures[1:])
+        (made / "chart.html").write_text(page, encoding="utf-8")
+        paths = made.placed("chart.html") + write_dataset(storable(chart_dataset(scene, data, *found)), made, "chart")
     return print_paths(paths)

@@ -1,74 +1,102 @@
-"""Stability over one or two scene parameters."""
+"""Stability over one or two scene parameters: what is drawn, and what is said under it."""
+
+from collections.abc import Sequence
 
 import numpy as np
 import xarray
 
+from flexlin.answers.critical_values import CriticalValue
+from flexlin.answers.stability_boundary import BoundaryCurve
 from flexlin.checks import Array
+from flexlin.report.figures.chart_line import draw_line
+from flexlin.report.figures.chart_map import draw_map
 from flexlin.report.figures.style import Picture
-from flexlin.svg import Linear, Panel, Row, draw
+from flexlin.scene.names import label_number, name_number, show_unit
+from flexlin.scene.parameters import get_value
+from flexlin.scene.scene import Scene
 
 TITLE = "Stability chart"
-SHADES = 14
-"""Strengths of a colour: they follow the square root of the rate, so that slow growth is seen beside fast."""
-FAINTEST = 0.18
+LOOPS = {"own": "the scene's own loop", "open": "the arm without feedback"}
 
 
-def draw_chart(data: xarray.Dataset) -> Picture:
-    """The growth rate over one parameter as a line, over two as a map."""
-    growth = data["exponents"].real.max("mode").to_numpy()
-    paths = [str(path) for path in data["verdict"].dims]
-    verdict = data["verdict"].to_numpy()
-    if len(paths) == 1 or paths == ["value"]:
-        path = next(str(name) for name in data.coords)
-        return Picture("chart", TITLE, write_caption(verdict), draw_line(path, data[path].to_numpy(), growth, verdict))
-    axes = [data[path].to_numpy() for path in paths]
-    return Picture(
-        "chart",
-        TITLE,
-        f"{write_caption(verdict)} Stronger: faster growth or decay.",
-        draw_area(paths, axes, growth, verdict),
-    )
+def draw_chart(
+    scene: Scene,
+    data: xarray.Dataset,
+    critical: Sequence[CriticalValue] = (),
+    curves: Sequence[BoundaryCurve] = (),
+) -> Picture:
+    """The growth rates over one parameter as lines, the largest over two as a map with the boundary and its resonances."""
+    paths = list_paths(data)
+    loop = name_loop(str(data.attrs.get("loop", "own")))
+    title = f"{TITLE} of {loop}"
+    caption = write_caption(data["verdict"].to_numpy(), loop)
+    labels = [label_number(scene, path) for path in paths]
+    own = [float(get_value(scene, path)) for path in paths]
+    if len(paths) == 1:
+        said = "\n".join([caption, *(f"{line}." for line in list_critical(scene, critical))])
+        return Picture("chart", title, said, draw_line(labels[0], own[0], data, critical, title))
+    nearest = find_nearest(own, data, paths, curves)
+    said = describe_distance(scene, paths, own, nearest)
+    shade = "Stronger: faster growth or decay; lines of equal growth rate in 1/s; hatched: undecided."
+    svg = draw_map(labels, own, nearest, data, curves, title)
+    return Picture("chart", title, f"{caption} {shade}\n{said}", svg)
 
 
-def write_caption(verdict: Array) -> str:
+def list_paths(data: xarray.Dataset) -> list[str]:
+    """The dotted paths of a sweep's parameters."""
+    dims = [str(path) for path in data["verdict"].dims]
+    return [next(str(name) for name in data.coords)] if dims == ["value"] else dims
+
+
+def name_loop(loop: str) -> str:
+    """Which loop is drawn, in words."""
+    return LOOPS.get(loop, f"the loop with {loop}")
+
+
+def write_caption(verdict: Array, loop: str) -> str:
     """How many values are what."""
-    counts = ", ".join(f"{int((verdict == name).sum())} {name}" for name in ("stable", "unstable", "undecided"))
+    kinds = ("stable", "unstable", "undecided", "failed")
+    counts = ", ".join(
+        f"{int((verdict == name).sum())} {name}" for name in kinds if name != "failed" or name in verdict
+    )
     return (
-        f"The scene's own loop at {verdict.size} values: {counts}. "
+        f"{loop[0].upper()}{loop[1:]} at {verdict.size} values: {counts}. "
         "Green: stable; red: unstable; amber: undecided, the growth rate is zero to within its error."
     )
 
 
-def draw_line(path: str, x: Array, growth: Array, verdict: Array) -> str:
-    """Growth rate against one parameter, in the colour of its verdict."""
-    panel = Panel("largest growth rate in 1/s", x_label=path).zero().line(x, growth, "faint", width=0.8)
-    for name in ("stable", "unstable", "undecided"):
-        chosen = verdict == name
-        if chosen.any():
-            panel.dots(x[chosen], growth[chosen], name, size=2.2, label=name)
-    return draw([Row([panel], 260)], TITLE)
+def list_critical(scene: Scene, critical: Sequence[CriticalValue]) -> list[str]:
+    """Each critical value as a sentence without its full stop."""
+    return [describe_critical(scene, one) for one in critical]
 
 
-def draw_area(paths: list[str], axes: list[Array], growth: Array, verdict: Array) -> str:
-    """A cell for each pair of values, coloured by its verdict, the stronger the faster it grows or decays."""
-    x, y = (find_edges(axis) for axis in axes)
-    panel = Panel(x=Linear(x[0], x[-1]), y=Linear(y[0], y[-1]), x_label=paths[0], y_label=paths[1])
-    for name in ("stable", "unstable", "undecided"):
-        chosen = verdict == name
-        shade = choose_shades(growth, chosen) if name != "undecided" else np.full(growth.shape, SHADES // 2)
-        for k in np.unique(shade[chosen]):
-            i, j = np.nonzero(chosen & (shade == k))
-            panel.cells((x[i], x[i + 1]), (y[j], y[j + 1]), name, FAINTEST + (1 - FAINTEST) * k / SHADES)
-    return draw([Row([panel], 430)], TITLE)
+def describe_critical(scene: Scene, one: CriticalValue) -> str:
+    """One critical value with unit, error, distance and resonance."""
+    unit = show_unit(scene, one.path)
+    change = "becomes unstable" if one.kind == "onset" else "is stable again"
+    if one.touching:
+        change = "touches instability"
+    size = f"{one.value:.8g} {unit}".strip()
+    return f"{name_number(one.path)}: {change} at {size} ± {one.error:.0e} ({one.distance:+.4g} from the scene's own); {one.resonance}"
 
 
-def choose_shades(growth: Array, chosen: Array) -> Array:
-    """0 to SHADES by the square root of the rate against the largest of those chosen."""
-    largest = np.abs(growth[chosen]).max(initial=0.0) or 1.0
-    return np.round(SHADES * np.sqrt(np.minimum(np.abs(growth) / largest, 1.0))).astype(int)
+def find_nearest(
+    own: list[float], data: xarray.Dataset, paths: list[str], curves: Sequence[BoundaryCurve]
+) -> Array | None:
+    """The point of the boundary nearest to the scene's own, both axes counted as shares of their ranges."""
+    if not curves:
+        return None
+    span = np.array([np.ptp(data[path].to_numpy()) for path in paths])
+    points = np.concatenate([curve.points for curve in curves])
+    return np.asarray(points[np.linalg.norm((points - own) / span, axis=1).argmin()])
 
 
-def find_edges(values: Array) -> Array:
-    """The edges of the cells around increasing values: half-way between neighbours."""
-    middle = (values[1:] + values[:-1]) / 2
-    return np.concatenate([[values[0]], middle, [values[-1]]])
+def describe_distance(scene: Scene, paths: list[str], own: list[float], nearest: Array | None) -> str:
+    """How far the scene's own numbers are from the boundary."""
+    if nearest is None:
+        return "The verdict does not change inside this range."
+    moves = [
+        f"{name_number(path)} {value - mine:+.4g} {show_unit(scene, path)}".strip()
+        for path, value, mine in zip(paths, nearest, own, strict=True)
+    ]
+    return f"From the scene's own numbers (diamond) to the nearest boundary: {', '.join(moves)}."

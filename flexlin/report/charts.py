@@ -1,0 +1,73 @@
+"""What a chart is made of: the sweep, the critical values or the boundary beside it, the pictures, and the dataset with plain names."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray
+
+from flexlin.answers.campbell import unfold_frequencies
+from flexlin.answers.clock import Clock
+from flexlin.answers.critical_values import CriticalValue, critical_values
+from flexlin.answers.stability_boundary import BoundaryCurve, stability_boundary
+from flexlin.report.figures.campbell import draw_campbell
+from flexlin.report.figures.chart import draw_chart, list_paths
+from flexlin.report.figures.style import Picture
+from flexlin.scene.names import label_number, name_number, name_unit
+from flexlin.scene.scene import Scene
+
+BOUNDARY_TOL = 1e-4
+"""Wanted error of a boundary that is drawn, as a share of its ranges: a tenth of what a picture shows."""
+CRITICAL_TOL = 1e-8
+"""Wanted error of a critical value, as a share of its range."""
+
+
+def find_boundary(
+    scene: Scene, ranges: dict[str, tuple[float, float]], data: xarray.Dataset, clock: Clock, loop: str = "own"
+) -> tuple[list[CriticalValue], list[BoundaryCurve]]:
+    """The critical values of a chart over one number, or the boundary curves of one over two; none of what meets a limit."""
+    asked, problems = scene.accuracy, dict[str, str]()
+    if len(ranges) == 1:
+        ((path, limits),) = ranges.items()
+        tol = CRITICAL_TOL * (limits[1] - limits[0])
+        work = lambda: critical_values(scene, path, limits, tol, loop=loop)  # noqa: E731
+        return clock.attempt(problems, "critical", "critical values", asked, work) or [], []
+    span = max(high - low for low, high in ranges.values())
+    follow = lambda: stability_boundary(scene, ranges, BOUNDARY_TOL * max(1.0, span), loop=loop)  # noqa: E731
+    return [], clock.attempt(problems, "boundary", "boundary of stability", asked, follow) or []
+
+
+def draw_charts(
+    scene: Scene, data: xarray.Dataset, critical: Sequence[CriticalValue], curves: Sequence[BoundaryCurve]
+) -> list[Picture]:
+    """The chart, and over one number the Campbell diagram."""
+    pictures, paths = [draw_chart(scene, data, critical, curves)], list_paths(data)
+    if len(paths) == 1:
+        unfolded = unfold_frequencies(scene, paths[0], data, str(data.attrs.get("loop", "own")))
+        if unfolded is not None:
+            error = float(np.nan_to_num(data["error"].to_numpy(), posinf=0.0).max(initial=0.0))
+            pictures.append(draw_campbell(label_number(scene, paths[0]), unfolded, error))
+    return pictures
+
+
+def chart_dataset(
+    scene: Scene, data: xarray.Dataset, critical: Sequence[CriticalValue], curves: Sequence[BoundaryCurve]
+) -> xarray.Dataset:
+    """The sweep under plain names with units, and the critical values or the boundary beside it."""
+    paths = list_paths(data)
+    plain = {path: name_number(path).replace(" ", "_") for path in paths}
+    data = data.rename({path: name for path, name in plain.items() if path in data.coords or path in data.dims})
+    for path, name in plain.items():
+        data[name].attrs |= {"units": name_unit(scene, path), "long_name": name_number(path), "path": path}
+    if len(paths) == 1:
+        unit = {"units": name_unit(scene, paths[0])}
+        data["critical_value"] = ("critical", np.array([one.value for one in critical]), unit)
+        data["critical_error"] = ("critical", np.array([one.error for one in critical]), unit)
+        data["critical_kind"] = ("critical", np.array([one.kind for one in critical], dtype="U8"))
+        data["critical_resonance"] = ("critical", np.array([one.resonance for one in critical], dtype="U120"))
+        return data
+    count = [len(curve.points) for curve in curves]
+    data["boundary_curve"] = ("point", np.repeat(np.arange(len(curves)), count).astype(np.int32))
+    for k, path in enumerate(paths):
+        points = np.concatenate([np.zeros(0), *(curve.points[:, k] for curve in curves)])
+        data[f"boundary_{plain[path]}"] = ("point", points, {"units": name_unit(scene, path)})
+    return data

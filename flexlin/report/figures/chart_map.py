@@ -1,0 +1,151 @@
+"""The largest growth rate over two parameters: a map with contours, colour bar, boundary curves and their resonances."""
+
+import json
+from collections.abc import Sequence
+
+import numpy as np
+import xarray
+
+from flexlin.answers.stability_boundary import BoundaryCurve
+from flexlin.checks import Array
+from flexlin.report.figures.contours import trace_contour
+from flexlin.svg import Linear, Panel, Row, draw
+
+SHADES = 14
+"""Strengths of a colour: they follow the square root of the rate, so that slow growth is seen beside fast."""
+FAINTEST = 0.18
+LEVELS = 6
+"""Contours of the growth rate, about."""
+FEWEST = 0.04
+"""Labels of resonances closer than this, as a share of both ranges, are left out."""
+
+
+def draw_map(
+    labels: list[str],
+    own: list[float],
+    nearest: Array | None,
+    data: xarray.Dataset,
+    curves: Sequence[BoundaryCurve],
+    title: str,
+) -> str:
+    """A cell for each pair of values, contours, the boundary, the scene's own point, and a bar of colours."""
+    paths = [str(path) for path in data["verdict"].dims]
+    axes = [data[path].to_numpy() for path in paths]
+    growth, verdict = data["exponents"].real.max("mode").to_numpy(), data["verdict"].to_numpy()
+    x, y = (find_edges(axis) for axis in axes)
+    panel = Panel(x=Linear(x[0], x[-1]), y=Linear(y[0], y[-1]), x_label=labels[0], y_label=labels[1])
+    fill_cells(panel, x, y, growth, verdict)
+    levels = draw_contours(panel, axes, growth, verdict)
+    for curve in curves:
+        panel.line(curve.points[:, 0], curve.points[:, 1], "ink", width=1.5)
+    label_resonances(panel, curves, x, y)
+    mark_scene(panel, own, nearest, axes)
+    panel.probe(write_probe(labels, axes, growth, verdict))
+    return draw([Row([panel, draw_bar(growth, verdict, levels)], 430, (0.86, 0.14))], title)
+
+
+def fill_cells(panel: Panel, x: Array, y: Array, growth: Array, verdict: Array) -> None:
+    """Each cell in the colour of its verdict, the stronger the faster; undecided ones hatched, failed ones crossed."""
+    for name in ("stable", "unstable", "undecided", "failed"):
+        chosen = verdict == name
+        shade = choose_shades(growth, chosen) if name in ("stable", "unstable") else np.zeros(growth.shape, dtype=int)
+        for k in np.unique(shade[chosen]):
+            i, j = np.nonzero(chosen & (shade == k))
+            panel.cells((x[i], x[i + 1]), (y[j], y[j + 1]), name, FAINTEST + (1 - FAINTEST) * k / SHADES)
+    i, j = np.nonzero(verdict == "undecided")
+    if len(i):
+        panel.hatch((x[i], x[i + 1]), (y[j], y[j + 1]), "undecided")
+    i, j = np.nonzero(verdict == "failed")
+    if len(i):
+        panel.dots((x[i] + x[i + 1]) / 2, (y[j] + y[j + 1]) / 2, "failed", "cross", 2.5, label="failed")
+
+
+def choose_shades(growth: Array, chosen: Array) -> Array:
+    """0 to SHADES by the square root of the rate against the largest of those chosen."""
+    largest = np.abs(growth[chosen]).max(initial=0.0) or 1.0
+    return np.round(SHADES * np.sqrt(np.minimum(np.abs(np.nan_to_num(growth)) / largest, 1.0))).astype(int)
+
+
+def draw_contours(panel: Panel, axes: list[Array], growth: Array, verdict: Array) -> list[float]:
+    """Lines of equal growth rate with their figures; returns the levels."""
+    decided = growth[(verdict == "stable") | (verdict == "unstable")]
+    if not decided.size:
+        return []
+    scale = Linear(float(min(decided.min(), 0.0)), float(max(decided.max(), 0.0)))
+    ticks = [(level, text) for level, text in scale.ticks(LEVELS) if level != 0] if scale.low != scale.high else []
+    span, drawn, placed = np.array([np.ptp(axis) for axis in axes]), list[float](), list[Array]()
+    for level, text in ticks:
+        x, y = trace_contour(axes[0], axes[1], growth, level)
+        if len(x):
+            panel.line(x, y, "ink", width=0.6, opacity=0.55)
+            middle = choose_place(np.stack([x, y], axis=1), span, placed)
+            placed.append(middle)
+            panel.words(float(middle[0]), float(middle[1]), text, "ink", halo=True)
+            drawn.append(level)
+    return drawn
+
+
+def choose_place(points: Array, span: Array, placed: list[Array]) -> Array:
+    """The point of a line that is farthest from all labels so far; its middle where there is none."""
+    known = points[np.isfinite(points).all(axis=1)]
+    if not placed:
+        return np.asarray(known[len(known) // 2])
+    apart = np.min([np.linalg.norm((known - other) / span, axis=1) for other in placed], axis=0)
+    return np.asarray(known[apart.argmax()])
+
+
+def label_resonances(panel: Panel, curves: Sequence[BoundaryCurve], x: Array, y: Array) -> None:
+    """The resonance of each tongue, once, inside it."""
+    span, placed, named = np.array([np.ptp(x), np.ptp(y)]), list[Array](), set[str]()
+    for curve in curves:
+        text = shorten(curve.resonance)
+        at = np.array(curve.inside)
+        crowded = any(np.linalg.norm((at - other) / span) < FEWEST for other in placed)
+        if text not in named and not crowded:
+            panel.words(float(at[0]), float(at[1]), text, "ink", halo=True)
+            named.add(text)
+            placed.append(at)
+
+
+def shorten(resonance: str) -> str:
+    """A resonance in a word or two: principal, order 3."""
+    return resonance.split(":")[0].replace(" resonance of order", ", order")
+
+
+def mark_scene(panel: Panel, own: list[float], nearest: Array | None, axes: list[Array]) -> None:
+    """The scene's own numbers, and the way to the nearest boundary."""
+    if all(axis.min() <= value <= axis.max() for axis, value in zip(axes, own, strict=True)):
+        if nearest is not None:
+            panel.line([own[0], nearest[0]], [own[1], nearest[1]], "blue", width=1.2, dash="4 2")
+        panel.dots([own[0]], [own[1]], "blue", "diamond", 5.0, label="the scene", texts=["the scene's own numbers"])
+
+
+def draw_bar(growth: Array, verdict: Array, levels: list[float]) -> Panel:
+    """Which colour is which growth rate."""
+    panel = Panel("1/s", x=Linear(0.0, 1.0), ticked=(False, True))
+    shown = growth[(verdict == "stable") | (verdict == "unstable")]
+    low, high = float(min(shown.min(initial=0.0), 0.0)), float(max(shown.max(initial=0.0), 0.0))
+    panel.y = Linear(low, high if high > low else low + 1.0)
+    for name, end in (("stable", low), ("unstable", high)):
+        edges = end * (np.arange(SHADES + 1) / SHADES) ** 2
+        for k in range(SHADES if end else 0):
+            pair = sorted((edges[k], edges[k + 1]))
+            shade = FAINTEST + (1 - FAINTEST) * (k + 0.5) / SHADES
+            panel.cells((np.zeros(1), np.ones(1)), (np.array(pair[:1]), np.array(pair[1:])), name, shade)
+    for level in levels:
+        panel.line([0.0, 1.0], [level, level], "ink", width=0.6, opacity=0.55)
+    return panel
+
+
+def write_probe(labels: list[str], axes: list[Array], growth: Array, verdict: Array) -> str:
+    """What the page shows under the pointer, as JSON."""
+    rates = [[None if not np.isfinite(value) else float(f"{value:.4g}") for value in row] for row in growth]
+    return json.dumps(
+        {"labels": labels, "x": axes[0].tolist(), "y": axes[1].tolist(), "growth": rates, "verdict": verdict.tolist()}
+    )
+
+
+def find_edges(values: Array) -> Array:
+    """The edges of the cells around increasing values: half-way between neighbours."""
+    middle = (values[1:] + values[:-1]) / 2
+    return np.concatenate([[values[0]], middle, [values[-1]]])

@@ -1,0 +1,59 @@
+"""Plain names and units of a scene's numbers, for axes and sentences."""
+
+import re
+from itertools import pairwise
+
+from flexlin.scene.base import Table
+from flexlin.scene.parameters import get_value
+from flexlin.scene.scene import Scene
+
+TABLES = {"parameters", "motion", "effects", "control", "feedback", "links", "joints"}
+"""Steps of a path that say where a number stands, not what it is."""
+WORDS = {"kp": "stiffness of the feedback", "kd": "damping of the feedback"}
+
+
+def name_number(path: str) -> str:
+    """A dotted path in plain words: motion.frequency -> motion frequency, links.0.length -> length of link 1."""
+    steps = path.split(".")
+    if steps[0] == "motion" and len(steps) == 2:
+        return f"motion {plain(steps[1])}"
+    place = "".join(f" of {'link' if table == 'links' else 'joint'} {int(index) + 1}" for table, index in placed(steps))
+    kept = [WORDS.get(step, plain(step)) for step in steps if step not in TABLES and not step.isdigit()]
+    alone = steps[-1].isdigit() and not place
+    return " ".join(kept or [path]) + place + (f" of joint {int(steps[-1]) + 1}" if alone else "")
+
+
+def placed(steps: list[str]) -> list[tuple[str, str]]:
+    """The lists of a path with the places in them."""
+    return [(table, index) for table, index in pairwise(steps) if table in ("links", "joints") and index.isdigit()]
+
+
+def plain(step: str) -> str:
+    """A key as words."""
+    return re.sub(r"_", " ", step)
+
+
+def name_unit(scene: Scene, path: str) -> str:
+    """The unit of the number at a dotted path; empty where it has none or none is stated.
+
+    Of `rad or m` the first: no scene says so where its joints slide.
+    """
+    steps, unit = path.split("."), ""
+    node: object = scene
+    for k, step in enumerate(steps):
+        if isinstance(node, Table):
+            unit = type(node).units().get(step, "")
+        node = get_value(scene, ".".join(steps[: k + 1]))
+    slides = any(link.joint == "prismatic" for link in scene.links)
+    return unit if slides else unit.split(" or ")[0]
+
+
+def label_number(scene: Scene, path: str) -> str:
+    """The name with its unit, as on an axis: payload mass in kg."""
+    unit = show_unit(scene, path)
+    return name_number(path) + (f" in {unit}" if unit else "")
+
+
+def show_unit(scene: Scene, path: str) -> str:
+    """The unit with its powers raised: m/s²."""
+    return name_unit(scene, path).replace("^2", "²").replace("^3", "³").replace("^4", "⁴")
