@@ -133,7 +133,7 @@ def one_run(modes: int, repetitions: int, tols: tuple[float, ...]) -> list[Row]:
 
 def all_exponents(modes: int, loop: ParametricLoop, repetitions: int) -> Row:
     """`fl.floquet` at ACCURACY on a new system each time, so that its coefficients are resolved each time."""
-    found, time = timed(lambda: fl.floquet(loop.linearization.periodic_system(), ACCURACY), repetitions)
+    found, time = timed(lambda: fl.floquet(replace(loop.linearization).periodic_system(), ACCURACY), repetitions)
     exact = fl.floquet(loop.linearization.periodic_system(), 0.01 * ACCURACY).exponents
     setting = found.setting
     name = f"{setting.method} {setting.order} on {setting.segments}" if setting.segments > 1 else setting.method

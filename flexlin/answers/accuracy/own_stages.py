@@ -1,6 +1,7 @@
 """flexlin's own stages, each at many settings and at those that the engine chooses by itself."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 
 import casadi as ca
@@ -93,7 +94,7 @@ def measure_exponents(closed: Linearization, exact: Array) -> list[Row]:
     """
 
     def run(tol: float, method: str) -> FloquetResult:
-        return floquet(closed.periodic_system(), tol, method=method, max_segments=MOST_SEGMENTS)
+        return floquet(replace(closed).periodic_system(), tol, method=method, max_segments=MOST_SEGMENTS)
 
     def trials() -> Iterator[Trial]:
         for tol in TOLS:
@@ -122,7 +123,7 @@ def measure_riccati(plant: Linearization) -> list[Row]:
     exact = periodic_riccati(system, Q, R, tol=FINE).X(t)
 
     def run(tol: float) -> RiccatiSolution:
-        return periodic_riccati(plant.periodic_system(), Q, R, tol=tol)
+        return periodic_riccati(replace(plant).periodic_system(), Q, R, tol=tol)
 
     trials = [Trial("periodic_riccati", f"tol {tol:.0e}", partial(run, tol), f"{tol:.0e}") for tol in TOLS]
     return measure_trials("periodic Riccati", trials, lambda solution: compare_arrays(solution.X(t), exact))
@@ -133,7 +134,7 @@ def measure_forced_response(closed: Linearization) -> list[Row]:
     t = closed.period * np.arange(32) / 32
 
     def run(tol: float) -> ForcedResponse:
-        return forced_response(closed.periodic_system(), closed.forcing, tol)
+        return forced_response(replace(closed).periodic_system(), closed.forcing, tol)
 
     exact = run(FINE)(t)
     trials = [Trial("forced_response", f"tol {tol:.0e}", partial(run, tol), f"{tol:.0e}") for tol in TOLS]
