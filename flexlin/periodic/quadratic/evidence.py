@@ -17,7 +17,7 @@ SAFETY = 3.0
 """Factor on the errors that are found."""
 FLOOR = 1e-3
 """Least weight of a state in W, relative to the largest, in units in which X has a diagonal of ones."""
-WEIGHING, CARRYING = 1e-4, 1e-4
+WEIGHING, CARRYING = 1e-4, 1e-2
 """Relative accuracies to which Y and the errors are asked for."""
 MOST_LEFT, MOST_CURVED = 0.5, 0.2
 """Largest share of W that Y may miss, and the largest curvature q, up to which the proof holds."""

@@ -24,8 +24,8 @@ MOST_ENTRIES = 2**18
 NEEDED = 0.75
 """Share of the nodes that the fall of the last harmonics of a coarse solution promises to need."""
 ROUNDS = 12
-INEXACT, ENOUGH = (1e-4, 1e-2), 0.1
-"""Least and largest relative accuracy of a Newton step; between them that of the step before; and what will do."""
+INEXACT, ENOUGH = (1e-6, 1e-2), 0.1
+"""Least and largest relative accuracy of a Newton step, and what will do."""
 SETTLED = 0.7
 """Factor by which a step must be shorter than the one before, from the third on."""
 
@@ -106,21 +106,23 @@ def start_coarsely(samples: Samples, problem: LinearQuadratic) -> Array:
 
 
 def refine(samples: Samples, X: Array, tol: float) -> Array:
-    """Apply Newton's method to the collocated equation until a step stays well below tol, or is rounding.
+    """Apply Newton's method to the collocated equation until the next step would stay well below tol, or is rounding.
 
         D' + Ac' D + D Ac = -residual(X),   X <- X + D
+
+    Each step is solved as accurately as what it leaves over by its quadratic term deserves.
 
     Raises: ToleranceNotReached when the steps do not settle.
     Source: Kleinman, IEEE Trans. Automat. Control 13 (1968) 114.
     """
-    last = np.inf
+    last, expected, target = np.inf, np.inf, max(1e-2 * tol, 1e-13)
     for k in range(ROUNDS):
-        D = CollocatedLyapunov(samples.loop(X), samples.period, X).solve(
-            -samples.residual(X), float(np.clip(last, *INEXACT)), ENOUGH
-        )
+        accuracy = float(np.clip(max(expected, target / expected), *INEXACT))
+        D = CollocatedLyapunov(samples.loop(X), samples.period, X).solve(-samples.residual(X), accuracy, ENOUGH)
         X = X + D
         moved = float(np.abs(D).max() / (np.abs(X).max() or 1.0))
-        if moved <= max(1e-2 * tol, 1e-13) or (moved > SETTLED * last and moved < 1e-9):
+        expected = moved * max(moved, accuracy, moved / last)
+        if expected <= target or (moved > SETTLED * last and moved < 1e-9):
             return X
         if not np.isfinite(moved) or (k > 1 and moved > SETTLED * last):
             break

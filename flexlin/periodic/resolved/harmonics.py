@@ -6,12 +6,14 @@ from functools import lru_cache
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.fourier import fourier_nodes, fourier_waves, real_fourier_coefficients
+from flexlin.periodic.fourier import fourier_basis, fourier_nodes, fourier_waves, real_fourier_coefficients
 from flexlin.periodic.resolved.noise import noise_level
 from flexlin.periodic.resolved.sampling import CheckPoints, Sampler, stratified
 
 FIRST, SURE, MOST = 64, 256, 2048
 """Nodes at the start; nodes up to which doubling goes on in any case; and at most."""
+BATCH = 2**17
+"""Bytes of samples that are compared at a time: they stay in the processor's cache."""
 MEMORY = 2**25
 """Bytes that the samples may take."""
 FALL = 30.0
@@ -118,14 +120,17 @@ def _trimmed(coefficients: Array, size: Array, floor: Array) -> Array:
 def _deviation(sample: Sampler, coefficients: Array, checks: CheckPoints | None, count: int) -> Array:
     """The largest deviation at check points (E,)."""
     H, worst = len(coefficients) // 2, np.zeros(coefficients.shape[1])
-    t = sample.period * few_phases(count) if checks is None else checks.t
-    for i in range(0, len(t), sample.chunk):
-        some = t[i : i + sample.chunk]
-        few = checks is None and 2 * H <= FIRST
-        waves = _few_waves(count)[:, :H] if few else fourier_waves(some / sample.period, H)
+    if checks is None:
+        t = sample.period * few_phases(count)
+        waves = _few_waves(count)[:, :H] if 2 * H <= FIRST else fourier_waves(t / sample.period, H)
         fit = coefficients[0] + waves.real @ coefficients[1 : H + 1] + waves.imag @ coefficients[H + 1 :]
-        values = sample(some) if checks is None else checks.values(some)
-        worst = np.maximum(worst, np.abs(fit - values).max(axis=0))
+        return np.asarray(np.abs(fit - sample(t)).max(axis=0))
+    for t, values in checks.batches(BATCH // (8 * len(worst)) + 1):
+        left = values - coefficients[0]
+        if H:
+            left -= fourier_basis(t / sample.period, H)[:, 1:] @ coefficients[1:]
+        np.maximum(worst, left.max(axis=0), out=worst)
+        np.maximum(worst, -left.min(axis=0), out=worst)
     return worst
 
 

@@ -1,6 +1,6 @@
 """A coefficient as the resolution sees it: checked, counted, in bounded batches; and the times at which it is checked."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -33,7 +33,8 @@ class Sampler:
             t = np.where(t >= T, t - T, t)
         values = self.unwrapped(t)
         if len(values):
-            np.maximum(self.scale, np.abs(values).max(axis=0), out=self.scale)
+            np.maximum(self.scale, values.max(axis=0), out=self.scale)
+            np.maximum(self.scale, -values.min(axis=0), out=self.scale)
         return values
 
     def unwrapped(self, t: Array) -> Array:
@@ -90,6 +91,18 @@ class CheckPoints:
     def __init__(self, sample: Sampler, t: Array):
         self.sample, self.t = sample, np.unique(np.mod(t, sample.period))
         self._kept: Array | None = None
+
+    def batches(self, size: int) -> Iterator[tuple[Array, Array]]:
+        """The times and A there (N, E), in parts of about `size` times."""
+        t = self.t
+        if 8 * len(t) * len(self.sample.scale) > KEPT:
+            for i in range(0, len(t), self.sample.chunk):
+                yield t[i : i + self.sample.chunk], self.sample(t[i : i + self.sample.chunk])
+            return
+        if self._kept is None:
+            self._kept = self.sample(t)
+        for i in range(0, len(t), size):
+            yield t[i : i + size], self._kept[i : i + size]
 
     def values(self, t: Array) -> Array:
         """A at times t, among them check points: (N, E)."""
