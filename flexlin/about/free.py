@@ -95,11 +95,16 @@ class ParametricLoop:
 
     def inputs(self, phases: Array, points: Array) -> list[Array]:
         """The arguments of `matrices` at N phases times V points, the points running fastest, (N V, rows) each."""
-        of_phase = [phases[:, None]]
-        if self.kept is not None:
-            of_phase.append(np.swapaxes(self.kept.at_phases(phases), 1, 2).reshape(len(phases), -1))
-        place, *gain = (np.repeat(values, len(points), axis=0) for values in of_phase)
-        return [place, np.tile(points, (len(phases), 1)), *gain]
+        of_phase = np.repeat(self.of_phase(phases), len(points), axis=0)
+        gain = [] if self.kept is None else [of_phase[:, 1:]]
+        return [of_phase[:, :1], np.tile(points, (len(phases), 1)), *gain]
+
+    def of_phase(self, phases: Array) -> Array:
+        """What of the arguments of `matrices` the phase decides: itself, and the kept gain column by column, (N, 1 + 2 n m)."""
+        if self.kept is None:
+            return phases[:, None]
+        gain = np.swapaxes(self.kept.at_phases(phases), 1, 2).reshape(len(phases), -1)
+        return np.column_stack([phases, gain])
 
     def at(self, point: Array) -> Linearization:
         """The linearization at one point (P,)."""

@@ -61,6 +61,16 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
         {"type": span, "metavar": "KEY=LOW:HIGH[:COUNT]", "action": "extend", "nargs": "+", "required": True,
          "help": "a parameter to vary, such as motion.frequency=0.2:3:200; give two for a map"},
     ),
+    "loop": (
+        ["--loop"],
+        {"default": "own", "metavar": "LOOP",
+         "help": "own (default), open, a design's name, whose gain is kept, or 'NAME, redone' at each value"},
+    ),
+    "workers": (["--workers"], {"type": int, "metavar": "N", "help": "processes that share the values (default: as many as cores)"}),
+    "scheduler": (["--scheduler"], {"metavar": "ADDRESS", "help": "a Dask cluster that does the work, such as tcp://host:8786"}),
+    "store": (
+        ["--store"], {"type": Path, "metavar": "CHART.zarr", "help": "keep finished values; the same command goes on where it stopped"},
+    ),
     "sensitivity": (
         ["--sensitivity"],
         {"action": "store_true", "help": "also find which numbers move the growth rate (some seconds)"},

@@ -16,6 +16,8 @@ from flexlin.periodic.many.romberg import measure_spread
 
 CHUNK_BYTES = 2**26
 """Working memory of one batch."""
+MOST_TOGETHER = 1024
+"""Values of a block at the most: so large that no time is lost, so small that progress is seen and work can be shared out."""
 STARTS = (8, 12, 16, 24, 32, 48, 64, 96, 128)
 """Numbers of segments among which the pilot chooses."""
 SLACK = 1.1
@@ -136,3 +138,31 @@ def prepare_coefficients(
             if series.tail <= max(TAIL * tol, 3e-15):
                 return lambda phases, series=series: split(series(phases)), usable, harmonics
     return lambda phases: split(np.nan_to_num(exact(phases))), usable, HARMONICS[-1]
+
+
+@dataclass(frozen=True)
+class NumpyBatches:
+    """The computation of blocks of values by NumPy."""
+
+    loop: ParametricLoop
+    tol: float
+    chunk_bytes: int
+    plan: Plan
+    route = "numpy"
+
+    @classmethod
+    def prepare(cls, loop: ParametricLoop, points: Array, tol: float, chunk_bytes: int) -> "NumpyBatches":
+        """Choose the number of segments on a few values."""
+        return cls(loop, tol, chunk_bytes, choose_plan(Batches(loop, points, tol, chunk_bytes)))
+
+    @property
+    def block(self) -> int:
+        """Values of a block."""
+        size = Batches(self.loop, np.zeros((0, 0)), self.tol, self.chunk_bytes).values_in_chunk(self.plan.segments)
+        return min(MOST_TOGETHER, size)
+
+    def compute(self, points: Array) -> Found:
+        """All values of a block."""
+        found = Found.empty(len(points), self.loop.states)
+        Batches(self.loop, points, self.tol, self.chunk_bytes).fill(found, np.arange(len(points)), self.plan)
+        return found

@@ -1,7 +1,7 @@
 """What a sweep knows of each value, and the dataset that comes of it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import xarray as xr
@@ -12,8 +12,10 @@ from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.scene import Scene
 
-VERDICTS = np.array(["undecided", "stable", "unstable", "failed"])
-FAILED = 3
+VERDICTS = np.array(["undecided", "stable", "unstable", "failed", "missing"])
+FAILED, MISSING = 3, 4
+LONGEST = 240
+"""Characters of a reason."""
 WITHIN = "the growth rate is zero to within its error: a smaller tol may decide"
 
 
@@ -57,10 +59,20 @@ class Found:
         except (FlexlinError, np.linalg.LinAlgError) as error:
             if isinstance(error, TimeLimit):
                 raise
-            self.verdict[i], self.reason[i] = FAILED, str(error)
+            self.verdict[i], self.reason[i] = FAILED, str(error)[:LONGEST]
             return
         self.exponents[i], self.error[i], self.period[i] = result.exponents, result.errors.max(), system.period
-        self.verdict[i], self.reason[i] = VERDICTS.tolist().index(result.verdict), result.reason
+        self.verdict[i], self.reason[i] = VERDICTS.tolist().index(result.verdict), result.reason[:LONGEST]
+
+    def explain(self) -> None:
+        """Say why the undecided among values that were computed together are so."""
+        self.reason[self.verdict == 0] = WITHIN
+
+    def place(self, start: int, block: "Found") -> None:
+        """Enter a block of values that begins at `start`."""
+        for one in fields(self):
+            part = getattr(block, one.name)
+            getattr(self, one.name)[start : start + len(part)] = part
 
 
 def build_dataset(

@@ -1,25 +1,29 @@
 """Stability over many values of scene parameters: the same equations for all values, evaluated in bounded batches."""
 
-import math
-from collections.abc import Mapping
-from functools import partial
+import os
+import pickle
+import time
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
 
-import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from flexlin.about.free import ParametricLoop
-from flexlin.answers.loops import choose_loop
-from flexlin.answers.sweep.axes import check_axes, check_values, lay_out
-from flexlin.answers.sweep.batches import CHUNK_BYTES, Batches, choose_plan
-from flexlin.answers.sweep.found import Found, build_dataset
-from flexlin.checks import positive, real_array
+from flexlin.answers.loops import RebuiltLoop, RedesignedLoop
+from flexlin.answers.sweep.batches import CHUNK_BYTES
+from flexlin.answers.sweep.cluster import Cluster
+from flexlin.answers.sweep.found import Found
+from flexlin.answers.sweep.job import Job, Work, compute_here, prepare_job
+from flexlin.answers.sweep.processes import Processes
+from flexlin.answers.sweep.store import Store
+from flexlin.checks import whole
 from flexlin.errors import ArgumentError
-from flexlin.progress import advance
+from flexlin.scene.library import models_folder
 from flexlin.scene.scene import Scene
 
-DESIGN_TOL = 1e-9
-"""Gains of designs are at least as accurate as this."""
+WORTH = 3.0
+"""Seconds of work from which other processes are started; each takes about one to load."""
 
 
 def sweep(
@@ -29,6 +33,9 @@ def sweep(
     *,
     grid: bool = False,
     loop: str = "own",
+    workers: int | None = None,
+    client: Any = None,
+    store: str | Path | None = None,
     chunk_bytes: int = CHUNK_BYTES,
 ) -> xr.Dataset:
     """Compute the Floquet exponents of a loop on a scene's arm for many values of the scene's numbers.
@@ -50,8 +57,14 @@ def sweep(
     loop : str
         "own": the scene's loop; "open": the arm without feedback; a design's name: its gain as designed with the scene's own numbers, kept
         while they vary, as a function of the phase; "NAME, redone": designed anew at each value.
+    workers : int, optional
+        Processes that share the work; by default one for each core where that saves time. The result is the same to the last bit.
+    client : distributed.Client or str, optional
+        A Dask cluster, or its scheduler's address, that does the work in their place.
+    store : str or Path, optional
+        A Zarr store that keeps finished blocks; where it exists already, the sweep goes on where it stopped.
     chunk_bytes : int
-        Working memory of a batch, in bytes. A batch holds one value at the least.
+        Working memory of a batch of NumPy's, in bytes. A batch holds one value at the least.
 
     Returns
     -------
@@ -83,27 +96,60 @@ def sweep(
     >>> bool((found["error"] < 1e-6 * abs(found["exponents"]).max("mode")).all())
     True
     """
-    tol = positive("tol", tol)
-    axes = {path: real_array(path, value, (None,)) for path, value in values.items()}
-    if any(path.startswith("accuracy.") for path in axes):
-        got, expected = ", ".join(axes), "a number of the links, effects, motion or control"
-        raise ArgumentError("what is asked of the answer is no number of the arm", got=got, expected=expected)
-    count = math.prod(map(len, axes.values())) if grid else max(map(len, axes.values()), default=0)
-    check_values(count)
-    points, shape, dims = lay_out(axes, grid)
-    check_axes(scene, axes, grid)
-    chosen = choose_loop(scene, axes, loop, min(tol, DESIGN_TOL))
-    check_values(count, chosen.states)
-    found, segments = Found.empty(len(points), chosen.states), 0
-    if isinstance(chosen, ParametricLoop):
-        batches = Batches(chosen, points, tol, chunk_bytes)
-        plan = choose_plan(batches)
-        segments, size = plan.segments, batches.values_in_chunk(plan.segments)
-        for start in range(0, len(points), size):
-            advance(start / len(points))
-            batches.fill(found, np.arange(start, min(start + size, len(points))), plan)
-    else:
-        for i, point in enumerate(points):
-            advance(i / len(points))
-            found.put_alone(i, partial(chosen.system_at, point), tol)
-    return build_dataset(scene, axes, found, shape, dims, {"loop": loop, "tol": tol, "segments": segments})
+    job = prepare_job(scene, values, tol, grid, loop, chunk_bytes)
+    if store is not None:
+        keep_in(store, job)
+    job.run(choose_crew(job, workers, client))
+    return job.dataset()
+
+
+def keep_in(store: str | Path, job: Job) -> None:
+    """Take over what a store holds of this sweep, and keep there what is computed from now on."""
+    job.watchers.append(Store(store, job))
+
+
+def choose_crew(
+    job: Job, workers: int | None = None, client: Any = None
+) -> Callable[[Job], Iterable[tuple[int, Found]]]:
+    """Who computes the blocks: this process, several, or a cluster. Results do not depend on it."""
+    if client is not None:
+        if workers is not None:
+            raise ArgumentError("a cluster has its own workers", got=f"workers={workers!r}", expected="client alone")
+        return Cluster(client)
+    if workers is not None:
+        workers = whole("workers", workers)
+        return compute_here if workers == 1 else Processes(workers)
+    cores = count_cores()
+    if cores == 1 or not is_portable(job.work) or predict_seconds(job) < WORTH:
+        return compute_here
+    return Processes(cores)
+
+
+def predict_seconds(job: Job) -> float:
+    """How long the work takes in this process, by its first block, which is computed and entered."""
+    if not job.blocks:
+        return 0.0
+    start, stop = job.blocks[0]
+    begin = time.perf_counter()
+    job.enter(start, job.work.compute(job.points[start:stop]))
+    seconds = time.perf_counter() - begin
+    return seconds * len(job.blocks)
+
+
+def is_portable(work: Work) -> bool:
+    """Whether the work can be sent to another process, where models that the user has registered are not known."""
+    try:
+        pickle.dumps(work)
+    except (pickle.PicklingError, AttributeError, TypeError):
+        return False
+    loop = getattr(work, "loop", None)
+    loop = loop.plant if isinstance(loop, RedesignedLoop) else loop
+    return (
+        not isinstance(loop, RebuiltLoop)
+        or (models_folder() / f"{str(loop.scene.model).replace('-', '_')}.py").exists()
+    )
+
+
+def count_cores() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

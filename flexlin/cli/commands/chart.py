@@ -2,14 +2,14 @@
 
 import argparse
 import math
-from functools import partial
+import sys
 
 from flexlin.cli.options import COMPUTED
-from flexlin.cli.shared import command, loaded, print_paths
+from flexlin.cli.shared import FAILED, command, loaded, print_paths
 from flexlin.errors import ArgumentError
 
 PURPOSE = "stability over one or two parameters"
-TAKES = (*COMPUTED, "over")
+TAKES = (*COMPUTED, "over", "loop", "workers", "scheduler", "store")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -25,19 +25,23 @@ def run(options: argparse.Namespace) -> int:
         import numpy as np
 
         from flexlin.answers.clock import Clock
-        from flexlin.answers.sweep import check_values, sweep, worst_error
+        from flexlin.answers.sweep import check_values
         from flexlin.files import results
+        from flexlin.report.charting import compute_chart
         from flexlin.report.charts import chart_dataset, draw_charts, find_boundary
         from flexlin.report.page import picture_page
         from flexlin.report.tables import storable, write_dataset
         from flexlin.report.terminal import accuracy_lines
 
-        several = len(spans) > 1
-        clock, counts = Clock(progress, planned=4), [number or (60 if several else 200) for *_, number in spans]
-        clock.stage("size of the result", scene.accuracy, lambda: check_values(math.prod(counts)))
-        values = {key: np.linspace(low, high, n) for (key, low, high, _), n in zip(spans, counts, strict=True)}
-        work = partial(sweep, scene, values, scene.accuracy.tol, grid=several)
-        data = clock.stage("exponents of all values", scene.accuracy, work, worst_error)
+        counts = [number or (60 if len(spans) > 1 else 200) for *_, number in spans]
+
+        def values() -> dict[str, np.ndarray]:
+            check_values(math.prod(counts))
+            return {key: np.linspace(low, high, n) for (key, low, high, _), n in zip(spans, counts, strict=True)}
+
+        clock = Clock(progress, planned=3)
+        how = {name: getattr(options, name) for name in ("loop", "workers", "scheduler", "store")}
+        data, problem = compute_chart(scene, values, clock, progress, **how)
         found = find_boundary(scene, {key: (low, high) for key, low, high, _ in spans}, data, clock)
         pictures = draw_charts(scene, data, *found)
     print(pictures[0].caption)
@@ -47,4 +51,7 @@ def run(options: argparse.Namespace) -> int:
         page = picture_page(scene.title, pictures[0], command(options), pictures[1:])
         (made / "chart.html").write_text(page, encoding="utf-8")
         paths = made.placed("chart.html") + write_dataset(storable(chart_dataset(scene, data, *found)), made, "chart")
-    return print_paths(paths)
+    done = print_paths(paths)
+    if problem:
+        print(f"flexlin: {problem}", file=sys.stderr)
+    return FAILED if problem else done

@@ -55,9 +55,9 @@ def name_loop(loop: str) -> str:
 
 def write_caption(verdict: Array, loop: str) -> str:
     """How many values are what."""
-    kinds = ("stable", "unstable", "undecided", "failed")
+    kinds = ("stable", "unstable", "undecided", "failed", "missing")
     counts = ", ".join(
-        f"{int((verdict == name).sum())} {name}" for name in kinds if name != "failed" or name in verdict
+        f"{int((verdict == name).sum())} {name}" for name in kinds if name not in kinds[3:] or name in verdict
     )
     return (
         f"{loop[0].upper()}{loop[1:]} at {verdict.size} values: {counts}. "

@@ -1,0 +1,110 @@
+"""Exponents of many values together by the compiled kernel: when it pays, how it is prepared, and one block of values."""
+
+import time
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from flexlin.about.free import ParametricLoop
+from flexlin.about.kernel_source import write_model
+from flexlin.answers.sweep.batches import ENOUGH, PILOTS, SLACK, STARTS, Batches, Plan
+from flexlin.answers.sweep.found import Found
+from flexlin.checks import Array
+from flexlin.errors import ArgumentError, NumericalError
+from flexlin.periodic.many.algebra import solve_positive
+from flexlin.periodic.many.compiled import WIDTH, CompiledKernel
+from flexlin.periodic.many.compiler import find_compiler
+from flexlin.periodic.many.romberg import balance_states, measure_spread
+
+PAYS = 1.0
+"""Seconds of work by NumPy, predicted, from which the kernel is compiled."""
+NUMPY_VALUE = 1.5e-4
+"""Seconds that NumPy takes for a value of four states; it grows with the cube of the states."""
+LARGEST = 16
+"""Coordinates up to which code with all sizes written out is compiled in a few seconds."""
+FINEST = 2048
+"""Segments up to which values that missed tol are tried again before `floquet` has them."""
+BLOCK_WORK = 2e9
+"""Multiplications of a block."""
+PROBES = 32
+"""Phases at which the size of the coefficients is taken."""
+
+
+def pays(loop: ParametricLoop, values: int) -> bool:
+    """Whether compiling takes less time than it saves."""
+    n = loop.linearization.n
+    return find_compiler() is not None and n <= LARGEST and values * NUMPY_VALUE * (n / 2) ** 3 > PAYS
+
+
+@dataclass(frozen=True)
+class CompiledBatches:
+    """The compiled computation of blocks of values; `scale` (2n,) balances the states."""
+
+    loop: ParametricLoop
+    tol: float
+    kernel: CompiledKernel
+    scale: Array
+    plan: Plan
+    seconds: float = 0.0
+    route = "compiled"
+
+    @classmethod
+    def prepare(cls, loop: ParametricLoop, points: Array, tol: float) -> "CompiledBatches | None":
+        """Compile, and choose the number of segments on a few values; nothing where the expressions or the compiler do not allow it."""
+        start = time.perf_counter()
+        try:
+            kernel = CompiledKernel(write_model(loop), loop.linearization.n, loop.of_phase, loop.phase_breaks)
+            _ = kernel.library
+        except (ArgumentError, NumericalError, OSError):
+            return None
+        seconds = time.perf_counter() - start
+        few = points[np.unique(np.linspace(0, len(points) - 1, PILOTS).round().astype(int))]
+        scale = balance_coefficients(loop, few)
+        return cls(loop, tol, kernel, scale, choose_segments(kernel, few, scale, tol), seconds)
+
+    @property
+    def block(self) -> int:
+        """Values of a block: as many whatever machine or worker computes it, so that results do not depend on where the cuts are."""
+        work = 7 * self.plan.segments * 12 * (2 * self.loop.linearization.n) ** 3
+        return WIDTH * int(np.clip(BLOCK_WORK / work / WIDTH, 1, 1024))
+
+    def compute(self, points: Array) -> Found:
+        """All values of a block: together, those that miss tol on more and more segments, and the rest one by one."""
+        found = Found.empty(len(points), self.loop.states)
+        narrow = Batches(self.loop, points, self.tol, 0).find_narrow(np.arange(len(points)))
+        alone, rest, segments = np.flatnonzero(narrow), np.flatnonzero(~narrow), self.plan.segments
+        while len(rest) and segments <= max(FINEST, self.plan.segments):
+            given = (segments, self.scale, self.tol / 100, SLACK * self.plan.spread)
+            result = self.kernel.judge(*self.kernel.find_logs(points[rest], *given), self.tol)
+            done = rest[result.reached]
+            found.exponents[done], found.error[done] = result.exponents[result.reached], result.error[result.reached]
+            found.verdict[done], found.period[done] = result.verdict[result.reached], result.period[result.reached]
+            rest, segments = rest[~result.reached], 2 * segments
+        found.explain()
+        for i in (*alone, *rest):
+            found.put_alone(i, partial(self.loop.system_at, points[i]), self.tol)
+        return found
+
+
+def choose_segments(kernel: CompiledKernel, points: Array, scale: Array, tol: float) -> Plan:
+    """The least number of segments on which most of the points reach the tolerance; the others are then computed twice."""
+    plan = Plan(STARTS[0])
+    for segments in STARTS:
+        logs, errors, sound, T = kernel.find_logs(points, segments, scale, tol / 100, np.inf)
+        reached = sound & np.all(errors <= tol * np.maximum(T[:, None], np.abs(logs)), axis=1)
+        plan = Plan(segments, spread=measure_spread(logs[reached].T) if reached.any() else np.inf)
+        if reached.mean() >= ENOUGH:
+            break
+    return plan
+
+
+def balance_coefficients(loop: ParametricLoop, points: Array) -> Array:
+    """The scaling (2n,) of the states that evens the coefficients' mean over the period and the points."""
+    phases, n, T = np.arange(PROBES) / PROBES, loop.linearization.n, loop.periods(points)
+    M, D, K = (np.moveaxis(A.reshape(PROBES, len(points), n, n), (0, 1), (2, 3)) for A in loop.sample(phases, points))
+    stacked = np.concatenate([T**2 * K, T * D], axis=1).reshape(n, 2 * n, -1)
+    Z = solve_positive(M.reshape(n, n, -1), stacked)
+    usable = np.isfinite(Z).all(axis=(0, 1))
+    Z = np.moveaxis(Z[..., usable], 2, 0)[..., None]
+    return balance_states(Z[:, :, :n], Z[:, :, n:]) if usable.any() else np.ones(2 * n)

@@ -1,0 +1,117 @@
+"""A sweep as work that can be shared out: what is asked, in which blocks it is done, and what is known so far."""
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+
+from flexlin.about.free import ParametricLoop
+from flexlin.answers.loops import choose_loop
+from flexlin.answers.sweep.alone import OneByOne
+from flexlin.answers.sweep.axes import check_axes, check_values, lay_out
+from flexlin.answers.sweep.batches import CHUNK_BYTES, NumpyBatches, Plan
+from flexlin.answers.sweep.compiled import CompiledBatches, pays
+from flexlin.answers.sweep.found import MISSING, Found, build_dataset
+from flexlin.checks import Array, positive, real_array
+from flexlin.errors import ArgumentError
+from flexlin.progress import advance
+from flexlin.scene.scene import Scene
+
+DESIGN_TOL = 1e-9
+"""Gains of designs are at least as accurate as this."""
+
+
+class Work(Protocol):
+    """What computes a block of values; it pickles, so that it can be sent to where the work is done."""
+
+    route: str
+
+    @property
+    def plan(self) -> Plan: ...
+    @property
+    def block(self) -> int: ...
+    def compute(self, points: Array) -> Found: ...
+
+
+@dataclass
+class Job:
+    """One sweep: `points` (V, P), the work, and what is known of each value so far; `done` (V,) says of which."""
+
+    scene: Scene
+    axes: dict[str, Array]
+    shape: tuple[int, ...]
+    dims: tuple[str, ...]
+    loop: str
+    tol: float
+    points: Array
+    work: Work
+    found: Found
+    done: Array
+    watchers: list[Callable[[int, Found], None]] = field(default_factory=list)
+
+    @property
+    def blocks(self) -> list[tuple[int, int]]:
+        """First and last-but-one value of each block that is not done."""
+        size = self.work.block
+        cuts = [(i, min(i + size, len(self.points))) for i in range(0, len(self.points), size)]
+        return [(start, stop) for start, stop in cuts if not self.done[start:stop].all()]
+
+    def enter(self, start: int, block: Found) -> None:
+        """Take a finished block, and pass it on to the watchers."""
+        self.found.place(start, block)
+        self.done[start : start + len(block.error)] = True
+        advance(float(self.done.mean()))
+        for watch in self.watchers:
+            watch(start, block)
+
+    def run(self, compute: Callable[["Job"], Iterable[tuple[int, Found]]]) -> None:
+        """Compute all blocks that are not done; those that are done stay when it is interrupted."""
+        for start, block in compute(self):
+            self.enter(start, block)
+
+    def dataset(self) -> xr.Dataset:
+        """What is known so far, with names and units; values that are not done have the verdict `missing`."""
+        about: dict[str, str | float] = {"loop": self.loop, "tol": self.tol, "route": self.work.route}
+        about["segments"] = self.work.plan.segments
+        return build_dataset(self.scene, self.axes, self.found, self.shape, self.dims, about)
+
+
+def compute_here(job: Job) -> Iterator[tuple[int, Found]]:
+    """One block after another in this process."""
+    for start, stop in job.blocks:
+        yield start, job.work.compute(job.points[start:stop])
+
+
+def prepare_job(
+    scene: Scene, values: Mapping[str, ArrayLike], tol: float, grid: bool, loop: str, chunk_bytes: int = CHUNK_BYTES
+) -> Job:
+    """Check what is asked, derive the equations once, and choose how the values are computed; nothing is computed yet.
+
+    Raises: as `sweep`.
+    """
+    tol = positive("tol", tol)
+    axes = {path: real_array(path, value, (None,)) for path, value in values.items()}
+    if any(path.startswith("accuracy.") for path in axes):
+        got, expected = ", ".join(axes), "a number of the links, effects, motion or control"
+        raise ArgumentError("what is asked of the answer is no number of the arm", got=got, expected=expected)
+    count = math.prod(map(len, axes.values())) if grid else max(map(len, axes.values()), default=0)
+    check_values(count)
+    points, shape, dims = lay_out(axes, grid)
+    check_axes(scene, axes, grid)
+    chosen = choose_loop(scene, axes, loop, min(tol, DESIGN_TOL))
+    check_values(count, chosen.states)
+    found = Found.empty(len(points), chosen.states)
+    found.verdict[:], found.reason[:] = MISSING, "not computed"
+    work: Work | None = None
+    if not isinstance(chosen, ParametricLoop):
+        work = OneByOne(chosen, tol)
+    elif pays(chosen, len(points)):
+        work = CompiledBatches.prepare(chosen, points, tol)
+    if work is None:
+        assert isinstance(chosen, ParametricLoop)
+        work = NumpyBatches.prepare(chosen, points, tol, chunk_bytes)
+    return Job(scene, axes, shape, dims, loop, tol, points, work, found, np.zeros(len(points), dtype=bool))

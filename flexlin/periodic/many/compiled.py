@@ -1,0 +1,116 @@
+"""The kernel of `romberg` and `spectrum` in C: eight values at a time, from coefficients to exponents with their errors."""
+
+import ctypes
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.resources import files
+from math import factorial
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.periodic.grid import place_edges
+from flexlin.periodic.many.compiler import load_library, pointer
+from flexlin.periodic.many.romberg import LEVELS, halve_segments
+from flexlin.periodic.transition.gauss import gauss, place_nodes
+
+WIDTH = 8
+"""Values in a vector: results depend on which eight values are computed together, so blocks are cut at multiples of it."""
+DEGREES = (8, 12, 18)
+REGISTERS = 20
+"""Vectors that a block of a product may keep in registers."""
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """Exponents (V, n) by falling real part in 1/s, the largest error of each value, verdict codes, periods, and whether tol is met."""
+
+    exponents: Array
+    error: Array
+    verdict: Array
+    period: Array
+    reached: Array
+
+
+@dataclass(frozen=True, eq=False)
+class CompiledKernel:
+    """One loop's coefficients and all that follows from them, in C.
+
+    `model`: C source of the coefficients; `coordinates`: n of y (n,); `of_phase`: phases (N,) -> (N, k), what of the phase the
+    coefficients are made of; `breaks`: phases in [0, 1). Pickled without its library, which is compiled or found again.
+    """
+
+    model: str
+    coordinates: int
+    of_phase: Callable[[Array], Array]
+    breaks: tuple[float, ...] = ()
+
+    @cached_property
+    def library(self) -> ctypes.CDLL:
+        """The compiled code. Raises: NumericalError where it cannot be compiled."""
+        return load_library(self.source)
+
+    @property
+    def source(self) -> str:
+        """The whole C source."""
+        rows, columns = choose_block(2 * self.coordinates)
+        text = [
+            files("flexlin.periodic.many").joinpath(name).read_text(encoding="utf-8")
+            for name in ("vectors.c", "kernel.c")
+        ]
+        states, panel = 2 * self.coordinates, columns if self.coordinates < 3 else self.coordinates
+        sizes = {"S": states, "ROWS": rows, "COLUMNS": columns, "PANEL": panel}
+        return "\n".join([text[0], *[f"#define {name} {size}" for name, size in sizes.items()], self.model, text[1]])
+
+    def find_logs(
+        self, points: Array, segments: int, scale: Array, accuracy: float, spread: float
+    ) -> tuple[Array, Array, Array, Array]:
+        """Logs (V, n) of the multipliers, their errors (V, n), whether they are sound (V,), and the periods (V,) in s.
+
+        Parameters: points (V, P); segments, accuracy, spread: as of `batched_exponents`; scale (n,): of the states.
+        Raises: MemoryError.
+        """
+        V, states, grid = len(points), 2 * self.coordinates, place_edges(1.0, self.breaks, segments)
+        counts, lengths, nodes = [], [], []
+        for _ in range(LEVELS):
+            counts.append(len(grid) - 1)
+            lengths.append(np.diff(grid))
+            nodes.append(place_nodes(grid, gauss(2).c).ravel())
+            grid = halve_segments(grid)
+        given = [
+            np.ascontiguousarray(points, dtype=float),
+            np.array(counts, dtype=np.intc),
+            np.concatenate(lengths),
+            np.ascontiguousarray(self.of_phase(np.concatenate(nodes))),
+            np.ascontiguousarray(scale / scale[:, None]),
+            np.array([(accuracy * factorial(degree + 1)) ** (1 / degree) for degree in DEGREES]),
+        ]
+        logs, errors = np.empty((V, states), dtype=complex), np.empty((V, states))
+        sound, periods = np.empty(V, dtype=bool), np.empty(V)
+        numbers = ctypes.c_double(accuracy), ctypes.c_double(spread)
+        results = [pointer(array) for array in (logs, errors, sound, periods)]
+        if self.library.find_exponents(ctypes.c_long(V), *map(pointer, given), *numbers, *results):
+            raise MemoryError("the factors of a period")
+        return logs, errors, sound, periods
+
+    def judge(self, logs: Array, errors: Array, sound: Array, periods: Array, tol: float) -> Judged:
+        """Exponents and verdicts of logs, in whose place they are written; tol as of `sweep`."""
+        error, verdict, reached = (
+            np.empty(len(logs)),
+            np.empty(len(logs), dtype=np.int8),
+            np.empty(len(logs), dtype=bool),
+        )
+        arrays = [pointer(array) for array in (periods, sound, logs, errors, error, verdict, reached)]
+        self.library.judge(ctypes.c_long(len(logs)), ctypes.c_double(tol), *arrays)
+        return Judged(logs, error, verdict, periods, reached)
+
+    def __getstate__(self) -> dict[str, object]:
+        return {name: getattr(self, name) for name in ("model", "coordinates", "of_phase", "breaks")}
+
+
+def choose_block(states: int) -> tuple[int, int]:
+    """Rows and columns of the blocks of a product: divisors of its size that load least for each multiplication."""
+    divisors = [k for k in range(1, states + 1) if states % k == 0]
+    blocks = [(r, c) for r in divisors for c in divisors if r * c <= REGISTERS]
+    return min(blocks, key=lambda block: ((block[0] + block[1]) / (block[0] * block[1]), block[0]))

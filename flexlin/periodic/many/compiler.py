@@ -1,0 +1,116 @@
+"""C source to a loaded library: compiled once, kept in a folder of the user's own, found again by what it was made of."""
+
+import ctypes
+import hashlib
+import os
+import platform
+import shutil
+import stat
+import subprocess
+import tempfile
+from functools import lru_cache
+from pathlib import Path
+
+from flexlin.checks import Array
+from flexlin.errors import NumericalError
+
+FLAGS = ("-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-std=gnu11", "-shared", "-fPIC")
+LONGEST = 120.0
+"""Seconds that a compiler may take."""
+
+
+@lru_cache(maxsize=1)
+def find_compiler() -> str | None:
+    """The C compiler of this machine; none where there is none."""
+    return shutil.which("gcc") or shutil.which("cc") or shutil.which("clang")
+
+
+def load_library(source: str) -> ctypes.CDLL:
+    """The library of a C source, compiled where it is not in the cache.
+
+    Raises: NumericalError where there is no compiler, or it fails.
+    """
+    library = cache_folder() / f"{fingerprint(source)}.so"
+    if not is_own(library):
+        compile_source(source, library)
+    return ctypes.CDLL(str(library))
+
+
+def compile_source(source: str, library: Path) -> None:
+    """Compile into a folder of its own, and move the result into place when it is whole."""
+    compiler = find_compiler()
+    if compiler is None:
+        raise NumericalError("there is no C compiler", todo="install gcc, or let NumPy do the work")
+    with tempfile.TemporaryDirectory(dir=library.parent) as folder:
+        text, made = Path(folder) / "kernel.c", Path(folder) / "kernel.so"
+        text.write_text(source, encoding="utf-8")
+        try:
+            command = [compiler, *FLAGS, str(text), "-o", str(made), "-lm"]
+            subprocess.run(command, check=True, capture_output=True, timeout=LONGEST, cwd=folder)
+        except (OSError, subprocess.SubprocessError) as error:
+            said = getattr(error, "stderr", None) or b""
+            raise NumericalError(
+                "the C compiler failed", got=said.decode(errors="replace")[:300] or str(error)
+            ) from None
+        os.replace(made, library)
+
+
+def fingerprint(source: str) -> str:
+    """What a library is made of, in one word: source, compiler, flags, processor."""
+    parts = [source, *FLAGS, str(find_compiler()), describe_compiler(), describe_processor()]
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
+
+
+@lru_cache(maxsize=1)
+def describe_compiler() -> str:
+    """The first line that the compiler says of its version."""
+    try:
+        said = subprocess.run(
+            [str(find_compiler()), "--version"], capture_output=True, text=True, timeout=10, check=True
+        )
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    return said.stdout.partition("\n")[0]
+
+
+@lru_cache(maxsize=1)
+def describe_processor() -> str:
+    """The processor's model and instruction sets: a library made for another one may not run here."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return f"{platform.machine()} {platform.processor()}"
+    return "\n".join(sorted({line for line in lines if line.startswith(("model name", "flags", "Features"))}))
+
+
+@lru_cache(maxsize=1)
+def cache_folder() -> Path:
+    """A folder that only this user can write to: below XDG_CACHE_HOME or ~/.cache, else a new one for this process."""
+    try:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        folder = base / "flexlin"
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        if base.is_absolute() and is_own(folder) and os.access(folder, os.W_OK | os.X_OK):
+            return folder
+    except (OSError, RuntimeError):
+        pass
+    return Path(tempfile.mkdtemp(prefix="flexlin-"))
+
+
+def is_own(path: Path) -> bool:
+    """Whether a file or folder is there, is this user's, and can be written by nobody else."""
+    try:
+        about = path.lstat()
+    except OSError:
+        return False
+    if stat.S_ISLNK(about.st_mode):
+        return False
+    return not hasattr(os, "getuid") or (
+        about.st_uid == os.getuid() and not about.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    )
+
+
+def pointer(array: Array) -> ctypes.c_void_p:
+    """Where the numbers of a contiguous array stand."""
+    assert array.flags.c_contiguous
+    return array.ctypes.data_as(ctypes.c_void_p)

@@ -1,0 +1,56 @@
+"""The values of a chart, computed with progress shown; what is done stays when the work is interrupted."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import xarray
+
+from flexlin.answers.clock import Clock
+from flexlin.answers.sweep import worst_error
+from flexlin.answers.sweep.job import Job, prepare_job
+from flexlin.answers.sweep.run import choose_crew, keep_in
+from flexlin.checks import Array
+from flexlin.errors import TimeLimit
+from flexlin.report.counting import Counting
+from flexlin.scene.scene import Scene
+
+
+def compute_chart(
+    scene: Scene,
+    values: Mapping[str, Array],
+    clock: Clock,
+    show: Callable[[str], None],
+    *,
+    loop: str = "own",
+    workers: int | None = None,
+    scheduler: str | None = None,
+    store: Path | None = None,
+) -> tuple[xarray.Dataset, str]:
+    """The sweep over a grid of values, and why it is not complete, if it is not.
+
+    Raises: as `sweep`; KeyboardInterrupt and TimeLimit only where nothing was computed.
+    """
+    accuracy, jobs = scene.accuracy, list[Job]()
+
+    def work() -> xarray.Dataset:
+        job = prepare_job(scene, values, accuracy.tol, grid=len(values) > 1, loop=loop)
+        jobs.append(job)
+        if store is not None:
+            keep_in(store, job)
+        job.watchers.append(Counting(len(job.points), int(job.done.sum()), show))
+        job.run(choose_crew(job, workers, scheduler))
+        return job.dataset()
+
+    try:
+        return clock.stage("exponents of all values", accuracy, work, worst_error), ""
+    except (KeyboardInterrupt, TimeLimit) as error:
+        if not jobs or not jobs[0].done.any():
+            raise
+        return jobs[0].dataset(), say_what_is_missing(jobs[0], error, store)
+
+
+def say_what_is_missing(job: Job, error: BaseException, store: Path | None) -> str:
+    """Why a chart is not complete, and what to do."""
+    why = "interrupted" if isinstance(error, KeyboardInterrupt) else str(error)
+    todo = "with --store CHART.zarr it could go on" if store is None else "the same command goes on from here"
+    return f"{why}: {int(job.done.sum()):,} of {len(job.points):,} values are in the chart; {todo}"

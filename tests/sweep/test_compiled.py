@@ -1,0 +1,178 @@
+"""The compiled kernel beside NumPy's route, `floquet`, and expressions that hold every operation."""
+
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.about.kernel_source import write_model
+from flexlin.answers.loops import choose_loop
+from flexlin.answers.sweep.batches import NumpyBatches
+from flexlin.answers.sweep.compiled import CompiledBatches
+from flexlin.periodic.circle import measure_distances
+from flexlin.periodic.many import compiler
+from flexlin.periodic.many.compiled import CompiledKernel
+from flexlin.periodic.many.romberg import batched_exponents
+
+pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
+LQR = {
+    "name": "LQR",
+    "kind": "frozen-lqr",
+    "state_weight": [100.0, 100.0, 1.0, 1.0],
+    "input_weight": [0.1],
+    "phases": 5,
+}
+MOVES = {"kind": "point-to-point", "move_time": 0.4, "dwell_time": 0.1, "joints": [{"waypoints": [0.0, 1.0, 0.4]}]}
+LINKS = [{"length": 0.5, "mass_per_length": 0.3, "bending_stiffness": 20.0, "modes": 1}] * 2
+TWO_LINKS = {
+    "schema": 1,
+    "title": "two links",
+    "links": LINKS,
+    "effects": {
+        "gravity": {},
+        "payload": {"mass": 0.1},
+        "modal_damping": {"ratio": 0.02},
+        "hub": {"inertia": [0.05, 0.05]},
+    },
+    "motion": {"kind": "harmonic", "frequency": 0.5, "joints": [{"amplitude": 0.2}, {"mean": 0.5, "amplitude": 0.2}]},
+    "control": {"feedback": {"kind": "pd", "kp": [160.0, 40.0], "kd": [8.0, 2.0]}},
+}
+SINGLE = {"links.0.modes": 1, "designs": [LQR]}
+CASES = {
+    "random": (
+        lambda: fl.load_scene("single-link", SINGLE),
+        "own",
+        {"effects.payload.mass": (0, 0.3), "control.feedback.kd.0": (0, 1)},
+    ),
+    "amplitude": (lambda: fl.load_scene("single-link", SINGLE), "open", {"motion.joints.0.amplitude": (0.1, 3)}),
+    "breaks": (
+        lambda: fl.load_scene("single-link", SINGLE | {"motion": MOVES}),
+        "own",
+        {"effects.payload.mass": (0, 0.3)},
+    ),
+    "kept gain": (lambda: fl.load_scene("single-link", SINGLE), "LQR", {"motion.frequency": (0.3, 2)}),
+    "two links": (
+        lambda: fl.parse_scene(TWO_LINKS),
+        "own",
+        {"effects.payload.mass": (0, 0.3), "motion.frequency": (0.3, 1)},
+    ),
+    "undamped": (lambda: fl.load_scene("spinning-link"), "own", {"motion.joints.0.rate": (1.5, 4.5)}),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_both_routes_agree_within_their_errors_and_with_floquet(name):
+    make, word, limits = CASES[name]
+    rng = np.random.default_rng(5)
+    loop = choose_loop(make(), limits, word)
+    points = np.stack([rng.uniform(low, high, 37) for low, high in limits.values()], axis=1)
+    fast = CompiledBatches.prepare(loop, points, 1e-8)
+    found, slow = fast.compute(points), NumpyBatches.prepare(loop, points, 1e-8, 2**24).compute(points)
+    assert not found.one_by_one.any()
+    both = (found.error + slow.error)[:, None]
+    distances = np.stack(
+        [
+            measure_distances(a * T, b * T).min(axis=1) / T
+            for a, b, T in zip(found.exponents, slow.exponents, found.period, strict=True)
+        ]
+    )
+    assert np.all(distances <= both)
+    assert np.all(found.error <= 1e-8 * np.maximum(1.0, np.abs(found.exponents).max(axis=1)))
+    assert np.array_equal(found.verdict == 2, slow.verdict == 2)
+    for i in (0, 17, 36):
+        exact = fl.floquet(loop.system_at(points[i]), 1e-11)
+        apart = measure_distances(found.exponents[i] * exact.period, exact.log_multipliers).min(axis=1) / exact.period
+        assert np.all(apart <= found.error[i] + exact.error)
+
+
+def test_results_do_not_depend_on_the_blocks_nor_on_pickling():
+    import pickle
+
+    loop = choose_loop(fl.load_scene("single-link", SINGLE), ["effects.payload.mass"])
+    points = np.linspace(0.0, 0.3, 61)[:, None]
+    work = CompiledBatches.prepare(loop, points, 1e-8)
+    again = pickle.loads(pickle.dumps(work))
+    whole, parts = work.compute(points), [again.compute(points[i : i + 16]) for i in range(0, 61, 16)]
+    assert np.array_equal(whole.exponents, np.concatenate([part.exponents for part in parts]))
+    assert np.array_equal(whole.error, np.concatenate([part.error for part in parts]))
+
+
+def every_operation(phase, p):
+    """One expression each of what the phase, the point, or both decide; all stay where every function is defined."""
+    total = 0
+    for x in (0.3 + 0.2 * ca.sin(2 * ca.pi * phase), 0.4 + 0.1 * p, 0.5 + 0.05 * p * ca.cos(2 * ca.pi * phase)):
+        y = 0.7 * x + 0.01
+        total += (
+            ca.exp(x)
+            + ca.log(x)
+            + x**1.7
+            + x**p
+            + ca.sqrt(x)
+            + x * x
+            + 2 * x
+            + ca.sin(40 * x)
+            + ca.cos(900 * x)
+            + ca.tan(x)
+        )
+        total += (
+            ca.asin(x) + ca.acos(x) + ca.atan(x) + ca.fabs(-x) + ca.sign(x) + ca.erf(x) + ca.fmin(x, y) + ca.fmax(x, p)
+        )
+        total += ca.sinh(x) + ca.cosh(x) + ca.tanh(x) + ca.asinh(x) + ca.acosh(1 + x) + ca.atanh(x) + ca.atan2(x, y)
+        total += (
+            ca.log1p(x) + ca.expm1(x) + ca.hypot(x, p) + ca.copysign(x, -p) + ca.floor(x) + ca.ceil(x) + 1 / (1 + p)
+        )
+        total += ca.if_else(ca.logic_and(x < p, x <= 3), x, -x) + ca.if_else(ca.logic_or(x != y, x == p), 1, y)
+        total += ca.if_else(ca.logic_not(x > p), x, y) + ca.remainder(x, 0.9 + y) + ca.fmod(x + 3, 1 + p)
+    return total
+
+
+def test_every_operation_means_the_same_in_c():
+    """Coefficients with all operations, M not diagonal, by C and by CasADi: the same logs from both."""
+    phase, p = ca.SX.sym("phase"), ca.SX.sym("p")
+    s = 0.002 * every_operation(phase, p)
+    M = ca.vertcat(ca.horzcat(2 + s**2, 0.3), ca.horzcat(0.3, 1 + p))
+    D = ca.vertcat(ca.horzcat(0.1, s), ca.horzcat(-s, 0.2))
+    K = ca.vertcat(ca.horzcat(5 + s, 0.2), ca.horzcat(s, 3))
+    matrices = ca.Function("m", [phase, p], [ca.densify(x) for x in (M, D, K)])
+    duration = ca.Function("T", [p], [1 + p / 9])
+    arm = SimpleNamespace(n=2)
+    fake = SimpleNamespace(matrices=matrices, duration=duration, linearization=arm, kept=None, paths=("p",))
+    kernel = CompiledKernel(write_model(fake), 2, lambda phases: phases[:, None])
+    points = np.linspace(0.6, 0.9, 11)[:, None]
+    T = 1 + points[:, 0] / 9
+
+    def coefficients(phases):
+        values = np.array([[np.array(matrices(f, q)) for q in points[:, 0]] for f in phases])
+        M, D, K = (values[:, :, i] for i in range(3))
+        return (np.moveaxis(-np.linalg.solve(M, A * scale[:, None, None]), 1, -1) for A, scale in ((K, T * T), (D, T)))
+
+    logs, _, sound, periods = kernel.find_logs(points, 8, np.ones(4), 1e-11, np.inf)
+    other = batched_exponents(coefficients, 8, (), 1e-11)
+    assert sound.all()
+    assert other.sound.all()
+    assert np.allclose(periods, T, rtol=1e-15)
+    assert measure_distances(logs.T, other.logs).min(axis=1).max() < 1e-11
+
+
+def test_only_a_folder_of_the_users_own_is_trusted(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    compiler.cache_folder.cache_clear()
+    own = compiler.cache_folder()
+    assert own == tmp_path / "flexlin"
+    assert own.stat().st_mode & 0o077 == 0
+    own.chmod(0o777)
+    compiler.cache_folder.cache_clear()
+    assert compiler.cache_folder() != own
+    compiler.cache_folder.cache_clear()
+
+
+def test_without_a_compiler_numpy_does_the_work(monkeypatch):
+    monkeypatch.setattr("flexlin.answers.sweep.compiled.PAYS", 0.0)
+    scene, values = fl.load_scene("single-link", SINGLE), {"effects.payload.mass": [0.0, 0.1]}
+    fast = fl.sweep(scene, values)
+    monkeypatch.setattr("flexlin.answers.sweep.compiled.find_compiler", lambda: None)
+    slow = fl.sweep(scene, values)
+    assert (fast.attrs["route"], slow.attrs["route"]) == ("compiled", "numpy")
+    assert np.allclose(fast["exponents"], slow["exponents"], rtol=1e-8)

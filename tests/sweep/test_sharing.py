@@ -1,0 +1,174 @@
+"""The same chart by one process, by two, by a cluster that loses a worker, and in pieces: equal to the last bit."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.answers.sweep.cluster import Cluster
+from flexlin.answers.sweep.job import compute_here, prepare_job
+from flexlin.answers.sweep.processes import Processes
+from flexlin.answers.sweep.run import keep_in
+from flexlin.errors import ArgumentError, OutputError
+
+SCENE = fl.load_scene("single-link", {"links.0.modes": 1, "designs": []})
+VALUES = {"effects.payload.mass": np.linspace(0.0, 0.3, 12), "control.feedback.kp.0": np.linspace(0.0, 6.0, 6)}
+SMALL = 2**18
+"""Bytes of a batch: a handful of values in each block, so that there are many blocks."""
+
+
+@pytest.fixture(scope="module")
+def whole():
+    data = fl.sweep(SCENE, VALUES, grid=True, workers=1, chunk_bytes=SMALL)
+    assert data["exponents"].shape == (12, 6, 4)
+    return data
+
+
+def assert_same(data, other):
+    for name in other.data_vars:
+        kind = {"equal_nan": True} if other[name].dtype.kind in "fc" else {}
+        assert np.array_equal(data[name].values, other[name].values, **kind), name
+
+
+class Deadly:
+    """Work that ends the process which does it, as often as there are files to remove."""
+
+    def __init__(self, work, folder):
+        self.work, self.folder = work, folder
+        self.plan, self.block, self.route = work.plan, work.block, work.route
+
+    def compute(self, points):
+        for file in sorted(Path(self.folder).iterdir()):
+            file.unlink()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return self.work.compute(points)
+
+
+def test_two_processes_and_one_that_dies(whole, tmp_path):
+    job = prepare_job(SCENE, VALUES, 1e-8, True, "own", SMALL)
+    assert len(job.blocks) > 5
+    (tmp_path / "once").touch()
+    job.work = Deadly(job.work, tmp_path)
+    job.run(Processes(2))
+    assert_same(job.dataset(), whole)
+
+
+def test_a_block_that_kills_every_process_is_marked(tmp_path, monkeypatch):
+    monkeypatch.setattr("flexlin.answers.sweep.processes.ATTEMPTS", 1)
+    job = prepare_job(SCENE, {"effects.payload.mass": [0.1, 0.2]}, 1e-8, True, "own", SMALL)
+    for i in range(5):
+        (tmp_path / str(i)).touch()
+    job.work = Deadly(job.work, tmp_path)
+    job.run(Processes(1))
+    assert set(job.dataset()["verdict"].values) == {"failed"}
+    assert "ended" in job.dataset()["reason"].values[0]
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_cluster_that_loses_a_worker(whole):
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        killed = []
+
+        def kill_one(start, block):
+            if not killed:
+                pids = client.run(os.getpid)
+                killed.append(next(iter(pids.values())))
+                os.kill(killed[0], signal.SIGKILL)
+
+        job = prepare_job(SCENE, VALUES, 1e-8, True, "own", SMALL)
+        job.watchers.append(kill_one)
+        job.run(Cluster(client))
+        assert killed
+    assert_same(job.dataset(), whole)
+
+
+def test_clusters_that_are_not_there_are_refused(monkeypatch):
+    monkeypatch.setattr("flexlin.answers.sweep.cluster.PATIENCE", 0.5)
+    with pytest.raises(ArgumentError, match="no scheduler answers"):
+        fl.sweep(SCENE, {"effects.payload.mass": [0.1]}, client="nowhere:1")
+    with pytest.raises(ArgumentError, match="another kind"):
+        fl.sweep(SCENE, {"effects.payload.mass": [0.1]}, client=3)
+    with pytest.raises(ArgumentError, match="whole number"):
+        fl.sweep(SCENE, {"effects.payload.mass": [0.1]}, workers=0)
+
+
+def test_a_sweep_interrupted_again_and_again_ends_as_an_undisturbed_one(whole, tmp_path):
+    pytest.importorskip("zarr")
+    path, rng, left = tmp_path / "chart.zarr", np.random.default_rng(3), []
+
+    for _ in range(20):
+        job = prepare_job(SCENE, VALUES, 1e-8, True, "own", SMALL)
+        keep_in(path, job)
+        left.append(len(job.blocks))
+        countdown = iter(range(int(rng.integers(0, 3)), -1, -1))
+
+        def stop(start, block, countdown=countdown):
+            if next(countdown) == 0:
+                raise KeyboardInterrupt
+
+        job.watchers.insert(int(rng.integers(0, 2)), stop)  # before or after the block is written
+        try:
+            job.run(compute_here)
+        except KeyboardInterrupt:
+            continue
+        break
+    assert len(left) > 4
+    assert left == sorted(left, reverse=True)
+    assert_same(fl.sweep(SCENE, VALUES, grid=True, store=path, chunk_bytes=SMALL), whole)
+
+
+def test_a_killed_process_leaves_a_store_that_goes_on(whole, tmp_path):
+    pytest.importorskip("zarr")
+    path = tmp_path / "chart.zarr"
+    script = (
+        ""
+        "from tests.sweep.test_sharing import *;"
+        f"job = prepare_job(SCENE, VALUES, 1e-8, True, 'own', SMALL); keep_in({str(path)!r}, job);"
+        "job.watchers.append(lambda start, block: os.kill(os.getpid(), 9) if start > 20 else None); job.run(compute_here)"
+    )
+    done = subprocess.run([sys.executable, "-c", script], cwd=Path(__file__).parents[2], check=False)
+    assert done.returncode == -signal.SIGKILL
+    assert_same(fl.sweep(SCENE, VALUES, grid=True, store=path, chunk_bytes=SMALL), whole)
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        ({"scene": {"effects.payload.mass": 0.05}}, "scene"),
+        ({"values": {"effects.payload.mass": np.linspace(0.0, 0.4, 12)}}, "values of effects.payload.mass"),
+        ({"loop": "open"}, "loop"),
+        ({"tol": 1e-7}, "tol"),
+        ({"version": "9.9"}, "version of flexlin"),
+    ],
+)
+def test_a_store_of_another_sweep_is_refused_with_what_differs(change, what, tmp_path, monkeypatch):
+    pytest.importorskip("zarr")
+    values = {"effects.payload.mass": np.linspace(0.0, 0.3, 12)}
+    scene = fl.load_scene("single-link", {"links.0.modes": 1, "designs": [], "control": {}})
+    fl.sweep(scene, values, store=tmp_path / "c.zarr")
+    other = fl.load_scene("single-link", {"links.0.modes": 1, "designs": [], "control": {}, **change.get("scene", {})})
+    monkeypatch.setattr("flexlin.__version__", change.get("version", fl.__version__))
+    with pytest.raises(ArgumentError, match=f"another {what}"):
+        fl.sweep(
+            other,
+            change.get("values", values),
+            change.get("tol", 1e-8),
+            loop=change.get("loop", "own"),
+            store=tmp_path / "c.zarr",
+        )
+
+
+def test_what_is_no_store_is_refused(tmp_path):
+    pytest.importorskip("zarr")
+    (tmp_path / "c.zarr").write_text("no store")
+    with pytest.raises((OutputError, ArgumentError)):
+        fl.sweep(SCENE, {"effects.payload.mass": [0.1]}, store=tmp_path / "c.zarr")
