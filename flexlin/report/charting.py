@@ -17,7 +17,7 @@ from flexlin.scene.scene import Scene
 
 def compute_chart(
     scene: Scene,
-    values: Mapping[str, Array],
+    values: Callable[[], Mapping[str, Array]],
     clock: Clock,
     show: Callable[[str], None],
     *,
@@ -26,14 +26,15 @@ def compute_chart(
     scheduler: str | None = None,
     store: Path | None = None,
 ) -> tuple[xarray.Dataset, str]:
-    """The sweep over a grid of values, and why it is not complete, if it is not.
+    """The sweep over a grid of values, made when the work begins, and why it is not complete, if it is not.
 
     Raises: as `sweep`; KeyboardInterrupt and TimeLimit only where nothing was computed.
     """
     accuracy, jobs = scene.accuracy, list[Job]()
 
     def work() -> xarray.Dataset:
-        job = prepare_job(scene, values, accuracy.tol, grid=len(values) > 1, loop=loop)
+        axes = values()
+        job = prepare_job(scene, axes, accuracy.tol, grid=len(axes) > 1, loop=loop)
         jobs.append(job)
         if store is not None:
             keep_in(store, job)

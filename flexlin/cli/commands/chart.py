@@ -42,7 +42,8 @@ def run(options: argparse.Namespace) -> int:
         clock = Clock(progress, planned=3)
         how = {name: getattr(options, name) for name in ("loop", "workers", "scheduler", "store")}
         data, problem = compute_chart(scene, values, clock, progress, **how)
-        found = find_boundary(scene, {key: (low, high) for key, low, high, _ in spans}, data, clock)
+        ranges = {key: (low, high) for key, low, high, _ in spans}
+        found = ([], []) if problem else find_boundary(scene, ranges, data, clock, options.loop)
         pictures = draw_charts(scene, data, *found)
     print(pictures[0].caption)
     for line in accuracy_lines(tuple(clock.steps)):
