@@ -60,9 +60,10 @@ class Progress:
 
     def _watch(self) -> None:
         """Show the line from time to time, until the work is over."""
-        if self._over.wait(PATIENCE) or sys.stderr is not sys.__stderr__:
+        stderr = sys.__stderr__
+        if self._over.wait(PATIENCE) or stderr is None or sys.stderr is not stderr:
             return  # over already, or a program has put a stream of its own there and reads errors from it
-        show = self._on_terminal if sys.stderr.isatty() else self._in_pipe
+        show = self._on_terminal if stderr.isatty() else self._in_pipe
         while not self._over.is_set():
             if self._name:
                 show()
