@@ -84,6 +84,14 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
         ["--limit-memory"],
         {"type": float, "metavar": "BYTES", "help": "memory that a stage may ask for at once (default 2^30, or as in the scene)"},
     ),
+    "step": (["--step"], {"metavar": "WORDS", "help": 'a torque from a moment on, such as "joint 1 torque 0.1 N m"'}),
+    "initial": (["--initial"], {"metavar": "WORDS", "help": 'a state beside the steady motion, such as "w11=0.01, q1_rate=5 deg/s"'}),
+    "push": (["--push"], {"metavar": "WORDS", "help": 'a force at the tip for a time, such as "tip 1 N 20 ms" or "tip y 1 N 20 ms"'}),
+    "noise": (["--noise"], {"metavar": "WORDS", "help": 'torque noise, such as "torque 0.05 N m 100 Hz"'}),
+    "of": (["--loop"], {"dest": "of", "default": "own", "metavar": "NAME", "help": "own, or the name of a design (default own)"}),
+    "lasting": (
+        ["--periods"], {"dest": "lasting", "type": float, "help": "how long to look (default: until a thousandth is left)"},
+    ),
     "tolerance": (["--tolerance"], {"type": float, "default": 0.01, "help": "relative change that matters (default 0.01)"}),
 }  # fmt: skip
 SCENE = ("scene", "set", "data", "out")

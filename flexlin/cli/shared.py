@@ -59,6 +59,10 @@ def command(options: argparse.Namespace) -> str:
     flags = [f"--{name}" for name in ("effects", "sensitivity", "animate") if getattr(options, name, False)]
     forward = getattr(options, "feedforward", "scene")
     flags += [] if forward == "scene" else ["--feedforward", forward]
+    for name in ("step", "initial", "push", "noise"):
+        words = getattr(options, name, None)
+        flags += [] if words is None else [f"--{name}", words]
+    flags += ["--loop", options.of] if getattr(options, "of", "own") != "own" else []
     for name in ACCURACY:
         value = getattr(options, name, None)
         flags += [] if value is None else [f"--{name.replace('_', '-')}", f"{value:g}"]

@@ -1,0 +1,227 @@
+"""The answer of a loop to a disturbance at every phase of the period, and by the nonlinear equations at the worst one."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlin.about.law import Law
+from flexlin.about.linearization import Linearization
+from flexlin.answers.disturbed.directions import Directions, disturbing
+from flexlin.answers.disturbed.linear import LinearAnswer, answer_linearly
+from flexlin.answers.disturbed.nonlinear import answer_nonlinearly
+from flexlin.answers.disturbed.stated import Disturbance
+from flexlin.checks import Array
+from flexlin.control.drives import DriveLoad, drive_load
+from flexlin.errors import ArgumentError, NumericalError
+from flexlin.periodic.coefficients import MatrixFunction
+from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.response.forced import forced_response
+from flexlin.periodic.system import PeriodicSystem
+from flexlin.scene.drives import Drives
+from flexlin.simulation.drive import scene_drive
+from flexlin.summary import represent
+
+Seen = Callable[[Array, Array], Array]
+"""Times (N,) and states (N, 2n) -> what is looked at, (N,)."""
+PHASES, POINTS = 16, 256
+"""Phases at which the disturbance begins, and steps of a period at which the answer is kept."""
+BAND = 0.02
+"""The answer has settled when it stays within this part of its largest size."""
+LEFT, LONGEST = 1e-3, 60
+"""Part of a disturbance that may be left at the end, and periods at the most, where no number of periods is given."""
+
+
+@dataclass(frozen=True, eq=False)
+class DisturbanceAnswer:
+    """What a disturbance does to a loop, beside its steady motion.
+
+    Attributes
+    ----------
+    words : str
+        The disturbance as it was stated.
+    seen : str
+        What is looked at: the tip across the last link, along an axis, or a joint.
+    unit : str
+        Its unit.
+    phases : array, shape (P,)
+        Phases t / T at which the disturbance begins.
+    t : array, shape (S,)
+        Times after that, in s.
+    linear : array, shape (P, S)
+        The linear answer.
+    settling : array, shape (P,)
+        Time after which the answer stays within 2 % of its largest size about its end, in s; inf where it does not in this time.
+    overshoot : array, shape (P,)
+        A step: how far the answer goes beyond where it ends, relative to that. Otherwise the largest swing to the other side, relative
+        to the first.
+    worst : int
+        The phase that settles last; of several the one that overshoots most.
+    nonlinear : array, shape (S,), or None
+        The nonlinear answer at the worst phase; None where it has none.
+    problem : str
+        Why there is no nonlinear answer.
+    load : DriveLoad or None
+        What the drives have to do in the nonlinear answer.
+    """
+
+    words: str
+    seen: str
+    unit: str
+    phases: Array
+    t: Array
+    linear: Array
+    settling: Array
+    overshoot: Array
+    worst: int
+    nonlinear: Array | None
+    problem: str
+    load: DriveLoad | None
+
+    __repr__ = represent
+
+    @property
+    def peak(self) -> float:
+        """The largest linear answer at the worst phase, in `unit`."""
+        return float(np.abs(self.linear[self.worst]).max())
+
+    @property
+    def difference(self) -> float:
+        """The largest distance of the nonlinear answer from the linear one, relative to the peak; not a number without one."""
+        if self.nonlinear is None:
+            return float("nan")
+        return float(np.abs(self.nonlinear - self.linear[self.worst]).max() / (self.peak or 1.0))
+
+
+def respond(
+    closed: Linearization,
+    stated: Disturbance,
+    law: Law | None = None,
+    loop: PeriodicSystem | None = None,
+    periods: float | None = None,
+    tol: float = 1e-8,
+    drives: Drives | None = None,
+) -> DisturbanceAnswer:
+    """Answer a disturbance of the steady motion, beginning at any phase, and by the nonlinear equations at the worst one.
+
+        x' = A(t) x + b(t) u,   beside the periodic motion that the loop keeps
+
+    Parameters
+    ----------
+    closed : Linearization
+        The arm under the scene's own loop.
+    stated : Disturbance
+        A step, an initial state or a push.
+    law, loop : Law and PeriodicSystem, optional
+        Another feedback on the same arm, and its closed loop.
+    periods : float, optional
+        How long to look; by default until a thousandth is left.
+    tol : float
+        Wanted relative error.
+    drives : Drives, optional
+        Limits that the torque in the nonlinear answer is held against.
+
+    Returns
+    -------
+    DisturbanceAnswer
+        Settling and overshoot at each phase, the linear and the nonlinear answer.
+
+    Raises
+    ------
+    ArgumentError
+        When the loop is not stable: there is no steady motion to come back to.
+    """
+    law, loop = law or closed.law, loop or closed.periodic_system()
+    found = floquet(loop, tol)
+    if found.verdict != "stable":
+        raise ArgumentError("the loop keeps no steady motion", got=f"{found.verdict}", expected="a stable loop")
+    enters, T = disturbing(closed, stated), closed.period
+    count = steps_of(float(found.exponents[0].real), T, periods)
+    lasting = stated.time if stated.kind == "push" else 0.0
+    start = np.array(stated.start) if stated.start else np.zeros(2 * closed.n)
+    linear = answer_linearly(loop, enters, start, stated.size, lasting, count, PHASES, POINTS, tol)
+    seen, what, unit = observe(closed, stated)
+    values = np.array([seen(times, states) for times, states in zip(linear.times(T), linear.states, strict=True)])
+    ends = final_values(loop, stated, enters, seen, linear, T, tol)
+    settling = np.array([settling_time(linear.t, row, end) for row, end in zip(values, ends, strict=True)])
+    over = np.array([overshoot(row, end) for row, end in zip(values, ends, strict=True)])
+    worst = int(np.lexsort((-over, -settling))[0])
+    nonlinear, problem, load = judge_nonlinear(closed, stated, law, loop, linear, worst, seen, tol, drives)
+    return DisturbanceAnswer(
+        stated.words, what, unit, linear.phases, linear.t, values, settling, over, worst, nonlinear, problem, load
+    )
+
+
+def steps_of(growth: float, period: float, periods: float | None) -> int:
+    """How many steps to follow."""
+    wanted = min(LONGEST, math.log(1 / LEFT) / (-growth * period)) if periods is None else periods
+    return max(POINTS // 4, math.ceil(wanted * POINTS))
+
+
+def observe(lin: Linearization, stated: Disturbance) -> tuple[Seen, str, str]:
+    """What is looked at, as a function of times and states, its name and its unit: the tip, or the first coordinate without one."""
+    if lin.arm.points is None:
+        return (lambda t, x: x[:, 0]), lin.names[0], lin.coordinates[0].unit
+    where = f"along {stated.axis}" if stated.axis else "across the last link"
+    return Directions(lin, stated.axis).seen, f"tip {where}", "m"
+
+
+def final_values(
+    loop: PeriodicSystem,
+    stated: Disturbance,
+    enters: MatrixFunction,
+    seen: Seen,
+    linear: LinearAnswer,
+    period: float,
+    tol: float,
+) -> Array:
+    """Where the answers end, (P, S): the periodic answer to a lasting step, else zero."""
+    times = linear.times(period)
+    if stated.kind != "step":
+        return np.zeros(times.shape)
+    steady = forced_response(loop, lambda t: stated.size * enters(t)[:, :, 0], tol)
+    return np.array([seen(row, steady(row)) for row in times])
+
+
+def settling_time(t: Array, values: Array, end: Array) -> float:
+    """The time after which values stay within BAND of their largest size about their end; inf where they do not."""
+    outside = np.flatnonzero(np.abs(values - end) > BAND * np.abs(values).max())
+    if not len(outside):
+        return 0.0
+    return float(t[outside[-1] + 1]) if outside[-1] + 1 < len(t) else float("inf")
+
+
+def overshoot(values: Array, end: Array) -> float:
+    """How far values go beyond their end, or to the other side of where they first went, as a part."""
+    if np.abs(end).max() > 0:
+        return max(0.0, float(np.abs(values).max() / np.abs(end).max()) - 1)
+    first = np.argmax(np.abs(values) > 0.5 * np.abs(values).max())
+    side = np.sign(values[first]) or 1.0
+    ahead, back = float((side * values).max()), float((-side * values).max())
+    return max(0.0, back / ahead) if ahead > 0 else 0.0
+
+
+def judge_nonlinear(
+    closed: Linearization,
+    stated: Disturbance,
+    law: Law,
+    loop: PeriodicSystem,
+    linear: LinearAnswer,
+    worst: int,
+    seen: Seen,
+    tol: float,
+    drives: Drives | None,
+) -> tuple[Array | None, str, DriveLoad | None]:
+    """The nonlinear answer at the worst phase, or why there is none, and what the drives have to do in it."""
+    begin = linear.phases[worst] * closed.period
+    steady = forced_response(loop, closed.forcing, tol)(np.array([begin]))[0]
+    try:
+        disturbed, without = answer_nonlinearly(
+            closed, law, scene_drive(closed), stated, begin, linear.t, steady, max(tol, 1e-9)
+        )
+    except NumericalError as error:
+        return None, str(error), None
+    times = begin + linear.t
+    load = drive_load(closed, np.mod(times, closed.period), disturbed, law, drives)
+    return seen(times, disturbed - without), "", load

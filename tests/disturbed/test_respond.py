@@ -1,0 +1,145 @@
+"""Answers to disturbances: against integrators that share nothing with them, by their order in the size, and as a command."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+import flexlin as fl
+from flexlin.answers.disturbed.noise import answer_noise
+from flexlin.answers.disturbed.respond import overshoot, respond, settling_time
+from flexlin.answers.disturbed.stated import state_disturbance
+from flexlin.cli.main import main
+from flexlin.errors import ArgumentError
+
+SMALL = {"links.0.modes": 1, "designs": []}
+
+
+@pytest.fixture(scope="module")
+def closed():
+    scene = fl.load_scene("single-link", SMALL)
+    return fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+
+
+def tip_and_force(lin, t):
+    """The tip's slope across the rigid link (N, n) and M^-1 J' (N, 2n), by differences of the arm's own points."""
+    h, n = 1e-6, lin.n
+    points = lambda y: lin.about.of_arm("points", t, np.tile(y, (len(t), 1)))  # noqa: E731
+    chord = np.diff(points(np.zeros(n))[:, :, -2:], axis=2)[:, :, 0]
+    e = np.stack([-chord[:, 1], chord[:, 0]], axis=1) / np.linalg.norm(chord, axis=1)[:, None]
+    J = np.stack([(points(h * y) - points(-h * y))[:, :, -1] / (2 * h) for y in np.eye(n)], axis=2)
+    across = np.einsum("td,tdn->tn", e, J)
+    return across, np.concatenate([0 * across, np.linalg.solve(lin.M(t), across[:, :, None])[:, :, 0]], axis=1)
+
+
+def test_a_push_is_answered_as_by_runge_kutta(closed):
+    """At two phases, with a push longer than the distance of two phases; the tip by differences of positions."""
+    stated = state_disturbance("push", "tip 0.2 N 0.3 s", closed)
+    found, system = respond(closed, stated, periods=0.5), closed.periodic_system()
+    h, count = 0.3 / 1200, 1200 + 2400
+    for k in (0, 5):
+        t = found.phases[k] * closed.period + h / 2 * np.arange(2 * count + 1)
+        A, b, x = system.A(t), 0.2 * tip_and_force(closed, t)[1], np.zeros((count + 1, 4))
+        for s in range(count):
+            force = b if s < 1200 else 0 * b
+            one = A[2 * s] @ x[s] + force[2 * s]
+            two = A[2 * s + 1] @ (x[s] + h / 2 * one) + force[2 * s + 1]
+            three = A[2 * s + 1] @ (x[s] + h / 2 * two) + force[2 * s + 1]
+            four = A[2 * s + 2] @ (x[s] + h * three) + force[2 * s + 2]
+            x[s + 1] = x[s] + h / 6 * (one + 2 * two + 2 * three + four)
+        seen = np.einsum("tn,tn->t", tip_and_force(closed, t[::2])[0], x[:, :2])
+        inside = found.t <= count * h
+        exact = CubicSpline(h * np.arange(count + 1), seen)(found.t[inside])
+        assert np.abs(found.linear[k, inside] - exact).max() < 1e-6 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize(
+    ("kind", "words", "half"),
+    [
+        ("step", "joint 1 torque 0.02 N m", "joint 1 torque 0.01 N m"),
+        ("initial", "w11=2 mm", "w11=1 mm"),
+        ("push", "tip 0.2 N 20 ms", "tip 0.1 N 20 ms"),
+    ],
+)
+def test_the_nonlinear_answer_tends_to_the_linear_one(closed, kind, words, half):
+    """What a disturbance of a third of a steady motion's size moves is linear but for that motion; its own part falls with its size."""
+    slow = fl.load_scene("single-link", {**SMALL, "motion.joints.0.amplitude": 1e-4, "effects.gravity": "off"})
+    lin = fl.linearize(fl.build_manipulator(slow), slow.motion, slow.control)
+    large, small = (respond(lin, state_disturbance(kind, text, lin)) for text in (words, half))
+    assert large.problem == ""
+    assert small.difference < 0.6 * large.difference < 0.02 or large.difference < 2e-5
+    np.testing.assert_allclose(large.linear, 2 * small.linear, atol=1e-9 * large.peak)
+    assert np.isfinite(large.settling).all()
+
+
+def test_a_step_ends_where_the_stiffness_holds_it(closed):
+    """A constant loop: y ends at K^-1 B u."""
+    still = fl.load_scene("single-link", {**SMALL, "motion.joints.0.amplitude": 0.0})
+    lin = fl.linearize(fl.build_manipulator(still), still.motion, still.control)
+    found = respond(lin, state_disturbance("step", "joint 1 torque 0.1 N m", lin))
+    end = np.linalg.solve(lin.K(0.0), lin.B(0.0) @ [0.1])
+    assert found.linear[0, -1] == pytest.approx(tip_and_force(lin, np.zeros(1))[0][0] @ end, rel=2e-3)
+    assert np.ptp(found.settling) < 1e-9
+
+
+def test_noise_spreads_as_many_runs_do(closed):
+    """White torque on a held grid: 400 runs by the discrete transition of the loop, beside the covariance."""
+    stated, system = state_disturbance("noise", "torque 0.05 N m 200 Hz", closed), closed.periodic_system()
+    found = answer_noise(closed, stated, system)
+    rng, steps = np.random.default_rng(4), 400
+    h = closed.period / steps
+    x = np.zeros((400, 4))
+    t = h * (np.arange(steps) + 0.5)
+    A, B = system.A(t), closed.input_matrix(t)
+    for k in range(4 * steps):
+        k %= steps
+        noise = rng.normal(size=(400, 1)) * np.sqrt(0.05**2 / 400 / h)
+        drift = x @ A[k].T + noise @ B[k].T
+        middle = x + h / 2 * drift
+        x = x + h * (middle @ A[k].T + noise @ B[k].T)
+    np.testing.assert_allclose(x.std(axis=0)[:2], found.states[0, :2], rtol=0.12)
+    assert found.tip.min() > 0
+
+
+def test_settling_and_overshoot_of_known_curves():
+    t = np.linspace(0, 10, 2001)
+    curve = 1 - np.exp(-t) * (np.cos(3 * t) + np.sin(3 * t) / 3)
+    assert overshoot(curve, np.ones_like(t)) == pytest.approx(np.exp(-np.pi / 3), rel=1e-4)
+    late = settling_time(t, np.exp(-t), np.zeros_like(t))
+    assert late == pytest.approx(np.log(50), abs=0.01)
+    assert settling_time(t, np.ones_like(t), np.zeros_like(t)) == np.inf
+    assert overshoot(np.exp(-t) * np.cos(3 * t), np.zeros_like(t)) == pytest.approx(np.exp(-np.pi / 3) * 0.95, abs=0.06)
+
+
+def test_the_command_writes_page_and_numbers(tmp_path, capsys):
+    words = ["respond", "single-link", "--set", "links.0.modes=1", "drives={torque={peak=0.5}}", "--out", str(tmp_path)]
+    assert main([*words, "--push", "tip 0.1 N 20 ms", "--loop", "periodic LQR", "--tol", "1e-6"]) == 0
+    data = json.loads((tmp_path / "respond.json").read_text())
+    assert len(data["linear"]) == len(data["phases"]) == 16
+    assert data["nonlinear"] is not None
+    page = (tmp_path / "respond.html").read_text()
+    assert "--push" in page
+    said = capsys.readouterr().out
+    assert "settles to 2 % in" in said
+    assert "above the drive: peak torque of q1" in said
+
+
+@pytest.mark.parametrize(
+    ("kind", "words", "expected"),
+    [
+        ("step", "joint 2 torque 1 N m", "a joint from 1 to 1"),
+        ("step", "joint 1 torque 1 mm", "a torque"),
+        ("step", "q1 0.1", "joint 1 torque"),
+        ("initial", "w19=1 mm", "w11"),
+        ("initial", "q1=1 mm", "an angle"),
+        ("initial", "", "pairs|w11"),
+        ("push", "tip 1 mm 20 ms", "tip 1 N"),
+        ("push", "tip 1 N -20 ms", "greater than 0"),
+        ("push", "tip z 1 N 20 ms", "xy"),
+        ("noise", "torque 0.1 N m", "100 Hz"),
+    ],
+)
+def test_words_that_say_nothing_are_refused(closed, kind, words, expected):
+    with pytest.raises(ArgumentError, match=expected):
+        respond(closed, state_disturbance(kind, words, closed))
