@@ -131,8 +131,8 @@ def hinf_norm(
 ) -> HinfNorm:
     """Compute the H-infinity norm of x' = A x + B u, y = C x + D u: the largest |y| / |u| in mean square.
 
-    A level is bracketed by bisection on whether its Hamiltonian system has multipliers on the unit circle, whose product is never formed, and
-    whether its decaying modes make a nonnegative solution of the Riccati equation.
+    A level is bracketed by bisection on whether its Hamiltonian system has multipliers on the unit circle, whose product is never
+    formed, and whether its decaying modes make a nonnegative solution of the Riccati equation.
     Two of them meet at the norm, so the squared distance to the circle is smooth in the level, and its zero is extrapolated.
     Assumes a stable system.
 
@@ -192,11 +192,11 @@ def hinf_norm(
     problem = BoundedReal(system, *known)
     t = np.linspace(0.0, system.period, 1025)[:-1]
     direct = float(np.linalg.norm(through(t), 2, axis=(1, 2)).max())
-    low, high = bracket(problem, direct, float(np.abs(B(t)).max() * np.abs(output(t)).max()))
-    return extrapolate(problem, low, high, tol) if high > 0 else HinfNorm(0.0, 0.0, 0.0)
+    low, high = bracket_level(problem, direct, float(np.abs(B(t)).max() * np.abs(output(t)).max()))
+    return extrapolate_level(problem, low, high, tol) if high > 0 else HinfNorm(0.0, 0.0, 0.0)
 
 
-def bracket(problem: BoundedReal, direct: float, size: float) -> tuple[float, float]:
+def bracket_level(problem: BoundedReal, direct: float, size: float) -> tuple[float, float]:
     """Levels below and above the norm, COARSE apart; the feedthrough's own gain is the least level."""
     floor = direct * (1 + 1e-9)
     if size == 0:
@@ -222,7 +222,7 @@ def bracket(problem: BoundedReal, direct: float, size: float) -> tuple[float, fl
     return low, high
 
 
-def extrapolate(problem: BoundedReal, low: float, high: float, tol: float) -> HinfNorm:
+def extrapolate_level(problem: BoundedReal, low: float, high: float, tol: float) -> HinfNorm:
     """The level at which the squared real part vanishes, by a parabola through three levels above, again from closer by.
 
     The error: the distance to the straight line through the two nearest, and what the exponents' errors do. It is confirmed: levels that
