@@ -3,14 +3,17 @@
 The public names are loaded when they are first used, so that `import flexlin` stays light.
 """
 
+import logging
 from importlib import import_module
 from typing import Any
 
 __version__ = "0.1.0"
+logging.getLogger(__name__).addHandler(logging.NullHandler())
 
 _HOME = {
     "load_scene": "flexlin.scene",
     "parse_scene": "flexlin.scene",
+    "scenes": "flexlin.scene",
     "Scene": "flexlin.scene",
     "build_manipulator": "flexlin.mechanics",
     "Manipulator": "flexlin.mechanics",
@@ -21,8 +24,6 @@ _HOME = {
     "floquet": "flexlin.periodic.floquet.exponents",
     "FloquetResult": "flexlin.periodic.floquet.result",
     "floquet_modes": "flexlin.periodic.floquet.modes",
-    "h2_norm": "flexlin.periodic.norms.h2",
-    "hinf_norm": "flexlin.periodic.norms.hinf",
     "forced_response": "flexlin.periodic.response.forced",
     "periodic_lqr": "flexlin.control",
     "simulate": "flexlin.simulation",
@@ -41,6 +42,7 @@ _MODULES = {
     "control": "flexlin.control",
     "errors": "flexlin.errors",
     "kronecker": "flexlin.kronecker",
+    "plots": "flexlin.plots",
     "screws": "flexlin.mechanics.screws",
 }
 """Modules that are public as a whole."""

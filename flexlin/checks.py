@@ -39,12 +39,12 @@ def real_array(name: str, value: ArrayLike, shape: Sequence[int | None] | None =
     return array
 
 
-def instance(name: str, value: object, kind: type, todo: str | None = None) -> None:
+def instance(name: str, value: object, kind: type | tuple[type, ...], todo: str | None = None) -> None:
     """Refuse a value that is not of the kind a public function works on."""
     if not isinstance(value, kind):
-        raise ArgumentError(
-            f"{name} is of another kind", got=repr(value)[:80], expected=f"a {kind.__name__}", todo=todo
-        )
+        kinds = kind if isinstance(kind, tuple) else (kind,)
+        expected = f"a {' or '.join(k.__name__ for k in kinds)}"
+        raise ArgumentError(f"{name} is of another kind", got=repr(value)[:80], expected=expected, todo=todo)
 
 
 def positive(name: str, value: float) -> float:

@@ -14,6 +14,18 @@ CHUNK = 65536
 """Points in one mapped call at the most: bounds the memory of a call to CHUNK * (numbers in + numbers out) * 8 bytes."""
 
 
+def as_expression(name: str, value: object) -> ca.SX:
+    """What is given as a CasADi expression; numbers and arrays are taken too.
+
+    Raises: ArgumentError naming what was given instead.
+    """
+    try:
+        return ca.SX(value)
+    except (NotImplementedError, TypeError, ValueError, RuntimeError):
+        expected = "a CasADi SX expression, or numbers"
+        raise ArgumentError(f"{name} is of another kind", got=repr(value)[:80], expected=expected) from None
+
+
 @lru_cache(maxsize=64)
 def mapped(function: ca.Function, points: int) -> ca.Function:
     """Return `function` mapped over `points` points (kept: building the map costs more than a small call)."""

@@ -29,6 +29,7 @@ VERBS = {
     "load_scene",
     "parse_scene",
     "periodic_lqr",
+    "scenes",
     "sensitivity",
     "simulate",
     "stability_boundary",

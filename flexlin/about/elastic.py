@@ -6,7 +6,7 @@ import casadi as ca
 
 from flexlin.about.deviation import Deviation
 from flexlin.about.periodic_motion import PeriodicMotion
-from flexlin.checks import Array
+from flexlin.checks import Array, instance
 from flexlin.periodic.system import PeriodicSystem
 
 
@@ -78,6 +78,7 @@ def linearize_about(motion: PeriodicMotion, closed: bool = True) -> PeriodicSyst
     >>> fl.floquet(elastic, tol=1e-6).verdict
     'stable'
     """
+    instance("motion", motion, PeriodicMotion, "give what periodic_motion hands back")
     lin = motion.lin
     c = ElasticCoefficients(motion, slopes(lin.about))
     system = PeriodicSystem.from_second_order(c.M, c.D, c.K, lin.period, c.B, lin.breaks, c.equations)

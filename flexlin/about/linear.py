@@ -69,6 +69,8 @@ def linearize(
     >>> fl.floquet(lin.periodic_system(), tol=1e-6).verdict
     'stable'
     """
+    if control is not None:
+        instance("control", control, Control, "give scene.control")
     instance("arm", arm, Manipulator, "make one: fl.build_manipulator(scene), or Manipulator.from_matrices(...)")
     if not isinstance(motion, Motion):
         instance("motion", motion, MotionTable, "give scene.motion, or what build_motion makes")

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from flexlin.about.harmonic_balance import Closing, Unknowns, balance, by_law, solve_at
 from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
-from flexlin.checks import Array, at_times, positive
+from flexlin.checks import Array, at_times, instance, positive
 from flexlin.errors import MotionError, ToleranceNotReached
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.system import MatrixFunction
@@ -166,6 +166,7 @@ def periodic_motion(
     >>> motion.error < 1e-6
     True
     """
+    instance("lin", lin, Linearization, "make one: fl.linearize(arm, motion, control)")
     positive("tol", tol)
     if not lin.motion.periodic:
         raise MotionError("a one-way motion has no periodic solution", todo="use course = 'there-and-back'")

@@ -1,5 +1,6 @@
 """The stages of the work: what each was asked, what it reached, what it took, and the limits that it keeps."""
 
+import logging
 import time
 import warnings
 from collections.abc import Callable, Iterator
@@ -14,6 +15,7 @@ from flexlin.progress import part
 from flexlin.scene.accuracy import Accuracy
 from flexlin.text import printable
 
+LOG = logging.getLogger(__name__)
 Progress = Callable[[str], None]
 Answer = TypeVar("Answer")
 
@@ -65,7 +67,9 @@ class Clock:
             raise
         finally:
             found["notes"] = tuple(dict.fromkeys(map(note_of, heard)))
-            self.steps.append(Step(name, time.perf_counter() - start, time.process_time() - cpu, **found))
+            step = Step(name, time.perf_counter() - start, time.process_time() - cpu, **found)
+            self.steps.append(step)
+            LOG.info("%s: %.3f s%s", name, step.seconds, f", {step.problem}" if step.problem else "")
 
     def _part(self) -> AbstractContextManager[None]:
         """The part of the work that the next step is, where it is known how many there will be."""

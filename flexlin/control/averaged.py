@@ -9,7 +9,7 @@ from flexlin.control.weights import constant_lqr
 from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
-from flexlin.periodic.system import MatrixFunction, PeriodicSystem
+from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
 from flexlin.periodic.transition.gauss import gauss, place_nodes, sample_at
 
 SEGMENTS, STAGES = 16, 8
@@ -72,6 +72,7 @@ def averaged_lqr(
     >>> fl.floquet(design.closed_loop).verdict
     'stable'
     """
+    system = as_system(system)
     problem = linear_quadratic(system, Q, R, N)
     A, B, state, effort, cross = (
         mean(system, coefficient) for coefficient in (problem.A, problem.B, problem.Q, problem.R, problem.N)

@@ -1,19 +1,26 @@
 """A controller design: what every kind of design hands back."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.about.law import Law
-from flexlin.checks import Array, at_times, real_array
-from flexlin.errors import DesignError, NotStabilizable
+from flexlin.checks import Array, at_times, real_array, whole
+from flexlin.errors import ArgumentError, DesignError, NotStabilizable
 from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.quadratic.riccati import RiccatiSolution, periodic_lyapunov
+from flexlin.periodic.response.forced import label_states
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
+from flexlin.plots.view import Series, Shown, View
 from flexlin.summary import represent
+
+if TYPE_CHECKING:
+    import xarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +49,7 @@ class RunningCost:
 
 
 @dataclass(frozen=True, eq=False)
-class Design:
+class Design(Shown):
     """A linear state feedback u = -K(t) x with its closed loop.
 
     Attributes
@@ -86,6 +93,52 @@ class Design:
     solution: RiccatiSolution | None = None
 
     __repr__ = represent
+
+    def to_xarray(self, points: int = 257, names: Sequence[str] = (), inputs: Sequence[str] = ()) -> "xarray.Dataset":
+        """Return the gain over a period as a dataset.
+
+        Parameters
+        ----------
+        points : int
+            Times of the period, both ends included.
+        names : sequence of str, optional
+            Names of the n states; x1, x2 ... by default.
+        inputs : sequence of str, optional
+            Names of the m inputs; u1, u2 ... by default.
+
+        Returns
+        -------
+        xarray.Dataset
+            `K` by time, input and state; name, kind, error and status as attributes.
+
+        Raises
+        ------
+        ArgumentError
+            When there are not as many names as states or inputs.
+        """
+        import xarray
+
+        loop, t = self.closed_loop, self._times(whole("points", points, 2))
+        states, _ = label_states(loop.n, names, ())
+        given = list(inputs) or [f"u{i + 1}" for i in range(loop.m)]
+        if len(given) != loop.m:
+            raise ArgumentError("inputs do not fit the design", got=len(given), expected=str(loop.m))
+        coords = {"time": ("time", t, {"units": "s"}), "input": given, "state": states}
+        attributes = {"name": self.name, "kind": self.kind, "error": self.error, "status": self.status}
+        return xarray.Dataset({"K": (("time", "input", "state"), self.K(t))}, coords=coords, attrs=attributes)
+
+    def _times(self, points: int) -> Array:
+        """Times of a period; the last lies inside it, since a gain of a horizon ends there."""
+        t = np.linspace(0.0, self.closed_loop.period, points)
+        t[-1] = np.nextafter(t[-1], 0.0)
+        return t
+
+    def _view(self) -> View:
+        t = self._times(257)
+        K = self.K(t)
+        series = tuple(Series(f"K[{i}, {j}]", t, K[:, i, j]) for i in range(K.shape[1]) for j in range(K.shape[2]))
+        facts = (f"{self.kind}, {K.shape[1]} inputs, {K.shape[2]} states, relative error {self.error:.0e}", self.status)
+        return View(self.name, "", facts, "time in s", "gains", series)
 
     @property
     def law(self) -> Law:

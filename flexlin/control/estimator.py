@@ -11,7 +11,7 @@ from flexlin.control.designed_loop import Design
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
 from flexlin.periodic.quadratic.riccati import periodic_riccati
 from flexlin.periodic.quadratic.solution import RiccatiSolution
-from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_matrix_function, check_samples
+from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_matrix_function, as_system, check_samples
 from flexlin.summary import represent
 
 
@@ -149,6 +149,7 @@ def kalman_filter(
     >>> print(f"{estimator.P(0.0).item():.6f} {1 + np.sqrt(2):.6f}")
     2.414214 2.414214
     """
+    system = as_system(system)
     C, W, V = (as_matrix_function(name, value) for name, value in (("C", C), ("W", W), ("V", V)))
     if check_samples("C", C, system.period).shape[2] != system.n:
         raise ArgumentError("C does not fit the system", expected=f"(p, {system.n})")

@@ -8,7 +8,7 @@ from flexlin.control.designed_loop import Design, Repeated
 from flexlin.control.weights import constant_lqr
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.quadratic.riccati import finite_horizon_riccati
-from flexlin.periodic.system import MatrixFunction, PeriodicSystem
+from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
 
 
 def finite_horizon_lqr(
@@ -74,6 +74,7 @@ def finite_horizon_lqr(
     >>> print(f"{design.X(0.25).item():.8f} {np.tanh(0.75):.8f}")
     0.63514895 0.63514895
     """
+    system = as_system(system)
     final = cost_at_rest(system, Q, R, N) if end is None else end
     solution = finite_horizon_riccati(system, Q, R, final, N, tol)
     repeated = system.feedback(Repeated(solution.K, system.period), (0.0,))

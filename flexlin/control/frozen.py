@@ -10,7 +10,7 @@ from flexlin.control.weights import constant_lqr
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, linear_quadratic
-from flexlin.periodic.system import MatrixFunction, PeriodicSystem
+from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
 
 
 def frozen_lqr(
@@ -69,6 +69,7 @@ def frozen_lqr(
     >>> design.error < 1e-3, fl.floquet(design.closed_loop).verdict
     (True, 'stable')
     """
+    system = as_system(system)
     if phases < 1:
         raise ArgumentError("no phases", got=phases, expected="at least 1")
     problem = linear_quadratic(system, Q, R, N)

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError
-from flexlin.periodic.system import MatrixFunction, PeriodicSystem
+from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
 
 
 def with_integral_action(system: PeriodicSystem, measured: ArrayLike) -> PeriodicSystem:
@@ -41,6 +41,7 @@ def with_integral_action(system: PeriodicSystem, measured: ArrayLike) -> Periodi
     >>> fl.control.with_integral_action(system, [[1.0, 0.0]]).A([0.0])[0].tolist()
     [[0.0, 1.0, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
     """
+    system = as_system(system)
     if system.B is None:
         raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
     C = real_array("measured", measured, (None, system.n))

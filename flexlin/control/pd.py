@@ -9,7 +9,7 @@ from flexlin.control.designed_loop import Design
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
-from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.system import PeriodicSystem, as_system
 
 
 def pd_feedback(
@@ -57,14 +57,21 @@ def pd_feedback(
     >>> fl.floquet(made.closed_loop).exponents.real.round(6).tolist()
     [-1.0, -2.0]
     """
+    system = as_system(system)
     n = system.n // 2
     wanted = f"{system.m}: one for each input"
-    for what, values in (("joints", joints), ("kp", kp), ("kd", kd)):
+    places = real_array("joints", joints, (None,))
+    if not all(place == int(place) and 0 <= place < n for place in places):
+        raise ArgumentError(
+            "joints are no coordinates", got=places.tolist(), expected=f"whole numbers from 0 to {n - 1}"
+        )
+    stiffness, damping = real_array("kp", kp, (None,)), real_array("kd", kd, (None,))
+    for what, values in (("joints", places), ("kp", stiffness), ("kd", damping)):
         if len(values) != system.m:
             raise ArgumentError(f"{what} has the wrong length", got=len(values), expected=wanted)
     K = np.zeros((system.m, system.n))
-    rows = np.arange(system.m)
-    K[rows, list(joints)] = real_array("kp", kp)
-    K[rows, [n + j for j in joints]] = real_array("kd", kd)
+    rows, columns = np.arange(system.m), places.astype(int)
+    K[rows, columns] = stiffness
+    K[rows, n + columns] = damping
     gain = Constant(K)
     return Design(name, "pd", gain, system.feedback(gain), 0.0, "constant gains as given", problem)

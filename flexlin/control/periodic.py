@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 from flexlin.control.designed_loop import Design
 from flexlin.control.smooth_gain import smooth_gain
 from flexlin.periodic.quadratic.riccati import periodic_riccati
-from flexlin.periodic.system import MatrixFunction, PeriodicSystem
+from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
 
 
 def periodic_lqr(
@@ -69,6 +69,7 @@ def periodic_lqr(
     >>> design.error < 1e-9, fl.floquet(design.closed_loop).verdict
     (True, 'stable')
     """
+    system = as_system(system)
     solution = periodic_riccati(system, Q, R, N, tol)
     gain, apart = smooth_gain(solution.K, system.period, system.breaks)
     loop = system.feedback(gain)

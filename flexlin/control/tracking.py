@@ -11,7 +11,7 @@ from flexlin.about.harmonic_balance import Closing, Unknowns
 from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
 from flexlin.about.periodic_motion import PeriodicMotion, periodic_motion
-from flexlin.checks import Array, at_times
+from flexlin.checks import Array, at_times, instance
 from flexlin.errors import ArgumentError
 from flexlin.summary import represent
 
@@ -174,6 +174,7 @@ def feedforward(lin: Linearization, kind: str = "tip-exact", tol: float = 1e-8) 
     joint-exact: 86.56 mm
     tip-exact: 0.67 mm
     """
+    instance("lin", lin, Linearization, "make one: fl.linearize(arm, motion, control)")
     if kind not in KINDS:
         raise ArgumentError("there is no such feedforward", got=repr(kind), expected=", ".join(KINDS))
     if not lin.driven:

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
-from flexlin.checks import Array, positive
+from flexlin.checks import Array, instance, positive
 from flexlin.control.slow_motions import slow_motions
 from flexlin.mechanics.coordinates import Coordinate
 from flexlin.periodic.boundary.roots import SignedEnds, solve_brackets
@@ -131,6 +131,7 @@ def linear_range(
     >>> print(f"{fl.control.linear_range(lin, modes=1).amplitudes.min():.2f}")
     0.07
     """
+    instance("lin", lin, Linearization, "make one: fl.linearize(arm, motion, control)")
     positive("share", share)
     positive("tol", tol)
     system = lin.periodic_system()

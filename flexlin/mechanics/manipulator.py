@@ -6,6 +6,7 @@ from functools import cached_property
 
 import casadi as ca
 
+from flexlin.checks import instance
 from flexlin.expressions import Expressions
 from flexlin.mechanics.coordinates import Coordinate
 from flexlin.mechanics.coriolis import derive_coriolis
@@ -15,6 +16,7 @@ from flexlin.mechanics.parameters import Parameters, parameters_at_hand
 from flexlin.mechanics.validation import check_shapes, check_symbols, need_quadratic, validate
 from flexlin.scene.effects import Effects
 from flexlin.summary import represent
+from flexlin.symbolic import as_expression
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,6 +181,9 @@ class Manipulator(Expressions):
         >>> Manipulator.from_matrices(q, rate, ca.SX(1), ca.SX(0), 9.81 * ca.sin(q), names=["q"]).names
         ('q',)
         """
+        for name, symbols in (("s", s), ("s_dot", s_dot)):
+            instance(name, symbols, ca.SX, "give CasADi SX symbols")
+        M, C, g = (as_expression(name, given) for name, given in (("M", M), ("C", C), ("g", g)))
         n = s.numel()
         B = ca.DM.eye(n) if B is None else B
         damping = ca.SX.zeros(n) if damping is None else damping
@@ -271,6 +276,9 @@ class Manipulator(Expressions):
         >>> arm.g
         SX((-(-9.81*sin(q))))
         """
+        for name, symbols in (("s", s), ("s_dot", s_dot)):
+            instance(name, symbols, ca.SX, "give CasADi SX symbols")
+        T, V = as_expression("T", T), as_expression("V", V)
         n = s.numel()
         B = ca.DM.eye(n) if B is None else B
         R = ca.SX(0) if dissipation is None else dissipation

@@ -4,13 +4,14 @@ from typing import Any
 
 import casadi as ca
 
+from flexlin.checks import instance
 from flexlin.errors import MotionError
 from flexlin.mechanics.parameters import Parameters
 from flexlin.motion.base import Motion, SampledMotion, SymbolicMotion
 from flexlin.motion.smooth import highest_harmonic, make_fourier, make_harmonic, make_rotation
 from flexlin.motion.table import read_table_motion
 from flexlin.motion.waypoints import make_point_to_point
-from flexlin.scene.motion import AnyMotion, Fourier, Harmonic, PointToPoint, Rotation, TableMotion
+from flexlin.scene.motion import AnyMotion, Fourier, Harmonic, MotionTable, PointToPoint, Rotation, TableMotion
 
 __all__ = ["Motion", "SampledMotion", "SymbolicMotion", "build_motion"]
 
@@ -46,6 +47,7 @@ def build_motion(table: AnyMotion, joints: int, parameters: Parameters | None = 
     >>> motion.period, q.round(6).tolist()
     (2.0, [[0.0], [0.5]])
     """
+    instance("table", table, MotionTable, "give scene.motion")
     tables = table.joints or (None,) * joints
     if len(tables) != joints:
         raise MotionError("the motion has the wrong number of joints", got=len(tables), expected=str(joints))

@@ -158,7 +158,7 @@ class PeriodicSystem:
             if rows != n:
                 raise ArgumentError("B has the wrong number of rows", got=rows, expected=str(n))
         corners = tuple(np.unique(inside).tolist())
-        narrow = tuple((float(time), float(width)) for time, width in features)
+        narrow = tuple(map(tuple, real_array("features", features, (None, 2)).tolist())) if len_of(features) else ()
         checked = {"A": A, "period": period, "B": B, "breaks": corners, "second_order": second_order, "n": n, "m": m}
         checked |= {"features": narrow, "complete": complete}
         for name, value in checked.items():
@@ -268,3 +268,26 @@ class PeriodicSystem:
         corners = (*self.breaks, *breaks)
         loop = ClosedLoop(self.A, self.B, K)
         return PeriodicSystem(loop, self.period, self.B, corners, second_order, self.features, self.complete)
+
+
+def len_of(value: object) -> int:
+    """How many items are given; one where that is no sequence, so that it is looked at and refused."""
+    return len(value) if isinstance(value, Sequence | np.ndarray) else 1
+
+
+def as_system(value: object, name: str = "system") -> PeriodicSystem:
+    """The periodic system that is given: itself, or that of a linearization, which has one.
+
+    Raises: ArgumentError naming what was given instead.
+    """
+    if isinstance(value, PeriodicSystem):
+        return value
+    make = getattr(value, "periodic_system", None)
+    if not isinstance(value, type) and callable(make):
+        return as_system(make(), name)
+    raise ArgumentError(
+        f"{name} is of another kind",
+        got=repr(value)[:80],
+        expected="a PeriodicSystem",
+        todo="make one: fl.PeriodicSystem(A, period), or lin.periodic_system()",
+    )

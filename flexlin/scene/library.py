@@ -1,6 +1,7 @@
 """The scenes and hand-written models that travel with flexlin."""
 
 import importlib.util
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,6 +34,25 @@ def builtin_scenes() -> dict[str, Path]:
     True
     """
     return {path.stem: path for path in sorted(models_folder().glob("*.toml"))}
+
+
+def scenes() -> dict[str, str]:
+    """Return the titles of the built-in scenes by name, which `load_scene` takes.
+
+    Returns
+    -------
+    dict of str to str
+        Title by name.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> fl.scenes()["khang-2019"]
+    'Single-link manipulator of Khang, Dat, Tuan (2019)'
+    """
+    return {
+        name: str(tomllib.loads(path.read_text(encoding="utf-8"))["title"]) for name, path in builtin_scenes().items()
+    }
 
 
 @dataclass(frozen=True)

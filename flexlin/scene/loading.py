@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
+from flexlin.checks import instance
 from flexlin.errors import Problem, SceneError
 from flexlin.files import read_text
 from flexlin.scene.consistency import contradictions
@@ -57,6 +58,8 @@ def load_scene(
     >>> scene.title, scene.effects.payload.mass
     ('Single-link flexible manipulator', 0.1)
     """
+    instance("source", source, (str, Path), "give a built-in name or a path")
+    instance("overrides", overrides or {}, Mapping, "give dotted paths with their values")
     path = _find(source)
     return parse_scene(_read(path), str(path), overrides, path.parent, data_folder)
 
@@ -105,6 +108,8 @@ def parse_scene(
     >>> fl.parse_scene(raw).motion.frequency
     0.5
     """
+    instance("raw", raw, Mapping, "give the tables of a scene, as tomllib.loads makes them")
+    instance("overrides", overrides or {}, Mapping, "give dotted paths with their values")
     source = printable(source)
     if too_deep(raw) or too_deep(overrides or {}):
         raise SceneError(source, [Problem("scene", "tables in tables without end", SHALLOW)])

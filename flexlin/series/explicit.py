@@ -7,13 +7,14 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.checks import Array, real_array
+from flexlin.checks import Array, instance, real_array
 from flexlin.errors import ArgumentError
 from flexlin.series.indices import indices
 from flexlin.series.polynomial import Polynomial
 from flexlin.series.recording import record_expressions
 from flexlin.series.support import bytes_of, expand_by_support
 from flexlin.summary import represent
+from flexlin.symbolic import as_expression
 
 
 @dataclass(frozen=True)
@@ -145,6 +146,7 @@ def taylor(A: Any, x: Any, x0: ArrayLike, order: int) -> TaylorMap:
     0.47942553 0.47942554
     """
     check_symbols("x", x)
+    A = A if isinstance(A, ca.MX) else as_expression("A", A)
     point = real_array("x0", x0, (x.numel(),))
     tape = record_expressions("A", [ca.vec(A)], [x])
     table = indices(x.numel(), order, bytes_of(tape, len(point), max(order, 0)))
@@ -155,6 +157,7 @@ def taylor(A: Any, x: Any, x0: ArrayLike, order: int) -> TaylorMap:
 
 def check_symbols(name: str, x: Any) -> None:
     """Check that x is a column of symbols."""
+    instance(name, x, (ca.SX, ca.MX), "give a vector of CasADi symbols")
     if not (isinstance(x, ca.SX | ca.MX) and x.is_column() and x.is_valid_input() and x.numel()):
         raise ArgumentError(f"{name} is not a column of symbols", got=x, expected="SX.sym or MX.sym of shape (n, 1)")
 

@@ -17,6 +17,7 @@ from flexlin.series.polynomial import Polynomial
 from flexlin.series.recording import record_expressions
 from flexlin.series.solution import closed
 from flexlin.series.space import Numeric
+from flexlin.symbolic import as_expression
 
 
 def implicit_taylor(f: Any, u: Any, v: Any, u0: ArrayLike, v0: ArrayLike, order: int) -> ImplicitMap:
@@ -75,7 +76,7 @@ def implicit_taylor(f: Any, u: Any, v: Any, u0: ArrayLike, v0: ArrayLike, order:
     """
     check_symbols("u", u)
     check_symbols("v", v)
-    f = ca.vec(f)
+    f = ca.vec(f if isinstance(f, ca.MX) else as_expression("f", f))
     if f.numel() != v.numel():
         raise ArgumentError(
             "equations and dependent coordinates differ", got=(f.numel(), v.numel()), expected="as many"

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.plots.view import Series, Shown, View
 from flexlin.summary import represent
 
 if TYPE_CHECKING:
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Simulation:
+class Simulation(Shown):
     """A nonlinear simulation and the linear prediction of the same motion.
 
     Attributes
@@ -40,6 +41,8 @@ class Simulation:
         fro; not a number when the manipulator gives no energy.
     difference_error : float
         Error of `difference`, in m.
+    units : tuple of str
+        Units of the n coordinates.
 
     Examples
     --------
@@ -48,7 +51,7 @@ class Simulation:
     >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
     >>> run = fl.simulate(lin, periods=0.25, tol=1e-6)
     >>> run.difference > run.difference_error, sorted(run.dataset().coords)
-    (True, ['axis', 'state', 'time'])
+    (True, ['axis', 'state', 'time', 'unit'])
     """
 
     names: tuple[str, ...]
@@ -63,6 +66,7 @@ class Simulation:
     linear_error: float
     energy_error: float
     difference_error: float
+    units: tuple[str, ...] = ()
 
     __repr__ = represent
 
@@ -130,20 +134,43 @@ class Simulation:
         import xarray
 
         states = [*self.names, *[f"{name}_rate" for name in self.names]]
+        units = [*self.units, *[f"{unit}/s" for unit in self.units]] or [""] * len(states)
+        metres = {"units": "m"}
         series = {
             "nonlinear": (("time", "state"), self.nonlinear),
             "linear": (("time", "state"), self.linear),
-            "torque": (("time", "input"), self.torque),
-            "tip": (("time", "axis"), self.tip),
-            "tip_linear": (("time", "axis"), self.tip_linear),
-            "tip_rigid": (("time", "axis"), self.tip_rigid),
+            "torque": (("time", "input"), self.torque, {"units": "N m, or N on a joint that slides"}),
+            "tip": (("time", "axis"), self.tip, metres),
+            "tip_linear": (("time", "axis"), self.tip_linear, metres),
+            "tip_rigid": (("time", "axis"), self.tip_rigid, metres),
         }
-        data = xarray.Dataset(
-            series, coords={"time": self.t, "state": states, "axis": list("xyz"[: self.tip.shape[1]])}
-        )
+        data = xarray.Dataset(series, coords={"time": self.t, "state": states, "axis": ["x", "y"]})
+        data = data.assign_coords(unit=("state", units))
         data["time"].attrs["units"] = "s"
         data.attrs["integration_error"] = self.error
         data.attrs["linear_error"] = self.linear_error
         data.attrs["difference_error"] = self.difference_error
         data.attrs["energy_error"] = self.energy_error
         return data
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Return all series as a dataset: the same as `dataset`, by the name that all results share.
+
+        Returns
+        -------
+        xarray.Dataset
+            The series by time, with units, and the errors as attributes.
+        """
+        return self.dataset()
+
+    def _view(self) -> View:
+        pairs = [("nonlinear", "line"), ("linear", "dashed")]
+        if np.isfinite(self.difference):
+            away = [np.linalg.norm(tip - self.tip_rigid, axis=1) for tip in (self.tip, self.tip_linear)]
+            label = "distance of the tip from its rigid path in m"
+        else:
+            away = [states[:, 0] for states in (self.nonlinear, self.linear)]
+            label = f"{self.names[0]} minus its rigid motion" + (f" in {self.units[0]}" if self.units else "")
+        series = tuple(Series(name, self.t, y, style) for (name, style), y in zip(pairs, away, strict=True))
+        facts = (self.status, f"integration error {self.error:.0e}, energy error {self.energy_error:.0e}")
+        return View(f"simulation of {self.t[-1]:.4g} s", "", facts, "time in s", label, series)

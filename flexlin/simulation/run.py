@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
-from flexlin.checks import Array, check_size, positive, real_array, whole
+from flexlin.checks import Array, check_size, instance, positive, real_array, whole
 from flexlin.control.tracking import Feedforward, tip_positions
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import MatrixFunction
@@ -80,6 +80,7 @@ def simulate(
     >>> run.t.shape, run.nonlinear.shape, run.error < 1e-5, run.energy_error < 1e-5
     ((33,), (33, 4), True, True)
     """
+    instance("lin", lin, Linearization, "make one: fl.linearize(arm, motion, control)")
     t = output_times(lin, positive("periods", periods), points_per_period)
     tol, n = positive("tol", tol), lin.n
     if law is None:
@@ -112,6 +113,7 @@ def simulate(
         linear_error=distance(linear, coarse),
         energy_error=energy_error(lin, t, states, work),
         difference_error=missed,
+        units=tuple(c.unit for c in lin.coordinates),
     )
 
 

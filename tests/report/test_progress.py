@@ -78,3 +78,9 @@ def test_the_time_left_is_that_of_the_rest() -> None:
     early("first")
     early._start = time.perf_counter() - 30.0
     assert early.line == "first (30 s so far)"
+
+
+def test_stages_are_logged(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level("INFO", logger="flexlin"):
+        Clock().stage("a stage", Accuracy(), lambda: None)
+    assert [record.getMessage().partition(":")[0] for record in caplog.records] == ["a stage"]

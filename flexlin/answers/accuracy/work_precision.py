@@ -11,6 +11,7 @@ from flexlin.answers.accuracy.outside import measure_outside_methods
 from flexlin.answers.accuracy.result import CostResult, Row
 from flexlin.answers.accuracy.trial import STAGE_SECONDS, compare_arrays
 from flexlin.answers.limits import time_limit
+from flexlin.checks import instance
 from flexlin.errors import ArgumentError, FlexlinError
 from flexlin.mechanics import build_manipulator
 from flexlin.motion import SymbolicMotion
@@ -62,6 +63,7 @@ def cost(scene: Scene, *, peers: bool = True) -> CostResult:
     >>> result.cheapest("exponents", 1e-8).setting  # doctest: +SKIP
     'tol 1e-08, gauss 20 on 40'
     """
+    instance("scene", scene, Scene, "load one: fl.load_scene(name or path)")
     start = perf_counter()
     arm = build_manipulator(scene)
     closed, plant = linearize(arm, scene.motion, scene.control), linearize(arm, scene.motion)

@@ -13,7 +13,7 @@ from flexlin.answers.audit.scale import read_scale
 from flexlin.answers.audit.together import find_interplay
 from flexlin.answers.audit.versions import Version, list_effect_versions, list_mode_versions
 from flexlin.answers.steady import arm_length
-from flexlin.checks import positive
+from flexlin.checks import instance, positive
 from flexlin.errors import TimeLimit
 from flexlin.mechanics import build_manipulator
 from flexlin.progress import advance, part
@@ -70,6 +70,7 @@ def audit(
     >>> found.needed
     ('payload',)
     """
+    instance("scene", scene, Scene, "load one: fl.load_scene(name or path)")
     tolerance, tol = positive("tolerance", tolerance), positive("tol", tol)
     report = progress or (lambda text: None)
     report("the scene as it is")

@@ -17,7 +17,7 @@ from flexlin.answers.sweep.found import Found
 from flexlin.answers.sweep.job import Job, Work, compute_here, prepare_job
 from flexlin.answers.sweep.processes import Processes
 from flexlin.answers.sweep.store import Store
-from flexlin.checks import whole
+from flexlin.checks import instance, whole
 from flexlin.errors import ArgumentError
 from flexlin.scene.library import models_folder
 from flexlin.scene.scene import Scene
@@ -96,6 +96,8 @@ def sweep(
     >>> bool((found["error"] < 1e-6 * abs(found["exponents"]).max("mode")).all())
     True
     """
+    instance("scene", scene, Scene, "load one: fl.load_scene(name or path)")
+    instance("values", values, Mapping, "give dotted paths with their values")
     job = prepare_job(scene, values, tol, grid, loop, chunk_bytes)
     if store is not None:
         keep_in(store, job)

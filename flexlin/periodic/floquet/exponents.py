@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from flexlin.checks import Array, instance, positive, whole
+from flexlin.checks import Array, positive, whole
 from flexlin.periodic.assignment import assign
 from flexlin.periodic.circle import measure_distances, pair_conjugates, wrap_log
 from flexlin.periodic.decoupling.decoupled import Refusal
@@ -14,7 +14,7 @@ from flexlin.periodic.floquet.hamiltonian import is_hamiltonian, pair_hamiltonia
 from flexlin.periodic.floquet.hill import hill_spectrum
 from flexlin.periodic.floquet.result import FloquetResult, judge
 from flexlin.periodic.floquet.segmented import solve_by_segments
-from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.choice import choose_setting, estimate_segment_work, fall_back
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, Setting, report_too_many
 
@@ -93,7 +93,7 @@ def floquet(
     >>> bool(abs(found.exponents.real.sum() + 0.5) <= found.errors.sum())  # Liouville: the sum is the mean trace of A
     True
     """
-    instance("system", system, PeriodicSystem, "make one: fl.PeriodicSystem(A, period), or lin.periodic_system()")
+    system = as_system(system)
     tol = positive("tol", tol)
     order, segments = (None if v is None else whole(k, v) for k, v in (("order", order), ("segments", segments)))
     limit = min(whole("max_segments", max_segments), FACTOR_BYTES // (8 * system.n**2))

@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexlin.checks import Array
+from flexlin.checks import Array, instance
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.product.balancing import balance_factors
 from flexlin.periodic.product.cyclic import cyclic_system
-from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.choice import choose_setting
 from flexlin.periodic.transition.gauss import gauss
 from flexlin.periodic.transition.setting import METHODS, place_segments
@@ -125,6 +125,9 @@ def floquet_modes(system: PeriodicSystem, result: FloquetResult | None = None, t
     >>> moved.real.round(9).tolist()
     [-0.0005, -0.0005]
     """
+    system = as_system(system)
+    if result is not None:
+        instance("result", result, FloquetResult, "give what floquet hands back")
     result = result or floquet(system, tol)
     times, weights, Phi = factor_at_nodes(system, result)
     Phi, scale = balance_factors(Phi)

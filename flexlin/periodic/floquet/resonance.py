@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexlin.checks import Array
+from flexlin.checks import Array, instance
 from flexlin.periodic.floquet.modes import FloquetModes
-from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.system import PeriodicSystem, as_system
 
 MINOR = 0.05
 """A second mode that carries less than this part of the first one's share takes no part in a resonance."""
@@ -49,6 +49,8 @@ def find_resonances(system: PeriodicSystem, modes: FloquetModes) -> list[Resonan
 
     Source: Nayfeh, Mook, Nonlinear Oscillations (1979), ch. 5; Xie, Dynamic Stability of Structures (2006).
     """
+    system = as_system(system)
+    instance("modes", modes, FloquetModes, "give what floquet_modes hands back")
     values, vectors = np.linalg.eig(system.resolved.mean())
     found = []
     for i, exponent in enumerate(modes.exponents):

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,14 +11,18 @@ from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.transition.setting import Setting
+from flexlin.plots.view import Series, Shown, View
 from flexlin.summary import represent
+
+if TYPE_CHECKING:
+    import xarray
 
 MARGINAL = 1e-9
 """Growth per basic frequency below which no arm shows whether a motion grows or decays."""
 
 
 @dataclass(frozen=True)
-class FloquetResult:
+class FloquetResult(Shown):
     """Floquet exponents lambda of x' = A(t) x, each with its error, and the verdict that they allow.
 
         x(t) = exp(lambda t) p(t),   p(t + T) = p(t)
@@ -106,6 +110,38 @@ class FloquetResult:
         """
         certify = import_module("flexlin.periodic.certificate.lyapunov").certify  # it stands above this room
         return certify(self)
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Return exponents, errors and multipliers as a dataset with units.
+
+        Returns
+        -------
+        xarray.Dataset
+            exponents, multipliers (complex), growth_rate, frequency and error, each by mode; verdict, status and period as attributes.
+        """
+        import xarray
+
+        found = {
+            "exponents": (self.exponents, "1/s"),
+            "error": (self.errors, "1/s"),
+            "growth_rate": (self.exponents.real, "1/s"),
+            "frequency": (np.abs(self.exponents.imag) / (2 * np.pi), "Hz"),
+            "multipliers": (self.multipliers, "1"),
+        }
+        series = {name: ("mode", values, {"units": unit}) for name, (values, unit) in found.items()}
+        attributes = {"verdict": self.verdict, "status": self.status, "period": self.period, "period_units": "s"}
+        return xarray.Dataset(series, coords={"mode": np.arange(len(self.exponents))}, attrs=attributes)
+
+    def _view(self) -> View:
+        growth, error = float(self.exponents[0].real), float(self.errors[0])
+        upper = self.exponents[self.exponents.imag >= 0]
+        places = Series("exponents", upper.real, upper.imag / (2 * np.pi), "dots")
+        facts = [
+            f"growth rate {growth:.6g} ± {error:.0e} 1/s, {len(self.exponents)} exponents, period {self.period:.6g} s",
+            f"by {self.setting}",
+            *([self.reason] if self.reason else []),
+        ]
+        return View("Floquet", self.verdict, tuple(facts), "growth rate in 1/s", "frequency in Hz", (places,), True)
 
 
 def judge(

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.checks import Array
+from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError
-from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_matrix_function, check_samples
+from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_matrix_function, as_system, check_samples
 
 SAMPLES = 64
 """Times of a period at which the weights are checked before anything is solved."""
@@ -79,11 +79,13 @@ def linear_quadratic(
 ) -> LinearQuadratic:
     """Pose the problem of a system with an input and check its weights at samples of the period.
 
-    Parameters: Q (n, n), R (m, m), N (n, m): constants or functions (N,) -> (N, ., .); N = None: no cross term.
+    Parameters: Q (n, n), R (m, m), N (n, m): constants or functions (N,) -> (N, ., .); a number where one entry is all; N = None: no
+    cross term.
     Returns: the problem; its weights are used as they are given.
     Raises: ArgumentError when the system has no input, a shape does not fit, a weight is not symmetric, R is not positive
     definite, or Q - N R^-1 N' is indefinite: each names the time and the eigenvalue.
     """
+    system = as_system(system)
     if system.B is None:
         raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
     n, m = system.n, system.m
@@ -101,6 +103,8 @@ def linear_quadratic(
 
 def check_weight(name: str, value: MatrixFunction | ArrayLike, shape: tuple[int, int], period: float) -> MatrixFunction:
     """Return a weight as a function of time, its shape and symmetry checked."""
+    if shape == (1, 1) and np.ndim(value) == 0 and not callable(value):  # type: ignore[arg-type]
+        value = np.reshape(real_array(name, value, ()), (1, 1))
     function = as_matrix_function(name, value)
     samples = check_samples(name, function, period)
     if samples.shape[1:] != shape:

@@ -9,7 +9,7 @@ from flexlin.periodic.quadratic.harmonics import solve_by_harmonics
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.quadratic.plans import name_limit, resolve_problem, solve_by_plans
 from flexlin.periodic.quadratic.solution import RiccatiSolution
-from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.system import PeriodicSystem, as_system
 
 LIMITED = 10.0
 """Error of a series, in units of tol, up to which no other way is tried: rounding limits them all."""
@@ -82,6 +82,7 @@ def periodic_riccati(
     >>> solution.error < 1e-9
     True
     """
+    system = as_system(system)
     problem, breaks = resolve_problem(linear_quadratic(system, Q, R, N), system)
     tol = positive("tol", tol)
     smooth = None if breaks else solve_by_harmonics(problem, system.period, tol)
@@ -144,6 +145,7 @@ def finite_horizon_riccati(
     >>> print(f"{solution.X(0.5).item():.10f} {np.tanh(1.5):.10f}")
     0.9051482536 0.9051482536
     """
+    system = as_system(system)
     end = real_array("end", end, (system.n, system.n))
     return solve_by_plans(linear_quadratic(system, Q, R, N), system.period, system.breaks, end, positive("tol", tol))
 
@@ -183,6 +185,7 @@ def periodic_lyapunov(system: PeriodicSystem, Q: MatrixFunction | ArrayLike, tol
     >>> print(f"{periodic_lyapunov(fl.PeriodicSystem([[-2.0]], 1.0), [[1.0]]).X(0.0).item():.10f}")
     0.2500000000
     """
+    system = as_system(system)
     idle = PeriodicSystem(
         system.A, system.period, np.zeros((system.n, 1)), system.breaks, None, system.features, system.complete
     )

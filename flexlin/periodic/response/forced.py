@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.checks import Array, at_times, instance, positive, real_array, whole
+from flexlin.checks import Array, at_times, positive, real_array, whole
 from flexlin.errors import ArgumentError, ResonantForcing
 from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.floquet.uncertainty import couple_uncertainty
@@ -14,12 +15,16 @@ from flexlin.periodic.grid import place_edges
 from flexlin.periodic.product.eigenvalues import product_logs
 from flexlin.periodic.product.perturbation import COHERENT
 from flexlin.periodic.response.collocated import PiecewiseSolution, VectorFunction, solve_periodic
-from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.choice import MARGIN, choose_setting
 from flexlin.periodic.transition.gauss import Tableau, gauss
 from flexlin.periodic.transition.radau import radau
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, report_too_many
+from flexlin.plots.view import Series, Shown, View
 from flexlin.summary import represent
+
+if TYPE_CHECKING:
+    import xarray
 
 ROUNDINGS, RESONANT = 4.0, 100.0
 """Roundings that the periodicity condition amplifies; a response that loses this factor beyond tol counts as resonant."""
@@ -36,7 +41,7 @@ PROBES = np.array([0.13, 0.5, 0.81])
 
 
 @dataclass(frozen=True)
-class ForcedResponse:
+class ForcedResponse(Shown):
     """The periodic solution x(t) of a periodic system under a periodic force.
 
     Call it with times (N,) to get (N, n), or with one time to get (n,).
@@ -76,6 +81,56 @@ class ForcedResponse:
     def __call__(self, t: ArrayLike) -> Array:
         """The state at times (N,), any real numbers, (N, n), or at one time, (n,)."""
         return at_times(lambda s: self.solution(np.mod(s, self.period)), t)
+
+    def to_xarray(self, points: int = 257, names: Sequence[str] = (), units: Sequence[str] = ()) -> "xarray.Dataset":
+        """Return the states over a period as a dataset.
+
+        Parameters
+        ----------
+        points : int
+            Times of the period, both ends included.
+        names : sequence of str, optional
+            Names of the n states; x1, x2 ... by default.
+        units : sequence of str, optional
+            Their units.
+
+        Returns
+        -------
+        xarray.Dataset
+            `response` by time and state; error, status and period as attributes.
+
+        Raises
+        ------
+        ArgumentError
+            When there are not as many names or units as states.
+        """
+        import xarray
+
+        t = np.linspace(0.0, self.period, whole("points", points, 2))
+        states = self(t)
+        labels = label_states(states.shape[1], names, units)
+        attributes = {"error": self.error, "status": self.status, "period": self.period}
+        series = {"response": (("time", "state"), states)}
+        coords = {"time": ("time", t, {"units": "s"}), "state": labels[0], "unit": ("state", labels[1])}
+        return xarray.Dataset(series, coords=coords, attrs=attributes)
+
+    def _view(self) -> View:
+        t = np.linspace(0.0, self.period, 257)
+        states = self(t)
+        series = tuple(Series(f"x{i + 1}", t, x) for i, x in enumerate(states.T))
+        facts = (
+            f"period {self.period:.6g} s, error {self.error:.0e}, amplification {self.amplification:.3g}",
+            self.status,
+        )
+        return View("periodic response", "", facts, "time in s", "states", series)
+
+
+def label_states(count: int, names: Sequence[str], units: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Names and units of states, of which there must be `count` where any are given."""
+    for what, given in (("names", names), ("units", units)):
+        if len(given) not in (0, count):
+            raise ArgumentError(f"{what} do not fit the states", got=len(given), expected=str(count))
+    return list(names) or [f"x{i + 1}" for i in range(count)], list(units) or [""] * count
 
 
 def forced_response(
@@ -135,7 +190,7 @@ def forced_response(
     >>> print(f"{response(0.7).item():.9f} {(np.cos(0.7) + np.sin(0.7)) / 2:.9f}")
     0.704529937 0.704529937
     """
-    instance("system", system, PeriodicSystem)
+    system = as_system(system)
     whole("max_segments", max_segments)
     force = as_vector_function(f, system)
     corners = tuple(np.union1d(system.resolved.breaks, real_array("breaks", breaks, (None,))).tolist())

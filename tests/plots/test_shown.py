@@ -1,0 +1,206 @@
+"""What a result looks like: words, cards, drawings and datasets say the numbers that the result holds."""
+
+import re
+import subprocess
+import sys
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.control import pd_feedback
+from flexlin.errors import ArgumentError
+from flexlin.plots.card import MOST_POINTS, make_card
+from flexlin.plots.view import Series, Shown, View
+from tests.public_results import arm_results, stability_results
+
+matplotlib = pytest.importorskip("matplotlib")
+matplotlib.use("Agg")
+
+
+@pytest.fixture(scope="module")
+def results():
+    found = {name: arm_results()[name] for name in ("periodic", "finite horizon", "simulation", "response")}
+    found |= {"floquet": stability_results()["floquet"]}
+    found["compared"] = fl.plots.compare({"own": found["floquet"], "other": found["floquet"]})
+    return found
+
+
+def test_each_draws_into_axes_and_opens_a_figure_where_none_are_given(results):
+    from matplotlib import pyplot
+
+    for name, result in results.items():
+        figure, ax = pyplot.subplots()
+        assert result.plot(ax) is ax, name
+        assert len(ax.lines) >= 1
+        assert ax.get_xlabel()
+        assert ax.get_ylabel()
+        opened = result.plot()
+        assert opened.figure is not figure
+        assert result.plot(ax, alpha=0.3).lines[-1].get_alpha() in (0.3, None)
+        pyplot.close("all")
+
+
+def test_what_is_drawn_are_the_numbers(results):
+    from matplotlib import pyplot
+
+    floquet, run = results["floquet"], results["simulation"]
+    x, y = floquet.plot().lines[0].get_data()
+    upper = floquet.exponents[floquet.exponents.imag >= 0]
+    np.testing.assert_array_equal(x, upper.real)
+    np.testing.assert_allclose(y, upper.imag / (2 * np.pi))
+    t, away = run.plot().lines[0].get_data()
+    np.testing.assert_array_equal(t, run.t)
+    assert away.max() == pytest.approx(run.tip_error)
+    pyplot.close("all")
+
+
+def test_a_card_holds_verdict_and_picture_and_stays_small(results):
+    for name, result in results.items():
+        card = result._repr_html_()
+        assert len(card) < 20_000, name
+        ElementTree.fromstring(card)
+        assert "<svg" in card
+        assert "nan" not in card.lower()
+        assert not re.search(r"(?:src|href)=", card)
+    assert f'<b style="color:#b03a00">{results["floquet"].verdict}</b>' in results["floquet"]._repr_html_()
+
+
+def test_a_card_survives_what_cannot_be_drawn():
+    nothing = View("<script>", "", ("a < b",), "x", "y", (Series("gone", np.array([np.nan]), np.array([1.0])),))
+    card = make_card(nothing)
+    assert "<script>" not in card
+    assert "<svg" not in card
+    flat = Series("flat", np.zeros(1), np.zeros(1), "dots")
+    ElementTree.fromstring(make_card(View("one point", "", (), "x", "y", (flat,))))
+    long = Series("long", np.arange(1e5), np.where(np.arange(1e5) % 7 == 0, np.inf, 1.0))
+    assert make_card(View("long", "", (), "x", "y", (long,))).count(",") < 2 * MOST_POINTS
+
+
+def test_summaries_are_short_and_say_the_verdict(results):
+    for name, result in results.items():
+        lines = result.summary().splitlines()
+        assert 2 <= len(lines) <= 12, name
+        assert isinstance(result, Shown)
+    floquet = results["floquet"]
+    assert floquet.summary().startswith(f"Floquet: {floquet.verdict}\n")
+    assert f"{floquet.exponents[0].real:.6g}" in floquet.summary()
+
+
+def test_datasets_bear_names_units_and_the_numbers(results):
+    floquet, design, run = results["floquet"], results["periodic"], results["simulation"]
+    data = floquet.to_xarray()
+    np.testing.assert_array_equal(data["exponents"], floquet.exponents)
+    assert data["growth_rate"].attrs["units"] == "1/s"
+    assert data.attrs["verdict"] == floquet.verdict
+    gains = design.to_xarray(9, ["q1", "w11", "q1_rate", "w11_rate"], ["q1"])
+    np.testing.assert_array_equal(gains["K"].sel(input="q1"), design.K(gains["time"].values)[:, 0])
+    assert gains["time"].attrs["units"] == "s"
+    assert gains.attrs["error"] == design.error
+    series = run.to_xarray()
+    assert dict(zip(series["state"].values, series["unit"].values, strict=True)) == {
+        "q1": "rad", "w11": "m", "q1_rate": "rad/s", "w11_rate": "m/s",
+    }  # fmt: skip
+    assert series["tip"].attrs["units"] == "m"
+    response = results["response"].to_xarray(5)
+    np.testing.assert_array_equal(response["response"].values, results["response"](response["time"].values))
+    for wrong in (lambda: design.to_xarray(9, ["q1"]), lambda: results["response"].to_xarray(1)):
+        with pytest.raises(ArgumentError):
+            wrong()
+
+
+def test_charts_of_one_and_two_parameters_are_drawn():
+    from matplotlib import pyplot
+
+    scene = fl.load_scene("spinning-link")
+    one = fl.sweep(scene, {"motion.joints.0.rate": [2.0, 3.0, 4.0]}, 1e-5)
+    x, y = fl.plots.plot_chart(one).lines[0].get_data()
+    np.testing.assert_array_equal(x, [2.0, 3.0, 4.0])
+    np.testing.assert_allclose(y, one["exponents"].values.real.max(axis=-1))
+    grid = {"motion.joints.0.rate": [2.0, 3.0], "effects.gravity.acceleration": [0.0, 9.81, 20.0]}
+    ax = fl.plots.plot_chart(fl.sweep(scene, grid, 1e-5, grid=True))
+    assert (ax.get_xlabel(), ax.get_ylabel()) == tuple(grid)
+    pyplot.close("all")
+    for wrong in (None, one["exponents"], {"verdict": 1}):
+        with pytest.raises(ArgumentError):
+            fl.plots.plot_chart(wrong)
+    with pytest.raises(ArgumentError, match="'b'"):
+        fl.plots.compare({"b": 3})
+
+
+def test_drawing_without_matplotlib_says_what_to_install():
+    program = """
+import sys
+sys.modules["matplotlib"] = None
+import flexlin as fl
+found = fl.floquet(fl.PeriodicSystem([[-1.0]], 1.0))
+assert "stable" in found.summary() and "<svg" in found._repr_html_()
+try:
+    found.plot()
+except fl.errors.ArgumentError as error:
+    print(error)
+"""
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert "flexlin[plot]" in run.stdout
+
+
+def test_axes_that_are_none_are_refused(results):
+    with pytest.raises(ArgumentError, match="ax is of another kind"):
+        results["floquet"].plot("left")
+
+
+def test_a_linearization_serves_where_a_system_is_meant():
+    lin = arm_results()["linearization"]
+    plant = fl.linearize(lin.arm, lin.motion)
+    same = fl.floquet(lin.periodic_system(), tol=1e-7).exponents
+    np.testing.assert_allclose(fl.floquet(lin, tol=1e-7).exponents, same, rtol=1e-12)
+    gains = [
+        fl.periodic_lqr(system, np.diag([1.0, 1.0, 0.01, 0.01]), R, tol=1e-6).K(0.3)
+        for system, R in ((plant, 100.0), (plant.periodic_system(), [[100.0]]))
+    ]
+    np.testing.assert_array_equal(*gains)
+    assert pd_feedback(plant, [0], [10.0], [1.0]).K(np.zeros(1)).shape == (1, 1, 4)
+
+
+HOSTILE = [None, [], "x", 3, 1 + 2j, {"a": 1}, [[np.nan]], np.zeros((0, 0)), lambda t: t, object()]
+
+
+@pytest.mark.parametrize("value", HOSTILE, ids=[f"{i}-{type(value).__name__}" for i, value in enumerate(HOSTILE)])
+def test_no_public_function_meets_a_stranger_with_an_attribute_error(value):
+    """Each refuses what it is not made for by a typed error that names the argument."""
+    system, scene, control = (
+        fl.PeriodicSystem(np.eye(2), 1.0, B=np.ones((2, 1))),
+        fl.load_scene("single-link"),
+        fl.control,
+    )
+    calls = [
+        fl.floquet, fl.floquet_modes, fl.build_manipulator, fl.parse_scene, fl.audit, fl.cost, fl.sensitivity, fl.simulate,
+        control.linear_range, control.linearize_about, control.periodic_motion, control.feedforward,
+        lambda v: fl.floquet_modes(system, object() if v is None else v),
+        lambda v: fl.forced_response(v, [1.0, 0.0]),
+        lambda v: fl.forced_response(system, v),
+        lambda v: fl.periodic_lqr(v, np.eye(2), 1.0),
+        lambda v: fl.periodic_lqr(system, np.eye(2), -1.0 if v is HOSTILE[3] else v),
+        lambda v: control.frozen_lqr(v, np.eye(2), 1.0),
+        lambda v: control.averaged_lqr(v, np.eye(2), 1.0),
+        lambda v: control.finite_horizon_lqr(v, np.eye(2), 1.0),
+        lambda v: control.pd_feedback(v, [0], [1.0], [1.0]),
+        lambda v: control.pd_feedback(system, v, [1.0], [1.0]),
+        lambda v: control.kalman_filter(v, np.eye(2), np.eye(2), np.eye(2)),
+        lambda v: control.with_integral_action(v, np.eye(1, 2)),
+        lambda v: fl.PeriodicSystem(v, 1.0),
+        lambda v: fl.PeriodicSystem(np.eye(2), 1.0, features="x" if not np.size(v) else v),
+        lambda v: fl.sweep(v, {"motion.frequency": [1.0]}),
+        lambda v: fl.sweep(scene, [v]),
+        lambda v: fl.build_motion(v, 1),
+        lambda v: fl.linearize(v, scene.motion),
+        lambda v: fl.Manipulator.from_matrices(v, v, v, v, v),
+        lambda v: fl.Manipulator.from_lagrangian(v, v, v, v),
+        lambda v: fl.taylor(v, v, [0.0], 2),
+        lambda v: fl.implicit_taylor(v, v, v, [0.0], [0.0], 2),
+        lambda v: fl.load_scene("single-link", [1] if v is None or not np.size(v) else v),
+    ]  # fmt: skip
+    for call in calls:
+        with pytest.raises(fl.errors.FlexlinError):
+            call(value)
