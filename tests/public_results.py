@@ -70,6 +70,8 @@ def stability_results() -> dict[str, Any]:
         "lyapunov": periodic_lyapunov(system.feedback(riccati.K), np.eye(2), tol=1e-6),
         "horizon": finite_horizon_riccati(system, np.eye(2), np.eye(1), np.eye(2), tol=1e-7),
         "forced": fl.forced_response(system, [0.0, 1.0], tol=1e-7),
+        "h2": fl.h2_norm(system.feedback(riccati.K), np.eye(2)),
+        "hinf": fl.hinf_norm(fl.PeriodicSystem([[-1.0]], 1.0, B=[[1.0]]), [[1.0]]),
     }
 
 

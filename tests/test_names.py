@@ -21,6 +21,8 @@ VERBS = {
     "build_motion",
     "cost",
     "critical_values",
+    "h2_norm",
+    "hinf_norm",
     "floquet",
     "floquet_modes",
     "forced_response",
