@@ -24,6 +24,8 @@ _HOME = {
     "floquet": "flexlin.periodic.floquet.exponents",
     "FloquetResult": "flexlin.periodic.floquet.result",
     "floquet_modes": "flexlin.periodic.floquet.modes",
+    "h2_norm": "flexlin.periodic.norms.h2",
+    "hinf_norm": "flexlin.periodic.norms.hinf",
     "forced_response": "flexlin.periodic.response.forced",
     "periodic_lqr": "flexlin.control",
     "simulate": "flexlin.simulation",

@@ -194,3 +194,16 @@ class NotCertified(NumericalError):
         ...
     flexlin.errors.NotCertified: the loop is unstable...
     """
+
+
+class NotStable(NumericalError):
+    """A quantity that only a stable system has was asked of one that is unstable or undecided.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> fl.hinf_norm(fl.PeriodicSystem([[0.1]], 1.0, B=[[1.0]]), [[1.0]])
+    Traceback (most recent call last):
+        ...
+    flexlin.errors.NotStable: the norm is infinite or unknown...
+    """
