@@ -87,6 +87,18 @@ def test_both_routes_agree_within_their_errors_and_with_floquet(name):
         assert np.all(apart <= found.error[i] + exact.error)
 
 
+def test_thousands_of_factors_neither_over_nor_underflow():
+    """2400 factors, none of them grouped, whose clusters are multiplied out: as many as 48 give."""
+    limits = {"effects.payload.mass": (0, 0.3), "control.feedback.kd.0": (0, 1)}
+    loop = choose_loop(fl.load_scene("single-link", SINGLE), limits)
+    points = np.random.default_rng(5).uniform(0, [0.3, 0.05], (8, 2))
+    work = CompiledBatches.prepare(loop, points, 1e-8)
+    coarse, fine = (work.kernel.find_logs(points, K, work.scale, 1e-10, np.inf) for K in (48, 600))
+    assert fine[2].all()
+    assert measure_distances(coarse[0].T, fine[0].T).min(axis=1).max() < 1e-7
+    assert np.all(fine[1] <= 1e-8 * np.maximum(1.0, np.abs(fine[0])))
+
+
 def test_results_do_not_depend_on_the_blocks_nor_on_pickling():
     import pickle
 

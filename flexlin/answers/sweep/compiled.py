@@ -23,6 +23,8 @@ NUMPY_VALUE = 1.5e-4
 """Seconds that NumPy takes for a value of four states; it grows with the cube of the states."""
 LARGEST = 16
 """Coordinates up to which code with all sizes written out is compiled in a few seconds."""
+FINER = (192, 256, 384, 512, 768, 1024)
+"""More of them than NumPy has the memory for."""
 FINEST = 2048
 """Segments up to which values that missed tol are tried again before `floquet` has them."""
 BLOCK_WORK = 2e9
@@ -90,7 +92,7 @@ class CompiledBatches:
 def choose_segments(kernel: CompiledKernel, points: Array, scale: Array, tol: float) -> Plan:
     """The least number of segments on which most of the points reach the tolerance; the others are then computed twice."""
     plan = Plan(STARTS[0])
-    for segments in STARTS:
+    for segments in (*STARTS, *FINER):
         logs, errors, sound, T = kernel.find_logs(points, segments, scale, tol / 100, np.inf)
         reached = sound & np.all(errors <= tol * np.maximum(T[:, None], np.abs(logs)), axis=1)
         plan = Plan(segments, spread=measure_spread(logs[reached].T) if reached.any() else np.inf)

@@ -359,21 +359,24 @@ static int solve_block(const v8 *W, const v8 *R, int G, int start, int stop, int
   int n = stop - start, exponent = 0;
   for (int g = 0; g < G; g++) {
     const v8 *F = R + (long)g * S * S;
-    double largest = SMALL, scale, next[S];
-    int e;
-    for (int i = start; i < stop; i++) largest = fmax(largest, fabs(F[i * S + i][l]));
-    if (!(largest < INFINITY)) return 0;
-    frexp(largest, &e);
-    exponent += e;
-    scale = ldexp(1.0, -e);
+    double largest = 0.0, next[S];
     for (int i = 0; i < n; i++) { /* row i of R_g T needs the rows from i on, which are still the old ones */
       const v8 *row = F + (start + i) * S + start;
       for (int j = i; j < n; j++) {
-        next[j] = 0.0;
-        if (g == 0) next[j] = row[j][l];
-        else for (int k = i; k <= j; k++) next[j] += row[k][l] * T[k][j];
+        next[j] = g ? 0.0 : row[j][l];
+        if (g) for (int k = i; k <= j; k++) next[j] += row[k][l] * T[k][j];
       }
-      for (int j = i; j < n; j++) T[i][j] = next[j] * scale;
+      for (int j = i; j < n; j++) T[i][j] = next[j];
+      largest = fmax(largest, fabs(T[i][i]));
+    }
+    if (!(largest > 1e-100 && largest < 1e100)) { /* far from over- and underflow, by a power of two */
+      int e;
+      if (!(largest < INFINITY)) return 0;
+      frexp(fmax(largest, SMALL), &e);
+      exponent += e;
+      double scale = ldexp(1.0, -e);
+      for (int i = 0; i < n; i++)
+        for (int j = i; j < n; j++) T[i][j] *= scale;
     }
   }
   for (int i = 0; i < n; i++)
@@ -386,8 +389,7 @@ static int solve_block(const v8 *W, const v8 *R, int G, int start, int stop, int
   for (int i = start; i < stop; i++) {
     double x = re[i], y = im[i];
     re[i] = 0.5 * log(fmax(x * x + y * y, SMALL)) + exponent * 0.693147180559945309417;
-    im[i] = y != 0.0 ? (i > start && y == -im[i - 1] ? 0.0 : atan2(y, x)) : x < 0.0 ? 0.5 * TURN : 0.0;
-    if (y < 0.0) im[i] = atan2(y, x);
+    im[i] = y != 0.0 ? atan2(y, x) : x < 0.0 ? 0.5 * TURN : 0.0;
   }
   return 1;
 }
