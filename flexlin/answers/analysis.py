@@ -11,11 +11,13 @@ from flexlin.answers.audit import Audit
 from flexlin.answers.clock import Clock, Step
 from flexlin.answers.judging import (
     Loop,
+    describe_end,
     design_and_judge,
     judge_elastic_loop,
     judge_own_loops,
     judge_sampled_loops,
     load_of,
+    name_ending_loops,
     with_response,
 )
 from flexlin.answers.steady import Response, arm_length, find_response, response_error
@@ -39,6 +41,8 @@ if TYPE_CHECKING:
 SAMPLES = 257
 """Points of a period in the figures and in report.json, both ends included."""
 SIMULATED_PERIODS = 3.0
+BEYOND = 1.5
+"""Durations of a one-way motion that are simulated: it rests after its end."""
 RANGE = 1e-4
 """Relative width to which the range of the linear equations is found: three digits are printed, and times are sampled."""
 
@@ -116,9 +120,11 @@ def analyse(scene: Scene, clock: Clock | None = None) -> Analysis:
     clock, asked, problems = clock or Clock(), scene.accuracy, dict[str, str]()
     arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
     plant, closed = linearize_both(arm, scene, clock)
-    system, loop = plant.periodic_system(), closed.periodic_system()
     t = np.linspace(0.0, plant.period, SAMPLES)
     coefficients = clock.stage("coefficients over a period", asked, lambda: plant.sample(t))
+    if not plant.motion.periodic:
+        return analyse_one_way(scene, plant, closed, t, coefficients, clock)
+    system, loop = plant.periodic_system(), closed.periodic_system()
     own, open_loop = judge_own_loops(scene, system, loop, clock)
     elastic = judge_elastic_loop(closed, asked, clock) if scene.control.about == "elastic" else None
     behind = find_causes(own, loop, problems, asked, clock)
@@ -148,6 +154,22 @@ def analyse(scene: Scene, clock: Clock | None = None) -> Analysis:
     found = (coefficients, own, open_loop, designs, response, simulation, problems, tuple(clock.steps))
     answer = Analysis(scene, plant, closed, t, *found, resonances=behind, elastic=elastic, linear_range=linear)
     return replace(answer, stopped=ended, sampled=sampled)
+
+
+def analyse_one_way(
+    scene: Scene, plant: Linearization, closed: Linearization, t: Array, coefficients: Coefficients, clock: Clock
+) -> Analysis:
+    """What can be said of a motion that ends: its coefficients, its designs, and the simulation to its end and beyond."""
+    asked, problems = scene.accuracy.of_comparison, {key: describe_end(plant) for key in ("response", "linear range")}
+    own, open_loop = name_ending_loops(scene, plant)
+    name = f"nonlinear simulation of {BEYOND:g} durations"
+    work = partial(simulate, closed, BEYOND, tol=asked.tol)
+    simulation = clock.attempt(problems, "simulation", name, asked, work, simulation_error)
+    failure = clock.failures.get("simulation")
+    designs = design_all(scene, plant, closed, t, clock)
+    found = (coefficients, own, open_loop, designs, None, simulation, problems, tuple(clock.steps))
+    stopped = failure if isinstance(failure, SimulationStopped) else None
+    return Analysis(scene, plant, closed, t, *found, stopped=stopped)
 
 
 def plant_and_designs(scene: Scene, clock: Clock) -> tuple[Linearization, tuple[Loop, ...]]:

@@ -31,7 +31,7 @@ LEAST = 1e-8
 class Loop:
     """One loop on the arm and Floquet's verdict on it; `problem` says why there is none, `design` is the designed controller, if any,
     `response` the loop's periodic response, if that is known and kept: an unstable loop leaves it,
-    `certificate` the proof that it is stable."""
+    `certificate` the proof that it is stable; `ends`: its motion is one-way, and has no exponents."""
 
     name: str
     kind: str
@@ -40,10 +40,13 @@ class Loop:
     design: Design | None = None
     response: Response | None = None
     certificate: Certificate | None = None
+    ends: bool = False
 
     @property
     def verdict(self) -> str:
-        """stable, unstable, undecided, or failed where there is no answer."""
+        """stable, unstable, undecided, one-way, or failed where there is no answer."""
+        if self.ends and self.floquet is None:
+            return "one-way"
         return "failed" if self.floquet is None else self.floquet.verdict
 
     @property
@@ -68,6 +71,20 @@ def judge_own_loops(scene: Scene, system: PeriodicSystem, loop: PeriodicSystem, 
     kind = feedback.kind
     own = judge_loop(f"scene's {kind.upper()}", kind, "Floquet: the scene's loop", loop, asked, clock)
     return own, judge_loop("open loop", "open", "Floquet: open loop", system, asked, clock)
+
+
+def describe_end(plant: Linearization) -> str:
+    """Why the loops of a one-way motion have no verdict."""
+    return f"the motion ends after {plant.period:g} s, so there are no exponents; the simulation shows what is left at its end"
+
+
+def name_ending_loops(scene: Scene, plant: Linearization) -> tuple[Loop, Loop]:
+    """The own loop and the open loop of a one-way motion."""
+    feedback, why = scene.control.feedback, describe_end(plant)
+    bare = Loop("open loop", "open", None, why, ends=True)
+    if feedback is None:
+        return replace(bare, name="no feedback"), bare
+    return Loop(f"scene's {feedback.kind.upper()}", feedback.kind, None, why, ends=True), bare
 
 
 def judge_elastic_loop(closed: Linearization, asked: Accuracy, clock: Clock) -> Loop:
@@ -106,6 +123,8 @@ def design_and_judge(plant: Linearization, table: DesignTable, asked: Accuracy, 
     made = clock.attempt(problems, table.name, f"design: {table.name}", asked, work, error_of)
     if made is None:
         return Loop(table.name, table.kind, None, problems[table.name])
+    if not plant.motion.periodic:
+        return Loop(table.name, table.kind, None, describe_end(plant), made, ends=True)
     return judge_loop(table.name, table.kind, f"Floquet: {table.name}", made.closed_loop, asked, clock, made)
 
 

@@ -8,6 +8,7 @@ from flexlin.control.bryson import physical_weights
 from flexlin.control.designed_loop import Design
 from flexlin.control.finite_horizon import finite_horizon_lqr
 from flexlin.control.frozen import frozen_lqr
+from flexlin.control.horizon import horizon_system
 from flexlin.control.periodic import periodic_lqr
 from flexlin.control.weights import diagonal_weight
 from flexlin.errors import ArgumentError
@@ -68,7 +69,7 @@ def design(plant: Linearization | PeriodicSystem, table: DesignTable, tol: float
     >>> made.kind, made.error < 1e-6
     ('periodic-lqr', True)
     """
-    system = plant if isinstance(plant, PeriodicSystem) else plant.periodic_system()
+    system = plant if isinstance(plant, PeriodicSystem) else system_of(plant, table.kind)
     Q, R = design_weights(plant, system, table)
     if table.kind == "periodic-lqr":
         return periodic_lqr(system, Q, R, tol=tol, name=table.name)
@@ -83,6 +84,20 @@ def design(plant: Linearization | PeriodicSystem, table: DesignTable, tol: float
         got=repr(table.kind),
         expected="periodic-lqr, frozen-lqr, averaged-lqr or finite-horizon-lqr",
     )
+
+
+def system_of(plant: Linearization, kind: str) -> PeriodicSystem:
+    """The system that a kind of design is made for; raises ArgumentError for one that needs a period which the motion has not."""
+    if plant.motion.periodic:
+        return plant.periodic_system()
+    if kind != "finite-horizon-lqr":
+        raise ArgumentError(
+            "a one-way motion has no period to design for",
+            got=f'kind = "{kind}"',
+            expected='kind = "finite-horizon-lqr"',
+            todo="or let the motion go there and back: course = 'there-and-back'",
+        )
+    return horizon_system(plant)
 
 
 def design_weights(

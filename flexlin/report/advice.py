@@ -121,7 +121,7 @@ def comment_on_sampling(a: Analysis) -> list[str]:
 def comment_on_designs(a: Analysis) -> list[str]:
     """Which designed controller is worth a try, and which is not."""
     stable = [loop for loop in a.designs if trusts(a, loop)]
-    said = [warn_of_design(a, loop) for loop in a.designs if not trusts(a, loop)]
+    said = [warn_of_design(a, loop) for loop in a.designs if not trusts(a, loop) and not loop.ends]
     if not stable or a.own.verdict != "stable":
         return said
     best = min(stable, key=lambda loop: loop.growth[0])

@@ -10,6 +10,7 @@ from flexlin.control.export.c_gain import write_gain
 from flexlin.control.export.c_linearization import write_linearization
 from flexlin.control.export.files import write_system
 from flexlin.control.export.matlab import matlab_script
+from flexlin.control.horizon import horizon_system
 from flexlin.errors import InputError
 from flexlin.files import results
 from flexlin.motion import SymbolicMotion
@@ -53,12 +54,13 @@ def export_all(plant: Linearization, loops: Sequence[Loop], folder: Path, points
     Raises: InputError as `design_folders`, before anything is written.
     """
     folders = design_folders([loop.name for loop in loops])
-    system, designs = plant.periodic_system(), tuple(loop.design for loop in loops if loop.design is not None)
+    system = plant.periodic_system() if plant.motion.periodic else horizon_system(plant)
+    designs = tuple(loop.design for loop in loops if loop.design is not None)
     names = [f"system{ending}" for ending in FORMATS]
     with results(folder, "export") as made:
         for name in names:
             write_system(system, made / name, designs, points, plant)
-        names.append(matlab_script(made / "system.mat", len(designs)).name)
+        names.append(matlab_script(made / "system.mat", len(designs), plant.motion.periodic).name)
         if isinstance(plant.motion, SymbolicMotion):
             write_linearization(plant, made / "c")
             names.append("c")

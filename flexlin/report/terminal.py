@@ -22,7 +22,7 @@ from flexlin.report.wording import (
 )
 
 UNKNOWN = ModelValidity("unknown")
-COLOURS = {"stable": "green", "unstable": "red", "undecided": "yellow", "failed": "red"}
+COLOURS = {"stable": "green", "unstable": "red", "undecided": "yellow", "one-way": "yellow", "failed": "red"}
 
 
 def say(text: str = "", verdict: str | None = None, shade: str | None = None) -> None:
@@ -145,7 +145,7 @@ def format_audit_row(row: Row) -> str:
 def loop_line(loop: Loop, period: float, model: ModelValidity = UNKNOWN) -> str:
     """One loop in one line, with what goes behind its verdict."""
     speed = describe_pace(loop, period)
-    figure = "" if loop.verdict in ("undecided", "failed") else f", {format_rate(*loop.growth)}"
+    figure = "" if loop.verdict in ("undecided", "one-way", "failed") else f", {format_rate(*loop.growth)}"
     weak = doubt(loop, period, model)
     verdict = f"{loop.verdict}, {weak};" if weak else f"{loop.verdict:<10}"
     return f"  {loop.name:<20} {verdict} {speed}{figure}"

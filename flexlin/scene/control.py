@@ -1,8 +1,8 @@
 """The tables of control: the scene's own loop, and the designs to be compared with it."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from flexlin.scene.base import NonNegative, Positive, Table, Text, Unit
 from flexlin.scene.weights import Weights
@@ -17,6 +17,15 @@ class Pd(Table):
     """Stiffness of each torque-driven joint's loop."""
     kd: Annotated[tuple[NonNegative, ...], Unit("N m s/rad or N s/m")]
     """Damping of each torque-driven joint's loop."""
+
+
+def _none_at_all(value: Any) -> Any:
+    """No feedback, said in words: { kind = "none" }."""
+    if isinstance(value, dict) and value.get("kind") == "none":
+        if len(value) > 1:
+            raise ValueError('kind = "none" alone, or kind = "pd" with kp and kd')
+        return None
+    return value
 
 
 class Saturation(Table):
@@ -44,8 +53,8 @@ class Control(Table):
 
     feedforward: Literal["rigid", "none"] = "rigid"
     """rigid: the torque of the rigid motion."""
-    feedback: Pd | None = None
-    """The feedback about the basic motion."""
+    feedback: Annotated[Pd | None, BeforeValidator(_none_at_all)] = None
+    """The feedback about the basic motion; kind = "none", or no table: none."""
     saturation: Saturation | None = None
     """What the motors give at most; in the nonlinear simulation."""
     sampling: Sampling | None = None

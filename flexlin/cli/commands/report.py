@@ -24,7 +24,7 @@ def run(options: argparse.Namespace) -> int:
 
     summarize(analysis)
     print_paths(paths)
-    if analysis.own.floquet is None:
+    if analysis.own.verdict == "failed":
         return FAILED
     met = meets(options.require, analysis.own.verdict, analysis.validity(analysis.own).verdict)
     return DONE if met else OTHER_VERDICT

@@ -43,22 +43,30 @@ end
 end
 
 function f = periodic(t, samples, period, rows, columns)
-% A periodic spline through samples (time, row, column): three samples are repeated at either end.
+% A spline through samples (time, row, column){ends}.
 t = t(:).';
 last = numel(t);
 values = reshape(samples, last, rows * columns).';
-keep = 3;
+keep = {keep};
 times = [t(last - keep + 1:last) - period, t, t(1:keep) + period];
 values = [values(:, last - keep + 1:last), values, values(:, 1:keep)];
 piecewise = spline(times, values);
-f = @(time) reshape(ppval(piecewise, mod(time, period)), rows, columns);
+f = @(time) reshape(ppval(piecewise, {within}), rows, columns);
 end
 """
 
 
-def matlab_script(data: Path, designs: int, function: str = "load_arm") -> Path:
+def matlab_script(data: Path, designs: int, periodic: bool = True, function: str = "load_arm") -> Path:
     """Write the script beside a .mat file that `save` wrote with a number of designs; returns its path."""
     target = data.with_name(f"{function}.m")
-    words = {"function": function, "FUNCTION": function.upper(), "data": data.name, "designs": designs}
+    ends = {"keep": 3, "within": "mod(time, period)", "ends": ": a period, so three samples are repeated at either end"}
+    once = {
+        "keep": 0,
+        "within": "min(max(time, 0), t(end))",
+        "ends": " of a motion that ends, held before and after it",
+    }
+    words = {"function": function, "FUNCTION": function.upper(), "data": data.name, "designs": designs} | (
+        ends if periodic else once
+    )
     target.write_text(SCRIPT.format(version=flexlin.__version__, **words), encoding="utf-8")
     return target

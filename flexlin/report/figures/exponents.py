@@ -74,5 +74,5 @@ def draw_frozen(a: Analysis) -> Panel:
 
 def compute_frozen_frequencies(linearization: Linearization, t: Array) -> Array:
     """|Im| / 2 pi of the eigenvalues of A(t), (N, n) in Hz, one of each pair."""
-    values = np.linalg.eigvals(linearization.periodic_system().A(t))
+    values = np.linalg.eigvals(linearization.state_matrix(t))
     return np.sort(np.abs(values.imag), axis=1)[:, ::2] / (2 * np.pi)

@@ -24,8 +24,10 @@ CAPTION = (
 )
 
 
-def draw_multipliers(a: Analysis) -> Picture:
-    """A unit circle for each loop."""
+def draw_multipliers(a: Analysis) -> Picture | None:
+    """A unit circle for each loop; none for a motion that ends."""
+    if not a.plant.motion.periodic:
+        return None
     panels = [draw_circle(loop) for loop in a.loops]
     columns = min(COLUMNS, max(3, len(panels)))
     rows = [Row(panels[i : i + columns], 165) for i in range(0, len(panels), columns)]
