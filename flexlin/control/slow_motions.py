@@ -20,6 +20,8 @@ SLOW_TOL = 1e-6
 """Accuracy that is asked of the segments where the exponents came without any; an L-stable method damps what is fast."""
 GONE = 200.0
 """A mode that decays by exp(-GONE) from one sample to the next has no motion to show."""
+GROUPS = 64
+"""Into so many products the transition matrices of a period are multiplied: over so small a part of it the slowest modes part by little."""
 SAMPLES = 64
 """Times of a period at which a motion is given, at the least, where a direction is all that is asked for."""
 REAL = 1e-6
@@ -84,10 +86,25 @@ def right_modes(system: PeriodicSystem, result: FloquetResult, which: Array, sam
         f"the modes need {len(grid)} transition matrices of order {n}: leave out the fastest modes, or lower the gains behind them",
     )
     Phi, scale = balance_factors(METHODS[setting.method](system, grid, setting.order))
-    decay = np.exp(-result.exponents[which, None] * np.diff(grid))
+    together = max(1, len(Phi) // GROUPS)
+    within, marks = products_within(Phi, together), np.append(grid[:-1:together], grid[-1])
+    decay = np.exp(-result.exponents[which, None] * np.diff(marks))
     ranks = np.tril(find_coinciding(result.log_multipliers), -1).sum(axis=1)[which]
-    modes = find_null_modes(decay[..., None, None] * Phi, ranks) * scale[:, None]
-    return grid[:-1], np.moveaxis(modes, -1, 0)
+    modes = find_null_modes(decay[..., None, None] * within[:, -1], ranks)
+    states = np.concatenate([modes[:, None], within[:, :-1] @ modes[:, None]], axis=1)
+    every = states.reshape(-1, *modes.shape[1:])[: len(grid) - 1] * scale[:, None]
+    since = grid[:-1] - np.repeat(marks[:-1], together)[: len(grid) - 1]
+    return grid[:-1], np.moveaxis(every * np.exp(-since[:, None] * result.exponents[which])[:, None], -1, 0)
+
+
+def products_within(factors: Array, size: int) -> Array:
+    """F_j ... F_0 inside each group of so many factors (G, size, n, n); the last group is filled up by identities."""
+    n = factors.shape[-1]
+    rest = np.broadcast_to(np.eye(n), (-len(factors) % size, n, n))
+    products = np.concatenate([factors, rest]).reshape(-1, size, n, n)
+    for j in range(1, size):
+        products[:, j] = products[:, j] @ products[:, j - 1]
+    return products
 
 
 def real_motions(t: Array, mode: Array, exponent: complex, n: int) -> list[Array]:
