@@ -8,6 +8,8 @@ from scipy.linalg import expm, logm
 from flexlin.checks import Array
 from flexlin.periodic.decoupling.grouping import Group, Modes, block_mask
 
+NORMAL = 100.0
+"""Eigenvectors of a smaller condition number than this give a logarithm without loss."""
 REAL = 1e-6
 """A real group's basis may have imaginary parts of this size against its columns: rounding of ill-conditioned eigenvectors."""
 
@@ -87,9 +89,12 @@ def closed(H: Array, real: bool) -> tuple[Array, bool] | None:
 
 
 def logarithm(H: Array) -> Array | None:
-    """The principal logarithm, None where the matrix is singular to working precision."""
+    """The principal logarithm, None where the matrix is singular to working precision; by eigenvectors where these are nearly normal."""
     if not np.linalg.cond(H) < 1 / np.finfo(float).eps:
         return None
+    values, vectors = np.linalg.eig(H)
+    if np.linalg.cond(vectors) < NORMAL:
+        return np.asarray(np.linalg.solve(vectors.T, (vectors * np.log(values.astype(complex))).T).T)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # an inaccurate logarithm shows in the coupling between the nodes
         return logm(H)

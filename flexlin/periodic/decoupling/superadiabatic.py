@@ -39,6 +39,9 @@ def against_scalars(S: Array, B: Array, group: Group, scalars: Array, diagonal: 
     """The blocks between one group and all single modes: (B_gg - b) s = -r and (B_gg' - b) s' = r'."""
     if not len(scalars):
         return
+    if group.size == 2:
+        against_scalars_of_two(S, B, group, scalars, diagonal)
+        return
     own = B[:, None, group.part, group.part]
     moved = own - diagonal[:, scalars, None, None] * np.eye(group.size)
     column = np.swapaxes(B[:, group.part][:, :, scalars], 1, 2)[..., None]
@@ -47,6 +50,17 @@ def against_scalars(S: Array, B: Array, group: Group, scalars: Array, diagonal: 
     S[:, group.start : group.stop, scalars] = np.swapaxes(solved, 1, 2)
     row = B[:, scalars][:, :, group.part][..., None]
     S[:, scalars, group.start : group.stop] = np.linalg.solve(np.swapaxes(moved, 2, 3), row)[..., 0]
+
+
+def against_scalars_of_two(S: Array, B: Array, group: Group, scalars: Array, diagonal: Array) -> None:
+    """The same for two modes, by Cramer's rule: what it loses shows in the coupling that is left."""
+    i, j = group.start, group.start + 1
+    a, d = (diagonal[:, k, None] - diagonal[:, scalars] for k in (i, j))
+    b, c = B[:, i, j, None], B[:, j, i, None]
+    determinant = a * d - b * c
+    up, low, left, right = B[:, i, scalars], B[:, j, scalars], B[:, scalars, i], B[:, scalars, j]
+    S[:, i, scalars], S[:, j, scalars] = (b * low - d * up) / determinant, (c * up - a * low) / determinant
+    S[:, scalars, i], S[:, scalars, j] = (d * left - c * right) / determinant, (a * right - b * left) / determinant
 
 
 def block(B: Array, group: Group, other: Group) -> Array:
