@@ -92,6 +92,10 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
     "lasting": (
         ["--periods"], {"dest": "lasting", "type": float, "help": "how long to look (default: until a thousandth is left)"},
     ),
+    "robot": (["robot"], {"type": Path, "metavar": "ROBOT.URDF", "help": "a URDF file; no mesh is read"}),
+    "file": (["--out"], {"type": Path, "required": True, "metavar": "FILE.TOML", "help": "the scene to write"}),
+    "base": (["--base"], {"metavar": "LINK", "help": "first link of the chain (default: the root)"}),
+    "tip": (["--tip"], {"metavar": "LINK", "help": "last link of the chain (default: the only end)"}),
     "tolerance": (["--tolerance"], {"type": float, "default": 0.01, "help": "relative change that matters (default 0.01)"}),
 }  # fmt: skip
 SCENE = ("scene", "set", "data", "out")

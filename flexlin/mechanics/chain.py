@@ -72,8 +72,8 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
     basis, tables = [choose_basis(scene, i) for i in range(len(scene.links))], scene.effects
     scene = free.placed_in(scene)
     effects = effects_of(scene.effects)
-    free_motors = any(effect.frees_motors for effect in effects)
     units = {i: "m" if link.joint == "prismatic" else "rad" for i, link in enumerate(scene.links) if link.moves}
+    free_motors = [i for i in units if any(effect.frees_motor(i) for effect in effects)]
     coordinates = list_coordinates([link.counts for link in scene.links], units, free_motors)
     at, rate = (Symbols.of(coordinates, len(scene.links), mark) for mark in ("", "d_"))
     arm = _derive_equations(_build_chain(scene.links, effects, basis, at, rate), effects, at, rate, free)
@@ -112,10 +112,12 @@ def _list_points(chain: Chain) -> ca.SX:
 
 def _free_motors(arm: Manipulator) -> Manipulator:
     """The last coordinates are the motors': rigidly each turns with its joint, and a prescribed joint prescribes its motor."""
-    joints = arm.joints
-    motors = range(arm.n - joints, arm.n)
-    eye = ca.DM.eye(arm.n)
-    return replace(arm, reference=eye[:, :joints] + eye[:, list(motors)], drives=tuple(motors))
+    places = {c.link: k for k, c in enumerate(arm.coordinates) if c.kind == "motor"}
+    drives = [places.get(c.link, k) for k, c in enumerate(arm.coordinates[: arm.joints])]
+    reference = ca.DM.eye(arm.n)[:, : arm.joints]
+    for joint, drive in enumerate(drives):
+        reference[drive, joint] = 1
+    return replace(arm, reference=reference, drives=tuple(drives))
 
 
 def _build_registered(scene: Scene, free: Parameters) -> Manipulator:
@@ -153,7 +155,7 @@ def _build_chain(
         mounts.append(pass_mount(frame, table))
         axes.append(unit(table.joint_axis))
         place = moving.index(i) if table.moves else None
-        displacement = (ca.SX(0), ca.SX(0)) if place is None else (at.q[place], rate.q[place])
+        displacement = _follow(table, moving, at, rate) if place is None else (at.q[place], rate.q[place])
         frame = pass_joint(mounts[i], table, axes[i], *displacement)
         radius = sum((effect.joint_radius(i) for effect in effects), ca.SX(0))
         base = frame.moved(column(radius, 0, 0), ca.SX(3, 1))
@@ -167,11 +169,19 @@ def _build_chain(
     turns = [links[i].base_turn for i in moving]
     if turns:
         q, q_rate = (x + ca.vertcat(*extra) for x, extra in zip((q, q_rate), zip(*turns, strict=True), strict=True))
-    motor, motor_rate = (at.motors, rate.motors) if at.motors.numel() else (q, q_rate)
+    motor, motor_rate = (symbols.with_motors(x, moving) for symbols, x in ((at, q), (rate, q_rate)))
     by_link = (tuple(found) for found in (mounts, axes, joints, links, tips))
     bare = Chain(q, q_rate, motor, motor_rate, moving, *by_link)
     bodies = [Body(link.base, _sum_moments(link, effects)) for link in links]
     return replace(bare, bodies=(*bodies, *(body for effect in effects for body in effect.bodies(bare))))
+
+
+def _follow(link: Link, moving: tuple[int, ...], at: Symbols, rate: Symbols) -> tuple[ca.SX, ca.SX]:
+    """The displacement, with its rate, of a joint that is no coordinate: that of another by a rule, or none."""
+    if link.mimic is None:
+        return ca.SX(0), ca.SX(0)
+    other, by = moving.index(link.mimic.link), link.mimic.multiplier
+    return by * at.q[other] + link.mimic.offset, by * rate.q[other]
 
 
 def pass_mount(frame: Frame, link: Link) -> Frame:

@@ -40,8 +40,10 @@ class Coordinate:
         return replace(self, part=f"{part} {self.part}" if self.part else part)
 
 
-def list_coordinates(modes: Sequence[Modes], units: Mapping[int, str], free_motors: bool) -> tuple[Coordinate, ...]:
-    """Describe the coordinates of a chain: the modes of each link; the unit of the joint before each link that moves."""
+def list_coordinates(
+    modes: Sequence[Modes], units: Mapping[int, str], free_motors: Sequence[int]
+) -> tuple[Coordinate, ...]:
+    """Describe the coordinates of a chain: the modes of each link; the unit of the joint before each link that moves; free motors."""
     joints = [Coordinate("joint", f"q{i + 1}", unit, i) for i, unit in units.items()]
     elastic = [
         Coordinate("elastic", f"{letter}{i + 1}{'' if count < 10 else '_'}{k + 1}", unit, i, k, direction=direction)
@@ -50,17 +52,18 @@ def list_coordinates(modes: Sequence[Modes], units: Mapping[int, str], free_moto
         for letter, unit in (NAMES[direction],)
         for k in range(count)
     ]
-    motors = [Coordinate("motor", f"theta{i + 1}", unit, i) for i, unit in units.items()] if free_motors else []
+    motors = [Coordinate("motor", f"theta{i + 1}", units[i], i) for i in free_motors]
     return (*joints, *elastic, *motors)
 
 
 @dataclass(frozen=True, eq=False)
 class Symbols:
-    """The symbols s = [q; w; theta] of a chain: q of each joint, w of each link's modes, theta of free motors."""
+    """The symbols s = [q; w; theta] of a chain: q of each joint, w of each link's modes, theta of motors, `free` those of which links."""
 
     q: ca.SX
     modes: tuple[ca.SX, ...]
     motors: ca.SX
+    free: tuple[int, ...] = ()
 
     @classmethod
     def of(cls, coordinates: Sequence[Coordinate], links: int, mark: str = "") -> "Symbols":
@@ -70,7 +73,13 @@ class Symbols:
             chosen = [c for c in coordinates if c.kind == kind and link in (None, c.link)]
             return ca.vertcat(ca.SX(0, 1), *[ca.SX.sym(mark + c.symbol) for c in chosen])
 
-        return cls(column("joint"), tuple(column("elastic", i) for i in range(links)), column("motor"))
+        free = tuple(c.link for c in coordinates if c.kind == "motor" and c.link is not None)
+        return cls(column("joint"), tuple(column("elastic", i) for i in range(links)), column("motor"), free)
+
+    def with_motors(self, q: ca.SX, moving: Sequence[int]) -> ca.SX:
+        """What the motors see: their own coordinates where they are free, elsewhere the joints' q."""
+        own = [self.motors[self.free.index(i)] if i in self.free else q[k] for k, i in enumerate(moving)]
+        return ca.vertcat(ca.SX(0, 1), *own)
 
     @property
     def all(self) -> ca.SX:

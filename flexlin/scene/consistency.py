@@ -105,8 +105,9 @@ def _joint_counts(raw: dict[str, Any]) -> Iterator[Problem]:
 def _added_coordinates(links: list[dict[str, Any]], raw: dict[str, Any]) -> int:
     """How many coordinates there are beside the driven joints: modes and free motors."""
     modes = [count for link in links for count in mode_counts(link).values()]
-    free_motors = any(effect.frees_motors for _, effect in tables_on(_effects(raw)))
-    return sum(modes) + (sum(moves(link) for link in links) if free_motors else 0)
+    moving = [i for i, link in enumerate(links) if moves(link)]
+    motors = [effect.count_motors(_effects(raw)[name], moving) for name, effect in tables_on(_effects(raw))]
+    return sum(modes) + max(motors, default=0)
 
 
 def _design_names(raw: dict[str, Any]) -> Iterator[Problem]:

@@ -1,6 +1,6 @@
 """What a link's table demands of itself and of its joint's motion."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from flexlin.errors import Problem
 from flexlin.scene.effects import RawArm, RawTable
@@ -12,13 +12,14 @@ def link_contradictions(arm: RawArm) -> Iterator[Problem]:
         yield from _bending(f"links.{i}", link)
         yield from _shapes(f"links.{i}", link)
         yield from _joint(f"links.{i}", link)
+        yield from _mimic(f"links.{i}", link, arm.links[:i])
         if pinned(link) and i < len(arm.joints) and arm.joints[i].get("drive") == "prescribed":
             yield Problem(f"motion.joints.{i}.drive", "'prescribed'", "'torque', because the link's shapes are pinned")
 
 
 def moves(link: RawTable) -> bool:
-    """Whether a raw link's joint lets it move."""
-    return link.get("joint", "revolute") != "fixed"
+    """Whether a raw link's joint is a coordinate."""
+    return link.get("joint", "revolute") != "fixed" and link.get("mimic") is None
 
 
 def pinned(link: RawTable) -> bool:
@@ -71,3 +72,19 @@ def _joint(key: str, link: RawTable) -> Iterator[Problem]:
         yield Problem(f"{key}.mode_shapes", repr(link["mode_shapes"]), "clamped shapes, because the joint is fixed")
     if pinned(link) and axis not in (None, [0, 0, 1], (0, 0, 1)):
         yield Problem(f"{key}.mode_shapes", repr(link["mode_shapes"]), "clamped shapes, or a joint that turns about z")
+
+
+def _mimic(key: str, link: RawTable, before: Sequence[RawTable]) -> Iterator[Problem]:
+    if not isinstance(link.get("mimic"), dict):
+        return
+    other = link["mimic"].get("link")
+    if isinstance(other, int) and not (0 <= other < len(before) and moves(before[other])):
+        yield Problem(
+            f"{key}.mimic.link", str(other), "the number of a link before it, from 0, whose joint moves by itself"
+        )
+    if link.get("joint") == "fixed":
+        yield Problem(f"{key}.mimic", "a rule beside joint = 'fixed'", "a joint that moves, or no rule")
+    if pinned(link):
+        yield Problem(
+            f"{key}.mode_shapes", repr(link["mode_shapes"]), "clamped shapes, because the joint follows another"
+        )

@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, TypeAdapter, WrapValidator, model_validator
 
-from flexlin.scene.base import NonNegative, Number, Positive, Table, Unit
+from flexlin.scene.base import MOST, NonNegative, Number, Positive, Table, Text, Unit
 from flexlin.scene.space import Axis, Mount, RigidPart
 
 MAX_MODES = 60
@@ -66,6 +66,17 @@ class Carried(Table):
     """Its inertia about the link's tip."""
 
 
+class Mimic(Table):
+    """A joint that follows another: its displacement is multiplier q + offset, with q that of the joint before `link`."""
+
+    link: Annotated[int, Field(strict=True, ge=0, le=MOST)]
+    """Number of the link, from 0, whose joint is followed."""
+    multiplier: Annotated[Number, Unit("")] = 1.0
+    """Displacement for one unit of the other joint's."""
+    offset: Annotated[Number, Unit("rad")] = 0.0
+    """Displacement where the other joint's is 0."""
+
+
 class Link(Table):
     """A slender link along x behind its joint: Euler-Bernoulli bending and St. Venant's twist, `modes` assumed modes (0: rigid).
 
@@ -109,6 +120,10 @@ class Link(Table):
     """Angle by which the joint's frame is turned about z."""
     body: RigidPart | None = None
     """A rigid body where the link begins."""
+    mimic: Mimic | None = None
+    """The rule by which the joint follows another, and is no coordinate."""
+    name: Text = ""
+    """Name of the joint, as in a URDF file."""
 
     @model_validator(mode="before")
     @classmethod
@@ -130,8 +145,8 @@ class Link(Table):
 
     @property
     def moves(self) -> bool:
-        """Whether the link's joint lets it move."""
-        return self.joint != "fixed"
+        """Whether the link's joint is a coordinate."""
+        return self.joint != "fixed" and self.mimic is None
 
     @property
     def joint_axis(self) -> Axis:

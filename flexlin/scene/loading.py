@@ -23,6 +23,8 @@ from flexlin.text import printable
 LARGEST_FILE = 2**20
 """Bytes of a scene file."""
 LONGEST_NAME = 4096
+ADDED = {"robot", "joints", "flexible"}
+"""Tables of a scene that stand for links from a URDF file, and what is added to them."""
 
 AnyTable = TypeVar("AnyTable", bound=BaseModel)
 
@@ -114,7 +116,12 @@ def parse_scene(
     if too_deep(raw) or too_deep(overrides or {}):
         raise SceneError(source, [Problem("scene", "tables in tables without end", SHALLOW)])
     data, problems = apply_overrides(dict(raw), overrides or {})
-    problems += place_motion_file(data, [Path(one) for one in (folder or Path(), data_folder) if one is not None])
+    folders = [Path(one) for one in (folder or Path(), data_folder) if one is not None]
+    if ADDED & set(data):
+        from flexlin.scene.urdf.tables import expand_robot  # a scene without a robot is read without it
+
+        problems += expand_robot(data, folders)
+    problems += place_motion_file(data, folders)
     try:
         scene = Scene.model_validate(data)
     except ValidationError as error:

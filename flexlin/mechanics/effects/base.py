@@ -86,6 +86,21 @@ class Effect(EffectTable):
         """
         return None
 
+    def frees_motor(self, joint: int) -> bool:
+        """Return whether the effect gives a joint's motor a coordinate of its own.
+
+        Parameters
+        ----------
+        joint : int
+            Number of the joint, from 0.
+
+        Returns
+        -------
+        bool
+            By default what the class says of all.
+        """
+        return self.frees_motors
+
     def joint_radius(self, joint: int) -> Any:
         """Return the distance from a joint's axis to where its link begins.
 

@@ -6,14 +6,17 @@ leaves out is `effects.rotor_spin`.
 Source: Spong (1987), Modeling and control of elastic joint robots.
 """
 
+from collections.abc import Iterator, Sequence
 from typing import Annotated
 
 import casadi as ca
 
+from flexlin.errors import Problem
 from flexlin.mechanics.effects.base import Chain, Effect
 from flexlin.mechanics.effects.scale import PART, Scale
 from flexlin.mechanics.effects.shared import per_joint
-from flexlin.scene.base import AllPositive, PerLink, Unit
+from flexlin.scene.base import NonNegative, PerLink, Positive, Unit
+from flexlin.scene.effects import RawArm, RawTable
 
 
 class JointFlexibility(Effect):
@@ -22,12 +25,34 @@ class JointFlexibility(Effect):
     smooth = True
     lists = "each"
     frees_motors = True
-    stiffness: Annotated[AllPositive, Unit("N m/rad")]
-    """Stiffness between motor and link."""
-    motor_inertia: Annotated[AllPositive, Unit("kg m^2")]
+    stiffness: Annotated[Positive | tuple[NonNegative, ...], Unit("N m/rad")]
+    """Stiffness between motor and link; 0 in a list for a joint that is stiff."""
+    motor_inertia: Annotated[Positive | tuple[NonNegative, ...], Unit("kg m^2")]
     """Inertia of the motor, seen from the link."""
     damping: Annotated[PerLink, Unit("N m s/rad")] = 0.0
     """Damping between motor and link."""
+
+    @classmethod
+    def count_motors(cls, raw: RawTable, moving: Sequence[int]) -> int:
+        stiffness = raw.get("stiffness")
+        return (
+            sum(i >= len(stiffness) or stiffness[i] != 0 for i in moving)
+            if isinstance(stiffness, list)
+            else len(moving)
+        )
+
+    @classmethod
+    def contradictions(cls, raw: RawTable, arm: RawArm) -> Iterator[Problem]:
+        """A motor behind a spring has inertia."""
+        tables = [raw.get(key) for key in ("stiffness", "motor_inertia")]
+        for i in range(len(arm.links)):
+            springs, inertias = (t[i : i + 1] if isinstance(t, list) else [t] for t in tables)
+            if springs != [0] and inertias == [0]:
+                yield Problem(f"effects.joint_flexibility.motor_inertia.{i}", "0", "a positive number behind a spring")
+
+    def frees_motor(self, joint: int) -> bool:
+        stiffness = per_joint(self.stiffness, joint, single="every")
+        return not isinstance(stiffness, (int, float)) or stiffness > 0
 
     @classmethod
     def tried_with(cls, scale: Scale) -> "JointFlexibility":

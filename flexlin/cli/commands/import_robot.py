@@ -1,0 +1,30 @@
+"""`flexlin import`: write a scene of a robot from its URDF file."""
+
+import argparse
+
+from flexlin.cli.shared import DONE
+from flexlin.errors import OutputError
+
+PURPOSE = "write a scene of a robot from its URDF file"
+TAKES = ("robot", "file", "base", "tip")
+
+
+def run(options: argparse.Namespace) -> int:
+    from flexlin.files import write_text
+    from flexlin.scene.loading import parse_scene
+    from flexlin.scene.toml_text import write_toml
+    from flexlin.scene.urdf import read_robot, scene_tables
+
+    path = options.out
+    if path.exists():
+        raise OutputError(
+            "the scene is there already", got=str(path), expected="a new name", todo="choose another name, or remove it"
+        )
+    data = scene_tables(read_robot(options.robot), options.base, options.tip)
+    scene = parse_scene(data, str(options.robot))
+    write_text(path, write_toml(data))
+    names = ", ".join(link.name for link in scene.links if link.moves)
+    print(f"wrote {path}: joints {names}")
+    print(f"  {scene.source}")
+    print("  joints stand still, rigid and without control: give [motion], [effects.joint_flexibility], [control]")
+    return DONE

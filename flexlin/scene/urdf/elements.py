@@ -1,0 +1,138 @@
+"""XML as plain elements that know their lines; no document types, no entities, nothing endless."""
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import ParseError
+
+from defusedxml import DefusedXmlException
+from defusedxml.ElementTree import DefusedXMLParser
+
+from flexlin.errors import Problem, SceneError
+from flexlin.files import read_text
+from flexlin.scene.base import LARGEST
+from flexlin.text import printable
+
+LARGEST_FILE = 2**22
+"""Bytes of a URDF file; meshes are files of their own, which are not read."""
+MOST_ELEMENTS = 50_000
+DEEPEST = 32
+LONGEST = 60
+"""Characters of a value that are repeated in a message."""
+
+
+@dataclass
+class Element:
+    """An element of a file: its tag, line, attributes and children."""
+
+    source: str
+    tag: str
+    line: int
+    attributes: dict[str, str]
+    children: list["Element"] = field(default_factory=list)
+
+    def refuse(self, got: str, expected: str) -> SceneError:
+        """The error that this element is the cause of."""
+        return SceneError(self.source, [Problem(f"line {self.line}, <{printable(self.tag)[:LONGEST]}>", got, expected)])
+
+    def all(self, tag: str) -> list["Element"]:
+        """The children of one kind."""
+        return [child for child in self.children if child.tag == tag]
+
+    def one(self, tag: str) -> "Element | None":
+        """The only child of one kind, if there is any. Raises: SceneError where there are several."""
+        found = self.all(tag)
+        if len(found) > 1:
+            raise found[1].refuse(f"a second <{tag}>", "one at most")
+        return found[0] if found else None
+
+    def text(self, name: str, default: str | None = None) -> str:
+        """An attribute that is a name."""
+        value = self.attributes.get(name, default)
+        if value is None or not value.strip():
+            raise self.refuse(f"no {name}", f'{name}="..."')
+        return printable(value)[:200]
+
+    def numbers(self, name: str, count: int, default: tuple[float, ...] | None = None) -> tuple[float, ...]:
+        """An attribute of finite numbers, separated by blanks."""
+        if name not in self.attributes:
+            if default is None:
+                raise self.refuse(f"no {name}", f"{name} with {count} number{'s' if count > 1 else ''}")
+            return default
+        words = self.attributes[name].split()
+        try:
+            values = tuple(float(word) for word in words)
+        except ValueError:
+            values = ()
+        if len(values) != count or not all(math.isfinite(v) and abs(v) <= LARGEST for v in values):
+            got = f"{name}={printable(repr(self.attributes[name]))[:LONGEST]}"
+            raise self.refuse(got, f"{count} finite number{'s' if count > 1 else ''}")
+        return values
+
+    def number(self, name: str, default: float | None = None) -> float:
+        """An attribute of one finite number."""
+        return self.numbers(name, 1, None if default is None else (default,))[0]
+
+
+class Builder:
+    """Collects elements as a parser reports them."""
+
+    def __init__(self, source: str) -> None:
+        self.source, self.stack, self.count = source, list[Element](), 0
+        self.root: Element | None = None
+        self.parser: Any = None
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        element = Element(self.source, tag, self.parser.parser.CurrentLineNumber, dict(attributes))
+        self.count += 1
+        if self.count > MOST_ELEMENTS or len(self.stack) >= DEEPEST:
+            raise element.refuse("elements without end", f"{MOST_ELEMENTS} at most, {DEEPEST} in each other")
+        if self.stack:
+            self.stack[-1].children.append(element)
+        else:
+            self.root = element
+        self.stack.append(element)
+
+    def end(self, tag: str) -> None:
+        self.stack.pop()
+
+    def data(self, text: str) -> None:
+        """Text between elements means nothing in URDF."""
+
+    def close(self) -> Element | None:
+        return self.root
+
+
+def read_elements(path: Path) -> Element:
+    """Read a file's outermost element.
+
+    Raises: SceneError, naming the line, for what is no XML, declares a document type or an entity, or is too large.
+    """
+    source = printable(path)
+    try:
+        return parse_elements(read_text(path, LARGEST_FILE), source)
+    except (OSError, UnicodeDecodeError) as error:
+        raise SceneError(source, [Problem("file", printable(error), "a readable URDF file")]) from None
+
+
+def parse_elements(text: str, source: str) -> Element:
+    """Parse XML text; errors as in `read_elements`."""
+    builder = Builder(source)
+    parser = builder.parser = DefusedXMLParser(target=builder, forbid_dtd=True)
+    try:
+        parser.feed(text.encode("utf-8", errors="replace"))
+        root = parser.close()
+    except ParseError as error:
+        raise SceneError(
+            source, [Problem(f"line {error.position[0]}", printable(error)[:200], "well-formed XML")]
+        ) from None
+    except (DefusedXmlException, LookupError, ValueError) as error:
+        line = parser.parser.CurrentLineNumber
+        got = "a document type or an entity" if isinstance(error, DefusedXmlException) else printable(error)[:200]
+        raise SceneError(source, [Problem(f"line {line}", got, "plain XML in UTF-8 without them")]) from None
+    finally:
+        builder.parser = None
+    if root is None:
+        raise SceneError(source, [Problem("file", "nothing", "a <robot>")])
+    return root

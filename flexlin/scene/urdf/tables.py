@@ -1,0 +1,201 @@
+"""The tables by which a scene names a robot's URDF file and adds what such files cannot say: springs, gears, links that bend."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, ValidationError, model_validator
+
+from flexlin.errors import Problem, SceneError
+from flexlin.scene.base import NonNegative, Number, Positive, Table, Text, Unit
+from flexlin.scene.named_files import place_below
+from flexlin.scene.problems import schema_problems
+from flexlin.scene.urdf.convert import ChainTables, angles_of, chain_tables, rotation_of
+from flexlin.scene.urdf.robot import read_robot
+from flexlin.text import printable
+
+
+class RobotTable(Table):
+    """A chain of a robot from a URDF file below the scene's folder."""
+
+    urdf: Text
+    """Name of the file."""
+    base: Text | None = None
+    """First link of the chain; by default the root."""
+    tip: Text | None = None
+    """Last link of the chain; by default the only end."""
+
+
+class JointTable(Table):
+    """What a joint has beside the URDF file: a spring, a motor behind a gear; figures are the motor's where `gear` is given."""
+
+    stiffness: Annotated[Positive | None, Unit("N m/rad")] = None
+    """Stiffness between motor and link; none for a stiff joint."""
+    damping: Annotated[NonNegative, Unit("N m s/rad")] = 0.0
+    """Damping between motor and link."""
+    motor_inertia: Annotated[NonNegative, Unit("kg m^2")] = 0.0
+    """Inertia of the motor."""
+    gear: Annotated[Number, Unit("")] = 1.0
+    """Turns of the motor for one of the joint."""
+
+    @model_validator(mode="after")
+    def _has_a_gear(self) -> "JointTable":
+        if not self.gear:
+            raise ValueError("a gear ratio that is not 0")
+        return self
+
+
+BEAM = (
+    "bending_stiffness",
+    "torsional_stiffness",
+    "polar_inertia",
+    "modes",
+    "mode_shapes",
+    "carried",
+    "sections",
+    "elements",
+)
+"""Keys of [flexible.LINK] that are those of a link; `length` and `mass_per_length` have defaults."""
+
+
+def expand_robot(data: dict[str, Any], folders: Sequence[Path]) -> list[Problem]:
+    """Put the links and effects of the robot in the place of the tables [robot], [joints] and [flexible].
+
+    Effects that the scene states itself stay as they are. Returns the problems; raises SceneError where the file is at fault.
+    """
+    robot = data.pop("robot", None)
+    joints, flexible = (data.pop(key, {}) for key in ("joints", "flexible"))
+    if robot is None:
+        return [
+            Problem(key, "a table without [robot]", '[robot] urdf = "..."')
+            for key, table in (("joints", joints), ("flexible", flexible))
+            if table
+        ]
+    problems: list[Problem] = []
+    table = checked(RobotTable, robot, "robot", problems)
+    own = {
+        name: checked(JointTable, joint, f"joints.{printable(name)}", problems)
+        for name, joint in pairs(joints, "joints", problems)
+    }
+    if data.get("links"):
+        problems.append(Problem("links", "links beside [robot]", "either [[links]] or [robot]"))
+    path = find_file(table.urdf, folders, problems) if isinstance(table, RobotTable) else None
+    if path is None or not isinstance(table, RobotTable) or problems:
+        data.setdefault("links", [{"body": {"mass": 1.0}}])
+        return problems
+    chain = chain_tables(read_robot(path), table.base, table.tip)
+    problems += bend_links(chain, dict(pairs(flexible, "flexible", problems)))
+    problems += add_springs(chain, {name: joint for name, joint in own.items() if isinstance(joint, JointTable)})
+    data["links"] = chain.links
+    stated = data.get("effects")
+    if stated is None or isinstance(stated, dict):
+        data["effects"] = {**chain.effects, **(stated or {})}
+    data.setdefault("source", "; ".join(("URDF", *chain.notes)))
+    return problems
+
+
+def checked(schema: type[BaseModel], raw: Any, key: str, problems: list[Problem]) -> Any:
+    """One table by its schema, or None with its problems added."""
+    try:
+        return schema.model_validate(raw)
+    except ValidationError as error:
+        problems += [
+            Problem(f"{key}.{p.key}" if p.key != "scene" else key, p.got, p.expected)
+            for p in schema_problems(schema, error)
+        ]
+        return None
+
+
+def pairs(tables: Any, key: str, problems: list[Problem]) -> list[tuple[str, Any]]:
+    """The tables of a table."""
+    if isinstance(tables, Mapping) and all(isinstance(table, Mapping) for table in tables.values()):
+        return list(tables.items())
+    problems.append(Problem(key, "something else than tables", f"a table [{key}.NAME] for each name"))
+    return []
+
+
+def find_file(name: str, folders: Sequence[Path], problems: list[Problem]) -> Path | None:
+    """The first file of that name below one of the folders."""
+    try:
+        below = [path for folder in folders if (path := place_below(folder.resolve(), name)) is not None]
+        found = next((path for path in below if path.is_file()), None)
+    except (OSError, ValueError, RuntimeError):
+        found = None
+    if found is None:
+        problems.append(
+            Problem(
+                "robot.urdf", printable(repr(name))[:80], "a URDF file below the scene's folder, or below --data DIR"
+            )
+        )
+    return found
+
+
+def add_springs(chain: ChainTables, joints: Mapping[str, JointTable]) -> list[Problem]:
+    """Make the effect of flexible joints of their tables, with all figures on the link's side of the gear."""
+    names = [link["name"] for link in chain.links]
+    unknown = [name for name in joints if name not in names]
+    if unknown:
+        expected = f"a joint of the chain that moves: {', '.join(names[:20])}"
+        return [Problem(f"joints.{printable(name)}", "an unknown joint", expected) for name in unknown]
+    own = [joints.get(name, JointTable()) for name in names]
+    if any(joint.stiffness or joint.motor_inertia for joint in own):
+        chain.effects["joint_flexibility"] = {
+            "stiffness": [(joint.stiffness or 0.0) * joint.gear**2 for joint in own],
+            "motor_inertia": [joint.motor_inertia * joint.gear**2 for joint in own],
+            "damping": [joint.damping * joint.gear**2 for joint in own],
+        }
+    return []
+
+
+def bend_links(chain: ChainTables, flexible: Mapping[str, Any]) -> list[Problem]:
+    """Turn rigid links into beams from their joint to the next one, or as long as said."""
+    problems = []
+    for name, table in flexible.items():
+        if name not in chain.children:
+            expected = f"a link behind a joint of the chain that moves: {', '.join(chain.children[:20])}"
+            problems.append(Problem(f"flexible.{printable(name)}", "an unknown link", expected))
+            continue
+        unknown = set(table) - {*BEAM, "length", "mass_per_length"}
+        if unknown:
+            key = sorted(map(str, unknown))[0]
+            expected = f"one of {', '.join(sorted((*BEAM, 'length', 'mass_per_length')))}"
+            problems.append(Problem(f"flexible.{printable(name)}.{printable(key)}", "an unknown key", expected))
+            continue
+        try:
+            bend_link(chain, chain.children.index(name), table)
+        except SceneError as error:
+            problems += error.problems
+    return problems
+
+
+def bend_link(chain: ChainTables, index: int, table: Mapping[str, Any]) -> None:
+    """Lay a link's x along its beam: its joint's axis, the mount before it and the one behind it turn with it."""
+    link, body = chain.links[index], chain.links[index]["body"]
+    after = chain.links[index + 1] if index + 1 < len(chain.links) else None
+    key = f"flexible.{chain.children[index]}"
+    along = np.array(after["mount"]["xyz"] if after else body["centre"])
+    reach = float(np.linalg.norm(along))
+    length = table.get("length", reach if after else 2 * reach)
+    if not isinstance(length, (int, float)) or isinstance(length, bool) or not 0 < length < 1e30 or not reach:
+        raise SceneError(
+            "scene", [Problem(f"{key}.length", repr(length)[:60], "a positive number, of a link with an extent")]
+        )
+    B = turn_to(along / reach)
+    link["mount"]["rpy"] = angles_of(rotation_of(link["mount"]["rpy"]) @ B)
+    link["axis"] = [float(x) for x in B.T @ np.array(link["axis"])]
+    link |= {"length": float(length), "mass_per_length": table.get("mass_per_length", body["mass"] / length)}
+    link |= {name: table[name] for name in BEAM if name in table}
+    del link["body"]
+    if after:
+        after["mount"]["xyz"] = [float(x) for x in B.T @ along - np.array([length, 0.0, 0.0])]
+        after["mount"]["rpy"] = angles_of(B.T @ rotation_of(after["mount"]["rpy"]))
+
+
+def turn_to(direction: Any) -> Any:
+    """The shortest rotation that takes x to a direction of length 1; half a turn about z where it points backwards."""
+    c, axis = direction[0], np.array([0.0, -direction[2], direction[1]])
+    if 1 + c < 1e-12:
+        return np.diag([-1.0, -1.0, 1.0])
+    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    return np.eye(3) + cross + cross @ cross / (1 + c)
