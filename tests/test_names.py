@@ -30,6 +30,7 @@ VERBS = {
     "linearize",
     "load_scene",
     "parse_scene",
+    "scene_from_urdf",
     "periodic_lqr",
     "scenes",
     "sensitivity",

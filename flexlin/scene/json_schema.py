@@ -7,6 +7,7 @@ from pydantic import BaseModel
 from flexlin.scene.effects import effects_table, known_effects
 from flexlin.scene.library import shipped_models
 from flexlin.scene.scene import Scene
+from flexlin.scene.urdf.tables import FlexibleTable, JointTable, RobotTable
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 PLACE = "#/$defs/{model}"
@@ -33,6 +34,19 @@ def scene_schema() -> dict[str, Any]:
     definitions["Effects"] = add_table(definitions, effects_table())
     for name, effect in known_effects().items():
         definitions["Effects"]["properties"][name]["description"] = effect.summary()
+    definitions["RobotTable"] = add_table(definitions, RobotTable)
+    schema["properties"]["robot"] = {
+        "$ref": PLACE.format(model="RobotTable"),
+        "description": "A robot from a URDF file.",
+    }
+    for key, table, what in (
+        ("joints", JointTable, "springs and gears"),
+        ("flexible", FlexibleTable, "links that bend"),
+    ):
+        definitions[table.__name__] = add_table(definitions, table)
+        inner = {"$ref": PLACE.format(model=table.__name__)}
+        described = f"For a robot from a URDF file, by name: {what}."
+        schema["properties"][key] = {"type": "object", "additionalProperties": inner, "description": described}
     known = {name: add_table(definitions, model.schema) for name, model in shipped_models().items()}
     schema["allOf"] = [
         {

@@ -57,6 +57,10 @@ def _count_or_table(value: Any, _: Any) -> "int | Modes":
     return Modes.model_validate(value) if isinstance(value, dict) else COUNT.validate_python(value)
 
 
+AnyModes = Annotated[Count | Modes, WrapValidator(_count_or_table)]
+"""A number of modes, or a table of them."""
+
+
 class Carried(Table):
     """The rigid body for which loaded shapes are made: mass in kg, inertia about the link's tip in kg m^2."""
 
@@ -98,7 +102,7 @@ class Link(Table):
     """Torsional stiffness G J."""
     polar_inertia: Annotated[Positive | None, Unit("kg m")] = None
     """Polar inertia of the sections per length, rho I_p."""
-    modes: Annotated[Count | Modes, WrapValidator(_count_or_table)] = 0
+    modes: AnyModes = 0
     """Number of assumed modes, or a table of those in y, in z and of torsion; 0 is a rigid link."""
     mode_shapes: Literal["clamped-free", "clamped-loaded", "pinned-free", "pinned-hub", "finite-element"] = (
         "clamped-free"

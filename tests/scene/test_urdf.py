@@ -94,7 +94,7 @@ def test_a_joint_that_follows_another(tmp_path):
     full = [np.append(x, 2 * x[1] + extra) for x, extra in ((q, 0.1), (rate, 0.0), (acceleration, 0.0))]
     forces = inverse_dynamics(links, *full)
     got = np.array(arm.functions["residual"](q, rate, acceleration, []))[:, 0]
-    np.testing.assert_allclose(got, forces[:2] + [0, 2 * forces[2]], rtol=1e-10)
+    np.testing.assert_allclose(got, forces[:2] + np.array([0, 2 * forces[2]]), rtol=1e-10)
 
 
 def test_springs_and_gears_of_the_r3():

@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ValidationError, model_validator
 
 from flexlin.errors import Problem, SceneError
 from flexlin.scene.base import NonNegative, Number, Positive, Table, Text, Unit
+from flexlin.scene.links import AnyModes
 from flexlin.scene.named_files import place_below
 from flexlin.scene.problems import schema_problems
 from flexlin.scene.urdf.convert import ChainTables, angles_of, chain_tables, rotation_of
@@ -46,17 +47,23 @@ class JointTable(Table):
         return self
 
 
-BEAM = (
-    "bending_stiffness",
-    "torsional_stiffness",
-    "polar_inertia",
-    "modes",
-    "mode_shapes",
-    "carried",
-    "sections",
-    "elements",
-)
-"""Keys of [flexible.LINK] that are those of a link; `length` and `mass_per_length` have defaults."""
+class FlexibleTable(Table):
+    """A link that bends: what its URDF file cannot say of it."""
+
+    length: Annotated[Positive | None, Unit("m")] = None
+    """Length from its joint to the next one, unless another is given."""
+    mass_per_length: Annotated[Positive | None, Unit("kg/m")] = None
+    """Mass per length; by default the link's own mass, spread along it."""
+    bending_stiffness: Annotated[Positive | tuple[Positive, Positive] | None, Unit("N m^2")] = None
+    """Bending stiffness E I, or the pair about y and about z."""
+    torsional_stiffness: Annotated[Positive | None, Unit("N m^2")] = None
+    """Torsional stiffness G J."""
+    polar_inertia: Annotated[Positive | None, Unit("kg m")] = None
+    """Polar inertia of the sections per length, rho I_p."""
+    modes: AnyModes = 0
+    """Number of assumed modes, or a table of those in y, in z and of torsion."""
+    mode_shapes: Literal["clamped-free", "clamped-loaded", "finite-element"] = "clamped-free"
+    """The assumed modes' shapes."""
 
 
 def expand_robot(data: dict[str, Any], folders: Sequence[Path]) -> list[Problem]:
@@ -150,20 +157,17 @@ def add_springs(chain: ChainTables, joints: Mapping[str, JointTable]) -> list[Pr
 
 def bend_links(chain: ChainTables, flexible: Mapping[str, Any]) -> list[Problem]:
     """Turn rigid links into beams from their joint to the next one, or as long as said."""
-    problems = []
+    problems: list[Problem] = []
     for name, table in flexible.items():
         if name not in chain.children:
             expected = f"a link behind a joint of the chain that moves: {', '.join(chain.children[:20])}"
             problems.append(Problem(f"flexible.{printable(name)}", "an unknown link", expected))
             continue
-        unknown = set(table) - {*BEAM, "length", "mass_per_length"}
-        if unknown:
-            key = sorted(map(str, unknown))[0]
-            expected = f"one of {', '.join(sorted((*BEAM, 'length', 'mass_per_length')))}"
-            problems.append(Problem(f"flexible.{printable(name)}.{printable(key)}", "an unknown key", expected))
+        beam = checked(FlexibleTable, table, f"flexible.{printable(name)}", problems)
+        if beam is None:
             continue
         try:
-            bend_link(chain, chain.children.index(name), table)
+            bend_link(chain, chain.children.index(name), beam.model_dump(exclude_unset=True))
         except SceneError as error:
             problems += error.problems
     return problems
@@ -177,15 +181,22 @@ def bend_link(chain: ChainTables, index: int, table: Mapping[str, Any]) -> None:
     along = np.array(after["mount"]["xyz"] if after else body["centre"])
     reach = float(np.linalg.norm(along))
     length = table.get("length", reach if after else 2 * reach)
-    if not isinstance(length, (int, float)) or isinstance(length, bool) or not 0 < length < 1e30 or not reach:
+    if not reach:
         raise SceneError(
-            "scene", [Problem(f"{key}.length", repr(length)[:60], "a positive number, of a link with an extent")]
+            "scene",
+            [
+                Problem(
+                    f"{key}.length",
+                    repr(length)[:60],
+                    "a link whose next joint, or centre, lies off its own joint",
+                )
+            ],
         )
     B = turn_to(along / reach)
     link["mount"]["rpy"] = angles_of(rotation_of(link["mount"]["rpy"]) @ B)
     link["axis"] = [float(x) for x in B.T @ np.array(link["axis"])]
     link |= {"length": float(length), "mass_per_length": table.get("mass_per_length", body["mass"] / length)}
-    link |= {name: table[name] for name in BEAM if name in table}
+    link |= {name: value for name, value in table.items() if name not in ("length", "mass_per_length")}
     del link["body"]
     if after:
         after["mount"]["xyz"] = [float(x) for x in B.T @ along - np.array([length, 0.0, 0.0])]
