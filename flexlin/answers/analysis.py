@@ -14,6 +14,7 @@ from flexlin.answers.judging import (
     describe_end,
     design_and_judge,
     judge_elastic_loop,
+    judge_estimated_loops,
     judge_own_loops,
     judge_sampled_loops,
     load_of,
@@ -52,7 +53,8 @@ class Analysis:
     """What a report says: `own` is the scene's own loop, `open_loop` the arm without feedback; `problems` says what is missing,
     `resonances` what is behind an unstable own loop, `audit` and `sensitivity` which effects and numbers matter, if that was asked for,
     `elastic` the own loop about the elastic motion, if the scene asks for it, `linear_range` how far the linear equations hold,
-    `sampled` the loops again, with their torque sampled and held, where the scene has [control.sampling].
+    `sampled` the loops again, with their torque sampled and held, where the scene has [control.sampling], `estimated` the designs
+    with sensors again, with their states estimated.
     """
 
     scene: Scene
@@ -74,6 +76,7 @@ class Analysis:
     linear_range: Validity | None = None
     stopped: SimulationStopped | None = None
     sampled: tuple[Loop, ...] = ()
+    estimated: tuple[Loop, ...] = ()
 
     def validity(self, loop: Loop) -> ModelValidity:
         """Whether the linear model can be believed along the motion under one of the loops; only the own loop is simulated."""
@@ -104,7 +107,7 @@ class Analysis:
         """Open loop, own loop (about the elastic motion too), designs, sampled ones; no open loop where the scene has no feedback."""
         first = () if self.own.kind == "open" else (self.open_loop,)
         elastic = () if self.elastic is None else (self.elastic,)
-        return (*first, self.own, *elastic, *self.designs, *self.sampled)
+        return (*first, self.own, *elastic, *self.designs, *self.estimated, *self.sampled)
 
 
 def analyse(scene: Scene, clock: Clock | None = None) -> Analysis:
@@ -149,11 +152,12 @@ def analyse(scene: Scene, clock: Clock | None = None) -> Analysis:
     linear = range_of(closed, own, problems, asked, clock)
     designs = design_all(scene, plant, closed, t, clock)
     sampled = judge_sampled_loops(scene, (own, *designs), plant, closed, clock)
+    estimated = judge_estimated_loops(scene, designs, plant, clock)
     bare = replace(own, name="open loop", response=response)
     open_loop = bare if own.kind == "open" else with_response(open_loop, closed, t, asked, clock, system)
     found = (coefficients, own, open_loop, designs, response, simulation, problems, tuple(clock.steps))
     answer = Analysis(scene, plant, closed, t, *found, resonances=behind, elastic=elastic, linear_range=linear)
-    return replace(answer, stopped=ended, sampled=sampled)
+    return replace(answer, stopped=ended, sampled=sampled, estimated=estimated)
 
 
 def analyse_one_way(

@@ -10,7 +10,16 @@ from flexlin.about.linearization import Linearization
 from flexlin.answers.clock import Clock
 from flexlin.answers.steady import Response, find_response, response_error
 from flexlin.checks import Array
-from flexlin.control import Design, design, linearize_about, periodic_motion, sampled_floquet
+from flexlin.control import (
+    Design,
+    Estimator,
+    design,
+    linearize_about,
+    output_feedback,
+    periodic_motion,
+    sampled_floquet,
+    scene_sensors,
+)
 from flexlin.control.drives import DriveLoad, drive_load
 from flexlin.periodic.certificate.lyapunov import Certificate
 from flexlin.periodic.floquet.exponents import floquet
@@ -163,6 +172,29 @@ def judge_sampled_loops(
         result = clock.attempt(problems, name, f"Floquet: {name}", asked, work)
         found.append(Loop(name, "sampled", result, problems.get(name, "")))
     return tuple(found)
+
+
+def judge_estimated_loops(scene: Scene, loops: Sequence[Loop], plant: Linearization, clock: Clock) -> tuple[Loop, ...]:
+    """The designs that name sensors once more, their states estimated by a Kalman filter."""
+    asked, tables, found = scene.accuracy, {table.name: table.estimator for table in scene.designs}, list[Loop]()
+    for loop in loops:
+        table, made = tables[loop.name], loop.design
+        if table is None or made is None or not plant.motion.periodic:
+            continue
+        name, problems, sensors = f"{loop.name}, estimated", dict[str, str](), scene_sensors(scene, plant, table)
+        step = f"estimator: {loop.name}"
+        estimator = clock.attempt(problems, name, step, asked, partial(sensors.filter, plant, asked.tol), filter_error)
+        if estimator is None:
+            found.append(Loop(name, "lqg", None, problems[name]))
+            continue
+        system = output_feedback(made, estimator)
+        found.append(judge_loop(name, "lqg", f"Floquet: {name}", system, asked, clock))
+    return tuple(found)
+
+
+def filter_error(found: Estimator) -> float:
+    """The relative error of a filter's covariance."""
+    return found.error
 
 
 def load_of(

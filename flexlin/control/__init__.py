@@ -27,6 +27,8 @@ _ON_MANIPULATORS = {
     "tip_position": "flexlin.control.measurement",
     "PeriodicMotion": "flexlin.about.periodic_motion",
     "feedforward": "flexlin.control.tracking",
+    "Sensors": "flexlin.control.sensors",
+    "scene_sensors": "flexlin.control.sensors",
     "drive_load": "flexlin.control.drives",
     "estimator_source": "flexlin.control.export.c_estimator",
     "gain_source": "flexlin.control.export.c_gain",

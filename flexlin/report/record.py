@@ -51,6 +51,7 @@ def record(analysis: Analysis) -> dict[str, Any]:
             loop.name: record_loop(loop) | {"validity": record_validity(a, loop)} | record_load(a, loop)
             for loop in a.designs
         },
+        **({"estimated": {loop.name: record_loop(loop) for loop in a.estimated}} if a.estimated else {}),
         **({"sampled": {loop.name: record_loop(loop) for loop in a.sampled}} if a.sampled else {}),
         "t": a.t.tolist(),
         "coefficients": {

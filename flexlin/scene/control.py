@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from flexlin.scene.base import NonNegative, Positive, Table, Text, Unit
+from flexlin.scene.estimator import EstimatorTable
 from flexlin.scene.weights import Weights
 
 
@@ -76,6 +77,8 @@ class DesignTable(Table):
     """Diagonal of Q for the state [y; y']."""
     input_weight: tuple[Positive, ...] | None = None
     """Diagonal of R for the inputs."""
+    estimator: EstimatorTable | None = None
+    """Sensors and their noise: the design is judged with its states estimated, too."""
     phases: Annotated[int, Field(strict=True, ge=1, le=4096)] = 16
     """Places of a period at which a frozen-lqr is designed."""
 
