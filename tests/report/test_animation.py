@@ -52,6 +52,39 @@ def test_long_simulations_are_thinned(played, monkeypatch):
     np.testing.assert_allclose(data["tip"], run.tip[at], atol=2e-5)
 
 
+def test_every_moving_link_of_a_closed_loop_is_drawn_and_the_base_is_ground():
+    """Four links of the 5-bar move; the line between its base joints is ground, and both hinges meet at the tip."""
+    scene = fl.load_scene("five-bar", {"designs": []})
+    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    run = simulate(lin, 0.05, tol=1e-4)
+    data = collect_frames(scene, lin, run)
+    first = data["plays"][0]
+    assert {len(links) for links in first["links"][0]} == {4}
+    assert sorted(data["ground"]) == [[0.0, 0.0], [0.15, 0.0]]
+    lengths = [np.hypot(xs[-1] - xs[0], ys[-1] - ys[0]) for xs, ys in first["rigid"][0]]
+    assert sorted(np.round(lengths, 3)) == [0.2, 0.2, 0.3, 0.3]
+    ends = [tuple(np.array(curve)[:, k]) for curve in first["links"][0][-1] for k in (0, -1)]
+    assert sum(np.allclose(end, run.tip[-1], atol=2e-5) for end in ends) == 2
+    assert [angle["name"] for angle in first["angles"]] == ["left q1", "right q1"]
+    assert data["bodies"] == {"payload": True, "hub": True}
+
+
+def test_bending_is_magnified_and_modes_are_played(played):
+    scene, lin, run = played
+    data = collect_frames(scene, lin, run)
+    plain, larger = (np.array(data["plays"][0]["links"][k][-1][0]) for k in (0, 1))
+    angle = np.radians(data["plays"][0]["angles"][0]["values"][-1])
+    across = [-np.sin(angle) * curve[0, -1] + np.cos(angle) * curve[1, -1] for curve in (plain, larger)]
+    assert across[1] == pytest.approx(5 * across[0], rel=1e-3)
+    names = [found["name"] for found in data["plays"]]
+    assert names[0] == "simulation"
+    assert len(names) > 2
+    assert all(len(found["links"][0]) == len(found["t"]) for found in data["plays"])
+    assert 0.05 < data["scale"] <= 0.96 / 4
+    page = animation_page(scene, lin, run)
+    assert all(f">{name}</option>" in page for name in names)
+
+
 def test_the_command_writes_it(tmp_path):
     options = ["simulate", "single-link", "--periods", "0.3", "--feedforward", "tip-exact", "--animate"]
     assert main([*options, "--out", str(tmp_path)]) == 0
