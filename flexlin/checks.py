@@ -1,5 +1,6 @@
 """Checks at the boundary: shape, finite, range; made once, where a value comes in."""
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -64,6 +65,14 @@ def whole(name: str, value: object, least: int = 1) -> int:
     if number is None or number < least:
         raise ArgumentError(f"{name} does not fit", got=repr(value)[:80], expected=f"a whole number from {least} on")
     return number
+
+
+def c_name(value: str) -> str:
+    """Return a name that C functions and files may bear: letters, digits and _, no digit first."""
+    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]{0,60}", value):
+        expected = "letters, digits and _, no digit first, 61 at most"
+        raise ArgumentError("name is none that a C function can bear", got=repr(value)[:80], expected=expected)
+    return value
 
 
 def times(t: ArrayLike) -> Array:

@@ -1,4 +1,4 @@
-"""Is anything lost, endless or let in? Mutated scenes, kills, full disks, several writers and little memory, against the command line.
+"""Is anything lost, endless or let in? Mutated scenes, kills, full disks, several writers, little memory, misuse.
 
 Scenes are drawn by hypothesis from the JSON schema, or are built-in ones with some places changed; each run is a process of its own. A run
 is uncaught when an exception or a signal ends it; without a key when it refuses a scene and names none of its keys. After a kill or on
@@ -20,14 +20,23 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # scenes, trials a
 
 from tests.torture.accidents import disks, kills, memory
 from tests.torture.fuzzing import check, commands
+from tests.torture.misuse import misuse
 from tests.torture.rivals import writers
 from tests.torture.rows import SETS, Row, case_of
 
 SIZES = {
-    "small": {"check": 40, "commands": 5, "kills": 4, "disks": 3, "writers": 30, "memory": 2},
-    "full": {"check": 10_000, "commands": 500, "kills": 200, "disks": 50, "writers": 1000, "memory": 40},
+    "small": {"check": 40, "commands": 5, "kills": 4, "disks": 3, "writers": 30, "memory": 2, "misuse": 3},
+    "full": {"check": 10_000, "commands": 500, "kills": 200, "disks": 50, "writers": 1000, "memory": 40, "misuse": 22},
 }
-PARTS = {"check": check, "commands": commands, "kills": kills, "disks": disks, "writers": writers, "memory": memory}
+PARTS = {
+    "check": check,
+    "commands": commands,
+    "kills": kills,
+    "disks": disks,
+    "writers": writers,
+    "memory": memory,
+    "misuse": misuse,
+}
 
 
 @cache

@@ -6,6 +6,7 @@ import casadi as ca
 
 from flexlin.about.deviation import Deviation
 from flexlin.about.periodic_motion import PeriodicMotion
+from flexlin.arguments import checked
 from flexlin.checks import Array, instance
 from flexlin.periodic.system import PeriodicSystem
 
@@ -40,6 +41,7 @@ class ElasticCoefficients:
         return M, D, K
 
 
+@checked
 def linearize_about(motion: PeriodicMotion, closed: bool = True) -> PeriodicSystem:
     """Linearize the equations about a periodic motion of the elastic arm itself.
 

@@ -8,6 +8,7 @@ from flexlin.about.linearization import Linearization
 from flexlin.about.routes import ROUTES, Matrices, Route
 from flexlin.about.scene_law import feedback_expressions
 from flexlin.about.second_order import Coefficients
+from flexlin.arguments import checked
 from flexlin.checks import instance
 from flexlin.errors import ArgumentError, ModelError, MotionError
 from flexlin.mechanics.manipulator import Manipulator
@@ -18,6 +19,7 @@ from flexlin.scene.motion import AnyMotion, MotionTable
 __all__ = ["Coefficients", "Linearization", "linearize"]
 
 
+@checked
 def linearize(
     arm: Manipulator, motion: AnyMotion | Motion, control: Control | None = None, *, route: Route = "jacobian"
 ) -> Linearization:

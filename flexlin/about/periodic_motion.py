@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from flexlin.about.harmonic_balance import Closing, Unknowns, balance, by_law, solve_at
 from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
+from flexlin.arguments import checked
 from flexlin.checks import Array, at_times, instance, positive
 from flexlin.errors import MotionError, ToleranceNotReached
 from flexlin.periodic.fourier import FourierSeries
@@ -108,6 +109,7 @@ class PeriodicMotion:
         return at_times(lambda t: np.concatenate([self.y(t), self.y(t, 1)], axis=1), t)
 
 
+@checked
 def periodic_motion(
     lin: Linearization,
     closing: Closing | None = None,

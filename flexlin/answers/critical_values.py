@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexlin.answers.spectra import FINE, Family, Source, make_family
+from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array, whole
 from flexlin.errors import ArgumentError
 from flexlin.periodic.boundary.crossings import SAMPLES, Crossing, find_crossings
@@ -62,6 +63,7 @@ class CriticalValue:
     __repr__ = represent
 
 
+@checked
 def critical_values(
     source: Source,
     path: str,

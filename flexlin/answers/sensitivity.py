@@ -9,6 +9,7 @@ import xarray as xr
 
 from flexlin import symbolic
 from flexlin.about.free import ParametricLoop, parametric_loop
+from flexlin.arguments import checked
 from flexlin.checks import Array, instance
 from flexlin.errors import ArgumentError
 from flexlin.periodic.floquet.exponents import floquet
@@ -24,6 +25,7 @@ BOUND = ("motion.move_time", "motion.dwell_time", "rate")
 """Ends of paths whose numbers fix the grid of the period and are not varied unless they are asked for."""
 
 
+@checked
 def sensitivity(scene: Scene, paths: Sequence[str] | None = None, tol: float = 1e-8) -> xr.Dataset:
     """Differentiate every Floquet exponent of the scene's own loop by numbers of the scene.
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from flexlin.answers.critical_values import check_limits, describe_causes
 from flexlin.answers.spectra import Family, Source, make_family
+from flexlin.arguments import checked
 from flexlin.checks import Array, positive, whole
 from flexlin.errors import ArgumentError
 from flexlin.periodic.boundary.curves import CELLS, Curve, find_curves
@@ -56,6 +57,7 @@ class BoundaryCurve:
     __repr__ = represent
 
 
+@checked
 def stability_boundary(
     source: Source,
     ranges: Mapping[str, tuple[float, float]],

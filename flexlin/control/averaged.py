@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexlin.arguments import checked
 from flexlin.checks import Array
 from flexlin.control.designed_loop import Design
 from flexlin.control.weights import constant_lqr
@@ -15,6 +16,7 @@ from flexlin.periodic.transition.gauss import gauss, place_nodes, sample_at
 SEGMENTS, STAGES = 16, 8
 
 
+@checked
 def averaged_lqr(
     system: PeriodicSystem,
     Q: MatrixFunction | ArrayLike,

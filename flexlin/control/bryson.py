@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from flexlin.about.linearization import Linearization
+from flexlin.arguments import checked
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.coordinates import Coordinate
@@ -32,6 +33,7 @@ class WeightWithTip:
         return self.fixed + np.swapaxes(C, 1, 2) @ C
 
 
+@checked
 def physical_weights(lin: Linearization, weights: Weights) -> tuple[MatrixFunction, Array]:
     """Make the weights Q(t) and R of deviations that are all as bad as each other.
 

@@ -3,6 +3,7 @@
 from typing import Protocol
 
 from flexlin.about.linearization import Linearization
+from flexlin.arguments import checked
 from flexlin.control.averaged import averaged_lqr
 from flexlin.control.bryson import physical_weights
 from flexlin.control.designed_loop import Design
@@ -34,6 +35,7 @@ class DesignTable(Protocol):
     def phases(self) -> int: ...
 
 
+@checked
 def design(plant: Linearization | PeriodicSystem, table: DesignTable, tol: float = 1e-9) -> Design:
     """Make the design that a table of a scene asks for.
 

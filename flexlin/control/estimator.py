@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.about.law import Law
+from flexlin.arguments import checked
 from flexlin.checks import Array, at_times
 from flexlin.control.designed_loop import Design
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
@@ -93,6 +94,7 @@ class Estimator:
         return at_times(lambda t: np.swapaxes(self.dual.K(-t), 1, 2), t)
 
 
+@checked
 def kalman_filter(
     system: PeriodicSystem,
     C: MatrixFunction | ArrayLike,
@@ -153,6 +155,8 @@ def kalman_filter(
     C, W, V = (as_matrix_function(name, value) for name, value in (("C", C), ("W", W), ("V", V)))
     if check_samples("C", C, system.period).shape[2] != system.n:
         raise ArgumentError("C does not fit the system", expected=f"(p, {system.n})")
+    for name, noise in (("W", W), ("V", V)):
+        check_samples(name, noise, system.period)
     T = system.period
     breaks = tuple((T - b) % T for b in system.breaks)
     dual = PeriodicSystem(Backward(system.A, T), T, Backward(C, T), breaks, complete=system.complete)
@@ -209,6 +213,7 @@ class EstimatedLoop:
         return np.concatenate([np.concatenate([A, -BK], axis=2), np.concatenate([LC, A - BK - LC], axis=2)], axis=1)
 
 
+@checked
 def output_feedback(made: Design | Law, estimator: Estimator) -> PeriodicSystem:
     """Close the loop of a design, or of a law's feedback, through an estimator.
 

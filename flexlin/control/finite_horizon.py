@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexlin.arguments import checked
 from flexlin.checks import Array
 from flexlin.control.designed_loop import Design, Repeated
 from flexlin.control.weights import constant_lqr
@@ -11,6 +12,7 @@ from flexlin.periodic.quadratic.riccati import finite_horizon_riccati
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
 
 
+@checked
 def finite_horizon_lqr(
     system: PeriodicSystem,
     Q: MatrixFunction | ArrayLike,

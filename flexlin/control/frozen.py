@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.checks import Array
+from flexlin.arguments import checked
+from flexlin.checks import Array, check_size
 from flexlin.control.designed_loop import Design
 from flexlin.control.spline import PeriodicSpline
 from flexlin.control.weights import constant_lqr
@@ -13,6 +14,7 @@ from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, linear_
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
 
 
+@checked
 def frozen_lqr(
     system: PeriodicSystem,
     Q: MatrixFunction | ArrayLike,
@@ -72,6 +74,7 @@ def frozen_lqr(
     system = as_system(system)
     if phases < 1:
         raise ArgumentError("no phases", got=phases, expected="at least 1")
+    check_size(f"a schedule of {phases} phases", 32 * phases * system.n**2, "take fewer phases")
     problem = linear_quadratic(system, Q, R, N)
     knots = system.period * np.arange(phases) / phases
     gains = frozen_gains(problem, knots)

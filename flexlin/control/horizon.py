@@ -1,9 +1,11 @@
 """A one-way motion as a system over its horizon, for designs that end."""
 
 from flexlin.about.linearization import Linearization
+from flexlin.arguments import checked
 from flexlin.periodic.system import PeriodicSystem
 
 
+@checked
 def horizon_system(lin: Linearization) -> PeriodicSystem:
     """Return the linear system of a motion from start to end; its period is the duration of the motion.
 

@@ -5,11 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexlin.arguments import checked
 from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
 
 
+@checked
 def with_integral_action(system: PeriodicSystem, measured: ArrayLike) -> PeriodicSystem:
     """Extend a system by the integrals of measured errors, so that any design on it acts on them too.
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from flexlin.about.deviation import Deviation
 from flexlin.about.linearization import Linearization
+from flexlin.arguments import checked
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.link_shapes import make_shapes
@@ -16,6 +17,7 @@ from flexlin.periodic.system import MatrixFunction
 from flexlin.scene.scene import Scene
 
 
+@checked
 def joint_angles(lin: Linearization) -> MatrixFunction:
     """Return what the motors' encoders read.
 
@@ -44,6 +46,7 @@ def joint_angles(lin: Linearization) -> MatrixFunction:
     return Constant(np.concatenate([rows, np.zeros_like(rows)], axis=1))
 
 
+@checked
 def joint_rates(lin: Linearization) -> MatrixFunction:
     """Return what the motors' tachometers read.
 
@@ -70,6 +73,7 @@ def joint_rates(lin: Linearization) -> MatrixFunction:
     return Constant(np.concatenate([np.zeros_like(rows), rows], axis=1))
 
 
+@checked
 def bending(scene: Scene, lin: Linearization, link: int, at: float) -> MatrixFunction:
     """Return what a strain gauge sees: the curvature of a link at a point.
 
@@ -123,6 +127,7 @@ def bending(scene: Scene, lin: Linearization, link: int, at: float) -> MatrixFun
     return Constant(C)
 
 
+@checked
 def tip_position(lin: Linearization) -> MatrixFunction:
     """Return what a camera sees of the tip beside its rigid path.
 
@@ -154,6 +159,7 @@ def tip_position(lin: Linearization) -> MatrixFunction:
     return TipSlopes(lin, tip_slopes(lin.about)).position
 
 
+@checked
 def tip_acceleration(lin: Linearization) -> tuple[MatrixFunction, MatrixFunction]:
     """Return what an accelerometer in world axes sees beside the rigid motion.
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flexlin.arguments import checked
 from flexlin.checks import real_array
 from flexlin.control.designed_loop import Design
 from flexlin.errors import ArgumentError
@@ -12,6 +13,7 @@ from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.system import PeriodicSystem, as_system
 
 
+@checked
 def pd_feedback(
     system: PeriodicSystem,
     joints: Sequence[int],

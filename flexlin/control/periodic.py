@@ -2,12 +2,14 @@
 
 from numpy.typing import ArrayLike
 
+from flexlin.arguments import checked
 from flexlin.control.designed_loop import Design
 from flexlin.control.smooth_gain import smooth_gain
 from flexlin.periodic.quadratic.riccati import periodic_riccati
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
 
 
+@checked
 def periodic_lqr(
     system: PeriodicSystem,
     Q: MatrixFunction | ArrayLike,

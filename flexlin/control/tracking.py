@@ -11,6 +11,7 @@ from flexlin.about.harmonic_balance import Closing, Unknowns
 from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
 from flexlin.about.periodic_motion import PeriodicMotion, periodic_motion
+from flexlin.arguments import checked
 from flexlin.checks import Array, at_times, instance
 from flexlin.errors import ArgumentError
 from flexlin.summary import represent
@@ -124,6 +125,7 @@ CLOSINGS: dict[str, Closing] = {"joint-exact": joints_exact, "tip-exact": tip_ex
 KINDS = ("rigid", *CLOSINGS)
 
 
+@checked
 def feedforward(lin: Linearization, kind: str = "tip-exact", tol: float = 1e-8) -> Feedforward:
     """Compute the feedforward of a periodic motion.
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
+from flexlin.arguments import checked
 from flexlin.checks import Array, instance, positive
 from flexlin.control.slow_motions import slow_motions
 from flexlin.mechanics.coordinates import Coordinate
@@ -83,6 +84,7 @@ class Validity:
         )
 
 
+@checked
 def linear_range(
     lin: Linearization,
     share: float = 0.1,

@@ -18,8 +18,9 @@ class ArgumentError(InputError):
 
     Examples
     --------
+    >>> import numpy as np
     >>> import flexlin as fl
-    >>> fl.kronecker.kronecker_power(2.0, 0)
+    >>> fl.kronecker.kronecker_power(np.eye(2), 0)
     Traceback (most recent call last):
         ...
     flexlin.errors.ArgumentError: a Kronecker power needs at least one factor; got 0, expected 1, 2, 3 ...

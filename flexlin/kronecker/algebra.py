@@ -8,11 +8,13 @@ from importlib import import_module
 
 import numpy as np
 
-from flexlin.checks import Array
+from flexlin.arguments import checked
+from flexlin.checks import Array, check_size, whole
 from flexlin.errors import ArgumentError
 from flexlin.kronecker.shapes import Matrix, count_variables, expect_columns
 
 
+@checked
 def kron(A: Matrix, B: Matrix) -> Matrix:
     """Return the Kronecker product of two matrices.
 
@@ -47,6 +49,7 @@ def kron(A: Matrix, B: Matrix) -> Matrix:
     return import_module("casadi").kron(A, B)
 
 
+@checked
 def kronecker_power(A: Matrix, k: int) -> Matrix:
     """Return a Kronecker power.
 
@@ -82,9 +85,12 @@ def kronecker_power(A: Matrix, k: int) -> Matrix:
     """
     if k < 1:
         raise ArgumentError("a Kronecker power needs at least one factor", got=k, expected="1, 2, 3 ...")
+    entries = (A.shape[0] * A.shape[1]) ** min(k, 2000)
+    check_size(f"a Kronecker power of {k} factors", 8 * max(entries, k), "take fewer factors")
     return A if k == 1 else kron(A, kronecker_power(A, k - 1))
 
 
+@checked
 def swap(n: int, q: int) -> Array:
     """Return the permutation that exchanges two Kronecker factors.
 
@@ -114,9 +120,12 @@ def swap(n: int, q: int) -> Array:
     >>> bool(np.all(swap(2, 3) @ np.kron(b, a) == np.kron(a, b)))
     True
     """
+    n, q = whole("n", n), whole("q", q)
+    check_size(f"the permutation of {n * q} entries", 8 * (n * q) ** 2, "swap smaller factors")
     return np.eye(n * q)[np.arange(n * q).reshape(q, n).T.ravel()]
 
 
+@checked
 def product_rule(A: Matrix, DA: Matrix, B: Matrix, DB: Matrix) -> Matrix:
     """Differentiate a product of matrices.
 
@@ -164,6 +173,7 @@ def product_rule(A: Matrix, DA: Matrix, B: Matrix, DB: Matrix) -> Matrix:
     return DA @ kron(B, np.eye(n)) + A @ DB
 
 
+@checked
 def chain_rule(DA: Matrix, Db: Matrix) -> Matrix:
     """Differentiate a matrix function of a vector that depends on another vector.
 
@@ -207,6 +217,7 @@ def chain_rule(DA: Matrix, Db: Matrix) -> Matrix:
     return DA @ kron(np.eye(columns), Db)
 
 
+@checked
 def inverse_rule(A_inverse: Matrix, DA: Matrix) -> Matrix:
     """Differentiate an inverse matrix.
 
@@ -246,6 +257,7 @@ def inverse_rule(A_inverse: Matrix, DA: Matrix) -> Matrix:
     return -A_inverse @ DA @ kron(A_inverse, np.eye(n))
 
 
+@checked
 def kronecker_rule(A: Matrix, DA: Matrix, B: Matrix, DB: Matrix) -> Matrix:
     """Differentiate a Kronecker product.
 

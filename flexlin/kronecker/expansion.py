@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexlin.arguments import checked
 from flexlin.errors import ArgumentError
 from flexlin.kronecker.algebra import kron, kronecker_power
 from flexlin.kronecker.shapes import Matrix, expect_columns
@@ -19,6 +20,7 @@ class LinearizedProduct(NamedTuple):
     by_x: Matrix
 
 
+@checked
 def taylor_sum(derivatives: Sequence[Matrix], delta: Matrix) -> Matrix:
     """Sum a Taylor expansion of a scalar, vector or matrix function.
 
@@ -55,6 +57,8 @@ def taylor_sum(derivatives: Sequence[Matrix], delta: Matrix) -> Matrix:
     >>> print(f"{taylor_sum([one, one, one, one], np.array([[0.1]])).item():.6f}")
     1.105167
     """
+    if not derivatives:
+        raise ArgumentError("a Taylor sum needs the value at least", got="no derivatives", expected="[A, DA, D2A ...]")
     total = derivatives[0]
     for j, DjA in enumerate(derivatives[1:], start=1):
         expect_columns(f"derivative {j}", DjA, total.shape[1] * delta.shape[0] ** j)
@@ -62,6 +66,7 @@ def taylor_sum(derivatives: Sequence[Matrix], delta: Matrix) -> Matrix:
     return total
 
 
+@checked
 def linearization(A0: Matrix, *terms: tuple[Matrix, Matrix]) -> Matrix:
     """Linearize a matrix function of one, two or more vectors.
 
@@ -105,6 +110,7 @@ def linearization(A0: Matrix, *terms: tuple[Matrix, Matrix]) -> Matrix:
     return total
 
 
+@checked
 def bilinear_term(DxDyA: Matrix, dx: Matrix, dy: Matrix) -> Matrix:
     """Return the mixed second-order term of a matrix function of two vectors.
 
@@ -145,6 +151,7 @@ def bilinear_term(DxDyA: Matrix, dx: Matrix, dy: Matrix) -> Matrix:
     return multiply_first_order(multiply_first_order(DxDyA, dx), dy)
 
 
+@checked
 def linearized_product(A0: Matrix, y0: Matrix, DyA: Matrix, DxA: Matrix) -> LinearizedProduct:
     """Linearize a matrix function times one of its own vectors.
 

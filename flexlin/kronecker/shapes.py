@@ -1,10 +1,18 @@
 """Shapes of matrices and of their derivatives in Kronecker layout."""
 
-from typing import Any
+from typing import Annotated, Any
 
+from flexlin.arguments import Kind
 from flexlin.errors import ArgumentError
 
-Matrix = Any
+
+def is_matrix(value: Any) -> bool:
+    """Whether it has two dimensions of numbers or expressions."""
+    kind = getattr(getattr(value, "dtype", None), "kind", "O" if hasattr(value, "nnz") else "")
+    return kind in ("b", "i", "u", "f", "c", "O") and len(getattr(value, "shape", ())) == 2
+
+
+Matrix = Annotated[Any, Kind("a matrix: a two-dimensional array or a CasADi expression", is_matrix)]
 """A two-dimensional numpy array or a CasADi matrix (SX, MX, DM)."""
 
 

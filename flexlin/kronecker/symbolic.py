@@ -2,9 +2,11 @@
 
 import casadi as ca
 
+from flexlin.arguments import checked
 from flexlin.errors import ArgumentError
 
 
+@checked
 def derivative(A: ca.SX, x: ca.SX, order: int = 1) -> ca.SX:
     """Differentiate a CasADi matrix with respect to a vector, once or several times.
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import casadi as ca
 
+from flexlin.arguments import checked
 from flexlin.checks import instance
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.body import Body, Moments, rigid_moments, tensor
@@ -25,6 +26,7 @@ from flexlin.scene.scene import Scene
 from flexlin.scene.space import RigidPart
 
 
+@checked
 def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulator:
     """Derive the equations of the manipulator that a scene describes.
 

@@ -4,6 +4,7 @@ from typing import Any
 
 import casadi as ca
 
+from flexlin.arguments import checked
 from flexlin.checks import instance
 from flexlin.errors import MotionError
 from flexlin.mechanics.parameters import Parameters
@@ -16,6 +17,7 @@ from flexlin.scene.motion import AnyMotion, Fourier, Harmonic, MotionTable, Poin
 __all__ = ["Motion", "SampledMotion", "SymbolicMotion", "build_motion"]
 
 
+@checked
 def build_motion(table: AnyMotion, joints: int, parameters: Parameters | None = None) -> Motion:
     """Make the basic motion that a scene's motion table describes.
 

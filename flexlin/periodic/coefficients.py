@@ -1,5 +1,6 @@
 """Coefficients as functions of time: constants, feedback loops and state matrices, all of which pickle, and their checks."""
 
+import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -90,7 +91,21 @@ class InputMatrix:
 
 def as_matrix_function(name: str, value: MatrixFunction | ArrayLike) -> MatrixFunction:
     """Let a constant matrix stand where a function of time is wanted."""
+    if callable(value):
+        refuse_signature(name, value)
     return value if callable(value) else Constant(real_array(name, value, (None, None)))
+
+
+def refuse_signature(name: str, function: Callable[..., Any]) -> None:
+    """Refuse a function that cannot be called with times alone."""
+    try:
+        inspect.signature(function).bind(PROBES)
+    except TypeError as error:
+        raise ArgumentError(
+            f"{name} is no function of times", got=str(error), expected="a function of t (N,)"
+        ) from None
+    except ValueError:  # compiled functions do not say what they take
+        return
 
 
 def check_samples(name: str, function: MatrixFunction, period: float) -> Array:

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import (
@@ -129,6 +130,7 @@ class PeriodicSystem:
 
     __repr__ = represent
 
+    @checked
     def __init__(
         self,
         A: MatrixFunction | ArrayLike,
@@ -175,6 +177,7 @@ class PeriodicSystem:
         return found if self.second_order is None else ResolvedCompanion(found)
 
     @classmethod
+    @checked
     def from_second_order(
         cls,
         M: MatrixFunction | ArrayLike,

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
+from flexlin.arguments import checked
 from flexlin.checks import instance
 from flexlin.errors import Problem, SceneError
 from flexlin.files import read_text
@@ -29,6 +30,7 @@ ADDED = {"robot", "joints", "flexible"}
 AnyTable = TypeVar("AnyTable", bound=BaseModel)
 
 
+@checked
 def load_scene(
     source: str | Path, overrides: Mapping[str, Any] | None = None, data_folder: str | Path | None = None
 ) -> Scene:
@@ -66,6 +68,7 @@ def load_scene(
     return parse_scene(_read(path), str(path), overrides, path.parent, data_folder)
 
 
+@checked
 def parse_scene(
     raw: Mapping[str, Any],
     source: str = "scene",

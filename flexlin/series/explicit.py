@@ -7,8 +7,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexlin.arguments import checked
 from flexlin.checks import Array, instance, real_array
 from flexlin.errors import ArgumentError
+from flexlin.series.expression import Expression
 from flexlin.series.indices import indices
 from flexlin.series.polynomial import Polynomial
 from flexlin.series.recording import record_expressions
@@ -100,7 +102,8 @@ class TaylorMap:
         return ca.Function("taylor", [dx], [ca.reshape(self.polynomial.expression(dx), *self.shape)], ["dx"], ["A"])
 
 
-def taylor(A: Any, x: Any, x0: ArrayLike, order: int) -> TaylorMap:
+@checked
+def taylor(A: Expression, x: Expression, x0: ArrayLike, order: int) -> TaylorMap:
     """Expand a scalar, vector or matrix function of a vector.
 
         A(x0 + dx) ~ A(x0) + sum_(k=1..order) 1/k! D^k A(x0) (E_p (x) dx^(x)k)

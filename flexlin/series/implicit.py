@@ -1,16 +1,17 @@
 """From equations f(u, v) = 0 to the Taylor map of v(u)."""
 
 from math import comb
-from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexlin.arguments import checked
 from flexlin.checks import real_array
 from flexlin.errors import ArgumentError
 from flexlin.series.engine import expand_implicit, seeded
 from flexlin.series.explicit import check_analytic, check_symbols
+from flexlin.series.expression import Expression
 from flexlin.series.implicit_map import ImplicitMap
 from flexlin.series.indices import indices
 from flexlin.series.polynomial import Polynomial
@@ -20,7 +21,10 @@ from flexlin.series.space import Numeric
 from flexlin.symbolic import as_expression
 
 
-def implicit_taylor(f: Any, u: Any, v: Any, u0: ArrayLike, v0: ArrayLike, order: int) -> ImplicitMap:
+@checked
+def implicit_taylor(
+    f: Expression, u: Expression, v: Expression, u0: ArrayLike, v0: ArrayLike, order: int
+) -> ImplicitMap:
     """Expand the solution v(u) of f(u, v) = 0 about a point.
 
         v(u0 + du) ~ v0 + sum_(k=1..order) 1/k! C_k du^(x)k

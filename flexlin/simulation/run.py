@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
+from flexlin.arguments import checked
 from flexlin.checks import Array, check_size, instance, positive, real_array, whole
 from flexlin.control.tracking import Feedforward, tip_positions
 from flexlin.errors import ArgumentError
@@ -17,6 +18,7 @@ from flexlin.simulation.prediction import RUNS, distance, predict
 from flexlin.simulation.result import Simulation
 
 
+@checked
 def simulate(
     lin: Linearization,
     periods: float = 5.0,

@@ -5,7 +5,7 @@ import json
 import pytest
 
 
-@pytest.mark.parametrize("part", ["check", "commands", "kills", "disks", "writers", "memory"])
+@pytest.mark.parametrize("part", ["check", "commands", "kills", "disks", "writers", "memory", "misuse"])
 def test_torture(part, study, pictures, tmp_path):
     module = study("torture")
     found = module.main("small", tmp_path, (part,), number=7)["rows"]

@@ -113,7 +113,7 @@ def memory(count: int, number: int, out: Path) -> Row:
     """Runs in so little address space that something fails: a message, no trace, and nothing half-written."""
     row, chance = Row("memory"), random.Random(number)
     for at in range(count):
-        command, space = chance.choice(list(SETS)), int(2 ** chance.uniform(20, 28))
+        command, space = chance.choice(list(SETS)), int(2 ** chance.uniform(23, 28))
         folder = out / "tight" / command
         before = whole_set(folder, command)
         row.count(run(case_of(command, f"title='{at}'", folder), space=space), f"{command} in {space} bytes")

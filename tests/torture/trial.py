@@ -17,7 +17,7 @@ LONGEST = 300.0
 
 @dataclass(frozen=True)
 class Trial:
-    """How a run ended: exit code (None where a signal ended it), what it wrote, wall time in s, memory beyond the start in bytes."""
+    """How a run ended: exit code (None where a signal ended it), what it wrote, wall time in s, the most memory in bytes."""
 
     code: int | None
     said: str
@@ -38,7 +38,7 @@ def run(arguments: Sequence[str], stop_after: Callable[[int], None] | None = Non
     sys.stdout.flush()
     sys.stderr.flush()
     reader, writer = os.pipe()
-    start, before = time.monotonic(), resident()
+    start = time.monotonic()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # other threads of this process hold nothing that the child needs
         child = os.fork()
@@ -58,7 +58,7 @@ def run(arguments: Sequence[str], stop_after: Callable[[int], None] | None = Non
     os.close(reader)
     _, status, usage = os.wait4(child, 0)
     code = os.waitstatus_to_exitcode(status)
-    memory = max(0, 1024 * usage.ru_maxrss - before)
+    memory = 1024 * usage.ru_maxrss
     return Trial(None if code < 0 else code, said.decode(errors="replace"), time.monotonic() - start, memory)
 
 

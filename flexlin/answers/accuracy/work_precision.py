@@ -11,6 +11,7 @@ from flexlin.answers.accuracy.outside import measure_outside_methods
 from flexlin.answers.accuracy.result import CostResult, Row
 from flexlin.answers.accuracy.trial import STAGE_SECONDS, compare_arrays
 from flexlin.answers.limits import time_limit
+from flexlin.arguments import checked
 from flexlin.checks import instance
 from flexlin.errors import ArgumentError, FlexlinError
 from flexlin.mechanics import build_manipulator
@@ -25,6 +26,7 @@ TOTAL_SECONDS = 45.0
 """Wall time after which no stage is begun: with the last one at its limit, all of it is within a minute."""
 
 
+@checked
 def cost(scene: Scene, *, peers: bool = True) -> CostResult:
     """Measure what accuracy costs in time, stage by stage, for the scene's own loop.
 

@@ -13,6 +13,7 @@ from flexlin.answers.audit.scale import read_scale
 from flexlin.answers.audit.together import find_interplay
 from flexlin.answers.audit.versions import Version, list_effect_versions, list_mode_versions
 from flexlin.answers.steady import arm_length
+from flexlin.arguments import checked
 from flexlin.checks import instance, positive
 from flexlin.errors import TimeLimit
 from flexlin.mechanics import build_manipulator
@@ -24,6 +25,7 @@ SINGLE, PAIRS = 0.3, 0.7
 """Shares of the time after which single changes, and pairs of effects, are done, about."""
 
 
+@checked
 def audit(
     scene: Scene,
     tolerance: float = 0.01,

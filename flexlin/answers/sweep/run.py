@@ -17,6 +17,7 @@ from flexlin.answers.sweep.found import Found
 from flexlin.answers.sweep.job import Job, Work, compute_here, prepare_job
 from flexlin.answers.sweep.processes import Processes
 from flexlin.answers.sweep.store import Store
+from flexlin.arguments import checked
 from flexlin.checks import instance, whole
 from flexlin.errors import ArgumentError
 from flexlin.scene.library import models_folder
@@ -26,6 +27,7 @@ WORTH = 3.0
 """Seconds of work from which other processes are started; each takes about one to load."""
 
 
+@checked
 def sweep(
     scene: Scene,
     values: Mapping[str, ArrayLike],

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import flexlin
 from flexlin.about.linearization import Linearization
-from flexlin.checks import Array
+from flexlin.arguments import checked
+from flexlin.checks import Array, c_name
 from flexlin.control.estimator import Estimator
 from flexlin.control.export.c_gain import BEYOND, WITHIN, listed, write_c
 from flexlin.control.export.c_series import SAMPLES, Form, write_series
@@ -127,6 +128,7 @@ class GainOfFilter:
         return self.estimator.L(t)
 
 
+@checked
 def estimator_source(
     estimator: Estimator,
     folder: str | Path,
@@ -183,7 +185,7 @@ def estimator_source(
     ...     print([path.name for path in fl.control.estimator_source(estimator, folder)])
     ['estimator.c', 'estimator.h']
     """
-    with results(Path(folder), name) as files:
+    with results(Path(folder), c_name(name)) as files:
         return files.placed(*write_estimator(estimator, files.stage, name, samples, lin, measurements, form))
 
 

@@ -8,7 +8,8 @@ import numpy as np
 import flexlin
 from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
-from flexlin.checks import Array
+from flexlin.arguments import checked
+from flexlin.checks import Array, c_name, positive
 from flexlin.control.designed_loop import Design
 from flexlin.control.export.c_series import SAMPLES, Form, write_series
 from flexlin.control.export.labels import Labels
@@ -101,6 +102,7 @@ class Column:
         return self.vector(t)[:, :, None]
 
 
+@checked
 def gain_source(
     made: Design,
     period: float,
@@ -160,8 +162,8 @@ def gain_source(
     ...     print([path.name for path in fl.control.gain_source(made, system.period, folder)])
     ['gain.c', 'gain.h', 'main.c']
     """
-    with results(Path(folder), name) as files:
-        return files.placed(*write_gain(made, period, files.stage, name, samples, lin, law, form))
+    with results(Path(folder), c_name(name)) as files:
+        return files.placed(*write_gain(made, positive("period", period), files.stage, name, samples, lin, law, form))
 
 
 def write_gain(

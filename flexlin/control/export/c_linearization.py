@@ -8,6 +8,8 @@ import casadi as ca
 import numpy as np
 
 from flexlin.about.linearization import Linearization
+from flexlin.arguments import checked
+from flexlin.checks import c_name
 from flexlin.errors import ArgumentError
 from flexlin.files import results
 from flexlin.motion import SymbolicMotion
@@ -50,6 +52,7 @@ int main(int argc, char **argv) {{
 """
 
 
+@checked
 def linearization_source(lin: Linearization, folder: str | Path, name: str = "linearization") -> list[Path]:
     """Write C source that evaluates M_L, D_L, K_L, h_L, B_L and the rigid torque at a phase of the motion.
 
@@ -87,7 +90,7 @@ def linearization_source(lin: Linearization, folder: str | Path, name: str = "li
     ...     print([path.name for path in fl.control.linearization_source(lin, folder)])
     ['linearization.c', 'linearization.h', 'main.c']
     """
-    with results(Path(folder), name) as made:
+    with results(Path(folder), c_name(name)) as made:
         return made.placed(*write_linearization(lin, made.stage, name))
 
 

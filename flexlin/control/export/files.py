@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from flexlin.about.linearization import Linearization
+from flexlin.arguments import checked
 from flexlin.checks import Array, check_size
 from flexlin.control.designed_loop import Design
 from flexlin.control.export.labels import Labels
@@ -19,6 +20,7 @@ PHASES = 256
 """Samples of a period in a file."""
 
 
+@checked
 def save(
     system: PeriodicSystem,
     path: str | Path,

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexlin.about.linearization import Linearization
+from flexlin.arguments import checked
 from flexlin.checks import check_size, positive
 from flexlin.control.export.labels import Labels
 from flexlin.errors import ArgumentError
@@ -19,6 +20,7 @@ LATE = "_held"
 """What stands behind an input's name where its last value is a state, because it takes effect late."""
 
 
+@checked
 def lifted_model(
     system: PeriodicSystem | Linearization, sample_time: float, delay: float = 0.0, tol: float = 1e-9
 ) -> "control.StateSpace":

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexlin.about.linearization import Linearization
+from flexlin.arguments import checked
 from flexlin.checks import Array
 from flexlin.control.designed_loop import Design
 from flexlin.control.export.labels import Labels
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     import control
 
 
+@checked
 def to_control(
     system: PeriodicSystem | Linearization, phase: float = 0.0, outputs: Array | None = None, names: Sequence[str] = ()
 ) -> "control.StateSpace":
@@ -71,6 +73,7 @@ def to_control(
     return control.ss(A, B, C, D, states=list(labels.states), inputs=list(labels.inputs) or 0, outputs=seen)
 
 
+@checked
 def gain_schedule(
     made: Design, name: str = "gain_schedule", lin: Linearization | None = None
 ) -> "control.NonlinearIOSystem":
@@ -109,6 +112,7 @@ def gain_schedule(
     return control.nlsys(None, feedback, inputs=list(labels.states), outputs=list(labels.inputs), name=name)
 
 
+@checked
 def periodic_plant(system: PeriodicSystem | Linearization, name: str = "plant") -> "control.NonlinearIOSystem":
     """Return the periodic system x' = A(t) x + B(t) u as a python-control system with outputs x.
 

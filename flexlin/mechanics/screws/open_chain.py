@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexlin.arguments import checked
 from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.screws.twists import Ad, ad, exponential, hat
@@ -64,6 +65,7 @@ class OpenChain:
 
     __repr__ = represent
 
+    @checked
     def __init__(self, screws: ArrayLike, pose: ArrayLike | None = None):
         home = real_array("pose", np.eye(4) if pose is None else pose, (4, 4))
         R = home[:3, :3]

@@ -1,14 +1,20 @@
 """Screws of joints, adjoint maps and the exponential of a screw."""
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexlin.arguments import Kind, checked, is_number
 from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError
 
+Coordinate = Annotated[
+    Any, Kind("a number or a CasADi scalar", lambda q: is_number(q) or (hasattr(q, "nnz") and q.numel() == 1))
+]
 
+
+@checked
 def cross(w: Array) -> Array:
     """Return the matrix of a cross product, [w x] a = w x a.
 
@@ -29,9 +35,11 @@ def cross(w: Array) -> Array:
     >>> cross(np.array([0.0, 0.0, 1.0])) @ np.array([1.0, 0.0, 0.0])
     array([0., 1., 0.])
     """
+    w = real_array("w", w, (3,))
     return np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
 
 
+@checked
 def hat(t: Array) -> Array:
     """Return the 4 x 4 matrix of a twist.
 
@@ -61,11 +69,12 @@ def hat(t: Array) -> Array:
            [-0.,  0.,  0.,  0.],
            [ 0.,  0.,  0.,  0.]])
     """
-    matrix = np.zeros((4, 4))
+    t, matrix = real_array("t", t, (6,)), np.zeros((4, 4))
     matrix[:3, :3], matrix[:3, 3] = cross(t[:3]), t[3:]
     return matrix
 
 
+@checked
 def Ad(H: Array) -> Array:
     """Return the adjoint matrix of a pose, which moves twists between frames.
 
@@ -96,10 +105,12 @@ def Ad(H: Array) -> Array:
     >>> (Ad(H) @ [0, 0, 1, 0, 0, 0]).tolist()
     [0.0, 0.0, 1.0, 0.0, -1.0, 0.0]
     """
+    H = real_array("H", H, (4, 4))
     R = H[:3, :3]
     return np.block([[R, np.zeros((3, 3))], [cross(H[:3, 3]) @ R, R]])
 
 
+@checked
 def ad(t: Array) -> Array:
     """Return the matrix of the Lie bracket with a twist.
 
@@ -127,10 +138,12 @@ def ad(t: Array) -> Array:
     >>> bool(np.all(ad(t) @ t == 0))
     True
     """
+    t = real_array("t", t, (6,))
     W, V = cross(t[:3]), cross(t[3:])
     return np.block([[W, np.zeros((3, 3))], [V, W]])
 
 
+@checked
 def revolute(axis: ArrayLike, point: ArrayLike) -> Array:
     """Return the screw of a hinge.
 
@@ -162,6 +175,7 @@ def revolute(axis: ArrayLike, point: ArrayLike) -> Array:
     return helical(axis, point, 0.0)
 
 
+@checked
 def helical(axis: ArrayLike, point: ArrayLike, pitch: float) -> Array:
     """Return the screw of a helical joint.
 
@@ -196,6 +210,7 @@ def helical(axis: ArrayLike, point: ArrayLike, pitch: float) -> Array:
     return np.concatenate([e, np.cross(p, e) + float(real_array("pitch", pitch, ())) * e])
 
 
+@checked
 def prismatic(direction: ArrayLike) -> Array:
     """Return the screw of a slider.
 
@@ -225,7 +240,8 @@ def prismatic(direction: ArrayLike) -> Array:
     return np.concatenate([np.zeros(3), unit("direction", direction)])
 
 
-def exponential(t: Array, q: Any, body: Any = None) -> Any:
+@checked
+def exponential(t: Array, q: Coordinate, body: Any = None) -> Any:
     """Return the motion along a constant screw, or its product with a matrix such as a point [x; 1].
 
         exp([t x] q) = E + X^2/w^2 + (X + X^3/w^2) q - X^3/w^3 sin(w q) - X^2/w^2 cos(w q),   X = [t x],  w = |omega|
@@ -260,11 +276,11 @@ def exponential(t: Array, q: Any, body: Any = None) -> Any:
     >>> (moved.ravel().round(12) + 0.0).tolist()
     [1.0, -1.0, 0.0, 1.0]
     """
-    X, w = hat(t), float(np.linalg.norm(t[:3]))
+    X, w = hat(t), float(np.linalg.norm(np.asarray(t)[:3]))
     body = np.eye(4) if body is None else body
     if w == 0.0:
         return body + q * (X @ body)
-    sin, cos = (np.sin, np.cos) if isinstance(q, float) else (type(q).sin, type(q).cos)
+    sin, cos = (np.sin, np.cos) if is_number(q) else (type(q).sin, type(q).cos)
     square, cube = X @ X / w**2, X @ X @ X / w**2
     moved = (np.eye(4) + square) @ body + sin(w * q) * (-cube / w @ body) + cos(w * q) * (-square @ body)
     advance = X + cube

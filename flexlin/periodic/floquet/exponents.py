@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from flexlin.arguments import checked
 from flexlin.checks import Array, positive, whole
 from flexlin.periodic.assignment import assign
 from flexlin.periodic.circle import measure_distances, pair_conjugates, wrap_log
@@ -24,6 +25,7 @@ FACTOR_BYTES = 2**27
 """The transition matrices of a period take at most this many bytes."""
 
 
+@checked
 def floquet(
     system: PeriodicSystem,
     tol: float = 1e-9,
@@ -111,6 +113,8 @@ def find_exponents(
         exponents, errors = solve_constant(system)
         folded = wrap_log(exponents * system.period) / system.period
         return finish(system, folded, errors, Setting("eigenvalues", 0, 1, "A is constant"), tol)
+    if segments is not None and segments > limit:
+        raise report_too_many(segments, limit, tol)
     if segments is not None:
         return judge_fixed(system, choose_setting(system, tol, method, order, segments), tol)
     setting = choose_setting(system, tol, method, order, None)

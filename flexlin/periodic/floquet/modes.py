@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexlin.arguments import checked
 from flexlin.checks import Array, instance
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.floquet.exponents import floquet
@@ -82,6 +83,7 @@ class FloquetModes:
         return share / share.sum(axis=0)
 
 
+@checked
 def floquet_modes(system: PeriodicSystem, result: FloquetResult | None = None, tol: float = 1e-9) -> FloquetModes:
     """Compute the periodic eigenvectors for the exponents of `floquet`.
 

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexlin.arguments import checked
 from flexlin.checks import Array, at_times, positive, real_array, whole
 from flexlin.errors import ArgumentError, ResonantForcing
-from flexlin.periodic.coefficients import Constant
+from flexlin.periodic.coefficients import Constant, refuse_signature
 from flexlin.periodic.floquet.uncertainty import couple_uncertainty
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.product.eigenvalues import product_logs
@@ -133,6 +134,7 @@ def label_states(count: int, names: Sequence[str], units: Sequence[str]) -> tupl
     return list(names) or [f"x{i + 1}" for i in range(count)], list(units) or [""] * count
 
 
+@checked
 def forced_response(
     system: PeriodicSystem,
     f: VectorFunction | Sequence[float],
@@ -270,6 +272,7 @@ def as_vector_function(f: VectorFunction | Sequence[float], system: PeriodicSyst
     n = system.n
     if not callable(f):
         return Constant(real_array("f", f, (n,)))
+    refuse_signature("f", f)
     probe = system.period * np.array([0.0, 0.2917, 0.6281])
     shape = real_array("f", f(probe)).shape
     if shape != (3, n):

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexlin.arguments import checked
 from flexlin.checks import Array, positive
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples
@@ -31,6 +32,7 @@ class RoundSpectrum:
     errors: Array
 
 
+@checked
 def sampled_floquet(
     system: PeriodicSystem,
     gain: MatrixFunction | ArrayLike,

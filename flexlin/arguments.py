@@ -1,0 +1,204 @@
+"""The kinds of the arguments of public functions, refused by name where they are other ones than their annotations state."""
+
+import inspect
+import numbers
+import types
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, wraps
+from operator import index
+from os import PathLike
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
+
+from flexlin.errors import ArgumentError
+
+SEVERAL = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What an argument must be, in words and as a test; as a mark it stands in `Annotated[Any, Kind(...)]`."""
+
+    words: str
+    fits: Callable[[Any], bool]
+
+
+def checked(function: Function) -> Function:
+    """Refuse arguments of another kind than the annotations state, before the function begins.
+
+    Values are the function's own matter: this looks at kinds alone, and at what is annotated in a way that says something.
+    Raises: ArgumentError naming the argument.
+    """
+    signature = inspect.signature(function)
+
+    @cache
+    def kinds() -> dict[str, Kind]:
+        single = {name: one for name, one in signature.parameters.items() if one.kind not in SEVERAL}
+        found = {name: kind_of(resolved(one.annotation, function)) for name, one in single.items()}
+        return {name: kind for name, kind in found.items() if kind is not None}
+
+    @wraps(function)
+    def begin(*given: Any, **named: Any) -> Any:
+        try:
+            bound = signature.bind(*given, **named).arguments
+        except TypeError:  # too many or unknown arguments: Python says it best
+            return function(*given, **named)
+        for name, kind in kinds().items():
+            if name in bound and not kind.fits(bound[name]):
+                raise ArgumentError(
+                    f"{name} is of another kind", got=shown(bound[name]), expected=kind.words, todo=hint(kind)
+                )
+        return function(*given, **named)
+
+    return begin  # type: ignore[return-value]
+
+
+def hint(kind: Kind) -> str | None:
+    """What to do where a scene is missing, which most often means that its name was given."""
+    return "load one: fl.load_scene(name or path)" if kind.words == "a Scene" else None
+
+
+def shown(value: Any) -> str:
+    """A value in a message."""
+    try:
+        return repr(value)[:80]
+    except Exception:
+        return f"a {type(value).__name__}"
+
+
+def resolved(annotation: Any, function: Callable[..., Any]) -> Any:
+    """An annotation that is given as a string, by the names that its module knows; without them, the class's name alone."""
+    if not isinstance(annotation, str):
+        return annotation
+    try:
+        return eval(annotation, getattr(function, "__globals__", {}))
+    except NameError:  # a name for the type checker alone
+        return Any
+
+
+def kind_of(annotation: Any) -> Kind | None:
+    """What an annotation asks for; None where it lets everything through."""
+    origin, inside = get_origin(annotation), get_args(annotation)
+    if annotation is inspect.Parameter.empty:
+        return None
+    if origin is Annotated:
+        marks = [mark for mark in inside[1:] if isinstance(mark, Kind)]
+        return marks[0] if marks else kind_of(inside[0])
+    if origin is Literal:
+        return Kind(" or ".join(map(repr, inside)), lambda value: isinstance(value, str) and value in inside)
+    parts = inside if origin in (Union, types.UnionType) else (annotation,)
+    if any(is_of_numpy(one) for one in parts):
+        functions = origin in (Union, types.UnionType) and any(is_callable(one) for one in inside)
+        return either([NUMBERS, FUNCTION, *[NONE] * (type(None) in inside)]) if functions else optional(NUMBERS, inside)
+    if origin in (Union, types.UnionType):
+        kinds = [kind_of(one) for one in inside]
+        return None if None in kinds else either([kind for kind in kinds if kind is not None])
+    return plain_kind(annotation, origin, inside)
+
+
+def is_of_numpy(annotation: Any) -> bool:
+    """Whether an annotation asks for an array, or for what NumPy makes one of."""
+    module = getattr(get_origin(annotation) or annotation, "__module__", "")
+    return module.startswith("numpy") and "dtype" not in repr(get_origin(annotation) or annotation)
+
+
+def optional(kind: Kind, inside: tuple[Any, ...]) -> Kind:
+    """The kind, or None where a union says so."""
+    return either([kind, NONE]) if type(None) in inside else kind
+
+
+def plain_kind(annotation: Any, origin: Any, inside: tuple[Any, ...]) -> Kind | None:
+    """What an annotation asks for that is no union."""
+    if annotation in SIMPLE:
+        return SIMPLE[annotation]
+    if is_callable(annotation):
+        return FUNCTION
+    if origin is tuple and inside and inside[-1] is not Ellipsis:
+        return fixed_tuple([kind_of(one) for one in inside])
+    if origin is not None and isinstance(origin, type) and issubclass(origin, Mapping):
+        return Kind("a mapping", lambda value: isinstance(value, Mapping))
+    if origin is not None and isinstance(origin, type) and issubclass(origin, Iterable):
+        return list_of(kind_of(inside[0]) if inside else None)
+    if getattr(annotation, "_is_protocol", False):
+        has = [name for name in (*vars(annotation), *annotation.__annotations__) if not name.startswith("_")]
+        return Kind(f"a {annotation.__name__}", lambda value: all(hasattr(value, name) for name in has))
+    if isinstance(annotation, type) and annotation not in (object, Any):
+        return Kind(f"a {annotation.__name__}", lambda value: isinstance(value, annotation))
+    return None
+
+
+def is_callable(annotation: Any) -> bool:
+    """Whether an annotation asks for a function."""
+    return get_origin(annotation) is Callable or annotation is Callable or "Callable" in repr(get_origin(annotation))
+
+
+def either(kinds: Sequence[Kind]) -> Kind:
+    """One of several kinds."""
+    return Kind(" or ".join(kind.words for kind in kinds), lambda value: any(kind.fits(value) for kind in kinds))
+
+
+def list_of(kind: Kind | None) -> Kind:
+    """A list, a tuple, an array or an iterator that is not used up by the look at it."""
+
+    def fits(value: Any) -> bool:
+        if isinstance(value, (str, bytes, Mapping)) or not isinstance(value, Iterable):
+            return False
+        return kind is None or not hasattr(value, "__len__") or all(map(kind.fits, value))
+
+    return Kind("a list" if kind is None else f"a list, each {kind.words}", fits)
+
+
+def fixed_tuple(kinds: Sequence[Kind | None]) -> Kind:
+    """So many things of these kinds."""
+
+    def fits(value: Any) -> bool:
+        fitting = LIST.fits(value) and hasattr(value, "__len__") and len(value) == len(kinds)
+        return fitting and all(kind is None or kind.fits(one) for kind, one in zip(kinds, value, strict=True))
+
+    return Kind(f"{len(kinds)} entries", fits)
+
+
+def is_number(value: Any) -> bool:
+    """Whether it is one real number; True is none."""
+    if isinstance(value, bool):
+        return False
+    return isinstance(value, numbers.Real) or (getattr(value, "shape", None) == () and value.dtype.kind in "iuf")
+
+
+def is_whole(value: Any) -> bool:
+    """Whether it is a whole number; True and 2.0 are none."""
+    try:
+        return not isinstance(value, bool) and index(value) is not None
+    except TypeError:
+        return False
+
+
+def is_truth(value: Any) -> bool:
+    """Whether it is True or False, of Python's or NumPy's."""
+    return isinstance(value, bool) or (type(value).__module__ == "numpy" and type(value).__name__ in ("bool", "bool_"))
+
+
+def are_numbers(value: Any) -> bool:
+    """Whether NumPy makes an array of numbers of it."""
+    import numpy as np  # what takes no arrays needs none
+
+    try:
+        return np.asarray(value).dtype.kind in "biufc"
+    except Exception:
+        return False
+
+
+NONE = Kind("None", lambda value: value is None)
+NUMBERS = Kind("an array of numbers", are_numbers)
+FUNCTION = Kind("a function", callable)
+SIMPLE: dict[Any, Kind] = {
+    float: Kind("a number", is_number),
+    int: Kind("a whole number", is_whole),
+    str: Kind("a text", lambda value: isinstance(value, str)),
+    bool: Kind("True or False", is_truth),
+    Path: Kind("a path", lambda value: isinstance(value, PathLike)),
+    type(None): NONE,
+}
+LIST = list_of(None)

@@ -1,0 +1,106 @@
+"""Arguments of another kind are refused by name; those of the kind that is stated pass, however they are given."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal, Protocol
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike
+
+from flexlin.arguments import checked
+from flexlin.checks import Array
+from flexlin.errors import ArgumentError
+
+
+class Sized(Protocol):
+    size: int
+
+
+@checked
+def everything(
+    number: float = 1.0,
+    count: int = 1,
+    text: str = "",
+    flag: bool = True,
+    choice: Literal["a", "b"] = "a",
+    path: str | Path | None = None,
+    array: ArrayLike = 0.0,
+    matrix: Array | None = None,
+    function: Callable[[Array], Array] | ArrayLike | None = None,
+    table: Mapping[str, Any] | None = None,
+    names: Sequence[str] = (),
+    pairs: Sequence[tuple[float, float]] = (),
+    some: Iterable[int] = (),
+    sized: Sized | None = None,
+    later: "Sequence[int] | None" = None,
+    unknown: "NoSuchName" = None,  # noqa: F821
+    anything: Any = None,
+    bare=None,
+) -> str:
+    return "done"
+
+
+GOOD = {
+    "number": [1, 2.5, np.float32(1), np.int64(3), np.array(2.0), float("nan")],
+    "count": [1, np.int64(3), -5],
+    "flag": [False, np.True_],
+    "path": ["a", Path("a"), None],
+    "array": [1, [1, 2], [[1.0], [2.0]], np.eye(2), 1j],
+    "matrix": [np.eye(2), None],
+    "function": [np.sin, lambda: 1, [1.0], None],
+    "table": [{}, {"a": 1}],
+    "names": [["a"], ("a", "b"), []],
+    "pairs": [[(0.1, 0.2)], [[1, 2]], np.ones((2, 2))],
+    "some": [[1], range(3), {1, 2}, iter([1])],
+    "sized": [np.ones(3), None],
+    "later": [[1], None],
+    "unknown": [object()],
+    "anything": [object()],
+    "bare": [object()],
+}
+BAD = {
+    "number": [None, "1", True, np.True_, [1.0], np.ones(1), 1j, b"1"],
+    "count": [1.0, "1", True, None, np.float64(2)],
+    "text": [None, 1, b"a", ["a"]],
+    "flag": [0, 1, "yes", None, np.ones(1)],
+    "choice": ["c", None, 1, ["a"]],
+    "path": [1, b"a", ["a"], True],
+    "array": ["a", None, {}, [[1, 2], [3]], object()],
+    "matrix": ["a", {}],
+    "function": ["a", {}, [["a"]]],
+    "table": [[], "a", 1],
+    "names": ["ab", [1], 3, {"a": 1}, None],
+    "pairs": [[1, 2], [(1, 2, 3)], [("a", "b")], "ab"],
+    "some": ["12", [1.5], 3],
+    "sized": [object(), 3],
+    "later": ["a", 3],
+}
+
+
+@pytest.mark.parametrize("name", GOOD)
+def test_what_is_asked_for_passes(name: str) -> None:
+    for value in GOOD[name]:
+        assert everything(**{name: value}) == "done"
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_what_is_not_asked_for_is_refused_by_name(name: str) -> None:
+    for value in BAD[name]:
+        with pytest.raises(ArgumentError, match=f"^{name} is of another kind; got .*, expected "):
+            everything(**{name: value})
+
+
+def test_a_value_without_a_repr_is_refused_too() -> None:
+    class Hostile:
+        def __repr__(self) -> str:
+            raise RuntimeError
+
+    with pytest.raises(ArgumentError, match="got a Hostile, expected a number"):
+        everything(Hostile())
+
+
+def test_calls_that_do_not_fit_are_python_s_own_matter() -> None:
+    with pytest.raises(TypeError, match="unexpected keyword"):
+        everything(nonsense=1)
+    assert everything.__name__ == "everything"
