@@ -13,6 +13,7 @@ from flexlin.answers.sweep.batches import CHUNK_BYTES, Batches, Plan, choose_pla
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, FlexlinError, TimeLimit
 from flexlin.periodic.boundary.spectra import Spectra
+from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import floquet_modes
 from flexlin.periodic.floquet.resonance import Resonance, find_resonances
@@ -23,8 +24,8 @@ from flexlin.scene.scene import Scene
 
 ROUGH, FINE = 1e-8, 1e-12
 """Wanted errors of the exponents, in 1/s: of the scan, and of the values that are reported."""
-LOOSE = 3e-5
-"""A log of a multiplier this uncertain still serves: where two meet, they are known to a root of what their distance squared is."""
+LOOSE, SQUARED = 3e-5, 3e-9
+"""A log of a multiplier this uncertain still serves where two meet, as their squared distance is known that well."""
 
 FINER = (1, 4, 16)
 """Segments of a batch, in those that the pilot chose: where multipliers meet, more are needed."""
@@ -129,7 +130,10 @@ class SceneFamily(Family):
     def together(self, batches: Batches, part: Array, plan: Plan) -> tuple[Array, Array, Array]:
         """Logs and errors (V, n) of a batch, and which of its values are not accurate enough, (V,)."""
         logs, errors, reached, _ = batches.batch(part, plan)
-        return logs, errors, ~(reached | (errors.max(axis=1) <= LOOSE))
+        apart = measure_distances(logs.T, logs.T) + np.diag(np.ones(logs.shape[1]))[..., None]
+        gap = np.minimum(apart.min(axis=1).T, 1.0)
+        met = ((errors <= LOOSE) & (errors * (gap + errors) <= SQUARED)) | (errors <= ROUGH * np.abs(logs))
+        return logs, errors, ~(reached | met.all(axis=1))
 
     def slopes(self, point: Array) -> tuple[Array, Array, Array] | None:
         assert self.loop is not None

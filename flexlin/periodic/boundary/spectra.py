@@ -110,8 +110,11 @@ def measure_margins(spectra: Spectra, undamped: Array, angles: Array) -> tuple[A
     a, b = pair[:, 0], pair[:, -1]
     passing = -((np.hypot((a - b).real, wrap_angle((a - b).imag)) / 2) ** 2)
     neutral = np.where(spectra.verdicts > 0, growth**2, passing)
-    product = np.where(np.abs(np.sin(angles)) < CONJUGATE, np.abs(a * b), np.abs(a.real * b.real))
-    inside = (near == lead[:, None]).any(axis=1) & (spectra.logs.shape[1] > 1)
+    own = np.abs(np.sin(angles)) < CONJUGATE
+    product = np.where(own, np.abs(a * b), np.abs(a.real * b.real))
+    mirror = np.minimum(np.abs(wrap_angle(angles)), np.pi - np.abs(wrap_angle(angles)))
+    partner = own | (np.abs(b.imag) < mirror)  # the conjugate of a is none
+    inside = (near == lead[:, None]).any(axis=1) & partner & (spectra.logs.shape[1] > 1)
     damped = np.where(inside, np.sign(growth) * product, growth)
     damped_error = np.where(
         inside, wrong[:, 0] * np.abs(b) + wrong[:, -1] * np.abs(a) + wrong[:, 0] * wrong[:, -1], error

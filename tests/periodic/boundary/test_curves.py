@@ -81,18 +81,20 @@ def test_no_part_of_meissners_boundary_is_left_out(damping):
     assert missed == 0
 
 
-def island(unit, centre, radius, sign=1.0):
-    """A single real multiplier whose log falls with the distance from a centre, beside a strongly damped one."""
+def island(unit, centre, radius, sign=1.0, angle=0.0):
+    """A real multiplier, or a pair at an angle, whose log falls with the distance from a centre, beside strongly damped ones."""
     growth = sign * (radius**2 - ((unit - centre) ** 2).sum(axis=1))
-    return Spectra(np.stack([growth + 0j, np.full(len(unit), -3.0 + 0j)], axis=1), np.full((len(unit), 2), 1e-13))
+    pair = [growth + 1j * angle, growth - 1j * angle] if angle else [growth + 0j]
+    logs = np.stack([*pair, np.full(len(unit), -3.0 + 0j)], axis=1)
+    return Spectra(logs, np.full(logs.shape, 1e-13))
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("radius", [0.3, 0.004])
-def test_islands_and_holes_are_closed_with_the_unstable_side_on_the_left(radius, sign):
-    """The small one lies between the points of the lattice."""
+@pytest.mark.parametrize(("radius", "angle"), [(0.3, 0.0), (0.004, 0.0), (0.3, 0.9)])
+def test_islands_and_holes_are_closed_with_the_unstable_side_on_the_left(radius, angle, sign):
+    """The small one lies between the points of the lattice; the last one is a pair that leaves the circle with no other near."""
     centre = np.array([0.513, 0.487])
-    (curve,) = find_curves(lambda unit: island(unit, centre, radius, sign), 1e-8, cells=16)
+    (curve,) = find_curves(lambda unit: island(unit, centre, radius, sign, angle), 1e-8, cells=16)
     assert curve.closed
     assert np.allclose(np.linalg.norm(curve.points - centre, axis=1), radius, rtol=0, atol=1e-8)
     (x, y), (dx, dy) = (curve.points[:-1] - centre).T, np.diff(curve.points, axis=0).T
