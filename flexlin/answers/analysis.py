@@ -21,6 +21,7 @@ from flexlin.answers.judging import (
     name_ending_loops,
     with_response,
 )
+from flexlin.answers.margins import Margin
 from flexlin.answers.steady import Response, arm_length, find_response, response_error
 from flexlin.answers.validity import ModelValidity, judge_model
 from flexlin.checks import Array
@@ -77,6 +78,7 @@ class Analysis:
     stopped: SimulationStopped | None = None
     sampled: tuple[Loop, ...] = ()
     estimated: tuple[Loop, ...] = ()
+    margins: tuple[Margin, ...] = ()
 
     def validity(self, loop: Loop) -> ModelValidity:
         """Whether the linear model can be believed along the motion under one of the loops; only the own loop is simulated."""

@@ -72,6 +72,7 @@ def critical_values(
     *,
     loop: str = "own",
     samples: int = SAMPLES,
+    narrow: bool = True,
 ) -> list[CriticalValue]:
     """Find every value of a number, within limits, at which a loop becomes unstable or stable again.
 
@@ -95,6 +96,8 @@ def critical_values(
         Which loop of the scene, as in `sweep`: own, open, a design's name, or that name followed by ", redone".
     samples : int
         Values of the scan: one more than the steps of the range.
+    narrow : bool
+        Whether to look for intervals of instability narrower than a step.
 
     Returns
     -------
@@ -134,8 +137,8 @@ def critical_values(
         return family.fine(values[:, None])
 
     tol, samples = positive("tol", tol), whole("samples", samples, 3)
-    constant = family.is_constant(np.array([(low + high) / 2]))
-    found = find_crossings(rough, fine, low, high, tol, samples, constant)
+    narrow = narrow and not family.is_constant(np.array([(low + high) / 2]))
+    found = find_crossings(rough, fine, low, high, tol, samples, narrow)
     return [describe_crossing(path, crossing, family) for crossing in found]
 
 

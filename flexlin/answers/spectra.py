@@ -27,8 +27,8 @@ ROUGH, FINE = 1e-8, 1e-12
 LOOSE, SQUARED = 3e-5, 3e-9
 """A log of a multiplier this uncertain still serves where two meet, as their squared distance is known that well."""
 
-FINER = (1, 4, 16)
-"""Segments of a batch, in those that the pilot chose: where multipliers meet, more are needed."""
+FINER, SMALL = (1, 4, 16), 4
+"""Segments of a batch, in those that the pilot chose: where multipliers meet, more are needed; for so many states that beats `floquet`."""
 
 Source = Scene | Callable[..., PeriodicSystem]
 """A scene, or a function of one number for each parameter that returns a system."""
@@ -115,7 +115,7 @@ class SceneFamily(Family):
         states, narrow = self.loop.states, batches.find_narrow(np.arange(len(points)))
         logs, errors = np.full((len(points), states), np.nan + 0j), np.full((len(points), states), np.inf)
         left = np.flatnonzero(~narrow)
-        for finer in FINER:
+        for finer in FINER if states <= SMALL else FINER[:1]:
             plan = replace(self.plan, segments=finer * self.plan.segments)
             size = batches.values_in_chunk(plan.segments)
             for part in [left[i : i + size] for i in range(0, len(left), size)]:

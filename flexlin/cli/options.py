@@ -71,6 +71,11 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
     "store": (
         ["--store"], {"type": Path, "metavar": "CHART.zarr", "help": "keep finished values; the same command goes on where it stopped"},
     ),
+    "margins": (
+        ["--margins"],
+        {"type": span, "metavar": "KEY=LOW:HIGH", "action": "extend", "nargs": "+", "default": [],
+         "help": "numbers whose critical values are looked for, with ranges (default: speed and payload, by a coarse scan)"},
+    ),
     "sensitivity": (
         ["--sensitivity"],
         {"action": "store_true", "help": "also find which numbers move the growth rate (some seconds)"},

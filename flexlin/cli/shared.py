@@ -55,6 +55,8 @@ def command(options: argparse.Namespace) -> str:
         for key, low, high, number in getattr(options, "over", [])
     ]
     over = ["--over", *axes] if axes else []
+    ranges = [f"{key}={low:g}:{high:g}" for key, low, high, _ in getattr(options, "margins", [])]
+    over += ["--margins", *ranges] if ranges else []
     over += ["--data", str(options.data)] if getattr(options, "data", None) else []
     flags = [f"--{name}" for name in ("effects", "sensitivity", "animate") if getattr(options, name, False)]
     forward = getattr(options, "feedforward", "scene")

@@ -15,6 +15,7 @@ from flexlin.report.drive_words import drive_cells
 from flexlin.report.figures.coefficients import NOISE, name_matrix_unit
 from flexlin.report.figures.style import Picture
 from flexlin.report.headline import colour, doubt, reason
+from flexlin.report.margins import describe_margins
 from flexlin.report.wording import (
     describe_pace,
     format_decimal,
@@ -39,6 +40,7 @@ def render_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture
         reason=reason(model),
         pace=describe_pace(analysis.own, analysis.plant.period),
         facts=list_facts(analysis),
+        margins=describe_margins(analysis.scene, analysis.margins),
         steps=advise(analysis),
         loops=[describe_loop(analysis, loop) for loop in analysis.loops],
         exponents=[list_exponents(loop) for loop in analysis.loops if loop.floquet is not None],

@@ -11,6 +11,7 @@ from flexlin.answers.validity import ModelValidity
 from flexlin.report.advice import advise
 from flexlin.report.drive_words import drive_line
 from flexlin.report.headline import colour, doubt
+from flexlin.report.margins import describe_margins
 from flexlin.report.minimal import describe_error
 from flexlin.report.wording import (
     describe_pace,
@@ -52,6 +53,8 @@ def summarize(analysis: Analysis) -> None:
         over = drive_line(analysis, loop)
         if over:
             say(f"    {over}")
+    if analysis.margins:
+        say(f"  {analysis.own.name} {describe_margins(analysis.scene, analysis.margins)}")
     said = advise(analysis)
     for line in (*[f"- {step}" for step in said], *accuracy_lines(analysis.steps, "\n".join(said))):
         say(line)

@@ -10,10 +10,15 @@ from flexlin.files import results
 from flexlin.scene.scene import Scene
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
     from flexlin.answers.analysis import Analysis
+    from flexlin.answers.margins import Margin
 
 
-STAGES = 13
+USUAL_SECONDS = 10.0
+"""What the margins may take, each, that nobody asked for."""
+STAGES = 15
 """Of a report without designs, about."""
 
 
@@ -24,11 +29,13 @@ def write_report(
     progress: Progress | None = None,
     with_audit: bool = False,
     with_sensitivity: bool = False,
+    margins: "Mapping[str, tuple[float, float]] | None" = None,
 ) -> "tuple[Analysis, list[Path]]":
     """Analyse a scene and write report.html and report.json into a folder, as one set.
 
     Parameters: command: the command line, which the page shows; progress: called with the name of each step as it begins;
-    with_audit, with_sensitivity: also find which effects and which numbers matter (some seconds each).
+    with_audit, with_sensitivity: also find which effects and which numbers matter (some seconds each);
+    margins: numbers whose critical values are looked for, with their ranges; by default speed and payload, by a coarse scan.
     Returns: the analysis and the paths of the files.
     Raises: what `analyse` raises; OutputError when the folder cannot be written.
     """
@@ -37,6 +44,7 @@ def write_report(
         from flexlin.answers.analysis import analyse
         from flexlin.report.record import record, to_json
     analysis, asked = analyse(scene, clock), scene.accuracy
+    analysis = replace(analysis, margins=find_margins(scene, margins, analysis, clock))
     if with_audit:
         from flexlin.answers.audit import audit
 
@@ -59,3 +67,23 @@ def write_report(
         (made / "report.html").write_text(render_page(analysis, data, drawn, command), encoding="utf-8")
         (made / "report.json").write_text(to_json(data), encoding="utf-8")
     return analysis, made.placed("report.html", "report.json")
+
+
+def find_margins(
+    scene: Scene, chosen: "Mapping[str, tuple[float, float]] | None", analysis: "Analysis", clock: Clock
+) -> "tuple[Margin, ...]":
+    """The critical values of some numbers; none of a number that meets a limit, or, where nobody chose it, cannot be free."""
+    from flexlin.answers.margins import choose_margins, find_margin, find_usual_margin
+
+    find: Callable[..., Margin | None] = find_margin
+    asked = scene.accuracy
+    if chosen is None:
+        find, asked = find_usual_margin, asked.model_copy(update={"seconds": min(asked.seconds, USUAL_SECONDS)})
+    ranges = choose_margins(scene) if chosen is None else chosen
+    found = [
+        clock.attempt(
+            analysis.problems, f"margin {path}", f"critical values of {path}", asked, partial(find, scene, path, limits)
+        )
+        for path, limits in ranges.items()
+    ]
+    return tuple(margin for margin in found if margin is not None)

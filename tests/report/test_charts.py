@@ -5,8 +5,10 @@ import pytest
 
 import flexlin as fl
 from flexlin.answers.campbell import unfold_frequencies
+from flexlin.answers.margins import choose_margins, find_margin
 from flexlin.report.figures.chart_line import choose_scale, limits_of
 from flexlin.report.figures.contours import trace_contour
+from flexlin.report.margins import describe_margins, record_margin
 from flexlin.scene.names import label_number
 
 
@@ -50,3 +52,16 @@ def test_frequencies_follow_the_mode_through_its_tongues():
 )
 def test_numbers_have_plain_names_with_units(path, words):
     assert label_number(fl.load_scene("single-link"), path) == words
+
+
+def test_margins_say_where_the_verdict_changes_and_where_it_does_not():
+    scene = fl.load_scene("khang-2019")
+    chosen = {"motion.frequency": (0.5, 3.0), "parameters.payload_mass": (0.05, 0.2)}
+    margins = tuple(find_margin(scene, path, limits, 9) for path, limits in chosen.items())
+    assert describe_margins(scene, margins) == (
+        "becomes unstable at a motion frequency of 2.476 Hz (now 0.5); no change of verdict for a payload mass from 0.05 to 0.2"
+    )
+    (critical,) = record_margin(margins[0])["critical"]
+    assert critical["kind"] == "onset"
+    assert critical["value"] == pytest.approx(2.4760282, abs=1e-6)
+    assert choose_margins(scene) == {"motion.frequency": (0.125, 4.0), "parameters.payload_mass": (0.025, 0.8)}

@@ -6,7 +6,7 @@ from flexlin.cli.options import COMPUTED
 from flexlin.cli.shared import DONE, FAILED, OTHER_VERDICT, command, loaded, meets, print_paths
 
 PURPOSE = "write report.html and report.json"
-TAKES = (*COMPUTED, "require", "effects", "sensitivity")
+TAKES = (*COMPUTED, "require", "effects", "sensitivity", "margins")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -17,8 +17,9 @@ def run(options: argparse.Namespace) -> int:
         progress("load the numerical libraries")
         from flexlin.report.writing import write_report
 
+        margins = {key: (low, high) for key, low, high, _ in options.margins} or None
         analysis, paths = write_report(
-            scene, options.out, command(options), progress, options.effects, options.sensitivity
+            scene, options.out, command(options), progress, options.effects, options.sensitivity, margins
         )
     from flexlin.report.terminal import summarize
 

@@ -54,7 +54,7 @@ def find_crossings(
     high: float,
     tol: float,
     samples: int = SAMPLES,
-    constant: bool = False,
+    narrow: bool = True,
 ) -> list[Crossing]:
     """Every value between low and high at which the largest growth passes zero, in rising order.
 
@@ -62,7 +62,7 @@ def find_crossings(
     meet between two values. Each change of verdict is then narrowed to tol / 4 by a function that is smooth through the boundary.
 
     Parameters: rough, fine: values (V,) -> spectra, cheap and as accurate as can be; tol: wanted error of a value;
-    constant: whether A does not depend on time, so that multipliers may meet without any effect.
+    narrow: whether to look for tongues between two values; not where A does not depend on time, and multipliers meet without effect.
     """
     points = np.linspace(low, high, samples)
     scan = rough(points)
@@ -75,7 +75,7 @@ def find_crossings(
         return drop_resting(fine(values), resting)
 
     scan, touching = drop_resting(scan, resting), list[Crossing]()
-    if not constant:
+    if narrow:
         points, scan = merge_scans(points, scan, list_end_peaks(points, scan), moving)
         peaks = find_peaks(points, scan, moving, max(tol / 4, 1e-13 * (high - low)))
         points, scan = merge_scans(points, scan, np.unique(peaks.points[peaks.unstable]), moving)

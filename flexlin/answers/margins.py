@@ -1,0 +1,71 @@
+"""How far a scene's numbers are from the values at which its own loop changes its verdict."""
+
+from dataclasses import dataclass
+
+from flexlin.answers.critical_values import CriticalValue, critical_values
+from flexlin.errors import ArgumentError, InputError
+from flexlin.scene.parameters import get_value
+from flexlin.scene.scene import Scene
+from flexlin.summary import represent
+
+COARSE, THOROUGH = 17, 1025
+"""Values of the scan: where nobody asked, and where a range was chosen."""
+TOL = 1e-6
+"""Wanted error of a critical value, as a share of its range."""
+FACTORS = (0.25, 8.0)
+"""Least and largest values of the usual ranges, in the scene's own value."""
+
+
+@dataclass(frozen=True)
+class Margin:
+    """The critical values of one number between low and high, and the scene's own value; samples: values of the scan."""
+
+    path: str
+    low: float
+    high: float
+    own: float
+    samples: int
+    critical: tuple[CriticalValue, ...]
+
+    __repr__ = represent
+
+    @property
+    def nearest(self) -> CriticalValue | None:
+        """The critical value nearest to the scene's own, those of closed tongues left out."""
+        open_ = [one for one in self.critical if not one.touching]
+        return min(open_, key=lambda one: abs(one.distance), default=None)
+
+
+def find_margin(scene: Scene, path: str, limits: tuple[float, float], samples: int = THOROUGH) -> Margin:
+    """The critical values of one number of a scene's own loop."""
+    own = get_value(scene, path)
+    if not isinstance(own, float):
+        raise ArgumentError("this is no real number of the scene", got=path, expected="such as motion.frequency")
+    tol = TOL * (limits[1] - limits[0])
+    found = critical_values(scene, path, limits, tol, samples=samples, narrow=samples == THOROUGH)
+    return Margin(path, *limits, own, samples, tuple(found))
+
+
+def find_usual_margin(scene: Scene, path: str, limits: tuple[float, float]) -> Margin | None:
+    """As `find_margin`, by a coarse scan; none where the number cannot be free."""
+    try:
+        return find_margin(scene, path, limits, COARSE)
+    except InputError:
+        return None
+
+
+def choose_margins(scene: Scene) -> dict[str, tuple[float, float]]:
+    """The numbers that engineers ask for first, speed and payload, with ranges about the scene's own values."""
+    paths = ("motion.frequency", "motion.joints.0.rate", "effects.payload.mass", "parameters.payload_mass")
+    known = {path: read_number(scene, path) for path in paths}
+    ends = {path: sorted(factor * own for factor in FACTORS) for path, own in known.items() if own}
+    return {path: (low, high) for path, (low, high) in ends.items()}
+
+
+def read_number(scene: Scene, path: str) -> float:
+    """The number at a path, 0 where there is none."""
+    try:
+        value = get_value(scene, path)
+    except ArgumentError:
+        return 0.0
+    return value if isinstance(value, float) else 0.0

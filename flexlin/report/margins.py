@@ -1,0 +1,65 @@
+"""What is said of the values at which a loop changes its verdict."""
+
+import math
+from typing import Any
+
+from flexlin.answers.critical_values import CriticalValue
+from flexlin.answers.margins import Margin
+from flexlin.report.wording import format_decimal
+from flexlin.scene.names import name_number, show_unit
+from flexlin.scene.scene import Scene
+
+DIGITS = 4
+
+
+def describe_margins(scene: Scene, margins: tuple[Margin, ...]) -> str:
+    """Becomes unstable at a motion frequency of 1.37 Hz (now 0.5) and at a payload mass of 0.41 kg (now 0.03)."""
+    met = [(margin, margin.nearest) for margin in margins]
+    parts = []
+    for change, words in (("onset", "becomes unstable"), ("recovery", "becomes stable")):
+        said = [describe_place(scene, margin, one) for margin, one in met if one and leads_to(margin, one) == change]
+        parts += [f"{words} {' and '.join(said)}"] if said else []
+    kept = [describe_range(scene, margin) for margin, one in met if one is None]
+    parts += [f"no change of verdict for {' and '.join(kept)}"] if kept else []
+    return "; ".join(parts)
+
+
+def leads_to(margin: Margin, one: CriticalValue) -> str:
+    """What happens on the way from the scene's own value to a critical one and beyond."""
+    upward = one.value > margin.own
+    return "onset" if upward == (one.kind == "onset") else "recovery"
+
+
+def describe_place(scene: Scene, margin: Margin, one: CriticalValue) -> str:
+    """At a motion frequency of 1.37 Hz (now 0.5)."""
+    value = f"{format_decimal(one.value, DIGITS)} {show_unit(scene, margin.path)}".strip()
+    return f"at a {name_number(margin.path)} of {value} (now {format_decimal(margin.own, DIGITS)})"
+
+
+def describe_range(scene: Scene, margin: Margin) -> str:
+    """A motion frequency from 0.1 to 2 Hz."""
+    ends = f"{format_decimal(margin.low, DIGITS)} to {format_decimal(margin.high, DIGITS)}"
+    return f"a {name_number(margin.path)} from {ends} {show_unit(scene, margin.path)}".strip()
+
+
+def record_margin(margin: Margin) -> dict[str, Any]:
+    """One number's critical values as data that JSON can hold."""
+    return {
+        "path": margin.path,
+        "low": margin.low,
+        "high": margin.high,
+        "own": margin.own,
+        "samples": margin.samples,
+        "critical": [
+            {
+                "value": one.value,
+                "error": one.error,
+                "kind": one.kind,
+                "resonance": one.resonance,
+                "distance": one.distance,
+                "slope": one.slope if math.isfinite(one.slope) else None,
+                "touching": one.touching,
+            }
+            for one in margin.critical
+        ],
+    }
