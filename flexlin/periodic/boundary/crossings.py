@@ -67,6 +67,8 @@ def find_crossings(
     points = np.linspace(low, high, samples)
     scan = rough(points)
     resting = count_resting(scan)
+    if resting == scan.logs.shape[1]:
+        return []
 
     def moving(values: Array) -> Spectra:
         return drop_resting(rough(values), resting)
