@@ -6,8 +6,8 @@ from pydantic import BaseModel
 
 from flexlin.scene.effects import effects_table, known_effects
 from flexlin.scene.library import shipped_models
+from flexlin.scene.robot import FlexibleTable, JointTable, RobotTable
 from flexlin.scene.scene import Scene
-from flexlin.scene.urdf.tables import FlexibleTable, JointTable, RobotTable
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 PLACE = "#/$defs/{model}"
@@ -34,6 +34,8 @@ def scene_schema() -> dict[str, Any]:
     definitions["Effects"] = add_table(definitions, effects_table())
     for name, effect in known_effects().items():
         definitions["Effects"]["properties"][name]["description"] = effect.summary()
+    needed = {"required": definitions["Link"].pop("required")}
+    definitions["Link"]["anyOf"] = [needed, {"required": ["body"]}]  # a rigid body alone is a link too
     definitions["RobotTable"] = add_table(definitions, RobotTable)
     schema["properties"]["robot"] = {
         "$ref": PLACE.format(model="RobotTable"),

@@ -96,7 +96,8 @@ EFFECTS = {"payload": {"mass": 0.2, "inertia": 0.01}, "geometric_stiffening": {}
 def test_turning_and_moving_a_whole_scene_changes_nothing():
     """Gravity with it: the same exponents, gains and all. A planar arm is then one in space."""
     control = {"feedback": {"kind": "pd", "kp": [30.0, 10.0], "kd": [3.0, 1.0]}}
-    raw = scene_table([{**LINK, "joint": "revolute"}, {**LINK, "joint": "revolute", "mount_angle": 0.4}], **EFFECTS)
+    link = {**LINK, "modes": 1, "joint": "revolute"}
+    raw = scene_table([link, {**link, "mount_angle": 0.4}], **EFFECTS)
     raw |= {"control": control, "motion": {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.5}] * 2}}
     turn = Rotation.from_rotvec([0.3, -1.1, 0.7])
 
@@ -162,3 +163,38 @@ def test_what_space_does_not_allow(change, key):
 
 
 MOTION = {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.5}]}
+
+
+def test_the_puma_is_the_published_one():
+    """Inertia at the motors and gravity at the nominal pose of Corke's robotics toolbox (Robotics, Vision and Control, section 9.2)."""
+    inertias = np.array(fl.load_scene("puma-560").effects.joint_flexibility.motor_inertia)
+    arm = fl.build_manipulator(
+        fl.load_scene("puma-560", {"effects.payload": "off", "effects.joint_flexibility": "off"})
+    )
+    q = np.array([0, np.pi / 4, np.pi, 0, np.pi / 4, 0])
+    M = value(arm, "M", q) + np.diag(inertias)
+    np.testing.assert_allclose(M[0], [3.6594, -0.4044, 0.1006, -0.0025, 0, 0], atol=6e-5)
+    np.testing.assert_allclose(np.diag(M), [3.6594, 4.4137, 0.9378, 0.1925, 0.1713, 0.1941], atol=1.1e-4)
+    np.testing.assert_allclose(value(arm, "g", q)[:, 0], [0, 31.6399, 6.0351, 0, 0.0283, 0], atol=6e-5)
+
+
+@pytest.mark.parametrize("name", ["manutec-r3", "puma-560", "spatial-arm"])
+def test_arms_that_travel_with_flexlin_hold_their_motion(name):
+    """The loop that the scene states is stable, and no exponent changes when the arm is turned about the vertical."""
+    scene = fl.load_scene(name)
+    found = [
+        fl.floquet(fl.linearize(fl.build_manipulator(each), each.motion, each.control).periodic_system())
+        for each in (scene, scene.model_copy(update={"links": (turned(scene.links[0]), *scene.links[1:])}))
+    ]
+    assert found[0].verdict == "stable"
+    first, second = (result.exponents for result in found)
+    distance = np.abs(first[:, None] - second).min(axis=1).max()
+    assert distance <= 1e-9 * np.abs(first).max()
+
+
+def turned(link):
+    """A link whose joint is mounted elsewhere on the ground, turned by 0.7 rad about the world's z."""
+    xyz = np.add(link.mount.xyz, [0.3, -0.2, 0.5])
+    rotation = Rotation.from_rotvec([0, 0, 0.7]) * Rotation.from_euler("xyz", link.mount.rpy)
+    mount = link.mount.model_copy(update={"xyz": tuple(xyz), "rpy": tuple(rotation.as_euler("xyz"))})
+    return link.model_copy(update={"mount": mount})

@@ -42,7 +42,7 @@ def compare_tips(s: Simulation) -> Curves:
     nonlinear, linear = s.tip - s.tip_rigid, s.tip_linear - s.tip_rigid
     axis = int(np.argmax(np.abs(nonlinear).max(axis=0)))
     distance = np.linalg.norm(s.tip - s.tip_linear, axis=1)
-    return f"tip error along {'xy'[axis]}", "m", nonlinear[:, axis], linear[:, axis], distance
+    return f"tip error along {'xyz'[axis]}", "m", nonlinear[:, axis], linear[:, axis], distance
 
 
 def compare_first_coordinate(a: Analysis, s: Simulation) -> Curves:
