@@ -98,7 +98,7 @@ def coefficients(about: Deviation, matrices: Matrices, control: Control | None) 
     inputs = B[:, driven]
     tau = rigid_torque(about, left, inputs)
     if control is not None:
-        if control.feedforward == "rigid":
+        if control.feedforward != "none":
             left -= inputs @ tau
         kp, kd = feedback_expressions(about, control)
         D, K = D + inputs @ kd, K + inputs @ kp

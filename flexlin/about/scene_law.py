@@ -35,6 +35,9 @@ def feedback_expressions(about: Deviation, control: Control) -> tuple[ca.SX, ca.
 def scene_law(about: Deviation, control: Control | None, rigid: VectorFunction) -> Law:
     """The scene's law in numbers, at the parameters' own values; without a control table no torque at all.
 
+    The linear equations are those about the rigid motion: for "joint-exact" and "tip-exact" too the torque of the rigid motion is fed
+    forward here, and `control.feedforward` computes what is to be added.
+
     Parameters: rigid: the torque of the rigid motion, (N,) -> (N, m).
     """
     rest, none = Constant(np.zeros(2 * about.n)), Constant(np.zeros(about.m))
@@ -43,5 +46,5 @@ def scene_law(about: Deviation, control: Control | None, rigid: VectorFunction) 
     kept, parameters = list(about.kept), about.arm.parameters
     kp, kd = feedback_expressions(about, control)
     gain = ca.Function("gain", [parameters.symbols], [ca.densify(ca.horzcat(kp[:, kept], kd[:, kept]))])
-    forward = rigid if control.feedforward == "rigid" else none
-    return Law(control.feedforward, forward, Constant(gain(parameters.values).full()), rest)
+    kind, forward = ("none", none) if control.feedforward == "none" else ("rigid", rigid)
+    return Law(kind, forward, Constant(gain(parameters.values).full()), rest)

@@ -204,7 +204,7 @@ def load_of(
     response = loop.response
     if response is None or loop.verdict in ("unstable", "failed") or not plant.about.m:
         return None
-    law = closed.law
+    law = response.law or closed.law
     if loop.design is not None:
         law = law.with_gain(loop.design.K)
     elif loop.kind == "open":

@@ -4,24 +4,37 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexlin.about.law import Law
 from flexlin.about.linear import Linearization
 from flexlin.checks import Array
+from flexlin.control.tracking import scene_feedforward
 from flexlin.periodic.response.forced import ForcedResponse, forced_response
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.simulation import tip_positions
 
 
 @dataclass(frozen=True)
+class Followed:
+    """The elastic motion that a feedforward leads along, in the place of a forced response: any stable loop keeps it."""
+
+    error: float
+    status: str
+    amplification: float = float("nan")
+
+
+@dataclass(frozen=True)
 class Response:
     """The periodic response of a loop: states [y; y'] (N, 2n), and how far the tip is from its rigid motion, (N, 2) in m.
 
-    `tip_by_bending` is the part of it that is left when only the elastic coordinates deviate.
+    `tip_by_bending` is the part of it that is left when only the elastic coordinates deviate; `law` commands the torque where a
+    feedforward leads along an elastic motion.
     """
 
-    solution: ForcedResponse
+    solution: ForcedResponse | Followed
     states: Array
     tip: Array
     tip_by_bending: Array
+    law: Law | None = None
 
     @property
     def tip_error(self) -> Array:
@@ -36,12 +49,18 @@ class Response:
 
 def find_response(closed: Linearization, loop: PeriodicSystem, t: Array, tol: float) -> Response:
     """The periodic response to what the rigid motion leaves over, and what it does to the tip."""
-    solution = forced_response(loop, closed.forcing, tol)
-    states = solution(t)
+    forward = scene_feedforward(closed, tol)
+    solution: ForcedResponse | Followed
+    if forward is None:
+        solution = forced_response(loop, closed.forcing, tol)
+        states = solution(t)
+    else:
+        states = forward.law.reference(t)
+        solution = Followed(forward.error * float(np.abs(states).max()), forward.status)
     bent = states * [coordinate.kind == "elastic" for coordinate in closed.coordinates * 2]
     rigid = tip_positions(closed, t, np.zeros_like(states))
     tip, by_bending = (tip_positions(closed, t, x) - rigid for x in (states, bent))
-    return Response(solution, states, tip, by_bending)
+    return Response(solution, states, tip, by_bending, None if forward is None else forward.law)
 
 
 def response_error(found: Response) -> float:

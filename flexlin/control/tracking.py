@@ -16,6 +16,9 @@ from flexlin.checks import Array, at_times, instance
 from flexlin.errors import ArgumentError
 from flexlin.summary import represent
 
+LEAST = 1e-8
+"""The smallest error that a scene's feedforward is asked for."""
+
 
 @dataclass(frozen=True, eq=False)
 class Feedforward:
@@ -188,6 +191,17 @@ def feedforward(lin: Linearization, kind: str = "tip-exact", tol: float = 1e-8) 
     return Feedforward(
         kind, kept, lin, tip_distance(lin, motion), tip_distance(lin, first), motion.error, motion.status
     )
+
+
+def scene_feedforward(lin: Linearization, tol: float = 1e-8) -> Feedforward | None:
+    """The feedforward of the elastic motion that the scene asks for; None where it asks for another, or for none.
+
+    Raises: what `feedforward` raises.
+    """
+    control = lin.control
+    if control is None or control.feedforward not in CLOSINGS:
+        return None
+    return feedforward(lin, control.feedforward, max(tol, LEAST))
 
 
 def tip_distance(lin: Linearization, motion: PeriodicMotion) -> float:

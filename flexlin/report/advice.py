@@ -174,6 +174,8 @@ def comment_on_tip(a: Analysis) -> list[str]:
     found = f"In steady motion the tip stays up to {format_quantity(largest, 'm')} away from its rigid path"
     if not a.plant.inputs:
         return [f"{found}, by bending alone: slow down, or stiffen the links."]
+    if a.response.law is not None:
+        return [f"{found}, with the {a.scene.control.feedforward} feedforward: what is left is what it does not close."]
     if np.linalg.norm(a.response.tip_by_bending, axis=1).max() > largest / 2:
         return [
             f"{found}, most of it the links' bending, which no joint feedback removes: slow down, or feed forward the elastic motion too "

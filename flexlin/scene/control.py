@@ -52,8 +52,8 @@ class Control(Table):
     does not. `about = "elastic"` judges the loop about the periodic motion of the elastic arm too, beside the rigid one.
     """
 
-    feedforward: Literal["rigid", "none"] = "rigid"
-    """rigid: the torque of the rigid motion."""
+    feedforward: Literal["rigid", "joint-exact", "tip-exact", "none"] = "rigid"
+    """rigid: the torque of the rigid motion; joint-exact, tip-exact: of the elastic motion that keeps joints or tip on their path."""
     feedback: Annotated[Pd | None, BeforeValidator(_none_at_all)] = None
     """The feedback about the basic motion; kind = "none", or no table: none."""
     saturation: Saturation | None = None

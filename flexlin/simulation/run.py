@@ -9,7 +9,7 @@ from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked
 from flexlin.checks import Array, check_size, instance, positive, real_array, whole
-from flexlin.control.tracking import Feedforward, tip_positions
+from flexlin.control.tracking import Feedforward, scene_feedforward, tip_positions
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.simulation.drive import Drive, scene_drive
@@ -86,6 +86,7 @@ def simulate(
     t = output_times(lin, positive("periods", periods), points_per_period)
     tol, n = positive("tol", tol), lin.n
     if law is None:
+        feedforward = feedforward or scene_feedforward(lin, tol)
         law = lin.law if feedforward is None else feedforward.law
     elif feedforward is not None:
         raise ArgumentError("a law and a feedforward exclude each other", got="both", expected="one of them")
