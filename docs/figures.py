@@ -217,6 +217,33 @@ def licences() -> str:
     return table(["package", "licence", "needed"], import_module("licences").rows())
 
 
+def torture() -> str:
+    """What the torture found in full."""
+    record = measured("torture")
+    lines = [
+        [
+            row["part"],
+            str(row["runs"]),
+            *[str(row[key]) for key in ("answered", "uncaught", "keyless", "mixed", "left")],
+            f"{row['slowest']:.1f}",
+            f"{row['largest'] / 2**20:.0f}" if row["largest"] else "-",
+        ]
+        for row in record["rows"]
+    ]
+    head = [
+        "part",
+        "runs",
+        "answered",
+        "uncaught",
+        "without a key",
+        "mixed or half",
+        "left over",
+        "slowest, s",
+        "most memory, MiB",
+    ]
+    return when(record) + "\n\n" + table(head, lines)
+
+
 BLOCKS: dict[str, Callable[[], str]] = {
     "hard-cases": hard_cases,
     "cost-of-accuracy": cost_of_accuracy,
@@ -228,6 +255,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "mode-shapes": mode_shapes,
     "studies": studies,
     "licences": licences,
+    "torture": torture,
 }
 
 
@@ -263,12 +291,18 @@ def measure_scaling(out: str) -> dict[str, Any]:
     return {"rows": rows, "exponents": {name: power for name, power in found["exponents"].items() if power == power}}
 
 
+def measure_torture(out: str) -> dict[str, Any]:
+    rows = import_module("torture").main("full", out)["rows"]
+    return {"rows": [{**row, "wrong": []} for row in rows]}
+
+
 MEASURES = {
     "cost_of_accuracy": measure_cost_of_accuracy,
     "taylor_cost": measure_taylor_cost,
     "taylor_variables": measure_taylor_variables,
     "riccati_race": measure_riccati_race,
     "scaling": measure_scaling,
+    "torture": measure_torture,
 }
 
 

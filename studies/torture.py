@@ -25,7 +25,7 @@ from tests.torture.rivals import writers
 from tests.torture.rows import SETS, Row, case_of
 
 SIZES = {
-    "small": {"check": 40, "commands": 5, "kills": 4, "disks": 3, "writers": 30, "memory": 2, "misuse": 3},
+    "small": {"check": 25, "commands": 3, "kills": 4, "disks": 2, "writers": 30, "memory": 2, "misuse": 2},
     "full": {"check": 10_000, "commands": 500, "kills": 200, "disks": 50, "writers": 1000, "memory": 40, "misuse": 22},
 }
 PARTS = {

@@ -301,3 +301,30 @@ def test_nothing_in_a_scene_steers_the_terminal(wrong):
 def test_letters_of_every_script_are_welcome():
     title = "Außenarm – Ω₁ = 3\u00a0rad/s, بازوی می\u200cچرخد, 机械臂"
     assert fl.load_scene("single-link", {"title": title}).title == title
+
+
+@pytest.mark.parametrize(
+    ("over", "key"),
+    [
+        ("motion.frequency=-1:3", "motion.frequency"),
+        ("links.0.length=-1:3:5", "links.0.length"),
+        ("effects.payload.mass=-1:3:5", "effects.payload.mass"),
+        ("links.0.mass_per_length=5e-324:1:4", "links.0.mass_per_length"),
+    ],
+)
+def test_a_chart_over_what_no_arm_has_is_refused_by_its_key(over, key, tmp_path, capsys):
+    assert main(["chart", "single-link", "--over", over, "--out", str(tmp_path / "out")]) == BAD_INPUT
+    message = capsys.readouterr().err
+    assert f"{key}: got " in message
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_whose_name_is_not_utf_8_takes_results(tmp_path):
+    out = os.fsdecode(os.fsencode(tmp_path) + b"/\xff")
+    run = subprocess.run(
+        [sys.executable, "-m", "flexlin", "export", "khang-2019", "--points", "8", "--out", out],
+        capture_output=True,
+        check=False,
+    )
+    assert b"fault of flexlin" not in run.stderr, run.stderr
+    assert run.returncode in (0, BAD_INPUT)
