@@ -57,6 +57,7 @@ class TaylorMap:
         """The highest degree."""
         return self.polynomial.indices.order
 
+    @checked
     def __call__(self, dx: ArrayLike) -> Array:
         """Return the values (m, p) at dx (n,), or (N, m, p) at dx (N, n)."""
         values = self.polynomial(dx)
