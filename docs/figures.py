@@ -138,6 +138,28 @@ def riccati_race() -> str:
     return when(record) + "\n\n" + table(["way", "time", "ratio", "error of X(0)"], lines)
 
 
+def own_error() -> str:
+    """The claimed errors of exponents before a jury of random systems."""
+    record = measured("own_error")
+    lines = []
+    for row in map(not_measured, record["rows"]):
+        judged = [f"{row['worst']:.2g}", f"{row['overestimate']:.2g}"] if row["exponents"] else ["", ""]
+        counts = ("cases", "refused", "undecided", "wrong", "exponents", "missed", "missed3")
+        lines.append([row["kind"], *[str(row[key]) for key in counts], *judged])
+    head = [
+        "kind",
+        "systems",
+        "refused",
+        "undecided",
+        "wrong verdicts",
+        "exponents",
+        "missed",
+        "by more than 3",
+        "worst true / claimed",
+    ]
+    return f"{when(record)} {record['part']}\n\n" + table([*head, "median claimed / true"], lines)
+
+
 def scaling() -> str:
     """How equations grow with the number of coordinates."""
     record = measured("scaling")
@@ -250,6 +272,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "taylor-cost": taylor_cost,
     "taylor-variables": taylor_variables,
     "riccati-race": riccati_race,
+    "own-error": own_error,
     "scaling": scaling,
     "tracking": tracking,
     "mode-shapes": mode_shapes,
@@ -285,6 +308,12 @@ def measure_riccati_race(out: str) -> dict[str, Any]:
     return {"times": import_module("lqr_designs").race()}
 
 
+def measure_own_error(out: str) -> dict[str, Any]:
+    found = import_module("own_error").main("medium", out)
+    rows = [{k: None if v != v else v for k, v in row.items()} for row in found["rows"]]
+    return {"part": "One eighth of the systems of each kind.", "rows": rows}
+
+
 def measure_scaling(out: str) -> dict[str, Any]:
     found = import_module("scaling").main("sizes", out)
     rows = [{k: None if v != v else v for k, v in asdict(cost).items()} for cost in found["costs"]]
@@ -301,6 +330,7 @@ MEASURES = {
     "taylor_cost": measure_taylor_cost,
     "taylor_variables": measure_taylor_variables,
     "riccati_race": measure_riccati_race,
+    "own_error": measure_own_error,
     "scaling": measure_scaling,
     "torture": measure_torture,
 }

@@ -7,7 +7,7 @@ import numpy as np
 from flexlin.checks import Array, check_size
 from flexlin.errors import NumericalError
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.floquet.modes import find_coinciding, find_null_modes
+from flexlin.periodic.floquet.modes import find_coinciding, periodic_vectors
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.product.balancing import balance_factors
 from flexlin.periodic.system import PeriodicSystem
@@ -86,25 +86,10 @@ def right_modes(system: PeriodicSystem, result: FloquetResult, which: Array, sam
         f"the modes need {len(grid)} transition matrices of order {n}: leave out the fastest modes, or lower the gains behind them",
     )
     Phi, scale = balance_factors(METHODS[setting.method](system, grid, setting.order))
-    together = max(1, len(Phi) // GROUPS)
-    within, marks = products_within(Phi, together), np.append(grid[:-1:together], grid[-1])
-    decay = np.exp(-result.exponents[which, None] * np.diff(marks))
     ranks = np.tril(find_coinciding(result.log_multipliers), -1).sum(axis=1)[which]
-    modes = find_null_modes(decay[..., None, None] * within[:, -1], ranks)
-    states = np.concatenate([modes[:, None], within[:, :-1] @ modes[:, None]], axis=1)
-    every = states.reshape(-1, *modes.shape[1:])[: len(grid) - 1] * scale[:, None]
-    since = grid[:-1] - np.repeat(marks[:-1], together)[: len(grid) - 1]
-    return grid[:-1], np.moveaxis(every * np.exp(-since[:, None] * result.exponents[which])[:, None], -1, 0)
-
-
-def products_within(factors: Array, size: int) -> Array:
-    """F_j ... F_0 inside each group of so many factors (G, size, n, n); the last group is filled up by identities."""
-    n = factors.shape[-1]
-    rest = np.broadcast_to(np.eye(n), (-len(factors) % size, n, n))
-    products = np.concatenate([factors, rest]).reshape(-1, size, n, n)
-    for j in range(1, size):
-        products[:, j] = products[:, j] @ products[:, j - 1]
-    return products
+    together = max(1, len(Phi) // GROUPS)
+    modes = periodic_vectors(Phi, grid, result.exponents[which], ranks, together) * scale[:, None]
+    return grid[:-1], np.moveaxis(modes, -1, 0)
 
 
 def real_motions(t: Array, mode: Array, exponent: complex, n: int) -> list[Array]:

@@ -131,28 +131,51 @@ def floquet_modes(system: PeriodicSystem, result: FloquetResult | None = None, t
     if result is not None:
         instance("result", result, FloquetResult, "give what floquet hands back")
     result = result or floquet(system, tol)
-    times, weights, Phi = factor_at_nodes(system, result)
+    times, weights, Phi, together = factor_at_nodes(system, result)
     Phi, scale = balance_factors(Phi)
-    h = np.diff(times)
-    size = max(1, CHUNK_BYTES // (64 * Phi.size))
-    n = Phi.shape[-1]
-    right, left = (np.empty((len(h), n, n), complex) for _ in range(2))
-    same = find_coinciding(result.log_multipliers)
+    n, same = Phi.shape[-1], find_coinciding(result.log_multipliers)
+    size = max(1, CHUNK_BYTES * together // (64 * Phi.size))
+    right, left = (np.empty((len(Phi), n, n), complex) for _ in range(2))
+    adjoint, back = np.swapaxes(Phi[::-1], -1, -2), times[-1] - times[::-1]
     for i in range(0, n, size):
         part = slice(i, i + size)
-        ranks = np.tril(same, -1).sum(axis=1)[part]
-        G = np.exp(-result.exponents[part, None] * h)[..., None, None] * Phi
-        right[:, :, part] = find_null_modes(G, ranks)
-        adjoint = np.conj(np.swapaxes(G[:, ::-1], -1, -2))
-        left[:, :, part] = np.roll(find_null_modes(adjoint, ranks)[::-1], 1, axis=0)
+        ranks, exponents = np.tril(same, -1).sum(axis=1)[part], result.exponents[part]
+        right[:, :, part] = periodic_vectors(Phi, times, exponents, ranks, together)
+        turned = periodic_vectors(adjoint, back, exponents.conj(), ranks, together)
+        left[:, :, part] = np.roll(turned[::-1], 1, axis=0)
     right /= np.abs(right).max(axis=(0, 1))
     left = biorthogonalize(left, right, same)
     right, left = right * scale[:, None], left / scale[:, None]
     return FloquetModes(times[:-1], weights, system.period, result.exponents, result.errors, right, left)
 
 
-def factor_at_nodes(system: PeriodicSystem, result: FloquetResult) -> tuple[Array, Array, Array]:
-    """Times (N + 1,) of Gauss nodes and panel edges, weights (N,) of the mean, and the transition matrices between the times."""
+def periodic_vectors(factors: Array, times: Array, exponents: Array, ranks: Array, together: int) -> Array:
+    """p_k (K, n, m) with p_(k+1) = exp(-lambda_i h_k) F_k p_k, p_K = p_0, for factors (K, n, n) between times (K + 1,).
+
+    So many factors as stand `together` are multiplied before the cyclic system is solved, and give what lies inside afterwards:
+    over them no two modes may part by more than a few digits.
+    """
+    within, marks = multiply_within(factors, together), np.append(times[:-1:together], times[-1])
+    decay = np.exp(-exponents[:, None] * np.diff(marks))
+    at_marks = find_null_modes(decay[..., None, None] * within[:, -1], ranks)
+    inside = np.concatenate([at_marks[:, None], within[:, :-1] @ at_marks[:, None]], axis=1)
+    since = times[:-1] - np.repeat(marks[:-1], together)[: len(factors)]
+    return inside.reshape(-1, *at_marks.shape[1:])[: len(factors)] * np.exp(-since[:, None] * exponents)[:, None]
+
+
+def multiply_within(factors: Array, together: int) -> Array:
+    """F_j ... F_0 inside each group of so many factors (G, together, n, n); the last group is filled up by identities."""
+    n = factors.shape[-1]
+    rest = np.broadcast_to(np.eye(n), (-len(factors) % together, n, n))
+    products = np.concatenate([factors, rest]).reshape(-1, together, n, n)
+    for j in range(1, together):
+        products[:, j] = products[:, j] @ products[:, j - 1]
+    return products
+
+
+def factor_at_nodes(system: PeriodicSystem, result: FloquetResult) -> tuple[Array, Array, Array, int]:
+    """Times (N + 1,) of Gauss nodes and panel edges, weights (N,) of the mean, the transition matrices between the times, and
+    how many of them make one segment."""
     setting = result.setting
     if setting.method not in METHODS:
         setting = choose_setting(system, MODES_TOL, "auto", None, None)
@@ -164,7 +187,7 @@ def factor_at_nodes(system: PeriodicSystem, result: FloquetResult) -> tuple[Arra
     times = np.append((grid[:-1, None] + h * np.append(0.0, rule.c)).ravel(), system.period)
     weights = (h / system.period * np.append(0.0, rule.b)).ravel()
     order = setting.order if setting.method == "magnus" else 2 * max(4, len(rule.c) // 2)
-    return times, weights, METHODS[setting.method](system, times, order)
+    return times, weights, METHODS[setting.method](system, times, order), len(rule.c) + 1
 
 
 def find_coinciding(logs: Array) -> Array:
