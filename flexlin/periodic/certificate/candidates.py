@@ -7,7 +7,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import NumericalError
 from flexlin.periodic.certificate.panels import Resolved
-from flexlin.periodic.floquet.modes import floquet_modes
+from flexlin.periodic.floquet.modes import solve_modes_at_nodes
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
 from flexlin.periodic.system import PeriodicSystem
@@ -37,7 +37,7 @@ def from_modes(system: PeriodicSystem, result: FloquetResult) -> Candidate:
 
     Between two edges of the modes' panels: the polynomial through the nodes and both edges.
     """
-    modes = floquet_modes(system, result)
+    modes = solve_modes_at_nodes(system, result, quick=True)
     values = (modes.left @ np.swapaxes(modes.left.conj(), -1, -2)).real
     starts = np.flatnonzero(modes.weights == 0.0)
     width = int(starts[1]) if len(starts) > 1 else len(values)
