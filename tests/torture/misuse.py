@@ -5,6 +5,7 @@ import math
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator
+from contextlib import chdir
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -209,7 +210,9 @@ def misuse(count: int, number: int, out: Path) -> Row:
         if (plain := outcome(function, arguments)) != "answered":
             row.wrong.append(f"{name} does not work as it should: {plain}")
         chosen = partial(choose, kinds, count, number + 7 * place)
-        for argument, kind, found in misuses(name, chosen):
+        with chdir(out):  # nonsense may be the name of a file
+            tried = list(misuses(name, chosen))
+        for argument, kind, found in tried:
             row.runs += 1
             row.answered += found == "answered"
             if found not in ("answered", "refused"):
