@@ -6,6 +6,8 @@ from pathlib import Path
 
 from flexlin.about.linear import Linearization
 from flexlin.answers.judging import Loop
+from flexlin.control import Estimator, scene_sensors
+from flexlin.control.export.c_estimator import write_estimator
 from flexlin.control.export.c_gain import write_gain
 from flexlin.control.export.c_linearization import write_linearization
 from flexlin.control.export.files import write_system
@@ -14,6 +16,7 @@ from flexlin.control.horizon import horizon_system
 from flexlin.errors import InputError
 from flexlin.files import results
 from flexlin.motion import SymbolicMotion
+from flexlin.scene.scene import Scene
 
 FORMATS = (".npz", ".mat", ".nc")
 LONGEST = 60
@@ -47,7 +50,9 @@ def design_folders(names: Sequence[str]) -> dict[str, str]:
     return {name: folder for folder, name in owners.items()}
 
 
-def export_all(plant: Linearization, loops: Sequence[Loop], folder: Path, points: int) -> list[Path]:
+def export_all(
+    plant: Linearization, loops: Sequence[Loop], folder: Path, points: int, scene: Scene | None = None
+) -> list[Path]:
     """Write A(t), B(t) and the gains over a period in every format, and C source of coefficients and gains, as one set.
 
     Each design has its C source in a folder named after it; a motion that is given by numbers has no C source of its coefficients.
@@ -56,6 +61,7 @@ def export_all(plant: Linearization, loops: Sequence[Loop], folder: Path, points
     folders = design_folders([loop.name for loop in loops])
     system = plant.periodic_system() if plant.motion.periodic else horizon_system(plant)
     designs = tuple(loop.design for loop in loops if loop.design is not None)
+    estimators = {} if scene is None else estimators_of(scene, plant, [found.name for found in designs])
     names = [f"system{ending}" for ending in FORMATS]
     with results(folder, "export") as made:
         for name in names:
@@ -67,4 +73,19 @@ def export_all(plant: Linearization, loops: Sequence[Loop], folder: Path, points
         for found in designs:
             write_gain(found, plant.period, made / folders[found.name], lin=plant)
             names.append(folders[found.name])
+            if found.name in estimators:
+                estimator, seen = estimators[found.name]
+                write_estimator(estimator, made / folders[found.name], lin=plant, measurements=seen)
     return made.placed(*names)
+
+
+def estimators_of(
+    scene: Scene, plant: Linearization, names: Sequence[str]
+) -> dict[str, tuple[Estimator, tuple[str, ...]]]:
+    """The filters of the designs that name sensors, and what they measure; a motion that ends has none."""
+    found = {}
+    for table in scene.designs if plant.motion.periodic else ():
+        if table.estimator is not None and table.name in names:
+            sensors = scene_sensors(scene, plant, table.estimator)
+            found[table.name] = sensors.filter(plant, scene.accuracy.tol), sensors.names
+    return found

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers.analysis import analyse
+from flexlin.answers.analysis import analyse, plant_and_designs
+from flexlin.answers.clock import Clock
 from flexlin.control import kalman_filter, scene_sensors
 from flexlin.errors import ArgumentError, SceneError
+from flexlin.report.exports import export_all
 from flexlin.report.record import record
 from flexlin.scene.estimator import EstimatorTable
 
@@ -55,6 +57,16 @@ def test_the_report_judges_the_design_with_its_states_estimated():
     own = found.designs[0].floquet.exponents
     assert max(np.abs(loop.floquet.exponents - value).min() for value in own) < 1e-4 * np.abs(own).max()
     assert record(found)["estimated"]["LQG, estimated"]["verdict"] == "stable"
+
+
+def test_the_export_writes_the_filter_beside_the_gain(tmp_path):
+    scene = scene_with(TABLE)
+    plant, loops = plant_and_designs(scene, Clock())
+    export_all(plant, loops, tmp_path, 8, scene)
+    header = (tmp_path / "c-lqg" / "estimator.h").read_text(encoding="utf-8")
+    assert "[0] encoder of q1 in rad" in header
+    assert "[1] curvature of link 1 at 0 in 1/m" in header
+    assert (tmp_path / "c-lqg" / "gain.h").exists()
 
 
 @pytest.mark.parametrize(

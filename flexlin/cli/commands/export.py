@@ -25,7 +25,9 @@ def run(options: argparse.Namespace) -> int:
         check_gains(scene, options.points)
         clock = Clock(progress, planned=4 + 3 * len(scene.designs))
         plant, loops = plant_and_designs(scene, clock)
-        paths = clock.stage("files", scene.accuracy, lambda: export_all(plant, loops, options.out, options.points))
+        paths = clock.stage(
+            "files", scene.accuracy, lambda: export_all(plant, loops, options.out, options.points, scene)
+        )
     for line in accuracy_lines(tuple(clock.steps)):
         print(line)
     for loop in loops:
