@@ -7,7 +7,7 @@ from flexlin.answers.judging import Loop
 from flexlin.answers.validity import REPEATABLE
 from flexlin.report.drive_words import comment_on_drives, comment_on_gains
 from flexlin.report.headline import reason
-from flexlin.report.wording import caution, format_quantity
+from flexlin.report.wording import caution, format_quantity, is_dimensionless
 from flexlin.simulation import Simulation
 
 NEAR = 0.2
@@ -199,7 +199,7 @@ def not_small(a: Analysis) -> bool:
 
 def comment_on_trust(a: Analysis) -> list[str]:
     """How far the linear numbers can be trusted."""
-    said = [] if a.linear_range is None else [a.linear_range.status]
+    said = [] if a.linear_range is None else [without_metres(a.linear_range.status)]
     if a.simulation is None:
         return [f"The nonlinear simulation has no answer: {a.problems['simulation']}.", *map(sentence, said)]
     return [sentence(status) for status in (agreement(a, a.simulation), *said)]
@@ -207,15 +207,15 @@ def comment_on_trust(a: Analysis) -> list[str]:
 
 def agreement(a: Analysis, simulation: Simulation) -> str:
     """How far the linear answer is from the nonlinear one on this motion."""
-    what, apart, largest, error = simulation.apart
+    (what, apart, largest, error), unit = simulation.apart, "" if is_dimensionless() else simulation.unit
     if apart <= error:
-        agree = f"agree to the error of the integration, {error:.0e}{simulation.unit}" if error else "are the same"
+        agree = f"agree to the error of the integration, {error:.0e}{unit}" if error else "are the same"
         return f"linear and nonlinear {what} {agree}: {holds(a, simulation)}"
     if apart <= REPEATABLE * (a.length if np.isfinite(a.length) else 1.0):
         facts = f"linear and nonlinear {what} differ by no more than {format_quantity(apart, simulation.unit.strip())}".rstrip()
         return f"{facts}: {holds(a, simulation)}"
     share = f"{100 * apart / largest:.2g} % of the largest deviation"
-    facts = f"linear and nonlinear {what} differ by {apart:.3g}{simulation.unit}, {share}"
+    facts = f"linear and nonlinear {what} differ by {format_quantity(apart, unit.strip())}, {share}".replace(" ,", ",")
     return f"{facts}: {holds(a, simulation)}"
 
 
@@ -246,6 +246,11 @@ def largest_beyond_range(a: Analysis, simulation: Simulation) -> str:
         if own > amplitude:
             return f"{own:.2g} {at.unit} in {at.name}"
     return ""
+
+
+def without_metres(status: str) -> str:
+    """A status about coordinates; on the page of a scene without dimensions it names no metres."""
+    return status.replace(" m in ", " in ") if is_dimensionless() else status
 
 
 def sentence(text: str) -> str:

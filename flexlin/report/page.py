@@ -25,12 +25,20 @@ from flexlin.report.wording import (
     format_power,
     format_quantity,
     format_rate,
+    is_dimensionless,
+    units_of,
 )
 from flexlin.scene.accuracy import Accuracy
 
 
 def render_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture], command: str) -> str:
     """Fill the page's template: verdict first, then what to do, figures, and everything that went in."""
+    with units_of(analysis):
+        return fill_page(analysis, data, pictures, command)
+
+
+def fill_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture], command: str) -> str:
+    """The page, in the units of the analysis."""
     model = analysis.validity(analysis.own)
     return load_template("page").render(
         analysis=analysis,
@@ -45,6 +53,7 @@ def render_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture
         loops=[describe_loop(analysis, loop) for loop in analysis.loops],
         exponents=[list_exponents(loop) for loop in analysis.loops if loop.floquet is not None],
         pictures=pictures,
+        dimensionless=is_dimensionless(),
         constants=list_constants(analysis),
         parameters=list_inputs(data["scene"], data["effects"]["units"]),
         effects=data["effects"],
@@ -79,7 +88,10 @@ def list_facts(a: Analysis) -> list[tuple[str, str]]:
     said = [
         ("growth rate", format_rate(growth, error)),
         ("largest multiplier", f"|µ| = {format_largest_multiplier(a.own)}"),
-        ("period", format_quantity(a.plant.period, "s", 5)),
+        (
+            "period",
+            format_decimal(a.plant.period, 5) if is_dimensionless() else format_quantity(a.plant.period, "s", 5),
+        ),
     ]
     if a.response is not None and np.all(np.isfinite(a.response.tip)):
         said.append(("largest tip error", format_quantity(float(a.response.tip_error.max()), "m")))

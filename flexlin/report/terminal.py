@@ -20,6 +20,7 @@ from flexlin.report.wording import (
     format_power,
     format_quantity,
     format_rate,
+    units_of,
 )
 
 UNKNOWN = ModelValidity("unknown")
@@ -47,6 +48,12 @@ def say_loop(loop: Loop, period: float, model: ModelValidity = UNKNOWN) -> None:
 
 def summarize(analysis: Analysis) -> None:
     """Print the verdicts and what to do next."""
+    with units_of(analysis):
+        say_all(analysis)
+
+
+def say_all(analysis: Analysis) -> None:
+    """Print it in the units of the analysis."""
     say(analysis.scene.title)
     for loop in analysis.loops:
         say_loop(loop, analysis.plant.period, analysis.validity(loop))

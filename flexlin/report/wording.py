@@ -1,6 +1,9 @@
 """How numbers and verdicts are said, the same on the terminal and on the page."""
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any
 
 import numpy as np
@@ -15,20 +18,56 @@ MARGINAL, SLOW = 1e-9, 1e5
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
 
 
+NONE = "none"
+_length: ContextVar[int | str | None] = ContextVar("length", default=None)
+"""The power of ten of the prefix of every deflection on a page, NONE for a scene without dimensions."""
+
+
+@contextmanager
+def units_of(analysis: Analysis) -> Iterator[None]:
+    """Say every deflection of a page in one unit, that in which the largest tip error is readable; in none without dimensions."""
+    sizes = [0.0 if analysis.response is None else analysis.response.sizes[1]]
+    sizes += [0.0 if analysis.simulation is None else analysis.simulation.tip_error]
+    largest = max((size for size in sizes if math.isfinite(size)), default=0.0)
+    token = _length.set(NONE if analysis.scene.unit_system == "dimensionless" else choose_prefix(largest))
+    try:
+        yield
+    finally:
+        _length.reset(token)
+
+
+def is_dimensionless() -> bool:
+    """Whether the page at hand is of a scene without dimensions."""
+    return _length.get() == NONE
+
+
+def time_label() -> str:
+    """The label of an axis of time."""
+    return "time" if is_dimensionless() else "time in s"
+
+
 def format_quantity(value: float, unit: str, digits: int = 3) -> str:
-    """A value with an SI prefix: 0.0123 m -> 12.3 mm."""
+    """A value with an SI prefix: 0.0123 m -> 12.3 mm; lengths on a page with the page's."""
     if not math.isfinite(value):
         return f"not finite {unit}"
+    chosen = _length.get() if unit == "m" else None
+    if chosen == NONE:
+        return format_decimal(value, digits)
     if value == 0:
         return f"0 {unit}"
+    if isinstance(chosen, int):
+        return f"{format_decimal(value / 10.0**chosen, digits)} {PREFIXES[chosen]}{unit}"
     prefix = choose_prefix(float(f"{value:.{digits}g}"))
     return f"{replace_minus(f'{value / 10.0**prefix:.{digits}g}')} {PREFIXES[prefix]}{unit}"
 
 
 def scale_values(values: Array, unit: str) -> tuple[Array, str]:
     """Values with the SI prefix that makes the largest readable, and the unit with it."""
+    chosen = _length.get() if unit == "m" else None
+    if chosen == NONE:
+        return values, "units of length"
     largest = float(np.abs(values).max()) if values.size else 0.0
-    prefix = choose_prefix(largest)
+    prefix = chosen if isinstance(chosen, int) else choose_prefix(largest)
     return values / 10.0**prefix, PREFIXES[prefix] + unit
 
 
@@ -61,7 +100,7 @@ def name_input_units(analysis: Analysis) -> str:
 
 def format_rate(value: float, error: float) -> str:
     """A growth rate with its error: −2.5207 ± 8×10⁻¹⁴ 1/s."""
-    return f"{format_decimal(value, 5)} ± {format_power(error)} 1/s"
+    return f"{format_decimal(value, 5)} ± {format_power(error)}" + ("" if is_dimensionless() else " 1/s")
 
 
 def format_decimal(value: float, digits: int) -> str:
@@ -122,7 +161,9 @@ def caution(loop: Loop, period: float) -> str:
 
 
 def format_duration(seconds: float) -> str:
-    """A time in s, or ms, µs ... below one."""
+    """A time in s, or ms, µs ... below one; without unit where the scene has no dimensions."""
+    if is_dimensionless():
+        return format_decimal(seconds, 3)
     return format_quantity(seconds, "s") if seconds < 1000 else f"{format_decimal(seconds, 3)} s"
 
 

@@ -33,6 +33,8 @@ class Scene(Table):
         The registered model's own table.
     links : tuple of Link
         The links from the base on.
+    unit_system : str
+        SI, or dimensionless for a scene in units of its own; its key is `units`.
     effects : Effects
         A table for each physical effect that is on.
     motion : Harmonic, Rotation, Fourier, PointToPoint or TableMotion
@@ -64,6 +66,8 @@ class Scene(Table):
     """The registered model's own table."""
     links: Annotated[tuple[Link, ...], NotEndless] = ()
     """The links from the base on, one [[links]] each."""
+    unit_system: Annotated[Literal["SI", "dimensionless"], Field(alias="units")] = "SI"
+    """SI: m, kg, s; dimensionless: lengths, masses and times in units of the scene's own, and no page names any."""
     effects: AnyEffects
     """The physical effects that are on: a table each."""
     motion: AnyMotion

@@ -14,6 +14,7 @@ from flexlin.report.figures.response import draw_response
 from flexlin.report.figures.sensitivity import draw_sensitivity
 from flexlin.report.figures.style import Picture
 from flexlin.report.figures.tip import draw_tip
+from flexlin.report.wording import units_of
 
 FIGURES: tuple[Callable[[Analysis], Picture | None], ...] = (
     draw_multipliers,
@@ -29,7 +30,8 @@ FIGURES: tuple[Callable[[Analysis], Picture | None], ...] = (
 
 def draw_pictures(analysis: Analysis) -> list[Picture]:
     """All figures that this analysis has numbers for, in the order of the page."""
-    drawn = [picture for draw in FIGURES if (picture := draw(analysis)) is not None]
+    with units_of(analysis):
+        drawn = [picture for draw in FIGURES if (picture := draw(analysis)) is not None]
     if analysis.sensitivity is not None:
         drawn.append(draw_sensitivity(analysis.sensitivity))
     return drawn if analysis.audit is None else [*drawn, draw_effects(analysis.audit)]

@@ -7,7 +7,7 @@ from flexlin.checks import Array
 from flexlin.control.tracking import arm_positions
 from flexlin.mechanics.link_shapes import make_shapes
 from flexlin.report.figures.style import SERIES, Picture, make_period_panel
-from flexlin.report.wording import name_input_units, name_joint_unit
+from flexlin.report.wording import is_dimensionless, name_input_units, name_joint_unit
 from flexlin.scene.scene import Scene
 from flexlin.svg import Panel, Row, draw
 
@@ -83,10 +83,10 @@ def draw_stroboscope(a: Analysis) -> list[Panel]:
     picked = np.arange(PHASES) * (len(a.t) - 1) // PHASES
     still = [trace_links(a.scene, rigid[i], np.zeros(a.arm.n)) for i in picked]
     moving = [trace_links(a.scene, bent[i], s[i]) for i in picked]
-    panels = []
+    panels, metres = [], "" if is_dimensionless() else " in m"
     for across, up in VIEWS if bent.shape[1] == 3 else VIEWS[:1]:
         title = "the arm" if bent.shape[1] == 2 else f"the arm along {'xyz'[3 - across - up]}"
-        panel = Panel(title, x_label=f"{'xyz'[across]} in m", y_label=f"{'xyz'[up]} in m", equal=True)
+        panel = Panel(title, x_label=f"{'xyz'[across]}{metres}", y_label=f"{'xyz'[up]}{metres}", equal=True)
         for curve in still:
             panel.line(curve[across], curve[up], "faint", width=0.8, opacity=0.5)
         for k, curve in enumerate(moving):

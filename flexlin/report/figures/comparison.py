@@ -4,8 +4,9 @@ import numpy as np
 
 from flexlin.answers.analysis import Analysis
 from flexlin.checks import Array
+from flexlin.report.advice import agreement, sentence
 from flexlin.report.figures.style import Picture
-from flexlin.report.wording import name_coordinate_unit, scale_values
+from flexlin.report.wording import name_coordinate_unit, scale_values, time_label
 from flexlin.simulation import Simulation
 from flexlin.svg import Linear, Panel, Row, draw
 
@@ -26,10 +27,10 @@ def draw_comparison(a: Analysis) -> Picture | None:
     upper.line(s.t, both[0], "sky", width=4.0, label="nonlinear").line(
         s.t, both[1], "vermilion", dash="5 3", label="linear"
     )
-    lower = Panel(f"difference in {apart_unit}", x=time, x_label="time in s").zero().line(s.t, apart, "ink")
+    lower = Panel(f"difference in {apart_unit}", x=time, x_label=time_label()).zero().line(s.t, apart, "ink")
     caption = (
         f"The full nonlinear equations over {s.t[-1] / a.plant.period:g} periods under the scene's loop, started on the rigid motion, "
-        f"beside the linear prediction from the same start. {s.status[0].upper()}{s.status[1:]}."
+        f"beside the linear prediction from the same start. {sentence(agreement(a, s))}"
     )
     return Picture("comparison", TITLE, caption, draw([Row([upper], 120), Row([lower], 60)], TITLE))
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from flexlin.answers.judging import Loop
+from flexlin.report.wording import time_label
 from flexlin.svg import Linear, Panel, Row
 
 SERIES = ("blue", "vermilion", "green", "purple", "orange", "sky")
@@ -23,7 +24,7 @@ class Picture:
 
 def make_period_panel(period: float, title: str, label: bool = True) -> Panel:
     """A panel of something over one period; without `label` the panel below bears the times."""
-    return Panel(title, x=Linear(0.0, period), x_label="time in s" if label else "", ticked=(label, True))
+    return Panel(title, x=Linear(0.0, period), x_label=time_label() if label else "", ticked=(label, True))
 
 
 def arrange_in_columns(panels: list[Panel], height: float) -> list[Row]:
@@ -32,7 +33,7 @@ def arrange_in_columns(panels: list[Panel], height: float) -> list[Row]:
     columns = max(1, min(columns, len(panels)))
     for i, panel in enumerate(panels):
         last = i + columns >= len(panels)
-        panel.ticked, panel.x_label = (last, True), "time in s" if last else ""
+        panel.ticked, panel.x_label = (last, True), time_label() if last else ""
     return [Row(panels[i : i + columns], height, (1.0,) * columns) for i in range(0, len(panels), columns)]
 
 

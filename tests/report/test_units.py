@@ -1,0 +1,61 @@
+"""One unit for one thing on a page, and none where a scene has no dimensions."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.answers.analysis import Analysis
+from flexlin.cli.main import main
+from flexlin.errors import SceneError
+from flexlin.report.figures import draw_pictures
+from flexlin.report.page import render_page
+from flexlin.report.record import record
+from flexlin.report.wording import format_quantity, scale_values, units_of
+
+
+def page_of(a: Analysis) -> str:
+    return render_page(a, record(a), draw_pictures(a), "")
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1.0, "mm"), (100.0, "m"), (1e-4, "µm")])
+def test_deflections_are_said_in_one_unit(single_link: Analysis, factor: float, unit: str) -> None:
+    """Tip errors in text, card, table and axes; the difference of the two answers is a deflection too."""
+    r, s = single_link.response, single_link.simulation
+    run = replace(
+        s,
+        tip=s.tip_rigid + factor * (s.tip - s.tip_rigid),
+        tip_linear=s.tip_rigid + factor * (s.tip_linear - s.tip_rigid),
+    )
+    tip = replace(r, tip=factor * r.tip, tip_by_bending=factor * r.tip_by_bending)
+    page = page_of(replace(single_link, response=tip, simulation=run))
+    text = re.sub(r"<[^>]+>", " ", page[: page.index("Everything that went in")])
+    found = set(re.findall(r"[0-9] (nm|µm|mm|m)\b(?! of)(?!/)", text))
+    assert found == {unit}
+    assert f"tip minus rigid tip in {unit}" in text
+    assert f"difference in {unit}" in text
+
+
+def test_the_page_s_unit_is_forgotten_behind_the_page(single_link: Analysis) -> None:
+    with units_of(single_link):
+        assert format_quantity(1.0, "m") == "1000 mm" or "×10³ mm" in format_quantity(1.0, "m")
+        assert format_quantity(1.0, "s") == "1 s"
+    assert format_quantity(1.0, "m") == "1 m"
+    assert scale_values(np.array([1e-3]), "m")[1] == "mm"
+
+
+def test_a_scene_without_dimensions_names_no_unit_of_length_or_time(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["report", "spinning-link", "--out", str(tmp_path)]) == 0
+    page, said = (tmp_path / "report.html").read_text(), capsys.readouterr().out
+    text = re.sub(r"<[^>]+>", " ", page[: page.index("Everything that went in")])
+    for words in (text, said.partition("accuracy:")[0]):
+        assert not re.search(r"[0-9] (nm|µm|mm|m)\b", words)
+    assert "time in s" not in text
+    assert "in m" not in re.findall(r"tip minus rigid tip[^<]*", page)[0]
+    with pytest.raises(SceneError, match="units"):
+        fl.load_scene("spinning-link", {"units": "furlongs"})
