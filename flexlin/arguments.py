@@ -17,6 +17,10 @@ SEVERAL = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
+SYSTEM, MAKER = "PeriodicSystem", "periodic_system"
+"""Where a system is meant, a linearization serves that makes one."""
+
+
 @dataclass(frozen=True)
 class Kind:
     """What an argument must be, in words and as a test; as a mark it stands in `Annotated[Any, Kind(...)]`."""
@@ -124,6 +128,10 @@ def plain_kind(annotation: Any, origin: Any, inside: tuple[Any, ...]) -> Kind | 
     if getattr(annotation, "_is_protocol", False):
         has = [name for name in (*vars(annotation), *annotation.__annotations__) if not name.startswith("_")]
         return Kind(f"a {annotation.__name__}", lambda value: all(hasattr(value, name) for name in has))
+    if getattr(annotation, "__name__", "") == SYSTEM and isinstance(annotation, type):
+        return Kind(
+            f"a {SYSTEM}, or what has one", lambda v: isinstance(v, annotation) or callable(getattr(v, MAKER, None))
+        )
     if isinstance(annotation, type) and annotation not in (object, Any):
         return Kind(f"a {annotation.__name__}", lambda value: isinstance(value, annotation))
     return None
