@@ -144,7 +144,9 @@ class Simulation(Shown):
             "tip_linear": (("time", "axis"), self.tip_linear, metres),
             "tip_rigid": (("time", "axis"), self.tip_rigid, metres),
         }
-        data = xarray.Dataset(series, coords={"time": self.t, "state": states, "axis": ["x", "y"]})
+        data = xarray.Dataset(
+            series, coords={"time": self.t, "state": states, "axis": list("xyz")[: self.tip.shape[1]]}
+        )
         data = data.assign_coords(unit=("state", units))
         data["time"].attrs["units"] = "s"
         data.attrs["integration_error"] = self.error
