@@ -14,6 +14,8 @@ STEP = 3e-5
 FIRST, WIDER, FARTHEST, TRIES = 1e-4, 8.0, 1.5, 6
 """How far from a piece's middle the boundary is looked for, in lengths of the piece: at first, by which factor farther, at the most."""
 DEEPEST = 40
+BLURRED = 30.0
+"""Pieces shorter than this many errors of their ends are not halved: what bends them is rounding."""
 
 
 @dataclass(frozen=True)
@@ -134,8 +136,9 @@ def refine_pieces(
         first, second = vertices.at(pairs[:, 0]), vertices.at(pairs[:, 1])
         found, off = find_middles(first, second, function, tol / 8)
         length = np.linalg.norm(second.points - first.points, axis=1)
-        done = (off <= tol / 2) | (length <= tol) | ~np.isfinite(off)
-        links.append((pairs[done], np.where(length <= tol, np.minimum(off, length), off)[done]))
+        short = length <= np.maximum(tol, BLURRED * np.maximum(first.errors, second.errors))
+        done = (off <= tol / 2) | short | ~np.isfinite(off)
+        links.append((pairs[done], np.where(short, np.minimum(off, length), off)[done]))
         new = found.at(~done)
         directions = find_directions(new.points, new.angles, new.undamped, function, step)
         fresh = np.arange(len(vertices.points), len(vertices.points) + len(new.points))

@@ -15,7 +15,7 @@ EXACT = 8.0
 """Points of the boundary are placed to this part of the wanted error."""
 INNER = 4
 """Cells on either side of a box that is divided again."""
-SMALLEST = 30.0
+SMALLEST = 100.0
 """Boxes of fewer than this many wanted errors are not divided."""
 JOINED = 1e-2
 """Of a box's size: crossings of its border this close, found from inside and from outside, are one."""
