@@ -8,7 +8,7 @@ from flexlin.checks import Array
 from flexlin.periodic.boundary.follow import Vertices, place_cubic
 from flexlin.periodic.boundary.links import list_chains
 from flexlin.periodic.boundary.spectra import Spectra, SpectraFunction, count_resting, drop_resting
-from flexlin.periodic.boundary.trace import Box, Trace, trace_box
+from flexlin.periodic.boundary.trace import SMALLEST, Box, Trace, trace_box
 
 CELLS = 32
 """Cells of the lattice on either side."""
@@ -45,7 +45,8 @@ def find_curves(function: SpectraFunction, tol: float, cells: int = CELLS, const
         return drop_resting(function(points), resting)
 
     trace = trace_box(Box((0.0, 0.0), (1.0, 1.0), cells), moving, tol, not constant)
-    return [draw_curve(chain, closed, trace, tol) for chain, closed in list_chains(trace.follower)]
+    curves = [draw_curve(chain, closed, trace, tol) for chain, closed in list_chains(trace.follower)]
+    return [curve for curve in curves if np.ptp(curve.points, axis=0).max() > SMALLEST]
 
 
 def draw_curve(chain: Array, closed: bool, trace: Trace, tol: float) -> Curve:

@@ -15,8 +15,8 @@ EXACT = 8.0
 """Points of the boundary are placed to this part of the wanted error."""
 INNER = 4
 """Cells on either side of a box that is divided again."""
-SMALLEST = 100.0
-"""Boxes of fewer than this many wanted errors are not divided."""
+SMALLEST = 2e-3
+"""Boxes smaller than this part of the ranges are not divided: the last piece of a tongue's tip is left out."""
 JOINED = 1e-2
 """Of a box's size: crossings of its border this close, found from inside and from outside, are one."""
 
@@ -96,7 +96,7 @@ def divide_cells(
         for node in through.tolist():
             cut_pieces(node, next_node[node], follower)
         trace = Trace(trace.vertices, follower, trace.off, trace.inside)
-        if box.size > SMALLEST * tol:
+        if box.size > SMALLEST:
             inner = trace_box(box, function, tol, narrow, top=False)
             trace = join_traces(trace, inner, through, next_node[through], JOINED * box.size)
     return trace
