@@ -127,6 +127,34 @@ def taylor_variables() -> str:
     return when(record) + "\n\n" + table(["tool", "order", "expand", "evaluate", "memory", "error in m"], lines)
 
 
+def charts_speed() -> str:
+    """Values of stability charts: by C, by NumPy, and by other programs."""
+    record = measured("charts_speed")
+    lines = [
+        [
+            row["scene"],
+            duration(row["compiled_us"] / 1e3),
+            two_digits(row["numpy_us"] / row["compiled_us"]),
+            f"{row['distance_in_tol'] * 1e-8:.0e}",
+        ]
+        for row in record["rows"]
+    ]
+    own = record["peers_us"]["flexlin, all exponents"]
+    peers = [[name, duration(us / 1e3), two_digits(us / own)] for name, us in record["peers_us"].items()]
+    million = record["million"]
+    compiling = max(row["compile_s"] for row in record["rows"])
+    text = (
+        f"A million values with one mode on all cores took {million['seconds']:.0f} s by the clock, compiler and start of the processes "
+        f"counted, and {million['memory_mb']:.0f} MB, while {million['load']:.0f} processes wanted the processors. Compiling took "
+        f"{compiling:.0f} s at the most. The last column is the largest distance from `floquet` on a random sample."
+    )
+    tables = [
+        table(["scene", "a value in C", "NumPy takes times", "distance"], lines),
+        table(["1 link, 1 mode", "a value", "ratio"], peers),
+    ]
+    return "\n\n".join([when(record), *tables, text])
+
+
 def riccati_race() -> str:
     """The periodic Riccati solver beside SciPy's integrators, at 1e-10."""
     record = measured("riccati_race")
@@ -271,6 +299,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "cost-of-accuracy": cost_of_accuracy,
     "taylor-cost": taylor_cost,
     "taylor-variables": taylor_variables,
+    "charts-speed": charts_speed,
     "riccati-race": riccati_race,
     "own-error": own_error,
     "scaling": scaling,
@@ -325,7 +354,12 @@ def measure_torture(out: str) -> dict[str, Any]:
     return {"rows": [{**row, "wrong": []} for row in rows]}
 
 
+def measure_charts_speed(out: str) -> dict[str, Any]:
+    return import_module("charts_speed").run("full", out)
+
+
 MEASURES = {
+    "charts_speed": measure_charts_speed,
     "cost_of_accuracy": measure_cost_of_accuracy,
     "taylor_cost": measure_taylor_cost,
     "taylor_variables": measure_taylor_variables,

@@ -70,9 +70,9 @@ class Deflection:
             * ca.bilin(ca.DM(self.integrals.gram), self.w_rate, self.w_rate)
         )
 
-    def linear(self, factors: Array) -> tuple[ca.SX, ca.SX]:
-        """factors . w, and its rate."""
-        row = ca.DM(factors)
+    def linear(self, factors: Array | ca.DM | ca.SX) -> tuple[ca.SX, ca.SX]:
+        """factors . w, and its rate; factors may hold symbols, as a free length makes them."""
+        row = symbols_or_numbers(factors)
         if not self.n:
             return ca.SX(0), ca.SX(0)
         return ca.dot(row, self.w), ca.dot(row, self.w_rate)
@@ -81,15 +81,20 @@ class Deflection:
         """w . form w."""
         return ca.bilin(ca.DM(form), self.w, self.w) if self.n else ca.SX(0)
 
-    def quadratic(self, form: Array) -> tuple[ca.SX, ca.SX]:
+    def quadratic(self, form: Array | ca.DM | ca.SX) -> tuple[ca.SX, ca.SX]:
         """1/2 w . form w of a symmetric form, and its rate."""
-        matrix = ca.DM(form)
+        matrix = symbols_or_numbers(form)
         return ca.bilin(matrix, self.w, self.w) / 2, ca.bilin(matrix, self.w, self.w_rate)
 
 
-def product(form: Array, a: Deflection, b: Deflection) -> tuple[ca.SX, ca.SX]:
+def product(form: Array | ca.DM | ca.SX, a: Deflection, b: Deflection) -> tuple[ca.SX, ca.SX]:
     """a . form b of two deflections, and its rate."""
-    matrix = ca.DM(form)
+    matrix = symbols_or_numbers(form)
     if not a.n or not b.n:
         return ca.SX(0), ca.SX(0)
     return ca.bilin(matrix, a.w, b.w), ca.bilin(matrix, a.w_rate, b.w) + ca.bilin(matrix, a.w, b.w_rate)
+
+
+def symbols_or_numbers(value: Array | ca.DM | ca.SX) -> ca.DM | ca.SX:
+    """A matrix of CasADi: of symbols where it holds some, as a free length makes them, else of numbers."""
+    return value if isinstance(value, ca.SX) else ca.DM(value)

@@ -73,7 +73,7 @@ class BentLink:
         """The slope v'(0) of pinned shapes, with its rate: the hub turns by it beside the joint coordinate; zero when clamped."""
         if not self.table.pinned:
             return ca.SX(0), ca.SX(0)
-        return self.y.linear(self.y.integrals.base_slope / self.table.length)
+        return self.y.linear(ca.DM(self.y.integrals.base_slope) / self.table.length)
 
     def moments(self) -> Moments:
         """Moments of the bent link about its base frame, first order in v, w, phi except where energy is of second order.
@@ -116,8 +116,8 @@ class BentLink:
         """First order of the tip's rotation (phi, -w', v')(l), (3, 1), and its rate."""
         length = self.table.length
         phi, phi_rate = self.torsion.linear(self.torsion.integrals.tip_slope)
-        down, down_rate = self.z.linear(-self.z.integrals.tip_slope / length)
-        up, up_rate = self.y.linear(self.y.integrals.tip_slope / length)
+        down, down_rate = self.z.linear(-ca.DM(self.z.integrals.tip_slope) / length)
+        up, up_rate = self.y.linear(ca.DM(self.y.integrals.tip_slope) / length)
         return column(phi, down, up), column(phi_rate, down_rate, up_rate)
 
     def tip(self, shift: ca.SX, shift_rate: ca.SX, turn: ca.SX, turn_rate: ca.SX) -> Frame:

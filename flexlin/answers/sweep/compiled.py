@@ -18,7 +18,8 @@ from flexlin.periodic.many.compiler import find_compiler
 from flexlin.periodic.many.romberg import balance_states, measure_spread
 
 PAYS = 1.0
-"""Seconds of work by NumPy, predicted, from which the kernel is compiled."""
+"""Seconds of work by NumPy, predicted, from which the kernel is compiled; more where there are more than `SHORT` coordinates."""
+SHORT = 6
 NUMPY_VALUE = 1.5e-4
 """Seconds that NumPy takes for a value of four states; it grows with the cube of the states."""
 LARGEST = 16
@@ -36,7 +37,8 @@ PROBES = 32
 def pays(loop: ParametricLoop, values: int) -> bool:
     """Whether compiling takes less time than it saves."""
     n = loop.linearization.n
-    return find_compiler() is not None and n <= LARGEST and values * NUMPY_VALUE * (n / 2) ** 3 > PAYS
+    worth = values * NUMPY_VALUE * (n / 2) ** 3 > PAYS * max(1.0, (n / SHORT) ** 2)
+    return worth and n <= LARGEST and find_compiler() is not None
 
 
 @dataclass(frozen=True)

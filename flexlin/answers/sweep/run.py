@@ -119,10 +119,13 @@ def choose_crew(
     if client is not None:
         if workers is not None:
             raise ArgumentError("a cluster has its own workers", got=f"workers={workers!r}", expected="client alone")
+        need_portable(job.work)
         return Cluster(client)
     if workers is not None:
-        workers = whole("workers", workers)
-        return compute_here if workers == 1 else Processes(workers)
+        if whole("workers", workers) == 1:
+            return compute_here
+        need_portable(job.work)
+        return Processes(workers)
     cores = count_cores()
     if cores == 1 or not is_portable(job.work) or predict_seconds(job) < WORTH:
         return compute_here
@@ -152,6 +155,16 @@ def is_portable(work: Work) -> bool:
         not isinstance(loop, RebuiltLoop)
         or (models_folder() / f"{str(loop.scene.model).replace('-', '_')}.py").exists()
     )
+
+
+def need_portable(work: Work) -> None:
+    """Refuse to send work elsewhere that would not be understood there."""
+    if not is_portable(work):
+        got, todo = (
+            "a model that is registered in this process only, or functions that do not pickle",
+            "ask for workers = 1",
+        )
+        raise ArgumentError("the loop cannot be sent to other processes", got=got, todo=todo)
 
 
 def count_cores() -> int:

@@ -32,7 +32,7 @@ class GeometricStiffening(Effect):
         return None if scale.bending is None else cls()
 
     def tip_displacement(self, link: "BentLink") -> tuple[ca.SX, ca.SX]:
-        drawn = [part.quadratic(part.integrals.tip_shortening / link.table.length) for part in link.bending]
+        drawn = [part.quadratic(ca.DM(part.integrals.tip_shortening) / link.table.length) for part in link.bending]
         return tuple(column(-sum((part[i] for part in drawn), ca.SX(0)), 0, 0) for i in (0, 1))
 
     def link_moments(self, link: "BentLink") -> Moments | None:

@@ -1,0 +1,241 @@
+"""What does a value of a stability chart cost, here and with other programs, and is every value right?
+
+Payload times frequency at 1e-8, for the single link with one and two modes and for two links with two modes each: microseconds of one
+processor a value by the compiled kernel and by NumPy, each with all exponents and their errors, and the values of a random sample beside
+`fl.floquet`. Other programs make only the transition matrix of a period, on the single link with one mode: heyoka's SIMD batch, and
+jax.vmap over the fixed steps of DOP853, both compiled, each at the cheapest setting that reaches 1e-8. The programs take turns, and each
+time is the least of several, so that ratios hold on a machine that does other work. Then a million values on all cores, by the clock.
+
+    python studies/charts_speed.py [--size small] [--out DIR]
+"""
+
+import argparse
+import json
+import os
+import resource
+import tempfile
+import time
+from collections.abc import Callable
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+import flexlin as fl
+from flexlin.about.free import ParametricLoop, parametric_loop
+from flexlin.answers.peers import HeyokaTransitions
+from flexlin.answers.peers.right_hand_sides import derive_state_matrix
+from flexlin.answers.sweep.batches import NumpyBatches, Plan, prepare_coefficients
+from flexlin.answers.sweep.compiled import CompiledBatches
+from flexlin.periodic.circle import measure_distances
+from flexlin.periodic.many import compiler
+from flexlin.periodic.many.transitions import batched_transitions
+
+TOL = 1e-8
+PAYLOAD, FREQUENCY = "effects.payload.mass", "motion.frequency"
+SCENES = {
+    "1 link, 1 mode": ("single-link", {"links.0.modes": 1, "designs": []}, (0.0, 0.2), (0.3, 1.5)),
+    "1 link, 2 modes": ("single-link", {"links.0.modes": 2, "designs": []}, (0.0, 0.2), (0.3, 1.5)),
+    "2 links, 2 modes each": ("de-luca-siciliano-1991", {"designs": []}, (0.05, 0.2), (0.1, 0.5)),
+}
+VALUES = {"full": (16384, 4096, 256), "small": (64, 32, 0)}
+SAMPLE = {"full": 40, "small": 2}
+ROUNDS = {"full": 5, "small": 1}
+STEPS = (64, 96, 128, 192, 256, 384, 512)
+TOLERANCES = (1e-7, 1e-8, 1e-9, 1e-10, 1e-11)
+BATCHED = 256
+"""Values of a batch of the other programs."""
+
+
+def grid(scene: str, values: int) -> tuple[ParametricLoop, np.ndarray]:
+    """The loop, and values (V, 2) of payload and frequency spread over a rectangle."""
+    name, overrides, *ranges = SCENES[scene]
+    loop = parametric_loop(fl.load_scene(name, overrides), [PAYLOAD, FREQUENCY])
+    side = int(np.sqrt(values))
+    axes = np.meshgrid(*[np.linspace(low, high, side) for low, high in ranges], indexing="ij")
+    return loop, np.stack([axis.ravel() for axis in axes], axis=1)
+
+
+def race(runs: dict[str, Callable[[], Any]], rounds: int) -> dict[str, float]:
+    """The least processor time of each in s, the runs taking turns."""
+    least = dict.fromkeys(runs, np.inf)
+    for _ in range(rounds):
+        for name, run in runs.items():
+            start = time.process_time()
+            run()
+            least[name] = min(least[name], time.process_time() - start)
+    return least
+
+
+def judge_sample(loop: ParametricLoop, points: np.ndarray, found: Any, count: int) -> float:
+    """The largest distance from `fl.floquet` on a random sample, in units of tol; verdicts must be the same."""
+    worst = 0.0
+    for i in np.random.default_rng(0).choice(len(points), count, replace=False):
+        exact = fl.floquet(loop.system_at(points[i]), 1e-11)
+        apart = measure_distances(found.exponents[i] * exact.period, exact.log_multipliers).min(axis=1) / exact.period
+        worst = max(worst, float((apart / np.maximum(1.0, np.abs(found.exponents[i]))).max()) / TOL)
+        assert {0: "undecided", 1: "stable", 2: "unstable"}[int(found.verdict[i])] == exact.verdict
+    return worst
+
+
+def time_scene(scene: str, values: int, size: str) -> dict[str, Any]:
+    """Microseconds a value by both routes, and the distance from `fl.floquet`."""
+    loop, points = grid(scene, values)
+    fast = CompiledBatches.prepare(loop, points, TOL)
+    assert fast is not None, "there is no C compiler"
+    few = points[:: max(1, len(points) // 128)]
+    slow = NumpyBatches.prepare(loop, points, TOL, 2**26)
+    least = race({"c": lambda: fast.compute(points), "numpy": lambda: slow.compute(few)}, ROUNDS[size])
+    found = fast.compute(points)
+    return {
+        "scene": scene,
+        "states": loop.states,
+        "segments": fast.plan.segments,
+        "compile_s": fast.seconds,
+        "compiled_us": 1e6 * least["c"] / len(points),
+        "numpy_us": 1e6 * least["numpy"] / len(few),
+        "one_by_one": int(found.one_by_one.sum()),
+        "distance_in_tol": judge_sample(loop, points, found, SAMPLE[size]),
+    }
+
+
+def peer_runs(loop: ParametricLoop, points: np.ndarray) -> dict[str, Callable[[], np.ndarray]]:
+    """The other programs that are installed, each at the cheapest setting that reaches tol on these values."""
+    runs: dict[str, Callable[[], np.ndarray]] = {}
+    T = loop.periods(points)
+    units = np.stack([np.r_[np.ones(loop.linearization.n), np.full(loop.linearization.n, t)] for t in T])
+    exact = reference(loop, points)
+    if find_spec("heyoka"):
+        for tol in TOLERANCES:
+            flow = HeyokaTransitions(loop, tol, 8)
+
+            def batch(flow: Any = flow) -> np.ndarray:
+                return np.concatenate([flow(points[i : i + 8]) for i in range(0, len(points), 8)])
+
+            if np.abs(batch() * units[:, :, None] / units[:, None, :] - exact).max() <= TOL * np.abs(exact).max():
+                runs["heyoka, batches of 8, transition matrix only"] = batch
+                break
+    if find_spec("jax"):
+        for steps in STEPS:
+            flow = jax_transitions(loop, steps)
+            if np.abs(flow(points) * units[:, :, None] / units[:, None, :] - exact).max() <= TOL * np.abs(exact).max():
+                runs[f"jax.vmap, {steps} steps of DOP853, transition matrix only"] = lambda flow=flow: flow(points)
+                break
+    return runs
+
+
+def reference(loop: ParametricLoop, points: np.ndarray) -> np.ndarray:
+    """Transition matrices (V, n, n), time in periods, by Gauss collocation of order 16."""
+    coefficients = prepare_coefficients(loop, points, loop.periods(points), Plan(64), 1e-11)[0]
+    return batched_transitions(coefficients, 96, 8)
+
+
+def jax_transitions(loop: ParametricLoop, steps: int) -> Callable[[np.ndarray], np.ndarray]:
+    """X' = T A(phase, p) X over one period by fixed steps of DOP853, jitted, vmapped over the values, in double precision."""
+    import jax
+    import jax.numpy as jnp
+    from scipy.integrate._ivp import dop853_coefficients as dop
+
+    jax.config.update("jax_enable_x64", True)
+    function, n = derive_state_matrix(loop), loop.states
+    stages = 12
+
+    def state_matrix(phase: Any, p: Any) -> Any:
+        return jnp.stack(evaluate_in_jax(jnp, function, [[phase], p])).reshape(n, n).T
+
+    def flow(p: Any) -> Any:
+        h = 1.0 / steps
+
+        def step(X: Any, k: Any) -> tuple[Any, None]:
+            slopes: list[Any] = []
+            for i in range(stages):
+                Y = X + h * sum(float(dop.A[i, j]) * slopes[j] for j in range(i) if dop.A[i, j] != 0)
+                slopes.append(state_matrix((k + float(dop.C[i])) * h, p) @ Y)
+            return X + h * sum(float(dop.B[i]) * slopes[i] for i in range(stages) if dop.B[i] != 0), None
+
+        return jax.lax.scan(step, jnp.eye(n), jnp.arange(steps))[0]
+
+    compiled = jax.jit(jax.vmap(flow))
+    return lambda points: np.asarray(compiled(points))
+
+
+def evaluate_in_jax(jnp: Any, function: ca.Function, inputs: list[Any]) -> list[Any]:
+    """The first output of a CasADi function of scalars, as jax numbers."""
+    operations: dict[int, Callable[..., Any]] = {
+        ca.OP_ASSIGN: lambda a: a, ca.OP_NEG: lambda a: -a, ca.OP_SIN: jnp.sin, ca.OP_COS: jnp.cos, ca.OP_SQ: lambda a: a * a,
+        ca.OP_SQRT: jnp.sqrt, ca.OP_TWICE: lambda a: 2.0 * a, ca.OP_INV: lambda a: 1.0 / a, ca.OP_ADD: lambda a, b: a + b,
+        ca.OP_SUB: lambda a, b: a - b, ca.OP_MUL: lambda a, b: a * b, ca.OP_DIV: lambda a, b: a / b,
+    }  # fmt: skip
+    work: dict[int, Any] = {}
+    outputs: list[Any] = [jnp.zeros(())] * function.numel_out(0)
+    for k in range(function.n_instructions()):
+        code, source, target = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
+        if code == ca.OP_CONST:
+            work[target[0]] = function.instruction_constant(k)
+        elif code == ca.OP_INPUT:
+            work[target[0]] = inputs[source[0]][source[1]]
+        elif code == ca.OP_OUTPUT:
+            outputs[target[1]] = jnp.asarray(work[source[0]], dtype=float)
+        else:
+            work[target[0]] = operations[code](*[work[i] for i in source])
+    return outputs
+
+
+def time_million() -> dict[str, float]:
+    """1000 x 1000 values of the single link with one mode on all cores, the equations and the compiler counted, in a fresh cache."""
+    name, overrides, *ranges = SCENES["1 link, 1 mode"]
+    values = {
+        path: np.linspace(low, high, 1000) for path, (low, high) in zip((PAYLOAD, FREQUENCY), ranges, strict=True)
+    }
+    before = os.environ.get("XDG_CACHE_HOME", str(Path.home() / ".cache"))
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["XDG_CACHE_HOME"] = folder
+        compiler.cache_folder.cache_clear()
+        begin = time.perf_counter()
+        data = fl.sweep(fl.load_scene(name, overrides), values, TOL, grid=True)
+        seconds = time.perf_counter() - begin
+    os.environ["XDG_CACHE_HOME"] = before
+    compiler.cache_folder.cache_clear()
+    own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return {
+        "seconds": seconds,
+        "memory_mb": own,
+        "worker_mb": resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024,
+        "load": os.getloadavg()[0],
+        "one_by_one": int(data.attrs["one_by_one"]),
+    }
+
+
+def run(size: str = "full", out: Path | str = "out/studies") -> dict[str, Any]:
+    """Take all times; print and keep them."""
+    data: dict[str, Any] = {"million": time_million()} if size == "full" else {}  # first: its memory is not yet others'
+    data["rows"] = [time_scene(scene, n, size) for scene, n in zip(SCENES, VALUES[size], strict=True) if n]
+    loop, points = grid("1 link, 1 mode", BATCHED if size == "full" else 16)
+    fast = CompiledBatches.prepare(loop, points, TOL)
+    assert fast is not None
+    runs = {"flexlin, all exponents": lambda: fast.compute(points), **peer_runs(loop, points)}
+    data["peers_us"] = {name: 1e6 * s / len(points) for name, s in race(runs, ROUNDS[size]).items()}
+    for row in data["rows"]:
+        print(
+            f"{row['scene']:22} {row['compiled_us']:8.1f} us a value, NumPy {row['numpy_us'] / row['compiled_us']:5.1f} times as much, "
+            f"largest distance from floquet {row['distance_in_tol']:.2f} tol, compiled in {row['compile_s']:.1f} s"
+        )
+    own = data["peers_us"]["flexlin, all exponents"]
+    for name, us in data["peers_us"].items():
+        print(f"{name:60} {us:8.1f} us a value, {us / own:6.1f} times")
+    if "million" in data:
+        print("a million values: {seconds:.1f} s, {memory_mb:.0f} MB, load {load:.1f}".format(**data["million"]))
+    folder = Path(out)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "charts_speed.json").write_text(json.dumps(data, indent=1), encoding="utf-8")
+    return data
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--size", choices=["full", "small"], default="full")
+    parser.add_argument("--out", type=Path, default=Path("out/studies"))
+    options = parser.parse_args()
+    run(options.size, options.out)
