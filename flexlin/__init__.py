@@ -33,6 +33,7 @@ _HOME = {
     "sweep": "flexlin.answers.sweep",
     "critical_values": "flexlin.answers.critical_values",
     "stability_boundary": "flexlin.answers.stability_boundary",
+    "tune": "flexlin.answers.tuning.tune",
     "sensitivity": "flexlin.answers.sensitivity",
     "audit": "flexlin.answers.audit.comparison",
     "cost": "flexlin.answers.accuracy",

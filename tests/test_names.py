@@ -23,6 +23,7 @@ VERBS = {
     "critical_values",
     "h2_norm",
     "hinf_norm",
+    "tune",
     "floquet",
     "floquet_modes",
     "forced_response",

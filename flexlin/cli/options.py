@@ -61,6 +61,16 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
         {"type": span, "metavar": "KEY=LOW:HIGH[:COUNT]", "action": "extend", "nargs": "+", "required": True,
          "help": "a parameter to vary, such as motion.frequency=0.2:3:200; give two for a map"},
     ),
+    "vary": (
+        ["--vary"],
+        {"type": span, "metavar": "KEY=LOW:HIGH", "action": "extend", "nargs": "+", "default": [],
+         "help": "a number that scenarios differ by, such as effects.payload.mass=0:0.3"},
+    ),
+    "gain": (
+        ["--gain"],
+        {"type": span, "metavar": "KEY=LOW:HIGH", "action": "extend", "nargs": "+", "default": [],
+         "help": "a gain to tune and its limits (default: all of the scene's feedback, a tenth to ten times their values)"},
+    ),
     "loop": (
         ["--loop"],
         {"default": "own", "metavar": "LOOP",

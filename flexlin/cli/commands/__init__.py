@@ -18,6 +18,7 @@ from flexlin.cli.commands import (
     schema,
     show,
     simulate,
+    tune,
 )
 
 COMMANDS: dict[str, ModuleType] = {
@@ -35,5 +36,6 @@ COMMANDS: dict[str, ModuleType] = {
     "effects": effects,
     "chart": chart,
     "cost": cost,
+    "tune": tune,
     "export": export,
 }

@@ -1,0 +1,40 @@
+"""`flexlin tune`: find the gains that make the slowest decay over all scenarios as fast as possible."""
+
+import argparse
+
+from flexlin.cli.options import SCENE
+from flexlin.cli.shared import loaded, print_paths
+from flexlin.errors import ArgumentError
+
+PURPOSE = "find the gains that decay fastest in all scenarios"
+TAKES = (*SCENE, "vary", "gain")
+
+
+def run(options: argparse.Namespace) -> int:
+    scene = loaded(options)
+    spans = [*options.vary, *options.gain]
+    if len({key for key, *_ in spans}) < len(spans):
+        raise ArgumentError("a number is named twice", got=", ".join(key for key, *_ in spans), expected="each once")
+    from flexlin.report.progress import Progress
+
+    with Progress() as progress:
+        progress("load the numerical libraries")
+        from flexlin.answers.tuning.tune import tune
+        from flexlin.files import results
+        from flexlin.report.terminal import say
+        from flexlin.scene.revised import raw_tables
+        from flexlin.scene.toml_text import write_toml
+
+        progress("tune the gains")
+        limits = {key: (low, high) for key, low, high, _ in options.gain}
+        found = tune(scene, list(limits) or None, {key: (low, high) for key, low, high, _ in options.vary}, limits)
+    say(f"{scene.title}: {found.status}")
+    for path, value in found.gains.items():
+        say(f"  {path} = {value:.6g}")
+    for one in found.active[:6]:
+        place = ", ".join(f"{path} = {value:.4g}" for path, value in one.scenario.items())
+        say(f"  active: {one.exponent.real:.6g} {one.exponent.imag:+.6g}i 1/s at {place}")
+    with results(options.out, "tune") as made:
+        assert found.scene is not None
+        (made / "tuned.toml").write_text(write_toml(raw_tables(found.scene)), encoding="utf-8")
+    return print_paths(made.placed("tuned.toml"))
