@@ -173,7 +173,7 @@ def add_slope(found: CriticalValue, family: Family) -> CriticalValue:
     lead = int(np.argmin(np.abs(exponents.real)))
     slope = float(slopes[0, lead].real)
     error = (abs(float(exponents.real[lead])) + float(errors[lead])) / abs(slope) if slope else np.inf
-    return replace(found, slope=slope, error=max(error, 4e-16 * abs(found.value)))
+    return replace(found, slope=slope, error=max(error, found.error))
 
 
 def describe_causes(family: Family, point: Array) -> str:
