@@ -71,6 +71,12 @@ def stability_results() -> dict[str, Any]:
         "horizon": finite_horizon_riccati(system, np.eye(2), np.eye(1), np.eye(2), tol=1e-7),
         "forced": fl.forced_response(system, [0.0, 1.0], tol=1e-7),
         "h2": fl.h2_norm(system.feedback(riccati.K), np.eye(2)),
+        "tuning": fl.tune(
+            lambda gain: fl.PeriodicSystem([[0.0, 1.0], [-1.0, -gain]], 1.0), {"gain": 0.3}, starts=1, steps=1
+        ),
+        "critical": fl.critical_values(
+            lambda d: fl.PeriodicSystem([[0.0, 1.0], [-1.0, -d]], 1.0), "d", (-0.1, 0.2), samples=9
+        )[0],
         "hinf": fl.hinf_norm(fl.PeriodicSystem([[-1.0]], 1.0, B=[[1.0]]), [[1.0]]),
     }
 
