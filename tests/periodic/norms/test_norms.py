@@ -1,0 +1,127 @@
+"""Norms of periodic systems: rotated constant systems, whose norms are those of the constant one, and Hill's truncated equations."""
+
+import numpy as np
+import pytest
+from scipy.linalg import solve_continuous_lyapunov
+from scipy.optimize import minimize_scalar
+
+import flexlin as fl
+from flexlin.about.linear import linearize
+from flexlin.errors import ArgumentError, NotStabilizable, NotStable
+
+A0, B0, C0 = np.array([[-1.0, -0.5], [-3.0, -5.0]]), np.array([[3.0], [1.0]]), np.array([[1.0, 2.0]])
+
+
+def rotated(A, B, C, speed=2.0):
+    """The system in coordinates that turn in the plane of the first two states."""
+    n, J = len(A), np.zeros((len(A), len(A)))
+    J[0, 1], J[1, 0] = speed, -speed
+
+    def P(t):
+        turn = np.tile(np.eye(n), (len(t), 1, 1))
+        c, s = np.cos(speed * t), np.sin(speed * t)
+        turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1] = c, s, -s, c
+        return turn
+
+    def back(t):
+        return np.swapaxes(P(t), 1, 2)
+
+    system = fl.PeriodicSystem(lambda t: J + P(t) @ A @ back(t), 2 * np.pi / speed, B=lambda t: P(t) @ B)
+    return system, lambda t: C @ back(t)
+
+
+def gain(A, B, C, D, w):
+    return np.linalg.norm(C @ np.linalg.solve(1j * w * np.eye(len(A)) - A, B) + D, 2)
+
+
+def constant_peak(A, B, C, D):
+    grid = np.concatenate([[0.0], np.geomspace(1e-3, 1e3, 4000)])
+    sizes = [gain(A, B, C, D, w) for w in grid]
+    k = int(np.argmax(sizes))
+    span = grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)]
+    best = minimize_scalar(lambda w: -gain(A, B, C, D, w), bounds=span, method="bounded", options={"xatol": 1e-10})
+    return max(-best.fun, sizes[k]), (best.x if -best.fun > sizes[k] else grid[k])
+
+
+def folded(w, period):
+    turn = 2 * np.pi / period
+    w = w % turn
+    return min(w, turn - w)
+
+
+def test_published_numbers():
+    system, C = rotated(A0, B0, C0)
+    assert abs(fl.h2_norm(system, C).value - 1.46181557) < 1e-8
+    assert abs(fl.hinf_norm(system, C).value - 0.844765) < 1e-6
+    assert abs(fl.hinf_norm(system, C, [[1.0]]).value - 1.839303) < 1e-6
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_rotated_constant_systems(seed):
+    rng = np.random.default_rng(seed)
+    n, m, p = rng.integers(2, 5), rng.integers(1, 3), rng.integers(1, 3)
+    A = rng.standard_normal((n, n))
+    A -= (np.linalg.eigvals(A).real.max() + 10 ** rng.uniform(-1.5, 0)) * np.eye(n)
+    B, C = rng.standard_normal((n, m)), rng.standard_normal((p, n))
+    D = rng.standard_normal((p, m)) if seed % 2 else np.zeros((p, m))
+    system, output = rotated(A, B, C, speed=float(rng.uniform(0.7, 4)))
+    exact = np.sqrt(np.trace(C @ solve_continuous_lyapunov(A, -B @ B.T) @ C.T))
+    two = fl.h2_norm(system, output)
+    assert abs(two.value - exact) <= 1e-8 * exact
+    assert abs(two.value - exact) <= two.error + 1e-13 * exact
+    peak, where = constant_peak(A, B, C, D)
+    largest = fl.hinf_norm(system, output, D)
+    assert abs(largest.value - peak) <= 1e-8 * peak
+    assert abs(largest.value - peak) <= largest.error + 1e-9 * peak
+    assert abs(largest.frequency - folded(where, system.period)) < 1e-3 * (1 + where) or where > 900
+
+
+def hill_gain(system, C, w, harmonics):
+    """The truncated harmonic transfer function's norm, and its Frobenius norm."""
+    N, T = 8 * harmonics, system.period
+    t = T * np.arange(N) / N
+    blocks = []
+    for values in (system.A(t), system.B(t), C(t)):
+        waves = np.fft.fft(values, axis=0) / N
+        k = np.arange(-harmonics, harmonics + 1)
+        blocks.append(waves[(k[:, None] - k) % N].swapaxes(1, 2).reshape(len(k) * values.shape[1], -1))
+    A, B, C = blocks
+    shift = np.repeat(1j * (w + 2 * np.pi / T * np.arange(-harmonics, harmonics + 1)), system.n)
+    return np.linalg.norm(C @ np.linalg.solve(np.diag(shift) - A, B), 2)
+
+
+@pytest.mark.parametrize("name", ["flexible-joint-link", "khang-2019"])
+def test_arms_against_hills_truncated_equations(name):
+    scene = fl.load_scene(name)
+    lin = linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    system = lin.periodic_system()
+    row = np.zeros((1, system.n))
+    row[0, 0] = 1.0  # the joint's angle
+
+    def C(t):
+        return np.tile(row, (len(t), 1, 1))
+
+    largest = fl.hinf_norm(system, C)
+    assert 0 <= largest.frequency <= np.pi / system.period * (1 + 1e-12)
+    assert hill_gain(system, C, largest.frequency, 24) == pytest.approx(largest.value, rel=1e-6)
+    grid = np.pi / system.period * np.linspace(0, 1, 9)
+    assert max(hill_gain(system, C, w, 12) for w in grid) <= largest.value * (1 + 1e-6)
+    two = fl.h2_norm(system, C)
+    assert 0 < two.error < 1e-6 * two.value
+
+
+def test_wrong_and_unstable_systems_are_refused():
+    unstable = fl.PeriodicSystem([[0.1]], 1.0, B=[[1.0]])
+    with pytest.raises(NotStabilizable):
+        fl.h2_norm(unstable, [[1.0]])
+    with pytest.raises(NotStable):
+        fl.hinf_norm(unstable, [[1.0]])
+    stable = fl.PeriodicSystem([[-0.1]], 1.0, B=[[1.0]])
+    with pytest.raises(ArgumentError, match="C does not fit"):
+        fl.hinf_norm(stable, [[1.0, 2.0]])
+    with pytest.raises(ArgumentError, match="D does not fit"):
+        fl.hinf_norm(stable, [[1.0]], [[1.0, 2.0]])
+    with pytest.raises(ArgumentError, match="no input"):
+        fl.h2_norm(fl.PeriodicSystem([[-0.1]], 1.0), [[1.0]])
+    assert fl.hinf_norm(stable, [[0.0]]).value == 0
+    assert fl.hinf_norm(stable, [[0.0]], [[2.0]]).value == pytest.approx(2.0, rel=1e-6)
