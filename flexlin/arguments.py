@@ -29,6 +29,14 @@ class Kind:
     fits: Callable[[Any], bool]
 
 
+def instance(name: str, value: object, kind: type | tuple[type, ...], todo: str | None = None) -> None:
+    """Refuse a value that is not of the kind a public function works on."""
+    if not isinstance(value, kind):
+        kinds = kind if isinstance(kind, tuple) else (kind,)
+        expected = f"a {' or '.join(k.__name__ for k in kinds)}"
+        raise ArgumentError(f"{name} is of another kind", got=repr(value)[:80], expected=expected, todo=todo)
+
+
 def checked(function: Function) -> Function:
     """Refuse arguments of another kind than the annotations state, before the function begins.
 

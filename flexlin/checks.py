@@ -40,14 +40,6 @@ def real_array(name: str, value: ArrayLike, shape: Sequence[int | None] | None =
     return array
 
 
-def instance(name: str, value: object, kind: type | tuple[type, ...], todo: str | None = None) -> None:
-    """Refuse a value that is not of the kind a public function works on."""
-    if not isinstance(value, kind):
-        kinds = kind if isinstance(kind, tuple) else (kind,)
-        expected = f"a {' or '.join(k.__name__ for k in kinds)}"
-        raise ArgumentError(f"{name} is of another kind", got=repr(value)[:80], expected=expected, todo=todo)
-
-
 def positive(name: str, value: float) -> float:
     """Return `value` as a finite float greater than zero."""
     number = float(real_array(name, value, ()))

@@ -6,8 +6,8 @@ import casadi as ca
 
 from flexlin.about.deviation import Deviation
 from flexlin.about.periodic_motion import PeriodicMotion
-from flexlin.arguments import checked
-from flexlin.checks import Array, instance
+from flexlin.arguments import checked, instance
+from flexlin.checks import Array
 from flexlin.periodic.system import PeriodicSystem
 
 

@@ -8,8 +8,7 @@ from flexlin.about.linearization import Linearization
 from flexlin.about.routes import ROUTES, Matrices, Route
 from flexlin.about.scene_law import feedback_expressions
 from flexlin.about.second_order import Coefficients
-from flexlin.arguments import checked
-from flexlin.checks import instance
+from flexlin.arguments import checked, instance
 from flexlin.errors import ArgumentError, ModelError, MotionError
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion, build_motion

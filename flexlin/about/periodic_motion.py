@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 from flexlin.about.harmonic_balance import Closing, Unknowns, balance, by_law, solve_at
 from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
-from flexlin.arguments import checked
-from flexlin.checks import Array, at_times, instance, positive
+from flexlin.arguments import checked, instance
+from flexlin.checks import Array, at_times, positive
 from flexlin.errors import MotionError, ToleranceNotReached
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.system import MatrixFunction

@@ -9,8 +9,8 @@ import xarray as xr
 
 from flexlin import symbolic
 from flexlin.about.free import ParametricLoop, parametric_loop
-from flexlin.arguments import checked
-from flexlin.checks import Array, instance
+from flexlin.arguments import checked, instance
+from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import FloquetModes, floquet_modes

@@ -11,8 +11,8 @@ from flexlin.about.harmonic_balance import Closing, Unknowns
 from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
 from flexlin.about.periodic_motion import PeriodicMotion, periodic_motion
-from flexlin.arguments import checked
-from flexlin.checks import Array, at_times, instance
+from flexlin.arguments import checked, instance
+from flexlin.checks import Array, at_times
 from flexlin.errors import ArgumentError
 from flexlin.summary import represent
 

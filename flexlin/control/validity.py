@@ -7,8 +7,8 @@ import numpy as np
 
 from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
-from flexlin.arguments import checked
-from flexlin.checks import Array, instance, positive
+from flexlin.arguments import checked, instance
+from flexlin.checks import Array, positive
 from flexlin.control.slow_motions import slow_motions
 from flexlin.mechanics.coordinates import Coordinate
 from flexlin.periodic.boundary.roots import SignedEnds, solve_brackets

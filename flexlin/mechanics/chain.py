@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import casadi as ca
 
-from flexlin.arguments import checked
-from flexlin.checks import instance
+from flexlin.arguments import checked, instance
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.body import Body, Moments, rigid_moments, tensor
 from flexlin.mechanics.coordinates import Symbols, list_coordinates

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import casadi as ca
 
-from flexlin.checks import instance
+from flexlin.arguments import instance
 from flexlin.expressions import Expressions
 from flexlin.mechanics.coordinates import Coordinate
 from flexlin.mechanics.coriolis import derive_coriolis

@@ -4,8 +4,7 @@ from typing import Any
 
 import casadi as ca
 
-from flexlin.arguments import checked
-from flexlin.checks import instance
+from flexlin.arguments import checked, instance
 from flexlin.errors import MotionError
 from flexlin.mechanics.parameters import Parameters
 from flexlin.motion.base import Motion, SampledMotion, SymbolicMotion

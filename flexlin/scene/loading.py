@@ -8,8 +8,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from flexlin.arguments import checked
-from flexlin.checks import instance
+from flexlin.arguments import checked, instance
 from flexlin.errors import Problem, SceneError
 from flexlin.files import read_text
 from flexlin.scene.consistency import contradictions

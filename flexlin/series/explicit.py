@@ -7,8 +7,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.arguments import checked
-from flexlin.checks import Array, instance, real_array
+from flexlin.arguments import checked, instance
+from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError
 from flexlin.series.expression import Expression
 from flexlin.series.indices import indices

@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike
 
 from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
-from flexlin.arguments import checked
-from flexlin.checks import Array, check_size, instance, positive, real_array, whole
+from flexlin.arguments import checked, instance
+from flexlin.checks import Array, check_size, positive, real_array, whole
 from flexlin.control.tracking import Feedforward, scene_feedforward, tip_positions
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import MatrixFunction

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from flexlin.answers import analysis as stages
+from flexlin.answers import judging
 from flexlin.answers.clock import Clock
 from flexlin.cli.main import main
 from flexlin.errors import NumericalError, TooLarge
@@ -46,7 +47,8 @@ ALL_BUT_THE_LOOP = {"simulate": "memory", "linear_range": "LAPACK", "find_respon
 def test_broken_stages_leave_the_rest(broken: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The first call to `floquet` is that of the scene's own loop."""
     for stage, kind in broken.items():
-        monkeypatch.setattr(stages, stage, first_call_fails(getattr(stages, stage), BREAKS[kind]))
+        where = judging if stage == "floquet" else stages
+        monkeypatch.setattr(where, stage, first_call_fails(getattr(where, stage), BREAKS[kind]))
     code = main(["report", *SCENE, "--out", str(tmp_path)])
     data = json.loads((tmp_path / "report.json").read_text())
     assert code == ("floquet" in broken)

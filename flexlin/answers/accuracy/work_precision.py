@@ -11,8 +11,7 @@ from flexlin.answers.accuracy.outside import measure_outside_methods
 from flexlin.answers.accuracy.result import CostResult, Row
 from flexlin.answers.accuracy.trial import STAGE_SECONDS, compare_arrays
 from flexlin.answers.limits import time_limit
-from flexlin.arguments import checked
-from flexlin.checks import instance
+from flexlin.arguments import checked, instance
 from flexlin.errors import ArgumentError, FlexlinError
 from flexlin.mechanics import build_manipulator
 from flexlin.motion import SymbolicMotion

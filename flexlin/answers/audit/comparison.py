@@ -13,8 +13,8 @@ from flexlin.answers.audit.scale import read_scale
 from flexlin.answers.audit.together import find_interplay
 from flexlin.answers.audit.versions import Version, list_effect_versions, list_mode_versions
 from flexlin.answers.steady import arm_length
-from flexlin.arguments import checked
-from flexlin.checks import instance, positive
+from flexlin.arguments import checked, instance
+from flexlin.checks import positive
 from flexlin.errors import TimeLimit
 from flexlin.mechanics import build_manipulator
 from flexlin.progress import advance, part

@@ -17,8 +17,8 @@ from flexlin.answers.sweep.found import Found
 from flexlin.answers.sweep.job import Job, Work, compute_here, prepare_job
 from flexlin.answers.sweep.processes import Processes
 from flexlin.answers.sweep.store import Store
-from flexlin.arguments import checked
-from flexlin.checks import instance, whole
+from flexlin.arguments import checked, instance
+from flexlin.checks import whole
 from flexlin.errors import ArgumentError
 from flexlin.scene.library import models_folder
 from flexlin.scene.scene import Scene

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexlin.arguments import checked
-from flexlin.checks import Array, instance
+from flexlin.arguments import checked, instance
+from flexlin.checks import Array
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexlin.checks import Array, instance
+from flexlin.arguments import instance
+from flexlin.checks import Array
 from flexlin.periodic.floquet.modes import FloquetModes
 from flexlin.periodic.system import PeriodicSystem, as_system
 
