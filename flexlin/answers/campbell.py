@@ -1,7 +1,8 @@
 """Frequencies over one of a scene's numbers, without the ambiguity of the motion's frequency: the data of a Campbell diagram."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import xarray as xr
 from scipy.ndimage import median_filter
 from scipy.optimize import linear_sum_assignment
 
@@ -11,13 +12,17 @@ from flexlin.checks import Array
 from flexlin.periodic.circle import wrap_angle
 from flexlin.scene.scene import Scene
 
+if TYPE_CHECKING:
+    import xarray as xr
+
+
 SMOOTHED = 25
 """Neighbouring values whose median says by how much the averaged modes are off."""
 PHASES = 64
 """Phases over which the coefficients are averaged."""
 
 
-def unfold_frequencies(scene: Scene, path: str, data: xr.Dataset, loop: str = "own") -> xr.Dataset | None:
+def unfold_frequencies(scene: Scene, path: str, data: "xr.Dataset", loop: str = "own") -> "xr.Dataset | None":
     """Add to the exponents of a sweep over one number whole multiples of the motion's frequency, so that each lies near a mode.
 
         omega = Im lambda + k 2 pi / T,   k such that omega is nearest to the frequency of a mode of the averaged equations
@@ -41,6 +46,8 @@ def unfold_frequencies(scene: Scene, path: str, data: xr.Dataset, loop: str = "o
         for k in known:
             frequency[k], shift[k] = unfold(exponents[k], averaged[k], float(turn[k]))
         averaged = averaged + 1j * median_filter(shift, size=(SMOOTHED, 1), mode="nearest")
+    import xarray as xr
+
     return xr.Dataset(
         {
             "frequency": (("value", "mode"), np.abs(frequency), {"units": "rad/s"}),

@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
-import xarray as xr
 
 from flexlin import symbolic
 from flexlin.about.free import ParametricLoop, parametric_loop
@@ -18,6 +18,10 @@ from flexlin.periodic.floquet.slopes import differentiate_exponents
 from flexlin.scene.parameters import get_value, numeric_paths
 from flexlin.scene.scene import Scene
 
+if TYPE_CHECKING:
+    import xarray as xr
+
+
 CHUNK_BYTES = 2**25
 """Derivatives of A and what they are made of at one chunk of nodes take at most about this many bytes."""
 FREE_TABLES = ("links.", "effects.", "motion.", "control.")
@@ -26,7 +30,7 @@ BOUND = ("motion.move_time", "motion.dwell_time", "rate")
 
 
 @checked
-def sensitivity(scene: Scene, paths: Sequence[str] | None = None, tol: float = 1e-8) -> xr.Dataset:
+def sensitivity(scene: Scene, paths: Sequence[str] | None = None, tol: float = 1e-8) -> "xr.Dataset":
     """Differentiate every Floquet exponent of the scene's own loop by numbers of the scene.
 
         d lambda / d theta = (1/T) int_0^T q^H (dA/dtheta + (T'/T) A) p dt - lambda T'/T,   dA/dtheta at fixed phase,
@@ -80,6 +84,8 @@ def sensitivity(scene: Scene, paths: Sequence[str] | None = None, tol: float = 1
     modes = floquet_modes(system, floquet(system, tol))
     derivative = integrate_derivatives(loop, modes)
     percent = derivative.real * loop.nominal[:, None] / 100
+    import xarray as xr
+
     return xr.Dataset(
         {
             "exponents": ("mode", modes.exponents, {"units": "1/s"}),

@@ -2,15 +2,19 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from flexlin.checks import Array
 from flexlin.errors import FlexlinError, TimeLimit
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.scene import Scene
+
+if TYPE_CHECKING:
+    import xarray as xr
+
 
 VERDICTS = np.array(["undecided", "stable", "unstable", "failed", "missing"])
 FAILED, MISSING = 3, 4
@@ -82,8 +86,10 @@ def build_dataset(
     shape: tuple[int, ...],
     dims: tuple[str, ...],
     about: dict[str, str | float],
-) -> xr.Dataset:
+) -> "xr.Dataset":
     """The result with names and units."""
+    import xarray as xr
+
     each = {name: (dims, getattr(found, name).reshape(shape)) for name in ("error", "period", "one_by_one", "reason")}
     coords = {path: (path if dims != ("value",) else "value", axis) for path, axis in axes.items()}
     data = xr.Dataset(
@@ -99,7 +105,7 @@ def build_dataset(
     return data
 
 
-def worst_error(data: xr.Dataset) -> float:
+def worst_error(data: "xr.Dataset") -> float:
     """The largest error of a sweep, in 1/s up to |exponent| = 1/s and relative beyond; values with unresolved exponents are left out."""
     size = np.abs(data["exponents"].values).max(axis=-1, initial=1.0)
     errors = data["error"].values / size

@@ -3,10 +3,9 @@
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-import xarray as xr
 from numpy.typing import ArrayLike
 
 from flexlin.about.free import ParametricLoop
@@ -20,6 +19,10 @@ from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.progress import advance
 from flexlin.scene.scene import Scene
+
+if TYPE_CHECKING:
+    import xarray as xr
+
 
 DESIGN_TOL = 1e-9
 """Gains of designs are at least as accurate as this."""
@@ -73,7 +76,7 @@ class Job:
         for start, block in compute(self):
             self.enter(start, block)
 
-    def dataset(self) -> xr.Dataset:
+    def dataset(self) -> "xr.Dataset":
         """What is known so far, with names and units; values that are not done have the verdict `missing`."""
         about: dict[str, str | float] = {"loop": self.loop, "tol": self.tol, "route": self.work.route}
         about["segments"] = self.work.plan.segments

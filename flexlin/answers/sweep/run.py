@@ -5,9 +5,8 @@ import pickle
 import time
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import xarray as xr
 from numpy.typing import ArrayLike
 
 from flexlin.answers.loops import RebuiltLoop, RedesignedLoop
@@ -22,6 +21,10 @@ from flexlin.checks import whole
 from flexlin.errors import ArgumentError
 from flexlin.scene.library import models_folder
 from flexlin.scene.scene import Scene
+
+if TYPE_CHECKING:
+    import xarray as xr
+
 
 WORTH = 3.0
 """Seconds of work from which other processes are started; each takes about one to load."""
@@ -39,7 +42,7 @@ def sweep(
     client: Any = None,
     store: str | Path | None = None,
     chunk_bytes: int = CHUNK_BYTES,
-) -> xr.Dataset:
+) -> "xr.Dataset":
     """Compute the Floquet exponents of a loop on a scene's arm for many values of the scene's numbers.
 
         M(t, p) y'' + D(t, p) y' + K(t, p) y = 0,   T = T(p),   for p = p_1 ... p_V

@@ -7,16 +7,19 @@ import shutil
 import tempfile
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 import flexlin
 from flexlin.answers.sweep.found import LONGEST, VERDICTS, Found
 from flexlin.answers.sweep.job import Job
 from flexlin.errors import ArgumentError, OutputError
 from flexlin.scene.revised import raw_tables
+
+if TYPE_CHECKING:
+    pass
+
 
 PLAIN = ("error", "period", "one_by_one")
 MAKER = "made_by"
@@ -84,6 +87,8 @@ def create(path: Path, job: Job, maker: dict[str, str]) -> None:
     """Make an empty store under another name, and move it into place when it is whole."""
     V, n = job.found.exponents.shape
     flat, states = ("value",), ("value", "mode")
+    import xarray as xr
+
     data = xr.Dataset(
         {
             "exponents_re": (states, np.zeros((V, n)), {"units": "1/s"}),
