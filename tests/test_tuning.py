@@ -54,7 +54,9 @@ def test_worst_stiffness_decides():
     assert found.growth == pytest.approx(-1.0, abs=2e-3)
     assert found.before == pytest.approx(-0.25, abs=1e-6)
     assert found.gains["gain"] == pytest.approx(2.0, rel=5e-3)
-    assert found.active[0].scenario["stiffness"] == pytest.approx(1.0)
+    assert all(
+        one.exponent.real == pytest.approx(-1.0, abs=2e-2) for one in found.active
+    )  # all pairs decay by g/2 there
 
 
 def test_limit_that_binds_is_named():
