@@ -26,6 +26,7 @@ from flexlin.control import (
 )
 from flexlin.periodic.floquet.resonance import find_resonances
 from flexlin.periodic.quadratic.riccati import finite_horizon_riccati, periodic_lyapunov, periodic_riccati
+from flexlin.scene.estimator import EstimatorTable
 from flexlin.series import solve_implicit
 from flexlin.simulation import region_of_attraction
 
@@ -110,6 +111,7 @@ def arm_results() -> dict[str, Any]:
         "finite horizon": finite_horizon_lqr(system, *weights, tol=1e-6),
         "pd": pd_feedback(system, [0], [10.0], [1.0]),
         "estimator": filtered,
+        "sensors": fl.control.scene_sensors(scene, plant, EstimatorTable(encoders=1e-4, tip=1e-3, torque=0.01)),
         "loop": output_feedback(lqr, filtered),
         "integral": with_integral_action(system, np.eye(1, 4)),
         "elastic motion": elastic,
