@@ -96,6 +96,7 @@ def arm_results() -> dict[str, Any]:
     lqr = periodic_lqr(system, *weights, tol=1e-7)
     filtered = kalman_filter(system, fl.control.joint_angles(plant), 0.1 * np.eye(4), 1e-4 * np.eye(1), tol=1e-6)
     elastic = periodic_motion(lin)
+    T = np.linspace(0.0, lin.period, 8, endpoint=False)
     return {
         "scene": scene,
         "arm": arm,
@@ -111,6 +112,7 @@ def arm_results() -> dict[str, Any]:
         "finite horizon": finite_horizon_lqr(system, *weights, tol=1e-6),
         "pd": pd_feedback(system, [0], [10.0], [1.0]),
         "estimator": filtered,
+        "drive load": fl.control.drive_load(lin, T, np.zeros((len(T), 4)), lin.law),
         "sensors": fl.control.scene_sensors(scene, plant, EstimatorTable(encoders=1e-4, tip=1e-3, torque=0.01)),
         "loop": output_feedback(lqr, filtered),
         "integral": with_integral_action(system, np.eye(1, 4)),

@@ -35,8 +35,8 @@ def test_moving_base_is_a_prescribed_carriage():
     mean, amplitude, frequency = 0.4, 0.05, 2.0
     joints = [{"amplitude": amplitude, "drive": "prescribed"}, {"mean": mean, "amplitude": 0.0}]
     motion = {"kind": "harmonic", "frequency": frequency, "joints": joints}
-    scene = scene_of(CARRIAGE, ROD, effects={"gravity": {}}).model_dump()
-    scene |= {"schema": scene.pop("schema_version"), "motion": motion}
+    scene = scene_of(CARRIAGE, ROD, effects={"gravity": {}}).model_dump(by_alias=True)
+    scene |= {"motion": motion}
     scene["links"] = [CARRIAGE, ROD]
     scene["effects"], scene["control"], scene["designs"] = {"gravity": {}}, {}, []
     scene = fl.parse_scene(scene)
