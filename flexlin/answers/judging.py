@@ -35,6 +35,9 @@ BY_TOL = ("periodic-lqr", "finite-horizon-lqr")
 LEAST = 1e-8
 """The smallest error that a sampled loop is asked for: a sampling time that never fits the period leaves more anyway."""
 
+PROOF_SECONDS = 5.0
+"""What a report gives to a loop's certificate; `FloquetResult.certificate` takes the time that it needs."""
+
 
 @dataclass(frozen=True)
 class Loop:
@@ -120,7 +123,8 @@ def judge_loop(
     result = clock.attempt(problems, name, step, asked, lambda: floquet(system, asked.tol), exponent_error)
     proof = None
     if result is not None and result.verdict == "stable":
-        proof = clock.attempt(dict[str, str](), name, f"certificate: {name}", asked, result.certificate)
+        brief = asked.model_copy(update={"seconds": min(asked.seconds, PROOF_SECONDS)})
+        proof = clock.attempt(dict[str, str](), name, f"certificate: {name}", brief, result.certificate)
     return Loop(name, kind, result, problems.get(name, ""), made, certificate=proof)
 
 

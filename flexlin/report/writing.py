@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from flexlin.answers.margins import Margin
 
 
-USUAL_SECONDS = 10.0
+USUAL_SECONDS = 4.0
 """What the margins may take, each, that nobody asked for."""
 STAGES = 15
 """Of a report without designs, about."""
