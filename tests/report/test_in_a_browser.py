@@ -35,7 +35,14 @@ pytestmark = pytest.mark.skipif(BROWSER is None, reason="no browser on this mach
 
 def browse(folder: Path, *options: str) -> str:
     """Run the browser without a window."""
-    command = [BROWSER, "--headless=new", "--no-sandbox", "--disable-gpu", "--allow-file-access-from-files"]
+    command = [
+        BROWSER,
+        "--headless=new",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--disable-dev-shm-usage",
+        "--allow-file-access-from-files",
+    ]
     home = f"--user-data-dir={folder / 'browser'}"
     run = subprocess.run([*command, home, *options], capture_output=True, text=True, check=True, timeout=120)
     return run.stdout
