@@ -15,7 +15,7 @@ QUIET = Path(tempfile.mkdtemp(), "profile_default", "ipython_kernel_config.py")
 QUIET.parent.mkdir()
 QUIET.write_text("c.IPKernelApp.log_level = 40\n")
 os.environ["IPYTHONDIR"] = str(QUIET.parents[1])
-os.environ |= {"COLUMNS": "110", "TERM": "dumb", "NO_COLOR": "1"}  # plain text from commands
+os.environ |= {"COLUMNS": "1000", "TERM": "dumb", "NO_COLOR": "1"}  # plain text from commands
 
 project, author, release = "flexlin", "The flexlin authors", flexlin.__version__
 project_copyright = "the flexlin authors"

@@ -5,7 +5,7 @@ import re
 from typing import Any
 
 from flexlin.cli.main import parser
-from flexlin.scene.scene import Scene
+from flexlin.scene.json_schema import scene_schema
 
 MARK = re.compile(r"<!-- built: (\w+) -->")
 
@@ -42,7 +42,7 @@ def choice(action: argparse.Action) -> str:
 
 def scene() -> str:
     """A section for each table of a scene: keys, kinds, units, defaults."""
-    schema = Scene.model_json_schema()
+    schema = scene_schema()
     tables = {"Scene": schema} | schema["$defs"]
     return "\n\n".join(section(name, found) for name, found in tables.items() if "properties" in found)
 
