@@ -78,13 +78,18 @@ class CompiledBatches:
         found = Found.empty(len(points), self.loop.states)
         narrow = Batches(self.loop, points, self.tol, 0).find_narrow(np.arange(len(points)))
         alone, rest, segments = np.flatnonzero(narrow), np.flatnonzero(~narrow), self.plan.segments
+        spread = SLACK * self.plan.spread
         while len(rest) and segments <= max(FINEST, self.plan.segments):
-            given = (segments, self.scale, self.tol / 100, SLACK * self.plan.spread)
+            given = (segments, self.scale, self.tol / 100, spread)
             result = self.kernel.judge(*self.kernel.find_logs(points[rest], *given), self.tol)
             done = rest[result.reached]
             found.exponents[done], found.error[done] = result.exponents[result.reached], result.error[result.reached]
             found.verdict[done], found.period[done] = result.verdict[result.reached], result.period[result.reached]
-            rest, segments = rest[~result.reached], 2 * segments
+            rest, segments, spread = (
+                rest[~result.reached],
+                2 * segments,
+                np.inf,
+            )  # moduli may lie further apart than the pilot's
         found.explain()
         for i in (*alone, *rest):
             found.put_alone(i, partial(self.loop.system_at, points[i]), self.tol)
