@@ -9,6 +9,8 @@ from flexlin.periodic.product.eigenvalues import TINY, find_log_eigenvalues
 SPREAD = 9.2
 """Logs of moduli inside one multiplied-out cluster may differ by this much: log 1e4, so four digits are lost."""
 MAX_SWEEPS = 8
+LARGE = 1e150
+"""Factors with larger entries would overflow where a length is taken; such a value is unsound."""
 
 
 def group_batch(factors: Array, spread: float, accuracy: float) -> Array:
@@ -23,6 +25,7 @@ def group_batch(factors: Array, spread: float, accuracy: float) -> Array:
     return factors
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def find_product_logs(
     factors: Array, log_det: Array, accuracy: float, Q: Array | None = None
 ) -> tuple[Array, Array, Array]:
@@ -35,7 +38,7 @@ def find_product_logs(
 
     Parameters: factors (K, n, n, V), the first acts first; log_det (V,): log of the product's positive determinant;
     accuracy: of a log; couplings as small are cut; Q (n, n, V): an orthogonal Q_0 from a coarser resolution.
-    Returns: logs (n, V), imaginary parts modulo 2 pi; sound (V,): whether the clusters are narrow; the last Q_0.
+    Returns: logs (n, V), imaginary parts modulo 2 pi; sound (V,): whether the clusters are narrow and nothing overflowed; the last Q_0.
     Source: Watkins, Product eigenvalue problems, SIAM Review 47 (2005).
     """
     if Q is None:
@@ -51,6 +54,7 @@ def find_product_logs(
             break
         Q = end
     logs = solve_clusters(W, R, cut)
+    sound &= np.isfinite(logs).all(axis=0) & (np.abs(factors) < LARGE).all(axis=(0, 1, 2))
     logs[-1] = np.where(cut[-2], log_det - logs[:-1].sum(axis=0), logs[-1])
     return logs, sound, Q
 
@@ -106,13 +110,18 @@ def solve_clusters(W: Array, R: Array, cut: Array) -> Array:
 
 
 def solve_block(W: Array, R: Array) -> Array:
-    """Logs of the eigenvalues of W R_(K-1) ... R_0 for blocks whose moduli lie close together; never over- nor underflows."""
+    """Logs of the eigenvalues of W R_(K-1) ... R_0 for blocks whose moduli lie close together.
+
+    They do not over- nor underflow; entries above the diagonals may, where too few segments step over fast modes: NaN there.
+    """
     if len(W) == 1:
         negative = np.signbit(np.concatenate([R[:, 0, 0], W[0]])).sum(axis=0) % 2
         return sum_diagonals(R) + 1j * np.pi * negative
     log_size = np.log(np.maximum(np.abs(np.einsum("kiiv->kiv", R)), TINY)).mean(axis=1)
     P = multiply(W, multiply_chain(R / np.exp(log_size)[:, None, None]))
-    return np.moveaxis(find_log_eigenvalues(np.moveaxis(P, -1, 0)), 0, -1) + log_size.sum(axis=0)
+    finite = np.isfinite(P).all(axis=(0, 1))
+    logs = np.moveaxis(find_log_eigenvalues(np.moveaxis(np.where(finite, P, 1.0), -1, 0)), 0, -1)
+    return np.where(finite, logs, np.nan) + log_size.sum(axis=0)
 
 
 def multiply_chain(factors: Array) -> Array:
