@@ -1,19 +1,19 @@
 """The equations of motion of a manipulator, M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import casadi as ca
 
-from flexlin.arguments import instance
 from flexlin.expressions import Expressions
 from flexlin.mechanics.coordinates import Coordinate
 from flexlin.mechanics.coriolis import derive_coriolis
 from flexlin.mechanics.driving import describe_driving
-from flexlin.mechanics.named_functions import NamedFunctions
+from flexlin.mechanics.lagrange import derive_lagrange_equations
+from flexlin.mechanics.named_functions import NamedFunctions, name_functions
 from flexlin.mechanics.parameters import Parameters, parameters_at_hand
-from flexlin.mechanics.validation import check_shapes, check_symbols, need_quadratic, validate
+from flexlin.mechanics.validation import check_coordinates, check_shapes, check_symbols, need_quadratic, validate
 from flexlin.scene.effects import Effects
 from flexlin.summary import represent
 from flexlin.symbolic import as_expression
@@ -107,23 +107,9 @@ class Manipulator(Expressions):
         return derive_coriolis(self.M, self.s, self.s_dot) if self.coriolis is None else self.coriolis
 
     @cached_property
-    def functions(self) -> "NamedFunctions":
+    def functions(self) -> NamedFunctions:
         """CasADi functions of s, s_dot, s_ddot as needed, and p: M, C, g, damping, residual; points and energy if known."""
-        p = self.parameters.symbols
-        at, moving = {"s": self.s, "p": p}, {"s": self.s, "s_dot": self.s_dot, "p": p}
-        accelerated = {"s": self.s, "s_dot": self.s_dot, "s_ddot": self.s_ddot, "p": p}
-        table: dict[str, tuple[dict[str, ca.SX], Callable[[], ca.SX]]] = {
-            "M": (at, lambda: self.M),
-            "C": (moving, lambda: self.C),
-            "g": (at, lambda: self.g),
-            "damping": (moving, lambda: self.damping),
-            "residual": (accelerated, lambda: self.residual),
-        }
-        if self.energy is not None:
-            table["energy"] = (moving, lambda: self.energy)
-        if self.points is not None:
-            table["points"] = (at, lambda: self.points)
-        return NamedFunctions(table)
+        return name_functions(self)
 
     @classmethod
     def from_matrices(
@@ -181,8 +167,7 @@ class Manipulator(Expressions):
         >>> Manipulator.from_matrices(q, rate, ca.SX(1), ca.SX(0), 9.81 * ca.sin(q), names=["q"]).names
         ('q',)
         """
-        for name, symbols in (("s", s), ("s_dot", s_dot)):
-            instance(name, symbols, ca.SX, "give CasADi SX symbols")
+        check_coordinates(s, s_dot)
         M, C, g = (as_expression(name, given) for name, given in (("M", M), ("C", C), ("g", g)))
         n = s.numel()
         B = ca.DM.eye(n) if B is None else B
@@ -276,8 +261,7 @@ class Manipulator(Expressions):
         >>> arm.g
         SX((-(-9.81*sin(q))))
         """
-        for name, symbols in (("s", s), ("s_dot", s_dot)):
-            instance(name, symbols, ca.SX, "give CasADi SX symbols")
+        check_coordinates(s, s_dot)
         T, V = as_expression("T", T), as_expression("V", V)
         n = s.numel()
         B = ca.DM.eye(n) if B is None else B
@@ -289,16 +273,11 @@ class Manipulator(Expressions):
         known = ca.vertcat(s, s_dot, parameters.symbols)
         check_symbols(known, T=T, V=V, dissipation=R, resistance=resisting, B=B)
         s_ddot = ca.SX.sym("s_ddot", n)
-        momentum, g, damping = ca.gradient(T, s_dot), ca.gradient(V, s), ca.gradient(R, s_dot) + resisting
-        rate_of_momentum = ca.jtimes(momentum, ca.vertcat(s, s_dot), ca.vertcat(s_dot, s_ddot))
         arm = cls(
             s,
             s_dot,
             s_ddot,
-            residual=rate_of_momentum - ca.gradient(T, s) + g + damping,
-            M=ca.densify(ca.jacobian(momentum, s_dot)),
-            g=ca.densify(g),
-            damping=ca.densify(damping),
+            **derive_lagrange_equations(T, V, R, resisting, s, s_dot, s_ddot),
             **describe_driving(n, B, joints, names),
             parameters=parameters,
             energy=T + V,

@@ -1,8 +1,12 @@
 """CasADi functions that are built when they are first asked for."""
 
 from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING
 
 import casadi as ca
+
+if TYPE_CHECKING:
+    from flexlin.mechanics.manipulator import Manipulator
 
 
 class NamedFunctions(Mapping[str, ca.Function]):
@@ -22,3 +26,22 @@ class NamedFunctions(Mapping[str, ca.Function]):
 
     def __len__(self) -> int:
         return len(self._table)
+
+
+def name_functions(arm: "Manipulator") -> NamedFunctions:
+    """Functions of s, s_dot, s_ddot as needed, and p: M, C, g, damping, residual; energy and points if known."""
+    p = arm.parameters.symbols
+    at, moving = {"s": arm.s, "p": p}, {"s": arm.s, "s_dot": arm.s_dot, "p": p}
+    accelerated = {"s": arm.s, "s_dot": arm.s_dot, "s_ddot": arm.s_ddot, "p": p}
+    table: dict[str, tuple[dict[str, ca.SX], Callable[[], ca.SX]]] = {
+        "M": (at, lambda: arm.M),
+        "C": (moving, lambda: arm.C),
+        "g": (at, lambda: arm.g),
+        "damping": (moving, lambda: arm.damping),
+        "residual": (accelerated, lambda: arm.residual),
+    }
+    if arm.energy is not None:
+        table["energy"] = (moving, lambda: arm.energy)
+    if arm.points is not None:
+        table["points"] = (at, lambda: arm.points)
+    return NamedFunctions(table)

@@ -5,6 +5,7 @@ from typing import Protocol
 import casadi as ca
 import numpy as np
 
+from flexlin.arguments import instance
 from flexlin.checks import Array
 from flexlin.errors import ModelError
 from flexlin.mechanics.coriolis import derive_coriolis
@@ -161,6 +162,12 @@ def _need_christoffel(arm: Equations, inputs: list[tuple[ca.SX, Array]], where: 
             expected=f"{share * products[1][row, i, j]:.9g}, so that M' - 2 C is skew",
             todo=f"correct C[{row}, {i}] or C[{row}, {j}], or put forces that are not inertial into damping",
         )
+
+
+def check_coordinates(s: object, s_dot: object) -> None:
+    """Raise ArgumentError unless coordinates and rates are CasADi SX symbols."""
+    for name, symbols in (("s", s), ("s_dot", s_dot)):
+        instance(name, symbols, ca.SX, "give CasADi SX symbols")
 
 
 def check_shapes(rows: int, **expressions: tuple[ca.SX, int | None]) -> None:

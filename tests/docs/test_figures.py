@@ -21,7 +21,7 @@ def script(name: str) -> ModuleType:
     return module
 
 
-figures, house = script("figures"), script("draw_house")
+figures, house, records = script("figures"), script("draw_house"), script("records")
 PAGES = {page.name: page.read_text(encoding="utf-8") for page in DOCS.glob("*.md")}
 SHOWN = {match[2]: match[3].strip() for text in PAGES.values() for match in figures.BLOCK.finditer(text)}
 
@@ -46,8 +46,8 @@ def test_a_changed_block_is_written_anew():
 
 
 def test_records_say_when_and_where():
-    for name in figures.MEASURES:
-        record = figures.measured(name)
+    for name in records.MEASURES:
+        record = records.measured(name)
         assert record["date"].startswith("20")
         assert "cores" in record["machine"]
 

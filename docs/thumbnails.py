@@ -1,0 +1,55 @@
+"""The small pictures of docs/studies.md: each study's small run, or its record where it is of cost and size."""
+
+import tempfile
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from records import DOCS, measured, not_measured
+
+PICTURES = DOCS / "pictures"
+WIDTH = 540
+"""Of a small picture, in pixels."""
+
+
+RECORDED: dict[str, Callable[[Any, dict[str, Any], Path], None]] = {
+    "cost_of_accuracy": lambda study, record, out: study.draw(
+        [study.Row(**row) for row in record["rows"]], out / "x.svg"
+    ),
+    "taylor_cost": lambda study, record, out: study.draw([study.Cost(**row) for row in record["rows"]], out),
+    "taylor_variables": lambda study, record, out: study.draw([study.Cost(**row) for row in record["rows"]], out),
+    "scaling": lambda study, record, out: study.draw(
+        [study.Cost(**not_measured(row)) for row in record["rows"]],
+        {"floquet": float("nan"), **record["exponents"]},
+        out / "x.svg",
+    ),
+}
+
+
+def draw_pictures(names: list[str]) -> None:
+    """Draw each study's small run as a small PNG, studies of cost and size from their records."""
+    from matplotlib.figure import Figure
+
+    save = Figure.savefig
+    for name in names:
+
+        def keep(figure: Any, path: Path, name: str = name, **_: Any) -> None:
+            save(
+                figure,
+                PICTURES / f"{name}.png",
+                dpi=WIDTH / figure.get_figwidth(),
+                pil_kwargs={"optimize": True},
+                metadata={},
+            )
+
+        Figure.savefig = keep
+        try:
+            study = import_module(name)
+            with tempfile.TemporaryDirectory() as out:
+                if name in RECORDED:
+                    RECORDED[name](study, measured(name), Path(out))
+                else:
+                    study.main("small", Path(out))
+        finally:
+            Figure.savefig = save
