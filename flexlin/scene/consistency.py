@@ -37,7 +37,8 @@ def _links(raw: dict[str, Any]) -> Iterator[Problem]:
         yield Problem(
             "parameters", "a table without model", "parameters only beside model = the name of a registered model"
         )
-    if links and not _has_mass(links[-1], raw):
+    last = max((i for i, link in enumerate(links) if moves(link)), default=0)
+    if links and not any(_has_mass(link, raw) for link in links[last:]):
         yield Problem(
             f"links.{len(links) - 1}.mass_per_length",
             "0",
@@ -65,7 +66,7 @@ def _motion_joints(raw: dict[str, Any], links: list[dict[str, Any]]) -> list[Any
 
 
 def _has_mass(link: dict[str, Any], raw: dict[str, Any]) -> bool:
-    """Whether the last link, with what it carries, has inertia; unknown counts as yes."""
+    """Whether a link at the end, with what it carries, has inertia; unknown counts as yes."""
     effects = _effects(raw)
     own = link.get("mass_per_length", 0 if "body" in link else None) != 0
     body = link["body"].get("mass") != 0 if isinstance(link.get("body"), dict) else False

@@ -1,102 +1,51 @@
 """A chain of a robot as the tables of a scene: fixed joints merged, bodies added up, frames composed."""
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from flexlin.errors import Problem, SceneError
+from flexlin.scene.urdf.bodies import Array, Mass, angles_of, plain, rotation_of
+from flexlin.scene.urdf.chain import choose_chain
+from flexlin.scene.urdf.following import Rule, trace_rules
 from flexlin.scene.urdf.robot import Robot, UrdfJoint, UrdfLink, read_robot
 
 if TYPE_CHECKING:
     from flexlin.scene.scene import Scene
 
-Array = NDArray[np.float64]
-ENTRIES = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
-ROUNDING = 1e-15
 GRAVITY = {"acceleration": 9.81, "direction": [0.0, 0.0, -1.0]}
 
 
 @dataclass(frozen=True)
 class ChainTables:
-    """The raw tables of a chain: a link for each joint that moves, with the name of its URDF link; effects; what was not read."""
+    """The raw tables of a chain: a link for each joint that moves, and one for a tip that lies off the last of them.
+
+    children: the URDF link behind each joint that moves; free: the joints that follow no other; effects; what was not read.
+    """
 
     links: list[dict[str, Any]]
     children: list[str]
+    free: list[UrdfJoint]
     effects: dict[str, Any]
     notes: list[str]
-
-
-@dataclass
-class Mass:
-    """A rigid body that others are added to: mass, first moment and inertia about the origin."""
-
-    mass: float = 0.0
-    first: Array = field(default_factory=lambda: np.zeros(3))
-    second: Array = field(default_factory=lambda: np.zeros((3, 3)))
-
-    def add(self, link: UrdfLink, rotation: Array, place: Array) -> None:
-        """Add a link whose frame lies at `place`, turned by `rotation`."""
-        turn = rotation @ rotation_of(link.rpy)
-        c = place + rotation @ np.array(link.centre)
-        own = np.zeros((3, 3))
-        for key, (i, j) in ENTRIES.items():
-            own[i, j] = own[j, i] = link.inertia.get(key, 0.0)
-        self.mass += link.mass
-        self.first = self.first + link.mass * c
-        self.second = self.second + turn @ own @ turn.T + link.mass * (c @ c * np.eye(3) - np.outer(c, c))
-
-    def table(self) -> dict[str, Any]:
-        """The body as a table of a scene's link."""
-        c = self.first / self.mass if self.mass else np.zeros(3)
-        J = self.second - self.mass * (c @ c * np.eye(3) - np.outer(c, c))
-        size = np.abs(self.second).max()
-        inertia = {key: tidy(J[place], size) for key, place in ENTRIES.items()}
-        inertia |= {key: max(inertia[key], 0.0) for key in ("xx", "yy", "zz")}
-        return {"mass": self.mass, "centre": [float(x) for x in c], "inertia": inertia}
-
-
-def tidy(value: float, size: float) -> float:
-    """A number, or zero where it is rounding of numbers of some size."""
-    return float(value) if abs(value) > 10 * ROUNDING * size else 0.0
-
-
-def rotation_of(rpy: tuple[float, ...]) -> Array:
-    """Rz(yaw) Ry(pitch) Rx(roll), with zeros for what is only rounding of quarter turns."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
-    R = np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
-    return np.where(np.abs(R) < ROUNDING, 0.0, R)
-
-
-def angles_of(R: Array) -> list[float]:
-    """Roll, pitch and yaw of a rotation; no roll where the pitch is a quarter turn."""
-    flat = float(np.hypot(R[0, 0], R[1, 0]))
-    pitch = float(np.arctan2(-R[2, 0], flat))
-    if flat < 1e-12:
-        return [0.0, pitch, float(np.arctan2(-R[0, 1], R[1, 1]))]
-    return [float(np.arctan2(R[2, 1], R[2, 2])), pitch, float(np.arctan2(R[1, 0], R[0, 0]))]
 
 
 def scene_from_urdf(path: str | Path, base: str | None = None, tip: str | None = None) -> "Scene":
     """Make a scene of a chain of a robot from its URDF file.
 
     Joints, axes, origins, inertias, damping, friction and mimicked joints are read; fixed joints are merged, links that hang on the chain
-    by fixed joints are added to it. Gravity points along -z of the base. Each joint stands still; give the scene a motion.
+    by fixed joints are added to it, and the arm ends at the tip's frame. Gravity points along -z of the base. Limits of torque and speed
+    become those of the drives, where every joint has them. Each joint stands still, at 0 or in the middle of its limits where these
+    leave 0 out; give the scene a motion.
 
     Parameters
     ----------
     path : str or Path
         The file; no mesh and no other file is read.
     base, tip : str, optional
-        Names of the first and the last link; by default the root, and the only end of the tree.
+        Names of the first and the last link; by default the root, and the only end of the tree behind a joint that moves.
 
     Returns
     -------
@@ -125,68 +74,105 @@ def scene_from_urdf(path: str | Path, base: str | None = None, tip: str | None =
 def scene_tables(robot: Robot, base: str | None = None, tip: str | None = None) -> dict[str, Any]:
     """The raw tables of a scene of a chain that stands still."""
     chain = chain_tables(robot, base, tip)
-    moving = sum("mimic" not in link for link in chain.links)
-    return {
+    if not any(link["body"]["mass"] for link in chain.links[len(chain.children) - 1 :]):
+        element = robot.links[chain.children[-1]].element
+        raise element.refuse("no mass behind the last joint", "an <inertial> with mass, or a tip before it")
+    tables = {
         "schema": 1,
         "title": robot.name or "A robot from URDF",
         "source": "; ".join(("URDF", *chain.notes)),
         "links": chain.links,
         "effects": chain.effects,
-        "motion": {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": 0.0}] * moving},
+        "motion": {"kind": "harmonic", "frequency": 1.0, "joints": [stand_still(joint) for joint in chain.free]},
     }
+    drives = list_drives(chain.free)
+    return {**tables, "drives": drives} if drives else tables
+
+
+def stand_still(joint: UrdfJoint) -> dict[str, Any]:
+    """The motion of a joint that stands still within its limits."""
+    lower, upper = (joint.limits.get(key, 0.0) for key in ("lower", "upper"))
+    allowed = joint.kind == "continuous" or lower <= 0 <= upper
+    return {"amplitude": 0.0} if allowed else {"mean": (lower + upper) / 2, "amplitude": 0.0}
+
+
+def list_drives(joints: list[UrdfJoint]) -> dict[str, Any]:
+    """The limits of torque and of speed, as far as every joint states them."""
+    efforts, speeds = ([joint.limits.get(key, 0.0) for joint in joints] for key in ("effort", "velocity"))
+    torque = {"torque": {"peak": efforts}} if all(effort > 0 for effort in efforts) else {}
+    return {**torque, "speed": speeds} if all(speed > 0 for speed in speeds) else torque
 
 
 def chain_tables(robot: Robot, base: str | None = None, tip: str | None = None) -> ChainTables:
     """The raw tables of a chain."""
     joints = choose_chain(robot, base, tip)
     moving = [joint for joint in joints if joint.kind != "fixed"]
+    rules, notes = trace_rules(robot, moving)
+    behind = joints.index(moving[-1]) + 1
     links, R, p, mass = list[dict[str, Any]](), np.eye(3), np.zeros(3), Mass()
-    start = joints[0].parent
     along = {joint.name for joint in joints}
-    left = add_rigid(robot, robot.links[start], Mass(), along, np.eye(3), np.zeros(3))
-    for joint in joints:
+    left = add_rigid(robot, robot.links[joints[0].parent], Mass(), along, np.eye(3), np.zeros(3))
+    for joint in joints[:behind]:
         p, R = p + R @ np.array(joint.xyz), R @ rotation_of(joint.rpy)
         if joint.kind != "fixed":
             mass = Mass()
-            links.append(link_table(joint, moving, R, p, mass))
+            links.append(link_table(joint, R, p))
             R, p = np.eye(3), np.zeros(3)
         left += add_rigid(robot, robot.links[joint.child], mass, along, R, p)
         if links:
             links[-1]["body"] = mass.table()
-    notes = [*robot.notes, *([f"left out: {', '.join(left)}"] if left else [])]
-    return ChainTables(links, [joint.child for joint in moving], effect_tables(moving), notes)
+    left += add_tip(robot, joints[behind:], mass, along, links)
+    names = [joint.name for joint in moving]
+    for name, rule in rules.items():
+        of = {"link": names.index(rule.leader), "multiplier": rule.multiplier, "offset": rule.offset}
+        links[names.index(name)]["mimic"] = of
+    notes = [*robot.notes, *notes, *([f"left out: {', '.join(left)}"] if left else [])]
+    free = [joint for joint in moving if joint.name not in rules]
+    return ChainTables(links, [joint.child for joint in moving], free, effect_tables(moving, rules, len(links)), notes)
 
 
-def link_table(joint: UrdfJoint, moving: list[UrdfJoint], R: Array, p: Array, mass: Mass) -> dict[str, Any]:
-    """The table of the link behind a joint that moves."""
+def add_tip(
+    robot: Robot, joints: list[UrdfJoint], mass: Mass, along: set[str], links: list[dict[str, Any]]
+) -> list[str]:
+    """Add the bodies at the tip, on a link of their own where the tip lies off the last joint; returns what moves beside them."""
+    places, R, p = list[tuple[UrdfJoint, Array, Array]](), np.eye(3), np.zeros(3)
+    for joint in joints:
+        p, R = p + R @ np.array(joint.xyz), R @ rotation_of(joint.rpy)
+        places.append((joint, R, p))
+    if p.any() or (np.eye(3) != R).any():
+        mass = Mass()
+        links.append({"name": joints[-1].name, "joint": "fixed", "mount": {"xyz": plain(p), "rpy": angles_of(R)}})
+    left = list[str]()
+    for joint, turn, place in places:
+        left += add_rigid(robot, robot.links[joint.child], mass, along, R.T @ turn, R.T @ (place - p))
+    links[-1]["body"] = mass.table()
+    return left
+
+
+def link_table(joint: UrdfJoint, R: Array, p: Array) -> dict[str, Any]:
+    """The table of the link behind a joint that moves, without its body."""
     kind = "prismatic" if joint.kind == "prismatic" else "revolute"
-    mount = {"xyz": p.tolist(), "rpy": angles_of(R)}
-    table: dict[str, Any] = {
-        "name": joint.name,
-        "joint": kind,
-        "axis": list(joint.axis),
-        "mount": mount,
-        "body": mass.table(),
-    }
-    if joint.mimic is not None:
-        names = [other.name for other in moving]
-        before = names[: names.index(joint.name)]
-        if joint.mimic.joint not in before or moving[names.index(joint.mimic.joint)].mimic is not None:
-            raise joint.element.refuse(
-                f"mimic of {joint.mimic.joint!r}", "a joint before it in the chain that follows no other"
-            )
-        rule: dict[str, Any] = {"multiplier": joint.mimic.multiplier, "offset": joint.mimic.offset}
-        table["mimic"] = {"link": before.index(joint.mimic.joint), **rule}
-    return table
+    mount = {"xyz": plain(p), "rpy": angles_of(R)}
+    return {"name": joint.name, "joint": kind, "axis": plain(joint.axis), "mount": mount}
 
 
-def effect_tables(moving: list[UrdfJoint]) -> dict[str, Any]:
-    """Gravity, and friction where the file states any."""
+def effect_tables(moving: list[UrdfJoint], rules: Mapping[str, Rule], links: int) -> dict[str, Any]:
+    """Gravity, and friction where the file states any; that of a joint that follows another acts on this one.
+
+    With q = m q0 + o the power d q'^2 is d m^2 q0'^2, and r |q'| is r |m| |q0'|.
+    """
+    names = [joint.name for joint in moving]
+    damping, friction = np.zeros((2, links))
+    for joint in moving:
+        rule = rules.get(joint.name, Rule(joint.name))
+        at = names.index(rule.leader)
+        damping[at] += joint.damping * rule.multiplier**2
+        friction[at] += joint.friction * abs(rule.multiplier)
     effects: dict[str, Any] = {"gravity": dict(GRAVITY)}
-    if any(joint.damping for joint in moving):
-        effects["viscous_friction"] = {"coefficient": [joint.damping for joint in moving]}
-    if any(joint.friction for joint in moving):
-        effects["coulomb_friction"] = {"torque": [joint.friction for joint in moving]}
+    if damping.any():
+        effects["viscous_friction"] = {"coefficient": damping.tolist()}
+    if friction.any():
+        effects["coulomb_friction"] = {"torque": friction.tolist()}
     return effects
 
 
@@ -204,45 +190,3 @@ def add_rigid(robot: Robot, link: UrdfLink, mass: Mass, along: set[str], R: Arra
                 else:
                     left.append(f"{joint.name} and what is behind it")
     return left
-
-
-def choose_chain(robot: Robot, base: str | None, tip: str | None) -> list[UrdfJoint]:
-    """The joints from the base to the tip."""
-    behind = {joint.child: joint for joint in robot.joints.values()}
-    parents = {joint.parent for joint in robot.joints.values()}
-    roots, ends = [n for n in robot.links if n not in behind], [n for n in robot.links if n not in parents]
-    base = choose("base", base, roots, robot)
-    reached = [end for end in ends if end != base and base in list_ancestors(end, behind)]
-    tip = choose("tip", tip, reached, robot)
-    if base != tip and base not in list_ancestors(tip, behind):
-        raise SceneError(robot.element.source, [Problem("tip", repr(tip), f"a link behind {base!r}")])
-    joints = list[UrdfJoint]()
-    while tip != base:
-        joints.insert(0, behind[tip])
-        tip = behind[tip].parent
-    if not any(joint.kind != "fixed" for joint in joints):
-        raise robot.element.refuse(f"no joint that moves from {base!r} on", "a chain of joints")
-    for joint in joints:
-        if joint.kind in ("floating", "planar"):
-            raise joint.element.refuse(f"type {joint.kind!r} in the chain", "revolute, continuous, prismatic or fixed")
-    return joints
-
-
-def list_ancestors(name: str, behind: dict[str, UrdfJoint]) -> set[str]:
-    """The links that a link hangs on."""
-    found = set()
-    while name in behind:
-        name = behind[name].parent
-        found.add(name)
-    return found
-
-
-def choose(key: str, given: str | None, possible: list[str], robot: Robot) -> str:
-    """A link by name, or the only one possible."""
-    if given is None and len(possible) == 1:
-        return possible[0]
-    if given is None or given not in robot.links:
-        some = ", ".join(possible[:20]) or "none"
-        got = f"{len(possible)} possible links" if given is None else repr(given)[:80]
-        raise SceneError(robot.element.source, [Problem(key, got, f"{key} = one link of the file, such as {some}")])
-    return given

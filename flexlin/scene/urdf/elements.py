@@ -24,13 +24,14 @@ LONGEST = 60
 
 @dataclass
 class Element:
-    """An element of a file: its tag, line, attributes and children."""
+    """An element of a file: its tag, line, attributes and children; the first words between these, with their line."""
 
     source: str
     tag: str
     line: int
     attributes: dict[str, str]
     children: list["Element"] = field(default_factory=list)
+    words: tuple[int, str] | None = None
 
     def refuse(self, got: str, expected: str) -> SceneError:
         """The error that this element is the cause of."""
@@ -52,6 +53,10 @@ class Element:
         value = self.attributes.get(name, default)
         if value is None or not value.strip():
             raise self.refuse(f"no {name}", f'{name}="..."')
+        if "${" in value or "$(" in value:
+            raise self.refuse(
+                f"{name}={printable(repr(value))[:LONGEST]}", "a name; a xacro file must be expanded first"
+            )
         return printable(value)[:200]
 
     def numbers(self, name: str, count: int, default: tuple[float, ...] | None = None) -> tuple[float, ...]:
@@ -98,7 +103,9 @@ class Builder:
         self.stack.pop()
 
     def data(self, text: str) -> None:
-        """Text between elements means nothing in URDF."""
+        """Text between elements: the first words are kept for a message."""
+        if self.stack and self.stack[-1].words is None and text.strip():
+            self.stack[-1].words = self.parser.parser.CurrentLineNumber, text.strip()
 
     def close(self) -> Element | None:
         return self.root

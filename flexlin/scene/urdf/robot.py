@@ -4,11 +4,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flexlin.scene.urdf.elements import Element, read_elements
+from flexlin.scene.urdf.spelling import check_spelling
 from flexlin.text import printable
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 READ = {"link", "joint"}
 MOST_LINKS = 2000
+POINT = 1e-20
+"""Inertia for a mass, in m^2, that is only rounding: files hold such numbers for mass points."""
 Triple = tuple[float, ...]
 
 
@@ -25,7 +28,7 @@ class UrdfLink:
 
 
 @dataclass(frozen=True)
-class Mimic:
+class UrdfMimic:
     """q = multiplier * q of another joint + offset."""
 
     joint: str
@@ -48,7 +51,7 @@ class UrdfJoint:
     damping: float
     friction: float
     limits: dict[str, float]
-    mimic: Mimic | None
+    mimic: UrdfMimic | None
 
 
 @dataclass(frozen=True)
@@ -70,6 +73,7 @@ def read_robot(path: str | Path) -> Robot:
     root = read_elements(Path(path))
     if root.tag != "robot":
         raise root.refuse(f"<{root.tag[:60]}> outermost", "<robot>; a xacro file must be expanded first")
+    check_spelling(root)
     links, joints = dict[str, UrdfLink](), dict[str, UrdfJoint]()
     for element in root.all("link"):
         link = read_link(element)
@@ -104,18 +108,19 @@ def read_link(element: Element) -> UrdfLink:
     if kilograms < 0:
         raise mass.refuse(f"value {kilograms:g}", "0 kg or more")
     entries = {key: inertia.number(f"i{key}", 0.0) for key in ("xx", "yy", "zz", "xy", "xz", "yz")} if inertia else {}
-    if inertia is not None and not is_inertia(entries):
+    if inertia is not None and not is_inertia(entries, kilograms):
         raise inertia.refuse("a matrix with a negative principal inertia", "an inertia")
     return UrdfLink(name, element, kilograms, xyz, rpy, entries)
 
 
-def is_inertia(entries: dict[str, float]) -> bool:
+def is_inertia(entries: dict[str, float], mass: float) -> bool:
     """Whether the principal inertias are not negative, but for rounding."""
     import numpy as np
 
     xx, yy, zz, xy, xz, yz = (entries[key] for key in ("xx", "yy", "zz", "xy", "xz", "yz"))
     matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    return bool(np.linalg.eigvalsh(matrix).min() >= -1e-9 * np.abs(matrix).max() and min(xx, yy, zz) >= 0)
+    least = -1e-9 * np.abs(matrix).max() - POINT * mass
+    return bool(np.linalg.eigvalsh(matrix).min() >= least and min(xx, yy, zz) >= -POINT * mass)
 
 
 def read_origin(origin: Element | None) -> tuple[Triple, Triple]:
@@ -152,9 +157,9 @@ def read_limits(limit: Element) -> dict[str, float]:
     return limits
 
 
-def read_mimic(mimic: Element) -> Mimic:
+def read_mimic(mimic: Element) -> UrdfMimic:
     """The rule of a <mimic>."""
-    return Mimic(mimic.text("joint"), mimic.number("multiplier", 1.0), mimic.number("offset", 0.0))
+    return UrdfMimic(mimic.text("joint"), mimic.number("multiplier", 1.0), mimic.number("offset", 0.0))
 
 
 def read_end(element: Element, tag: str) -> str:

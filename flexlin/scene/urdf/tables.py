@@ -11,7 +11,8 @@ from flexlin.errors import Problem, SceneError
 from flexlin.scene.named_files import place_below
 from flexlin.scene.problems import schema_problems
 from flexlin.scene.robot import FlexibleTable, JointTable, RobotTable
-from flexlin.scene.urdf.convert import ChainTables, angles_of, chain_tables, rotation_of
+from flexlin.scene.urdf.bodies import angles_of, plain, rotation_of
+from flexlin.scene.urdf.convert import ChainTables, chain_tables
 from flexlin.scene.urdf.robot import read_robot
 from flexlin.text import printable
 
@@ -30,9 +31,9 @@ def expand_robot(data: dict[str, Any], folders: Sequence[Path]) -> list[Problem]
             if table
         ]
     problems: list[Problem] = []
-    table = checked(RobotTable, robot, "robot", problems)
+    table = read_table(RobotTable, robot, "robot", problems)
     own = {
-        name: checked(JointTable, joint, f"joints.{printable(name)}", problems)
+        name: read_table(JointTable, joint, f"joints.{printable(name)}", problems)
         for name, joint in pairs(joints, "joints", problems)
     }
     if data.get("links"):
@@ -52,7 +53,7 @@ def expand_robot(data: dict[str, Any], folders: Sequence[Path]) -> list[Problem]
     return problems
 
 
-def checked(schema: type[BaseModel], raw: Any, key: str, problems: list[Problem]) -> Any:
+def read_table(schema: type[BaseModel], raw: Any, key: str, problems: list[Problem]) -> Any:
     """One table by its schema, or None with its problems added."""
     try:
         return schema.model_validate(raw)
@@ -91,9 +92,10 @@ def find_file(name: str, folders: Sequence[Path], problems: list[Problem]) -> Pa
 def add_springs(chain: ChainTables, joints: Mapping[str, JointTable]) -> list[Problem]:
     """Make the effect of flexible joints of their tables, with all figures on the link's side of the gear."""
     names = [link["name"] for link in chain.links]
-    unknown = [name for name in joints if name not in names]
+    moving = names[: len(chain.children)]
+    unknown = [name for name in joints if name not in moving]
     if unknown:
-        expected = f"a joint of the chain that moves: {', '.join(names[:20])}"
+        expected = f"a joint of the chain that moves: {', '.join(moving[:20])}"
         return [Problem(f"joints.{printable(name)}", "an unknown joint", expected) for name in unknown]
     own = [joints.get(name, JointTable()) for name in names]
     if any(joint.stiffness or joint.motor_inertia for joint in own):
@@ -113,7 +115,7 @@ def bend_links(chain: ChainTables, flexible: Mapping[str, Any]) -> list[Problem]
             expected = f"a link behind a joint of the chain that moves: {', '.join(chain.children[:20])}"
             problems.append(Problem(f"flexible.{printable(name)}", "an unknown link", expected))
             continue
-        beam = checked(FlexibleTable, table, f"flexible.{printable(name)}", problems)
+        beam = read_table(FlexibleTable, table, f"flexible.{printable(name)}", problems)
         if beam is None:
             continue
         try:
@@ -144,12 +146,12 @@ def bend_link(chain: ChainTables, index: int, table: Mapping[str, Any]) -> None:
         )
     B = turn_to(along / reach)
     link["mount"]["rpy"] = angles_of(rotation_of(link["mount"]["rpy"]) @ B)
-    link["axis"] = [float(x) for x in B.T @ np.array(link["axis"])]
+    link["axis"] = plain(B.T @ np.array(link["axis"]))
     link |= {"length": float(length), "mass_per_length": table.get("mass_per_length", body["mass"] / length)}
     link |= {name: value for name, value in table.items() if name not in ("length", "mass_per_length")}
     del link["body"]
     if after:
-        after["mount"]["xyz"] = [float(x) for x in B.T @ along - np.array([length, 0.0, 0.0])]
+        after["mount"]["xyz"] = plain(B.T @ along - np.array([length, 0.0, 0.0]))
         after["mount"]["rpy"] = angles_of(B.T @ rotation_of(after["mount"]["rpy"]))
 
 
