@@ -12,7 +12,8 @@ from flexlin.answers.clock import Step
 from flexlin.answers.judging import Loop
 from flexlin.report.advice import advise, name_condition
 from flexlin.report.drive_words import drive_cells
-from flexlin.report.figures.coefficients import NOISE, name_matrix_unit
+from flexlin.report.figures.coefficients import NOISE
+from flexlin.report.figures.entries import name_entry, name_matrix_unit
 from flexlin.report.figures.style import Picture
 from flexlin.report.headline import colour, doubt, reason
 from flexlin.report.margins import describe_margins
@@ -25,6 +26,7 @@ from flexlin.report.wording import (
     format_power,
     format_quantity,
     format_rate,
+    format_with_prefix,
     is_dimensionless,
     units_of,
 )
@@ -148,8 +150,8 @@ def list_exponents(loop: Loop) -> dict[str, Any]:
 
 def asked_for(accuracy: Accuracy) -> dict[str, str]:
     """What the scene asks of every stage."""
-    memory = format_quantity(accuracy.memory, "B") if accuracy.memory < 1e9 else f"{accuracy.memory / 1e9:.3g} GB"
-    return {"tol": format_power(accuracy.tol), "seconds": format_quantity(accuracy.seconds, "s"), "memory": memory}
+    memory = format_with_prefix(accuracy.memory, "B") if accuracy.memory < 1e9 else f"{accuracy.memory / 1e9:.3g} GB"
+    return {"tol": format_power(accuracy.tol), "seconds": format_with_prefix(accuracy.seconds, "s"), "memory": memory}
 
 
 def step_row(step: Step) -> dict[str, Any]:
@@ -184,7 +186,7 @@ def list_constants(a: Analysis) -> list[tuple[str, str, str]]:
             if np.ptp(values) <= NOISE * size and np.abs(values).max() > NOISE * size:
                 found.append(
                     (
-                        f"{name}({a.plant.names[i]}, {a.plant.names[j]})",
+                        name_entry(a, name, i, j),
                         format_decimal(values.mean(), 6),
                         name_matrix_unit(a, name, i, j),
                     )

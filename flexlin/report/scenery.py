@@ -10,11 +10,13 @@ from flexlin.checks import Array
 from flexlin.control.slow_motions import slow_motions
 from flexlin.control.tracking import arm_positions
 from flexlin.errors import FlexlinError
-from flexlin.report.figures.arm import bends, trace_each
+from flexlin.mechanics.link_shapes import make_shapes
 from flexlin.scene.scene import Scene
 
 SIGHT = np.array([[-1.0, 1.0, 0.0], [-1.0, -1.0, 2.0]]) / np.sqrt([[2.0], [6.0]])
 """An arm in space is seen from (1, 1, 1), with z upwards."""
+XI = np.linspace(0.0, 1.0, 33)
+"""Places along a link at which its axis is drawn."""
 THIN = 4
 """Every so many points of a link's axis are drawn."""
 STILL = 1e-9
@@ -111,3 +113,40 @@ def mode_states(lin: Linearization) -> list[tuple[str, Array, Array]]:
         size = SWING if leading.unit == "rad" else SWING * reach
         found.append((f"Floquet motion {k + 1}, mostly {leading.name}", t, size * x))
     return found
+
+
+def trace_links(scene: Scene, points: Array, s: Array) -> Array:
+    """The axis of the whole arm, (2, N): each link its chord, and across it what its modes add; in space (3, N), the chords."""
+    curves = trace_each(scene, points, s)
+    return np.concatenate(curves, axis=1) if scene.links and len(points) == 2 else points
+
+
+def bends(scene: Scene) -> list[Array | None]:
+    """For each link in its plane how far its axis is off its chord at XI by each mode, (33, modes); None for one that is straight."""
+    found: list[Array | None] = []
+    for i, link in enumerate(scene.links):
+        values = make_shapes(scene, i).values if link.counts.y else None
+        found.append(None if values is None else (values(XI) - np.outer(values(XI[-1:])[:, 0], XI)).T)
+    return found
+
+
+def trace_each(scene: Scene, points: Array, s: Array, shapes: list[Array | None] | None = None) -> list[Array]:
+    """The axis of each link, (2, N): its chord, and across it what its modes add; in space, and without links, the chords alone.
+
+    shapes: what `bends` finds, for many pictures of one scene.
+    """
+    if len(points) == 3 or not scene.links:
+        return [points[:, i : i + 2] for i in range(points.shape[1] - 1)]
+    shapes = bends(scene) if shapes is None else shapes
+    curves, first = [], sum(link.moves for link in scene.links)
+    for i, link in enumerate(scene.links):
+        base, tip = points[:, i], points[:, i + 1]
+        curve = base[:, None] + np.outer(tip - base, XI)
+        length = float(np.linalg.norm(tip - base))
+        shape = shapes[i]
+        if shape is not None and length > 0:
+            across = shape @ s[first : first + link.counts.y]
+            curve += np.outer([base[1] - tip[1], tip[0] - base[0]], across) / length
+        first += sum(link.counts.by_direction().values())
+        curves.append(curve)
+    return curves

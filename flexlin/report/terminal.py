@@ -20,6 +20,7 @@ from flexlin.report.wording import (
     format_power,
     format_quantity,
     format_rate,
+    format_with_prefix,
     units_of,
 )
 
@@ -71,7 +72,7 @@ def accuracy_lines(steps: Sequence[Step], said: str = "") -> list[str]:
     """What was asked, what was reached, what it took: one line, and one for each stage that missed or has no answer that was not `said`."""
     judged = [step for step in steps if step.asked is not None]
     total, cpu = sum(step.seconds for step in steps), sum(step.cpu_seconds for step in steps)
-    took = f"{format_quantity(total, 's')} ({format_quantity(cpu, 's')} of a processor)"
+    took = f"{format_with_prefix(total, 's')} ({format_with_prefix(cpu, 's')} of a processor)"
     notes = [f"  {step.name}: {note}" for step in steps for note in step.notes]
     if not judged:
         return [f"took {took}", *notes]

@@ -18,6 +18,7 @@ MARGINAL, SLOW = 1e-9, 1e5
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
 
 
+ANGLES = ("rad", "mrad", "µrad", "nrad", "°")
 NONE = "none"
 _length: ContextVar[int | str | None] = ContextVar("length", default=None)
 """The power of ten of the prefix of every deflection on a page, NONE for a scene without dimensions."""
@@ -46,26 +47,37 @@ def time_label() -> str:
     return "time" if is_dimensionless() else "time in s"
 
 
+def in_unit(title: str, unit: str, times: str = "") -> str:
+    """A title with its unit, behind the power of ten that its numbers are multiples of; without dimensions only angles have one."""
+    behind = " ".join(filter(None, (times, "" if is_dimensionless() and unit not in ANGLES else unit)))
+    return f"{title} in {behind}" if behind else title
+
+
 def format_quantity(value: float, unit: str, digits: int = 3) -> str:
-    """A value with an SI prefix: 0.0123 m -> 12.3 mm; lengths on a page with the page's."""
+    """A value with an SI prefix: 0.0123 m -> 12.3 mm; lengths on a page with the page's; without dimensions only angles have a unit."""
+    if is_dimensionless() and unit not in ANGLES:
+        return format_decimal(value, digits) if math.isfinite(value) else "not finite"
+    chosen = _length.get() if unit == "m" else None
+    if isinstance(chosen, int) and math.isfinite(value) and value != 0:
+        return f"{format_decimal(value / 10.0**chosen, digits)} {PREFIXES[chosen]}{unit}"
+    return format_with_prefix(value, unit, digits)
+
+
+def format_with_prefix(value: float, unit: str, digits: int = 3) -> str:
+    """A value with the SI prefix that suits it alone, whatever the scene: the processor's seconds, a limit in bytes."""
     if not math.isfinite(value):
         return f"not finite {unit}"
-    chosen = _length.get() if unit == "m" else None
-    if chosen == NONE:
-        return format_decimal(value, digits)
     if value == 0:
         return f"0 {unit}"
-    if isinstance(chosen, int):
-        return f"{format_decimal(value / 10.0**chosen, digits)} {PREFIXES[chosen]}{unit}"
     prefix = choose_prefix(float(f"{value:.{digits}g}"))
     return f"{replace_minus(f'{value / 10.0**prefix:.{digits}g}')} {PREFIXES[prefix]}{unit}"
 
 
 def scale_values(values: Array, unit: str) -> tuple[Array, str]:
     """Values with the SI prefix that makes the largest readable, and the unit with it."""
+    if is_dimensionless() and unit not in ANGLES:
+        return values, ""
     chosen = _length.get() if unit == "m" else None
-    if chosen == NONE:
-        return values, "units of length"
     largest = float(np.abs(values).max()) if values.size else 0.0
     prefix = chosen if isinstance(chosen, int) else choose_prefix(largest)
     return values / 10.0**prefix, PREFIXES[prefix] + unit
@@ -86,11 +98,6 @@ def name_joint_unit(analysis: Analysis, joint: int) -> str:
 def name_coordinate_unit(analysis: Analysis, index: int) -> str:
     """The unit of a coordinate of the linear equations."""
     return analysis.plant.coordinates[index].unit
-
-
-def name_input_unit(analysis: Analysis, index: int) -> str:
-    """The unit of an input: V behind a motor, else the force of its joint."""
-    return analysis.plant.input_units[index]
 
 
 def name_input_units(analysis: Analysis) -> str:

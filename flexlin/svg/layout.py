@@ -13,7 +13,7 @@ from flexlin.svg.scales import Linear, Scale
 WIDTH = 760.0
 """Units of the drawing's width; the page scales it to its column."""
 GAP, TITLE, LEGEND, TICK, LABEL = 16.0, 20.0, 16.0, 15.0, 15.0
-KEY, RIGHT, ROUGH_MARGIN = 22.0, 19.0, 56.0
+KEY, DOT, BETWEEN, RIGHT, ROUGH_MARGIN = 22.0, 16.0, 14.0, 19.0, 56.0
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Fitted:
 
 def draw(rows: Sequence[Row], description: str, legend: Sequence[Mark] = ()) -> str:
     """Lay out rows of panels from the top down; returns one svg element, `legend` above all panels."""
-    parts, top = draw_legend(legend, 4.0, 12.0), 20.0 if legend else 4.0
+    parts, top = draw_legend(legend, 4.0, 12.0, WIDTH - 8.0), 4.0 + LEGEND * count_lines(legend, WIDTH - 8.0)
     grid = [
         [fit(panel, width, row.height) for panel, width in zip(row.panels, measure_widths(row), strict=False)]
         for row in rows
@@ -98,10 +98,13 @@ def fit(panel: Panel, width: float, height: float) -> Fitted:
 
 def draw_row(row: Row, fitted: list[Fitted], margins: list[float], top: float) -> tuple[list[str], float]:
     """Draw one row; returns its elements and where the next row begins."""
-    head = (TITLE if any(panel.title for panel in row.panels) else 6.0) + LEGEND * any(p.legend for p in row.panels)
+    widths = measure_widths(row)
+    rooms = [width - margin for width, margin in zip(widths, margins, strict=False)]
+    lines = max(count_lines(panel.legend, room) for panel, room in zip(row.panels, rooms, strict=False))
+    head = (TITLE if any(panel.title for panel in row.panels) else 6.0) + LEGEND * lines
     foot = max(TICK * (p.ticked[0] and not p.bare) + LABEL * bool(p.x_label or p.footer) for p in row.panels) + 8.0
     parts, left = [], 0.0
-    for panel, width, margin in zip(fitted, measure_widths(row), margins, strict=False):
+    for panel, width, margin in zip(fitted, widths, margins, strict=False):
         right = 0.0 if panel.panel.bare else RIGHT
         parts += draw_panel(panel, Box(left + margin, top + head, width - margin - right, row.height), top)
         left += width + GAP
@@ -115,12 +118,15 @@ def draw_panel(fitted: Fitted, box: Box, top: float) -> list[str]:
     room = box.left + box.width + RIGHT - measure_text(panel.title)
     anchor, at = ("middle", middle) if panel.bare else ("start", min(box.left, room))
     parts = [write_text(at, top + 13, panel.title, f"font-weight:600;text-anchor:{anchor}")]
-    parts += draw_legend(panel.legend, box.left, box.top - 6)
+    room = box.width + (0.0 if panel.bare else RIGHT)
+    first = box.top - 6 - LEGEND * (count_lines(panel.legend, room) - 1)
+    parts += draw_legend(panel.legend, box.left, first, room)
     if not panel.bare:
         parts += draw_axes(panel, box, x, fitted.y_ticks, y)
     parts += [draw_mark(mark, box, x, y) for mark in panel.marks]
     below = box.top + box.height + TICK * (panel.ticked[0] and not panel.bare) + 12
-    return [*parts, write_text(middle, below, panel.x_label or panel.footer, "fill:var(--faint);text-anchor:middle")]
+    style = f"fill:var(--{'faint' if panel.x_label else panel.footer_colour});text-anchor:middle"
+    return [*parts, write_text(middle, below, panel.x_label or panel.footer, style)]
 
 
 def draw_axes(panel: Panel, box: Box, x: Scale, y_ticks: list[tuple[float, str]], y: Scale) -> list[str]:
@@ -199,21 +205,41 @@ def draw_trace(across: Array, up: Array) -> str:
     return "".join(steps)
 
 
-def draw_legend(marks: Sequence[Mark], left: float, baseline: float) -> list[str]:
-    """Keys and labels in one line."""
-    parts = []
+def wrap_legend(marks: Sequence[Mark], room: float) -> list[list[Mark]]:
+    """The marks in lines that are no wider than the room, one mark a line at the least."""
+    lines, left = [list[Mark]()], 0.0
     for mark in marks:
-        middle = baseline - 4
-        if mark.kind == "dots":
-            parts.append(
-                f'<path transform="translate({left + 6:.1f} {middle:.1f})" d="{mark.shape}" style="{mark.style}"/>'
-            )
-            left += 16
-        else:
-            parts.append(f'<path d="M{left:.1f},{middle:.1f}h{KEY - 5:.1f}" style="{mark.style}"/>')
-            left += KEY
-        parts.append(write_text(left, baseline, mark.label, "fill:var(--faint)"))
-        left += measure_text(mark.label) + 14
+        width = measure_entry(mark)
+        if lines[-1] and left + width > room:
+            lines, left = [*lines, []], 0.0
+        lines[-1].append(mark)
+        left += width + BETWEEN
+    return lines if marks else []
+
+
+def count_lines(marks: Sequence[Mark], room: float) -> int:
+    """How many lines a legend takes."""
+    return len(wrap_legend(marks, room))
+
+
+def measure_entry(mark: Mark) -> float:
+    """How wide a mark and its label are in a legend."""
+    return (DOT if mark.kind == "dots" else KEY) + measure_text(mark.label)
+
+
+def draw_legend(marks: Sequence[Mark], start: float, baseline: float, room: float) -> list[str]:
+    """Keys and labels, in as many lines as they need."""
+    parts = []
+    for line in wrap_legend(marks, room):
+        left = start
+        for mark in line:
+            key = f"M{left:.1f},{baseline - 4:.1f}h{KEY - 5:.1f}"
+            place = f'transform="translate({left + 6:.1f} {baseline - 4:.1f})" ' if mark.kind == "dots" else ""
+            parts.append(f'<path {place}d="{mark.shape if place else key}" style="{mark.style}"/>')
+            text = left + (DOT if place else KEY)
+            parts.append(write_text(text, baseline, mark.label, "fill:var(--faint)"))
+            left += measure_entry(mark) + BETWEEN
+        baseline += LEGEND
     return parts
 
 

@@ -53,6 +53,7 @@ class Panel:
     bare: bool = False
     ticked: tuple[bool, bool] = (True, True)
     footer: str = ""
+    footer_colour: str = "faint"
     marks: list[Mark] = field(default_factory=list)
 
     def line(

@@ -9,6 +9,8 @@ from flexlin.checks import Array
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 ROUND = (1.0, 2.0, 2.5, 5.0, 10.0)
+LEAST_TICKS = 2
+"""Numbers on an axis from which its magnitude can be read."""
 
 
 @dataclass(frozen=True)
@@ -37,13 +39,18 @@ class Linear:
         return self.low, self.high
 
     def ticks(self, most: int) -> list[tuple[float, str]]:
-        """Round numbers inside the scale, at most about `most` of them, with their labels."""
+        """Round numbers inside the scale, at most about `most` of them but two at the least, with their labels."""
         low, high = self.ends
         raw = (high - low) / max(most, 1)
         unit = 10.0 ** math.floor(math.log10(raw))
-        step = next(factor * unit for factor in ROUND if factor * unit >= raw * (1 - 1e-9))
-        marks = step * np.arange(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)
-        return [(float(mark), format_plain(float(mark), step)) for mark in marks]
+        steps = [size * factor for size in (unit, unit / 10) for factor in reversed(ROUND[:-1])]
+        largest = next(factor * unit for factor in ROUND if factor * unit >= raw * (1 - 1e-9))
+        for step in (largest, *(step for step in steps if step < largest * (1 - 1e-9))):
+            marks = step * np.arange(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)
+            if len(marks) >= LEAST_TICKS:
+                break
+        labels = format_ticks(marks, step)
+        return [(float(mark), label) for mark, label in zip(marks, labels, strict=True)]
 
 
 @dataclass(frozen=True)
@@ -84,7 +91,8 @@ class Symlog:
         marks = [(0.0, "0")]
         for sign, mark in ((1, ""), (-1, "−")):
             marks += [(sign * 10.0 ** (start + k), f"{mark}{format_power_of_ten(start + k)}") for k in powers]
-        return [(value, label) for value, label in marks if low <= float(self.bend(np.array(value))) <= high]
+        inside = [(value, label) for value, label in marks if low <= float(self.bend(np.array(value))) <= high]
+        return inside if len(inside) >= LEAST_TICKS else Linear(self.low, self.high).ticks(most)
 
 
 @dataclass(frozen=True)
@@ -115,6 +123,10 @@ class Logarithmic:
         first, last = math.ceil(math.log10(self.low) - 1e-9), math.floor(math.log10(self.high) + 1e-9)
         if last - first < 1:
             return Linear(self.low, self.high).ticks(most)
+        if 3 * (last - first + 1) <= most:
+            marks = [(factor, k) for k in range(first - 1, last + 1) for factor in (1, 2, 5)]
+            inside = [(f, k) for f, k in marks if self.low <= f * 10.0**k * (1 + 1e-9) and f * 10.0**k <= self.high]
+            return [(f * 10.0**k, format_ticks(np.array([f * 10.0**k]), 10.0**k)[0]) for f, k in inside]
         every = max(1, math.ceil((last - first + 1) / max(most, 1)))
         return [(10.0**k, format_power_of_ten(k)) for k in range(first, last + 1, every)]
 
@@ -141,12 +153,17 @@ class Named:
 Scale = Linear | Symlog | Logarithmic | Named
 
 
-def format_plain(value: float, step: float) -> str:
-    """A tick's label with as many decimals as its step needs."""
-    if value != 0 and (abs(value) >= 1e6 or step < 1e-4):
-        return f"{value:.3g}".replace("-", "−")
-    decimals = next((d for d in range(8) if abs(round(step, d) - step) < 1e-9 * step), 8)
-    return f"{value:.{decimals}f}".replace("-", "−") if value != 0 else "0"
+def format_ticks(marks: Array, step: float) -> list[str]:
+    """Labels with as many decimals as the step needs; very large or small ones as multiples of a power of ten."""
+    largest = float(np.abs(marks).max(initial=0.0))
+    if largest < 1e6 and step >= 1e-4:
+        decimals = next((d for d in range(8) if abs(round(step, d) - step) < 1e-9 * step), 8)
+        return [f"{mark:.{decimals}f}".replace("-", "−") if mark != 0 else "0" for mark in marks]
+    power = math.floor(math.log10(largest))
+    scaled, size = marks / 10.0**power, step / 10.0**power
+    decimals = next((d for d in range(16) if abs(round(size, d) - size) < 1e-6 * size), 16)
+    behind = f"×10{str(power).translate(SUPERSCRIPTS)}"
+    return [f"{mark:.{decimals}f}".replace("-", "−") + behind if mark != 0 else "0" for mark in scaled]
 
 
 def format_power_of_ten(k: int) -> str:

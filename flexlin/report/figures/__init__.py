@@ -9,6 +9,7 @@ from flexlin.report.figures.comparison import draw_comparison
 from flexlin.report.figures.effects import draw_effects
 from flexlin.report.figures.exponents import draw_exponents
 from flexlin.report.figures.gains import draw_gains
+from flexlin.report.figures.modes import draw_modes
 from flexlin.report.figures.multipliers import draw_multipliers
 from flexlin.report.figures.response import draw_response
 from flexlin.report.figures.sensitivity import draw_sensitivity
@@ -23,6 +24,7 @@ FIGURES: tuple[Callable[[Analysis], Picture | None], ...] = (
     draw_response,
     draw_comparison,
     draw_exponents,
+    draw_modes,
     draw_coefficients,
     draw_gains,
 )

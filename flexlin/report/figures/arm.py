@@ -3,17 +3,14 @@
 import numpy as np
 
 from flexlin.answers.analysis import Analysis
-from flexlin.checks import Array
 from flexlin.control.tracking import arm_positions
-from flexlin.mechanics.link_shapes import make_shapes
-from flexlin.report.figures.style import SERIES, Picture, make_period_panel
-from flexlin.report.wording import is_dimensionless, name_input_units, name_joint_unit
-from flexlin.scene.scene import Scene
+from flexlin.report.figures.style import Picture, make_period_panel, style_part
+from flexlin.report.scenery import trace_links
+from flexlin.report.wording import in_unit, is_dimensionless, name_joint_unit
 from flexlin.svg import Panel, Row, draw
 
 PHASES = 12
 """Pictures of the arm in one period."""
-XI = np.linspace(0.0, 1.0, 33)
 VIEWS = ((0, 1), (0, 2), (1, 2))
 """World axes across and up of the pictures: one is enough for an arm in its plane."""
 TITLE = "The arm along its motion"
@@ -54,26 +51,42 @@ def draw_beside(a: Analysis) -> list[Panel]:
     panels = [
         draw_joints(a, [i for i, found in enumerate(units) if found == unit], unit) for unit in sorted(set(units))
     ]
-    return [*panels, draw_torques(a)] if a.plant.inputs else panels
+    forces = a.plant.input_units
+    return [
+        *panels,
+        *(
+            draw_torques(a, [i for i, found in enumerate(forces) if found == unit], unit)
+            for unit in sorted(set(forces))
+        ),
+    ]
 
 
 def draw_joints(a: Analysis, chosen: list[int], unit: str) -> Panel:
     """Joint angles in degrees, or displacements in m; the last sample is left out, for there a turning joint begins anew."""
     t, q = a.t[:-1], a.plant.motion.sample(a.t[:-1])[0]
-    panel = make_period_panel(a.plant.period, f"joints in {'°' if unit == 'rad' else unit}")
+    panel = make_period_panel(a.plant.period, in_unit("joints", "°" if unit == "rad" else unit))
     for joint in chosen:
         values = np.degrees(q[:, joint]) if unit == "rad" else q[:, joint]
-        panel.line(t, values, SERIES[joint % len(SERIES)], label=f"q{joint + 1}" if q.shape[1] > 1 else "")
+        colour, dash = style_part(joint)
+        panel.line(t, values, colour, dash=dash, label=name_joint(a, joint) if len(chosen) > 1 else "")
     return panel
 
 
-def draw_torques(a: Analysis) -> Panel:
+def draw_torques(a: Analysis, chosen: list[int], unit: str) -> Panel:
     """The torque, force or voltage that the arm would need if its links were rigid."""
-    several = len(a.plant.inputs) > 1
-    panel = make_period_panel(a.plant.period, f"feedforward in {name_input_units(a)}")
-    for i, name in enumerate(a.plant.inputs):
-        panel.line(a.t, a.coefficients.tau[:, i], SERIES[i % len(SERIES)], label=name if several else "")
+    panel = make_period_panel(a.plant.period, in_unit("feedforward", unit))
+    for i in chosen:
+        colour, dash = style_part(a.plant.driven[i])
+        label = a.plant.inputs[i] if len(chosen) > 1 else ""
+        panel.line(a.t, a.coefficients.tau[:, i], colour, dash=dash, label=label)
     return panel
+
+
+def name_joint(a: Analysis, joint: int) -> str:
+    """The name of a joint that follows the motion: q1, left q1."""
+    moved = np.abs(np.array(a.arm.reference)[:, joint])
+    named = [i for i in np.flatnonzero(moved) if a.arm.coordinates[i].kind == "joint"]
+    return a.arm.names[named[0] if named else a.arm.drives[joint]]
 
 
 def draw_stroboscope(a: Analysis) -> list[Panel]:
@@ -94,40 +107,3 @@ def draw_stroboscope(a: Analysis) -> list[Panel]:
         panel.line(bent[:, across, -1], bent[:, up, -1], "vermilion", width=1.5)
         panels.append(panel.dots(bent[picked[-1], across, :-1], bent[picked[-1], up, :-1], "ink", size=3.5))
     return panels
-
-
-def trace_links(scene: Scene, points: Array, s: Array) -> Array:
-    """The axis of the whole arm, (2, N): each link its chord, and across it what its modes add; in space (3, N), the chords."""
-    curves = trace_each(scene, points, s)
-    return np.concatenate(curves, axis=1) if scene.links and len(points) == 2 else points
-
-
-def bends(scene: Scene) -> list[Array | None]:
-    """For each link in its plane how far its axis is off its chord at XI by each mode, (33, modes); None for one that is straight."""
-    found: list[Array | None] = []
-    for i, link in enumerate(scene.links):
-        values = make_shapes(scene, i).values if link.counts.y else None
-        found.append(None if values is None else (values(XI) - np.outer(values(XI[-1:])[:, 0], XI)).T)
-    return found
-
-
-def trace_each(scene: Scene, points: Array, s: Array, shapes: list[Array | None] | None = None) -> list[Array]:
-    """The axis of each link, (2, N): its chord, and across it what its modes add; in space, and without links, the chords alone.
-
-    shapes: what `bends` finds, for many pictures of one scene.
-    """
-    if len(points) == 3 or not scene.links:
-        return [points[:, i : i + 2] for i in range(points.shape[1] - 1)]
-    shapes = bends(scene) if shapes is None else shapes
-    curves, first = [], sum(link.moves for link in scene.links)
-    for i, link in enumerate(scene.links):
-        base, tip = points[:, i], points[:, i + 1]
-        curve = base[:, None] + np.outer(tip - base, XI)
-        length = float(np.linalg.norm(tip - base))
-        shape = shapes[i]
-        if shape is not None and length > 0:
-            across = shape @ s[first : first + link.counts.y]
-            curve += np.outer([base[1] - tip[1], tip[0] - base[0]], across) / length
-        first += sum(link.counts.by_direction().values())
-        curves.append(curve)
-    return curves

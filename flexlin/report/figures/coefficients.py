@@ -1,4 +1,4 @@
-"""The coefficients that vary over a period, entry by entry."""
+"""The coefficients that vary over a period, entry by entry: those that matter first, the others folded."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -7,56 +7,87 @@ import numpy as np
 
 from flexlin.answers.analysis import Analysis
 from flexlin.checks import Array
-from flexlin.report.figures.style import Picture, arrange_in_columns, make_period_panel
-from flexlin.report.wording import name_coordinate_unit
-from flexlin.svg import draw
+from flexlin.report.figures.entries import (
+    choose_shown,
+    name_entry,
+    name_force_unit,
+    name_matrix_unit,
+    shift_and_scale,
+)
+from flexlin.report.figures.style import Picture, arrange_in_columns, draw_folded, make_period_panel
+from flexlin.svg import Panel, draw
 
-MOST = 12
-"""Entries shown; the others stand in the file that `flexlin linearize` writes."""
+MOST, FOLDED = 12, 240
+"""Entries shown, and folded; the others stand in the file that `flexlin linearize` writes."""
 NOISE = 1e-9
+HEIGHT = 75.0
 TITLE = "The coefficients over a period"
-SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
-COLOURS = {"M": "green", "D": "purple", "K": "blue", "h": "vermilion"}
-UNITS = {"M": ("kg", "kg m", "kg m²"), "D": ("N s/m", "N s", "N m s"), "K": ("N/m", "N", "N m")}
+COLOURS = {"M": "teal", "D": "wine", "K": "indigo", "h": "rose"}
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One entry over a period: its matrix, its title with unit, its values (N,), and how much of its matrix's size it varies by."""
+    """One entry over a period: its matrix, row and column, values (N,), unit, and how much its variation matters."""
 
     matrix: str
-    title: str
+    row: int
+    column: int | None
     values: Array
-    swing: float
+    unit: str
+    weight: float
 
 
 def draw_coefficients(a: Analysis) -> Picture:
-    """A panel for each entry of M_L, D_L, K_L and h_L that varies."""
+    """A panel for each entry of M, D, K and h that varies; each joint has one at the least."""
     varying = list(list_entries(a))
-    least = sorted((entry.swing for entry in varying), reverse=True)[:MOST][-1:] or [0.0]
-    shown = [entry for entry in varying if entry.swing >= least[0]][:MOST]
-    panels = [
-        make_period_panel(a.plant.period, entry.title).line(a.t, entry.values, COLOURS[entry.matrix]) for entry in shown
-    ]
-    svg = draw(arrange_in_columns(panels, 75), TITLE) if panels else ""
-    return Picture("coefficients", TITLE, write_caption(len(varying), len(shown)), svg)
+    joints = [[k for k, entry in enumerate(varying) if entry.row == i] for i in list_joints(a)]
+    shown = choose_shown(np.array([entry.weight for entry in varying]), joints, MOST)
+    rest = sorted((k for k in range(len(varying)) if k not in shown), key=lambda k: -varying[k].weight)
+    folded = [varying[k] for k in sorted(rest[:FOLDED])]
+    panels = [draw_entry(a, varying[k]) for k in shown]
+    svg = draw(arrange_in_columns(panels, HEIGHT), TITLE) if panels else ""
+    under = draw_folded([draw_entry(a, entry) for entry in folded], HEIGHT, TITLE)
+    heading = f"The {len(folded)} other entries that vary"
+    return Picture("coefficients", TITLE, write_caption(len(varying), len(shown), len(folded)), svg, under, heading)
 
 
-def write_caption(varying: int, shown: int) -> str:
+def list_joints(a: Analysis) -> list[int]:
+    """Which coordinates of the linear equations are joints."""
+    return [i for i, coordinate in enumerate(a.plant.coordinates) if coordinate.kind == "joint"]
+
+
+def draw_entry(a: Analysis, entry: Entry) -> Panel:
+    """One entry over the period."""
+    name = name_entry(a, entry.matrix, entry.row, entry.column)
+    title, values = shift_and_scale(name, entry.values, entry.unit)
+    return make_period_panel(a.plant.period, title).line(a.t, values, COLOURS[entry.matrix])
+
+
+def write_caption(varying: int, shown: int, folded: int) -> str:
     """What is shown, and what is not."""
     if not varying:
         return (
             "Every entry of M, D, K and h is constant along this motion: the linear system has constant coefficients."
         )
-    rest = f" The {varying - shown} entries that vary least are left out." if varying > shown else ""
+    rest = ""
+    if varying > shown:
+        rest = (
+            " Shown are those whose variation moves frequencies and the response most, one of each joint at the least"
+        )
+        rest += "; the others are folded below"
+        rest += f", {varying - shown - folded} stand in system.nc of flexlin linearize alone" * (
+            varying > shown + folded
+        )
+        rest += "."
     return (
-        "Entries of M y″ + D y′ + K y = h that vary along the rigid motion, open loop; y collects the deviations "
-        f"(joints in rad, elastic coordinates in m).{rest} Constant entries stand in the table below."
+        "Entries of M y″ + D y′ + K y = h that vary along the rigid motion, open loop; y collects the deviations of joints (q), "
+        f"elastic coordinates and motors.{rest} Constant entries stand in the table below."
     )
 
 
 def list_entries(a: Analysis) -> Iterator[Entry]:
     """All entries that vary; of a pair that is equal at all times, the upper one."""
+    scales = weigh_entries(a)
     for name in ("M", "D", "K"):
         matrix = getattr(a.coefficients, name)
         size = np.abs(matrix).max() or 1.0
@@ -64,35 +95,28 @@ def list_entries(a: Analysis) -> Iterator[Entry]:
             values, mirror = matrix[:, i, j], matrix[:, j, i]
             symmetric = bool(np.all(np.abs(values - mirror) <= NOISE * size))
             if np.ptp(values) > NOISE * size and not (symmetric and j < i):
-                yield Entry(
-                    name,
-                    f"{name}{name_entry(i, j)} in {name_matrix_unit(a, name, i, j)}",
-                    values,
-                    float(np.ptp(values) / size),
-                )
+                weight = float(np.ptp(values) * scales[name][i, j])
+                yield Entry(name, i, j, values, name_matrix_unit(a, name, i, j), weight)
     size = np.abs(a.coefficients.h).max() or 1.0
     for i in range(a.plant.n):
         values = a.coefficients.h[:, i]
         if np.ptp(values) > NOISE * size:
-            yield Entry(
-                "h",
-                f"h{str(i + 1).translate(SUBSCRIPTS)} in {name_force_unit(a, i)}",
-                values,
-                float(np.ptp(values) / size),
-            )
+            yield Entry("h", i, None, values, name_force_unit(a, i), float(np.ptp(values) * scales["h"][i, 0]))
 
 
-def name_entry(i: int, j: int) -> str:
-    """Subscripts, with a comma where an index has two digits."""
-    comma = "," if max(i, j) > 8 else ""
-    return f"{i + 1}{comma}{j + 1}".translate(SUBSCRIPTS)
+def weigh_entries(a: Analysis) -> dict[str, Array]:
+    """By what each entry's variation is multiplied to see what it does, in numbers without unit.
 
+        M_ij / (m_i m_j),   D_ij / (m_i m_j sqrt(w_i w_j)),   K_ij / (m_i m_j w_i w_j),   h_i / (m_i w_i) against the largest
 
-def name_force_unit(a: Analysis, i: int) -> str:
-    """N m for a row of a rotation, N for one of a displacement."""
-    return "N" if name_coordinate_unit(a, i) == "m" else "N m"
-
-
-def name_matrix_unit(a: Analysis, name: str, i: int, j: int) -> str:
-    """The unit of an entry, by how many of its row and its column are rotations."""
-    return UNITS[name][sum(name_coordinate_unit(a, k) == "rad" for k in (i, j))]
+    with m_i = sqrt(M_ii), w_i^2 = |K_ii| / M_ii, not below the motion's frequency: the share by which w_i^2 would move.
+    """
+    M, K = (np.abs(np.einsum("tii->ti", getattr(a.coefficients, name))).mean(axis=0) for name in ("M", "K"))
+    mass = np.sqrt(np.maximum(M, 1e-12 * M.max(initial=0.0)))
+    mass[mass == 0] = 1.0
+    rate = np.maximum(np.sqrt(K) / mass, 2 * np.pi / a.plant.period)
+    both = np.outer(mass, mass)
+    force = 1 / (mass * rate)
+    largest = float((np.ptp(a.coefficients.h, axis=0) * force).max(initial=0.0)) or 1.0
+    geometric = np.sqrt(np.outer(rate, rate))
+    return {"M": 1 / both, "D": 1 / (both * geometric), "K": 1 / (both * geometric**2), "h": force[:, None] / largest}

@@ -5,8 +5,8 @@ import numpy as np
 from flexlin.answers.analysis import Analysis
 from flexlin.checks import Array
 from flexlin.report.advice import agreement, sentence
-from flexlin.report.figures.style import Picture
-from flexlin.report.wording import name_coordinate_unit, scale_values, time_label
+from flexlin.report.figures.style import Picture, choose_colour
+from flexlin.report.wording import in_unit, name_coordinate_unit, scale_values, time_label
 from flexlin.simulation import Simulation
 from flexlin.svg import Linear, Panel, Row, draw
 
@@ -23,11 +23,11 @@ def draw_comparison(a: Analysis) -> Picture | None:
     )
     (both, both_unit), (apart, apart_unit) = scale_values(np.array([nonlinear, linear]), unit), scale_values(gap, unit)
     time = Linear(0.0, float(s.t[-1]))
-    upper = Panel(f"{name} in {both_unit}", x=time, ticked=(False, True)).zero()
-    upper.line(s.t, both[0], "sky", width=4.0, label="nonlinear").line(
-        s.t, both[1], "vermilion", dash="5 3", label="linear"
-    )
-    lower = Panel(f"difference in {apart_unit}", x=time, x_label=time_label()).zero().line(s.t, apart, "ink")
+    colour = choose_colour(a, a.own)
+    upper = Panel(in_unit(name, both_unit), x=time, ticked=(False, True)).zero()
+    upper.line(s.t, both[0], colour, width=4.5, opacity=0.5, label="nonlinear")
+    upper.line(s.t, both[1], "ink", width=1.4, dash="5 3", label="linear")
+    lower = Panel(in_unit("difference", apart_unit), x=time, x_label=time_label()).zero().line(s.t, apart, colour)
     caption = (
         f"The full nonlinear equations over {s.t[-1] / a.plant.period:g} periods under the scene's loop, started on the rigid motion, "
         f"beside the linear prediction from the same start. {sentence(agreement(a, s))}"

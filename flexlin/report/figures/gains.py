@@ -1,4 +1,4 @@
-"""The gains of the designs over a period, beside the scene's own."""
+"""The gains of the designs over a period, beside the scene's own: those that matter first, the others folded."""
 
 from dataclasses import replace
 
@@ -6,47 +6,69 @@ import numpy as np
 
 from flexlin.answers.analysis import Analysis
 from flexlin.checks import Array
-from flexlin.report.figures.style import DASHES, Picture, arrange_in_columns, choose_loop_colour, make_period_panel
-from flexlin.report.wording import name_input_units
+from flexlin.report.figures.coefficients import weigh_entries
+from flexlin.report.figures.entries import choose_shown, name_gain_unit
+from flexlin.report.figures.style import (
+    Picture,
+    arrange_in_columns,
+    choose_colour,
+    choose_dash,
+    draw_folded,
+    make_period_panel,
+)
+from flexlin.report.wording import in_unit
 from flexlin.svg import Panel, draw
 
-MOST = 12
+MOST, FOLDED = 12, 240
+HEIGHT = 75.0
 TITLE = "Gains over a period"
+OWN_DASH = "2 3"
 
 
 def draw_gains(a: Analysis) -> Picture | None:
-    """A panel for each entry of K(t)."""
+    """A panel for each entry of the gain; each input has one at the least."""
     if not any(loop.design is not None for loop in a.loops):
         return None
-    states = [*a.plant.names, *[f"{name}′" for name in a.plant.names]]
-    pairs = [(i, j) for i in range(len(a.plant.inputs)) for j in range(len(states))]
-    panels = [make_period_panel(a.plant.period, f"{a.plant.inputs[i]} from {states[j]}") for i, j in pairs[:MOST]]
-    for position, loop in enumerate(a.loops):
-        if loop.design is not None:
-            add_gain(
-                panels,
-                pairs,
-                a,
-                loop.design.K(a.t),
-                choose_loop_colour(loop, position),
-                DASHES[position % 2],
-                loop.name,
-            )
+    gains = [(loop, loop.design.K(a.t), choose_dash(a, loop)) for loop in a.loops if loop.design is not None]
     own = a.closed.law.gain(a.t)
-    if np.any(own):
-        add_gain(panels, pairs, a, own, "faint", "2 3", a.own.name)
-    legend = panels[0].legend
-    for panel in panels:
+    gains += [(a.own, own, OWN_DASH)] if np.any(own) else []
+    states = 2 * a.plant.n
+    weights = weigh_gains(a, np.max([np.abs(gain).max(axis=0) for _, gain, _ in gains], axis=0))
+    groups = [range(i * states, (i + 1) * states) for i in range(len(a.plant.inputs))]
+    shown = choose_shown(weights.ravel(), groups, MOST)
+    rest = sorted((k for k in range(weights.size) if k not in shown), key=lambda k: -weights.flat[k])
+    panels = {k: make_period_panel(a.plant.period, name_gain(a, *divmod(k, states))) for k in (*shown, *rest[:FOLDED])}
+    for loop, gain, dash in gains:
+        for k, panel in panels.items():
+            i, j = divmod(k, states)
+            panel.line(a.t, gain[:, i, j], choose_colour(a, loop), dash=dash, label=loop.name)
+    legend = next(iter(panels.values())).legend
+    for panel in panels.values():
         panel.marks = [replace(mark, label="") for mark in panel.marks]
-    more = f" The first {MOST} of {len(pairs)} entries." if len(pairs) > MOST else ""
-    unit = name_input_units(a)
-    caption = f"Entries of the feedback gain in u = −K(t) [y; y′], in {unit} for each rad, m, rad/s or m/s of deviation.{more}"
-    return Picture("gains", TITLE, caption, draw(arrange_in_columns(panels, 75), TITLE, legend))
+    svg = draw(arrange_in_columns([panels[k] for k in shown], HEIGHT), TITLE, legend)
+    folded = draw_gains_folded([panels[k] for k in sorted(rest[:FOLDED])])
+    caption = "Entries of the feedback gain in u = −gain(t) [y; y′]: gain(input, state)."
+    if rest:
+        caption += " Shown are those that act most on deflections of equal energy, one of each input at the least; others are folded below."
+    return Picture("gains", TITLE, caption, svg, folded, f"The {len(rest[:FOLDED])} other entries")
 
 
-def add_gain(
-    panels: list[Panel], pairs: list[tuple[int, int]], a: Analysis, gain: Array, colour: str, dash: str, label: str
-) -> None:
-    """Add one gain to all panels."""
-    for panel, (i, j) in zip(panels, pairs, strict=False):
-        panel.line(a.t, gain[:, i, j], colour, dash=dash, label=label)
+def draw_gains_folded(panels: list[Panel]) -> tuple[str, ...]:
+    """The panels that are folded."""
+    return draw_folded(panels, HEIGHT, TITLE)
+
+
+def name_gain(a: Analysis, i: int, j: int) -> str:
+    """The title of an entry: gain(q1, w11′) in N s."""
+    n = a.plant.n
+    state = f"{a.plant.names[j % n]}{'′' if j >= n else ''}"
+    return in_unit(f"gain({a.plant.inputs[i]}, {state})", name_gain_unit(a, i, j))
+
+
+def weigh_gains(a: Analysis, size: Array) -> Array:
+    """What each input gives to deflections of equal energy, against its largest: |gain_ij| times 1/(m_j w_j), or 1/m_j for rates."""
+    scales = weigh_entries(a)
+    deflection = 1 / np.sqrt(1 / np.diagonal(scales["K"]))
+    speed = np.sqrt(np.diagonal(scales["M"]))
+    weight = size * np.concatenate([deflection, speed])
+    return weight / np.maximum(weight.max(axis=1, keepdims=True), 1e-300)

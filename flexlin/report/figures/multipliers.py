@@ -5,7 +5,7 @@ import numpy as np
 from flexlin.answers.analysis import Analysis
 from flexlin.answers.judging import Loop
 from flexlin.checks import Array
-from flexlin.report.figures.style import Picture
+from flexlin.report.figures.style import Picture, choose_colour
 from flexlin.report.wording import format_largest_multiplier, format_modulus
 from flexlin.svg import Linear, Panel, Row, draw
 
@@ -28,7 +28,7 @@ def draw_multipliers(a: Analysis) -> Picture | None:
     """A unit circle for each loop; none for a motion that ends."""
     if not a.plant.motion.periodic:
         return None
-    panels = [draw_circle(loop) for loop in a.loops]
+    panels = [draw_circle(loop, choose_colour(a, loop)) for loop in a.loops]
     columns = min(COLUMNS, max(3, len(panels)))
     rows = [Row(panels[i : i + columns], 165) for i in range(0, len(panels), columns)]
     return Picture("multipliers", TITLE, CAPTION, draw(rows, TITLE))
@@ -46,7 +46,7 @@ def write_footer(loop: Loop) -> str:
     return "no answer" if loop.floquet is None else f"{loop.verdict}, largest |µ| = {format_largest_multiplier(loop)}"
 
 
-def draw_circle(loop: Loop) -> Panel:
+def draw_circle(loop: Loop, colour: str) -> Panel:
     """The unit circle, its rings, and the multipliers of one loop; the view grows where one lies far outside."""
     logs = loop.floquet.log_multipliers if loop.floquet is not None else np.zeros(0, dtype=complex)
     r = scale_radius(logs.real / np.log(10))
@@ -59,6 +59,7 @@ def draw_circle(loop: Loop) -> Panel:
         equal=True,
         bare=True,
         footer=write_footer(loop),
+        footer_colour=loop.verdict if loop.floquet is not None else "faint",
     )
     panel.area(np.cos(TURN), np.sin(TURN), "shade")
     for power in RINGS:
@@ -67,4 +68,4 @@ def draw_circle(loop: Loop) -> Panel:
     panel.line([-1.12, 1.12], [0, 0], "grid", width=0.8).line([0, 0], [-1.12, 1.12], "grid", width=0.8)
     panel.line(np.cos(TURN), np.sin(TURN), "ink", width=1.3)
     texts = [f"|µ| = {format_modulus(log.real)}, angle {np.degrees(log.imag):.1f}°" for log in logs]
-    return panel.dots(r * np.cos(logs.imag), r * np.sin(logs.imag), loop.verdict, size=4.2, texts=texts)
+    return panel.dots(r * np.cos(logs.imag), r * np.sin(logs.imag), colour, size=4.2, texts=texts)

@@ -1,42 +1,58 @@
-"""The periodic response of the scene's loop, coordinate by coordinate, with the torque it takes."""
+"""The periodic response of the scene's loop, coordinate by coordinate, with the torques it takes."""
+
+from dataclasses import replace
+
+import numpy as np
 
 from flexlin.answers.analysis import Analysis
 from flexlin.checks import Array
-from flexlin.report.figures.style import SERIES, Picture, arrange_in_columns, make_period_panel
-from flexlin.report.wording import name_coordinate_unit, name_input_units, scale_values
+from flexlin.report.figures.coefficients import list_joints, weigh_entries
+from flexlin.report.figures.style import Picture, arrange_in_columns, choose_colour, draw_folded, make_period_panel
+from flexlin.report.wording import in_unit, name_coordinate_unit, scale_values
 from flexlin.svg import Panel, draw
 
-MOST = 11
+MOST = 12
+"""Panels shown, or one for each joint and each input where these are more."""
+HEIGHT = 85.0
 TITLE = "Forced periodic response"
 
 
 def draw_response(a: Analysis) -> Picture | None:
-    """A panel for each deviation, and one for the torques."""
+    """A panel for each deviation and each input: all joints and inputs, and the coordinates that hold most energy."""
     if a.response is None:
         return None
-    panels = [draw_deviation(a, i) for i in range(min(a.plant.n, MOST))] + ([draw_torque(a)] if a.plant.inputs else [])
-    left_out = f" Only the first {MOST} of {a.plant.n} coordinates are shown." if a.plant.n > MOST else ""
+    joints, inputs = list_joints(a), range(len(a.plant.inputs))
+    energy = np.abs(a.response.states[:, : a.plant.n]).max(axis=0) / np.sqrt(np.diagonal(weigh_entries(a)["K"]))
+    others = sorted((i for i in range(a.plant.n) if i not in joints), key=lambda i: -energy[i])
+    room = max(0, MOST - len(joints) - len(inputs))
+    shown, rest = sorted([*joints, *others[:room]]), sorted(others[room:])
+    torques = [draw_torque(a, k) for k in inputs]
+    legend = torques[0].legend if torques else []
+    for panel in torques:
+        panel.marks = [replace(mark, label="") for mark in panel.marks]
+    panels = [*(draw_deviation(a, i) for i in shown), *torques]
     caption = (
-        "Steady deviations from the rigid motion under the scene's loop: q of joints, w of elastic modes. "
-        f"Input: feedforward alone dashed, with feedback solid.{left_out}"
+        "Steady deviations from the rigid motion under the scene's loop: q of joints, w of bending, phi of twist, theta of motors; and "
+        "what each joint is given." + " Further coordinates are folded below." * bool(rest)
     )
-    return Picture("response", TITLE, caption, draw(arrange_in_columns(panels, 85), TITLE))
+    folded = draw_folded([draw_deviation(a, i) for i in rest], HEIGHT, TITLE)
+    svg = draw(arrange_in_columns(panels, HEIGHT), TITLE, legend)
+    return Picture("response", TITLE, caption, svg, folded, f"The {len(rest)} other coordinates")
 
 
 def draw_deviation(a: Analysis, i: int) -> Panel:
     """One coordinate over the period."""
     assert a.response is not None
     values, unit = scale_values(a.response.states[:, i], name_coordinate_unit(a, i))
-    return make_period_panel(a.plant.period, f"{a.plant.names[i]} in {unit}").zero().line(a.t, values, "blue")
+    panel = make_period_panel(a.plant.period, in_unit(a.plant.names[i], unit)).zero()
+    return panel.line(a.t, values, choose_colour(a, a.own))
 
 
-def draw_torque(a: Analysis) -> Panel:
-    """Feedforward, and feedforward with feedback."""
-    panel = make_period_panel(a.plant.period, f"input in {name_input_units(a)}")
-    for k, values in enumerate(compute_torques(a).T):
-        panel.line(a.t, a.coefficients.tau[:, k], "faint", width=1.2, dash="4 3")
-        panel.line(a.t, values, SERIES[(k + 1) % len(SERIES)])
-    return panel
+def draw_torque(a: Analysis, k: int) -> Panel:
+    """What one input gives: feedforward alone, and with feedback."""
+    panel = make_period_panel(a.plant.period, in_unit(f"input {a.plant.inputs[k]}", a.plant.input_units[k]))
+    panel.line(a.t, compute_torques(a)[:, k], choose_colour(a, a.own), label=a.own.name)
+    return panel.line(a.t, a.coefficients.tau[:, k], "ink", width=1.1, dash="4 3", label="feedforward alone")
 
 
 def compute_torques(a: Analysis) -> Array:

@@ -1,25 +1,37 @@
 """What all figures share: a picture with its words, colours by the page's variables, and panels over a period."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+from flexlin.answers.analysis import Analysis
 from flexlin.answers.judging import Loop
 from flexlin.report.wording import time_label
-from flexlin.svg import Linear, Panel, Row
+from flexlin.svg import Linear, Panel, Row, draw, measure_text
+from flexlin.svg.layout import GAP, WIDTH
 
 SERIES = ("blue", "vermilion", "green", "purple", "orange", "sky")
-"""Distinguishable with every kind of colour blindness. Source: Okabe, Ito (2002), Color Universal Design; purple from Tol (2021)."""
+"""Of loops, methods and modes: distinguishable with every kind of colour blindness. Source: Okabe, Ito (2002), Color Universal Design;
+purple from Tol (2021)."""
+PARTS = ("indigo", "rose", "teal", "olive", "wine", "ink")
+"""Of joints, inputs and components, which are no loops. Source: Tol (2021), the muted scheme."""
 SHAPES = ("circle", "square", "diamond", "triangle")
 DASHES = ("", "6 3", "2 2.5", "8 3 2 3")
+OPEN = "faint"
+"""The colour of the arm without feedback, where it stands beside other loops."""
+FOLDED_ROWS = 3
+"""Rows of panels in one drawing of a part that is folded: it is printed without a break."""
 
 
 @dataclass(frozen=True)
 class Picture:
-    """One figure of the page: its name, title, caption, and its SVG element."""
+    """One figure of the page: its name, title, caption, its SVG element, and further elements that are folded, under a heading."""
 
     name: str
     title: str
     caption: str
     svg: str
+    folded: tuple[str, ...] = ()
+    heading: str = ""
 
 
 def make_period_panel(period: float, title: str, label: bool = True) -> Panel:
@@ -27,16 +39,40 @@ def make_period_panel(period: float, title: str, label: bool = True) -> Panel:
     return Panel(title, x=Linear(0.0, period), x_label=time_label() if label else "", ticked=(label, True))
 
 
-def arrange_in_columns(panels: list[Panel], height: float) -> list[Row]:
-    """Panels row by row, three in a row or what leaves fewer places empty; the last one of each column bears the labels of time."""
+def arrange_in_columns(panels: Sequence[Panel], height: float) -> list[Row]:
+    """Panels row by row, three in a row or what leaves fewer places empty and lets titles fit; the last of a column bears the times."""
     columns = 2 if len(panels) in (2, 4) else min((3, 4), key=lambda k: -len(panels) % k)
-    columns = max(1, min(columns, len(panels)))
+    longest = max((measure_text(panel.title) for panel in panels), default=0.0)
+    fitting = max(1, int((WIDTH + GAP) / (longest + GAP)))
+    columns = max(1, min(columns, len(panels), fitting))
     for i, panel in enumerate(panels):
         last = i + columns >= len(panels)
         panel.ticked, panel.x_label = (last, True), time_label() if last else ""
     return [Row(panels[i : i + columns], height, (1.0,) * columns) for i in range(0, len(panels), columns)]
 
 
-def choose_loop_colour(loop: Loop, position: int) -> str:
-    """The colour of a loop: grey for the open loop, then the series in order."""
-    return "faint" if loop.kind == "open" else SERIES[position % len(SERIES)]
+def draw_folded(panels: Sequence[Panel], height: float, title: str) -> tuple[str, ...]:
+    """Panels in several drawings of a few rows each, so that a page may end between them."""
+    several = len(arrange_in_columns(panels, height)[0].shares) * FOLDED_ROWS if panels else 1
+    parts = [panels[i : i + several] for i in range(0, len(panels), several)]
+    return tuple(draw(arrange_in_columns(part, height), title) for part in parts)
+
+
+def choose_colour(a: Analysis, loop: Loop) -> str:
+    """The one colour of a loop on the whole page: blue for the scene's own, grey for the open loop beside it, then the series in order."""
+    if loop is a.own:
+        return SERIES[0]
+    others = [other for other in a.loops if other is not a.own and other is not a.open_loop]
+    place = next((i for i, other in enumerate(others) if other is loop), None)
+    return OPEN if place is None else SERIES[1 + place % (len(SERIES) - 1)]
+
+
+def choose_dash(a: Analysis, loop: Loop) -> str:
+    """The dash of a loop's lines: loops beyond the colours begin anew with another."""
+    place = next((i for i, other in enumerate(a.loops) if other is loop), 0)
+    return DASHES[place // (len(SERIES) + 1) % len(DASHES)]
+
+
+def style_part(i: int) -> tuple[str, str]:
+    """Colour and dash of the i-th joint, input or component."""
+    return PARTS[i % len(PARTS)], DASHES[i // len(PARTS) % len(DASHES)]
