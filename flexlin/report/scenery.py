@@ -35,22 +35,25 @@ class Frames:
     points: Array
 
 
-def frames_of(scene: Scene, lin: Linearization, t: Array, states: Array, magnify: float = 1.0) -> Frames:
+def frames_of(
+    scene: Scene, lin: Linearization, t: Array, states: Array, magnify: float = 1.0, every: int = THIN
+) -> Frames:
     """The arm for deviations (N, n) or (N, 2n) from the rigid motion, its elastic coordinates magnified; space is seen from a corner."""
     factors = np.array([magnify if c.kind == "elastic" else 1.0 for c in lin.coordinates])
     points, s = arm_positions(lin, t, states[:, : lin.n] * factors)
     shapes = bends(scene) if points.shape[1] == 2 else []
     links = [
-        [thin_out(curve) for curve in trace_each(scene, at, row, shapes)] for at, row in zip(points, s, strict=True)
+        [thin_out(curve, every) for curve in trace_each(scene, at, row, shapes)]
+        for at, row in zip(points, s, strict=True)
     ]
     if points.shape[1] == 3:
         points, links = SIGHT @ points, [[SIGHT @ curve for curve in arm] for arm in links]
     return Frames(links, points)
 
 
-def thin_out(curve: Array) -> Array:
+def thin_out(curve: Array, every: int) -> Array:
     """Every few points of a curve, its end always among them."""
-    kept = np.unique(np.append(np.arange(0, curve.shape[1], THIN), curve.shape[1] - 1))
+    kept = np.unique(np.append(np.arange(0, curve.shape[1], every), curve.shape[1] - 1))
     return curve[:, kept]
 
 
@@ -115,9 +118,9 @@ def mode_states(lin: Linearization) -> list[tuple[str, Array, Array]]:
     return found
 
 
-def trace_links(scene: Scene, points: Array, s: Array) -> Array:
+def trace_links(scene: Scene, points: Array, s: Array, shapes: list[Array | None]) -> Array:
     """The axis of the whole arm, (2, N): each link its chord, and across it what its modes add; in space (3, N), the chords."""
-    curves = trace_each(scene, points, s)
+    curves = trace_each(scene, points, s, shapes)
     return np.concatenate(curves, axis=1) if scene.links and len(points) == 2 else points
 
 
@@ -130,14 +133,13 @@ def bends(scene: Scene) -> list[Array | None]:
     return found
 
 
-def trace_each(scene: Scene, points: Array, s: Array, shapes: list[Array | None] | None = None) -> list[Array]:
+def trace_each(scene: Scene, points: Array, s: Array, shapes: list[Array | None]) -> list[Array]:
     """The axis of each link, (2, N): its chord, and across it what its modes add; in space, and without links, the chords alone.
 
-    shapes: what `bends` finds, for many pictures of one scene.
+    shapes: what `bends` finds, once for many pictures of a scene.
     """
     if len(points) == 3 or not scene.links:
         return [points[:, i : i + 2] for i in range(points.shape[1] - 1)]
-    shapes = bends(scene) if shapes is None else shapes
     curves, first = [], sum(link.moves for link in scene.links)
     for i, link in enumerate(scene.links):
         base, tip = points[:, i], points[:, i + 1]

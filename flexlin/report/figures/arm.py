@@ -5,7 +5,7 @@ import numpy as np
 from flexlin.answers.analysis import Analysis
 from flexlin.control.tracking import arm_positions
 from flexlin.report.figures.style import Picture, make_period_panel, style_part
-from flexlin.report.scenery import trace_links
+from flexlin.report.scenery import bends, trace_links
 from flexlin.report.wording import in_unit, is_dimensionless, name_joint_unit
 from flexlin.svg import Panel, Row, draw
 
@@ -94,8 +94,9 @@ def draw_stroboscope(a: Analysis) -> list[Panel]:
     states = a.response.states if a.response else np.zeros((len(a.t), 2 * a.plant.n))
     (bent, s), (rigid, _) = (arm_positions(a.plant, a.t, x) for x in (states, np.zeros_like(states)))
     picked = np.arange(PHASES) * (len(a.t) - 1) // PHASES
-    still = [trace_links(a.scene, rigid[i], np.zeros(a.arm.n)) for i in picked]
-    moving = [trace_links(a.scene, bent[i], s[i]) for i in picked]
+    shapes = bends(a.scene) if bent.shape[1] == 2 else []
+    still = [trace_links(a.scene, rigid[i], np.zeros(a.arm.n), shapes) for i in picked]
+    moving = [trace_links(a.scene, bent[i], s[i], shapes) for i in picked]
     panels, metres = [], "" if is_dimensionless() else " in m"
     for across, up in VIEWS if bent.shape[1] == 3 else VIEWS[:1]:
         title = "the arm" if bent.shape[1] == 2 else f"the arm along {'xyz'[3 - across - up]}"
@@ -104,6 +105,6 @@ def draw_stroboscope(a: Analysis) -> list[Panel]:
             panel.line(curve[across], curve[up], "faint", width=0.8, opacity=0.5)
         for k, curve in enumerate(moving):
             panel.line(curve[across], curve[up], "blue", width=2.0, opacity=0.25 + 0.75 * (k + 1) / PHASES)
-        panel.line(bent[:, across, -1], bent[:, up, -1], "vermilion", width=1.5)
+        panel.line(bent[:, across, -1], bent[:, up, -1], "rose", width=1.5)
         panels.append(panel.dots(bent[picked[-1], across, :-1], bent[picked[-1], up, :-1], "ink", size=3.5))
     return panels

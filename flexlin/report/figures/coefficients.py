@@ -19,6 +19,8 @@ from flexlin.svg import Panel, draw
 
 MOST, FOLDED = 12, 240
 """Entries shown, and folded; the others stand in the file that `flexlin linearize` writes."""
+THIN = 4
+"""Every so many times are drawn of what is folded."""
 NOISE = 1e-9
 HEIGHT = 75.0
 TITLE = "The coefficients over a period"
@@ -46,7 +48,7 @@ def draw_coefficients(a: Analysis) -> Picture:
     folded = [varying[k] for k in sorted(rest[:FOLDED])]
     panels = [draw_entry(a, varying[k]) for k in shown]
     svg = draw(arrange_in_columns(panels, HEIGHT), TITLE) if panels else ""
-    under = draw_folded([draw_entry(a, entry) for entry in folded], HEIGHT, TITLE)
+    under = draw_folded([draw_entry(a, entry, THIN) for entry in folded], HEIGHT, TITLE)
     heading = f"The {len(folded)} other entries that vary"
     return Picture("coefficients", TITLE, write_caption(len(varying), len(shown), len(folded)), svg, under, heading)
 
@@ -56,11 +58,11 @@ def list_joints(a: Analysis) -> list[int]:
     return [i for i, coordinate in enumerate(a.plant.coordinates) if coordinate.kind == "joint"]
 
 
-def draw_entry(a: Analysis, entry: Entry) -> Panel:
-    """One entry over the period."""
+def draw_entry(a: Analysis, entry: Entry, every: int = 1) -> Panel:
+    """One entry over the period, at every so many times."""
     name = name_entry(a, entry.matrix, entry.row, entry.column)
     title, values = shift_and_scale(name, entry.values, entry.unit)
-    return make_period_panel(a.plant.period, title).line(a.t, values, COLOURS[entry.matrix])
+    return make_period_panel(a.plant.period, title).line(a.t[::every], values[::every], COLOURS[entry.matrix])
 
 
 def write_caption(varying: int, shown: int, folded: int) -> str:

@@ -65,12 +65,12 @@ def find_smallest_rate(loops: list[Loop]) -> float:
 
 def draw_frozen(a: Analysis) -> Panel:
     """Frequencies of the eigenvalues of A(t) over the period: open loop and own loop."""
-    panel = make_period_panel(a.plant.period, in_unit("frequencies if held still", "Hz"))
+    panel = make_period_panel(a.plant.period, "natural frequencies, arm held still")
+    panel.y, panel.y_label = Logarithmic(), in_unit("frequency", "Hz")
     curves = [(a.closed, a.own)] if a.own is a.loops[0] else [(a.plant, a.open_loop), (a.closed, a.own)]
     t = a.t[::2]
     for linearization, loop in curves:
         frequencies = follow_frozen_modes(linearization.state_matrix(t)).frequencies
         for k, frequency in enumerate(frequencies[:, np.isfinite(frequencies).any(axis=0)].T):
             panel.line(t, frequency, choose_colour(a, loop), label=loop.name if k == 0 else "")
-    panel.y = Logarithmic()
     return panel

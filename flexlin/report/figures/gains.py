@@ -6,7 +6,7 @@ import numpy as np
 
 from flexlin.answers.analysis import Analysis
 from flexlin.checks import Array
-from flexlin.report.figures.coefficients import weigh_entries
+from flexlin.report.figures.coefficients import THIN, weigh_entries
 from flexlin.report.figures.entries import choose_shown, name_gain_unit
 from flexlin.report.figures.style import (
     Picture,
@@ -17,7 +17,7 @@ from flexlin.report.figures.style import (
     make_period_panel,
 )
 from flexlin.report.wording import in_unit
-from flexlin.svg import Panel, draw
+from flexlin.svg import draw
 
 MOST, FOLDED = 12, 240
 HEIGHT = 75.0
@@ -40,22 +40,17 @@ def draw_gains(a: Analysis) -> Picture | None:
     panels = {k: make_period_panel(a.plant.period, name_gain(a, *divmod(k, states))) for k in (*shown, *rest[:FOLDED])}
     for loop, gain, dash in gains:
         for k, panel in panels.items():
-            i, j = divmod(k, states)
-            panel.line(a.t, gain[:, i, j], choose_colour(a, loop), dash=dash, label=loop.name)
+            (i, j), every = divmod(k, states), 1 if k in shown else THIN
+            panel.line(a.t[::every], gain[::every, i, j], choose_colour(a, loop), dash=dash, label=loop.name)
     legend = next(iter(panels.values())).legend
     for panel in panels.values():
         panel.marks = [replace(mark, label="") for mark in panel.marks]
     svg = draw(arrange_in_columns([panels[k] for k in shown], HEIGHT), TITLE, legend)
-    folded = draw_gains_folded([panels[k] for k in sorted(rest[:FOLDED])])
+    folded = draw_folded([panels[k] for k in sorted(rest[:FOLDED])], HEIGHT, TITLE)
     caption = "Entries of the feedback gain in u = −gain(t) [y; y′]: gain(input, state)."
     if rest:
         caption += " Shown are those that act most on deflections of equal energy, one of each input at the least; others are folded below."
     return Picture("gains", TITLE, caption, svg, folded, f"The {len(rest[:FOLDED])} other entries")
-
-
-def draw_gains_folded(panels: list[Panel]) -> tuple[str, ...]:
-    """The panels that are folded."""
-    return draw_folded(panels, HEIGHT, TITLE)
 
 
 def name_gain(a: Analysis, i: int, j: int) -> str:

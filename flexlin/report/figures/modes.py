@@ -24,15 +24,21 @@ def draw_modes(a: Analysis) -> Picture | None:
     if a.arm.points is None:
         return None
     values, vectors = np.linalg.eig(a.closed.state_matrix(np.zeros(1))[0])
-    panels = [draw_mode(a, complex(values[i]), vectors[: a.plant.n, i]) for i in order_modes(values)]
-    rows, rest = arrange_modes(panels[:MOST]), panels[MOST : MOST + FOLDED]
-    folded = tuple(draw(arrange_modes(rest[i : i + MOST]), TITLE) for i in range(0, len(rest), MOST))
+    order = order_modes(values)[: MOST + FOLDED]
+    energy = np.sqrt(np.maximum(np.diagonal(a.coefficients.M[0]), 0.0))
+    leading = [int(np.argmax(np.abs(vectors[: a.plant.n, i]) * energy)) for i in order]
+    rest, swings = bend_arm(a, [turn_real(vectors[: a.plant.n, i], k) for i, k in zip(order, leading, strict=True)])
+    panels = [
+        draw_mode(a, complex(values[i]), k, rest, swing) for i, k, swing in zip(order, leading, swings, strict=True)
+    ]
+    rows, others = arrange_modes(panels[:MOST]), panels[MOST:]
+    folded = tuple(draw(arrange_modes(others[i : i + MOST]), TITLE) for i in range(0, len(others), MOST))
     caption = (
         "How the arm swings under the scene's loop if it is held still at t = 0 (coefficients frozen there): the shapes behind the "
         "frequencies above. Strong and faint: the two ends of the swing, magnified. Grey: the arm at rest. Below each: the coordinate that "
         "moves most, by its share of the kinetic energy, and how fast the mode decays. A mode without frequency creeps back, or grows."
     )
-    return Picture("modes", TITLE, caption, draw(rows, TITLE), folded, f"The {len(rest)} other modes")
+    return Picture("modes", TITLE, caption, draw(rows, TITLE), folded, f"The {len(others)} other modes")
 
 
 def arrange_modes(panels: list[Panel]) -> list[Row]:
@@ -48,20 +54,19 @@ def order_modes(values: Array) -> list[int]:
     return [*sorted(turning, key=lambda i: values[i].imag), *sorted(real, key=lambda i: -values[i].real)]
 
 
-def draw_mode(a: Analysis, value: complex, shape: Array) -> Panel:
-    """One mode (n,): both ends of its swing over the arm at rest."""
-    M = a.coefficients.M[0]
-    energy = np.abs(shape) * np.sqrt(np.maximum(np.diagonal(M), 0.0))
-    leading = int(np.argmax(energy))
-    shape = np.real(shape * np.conj(shape[leading]) / max(abs(shape[leading]) ** 2, 1e-300))
-    shape = shape / (np.abs(shape).max() or 1.0)
-    oscillates = value.imag > REAL * abs(value)
+def turn_real(shape: Array, leading: int) -> Array:
+    """The displacement (n,) of a mode when the leading coordinate is at the end of its swing, its largest entry 1."""
+    turned = np.real(shape * np.conj(shape[leading]) / max(abs(shape[leading]) ** 2, 1e-300))
+    return turned / (np.abs(turned).max() or 1.0)
+
+
+def draw_mode(a: Analysis, value: complex, leading: int, rest: list[Array], swing: list[Array]) -> Panel:
+    """One mode: both ends of its swing over the arm at rest."""
     frequency = f"{value.imag / (2 * np.pi):.4g}{'' if is_dimensionless() else ' Hz'}"
-    panel = Panel(frequency if oscillates else "no oscillation", equal=True, bare=True)
+    panel = Panel(frequency if value.imag > REAL * abs(value) else "no oscillation", equal=True, bare=True)
     panel.footer = f"{a.plant.names[leading]}, {describe_decay(value)}"
-    rest, swung = bend_arm(a, shape)
     for sign, opacity in ((-1, 0.35), (1, 1.0)):
-        for still, moved in zip(rest, swung, strict=True):
+        for still, moved in zip(rest, swing, strict=True):
             line = still + sign * moved
             panel.line(line[0], line[1], choose_colour(a, a.own), width=1.6, opacity=opacity)
     for still in rest:
@@ -76,14 +81,15 @@ def describe_decay(value: complex) -> str:
     return f"{'halves' if value.real < 0 else 'doubles'} in {format_duration(np.log(2) / abs(value.real))}"
 
 
-def bend_arm(a: Analysis, shape: Array) -> tuple[list[Array], list[Array]]:
-    """Curves of the links at rest at t = 0, and their displacement along a deflection (n,), scaled to be seen."""
-    states = np.concatenate([np.zeros((1, a.plant.n)), SMALL * shape[None]])
-    found = frames_of(a.scene, a.closed, np.zeros(2), states)
-    rest, bent = found.links
-    moved = [(after - before) / SMALL for before, after in zip(rest, bent, strict=True)]
-    everything = np.concatenate(rest, axis=1)
-    size = float(np.ptp(everything, axis=1).max()) or 1.0
-    largest = max(float(np.linalg.norm(part, axis=0).max()) for part in moved)
-    factor = SWING * size / largest if np.isfinite(largest) and largest > 0 else 0.0
-    return rest, [factor * part for part in moved]
+def bend_arm(a: Analysis, shapes: list[Array]) -> tuple[list[Array], list[list[Array]]]:
+    """Curves of the links at rest at t = 0, and their displacements along deflections (n,), scaled to be seen."""
+    states = SMALL * np.array([np.zeros(a.plant.n), *shapes])
+    rest, *bent = frames_of(a.scene, a.closed, np.zeros(len(states)), states, every=1).links
+    size = float(np.ptp(np.concatenate(rest, axis=1), axis=1).max()) or 1.0
+    swings = []
+    for curves in bent:
+        moved = [(after - before) / SMALL for before, after in zip(rest, curves, strict=True)]
+        largest = max(float(np.linalg.norm(part, axis=0).max()) for part in moved)
+        factor = SWING * size / largest if np.isfinite(largest) and largest > 0 else 0.0
+        swings.append([factor * part for part in moved])
+    return rest, swings

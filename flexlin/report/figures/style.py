@@ -39,12 +39,17 @@ def make_period_panel(period: float, title: str, label: bool = True) -> Panel:
     return Panel(title, x=Linear(0.0, period), x_label=time_label() if label else "", ticked=(label, True))
 
 
-def arrange_in_columns(panels: Sequence[Panel], height: float) -> list[Row]:
-    """Panels row by row, three in a row or what leaves fewer places empty and lets titles fit; the last of a column bears the times."""
+def count_columns(panels: Sequence[Panel]) -> int:
+    """Three panels in a row, or what leaves fewer places empty and lets titles fit."""
     columns = 2 if len(panels) in (2, 4) else min((3, 4), key=lambda k: -len(panels) % k)
     longest = max((measure_text(panel.title) for panel in panels), default=0.0)
     fitting = max(1, int((WIDTH + GAP) / (longest + GAP)))
-    columns = max(1, min(columns, len(panels), fitting))
+    return max(1, min(columns, len(panels), fitting))
+
+
+def arrange_in_columns(panels: Sequence[Panel], height: float, columns: int | None = None) -> list[Row]:
+    """Panels row by row; the last of each column bears the times."""
+    columns = columns or count_columns(panels)
     for i, panel in enumerate(panels):
         last = i + columns >= len(panels)
         panel.ticked, panel.x_label = (last, True), time_label() if last else ""
@@ -53,9 +58,9 @@ def arrange_in_columns(panels: Sequence[Panel], height: float) -> list[Row]:
 
 def draw_folded(panels: Sequence[Panel], height: float, title: str) -> tuple[str, ...]:
     """Panels in several drawings of a few rows each, so that a page may end between them."""
-    several = len(arrange_in_columns(panels, height)[0].shares) * FOLDED_ROWS if panels else 1
-    parts = [panels[i : i + several] for i in range(0, len(panels), several)]
-    return tuple(draw(arrange_in_columns(part, height), title) for part in parts)
+    columns = count_columns(panels)
+    parts = [panels[i : i + columns * FOLDED_ROWS] for i in range(0, len(panels), columns * FOLDED_ROWS)]
+    return tuple(draw(arrange_in_columns(part, height, columns), title) for part in parts)
 
 
 def choose_colour(a: Analysis, loop: Loop) -> str:

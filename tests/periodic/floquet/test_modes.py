@@ -4,8 +4,6 @@ from scipy.linalg import block_diag, expm
 
 import flexlin as fl
 from flexlin.errors import ArgumentError
-from flexlin.periodic.floquet.frequencies import track_frequencies
-from flexlin.periodic.floquet.hill import hill_spectrum
 from flexlin.periodic.floquet.modes import floquet_modes
 from flexlin.periodic.floquet.real_factor import real_factor
 from flexlin.periodic.floquet.resonance import find_resonances
@@ -92,21 +90,6 @@ def test_derivatives_of_mathieu_against_differences():
         differentiate_exponents(modes, slope[:, :-1])
     with pytest.raises(ArgumentError, match="missing"):
         differentiate_exponents(modes, slope, period_slope=1.0)
-
-
-def test_frequencies_are_tracked_through_the_folding():
-    """Two oscillators of 5.3 and 9.1 rad/s, weakly modulated at 2 rad/s; Hill's mean harmonic is the independent route."""
-
-    def K(t):
-        c = np.cos(2 * t)[:, None, None]
-        return np.diag([5.3**2, 9.1**2]) + c * np.array([[1.0, 0.7], [0.7, -2.0]])
-
-    system = fl.PeriodicSystem.from_second_order(np.eye(2), 0.05 * np.eye(2), K, np.pi)
-    result = fl.floquet(system)
-    frequency, start = track_frequencies(system, result)
-    np.testing.assert_allclose(np.sort(frequency), np.sort(hill_spectrum(system, 1e-9).exponents.imag), atol=1e-8)
-    np.testing.assert_allclose(np.abs(np.sort(frequency)), [9.1, 5.3, 5.3, 9.1], atol=0.05)
-    np.testing.assert_allclose(frequency, start.imag, atol=0.05)
 
 
 def coupled(frequency, coupling):

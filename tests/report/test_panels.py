@@ -1,0 +1,201 @@
+"""What every panel of a page keeps: axes that say their size, legends, one colour a loop, one name an entry."""
+
+import importlib
+import itertools
+import pkgutil
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+import flexlin.report.figures as figures
+from flexlin.answers.analysis import Analysis, analyse
+from flexlin.answers.judging import Loop
+from flexlin.answers.steady import find_response
+from flexlin.report.figures.entries import choose_shown, shift_and_scale
+from flexlin.report.figures.style import choose_colour
+from flexlin.svg import Linear, Logarithmic, Panel, Symlog
+from flexlin.svg.layout import count_lines, draw
+
+SCENE = """
+schema = 1
+title = "an arm of five joints"
+links = [{links}]
+[motion]
+kind = "fourier"
+period = 1.0
+joints = [{joints}]
+[effects.gravity]
+[control]
+feedback = {{ kind = "pd", kp = [{kp}], kd = [{kd}] }}
+"""
+
+
+@pytest.fixture(scope="module")
+def two_loops() -> Analysis:
+    return analyse(fl.load_scene("single-link", {"links.0.modes": 1}))
+
+
+@pytest.fixture(scope="module")
+def large(tmp_path_factory: pytest.TempPathFactory) -> Analysis:
+    """An arm of five joints and five elastic coordinates."""
+    n = 5
+    link = "{ length = 0.3, mass_per_length = 0.5, bending_stiffness = 20.0, modes = 1 }"
+    joints = ", ".join(f"{{ mean = {0.2 * k}, sin = [0.{k + 1}] }}" for k in range(n))
+    text = SCENE.format(
+        links=", ".join([link] * n), joints=joints, kp=", ".join(["40.0"] * n), kd=", ".join(["4.0"] * n)
+    )
+    path = tmp_path_factory.mktemp("scene") / "five.toml"
+    path.write_text(text)
+    scene = fl.load_scene(path)
+    arm = fl.build_manipulator(scene)
+    plant, closed = fl.linearize(arm, scene.motion), fl.linearize(arm, scene.motion, scene.control)
+    t = np.linspace(0.0, plant.period, 129)
+    own, open_loop = (Loop(name, kind, None, "not asked") for name, kind in (("PD", "pd"), ("open loop", "open")))
+    response = find_response(closed, closed.periodic_system(), t, 1e-6)
+    return Analysis(scene, plant, closed, t, plant.sample(t), own, open_loop, (), response, None, {}, ())
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[Panel], list]]:
+    """Panels and legend of every call of draw."""
+    calls: list[tuple[list[Panel], list]] = []
+
+    def record(rows, description, legend=()):
+        calls.append(([panel for row in rows for panel in row.panels], list(legend)))
+        return draw(rows, description, legend)
+
+    for module in pkgutil.iter_modules(figures.__path__, figures.__name__ + "."):
+        found = importlib.import_module(module.name)
+        if hasattr(found, "draw"):
+            monkeypatch.setattr(found, "draw", record)
+    return calls
+
+
+def find_looks(panel: Panel) -> set[str]:
+    """The colours and dashes of curves that are more than a border or a picture of the arm."""
+    lines = [mark for mark in panel.marks if mark.kind == "line" and len(mark.x) > 2]
+    return {re.sub(r"stroke-(width|opacity):[^;]*;?", "", mark.style).strip(";") for mark in lines}
+
+
+@pytest.mark.parametrize("which", ["two_loops", "large"])
+def test_every_axis_says_its_size_and_every_line_its_name(request, drawn, which) -> None:
+    figures.draw_pictures(request.getfixturevalue(which))
+    pictured = ("the arm", "its path")
+    for panels, legend in drawn:
+        for panel in panels:
+            if panel.bare:
+                continue
+            _, y = panel.fitted()
+            assert len(y.ticks(3)) >= 2, panel.title
+            assert len({label for _, label in y.ticks(3)}) == len(y.ticks(3)), panel.title
+            looks = find_looks(panel)
+            if len(looks) > 1 and not panel.title.startswith(pictured):
+                named = {
+                    re.sub(r"stroke-(width|opacity):[^;]*;?", "", m.style).strip(";") for m in (*legend, *panel.legend)
+                }
+                assert looks <= named, panel.title
+
+
+def test_one_loop_has_one_colour(two_loops: Analysis, drawn) -> None:
+    figures.draw_pictures(two_loops)
+    found: dict[str, set[str]] = {loop.name: set() for loop in two_loops.loops}
+    for panels, legend in drawn:
+        for mark in itertools.chain(legend, *(panel.legend for panel in panels)):
+            if mark.label in found:
+                found[mark.label] |= set(re.findall(r"(?:stroke|fill):var\(--(\w+)\)", mark.style)) - {"ink"}
+        for panel in panels:
+            if panel.title in found:  # the circles
+                dots = next(mark for mark in panel.marks if mark.kind == "dots")
+                found[panel.title] |= set(re.findall(r"fill:var\(--(\w+)\)", dots.style))
+    assert len(found) == 4
+    assert all(len(colours) == 1 for colours in found.values())
+    assert len(set.union(*found.values())) == 4
+
+
+def test_colours_stay_apart_for_six_loops(two_loops: Analysis) -> None:
+    more = replace(two_loops, designs=tuple(replace(two_loops.designs[0], name=str(k)) for k in range(5)))
+    assert len({choose_colour(more, loop) for loop in more.loops}) == 7
+
+
+def titles(panels: list[Panel]) -> Iterator[str]:
+    return (panel.title for panel in panels)
+
+
+def test_large_arms_show_all_joints_and_fold_the_rest(large: Analysis, drawn) -> None:
+    pictures = {picture.name: picture for picture in figures.draw_pictures(large)}
+    names = [f"q{k + 1}" for k in range(5)]
+    shown = re.findall(r">([^<>]*)</text>", pictures["response"].svg)
+    for name in names:
+        assert any(text.startswith(f"{name} in") for text in shown)
+        assert any(text.startswith(f"input {name} in") for text in shown)
+        assert re.search(rf">[MDKh]\({name}[,)]", pictures["coefficients"].svg)
+    for picture in ("response", "coefficients"):
+        everything = [
+            text
+            for svg in (pictures[picture].svg, *pictures[picture].folded)
+            for text in re.findall(r">([^<>]+) in [^<>]*</text>", svg)
+            if text != "time"
+        ]
+        assert len(everything) == len(set(everything))
+        assert pictures[picture].folded
+    assert {f"w{i + 1}{k + 1}" for i in range(5) for k in range(1)} <= {
+        text
+        for svg in (pictures["response"].svg, *pictures["response"].folded)
+        for text in re.findall(r">(w\d\d) in", svg)
+    }
+    entries = re.findall(
+        r">([MDK])\((\w+), (\w+)\)", "".join((pictures["coefficients"].svg, *pictures["coefficients"].folded))
+    )
+    assert len(entries) > 40
+    assert {row for _, row, _ in entries} | {column for _, _, column in entries} == set(large.plant.names)
+
+
+def test_panels_are_chosen_by_weight_with_one_of_each_group() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        weights, groups = rng.random(30), [list(rng.choice(30, 4, replace=False)) for _ in range(5)]
+        shown = choose_shown(weights, groups, 12)
+        assert len(shown) == 12
+        assert all(set(shown) & set(group) for group in groups)
+        left = np.setdiff1d(np.arange(30), shown)
+        forced = {max(group, key=lambda i: weights[i]) for group in groups}
+        assert weights[left].max() <= min(weights[i] for i in shown if i not in forced)
+    assert choose_shown(np.zeros(0), [[], []], 12) == []
+
+
+def test_titles_bear_powers_and_offsets() -> None:
+    t = np.linspace(0, 1, 9)
+    title, values = shift_and_scale("K(q1, q1)", 2e7 + 1e7 * t, "N m")
+    assert title == "K(q1, q1) in 10⁶ N m"
+    np.testing.assert_allclose(values, 20 + 10 * t)
+    title, values = shift_and_scale("M(q1, q1)", 2.0 + 1e-7 * t, "kg m²")
+    assert title == "M(q1, q1) − 2 in 10⁻⁹ kg m²"
+    np.testing.assert_allclose(values, 100 * t, atol=1e-6)
+
+
+def test_every_scale_has_two_numbers_that_differ() -> None:
+    rng = np.random.default_rng(11)
+    for _ in range(400):
+        centre, size = rng.standard_normal() * 10.0 ** rng.integers(-8, 9), 10.0 ** rng.uniform(-9, 9)
+        size = max(size, 1e-9 * abs(centre))
+        low, high = centre - size * rng.random() - 1e-3 * size, centre + size * rng.random() + 1e-3 * size
+        for scale in (Linear(low, high), Symlog(10.0 ** rng.integers(-6, 3), low, high)):
+            for most in (2, 3, 7):
+                ticks = scale.ticks(most)
+                assert 2 <= len({label for _, label in ticks}) == len(ticks) <= 2 * most + 3, (scale, ticks)
+        positive = Logarithmic(10.0 ** rng.uniform(-9, 0), 10.0 ** rng.uniform(0.01, 9))
+        for most in (3, 7, 20):
+            ticks = positive.ticks(most)
+            assert 2 <= len({label for _, label in ticks}) == len(ticks) <= 2 * most, (positive, ticks)
+
+
+def test_legends_wrap() -> None:
+    panel = Panel()
+    for k in range(20):
+        panel.line([0, 1], [k, k], "blue", label=f"a loop with a name {k}")
+    assert count_lines(panel.legend, 300.0) == 20 > count_lines(panel.legend, 900.0) > 2
+    assert count_lines([], 10.0) == 0
