@@ -148,7 +148,7 @@ def describe_pace(loop: Loop, period: float) -> str:
     if loop.floquet is None:
         return loop.problem
     if abs(growth) <= error:
-        return f"growth rate zero to within {format_power(error)} 1/s"
+        return f"growth rate zero to within {format_power(error)}{'' if is_dimensionless() else ' 1/s'}"
     half = math.log(2) / abs(growth)
     does = "halves" if growth < 0 else "doubles"
     share = f"{format_decimal(half / period, 2)} {'of a period' if half < period else 'periods'}"
