@@ -1,6 +1,7 @@
 # Two commands do all set-up on a machine with Python 3.11, its venv module and make:
 #   make report   runs the single-link stability report
-#   make test     checks style, types and imports, and runs the tests
+#   make test     checks style, types and imports, and runs the quick tests
+#   make slow     runs the other tests: random juries, whole reports, killed processes, pages in a browser
 # Others need more packages:
 #   make peers    compares with Pinocchio, heyoka and daceypy
 #   make docs     builds the documentation into build/site; runs its pages, warnings are errors
@@ -13,13 +14,16 @@ STAMP := .venv/installed
 export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 
-.PHONY: report test peers docs figures lint lock clean
+.PHONY: report test slow peers docs figures lint lock clean
 
 report: $(STAMP)
 	$(BIN)/flexlin report single-link --out out/single-link
 
 test: lint
-	$(BIN)/python -m pytest -n 2 --dist loadgroup
+	$(BIN)/python -m pytest -n 2 --dist loadgroup -m "not slow"
+
+slow: $(STAMP)
+	$(BIN)/python -m pytest -n 2 --dist loadgroup -m slow
 
 peers: $(STAMP)
 	$(PIP) --require-hashes -r requirements/peers.txt

@@ -41,6 +41,7 @@ def test_report_writes_both_files_and_nothing_else(tmp_path: Path, capsys: pytes
     assert captured.err == ""
 
 
+@pytest.mark.slow
 def test_a_verdict_other_than_the_required_one_is_exit_code_3(tmp_path: Path) -> None:
     unstable = ["report", "khang-2019", "--set", "designs=[]", "control={}", "--tol", "1e-4", "--out", str(tmp_path)]
     assert main([*unstable, "--require", "stable"]) == 3
@@ -227,6 +228,7 @@ def run_of_its_own(tmp_path_factory: pytest.TempPathFactory) -> list[bytes]:
     return run.stdout.splitlines()
 
 
+@pytest.mark.slow
 def test_a_terminal_that_knows_only_ascii_is_served(run_of_its_own: list[bytes]) -> None:
     """Characters beyond ASCII become question marks instead of an error."""
     assert any(b"undecided" in line for line in run_of_its_own)

@@ -63,6 +63,7 @@ def largest_growth(scene, path, value):
     return fl.floquet(system, 1e-12).exponents.real.max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "path", "low", "high"),
     [("khang-2019", "motion.frequency", 2.0, 3.0), ("arm-on-carriage", "control.feedback.kp.0", 0.05, 1.0)],

@@ -79,6 +79,7 @@ def short(value) -> None:
     assert type(value).__name__ in text
 
 
+@pytest.mark.slow
 @pytest.mark.xdist_group("public results")
 def test_the_results_of_every_public_function():
     results = public_results()

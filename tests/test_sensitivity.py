@@ -32,6 +32,7 @@ def richardson(scene, path):
     return (4 * slope(step / 2) - slope(step)) / 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "path",
     [

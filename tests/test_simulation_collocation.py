@@ -42,6 +42,7 @@ def independent(lin, start, t, method="DOP853", rtol=1e-11):
     return solve_ivp(rate, (t[0], t[-1]), start, method=method, t_eval=t, rtol=rtol, atol=1e-13).y.T
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "share"), [("single-link", 0.1), ("three-link", 0.05), ("pick-and-place", 0.03)])
 def test_states_agree_with_an_independent_integrator_within_the_stated_error(name, share):
     lin = closed(name)
@@ -53,6 +54,7 @@ def test_states_agree_with_an_independent_integrator_within_the_stated_error(nam
         assert run.error <= 10 * tol
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [0.3, 1.5])
 def test_large_deviations_agree_with_an_independent_integrator(size):
     """Far beyond the linear model the slopes of the rigid motion lead nowhere, and others take their place."""
@@ -65,6 +67,7 @@ def test_large_deviations_agree_with_an_independent_integrator(size):
     assert run.energy_error < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stages", [2, 3, 4, 5])
 def test_fixed_steps_converge_with_the_order_of_the_method(stages):
     """Radau IIA: 2 s - 1 at the edges."""
@@ -205,6 +208,7 @@ def test_linear_equations_need_one_sweep():
     assert np.abs(F).max() < 1e-9 * np.abs(at.linear[2]).max()
 
 
+@pytest.mark.slow
 def test_the_linear_answer_beside_the_nonlinear_one_is_that_of_a_run_of_its_own():
     """Far from the rigid motion too, where the sweeps' matrices are not the rigid ones; and behind breaks."""
     for name, size in (("single-link", 0.9), ("pick-and-place", 1e-3)):

@@ -57,6 +57,7 @@ def test_periodic_lqr_costs_what_its_riccati_solution_says(lin):
     assert spent + to_go == pytest.approx(made.cost(z0), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_fast_sampled_drive_tends_to_the_continuous_loop(lin):
     ideal = simulate(lin, 0.05, tol=1e-7)
     gaps = [
@@ -113,6 +114,7 @@ def test_drives_come_from_the_scene():
         fl.load_scene("single-link", {"control.saturation": {"torque": [0.4, 1.0]}})
 
 
+@pytest.mark.slow
 def test_a_disturbed_one_way_move_costs_what_its_finite_horizon_design_says():
     """Two nonlinear runs of one move, one of them disturbed: the cost of their difference, its end included, is x0' X(0) x0."""
     move = {

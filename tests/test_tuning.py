@@ -32,6 +32,7 @@ def abscissa_slope(k):
     return np.array([(left[i] @ change @ right[:, i]).real for change in changes])
 
 
+@pytest.mark.slow
 def test_two_masses_and_a_spring_come_near_their_optimum():
     """The least abscissa that is known is -sqrt(15)/5, six eigenvalues in one point. Source: Burke, Henrion, Lewis, Overton (2006).
 
@@ -48,6 +49,7 @@ def oscillator(gain, stiffness):
     return fl.PeriodicSystem([[0.0, 1.0], [-stiffness, -gain]], 1.0)
 
 
+@pytest.mark.slow
 def test_worst_stiffness_decides():
     """s^2 + g s + k, 1 <= k <= 4: the decay is greatest where the softest one is critically damped, g = 2."""
     found = fl.tune(oscillator, {"gain": 0.5}, {"stiffness": (1.0, 4.0)}, {"gain": (0.1, 10.0)}, starts=1, steps=40)
@@ -78,6 +80,7 @@ def test_gradient_of_an_arm_against_differences():
         assert (problem.value(x + step) - problem.value(x - step)) / (2 * h) == pytest.approx(slope[i], rel=1e-4)
 
 
+@pytest.mark.slow
 def test_arm_decays_twice_as_fast_in_all_scenarios():
     scene = fl.load_scene("single-link", {"links.0.modes": 1})
     vary = {"effects.payload.mass": (0.0, 0.3), "motion.frequency": (0.3, 1.2)}

@@ -43,7 +43,7 @@ def switch(stage: Path, target: Path, name: str) -> None:
 def switch_folder(stage: Path, target: Path, manifest: Manifest, name: str) -> bool:
     """Let the staging folder be the target, or change places with it; False where that cannot be done, and then nothing has changed."""
     new = not target.exists()
-    if target in stage.parents or not (new or is_own(target, manifest, manifest.sets[name])):
+    if target in stage.parents or not (new or holds_only_results(target, manifest, manifest.sets[name])):
         return False
     try:
         for path in manifest.files.keys() - manifest.sets[name].keys():
@@ -61,7 +61,7 @@ def switch_folder(stage: Path, target: Path, manifest: Manifest, name: str) -> b
     return take_place(stage, target)
 
 
-def is_own(target: Path, manifest: Manifest, staged_files: Files) -> bool:
+def holds_only_results(target: Path, manifest: Manifest, staged_files: Files) -> bool:
     """Whether nothing but results of flexlin's stands in a folder, as they were written or about to be replaced."""
     old = read_manifest(target).files
     tops = {path.partition("/")[0] for path in (MANIFEST, *old, *staged_files)}

@@ -7,7 +7,7 @@ from flexlin.simulation.equations import Places
 from flexlin.simulation.window import Grid, Path, Window, between
 
 
-class LinearAnswer:
+class LinearPath:
     """M_L y'' + D_L y' + K_L y = f along the windows of another integration, with its own error estimate.
 
     The sweeps of a nonlinear window begin with these matrices factored, so the linear motion is one correction from rest.

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array, check_size
-from flexlin.simulation.beside import LinearAnswer
+from flexlin.simulation.beside import LinearPath
 from flexlin.simulation.equations import Equations
 from flexlin.simulation.stepping import stopped
 from flexlin.simulation.sweeps import Solved, Start, solve_window
@@ -68,7 +68,7 @@ class Progress:
     far: float = 0.0
     steps: int = 0
     growth: float = 1.0
-    linear: LinearAnswer | None = None
+    linear: LinearPath | None = None
 
     def behind_break(self, most: int) -> None:
         """Behind a break fast modes ring, as they did behind the last one."""
@@ -106,7 +106,7 @@ class Collocation:
         check_size("a simulation step", 4 * size, "use fewer elastic coordinates")
         most = 2 ** int(np.log2(np.clip(WINDOW_BYTES // size, 1, LARGEST_WINDOW)))
         at = Progress(float(t[0]), start, 0.0, np.abs(start), self._period / FIRST_STEPS)
-        at.linear = LinearAnswer(start) if linear else None
+        at.linear = LinearPath(start) if linear else None
         out, done = np.empty((len(t), 2 * n + 1 + 2 * n * linear)), 1
         out[0] = np.concatenate([start, [0.0], start if linear else []])
         for mark in marks[1:]:
@@ -120,7 +120,7 @@ class Collocation:
                 states, work = between(grid, path, power, t[done:stop])
                 out[done:stop, : 2 * n + 1] = np.column_stack([states, at.work + work])
                 if beside is not None:
-                    out[done:stop, 2 * n + 1 :] = LinearAnswer.states(grid, beside, t[done:stop])
+                    out[done:stop, 2 * n + 1 :] = LinearPath.states(grid, beside, t[done:stop])
                 at.work += float(grid.h @ (power @ grid.rule.b))
                 done = stop
         return out

@@ -106,6 +106,7 @@ def check(objects, folder, fresh=True):
                 np.testing.assert_array_equal(a, b, err_msg=name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["single-link", "de-luca-siciliano-1991", "flexible-joint-link", "pick-and-place", "khang-2019", "five-bar"]
 )
@@ -146,6 +147,7 @@ def test_free_numbers_stay_free(tmp_path):
     check({"loop": loop, "linearization": loop.linearization, "at": loop.at(1.2 * loop.nominal)}, tmp_path)
 
 
+@pytest.mark.slow
 def test_a_motion_from_a_table(tmp_path):
     t, file = np.linspace(0.0, 2.0, 41), tmp_path / "sine.csv"
     np.savetxt(file, np.column_stack([t, 0.5 * np.sin(np.pi * t)]), delimiter=",", header="t,q1", comments="")
@@ -153,6 +155,7 @@ def test_a_motion_from_a_table(tmp_path):
     check({"linearization": fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)}, tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.xdist_group("public results")
 @pytest.mark.parametrize("made", [series_results, stability_results, arm_results, answer_results])
 def test_every_public_result(made, tmp_path):
@@ -161,6 +164,7 @@ def test_every_public_result(made, tmp_path):
     check(objects, tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.xdist_group("public results")
 def test_every_result_class_is_tried():
     """The classes whose instances public functions hand back, by their annotations."""

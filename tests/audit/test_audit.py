@@ -33,6 +33,7 @@ def result(scene):
     return answer
 
 
+@pytest.mark.slow
 def test_every_effect_is_tried(result):
     assert {row.subject for row in result.effects} == set(known_effects())
     assert {row.subject for row in result.effects if row.on} == {
@@ -235,6 +236,7 @@ def test_designs_that_no_longer_fit_are_left_out_of_the_minimal_scene():
     assert "listed" in said[0]
 
 
+@pytest.mark.slow
 def test_what_is_beyond_small_deflections_is_no_plain_advice():
     """Gravity on a soft strip: 8 m of deflection on an arm of 1 m is not something to consider."""
     soft = {"links.0.bending_stiffness": 0.05, "links.0.modes": 1, "effects": {"hub": {"inertia": 0.1}}, "designs": []}

@@ -75,6 +75,7 @@ def test_all_kinds_share_one_interface(kind):
     assert made.status
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS[:3])
 def test_cost_is_the_integral_along_the_loop(kind):
     made = design(pendulums(), table(kind))

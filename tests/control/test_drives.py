@@ -55,6 +55,7 @@ def test_a_motors_current_is_that_of_its_winding():
     np.testing.assert_allclose(other.torque, 1.5 * other.current, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_report_marks_loops_above_their_drives_and_sampled_ones():
     drives = {"torque": {"peak": "1.1 N m", "continuous": "5 N m"}, "speed": "300 deg/s"}
     table = [

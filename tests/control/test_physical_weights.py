@@ -50,6 +50,7 @@ def test_a_state_at_its_sizes_costs_their_number():
     assert [(y @ (Q(t) - bare(t))[k] @ y.T).item() for k in range(3)] == pytest.approx(by_tip, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WITH_DESIGNS)
 def test_built_in_designs_bear_any_number_of_modes(name):
     key, *values = WITH_DESIGNS[name]

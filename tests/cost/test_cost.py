@@ -35,6 +35,7 @@ def result(scene):
         return cost(scene, peers=False)
 
 
+@pytest.mark.slow
 def test_every_stage_is_measured_with_errors_that_reach_the_floor(result):
     for stage in ("coefficients", "transition matrices", "exponents", "periodic Riccati", "forced response"):
         rows = result.stage(stage)
@@ -52,6 +53,7 @@ def test_finer_settings_are_more_accurate_at_their_order(result):
     assert orders == sorted(orders, reverse=True)
 
 
+@pytest.mark.slow
 def test_the_engines_choice_is_marked_at_each_tol_and_reaches_it(result):
     for stage in ("exponents", "periodic Riccati", "forced response"):
         marked = {float(row.chosen): row for row in result.stage(stage) if row.chosen}
@@ -103,6 +105,7 @@ OUTSIDE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compiler", [True, False])
 @pytest.mark.parametrize("name", OUTSIDE)
 def test_outside_programs_integrate_the_same_equations(scene, name, compiler, monkeypatch):

@@ -145,6 +145,7 @@ def test_every_field_is_described(name):
 TREE = ["flexlin", *(found.name for found in pkgutil.walk_packages(fl.__path__, "flexlin."))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in TREE if not name.endswith("__main__")])
 def test_examples_run(name, monkeypatch):
     monkeypatch.setattr(effects, "_REGISTRY", effects.known_effects())

@@ -32,6 +32,7 @@ def test_every_mark_has_its_function_and_every_function_its_place():
     assert sum(text.count("<!-- generated:") for text in PAGES.values()) == len(marks)  # none without its end
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(set(figures.BLOCKS) - {"hard-cases"}))
 def test_block_is_what_its_function_writes(name):
     """A figure that was edited by hand, or that has drifted, is found out; tests/periodic/test_hard_cases.py compares the hard cases."""

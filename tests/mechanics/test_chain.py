@@ -96,6 +96,7 @@ def test_bases_agree_on_a_tapered_link():
     np.testing.assert_allclose(frequencies[0], frequencies[1], rtol=3e-4)
 
 
+@pytest.mark.slow
 def test_energy_of_an_undamped_two_link_arm_drifts_with_the_integrators_tolerance():
     """100 periods of the first elastic mode, free motion under gravity with stiffening."""
     tables = {"gravity": {}, "geometric_stiffening": {}, "hub": {"inertia": [0.1, 0.1], "mass": [0.0, 1.0]}}

@@ -107,6 +107,7 @@ def test_derivatives_of_the_closure(loop, k):
     assert_allclose(closure.derivative(s0, k), judge, atol=1e-13)
 
 
+@pytest.mark.slow
 def test_recursion_against_implicit_differentiation(loop):
     closure, equations, s0, u = loop
     order = 6 if len(u) == 1 else 4

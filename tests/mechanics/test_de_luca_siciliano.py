@@ -52,6 +52,7 @@ def independent_kinetic_energy(q2, rates):
     return (energy + 0.1 * r1**2 + 0.1 * turn**2 + 5e-4 * tip_turn**2) / 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("q2", [0.0, 0.7, -2.0])
 def test_mass_matrix_is_the_integrated_kinetic_energy(scene, q2):
     arm = build_manipulator(scene)

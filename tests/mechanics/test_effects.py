@@ -34,6 +34,7 @@ def test_all_effects_are_covered():
     assert set(ON) == set(known_effects())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shapes", ["clamped-loaded", "pinned-free"])
 @pytest.mark.parametrize("name", ON)
 def test_power_balance(name, shapes):
@@ -137,6 +138,7 @@ def instructions(arm):
     return arm.functions["residual"].n_instructions()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ON)
 def test_an_effect_adds_its_own_coordinates_and_instructions_only(name):
     link = SPATIAL if name == "bending_torsion_coupling" else {}
@@ -147,6 +149,7 @@ def test_an_effect_adds_its_own_coordinates_and_instructions_only(name):
         assert instructions(arm_of({}, {}, effects={name: NEUTRAL[name]})) == instructions(bare)
 
 
+@pytest.mark.slow
 def test_taking_effects_off_one_by_one_always_shortens_the_graph():
     tables = {name: ON[name] for name in ON if name != "joint_flexibility"}
     counts = [instructions(arm_of(SPATIAL, {}, effects=tables))]

@@ -89,6 +89,7 @@ def test_the_report_tells_of_it(tmp_path: Path) -> None:
     assert "input in bar" in text
 
 
+@pytest.mark.slow
 def test_the_audit_tries_it_with_its_own_figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["effects", *SCENE, "--out", str(tmp_path)]) == 0
     told = capsys.readouterr().out

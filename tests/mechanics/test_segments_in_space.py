@@ -123,6 +123,7 @@ def segments(count):
     return ca.Function("segments", [s, rate, b], [*parts, -residual])
 
 
+@pytest.mark.slow
 def test_two_links_in_space_entry_by_entry():
     lin = fl.linearize(fl.build_manipulator(SCENE), SCENE.motion)
     assert lin.names == ("q1", "q2", "w11", "wz11", "phi11", "w21", "wz21", "phi21")

@@ -18,6 +18,7 @@ def chain_of(seed, joints, **effects):
     return links, fl.build_manipulator(parse_scene(scene_table(links, **effects)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("joints", range(1, 8))
 def test_inverse_dynamics(joints):
     for seed in range(3):
@@ -178,6 +179,7 @@ def test_the_puma_is_the_published_one():
     np.testing.assert_allclose(value(arm, "g", q)[:, 0], [0, 31.6399, 6.0351, 0, 0.0283, 0], atol=6e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["manutec-r3", "puma-560", "spatial-arm"])
 def test_arms_that_travel_with_flexlin_hold_their_motion(name):
     """The loop that the scene states is stable, and no exponent changes when the arm is turned about the vertical."""

@@ -59,6 +59,7 @@ def check(outcome, factor=1.0):
     assert outcome.worst <= factor
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "seed"), SAMPLE)
 def test_claims_hold(kind, seed):
     outcome = judged(draw(kind, seed))
@@ -66,11 +67,13 @@ def test_claims_hold(kind, seed):
     assert not (outcome.refusal and kind in MUST_ANSWER)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "seed"), FOUND)
 def test_claims_hold_where_an_engine_has_failed(kind, seed):
     check(judged(draw(kind, seed)), factor=3.0)
 
 
+@pytest.mark.slow
 def test_claims_do_not_exaggerate():
     kinds = ("rotation", "shear", "mixed", "multipliers 1e-300 to 1e300", "reparametrised")
     ratios = [r for kind in kinds for seed in range(3) for r in judged(draw(kind, seed)).overestimates]
@@ -99,6 +102,7 @@ def test_wrong_period_is_refused(seed):
         case.answer()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("segments", [1, 3, 10])
 @pytest.mark.parametrize("method", ["gauss", "magnus", "radau"])
 @pytest.mark.parametrize("kind", ["rotation", "jumps not named", "multipliers 1e-300 to 1e300"])

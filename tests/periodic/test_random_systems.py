@@ -20,6 +20,7 @@ def miss(case, found):
     return np.abs(true_errors(case, found, np.ones(len(found)))[0]).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "kind", ["rotation", "shear", "exponential", "mixed", "jordan", "reparametrised", "kinks named"]
 )

@@ -74,6 +74,7 @@ def test_the_option_stands_for_the_table(tmp_path: Path, capsys: pytest.CaptureF
     assert "accuracy: tol 1×10⁻⁵ reached in" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_stage_beyond_its_time_says_so_and_the_rest_stands(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

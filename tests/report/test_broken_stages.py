@@ -41,6 +41,7 @@ def first_call_fails(work: Callable, fault: Callable[[], Exception]) -> Callable
 ALL_BUT_THE_LOOP = {"simulate": "memory", "linear_range": "LAPACK", "find_response": "size"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "broken", [{"floquet": "numbers"}, {"floquet": "memory"}, ALL_BUT_THE_LOOP], ids=lambda b: " ".join(b.values())
 )

@@ -60,6 +60,7 @@ def test_the_lines_are_sorted_and_tell_the_problem(audited: Audit) -> None:
     assert lines[11:] == ["effects that are off were tried with", "  motor: none", "  shear: none"]
 
 
+@pytest.mark.slow
 def test_the_command_and_the_report_agree(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scene = ["single-link", "--set", "links.0.modes=0", "designs=[]", "--out", str(tmp_path)]
     assert main(["effects", *scene]) == 0

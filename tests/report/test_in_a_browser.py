@@ -70,6 +70,7 @@ def pages(tmp_path_factory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.xdist_group("browser")
 @pytest.mark.parametrize("page", ["report/report.html", "chart/chart.html", "animation/animation.html"])
 def test_nothing_is_cut_at_any_width(pages, page):

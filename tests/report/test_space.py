@@ -15,6 +15,7 @@ TILTED = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("extra", [[], ["effects.geometric_stiffening=off"]])
 def test_an_arm_that_swings_in_another_plane_is_the_same_arm(extra, tmp_path):
     """The single link turned by a right angle about x, gravity with it: tip errors and exponents are those of the plane."""

@@ -33,6 +33,7 @@ def steady_tip(a: Analysis, metres: float, by_bending: float = 1.0) -> Analysis:
     return replace(a, response=replace(a.response, tip=tip, tip_by_bending=by_bending * tip))
 
 
+@pytest.mark.slow
 def test_a_meaningless_result_is_not_green(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The linear tip is 5.74 m off on an arm of 0.96 m, and the nonlinear equations end within 10 ms."""
     run = ["report", "single-link", "--set", *BROKEN, "--out", str(tmp_path), "--tol", "1e-6", "--require"]

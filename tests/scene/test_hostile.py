@@ -76,6 +76,7 @@ def test_the_same_for_the_figures_of_effects(size):
         assert [problem.key for problem in caught.value.problems] == [f"effects.{name}.{key}"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [SMALLEST, 1e15])
 @pytest.mark.parametrize("name", ["single-link", "flexible-joint-link"])
 def test_every_number_may_be_extreme_without_a_fault(name, size):
@@ -254,6 +255,7 @@ def test_a_name_that_no_scene_has(tmp_path, capsys):
         fl.load_scene("x" * 5000)
 
 
+@pytest.mark.slow
 def test_a_file_name_that_is_not_utf_8(tmp_path):
     name = os.fsdecode(os.fsencode(tmp_path) + b"/\xff.toml")
     with pytest.raises(SceneError, match=r"udcff\.toml"):
@@ -319,6 +321,7 @@ def test_a_chart_over_what_no_arm_has_is_refused_by_its_key(over, key, tmp_path,
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_folder_whose_name_is_not_utf_8_takes_results(tmp_path):
     out = os.fsdecode(os.fsencode(tmp_path) + b"/\xff")
     run = subprocess.run(

@@ -120,6 +120,7 @@ def test_every_key_has_a_description_and_every_number_a_unit() -> None:
     assert {path.rpartition(".")[2] for path in bare} <= COUNTS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", builtin_scenes())
 def test_a_new_scene_says_what_its_model_says(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "mine.toml"

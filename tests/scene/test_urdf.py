@@ -232,6 +232,7 @@ def is_sound(text):
 NUMBERS = re.compile(r"(-?\d*\.?\d+([eE]-?\d+)?\s*)+")
 
 
+@pytest.mark.slow
 def test_two_hundred_broken_files_end_with_a_message_that_says_where(tmp_path, capsys):
     deep = "<a>" * 200_000
     cases = [TEXT.replace(old, new) for old, new in BROKEN.values()]

@@ -166,6 +166,7 @@ def power_products(n, *supports):
     return x, ca.exp(forms[0]) * ca.sin(forms[1]) + (x[0] * x[n - 1] + x[1]) ** 3 / (2 + forms[2])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("n", "order", "supports"),
     [

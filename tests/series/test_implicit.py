@@ -104,6 +104,7 @@ def arm_angles(point, elbow):
     return np.array(angles)
 
 
+@pytest.mark.slow
 def test_radius_against_reach_circles():
     f, u, v = LOOPS["5-bar inverse"][0].equations((4, 5))
     kinds = {"real singularity": 0, "complex pair": 0, "not found": 0}

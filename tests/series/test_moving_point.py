@@ -168,6 +168,7 @@ def test_two_coordinates_and_a_coupled_solution():
     assert abs(np.log2(errors[1] / errors[0]) - (ORDER + 1)) < 0.3
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")
 def test_c_code_of_all_functions_at_once(tmp_path):
     """One system with an equation for each function, compiled, against 40 digits."""

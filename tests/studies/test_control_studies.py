@@ -28,6 +28,7 @@ def test_spin_up(study, pictures, tmp_path):
     np.testing.assert_array_equal(drawn["without"], [without.t, without.tip])
 
 
+@pytest.mark.slow
 def test_lqr_designs(study, pictures, tmp_path):
     result = study("lqr_designs").main(size="small", out=tmp_path)
     assert np.all(result["survival"].own["periodic"] < 0)

@@ -1,6 +1,9 @@
 """The study of claimed errors, small: no claim is missed by more than its factor, no verdict is wrong."""
 
+import pytest
 
+
+@pytest.mark.slow
 def test_own_error(study, tmp_path):
     module = study("own_error")
     result = module.main("small", tmp_path, workers=1)

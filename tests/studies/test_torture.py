@@ -5,6 +5,7 @@ import json
 import pytest
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # the alarm may ring in a callback of gc
 @pytest.mark.parametrize("part", ["check", "commands", "kills", "disks", "writers", "memory", "misuse"])
 def test_torture(part, study, pictures, tmp_path):

@@ -62,6 +62,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_both_routes_agree_within_their_errors_and_with_floquet(name):
     make, word, limits = CASES[name]

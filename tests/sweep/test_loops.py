@@ -28,6 +28,7 @@ def largest_gap(found, exact):
     return float(np.abs(found[:, None] - exact.exponents).min(axis=1).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("path", "values"), [(PAYLOAD, [0.01, 0.1]), ("motion.frequency", [0.4, 0.9])])
 def test_each_loop_agrees_with_one_built_by_hand(path, values):
     scenes = [fl.load_scene("single-link", {**SMALL, path: value}) for value in values]

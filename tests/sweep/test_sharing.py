@@ -49,6 +49,7 @@ class Deadly:
         return self.work.compute(points)
 
 
+@pytest.mark.slow
 def test_two_processes_and_one_that_dies(whole, tmp_path):
     job = prepare_job(SCENE, VALUES, 1e-8, True, "own", SMALL)
     assert len(job.blocks) > 5
@@ -69,6 +70,7 @@ def test_a_block_that_kills_every_process_is_marked(tmp_path, monkeypatch):
     assert "ended" in job.dataset()["reason"].values[0]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_cluster_that_loses_a_worker(whole):
     distributed = pytest.importorskip("distributed")
@@ -101,6 +103,7 @@ def test_clusters_that_are_not_there_are_refused(monkeypatch):
         fl.sweep(SCENE, {"effects.payload.mass": [0.1]}, workers=0)
 
 
+@pytest.mark.slow
 def test_a_sweep_interrupted_again_and_again_ends_as_an_undisturbed_one(whole, tmp_path):
     pytest.importorskip("zarr")
     path, rng, left = tmp_path / "chart.zarr", np.random.default_rng(3), []
@@ -126,6 +129,7 @@ def test_a_sweep_interrupted_again_and_again_ends_as_an_undisturbed_one(whole, t
     assert_same(fl.sweep(SCENE, VALUES, grid=True, store=path, chunk_bytes=SMALL), whole)
 
 
+@pytest.mark.slow
 def test_a_killed_process_leaves_a_store_that_goes_on(whole, tmp_path):
     pytest.importorskip("zarr")
     path = tmp_path / "chart.zarr"
@@ -140,6 +144,7 @@ def test_a_killed_process_leaves_a_store_that_goes_on(whole, tmp_path):
     assert_same(fl.sweep(SCENE, VALUES, grid=True, store=path, chunk_bytes=SMALL), whole)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "what"),
     [

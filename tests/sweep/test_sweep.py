@@ -49,6 +49,7 @@ def test_two_paths_make_points_or_a_grid(scene):
     assert np.allclose(chosen.exponents, points.exponents[1], rtol=2e-8, atol=0)
 
 
+@pytest.mark.slow
 def test_small_chunks_give_the_same_numbers_in_bounded_memory(scene):
     values = np.linspace(0.01, 0.2, 600)
     path = "effects.payload.mass"

@@ -52,6 +52,7 @@ def certificates():
     return {name: (system, fl.floquet(system)) for name, system in SYSTEMS.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_inequality_holds_where_nobody_sampled(name, certificates):
     system, result = certificates[name]
@@ -117,6 +118,7 @@ def signed(record):
     return said | {"sha256": hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()}
 
 
+@pytest.mark.slow
 def test_checker_rejects_a_hundred_forgeries(certificates):
     """As they are, by their digest; signed anew, by the inequality."""
     rng = np.random.default_rng(7)

@@ -44,6 +44,7 @@ def fast_and_slow(fast, period=2.0):
     return Rotated(period, modes, turns)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_exponent_is_further_off_than_three_times_its_error(kind):
     done = 0
@@ -190,6 +191,7 @@ def test_a_decoupled_system_pickles_and_is_short_in_print():
     assert len(repr(decoupled)) < 120
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(5))
 def test_panels_between_any_breaks_give_the_same_exponents(seed):
     system = random_system(seed, KINDS[seed])

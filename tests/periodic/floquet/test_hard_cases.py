@@ -15,6 +15,7 @@ FORGIVEN = {"tongue as narrow as rounding", "just past a Krein collision"}
 """Cases where the naive exponents are good and only its verdict, which knows no error, is a matter of luck."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES, ids=[case.name for case in CASES])
 def test_hard_case(case):
     system, known = case.build(), case.known()

@@ -1,11 +1,10 @@
 import numpy as np
 import pytest
-from scipy.linalg import block_diag, expm
+from scipy.linalg import block_diag
 
 import flexlin as fl
 from flexlin.errors import ArgumentError
 from flexlin.periodic.floquet.modes import floquet_modes
-from flexlin.periodic.floquet.real_factor import real_factor
 from flexlin.periodic.floquet.resonance import find_resonances
 from flexlin.periodic.floquet.slopes import differentiate_exponents
 from flexlin.periodic.transition.gauss import gauss_transitions
@@ -45,19 +44,6 @@ def test_modes_solve_the_equations_and_are_biorthogonal(name):
 def test_participation_of_uncoupled_states():
     system = fl.PeriodicSystem(lambda t: np.stack([np.diag([-1 + np.cos(s), -3.0]) for s in t]), 2 * np.pi)
     np.testing.assert_allclose(floquet_modes(system).participation, np.eye(2), atol=1e-12)
-
-
-@pytest.mark.parametrize("name", SYSTEMS)
-def test_real_factor_reproduces_the_transition_matrix(name):
-    system = SYSTEMS[name]()
-    factor = real_factor(floquet_modes(system))
-    assert np.isrealobj(factor.P)
-    assert factor.period == pytest.approx(system.period * (2 if name in ("mathieu", "meissner") else 1))
-    for i, t in list(enumerate(factor.times))[1 :: len(factor.times) // 7]:
-        Phi = gauss_transitions(system.A, np.union1d(np.linspace(0, t, 80), [b for b in system.breaks if b < t]), 8)
-        whole = np.linalg.multi_dot(Phi[::-1])
-        expected = factor.P[i] @ expm(factor.R * t) @ np.linalg.inv(factor.P[0])
-        np.testing.assert_allclose(expected, whole, atol=1e-8 * max(1, np.abs(whole).max()))
 
 
 def test_derivatives_against_exact_ones_of_a_transformed_system():

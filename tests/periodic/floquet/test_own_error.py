@@ -38,6 +38,7 @@ def errors_of(seed, tol):
     return true.max(), result.error, np.mean(true <= result.errors), result.verdict in verdicts, allowed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tol", [1e-4, 1e-8, 1e-12])
 def test_own_error_covers_the_true_error_without_exaggeration(tol):
     true, own, covered, verdict, reached = np.transpose([errors_of(seed, tol) for seed in range(SYSTEMS)])

@@ -56,6 +56,7 @@ def test_published_numbers():
     assert abs(fl.hinf_norm(system, C, [[1.0]]).value - 1.839303) < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_rotated_constant_systems(seed):
     rng = np.random.default_rng(seed)

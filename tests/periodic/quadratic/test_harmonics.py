@@ -77,6 +77,7 @@ def is_series(found):
     return isinstance(found.series, FourierSeries)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 4, 5, 8, 10, 11, 14, 16, 17, 21, 23, 25])
 def test_errors_of_made_up_solutions_are_covered(seed):
     system, Q, R, X = made_up(seed)

@@ -119,6 +119,7 @@ def test_constant_system_is_lqr_with_cross_term():
     assert np.abs(found.K(t) - K).max() < 1e-10 * np.abs(K).max()
 
 
+@pytest.mark.slow
 def test_varying_weights_and_breaks_against_scipy():
     def Q(t):
         return (2 + np.cos(np.pi * t))[:, None, None] * np.eye(2)

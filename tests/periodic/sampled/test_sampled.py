@@ -56,6 +56,7 @@ def growth_by_simulation(h, delay, samples=600, steps=8):
     return (marks[-1] - marks[samples // 5]) / (h * (samples - 1 - samples // 5)), 12 / (h * samples)
 
 
+@pytest.mark.slow
 def test_verdicts_agree_with_long_simulations_around_the_limit():
     """Random sampling times with random delays, most of them incommensurate with the period, a third close to the limit."""
     system = fl.PeriodicSystem(lambda t: matrices(t)[0], T, lambda t: matrices(t)[1])
