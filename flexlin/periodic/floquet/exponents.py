@@ -19,7 +19,7 @@ from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.choice import choose_setting, estimate_segment_work, fall_back
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, Setting, report_too_many
 
-PATIENCE = 3e6
+PATIENCE = 1e6
 """Microseconds of collocation that are spent where decoupling has answered, but not to the wanted accuracy."""
 FACTOR_BYTES = 2**27
 """The transition matrices of a period take at most this many bytes."""

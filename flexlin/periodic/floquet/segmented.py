@@ -98,9 +98,12 @@ def measure_spectrum(
 
 
 def share_errors(motion: Motion, logs: Array, period: float) -> Motion:
-    """Give every mode at least a part of the worst mode's error by the method, each relative to max(T, |log|)."""
+    """Give every mode at least a part of the worst mode's error by the method, each relative to max(T, |log|).
+
+    A mode whose rounding exceeds its error by the method says nothing of the others: what moves it is rounding too.
+    """
     size = np.maximum(period, np.abs(logs))
-    known = motion.method < LOST * size
+    known = (motion.method < LOST * size) & (motion.method > motion.rounding)
     worst = float((motion.method / size)[known].max(initial=0.0))
     return replace(motion, method=np.maximum(motion.method, SHARED * worst * size))
 
