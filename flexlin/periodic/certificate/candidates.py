@@ -6,7 +6,9 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import NumericalError
-from flexlin.periodic.certificate.panels import Resolved
+from flexlin.periodic.certificate.decoupled import weigh_modes
+from flexlin.periodic.certificate.panels import MOST, Resolved
+from flexlin.periodic.decoupling.waves import interpolated
 from flexlin.periodic.floquet.modes import solve_modes_at_nodes
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
@@ -15,19 +17,36 @@ from flexlin.periodic.system import PeriodicSystem
 SHIFT = 0.9
 """Share of the decay that the Lyapunov equation is asked to prove."""
 EQUATION_TOL = 1e-7
+FEW = 48
+"""Panels of eigenvectors: more are a sign that they turn too quickly to be followed."""
+MANY = 8
+"""States of which some eigenvalues of A(t) are expected to meet."""
 Candidate = Callable[[Array], Array]
 """Times (N,) -> X (N, n, n)."""
+Way = tuple[str, Callable[[PeriodicSystem, FloquetResult], Candidate], int]
 
 
-def propose(result: FloquetResult, resolved: Resolved) -> Iterator[tuple[str, Candidate]]:
-    """Yield candidates with their names, the cheap ones first; one that cannot be computed is passed over."""
+def propose(result: FloquetResult, resolved: Resolved) -> Iterator[tuple[str, Candidate, int]]:
+    """Yield candidates with their names and the panels that they are worth, the cheap ones first; one that cannot be computed is
+    passed over.
+
+    Eigenvectors turn quickly where eigenvalues of A(t) nearly meet, as among many they do; then the decoupled modes come before.
+    """
     system = PeriodicSystem(resolved, result.period, breaks=resolved.breaks)
     system.__dict__["resolved"] = resolved
-    ways = [("Floquet modes", from_modes), ("Lyapunov equation", from_equation)]
-    ways.insert(1 if resolved.breaks else 0, ("eigenvectors of A(t)", from_eigenvectors))  # cheap, but they jump with A
-    for name, way in ways:
+    ways: list[Way] = [
+        ("eigenvectors of A(t)", from_eigenvectors, FEW),
+        ("Floquet modes", from_modes, MOST),
+        ("Lyapunov equation", from_equation, MOST),
+    ]
+    if not resolved.breaks:
+        ways.insert(
+            0 if system.n >= MANY or result.setting.method == "decoupling" else 1,
+            ("decoupled modes", from_decoupled_modes, MOST),
+        )
+    for name, way, most in ways:
         try:
-            yield name, way(system, result)
+            yield name, way(system, result), most
         except (NumericalError, np.linalg.LinAlgError):
             continue
 
@@ -38,7 +57,10 @@ def from_modes(system: PeriodicSystem, result: FloquetResult) -> Candidate:
     Between two edges of the modes' panels: the polynomial through the nodes and both edges.
     """
     modes = solve_modes_at_nodes(system, result, quick=True)
-    values = (modes.left @ np.swapaxes(modes.left.conj(), -1, -2)).real
+    with np.errstate(over="ignore", invalid="ignore"):
+        values = (modes.left @ np.swapaxes(modes.left.conj(), -1, -2)).real
+    if not np.isfinite(values).all():
+        raise NumericalError("the Floquet modes part too far to be weighed together")
     starts = np.flatnonzero(modes.weights == 0.0)
     width = int(starts[1]) if len(starts) > 1 else len(values)
     places = (starts[:, None] + np.arange(width + 1)) % len(values)
@@ -67,12 +89,27 @@ def from_eigenvectors(system: PeriodicSystem, result: FloquetResult) -> Candidat
     return X
 
 
+def from_decoupled_modes(system: PeriodicSystem, result: FloquetResult) -> Candidate:
+    """X of each group of modes by itself, which asks for no steps of the fast ones."""
+    values = weigh_modes(system, find_shift(result))
+
+    def X(t: Array) -> Array:
+        return interpolated(values, system.period, t)
+
+    return X
+
+
 def from_equation(system: PeriodicSystem, result: FloquetResult) -> Candidate:
     """-X' = (A + s)' X + X (A + s) + Q with s just below the decay: X' + A' X + X A = -Q - 2 s X."""
-    shift = -SHIFT * float((result.exponents.real + np.where(np.isinf(result.errors), 0, result.errors)).max())
+    shift = find_shift(result)
     faster = PeriodicSystem(
         lambda t: system.resolved(t) + shift * np.eye(system.n), system.period, breaks=system.breaks, complete=True
     )
     mean = system.resolved.mean()
     rates = np.sqrt(np.abs(mean).sum(axis=1) / np.maximum(np.abs(mean).sum(axis=0), np.finfo(float).tiny))
     return periodic_lyapunov(faster, np.diag(1 / np.maximum(rates, 1e-8) ** 2), EQUATION_TOL).X
+
+
+def find_shift(result: FloquetResult) -> float:
+    """What the Lyapunov equation is asked to prove, in 1/s."""
+    return -SHIFT * float((result.exponents.real + np.where(np.isinf(result.errors), 0, result.errors)).max())

@@ -17,7 +17,7 @@ from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.summary import represent
 
-GOOD = 0.8
+GOOD = 0.75
 """Share of twice the decay, which no margin exceeds, at which no further candidate is tried."""
 CLAIMED = 1 - 1e-6
 """What is claimed of what was proved, so that another program's rounding does not matter."""
@@ -41,7 +41,7 @@ class Certificate:
     tolerates : float
         The inequality survives every change of A(t) whose spectral norm, in the units of A, stays below this.
     source : str
-        Where X comes from: Floquet modes, eigenvectors of A(t), or a Lyapunov equation.
+        Where X comes from: decoupled modes, Floquet modes, eigenvectors of A(t), or a Lyapunov equation.
 
     Examples
     --------
@@ -103,9 +103,9 @@ def certify(result: FloquetResult) -> Certificate:
         raise ArgumentError("the result does not know its loop", expected="a result of fl.floquet")
     decay, tried = -float(result.exponents.real.max()), []
     best: tuple[Proof, CommonPanels, str] | None = None
-    for name, X in propose(result, result.resolved):
+    for name, X, most in propose(result, result.resolved):
         try:
-            panels = represent_on_panels(result.resolved, X)
+            panels = represent_on_panels(result.resolved, X, most)
             found = prove(panels)
         except (NumericalError, np.linalg.LinAlgError) as error:
             tried.append(f"{name}: {error}")

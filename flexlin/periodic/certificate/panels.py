@@ -16,6 +16,8 @@ NODES, TAIL = 32, 4
 """Nodes of a panel, and how many of its last coefficients must have vanished."""
 MOST = 512
 """Panels of a period."""
+SLOW_TO_SETTLE = 3
+"""Halvings after which at most half of the panels, and no more than at the beginning, may be rough."""
 KNOWN, SHAPED = 1e-11, 1e-6
 """How small the last coefficients of A and of X must be, relative to their largest values."""
 FAINT = 0.02
@@ -36,28 +38,38 @@ class CommonPanels:
     error: Array
 
 
-def represent_on_panels(resolved: Resolved, X: Callable[[Array], Array]) -> CommonPanels:
-    """Interpolate A and X on panels that are halved until both are followed.
+def represent_on_panels(resolved: Resolved, X: Callable[[Array], Array], most: int = MOST) -> CommonPanels:
+    """Interpolate A and X on panels that are halved until both are followed; what was followed is not looked at again.
 
-    Raises: ToleranceNotReached when that takes too many panels.
+    Raises: ToleranceNotReached when that takes more panels than `most`, and more than the period begins with.
     """
     longest = WAVES * resolved.period / max(resolved.degree, 1)
     edges = resolved.edges
     if isinstance(resolved.series, FourierSeries):
         edges = divided(edges, min(longest, resolved.period))
-    while len(edges) <= MOST:
-        t = panel_times(edges[:-1], edges[1:], NODES)
+    begin, end = edges[:-1], edges[1:]
+    followed, most = list[tuple[Array, Array, Array]](), max(most, len(begin))
+    sizes = [np.zeros(1), np.zeros(1)]
+    while len(begin):
+        if len(begin) + sum(len(start) for start, _, _ in followed) > most:
+            raise ToleranceNotReached("A and X were not followed by polynomials", got=f"more than {most} panels")
+        t = panel_times(begin, end, NODES)
         parts = [f(t.ravel()).reshape(*t.shape, -1) for f in (resolved, X)]
-        coefficients = [chebyshev_coefficients(values) for values in parts]
-        rough = np.zeros(len(t), dtype=bool)
-        for values, one, tol in zip(parts, coefficients, (KNOWN, SHAPED), strict=True):
-            tails = np.abs(one[:, -TAIL:]).max(axis=1)
-            floor = 50 * EPS * np.abs(values).max(axis=(0, 1))  # what rounding leaves in the last coefficients
-            rough |= np.any(tails > np.maximum(tol * np.abs(values).max(axis=(0, 1)), floor), axis=1)
-        if not rough.any():
-            return assemble(resolved, edges, *coefficients)
-        edges = np.union1d(edges, ((edges[:-1] + edges[1:]) / 2)[rough])
-    raise ToleranceNotReached("A and X were not followed by polynomials", got=f"more than {MOST} panels")
+        sizes = [np.maximum(old, np.abs(values).max(axis=(0, 1))) for old, values in zip(sizes, parts, strict=True)]
+        A, shape = (chebyshev_coefficients(values) for values in parts)
+        rough = is_rough(A, KNOWN, sizes[0]) | is_rough(shape, SHAPED, sizes[1])
+        followed.append((begin[~rough], A[~rough], shape[~rough]))
+        begin, end = begin[rough], end[rough]
+        begin, end = np.concatenate([begin, (begin + end) / 2]), np.concatenate([(begin + end) / 2, end])
+    starts, A, shape = (np.concatenate(each) for each in zip(*followed, strict=True))
+    order = np.argsort(starts)
+    return assemble(resolved, np.append(starts[order], edges[-1]), A[order], shape[order])
+
+
+def is_rough(coefficients: Array, tol: float, size: Array) -> Array:
+    """Which panels' last coefficients (P, K, E) exceed tol, relative to the largest values (E,), and what rounding leaves there."""
+    tails = np.abs(coefficients[:, -TAIL:]).max(axis=1)
+    return np.any(tails > max(tol, 50 * EPS) * size, axis=1)
 
 
 def assemble(resolved: Resolved, edges: Array, A: Array, X: Array) -> CommonPanels:

@@ -31,7 +31,24 @@ def transformed(seed, values, harmonics=2):
     return fl.PeriodicSystem(lyapunov_transformed(constant, 2.0, harmonics, rng), np.pi)
 
 
+def shaken_oscillators():
+    """Six oscillators, coupled, from 2 to 400 rad/s, whose frequencies and dampings move."""
+    rng, frequencies = np.random.default_rng(11), np.array([2.0, 2.3, 9.0, 60.0, 75.0, 400.0])
+    couple, turn = (rng.standard_normal((6, 6)) for _ in range(2))
+    K = np.diag(frequencies**2) + 0.3 * (couple + couple.T)
+    D = np.diag([0.4, 0.5, 1.0, 8.0, 9.0, 40.0]) + 0.05 * (turn - turn.T)
+
+    def damping(t):
+        return D * (1 + 0.3 * np.sin(t))[:, None, None]
+
+    def stiffness(t):
+        return K * (1 + 0.1 * np.cos(t))[:, None, None]
+
+    return fl.PeriodicSystem.from_second_order(np.eye(6), damping, stiffness, 2 * np.pi)
+
+
 SYSTEMS = {
+    "many": shaken_oscillators(),
     "constant": fl.PeriodicSystem([[0.0, 1.0], [-1.0, -0.2]], 1.0),
     "defective": fl.PeriodicSystem([[-0.5, 1.0, 0.0], [0.0, -0.5, 1.0], [0.0, 0.0, -0.5]], 1.0),
     "jumps": fl.PeriodicSystem(damped_meissner, np.pi, breaks=[0.0, np.pi / 3]),
@@ -85,6 +102,12 @@ def test_changes_within_the_tolerance_leave_it_stable(name, certificates):
             breaks=system.breaks,
         )
         assert fl.floquet(moved).verdict == "stable"
+
+
+def test_fast_modes_are_weighed_by_themselves(certificates):
+    proof = certificates["many"][1].certificate()
+    assert proof.source == "decoupled modes"
+    assert proof.tolerates > 1e-6 * proof.margin
 
 
 def test_constant_loop_is_proved_in_full(certificates):
