@@ -8,6 +8,7 @@ import casadi as ca
 
 from flexlin.arguments import checked, instance
 from flexlin.errors import ArgumentError
+from flexlin.mechanics.axes import list_axes
 from flexlin.mechanics.body import Body, Moments, rigid_moments, tensor
 from flexlin.mechanics.coordinates import Symbols, list_coordinates
 from flexlin.mechanics.effects import Effect, effects_of
@@ -88,6 +89,7 @@ def _derive_equations(
     """Lagrange's equations of the chain; the motors drive, and their encoders read, what the chain says their angles are."""
     T, V, R = _sum_energies(chain, effects)
     measured = ca.jacobian(chain.motor, at.all)
+    points = _list_points(chain)
     gains = ca.vertcat(*[_choose_input_gain(effects, i) for i in chain.moving])
     arm = Manipulator.from_lagrangian(
         at.all,
@@ -99,10 +101,10 @@ def _derive_equations(
         B=ca.densify(measured.T @ ca.diag(gains)),
         joints=range(len(chain.moving)),
         parameters=free,
-        points=_list_points(chain),
+        points=points,
         check=False,
     )
-    return replace(arm, measured=measured)
+    return replace(arm, measured=measured, axes=list_axes(chain)[: points.size1(), :])
 
 
 def _list_points(chain: Chain) -> ca.SX:

@@ -90,6 +90,7 @@ def close_loop(
         "B": K.T @ arm.B[:, list(motors)],
         "energy": arm.energy,
         "points": arm.points,
+        **({} if arm.axes is None else {"axes": arm.axes}),
         "coriolis": K.T @ (arm.M @ K_dot + arm.C @ K),
     }
     moving = ca.substitute(list(parts.values()), [arm.s_dot, arm.s_ddot], [K @ u_dot, K @ u_ddot + K_dot @ u_dot])

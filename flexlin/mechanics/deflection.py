@@ -3,19 +3,27 @@
 from dataclasses import dataclass
 
 import casadi as ca
+import numpy as np
 
 from flexlin.checks import Array
 from flexlin.mechanics.beam import ShapeIntegrals
 from flexlin.scene.links import Direction, Link
 
+PLACES = np.linspace(0.0, 1.0, 17)
+"""Places x/l of a link's axis that pictures show."""
+
 
 @dataclass(frozen=True)
 class Basis:
-    """A link's assumed modes as numbers: integrals, roots beta (n,), and each mode's stiffness (n,) relative to EI / l^3 or GJ / l."""
+    """A link's assumed modes as numbers.
+
+    integrals; roots beta (n,); each mode's stiffness (n,) relative to EI / l^3 or GJ / l; the shapes at PLACES, (n, places).
+    """
 
     integrals: ShapeIntegrals
     beta: Array
     stiffness: Array
+    axis: Array
 
 
 @dataclass(frozen=True, eq=False)

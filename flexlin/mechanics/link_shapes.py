@@ -18,7 +18,7 @@ from flexlin.mechanics.beam import (
 )
 from flexlin.mechanics.beam.couplings import couple_shapes
 from flexlin.mechanics.carried import find_bodies_on_joint, sum_carried
-from flexlin.mechanics.deflection import Basis
+from flexlin.mechanics.deflection import PLACES, Basis
 from flexlin.mechanics.effects import effects_of
 from flexlin.mechanics.links import LinkBasis
 from flexlin.scene.links import DIRECTIONS, Direction, Link
@@ -43,7 +43,8 @@ def integrate_basis(scene: Scene, index: int, shapes: Shapes, direction: Directi
     """The integrals of the shapes of one direction."""
     integrals = shape_integrals(shapes, *make_profiles(scene.links[index]))
     shear = make_section(scene, index, direction).shear if direction != "torsion" else None
-    return Basis(integrals, shapes.beta, np.diag(integrals.bending) + (shear or 0.0) * np.diag(integrals.shear))
+    stiffness = np.diag(integrals.bending) + (shear or 0.0) * np.diag(integrals.shear)
+    return Basis(integrals, shapes.beta, stiffness, shapes.values(PLACES))
 
 
 def make_shapes(scene: Scene, index: int, direction: Direction = "y") -> Shapes:

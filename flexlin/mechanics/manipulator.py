@@ -47,6 +47,8 @@ class Manipulator(Expressions):
         Scene numbers that stay free, with their values.
     energy, points : casadi.SX or None
         Kinetic and potential energy together, in J; world positions (2, k), in space (3, k), from the base to the tip, in m.
+    axes : casadi.SX or None
+        World positions (2, k), in space (3, k), of points on the links' axes, as many for each link, in m; None where they are not known.
     coriolis : casadi.SX, shape (n, n), or None
         C as the user gave it; None: Christoffel's symbols of M.
     measured : casadi.SX, shape (joints, n), or None
@@ -75,6 +77,7 @@ class Manipulator(Expressions):
     parameters: Parameters = field(default_factory=Parameters)
     energy: ca.SX | None = None
     points: ca.SX | None = None
+    axes: ca.SX | None = None
     coriolis: ca.SX | None = None
     measured: ca.SX | None = None
     effects: Effects | None = None

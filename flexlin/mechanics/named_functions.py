@@ -29,7 +29,7 @@ class NamedFunctions(Mapping[str, ca.Function]):
 
 
 def name_functions(arm: "Manipulator") -> NamedFunctions:
-    """Functions of s, s_dot, s_ddot as needed, and p: M, C, g, damping, residual; energy and points if known."""
+    """Functions of s, s_dot, s_ddot as needed, and p: M, C, g, damping, residual; energy, points and axes if known."""
     p = arm.parameters.symbols
     at, moving = {"s": arm.s, "p": p}, {"s": arm.s, "s_dot": arm.s_dot, "p": p}
     accelerated = {"s": arm.s, "s_dot": arm.s_dot, "s_ddot": arm.s_ddot, "p": p}
@@ -44,4 +44,6 @@ def name_functions(arm: "Manipulator") -> NamedFunctions:
         table["energy"] = (moving, lambda: arm.energy)
     if arm.points is not None:
         table["points"] = (at, lambda: arm.points)
+    if arm.axes is not None:
+        table["axes"] = (at, lambda: arm.axes)
     return NamedFunctions(table)

@@ -12,7 +12,6 @@ from flexlin.errors import ArgumentError
 from flexlin.report.page import load_template
 from flexlin.report.scenery import (
     MAGNIFIED,
-    SIGHT,
     Frames,
     bodies,
     fixed_points,
@@ -46,7 +45,8 @@ def animation_page(scene: Scene, lin: Linearization, run: Simulation, command: s
         magnified=list(MAGNIFIED),
         shape=min(0.75, max(0.3, data["height"] / data["width"])),
         trail=f"{data['trail'] * data['step']:.3g}",
-        straight=not scene.links,
+        straight=lin.arm.axes is None,
+        space=len(data["centre"]) == 3,
         data=json.dumps(data, allow_nan=False, separators=(",", ":")),
         command=command,
         version=flexlin.__version__,
@@ -64,14 +64,17 @@ def collect_frames(scene: Scene, lin: Linearization, run: Simulation) -> dict[st
         )
     every = -(-len(run.t) // FRAMES)
     t, states = run.t[::every], run.nonlinear[::every]
-    plain, rigid = frames_of(scene, lin, t, states), frames_of(scene, lin, t, np.zeros_like(states))
-    low, high = (np.array([f(plain.points, rigid.points, axis) for axis in (0, 1)]) for f in (lowest, highest))
+    plain, rigid = frames_of(lin, t, states), frames_of(lin, t, np.zeros_like(states))
+    corners = np.concatenate([np.concatenate(links, axis=1).T for found in (plain, rigid) for links in found.links])
+    low, high = corners.min(axis=0), corners.max(axis=0)
     reach = float(max(high - low)) or 1.0
     digits = max(0, 5 - int(np.ceil(np.log10(reach))))
     size = np.maximum(high - low, 0.3 * reach)
-    plays = [play("simulation", scene, lin, t, states, digits)]
-    plays += [play(name, scene, lin, times, x, digits) for name, times, x in mode_states(lin)]
-    tips = [tip[::every] @ SIGHT.T if tip.shape[1] == 3 else tip[::every] for tip in (run.tip, run.tip_linear)]
+    if len(size) == 3:  # turned by hand: nothing leaves a ball about the middle
+        size = np.full(2, 2 * np.linalg.norm(corners - (low + high) / 2, axis=1).max())
+    plays = [play("simulation", lin, t, states, digits)]
+    plays += [play(name, lin, times, x, digits) for name, times, x in mode_states(lin)]
+    tips = [tip[::every] for tip in (run.tip, run.tip_linear)]
     away = np.linalg.norm(run.tip - run.tip_rigid, axis=1)[::every]
     return {
         "t": np.round(t, 6).tolist(),
@@ -93,11 +96,11 @@ def collect_frames(scene: Scene, lin: Linearization, run: Simulation) -> dict[st
     }
 
 
-def play(name: str, scene: Scene, lin: Linearization, t: Array, states: Array, digits: int) -> dict[str, Any]:
+def play(name: str, lin: Linearization, t: Array, states: Array, digits: int) -> dict[str, Any]:
     """One motion to be played: the links at each magnification that leaves the arm in one piece, joints, and joint angles."""
-    versions = [frames_of(scene, lin, t, states, factor) for factor in MAGNIFIED]
+    versions = [frames_of(lin, t, states, factor) for factor in MAGNIFIED]
     whole = [found for found in versions if np.isfinite(found.points).all()]
-    rigid = frames_of(scene, lin, t, np.zeros_like(states))
+    rigid = frames_of(lin, t, np.zeros_like(states))
     return {
         "name": name,
         "t": np.round(t, 6).tolist(),
@@ -113,16 +116,6 @@ def moving(frames: Frames) -> list[list[Array]]:
     """The links of each picture that move; all, where none seems to."""
     chosen = moving_links(frames.points, len(frames.links[0]))
     return [[links[i] for i in chosen] or links for links in frames.links]
-
-
-def lowest(first: Array, second: Array, axis: int) -> float:
-    """The least coordinate of two sets of points."""
-    return float(min(first[:, axis].min(), second[:, axis].min()))
-
-
-def highest(first: Array, second: Array, axis: int) -> float:
-    """The largest coordinate of two sets of points."""
-    return float(max(first[:, axis].max(), second[:, axis].max()))
 
 
 def rounded(values: Any, digits: int) -> Any:

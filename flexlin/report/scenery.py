@@ -10,15 +10,9 @@ from flexlin.checks import Array
 from flexlin.control.slow_motions import slow_motions
 from flexlin.control.tracking import arm_positions
 from flexlin.errors import FlexlinError
-from flexlin.mechanics.link_shapes import make_shapes
+from flexlin.report.tracing import trace_arm
 from flexlin.scene.scene import Scene
 
-SIGHT = np.array([[-1.0, 1.0, 0.0], [-1.0, -1.0, 2.0]]) / np.sqrt([[2.0], [6.0]])
-"""An arm in space is seen from (1, 1, 1), with z upwards."""
-XI = np.linspace(0.0, 1.0, 33)
-"""Places along a link at which its axis is drawn."""
-THIN = 4
-"""Every so many points of a link's axis are drawn."""
 STILL = 1e-9
 """A point that moves by less than this share of the reach is fixed to the ground."""
 MAGNIFIED = (1, 5, 20)
@@ -29,32 +23,17 @@ MODES, MODE_FRAMES, SWING = 4, 120, 0.15
 
 @dataclass(frozen=True)
 class Frames:
-    """The arm at some times: curves of the links [time][link] (2, k), points (N, 2, k) of joints and tip, from the base on."""
+    """The arm at some times: curves of the links [time][link] (d, k), points (N, d, k) of joints and tip, from the base on; d = 2 or 3."""
 
     links: list[list[Array]]
     points: Array
 
 
-def frames_of(
-    scene: Scene, lin: Linearization, t: Array, states: Array, magnify: float = 1.0, every: int = THIN
-) -> Frames:
-    """The arm for deviations (N, n) or (N, 2n) from the rigid motion, its elastic coordinates magnified; space is seen from a corner."""
+def frames_of(lin: Linearization, t: Array, states: Array, magnify: float = 1.0) -> Frames:
+    """The arm for deviations (N, n) or (N, 2n) from the rigid motion, its elastic coordinates magnified."""
     factors = np.array([magnify if c.kind == "elastic" else 1.0 for c in lin.coordinates])
-    points, s = arm_positions(lin, t, states[:, : lin.n] * factors)
-    shapes = bends(scene) if points.shape[1] == 2 else []
-    links = [
-        [thin_out(curve, every) for curve in trace_each(scene, at, row, shapes)]
-        for at, row in zip(points, s, strict=True)
-    ]
-    if points.shape[1] == 3:
-        points, links = SIGHT @ points, [[SIGHT @ curve for curve in arm] for arm in links]
-    return Frames(links, points)
-
-
-def thin_out(curve: Array, every: int) -> Array:
-    """Every few points of a curve, its end always among them."""
-    kept = np.unique(np.append(np.arange(0, curve.shape[1], every), curve.shape[1] - 1))
-    return curve[:, kept]
+    moved = states[:, : lin.n] * factors
+    return Frames(trace_arm(lin, t, moved), arm_positions(lin, t, moved)[0])
 
 
 def fixed_points(points: Array) -> list[int]:
@@ -116,39 +95,3 @@ def mode_states(lin: Linearization) -> list[tuple[str, Array, Array]]:
         size = SWING if leading.unit == "rad" else SWING * reach
         found.append((f"Floquet motion {k + 1}, mostly {leading.name}", t, size * x))
     return found
-
-
-def trace_links(scene: Scene, points: Array, s: Array, shapes: list[Array | None]) -> Array:
-    """The axis of the whole arm, (2, N): each link its chord, and across it what its modes add; in space (3, N), the chords."""
-    curves = trace_each(scene, points, s, shapes)
-    return np.concatenate(curves, axis=1) if scene.links and len(points) == 2 else points
-
-
-def bends(scene: Scene) -> list[Array | None]:
-    """For each link in its plane how far its axis is off its chord at XI by each mode, (33, modes); None for one that is straight."""
-    found: list[Array | None] = []
-    for i, link in enumerate(scene.links):
-        values = make_shapes(scene, i).values if link.counts.y else None
-        found.append(None if values is None else (values(XI) - np.outer(values(XI[-1:])[:, 0], XI)).T)
-    return found
-
-
-def trace_each(scene: Scene, points: Array, s: Array, shapes: list[Array | None]) -> list[Array]:
-    """The axis of each link, (2, N): its chord, and across it what its modes add; in space, and without links, the chords alone.
-
-    shapes: what `bends` finds, once for many pictures of a scene.
-    """
-    if len(points) == 3 or not scene.links:
-        return [points[:, i : i + 2] for i in range(points.shape[1] - 1)]
-    curves, first = [], sum(link.moves for link in scene.links)
-    for i, link in enumerate(scene.links):
-        base, tip = points[:, i], points[:, i + 1]
-        curve = base[:, None] + np.outer(tip - base, XI)
-        length = float(np.linalg.norm(tip - base))
-        shape = shapes[i]
-        if shape is not None and length > 0:
-            across = shape @ s[first : first + link.counts.y]
-            curve += np.outer([base[1] - tip[1], tip[0] - base[0]], across) / length
-        first += sum(link.counts.by_direction().values())
-        curves.append(curve)
-    return curves

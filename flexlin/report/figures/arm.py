@@ -5,7 +5,7 @@ import numpy as np
 from flexlin.answers.analysis import Analysis
 from flexlin.control.tracking import arm_positions
 from flexlin.report.figures.style import Picture, make_period_panel, style_part
-from flexlin.report.scenery import bends, trace_links
+from flexlin.report.tracing import trace_arm
 from flexlin.report.wording import in_unit, is_dimensionless, name_joint_unit
 from flexlin.svg import Panel, Row, draw
 
@@ -92,11 +92,12 @@ def name_joint(a: Analysis, joint: int) -> str:
 def draw_stroboscope(a: Analysis) -> list[Panel]:
     """The arm at equal steps of a period, seen along each axis that it is not flat to."""
     states = a.response.states if a.response else np.zeros((len(a.t), 2 * a.plant.n))
-    (bent, s), (rigid, _) = (arm_positions(a.plant, a.t, x) for x in (states, np.zeros_like(states)))
+    bent, _ = arm_positions(a.plant, a.t, states)
     picked = np.arange(PHASES) * (len(a.t) - 1) // PHASES
-    shapes = bends(a.scene) if bent.shape[1] == 2 else []
-    still = [trace_links(a.scene, rigid[i], np.zeros(a.arm.n), shapes) for i in picked]
-    moving = [trace_links(a.scene, bent[i], s[i], shapes) for i in picked]
+    still, moving = (
+        [np.concatenate(links, axis=1) for links in trace_arm(a.plant, a.t[picked], x[picked])]
+        for x in (np.zeros_like(states), states)
+    )
     panels, metres = [], "" if is_dimensionless() else " in m"
     for across, up in VIEWS if bent.shape[1] == 3 else VIEWS[:1]:
         title = "the arm" if bent.shape[1] == 2 else f"the arm along {'xyz'[3 - across - up]}"

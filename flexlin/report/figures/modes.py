@@ -6,7 +6,7 @@ from flexlin.answers.analysis import Analysis
 from flexlin.checks import Array
 from flexlin.periodic.floquet.frozen import REAL
 from flexlin.report.figures.style import Picture, choose_colour
-from flexlin.report.scenery import frames_of
+from flexlin.report.tracing import trace_arm
 from flexlin.report.wording import format_duration, is_dimensionless
 from flexlin.svg import Panel, Row, draw
 
@@ -17,6 +17,8 @@ SWING = 0.15
 SMALL = 1e-6
 """The deflection from which a picture is magnified, in rad or m: it is that of the linear equations."""
 HEIGHT = 130.0
+SIGHT = np.array([[-1.0, 1.0, 0.0], [-1.0, -1.0, 2.0]]) / np.sqrt([[2.0], [6.0]])
+"""An arm in space is seen from (1, 1, 1), with z upwards."""
 
 
 def draw_modes(a: Analysis) -> Picture | None:
@@ -84,7 +86,11 @@ def describe_decay(value: complex) -> str:
 def bend_arm(a: Analysis, shapes: list[Array]) -> tuple[list[Array], list[list[Array]]]:
     """Curves of the links at rest at t = 0, and their displacements along deflections (n,), scaled to be seen."""
     states = SMALL * np.array([np.zeros(a.plant.n), *shapes])
-    rest, *bent = frames_of(a.scene, a.closed, np.zeros(len(states)), states, every=1).links
+    seen = [
+        [curve if len(curve) == 2 else SIGHT @ curve for curve in arm]
+        for arm in trace_arm(a.closed, np.zeros(len(states)), states)
+    ]
+    rest, *bent = seen
     size = float(np.ptp(np.concatenate(rest, axis=1), axis=1).max()) or 1.0
     swings = []
     for curves in bent:
