@@ -42,6 +42,12 @@ def fixed_points(points: Array) -> list[int]:
     return [int(i) for i in np.flatnonzero(moved <= STILL * max(float(np.ptp(points)), 1e-300))]
 
 
+def list_grounds(points: Array) -> list[int]:
+    """The fixed points that stand on the ground: in space the first of several in a row, the next ones lie on an axis that turns."""
+    fixed = fixed_points(points)
+    return [i for i in fixed if points.shape[1] == 2 or i - 1 not in fixed]
+
+
 def moving_links(points: Array, count: int) -> list[int]:
     """Which of the links move: one between two fixed points is ground, one without length is a carriage."""
     fixed = set(fixed_points(points))

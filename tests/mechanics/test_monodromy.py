@@ -2,6 +2,7 @@
 
 import casadi as ca
 import numpy as np
+import pytest
 from scipy.integrate import solve_ivp
 
 import flexlin as fl
@@ -95,6 +96,7 @@ class Flow:
         return (end[:, :half] - end[:, half:]) / (2 * step) / scales[:, None]
 
 
+@pytest.mark.slow
 def test_floquets_transition_matrix_is_that_of_the_nonlinear_flow():
     scene = parse_scene(SCENE)
     arm = fl.build_manipulator(scene)

@@ -6,6 +6,7 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from flexlin.cli.main import main
@@ -103,3 +104,31 @@ def test_the_report_prints(pages):
     content = printed.read_bytes()
     assert content.startswith(b"%PDF")
     assert 4 <= len(re.findall(rb"/Type\s*/Page\b", content)) <= 14
+
+
+TURN = """<script>
+running = false;
+const there = () => place(...data.centre.map((value, i) => value + (i == 0 ? 1 : 0))), first = there();
+stage.dispatchEvent(new KeyboardEvent("keydown", {key: "ArrowLeft"}));
+stage.dispatchEvent(new PointerEvent("pointermove", {buttons: 1, movementX: 0, movementY: 40}));
+const found = document.createElement("p"), second = there();
+found.textContent = "turned " + JSON.stringify([first, second, [stage.width / 2, stage.height / 2], scale, around, above]);
+document.body.append(found);
+</script></body>"""
+
+
+@pytest.mark.slow
+@pytest.mark.xdist_group("browser")
+def test_an_arm_in_space_is_turned_by_hand(tmp_path):
+    """An arrow and a drag turn the picture: x lies where a camera at these angles sees it."""
+    options = ["simulate", "rotating-blade", "--tol", "1e-4", "--periods", "0.2", "--animate"]
+    assert main([*options, "--out", str(tmp_path)]) == 0
+    page = tmp_path / "animation.html"
+    page.write_text(page.read_text(encoding="utf-8").replace("</body>", TURN), encoding="utf-8")
+    shown = browse(tmp_path, "--virtual-time-budget=2000", "--dump-dom", page.as_uri())
+    first, second, middle, scale, around, above = json.loads(re.search(r"<p>turned (.*?)</p>", shown).group(1))
+    assert around != pytest.approx(-np.pi / 3)
+    assert above > 0.65
+    for at, a, b in ((first, -np.pi / 3, np.arctan(np.sqrt(0.5))), (second, around, above)):
+        expected = np.array(middle) + scale * np.array([-np.sin(a), np.sin(b) * np.cos(a)])
+        np.testing.assert_allclose(at, expected, rtol=1e-6)
