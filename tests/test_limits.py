@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flexlin.answers.budget import Budget, last_end, stages_end
 from flexlin.answers.clock import Clock
-from flexlin.answers.limits import limited, time_limit
+from flexlin.answers.limits import limited, resident, time_limit
 from flexlin.checks import LIMIT, check_size, memory_limit
 from flexlin.cli.main import main
 from flexlin.errors import ArgumentError, NumericalError, TimeLimit, TooLarge
@@ -138,8 +139,70 @@ def test_memory_and_linear_algebra_that_give_out_are_the_stage_s_message() -> No
     assert "inverse: linear algebra has no answer; got Singular matrix" in problems["a"]
     assert "table: there is not enough memory; got cannot allocate 3 TiB" in problems["b"]
     assert [step.problem for step in clock.steps] == [problems["a"], problems["b"]]
-    with pytest.raises(ZeroDivisionError), limited("a fault", Accuracy()):
+    with pytest.raises(ZeroDivisionError), limited("a fault", Budget().allow("a fault", Accuracy())):
         raise ZeroDivisionError
+
+
+def test_the_stages_share_one_limit_and_the_last_one_gets_what_was_kept_for_it() -> None:
+    """Each attempt gets two thirds of what is left, the last stage the kept rest; nothing begins beyond the end."""
+    asked, now = Accuracy(seconds=60.0), time.perf_counter()
+    fresh = Budget(now).allow("one", asked, share=2 / 3)
+    assert fresh.seconds == pytest.approx(34.0, abs=1.0)
+    assert Budget(now - 50.0).allow("one", asked).seconds == pytest.approx(1.0, abs=0.9)
+    assert Budget(now - 52.0).allow("figures", asked, last=True).seconds == pytest.approx(8.0, abs=1.0)
+    with pytest.raises(
+        TimeLimit, match=r"one: not begun; got the 60 s are used up; allow more time \(--limit-seconds above 60"
+    ):
+        Budget(now - 52.0).allow("one", asked)
+    held = Budget(now, held=resident() - 2**20)
+    assert held.allow("one", asked).memory == pytest.approx(asked.memory - 2**20, abs=2**22)
+    assert (stages_end(60.0), last_end(60.0), stages_end(3600.0), last_end(3600.0)) == (51.0, 60.0, 3570.0, 3600.0)
+    assert last_end(2.0) == pytest.approx(6.7)
+
+
+def test_stages_without_end_leave_the_others_time_and_all_end_within_the_limit() -> None:
+    clock, problems, start = Clock(), dict[str, str](), time.monotonic()
+    for k in range(4):
+        clock.attempt(problems, f"{k}", f"stage {k}", Accuracy(seconds=3.0), lambda: spin(60.0))
+    assert clock.stage("figures", Accuracy(seconds=3.0), lambda: "drawn", last=True) == "drawn"
+    assert len(problems) == 4
+    assert time.monotonic() - start < 6.0
+    assert "of the 3 s of the whole; allow more time (--limit-seconds above 3," in problems["0"]
+    assert clock.failures["0"].__traceback__ is None
+
+
+def test_what_is_advised_helps() -> None:
+    """A proof gets a share of the whole: more seconds let it end, as its message says; it names no tol, which would not."""
+
+    def proof() -> str:
+        spin(0.5)
+        return "proved"
+
+    problems = dict[str, str]()
+    assert Clock().attempt(problems, "proof", "proof", Accuracy(), proof, at_most=0.2) is None
+    assert "no answer in 0.2 s of the 60 s of the whole; allow more time (--limit-seconds above 60" in problems["proof"]
+    assert Clock().attempt(problems, "proof", "proof", Accuracy(seconds=1200.0), proof, at_most=0.2) == "proved"
+    Clock().attempt(problems, "proof", "proof", Accuracy(seconds=10.0), proof, at_most=0.2)
+    assert "of the 10 s of the whole; allow more time (--limit-seconds above 60" in problems["proof"]
+    with pytest.raises(TimeLimit, match="ask for a larger tol, or allow more time"):
+        Clock().stage("exponents", Accuracy(seconds=0.2), lambda: spin(60.0), lambda _: 0.0)
+
+
+WORDS = ["std::bad_alloc", "x.so: failed to map segment from shared object", "can't start new thread"]
+
+
+@pytest.mark.parametrize("words", WORDS)
+def test_memory_that_gives_out_inside_a_library_is_named(words: str) -> None:
+    def work() -> None:
+        raise RuntimeError(f"/casadi/core/function.cpp:56: {words}")
+
+    def other() -> None:
+        raise RuntimeError("other")
+
+    with pytest.raises(NumericalError, match="map: there is not enough memory"):
+        Clock().stage("map", Accuracy(), work)
+    with pytest.raises(RuntimeError, match="other"):
+        Clock().stage("map", Accuracy(), other)
 
 
 @pytest.mark.parametrize("value", ["0", "-1e-9", "nan", "inf", "1e9", "1e-30"])

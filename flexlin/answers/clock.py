@@ -6,9 +6,11 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 from typing import Any, TypeVar
 
+from flexlin.answers.budget import SHARE, Budget
 from flexlin.answers.limits import limited
 from flexlin.errors import FlexlinError, NumericalError, TooLarge
 from flexlin.progress import part
@@ -43,6 +45,7 @@ class Step:
 class Clock:
     """Collects the steps, and the errors of attempts by their keys; `progress` is called with the name of each step as it begins.
 
+    budget: what all stages together may take;
     planned: how many steps there will be, where that is known: each is said to be one part of the work.
     """
 
@@ -50,6 +53,7 @@ class Clock:
     steps: list[Step] = field(default_factory=list)
     failures: dict[str, FlexlinError] = field(default_factory=dict)
     planned: int = 0
+    budget: Budget = field(default_factory=Budget)
 
     @contextmanager
     def step(self, name: str) -> Iterator[dict[str, Any]]:
@@ -84,15 +88,22 @@ class Clock:
         accuracy: Accuracy,
         work: Callable[[], Answer],
         error_of: Callable[[Answer], float] | None = None,
+        *,
+        share: float = 1.0,
+        at_most: float = inf,
+        last: bool = False,
     ) -> Answer:
         """Do the work within the limits; with `error_of` the step says which error was asked for and reached.
+
+        Of the time that is left it gets a share, at most some s of 60; the last stage also what was kept for it.
 
         Raises: what the work raises; TimeLimit, and NumericalError where memory or LAPACK gives out.
         """
         with self.step(name) as found:
             if error_of is not None:
                 found["asked"] = accuracy.tol
-            with limited(name, accuracy):
+            allowed = self.budget.allow(name, accuracy, share, at_most, error_of is not None, last)
+            with limited(name, allowed):
                 answer = work()
             if error_of is not None:
                 found["reached"] = error_of(answer)
@@ -106,13 +117,21 @@ class Clock:
         accuracy: Accuracy,
         work: Callable[[], Answer],
         error_of: Callable[[Answer], float] | None = None,
+        *,
+        at_most: float = inf,
     ) -> Answer | None:
-        """As `stage`; where there is no trustworthy answer, note why under `key` and return nothing."""
+        """As `stage`, with time left for what follows; where there is no trustworthy answer, note why under `key` and return nothing."""
         try:
-            return self.stage(name, accuracy, work, error_of)
+            return self.stage(name, accuracy, work, error_of, share=SHARE, at_most=at_most)
         except (NumericalError, TooLarge) as error:
-            problems[key], self.failures[key] = str(error), error
+            problems[key], self.failures[key] = str(error), forget_trace(error)
             return None
+
+
+def forget_trace(error: FlexlinError) -> FlexlinError:
+    """The error without the calls that led to it, which would keep all their arrays in memory."""
+    error.__cause__ = error.__context__ = None
+    return error.with_traceback(None)
 
 
 def note_of(warning: warnings.WarningMessage) -> str:

@@ -35,8 +35,8 @@ BY_TOL = ("periodic-lqr", "finite-horizon-lqr")
 LEAST = 1e-8
 """The smallest error that a sampled loop is asked for: a sampling time that never fits the period leaves more anyway."""
 
-PROOF_SECONDS = 5.0
-"""What a report gives to a loop's certificate; `FloquetResult.certificate` takes the time that it needs."""
+PROOF = 5.0
+"""Seconds of a report's 60 that a loop's certificate may take; `FloquetResult.certificate` takes what it needs."""
 
 
 @dataclass(frozen=True)
@@ -123,8 +123,8 @@ def judge_loop(
     result = clock.attempt(problems, name, step, asked, lambda: floquet(system, asked.tol), exponent_error)
     proof = None
     if result is not None and result.verdict == "stable":
-        brief = asked.model_copy(update={"seconds": min(asked.seconds, PROOF_SECONDS)})
-        proof = clock.attempt(dict[str, str](), name, f"certificate: {name}", brief, result.certificate)
+        step = f"certificate: {name}"
+        proof = clock.attempt(dict[str, str](), name, step, asked, result.certificate, at_most=PROOF)
     return Loop(name, kind, result, problems.get(name, ""), made, certificate=proof)
 
 

@@ -64,3 +64,22 @@ class TooLarge(FlexlinError, MemoryError):
         ...
     flexlin.errors.TooLarge: a simulation of 1e+09 periods is too large...
     """
+
+
+NO_MEMORY = (
+    "std::bad_alloc",
+    "failed to map segment",
+    "Cannot allocate memory",
+    "can't start new thread",
+    "Unable to allocate",
+)
+"""How libraries say that there is no memory, in errors of other kinds."""
+
+
+def lacks_memory(error: BaseException) -> bool:
+    """Whether an error is due to memory that gave out, by its kind or by its words; so are those that came of it."""
+    known = list[BaseException]()
+    while error not in known:
+        known.append(error)
+        error = error.__cause__ or error.__context__ or error
+    return any(isinstance(one, MemoryError) or any(words in str(one) for words in NO_MEMORY) for one in known)

@@ -2,9 +2,11 @@
 
 from dataclasses import replace
 from functools import partial
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flexlin.answers.budget import Budget
 from flexlin.answers.clock import Clock, Progress
 from flexlin.files import results
 from flexlin.scene.scene import Scene
@@ -16,8 +18,8 @@ if TYPE_CHECKING:
     from flexlin.answers.margins import Margin
 
 
-USUAL_SECONDS = 4.0
-"""What the margins may take, each, that nobody asked for."""
+USUAL = 4.0
+"""Seconds of 60 that a margin may take that nobody asked for."""
 STAGES = 15
 """Of a report without designs, about."""
 
@@ -30,16 +32,19 @@ def write_report(
     with_audit: bool = False,
     with_sensitivity: bool = False,
     margins: "Mapping[str, tuple[float, float]] | None" = None,
+    begun: float | None = None,
 ) -> "tuple[Analysis, list[Path]]":
     """Analyse a scene and write report.html and report.json into a folder, as one set.
 
     Parameters: command: the command line, which the page shows; progress: called with the name of each step as it begins;
     with_audit, with_sensitivity: also find which effects and which numbers matter (some seconds each);
-    margins: numbers whose critical values are looked for, with their ranges; by default speed and payload, by a coarse scan.
+    margins: numbers whose critical values are looked for, with their ranges; by default speed and payload, by a coarse scan;
+    begun: the time by `perf_counter` from which the limit of time counts, by default now.
     Returns: the analysis and the paths of the files.
     Raises: what `analyse` raises; OutputError when the folder cannot be written.
     """
-    clock = Clock(progress, planned=STAGES + 3 * len(scene.designs) + with_audit + with_sensitivity)
+    budget = Budget() if begun is None else Budget(begun)
+    clock = Clock(progress, planned=STAGES + 3 * len(scene.designs) + with_audit + with_sensitivity, budget=budget)
     with clock.step("load the numerical libraries"):
         from flexlin.answers.analysis import analyse
         from flexlin.report.record import record, to_json
@@ -60,7 +65,7 @@ def write_report(
     with clock.step("load the drawing library"):
         from flexlin.report.figures import draw_pictures
         from flexlin.report.page import render_page
-    drawn = clock.stage("figures", asked, partial(draw_pictures, analysis))
+    drawn = clock.stage("figures", asked, partial(draw_pictures, analysis), last=True)
     analysis = replace(analysis, steps=tuple(clock.steps))
     data = record(analysis)
     with results(folder, "report") as made:
@@ -75,15 +80,10 @@ def find_margins(
     """The critical values of some numbers; none of a number that meets a limit, or, where nobody chose it, cannot be free."""
     from flexlin.answers.margins import choose_margins, find_margin, find_usual_margin
 
-    find: Callable[..., Margin | None] = find_margin
-    asked = scene.accuracy
-    if chosen is None:
-        find, asked = find_usual_margin, asked.model_copy(update={"seconds": min(asked.seconds, USUAL_SECONDS)})
-    ranges = choose_margins(scene) if chosen is None else chosen
-    found = [
-        clock.attempt(
-            analysis.problems, f"margin {path}", f"critical values of {path}", asked, partial(find, scene, path, limits)
-        )
-        for path, limits in ranges.items()
-    ]
+    find: Callable[..., Margin | None] = find_margin if chosen is not None else find_usual_margin
+    ranges, at_most = (choose_margins(scene), USUAL) if chosen is None else (chosen, inf)
+    found: list[Margin | None] = []
+    for path, limits in ranges.items():
+        key, step, work = f"margin {path}", f"critical values of {path}", partial(find, scene, path, limits)
+        found.append(clock.attempt(analysis.problems, key, step, scene.accuracy, work, at_most=at_most))
     return tuple(margin for margin in found if margin is not None)

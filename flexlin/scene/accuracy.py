@@ -13,18 +13,19 @@ COMPARED = 1e-6
 
 
 class Accuracy(Table):
-    """What is asked of every stage of the work: an error, and limits of time and memory.
+    """What is asked of every stage of the work, an error, and what all of them together may take.
 
     tol: wanted error of each stage's answer, as the stage measures it (exponents in 1/s, relative beyond 1/s; gains, responses and
-    simulations relative); seconds: wall time that a stage may take; memory: bytes that it may ask for at once.
+    simulations relative); seconds: wall time of a run, and so of each of its stages; memory: bytes that a run may hold beside its
+    libraries, which take some 200 MB, and so what a stage may ask for at once.
     """
 
     tol: Annotated[float, Field(strict=True, ge=FINEST, le=COARSEST)] = 1e-9
     """Wanted error of each stage's answer; left out, the nonlinear check of a report is asked for 1e-6."""
     seconds: Annotated[float, Field(strict=True, gt=0, le=1e7), Unit("s")] = 60.0
-    """Wall time that a stage may take."""
-    memory: Annotated[float, Field(strict=True, ge=2.0**20, le=2.0**50), Unit("B")] = 2.0**30
-    """Memory that a stage may ask for at once."""
+    """Wall time that a run may take."""
+    memory: Annotated[float, Field(strict=True, ge=2.0**20, le=2.0**50), Unit("B")] = 7e8
+    """Memory that a run may hold beside its libraries: with these less than 1 GB."""
 
     @property
     def of_comparison(self) -> "Accuracy":

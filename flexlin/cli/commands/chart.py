@@ -24,6 +24,7 @@ def run(options: argparse.Namespace) -> int:
         progress("load the numerical libraries")
         import numpy as np
 
+        from flexlin.answers.budget import Budget
         from flexlin.answers.clock import Clock
         from flexlin.answers.sweep import check_values
         from flexlin.files import results
@@ -39,12 +40,12 @@ def run(options: argparse.Namespace) -> int:
             check_values(math.prod(counts))
             return {key: np.linspace(low, high, n) for (key, low, high, _), n in zip(spans, counts, strict=True)}
 
-        clock = Clock(progress, planned=3)
+        clock = Clock(progress, planned=3, budget=Budget(options.begun))
         how = {name: getattr(options, name) for name in ("loop", "workers", "scheduler", "store")}
         data, problem = compute_chart(scene, values, clock, progress, **how)
         ranges = {key: (low, high) for key, low, high, _ in spans}
         found = ([], []) if problem else find_boundary(scene, ranges, data, clock, options.loop)
-        pictures = draw_charts(scene, data, *found)
+        pictures = clock.stage("figures", scene.accuracy, lambda: draw_charts(scene, data, *found), last=True)
     print(pictures[0].caption)
     for line in accuracy_lines(tuple(clock.steps)):
         print(line)

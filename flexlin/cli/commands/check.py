@@ -12,11 +12,12 @@ TAKES = (*SCENE, *LIMITS)
 def run(options: argparse.Namespace) -> int:
     scene = loaded(options)
     from flexlin.about.linear import linearize
+    from flexlin.answers.budget import Budget
     from flexlin.answers.clock import Clock
     from flexlin.mechanics import build_manipulator
     from flexlin.report.record import effects
 
-    clock, asked = Clock(), scene.accuracy
+    clock, asked = Clock(budget=Budget(options.begun)), scene.accuracy
     arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
     plant = clock.stage("linearization", asked, lambda: linearize(arm, scene.motion, scene.control))
     print(f"{scene.title}: usable")

@@ -20,6 +20,7 @@ def run(options: argparse.Namespace) -> int:
     with Progress() as progress:
         progress("load the numerical libraries")
         from flexlin.answers.analysis import plant_and_designs
+        from flexlin.answers.budget import Budget
         from flexlin.answers.clock import Clock
         from flexlin.answers.steady import arm_length
         from flexlin.answers.validity import judge_model
@@ -28,7 +29,7 @@ def run(options: argparse.Namespace) -> int:
         from flexlin.report.tables import check_gains, gains_dataset, write_dataset
 
         check_gains(scene, options.points)
-        clock = Clock(progress, planned=3 + 3 * len(scene.designs))
+        clock = Clock(progress, planned=3 + 3 * len(scene.designs), budget=Budget(options.begun))
         plant, loops = plant_and_designs(scene, clock)
     models = [judge_model(arm_length(plant), loop.steady) for loop in loops]
     for loop, model in zip(loops, models, strict=True):

@@ -17,6 +17,7 @@ def run(options: argparse.Namespace) -> int:
     with Progress() as progress:
         progress("load the numerical libraries")
         from flexlin.answers.audit import audit
+        from flexlin.answers.budget import Budget
         from flexlin.answers.clock import Clock
         from flexlin.files import results
         from flexlin.report.minimal import minimal_text
@@ -24,7 +25,8 @@ def run(options: argparse.Namespace) -> int:
         from flexlin.report.terminal import audit_lines, say
 
         work = partial(audit, scene, options.tolerance, progress, scene.accuracy.tol)
-        result = Clock(progress).stage("audit of the effects", scene.accuracy, work)
+        clock = Clock(progress, budget=Budget(options.begun))
+        result = clock.stage("audit of the effects", scene.accuracy, work)
     for line in audit_lines(result):
         say(line)
     texts = {"effects.json": to_json({"schema": 1, "title": scene.title, **audit_block(result)})}

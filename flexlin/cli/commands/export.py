@@ -16,6 +16,7 @@ def run(options: argparse.Namespace) -> int:
     with Progress() as progress:
         progress("load the numerical libraries")
         from flexlin.answers.analysis import plant_and_designs
+        from flexlin.answers.budget import Budget
         from flexlin.answers.clock import Clock
         from flexlin.report.exports import design_folders, export_all
         from flexlin.report.tables import check_gains
@@ -23,10 +24,10 @@ def run(options: argparse.Namespace) -> int:
 
         design_folders([table.name for table in scene.designs])  # clashing names are refused before any work
         check_gains(scene, options.points)
-        clock = Clock(progress, planned=4 + 3 * len(scene.designs))
+        clock = Clock(progress, planned=4 + 3 * len(scene.designs), budget=Budget(options.begun))
         plant, loops = plant_and_designs(scene, clock)
         paths = clock.stage(
-            "files", scene.accuracy, lambda: export_all(plant, loops, options.out, options.points, scene)
+            "files", scene.accuracy, lambda: export_all(plant, loops, options.out, options.points, scene), last=True
         )
     for line in accuracy_lines(tuple(clock.steps)):
         print(line)

@@ -19,7 +19,7 @@ def run(options: argparse.Namespace) -> int:
 
         margins = {key: (low, high) for key, low, high, _ in options.margins} or None
         analysis, paths = write_report(
-            scene, options.out, command(options), progress, options.effects, options.sensitivity, margins
+            scene, options.out, command(options), progress, options.effects, options.sensitivity, margins, options.begun
         )
     from flexlin.report.terminal import summarize
 

@@ -25,6 +25,7 @@ def run(options: argparse.Namespace) -> int:
 
     with Progress() as progress:
         progress("load the numerical libraries")
+        from flexlin.answers.budget import Budget
         from flexlin.answers.clock import Clock
         from flexlin.answers.disturbed.chosen import answer_in_scene
         from flexlin.files import results
@@ -33,7 +34,7 @@ def run(options: argparse.Namespace) -> int:
         from flexlin.report.record import to_json
         from flexlin.report.terminal import accuracy_lines, say
 
-        clock = Clock(progress)
+        clock = Clock(progress, budget=Budget(options.begun))
         kind, words = asked[0]
         answer = answer_in_scene(scene, kind, words, options.of, options.lasting, clock)
     for line in (*answer_lines(answer), *accuracy_lines(tuple(clock.steps))):

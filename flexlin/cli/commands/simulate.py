@@ -12,6 +12,7 @@ TAKES = (*COMPUTED, "periods", "feedforward", "attraction", "animate")
 def run(options: argparse.Namespace) -> int:
     scene = loaded(options)
     from flexlin.about.linear import linearize
+    from flexlin.answers.budget import Budget
     from flexlin.answers.clock import Clock
     from flexlin.files import results
     from flexlin.mechanics import build_manipulator
@@ -22,7 +23,7 @@ def run(options: argparse.Namespace) -> int:
 
     asked, tol, said = scene.accuracy, scene.accuracy.tol, list[str]()
     with Progress() as progress:
-        clock = Clock(progress, planned=4 + 2 * options.attraction)
+        clock = Clock(progress, planned=4 + 2 * options.attraction, budget=Budget(options.begun))
         arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
         closed = clock.stage("linearization", asked, lambda: linearize(arm, scene.motion, scene.control))
         clock.stage("size of the result", asked, lambda: check_duration(closed, options.periods))
@@ -41,12 +42,14 @@ def run(options: argparse.Namespace) -> int:
             from flexlin.control import linear_range
             from flexlin.simulation import region_of_attraction
 
-            said.append(
-                clock.stage("range of the linear equations", asked, lambda: linear_range(closed, tol=tol)).status
+            problems, both = (
+                dict[str, str](),
+                {
+                    "range of the linear equations": lambda: linear_range(closed, tol=tol).status,
+                    "region of attraction": lambda: region_of_attraction(closed, tol=tol).status,
+                },
             )
-            said.append(
-                clock.stage("region of attraction", asked, lambda: region_of_attraction(closed, tol=tol)).status
-            )
+            said = [clock.attempt(problems, name, name, asked, work) or problems[name] for name, work in both.items()]
     for line in (result.status, *said, *accuracy_lines(tuple(clock.steps))):
         say(line)
     data = described(

@@ -1,0 +1,51 @@
+"""What all stages of one piece of work may take together, and what of it the next one gets."""
+
+import time
+from dataclasses import dataclass, field
+from math import inf
+
+from flexlin.answers.limits import Allowance, resident
+from flexlin.errors import TimeLimit
+from flexlin.scene.accuracy import Accuracy
+
+CLOSING, MOST, LEAST = 0.15, 30.0, 5.0
+"""Share of the time that is kept for drawing and writing what was found, and its limits in s."""
+SHARE = 2 / 3
+"""A stage that others follow gets so much of what is left: one that never ends leaves them something."""
+USUAL = 60.0
+"""The time by default, in s; what a minor stage gets grows with a longer one."""
+
+
+@dataclass
+class Budget:
+    """Time and memory of one piece of work; `begun`: its begin by `time.perf_counter`, `held`: bytes in use before its first stage."""
+
+    begun: float = field(default_factory=time.perf_counter)
+    held: int | None = None
+
+    def allow(
+        self, name: str, asked: Accuracy, share: float = 1.0, at_most: float = inf, by_tol: bool = False, last: bool = False
+    ) -> Allowance:  # fmt: skip
+        """What a stage gets: a share of what is left, at most some s (more of a longer whole); the last one takes what was kept too.
+
+        Raises: TimeLimit where no time is left.
+        """
+        if self.held is None:
+            self.held = resident()
+        left = self.begun + (last_end if last else stages_end)(asked.seconds) - time.perf_counter()
+        most, memory = at_most * max(1.0, asked.seconds / USUAL), asked.memory + self.held - resident()
+        above = max(asked.seconds, USUAL) if most < share * left else asked.seconds
+        allowed = Allowance(min(share * left, most), max(memory, 1.0), asked.seconds, asked.memory, above, by_tol)
+        if left <= 0:
+            raise TimeLimit(f"{name}: not begun", got=f"the {asked.seconds:g} s are used up", todo=allowed.more_time)
+        return allowed
+
+
+def stages_end(seconds: float) -> float:
+    """When all stages but the last are over, in s after the begin."""
+    return seconds - min(CLOSING * seconds, MOST)
+
+
+def last_end(seconds: float) -> float:
+    """When everything is: after the time; where that is short, after what drawing and writing needs."""
+    return max(seconds, stages_end(seconds) + LEAST)
