@@ -8,8 +8,6 @@ from flexlin.answers.limits import Allowance, resident
 from flexlin.errors import TimeLimit
 from flexlin.scene.accuracy import Accuracy
 
-CLOSING, MOST, LEAST = 0.15, 30.0, 5.0
-"""Share of the time that is kept for drawing and writing what was found, and its limits in s."""
 SHARE = 2 / 3
 """A stage that others follow gets so much of what is left: one that never ends leaves them something."""
 USUAL = 60.0
@@ -32,20 +30,10 @@ class Budget:
         """
         if self.held is None:
             self.held = resident()
-        left = self.begun + (last_end if last else stages_end)(asked.seconds) - time.perf_counter()
+        left = self.begun + (asked.last_end if last else asked.stages_end) - time.perf_counter()
         most, memory = at_most * max(1.0, asked.seconds / USUAL), asked.memory + self.held - resident()
         above = max(asked.seconds, USUAL) if most < share * left else asked.seconds
         allowed = Allowance(min(share * left, most), max(memory, 1.0), asked.seconds, asked.memory, above, by_tol)
         if left <= 0:
             raise TimeLimit(f"{name}: not begun", got=f"the {asked.seconds:g} s are used up", todo=allowed.more_time)
         return allowed
-
-
-def stages_end(seconds: float) -> float:
-    """When all stages but the last are over, in s after the begin."""
-    return seconds - min(CLOSING * seconds, MOST)
-
-
-def last_end(seconds: float) -> float:
-    """When everything is: after the time; where that is short, after what drawing and writing needs."""
-    return max(seconds, stages_end(seconds) + LEAST)

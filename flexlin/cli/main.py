@@ -20,7 +20,12 @@ from flexlin import __version__
 from flexlin.cli.commands import COMMANDS
 from flexlin.cli.options import OPTIONS
 from flexlin.cli.shared import BAD_INPUT, FAILED
+from flexlin.cli.supervised import INTERRUPTED, NO_MEMORY, PASSED_ON, supervise
 from flexlin.errors import FlexlinError, InputError, OutputError, SceneError, TooLarge
+from flexlin.errors.root import lacks_memory
+
+AGAIN = 1.0
+"""Seconds within which requests to end the program count as one: a terminal, and `timeout`, send theirs to all processes."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -33,24 +38,34 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"flexlin: {with_scene(error, options)}", file=sys.stderr)
         return BAD_INPUT if isinstance(error, (InputError, TooLarge)) else FAILED
     except MemoryError:
-        print("flexlin: there is not enough memory; ask for less at once", file=sys.stderr)
+        print(f"flexlin: {NO_MEMORY}", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
-        print("flexlin: interrupted; no file was left half-written", file=sys.stderr)
+        print(f"flexlin: {INTERRUPTED}", file=sys.stderr)
         return FAILED
 
 
 @contextmanager
 def ended_by_signal() -> Iterator[None]:
-    """Let a request to end the program (SIGTERM) act as Ctrl-C does; the handler of before is restored."""
+    """Let a request to end the program (SIGTERM) act as Ctrl-C does, and take several at once for one; handlers are restored."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    handler = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    last = -AGAIN
+
+    def end(number: int, frame: Any) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= AGAIN:
+            last = now
+            signal.default_int_handler(number, frame)
+
+    handlers = {number: signal.signal(number, end) for number in PASSED_ON}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, handler)
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
 
 
 def with_scene(error: FlexlinError, options: argparse.Namespace) -> str:
@@ -60,7 +75,12 @@ def with_scene(error: FlexlinError, options: argparse.Namespace) -> str:
 
 
 def entry() -> None:
-    """The program `flexlin`: a fault of flexlin itself is one line too, with exit code 1."""
+    """The program `flexlin`, which says in one line whatever goes wrong."""
+    sys.exit(supervise(run_program))
+
+
+def run_program() -> int:
+    """Run the command that the program was called with: a fault of flexlin itself is one line too, with exit code 1."""
     sys.excepthook, warnings.showwarning = report_fault, report_warning
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -72,10 +92,11 @@ def entry() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = FAILED
     except OSError as error:
-        print(f"flexlin: the output cannot be written: {error.strerror}", file=sys.stderr)
+        why = NO_MEMORY if lacks_memory(error) else f"the output cannot be written: {error.strerror}"
+        print(f"flexlin: {why}", file=sys.stderr)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = FAILED
-    sys.exit(code)
+    return code
 
 
 def report_warning(
@@ -86,7 +107,10 @@ def report_warning(
 
 
 def report_fault(kind: type[BaseException], fault: BaseException, trace: Any) -> None:
-    """Say in one line what went wrong inside flexlin, and where."""
+    """Say in one line what went wrong inside flexlin, and where; memory that gave out, and Ctrl-C, are nobody's fault."""
+    if isinstance(fault, KeyboardInterrupt) or lacks_memory(fault):
+        print(f"flexlin: {INTERRUPTED if isinstance(fault, KeyboardInterrupt) else NO_MEMORY}", file=sys.stderr)
+        return
     while trace.tb_next is not None:
         trace = trace.tb_next
     where = f"{Path(trace.tb_frame.f_code.co_filename).name}, line {trace.tb_lineno}"

@@ -16,6 +16,7 @@ ACCURACY = {"tol": "tol", "limit_seconds": "seconds", "limit_memory": "memory"}
 
 def loaded(options: argparse.Namespace) -> "Scene":
     """The scene with its overrides, once the output folder has been found usable."""
+    from flexlin.cli.supervised import send_limits
     from flexlin.files import check_folder
     from flexlin.scene import load_scene
     from flexlin.scene.overrides import parse_assignment
@@ -26,6 +27,7 @@ def loaded(options: argparse.Namespace) -> "Scene":
     asked = {f"accuracy.{key}": getattr(options, name, None) for name, key in ACCURACY.items()}
     overrides |= {key: value for key, value in asked.items() if value is not None}
     scene = load_scene(options.scene, overrides, options.data)
+    send_limits(options.begun, scene.accuracy)
     if options.out is None:
         options.out = Path("out") / Path(options.scene).stem
         check_folder(options.out)

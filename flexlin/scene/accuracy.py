@@ -11,6 +11,9 @@ FINEST, COARSEST = 1e-15, 0.1
 COMPARED = 1e-6
 """The error of a report's nonlinear check where no tol is given: a thousandth of the smallest difference that such a check speaks of."""
 
+CLOSING, MOST, LEAST = 0.2, 30.0, 5.0
+"""Share of the time that is kept for drawing and writing what was found, and its limits in s."""
+
 
 class Accuracy(Table):
     """What is asked of every stage of the work, an error, and what all of them together may take.
@@ -26,6 +29,16 @@ class Accuracy(Table):
     """Wall time that a run may take."""
     memory: Annotated[float, Field(strict=True, ge=2.0**20, le=2.0**50), Unit("B")] = 7e8
     """Memory that a run may hold beside its libraries: with these less than 1 GB."""
+
+    @property
+    def stages_end(self) -> float:
+        """When all stages but the last are over, in s after the begin."""
+        return self.seconds - min(CLOSING * self.seconds, MOST)
+
+    @property
+    def last_end(self) -> float:
+        """When everything is: after its time; where that is short, after what drawing and writing needs."""
+        return max(self.seconds, self.stages_end + LEAST)
 
     @property
     def of_comparison(self) -> "Accuracy":

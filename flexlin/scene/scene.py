@@ -79,4 +79,4 @@ class Scene(Table):
     drives: Drives | None = None
     """Limits of the drives: torque, speed, power, current."""
     accuracy: Accuracy = Accuracy()
-    """The wanted error, and what a stage may cost."""
+    """The wanted error, and what a run may cost."""

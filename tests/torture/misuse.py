@@ -15,6 +15,7 @@ import numpy as np
 
 import flexlin as fl
 from flexlin import control, kronecker, screws
+from flexlin.answers.budget import Budget
 from flexlin.answers.limits import limited
 from flexlin.errors import FlexlinError
 from flexlin.scene.accuracy import Accuracy
@@ -192,7 +193,7 @@ def misuses(name: str, kinds: Callable[[int], list[str]]) -> Iterator[tuple[str,
 def outcome(function: Callable, arguments: dict[str, Any]) -> str:
     """ "answered", "refused", or what untyped error came through."""
     try:
-        with warnings.catch_warnings(), limited("the call", Accuracy(seconds=LONGEST)):
+        with warnings.catch_warnings(), limited("the call", Budget().allow("the call", Accuracy(seconds=LONGEST))):
             warnings.simplefilter("ignore")
             function(**arguments)
     except FlexlinError:

@@ -1,0 +1,188 @@
+"""The work in a process of its own, watched by its parent: whatever becomes of it, there is a message, and it ends within its limits.
+
+Python ends a stage between two instructions. It cannot end a single call of a compiled library, and a library that finds no memory may end
+the process without a word. The parent took its own memory before the work began.
+"""
+
+import contextlib
+import os
+import select
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from flexlin.cli.shared import FAILED
+
+if TYPE_CHECKING:
+    from flexlin.scene.accuracy import Accuracy
+
+TICK = 0.1
+"""Seconds between two looks at the memory of the work."""
+FIRST_SECONDS, FIRST_BYTES = 60.0, 7e8
+"""Limits until a scene has been read."""
+LIBRARIES, BEYOND = 2e8, 1.2
+"""Bytes that the libraries take; what the work may hold for a moment, in its limit: it ends itself at the limit, if it can."""
+PASSED_ON = (signal.SIGINT, signal.SIGTERM)
+INTERRUPTED = "interrupted; no file was left half-written"
+NO_MEMORY = "there is not enough memory; ask for less at once"
+
+
+class Channel:
+    """How the work lets its parent know its limits, and that all has been said."""
+
+    writer: int | None = None
+
+    @classmethod
+    def send(cls, *words: float | str) -> None:
+        """Send one line."""
+        if cls.writer is not None:
+            with contextlib.suppress(OSError):
+                os.write(cls.writer, (" ".join(map(str, words)) + "\n").encode())
+
+
+def send_limits(begun: float, asked: "Accuracy") -> None:
+    """Let the parent know what a scene's run may take; `begun` by `time.perf_counter`, which all processes share."""
+    Channel.send("limits", begun + asked.last_end, asked.seconds, asked.memory)
+
+
+def supervise(work: Callable[[], int]) -> int:
+    """Do the work, which prints its own messages, and return its exit code; on Linux in a process of its own.
+
+    Where that process is ended by something else, or goes on beyond its limits, its parent says so.
+    """
+    if sys.platform != "linux" or threading.active_count() > 1:
+        return work()
+    parent, (reader, writer) = os.getpid(), os.pipe()
+    watch = Watch(reader)
+    handlers = {number: signal.signal(number, watch.pass_on) for number in PASSED_ON}
+    try:
+        watch.child = os.fork()
+    except OSError:  # no room for a second process
+        watch.child = -1
+    if watch.child > 0:
+        os.close(writer)
+        return watch.wait()
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+    if watch.child < 0:
+        return work()
+    os.close(reader)
+    Channel.writer = writer
+    end_with(parent)
+    return run_to_its_end(work)
+
+
+def run_to_its_end(work: Callable[[], int]) -> int:
+    """Do the work and let the parent know that nothing is left to say."""
+    try:
+        code = work()
+    except SystemExit:
+        Channel.send("ended")
+        raise
+    except BaseException as fault:
+        try:
+            sys.excepthook(type(fault), fault, fault.__traceback__)
+            sys.stderr.flush()
+        except BaseException:  # no memory even for a message: the parent has some
+            os._exit(FAILED)
+        code = FAILED
+    Channel.send("ended")
+    return code
+
+
+def end_with(parent: int) -> None:
+    """Have this process killed when its parent is."""
+    with contextlib.suppress(ImportError, OSError, AttributeError, MemoryError):
+        import ctypes
+
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+    if os.getppid() != parent:
+        os._exit(FAILED)
+
+
+@dataclass
+class Watch:
+    """The parent's side: `deadline` by `time.perf_counter`, `seconds` and `memory` as the user knows them."""
+
+    reader: int
+    child: int = 0
+    seconds: float = FIRST_SECONDS
+    memory: float = FIRST_BYTES
+    deadline: float = field(default_factory=lambda: time.perf_counter() + FIRST_SECONDS)
+    ended: bool = False
+    interrupted: bool = False
+
+    def pass_on(self, number: int, _: object) -> None:
+        """Hand a request to end the program on to the work."""
+        self.interrupted = True
+        if self.child > 0:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(self.child, number)
+
+    def wait(self) -> int:
+        """Wait for the work, keep its limits, and return its exit code."""
+        end = os.pidfd_open(self.child) if hasattr(os, "pidfd_open") else self.reader
+        open_ends, why = {end, self.reader}, ""
+        while True:
+            ready = select.select(list(open_ends), [], [], TICK)[0]
+            if self.reader in ready and not self.listen():
+                open_ends.discard(self.reader)
+            done, status = os.waitpid(self.child, os.WNOHANG)
+            if done:
+                break
+            why = why or self.excess()
+            if why:
+                os.kill(self.child, signal.SIGKILL)
+        self.listen()
+        return self.judge(os.waitstatus_to_exitcode(status), why)
+
+    def listen(self) -> bool:
+        """Take in what the work has sent; False once nothing more can come."""
+        if not select.select([self.reader], [], [], 0)[0]:
+            return True
+        said = os.read(self.reader, 4096)
+        for line in said.decode().splitlines():
+            kind, *numbers = line.split()
+            if kind == "limits":
+                self.deadline, self.seconds, self.memory = map(float, numbers)
+            self.ended |= kind == "ended"
+        return bool(said)
+
+    def excess(self) -> str:
+        """Why the work must be ended now; empty where it need not."""
+        if time.perf_counter() > self.deadline:
+            return (
+                f"stopped at the time limit of {self.seconds:g} s, inside a library that cannot be interrupted; "
+                f"allow more time (--limit-seconds above {self.seconds:g}, or seconds in the scene's [accuracy])"
+            )
+        if resident(self.child) > BEYOND * self.memory + LIBRARIES:
+            return (
+                f"stopped at the limit of memory of {self.memory:g} bytes, inside a library that cannot be interrupted; "
+                f"allow more (--limit-memory above {self.memory:g}, or memory in the scene's [accuracy])"
+            )
+        return ""
+
+    def judge(self, code: int, why: str) -> int:
+        """Say what became of the work, where it could not say so itself; the exit code."""
+        if self.ended and code >= 0:
+            return code
+        if not why and self.interrupted:
+            why = INTERRUPTED
+        if not why:
+            how = f"exit code {code}" if code >= 0 else f"signal {signal.Signals(-code).name}"
+            why = f"a library or the system ended the program ({how}); most often {NO_MEMORY}"
+        print(f"flexlin: {why}", file=sys.stderr, flush=True)
+        return FAILED
+
+
+def resident(process: int) -> int:
+    """Bytes of memory that a process holds; 0 where the system does not say."""
+    try:
+        with open(f"/proc/{process}/statm", "rb") as file:
+            return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except (OSError, ValueError, IndexError):
+        return 0

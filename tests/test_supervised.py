@@ -1,0 +1,122 @@
+"""Work that ends without a word, cannot be interrupted, or eats memory inside a library: its parent says so and ends it."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+START = (
+    "import os, sys, time, signal\n"
+    "from flexlin.cli.supervised import Channel, supervise\n"
+    "def limit(seconds, memory): Channel.send('limits', time.perf_counter() + seconds, seconds, memory)\n"
+)
+LINUX = pytest.mark.skipif(sys.platform != "linux", reason="work is supervised on Linux")
+
+
+def start(work: str) -> "subprocess.Popen[str]":
+    """A program that does the work under supervision."""
+    code = f"{START}def work():\n    {work}\n    return 0\nsys.exit(supervise(work))"
+    return subprocess.Popen(
+        [sys.executable, "-c", code],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=Path(__file__).parents[1],
+    )
+
+
+ENDS = {
+    "all is said": ("print('done')", 0, "done\n", ""),
+    "an exit code of its own": ("sys.exit(3)", 3, "", ""),
+    "abort in a library": ("os.abort()", 1, "", "(signal SIGABRT); most often there is not enough memory"),
+    "exit in a library": ("os._exit(1)", 1, "", "(exit code 1); most often there is not enough memory"),
+    "killed by the system": ("os.kill(os.getpid(), signal.SIGKILL)", 1, "", "(signal SIGKILL); most often"),
+    "no memory for a message": (
+        "sys.excepthook = lambda *a: [][0]; raise MemoryError",
+        1,
+        "",
+        "most often there is not enough memory",
+    ),
+    "one endless call": (
+        "limit(0.5, 1e9); sum(range(10**12))",
+        1,
+        "",
+        "stopped at the time limit of 0.5 s, inside a library that cannot be interrupted; allow more time (--limit-seconds above 0.5,",
+    ),
+    "one greedy call": (
+        "limit(60, 1e6); list(range(10**9))",
+        1,
+        "",
+        "stopped at the limit of memory of 1e+06 bytes, inside a library that cannot be interrupted; allow more (--limit-memory above",
+    ),
+}
+
+
+@LINUX
+@pytest.mark.parametrize(("work", "code", "out", "err"), ENDS.values(), ids=ENDS.keys())
+def test_however_the_work_ends_there_is_a_message(work: str, code: int, out: str, err: str) -> None:
+    run = start(work)
+    said = run.communicate(timeout=60)
+    assert (run.returncode, said[0]) == (code, out)
+    assert err in said[1] if err else said[1] == ""
+    assert said[1].count("flexlin: ") <= 1
+
+
+@LINUX
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_request_to_end_reaches_the_work(number: int) -> None:
+    work = (
+        "signal.signal(signal.SIGTERM, signal.default_int_handler); \n"
+        "    try: print('ready', flush=True); time.sleep(60)\n"
+        "    except KeyboardInterrupt: print('cleaned')"
+    )
+    run = start(work)
+    assert run.stdout is not None
+    assert run.stdout.readline() == "ready\n"
+    run.send_signal(number)
+    assert run.communicate(timeout=60) == ("cleaned\n", "")
+    assert run.returncode == 0
+
+
+@LINUX
+def test_a_killed_parent_takes_the_work_with_it() -> None:
+    run = start("print(os.getpid(), flush=True); time.sleep(60)")
+    assert run.stdout is not None
+    child = int(run.stdout.readline())
+    run.kill()
+    run.communicate(timeout=60)
+    with contextlib.suppress(ProcessLookupError):
+        for _ in range(200):
+            os.kill(child, 0)
+            if f"{child} (python" in (status := Path(f"/proc/{child}/stat").read_text()) and ") Z " in status:
+                break
+            time.sleep(0.05)
+        else:
+            pytest.fail("the work went on alone")
+
+
+@LINUX
+@pytest.mark.parametrize("space", [60e6, 200e6])
+def test_little_memory_from_the_start_ends_in_one_message(space: float, tmp_path: Path) -> None:
+    """Libraries that cannot even be loaded: some raise, some end the process, some wait for ever."""
+    import resource
+
+    run = subprocess.run(
+        [sys.executable, "-m", "flexlin", "check", "single-link", "--limit-seconds", "8"],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (int(space), int(space))),
+        env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+        cwd=Path(__file__).parents[1],
+    )
+    assert run.returncode in (1, 2)
+    assert "memory" in run.stderr or "time limit" in run.stderr
+    assert "Traceback" not in run.stderr
+    assert "fault of flexlin" not in run.stderr
