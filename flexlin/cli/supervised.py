@@ -65,7 +65,7 @@ def supervise(work: Callable[[], int]) -> int:
         watch.child = -1
     if watch.child > 0:
         os.close(writer)
-        return watch.wait()
+        os._exit(watch.wait())  # what follows, the work's process does
     for number, handler in handlers.items():
         signal.signal(number, handler)
     if watch.child < 0:
@@ -154,6 +154,8 @@ class Watch:
 
     def excess(self) -> str:
         """Why the work must be ended now; empty where it need not."""
+        if self.ended:
+            return ""
         if time.perf_counter() > self.deadline:
             return (
                 f"stopped at the time limit of {self.seconds:g} s, inside a library that cannot be interrupted; "
