@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 
+from flexlin.about.closing import refuse_open_loops
 from flexlin.about.deviation import Deviation
 from flexlin.about.linearization import Linearization
 from flexlin.about.routes import ROUTES, Matrices, Route
@@ -50,7 +51,9 @@ def linearize(
     Raises
     ------
     MotionError
-        When the motion does not fit.
+        When the motion does not fit, or a loop of the arm does not close along it.
+    SingularClosure
+        When the closure of a loop becomes singular along the motion.
     ArgumentError
         For an unknown route or gains that do not fit.
     ModelError
@@ -81,6 +84,8 @@ def linearize(
     if route not in ROUTES:
         raise ArgumentError("there is no such route", got=repr(route), expected=" or ".join(ROUTES))
     about = Deviation.of(arm, motion)
+    if arm.loops is not None:
+        refuse_open_loops(about)
     lin = Linearization(about, coefficients(about, ROUTES[route](arm), control), route, control)
     need_finite(lin)
     return lin

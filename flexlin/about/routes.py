@@ -16,7 +16,8 @@ Matrices = tuple[ca.SX, ca.SX, ca.SX]
 def by_jacobian(arm: Manipulator) -> tuple[ca.SX, ca.SX, ca.SX]:
     """M_L, D_L, K_L as Jacobians of the residual by s'', s' and s."""
     jacobian = partial(ca.jacobian, arm.residual)
-    return jacobian(arm.s_ddot), jacobian(arm.s_dot), jacobian(arm.s)
+    K = jacobian(arm.s) if arm.loops is None else arm.loops.slope(arm.s)
+    return jacobian(arm.s_ddot), jacobian(arm.s_dot), K
 
 
 def by_kronecker(arm: Manipulator) -> tuple[ca.SX, ca.SX, ca.SX]:

@@ -6,16 +6,21 @@ from flexlin.mechanics.deflection import PLACES
 from flexlin.mechanics.effects.base import Chain
 from flexlin.mechanics.frames import Frame
 from flexlin.mechanics.links import BentLink
+from flexlin.scene.loops import NO_LINK
 
 COLUMNS = len(PLACES) + 1
 """Columns for each link: where the link before it ends, and the places of its axis."""
 
 
 def list_axes(chain: Chain) -> ca.SX:
-    """World positions (3, COLUMNS links) of points on the links' axes, each link behind where the one before it ends."""
+    """World positions (3, COLUMNS links) of points on the links' axes, each link behind where the one that carries it ends.
+
+    Links that stand on the ground, or slide as a loop lets them, begin at their own joint.
+    """
     curves = []
     for i, (link, tip) in enumerate(zip(chain.links, chain.tips, strict=True)):
-        before = chain.tips[i - 1] if i else chain.joints[0]
+        slides = link.table.passive and link.table.joint == "prismatic"
+        before = chain.joints[i] if slides or chain.parents[i] == NO_LINK else chain.tips[chain.parents[i]]
         curves += [before.position, trace_axis(link, tip)]
     return ca.densify(ca.horzcat(*curves))
 

@@ -9,6 +9,7 @@ from flexlin.checks import Array
 from flexlin.mechanics.body import RigidMass
 from flexlin.mechanics.effects import effects_of
 from flexlin.scene.links import Direction, Link
+from flexlin.scene.loops import list_parents
 from flexlin.scene.scene import Scene
 from flexlin.scene.space import Inertia
 
@@ -38,11 +39,14 @@ def sum_carried(scene: Scene, index: int, direction: Direction = "y") -> tuple[f
     Assumes the arm rigid beyond the tip, with all joints at zero and without mounts' angles about z: stretched out.
     Source: De Luca, Siciliano (1991), section IV, at q2 = 0.
     """
-    effects, load, R, p = effects_of(scene.effects), Load(), np.eye(3), np.zeros(3)
+    effects, load, parents = effects_of(scene.effects), Load(), list_parents(scene.links)
+    tips = {index: (np.eye(3), np.zeros(3))}
     for body in find_bodies_at_tip(scene, index):
-        load.add(body.mass, read_tensor(body), R, p + R @ place(body))
+        load.add(body.mass, read_tensor(body), np.eye(3), place(body))
     for k in range(index + 1, len(scene.links)):
-        link = scene.links[k]
+        if parents[k] not in tips:
+            continue
+        link, (R, p) = scene.links[k], tips[parents[k]]
         p, R = p + R @ np.array(link.mount.xyz), R @ Rotation.from_euler("xyz", link.mount.rpy).as_matrix()
         for body in find_bodies_on_joint(scene, k):
             axis = np.array(link.joint_axis) / np.linalg.norm(link.joint_axis)
@@ -53,6 +57,7 @@ def sum_carried(scene: Scene, index: int, direction: Direction = "y") -> tuple[f
         p = p + R[:, 0] * link.length
         for body in find_bodies_at_tip(scene, k):
             load.add(body.mass, read_tensor(body), R, p + R @ place(body))
+        tips[k] = (R, p)
     axis = AXES[direction]
     return load.mass, float(load.inertia[axis, axis])
 

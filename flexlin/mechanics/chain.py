@@ -16,12 +16,15 @@ from flexlin.mechanics.effects.base import Chain
 from flexlin.mechanics.frames import Frame, X, Y, Z, column, is_same, unit
 from flexlin.mechanics.link_shapes import choose_basis
 from flexlin.mechanics.links import BentLink, LinkBasis
+from flexlin.mechanics.loops import close_scene_loops
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.mechanics.parameters import Parameters, given_to_model
+from flexlin.mechanics.points import list_points
 from flexlin.mechanics.sections import turned_sections
 from flexlin.scene.library import registered_model
 from flexlin.scene.links import Link
 from flexlin.scene.loading import checked_table
+from flexlin.scene.loops import NO_LINK, list_parents
 from flexlin.scene.scene import Scene
 from flexlin.scene.space import RigidPart
 
@@ -33,8 +36,9 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
         M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau
 
     Coordinates: first the relative joint displacements q, then the elastic coordinates w link by link, then those of motors behind
-    flexible joints. Energies by recursion over the links, M, C, g by Lagrange's equations. An effect that is off adds no instruction
-    and no coordinate. Assumes slender links, and deflections small against the length.
+    flexible joints; passive joints follow from the loops. Energies by recursion over the links, M, C, g by Lagrange's equations,
+    reduced by C_1, C_2. An effect that is off adds no instruction and no coordinate. Assumes slender links, and deflections small
+    against the length.
 
     Parameters
     ----------
@@ -75,12 +79,13 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
     scene = free.placed_in(scene)
     effects = effects_of(scene.effects)
     units = {i: "m" if link.joint == "prismatic" else "rad" for i, link in enumerate(scene.links) if link.moves}
-    free_motors = [i for i in units if any(effect.frees_motor(i) for effect in effects)]
+    free_motors = [i for i in units if scene.links[i].driven and any(effect.frees_motor(i) for effect in effects)]
     coordinates = list_coordinates([link.counts for link in scene.links], units, free_motors)
     at, rate = (Symbols.of(coordinates, len(scene.links), mark) for mark in ("", "d_"))
-    arm = _derive_equations(_build_chain(scene.links, effects, basis, at, rate), effects, at, rate, free)
-    arm = replace(arm, coordinates=coordinates, effects=tables)
-    return _free_motors(arm) if free_motors else arm
+    chain = _build_chain(scene.links, effects, basis, at, rate)
+    arm = replace(_derive_equations(chain, effects, at, rate, free), coordinates=coordinates, effects=tables)
+    arm = _free_motors(arm) if free_motors else arm
+    return close_scene_loops(arm, chain, scene) if scene.loops else arm
 
 
 def _derive_equations(
@@ -89,7 +94,7 @@ def _derive_equations(
     """Lagrange's equations of the chain; the motors drive, and their encoders read, what the chain says their angles are."""
     T, V, R = _sum_energies(chain, effects)
     measured = ca.jacobian(chain.motor, at.all)
-    points = _list_points(chain)
+    points = list_points(chain)
     gains = ca.vertcat(*[_choose_input_gain(effects, i) for i in chain.moving])
     arm = Manipulator.from_lagrangian(
         at.all,
@@ -104,13 +109,8 @@ def _derive_equations(
         points=points,
         check=False,
     )
-    return replace(arm, measured=measured, axes=list_axes(chain)[: points.size1(), :])
-
-
-def _list_points(chain: Chain) -> ca.SX:
-    """Where the joints and the last tip are, (2, k) for an arm that cannot leave its plane, else (3, k)."""
-    points = ca.sparsify(ca.horzcat(*[frame.position for frame in (*chain.joints, chain.tips[-1])]))
-    return ca.densify(points if points[2, :].nnz() else points[:2, :])
+    tip = ca.densify(chain.tips[-1].rotation)
+    return replace(arm, measured=measured, axes=list_axes(chain)[: points.size1(), :], rotation=tip)
 
 
 def _free_motors(arm: Manipulator) -> Manipulator:
@@ -151,11 +151,13 @@ def _build_chain(
     at: Symbols,
     rate: Symbols,
 ) -> Chain:
-    """Carry a frame from the base over joints and links to the tip."""
-    frame, mounts, axes, joints, links, tips = Frame.fixed(), [], [], [], [], []
+    """Carry a frame from the base over joints and links to the tips."""
+    mounts, axes, joints, links = [], [], [], []
+    tips: list[Frame] = []
+    parents = list_parents(tables)
     moving = tuple(i for i, table in enumerate(tables) if table.moves)
     for i, table in enumerate(tables):
-        mounts.append(pass_mount(frame, table))
+        mounts.append(pass_mount(Frame.fixed() if parents[i] == NO_LINK else tips[parents[i]], table))
         axes.append(unit(table.joint_axis))
         place = moving.index(i) if table.moves else None
         displacement = _follow(table, moving, at, rate) if place is None else (at.q[place], rate.q[place])
@@ -166,15 +168,14 @@ def _build_chain(
         joints.append(frame.turned(Z, *link.base_turn))
         links.append(link)
         moved = [(*effect.tip_displacement(link), *effect.tip_turn(link)) for effect in effects]
-        frame = link.tip(*(sum((parts[k] for parts in moved), ca.SX(3, 1)) for k in range(4)))
-        tips.append(frame)
+        tips.append(link.tip(*(sum((parts[k] for parts in moved), ca.SX(3, 1)) for k in range(4))))
     q, q_rate = at.q, rate.q
     turns = [links[i].base_turn for i in moving]
     if turns:
         q, q_rate = (x + ca.vertcat(*extra) for x, extra in zip((q, q_rate), zip(*turns, strict=True), strict=True))
     motor, motor_rate = (symbols.with_motors(x, moving) for symbols, x in ((at, q), (rate, q_rate)))
-    by_link = (tuple(found) for found in (mounts, axes, joints, links, tips))
-    bare = Chain(q, q_rate, motor, motor_rate, moving, *by_link)
+    frames = {"mounts": tuple(mounts), "axes": tuple(axes), "joints": tuple(joints), "tips": tuple(tips)}
+    bare = Chain(q, q_rate, motor, motor_rate, moving, links=tuple(links), parents=tuple(parents), **frames)
     bodies = [Body(link.base, _sum_moments(link, effects)) for link in links]
     return replace(bare, bodies=(*bodies, *(body for effect in effects for body in effect.bodies(bare))))
 

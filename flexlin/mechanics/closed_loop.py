@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import comb
 
 import casadi as ca
 import numpy as np
@@ -10,9 +11,15 @@ from numpy.typing import ArrayLike
 from flexlin.checks import real_array
 from flexlin.errors import ModelError
 from flexlin.kronecker import derivative, kron
+from flexlin.mechanics.followers import ClosedLoops
 from flexlin.mechanics.manipulator import Manipulator
+from flexlin.mechanics.parameters import Parameters
 from flexlin.series import implicit_taylor, solve_implicit
 
+NEWTON_STEPS, FOLLOWING = 4, 2
+"""Steps of Newton's method at u, and at each place on the way there."""
+MOST_INSTRUCTIONS, MOST_PLACES = 4000, 8
+MOST_TERMS = 600
 CLOSED = 1e-9
 """Largest |f| at which the loop counts as closed; beyond it the model answers nan instead of a wrong number."""
 
@@ -47,6 +54,7 @@ def side_by_side(first: Manipulator, second: Manipulator, names: tuple[str, str]
         coordinates=tuple(c.within(name) for name, arm in zip(names, arms, strict=True) for c in arm.coordinates),
         energy=first.energy + second.energy,
         points=ca.horzcat(points[:, ::-1], first.points),
+        rotation=first.rotation,
         coriolis=diagonal("C"),
     )
 
@@ -57,30 +65,34 @@ def close_loop(
     independent: Sequence[int],
     motors: Sequence[int],
     posture: ArrayLike,
-    order: int = 4,
+    order: int | None = None,
 ) -> Manipulator:
     """Return a manipulator whose loops are closed, in independent coordinates u.
 
         f(u, v) = 0,   s' = K u',   s'' = K u'' + K' u',   K = [C_1; E],   K' u' = [C_2 (u' (x) u'); 0]
         M_u = K^T M K,   C_u = K^T (M K' + C K),   g_u = K^T g,   B_u = K^T B
 
-    v(u) is the Taylor polynomial about the posture, refined by three Newton steps; where these do not close the loop everything is nan.
+    v(u) is the Taylor polynomial about the posture, refined by Newton steps; where these do not close the loop everything is nan.
 
-    Assumes V = D_v f regular along the motion and u's motors among the independent coordinates; passive joints bear no input.
-    Parameters: closure f (nv, 1) of arm.s; independent: indices of u in s, motors first; motors: joints (columns of arm.B) that stay
-    driven; posture: s near which the Taylor polynomial is made; it chooses the assembly.
+    Assumes V = D_v f regular along the motion and what the motors move among the independent coordinates; passive joints bear no input.
+    Parameters: closure f (nv, 1) of arm.s; independent: indices of u in s; motors: joints (columns of arm.B) that stay
+    driven; posture: s near which the Taylor polynomial is made; it chooses the assembly; order: of the polynomial, by default as high
+    as 4 while it stays short.
     Raises: ModelError when numbers do not fit; ToleranceNotReached, SingularClosure when the posture cannot be closed.
     Source: de Jong et al. (2018), Eqs (14)-(25), corrected.
     """
-    n, dependent = arm.n, [i for i in range(arm.n) if i not in set(independent)]
-    if len(dependent) != closure.numel() or [arm.drives[j] for j in motors] != list(independent[: len(motors)]):
+    n, independent = arm.n, list(independent)
+    dependent = [i for i in range(n) if i not in independent]
+    if len(dependent) != closure.numel() or not {arm.drives[j] for j in motors} <= set(independent):
         raise ModelError(
-            "independent coordinates do not fit the closure", got=list(independent), expected="motors first"
+            "independent coordinates do not fit the closure",
+            got=independent,
+            expected=f"{n - closure.numel()} indices, the motors' among them",
         )
-    u, v = arm.s[list(independent)], arm.s[dependent]
+    u, v = arm.s[independent], arm.s[dependent]
     u_dot, u_ddot = ca.SX.sym("u_dot", u.numel()), ca.SX.sym("u_ddot", u.numel())
     s = real_array("posture", posture, (n,))
-    solution = implicit_solution(closure, u, v, s[list(independent)], s[dependent], order)
+    solution = implicit_solution(closure, u, v, s[independent], s[dependent], arm.parameters, order)
     K, K_dot = reduction(closure, u, v, u_dot, [*dependent, *independent])
     parts = {
         "residual": K.T @ arm.residual,
@@ -92,48 +104,73 @@ def close_loop(
         "points": arm.points,
         **({} if arm.axes is None else {"axes": arm.axes}),
         "coriolis": K.T @ (arm.M @ K_dot + arm.C @ K),
+        **({} if arm.rotation is None else {"rotation": arm.rotation}),
     }
     moving = ca.substitute(list(parts.values()), [arm.s_dot, arm.s_ddot], [K @ u_dot, K @ u_ddot + K_dot @ u_dot])
-    reduced = ca.substitute(moving, [v], [solution])
+    reduced = dict(zip(parts, map(ca.densify, ca.substitute(moving, [v], [solution])), strict=True))
+    loops = ClosedLoops(solution, v, closure, moving[0], K[dependent, :])
+    read = None if arm.measured is None else ca.densify(arm.measured[list(motors), independent])
     return replace(
         arm,
         s=u,
         s_dot=u_dot,
         s_ddot=u_ddot,
-        reference=ca.DM.eye(u.numel())[:, : len(motors)],
-        drives=tuple(range(len(motors))),
+        reference=arm.reference[independent, list(motors)],
+        drives=tuple(independent.index(arm.drives[j]) for j in motors),
         coordinates=tuple(arm.coordinates[i] for i in independent),
-        measured=None,
+        measured=read,
         effects=None,
-        **{name: ca.densify(value) for name, value in zip(parts, reduced, strict=True)},
+        loops=loops,
+        **reduced,
     )
 
 
 def reduction(f: ca.SX, u: ca.SX, v: ca.SX, u_dot: ca.SX, places: Sequence[int]) -> tuple[ca.SX, ca.SX]:
-    """Return K and K' (n, nu) with s' = K u', s'' = K u'' + K' u', rows in the order of s; `places` of [v; u] in s."""
-    C1, C2 = closure_jacobians(f, u, v)
-    eye, K, K_dot = ca.SX.eye(u.numel()), ca.SX(len(places), u.numel()), ca.SX(len(places), u.numel())
-    K[list(places), :] = ca.vertcat(C1, eye)
-    K_dot[list(places[: v.numel()]), :] = C2 @ kron(eye, u_dot)
+    """Return K and K' (n, nu) with s' = K u', s'' = K u'' + K' u', rows in the order of s; `places` of [v; u] in s.
+
+        C_1 = -V^-1 U,   C_2 (E (x) u') = -V^-1 D_s [V, U] (K (x) K u')
+
+    Source: de Jong et al., Eqs (16), (23), corrected, s = [v; u].
+    """
+    eye, s = ca.SX.eye(u.numel()), ca.vertcat(v, u)
+    V, U = ca.jacobian(f, v), ca.jacobian(f, u)
+    stacked = ca.vertcat(-ca.solve(V, U), eye)
+    bend = -ca.solve(V, derivative(ca.horzcat(V, U), s) @ kron(stacked, stacked @ u_dot))
+    K, K_dot = ca.SX(len(places), u.numel()), ca.SX(len(places), u.numel())
+    K[list(places), :] = stacked
+    K_dot[list(places[: v.numel()]), :] = bend
     return K, K_dot
 
 
-def implicit_solution(f: ca.SX, u: ca.SX, v: ca.SX, u0: np.ndarray, guess: np.ndarray, order: int) -> ca.SX:
-    """Return v(u) as an expression: Taylor polynomial, three Newton steps, nan where the loop stays open."""
-    v0 = solve_implicit(f, u, v, u0, guess)
-    taylor = implicit_taylor(f, u, v, u0, v0, order).function()
-    step = ca.Function("step", [u, v], [v - ca.solve(ca.jacobian(f, v), f)])
-    gap = ca.Function("gap", [u, v], [ca.sumsqr(f)])
-    solution = taylor(u - u0)
-    for _ in range(3):
-        solution = step(u, solution)
-    return ca.if_else(gap(u, solution) < CLOSED**2, solution, np.nan)
+def implicit_solution(
+    f: ca.SX, u: ca.SX, v: ca.SX, u0: np.ndarray, guess: np.ndarray, parameters: Parameters, order: int | None
+) -> ca.SX:
+    """Return v(u) as an expression: Taylor polynomial, Newton steps, nan where the loop stays open.
+
+    Equations of which a step is short are followed over several places on the way from the posture to u, so that u may lie far away.
+    Coordinates that f does not hold are left out of the polynomial. It is made at the parameters' values; Newton's steps hold the
+    symbols, so they find v for values nearby too.
+    """
+    p = parameters.symbols
+    held = [i for i in range(u.numel()) if ca.depends_on(f, u[i])]
+    within, start = u[held], u0[held]
+    numbers = ca.substitute(f, p, ca.DM(parameters.values))
+    v0 = solve_implicit(numbers, within, v, start, guess)
+    order = choose_order(len(held), v.numel()) if order is None else order
+    taylor = implicit_taylor(numbers, within, v, start, v0, order).function()
+    step = ca.Function("step", [within, v, p], [v - ca.solve(ca.jacobian(f, v), f)])
+    gap = ca.Function("gap", [within, v, p], [ca.sumsqr(f)])
+    places = min(max(MOST_INSTRUCTIONS // (FOLLOWING * step.n_instructions()), 1), MOST_PLACES)
+    way = (within - start) / places
+    solution = taylor(way)
+    for place in range(1, places):
+        for _ in range(FOLLOWING):
+            solution = step(start + place * way, solution, p)
+    for _ in range(NEWTON_STEPS):
+        solution = step(within, solution, p)
+    return ca.if_else(gap(within, solution, p) < CLOSED**2, solution, np.nan)
 
 
-def closure_jacobians(f: ca.SX, u: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Return C_1 (nv, nu) and C_2 (nv, nu^2) as expressions: de Jong et al., Eqs (16), (23), corrected, s = [v; u]."""
-    s = ca.vertcat(v, u)
-    V, U = ca.jacobian(f, v), ca.jacobian(f, u)
-    C1 = -ca.solve(V, U)
-    K = ca.vertcat(C1, ca.SX.eye(u.numel()))
-    return C1, -ca.solve(V, derivative(ca.horzcat(V, U), s) @ kron(K, K))
+def choose_order(nu: int, nv: int) -> int:
+    """The highest order up to 4 whose polynomial of nv values by nu variables has few terms."""
+    return max(k for k in range(1, 5) if k == 1 or nv * comb(nu + k, k) <= MOST_TERMS)

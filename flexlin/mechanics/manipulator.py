@@ -10,6 +10,7 @@ from flexlin.expressions import Expressions
 from flexlin.mechanics.coordinates import Coordinate
 from flexlin.mechanics.coriolis import derive_coriolis
 from flexlin.mechanics.driving import describe_driving
+from flexlin.mechanics.followers import ClosedLoops
 from flexlin.mechanics.lagrange import derive_lagrange_equations
 from flexlin.mechanics.named_functions import NamedFunctions, name_functions
 from flexlin.mechanics.parameters import Parameters, parameters_at_hand
@@ -55,6 +56,10 @@ class Manipulator(Expressions):
         What each motor's encoder reads of s; None: the coordinates in `drives`.
     effects : Effects or None
         Tables of the effects in it, None where they are not known.
+    rotation : casadi.SX, shape (3, 3), or None
+        From the last tip's axes to the world's.
+    loops : ClosedLoops or None
+        The joints that follow from closed loops, None where there are none.
 
     Examples
     --------
@@ -81,6 +86,8 @@ class Manipulator(Expressions):
     coriolis: ca.SX | None = None
     measured: ca.SX | None = None
     effects: Effects | None = None
+    rotation: ca.SX | None = None
+    loops: ClosedLoops | None = None
 
     __repr__ = represent
 

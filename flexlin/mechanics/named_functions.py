@@ -29,7 +29,7 @@ class NamedFunctions(Mapping[str, ca.Function]):
 
 
 def name_functions(arm: "Manipulator") -> NamedFunctions:
-    """Functions of s, s_dot, s_ddot as needed, and p: M, C, g, damping, residual; energy, points and axes if known."""
+    """Functions of s, s_dot, s_ddot as needed, and p: M, C, g, damping, residual; more if known."""
     p = arm.parameters.symbols
     at, moving = {"s": arm.s, "p": p}, {"s": arm.s, "s_dot": arm.s_dot, "p": p}
     accelerated = {"s": arm.s, "s_dot": arm.s_dot, "s_ddot": arm.s_ddot, "p": p}
@@ -46,4 +46,11 @@ def name_functions(arm: "Manipulator") -> NamedFunctions:
         table["points"] = (at, lambda: arm.points)
     if arm.axes is not None:
         table["axes"] = (at, lambda: arm.axes)
+    if arm.rotation is not None:
+        table["rotation"] = (at, lambda: arm.rotation)
+    if arm.loops is not None:
+        loops, following = arm.loops, {"s": arm.s, "v": arm.loops.v, "p": p}
+        table["followers"] = (at, lambda: loops.followers)
+        table["closing"] = (following, lambda: ca.jacobian(loops.gap, loops.v))
+        table["newton_step"] = (following, loops.newton_step)
     return NamedFunctions(table)

@@ -115,7 +115,7 @@ def play(name: str, lin: Linearization, t: Array, states: Array, digits: int) ->
 
 def moving(frames: Frames) -> list[list[Array]]:
     """The links of each picture that move; all, where none seems to."""
-    chosen = moving_links(frames.points, len(frames.links[0]))
+    chosen = moving_links(frames.links)
     return [[links[i] for i in chosen] or links for links in frames.links]
 
 

@@ -48,13 +48,12 @@ def list_grounds(points: Array) -> list[int]:
     return [i for i in fixed if points.shape[1] == 2 or i - 1 not in fixed]
 
 
-def moving_links(points: Array, count: int) -> list[int]:
-    """Which of the links move: one between two fixed points is ground, one without length is a carriage."""
-    fixed = set(fixed_points(points))
-    lengths = np.linalg.norm(np.diff(points, axis=2), axis=1).max(axis=0)
-    return [
-        i for i in range(count) if not {i, i + 1} <= fixed and lengths[i] > STILL * max(float(np.ptp(points)), 1e-300)
-    ]
+def moving_links(links: list[list[Array]]) -> list[int]:
+    """Which of the links [time][link] move: one that never does is ground, one without length is a carriage."""
+    each = [np.stack(curves) for curves in zip(*links, strict=True)]
+    still = STILL * max((float(np.ptp(curves)) for curves in each), default=0.0)
+    moved = [np.ptp(curves, axis=0).max() > still and np.ptp(curves, axis=2).max() > still for curves in each]
+    return [i for i, found in enumerate(moved) if found]
 
 
 def bodies(scene: Scene) -> dict[str, bool]:

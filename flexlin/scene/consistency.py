@@ -8,7 +8,8 @@ from typing import Any
 from flexlin.errors import Problem
 from flexlin.scene.base import MOST
 from flexlin.scene.effects import RawArm, effect_contradictions, known_effects, tables_on
-from flexlin.scene.link_rules import link_contradictions, mode_counts, moves
+from flexlin.scene.link_rules import driven, link_contradictions, mode_counts, moves
+from flexlin.scene.loop_rules import loop_contradictions
 from flexlin.scene.weights import Weights
 from flexlin.text import printable
 
@@ -18,7 +19,7 @@ COORDINATE = re.compile(r"(q|w|theta|phi)\w*\d(_rate)?")
 
 def contradictions(raw: dict[str, Any]) -> list[Problem]:
     """List where the tables of a raw scene do not fit each other; lists too long to be looked at are the schema's to refuse."""
-    if any(isinstance(raw.get(key), list) and len(raw[key]) > MOST for key in ("links", "designs")):
+    if any(isinstance(raw.get(key), list) and len(raw[key]) > MOST for key in ("links", "loops", "designs")):
         return []
     return [*_links(raw), *_joint_counts(raw), *_design_names(raw), *_weighted(raw)]
 
@@ -46,6 +47,7 @@ def _links(raw: dict[str, Any]) -> Iterator[Problem]:
         )
     arm = RawArm(links, _motion_joints(raw, links))
     yield from link_contradictions(arm)
+    yield from loop_contradictions(links, _tables(raw.get("loops")), model)
     yield from effect_contradictions(_effects(raw), arm)
 
 
@@ -62,7 +64,7 @@ def _motion_joints(raw: dict[str, Any], links: list[dict[str, Any]]) -> list[Any
     """The raw table of the motion of each link's joint, with the motion's default drive; empty for a fixed joint."""
     motion = raw["motion"] if isinstance(raw.get("motion"), dict) else {}
     tables = iter([{"drive": motion.get("drive", "torque"), **joint} for joint in _tables(motion.get("joints"))])
-    return [next(tables, {}) if moves(link) else {} for link in links]
+    return [next(tables, {}) if driven(link) else {} for link in links]
 
 
 def _has_mass(link: dict[str, Any], raw: dict[str, Any]) -> bool:
@@ -79,34 +81,41 @@ def _joint_counts(raw: dict[str, Any]) -> Iterator[Problem]:
     joints = motion.get("joints")
     if not links or not isinstance(joints, list):
         return
-    moving = sum(moves(link) for link in links)
+    moving = sum(driven(link) for link in links)
     if len(joints) not in ({0, moving} if motion.get("kind") == "table" else {moving}):
-        yield Problem("motion.joints", f"{len(joints)} tables", f"{moving}, one for each link's joint")
+        yield Problem(
+            "motion.joints", f"{len(joints)} tables", f"{moving}, one for each link's joint{_but_passive(links)}"
+        )
         return
     default = motion.get("drive", "torque")
-    driven = sum(joint.get("drive", default) == "torque" for joint in _tables(joints))
+    powered = sum(joint.get("drive", default) == "torque" for joint in _tables(joints))
     control = raw["control"] if isinstance(raw.get("control"), dict) else {}
     for table, key in (("feedback", "kp"), ("feedback", "kd"), ("saturation", "torque")):
         values = control[table].get(key) if isinstance(control.get(table), dict) else None
-        if isinstance(values, list) and len(values) != driven:
+        if isinstance(values, list) and len(values) != powered:
             yield Problem(
-                f"control.{table}.{key}", f"{len(values)} numbers", f"{driven}, one for each torque-driven joint"
+                f"control.{table}.{key}", f"{len(values)} numbers", f"{powered}, one for each torque-driven joint"
             )
-    coordinates = driven + _added_coordinates(links, raw)
+    coordinates = powered + _added_coordinates(links, raw)
     for i, design in enumerate(_tables(raw.get("designs"))):
         for key, wanted, what in (
             ("state_weight", 2 * coordinates, "state"),
-            ("input_weight", driven, "torque-driven joint"),
+            ("input_weight", powered, "torque-driven joint"),
         ):
             weights = design.get(key)
             if isinstance(weights, list) and len(weights) != wanted:
                 yield Problem(f"designs.{i}.{key}", f"{len(weights)} numbers", f"{wanted}, one for each {what}")
 
 
+def _but_passive(links: list[dict[str, Any]]) -> str:
+    """Which joints need no motion, where there are any."""
+    return " that is not passive" if any(link.get("passive") is True for link in links) else ""
+
+
 def _added_coordinates(links: list[dict[str, Any]], raw: dict[str, Any]) -> int:
     """How many coordinates there are beside the driven joints: modes and free motors."""
     modes = [count for link in links for count in mode_counts(link).values()]
-    moving = [i for i, link in enumerate(links) if moves(link)]
+    moving = [i for i, link in enumerate(links) if driven(link)]
     motors = [effect.count_motors(_effects(raw)[name], moving) for name, effect in tables_on(_effects(raw))]
     return sum(modes) + max(motors, default=0)
 

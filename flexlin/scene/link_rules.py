@@ -22,6 +22,11 @@ def moves(link: RawTable) -> bool:
     return link.get("joint", "revolute") != "fixed" and link.get("mimic") is None
 
 
+def driven(link: RawTable) -> bool:
+    """Whether the basic motion has a table for a raw link's joint."""
+    return moves(link) and link.get("passive") is not True
+
+
 def pinned(link: RawTable) -> bool:
     """Whether a raw link turns its hub by its shapes, so that the joint's coordinate is not the hub's angle."""
     return sum(mode_counts(link).values()) != 0 and str(link.get("mode_shapes", "")).startswith("pinned")

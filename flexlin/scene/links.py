@@ -128,6 +128,12 @@ class Link(Table):
     """The rule by which the joint follows another, and is no coordinate."""
     name: Text = ""
     """Name of the joint, as in a URDF file."""
+    parent: Text | None = None
+    """Name of the link whose tip carries this one, or base for the ground; by default the link before."""
+    passive: Annotated[bool, Field(strict=True)] = False
+    """Whether the joint has no motor and follows from closed loops."""
+    posture: Annotated[Number, Unit("rad or m")] = 0.0
+    """Displacement near the middle of the motion, from which loops are closed first: it chooses the assembly."""
 
     @model_validator(mode="before")
     @classmethod
@@ -151,6 +157,11 @@ class Link(Table):
     def moves(self) -> bool:
         """Whether the link's joint is a coordinate."""
         return self.joint != "fixed" and self.mimic is None
+
+    @property
+    def driven(self) -> bool:
+        """Whether the basic motion has a table for the link's joint."""
+        return self.moves and not self.passive
 
     @property
     def joint_axis(self) -> Axis:

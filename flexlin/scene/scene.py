@@ -10,14 +10,15 @@ from flexlin.scene.control import Control, DesignTable
 from flexlin.scene.drives import Drives
 from flexlin.scene.effects import AnyEffects
 from flexlin.scene.links import Link
+from flexlin.scene.loops import Loop
 from flexlin.scene.motion import AnyMotion
 
 
 class Scene(Table):
     """All that flexlin needs to know of an arm, its motion and its control.
 
-    A scene is data: nothing in it is evaluated as code. Either `links` describe a planar chain, or `model` names a model that Python
-    code has registered, with its `parameters`. SI units and radians everywhere.
+    A scene is data: nothing in it is evaluated as code. Either `links` describe a chain, with `loops` a closed one, or `model` names a
+    model that Python code has registered, with its `parameters`. SI units and radians everywhere.
 
     Attributes
     ----------
@@ -33,6 +34,8 @@ class Scene(Table):
         The registered model's own table.
     links : tuple of Link
         The links from the base on.
+    loops : tuple of Loop
+        Joints that close loops.
     unit_system : str
         SI, or dimensionless for a scene in units of its own; its key is `units`.
     effects : Effects
@@ -66,6 +69,8 @@ class Scene(Table):
     """The registered model's own table."""
     links: Annotated[tuple[Link, ...], NotEndless] = ()
     """The links from the base on, one [[links]] each."""
+    loops: Annotated[tuple[Loop, ...], NotEndless] = ()
+    """Joints that close loops, one [[loops]] each."""
     unit_system: Annotated[Literal["SI", "dimensionless"], Field(alias="units")] = "SI"
     """SI: m, kg, s; dimensionless: lengths, masses and times in units of the scene's own, and no page names any."""
     effects: AnyEffects

@@ -153,13 +153,13 @@ def test_a_motion_out_of_reach_is_refused(arm, scene):
     motion = scene.motion.model_copy(
         update={"joints": [j.model_copy(update={"amplitude": 3.0}) for j in scene.motion.joints]}
     )
-    with pytest.raises(FlexlinError, match="not finite"):
-        fl.linearize(arm, motion).periodic_system()
+    with pytest.raises(FlexlinError, match=r"posture.*got t = "):
+        fl.linearize(arm, motion)
 
 
 def test_an_impossible_posture_is_refused(joined):
     independent = [0, 3, 2, 5]
     with pytest.raises(ToleranceNotReached, match="no solution"):
         close_loop(joined.pair, joined.gap + 1.0, independent, (0, 2), [2.2, -1.3, 0, 0.95, 1.3, 0])
-    with pytest.raises(ModelError, match="motors first"):
-        close_loop(joined.pair, joined.gap, [2, 0, 3, 5], (0, 2), [2.2, -1.3, 0, 0.95, 1.3, 0])
+    with pytest.raises(ModelError, match="the motors' among them"):
+        close_loop(joined.pair, joined.gap, [2, 0, 1, 5], (0, 2), [2.2, -1.3, 0, 0.95, 1.3, 0])

@@ -34,11 +34,14 @@ def accepts(node: dict[str, Any], value: Any) -> bool:
         "number": (int, float),
         "integer": int,
         "string": str,
+        "boolean": bool,
         "object": dict,
         "array": (list, tuple),
         "null": type(None),
     }
-    if "type" in node and (not isinstance(value, kinds[node["type"]]) or isinstance(value, bool)):
+    if "type" in node and (
+        not isinstance(value, kinds[node["type"]]) or isinstance(value, bool) != (node["type"] == "boolean")
+    ):
         return False
     if isinstance(value, int | float) and not (
         value >= node.get("minimum", value)

@@ -14,7 +14,7 @@ import casadi as ca
 from flexlin.errors import Problem
 from flexlin.mechanics.effects.base import Chain, Effect
 from flexlin.mechanics.effects.scale import PART, Scale
-from flexlin.mechanics.effects.shared import per_joint
+from flexlin.mechanics.effects.shared import per_joint, per_motor
 from flexlin.scene.base import NonNegative, PerLink, Positive, Unit
 from flexlin.scene.effects import RawArm, RawTable
 
@@ -61,13 +61,10 @@ class JointFlexibility(Effect):
         return cls(stiffness=scale.of_inertias(fast**2), motor_inertia=scale.of_inertias(PART))
 
     def kinetic_energy(self, chain: Chain) -> ca.SX:
-        inertias = [per_joint(self.motor_inertia, i, single="every") for i in chain.moving]
-        return ca.dot(ca.vertcat(*inertias), chain.motor_rate**2) / 2
+        return ca.dot(per_motor(self.motor_inertia, chain), chain.motor_rate**2) / 2
 
     def potential_energy(self, chain: Chain) -> ca.SX:
-        stiffness = [per_joint(self.stiffness, i, single="every") for i in chain.moving]
-        return ca.dot(ca.vertcat(*stiffness), (chain.motor - chain.q) ** 2) / 2
+        return ca.dot(per_motor(self.stiffness, chain), (chain.motor - chain.q) ** 2) / 2
 
     def dissipation(self, chain: Chain) -> ca.SX:
-        damping = [per_joint(self.damping, i, single="every") for i in chain.moving]
-        return ca.dot(ca.vertcat(*damping), (chain.motor_rate - chain.q_rate) ** 2) / 2
+        return ca.dot(per_motor(self.damping, chain), (chain.motor_rate - chain.q_rate) ** 2) / 2

@@ -12,7 +12,7 @@ import casadi as ca
 
 from flexlin.mechanics.effects.base import Chain, Effect
 from flexlin.mechanics.effects.scale import LOSS, PART, Scale
-from flexlin.mechanics.effects.shared import per_joint
+from flexlin.mechanics.effects.shared import per_joint, per_motor
 from flexlin.scene.base import AllPositive, PerLink, Unit
 
 
@@ -38,12 +38,13 @@ class Motor(Effect):
         return cls(torque_constant=constants, resistance=constants, rotor_inertia=scale.of_inertias(PART))
 
     def kinetic_energy(self, chain: Chain) -> ca.SX:
-        inertias = [self._of("gear_ratio", i) ** 2 * self._of("rotor_inertia", i) for i in chain.moving]
-        return ca.dot(ca.vertcat(*inertias), chain.motor_rate**2) / 2
+        inertias = per_motor(self.gear_ratio, chain) ** 2 * per_motor(self.rotor_inertia, chain)
+        return ca.dot(inertias, chain.motor_rate**2) / 2
 
     def dissipation(self, chain: Chain) -> ca.SX:
         """R = 1/2 N^2 k^2 / R theta'^2, the work of the back electromotive force."""
-        damping = [self.input_gain(i) ** 2 * self._of("resistance", i) for i in chain.moving]
+        driven = [i for i in chain.moving if not chain.links[i].table.passive]
+        damping = [self.input_gain(i) ** 2 * self._of("resistance", i) if i in driven else 0.0 for i in chain.moving]
         return ca.dot(ca.vertcat(*damping), chain.motor_rate**2) / 2
 
     def input_gain(self, joint: int) -> Any:

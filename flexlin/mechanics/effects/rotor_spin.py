@@ -39,7 +39,7 @@ class RotorSpin(Effect):
         """T = sum N J (a.w) theta' over the joints that turn."""
         energy = ca.SX(0)
         for place, i in enumerate(chain.moving):
-            if chain.links[i].table.joint == "revolute":
+            if chain.links[i].table.joint == "revolute" and not chain.links[i].table.passive:
                 momentum = per_joint(self.gear_ratio, i, single="every") * per_joint(self.inertia, i, single="every")
                 energy += momentum * ca.dot(chain.axes[i], chain.mounts[i].spin) * chain.motor_rate[place]
         return energy

@@ -2,6 +2,10 @@
 
 from typing import Any
 
+import casadi as ca
+
+from flexlin.mechanics.effects.base import Chain
+
 
 def per_joint(value: Any, joint: int, *, single: str) -> Any:
     """Read a table's value for one joint: a tuple by index; a single number stands for the `"first"` joint or for `"every"` one."""
@@ -15,3 +19,10 @@ def at_tip(value: Any, link: int, links: int) -> Any:
     if isinstance(value, tuple):
         return value[link] if link < len(value) else 0.0
     return value if link == links - 1 else 0.0
+
+
+def per_motor(value: Any, chain: Chain) -> ca.SX:
+    """Read a table's value for each joint that moves, (joints, 1): zero for a passive joint, which has no motor."""
+    links = chain.links
+    found = [0.0 if links[i].table.passive else per_joint(value, i, single="every") for i in chain.moving]
+    return ca.vertcat(ca.SX(0, 1), *found)

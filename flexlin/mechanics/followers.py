@@ -1,0 +1,30 @@
+"""What a manipulator with closed loops knows of the joints that follow."""
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from flexlin.expressions import Expressions
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedLoops(Expressions):
+    """The joints v(u) (k, 1) that follow from f(u, v) = 0; nan where a loop stays open.
+
+    With symbols v (k, 1) in the place of v(u): f (k, 1), the residual (n, 1), and C_1 = D_u v (k, n).
+    """
+
+    followers: ca.SX
+    v: ca.SX
+    gap: ca.SX
+    residual: ca.SX
+    slopes: ca.SX
+
+    def slope(self, s: ca.SX) -> ca.SX:
+        """The residual's Jacobian by s, (n, n), by the chain rule: far shorter than one through the steps that find v(u)."""
+        whole = ca.jacobian(self.residual, s) + ca.jacobian(self.residual, self.v) @ self.slopes
+        return ca.substitute(whole, self.v, self.followers)
+
+    def newton_step(self) -> ca.SX:
+        """V^-1 f (k, 1), V = D_v f, by u and the symbols v."""
+        return ca.solve(ca.jacobian(self.gap, self.v), self.gap)

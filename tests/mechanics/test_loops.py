@@ -1,0 +1,348 @@
+"""Loops of a scene's own links: positions against closed forms, equations against multipliers, refusals with their time."""
+
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
+
+import flexlin as fl
+from flexlin.errors import ModelError, SceneError, SingularClosure
+from flexlin.periodic.transition.gauss import gauss_transitions
+
+from .linkages import Arms, joined_accelerations, rssr_angles
+
+Z = np.array([0.0, 0.0, 1.0])
+ENDS = {"spatial-four-bar": [2], "delta": [2, 7, 12]}
+"""Which drawn points of the tree without loops are the ends that loops hold to the last link."""
+
+
+def raw(name, **changes):
+    """A shipped scene as plain data."""
+    table = fl.load_scene(name).model_dump(mode="json", by_alias=True, exclude_none=True, exclude_unset=True)
+    return {**table, **changes}
+
+
+def random_rssr(rng):
+    """A random rigid RSSR as a scene, with its arms in closed form, a crank angle and the rocker's there."""
+    rpy = rng.uniform(-3, 3, 3)
+    turn = Rotation.from_euler("xyz", rpy)
+    axis = rng.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    along = np.array([1.0, 0.0, 0.0]) - axis[0] * axis  # the bar need not stand across its axis; here it does
+    crank, base = rng.uniform(0.1, 0.3), rng.normal(size=3)
+    frame = Rotation.align_vectors([axis, along / np.linalg.norm(along)], [Z, [1.0, 0.0, 0.0]])[0]
+    whole = turn * frame
+    angle, rocker, start = rng.uniform(-1, 1), rng.uniform(0.4, 0.8), rng.uniform(-3, 3)
+    masses = rng.uniform(0.1, 1.0, 3)
+    bars = Arms(
+        np.array([np.zeros(3), base]),
+        np.array([[1.0, 0.0, 0.0], whole.apply([1.0, 0.0, 0.0])]),
+        np.array([Z, whole.apply(Z)]),
+        np.array([crank, rocker]),
+        masses[:2],
+    )
+    ends = bars.ends(np.array([angle, start]))
+    length = float(np.linalg.norm(ends[1] - ends[0]))
+    x, y, z = Rotation.from_rotvec(Z * angle).inv().apply(ends[1] - ends[0]) / length
+    mount = {"xyz": base.tolist(), "rpy": whole.as_euler("xyz").tolist()}
+    links = [
+        {"length": crank, "mass_per_length": masses[0] / crank, "posture": angle},
+        {"body": {"mass": 0.0}, "passive": True, "posture": float(np.arctan2(y, x))},
+        {"axis": [0.0, -1.0, 0.0], "passive": True, "posture": float(np.arcsin(z)), "name": "coupler"},
+        {"parent": "base", "mount": mount, "passive": True, "posture": start, "name": "rocker"},
+    ]
+    links[2] |= {"length": length, "mass_per_length": masses[2] / length}
+    links[3] |= {"length": rocker, "mass_per_length": masses[1] / rocker}
+    motion = {"kind": "harmonic", "frequency": 1.0, "joints": [{"mean": angle, "amplitude": 0.1}]}
+    effects = {"gravity": {"direction": [0.0, 0.0, -1.0]}}
+    loops = [{"link": "coupler", "to": "rocker"}]
+    table = {"schema": 1, "title": "RSSR", "links": links, "loops": loops, "effects": effects, "motion": motion}
+    return table, bars, length, masses[2], angle, start
+
+
+def nearest(angles, to):
+    """The angle nearest to another, whole turns apart."""
+    shifted = to + (angles - to + np.pi) % (2 * np.pi) - np.pi
+    return shifted[np.argmin(np.abs(shifted - to))]
+
+
+def accelerations(arm, u, u_dot, torque):
+    M, B = (np.array(x) for x in ca.Function("f", [arm.s], [arm.M, arm.B])(u))
+    rest = np.array(arm.functions["residual"](u, u_dot, np.zeros(arm.n), []))[:, 0]
+    return np.linalg.solve(M, B @ torque - rest)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_random_rssr_is_that_of_the_closed_form_and_of_multipliers(seed):
+    """Positions by the input-output equation, accelerations by bars with end masses and a multiplier."""
+    rng = np.random.default_rng(20 + seed)
+    table, bars, length, mass, angle, start = random_rssr(rng)
+    arm = fl.build_manipulator(fl.parse_scene(table))
+    at, ways = start, 0
+    for crank in angle + np.linspace(0, 0.6, 13):
+        both = rssr_angles(bars, length, crank)
+        if not np.all(np.isfinite(both)) or np.ptp(np.cos(both)) + np.ptp(np.sin(both)) < 0.3:
+            break  # near a dead point
+        at = nearest(both, at)
+        assert_allclose(np.array(arm.functions["followers"]([crank], []))[-1, 0], at, rtol=0, atol=1e-12)
+        ways += 1
+    q = np.array([angle, start])
+    (one, two), _ = bars.slopes(q)
+    across = np.subtract(*bars.ends(q))
+    rate = np.array([1.7, 0.0])
+    rate[1] = across @ one * rate[0] / (across @ two)
+    none = np.zeros(0)
+    judge = joined_accelerations(bars, [(0, 1, length, mass)], 0.0, (q, rate, none, none), np.array([0.4, 0.0]))
+    assert_allclose(accelerations(arm, [angle], rate[:1], np.array([0.4])), judge[:1], rtol=1e-9)
+    assert ways > 0
+
+
+def delta_arms(table):
+    chosen = [link for link in table["links"] if link["name"].endswith("arm")]
+    yaws = np.array([link["mount"]["rpy"][2] for link in chosen])
+    along = np.stack([np.cos(yaws), np.sin(yaws), 0 * yaws], axis=1)
+    bases = np.array([link["mount"]["xyz"] for link in chosen])
+    length, density = chosen[0]["length"], chosen[0]["mass_per_length"]
+    return Arms(bases, along, np.cross(Z, along), np.full(3, length), np.full(3, length * density))
+
+
+def test_a_rigid_delta_is_three_rods_between_arms_and_a_body_that_shifts():
+    table = raw("delta", designs=[], effects={"gravity": {"direction": [0.0, 0.0, -1.0]}})
+    for link in table["links"]:
+        if link["name"].endswith("arm"):
+            for key in ("modes", "mode_shapes", "carried", "bending_stiffness"):
+                del link[key]
+    arm = fl.build_manipulator(fl.parse_scene(table))
+    bars, rod = delta_arms(table), next(link for link in table["links"] if link["name"] == "first rod")
+    balls = np.array([loop["point"] for loop in table["loops"]])
+    q, rate, torque = np.array([0.35, 0.62, 0.2]), np.array([2.0, -1.5, 0.7]), np.array([0.3, -0.2, 0.5])
+    x = np.array(arm.functions["points"](q, []))[:, -1]
+    rods = bars.ends(q) - (x + balls)
+    assert_allclose(np.linalg.norm(rods, axis=1), rod["length"], rtol=0, atol=1e-13)
+    first, _ = bars.slopes(q)
+    speed = np.linalg.solve(rods, np.sum(rods * first, axis=1) * rate)
+    mass = rod["length"] * rod["mass_per_length"]
+    judge = joined_accelerations(
+        bars, [(k, balls[k], rod["length"], mass) for k in range(3)], 0.08, (q, rate, x, speed), torque
+    )
+    assert_allclose(accelerations(arm, q, rate, torque), judge[:3], rtol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["spatial-four-bar", "delta"])
+def test_flexible_loops_obey_multipliers_on_the_open_tree(name):
+    """The same links with all joints driven and no loop; the gap from their tips, a multiplier for each of its rows."""
+    table = raw(name)
+    arm = fl.build_manipulator(fl.parse_scene(table))
+    passive = [i for i, link in enumerate(table["links"]) if link.get("passive")]
+    links = [{k: v for k, v in link.items() if k not in ("passive", "posture")} for link in table["links"]]
+    joints = [{"amplitude": 0.1}] * len(links)
+    motion = {"kind": "harmonic", "frequency": 1.0, "joints": joints}
+    effects = table["effects"]
+    open_arm = fl.build_manipulator(
+        fl.parse_scene({"schema": 1, "title": "open", "links": links, "effects": effects, "motion": motion})
+    )
+    rng = np.random.default_rng(3)
+    u = np.concatenate([[s["mean"] for s in table["motion"]["joints"]], rng.normal(size=arm.n - arm.joints) * 2e-3])
+    u_dot, torque = rng.normal(size=arm.n), rng.normal(size=arm.joints)
+    tip = open_arm.points[:, -1]
+    ends = [open_arm.points[:, k] for k in ENDS[name]]
+    tips = ca.vertcat(
+        *[end - tip - ca.DM(loop.get("point", [0, 0, 0])) for end, loop in zip(ends, table["loops"], strict=True)]
+    )
+    J = ca.jacobian(tips, open_arm.s)
+    table_of = ca.Function(
+        "open", [open_arm.s, open_arm.s_dot], [tips, J, ca.jtimes(J @ open_arm.s_dot, open_arm.s, open_arm.s_dot)]
+    )
+    kept = [i for i in range(open_arm.n) if i not in passive]
+    s, s_dot = np.zeros(open_arm.n), np.zeros(open_arm.n)
+    s[kept], s[passive] = u, np.array(arm.functions["followers"](u, []))[:, 0]
+    gap, J, _ = (np.array(x) for x in table_of(s, s_dot))
+    assert np.abs(gap).max() < 1e-13
+    s_dot[kept] = u_dot
+    s_dot[passive] = np.linalg.solve(J[:, passive], -J @ s_dot)
+    bend = np.array(table_of(s, s_dot)[2])[:, 0]
+    M = np.array(open_arm.functions["M"](s, []))
+    rest = np.array(open_arm.functions["residual"](s, s_dot, np.zeros(open_arm.n), []))[:, 0]
+    push = np.zeros(open_arm.n)
+    push[kept[: arm.joints]] = torque
+    saddle = np.block([[M, -J.T], [J, np.zeros((len(passive), len(passive)))]])
+    judge = np.linalg.solve(saddle, np.concatenate([push - rest, -bend]))[kept]
+    found = accelerations(arm, u, u_dot, torque)
+    assert_allclose(found, judge, rtol=1e-8, atol=1e-8 * np.abs(judge).max())
+    kinetic = ca.Function(
+        "rate",
+        [arm.s, arm.s_dot, arm.s_ddot],
+        [ca.jtimes(arm.energy, ca.vertcat(arm.s, arm.s_dot), ca.vertcat(arm.s_dot, arm.s_ddot))],
+    )
+    lost = u_dot @ np.array(arm.functions["damping"](u, u_dot, []))[:, 0]
+    power = torque @ u_dot[: arm.joints] - lost
+    assert_allclose(
+        float(kinetic(u, u_dot, found)), power, atol=1e-9 * (abs(power) + np.abs(u_dot) @ np.abs(rest[kept]))
+    )
+
+
+def test_monodromy_by_differences_of_the_nonlinear_flow_is_floquets(flexible):
+    """Held to its rigid motion by the forces that this takes, the arm under its PD has y = 0 as a motion: the flow's slope there."""
+    scene, arm, lin = flexible
+    kp, kd = scene.control.feedback.kp[0], scene.control.feedback.kd[0]
+    f, n, h = arm.functions, arm.n, 3e-5
+    starts = h * np.vstack([np.eye(2 * n), -np.eye(2 * n)])
+    count = len(starts)
+    M, residual = f["M"].map(count), f["residual"].map(count)
+
+    def flow(t, state):
+        y, rate = np.split(state.reshape(count, 2 * n), 2, axis=1)
+        q = [np.concatenate([part[0], np.zeros(n - 1)]) for part in lin.motion.sample(np.array([t]))]
+        force = np.array(f["residual"](*q, []))[:, 0]
+        push = np.zeros((count, n))
+        push[:, 0] = kp * y[:, 0] + kd * rate[:, 0]
+        s, s_dot = (q[0] + y).T, (q[1] + rate).T
+        left = np.array(residual(s, s_dot, np.zeros((n, count)), np.zeros((0, count)))).T
+        masses = np.array(M(s, np.zeros((0, count)))).reshape(n, count, n).transpose(1, 0, 2)
+        there = np.linalg.solve(masses, (force - push - left)[..., None])[..., 0]
+        return np.hstack([rate, there - q[2]]).ravel()
+
+    end = solve_ivp(flow, (0, lin.period), starts.ravel(), method="DOP853", rtol=1e-9, atol=1e-13).y[:, -1]
+    ends = end.reshape(2, 2 * n, 2 * n)
+    by_differences = (ends[0] - ends[1]).T / (2 * h)
+    factors = gauss_transitions(lin.periodic_system().A, np.linspace(0, lin.period, 129), 6)
+    product = np.linalg.multi_dot([np.eye(2 * n), *factors[::-1]])
+    assert_allclose(by_differences, product, rtol=0, atol=1e-6 * np.abs(product).max())
+
+
+@pytest.fixture(scope="module")
+def flexible():
+    """The spatial four-bar with one mode in each direction."""
+    faster = {"motion.frequency": 8.0, "control.feedback": {"kind": "pd", "kp": [40.0], "kd": [0.3]}}
+    scene = fl.load_scene("spatial-four-bar", {"links.2.modes": {"y": 1, "z": 1}, "designs": [], **faster})
+    arm = fl.build_manipulator(scene)
+    return scene, arm, fl.linearize(arm, scene.motion, scene.control)
+
+
+def test_both_routes_agree(flexible):
+    scene, arm, lin = flexible
+    t = np.linspace(0, lin.period, 5)
+    one, two = (fl.linearize(arm, scene.motion, route=route).sample(t) for route in ("jacobian", "kronecker"))
+    assert_allclose(one.K, two.K, rtol=0, atol=1e-10 * np.abs(one.K).max())
+    assert_allclose(one.D, two.D, rtol=0, atol=1e-10 * np.abs(one.D).max())
+
+
+def test_a_planar_five_bar_of_loops_is_the_model_of_two_arms():
+    """Equations of the registered model, which joins two arms by hand, and of the same links in one scene."""
+    model = fl.load_scene("five-bar", {"designs": []})
+    p = raw("five-bar")["parameters"]
+    mount = {"xyz": [p["base"], 0.0, 0.0]}
+    marks = [{"posture": x} for x in p["posture"]]
+    sides = [*p["right"], *p["left"]]
+    more = [{"mount": mount}, {"passive": True, "name": "right"}, {"parent": "base"}, {"passive": True, "name": "left"}]
+    order = [2, 3, 0, 1]
+    links = [{**link, **extra, **marks[k]} for link, extra, k in zip(sides, more, order, strict=True)]
+    effects = {**p["effects"], "hub": {"inertia": [2e-3, 0.0, 2e-3, 0.0]}}
+    joints = raw("five-bar")["motion"]["joints"]
+    motion = {**raw("five-bar")["motion"], "joints": joints[::-1]}
+    loops = [{"link": "right", "to": "left"}]
+    scene = fl.parse_scene(
+        {"schema": 1, "title": "5-bar", "links": links, "loops": loops, "effects": effects, "motion": motion}
+    )
+    arm = fl.build_manipulator(scene)
+    assert arm.points.shape[0] == 2
+    t, swap = np.linspace(0, 0.5, 7), [1, 0, 3, 2]
+    mine = fl.linearize(arm, scene.motion).sample(t)
+    judge = fl.linearize(fl.build_manipulator(model), model.motion).sample(t)
+    for name in "MDK":
+        expected = getattr(judge, name)[:, swap][:, :, swap]
+        assert_allclose(getattr(mine, name), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
+def test_free_numbers_move_the_closure(flexible):
+    """A length left free as a symbol is one that is built in."""
+    scene, _, _ = flexible
+    free = fl.build_manipulator(scene, ["links.3.length"])
+    other = scene.model_dump(mode="json", by_alias=True, exclude_none=True, exclude_unset=True)
+    other["links"][3]["length"] = 0.53
+    built = fl.build_manipulator(fl.parse_scene(other))
+    state = ([0.3, 1e-3, -2e-3], [1.0, 0.1, 0.2], [2.0, 3.0, 4.0])
+    assert_allclose(
+        np.array(free.functions["residual"](*state, [0.53])),
+        np.array(built.functions["residual"](*state, [])),
+        rtol=1e-9,
+    )
+
+
+def test_a_dead_point_is_refused_with_its_time():
+    """The crank leaves the range in which the rocker follows: the time is a root of the input-output equation."""
+    table, bars, length, _, angle, _ = random_rssr(np.random.default_rng(1))
+    table["motion"]["joints"] = [{"mean": angle, "amplitude": 3.1}]
+
+    def room(crank):
+        a = bars.ends(np.array([crank, 0.0]))[0]
+        d, r = bars.bases[1] - a, bars.lengths[1]
+        flat = d - (d @ bars.axes[1]) * bars.axes[1]
+        return (2 * r) ** 2 * flat @ flat - (length**2 - d @ d - r**2) ** 2
+
+    def swing(t):
+        return angle + 3.1 * np.sin(2 * np.pi * t)
+
+    t = np.linspace(0, 0.25, 400)
+    first = next((a, b) for a, b in pairwise(t) if room(swing(b)) < 0)
+    dead = brentq(lambda t: room(swing(t)), *first)
+    scene = fl.parse_scene(table)
+    with pytest.raises(SingularClosure, match=rf"dead point.*t = {dead:.5f}"):
+        fl.linearize(fl.build_manipulator(scene), scene.motion)
+
+
+def test_a_singular_closure_is_refused_with_its_time():
+    """A parallelogram goes flat when its crank lies along the base, here at t = 0.125 s: it closes there, and might turn over."""
+    links = [
+        {"length": 0.2, "posture": 1.0},
+        {"length": 0.5, "passive": True, "posture": -1.0, "name": "coupler"},
+        {
+            "length": 0.2,
+            "parent": "base",
+            "mount": {"xyz": [0.5, 0.0, 0.0]},
+            "passive": True,
+            "posture": 1.0,
+            "name": "rocker",
+        },
+    ]
+    links = [{**link, "mass_per_length": 1.0} for link in links]
+    motion = {"kind": "harmonic", "frequency": 1.0, "joints": [{"mean": 1.0, "amplitude": -np.sqrt(2.0)}]}
+    loops = [{"link": "coupler", "to": "rocker"}]
+    table = {"schema": 1, "title": "parallelogram", "links": links, "loops": loops, "motion": motion}
+    scene = fl.parse_scene(table)
+    with pytest.raises(SingularClosure, match=r"at t = 0\.125 s"):
+        fl.linearize(fl.build_manipulator(scene), scene.motion)
+    table["motion"]["joints"] = [{"mean": 1.0, "amplitude": 0.8}]
+    scene = fl.parse_scene(table)
+    fl.linearize(fl.build_manipulator(scene), scene.motion)
+
+
+@pytest.mark.parametrize(
+    ("change", "key", "words"),
+    [
+        ({"loops": [{"link": "coupler", "to": "nobody"}]}, "loops.0.to", "one of crank"),
+        ({"loops": [{"link": "coupler", "to": "coupler"}]}, "loops.0.to", "another link"),
+        ({"loops": []}, "links.1.passive", "loops"),
+        ({"links.3.parent": "tail"}, "links.3.parent", "name of a link"),
+        ({"links.1.parent": "rocker"}, "links.1.parent", "before this one"),
+        ({"links.3.name": "coupler"}, "loops.0.link", "only one link"),
+        ({"links.1.joint": "fixed"}, "links.1.passive", "a joint that moves"),
+        ({"motion.joints": [{"amplitude": 0.1}] * 4}, "motion.joints", "not passive"),
+    ],
+)
+def test_tables_that_do_not_fit_are_named(change, key, words):
+    with pytest.raises(SceneError) as error:
+        fl.load_scene("spatial-four-bar", {**change, "designs": []})
+    assert any(problem.key == key and words in problem.expected for problem in error.value.problems), error.value
+
+
+def test_a_joint_too_many_is_counted():
+    joints = [{"mean": 0.5, "amplitude": 0.8}, {"amplitude": 0.1}]
+    changes = {"links.1.passive": False, "motion.joints": joints, "control": {}, "designs": []}
+    with pytest.raises(ModelError, match=r"2 passive joints.*3, one for each equation"):
+        fl.build_manipulator(fl.load_scene("spatial-four-bar", changes))
