@@ -3,13 +3,19 @@
 from dataclasses import dataclass
 
 from flexlin.answers.critical_values import CriticalValue, critical_values
-from flexlin.errors import ArgumentError, InputError
+from flexlin.errors import ArgumentError, InputError, TimeLimit
+from flexlin.periodic.floquet.decoupled import estimate_decoupling_work
+from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.periodic.resolved.companion import ResolvedCompanion
+from flexlin.periodic.transition.choice import estimate_segment_work
 from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
 from flexlin.summary import represent
 
-COARSE, THOROUGH = 17, 1025
-"""Values of the scan: where nobody asked, and where a range was chosen."""
+COARSE, COARSEST, THOROUGH = 17, 9, 1025
+"""Values of the scan: where nobody asked, the same for loops whose scan would take long, and where a range was chosen."""
+LONG = 7e5
+"""Microseconds of collocation or decoupling that a scan may be predicted to take that nobody asked for."""
 TOL = 1e-6
 """Wanted error of a critical value, as a share of its range."""
 FACTORS = (0.25, 8.0)
@@ -46,12 +52,33 @@ def find_margin(scene: Scene, path: str, limits: tuple[float, float], samples: i
     return Margin(path, *limits, own, samples, tuple(found))
 
 
-def find_usual_margin(scene: Scene, path: str, limits: tuple[float, float]) -> Margin | None:
-    """As `find_margin`, by a coarse scan; none where the number cannot be free."""
+def find_usual_margin(
+    scene: Scene, path: str, limits: tuple[float, float], own: FloquetResult | None = None
+) -> Margin | None:
+    """As `find_margin`, by a coarse scan; none where the number cannot be free.
+
+    Raises: TimeLimit where the work on the own loop says that the scan would take long.
+    """
+    each = 0.0 if own is None else predict_work(own)
+    samples = COARSE if COARSE * each <= LONG else COARSEST
+    if own is not None and samples * each > LONG:
+        raise TimeLimit(
+            f"critical values of {path}: left out, since nobody asked for them and they would take long",
+            got=f"{len(own.exponents)} states",
+            todo=f"ask for them by --margins {path}={limits[0]:g}:{limits[1]:g}",
+        )
     try:
-        return find_margin(scene, path, limits, COARSE)
+        return find_margin(scene, path, limits, samples)
     except InputError:
         return None
+
+
+def predict_work(own: FloquetResult) -> float:
+    """Microseconds that the exponents of a loop take, about."""
+    n = len(own.exponents)
+    if own.setting.method != "decoupling":
+        return estimate_segment_work(n, isinstance(own.resolved, ResolvedCompanion), own.setting)
+    return estimate_decoupling_work(n, 1 if own.resolved is None else len(own.resolved.breaks) + 1)
 
 
 def choose_margins(scene: Scene) -> dict[str, tuple[float, float]]:

@@ -30,6 +30,9 @@ LOOSE, SQUARED = 3e-5, 3e-9
 FINER, SMALL = (1, 4, 16), 4
 """Segments of a batch, in those that the pilot chose: where multipliers meet, more are needed; for so many states that beats `floquet`."""
 
+TOGETHER, WIDE = 25, 8
+"""Up to so many values of a loop with so many states or more are computed one by one: a batch's pilot alone would take longer."""
+
 Source = Scene | Callable[..., PeriodicSystem]
 """A scene, or a function of one number for each parameter that returns a system."""
 
@@ -109,6 +112,8 @@ class SceneFamily(Family):
         assert self.loop is not None
         if not len(points):
             return self.unknown(points, ROUGH)
+        if self.plan is None and len(points) <= TOGETHER and self.loop.states >= WIDE and self.loop.linearization.complete:
+            return self.one_by_one(points, ROUGH)
         batches = Batches(self.loop, points, ROUGH, CHUNK_BYTES)
         if self.plan is None:
             self.plan = choose_plan(batches)

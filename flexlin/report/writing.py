@@ -80,7 +80,8 @@ def find_margins(
     """The critical values of some numbers; none of a number that meets a limit, or, where nobody chose it, cannot be free."""
     from flexlin.answers.margins import choose_margins, find_margin, find_usual_margin
 
-    find: Callable[..., Margin | None] = find_margin if chosen is not None else find_usual_margin
+    usual = partial(find_usual_margin, own=analysis.own.floquet)
+    find: Callable[..., Margin | None] = find_margin if chosen is not None else usual
     ranges, at_most = (choose_margins(scene), USUAL) if chosen is None else (chosen, inf)
     found: list[Margin | None] = []
     for path, limits in ranges.items():

@@ -135,7 +135,7 @@ def try_decoupling(
 ) -> tuple[Array, Array, Setting] | None:
     """Exponents by decoupling, where that promises less work than segments and keeps what it promises."""
     panels = len(system.resolved.breaks) + 1
-    by_segments = estimate_segment_work(system, setting)
+    by_segments = estimate_segment_work(system.n, system.second_order is not None, setting)
     if estimate_decoupling_work(system.n, panels) > by_segments:
         return None
     found = solve_decoupled(system, tol)

@@ -138,11 +138,11 @@ def estimate_gauss_work(stages: int, unknowns: int, segments: int) -> float:
     return 300 + segments * (4 + 0.012 * size**2 + 1.5e-4 * size**3)
 
 
-def estimate_segment_work(system: PeriodicSystem, setting: Setting) -> float:
-    """Microseconds of a Gauss setting with its check by two stages more and the sweeps over its factors, as measured."""
-    unknowns = system.n // (1 if system.second_order is None else 2)
+def estimate_segment_work(n: int, second_order: bool, setting: Setting) -> float:
+    """Microseconds of a Gauss setting with its check by two stages more and the sweeps over its factors, as measured, for n states."""
+    unknowns = n // 2 if second_order else n
     both = sum(estimate_gauss_work(setting.order // 2 + extra, unknowns, setting.segments) for extra in (0, 2))
-    return both + 3 * min(setting.segments, 50 + setting.segments / 4) * (6 + 0.05 * system.n**2)
+    return both + 3 * min(setting.segments, 50 + setting.segments / 4) * (6 + 0.05 * n**2)
 
 
 def fall_back(system: PeriodicSystem, tol: float) -> Setting:
