@@ -3,7 +3,6 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from flexlin.checks import Array
 from flexlin.mechanics.body import RigidMass
@@ -12,6 +11,7 @@ from flexlin.scene.links import Direction, Link
 from flexlin.scene.loops import list_parents
 from flexlin.scene.scene import Scene
 from flexlin.scene.space import Inertia
+from flexlin.scene.urdf.bodies import rotation_of
 
 AXES: dict[Direction, int] = {"torsion": 0, "z": 1, "y": 2}
 """The axis about which the tip turns when the link deflects."""
@@ -47,7 +47,7 @@ def sum_carried(scene: Scene, index: int, direction: Direction = "y") -> tuple[f
         if parents[k] not in tips:
             continue
         link, (R, p) = scene.links[k], tips[parents[k]]
-        p, R = p + R @ np.array(link.mount.xyz), R @ Rotation.from_euler("xyz", link.mount.rpy).as_matrix()
+        p, R = p + R @ np.array(link.mount.xyz), R @ rotation_of(link.mount.rpy)
         for body in find_bodies_on_joint(scene, k):
             axis = np.array(link.joint_axis) / np.linalg.norm(link.joint_axis)
             load.add(body.mass, body.inertia * np.outer(axis, axis), R, p)
