@@ -112,7 +112,12 @@ class SceneFamily(Family):
         assert self.loop is not None
         if not len(points):
             return self.unknown(points, ROUGH)
-        if self.plan is None and len(points) <= TOGETHER and self.loop.states >= WIDE and self.loop.linearization.complete:
+        if (
+            self.plan is None
+            and len(points) <= TOGETHER
+            and self.loop.states >= WIDE
+            and self.loop.linearization.complete
+        ):
             return self.one_by_one(points, ROUGH)
         batches = Batches(self.loop, points, ROUGH, CHUNK_BYTES)
         if self.plan is None:

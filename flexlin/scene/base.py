@@ -11,7 +11,7 @@ from flexlin.text import steers
 class Table(BaseModel):
     """One table of a scene file."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     @classmethod
     def units(cls) -> dict[str, str]:

@@ -5,6 +5,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from flexlin.scene.effects import effects_table, known_effects
+from flexlin.scene.key_docs import describe_keys
 from flexlin.scene.library import shipped_models
 from flexlin.scene.robot import FlexibleTable, JointTable, RobotTable
 from flexlin.scene.scene import Scene
@@ -30,6 +31,7 @@ def scene_schema() -> dict[str, Any]:
     ('m', 'Length from joint to tip. [m]')
     """
     schema = Scene.model_json_schema(ref_template=PLACE)
+    describe_keys(schema, Scene)
     definitions = schema["$defs"]
     definitions["Effects"] = add_table(definitions, effects_table())
     for name, effect in known_effects().items():
@@ -67,6 +69,7 @@ def add_table(definitions: dict[str, Any], table: type[BaseModel]) -> dict[str, 
     The table of effects is made when effects are registered, so a reference to it is to the one that holds them all.
     """
     made = table.model_json_schema(ref_template=PLACE)
+    describe_keys(made, table)
     for name, found in made.pop("$defs", {}).items():
         definitions.setdefault(name, found)
     return made

@@ -1,6 +1,7 @@
 """The scenes and hand-written models that travel with flexlin."""
 
 import importlib.util
+import sys
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -122,4 +123,5 @@ def _register_shipped() -> None:
     for path in sorted(models_folder().glob("*.py")):
         spec = importlib.util.spec_from_file_location(f"flexlin_models.{path.stem}", path)
         if spec is not None and spec.loader is not None:
-            spec.loader.exec_module(importlib.util.module_from_spec(spec))
+            sys.modules[spec.name] = module = importlib.util.module_from_spec(spec)  # where `inspect` looks for sources
+            spec.loader.exec_module(module)

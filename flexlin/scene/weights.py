@@ -21,7 +21,7 @@ class Weights(Table):
     A coordinate's own name, such as w11 or q1_rate, takes the place of what the others say about it. What is not named costs nothing.
     """
 
-    model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False, use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
     __pydantic_extra__: dict[str, AnyDeviation]
 
     tip: Length | None = None
