@@ -161,10 +161,11 @@ def test_every_operation_means_the_same_in_c():
         M, D, K = (values[:, :, i] for i in range(3))
         return (np.moveaxis(-np.linalg.solve(M, A * scale[:, None, None]), 1, -1) for A, scale in ((K, T * T), (D, T)))
 
-    logs, _, sound, periods = kernel.find_logs(points, 8, np.ones(4), 1e-11, np.inf)
+    logs, _, sound, periods, work = kernel.find_logs(points, 8, np.ones(4), 1e-11, np.inf, tol=np.inf)
     other = batched_exponents(coefficients, 8, (), 1e-11)
     assert sound.all()
     assert other.sound.all()
+    assert np.all(work == 8 * (2 + 3 + 4))
     assert np.allclose(periods, T, rtol=1e-15)
     assert measure_distances(logs.T, other.logs).min(axis=1).max() < 1e-11
 

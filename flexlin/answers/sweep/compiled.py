@@ -8,13 +8,14 @@ import numpy as np
 
 from flexlin.about.free import ParametricLoop
 from flexlin.about.kernel_source import write_model
-from flexlin.answers.sweep.batches import ENOUGH, PILOTS, SLACK, STARTS, Batches, Plan
+from flexlin.answers.sweep.batches import PILOTS, SLACK, Batches, Plan
 from flexlin.answers.sweep.found import Found
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, NumericalError
 from flexlin.periodic.many.algebra import solve_positive
 from flexlin.periodic.many.compiled import WIDTH, CompiledKernel
 from flexlin.periodic.many.compiler import find_compiler
+from flexlin.periodic.many.extrapolation import MULTIPLES
 from flexlin.periodic.many.romberg import balance_states, measure_spread
 
 PAYS = 1.0
@@ -24,10 +25,12 @@ NUMPY_VALUE = 1.5e-4
 """Seconds that NumPy takes for a value of four states; it grows with the cube of the states."""
 LARGEST = 16
 """Coordinates up to which code with all sizes written out is compiled in a few seconds."""
-FINER = (192, 256, 384, 512, 768, 1024)
-"""More of them than NumPy has the memory for."""
-FINEST = 2048
-"""Segments up to which values that missed tol are tried again before `floquet` has them."""
+STARTS = (4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024)
+"""Numbers of segments among which the pilot chooses; the resolutions are multiples of it."""
+WORSE = 1.3
+"""The pilot stops at a number of segments that costs so much more than the best."""
+FINER, FINEST = 4, 2048
+"""Values that missed tol are tried again with so many times more segments, up to so many, before `floquet` has them."""
 BLOCK_WORK = 2e9
 """Multiplications of a block."""
 PROBES = 32
@@ -70,7 +73,7 @@ class CompiledBatches:
     @property
     def block(self) -> int:
         """Values of a block: as many whatever machine or worker computes it, so that results do not depend on where the cuts are."""
-        work = 7 * self.plan.segments * 12 * (2 * self.loop.linearization.n) ** 3
+        work = sum(MULTIPLES[:3]) * self.plan.segments * 12 * (2 * self.loop.linearization.n) ** 3
         return WIDTH * int(np.clip(BLOCK_WORK / work / WIDTH, 1, 1024))
 
     def compute(self, points: Array) -> Found:
@@ -80,16 +83,13 @@ class CompiledBatches:
         alone, rest, segments = np.flatnonzero(narrow), np.flatnonzero(~narrow), self.plan.segments
         spread = SLACK * self.plan.spread
         while len(rest) and segments <= max(FINEST, self.plan.segments):
-            given = (segments, self.scale, self.tol / 100, spread)
-            result = self.kernel.judge(*self.kernel.find_logs(points[rest], *given), self.tol)
+            given = (segments, self.scale, self.tol / 100, spread, self.tol)
+            result = self.kernel.judge(*self.kernel.find_logs(points[rest], *given)[:4], self.tol)
             done = rest[result.reached]
             found.exponents[done], found.error[done] = result.exponents[result.reached], result.error[result.reached]
             found.verdict[done], found.period[done] = result.verdict[result.reached], result.period[result.reached]
-            rest, segments, spread = (
-                rest[~result.reached],
-                2 * segments,
-                np.inf,
-            )  # moduli may lie further apart than the pilot's
+            # moduli may lie further apart than the pilot's
+            rest, segments, spread = rest[~result.reached], FINER * segments, np.inf
         found.explain()
         for i in (*alone, *rest):
             found.put_alone(i, partial(self.loop.system_at, points[i]), self.tol)
@@ -97,15 +97,19 @@ class CompiledBatches:
 
 
 def choose_segments(kernel: CompiledKernel, points: Array, scale: Array, tol: float) -> Plan:
-    """The least number of segments on which most of the points reach the tolerance; the others are then computed twice."""
-    plan = Plan(STARTS[0])
-    for segments in (*STARTS, *FINER):
-        logs, errors, sound, T = kernel.find_logs(points, segments, scale, tol / 100, np.inf)
+    """The number of segments from which a few values reach the tolerance with the least work, each stopping where it does."""
+    best, least = Plan(STARTS[-1]), np.inf
+    for segments in STARTS:
+        given = (segments, scale, tol / 100, np.inf, tol)
+        runs = [kernel.find_logs(point[None], *given) for point in points]
+        logs, errors, sound, T, work = (np.concatenate(part) for part in zip(*runs, strict=True))
         reached = sound & np.all(errors <= tol * np.maximum(T[:, None], np.abs(logs)), axis=1)
-        plan = Plan(segments, spread=measure_spread(logs[reached].T) if reached.any() else np.inf)
-        if reached.mean() >= ENOUGH:
+        spent = float(np.where(reached, work, (1 + FINER) * work).mean())
+        if reached.any() and spent < least:
+            best, least = Plan(segments, spread=measure_spread(logs[reached].T)), spent
+        elif spent > WORSE * least:
             break
-    return plan
+    return best
 
 
 def balance_coefficients(loop: ParametricLoop, points: Array) -> Array:

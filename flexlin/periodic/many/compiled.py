@@ -12,7 +12,8 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.many.compiler import load_library, pointer
-from flexlin.periodic.many.romberg import LEVELS, halve_segments
+from flexlin.periodic.many.extrapolation import MULTIPLES, find_gains
+from flexlin.periodic.many.romberg import divide_segments
 from flexlin.periodic.transition.gauss import gauss, place_nodes
 
 WIDTH = 8
@@ -64,35 +65,35 @@ class CompiledKernel:
         return "\n".join([text[0], *[f"#define {name} {size}" for name, size in sizes.items()], self.model, text[1]])
 
     def find_logs(
-        self, points: Array, segments: int, scale: Array, accuracy: float, spread: float
-    ) -> tuple[Array, Array, Array, Array]:
-        """Logs (V, n) of the multipliers, their errors (V, n), whether they are sound (V,), and the periods (V,) in s.
+        self, points: Array, segments: int, scale: Array, accuracy: float, spread: float, tol: float = 0.0
+    ) -> tuple[Array, Array, Array, Array, Array]:
+        """Logs (V, n) of the multipliers, their errors (V, n), whether they are sound (V,), the periods (V,) in s, and segments computed.
 
-        Parameters: points (V, P); segments, accuracy, spread: as of `batched_exponents`; scale (n,): of the states.
+        Parameters: points (V, P); segments, accuracy, spread: as of `batched_exponents`; scale (n,): of the states; tol: finer
+        resolutions, to four times as fine as `batched_exponents`, are left out where it is met, as of `sweep`.
         Raises: MemoryError.
         """
-        V, states, grid = len(points), 2 * self.coordinates, place_edges(1.0, self.breaks, segments)
-        counts, lengths, nodes = [], [], []
-        for _ in range(LEVELS):
-            counts.append(len(grid) - 1)
-            lengths.append(np.diff(grid))
-            nodes.append(place_nodes(grid, gauss(2).c).ravel())
-            grid = halve_segments(grid)
+        V, states, base = len(points), 2 * self.coordinates, place_edges(1.0, self.breaks, segments)
+        grids = [divide_segments(base, multiple) for multiple in MULTIPLES]
+        gains = [find_gains(*MULTIPLES[k - 2 : k + 1]) if k > 1 else np.zeros(4) for k in range(len(MULTIPLES))]
+        nodes = np.concatenate([place_nodes(grid, gauss(2).c).ravel() for grid in grids])
         given = [
-            np.ascontiguousarray(points, dtype=float),
-            np.array(counts, dtype=np.intc),
-            np.concatenate(lengths),
-            np.ascontiguousarray(self.of_phase(np.concatenate(nodes))),
+            np.array([len(grid) - 1 for grid in grids], dtype=np.intc),
+            np.concatenate([np.diff(grid) for grid in grids]),
+            np.ascontiguousarray(self.of_phase(nodes)),
+            np.array(gains),
             np.ascontiguousarray(scale / scale[:, None]),
             np.array([(accuracy * factorial(degree + 1)) ** (1 / degree) for degree in DEGREES]),
         ]
+        points = np.ascontiguousarray(points, dtype=float)
         logs, errors = np.empty((V, states), dtype=complex), np.empty((V, states))
-        sound, periods = np.empty(V, dtype=bool), np.empty(V)
-        numbers = ctypes.c_double(accuracy), ctypes.c_double(spread)
-        results = [pointer(array) for array in (logs, errors, sound, periods)]
-        if self.library.find_exponents(ctypes.c_long(V), *map(pointer, given), *numbers, *results):
+        sound, periods, work = np.empty(V, dtype=bool), np.empty(V), np.empty(V, dtype=np.intc)
+        numbers = ctypes.c_double(accuracy), ctypes.c_double(spread), ctypes.c_double(tol)
+        results = [pointer(array) for array in (logs, errors, sound, periods, work)]
+        start = ctypes.c_long(V), pointer(points), ctypes.c_int(len(MULTIPLES))
+        if self.library.find_exponents(*start, *map(pointer, given), *numbers, *results):
             raise MemoryError("the factors of a period")
-        return logs, errors, sound, periods
+        return logs, errors, sound, periods, work
 
     def judge(self, logs: Array, errors: Array, sound: Array, periods: Array, tol: float) -> Judged:
         """Exponents and verdicts of logs, in whose place they are written; tol as of `sweep`."""

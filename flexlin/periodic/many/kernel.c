@@ -1,14 +1,16 @@
-/* Floquet exponents of y'' = X(phase, p) y + Y(phase, p) y' for many p, eight at a time: Magnus' exponential of order 4 on three
- * resolutions, eigenvalues of the product of its factors by QR sweeps, Romberg's extrapolation with its own error.
+/* Floquet exponents of y'' = X(phase, p) y + Y(phase, p) y' for many p, eight at a time: Magnus' exponential of order 4 on finer and finer
+ * resolutions, eigenvalues of the product of its factors by QR sweeps, Richardson's extrapolation of the last three with its own error,
+ * until that is as small as asked.
  *
- * The same computation as romberg.py and spectrum.py, which say where it comes from. In front of this file stands what `Model` makes:
+ * The same computation as romberg.py, spectrum.py and extrapolation.py, which say where it comes from. In front of this file stands what `Model` makes:
  * COORDINATES, PARAMETERS, PHASE_INPUTS, PHASE_VALUES, POINT_VALUES, ROWS, COLUMNS (the block of a product that stays in registers),
  *     of_phase(u, f): what depends on the phase alone       of_point(p, w): what depends on the parameters alone; returns the period
  *     at_node(f, w, X, Y): the coefficients at one phase; returns where the mass matrix is positive definite
  */
 
-enum { N = COORDINATES, LEVELS = 3, MAX_SWEEPS = 8, MAX_SHIFTS = 60 };
+enum { N = COORDINATES, MAX_SWEEPS = 8, MAX_SHIFTS = 60 };
 static const double WIDEST = 9.2, SMALL = 2.2250738585072014e-308, TURN = 6.283185307179586476925;
+static const double STEADY = 0.2, RATE = 8.0, LEAST = 0.02, SHARED = 0.3, FASTEST = 4.0;
 
 /* ---- small matrices, eight of each ---- */
 
@@ -68,25 +70,25 @@ static double norm(const v8 *A) {
 
 /* Taylor's polynomials of order 8, 12, 18 in 3, 4, 5 products, A^2 counted. Source: Bader, Blanes, Casas, Mathematics 7 (2019) 1174, Eqs (12)-(14). */
 
-static void taylor_8(const v8 *A, const v8 *A2, v8 *E) {
-  const double root = 13.304134695650071, x3 = 2.0 / 3.0;
-  const double x1 = x3 * (1 + root) / 88, x2 = x3 * (1 + root) / 352, x4 = (-271 + 29 * root) / (315 * x3);
-  const double x5 = 11 * (root - 1) / (1260 * x3), x6 = 11 * (root - 9) / (5040 * x3), x7 = (89 - root) / (5040 * x3 * x3);
-  const double y2 = (857 - 58 * root) / 630;
+static void taylor_8(const v8 *A, const v8 *A2, double f, v8 *E) {
+  const double root = 13.304134695650071, x3 = 2.0 / 3.0, f2 = f * f;
+  const double x1 = x3 * (1 + root) / 88 * f * f2, x2 = x3 * (1 + root) / 352 * f2 * f2, x4 = (-271 + 29 * root) / (315 * x3);
+  const double x5 = 11 * (root - 1) / (1260 * x3) * f, x6 = 11 * (root - 9) / (5040 * x3) * f2, x7 = (89 - root) / (5040 * x3 * x3);
+  const double y2 = (857 - 58 * root) / 630 * f2;
   v8 A4[S * S], left[S * S], right[S * S];
   for (int i = 0; i < S * S; i++) left[i] = x1 * A[i] + x2 * A2[i];
   multiply(A2, left, A4);
   for (int i = 0; i < S * S; i++) {
-    left[i] = x3 * A2[i] + A4[i];
+    left[i] = x3 * f2 * A2[i] + A4[i];
     right[i] = x5 * A[i] + x6 * A2[i] + x7 * A4[i];
   }
   add_identity(right, x4);
   multiply(left, right, E);
-  for (int i = 0; i < S * S; i++) E[i] += A[i] + y2 * A2[i];
+  for (int i = 0; i < S * S; i++) E[i] += f * A[i] + y2 * A2[i];
   add_identity(E, 1.0);
 }
 
-static void taylor_12(const v8 *A, const v8 *A2, v8 *E) {
+static void taylor_12(const v8 *A, const v8 *A2, double f, v8 *E) {
   static const double q[4][4] = {
     {-0.01860232051462055322, 4.60000000000000000000, 0.21169311829980944294, 0.0},
     {-0.00500702322573317730, 0.99287510353848683614, 0.15822438471572672537, -0.13181061013830184015},
@@ -95,7 +97,7 @@ static void taylor_12(const v8 *A, const v8 *A2, v8 *E) {
   v8 A3[S * S], B[4][S * S], A6[S * S];
   multiply(A2, A, A3);
   for (int i = 0; i < S * S; i++) {
-    v8 a = A[i], a2 = A2[i], a3 = A3[i];
+    v8 a = f * A[i], a2 = f * f * A2[i], a3 = f * f * f * A3[i];
 #pragma GCC unroll 4
     for (int b = 0; b < 4; b++) B[b][i] = q[1][b] * a + q[2][b] * a2 + q[3][b] * a3;
   }
@@ -109,7 +111,7 @@ static void taylor_12(const v8 *A, const v8 *A2, v8 *E) {
   for (int i = 0; i < S * S; i++) E[i] += B[0][i];
 }
 
-static void taylor_18(const v8 *A, const v8 *A2, v8 *E) {
+static void taylor_18(const v8 *A, const v8 *A2, double f, v8 *E) {
   static const double b[5][5] = {
     {0.0, -1.00365581030144618291e-01, -8.02924648241156932449e-03, -8.92138498045729985177e-04, 0.0},
     {0.0, 3.97849749499645077844e-01, 1.36783778460411720168e+00, 4.98289622525382669416e-01, -6.37898194594723280150e-04},
@@ -121,8 +123,9 @@ static void taylor_18(const v8 *A, const v8 *A2, v8 *E) {
   v8 A3[S * S], A6[S * S], B[5][S * S], A9[S * S];
   multiply(A2, A, A3);
   multiply(A3, A3, A6);
+  const double f6 = f * f * f * f * f * f;
   for (int i = 0; i < S * S; i++) {
-    v8 a = A[i], a2 = A2[i], a3 = A3[i], a6 = A6[i];
+    v8 a = f * A[i], a2 = f * f * A2[i], a3 = f * f * f * A3[i], a6 = f6 * A6[i];
 #pragma GCC unroll 5
     for (int k = 0; k < 5; k++) B[k][i] = b[k][1] * a + b[k][2] * a2 + b[k][3] * a3 + b[k][4] * a6;
   }
@@ -137,29 +140,31 @@ static void taylor_18(const v8 *A, const v8 *A2, v8 *E) {
   for (int i = 0; i < S * S; i++) E[i] += B[1][i];
 }
 
-static int count_squarings(double size, double reach) { return size > reach ? (int)ceil(log2(size / reach)) : 0; }
+/* The least s for which size / 2^s <= reach. */
+static int count_squarings(double size, double reach) {
+  int s = 0;
+  for (; size > reach && s < 200; s++) size *= 0.5;
+  return s;
+}
 
 /* exp(A), of the polynomials by the one that costs least, then squared; the result stands in one of the two places given.
  *
  * reach: the largest |A^2|^(1/2) that each polynomial takes as it is: the first term left out is A times a power of A^2. Sums of matrices
  * count beside products: they cost S times less each. */
-static v8 *exponentiate(v8 *A, const double *reach, v8 *E, v8 *other) {
+static v8 *exponentiate(const v8 *A, const double *reach, v8 *E, v8 *other) {
   static const double products[3] = {3.0 + 9.0 / S, 4.0 + 16.0 / S, 5.0 + 25.0 / S};
   v8 A2[S * S];
   multiply(A, A, A2);
-  double size = sqrt(norm(A2)), least = INFINITY;
+  double size = sqrt(norm(A2)), least = INFINITY, factor = 1.0;
   int best = 0, squarings = 0;
   for (int k = 0; k < 3; k++) {
     int more = count_squarings(size, reach[k]);
     if (products[k] + more < least) { least = products[k] + more; best = k; squarings = more; }
   }
-  if (squarings) {
-    double factor = ldexp(1.0, -squarings);
-    for (int i = 0; i < S * S; i++) { A[i] *= factor; A2[i] *= factor * factor; }
-  }
-  if (best == 0) taylor_8(A, A2, E);
-  else if (best == 1) taylor_12(A, A2, E);
-  else taylor_18(A, A2, E);
+  for (int k = 0; k < squarings; k++) factor *= 0.5;
+  if (best == 0) taylor_8(A, A2, factor, E);
+  else if (best == 1) taylor_12(A, A2, factor, E);
+  else taylor_18(A, A2, factor, E);
   for (; squarings > 0; squarings--) {
     v8 *squared = other;
     multiply(E, E, squared);
@@ -353,50 +358,53 @@ static void times(Log *log, v8 factor) {
   log->mantissa = (v8)((bits & 0xfffffffffffffLL) | 0x3ff0000000000000LL);
 }
 
-/* Logs of the eigenvalues of the diagonal block [start, stop) of W R_(G-1) ... R_0 in lane l. */
-static int solve_block(const v8 *W, const v8 *R, int G, int start, int stop, int l, double *re, double *im) {
-  double P[S][S], T[S][S];
-  int n = stop - start, exponent = 0;
+/* The diagonal block [start, stop) of W R_(G-1) ... R_0 as P 2^exponent, in all lanes. */
+static void multiply_block(const v8 *W, const v8 *R, int G, int start, int stop, v8 P[S][S], m8 *exponent) {
+  v8 T[S][S];
+  int n = stop - start;
+  *exponent = (m8)splat(0.0);
   for (int g = 0; g < G; g++) {
-    const v8 *F = R + (long)g * S * S;
-    double largest = 0.0, next[S];
+    const v8 *F = R + (long)g * S * S + start * S + start;
+    v8 largest = splat(SMALL);
     for (int i = 0; i < n; i++) { /* row i of R_g T needs the rows from i on, which are still the old ones */
-      const v8 *row = F + (start + i) * S + start;
       for (int j = i; j < n; j++) {
-        next[j] = g ? 0.0 : row[j][l];
-        if (g) for (int k = i; k <= j; k++) next[j] += row[k][l] * T[k][j];
+        v8 sum = g ? F[i * S + i] * T[i][j] : F[i * S + j];
+        if (g) for (int k = i + 1; k <= j; k++) sum += F[i * S + k] * T[k][j];
+        T[i][j] = sum;
       }
-      for (int j = i; j < n; j++) T[i][j] = next[j];
-      largest = fmax(largest, fabs(T[i][i]));
+      largest = v_max(largest, v_abs(T[i][i]));
     }
-    if (!(largest > 1e-100 && largest < 1e100)) { /* far from over- and underflow, by a power of two */
-      int e;
-      if (!(largest < INFINITY)) return 0;
-      frexp(fmax(largest, SMALL), &e);
-      exponent += e;
-      double scale = ldexp(1.0, -e);
-      for (int i = 0; i < n; i++)
-        for (int j = i; j < n; j++) T[i][j] *= scale;
-    }
+    m8 e = (((m8)largest >> 52) & 0x7ff) - 1023; /* far from over- and underflow, by a power of two */
+    v8 scale = (v8)((1023 - e) << 52);
+    *exponent += e;
+    for (int i = 0; i < n; i++)
+      for (int j = i; j < n; j++) T[i][j] *= scale;
   }
   for (int i = 0; i < n; i++)
     for (int j = 0; j < n; j++) {
-      double sum = 0.0;
-      for (int k = 0; k <= j; k++) sum += W[(start + i) * S + start + k][l] * T[k][j];
-      P[i][j] = sum;
+      P[i][j] = W[(start + i) * S + start] * T[0][j];
+      for (int k = 1; k <= j; k++) P[i][j] += W[(start + i) * S + start + k] * T[k][j];
     }
-  if (!find_eigenvalues(n, P, re + start, im + start)) return 0;
+}
+
+/* Logs of the eigenvalues of P 2^exponent in lane l. */
+static int solve_block(v8 P[S][S], m8 exponent, int start, int stop, int l, double *re, double *im) {
+  double a[S][S];
+  int n = stop - start;
+  for (int i = 0; i < n; i++)
+    for (int j = 0; j < n; j++) a[i][j] = P[i][j][l];
+  if (!find_eigenvalues(n, a, re + start, im + start)) return 0;
   for (int i = start; i < stop; i++) {
     double x = re[i], y = im[i];
-    re[i] = 0.5 * log(fmax(x * x + y * y, SMALL)) + exponent * 0.693147180559945309417;
+    re[i] = 0.5 * log(fmax(x * x + y * y, SMALL)) + exponent[l] * 0.693147180559945309417;
     im[i] = y != 0.0 ? atan2(y, x) : x < 0.0 ? 0.5 * TURN : 0.0;
   }
   return 1;
 }
 
 /* Logs (re, im) of the eigenvalues of F_(G-1) ... F_0 by cyclic QR sweeps from Q; returns in which lanes they were found soundly. */
-static m8 find_logs(const v8 *F, v8 *R, int G, v8 log_det, double accuracy, v8 *Q, v8 *re, v8 *im, v8 *sizes) {
-  v8 end[S * S], W[S * S];
+static m8 find_logs(const v8 *F, v8 *R, int G, v8 log_det, double accuracy, v8 *Q, v8 *re, v8 *im) {
+  v8 end[S * S], W[S * S], sizes[S];
   m8 cut[S + 1], sign[S], sound;
   cut[0] = cut[S] = (m8)(splat(0.0) == splat(0.0));
   for (int sweep = 0;; sweep++) {
@@ -438,23 +446,36 @@ static m8 find_logs(const v8 *F, v8 *R, int G, v8 log_det, double accuracy, v8 *
     if (sweep + 1 == MAX_SWEEPS || all_lanes(sound)) break;
     memcpy(Q, end, sizeof end);
   }
-  for (int l = 0; l < L; l++) {
-    double lre[S], lim[S];
-    for (int start = 0, stop; start < S && sound[l]; start = stop) {
-      for (stop = start + 1; !cut[stop][l]; stop++) {}
-      if (stop > start + 1) {
-        if (!solve_block(W, R, G, start, stop, l, lre, lim)) sound[l] = 0;
-      } else {
-        lre[start] = sizes[start][l];
-        lim[start] = (sign[start][l] ^ ((m8)W[start * S + start])[l]) < 0 ? 0.5 * TURN : 0.0;
+  for (int start = 0; start < S; start++) {
+    m8 here = cut[start] & sound;
+    for (int stop = start + 1; stop <= S; stop++) {
+      m8 block = here & cut[stop];
+      here &= ~cut[stop];
+      if (!any_lane(block)) continue;
+      if (stop == start + 1) {
+        m8 negative = (sign[start] ^ (m8)W[start * S + start]) < 0;
+        re[start] = v_choose(block, sizes[start], re[start]);
+        im[start] = v_choose(block, v_choose(negative, splat(0.5 * TURN), splat(0.0)), im[start]);
+        continue;
+      }
+      v8 P[S][S];
+      m8 exponent;
+      multiply_block(W, R, G, start, stop, P, &exponent);
+      for (int l = 0; l < L; l++) {
+        double lre[S], lim[S];
+        if (!block[l]) continue;
+        if (!solve_block(P, exponent, start, stop, l, lre, lim)) { sound[l] = 0; continue; }
+        for (int i = start; i < stop; i++) { re[i][l] = lre[i]; im[i][l] = lim[i]; }
       }
     }
-    if (sound[l] && cut[S - 1][l]) {
-      lre[S - 1] = log_det[l];
-      lim[S - 1] = 0.0;
-      for (int i = 0; i < S - 1; i++) { lre[S - 1] -= lre[i]; lim[S - 1] -= lim[i]; }
-    }
-    for (int i = 0; i < S; i++) { re[i][l] = sound[l] ? lre[i] : NAN; im[i][l] = sound[l] ? lim[i] : NAN; }
+  }
+  v8 last_re = log_det, last_im = splat(0.0);
+  for (int i = 0; i < S - 1; i++) { last_re -= re[i]; last_im -= im[i]; }
+  re[S - 1] = v_choose(cut[S - 1], last_re, re[S - 1]);
+  im[S - 1] = v_choose(cut[S - 1], last_im, im[S - 1]);
+  for (int i = 0; i < S; i++) {
+    re[i] = v_choose(sound, re[i], splat(NAN));
+    im[i] = v_choose(sound, im[i], splat(NAN));
   }
   return sound;
 }
@@ -475,44 +496,49 @@ static double measure_spread(const v8 *re, m8 sound) {
   return widest < 0.0 ? INFINITY : widest;
 }
 
-/* ---- Romberg ---- */
+/* ---- Richardson's extrapolation ---- */
+
+typedef struct { v8 re[S], im[S]; m8 sound; } Logs;
 
 static v8 wrap(v8 x) { return x - TURN * v_round(x * (1.0 / TURN)); }
 
-/* The log (gr, gi) of the coarse ones that lies nearest to (xr, xi), less it: the distance modulo 2 pi i. */
-static void subtract_nearest(v8 xr, v8 xi, const v8 *cr, const v8 *ci, v8 *dr, v8 *di) {
+static v8 v_size(v8 x, v8 y) { return v_sqrt(x * x + y * y); }
+
+/* (dr, di) = x less the one of c that lies nearest to it modulo 2 pi i, and with it the (sr, si) that belongs to that one. */
+static void subtract_nearest(v8 xr, v8 xi, const Logs *c, const v8 *steps_re, const v8 *steps_im, v8 *dr, v8 *di, v8 *sr, v8 *si) {
   v8 best = splat(INFINITY);
-  *dr = *di = splat(NAN);
+  *dr = *di = *sr = *si = splat(NAN);
   for (int j = 0; j < S; j++) {
-    v8 r = xr - cr[j], i = wrap(xi - ci[j]), d = r * r + i * i;
+    v8 r = xr - c->re[j], i = wrap(xi - c->im[j]), d = r * r + i * i;
     m8 nearer = (m8)(d < best);
     best = v_choose(nearer, d, best);
     *dr = v_choose(nearer, r, *dr);
     *di = v_choose(nearer, i, *di);
+    *sr = v_choose(nearer, steps_re[j], *sr);
+    *si = v_choose(nearer, steps_im[j], *si);
   }
 }
 
-static v8 v_size(v8 x, v8 y) { return v_sqrt(x * x + y * y); }
-
-static void extrapolate(v8 re[LEVELS][S], v8 im[LEVELS][S], double accuracy, v8 *xr, v8 *xi, v8 *error) {
+/* Logs x of order 8 from three resolutions, and their errors; gains: see extrapolation.py. */
+static void extrapolate(const Logs *coarse, const Logs *middle, const Logs *fine, const double *gains, double accuracy, Logs *x, v8 *error) {
   const double noise = 40.0 * 2.220446049250313e-16;
-  v8 ar[LEVELS][S], ai[LEVELS][S], dr, di;
-  for (int k = 1; k < LEVELS; k++)
-    for (int i = 0; i < S; i++) {
-      subtract_nearest(re[k][i], im[k][i], re[k - 1], im[k - 1], &dr, &di);
-      ar[k][i] = re[k][i] + dr * (1.0 / 15.0);
-      ai[k][i] = im[k][i] + di * (1.0 / 15.0);
-    }
+  v8 ar[S], ai[S], none[S], change[S], step[S], rate[S], floor[S], most = splat(0.0), br, bi, sr, si;
+  for (int i = 0; i < S; i++) none[i] = splat(0.0);
+  for (int i = 0; i < S; i++) subtract_nearest(middle->re[i], middle->im[i], coarse, none, none, &ar[i], &ai[i], &sr, &si);
   for (int i = 0; i < S; i++) {
-    subtract_nearest(ar[2][i], ai[2][i], ar[1], ai[1], &dr, &di);
-    dr *= 1.0 / 63.0;
-    di *= 1.0 / 63.0;
-    xr[i] = ar[2][i] + dr;
-    xi[i] = wrap(ai[2][i] + di);
-    xi[i] = v_choose((m8)(xi[i] <= -0.5 * TURN), xi[i] + TURN, xi[i]);
-    v8 across = v_size(dr, di);
-    subtract_nearest(xr[i], xi[i], ar[1], ai[1], &dr, &di);
-    error[i] = 32.0 * (across + v_size(dr, di) * (1.0 / 64.0)) + (noise + accuracy) * v_size(xr[i], xi[i]) + noise;
+    subtract_nearest(fine->re[i], fine->im[i], middle, ar, ai, &br, &bi, &sr, &si);
+    x->re[i] = fine->re[i] + gains[2] * br + gains[3] * sr;
+    v8 im = wrap(fine->im[i] + gains[2] * bi + gains[3] * si);
+    x->im[i] = v_choose((m8)(im <= -0.5 * TURN), im + TURN, im);
+    floor[i] = (noise + accuracy) * v_size(x->re[i], x->im[i]) + noise;
+    change[i] = v_size((1.0 + gains[0]) * br - gains[1] * sr, (1.0 + gains[0]) * bi - gains[1] * si);
+    step[i] = gains[0] * v_size(br, bi);
+    rate[i] = change[i] / (step[i] + floor[i]);
+    most = v_max(most, rate[i]);
+  }
+  for (int i = 0; i < S; i++) {
+    v8 counted = v_min(v_max(rate[i], SHARED * most), splat(FASTEST));
+    error[i] = change[i] * (STEADY + RATE * counted) + LEAST * step[i] + floor[i];
   }
 }
 
@@ -524,60 +550,84 @@ static int count_groups(int segments, double spread, double accuracy) {
   return segments;
 }
 
-/* Logs (V, S, 2) of the multipliers at points (V, PARAMETERS), their errors (V, S), whether they are sound (V), and the periods (V).
+/* Factors F of one resolution: neighbours are multiplied until G are left; f, h: where the tables of this resolution begin. Returns where
+ * the mass matrix is positive definite; adds to the log of the determinant. */
+static m8 multiply_out(const double *f, const v8 *w, const double *h, int K, int G, const double *scale, const double *reach, v8 *F, v8 *log_det) {
+  m8 positive = (m8)(splat(0.0) == splat(0.0));
+  for (int g = 0; g < G; g++, F += S * S) {
+    v8 one[S * S], two[S * S], *product = NULL;
+    for (int k = 0; k < K / G; k++, f += 2 * PHASE_VALUES, h++) {
+      v8 X1[N * N], Y1[N * N], X2[N * N], Y2[N * N], O[S * S], E[S * S], other[S * S], *found;
+      positive &= at_node(f, w, X1, Y1) & at_node(f + PHASE_VALUES, w, X2, Y2);
+      for (int i = 0; i < N; i++) *log_det += 0.5 * *h * (Y1[i * N + i] + Y2[i * N + i]);
+      form_omega(X1, Y1, X2, Y2, *h, scale, O);
+      found = exponentiate(O, reach, E, other);
+      v8 *next = k + 1 == K / G ? F : product == one ? two : one;
+      if (product) multiply(found, product, next);
+      else memcpy(next, found, sizeof E);
+      product = next;
+    }
+  }
+  return positive;
+}
+
+/* Whether every error is as small as asked, in each lane. */
+static m8 meets(const Logs *x, const v8 *error, v8 period, double tol) {
+  m8 met = (m8)(splat(0.0) == splat(0.0));
+  for (int i = 0; i < S; i++) met &= (m8)(error[i] <= tol * v_max(period, v_size(x->re[i], x->im[i])));
+  return met;
+}
+
+/* Logs (V, S, 2) of the multipliers at points (V, PARAMETERS), their errors (V, S), whether they are sound (V), the periods (V), and how
+ * many segments were computed (V).
  *
- * segments (LEVELS); lengths: h of all segments, level after level; inputs: what depends on the phase at both nodes of each segment,
- * (nodes, PHASE_INPUTS); scale (S, S): of the states; reach (3): see `exponentiate`. Returns 0, or 1 where memory gives out. */
-int find_exponents(long values, const double *points, const int *segments, const double *lengths, const double *inputs,
-                   const double *scale, const double *reach, double accuracy, double spread_given, double *logs, double *errors,
-                   unsigned char *sounds, double *periods) {
+ * segments (levels): ever more of them; lengths: h of all segments, level after level; inputs: what depends on the phase at both nodes of
+ * each segment, (nodes, PHASE_INPUTS); gains (levels, 4): see `extrapolate`; scale (S, S): of the states; reach (3): see `exponentiate`.
+ * Eight values stop at the resolution at which all of them that are sound meet tol. Returns 0, or 1 where memory gives out. */
+int find_exponents(long values, const double *points, int levels, const int *segments, const double *lengths, const double *inputs,
+                   const double *gains, const double *scale, const double *reach, double accuracy, double spread_given, double tol,
+                   double *logs, double *errors, unsigned char *sounds, double *periods, int *work) {
   long nodes = 0;
-  for (int k = 0; k < LEVELS; k++) nodes += 2 * segments[k];
-  size_t most = (size_t)segments[LEVELS - 1] * S * S * sizeof(v8);
+  for (int k = 0; k < levels; k++) nodes += 2 * segments[k];
+  size_t most = (size_t)segments[levels - 1] * S * S * sizeof(v8);
   double *table = malloc((size_t)nodes * (PHASE_VALUES + 1) * sizeof(double));
   v8 *F = aligned_alloc(64, most), *R = aligned_alloc(64, most);
   if (!table || !F || !R) { free(table); free(F); free(R); return 1; }
   for (long k = 0; k < nodes; k++) of_phase(inputs + k * PHASE_INPUTS, table + k * PHASE_VALUES);
   for (long first = 0; first < values; first += L) {
-    int lanes = values - first < L ? (int)(values - first) : L;
-    v8 p[PARAMETERS + 1], w[POINT_VALUES + 1], Q[S * S], re[LEVELS][S], im[LEVELS][S], sizes[S], xr[S], xi[S], error[S];
+    int lanes = values - first < L ? (int)(values - first) : L, level = 0, computed = 0;
+    v8 p[PARAMETERS + 1], w[POINT_VALUES + 1], Q[S * S], error[S];
+    Logs found[3], x;
     for (int i = 0; i < PARAMETERS; i++)
       for (int l = 0; l < L; l++) p[i][l] = points[(first + (l < lanes ? l : lanes - 1)) * PARAMETERS + i];
     v8 period = of_point(p, w);
-    m8 sound = (m8)(splat(0.0) == splat(0.0));
-    v8 one[S * S], two[S * S], *product = one, *spare = two;
+    m8 sound = (m8)(splat(0.0) == splat(0.0)), positive = sound;
     double spread = spread_given;
     for (int i = 0; i < S * S; i++) Q[i] = splat(i % (S + 1) ? 0.0 : 1.0);
     const double *f = table, *h = lengths;
-    for (int level = 0; level < LEVELS; level++) {
-      int K = segments[level], G = count_groups(K, spread, accuracy), each = K / G;
+    for (;;) {
+      int K = segments[level], G = count_groups(K, spread, accuracy);
       v8 log_det = splat(0.0);
-      for (int k = 0; k < K; k++, f += 2 * PHASE_VALUES, h++) {
-        v8 X1[N * N], Y1[N * N], X2[N * N], Y2[N * N], O[S * S], E[S * S], other[S * S], *found;
-        sound &= at_node(f, w, X1, Y1) & at_node(f + PHASE_VALUES, w, X2, Y2);
-        for (int i = 0; i < N; i++) log_det += 0.5 * *h * (Y1[i * N + i] + Y2[i * N + i]);
-        form_omega(X1, Y1, X2, Y2, *h, scale, O);
-        found = exponentiate(O, reach, E, other);
-        if (k % each == 0) memcpy(product, found, sizeof E);
-        else {
-          multiply(found, product, spare);
-          v8 *last = product;
-          product = spare;
-          spare = last;
-        }
-        if ((k + 1) % each == 0) memcpy(F + (long)(k / each) * S * S, product, sizeof E);
-      }
-      sound &= find_logs(F, R, G, log_det, accuracy, Q, re[level], im[level], sizes);
-      spread = measure_spread(re[level], sound);
+      Logs *now = &found[level % 3];
+      positive &= multiply_out(f, w, h, K, G, scale, reach, F, &log_det);
+      now->sound = find_logs(F, R, G, log_det, accuracy, Q, now->re, now->im);
+      spread = measure_spread(now->re, now->sound);
+      f += 2 * PHASE_VALUES * K;
+      h += K;
+      computed += K;
+      if (++level < 3) continue;
+      extrapolate(&found[level % 3], &found[(level + 1) % 3], now, gains + 4 * (level - 1), accuracy, &x, error);
+      sound = found[0].sound & found[1].sound & found[2].sound & positive;
+      if (level == levels || all_lanes((sound & meets(&x, error, period, tol)) | ~positive)) break;
     }
-    extrapolate(re, im, accuracy, xr, xi, error);
     for (int l = 0; l < lanes; l++) {
       long v = first + l;
       sounds[v] = sound[l] != 0;
       periods[v] = period[l];
+      work[v] = computed;
       for (int i = 0; i < S; i++) {
-        logs[(v * S + i) * 2] = xr[i][l];
-        logs[(v * S + i) * 2 + 1] = xi[i][l];
+        logs[(v * S + i) * 2] = x.re[i][l];
+        logs[(v * S + i) * 2 + 1] = x.im[i][l];
         errors[v * S + i] = error[i][l];
       }
     }

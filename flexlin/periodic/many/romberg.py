@@ -1,4 +1,4 @@
-"""Floquet exponents of many second-order systems at once: Magnus' exponential on doubled segments, extrapolated."""
+"""Floquet exponents of many second-order systems at once: Magnus' exponential on finer and finer segments, extrapolated."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -7,20 +7,15 @@ import numpy as np
 from scipy.linalg.lapack import dgebal
 
 from flexlin.checks import Array
-from flexlin.periodic.circle import measure_distances, wrap_log
 from flexlin.periodic.companion import stack_companion
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.many.algebra import exponentiate_batch, multiply
+from flexlin.periodic.many.extrapolation import MULTIPLES, extrapolate, find_gains
 from flexlin.periodic.many.spectrum import find_product_logs, group_batch
 from flexlin.periodic.transition.gauss import gauss, place_nodes
 
-ORDER = 4
-LEVELS = 3
 BLOCK = 2048
 """Matrices in one batched exponential: its temporaries then stay in the processor's cache."""
-SAFETY, NOISE = 32.0, 40.0
-"""Factor on the last differences of Romberg's table, and roundings in the log of a multiplier."""
-
 Coefficients = Callable[[Array], tuple[Array, Array]]
 """Phases (N,) -> X, Y (N, n, n, V) of y'' = X y + Y y', time in units of the period."""
 
@@ -43,7 +38,7 @@ def batched_exponents(
 ) -> BatchedExponents:
     """Logs of the Floquet multipliers of y'' = X(phase) y + Y(phase) y' over one period, for V values at once.
 
-        Magnus of order 4 on K, 2 K, 4 K segments; logs extrapolated by Romberg's scheme to order 8, whose last step gives the error
+        Magnus of order 4 on 2 K, 3 K, 4 K segments; logs extrapolated to order 8, with an error by the steps that lead there
 
     Assumes X, Y smooth between the breaks.
 
@@ -53,31 +48,19 @@ def batched_exponents(
     Returns: BatchedExponents; where an error is too large, more segments or `floquet` may help.
     Source: Blanes, Casas, Oteo, Ros, Physics Reports 470 (2009), Eq. (253); Richardson's extrapolation of a symmetric method.
     """
-    grid = place_edges(1.0, breaks, segments)
-    scale = balance_states(*coefficients(grid[:-1]))
-    table: list[Array] = []
+    base = place_edges(1.0, breaks, segments)
+    scale = balance_states(*coefficients(base[:-1]))
+    levels: list[Array] = []
     sound: Array | bool = True
     Q = None
-    for _ in range(LEVELS):
-        factors, log_det = exponentiate_segments(coefficients, grid, scale, accuracy)
+    for multiple in MULTIPLES[:3]:
+        factors, log_det = exponentiate_segments(coefficients, divide_segments(base, multiple), scale, accuracy)
         logs, fine, Q = find_product_logs(group_batch(factors, spread, accuracy), log_det, accuracy, Q)
         spread = measure_spread(logs[:, fine])
         sound = sound & fine
-        below = table[-1] if table else logs
-        table = extrapolate(table, logs)
-        grid = halve_segments(grid)
-    return BatchedExponents(wrap_log(table[-1]), estimate_romberg_error(table, below, accuracy), np.asarray(sound))
-
-
-def estimate_romberg_error(table: list[Array], below: Array, accuracy: float) -> Array:
-    """Error of the last entry, by the steps that lead to it: from the lower order, and from the coarser resolution.
-
-    Where Romberg's scheme converges as it should, the second is 4^3 times the first; where it does not, it counts more.
-    """
-    last = table[-1]
-    across, down = np.abs(wrap_log(last - table[-2])), np.abs(wrap_log(last - take_nearest(last, below)))
-    noise = NOISE * np.finfo(float).eps
-    return SAFETY * (across + down / 2 ** (ORDER + 2)) + (noise + accuracy) * np.abs(last) + noise
+        levels.append(logs)
+    logs, errors = extrapolate(levels, find_gains(*MULTIPLES[:3]), accuracy)
+    return BatchedExponents(logs, errors, np.asarray(sound))
 
 
 def measure_spread(logs: Array) -> float:
@@ -86,32 +69,16 @@ def measure_spread(logs: Array) -> float:
     return float(np.ptp(sizes, axis=0).max()) if sizes.size else np.inf
 
 
-def halve_segments(grid: Array) -> Array:
-    """The grid with the middle of each segment added."""
-    return np.sort(np.concatenate([grid, (grid[1:] + grid[:-1]) / 2]))
+def divide_segments(grid: Array, parts: int) -> Array:
+    """The grid with each segment divided into equal parts."""
+    starts = grid[:-1, None] + np.diff(grid)[:, None] * (np.arange(parts) / parts)
+    return np.append(starts, grid[-1])
 
 
 def balance_states(X: Array, Y: Array) -> Array:
     """One scaling (2 n,) of the states by powers of two that evens rows and columns of the mean of |A| = |[[0, I], [X, Y]]|."""
     A = stack_companion(np.abs(X).mean(axis=(0, 3)), np.abs(Y).mean(axis=(0, 3)))
     return np.asarray(dgebal(A, scale=1, permute=0)[3])
-
-
-def extrapolate(row: list[Array], logs: Array) -> list[Array]:
-    """The next row of Romberg's table; its columns have the orders 4, 6, 8 ...
-
-    The finer logs are paired with the coarser ones, nearest first, and imaginary parts are taken modulo 2 pi.
-    """
-    new = [logs]
-    for i, coarse in enumerate(row):
-        gain = 2.0 ** (ORDER + 2 * i) - 1
-        new.append(new[i] + wrap_log(new[i] - take_nearest(new[i], coarse)) / gain)
-    return new
-
-
-def take_nearest(fine: Array, coarse: Array) -> Array:
-    """The coarse log that lies nearest to each fine one."""
-    return np.take_along_axis(coarse, measure_distances(fine, coarse).argmin(axis=1), axis=0)
 
 
 def exponentiate_segments(

@@ -33,6 +33,11 @@ static inline int all_lanes(m8 where) {
   for (int l = 0; l < L; l++) all &= where[l];
   return all != 0;
 }
+static inline int any_lane(m8 where) {
+  long long any = 0;
+  for (int l = 0; l < L; l++) any |= where[l];
+  return any != 0;
+}
 /* The nearest whole number, for |a| < 2^51. */
 static inline v8 v_round(v8 a) { return (a + 6755399441055744.0) - 6755399441055744.0; }
 
