@@ -9,6 +9,7 @@ import casadi as ca
 from flexlin.arguments import checked, instance
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.axes import list_axes
+from flexlin.mechanics.bearings import pass_bearing
 from flexlin.mechanics.body import Body, Moments, rigid_moments, tensor
 from flexlin.mechanics.coordinates import Symbols, list_coordinates
 from flexlin.mechanics.effects import Effect, effects_of
@@ -35,10 +36,10 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
 
         M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau
 
-    Coordinates: first the relative joint displacements q, then the elastic coordinates w link by link, then those of motors behind
-    flexible joints; passive joints follow from the loops. Energies by recursion over the links, M, C, g by Lagrange's equations,
-    reduced by C_1, C_2. An effect that is off adds no instruction and no coordinate. Assumes slender links, and deflections small
-    against the length.
+    Coordinates: first the relative joint displacements q, then the elastic coordinates w link by link, those of bearings that give, then
+    those of motors behind flexible joints; passive joints follow from the loops. Energies by recursion over the links, M, C, g by
+    Lagrange's equations, reduced by C_1, C_2. An effect that is off adds no instruction and no coordinate. Assumes slender links, and
+    deflections small against the length.
 
     Parameters
     ----------
@@ -80,7 +81,8 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
     effects = effects_of(scene.effects)
     units = {i: "m" if link.joint == "prismatic" else "rad" for i, link in enumerate(scene.links) if link.moves}
     free_motors = [i for i in units if scene.links[i].driven and any(effect.frees_motor(i) for effect in effects)]
-    coordinates = list_coordinates([link.counts for link in scene.links], units, free_motors)
+    free_bearings = [i for i in units if any(effect.frees_bearing(i) for effect in effects)]
+    coordinates = list_coordinates([link.counts for link in scene.links], units, free_motors, free_bearings)
     at, rate = (Symbols.of(coordinates, len(scene.links), mark) for mark in ("", "d_"))
     chain = _build_chain(scene.links, effects, basis, at, rate)
     arm = replace(_derive_equations(chain, effects, at, rate, free), coordinates=coordinates, effects=tables)
@@ -161,7 +163,7 @@ def _build_chain(
         axes.append(unit(table.joint_axis))
         place = moving.index(i) if table.moves else None
         displacement = _follow(table, moving, at, rate) if place is None else (at.q[place], rate.q[place])
-        frame = pass_joint(mounts[i], table, axes[i], *displacement)
+        frame = pass_joint(mounts[i], table, axes[i], *displacement, at.bearings[i], rate.bearings[i])
         radius = sum((effect.joint_radius(i) for effect in effects), ca.SX(0))
         base = frame.moved(column(radius, 0, 0), ca.SX(3, 1))
         link = BentLink.of(i, table, basis[i], base, at.modes[i], rate.modes[i])
@@ -175,7 +177,8 @@ def _build_chain(
         q, q_rate = (x + ca.vertcat(*extra) for x, extra in zip((q, q_rate), zip(*turns, strict=True), strict=True))
     motor, motor_rate = (symbols.with_motors(x, moving) for symbols, x in ((at, q), (rate, q_rate)))
     frames = {"mounts": tuple(mounts), "axes": tuple(axes), "joints": tuple(joints), "tips": tuple(tips)}
-    bare = Chain(q, q_rate, motor, motor_rate, moving, links=tuple(links), parents=tuple(parents), **frames)
+    give = {"bearings": at.bearings, "bearing_rates": rate.bearings}
+    bare = Chain(q, q_rate, motor, motor_rate, moving, links=tuple(links), parents=tuple(parents), **frames, **give)
     bodies = [Body(link.base, _sum_moments(link, effects)) for link in links]
     return replace(bare, bodies=(*bodies, *(body for effect in effects for body in effect.bodies(bare))))
 
@@ -195,11 +198,12 @@ def pass_mount(frame: Frame, link: Link) -> Frame:
     return moved.turned(Z, yaw).turned(Y, pitch).turned(X, roll)
 
 
-def pass_joint(frame: Frame, link: Link, axis: ca.SX, q: ca.SX, q_rate: ca.SX) -> Frame:
-    """The frame that a link's joint carries: turned by the mount's angle, then by q about its axis, or moved by q along it."""
-    if link.joint == "revolute" and is_same(axis, Z):
+def pass_joint(frame: Frame, link: Link, axis: ca.SX, q: ca.SX, q_rate: ca.SX, give: ca.SX, give_rate: ca.SX) -> Frame:
+    """The frame that a link's joint carries: turned by the mount's angle, then by what its bearing gives, then by q about its axis,
+    or moved by q along it."""
+    if link.joint == "revolute" and is_same(axis, Z) and not give.numel():
         return frame.turned(Z, q + link.mount_angle, q_rate)
-    mounted = frame.turned(Z, link.mount_angle)
+    mounted = pass_bearing(frame.turned(Z, link.mount_angle), link, axis, give, give_rate)
     return mounted.moved(axis * q, axis * q_rate) if link.joint == "prismatic" else mounted.turned(axis, q, q_rate)
 
 

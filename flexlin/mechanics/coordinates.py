@@ -41,9 +41,9 @@ class Coordinate:
 
 
 def list_coordinates(
-    modes: Sequence[Modes], units: Mapping[int, str], free_motors: Sequence[int]
+    modes: Sequence[Modes], units: Mapping[int, str], free_motors: Sequence[int], free_bearings: Sequence[int] = ()
 ) -> tuple[Coordinate, ...]:
-    """Describe the coordinates of a chain: the modes of each link; the unit of the joint before each link that moves; free motors."""
+    """Describe the coordinates of a chain: the modes of each link; the unit of the joint before each link that moves; bearings, motors."""
     joints = [Coordinate("joint", f"q{i + 1}", unit, i) for i, unit in units.items()]
     elastic = [
         Coordinate("elastic", f"{letter}{i + 1}{'' if count < 10 else '_'}{k + 1}", unit, i, k, direction=direction)
@@ -52,16 +52,19 @@ def list_coordinates(
         for letter, unit in (NAMES[direction],)
         for k in range(count)
     ]
+    bearings = [Coordinate("elastic", f"beta{i + 1}{k + 1}", units[i], i) for i in free_bearings for k in range(2)]
     motors = [Coordinate("motor", f"theta{i + 1}", units[i], i) for i in free_motors]
-    return (*joints, *elastic, *motors)
+    return (*joints, *elastic, *bearings, *motors)
 
 
 @dataclass(frozen=True, eq=False)
 class Symbols:
-    """The symbols s = [q; w; theta] of a chain: q of each joint, w of each link's modes, theta of motors, `free` those of which links."""
+    """The symbols s = [q; w; beta; theta] of a chain: q of each joint, w of each link's modes, beta of the bearing before each link, (2, 1)
+    or (0, 1), theta of motors, `free` those of which links."""
 
     q: ca.SX
     modes: tuple[ca.SX, ...]
+    bearings: tuple[ca.SX, ...]
     motors: ca.SX
     free: tuple[int, ...] = ()
 
@@ -69,12 +72,14 @@ class Symbols:
     def of(cls, coordinates: Sequence[Coordinate], links: int, mark: str = "") -> "Symbols":
         """Make a symbol for each coordinate; `mark` goes before each name."""
 
-        def column(kind: Kind, link: int | None = None) -> ca.SX:
-            chosen = [c for c in coordinates if c.kind == kind and link in (None, c.link)]
+        def column(kind: Kind, link: int | None = None, of_mode: bool = False) -> ca.SX:
+            found = [c for c in coordinates if c.kind == kind and link in (None, c.link)]
+            chosen = [c for c in found if (c.mode is not None) == of_mode]
             return ca.vertcat(ca.SX(0, 1), *[ca.SX.sym(mark + c.symbol) for c in chosen])
 
         free = tuple(c.link for c in coordinates if c.kind == "motor" and c.link is not None)
-        return cls(column("joint"), tuple(column("elastic", i) for i in range(links)), column("motor"), free)
+        modes, bearings = (tuple(column("elastic", i, of_mode) for i in range(links)) for of_mode in (True, False))
+        return cls(column("joint"), modes, bearings, column("motor"), free)
 
     def with_motors(self, q: ca.SX, moving: Sequence[int]) -> ca.SX:
         """What the motors see: their own coordinates where they are free, elsewhere the joints' q."""
@@ -84,4 +89,4 @@ class Symbols:
     @property
     def all(self) -> ca.SX:
         """s, (n, 1)."""
-        return ca.vertcat(self.q, *self.modes, self.motors)
+        return ca.vertcat(self.q, *self.modes, *self.bearings, self.motors)

@@ -85,6 +85,19 @@ def unit(direction: Any) -> ca.SX:
     return ca.sparsify(a / ca.sqrt(ca.sumsqr(a)))
 
 
+def across(axis: ca.SX) -> ca.SX:
+    """Two directions of length 1 across an axis of length 1 and each other, (3, 2); of coordinate axes they are coordinate axes too.
+
+    Source: Duff et al., Building an orthonormal basis, revisited, J. Computer Graphics Techniques 6 (2017) 1.
+    """
+    x, y, z = (axis[i] for i in range(3))
+    sign = ca.if_else(z < 0, -1, 1)
+    a = -1 / (sign + z)
+    b = x * y * a
+    first, second = (1 + sign * x**2 * a, sign * b, -sign * x), (b, sign + y**2 * a, -y)
+    return ca.sparsify(ca.simplify(ca.horzcat(*[ca.vertcat(*column) for column in (first, second)])))
+
+
 def rotation_about(axis: ca.SX, angle: ca.SX) -> ca.SX:
     """Rodrigues' rotation matrix, (3, 3).
 

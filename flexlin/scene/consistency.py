@@ -13,7 +13,7 @@ from flexlin.scene.loop_rules import loop_contradictions
 from flexlin.scene.weights import Weights
 from flexlin.text import printable
 
-COORDINATE = re.compile(r"(q|w|theta|phi)\w*\d(_rate)?")
+COORDINATE = re.compile(r"(q|w|theta|phi|beta)\w*\d(_rate)?")
 """What names of coordinates of a chain, and of their rates, look like."""
 
 
@@ -113,11 +113,13 @@ def _but_passive(links: list[dict[str, Any]]) -> str:
 
 
 def _added_coordinates(links: list[dict[str, Any]], raw: dict[str, Any]) -> int:
-    """How many coordinates there are beside the driven joints: modes and free motors."""
+    """How many coordinates there are beside the driven joints: modes, free motors, two of each bearing that gives."""
     modes = [count for link in links for count in mode_counts(link).values()]
-    moving = [i for i, link in enumerate(links) if driven(link)]
-    motors = [effect.count_motors(_effects(raw)[name], moving) for name, effect in tables_on(_effects(raw))]
-    return sum(modes) + max(motors, default=0)
+    own, moving = ([i for i, link in enumerate(links) if rule(link)] for rule in (driven, moves))
+    tables = [(effect, _effects(raw)[name]) for name, effect in tables_on(_effects(raw))]
+    motors = max((effect.count_motors(table, own) for effect, table in tables), default=0)
+    bearings = max((effect.count_bearings(table, moving) for effect, table in tables), default=0)
+    return sum(modes) + motors + 2 * bearings
 
 
 def _design_names(raw: dict[str, Any]) -> Iterator[Problem]:

@@ -37,6 +37,8 @@ class EffectTable(Table):
     """Keys whose list is a vector, not one number a link."""
     frees_motors: ClassVar[bool] = False
     """Whether each motor has a coordinate of its own."""
+    frees_bearings: ClassVar[bool] = False
+    """Whether each bearing gives across its joint's direction, by two coordinates."""
     inertia_keys: ClassVar[tuple[str, ...]] = ()
     """Keys any of which, unless it is zero, gives inertia to a link that has none itself."""
 
@@ -44,6 +46,11 @@ class EffectTable(Table):
     def count_motors(cls, raw: RawTable, moving: Sequence[int]) -> int:
         """How many motors a raw table gives a coordinate of their own, on an arm whose joints before these links move."""
         return len(moving) if cls.frees_motors else 0
+
+    @classmethod
+    def count_bearings(cls, raw: RawTable, moving: Sequence[int]) -> int:
+        """How many bearings a raw table lets give, on an arm whose joints before these links move."""
+        return len(moving) if cls.frees_bearings else 0
 
     @classmethod
     def summary(cls) -> str:

@@ -20,6 +20,7 @@ ON = {
     "rayleigh_damping": {"mass_factor": 0.1, "stiffness_factor": 1e-3},
     "kelvin_voigt_damping": {"retardation_time": 2e-3},
     "joint_flexibility": {"stiffness": [50.0, 30.0], "motor_inertia": [0.05, 0.02]},
+    "bearing_compliance": {"stiffness": [80.0, 60.0], "damping": [0.3, 0.2], "inertia": [0.03, 0.02]},
     "viscous_friction": {"coefficient": [0.2, 0.1]},
     "coulomb_friction": {"torque": [0.3, 0.1], "rate": 0.05},
     "motor": {"torque_constant": 0.05, "resistance": 2.0, "gear_ratio": [50.0, 30.0], "rotor_inertia": 1e-5},
@@ -27,7 +28,7 @@ ON = {
 }
 SPATIAL = {"modes": {"y": 1, "z": 1, "torsion": 1}, "torsional_stiffness": 0.8, "polar_inertia": 1e-3}
 """A link that deflects in every way."""
-ADDED = {"joint_flexibility": 2}
+ADDED = {"joint_flexibility": 2, "bearing_compliance": 4}
 
 
 def test_all_effects_are_covered():

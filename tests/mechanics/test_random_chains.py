@@ -23,6 +23,7 @@ LINKS = st.fixed_dictionaries(
 FIRST_ONLY = {"hub": {"inertia": 0.02, "mass": 0.1}, "payload": {"mass": 0.1, "inertia": 0.001, "offset": 0.02}}
 SCALAR = {
     "joint_flexibility": {"stiffness": 50.0, "motor_inertia": 0.05},
+    "bearing_compliance": {"stiffness": 80.0, "damping": 0.3, "inertia": 0.02},
     "viscous_friction": {"coefficient": 0.2},
     "coulomb_friction": {"torque": 0.3, "rate": 0.05},
     "motor": {"torque_constant": 0.05, "resistance": 2.0, "gear_ratio": 50.0, "rotor_inertia": 1e-5},

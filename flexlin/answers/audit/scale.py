@@ -23,9 +23,11 @@ def read_scale(scene: Scene) -> Scale:
         for d in BENDING
         if getattr(link.counts, d)
     ]
+    joints = [float(M[i, i]) for i in range(arm.joints)]
+    moving = [i for i, link in enumerate(scene.links) if link.moves]
     return Scale(
         links=scene.links,
-        inertias=tuple(float(M[i, i]) for i in range(arm.joints)),
+        inertias=tuple(joints[moving.index(i)] if i in moving else max(joints) for i in range(len(scene.links))),
         mass=sum(link.mass_per_length * link.length for link in scene.links),
         motion=2 * np.pi / build_motion(scene.motion, arm.joints).period,
         bending=float(min(slowest)) if slowest else None,

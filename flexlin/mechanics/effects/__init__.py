@@ -19,6 +19,7 @@ SHIPPED = (
     "rayleigh_damping",
     "kelvin_voigt_damping",
     "joint_flexibility",
+    "bearing_compliance",
     "viscous_friction",
     "coulomb_friction",
     "motor",

@@ -22,7 +22,7 @@ class Chain:
     q, q_rate: the displacements of the joints that move as their bearings see them, (joints, 1), in rad or m; motor, motor_rate: the
     same as the motors see them, behind any joint flexibility; moving: the number of the link behind each of these joints. For each link:
     the frame before its joint, the joint's axis (3, 1), the frame behind it, the link, the frame at its tip, the number of the link that
-    carries it, -1 for the ground. All bodies that have mass.
+    carries it, -1 for the ground, what its bearing gives, (2, 1) or nothing, with the rates. All bodies that have mass.
     """
 
     q: ca.SX
@@ -35,6 +35,8 @@ class Chain:
     joints: tuple[Frame, ...]
     links: tuple["BentLink", ...]
     tips: tuple[Frame, ...]
+    bearings: tuple[ca.SX, ...] = ()
+    bearing_rates: tuple[ca.SX, ...] = ()
     bodies: tuple[Body, ...] = ()
     parents: tuple[int, ...] = ()
 

@@ -29,6 +29,21 @@ class PartsEffect(EffectTable):
         """
         return self.frees_motors
 
+    def frees_bearing(self, joint: int) -> bool:
+        """Return whether the effect lets a joint's bearing give across its direction, by two coordinates.
+
+        Parameters
+        ----------
+        joint : int
+            Number of the joint, from 0.
+
+        Returns
+        -------
+        bool
+            By default what the class says of all.
+        """
+        return self.frees_bearings
+
     def joint_radius(self, joint: int) -> Any:
         """Return the distance from a joint's axis to where its link begins.
 

@@ -16,7 +16,8 @@ LOSS = 0.01
 class Scale:
     """The sizes of an arm, stretched out and at rest.
 
-    links: their tables; inertias: about each joint (kg m^2); mass: of the links (kg); motion: frequency of the basic motion (rad/s);
+    links: their tables; inertias: about the joint of each link, the largest where it is fixed (kg m^2); mass: of the links (kg);
+    motion: frequency of the basic motion (rad/s);
     bending: slowest frequency of a link clamped alone (rad/s), None where no link bends.
     """
 
