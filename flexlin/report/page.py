@@ -66,10 +66,12 @@ def fill_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture],
     )
 
 
-def picture_page(title: str, picture: Picture, command: str, more: Sequence[Picture] = ()) -> str:
-    """A page of one picture, and of others below it."""
-    version = flexlin.__version__
-    return load_template("picture").render(title=title, picture=picture, more=more, command=command, version=version)
+def picture_page(
+    title: str, picture: Picture, command: str, more: Sequence[Picture] = (), said: Sequence[str] = ()
+) -> str:
+    """A page of one picture, with what is to be said before it, and of other pictures below it."""
+    page = {"title": title, "picture": picture, "more": more, "said": said}
+    return load_template("picture").render(command=command, version=flexlin.__version__, **page)
 
 
 def load_template(name: str) -> Template:

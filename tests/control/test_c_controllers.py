@@ -160,9 +160,10 @@ def test_the_matlab_script_reads_what_the_file_holds(arm, tmp_path):
     made = design(plant, scene.designs[1], tol=1e-6)
     script = matlab_script(save(plant.periodic_system(), tmp_path / "system.mat", (made,), 8, plant), 1).read_text()
     data = scipy.io.loadmat(tmp_path / "system.mat")
-    asked = set(re.findall(r"data\.(\w+)", script)) | {"K_0"}
+    asked = set(re.findall(r"data\.(\w+)", script))
     assert asked <= set(data)
-    assert {"A", "B", "t", "states", "state_units", "inputs", "names"} <= asked
+    assert set(re.findall(r"data\.designs\(i\)\.(\w+)", script)) <= set(data["designs"].dtype.names)
+    assert {"A", "B", "t", "states", "state_units", "inputs", "designs"} <= asked
     assert [str(name[0]) for name in data["states"].ravel()] == ["q1", "w11", "q1_rate", "w11_rate"]
     assert script.count("function ") == 2
     assert script.count("\nend\n") >= 2

@@ -67,10 +67,18 @@ def test_files_hold_the_same_numbers(lin, made, tmp_path, ending):
     if ending == "npz":
         data = np.load(path)
     elif ending == "mat":
-        data = scipy.io.loadmat(path)
+        found = scipy.io.loadmat(path)
+        assert found["A"].shape == (system.n, system.n, 16)  # MATLAB's order: rows, columns, then time
+        one = found["designs"].ravel()[0]
+        assert str(one["name"][0]) == made.name
+        data = {key: np.moveaxis(found[key], -1, 0) for key in "AB"}
+        data |= {f"{key}_0": np.moveaxis(one[key], -1, 0) for key in "KX"}
     else:
         with xarray.open_dataset(path, engine="scipy") as opened:
             data = {key: opened[key].values for key in opened.variables}
+            assert all("long_name" in opened[key].attrs and "units" in opened[key].attrs for key in "AB")
+            assert opened["K_0"].attrs["design"] == made.name
+            assert opened["time"].attrs["units"] == opened.attrs["period_units"] == "s"
     np.testing.assert_array_equal(data["A"], system.A(t))
     np.testing.assert_array_equal(data["B"], system.B(t))
     np.testing.assert_array_equal(data["K_0"], made.K(t))
@@ -95,6 +103,11 @@ def compiled(files, folder):
 @pytest.mark.skipif(COMPILER is None, reason="no C compiler on this machine")
 def test_compiled_linearization_equals_python(lin, tmp_path):
     program = compiled(linearization_source(lin, tmp_path), tmp_path)
+    header = (tmp_path / "linearization.h").read_text()
+    layout = header[: header.index("*/")]
+    assert all(f"{name} ({rows} x " in layout for name, rows in (("M", lin.n), ("h", lin.n), ("B", lin.n)))
+    assert all(name in layout for name in lin.names)
+    assert f"i + {lin.n} * j" in layout
     for phase in (0.0, 0.37, 0.9):
         found, exact = outputs_of(program, phase), lin.sample(np.array([phase * lin.period]))
         for name in ("M", "D", "K", "h", "B", "tau"):

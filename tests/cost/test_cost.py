@@ -18,7 +18,21 @@ from flexlin.answers.peers.right_hand_sides import compile_product
 from flexlin.cli.main import main
 from flexlin.errors import ArgumentError, InputError
 from flexlin.periodic.transition.setting import Setting
-from flexlin.report.figures.cost import summarise_cost
+from flexlin.report.costing import summarise_cost
+from flexlin.report.figures.cost import draw_choices, name_family, style_family
+from flexlin.svg import Panel
+
+METHODS = (
+    "gauss 8",
+    "magnus 4",
+    "radau 5",
+    "floquet, hill",
+    "SciPy DOP853",
+    "SciPy LSODA",
+    "CasADi cvodes",
+    "heyoka",
+    "SciPy Radau",
+)
 
 
 @pytest.fixture(scope="module")
@@ -170,10 +184,44 @@ def test_the_summary_says_what_each_tol_costs_and_where_it_is_missed():
         Row("transition matrices", "gauss 8", "8 segments", 1e-9, 1.0, "1e-06"),
     )
     assert summarise_cost(CostResult("by hand", rows, 1e-14)) == [
-        "exponents: tol 1e-06 costs 12 ms, 1e-10 costs 1.5 s (reaches 3e-09)",
+        "exponents: tol 1e-06 costs 12 ms, 1e-10 1.5 s (reaches 3e-09)",
         "the default is tol 1e-09; --tol or the scene's [accuracy] changes it",
     ]
     assert summarise_cost(CostResult("nothing", (), 1e-14)) == []
+
+
+def test_a_summary_of_equal_costs_says_so():
+    rows = tuple(
+        Row("exponents", "floquet, auto", "", 0.5 * tol, seconds, f"{tol:.0e}")
+        for tol, seconds in ((1e-4, 0.36), (1e-9, 0.35), (1e-10, 0.38))
+    )
+    said = summarise_cost(CostResult("by hand", rows, 1e-14))[0]
+    assert said == "exponents: every tol from 1e-04 to 1e-10 costs about 380 ms"
+
+
+def test_the_engines_choices_are_a_staircase_in_any_order_of_noise():
+    """Least time in which an error is reached: never rising with the error, through the cheapest marks."""
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        seconds = rng.uniform(0.1, 1.0, 5)
+        rows = [
+            Row("exponents", "auto", "", 10.0**-k, s, f"1e-0{k}") for k, s in zip((4, 6, 8, 9, 7), seconds, strict=True)
+        ]
+        panel = draw_choices(Panel(), rows)
+        line, dots = (next(mark for mark in panel.marks if mark.kind == kind) for kind in ("line", "dots"))
+        assert (np.diff(line.x) <= 0).all()
+        assert (np.diff(line.y) >= 0).all()
+        assert ((np.diff(line.x) == 0) | (np.diff(line.y) == 0)).all()
+        assert line.y[-1] == 1e3 * seconds[3]
+        assert len(dots.x) == 5
+        assert sum(mark.kind == "words" for mark in panel.marks) == 5
+
+
+def test_families_of_methods_look_different_and_the_same_everywhere():
+    looks = [style_family(name_family(method)) for method in METHODS]
+    assert len(set(looks)) == len(METHODS)
+    assert len({colour for colour, _ in looks}) == len(METHODS)
+    assert style_family(name_family("floquet, gauss")) == style_family(name_family("gauss 12"))
 
 
 def test_a_one_way_motion_is_refused():

@@ -19,6 +19,7 @@ from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.product.balancing import multiply_scaled
+from flexlin.periodic.product.eigenvalues import product_logs
 from flexlin.periodic.quadratic.riccati import RiccatiSolution, periodic_riccati
 from flexlin.periodic.response.forced import ForcedResponse, forced_response
 from flexlin.periodic.system import PeriodicSystem
@@ -29,8 +30,11 @@ from flexlin.scene.parameters import replace_value
 from flexlin.scene.scene import Scene
 from flexlin.series import taylor
 
-TOLS = (1e-4, 1e-6, 1e-8, 1e-10)
+TOLS = (1e-9, 1e-6, 1e-10, 1e-4, 1e-8)
+"""The default first: it is measured even where there is time for one alone."""
 FINE, FINEST = 1e-11, 1e-12
+REFERENCE = 24
+"""Order of the references, on twice the segments that the engine would take for FINEST."""
 SEGMENTS = (4, 8, 16, 32, 64, 128, 256)
 METHODS = {"gauss": (4, 8, 12, 16, 20), "magnus": (4, 6), "radau": (5, 9)}
 HARMONICS = (2, 4, 8, 16, 32)
@@ -85,6 +89,17 @@ def measure_transition_matrices(system: PeriodicSystem, exact: Array) -> list[Ro
                     yield Trial(f"{method} {order}", f"{count} segments", partial(multiply_period, system, setting))
 
     return measure_trials("transition matrices", trials(), lambda P: compare_arrays(P, exact))
+
+
+def choose_reference(system: PeriodicSystem, order: int = REFERENCE) -> Setting:
+    """A setting that is finer than all that are tried."""
+    count = 2 * choose_setting(system, FINEST, "gauss", None, None).segments
+    return Setting("gauss", order, int(np.clip(count, 64, 2048)), "")
+
+
+def find_exact_exponents(system: PeriodicSystem) -> Array:
+    """Exponents (n,) in 1/s of the reference's product of transition matrices, modulo 2 pi i / T."""
+    return product_logs(factor_period(system, choose_reference(system))[1]) / system.period
 
 
 def measure_exponents(closed: Linearization, exact: Array) -> list[Row]:

@@ -1,8 +1,7 @@
 """One setting tried: what came out, how far off it is, how long it took."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from statistics import median
+from dataclasses import dataclass, replace
 from time import perf_counter, process_time
 from typing import Any
 
@@ -15,12 +14,16 @@ from flexlin.errors import FlexlinError
 from flexlin.progress import advance
 
 SHORT, REPETITIONS = 0.05, 5
-"""Runs shorter than this, in s, are repeated so often and their median is kept."""
+"""Runs shorter than this, in s, are repeated so often and their least time is kept."""
+TURNS, CHOICES = 4, 0.6
+"""How often the engine's own choices are run again, and the share of a stage's time that they may take."""
+GROWTH = 4.0
+"""From one tolerance to the next another program may take so many times as long."""
 STAGE_SECONDS = 5.0
 """Wall time of the trials of a stage."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trial:
     """A method at one setting, ready to run; `detail` says of what came out what belongs to the setting."""
 
@@ -33,31 +36,61 @@ class Trial:
 
 
 def measure_trials(stage: str, trials: Iterable[Trial], error: Callable[[Any], float]) -> list[Row]:
-    """Run the trials one after another for STAGE_SECONDS, the first ones first.
+    """Run the trials one after another for STAGE_SECONDS, the engine's own choices, which come first, several times in turns.
 
-    One that gives up (too many segments, no time left, an outside integrator's failure) or overflows has no row.
+    One that gives up (too many segments, no time left, an outside integrator's failure) or overflows has no row. Of another program
+    no trial is begun that, by its last one, would not end in time.
     """
-    rows, end = [], perf_counter() + STAGE_SECONDS
+    rows, begin, lasted, repeated = dict[Trial, Row](), perf_counter(), dict[str, float](), False
     for trial in trials:
-        left = end - perf_counter()
+        if not (trial.chosen or repeated):
+            rows, repeated = repeat_choices(stage, rows, begin + CHOICES * STAGE_SECONDS), True
+        left = begin + STAGE_SECONDS - perf_counter()
         advance(1 - left / STAGE_SECONDS)
         if left <= 0:
             break
-        try:
-            with time_limit(stage, left):
-                value, seconds = time_run(trial.run)
-        except (FlexlinError, RuntimeError):
+        if trial.outside and GROWTH * lasted.get(trial.method, 0.0) > left:
             continue
-        missed = error(value)
-        if not np.isfinite(missed):
-            continue
-        setting = ", ".join([trial.setting, *([trial.detail(value)] if trial.detail else [])])
-        rows.append(Row(stage, trial.method, setting, missed, seconds, trial.chosen, trial.outside))
+        started = perf_counter()
+        row = try_once(stage, trial, error, left)
+        lasted[trial.method] = perf_counter() - started
+        if row is not None:
+            rows[trial] = row
+    return list((rows if repeated else repeat_choices(stage, rows, begin + STAGE_SECONDS)).values())
+
+
+def try_once(stage: str, trial: Trial, error: Callable[[Any], float], left: float) -> Row | None:
+    """The row of a trial; None where it has no answer."""
+    try:
+        with time_limit(stage, left):
+            value, seconds = time_run(trial.run)
+    except (FlexlinError, RuntimeError):
+        return None
+    missed = error(value)
+    if not np.isfinite(missed):
+        return None
+    setting = ", ".join([trial.setting, *([trial.detail(value)] if trial.detail else [])])
+    return Row(stage, trial.method, setting, missed, seconds, trial.chosen, trial.outside)
+
+
+def repeat_choices(stage: str, rows: dict[Trial, Row], end: float) -> dict[Trial, Row]:
+    """The rows with the engine's own choices run again in turns, as time allows: the least time counts, so that they can be compared."""
+    chosen, rows = [trial for trial in rows if trial.chosen], dict(rows)
+    for _ in range(TURNS):
+        for trial in chosen:
+            if perf_counter() + GROWTH * rows[trial].seconds > end:
+                return rows
+            try:
+                with time_limit(stage, max(end - perf_counter(), 1e-3)):
+                    seconds = time_run(trial.run)[1]
+            except (FlexlinError, RuntimeError):
+                continue
+            rows[trial] = replace(rows[trial], seconds=min(seconds, rows[trial].seconds))
     return rows
 
 
 def time_run(run: Callable[[], Any]) -> tuple[Any, float]:
-    """The result and the CPU time: the first run warms up, the median of the next counts; of long runs the first."""
+    """The result and the CPU time: the first run warms up, the least of the next counts; of long runs the first."""
     start = process_time()
     value = run()
     first = process_time() - start
@@ -68,7 +101,7 @@ def time_run(run: Callable[[], Any]) -> tuple[Any, float]:
         start = process_time()
         run()
         times.append(process_time() - start)
-    return value, max(median(times), 1e-9)
+    return value, max(min(times), 1e-9)
 
 
 def compare_arrays(value: Array, exact: Array) -> float:

@@ -3,8 +3,6 @@
 from collections.abc import Callable
 from time import perf_counter
 
-import numpy as np
-
 from flexlin.about.linear import linearize
 from flexlin.answers.accuracy import own_stages as own
 from flexlin.answers.accuracy.outside import measure_outside_methods
@@ -15,9 +13,6 @@ from flexlin.arguments import checked, instance
 from flexlin.errors import ArgumentError, FlexlinError
 from flexlin.mechanics import build_manipulator
 from flexlin.motion import SymbolicMotion
-from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.transition.choice import measure_pace
-from flexlin.periodic.transition.setting import Setting
 from flexlin.progress import part
 from flexlin.scene.scene import Scene
 
@@ -52,8 +47,8 @@ def cost(scene: Scene, *, peers: bool = True) -> CostResult:
     -----
     Stages: sampling the coefficients, transition matrices by every method and order, exponents, periodic Riccati equation, forced
     response, number of modes, order of Taylor's polynomial. References come from a finer resolution; how well two of them agree is
-    the result's `floor`. Times are CPU times of one thread, medians of five where a run is short; building the model is left out.
-    A stage tries settings for 5 s, the engine's own first; what that does not hold is left out with a note.
+    the result's `floor`. Times are CPU times of one thread, the least of several where a run is short; building the model is left out.
+    A stage tries settings for 5 s, the engine's own first and in turns; what that does not hold is left out with a note.
 
     Examples
     --------
@@ -71,14 +66,13 @@ def cost(scene: Scene, *, peers: bool = True) -> CostResult:
     if not closed.motion.periodic:
         raise ArgumentError("a one-way motion has no period, so there is nothing to measure", got=scene.motion.kind)
     system = closed.periodic_system()
-    count = int(np.clip(np.ceil(2 * measure_pace(system).rate.max() * closed.period), 128, 2048))
-    exact, check = (own.multiply_period(system, Setting("gauss", order, count, "")) for order in (24, 20))
+    exact, check = (own.multiply_period(system, own.choose_reference(system, order)) for order in (own.REFERENCE, 20))
     stages: dict[str, Callable[[], list[Row]]] = {
-        "coefficients": lambda: own.measure_coefficients(closed),
-        "transition matrices": lambda: own.measure_transition_matrices(system, exact),
-        "exponents": lambda: own.measure_exponents(closed, floquet(system, own.FINEST).exponents),
-        "periodic Riccati": lambda: own.measure_riccati(plant),
+        "exponents": lambda: own.measure_exponents(closed, own.find_exact_exponents(system)),
         "forced response": lambda: own.measure_forced_response(closed),
+        "periodic Riccati": lambda: own.measure_riccati(plant),
+        "transition matrices": lambda: own.measure_transition_matrices(system, exact),
+        "coefficients": lambda: own.measure_coefficients(closed),
         "number of modes": lambda: own.measure_modes(scene),
         "Taylor order": lambda: own.measure_taylor_order(arm, closed.motion),
     }
@@ -97,7 +91,12 @@ def cost(scene: Scene, *, peers: bool = True) -> CostResult:
         else:
             if perf_counter() - begin > STAGE_SECONDS:
                 notes.append(f"{name}: the slowest settings are left out, which {STAGE_SECONDS:g} s do not hold")
-    if peers and isinstance(closed.motion, SymbolicMotion) and perf_counter() < start + TOTAL_SECONDS:
-        found, missing = measure_outside_methods(scene, exact)
-        rows, notes = rows + found, notes + missing
+    left = start + TOTAL_SECONDS - perf_counter()
+    if peers and isinstance(closed.motion, SymbolicMotion) and left > 0:
+        try:
+            with time_limit("other programs", left + 2 * STAGE_SECONDS), part(1 - 1 / last, 1.0):
+                found, missing = measure_outside_methods(scene, exact)
+            rows, notes = rows + found, notes + missing
+        except FlexlinError as error:
+            notes.append(f"other programs left out: {error.what}")
     return CostResult(scene.title, tuple(rows), max(compare_arrays(check, exact), 1e-15), tuple(notes)).marked()

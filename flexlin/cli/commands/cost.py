@@ -1,6 +1,7 @@
 """`flexlin cost`: measure what accuracy costs in time, beside other programs (a minute)."""
 
 import argparse
+import os
 
 from flexlin.cli.options import SCENE
 from flexlin.cli.shared import command, loaded, print_paths
@@ -13,13 +14,16 @@ def run(options: argparse.Namespace) -> int:
     scene = loaded(options)
     from flexlin.report.progress import Progress
 
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")  # before NumPy is loaded: the times are those of one thread
     with Progress() as progress:
         progress("load the numerical libraries")
         import json
 
         from flexlin.answers.accuracy import cost
         from flexlin.files import results
-        from flexlin.report.figures.cost import cost_table, draw_cost
+        from flexlin.report.costing import cost_table, summarise_cost
+        from flexlin.report.figures.cost import draw_cost
         from flexlin.report.page import picture_page
 
         progress("accuracy against time, stage by stage")
@@ -27,7 +31,8 @@ def run(options: argparse.Namespace) -> int:
     print(cost_table(result))
     with results(options.out, "cost") as made:
         (made / "cost.html").write_text(
-            picture_page(scene.title, draw_cost(result), command(options)), encoding="utf-8"
+            picture_page(scene.title, draw_cost(result), command(options), said=summarise_cost(result)),
+            encoding="utf-8",
         )
         (made / "cost.json").write_text(json.dumps(result.record(), indent=1), encoding="utf-8")
     return print_paths(made.placed("cost.html", "cost.json"))

@@ -7,15 +7,28 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
+import flexlin
 from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked
 from flexlin.checks import c_name
+from flexlin.control.export.labels import Labels
 from flexlin.errors import ArgumentError
 from flexlin.files import results
 from flexlin.motion import SymbolicMotion
 
 LAST = '} /* extern "C" */\n#endif\n'
 """The last lines of the files that CasADi writes."""
+
+LAYOUT = """\
+/* {name}, written by flexlin {version}: M y'' + D y' + K y = h + B u along the rigid motion, SI units and radians.
+   in[0]: phase t / T in [0, 1], T = {period!r} s.   in[1]: parameters: {parameters}.
+   out: {outputs},
+     each dense and column by column: {entry}.
+     h: what drives the deviation; tau: the torque of the rigid motion.
+   coordinates:{coordinates}
+   inputs:{inputs}
+   The size of every array: {name}_sparsity_in(i), {name}_sparsity_out(i); an example: main.c. */
+"""
 
 MAIN = """\
 /* Prints every output of a function at a phase in [0, 1): name, then its numbers column by column.
@@ -98,7 +111,33 @@ def write_linearization(lin: Linearization, folder: Path, name: str = "lineariza
     """Write `linearization_source` into a folder of a set; returns the names of the files."""
     if not isinstance(lin.motion, SymbolicMotion):
         raise ArgumentError("a motion given by numbers has no formula to write", expected="another kind of motion")
-    return _write(lin.coefficients, np.asarray(lin.arm.parameters.values, dtype=float), folder, name)
+    names = _write(lin.coefficients, np.asarray(lin.arm.parameters.values, dtype=float), folder, name)
+    header = folder / f"{name}.h"
+    header.write_text(describe_layout(lin, name) + header.read_text(encoding="utf-8"), encoding="utf-8")
+    return names
+
+
+def describe_layout(lin: Linearization, name: str) -> str:
+    """The comment at the head of the header: what goes in and comes out, in which order and units."""
+    labels, function = Labels.of(lin), lin.coefficients
+    coordinates = zip(labels.states[: lin.n], labels.state_units, strict=False)
+    inputs = zip(labels.inputs, labels.input_units, strict=True)
+    shapes = [
+        f"{function.name_out(i)} ({function.size1_out(i)} x {function.size2_out(i)})" for i in range(function.n_out())
+    ]
+    entry = (
+        f"entry (i, j) of an {lin.n} x {lin.n} matrix is out[k][i + {lin.n} * j]" if lin.n > 1 else "one number each"
+    )
+    return LAYOUT.format(
+        name=name,
+        version=flexlin.__version__,
+        period=lin.period,
+        coordinates="".join(f"\n     y[{i}] {label} in {unit}" for i, (label, unit) in enumerate(coordinates)),
+        inputs="".join(f"\n     u[{i}] at {label} in {unit}" for i, (label, unit) in enumerate(inputs)) or " none",
+        outputs=", ".join(shapes),
+        parameters=", ".join(lin.arm.parameters.paths) or "none",
+        entry=entry,
+    )
 
 
 def _write(function: ca.Function, parameters: np.ndarray, folder: Path, name: str) -> list[str]:

@@ -2,9 +2,11 @@
 
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+import flexlin
 from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked
 from flexlin.checks import Array, check_size
@@ -31,7 +33,8 @@ def save(
     """Write A(t), B(t) and the gains of designs over one period to a file.
 
     The arrays are t (N,), A (N, n, n), B (N, n, m), and K_<i>, X_<i> for each design, with `names` of the designs and `period`; the N
-    times are equally spaced. `states`, `state_units`, `inputs` and `input_units` name the axes.
+    times are equally spaced. `states`, `state_units`, `inputs` and `input_units` name the axes. In MATLAB's file time is the last axis, A
+    is (n, n, N), and `designs` is a struct array of name, K (m, n, N) and X (n, n, N). In netCDF every axis has names and units.
 
     Parameters
     ----------
@@ -107,9 +110,15 @@ def _save_npz(path: Path, arrays: dict[str, Array], texts: Texts, period: float)
 def _save_mat(path: Path, arrays: dict[str, Array], texts: Texts, period: float) -> None:
     from scipy.io import savemat
 
-    words = {key: np.array(value, dtype=object) for key, value in texts.items()}
+    words = {key: np.array(value, dtype=object) for key, value in texts.items() if key != "names"}
+    plant: dict[str, Any] = {key: np.moveaxis(arrays[key], 0, -1) for key in ("A", "B") if key in arrays}
+    designs = np.zeros(len(texts["names"]), dtype=[(key, object) for key in ("name", "K", "X")])
+    for i, name in enumerate(texts["names"]):
+        matrices = (np.moveaxis(arrays.get(f"{key}_{i}", np.zeros((0, 0, 0))), 0, -1) for key in ("K", "X"))
+        designs[i] = (name, *matrices)
     with path.open("wb") as file:
-        savemat(file, {**arrays, **words, "period": period})
+        content = {"t": arrays["t"][None], **plant, **words, "designs": designs, "period": period}
+        savemat(file, content)
 
 
 def _save_netcdf(path: Path, arrays: dict[str, Array], texts: Texts, period: float) -> None:
@@ -118,10 +127,36 @@ def _save_netcdf(path: Path, arrays: dict[str, Array], texts: Texts, period: flo
     axes = {"A": ("time", "state", "state_"), "B": ("time", "state", "input")}
     axes |= {key: ("time", "input", "state") for key in arrays if key.startswith("K_")}
     axes |= {key: ("time", "state", "state_") for key in arrays if key.startswith("X_")}
-    coordinates = {"time": arrays["t"], "state": texts["states"], "state_": texts["states"]}
-    coordinates |= {"input": texts["inputs"]} if "B" in arrays else {}
+    coordinates: dict[str, Any] = {"time": arrays["t"], "state": texts["states"], "state_": texts["states"]}
+    coordinates |= {"state_unit": ("state", texts["state_units"])}
+    if "B" in arrays:
+        coordinates |= {"input": texts["inputs"], "input_unit": ("input", texts["input_units"])}
     data = xarray.Dataset({key: (axes[key], value) for key, value in arrays.items() if key != "t"}, coordinates)
-    data.attrs.update(period=period, designs="; ".join(texts["names"]))
+    for key, words in describe_arrays(texts["names"]).items():
+        if key in data:
+            data[key].attrs.update(words)
+    data.attrs.update(title="x' = A(t) x + B(t) u over a period", period=period, period_units="s")
+    data.attrs.update(source=f"flexlin {flexlin.__version__}", designs="; ".join(texts["names"]))
     data.attrs.update({key: "; ".join(texts[key]) for key in ("state_units", "input_units")})
-    data["time"].attrs["units"] = "s"
     path.write_bytes(data.to_netcdf(engine="scipy"))
+
+
+def describe_arrays(names: list[str]) -> dict[str, dict[str, str]]:
+    """Name and unit of every variable of the netCDF file; an entry's unit follows from those of its row and column."""
+    row, column = "state_unit of the row", "state_unit of the column"
+    found = {
+        "time": {"long_name": "time in the period", "units": "s"},
+        "state": {"long_name": "states [y; y'], deviations from the rigid motion", "units": "as in state_unit"},
+        "state_": {"long_name": "states, as columns", "units": "as in state_unit"},
+        "input": {"long_name": "inputs u, by the coordinate that they drive", "units": "as in input_unit"},
+        "A": {"long_name": "state matrix", "units": f"{row} / s / {column}"},
+        "B": {"long_name": "input matrix", "units": f"{row} / s / input_unit"},
+    }
+    for i, name in enumerate(names):
+        found[f"K_{i}"] = {"long_name": f"gain of {name}, u = -K x", "units": f"input_unit / {column}", "design": name}
+        found[f"X_{i}"] = {
+            "long_name": f"Riccati solution of {name}",
+            "units": f"1 / ({row} x {column})",
+            "design": name,
+        }
+    return found

@@ -20,15 +20,16 @@ arm.states = strtrim(cellstr(char(data.states)));
 arm.state_units = strtrim(cellstr(char(data.state_units)));
 arm.inputs = strtrim(cellstr(char(data.inputs)));
 arm.input_units = strtrim(cellstr(char(data.input_units)));
-arm.names = strtrim(cellstr(char(data.names)));
 n = numel(arm.states);
 m = numel(arm.inputs);
 arm.A = periodic(data.t, data.A, data.period, n, n);
 arm.B = periodic(data.t, data.B, data.period, n, m);
+arm.names = cell(1, {designs});
 for i = 1:{designs}
-    arm.gain{{i}} = periodic(data.t, data.(sprintf('K_%d', i - 1)), data.period, m, n);
+    arm.names{{i}} = data.designs(i).name;
+    arm.gain{{i}} = periodic(data.t, data.designs(i).K, data.period, m, n);
 end
-check = max(max(abs(arm.A(data.t(2)) - reshape(data.A(2, :, :), n, n))));
+check = max(max(abs(arm.A(data.t(2)) - data.A(:, :, 2))));
 assert(check <= 1e-9 * max(abs(data.A(:))), 'the splines do not pass through the samples');
 if nargin < 1
     return
@@ -43,10 +44,10 @@ end
 end
 
 function f = periodic(t, samples, period, rows, columns)
-% A spline through samples (time, row, column){ends}.
+% A spline through samples (row, column, time){ends}.
 t = t(:).';
 last = numel(t);
-values = reshape(samples, last, rows * columns).';
+values = reshape(samples, rows * columns, last);
 keep = {keep};
 times = [t(last - keep + 1:last) - period, t, t(1:keep) + period];
 values = [values(:, last - keep + 1:last), values, values(:, 1:keep)];
