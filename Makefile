@@ -5,6 +5,7 @@
 # Others need more packages:
 #   make peers    compares with Pinocchio, heyoka and daceypy
 #   make docs     builds the documentation into build/site; runs its pages, warnings are errors
+#   make links    asks every link of the documentation that leads to another site (needs the network)
 # After changes of dependencies, make lock (with uv) pins them with their hashes: nothing else is ever installed.
 # After changes that move figures, make figures writes the generated parts of docs/ anew.
 PYTHON ?= python3
@@ -14,7 +15,7 @@ STAMP := .venv/installed
 export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 
-.PHONY: report test slow peers docs figures lint lock clean
+.PHONY: report test slow peers docs links figures lint lock clean
 
 report: $(STAMP)
 	$(BIN)/flexlin report single-link --out out/single-link
@@ -32,6 +33,10 @@ peers: $(STAMP)
 docs: $(STAMP)
 	$(PIP) --require-hashes -r requirements/docs.txt
 	$(BIN)/sphinx-build -b html -W --keep-going -q -j 2 -d build/doctrees docs build/site
+
+links: $(STAMP)
+	$(PIP) --require-hashes -r requirements/docs.txt
+	$(BIN)/sphinx-build -b linkcheck -q -D nb_execution_mode=off -d build/linktrees docs build/links
 
 figures: $(STAMP)
 	$(BIN)/python docs/figures.py

@@ -37,6 +37,9 @@ html_css_files = ["site.css"]
 
 myst_enable_extensions = ["amsmath", "dollarmath", "colon_fence", "deflist"]
 myst_heading_anchors = 3
+linkcheck_timeout, linkcheck_retries, linkcheck_workers = 20, 2, 4
+linkcheck_ignore = [r"https://doi\.org/.*"]  # publishers answer programs with 403
+
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_show_tb = True
@@ -54,8 +57,10 @@ copybutton_prompt_is_regexp = True
 
 def setup(app):
     """Fill in the reference tables before a page is parsed; show equations of docstrings as they are written."""
+    from gallery import write_gallery
     from reference_tables import fill
 
+    write_gallery()
     app.connect("source-read", lambda app, name, source: source.__setitem__(0, fill(source[0])))
     app.connect("autodoc-process-docstring", lambda *event: quote_equations(event[-1]), priority=400)
 

@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import sys
 
 from flexlin.cli.options import SCENE
 from flexlin.cli.shared import command, loaded, print_paths
@@ -11,11 +12,12 @@ TAKES = SCENE
 
 
 def run(options: argparse.Namespace) -> int:
+    if "numpy" not in sys.modules:  # afterwards it is too late: the times are those of one thread
+        for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+            os.environ.setdefault(name, "1")
     scene = loaded(options)
     from flexlin.report.progress import Progress
 
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")  # before NumPy is loaded: the times are those of one thread
     with Progress() as progress:
         progress("load the numerical libraries")
         import json

@@ -1,0 +1,63 @@
+"""Every link of the pages leads somewhere: inside the repository to a file, outside to an https address; `make links` asks the latter."""
+
+import importlib.util
+import re
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+PAGES = sorted(
+    page
+    for pattern in ("*.md", "docs/*.md", "docs/tasks/*.md", "docs/theory/*.md", "docs/reference/*.md")
+    for page in ROOT.glob(pattern)
+    if page.name != "gallery.md"  # made when the site is built
+)
+BUILT = {"gallery", "gallery.md"}
+
+
+def collect_links(text: str) -> list[str]:
+    """Targets of Markdown links and pictures, of figures and of {doc} roles; what stands in code is none."""
+    prose = re.sub(r"`[^`\n]*`(?!\])", "", re.sub(r"```(?!\{figure).*?```", "", text, flags=re.S))
+    plain = re.findall(r"(?<!\w)!?\[[^\]\n]*\]\(([^)\s]+)\)", prose)
+    figures = re.findall(r"```\{figure\} (\S+)", text)
+    return [*plain, *figures, *re.findall(r"https?://[^\s)>\"'`]+", prose)]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_link_leads_somewhere(page: Path):
+    text = page.read_text(encoding="utf-8")
+    for link in collect_links(text):
+        parts = urlsplit(link)
+        if parts.scheme:
+            assert parts.scheme == "https", link
+            assert re.fullmatch(r"[a-z0-9.-]+\.[a-z]{2,}", parts.netloc), link
+        elif parts.path:
+            assert (page.parent / parts.path).exists() or parts.path in BUILT, link
+    for name in re.findall(r"\{doc\}`([^`<>]+)`", text):
+        base = DOCS if name.startswith("/") else page.parent
+        assert (base / f"{name.lstrip('/')}.md").exists() or name in BUILT, name
+
+
+def test_links_are_recognised():
+    text = "see [a](b.md), ![c](d.png) and <https://e.org/f>; `[g](h)` is code\n```{figure} i.png\n```\n"
+    assert sorted(set(collect_links(text))) == ["b.md", "d.png", "https://e.org/f", "i.png"]
+
+
+def test_every_study_has_a_card_and_a_page(tmp_path: Path):
+    spec = importlib.util.spec_from_file_location("docs_gallery", DOCS / "gallery.py")
+    gallery = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(gallery)
+    pages = {page.name: page.read_text(encoding="utf-8") for page in gallery.write_gallery(tmp_path)}
+    names = [path.stem for path in (ROOT / "studies").glob("*.py")]
+    assert set(pages) == {"gallery.md", *(f"{name}.md" for name in names)}
+    for name in names:
+        assert f":target: gallery/{name}.html" in pages["gallery.md"]
+        assert f"studies/{name}.py" in pages[f"{name}.md"]
+    for link in re.findall(r"\{figure\} (\S+)", pages["gallery.md"]):
+        assert (DOCS / link).is_file()
+    before = (tmp_path / "gallery.md").stat().st_mtime_ns
+    gallery.write_gallery(tmp_path)
+    assert (tmp_path / "gallery.md").stat().st_mtime_ns == before
