@@ -69,4 +69,3 @@ def quote_commands(text: str) -> str:
             inside = not inside
         lines.append(line[4:] if inside else line)
     return "\n".join([*lines, "```"] if inside else lines)
-

@@ -215,6 +215,8 @@ def test_the_engines_choices_are_a_staircase_in_any_order_of_noise():
         assert line.y[-1] == 1e3 * seconds[3]
         assert len(dots.x) == 5
         assert sum(mark.kind == "words" for mark in panel.marks) == 5
+    together = [Row("exponents", "auto", "", 0.0, 0.1, f"1e-0{k}") for k in (4, 6)]
+    assert [mark.texts for mark in draw_choices(Panel(), together).marks if mark.kind == "words"] == [("10⁻⁴, 10⁻⁶",)]
 
 
 def test_families_of_methods_look_different_and_the_same_everywhere():

@@ -12,6 +12,8 @@ from flexlin.svg.scales import format_power_of_ten
 TITLE = "What accuracy costs"
 UNSEEN = 1e-17
 """An error of exactly zero is drawn here."""
+ROOM, CLOSE, ABOVE = 5.0, 3.0, 1.12
+"""Factors: room at the ends of the errors, errors of marks that share a label, and how far above a mark it stands."""
 OWN = ("gauss", "magnus", "radau", "hill")
 OUTSIDE = ("DOP853", "LSODA", "cvodes", "heyoka", "Radau")
 """Families of methods with a colour of their own in every panel."""
@@ -29,10 +31,11 @@ def draw_cost(result: CostResult) -> Picture:
 
 def draw_stage(result: CostResult, stage: str) -> Panel:
     """One line a method from its coarse to its fine settings; outside programs dashed; the engine's own choices as a staircase."""
-    panel = Panel(
-        stage, x=Logarithmic(), y=Logarithmic(), x_label="error against the reference", y_label="CPU time in ms"
-    )
-    rows = [row for row in result.stage(stage) if not row.chosen and row.error < 1.0]
+    shown = [row for row in result.stage(stage) if row.error < 1.0]
+    errors = [max(row.error, UNSEEN) for row in shown] or [1.0]
+    scale = Logarithmic(min(errors) / ROOM, max(errors) * ROOM)
+    panel = Panel(stage, x=scale, y=Logarithmic(), x_label="error against the reference", y_label="CPU time in ms")
+    rows = [row for row in shown if not row.chosen]
     named: set[str] = set()
     for method in dict.fromkeys(row.method for row in rows):
         mine, name = [row for row in rows if row.method == method], name_family(method)
@@ -42,7 +45,7 @@ def draw_stage(result: CostResult, stage: str) -> Panel:
         texts, label = [describe_row(row) for row in mine], "" if name in named else name
         panel.dots(errors, times, colour, shape, size=3.0, label=label, texts=texts)
         named.add(name)
-    return draw_choices(panel, [row for row in result.stage(stage) if row.chosen and row.error < 1.0])
+    return draw_choices(panel, [row for row in shown if row.chosen])
 
 
 def draw_choices(panel: Panel, rows: list[Row]) -> Panel:
@@ -56,9 +59,13 @@ def draw_choices(panel: Panel, rows: list[Row]) -> Panel:
     panel.line([error for error, _ in corners], [time for _, time in corners], "ink", width=1.4, dash=DASHES[2])
     texts = [f"tol {row.chosen}: {describe_row(row)}" for row in rows]
     panel.dots(x, y, "ink", "diamond", 4.5, "engine's choice, with its tol", texts)
-    for row, error, time in zip(rows, x, y, strict=True):
-        power = format_power_of_ten(round(math.log10(float(row.chosen))))
-        panel.words(error, time * 1.12, power, colour="ink", halo=True)
+    left = 0
+    while left < len(rows):  # marks that lie close together share their label
+        close = [i for i in range(left, len(rows)) if x[left] / x[i] < CLOSE]
+        tols = sorted((float(rows[i].chosen) for i in close), reverse=True)
+        text = ", ".join(format_power_of_ten(round(math.log10(tol))) for tol in tols)
+        panel.words(x[left], ABOVE * max(y[i] for i in close), text, colour="ink", halo=True)
+        left = close[-1] + 1
     return panel
 
 
