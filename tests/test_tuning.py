@@ -5,7 +5,7 @@ import pytest
 
 import flexlin as fl
 from flexlin.answers.spectra import make_family
-from flexlin.answers.tuning.nonsmooth import minimize_nonsmooth
+
 from flexlin.answers.tuning.scenarios import Worst, lay_scenarios
 from flexlin.errors import ArgumentError
 

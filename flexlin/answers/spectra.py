@@ -10,6 +10,7 @@ from flexlin.answers.loops import choose_loop
 from flexlin.answers.sensitivity import integrate_derivatives
 from flexlin.answers.sweep.axes import check_axes
 from flexlin.answers.sweep.batches import CHUNK_BYTES, Batches, Plan, choose_plan
+from flexlin.answers.sweep.compiled import CompiledBatches, pays
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, FlexlinError, TimeLimit
 from flexlin.periodic.boundary.spectra import Spectra
@@ -106,6 +107,13 @@ class SceneFamily(Family):
 
     loop: ParametricLoop | None = None
     plan: Plan | None = None
+    compiled: CompiledBatches | None = None
+
+    def compile(self, points: Array, values: int) -> None:
+        """Compile the loop where so many values, some of them at points (V, P), are worth it."""
+        if self.loop is not None and self.loop.kept is None and pays(self.loop, values):
+            self.compiled = CompiledBatches.prepare(self.loop, points, ROUGH)
+            self.plan = None if self.compiled is None else self.compiled.plan
 
     def rough(self, points: Array) -> Spectra:
         """Together, as a sweep computes them, where that is accurate enough; else one by one."""
@@ -125,7 +133,7 @@ class SceneFamily(Family):
         states, narrow = self.loop.states, batches.find_narrow(np.arange(len(points)))
         logs, errors = np.full((len(points), states), np.nan + 0j), np.full((len(points), states), np.inf)
         left = np.flatnonzero(~narrow)
-        for finer in FINER if states <= SMALL else FINER[:1]:
+        for finer in FINER if states <= SMALL or self.compiled else FINER[:1]:
             plan = replace(self.plan, segments=finer * self.plan.segments)
             size = batches.values_in_chunk(plan.segments)
             for part in [left[i : i + size] for i in range(0, len(left), size)]:
@@ -139,7 +147,10 @@ class SceneFamily(Family):
 
     def together(self, batches: Batches, part: Array, plan: Plan) -> tuple[Array, Array, Array]:
         """Logs and errors (V, n) of a batch, and which of its values are not accurate enough, (V,)."""
-        logs, errors, reached, _ = batches.batch(part, plan)
+        if self.compiled is None:
+            logs, errors, reached, _ = batches.batch(part, plan)
+        else:
+            logs, errors, reached = self.compiled.spectra(batches.points[part], plan.segments)
         apart = measure_distances(logs.T, logs.T) + np.diag(np.ones(logs.shape[1]))[..., None]
         gap = np.minimum(apart.min(axis=1).T, 1.0)
         met = ((errors <= LOOSE) & (errors * (gap + errors) <= SQUARED)) | (errors <= ROUGH * np.abs(logs))

@@ -76,6 +76,11 @@ class CompiledBatches:
         work = sum(MULTIPLES[:3]) * self.plan.segments * 12 * (2 * self.loop.linearization.n) ** 3
         return WIDTH * int(np.clip(BLOCK_WORK / work / WIDTH, 1, 1024))
 
+    def spectra(self, points: Array, segments: int) -> tuple[Array, Array, Array]:
+        """Logs (V, n) of the multipliers, their errors (V, n), and whether they meet tol (V,)."""
+        logs, errors, sound, T = self.kernel.find_logs(points, segments, self.scale, self.tol / 100, np.inf)
+        return logs, errors, sound & np.all(errors <= self.tol * np.maximum(T[:, None], np.abs(logs)), axis=1)
+
     def compute(self, points: Array) -> Found:
         """All values of a block: together, those that miss tol on more and more segments, and the rest one by one."""
         found = Found.empty(len(points), self.loop.states)

@@ -1,6 +1,6 @@
-"""The growth rate of a loop over a box of scenarios, as a function of its gains, with the exact gradient of the worst one."""
+"""The exponents of a loop over scenarios as functions of its gains, and the slope of their smoothed largest growth rate."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
@@ -8,50 +8,71 @@ from scipy.stats import qmc
 
 from flexlin.answers.sensitivity import integrate_derivatives
 from flexlin.answers.spectra import Family, SceneFamily
+from flexlin.answers.tuning.smoothed import Smoothing
 from flexlin.checks import Array
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.floquet.modes import floquet_modes
+from flexlin.periodic.floquet.modes import FloquetModes, solve_modes_at_nodes
 from flexlin.periodic.floquet.slopes import differentiate_exponents
 
-GRADIENT_TOL = 1e-6
+GRADIENT_TOL = 1e-8
 """Accuracy of the exponents that gradients belong to, in 1/s."""
 STEP = 1e-6
 """Relative step of the differences that stand for dA where a loop is given by a function."""
+FAINT = 1e-5
+"""A scenario whose weights are all below this has no part in a gradient."""
 
 
 @dataclass
 class Worst:
-    """The largest growth rate over scenarios (S, V) at gains that are powers between `low` and `high` (G,).
+    """A loop's exponents over scenarios (S, V) at gains between `low` and `high` (G,), and the best gains seen.
 
-    gain = low (high / low)^u with u = (1 + sin x) / 2: every x is within the limits. `family` takes the gains, then the scenario.
+    gain = low (high / low)^u where low is positive, else low + (high - low) u, with u = (1 + sin x) / 2: every x is within the limits.
+    `family` takes the gains, then the scenario.
     """
 
     family: Family
     low: Array
     high: Array
     scenarios: Array
+    best: tuple[float, Array] = field(default=(np.inf, np.zeros(0)))
 
     def gains(self, x: Array) -> Array:
         """The gains that belong to x."""
-        return np.asarray(self.low * (self.high / self.low) ** ((1 + np.sin(x)) / 2))
+        u, power = (1 + np.sin(x)) / 2, self.low > 0
+        base = np.where(power, self.low, 1.0)
+        return np.where(power, base * (self.high / base) ** u, self.low + (self.high - self.low) * u)
 
     def position(self, gains: Array) -> Array:
         """An x that belongs to gains within the limits."""
-        u = np.log(gains / self.low) / np.log(self.high / self.low)
+        power = self.low > 0
+        low, high, now = (np.log(np.where(power, one, 1.0)) for one in (self.low, self.high, gains))
+        straight = (gains - self.low) / (self.high - self.low)
+        u = np.where(power, (now - low) / np.where(power, high - low, 1.0), straight)
         return np.arcsin(np.clip(2 * u - 1, -0.999, 0.999))
+
+    def stretch(self, x: Array) -> Array:
+        """d gain / dx."""
+        power = self.low > 0
+        ratio = np.log(np.where(power, self.high, 1.0) / np.where(power, self.low, 1.0))
+        return np.where(power, self.gains(x) * ratio, self.high - self.low) * np.cos(x) / 2
 
     @property
     def batched(self) -> bool:
         """Whether many scenarios are computed together, from expressions that keep the numbers."""
         return isinstance(self.family, SceneFamily) and self.family.loop is not None and self.family.loop.kept is None
 
+    def exponents(self, gains: Array, scenarios: Array) -> tuple[Array, Array]:
+        """Exponents (S, n), infinite where there are none, and periods (S,) at each scenario; or (G, S, n) for gains (G, P)."""
+        several = np.atleast_2d(gains)
+        points = np.concatenate([np.repeat(several, len(scenarios), axis=0), np.tile(scenarios, (len(several), 1))], 1)
+        periods = self.periods(points)
+        found = self.family.rough(points).logs / periods[:, None]
+        known = np.where(np.isfinite(found).all(axis=1, keepdims=True), found, np.inf)
+        return known.reshape(*gains.shape[:-1], len(scenarios), -1), periods[: len(scenarios)]
+
     def growths(self, gains: Array, scenarios: Array | None = None) -> Array:
         """The growth rate at each scenario, (S,), infinite where there is none."""
-        given = self.scenarios if scenarios is None else scenarios
-        points = np.concatenate([np.tile(gains, (len(given), 1)), given], axis=1)
-        logs = self.family.rough(points).logs
-        growth = logs.real.max(axis=1) / self.periods(points)
-        return np.where(np.isfinite(growth), growth, np.inf)
+        return self.exponents(gains, self.scenarios if scenarios is None else scenarios)[0].real.max(axis=-1)
 
     def periods(self, points: Array) -> Array:
         """T in s at points (N, P)."""
@@ -59,34 +80,56 @@ class Worst:
             return self.family.loop.periods(points)
         return np.array([self.family.system_at(point).period for point in points])
 
-    def value(self, x: Array) -> float:
-        """The largest growth rate, in 1/s."""
-        return float(self.growths(self.gains(x)).max())
-
-    def gradient(self, x: Array) -> Array:
-        """The derivative of the worst scenario's largest growth rate by x: left and right Floquet vectors, no difference."""
+    def value(self, x: Array, smoothing: Smoothing) -> float:
+        """The smoothed largest growth rate, in 1/s; the best gains are kept."""
         gains = self.gains(x)
-        worst = self.scenarios[int(np.argmax(self.growths(gains)))]
-        exponents, slopes = self.slopes(np.concatenate([gains, worst]))
-        by_gain = slopes[: len(gains), int(np.argmax(exponents.real))].real
-        return by_gain * gains * np.log(self.high / self.low) * np.cos(x) / 2
+        exponents, periods = self.exponents(gains, self.scenarios)
+        growth = float(exponents.real.max())
+        if growth < self.best[0]:
+            self.best = growth, x
+        return smoothing.value(exponents, periods)
+
+    def gradient(self, x: Array, smoothing: Smoothing, step: float) -> Array:
+        """Its derivative by x: by differences of many loops computed together, else by left and right Floquet vectors.
+
+        The smoothed rate is analytic also where exponents meet and have no slopes of their own, so a difference over `step` serves.
+        """
+        if self.batched:
+            ends = np.concatenate([x + step * np.eye(len(x)), x - step * np.eye(len(x))])
+            spectra, periods = self.exponents(np.array([self.gains(end) for end in ends]), self.scenarios)
+            values = np.array([smoothing.value(one, periods) for one in spectra])
+            return (values[: len(x)] - values[len(x) :]) / (2 * step)
+        gains = self.gains(x)
+        exponents, periods = self.exponents(gains, self.scenarios)
+        s = smoothing.level(exponents, periods)
+        shares = np.abs(smoothing.weights(exponents, periods, s)).sum(axis=1)
+        slope = np.zeros(len(x))
+        for k in np.flatnonzero(shares > FAINT):
+            found, slopes = self.slopes(np.concatenate([gains, self.scenarios[k]]))
+            weights = smoothing.weights(found[None], periods[k : k + 1], s)[0]
+            slope += (slopes[: len(gains)] @ weights).real
+        return slope * self.stretch(x)
 
     def slopes(self, point: Array) -> tuple[Array, Array]:
-        """Exponents (n,) and their derivatives by the gains at one point."""
+        """Exponents (n,) and their exact derivatives by the gains at one point."""
         if self.batched:
             loop = self.family.loop  # type: ignore[attr-defined]
             loop = replace(loop, linearization=loop.at(point))
             system = loop.linearization.periodic_system()
-            modes = floquet_modes(system, floquet(system, GRADIENT_TOL))
+            modes = solve_modes_at_nodes(system, floquet(system, GRADIENT_TOL), quick=True)
             return modes.exponents, integrate_derivatives(loop, modes)
         system = self.family.system_at(point)
-        modes = floquet_modes(system, floquet(system))
+        modes = solve_modes_at_nodes(system, floquet(system, GRADIENT_TOL), quick=True)
+        return modes.exponents, differentiate_exponents(modes, self.changes(point, modes))
+
+    def changes(self, point: Array, modes: FloquetModes) -> Array:
+        """dA / d gain (G, N, n, n) at the modes' times, by differences."""
         changes = []
         for i in range(len(self.low)):
             h = STEP * max(abs(float(point[i])), 1e-3)
             sides = [self.family.system_at(point + s * h * np.eye(len(point))[i]).A(modes.times) for s in (1, -1)]
             changes.append((sides[0] - sides[1]) / (2 * h))
-        return modes.exponents, differentiate_exponents(modes, np.array(changes))
+        return np.array(changes)
 
 
 def lay_scenarios(ranges: Array, each: int) -> Array:

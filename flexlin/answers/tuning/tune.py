@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from flexlin.answers.spectra import Source, make_family
-from flexlin.answers.tuning.nonsmooth import minimize_nonsmooth
-from flexlin.answers.tuning.scenarios import Worst, draw_scenarios, lay_scenarios
+from flexlin.answers.tuning.scenarios import Worst, lay_scenarios
+from flexlin.answers.tuning.search import GRID, search
 from flexlin.answers.tuning.torque import peak_torque, torque_limit
-from flexlin.checks import Array, positive, whole
+from flexlin.checks import Array, real_array, whole
 from flexlin.errors import ArgumentError, NotStable
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.scene.parameters import get_value, numeric_paths
@@ -20,15 +20,8 @@ from flexlin.summary import represent
 
 SPAN = (0.1, 10.0)
 """Limits of a gain that has none, in its own value."""
-SCREENED, SCREEN_GRID = 40, 3
-"""Gains that are tried roughly before the best of them are starts, and scenarios of an axis for that."""
-GRID, FINE = 4, 7
-"""Scenarios of an axis that are tuned on, and that the result is verified on."""
-RANDOM, CONFIRMED = 200, 8
-"""Quasi-random scenarios of the verification; the worst ones of all that `floquet` confirms."""
-ALONE = 8
-"""How many fewer where scenarios are computed one by one."""
-ROUNDS = 4
+CONFIRMED = 8
+"""The worst scenarios of all that `floquet` confirms."""
 NEAR = 0.01
 """Share of the growth rate by which an exponent may lie below the worst and still be active."""
 
@@ -94,15 +87,16 @@ def tune(
     limits: Mapping[str, Any] | None = None,
     *,
     starts: int = 2,
-    steps: int = 15,
+    steps: int = 300,
     seed: int = 0,
 ) -> Tuning:
     """Find the gains that make the slowest decay over all scenarios as fast as possible.
 
         minimise over k:   max over scenarios s, exponents i   of   Re lambda_i(k, s)
 
-    by BFGS with a weak Wolfe line search from several starts, with exact derivatives of the exponents; at the minimum exponents meet,
-    where smooth optimisers fail. Scenarios are a grid, refined where the result is worst; the result is verified on a finer set.
+    At the minimum exponents meet, and their maximum has corners and infinite slopes there. A smooth bound takes its place, the barrier of
+    Lyapunov's operator, which is analytic in the gains; BFGS minimises it at sharper and sharper levels, from several starts. Scenarios
+    are a coarse grid, to which the worst of a finer set are added; the result is verified on the finer set.
 
     Parameters
     ----------
@@ -113,12 +107,12 @@ def tune(
     vary : mapping of str to (float, float), optional
         Dotted paths of the numbers that scenarios differ by, with their ranges.
     limits : mapping, optional
-        A path's (low, high), 0 < low < high, by default a tenth and ten times its own value; "torque": the largest torque of the steady
-        motion in N m, by default the scene's [drives] or saturation.
+        A path's (low, high), by default a tenth and ten times its own value; where low is positive the gain is sought on a logarithmic
+        scale. "torque": the largest torque of the steady motion in N m, by default the scene's [drives] or saturation.
     starts : int
         Starts of the search: the gains of the scene, and the best of a rough screening.
     steps : int
-        Steps of each search.
+        Steps of each search at each level.
     seed : int
         Of the screening.
 
@@ -136,8 +130,8 @@ def tune(
 
     References
     ----------
-    Burke, Lewis, Overton, A robust gradient sampling algorithm for nonsmooth, nonconvex optimization, SIAM J. Optim. 15 (2005) 751;
-    Lewis, Overton, Nonsmooth optimization via quasi-Newton methods, Math. Program. 141 (2013) 135.
+    Burke, Henrion, Lewis, Overton, Stabilization via nonsmooth, nonconvex optimization, IEEE Trans. Autom. Control 51 (2006) 1760;
+    Vanbiervliet et al., The smoothed spectral abscissa, SIAM J. Optim. 20 (2009) 156; Lewis, Overton, Nonsmooth optimization via quasi-Newton methods, Math. Program. 141 (2013) 135.
 
     Examples
     --------
@@ -156,7 +150,7 @@ def tune(
     problem = Worst(family, bounds[:, 0], bounds[:, 1], lay_scenarios(ranges, GRID))
     started = np.array(list(own.values()))
     x, fine = search(problem, started, ranges, whole("starts", starts), whole("steps", steps), seed)
-    tuned, capped = keep_torque(source, tuple(own), tuple(vary), started, problem.gains(x), fine, problem, limits)
+    tuned, capped = keep_torque(source, tuple(own), tuple(vary), started, x, fine, problem, limits)
     return report_tuning(source, problem, tuple(own), tuple(vary), started, tuned, fine, capped)
 
 
@@ -176,7 +170,7 @@ def first_gains(source: Source, gains: Sequence[str] | Mapping[str, float] | Non
 def gain_bounds(path: str, value: float, limits: Mapping[str, Any]) -> tuple[float, float]:
     """The limits of one gain."""
     if path in limits:
-        low, high = (positive(f"a limit of {path}", number) for number in limits[path])
+        low, high = map(float, real_array(f"the limits of {path}", limits[path], (2,)))
     elif value > 0:
         low, high = SPAN[0] * value, SPAN[1] * value
     else:
@@ -184,28 +178,6 @@ def gain_bounds(path: str, value: float, limits: Mapping[str, Any]) -> tuple[flo
     if not low < high:
         raise ArgumentError(f"the limits of {path} leave nothing", got=(low, high), expected="low below high")
     return low, high
-
-
-def search(problem: Worst, own: Array, ranges: Array, starts: int, steps: int, seed: int) -> tuple[Array, Array]:
-    """Minimise from several starts, then add the worst scenarios of the finer set until none is much worse.
-
-    Returns: x, and the finer set of scenarios.
-    """
-    drawn_scenarios, screened = (RANDOM, SCREENED) if problem.batched else (RANDOM // ALONE, SCREENED // ALONE)
-    fine = np.concatenate([lay_scenarios(ranges, FINE), draw_scenarios(ranges, drawn_scenarios, seed + 2)])
-    coarse = lay_scenarios(ranges, SCREEN_GRID)
-    drawn = np.random.default_rng(seed).uniform(-np.pi / 2, np.pi / 2, (screened, len(own)))
-    sizes = [float(problem.growths(problem.gains(x), coarse).max()) for x in drawn]
-    chosen = [problem.position(np.clip(own, problem.low, problem.high)), *drawn[np.argsort(sizes)[: starts - 1]]]
-    found = [minimize_nonsmooth(problem.value, problem.gradient, x, steps) for x in chosen]
-    best = min(found, key=lambda one: one.value)
-    for _ in range(ROUNDS):
-        growth = problem.growths(problem.gains(best.x), fine)
-        if growth.max() <= best.value + 1e-3 * abs(best.value):
-            break
-        problem.scenarios = np.concatenate([problem.scenarios, fine[np.argsort(-growth)[:3]]])
-        best = minimize_nonsmooth(problem.value, problem.gradient, best.x, steps)
-    return best.x, fine
 
 
 def keep_torque(
@@ -227,11 +199,15 @@ def keep_torque(
         return tuned, ""
     if not keeps(own):
         return tuned, f"the torque of {limit:g} N m is exceeded by the scene's own gains too"
+    ends = problem.position(np.clip(own, problem.low, problem.high)), problem.position(tuned)
     low, high = 0.0, 1.0
     for _ in range(8):
         middle = (low + high) / 2
-        low, high = (middle, high) if keeps(own * (tuned / own) ** middle) else (low, middle)
-    return own * (tuned / own) ** low, f"the torque of the steady motion, at most {limit:g} N m"
+        kept = keeps(problem.gains(ends[0] + middle * (ends[1] - ends[0])))
+        low, high = (middle, high) if kept else (low, middle)
+    return problem.gains(
+        ends[0] + low * (ends[1] - ends[0])
+    ), f"the torque of the steady motion, at most {limit:g} N m"
 
 
 def report_tuning(
@@ -264,7 +240,7 @@ def report_tuning(
         f"{path} at its limit of {edge:g}"
         for path, value, low, high in zip(gains, tuned, problem.low, problem.high, strict=True)
         for edge in (low, high)
-        if abs(np.log(value / edge)) < 1e-2 * np.log(high / low)
+        if abs(value - edge) < NEAR * min(abs(edge) or np.inf, high - low)
     ]
     meeting = f"{len(active)} exponents meet" if len(active) > 1 else "one exponent at one scenario"
     named = (*bound, *([capped] if capped else []), meeting)

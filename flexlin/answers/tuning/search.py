@@ -1,0 +1,109 @@
+"""The search for gains: the smoothed growth rate is minimised at sharper and sharper levels, over the scenarios that matter."""
+
+import numpy as np
+
+from flexlin.answers.spectra import SceneFamily
+from flexlin.answers.tuning.descent import Minimum, descend
+from flexlin.answers.tuning.scenarios import Worst, draw_scenarios, lay_scenarios
+from flexlin.answers.tuning.smoothed import Smoothing
+from flexlin.checks import Array
+
+LEVELS = (0.1, 0.03, 0.01, 3e-3, 1e-3, 5e-4, 3e-4, 2e-4, 1e-4)
+"""mu in units of the growth rate."""
+LEVELS_TOGETHER = (0.1, 0.02, 4e-3, 1e-3)
+"""The same where scenarios are computed together: their spectra are known to 1e-8."""
+RACED = 2
+"""Levels after which only the best start goes on."""
+HORIZON = 2.0
+"""N T in units of one over the growth rate."""
+UNITS, FIRST = (1 / 16, 1 / 4, 1.0, 4.0), 60
+"""Units that are tried at first, in the growth rate of the start, and steps of these trials."""
+SMALL = 1e-3
+"""The least unit, in mean sizes of an exponent."""
+AGAIN, CHANGED = 5, 2.0
+"""How often the first level is repeated while the growth rate still changes by this factor."""
+SETTLED = 1e-7
+DIFFERENCE = 0.02
+"""Step of differences by x, in mu per growth rate."""
+SCREENED, GRID = 40, 3
+"""Gains that are tried roughly before the best of them are starts, and scenarios of an axis at first."""
+FINE, RANDOM = 7, 200
+"""Scenarios of an axis, and quasi-random ones, of the verification."""
+ALONE = 8
+"""How many fewer where scenarios are computed one by one."""
+ROUNDS, WORSE, ADDED = 6, 1e-3, 3
+"""Rounds in which the worst scenarios are added, as many at once, while they exceed the others by this share."""
+WORTH = 20_000
+"""About how many spectra a search takes."""
+
+
+def search(problem: Worst, own: Array, ranges: Array, starts: int, steps: int, seed: int) -> tuple[Array, Array]:
+    """Minimise from several starts, then add the worst scenarios of the finer set until none is much worse.
+
+    Returns: the gains, and the finer set of scenarios.
+    """
+    drawn_scenarios, screened = (RANDOM, SCREENED) if problem.batched else (RANDOM // ALONE, SCREENED // ALONE)
+    fine = np.concatenate([lay_scenarios(ranges, FINE), draw_scenarios(ranges, drawn_scenarios, seed + 2)])
+    drawn = np.random.default_rng(seed).uniform(-np.pi / 2, np.pi / 2, (screened, len(own)))
+    if isinstance(problem.family, SceneFamily) and problem.batched:
+        scenarios = np.resize(draw_scenarios(ranges, screened, seed), (screened, len(ranges)))
+        problem.family.compile(np.concatenate([[problem.gains(x) for x in drawn], scenarios], axis=1), WORTH)
+    sizes = [float(problem.growths(problem.gains(x)).max()) for x in drawn[: screened * (starts > 1)]]
+    chosen = [problem.position(np.clip(own, problem.low, problem.high)), *drawn[np.argsort(sizes)[: starts - 1]]]
+    levels = LEVELS_TOGETHER if problem.batched else LEVELS
+    raced = [follow_levels(problem, begin(problem, x, steps), steps, levels[: RACED if len(chosen) > 1 else None]) for x in chosen]
+    growth, x = min(raced, key=lambda one: one[0])
+    if len(chosen) > 1:
+        growth, x = follow_levels(problem, x, steps, levels[RACED:])
+    for _ in range(ROUNDS):
+        growths = problem.growths(problem.gains(x), fine)
+        if growths.max() <= growth + WORSE * abs(growth):
+            break
+        problem.scenarios = np.concatenate([problem.scenarios, fine[np.argsort(-growths)[:ADDED]]])
+        growth, x = follow_levels(problem, x, steps, levels[RACED:])
+    return problem.gains(x), fine
+
+
+def begin(problem: Worst, x: Array, steps: int) -> Array:
+    """The best x of short searches with several units of time: nobody knows how fast a decay there may be.
+
+    Too large a mu, or too short a horizon, rewards modes that run off to infinity; too small a mu finds the nearest kink.
+    """
+    own, found = find_unit(problem, x), []
+    for factor in UNITS:
+        end = search_level(problem, x, LEVELS[0], factor * own, min(steps, FIRST)).x
+        found.append((float(problem.growths(problem.gains(end)).max()), end))
+    return min(found, key=lambda one: one[0])[1]
+
+
+def follow_levels(problem: Worst, x: Array, steps: int, levels: tuple[float, ...]) -> tuple[float, Array]:
+    """The best growth rate and its x, after these levels.
+
+    The unit of time is the growth rate itself, which may fall a lot at the first level: this is repeated until it stays.
+    """
+    problem.best, factor = (np.inf, x), None
+    for level in levels:
+        for _ in range(AGAIN if level == levels[0] else 1):
+            unit = find_unit(problem, x)
+            result = search_level(problem, x, level, unit, steps, factor)
+            x, factor = result.x, result.factor
+            if 1 / CHANGED < find_unit(problem, x) / unit < CHANGED:
+                break
+    return problem.best
+
+
+def search_level(
+    problem: Worst, x: Array, level: float, unit: float, steps: int, factor: Array | None = None
+) -> Minimum:
+    """The minimum of the smoothed growth rate at one level."""
+    smoothing, step = Smoothing(level * unit, HORIZON / unit), DIFFERENCE * level
+    return descend(
+        lambda at: problem.value(at, smoothing), lambda at: problem.gradient(at, smoothing, step), x, steps, SETTLED, factor
+    )  # fmt: skip
+
+
+def find_unit(problem: Worst, x: Array) -> float:
+    """The size of the largest growth rate, or a small share of the exponents' sizes where it is smaller, in 1/s."""
+    exponents = problem.exponents(problem.gains(x), problem.scenarios)[0]
+    finite = exponents[np.isfinite(exponents)]
+    return max(abs(float(exponents.real.max())), SMALL * float(np.abs(finite).mean())) if len(finite) else 1.0
