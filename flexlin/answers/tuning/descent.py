@@ -64,16 +64,22 @@ def descend(
 
 
 def search_line(
-    f: Callable[[Array], float], gradient: Callable[[Array], Array], x: Array, p: Array, value: float, g: Array, t: float
+    f: Callable[[Array], float],
+    gradient: Callable[[Array], Array],
+    x: Array,
+    p: Array,
+    value: float,
+    g: Array,
+    t: float,
 ) -> tuple[float, float, Array, int, int]:
     """A step that meets the weak Wolfe conditions, by doubling and halving alone; no derivative is trusted to be continuous.
 
     Returns: the step, the value and the gradient there, and how many values and gradients it took; infinity where none descends.
     """
     slope, low, high, best = float(g @ p), 0.0, np.inf, np.inf
-    taken = 0
-    for tried in range(1, BISECTIONS + 1):
-        now = f(x + t * p)
+    tried = taken = 0
+    while tried < BISECTIONS:
+        now, tried = f(x + t * p), tried + 1
         if not now <= value + ARMIJO * t * slope:
             high = t
         else:
@@ -95,4 +101,4 @@ def update_factor(S: Array, s: Array, y: Array, scaled: bool) -> Array:
     if scaled:
         S = S * np.sqrt(c / float(y @ y))
     left = S - np.outer(s, y @ S) / c
-    return np.asarray(np.linalg.qr(np.column_stack([left, s / np.sqrt(c)]).T, mode="r").T)
+    return np.asarray(np.linalg.qr(np.column_stack([left, s / np.sqrt(c)]).T)[1].T)

@@ -51,7 +51,10 @@ def search(problem: Worst, own: Array, ranges: Array, starts: int, steps: int, s
     sizes = [float(problem.growths(problem.gains(x)).max()) for x in drawn[: screened * (starts > 1)]]
     chosen = [problem.position(np.clip(own, problem.low, problem.high)), *drawn[np.argsort(sizes)[: starts - 1]]]
     levels = LEVELS_TOGETHER if problem.batched else LEVELS
-    raced = [follow_levels(problem, begin(problem, x, steps), steps, levels[: RACED if len(chosen) > 1 else None]) for x in chosen]
+    raced = [
+        follow_levels(problem, begin(problem, x, steps), steps, levels[: RACED if len(chosen) > 1 else None])
+        for x in chosen
+    ]
     growth, x = min(raced, key=lambda one: one[0])
     if len(chosen) > 1:
         growth, x = follow_levels(problem, x, steps, levels[RACED:])

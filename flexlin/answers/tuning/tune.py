@@ -131,7 +131,8 @@ def tune(
     References
     ----------
     Burke, Henrion, Lewis, Overton, Stabilization via nonsmooth, nonconvex optimization, IEEE Trans. Autom. Control 51 (2006) 1760;
-    Vanbiervliet et al., The smoothed spectral abscissa, SIAM J. Optim. 20 (2009) 156; Lewis, Overton, Nonsmooth optimization via quasi-Newton methods, Math. Program. 141 (2013) 135.
+    Vanbiervliet et al., The smoothed spectral abscissa, SIAM J. Optim. 20 (2009) 156;
+    Lewis, Overton, Nonsmooth optimization via quasi-Newton methods, Math. Program. 141 (2013) 135.
 
     Examples
     --------
@@ -205,9 +206,7 @@ def keep_torque(
         middle = (low + high) / 2
         kept = keeps(problem.gains(ends[0] + middle * (ends[1] - ends[0])))
         low, high = (middle, high) if kept else (low, middle)
-    return problem.gains(
-        ends[0] + low * (ends[1] - ends[0])
-    ), f"the torque of the steady motion, at most {limit:g} N m"
+    return problem.gains(ends[0] + low * (ends[1] - ends[0])), f"the torque of the steady motion, at most {limit:g} N m"
 
 
 def report_tuning(
