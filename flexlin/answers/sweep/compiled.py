@@ -78,7 +78,8 @@ class CompiledBatches:
 
     def spectra(self, points: Array, segments: int) -> tuple[Array, Array, Array]:
         """Logs (V, n) of the multipliers, their errors (V, n), and whether they meet tol (V,)."""
-        logs, errors, sound, T = self.kernel.find_logs(points, segments, self.scale, self.tol / 100, np.inf)
+        given = (segments, self.scale, self.tol / 100, np.inf, self.tol)
+        logs, errors, sound, T, _ = self.kernel.find_logs(points, *given)
         return logs, errors, sound & np.all(errors <= self.tol * np.maximum(T[:, None], np.abs(logs)), axis=1)
 
     def compute(self, points: Array) -> Found:
