@@ -20,7 +20,7 @@ def describe_margins(scene: Scene, margins: tuple[Margin, ...]) -> str:
         said = [describe_place(scene, margin, one) for margin, one in met if one and leads_to(margin, one) == change]
         parts += [f"{words} {' and '.join(said)}"] if said else []
     kept = [describe_range(scene, margin) for margin, one in met if one is None]
-    parts += [f"no change of verdict for {' and '.join(kept)}"] if kept else []
+    parts += [f"keeps its verdict for {' and '.join(kept)}"] if kept else []
     return "; ".join(parts)
 
 

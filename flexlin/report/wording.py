@@ -26,8 +26,8 @@ _length: ContextVar[int | str | None] = ContextVar("length", default=None)
 
 @contextmanager
 def units_of(analysis: Analysis) -> Iterator[None]:
-    """Say every deflection of a page in one unit, that in which the largest tip error is readable; in none without dimensions."""
-    sizes = [0.0 if analysis.response is None else analysis.response.sizes[1]]
+    """Say every deflection of a page in one unit, that in which the largest one is readable; in none without dimensions."""
+    sizes = [0.0] if analysis.response is None else [*analysis.response.sizes]
     sizes += [0.0 if analysis.simulation is None else analysis.simulation.tip_error]
     largest = max((size for size in sizes if math.isfinite(size)), default=0.0)
     token = _length.set(NONE if analysis.scene.unit_system == "dimensionless" else choose_prefix(largest))

@@ -77,7 +77,7 @@ def write_caption(varying: int, shown: int, folded: int) -> str:
             " Shown are those whose variation moves frequencies and the response most, one of each joint at the least"
         )
         rest += "; the others are folded below"
-        rest += f", {varying - shown - folded} stand in system.nc of flexlin linearize alone" * (
+        rest += f", {varying - shown - folded} stand in coefficients.nc of flexlin linearize alone" * (
             varying > shown + folded
         )
         rest += "."
