@@ -27,6 +27,7 @@ _HOME = {
     "floquet_modes": "flexlin.periodic.floquet.modes",
     "h2_norm": "flexlin.periodic.norms.h2",
     "hinf_norm": "flexlin.periodic.norms.hinf",
+    "margins": "flexlin.periodic.margins",
     "forced_response": "flexlin.periodic.response.forced",
     "periodic_lqr": "flexlin.control",
     "simulate": "flexlin.simulation",

@@ -81,6 +81,7 @@ def stability_results() -> dict[str, Any]:
         "boundary": fl.stability_boundary(
             lambda d, k: fl.PeriodicSystem([[0.0, 1.0], [-k, -d]], 1.0), {"d": (-0.1, 0.2), "k": (1.0, 2.0)}
         )[0],
+        "margins": fl.margins(fl.PeriodicSystem([[0.0]], 1.0, B=[[1.0]]), [[2.0]]),
         "hinf": fl.hinf_norm(fl.PeriodicSystem([[-1.0]], 1.0, B=[[1.0]]), [[1.0]]),
     }
 

@@ -1,0 +1,237 @@
+"""How much gain, phase and delay a periodic loop endures: Floquet's verdict on the perturbed loop, no frozen time."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import brentq
+
+from flexlin.arguments import checked
+from flexlin.checks import Array, positive
+from flexlin.errors import ArgumentError, NotStable
+from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples
+from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.system import PeriodicSystem, as_system
+from flexlin.summary import represent
+
+LARGEST_GAIN, GAIN_STEP = 1e3, 1.5
+"""Factors on the gain that are tried, and the ratio from one to the next."""
+PHASE_STEP = np.pi / 24
+FIRST_DELAY, DELAY_STEP, LONGEST_DELAY = 0.02, 1.25, 20.0
+"""The first delay, in times of the fastest exponent of A(t); the ratio to the next; the longest in times of the slowest, or periods."""
+LINE = 8
+"""Order of the delay line, [7/8] Pade; an order more by four shows the error."""
+LOOSE = 1e-7
+"""Wanted error of exponents in the search, in 1/s up to 1/s and relative beyond."""
+WIDEN, TRIES = 4.0, 12
+"""Factor and number of steps by which an interval about a margin grows until its ends have a verdict."""
+
+Perturbed = Callable[[float], PeriodicSystem]
+
+
+@dataclass(frozen=True)
+class Margins:
+    """What a loop endures before it becomes unstable, all inputs perturbed alike.
+
+    Attributes
+    ----------
+    gain : tuple of float
+        Factors on K below and above one at which the loop becomes unstable; 0 and inf where none is found down to 1/1000, up to 1000.
+    phase : float
+        Angle phi in rad with K -> exp(i phi) K; inf where none up to pi is found.
+    delay : float
+        Time in s from the command to the torque; inf where none is found.
+    errors : tuple of float
+        Of the lower gain, the upper gain, the phase and the delay, in their units: on either side at this distance the verdict is decided.
+
+    Examples
+    --------
+    An integrator of gain 2 endures a phase of 90 degrees, so a delay of (pi/2)/2:
+
+    >>> import flexlin as fl
+    >>> found = fl.margins(fl.PeriodicSystem([[0.0]], 1.0, B=[[1.0]]), [[2.0]])
+    >>> print(f"{found.phase:.4f} {found.delay:.4f} {found.gain[1]}")
+    1.5708 0.7854 inf
+    """
+
+    gain: tuple[float, float]
+    phase: float
+    delay: float
+    errors: tuple[float, float, float, float]
+
+    __repr__ = represent
+
+
+@checked
+def margins(system: PeriodicSystem, gain: MatrixFunction | ArrayLike, tol: float = 1e-6) -> Margins:
+    """Find the gain, phase and delay margins of the periodic loop x' = A x + B u, u = -K x, broken at the input.
+
+        u = -kappa K x,      u = -exp(i phi) K x,      u(t) = -K(t - tau) x(t - tau)
+
+    Each is the smallest change that moves a Floquet exponent of the perturbed loop to the imaginary axis. The complex gain makes a real
+    loop of twice the states; the delay is a line of Legendre polynomials, whose Pade approximation of exp(-s tau) is exact to within
+    the stated error. For a constant loop with one input they are the classical margins. What is unstable only between two values of
+    the scan (factors of 1.5, angles of 7.5 degrees, delays 25 % apart) is not seen.
+
+    Parameters
+    ----------
+    system : PeriodicSystem
+        The plant without feedback, with n states and m inputs.
+    gain : array_like (m, n), or function of times (N,) -> (N, m, n)
+        K.
+    tol : float
+        Wanted relative error of a margin.
+
+    Returns
+    -------
+    Margins
+        gain, phase, delay, errors.
+
+    Raises
+    ------
+    ArgumentError
+        When the gain does not fit.
+    NotStable
+        When the loop is not stable as it is.
+
+    References
+    ----------
+    Bittanti, Colaneri, Periodic Systems (2009), ch. 3; Voelker, Eliasmith, Neural Computation 30 (2018) 569, Eq. (2.2), for the line.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> plant = fl.PeriodicSystem([[0.0, 1.0], [0.0, 0.0]], 1.0, B=[[0.0], [1.0]])
+    >>> print(f"{fl.margins(plant, [[1.0, 1.0]]).phase:.4f}")
+    0.9045
+    """
+    system, tol = as_system(system), positive("tol", tol)
+    if system.B is None:
+        raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
+    K = as_matrix_function("gain", gain)
+    got = check_samples("gain", K, system.period).shape[1:]
+    if got != (system.m, system.n):
+        raise ArgumentError("the gain does not fit the system", got=got, expected=f"({system.m}, {system.n})")
+    nominal = system.feedback(K)
+    found = floquet(nominal, LOOSE)
+    if found.verdict != "stable":
+        raise NotStable(f"the loop is {found.verdict} as it is", got=found.status, expected="a stable loop")
+    breaks = tuple(nominal.resolved.breaks)
+
+    def with_gain(kappa: float) -> PeriodicSystem:
+        return system.feedback(Scaled(K, kappa), breaks)
+
+    def with_phase(phi: float) -> PeriodicSystem:
+        return PeriodicSystem(Turned(system.A, system.B, K, phi), system.period, breaks=breaks, complete=True)
+
+    def with_delay(tau: float, order: int = LINE) -> PeriodicSystem:
+        late = Delayed(system.A, system.B, K, tau, order)
+        corners = {*breaks, *(float(np.mod(t + tau, system.period)) for t in breaks)}
+        return PeriodicSystem(late, system.period, breaks=sorted(corners), complete=True)
+
+    steps = GAIN_STEP ** np.arange(1, int(np.log(LARGEST_GAIN) / np.log(GAIN_STEP)) + 1)
+    down = find_first(with_gain, 1.0, 1 / steps, tol)
+    up = find_first(with_gain, 1.0, steps, tol)
+    angles = np.append(np.arange(PHASE_STEP, np.pi - PHASE_STEP / 2, PHASE_STEP), np.pi)
+    phase = find_first(with_phase, 0.0, angles, tol)
+    delay, error = find_first(with_delay, 0.0, list_delays(nominal), tol)
+    if np.isfinite(delay):
+        finer = find_near(lambda tau: with_delay(tau, LINE + 4), delay, max(error, tol * delay), tol)
+        delay, error = finer[0], finer[1] + abs(finer[0] - delay)
+    low = (0.0, 0.0) if np.isinf(down[0]) else down
+    return Margins((low[0], up[0]), phase[0], delay, (low[1], up[1], phase[1], error))
+
+
+@dataclass(frozen=True, eq=False)
+class Scaled:
+    """kappa K(t)."""
+
+    K: MatrixFunction
+    kappa: float
+
+    def __call__(self, t: Array) -> Array:
+        return self.kappa * self.K(t)
+
+
+@dataclass(frozen=True, eq=False)
+class Turned:
+    """A - exp(i phi) B K as a real matrix of [Re x; Im x]."""
+
+    A: MatrixFunction
+    B: MatrixFunction
+    K: MatrixFunction
+    phi: float
+
+    def __call__(self, t: Array) -> Array:
+        feedback = self.B(t) @ self.K(t)
+        real, turned = self.A(t) - np.cos(self.phi) * feedback, np.sin(self.phi) * feedback
+        return np.concatenate([np.concatenate([real, turned], axis=2), np.concatenate([-turned, real], axis=2)], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Delayed:
+    """x' = A x - B w, where w is K x a time tau ago, by a line of `order` Legendre polynomials for each input.
+
+    tau z_i' = (2 i + 1) ((-1)^i v + sum_j a_ij z_j),   a_ij = -1 for i < j, (-1)^(i - j + 1) else,   w = sum_i z_i
+    """
+
+    A: MatrixFunction
+    B: MatrixFunction
+    K: MatrixFunction
+    tau: float
+    order: int
+
+    def __call__(self, t: Array) -> Array:
+        i = np.arange(self.order)
+        rates = (2 * i + 1) / self.tau
+        line = rates[:, None] * np.where(i[:, None] < i, -1.0, (-1.0) ** (i[:, None] - i + 1))
+        A, B, K = self.A(t), self.B(t), self.K(t)
+        n, m = B.shape[1:]
+        out = np.zeros((len(t), n + m * self.order, n + m * self.order))
+        out[:, :n, :n] = A
+        out[:, :n, n:] = -np.repeat(B, self.order, axis=2)
+        out[:, n:, :n] = np.repeat(K, self.order, axis=1) * np.tile(rates * (-1.0) ** i, m)[:, None]
+        out[:, n:, n:] = np.kron(np.eye(m), line)
+        return out
+
+
+def list_delays(loop: PeriodicSystem) -> Array:
+    """Rising delays, from a part of the fastest time of A(t) to several of the slowest."""
+    t = loop.period * np.arange(33) / 33
+    sizes = np.abs(np.linalg.eigvals(loop.A(t)))
+    longest = LONGEST_DELAY * max(loop.period, 1 / max(float(sizes.max()) * 1e-3, float(sizes.mean(axis=0).min())))
+    first = FIRST_DELAY / float(sizes.max())
+    return first * DELAY_STEP ** np.arange(1 + int(np.log(longest / first) / np.log(DELAY_STEP)))
+
+
+def find_first(make: Perturbed, start: float, values: Iterable[float], tol: float) -> tuple[float, float]:
+    """The first change of verdict on the way from a stable start over the values, with its error; inf, 0 where there is none."""
+    before = start
+    for value in values:
+        if floquet(make(float(value)), LOOSE).exponents[0].real > 0:
+            root = brentq(
+                lambda p: floquet(make(p), LOOSE).exponents[0].real, before, value, xtol=tol * abs(value) / 4, rtol=1e-14
+            ) if before != start else solve_from(make, start, float(value), tol)  # fmt: skip
+            return find_near(make, float(root), tol * abs(root) / 2, tol)
+        before = float(value)
+    return np.inf, 0.0
+
+
+def solve_from(make: Perturbed, stable: float, unstable: float, tol: float) -> float:
+    """The change between a start that is known to be stable, where the perturbed loop need not exist, and an unstable value, by bisection."""
+    while abs(unstable - stable) > tol * abs(unstable) / 4:
+        middle = (stable + unstable) / 2
+        growing = floquet(make(middle), LOOSE).exponents[0].real > 0
+        stable, unstable = (stable, middle) if growing else (middle, unstable)
+    return (stable + unstable) / 2
+
+
+def find_near(make: Perturbed, value: float, reach: float, tol: float) -> tuple[float, float]:
+    """The middle and half width of an interval about a value, at whose ends the verdicts are decided and differ; wide where none is found."""
+    for _ in range(TRIES):
+        verdicts = {floquet(make(value + side * reach), LOOSE).verdict for side in (-1, 1)}
+        if verdicts == {"stable", "unstable"}:
+            return value, reach
+        reach *= WIDEN
+    return value, np.inf

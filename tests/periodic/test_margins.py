@@ -1,0 +1,110 @@
+"""Margins of constant loops against python-control, of periodic ones against integrations of the perturbed loop by other means."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import flexlin as fl
+from flexlin.errors import ArgumentError, NotStable
+
+T = 2.0
+B = np.array([[0.0], [1.0]])
+
+
+def A(t):
+    return np.array([[0.0, 1.0], [-1.0 - 0.6 * np.cos(np.pi * t), 0.1]])
+
+
+def K(t):
+    return np.array([[1.5 + 0.5 * np.sin(np.pi * t), 1.0]])
+
+
+def many(f):
+    return lambda t: np.array([f(one) for one in t])
+
+
+PLANT = fl.PeriodicSystem(many(A), T, B=B)
+
+
+@pytest.fixture(scope="module")
+def found():
+    return fl.margins(PLANT, many(K))
+
+
+def radius(factor):
+    """Spectral radius of the monodromy matrix under the feedback factor * K, by DOP853."""
+    rows = [
+        solve_ivp(lambda t, x: (A(t) - factor * B @ K(t)) @ x, (0, T), x0 + 0j, "DOP853", rtol=1e-10, atol=1e-12).y[:, -1]
+        for x0 in np.eye(2)
+    ]  # fmt: skip
+    return np.abs(np.linalg.eigvals(np.array(rows).T)).max()
+
+
+def growth_with_delay(tau, periods=60):
+    """The growth over late periods of x' = A x - B K(t - tau) x(t - tau), by the classical Runge-Kutta method on steps of tau / 40."""
+    h, back = tau / 40, 40
+    steps = int(periods * T / h)
+    x, past, half, sizes = np.array([1.0, 0.3]), [0.0] * (back + 1), [0.0] * back, []
+
+    def slope(t, x, late):
+        return A(t) @ x - B[:, 0] * late
+
+    for k in range(steps):
+        t, (old, middle, new) = k * h, (past[k], half[k], past[k + 1])
+        a = slope(t, x, old)
+        b = slope(t + h / 2, x + h / 2 * a, middle)
+        c = slope(t + h / 2, x + h / 2 * b, middle)
+        d = slope(t + h, x + h * c, new)
+        following = x + h / 6 * (a + 2 * b + 2 * c + d)
+        here = (x + following) / 2 + h / 8 * (a - slope(t + h, following, new))
+        half.append(float((K(t + h / 2) @ here)[0]))
+        past.append(float((K(t + h) @ following)[0]))
+        x = following
+        sizes.append(np.linalg.norm(x))
+    sizes = np.array(sizes)
+    return sizes[-steps // 3 :].max() / sizes[steps // 3 : 2 * steps // 3].max()
+
+
+def test_gain_and_phase_of_a_periodic_loop(found):
+    assert 0 < found.gain[0] < 1
+    for factor in (found.gain[0], np.exp(1j * found.phase), np.exp(-1j * found.phase)):
+        assert radius(factor) == pytest.approx(1.0, abs=1e-5)
+    assert radius(0.99 * found.gain[0]) > 1 > radius(1.01 * found.gain[0])
+    assert radius(np.exp(0.99j * found.phase)) < 1 < radius(np.exp(1.01j * found.phase))
+    assert found.gain[1] == np.inf
+    assert radius(100.0) < 1
+
+
+@pytest.mark.slow
+def test_delay_of_a_periodic_loop_against_simulation(found):
+    assert growth_with_delay(0.97 * found.delay) < 1 < growth_with_delay(1.03 * found.delay)
+    assert 0 < found.errors[3] < 1e-4 * found.delay
+
+
+@pytest.mark.slow
+def test_constant_loops_against_python_control():
+    control = pytest.importorskip("control")
+    rng, checked = np.random.default_rng(4), 0
+    while checked < 3:
+        A0, B0 = rng.standard_normal((3, 3)), rng.standard_normal((3, 1))
+        gain = control.lqr(A0, B0, np.eye(3), [[1.0]])[0] * rng.uniform(0.5, 2)
+        if np.linalg.eigvals(A0 - B0 @ gain).real.max() > -0.05:
+            continue
+        checked += 1
+        found = fl.margins(fl.PeriodicSystem(A0, 1.0, B=B0), gain)
+        gm, pm, _, _, wc, _ = control.stability_margins(control.ss(A0, B0, gain, 0), returnall=True)
+        lower = max([g for g in gm if g < 1], default=0.0)
+        upper = min([g for g in gm if g > 1], default=np.inf)
+        assert found.gain == pytest.approx((lower, upper), rel=1e-5, abs=1e-3)
+        angles = np.radians(np.mod(pm, 360))
+        assert found.phase == pytest.approx(np.minimum(angles, 2 * np.pi - angles).min(), rel=1e-5)
+        assert found.delay == pytest.approx((angles / wc).min(), rel=1e-4)
+
+
+def test_loops_without_margins_are_refused():
+    with pytest.raises(NotStable):
+        fl.margins(PLANT, [[0.0, 0.0]])
+    with pytest.raises(ArgumentError, match="fit"):
+        fl.margins(PLANT, [[1.0]])
+    with pytest.raises(ArgumentError, match="no input"):
+        fl.margins(fl.PeriodicSystem([[-1.0]], 1.0), [[1.0]])
