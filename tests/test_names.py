@@ -23,6 +23,7 @@ VERBS = {
     "critical_values",
     "h2_norm",
     "hinf_norm",
+    "margins",
     "tune",
     "floquet",
     "floquet_modes",

@@ -107,7 +107,8 @@ def margins(system: PeriodicSystem, gain: MatrixFunction | ArrayLike, tol: float
     0.9045
     """
     system, tol = as_system(system), positive("tol", tol)
-    if system.B is None:
+    B = system.B
+    if B is None:
         raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
     K = as_matrix_function("gain", gain)
     got = check_samples("gain", K, system.period).shape[1:]
@@ -123,10 +124,10 @@ def margins(system: PeriodicSystem, gain: MatrixFunction | ArrayLike, tol: float
         return system.feedback(Scaled(K, kappa), breaks)
 
     def with_phase(phi: float) -> PeriodicSystem:
-        return PeriodicSystem(Turned(system.A, system.B, K, phi), system.period, breaks=breaks, complete=True)
+        return PeriodicSystem(Turned(system.A, B, K, phi), system.period, breaks=breaks, complete=True)
 
     def with_delay(tau: float, order: int = LINE) -> PeriodicSystem:
-        late = Delayed(system.A, system.B, K, tau, order)
+        late = Delayed(system.A, B, K, tau, order)
         corners = {*breaks, *(float(np.mod(t + tau, system.period)) for t in breaks)}
         return PeriodicSystem(late, system.period, breaks=sorted(corners), complete=True)
 
@@ -219,7 +220,7 @@ def find_first(make: Perturbed, start: float, values: Iterable[float], tol: floa
 
 
 def solve_from(make: Perturbed, stable: float, unstable: float, tol: float) -> float:
-    """The change between a start that is known to be stable, where the perturbed loop need not exist, and an unstable value, by bisection."""
+    """The change between a start that is known to be stable, where the perturbed loop need not exist, and an unstable value."""
     while abs(unstable - stable) > tol * abs(unstable) / 4:
         middle = (stable + unstable) / 2
         growing = floquet(make(middle), LOOSE).exponents[0].real > 0
@@ -228,7 +229,7 @@ def solve_from(make: Perturbed, stable: float, unstable: float, tol: float) -> f
 
 
 def find_near(make: Perturbed, value: float, reach: float, tol: float) -> tuple[float, float]:
-    """The middle and half width of an interval about a value, at whose ends the verdicts are decided and differ; wide where none is found."""
+    """The middle and half width of an interval about a value, at whose ends the verdicts are decided and differ."""
     for _ in range(TRIES):
         verdicts = {floquet(make(value + side * reach), LOOSE).verdict for side in (-1, 1)}
         if verdicts == {"stable", "unstable"}:
