@@ -35,5 +35,7 @@ class Budget:
         above = max(asked.seconds, USUAL) if most < share * left else asked.seconds
         allowed = Allowance(min(share * left, most), max(memory, 1.0), asked.seconds, asked.memory, above, by_tol)
         if left <= 0:
-            raise TimeLimit(f"{name}: not begun", got=f"the {asked.seconds:g} s are used up", todo=allowed.more_time)
+            kept = "" if last else "; the rest is for drawing and writing"
+            used = f"{asked.last_end if last else asked.stages_end:g} of {asked.seconds:g} s are used up{kept}"
+            raise TimeLimit(f"{name}: not begun", got=used, todo=allowed.more_time)
         return allowed

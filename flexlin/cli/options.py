@@ -93,7 +93,7 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
     "tol": (["--tol"], {"type": float, "metavar": "ERROR", "help": "wanted error of every stage (default 1e-9, or as in the scene)"}),
     "seconds": (
         ["--limit-seconds"],
-        {"type": float, "metavar": "S", "help": "time that the whole command may take (default 60, or as in the scene)"},
+        {"type": float, "metavar": "S", "help": "time that the whole command may take (default 60, tune 600, or as in the scene)"},
     ),
     "memory": (
         ["--limit-memory"],

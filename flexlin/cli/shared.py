@@ -14,8 +14,8 @@ ACCURACY = {"tol": "tol", "limit_seconds": "seconds", "limit_memory": "memory"}
 """Options that stand for a key of the scene's table [accuracy]."""
 
 
-def loaded(options: argparse.Namespace) -> "Scene":
-    """The scene with its overrides, once the output folder has been found usable."""
+def loaded(options: argparse.Namespace, usual: float | None = None) -> "Scene":
+    """The scene with its overrides, once the output folder has been found usable; `usual`: the limit in s where nobody states one."""
     from flexlin.cli.supervised import send_limits
     from flexlin.files import check_folder
     from flexlin.scene import load_scene
@@ -27,6 +27,8 @@ def loaded(options: argparse.Namespace) -> "Scene":
     asked = {f"accuracy.{key}": getattr(options, name, None) for name, key in ACCURACY.items()}
     overrides |= {key: value for key, value in asked.items() if value is not None}
     scene = load_scene(options.scene, overrides, options.data)
+    if usual is not None and "seconds" not in scene.accuracy.model_fields_set:
+        scene = scene.model_copy(update={"accuracy": scene.accuracy.model_copy(update={"seconds": usual})})
     send_limits(options.begun, scene.accuracy)
     if options.out is None:
         options.out = Path("out") / Path(options.scene).stem

@@ -16,8 +16,8 @@ from flexlin.motion import SymbolicMotion
 from flexlin.progress import part
 from flexlin.scene.scene import Scene
 
-TOTAL_SECONDS = 38.0
-"""Wall time after which no stage is begun: with the last one at its limit, all of it is within a minute."""
+SHARE = 0.6
+"""Of the scene's limit of time: after it no stage is begun, so that with the last one at its limit all of it ends in time."""
 
 
 @checked
@@ -60,7 +60,7 @@ def cost(scene: Scene, *, peers: bool = True) -> CostResult:
     'tol 1e-08, gauss 20 on 40'
     """
     instance("scene", scene, Scene, "load one: fl.load_scene(name or path)")
-    start = perf_counter()
+    start, total = perf_counter(), SHARE * scene.accuracy.seconds
     arm = build_manipulator(scene)
     closed, plant = linearize(arm, scene.motion, scene.control), linearize(arm, scene.motion)
     if not closed.motion.periodic:
@@ -79,9 +79,9 @@ def cost(scene: Scene, *, peers: bool = True) -> CostResult:
     rows, notes, last = [], [], len(stages) + peers
     for done, (name, stage) in enumerate(stages.items()):
         begin = perf_counter()
-        left = start + TOTAL_SECONDS - begin
+        left = start + total - begin
         if left <= 0:
-            notes.append(f"{name} left out: the whole took {TOTAL_SECONDS:g} s without it")
+            notes.append(f"{name} left out: the others took {total:g} s; allow more time (--limit-seconds)")
             continue
         try:
             with time_limit(name, min(2 * STAGE_SECONDS, left)), part(done / last, (done + 1) / last):
@@ -91,7 +91,7 @@ def cost(scene: Scene, *, peers: bool = True) -> CostResult:
         else:
             if perf_counter() - begin > STAGE_SECONDS:
                 notes.append(f"{name}: the slowest settings are left out, which {STAGE_SECONDS:g} s do not hold")
-    left = start + TOTAL_SECONDS - perf_counter()
+    left = start + total - perf_counter()
     if peers and isinstance(closed.motion, SymbolicMotion) and left > 0:
         try:
             with time_limit("other programs", left + 2 * STAGE_SECONDS), part(1 - 1 / last, 1.0):

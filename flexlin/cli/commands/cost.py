@@ -4,11 +4,11 @@ import argparse
 import os
 import sys
 
-from flexlin.cli.options import SCENE
+from flexlin.cli.options import LIMITS, SCENE
 from flexlin.cli.shared import command, loaded, print_paths
 
 PURPOSE = "measure what accuracy costs in time, beside other programs (a minute)"
-TAKES = SCENE
+TAKES = (*SCENE, *LIMITS)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -23,13 +23,15 @@ def run(options: argparse.Namespace) -> int:
         import json
 
         from flexlin.answers.accuracy import cost
+        from flexlin.answers.budget import Budget
+        from flexlin.answers.clock import Clock
         from flexlin.files import results
         from flexlin.report.costing import cost_table, summarise_cost
         from flexlin.report.figures.cost import draw_cost
         from flexlin.report.page import picture_page
 
-        progress("accuracy against time, stage by stage")
-        result = cost(scene)
+        clock = Clock(progress, budget=Budget(options.begun))
+        result = clock.stage("accuracy against time", scene.accuracy, lambda: cost(scene))
     print(cost_table(result))
     with results(options.out, "cost") as made:
         (made / "cost.html").write_text(

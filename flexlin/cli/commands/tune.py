@@ -1,17 +1,20 @@
 """`flexlin tune`: find the gains that make the slowest decay over all scenarios as fast as possible."""
 
 import argparse
+from functools import partial
 
-from flexlin.cli.options import SCENE
+from flexlin.cli.options import LIMITS, SCENE
 from flexlin.cli.shared import loaded, print_paths
 from flexlin.errors import ArgumentError
 
 PURPOSE = "find the gains that decay fastest in all scenarios"
-TAKES = (*SCENE, "vary", "gain")
+TAKES = (*SCENE, *LIMITS, "vary", "gain")
+USUAL = 600.0
+"""Limit in s where nobody states one: a search over many scenarios takes minutes."""
 
 
 def run(options: argparse.Namespace) -> int:
-    scene = loaded(options)
+    scene = loaded(options, USUAL)
     spans = [*options.vary, *options.gain]
     if len({key for key, *_ in spans}) < len(spans):
         raise ArgumentError("a number is named twice", got=", ".join(key for key, *_ in spans), expected="each once")
@@ -19,15 +22,21 @@ def run(options: argparse.Namespace) -> int:
 
     with Progress() as progress:
         progress("load the numerical libraries")
+        from flexlin.answers.budget import Budget
+        from flexlin.answers.clock import Clock
         from flexlin.answers.tuning.tune import tune
         from flexlin.files import results
         from flexlin.report.terminal import say
         from flexlin.scene.revised import raw_tables
         from flexlin.scene.toml_text import write_toml
 
-        progress("tune the gains")
         limits = {key: (low, high) for key, low, high, _ in options.gain}
-        found = tune(scene, list(limits) or None, {key: (low, high) for key, low, high, _ in options.vary}, limits)
+        vary = {key: (low, high) for key, low, high, _ in options.vary}
+        clock, work = (
+            Clock(progress, budget=Budget(options.begun)),
+            partial(tune, scene, list(limits) or None, vary, limits),
+        )
+        found = clock.stage("tune the gains", scene.accuracy, work)
     say(f"{scene.title}: {found.status}")
     for path, value in found.gains.items():
         say(f"  {path} = {value:.6g}")
