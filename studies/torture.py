@@ -20,18 +20,29 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # scenes, trials a
 
 from tests.torture.accidents import disks, kills, memory
 from tests.torture.fuzzing import check, commands
+from tests.torture.lone_files import lone_files
 from tests.torture.misuse import misuse
 from tests.torture.rivals import writers
 from tests.torture.rows import SETS, Row, case_of
 
 SIZES = {
-    "small": {"check": 25, "commands": 3, "kills": 4, "disks": 2, "writers": 30, "memory": 2, "misuse": 2},
-    "full": {"check": 10_000, "commands": 500, "kills": 200, "disks": 50, "writers": 1000, "memory": 40, "misuse": 22},
+    "small": {"check": 25, "commands": 3, "kills": 4, "files": 4, "disks": 2, "writers": 30, "memory": 2, "misuse": 2},
+    "full": {
+        "check": 10_000,
+        "commands": 500,
+        "kills": 200,
+        "files": 60,
+        "disks": 50,
+        "writers": 1000,
+        "memory": 40,
+        "misuse": 22,
+    },
 }
 PARTS = {
     "check": check,
     "commands": commands,
     "kills": kills,
+    "files": lone_files,
     "disks": disks,
     "writers": writers,
     "memory": memory,

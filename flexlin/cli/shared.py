@@ -5,6 +5,8 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flexlin.errors import OutputError
+
 if TYPE_CHECKING:
     from flexlin.scene import Scene
 
@@ -34,6 +36,19 @@ def loaded(options: argparse.Namespace, usual: float | None = None) -> "Scene":
         options.out = Path("out") / Path(options.scene).stem
         check_folder(options.out)
     return scene
+
+
+def refuse_existing(path: Path) -> None:
+    """Refuse to write a scene over a file; what a killed program left beside it goes.
+
+    Raises: OutputError.
+    """
+    from flexlin.files import clear_left
+
+    if path.exists():
+        clear_left(path)
+        todo = "choose another name, or remove it"
+        raise OutputError("the scene is there already", got=str(path), expected="a new name", todo=todo)
 
 
 def meets(required: str | None, verdict: str, model: str) -> bool:

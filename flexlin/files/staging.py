@@ -57,9 +57,7 @@ def staging(place: Path, target: Path) -> Iterator[Path]:
     held as long as it is written to, so that nobody else takes it for left behind.
     """
     with alone(place):
-        for left in staged(place, target.name, PART):
-            if is_left_behind(left):
-                discard(left, target)
+        take_away_left(place, target)
         folder = place / f"{prefix_for(target.name)}{os.getpid()}-{secrets.token_hex(6)}{PART}"
         folder.mkdir()
         handle = hold(folder)
@@ -71,6 +69,13 @@ def staging(place: Path, target: Path) -> Iterator[Path]:
             discard(folder, target)
         finally:
             let_go(handle)
+
+
+def take_away_left(place: Path, target: Path) -> None:
+    """Take away what killed programs left in a place for a target; the place is held."""
+    for left in staged(place, target.name, PART):
+        if is_left_behind(left):
+            discard(left, target)
 
 
 def is_left_behind(folder: Path) -> bool:

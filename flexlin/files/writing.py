@@ -2,13 +2,13 @@
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from flexlin.errors import OutputError
 from flexlin.files.disk import alone, sync
-from flexlin.files.staging import staging
+from flexlin.files.staging import staging, take_away_left
 from flexlin.files.switch import may_be_missed, switch
 
 
@@ -77,3 +77,9 @@ def write_text(path: Path, text: str) -> None:
     """Write a text file in UTF-8, whole or not at all."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def clear_left(path: Path) -> None:
+    """Take away what killed programs left beside a file, where that can be done."""
+    with suppress(OSError), alone(path.parent):
+        take_away_left(path.parent, path)

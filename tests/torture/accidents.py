@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 
 from tests.files.reader import leftovers, standing
-from tests.torture.rows import SETS, Row, case_of
+from tests.torture.rows import ALL_SETS, LATER, SETS, Row, case_of
 from tests.torture.trial import run
 
 
@@ -21,7 +21,7 @@ def kills(count: int, number: int, out: Path) -> Row:
     """SIGKILL and SIGTERM at random times, half of them while files are written; then the next run."""
     row, chance = Row("kills"), random.Random(number)
     for at in range(count):
-        command = chance.choice(["report", "chart", "design", "export"])
+        command = chance.choice(["report", "chart", "design", "export", *LATER])
         folder = out / f"{command}-{at % 7}" / "out"
         folder.parent.mkdir(exist_ok=True)
         if at % 3 == 0 and folder.is_dir():
@@ -55,7 +55,7 @@ def kill_at(child: int, folder: Path, chance: random.Random, how: signal.Signals
 
 def whole_set(folder: Path, command: str) -> dict[str, bytes] | None:
     """The set of a command, if the manifest vouches for it."""
-    return standing(folder, SETS[command])
+    return standing(folder, ALL_SETS[command])
 
 
 def judge_rest(row: Row, folder: Path, command: str, before: dict[str, bytes] | None, case: str) -> None:
@@ -88,7 +88,7 @@ def disks(count: int, number: int, out: Path) -> Row:
     """Full disks of random sizes, with old results on them; then room again."""
     row, chance = Row("disks"), random.Random(number)
     for at in range(count):
-        command = chance.choice(list(SETS))
+        command = chance.choice(list(ALL_SETS))
         with small_disk(2**22, out) as disk:
             folder = disk / "out"
             row.count(run(case_of(command, "title='old'", folder)), f"{command} before {at}")

@@ -7,6 +7,7 @@ from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 
 from tests.files.reader import leftovers
+from tests.torture.bases import put_files
 from tests.torture.rows import COMMANDS, Row, names_a_key
 from tests.torture.scenes import Raw, from_schema, mutated, to_toml
 from tests.torture.trial import run
@@ -45,6 +46,7 @@ def draw_and_work(scenes: st.SearchStrategy, places: range, number: int, work: C
 def check(count: int, number: int, out: Path) -> Row:
     """Mutated scenes through `flexlin check`; each refusal must name a key."""
     row = Row("check")
+    put_files(out)
 
     def work(name: str, raw: Raw, at: int) -> None:
         path = out / "scene.toml"
@@ -61,6 +63,7 @@ def check(count: int, number: int, out: Path) -> Row:
 def commands(count: int, number: int, out: Path) -> Row:
     """Scenes with changed numbers through what computes, the commands in turn, with flexlin's own limits; a few with less time."""
     row, limits = Row("commands"), ["--limit-seconds", "5"] if count < BATCH else []
+    put_files(out)
 
     def work(name: str, raw: Raw, at: int) -> None:
         path, command = out / "scene.toml", list(COMMANDS)[at % len(COMMANDS)]

@@ -30,7 +30,16 @@ COMMANDS = {
     "simulate": ["simulate", "--periods", "1"],
     "export": ["export", "--points", "16"],
 }
+SMALL = ["links.0.modes=1", "effects.geometric_stiffening=off", "designs=[]"]
+LATER = {
+    "linearize": ["linearize", QUICK, "--points", "16"],
+    "respond": ["respond", "single-link", "--push", "tip 1 N 20 ms", "--set", *SMALL],
+    "tune": ["tune", "single-link", "--gain", "control.feedback.kp.0=2:4", "--set", *SMALL],
+}
+"""More commands that write a set, on small scenes; --set comes last."""
 SETS = {"report": "report", "chart": "chart", "design": "gains", "simulate": "simulation", "export": "export"}
+ALL_SETS = {**SETS, "linearize": "coefficients", "respond": "respond", "tune": "tune"}
+"""The sets that commands write."""
 
 
 @dataclass
@@ -72,6 +81,9 @@ def names_a_key(trial: Trial) -> bool:
 
 def case_of(command: str, change: str, folder: Path) -> list[str]:
     """The command line of a quick run."""
+    if command in LATER:
+        words = LATER[command]
+        return [*words, *([] if "--set" in words else ["--set"]), change, "--out", str(folder)]
     scene = {"design": "khang-2019", "export": "khang-2019"}.get(command, QUICK)
     first, *rest = COMMANDS[command]
     if command == "chart":

@@ -2,18 +2,30 @@
 
 import json
 import math
-import tomllib
 from collections.abc import Iterator
 from copy import deepcopy
 from typing import Any
 
 from hypothesis import strategies as st
 
-from flexlin.scene import builtin_scenes
 from flexlin.scene.effects import effects_table
 from flexlin.scene.scene import Scene
+from tests.torture.bases import BASES, FILES, Raw
 
-Raw = dict[str, Any]
+
+class Bare(str):
+    """A word of TOML that stands as it is."""
+
+    __slots__ = ()
+
+
+def nest(depth: int, inner: Any) -> Any:
+    """Tables in tables."""
+    for _ in range(depth):
+        inner = {"a": inner}
+    return inner
+
+
 EXTREME = (
     0,
     -0.0,
@@ -46,6 +58,12 @@ TEXTS = (
     "/dev/zero",
     "%s{0}",
     "'\";--",
+    "\u03a9\U0001f9be\ufb01\u0301 \u05d0\u0627",
+    "1e3 mm",
+    "-5 deg/s",
+    "1e999 N m",
+    "folder.csv",
+    *FILES,
 )
 NONSENSE = (
     *EXTREME,
@@ -61,6 +79,13 @@ NONSENSE = (
     {"kind": "pd"},
     {"a": {"b": {"c": [1]}}},
     ["a", 1, None],
+    [1.0] * 20_000,
+    [[0.0] * 6] * 6,
+    nest(60, 1.0),
+    {"y": 1, "z": 1, "torsion": 10**6},
+    {"joints": "1 rad", "input": "0 N m"},
+    10**40,
+    *map(Bare, ("1979-05-27T07:32:00Z", "12:00:00", "0xffffffffffffffffffff", "1e999", "-nan", "1_000.5", "0b1")),
 )
 """What stands where something else should; None is left out, since TOML has no such thing."""
 DEEPEST = 6
@@ -138,9 +163,9 @@ def places(raw: Any, path: tuple = ()) -> Iterator[tuple]:
 
 @st.composite
 def mutated(draw: st.DrawFn, most: int = 4, wild: bool = True) -> tuple[str, Raw]:
-    """A built-in scene with 1 to `most` places changed; with `wild`, by nonsense too. Gives the scene's name and its tables."""
-    name = draw(st.sampled_from(sorted(BUILT_IN)))
-    raw = deepcopy(BUILT_IN[name])
+    """A scene with 1 to `most` places changed; with `wild`, by nonsense too. Gives the scene's name and its tables."""
+    name = draw(st.sampled_from(sorted(BASES)))
+    raw = deepcopy(BASES[name])
     for _ in range(draw(st.integers(1, most))):
         path = draw(st.sampled_from(list(places(raw))))
         holder, key = at(raw, path[:-1]), path[-1]
@@ -160,7 +185,8 @@ def mutated(draw: st.DrawFn, most: int = 4, wild: bool = True) -> tuple[str, Raw
             key = draw(st.sampled_from(("extra", "mass", "kind", "", "a.b", "\u00e9")))
             holder[key] = deepcopy(draw(st.sampled_from(NONSENSE)))
         elif change == "repeat" and isinstance(holder, list):
-            holder.insert(key, deepcopy(holder[key]))
+            for _ in range(draw(st.sampled_from((1, 1, 2, 5, 40) if wild else (1, 1, 2, 5)))):
+                holder.insert(key, deepcopy(holder[key]))
     return name, raw
 
 
@@ -184,11 +210,10 @@ def to_toml(value: Any, top: bool = True) -> str:
         return "\n".join(items) + "\n" if top else "{" + ", ".join(items) + "}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(to_toml(one, False) for one in value if one is not None) + "]"
+    if isinstance(value, Bare):
+        return value
     if isinstance(value, str):
         return json.dumps(value)
     if isinstance(value, bool):
         return str(value).lower()
     return repr(value)
-
-
-BUILT_IN = {name: tomllib.loads(path.read_text(encoding="utf-8")) for name, path in builtin_scenes().items()}

@@ -2,8 +2,7 @@
 
 import argparse
 
-from flexlin.cli.shared import DONE
-from flexlin.errors import OutputError
+from flexlin.cli.shared import DONE, refuse_existing
 
 PURPOSE = "write a scene of a robot from its URDF file"
 TAKES = ("robot", "file", "base", "tip")
@@ -16,10 +15,7 @@ def run(options: argparse.Namespace) -> int:
     from flexlin.scene.urdf import read_robot, scene_tables
 
     path = options.out
-    if path.exists():
-        raise OutputError(
-            "the scene is there already", got=str(path), expected="a new name", todo="choose another name, or remove it"
-        )
+    refuse_existing(path)
     data = scene_tables(read_robot(options.robot), options.base, options.tip)
     scene = parse_scene(data, str(options.robot))
     write_text(path, write_toml(data))

@@ -3,8 +3,7 @@
 import argparse
 from pathlib import Path
 
-from flexlin.cli.shared import DONE
-from flexlin.errors import OutputError
+from flexlin.cli.shared import DONE, refuse_existing
 
 PURPOSE = "write a commented scene to start from"
 TAKES = ("name", "like")
@@ -18,10 +17,7 @@ def run(options: argparse.Namespace) -> int:
     from flexlin.scene.template import commented_scene
 
     path = options.name if options.name.suffix == ".toml" else Path(f"{options.name}.toml")
-    if path.exists():
-        raise OutputError(
-            "the scene is there already", got=str(path), expected="a new name", todo="choose another name, or remove it"
-        )
+    refuse_existing(path)
     data = load_scene(options.like).model_dump(mode="json", by_alias=True, exclude_unset=True)
     data["title"], text = path.stem, ""
     data.pop("source", None)
