@@ -220,6 +220,7 @@ HUGE = [
     ["chart", "single-link", "--over", "motion.frequency=0.2:3:1000000000"],
     ["chart", "single-link", "--over", "motion.frequency=0.2:3:40000", "effects.payload.mass=0:0.3:40000"],
     ["linearize", "single-link", "--points", "100000", "--limit-memory", "2e6"],
+    ["respond", "spinning-link", "--push", "tip 1 N 20 ms", "--periods", "1e12"],
 ]
 
 
@@ -232,6 +233,20 @@ def test_a_request_that_would_not_fit_is_refused_with_the_figure(
     assert "is too large; got" in message
     assert "bytes, expected at most" in message
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["--noise", "torque 1e308 N m 1e308 Hz"], ["--push", "tip 1e-300 N 1 s"], ["--step", "joint 1 torque 0 N m"]],
+)
+def test_a_disturbance_without_measure_is_refused_by_name(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    few = ["--set", "links.0.modes=1", "designs=[]", "--out", str(tmp_path)]
+    assert main(["respond", "single-link", *words, *few]) == 2
+    assert (
+        f"{words[0]} cannot be read; got '{words[1]}', expected a number from 1e-30 to 1e+30" in capsys.readouterr().err
+    )
 
 
 def test_a_request_to_end_the_program_acts_as_ctrl_c(tmp_path: Path) -> None:

@@ -46,13 +46,13 @@ ENDS = {
         "limit(0.5, 1e9); sum(range(10**12))",
         1,
         "",
-        "stopped at the time limit of 0.5 s, inside a library that cannot be interrupted; allow more time (--limit-seconds above 0.5,",
+        "stopped at the time limit of 0.5 s, which it did not keep by itself; allow more time (--limit-seconds above 0.5,",
     ),
     "one greedy call": (
         "limit(60, 1e6); list(range(10**9))",
         1,
         "",
-        "stopped at the limit of memory of 1e+06 bytes, inside a library that cannot be interrupted; allow more (--limit-memory above",
+        "stopped at the limit of memory of 1e+06 bytes, which it did not keep by itself; allow more (--limit-memory above",
     ),
 }
 

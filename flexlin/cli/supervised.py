@@ -158,12 +158,12 @@ class Watch:
             return ""
         if time.perf_counter() > self.deadline:
             return (
-                f"stopped at the time limit of {self.seconds:g} s, inside a library that cannot be interrupted; "
+                f"stopped at the time limit of {self.seconds:g} s, which it did not keep by itself; "
                 f"allow more time (--limit-seconds above {self.seconds:g}, or seconds in the scene's [accuracy])"
             )
         if resident(self.child) > BEYOND * self.memory + LIBRARIES:
             return (
-                f"stopped at the limit of memory of {self.memory:g} bytes, inside a library that cannot be interrupted; "
+                f"stopped at the limit of memory of {self.memory:g} bytes, which it did not keep by itself; "
                 f"allow more (--limit-memory above {self.memory:g}, or memory in the scene's [accuracy])"
             )
         return ""

@@ -12,7 +12,7 @@ from flexlin.answers.disturbed.directions import Directions, disturbing
 from flexlin.answers.disturbed.linear import LinearAnswer, answer_linearly
 from flexlin.answers.disturbed.nonlinear import answer_nonlinearly
 from flexlin.answers.disturbed.stated import Disturbance
-from flexlin.checks import Array
+from flexlin.checks import Array, check_size, positive
 from flexlin.control.drives import DriveLoad, drive_load
 from flexlin.errors import ArgumentError, NumericalError
 from flexlin.periodic.coefficients import MatrixFunction
@@ -138,6 +138,8 @@ def respond(
         raise ArgumentError("the loop keeps no steady motion", got=f"{found.verdict}", expected="a stable loop")
     enters, T = disturbing(closed, stated), closed.period
     count = steps_of(float(found.exponents[0].real), T, periods)
+    size = 8 * PHASES * count * (2 * loop.n + 4)
+    check_size(f"an answer over {count / POINTS:.3g} periods", size, "ask for fewer periods")
     lasting = stated.time if stated.kind == "push" else 0.0
     start = np.array(stated.start) if stated.start else np.zeros(2 * closed.n)
     linear = answer_linearly(loop, enters, start, stated.size, lasting, count, PHASES, POINTS, tol)
@@ -155,7 +157,8 @@ def respond(
 
 def steps_of(growth: float, period: float, periods: float | None) -> int:
     """How many steps to follow."""
-    wanted = min(LONGEST, math.log(1 / LEFT) / (-growth * period)) if periods is None else periods
+    settled = math.log(1 / LEFT) / (-growth * period)
+    wanted = min(LONGEST, settled) if periods is None else positive("the number of periods", periods)
     return max(POINTS // 4, math.ceil(wanted * POINTS))
 
 

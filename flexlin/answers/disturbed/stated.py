@@ -10,6 +10,7 @@ from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.control.export.labels import Labels
 from flexlin.errors import ArgumentError
+from flexlin.scene.base import LARGEST, SMALLEST
 from flexlin.scene.units import in_si
 
 Kind = Literal["step", "initial", "push", "noise"]
@@ -57,20 +58,27 @@ def state_disturbance(kind: Kind, words: str, lin: Linearization) -> Disturbance
             joint = int(parts["joint"])
             if not 1 <= joint <= lin.about.m:
                 raise ValueError(f"a joint from 1 to {lin.about.m}")
-            return Disturbance(kind, words, in_si(parts["size"], lin.input_units[joint - 1]), joint - 1)
+            return Disturbance(kind, words, sane_size(parts["size"], lin.input_units[joint - 1]), joint - 1)
         if kind == "push":
-            return Disturbance(
-                kind, words, in_si(parts["size"], "N"), 0, parts["axis"] or "", positive_time(parts["time"], "s")
-            )
+            size, time = sane_size(parts["size"], "N"), positive_time(parts["time"], "s")
+            return Disturbance(kind, words, size, 0, parts["axis"] or "", time)
         unit = lin.input_units[0] if lin.input_units else "N m"
-        return Disturbance(kind, words, in_si(parts["size"], unit), time=positive_time(parts["time"], "Hz"))
+        return Disturbance(kind, words, sane_size(parts["size"], unit), time=positive_time(parts["time"], "Hz"))
     except ValueError as error:
         raise ArgumentError(f"--{kind} cannot be read", got=repr(words), expected=str(error)) from None
 
 
+def sane_size(text: str, unit: str, zero: bool = False) -> float:
+    """A quantity as a number that other numbers of an arm can be compared with; raises ValueError."""
+    value = in_si(text, unit)
+    if not (SMALLEST <= abs(value) <= LARGEST or (zero and not value)):
+        raise ValueError(f"a number from {SMALLEST:g} to {LARGEST:g} in the place of {text!r}")
+    return value
+
+
 def positive_time(text: str, unit: str) -> float:
     """A time or a frequency greater than 0; raises ValueError."""
-    value = in_si(text, unit)
+    value = sane_size(text, unit)
     if not value > 0:
         raise ValueError(f"a number greater than 0 in the place of {text!r}")
     return value
@@ -84,7 +92,7 @@ def read_state(words: str, lin: Linearization) -> Array:
         name, equals, value = (part.strip() for part in pair.partition("="))
         if not equals or name not in units:
             raise ValueError(f"pairs such as {EXAMPLES['initial']}, of {', '.join(units)}")
-        start[labels.states.index(name)] = in_si(value, units[name])
+        start[labels.states.index(name)] = sane_size(value, units[name], zero=True)
     if not start.any():
         raise ValueError(EXAMPLES["initial"])
     return start
