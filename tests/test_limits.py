@@ -220,7 +220,7 @@ HUGE = [
     ["chart", "single-link", "--over", "motion.frequency=0.2:3:1000000000"],
     ["chart", "single-link", "--over", "motion.frequency=0.2:3:40000", "effects.payload.mass=0:0.3:40000"],
     ["linearize", "single-link", "--points", "100000", "--limit-memory", "2e6"],
-    ["respond", "spinning-link", "--push", "tip 1 N 20 ms", "--periods", "1e12"],
+    ["respond", "single-link", "--push", "tip 1 N 20 ms", "--periods", "1e12"],
 ]
 
 
