@@ -151,7 +151,8 @@ def test_the_stages_share_one_limit_and_the_last_one_gets_what_was_kept_for_it()
     assert Budget(now - 47.0).allow("one", asked).seconds == pytest.approx(1.0, abs=0.9)
     assert Budget(now - 52.0).allow("figures", asked, last=True).seconds == pytest.approx(8.0, abs=1.0)
     with pytest.raises(
-        TimeLimit, match=r"one: not begun; got the 60 s are used up; allow more time \(--limit-seconds above 60"
+        TimeLimit,
+        match=r"one: not begun; got 48 of 60 s are used up; .*writing; allow more time \(--limit-seconds above 60",
     ):
         Budget(now - 52.0).allow("one", asked)
     held = Budget(now, held=resident() - 2**20)
