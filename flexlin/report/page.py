@@ -88,15 +88,11 @@ def load_template(name: str) -> Template:
 
 def list_facts(a: Analysis) -> list[tuple[str, str]]:
     """The figures of merit, as name and value."""
-    growth, error = a.own.growth
-    said = [
-        ("growth rate", format_rate(growth, error)),
-        ("largest multiplier", f"|µ| = {format_largest_multiplier(a.own)}"),
-        (
-            "period",
-            format_decimal(a.plant.period, 5) if is_dimensionless() else format_quantity(a.plant.period, "s", 5),
-        ),
-    ]
+    said = []
+    if a.own.floquet is not None:
+        said.append(("growth rate", format_rate(*a.own.growth)))
+        said.append(("largest multiplier", f"|µ| = {format_largest_multiplier(a.own)}"))
+    said.append(("period" if a.plant.motion.periodic else "duration", format_quantity(a.plant.period, "s", 5)))
     if a.response is not None and np.all(np.isfinite(a.response.tip)):
         said.append(("largest tip error", format_quantity(float(a.response.tip_error.max()), "m")))
     if a.simulation is not None and np.isfinite(a.simulation.difference):

@@ -15,6 +15,8 @@ from flexlin.svg.scales import SUPERSCRIPTS
 
 MARGINAL, SLOW = 1e-9, 1e5
 """A growth rate below this share of the motion's frequency is practically none; periods to settle beyond which a decay is not felt."""
+PLAIN = 5
+"""Powers of ten below this are written out."""
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
 
 
@@ -111,8 +113,10 @@ def format_rate(value: float, error: float) -> str:
 
 
 def format_decimal(value: float, digits: int) -> str:
-    """A number to some digits, with a proper minus sign and powers of ten: −3.4474×10⁻⁸."""
+    """A number to some digits, with a proper minus sign, beyond 99,999 with powers of ten: −3.4474×10⁻⁸, 250."""
     mantissa, e, exponent = f"{value:.{digits}g}".partition("e")
+    if e and 0 < int(exponent) < PLAIN:
+        return replace_minus(f"{float(mantissa + e + exponent):.0f}")
     return replace_minus(mantissa) + (f"×10{str(int(exponent)).translate(SUPERSCRIPTS)}" if e else "")
 
 

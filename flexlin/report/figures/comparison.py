@@ -28,8 +28,9 @@ def draw_comparison(a: Analysis) -> Picture | None:
     upper.line(s.t, both[0], colour, width=4.5, opacity=0.5, label="nonlinear")
     upper.line(s.t, both[1], "ink", width=1.4, dash="5 3", label="linear")
     lower = Panel(in_unit("difference", apart_unit), x=time, x_label=time_label()).zero().line(s.t, apart, colour)
+    spans = "periods" if a.plant.motion.periodic else "durations"
     caption = (
-        f"The full nonlinear equations over {s.t[-1] / a.plant.period:g} periods under the scene's loop, started on the rigid motion, "
+        f"The full nonlinear equations over {s.t[-1] / a.plant.period:g} {spans} under the scene's loop, started on the rigid motion, "
         f"beside the linear prediction from the same start. {sentence(agreement(a, s))}"
     )
     return Picture("comparison", TITLE, caption, draw([Row([upper], 120), Row([lower], 60)], TITLE))
