@@ -12,6 +12,7 @@ from flexlin.answers.stability_boundary import BoundaryCurve, stability_boundary
 from flexlin.report.figures.campbell import draw_campbell
 from flexlin.report.figures.chart import draw_chart, list_paths
 from flexlin.report.figures.style import Picture
+from flexlin.report.wording import units_of_scene
 from flexlin.scene.names import label_number, name_number, name_unit
 from flexlin.scene.scene import Scene
 
@@ -40,6 +41,14 @@ def draw_charts(
     scene: Scene, data: xarray.Dataset, critical: Sequence[CriticalValue], curves: Sequence[BoundaryCurve]
 ) -> list[Picture]:
     """The chart, and over one number the Campbell diagram."""
+    with units_of_scene(scene):
+        return draw_with_units(scene, data, critical, curves)
+
+
+def draw_with_units(
+    scene: Scene, data: xarray.Dataset, critical: Sequence[CriticalValue], curves: Sequence[BoundaryCurve]
+) -> list[Picture]:
+    """The pictures, in the scene's units."""
     pictures, paths = [draw_chart(scene, data, critical, curves)], list_paths(data)
     if len(paths) == 1:
         unfolded = unfold_frequencies(scene, paths[0], data, str(data.attrs.get("loop", "own")))

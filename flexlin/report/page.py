@@ -29,6 +29,7 @@ from flexlin.report.wording import (
     format_with_prefix,
     is_dimensionless,
     units_of,
+    without_units,
 )
 from flexlin.scene.accuracy import Accuracy
 
@@ -115,7 +116,7 @@ def describe_loop(a: Analysis, loop: Loop) -> dict[str, str]:
         "rate": format_rate(growth, error) if loop.floquet is not None else "–",
         "multiplier": format_largest_multiplier(loop),
         "settled": settled,
-        "status": loop.problem or (loop.floquet.status if loop.floquet else ""),
+        "status": without_units(loop.problem or (loop.floquet.status if loop.floquet else "")),
         "design": loop.design.status if loop.design is not None else "",
         **drive_cells(a, loop),
     }

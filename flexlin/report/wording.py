@@ -1,6 +1,7 @@
 """How numbers and verdicts are said, the same on the terminal and on the page."""
 
 import math
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -11,6 +12,7 @@ import numpy as np
 from flexlin.answers.analysis import Analysis
 from flexlin.answers.judging import Loop
 from flexlin.checks import Array
+from flexlin.scene.scene import Scene
 from flexlin.svg.scales import SUPERSCRIPTS
 
 MARGINAL, SLOW = 1e-9, 1e5
@@ -39,6 +41,16 @@ def units_of(analysis: Analysis) -> Iterator[None]:
         _length.reset(token)
 
 
+@contextmanager
+def units_of_scene(scene: Scene) -> Iterator[None]:
+    """Say each length in the unit that suits it alone; no unit for a scene without dimensions."""
+    token = _length.set(NONE if scene.unit_system == "dimensionless" else None)
+    try:
+        yield
+    finally:
+        _length.reset(token)
+
+
 def is_dimensionless() -> bool:
     """Whether the page at hand is of a scene without dimensions."""
     return _length.get() == NONE
@@ -53,6 +65,11 @@ def in_unit(title: str, unit: str, times: str = "") -> str:
     """A title with its unit, behind the power of ten that its numbers are multiples of; without dimensions only angles have one."""
     behind = " ".join(filter(None, (times, "" if is_dimensionless() and unit not in ANGLES else unit)))
     return f"{title} in {behind}" if behind else title
+
+
+def without_units(text: str) -> str:
+    """What the engine says, which always counts in SI units, without these where the scene has no dimensions."""
+    return re.sub(r"(?<=\d) (?:1/s|rad/s|Hz|s)\b", "", text) if is_dimensionless() else text
 
 
 def format_quantity(value: float, unit: str, digits: int = 3) -> str:

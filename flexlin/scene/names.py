@@ -34,7 +34,7 @@ def plain(step: str) -> str:
 
 
 def name_unit(scene: Scene, path: str) -> str:
-    """The unit of the number at a dotted path; empty where it has none or none is stated.
+    """The unit of the number at a dotted path; empty where it has none or none is stated, without dimensions of all but angles.
 
     Of `rad or m` the first: no scene says so where its joints slide.
     """
@@ -45,7 +45,8 @@ def name_unit(scene: Scene, path: str) -> str:
             unit = type(node).units().get(step, "")
         node = get_value(scene, ".".join(steps[: k + 1]))
     slides = any(link.joint == "prismatic" for link in scene.links)
-    return unit if slides else unit.split(" or ")[0]
+    unit = unit if slides else unit.split(" or ")[0]
+    return unit if scene.unit_system != "dimensionless" or unit == "rad" else ""
 
 
 def label_number(scene: Scene, path: str) -> str:

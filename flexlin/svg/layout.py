@@ -7,7 +7,7 @@ from html import escape
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.svg.panel import FONT, Mark, Panel, measure_text, write_text
+from flexlin.svg.panel import FONT, SMALL, Mark, Panel, measure_text, write_text
 from flexlin.svg.scales import Linear, Scale
 
 WIDTH = 760.0
@@ -174,7 +174,7 @@ def draw_mark(mark: Mark, box: Box, x: Scale, y: Scale) -> str:
         shape = draw_rectangles(across.reshape(2, -1), up.reshape(2, -1))
         return f'{pattern}<path d="{shape}" style="fill:url(#hatch);stroke:none"/>'
     if mark.kind == "words":
-        return write_text(float(across[0]), float(up[0]), mark.texts[0], mark.style)
+        return write_text(*place_words(mark, box, float(across[0]), float(up[0])), mark.texts[0], mark.style)
     if mark.kind == "cells":
         return f'<path d="{draw_rectangles(across.reshape(2, -1), up.reshape(2, -1))}" style="{mark.style}"/>'
     if mark.kind == "dots":
@@ -184,6 +184,14 @@ def draw_mark(mark: Mark, box: Box, x: Scale, y: Scale) -> str:
             for a, b, text in zip(across, up, texts, strict=True)
         )
     return f'<path d="{draw_trace(across, up)}{"z" if mark.kind == "area" else ""}" style="{mark.style}"/>'
+
+
+def place_words(mark: Mark, box: Box, x: float, y: float) -> tuple[float, float]:
+    """Where a few words stand: as near to their point as leaves them inside the axes."""
+    before = {"start": 0.0, "middle": 0.5, "end": 1.0}[mark.style.partition("text-anchor:")[2].partition(";")[0]]
+    width = measure_text(mark.texts[0], SMALL)
+    low, high = box.left + before * width + 2, box.left + box.width - (1 - before) * width - 2
+    return (min(max(x, low), high) if low <= high else x), min(max(y, box.top + SMALL), box.top + box.height - 3)
 
 
 def draw_rectangles(across: Array, up: Array) -> str:

@@ -17,8 +17,9 @@ from flexlin.answers.judging import Loop
 from flexlin.answers.steady import find_response
 from flexlin.report.figures.entries import choose_shown, shift_and_scale
 from flexlin.report.figures.style import choose_colour
-from flexlin.svg import Linear, Logarithmic, Panel, Symlog
+from flexlin.svg import Linear, Logarithmic, Panel, Row, Symlog, measure_text
 from flexlin.svg.layout import count_lines, draw
+from flexlin.svg.panel import SMALL
 
 SCENE = """
 schema = 1
@@ -199,3 +200,22 @@ def test_legends_wrap() -> None:
         panel.line([0, 1], [k, k], "blue", label=f"a loop with a name {k}")
     assert count_lines(panel.legend, 300.0) == 20 > count_lines(panel.legend, 900.0) > 2
     assert count_lines([], 10.0) == 0
+
+
+def test_words_stay_inside_their_axes() -> None:
+    """Labels at corners, where tongues and critical values often lie."""
+    panel = Panel(x=Linear(0.0, 1.0), y=Linear(0.0, 1.0))
+    corners = list(itertools.product((0.0, 1.0), (0.0, 1.0), ("start", "middle", "end")))
+    for x, y, anchor in corners:
+        panel.words(x, y, "principal, order 2", anchor=anchor)
+    svg = draw([Row([panel], 200.0)], "words")
+    frame = re.search(r'd="M([\d.]+),([\d.]+)V([\d.]+)H([\d.]+)"', svg)
+    left, top, bottom, right = (float(number) for number in frame.groups())
+    found = re.findall(r'<text x="([\d.]+)" y="([\d.]+)" style="[^"]*text-anchor:(\w+)[^"]*">principal', svg)
+    assert len(found) == len(corners)
+    for (x, y, anchor), (_, _, asked) in zip(found, corners, strict=True):
+        assert anchor == asked
+        width = measure_text("principal, order 2", SMALL)
+        start = float(x) - {"start": 0.0, "middle": 0.5, "end": 1.0}[anchor] * width
+        assert left <= start <= start + width <= right
+        assert top <= float(y) <= bottom

@@ -57,5 +57,17 @@ def test_a_scene_without_dimensions_names_no_unit_of_length_or_time(
         assert not re.search(r"[0-9] (nm|µm|mm|m)\b", words)
     assert "time in s" not in text
     assert "in m" not in re.findall(r"tip minus rigid tip[^<]*", page)[0]
+    for unit in ("1/s", "Hz", "N m", "kg", "rad/s"):
+        assert not re.search(rf"(?<![\w/]){re.escape(unit)}(?![\w/])", text), unit
+    assert (
+        main(
+            ["chart", "spinning-link", "--over", "motion.joints.0.rate=2:3:5", "--tol", "1e-4", "--out", str(tmp_path)]
+        )
+        == 0
+    )
+    chart = re.sub(
+        r"<script>.*?</script>|<style>.*?</style>|<[^>]+>", " ", (tmp_path / "chart.html").read_text(), flags=re.S
+    )
+    assert not re.search(r"1/s|Hz|rad/s", chart[: chart.index("How it was made")])
     with pytest.raises(SceneError, match="units"):
         fl.load_scene("spinning-link", {"units": "furlongs"})

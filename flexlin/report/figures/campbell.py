@@ -4,6 +4,7 @@ import numpy as np
 import xarray
 
 from flexlin.report.figures.style import SERIES, Picture
+from flexlin.report.wording import in_unit, is_dimensionless
 from flexlin.svg import Linear, Panel, Row, draw
 
 TITLE = "Campbell diagram"
@@ -21,7 +22,9 @@ def draw_campbell(label: str, data: xarray.Dataset, error: float) -> Picture:
     frequency, growth = data["frequency"].to_numpy() / (2 * np.pi), data["growth"].to_numpy()
     shown = np.isfinite(frequency) & (frequency > 0)
     top = 1.08 * float(frequency[shown].max(initial=float(np.nanmax(motion))))
-    panel = Panel("frequencies in Hz", x=Linear(float(x.min()), float(x.max())), y=Linear(0.0, top), x_label=label)
+    panel = Panel(
+        in_unit("frequencies", "Hz"), x=Linear(float(x.min()), float(x.max())), y=Linear(0.0, top), x_label=label
+    )
     labelled = np.inf
     for k in range(1, 2 * MOST + 1):
         multiple = np.where(k * motion / 2 <= top, k * motion / 2, np.nan)
@@ -38,7 +41,9 @@ def draw_campbell(label: str, data: xarray.Dataset, error: float) -> Picture:
     unstable = (growth > max(error, NOISE)) & np.isfinite(frequency)
     row, mode = np.nonzero(unstable)
     if len(row):
-        texts = [f"{frequency[a, b]:.4g} Hz grows by {growth[a, b]:.3g} 1/s" for a, b in zip(row, mode, strict=True)]
+        cycle, rate = ("", "") if is_dimensionless() else (" Hz", " 1/s")
+        pairs = zip(frequency[row, mode], growth[row, mode], strict=True)
+        texts = [f"frequency {f:.4g}{cycle} grows by {g:.3g}{rate}" for f, g in pairs]
         panel.dots(x[row], frequency[row, mode], "unstable", size=3.0, label="unstable", texts=texts)
     return Picture("campbell", TITLE, write_caption(), draw([Row([panel], 320)], TITLE))
 

@@ -11,6 +11,7 @@ from flexlin.checks import Array
 from flexlin.report.figures.chart_line import draw_line
 from flexlin.report.figures.chart_map import draw_map
 from flexlin.report.figures.style import Picture
+from flexlin.report.wording import in_unit, without_units
 from flexlin.scene.names import label_number, name_number, show_unit
 from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
@@ -37,7 +38,7 @@ def draw_chart(
         return Picture("chart", title, said, draw_line(labels[0], own[0], data, critical, title))
     nearest = find_nearest(own, data, paths, curves)
     said = describe_distance(scene, paths, own, nearest)
-    shade = "Stronger: faster growth or decay; lines of equal growth rate in 1/s; hatched: undecided."
+    shade = f"Stronger: faster growth or decay; lines of equal {in_unit('growth rate', '1/s')}; hatched: undecided."
     svg = draw_map(labels, own, nearest, data, curves, title)
     return Picture("chart", title, f"{caption} {shade}\n{said}", svg)
 
@@ -76,8 +77,8 @@ def describe_critical(scene: Scene, one: CriticalValue) -> str:
     change = "becomes unstable" if one.kind == "onset" else "is stable again"
     if one.touching:
         change = "touches instability"
-    size = f"{one.value:.8g} {unit}".strip()
-    return f"{name_number(one.path)}: {change} at {size} ± {one.error:.0e} ({one.distance:+.4g} from the scene's own); {one.resonance}"
+    size, resonance = f"{one.value:.8g} {unit}".strip(), without_units(one.resonance)
+    return f"{name_number(one.path)}: {change} at {size} ± {one.error:.0e} ({one.distance:+.4g} from the scene's own); {resonance}"
 
 
 def find_nearest(

@@ -7,13 +7,14 @@ import xarray
 
 from flexlin.answers.critical_values import CriticalValue
 from flexlin.checks import Array
+from flexlin.report.wording import in_unit, is_dimensionless, without_units
 from flexlin.svg import Linear, Panel, Row, Symlog, draw
 
 WIDE = 30.0
 """Rates whose sizes span more than this are drawn on a scale of decades."""
 NOISE, FLOOR = 20.0, 1e-6
 """Errors, and 1/s, below which differences of growth rates are not drawn larger."""
-APART, BELOW = 0.06, 0.05
+APART, BELOW = 0.08, 0.05
 """Of the width: labels of critical values closer than this are left out; of the height: how far below the top they stand."""
 
 
@@ -22,17 +23,20 @@ def draw_line(label: str, own: float, data: xarray.Dataset, critical: Sequence[C
     x = data[next(str(name) for name in data.coords)].to_numpy()
     growth, verdict = data["exponents"].real.to_numpy(), data["verdict"].to_numpy()
     scale = choose_scale(growth, data["error"].to_numpy())
-    panel = Panel("growth rates in 1/s", x=Linear(float(x.min()), float(x.max())), y=scale, x_label=label).zero()
+    panel = Panel(
+        in_unit("growth rates", "1/s"), x=Linear(float(x.min()), float(x.max())), y=scale, x_label=label
+    ).zero()
     for begin, end in list_unstable(x, verdict, critical):
         low, high = limits_of(scale)
         panel.cells((np.array([begin]), np.array([end])), (np.array([low]), np.array([high])), "unstable", 0.1)
     for k in range(1, growth.shape[1]):
         panel.line(x, growth[:, k], "faint", width=0.9, opacity=0.7, label="other exponents" if k == 1 else "")
     panel.line(x, growth[:, 0], "ink", width=0.8)
+    behind = "" if is_dimensionless() else " 1/s"
     for name in ("stable", "unstable", "undecided"):
         chosen = verdict == name
         if chosen.any():
-            texts = [f"{a:.6g}: {b:.4g} 1/s" for a, b in zip(x[chosen], growth[chosen, 0], strict=True)]
+            texts = [f"{a:.6g}: {b:.4g}{behind}" for a, b in zip(x[chosen], growth[chosen, 0], strict=True)]
             panel.dots(x[chosen], growth[chosen, 0], name, size=2.2, label=name, texts=texts)
     mark_critical(panel, critical, x, scale)
     mark_own(panel, own, x, scale)
@@ -81,7 +85,7 @@ def mark_critical(panel: Panel, critical: Sequence[CriticalValue], x: Array, sca
     last = -np.inf
     for one in critical:
         panel.line([one.value, one.value], [low, high], "unstable", width=0.8, dash="3 2")
-        text = f"{one.kind} at {one.value:.9g} ± {one.error:.0e}: {one.resonance}"
+        text = f"{one.kind} at {one.value:.9g} ± {one.error:.0e}: {without_units(one.resonance)}"
         panel.dots([one.value], [0.0], "unstable", "diamond", 4.0, texts=[text])
         if one.value - last > APART * np.ptp(x):
             top = high - BELOW * (high - low) if isinstance(scale, Linear) else high

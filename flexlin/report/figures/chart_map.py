@@ -9,6 +9,7 @@ import xarray
 from flexlin.answers.stability_boundary import BoundaryCurve
 from flexlin.checks import Array
 from flexlin.report.figures.contours import trace_contour
+from flexlin.report.wording import is_dimensionless
 from flexlin.svg import Linear, Panel, Row, draw
 
 SHADES = 14
@@ -122,7 +123,7 @@ def mark_scene(panel: Panel, own: list[float], nearest: Array | None, axes: list
 
 def draw_bar(growth: Array, verdict: Array, levels: list[float]) -> Panel:
     """Which colour is which growth rate."""
-    panel = Panel("1/s", x=Linear(0.0, 1.0), ticked=(False, True))
+    panel = Panel("growth" if is_dimensionless() else "1/s", x=Linear(0.0, 1.0), ticked=(False, True))
     shown = growth[(verdict == "stable") | (verdict == "unstable")]
     low, high = float(min(shown.min(initial=0.0), 0.0)), float(max(shown.max(initial=0.0), 0.0))
     panel.y = Linear(low, high if high > low else low + 1.0)
@@ -141,7 +142,14 @@ def write_probe(labels: list[str], axes: list[Array], growth: Array, verdict: Ar
     """What the page shows under the pointer, as JSON."""
     rates = [[None if not np.isfinite(value) else float(f"{value:.4g}") for value in row] for row in growth]
     return json.dumps(
-        {"labels": labels, "x": axes[0].tolist(), "y": axes[1].tolist(), "growth": rates, "verdict": verdict.tolist()}
+        {
+            "unit": "" if is_dimensionless() else " 1/s",
+            "labels": labels,
+            "x": axes[0].tolist(),
+            "y": axes[1].tolist(),
+            "growth": rates,
+            "verdict": verdict.tolist(),
+        }
     )
 
 
