@@ -40,6 +40,8 @@ def propose(result: FloquetResult, resolved: Resolved) -> Iterator[tuple[str, Ca
         ("Lyapunov equation", from_equation, MOST),
     ]
     if not resolved.breaks:
+        if result.decoupled is not None and system.n >= MANY:
+            ways = []  # the others follow every oscillation, or turn where eigenvalues meet
         ways.insert(
             0 if system.n >= MANY or result.setting.method == "decoupling" else 1,
             ("decoupled modes", from_decoupled_modes, MOST),
@@ -91,7 +93,7 @@ def from_eigenvectors(system: PeriodicSystem, result: FloquetResult) -> Candidat
 
 def from_decoupled_modes(system: PeriodicSystem, result: FloquetResult) -> Candidate:
     """X of each group of modes by itself, which asks for no steps of the fast ones."""
-    values = weigh_modes(system, find_shift(result))
+    values = weigh_modes(system, find_shift(result), result.decoupled)
 
     def X(t: Array) -> Array:
         return interpolated(values, system.period, t)

@@ -5,7 +5,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import NumericalError
 from flexlin.periodic.decoupling.decouple import decouple
-from flexlin.periodic.decoupling.decoupled import Refusal, as_real
+from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal, as_real
 from flexlin.periodic.decoupling.waves import interpolated
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
 from flexlin.periodic.system import PeriodicSystem
@@ -14,14 +14,14 @@ ACCURACY = 1e-7
 """Of the frame and of the groups' equations: what they miss costs margin, not truth."""
 
 
-def weigh_modes(system: PeriodicSystem, shift: float) -> Array:
-    """X = sum_g S_g^H P_g S_g at equidistant times (N, n, n), S_g: the rows of T^-1 of group g.
+def weigh_modes(system: PeriodicSystem, shift: float, known: Decoupled | None = None) -> Array:
+    """X = sum_g S_g^H P_g S_g at equidistant times (N, n, n), S_g: the rows of T^-1 of group g; known: T, where it was computed before.
 
     P of one mode makes it decay by `shift` at all times; P of several solves -P' = (B + shift)^H P + P (B + shift) + 1.
     The frame's columns have unit length and every P a mean trace of its size, so no group outweighs another.
     Raises: NumericalError where the modes cannot be decoupled, or decay more slowly than `shift`.
     """
-    decoupled = decouple(system.resolved, system.period, system.resolved.breaks, ACCURACY)
+    decoupled = known or decouple(system.resolved, system.period, system.resolved.breaks, ACCURACY)
     if isinstance(decoupled, Refusal):
         raise NumericalError("the modes were not decoupled", got=decoupled.reason)
     total = np.zeros(decoupled.inverse.shape)

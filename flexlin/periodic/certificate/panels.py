@@ -49,7 +49,7 @@ def represent_on_panels(resolved: Resolved, X: Callable[[Array], Array], most: i
         edges = divided(edges, min(longest, resolved.period))
     begin, end = edges[:-1], edges[1:]
     followed, most = list[tuple[Array, Array, Array]](), max(most, len(begin))
-    sizes = [np.zeros(1), np.zeros(1)]
+    sizes, unknown = [np.zeros(1), np.zeros(1)], FAINT * error_of(resolved).ravel()
     while len(begin):
         if len(begin) + sum(len(start) for start, _, _ in followed) > most:
             raise ToleranceNotReached("A and X were not followed by polynomials", got=f"more than {most} panels")
@@ -57,7 +57,7 @@ def represent_on_panels(resolved: Resolved, X: Callable[[Array], Array], most: i
         parts = [f(t.ravel()).reshape(*t.shape, -1) for f in (resolved, X)]
         sizes = [np.maximum(old, np.abs(values).max(axis=(0, 1))) for old, values in zip(sizes, parts, strict=True)]
         A, shape = (chebyshev_coefficients(values) for values in parts)
-        rough = is_rough(A, KNOWN, sizes[0]) | is_rough(shape, SHAPED, sizes[1])
+        rough = is_rough(A, np.maximum(KNOWN * sizes[0], unknown)) | is_rough(shape, SHAPED * sizes[1])
         followed.append((begin[~rough], A[~rough], shape[~rough]))
         begin, end = begin[rough], end[rough]
         begin, end = np.concatenate([begin, (begin + end) / 2]), np.concatenate([(begin + end) / 2, end])
@@ -66,10 +66,9 @@ def represent_on_panels(resolved: Resolved, X: Callable[[Array], Array], most: i
     return assemble(resolved, np.append(starts[order], edges[-1]), A[order], shape[order])
 
 
-def is_rough(coefficients: Array, tol: float, size: Array) -> Array:
-    """Which panels' last coefficients (P, K, E) exceed tol, relative to the largest values (E,), and what rounding leaves there."""
-    tails = np.abs(coefficients[:, -TAIL:]).max(axis=1)
-    return np.any(tails > max(tol, 50 * EPS) * size, axis=1)
+def is_rough(coefficients: Array, allowed: Array) -> Array:
+    """Which panels' last coefficients (P, K, E) exceed what is allowed (E,)."""
+    return np.any(np.abs(coefficients[:, -TAIL:]).max(axis=1) > allowed, axis=1)
 
 
 def assemble(resolved: Resolved, edges: Array, A: Array, X: Array) -> CommonPanels:

@@ -48,7 +48,7 @@ def prove(panels: CommonPanels) -> Proof:
     for count in SAMPLES:
         found, lost = bound_margin(panels.edges, A, X, float(unknown), count)
         best = max(best, found, key=lambda one: one.margin)
-        if lost <= SHARE * max(found.margin, 0.0) or found.margin == -np.inf:
+        if lost <= SHARE * max(found.margin, 0.0) or found.margin + lost <= 0 or found.margin == -np.inf:
             break
     tolerates = best.tolerates / float(np.linalg.cond(L))
     return Proof(best.margin, tolerates) if tolerates > LEAST * best.margin else Proof(-np.inf, 0.0)

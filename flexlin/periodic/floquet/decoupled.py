@@ -6,8 +6,8 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.decoupling.decouple import decouple
-from flexlin.periodic.decoupling.decoupled import Refusal
-from flexlin.periodic.decoupling.exponents import DecoupledExponents, decoupled_exponents
+from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
+from flexlin.periodic.decoupling.exponents import decoupled_exponents
 from flexlin.periodic.decoupling.panels import panel_exponents
 from flexlin.periodic.floquet.uncertainty import couple_uncertainty
 from flexlin.periodic.system import PeriodicSystem
@@ -23,17 +23,24 @@ def estimate_decoupling_work(n: int, panels: int) -> float:
     return panels * (6000 + NODES * (20 + 6 * n + 0.06 * n**3))
 
 
-def solve_decoupled(system: PeriodicSystem, tol: float) -> tuple[Array, Array] | Refusal:
-    """Exponents (n,) and errors (n,) in 1/s, inf for enclosed ones, by decoupling; or why that does not serve."""
+def solve_decoupled(system: PeriodicSystem, tol: float) -> tuple[Array, Array, Decoupled | None] | Refusal:
+    """Exponents (n,) and errors (n,) in 1/s, inf for enclosed ones, by decoupling; or why that does not serve.
+
+    What was decoupled is handed on, where it was the whole period at once.
+    """
     coefficients, T = system.resolved, system.period
     if coefficients.breaks:
-        found: DecoupledExponents | Refusal = panel_exponents(coefficients, T, coefficients.breaks)
-    else:
-        decoupled = decouple(coefficients, T, (), tol, partial(couple_uncertainty, system))
-        found = decoupled if isinstance(decoupled, Refusal) else decoupled_exponents(decoupled)
-    if isinstance(found, Refusal):
-        return found
-    return found.exponents, hide_enclosed(found.exponents, found.errors)
+        panels = panel_exponents(coefficients, T, coefficients.breaks)
+        return (
+            panels
+            if isinstance(panels, Refusal)
+            else (panels.exponents, hide_enclosed(panels.exponents, panels.errors), None)
+        )
+    decoupled = decouple(coefficients, T, (), tol, partial(couple_uncertainty, system))
+    if isinstance(decoupled, Refusal):
+        return decoupled
+    found = decoupled_exponents(decoupled)
+    return found.exponents, hide_enclosed(found.exponents, found.errors), decoupled
 
 
 def hide_enclosed(exponents: Array, errors: Array) -> Array:

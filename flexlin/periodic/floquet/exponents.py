@@ -8,7 +8,7 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, whole
 from flexlin.periodic.assignment import assign
 from flexlin.periodic.circle import measure_distances, pair_conjugates, wrap_log
-from flexlin.periodic.decoupling.decoupled import Refusal
+from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.floquet.constant import solve_constant
 from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_decoupled
 from flexlin.periodic.floquet.hamiltonian import is_hamiltonian, pair_hamiltonian
@@ -121,18 +121,19 @@ def find_exponents(
     if method == "auto":
         answer = try_decoupling(system, setting, tol, limit)
         if answer is not None:
-            return finish(system, *answer, tol)
+            *found, decoupled = answer
+            return replace(finish(system, *found, tol), decoupled=decoupled)
         if setting.segments > limit:
             setting = fall_back(system, tol)
     if setting.segments > limit:
         raise report_too_many(setting.segments, limit, tol)
-    found = solve_by_segments(system, setting, tol, limit)
-    return finish(system, found.logs / system.period, found.errors / system.period, found.setting, tol)
+    spectrum = solve_by_segments(system, setting, tol, limit)
+    return finish(system, spectrum.logs / system.period, spectrum.errors / system.period, spectrum.setting, tol)
 
 
 def try_decoupling(
     system: PeriodicSystem, setting: Setting, tol: float, limit: int
-) -> tuple[Array, Array, Setting] | None:
+) -> tuple[Array, Array, Setting, Decoupled | None] | None:
     """Exponents by decoupling, where that promises less work than segments and keeps what it promises."""
     panels = len(system.resolved.breaks) + 1
     by_segments = estimate_segment_work(system.n, system.second_order is not None, setting)
@@ -141,12 +142,12 @@ def try_decoupling(
     found = solve_decoupled(system, tol)
     if isinstance(found, Refusal):
         return None
-    exponents, errors = found
+    exponents, errors, decoupled = found
     reached = np.all((errors <= tol * np.maximum(1.0, np.abs(exponents))) | np.isinf(errors))
     if not reached and setting.segments <= limit and by_segments < PATIENCE:
         return None
     reason = f"eigenvalues of A(t) up to {setting.rate:.3g} 1/s beside a motion of {2 * np.pi / system.period:.3g} 1/s"
-    return exponents, errors, Setting("decoupling", 0, 1, reason, setting.rate)
+    return exponents, errors, Setting("decoupling", 0, 1, reason, setting.rate), decoupled
 
 
 def finish(system: PeriodicSystem, exponents: Array, errors: Array, setting: Setting, tol: float) -> FloquetResult:

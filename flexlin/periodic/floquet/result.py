@@ -8,6 +8,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.circle import measure_distances
+from flexlin.periodic.decoupling.decoupled import Decoupled
 from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.transition.setting import Setting
@@ -46,6 +47,8 @@ class FloquetResult(Shown):
         Why a verdict is undecided or practically marginal, in one sentence; empty where it is neither.
     resolved : ResolvedMatrix or ResolvedCompanion
         A(t) as the series that the exponents belong to, for the certificate.
+    decoupled : Decoupled
+        Coordinates in which the modes stand apart, for the certificate, where the exponents were found in them.
 
     Examples
     --------
@@ -63,6 +66,7 @@ class FloquetResult(Shown):
     setting: Setting
     reason: str = ""
     resolved: ResolvedMatrix | ResolvedCompanion | None = field(default=None, repr=False, compare=False)
+    decoupled: Decoupled | None = field(default=None, repr=False, compare=False)
 
     __repr__ = represent
 
