@@ -14,8 +14,8 @@ from flexlin.summary import represent
 
 COARSE, COARSEST, THOROUGH = 17, 9, 1025
 """Values of the scan: where nobody asked, the same for loops whose scan would take long, and where a range was chosen."""
-LONG = 7e5
-"""Microseconds of collocation or decoupling that a scan may be predicted to take that nobody asked for."""
+SHORT, LONG = 3e5, 5.5e5
+"""Microseconds of collocation or decoupling beyond which a scan that nobody asked for has fewer values, or is left out."""
 TOL = 1e-6
 """Wanted error of a critical value, as a share of its range."""
 FACTORS = (0.25, 8.0)
@@ -60,7 +60,7 @@ def find_usual_margin(
     Raises: TimeLimit where the work on the own loop says that the scan would take long.
     """
     each = 0.0 if own is None else predict_work(own)
-    samples = COARSE if COARSE * each <= LONG else COARSEST
+    samples = COARSE if COARSE * each <= SHORT else COARSEST
     if own is not None and samples * each > LONG:
         raise TimeLimit(
             f"critical values of {path}: left out, since nobody asked for them and they would take long",
