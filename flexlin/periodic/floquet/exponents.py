@@ -121,8 +121,8 @@ def find_exponents(
     if method == "auto":
         answer = try_decoupling(system, setting, tol, limit)
         if answer is not None:
-            *found, decoupled = answer
-            return replace(finish(system, *found, tol), decoupled=decoupled)
+            exponents, errors, chosen, decoupled = answer
+            return replace(finish(system, exponents, errors, chosen, tol), decoupled=decoupled)
         if setting.segments > limit:
             setting = fall_back(system, tol)
     if setting.segments > limit:
