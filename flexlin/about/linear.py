@@ -78,7 +78,7 @@ def linearize(
     instance("arm", arm, Manipulator, "make one: fl.build_manipulator(scene), or Manipulator.from_matrices(...)")
     if not isinstance(motion, Motion):
         instance("motion", motion, MotionTable, "give scene.motion, or what build_motion makes")
-        motion = build_motion(motion, arm.joints, arm.parameters)
+        motion = build_motion(motion, arm.joints, arm.parameters, arm)
     if motion.joints != arm.joints:
         raise MotionError("the motion has the wrong number of joints", got=motion.joints, expected=str(arm.joints))
     if route not in ROUTES:

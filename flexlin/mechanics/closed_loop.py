@@ -108,7 +108,8 @@ def close_loop(
     }
     moving = ca.substitute(list(parts.values()), [arm.s_dot, arm.s_ddot], [K @ u_dot, K @ u_ddot + K_dot @ u_dot])
     reduced = dict(zip(parts, map(ca.densify, ca.substitute(moving, [v], [solution])), strict=True))
-    loops = ClosedLoops(solution, v, closure, moving[0], K[dependent, :])
+    tip = None if arm.points is None else arm.points[:, -1]
+    loops = ClosedLoops(solution, v, closure, moving[0], K[dependent, :], tip, arm.rotation)
     read = None if arm.measured is None else ca.densify(arm.measured[list(motors), independent])
     return replace(
         arm,

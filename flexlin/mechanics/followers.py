@@ -11,7 +11,8 @@ from flexlin.expressions import Expressions
 class ClosedLoops(Expressions):
     """The joints v(u) (k, 1) that follow from f(u, v) = 0; nan where a loop stays open.
 
-    With symbols v (k, 1) in the place of v(u): f (k, 1), the residual (n, 1), and C_1 = D_u v (k, n).
+    With symbols v (k, 1) in the place of v(u): f (k, 1), the residual (n, 1), C_1 = D_u v (k, n), the tip's position (2 or 3, 1) and
+    the rotation of its axes (3, 3), where these are known.
     """
 
     followers: ca.SX
@@ -19,6 +20,8 @@ class ClosedLoops(Expressions):
     gap: ca.SX
     residual: ca.SX
     slopes: ca.SX
+    tip: ca.SX | None = None
+    rotation: ca.SX | None = None
 
     def slope(self, s: ca.SX) -> ca.SX:
         """The residual's Jacobian by s, (n, n), by the chain rule: far shorter than one through the steps that find v(u)."""

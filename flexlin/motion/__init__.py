@@ -6,28 +6,34 @@ import casadi as ca
 
 from flexlin.arguments import checked, instance
 from flexlin.errors import MotionError
+from flexlin.mechanics.manipulator import Manipulator
 from flexlin.mechanics.parameters import Parameters
 from flexlin.motion.base import Motion, SampledMotion, SymbolicMotion
 from flexlin.motion.smooth import highest_harmonic, make_fourier, make_harmonic, make_rotation
 from flexlin.motion.table import read_table_motion
+from flexlin.motion.tip_path import make_tip_path
 from flexlin.motion.waypoints import make_point_to_point
-from flexlin.scene.motion import AnyMotion, Fourier, Harmonic, MotionTable, PointToPoint, Rotation, TableMotion
+from flexlin.scene.motion import AnyMotion, Fourier, Harmonic, MotionTable, PointToPoint, Rotation, TableMotion, TipPath
 
 __all__ = ["Motion", "SampledMotion", "SymbolicMotion", "build_motion"]
 
 
 @checked
-def build_motion(table: AnyMotion, joints: int, parameters: Parameters | None = None) -> Motion:
+def build_motion(
+    table: AnyMotion, joints: int, parameters: Parameters | None = None, arm: Manipulator | None = None
+) -> Motion:
     """Make the basic motion that a scene's motion table describes.
 
     Parameters
     ----------
-    table : Harmonic, Rotation, Fourier, PointToPoint or TableMotion
+    table : Harmonic, Rotation, Fourier, PointToPoint, TableMotion or TipPath
         The scene's `motion`.
     joints : int
         Number of joints of the manipulator.
     parameters : Parameters, optional
         Free scene parameters: those below `motion.` become symbols of the motion.
+    arm : Manipulator, optional
+        The arm, which a path of its tip needs.
 
     Returns
     -------
@@ -53,6 +59,10 @@ def build_motion(table: AnyMotion, joints: int, parameters: Parameters | None = 
     if len(tables) != joints:
         raise MotionError("the motion has the wrong number of joints", got=len(tables), expected=str(joints))
     prescribed = tuple((joint.drive if joint and joint.drive else table.drive) == "prescribed" for joint in tables)
+    if isinstance(table, TipPath):
+        if arm is None:
+            raise MotionError("a path of the tip needs the arm", got="none", todo="build_motion(..., arm=arm)")
+        return make_tip_path(table, arm, prescribed)
     if isinstance(table, TableMotion):
         return read_table_motion(table, joints, prescribed)
     parameters = parameters or Parameters()

@@ -82,7 +82,7 @@ def _joint_counts(raw: dict[str, Any]) -> Iterator[Problem]:
     if not links or not isinstance(joints, list):
         return
     moving = sum(driven(link) for link in links)
-    if len(joints) not in ({0, moving} if motion.get("kind") == "table" else {moving}):
+    if len(joints) not in ({0, moving} if motion.get("kind") in ("table", "tip-path") else {moving}):
         yield Problem(
             "motion.joints", f"{len(joints)} tables", f"{moving}, one for each link's joint{_but_passive(links)}"
         )

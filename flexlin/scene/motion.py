@@ -2,9 +2,10 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from flexlin.scene.base import NonNegative, Number, Positive, Table, Text, Unit
+from flexlin.scene.tip_path import AnyPath
 
 Drive = Literal["torque", "prescribed"]
 
@@ -115,4 +116,32 @@ class TableMotion(MotionTable):
     """One table a joint, where one says what drives it."""
 
 
-AnyMotion = Annotated[Harmonic | Rotation | Fourier | PointToPoint | TableMotion, Field(discriminator="kind")]
+class TipJoint(Joint):
+    posture: Annotated[Number, Unit("rad or m")] = 0.0
+    """From where inverse kinematics begins: it chooses the elbow, and a joint that is free to choose stays near it."""
+    low: Annotated[Number | None, Unit("rad or m")] = None
+    """Lower limit, which the motion must keep."""
+    high: Annotated[Number | None, Unit("rad or m")] = None
+    """Upper limit, which the motion must keep."""
+
+    @model_validator(mode="after")
+    def _is_a_range(self) -> "TipJoint":
+        if self.low is not None and self.high is not None and self.low >= self.high:
+            raise ValueError("a `low` below `high`")
+        return self
+
+
+class TipPath(MotionTable):
+    """The joints follow when the tip of the rigid arm is led along a periodic path, by inverse kinematics."""
+
+    kind: Literal["tip-path"]
+    """The kind of motion."""
+    path: AnyPath
+    """The path, in world axes."""
+    follow: Annotated[tuple[Literal["x", "y", "z"], ...], Field(min_length=1, max_length=3)] = ("x", "y", "z")
+    """The components of the position that are led; of an arm in its plane x and y."""
+    joints: tuple[TipJoint, ...] = ()
+    """One table a joint, where one has anything to say."""
+
+
+AnyMotion = Annotated[Harmonic | Rotation | Fourier | PointToPoint | TableMotion | TipPath, Field(discriminator="kind")]

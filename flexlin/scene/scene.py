@@ -40,7 +40,7 @@ class Scene(Table):
         SI, or dimensionless for a scene in units of its own; its key is `units`.
     effects : Effects
         A table for each physical effect that is on.
-    motion : Harmonic, Rotation, Fourier, PointToPoint or TableMotion
+    motion : Harmonic, Rotation, Fourier, PointToPoint, TableMotion or TipPath
         The basic motion of the joints.
     control : Control
         Feedforward, feedback, saturation and sampling.

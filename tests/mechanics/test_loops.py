@@ -186,6 +186,7 @@ def test_flexible_loops_obey_multipliers_on_the_open_tree(name):
     )
 
 
+@pytest.mark.slow
 def test_monodromy_by_differences_of_the_nonlinear_flow_is_floquets(flexible):
     """Held to its rigid motion by the forces that this takes, the arm under its PD has y = 0 as a motion: the flow's slope there."""
     scene, arm, lin = flexible

@@ -105,6 +105,7 @@ COUNTS = {
     "state_weight",
     "input_weight",
     "axis",
+    "normal",
     "direction",
     "at",
     "mass",

@@ -29,6 +29,6 @@ def read_scale(scene: Scene) -> Scale:
         links=scene.links,
         inertias=tuple(joints[moving.index(i)] if i in moving else max(joints) for i in range(len(scene.links))),
         mass=sum(link.mass_per_length * link.length for link in scene.links),
-        motion=2 * np.pi / build_motion(scene.motion, arm.joints).period,
+        motion=2 * np.pi / build_motion(scene.motion, arm.joints, arm=arm).period,
         bending=float(min(slowest)) if slowest else None,
     )

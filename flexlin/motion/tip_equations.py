@@ -1,0 +1,171 @@
+"""The equations of inverse kinematics, F(z, phase) = 0, with their derivatives."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from flexlin import symbolic
+from flexlin.checks import Array
+from flexlin.errors import MotionError
+from flexlin.expressions import Expressions
+from flexlin.mechanics.manipulator import Manipulator
+from flexlin.motion.pose_path import PosePath
+
+AXES = {"x": 0, "y": 1, "z": 2}
+
+
+@dataclass(frozen=True, eq=False)
+class TipEquations(Expressions):
+    """F(z, phase) = 0 of the joints that lead the tip of the rigid arm along a path.
+
+        c(y, phase) = [tip(y) - x(phase); orientation; closure of loops] = 0,   y = [q; v]
+        F = c where there are as many equations as coordinates y; else F = [W (y - y_0) - (dc/dy)^T l; c],   z = [y; l]
+
+    The second form makes |q - q_0| least at each time, so it depends on the path alone: what solves it is as smooth as the path, and
+    periodic.
+
+    W: 1 for the joints, 0 for the joints v that follow from loops.
+    Source: Baillieul (1985), Kinematic programming alternatives for redundant manipulators, for the second form.
+    """
+
+    z: ca.SX
+    phase: ca.SX
+    F: ca.SX
+    c: ca.SX
+    flip: ca.SX
+    joints: int
+    tips: int
+
+    @property
+    def size(self) -> int:
+        """The number of unknowns z."""
+        return int(self.z.numel())
+
+    @property
+    def redundant(self) -> bool:
+        """Whether there are more coordinates than equations."""
+        return self.c.numel() < self.size
+
+    @property
+    def coordinates(self) -> int:
+        """The number of coordinates y: those of z that are no multipliers."""
+        return self.size - self.c.numel() if self.redundant else self.size
+
+    @cached_property
+    def slope(self) -> ca.SX:
+        """dF/dz, (k, k)."""
+        return ca.densify(ca.jacobian(self.F, self.z))
+
+    @cached_property
+    def first(self) -> ca.Function:
+        """z, phase -> F, dF/dz, dF/dphase."""
+        along = ca.densify(ca.jacobian(self.F, self.phase))
+        return ca.Function("first", [self.z, self.phase], [ca.densify(self.F), self.slope, along])
+
+    @cached_property
+    def second(self) -> ca.Function:
+        """z, dz/dphase, phase -> what d2F/dphase2 has beside dF/dz d2z/dphase2."""
+        rate = ca.SX.sym("rate", self.size)
+        where, way = ca.vertcat(self.z, self.phase), ca.vertcat(rate, 1)
+        return ca.Function(
+            "second", [self.z, rate, self.phase], [ca.densify(ca.jtimes(ca.jtimes(self.F, where, way), where, way))]
+        )
+
+    @cached_property
+    def task(self) -> ca.Function:
+        """z, phase -> c, dc/dy and what is negative where the tip stands upside down."""
+        y = self.z[: self.coordinates]
+        return ca.Function("task", [self.z, self.phase], [self.c, ca.densify(ca.jacobian(self.c, y)), self.flip])
+
+    def newton_step(self, phase: float, z: Array) -> Array:
+        """F_z^-1 F at one phase; infinite where that is singular."""
+        F, slope, _ = (x.full() for x in self.first(z, phase))
+        return solve_or_infinite(slope, F[:, 0])
+
+    def newton_steps(self, phases: Array, z: Array) -> Array:
+        """The same at N phases, z (N, k)."""
+        F, slope, _ = symbolic.evaluate(self.first, z, phases[:, None])
+        return np.asarray(np.linalg.solve(slope, F)[:, :, 0])
+
+    def rates(self, phases: Array, z: Array) -> tuple[Array, Array]:
+        """dz/dphase and d2z/dphase2 of solutions z (N, k), by the implicit function's derivatives."""
+        at = phases[:, None]
+        _, slope, along = symbolic.evaluate(self.first, z, at)
+        rate = -np.linalg.solve(slope, along)[:, :, 0]
+        (rest,) = symbolic.evaluate(self.second, z, rate, at)
+        return rate, -np.linalg.solve(slope, rest)[:, :, 0]
+
+
+def solve_or_infinite(matrix: Array, right: Array) -> Array:
+    """The solution of a linear system, infinite where there is none."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, right))
+    except np.linalg.LinAlgError:
+        return np.full(len(right), np.inf)
+
+
+def make_tip_equations(arm: Manipulator, path: PosePath, follow: Sequence[str], posture: Array) -> TipEquations:
+    """The equations of an arm whose elastic coordinates are at rest; posture q_0 (joints,).
+
+    Raises: MotionError when the path does not fit the arm.
+    """
+    q, loops = ca.SX.sym("q", arm.joints), arm.loops
+    tip, rotation = (arm.points, arm.rotation) if loops is None else (loops.tip, loops.rotation)
+    if tip is None:
+        raise MotionError("a tip path needs to know where the tip is", got="an arm without points")
+    v = ca.SX(0, 1) if loops is None else loops.v
+    s, p = ca.densify(arm.reference @ q), arm.parameters
+    place = tip[:, -1]
+    c = [place[AXES[axis]] - path.position[AXES[axis]] for axis in choose_components(follow, place, path)]
+    turned, flip = compare_rotations(rotation, path, int(place.numel()))
+    tips = len(c)
+    c = ca.vertcat(*c, turned, *([] if loops is None else [loops.gap]))
+    c, flip = ca.substitute([c, flip], [arm.s, p.symbols], [s, ca.DM(p.values)])
+    y = ca.vertcat(q, v)
+    if c.numel() > y.numel():
+        asked = c.numel() - v.numel()
+        raise MotionError(
+            "the path asks for more than the joints can do",
+            got=f"{asked} components of the tip",
+            expected=f"at most {arm.joints}, one for each driven joint",
+            todo="name fewer components in follow, or leave rpy out",
+        )
+    if c.numel() == y.numel():
+        return TipEquations(y, path.phase, ca.densify(c), ca.densify(c), flip, arm.joints, tips)
+    multipliers = ca.SX.sym("l", c.numel())
+    drawn = ca.vertcat(q - ca.DM(posture), ca.SX(v.numel(), 1)) - ca.jtimes(c, y, multipliers, True)
+    return TipEquations(
+        ca.vertcat(y, multipliers), path.phase, ca.densify(ca.vertcat(drawn, c)), ca.densify(c), flip, arm.joints, tips
+    )
+
+
+def choose_components(follow: Sequence[str], place: ca.SX, path: PosePath) -> list[str]:
+    """The components of the position that are led. Raises: MotionError for a path that leaves the plane of an arm that cannot."""
+    if len(set(follow)) != len(follow):
+        raise MotionError("motion.follow names a component twice", got=", ".join(follow))
+    if place.numel() == 3:
+        return list(follow)
+    if not path.position[2].is_zero():
+        raise MotionError("the path leaves the arm's plane", got="a z that is not 0", expected="z = 0 all along")
+    return [axis for axis in follow if axis != "z"]
+
+
+def compare_rotations(rotation: ca.SX | None, path: PosePath, dimensions: int) -> tuple[ca.SX, ca.SX]:
+    """The orientation's equations, the sines of what is between tip and path, and a cosine; none where the orientation is free."""
+    if path.rotation is None:
+        return ca.SX(0, 1), ca.SX(1)
+    if rotation is None:
+        raise MotionError("a path with rpy needs to know how the tip is turned", got="an arm without a rotation")
+    E = path.rotation.T @ rotation
+    if dimensions == 2:
+        upright = ca.evalf(ca.substitute(path.rotation[2, 2], path.phase, 0.3))
+        if not path.rotation[2, :2].is_zero() and abs(float(upright) - 1) > 1e-12:
+            raise MotionError(
+                "the path turns the tip out of the arm's plane", got="roll or pitch", expected="yaw alone"
+            )
+        return (E[1, 0] - E[0, 1]) / 2, (E[0, 0] + E[1, 1]) / 2
+    sines = ca.vertcat(E[2, 1] - E[1, 2], E[0, 2] - E[2, 0], E[1, 0] - E[0, 1]) / 2
+    return sines, (ca.trace(E) - 1) / 2

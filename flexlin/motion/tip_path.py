@@ -1,0 +1,234 @@
+"""Joint motions that lead the tip along a path: solutions of inverse kinematics followed over a period."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.errors import MotionError, ToleranceNotReached
+from flexlin.mechanics.manipulator import Manipulator
+from flexlin.motion.base import Angles, SampledMotion
+from flexlin.motion.pose_path import make_pose_path
+from flexlin.motion.reach import refuse_unreachable
+from flexlin.motion.tip_equations import TipEquations, make_tip_equations
+from flexlin.periodic.circle import count_turns
+from flexlin.scene.motion import TipJoint, TipPath
+from flexlin.series.tracking import find_lowest, find_turn, newton_from, track, worth
+
+NODES = 512
+"""Phases of a period at which the solution is kept; between them it is found again from their cubic."""
+SHORTEST = 1e-10
+"""The shortest step, as a share of the period."""
+SINGULAR, SUSPECT = 1e-6, 0.05
+"""A place is singular below this reciprocal condition number; only below the second a minimum is looked at more closely."""
+SOLVED = 1e-11
+TRIES = 24
+"""Postures beside the given one from which the path's beginning is sought."""
+SAME = 1e-6
+ROUNDING = 1e-7
+"""By how much joints may miss where they began, in rad or m."""
+
+
+@dataclass(frozen=True, eq=False)
+class TipAngles:
+    """q, q', q'' at any time: the solution from the cubic between two nodes, refined; its rates are exact derivatives.
+
+    nodes: phases (N + 1,); z, rate: solutions there and their slopes by the phase, (N + 1, k).
+    """
+
+    equations: TipEquations
+    period: float
+    nodes: Array
+    z: Array
+    rate: Array
+
+    def __call__(self, t: Array) -> Angles:
+        phases = np.mod(t / self.period, 1.0)
+        z = self.guess(phases)
+        for _ in range(6):
+            step = self.equations.newton_steps(phases, z)
+            z = z - step
+            if np.abs(step).max(initial=0.0) < SOLVED * (1 + np.abs(z).max(initial=0.0)):
+                break
+        else:
+            worst = int(np.abs(step).max(axis=1).argmax())
+            got = f"t = {t[worst]:.6g} s"
+            raise ToleranceNotReached("inverse kinematics does not converge between its nodes", got=got)
+        rate, second = self.equations.rates(phases, z)
+        n, T = self.equations.joints, self.period
+        return z[:, :n], rate[:, :n] / T, second[:, :n] / T**2
+
+    def guess(self, phases: Array) -> Array:
+        """The cubics between the nodes."""
+        k = np.clip(np.searchsorted(self.nodes, phases, side="right") - 1, 0, len(self.nodes) - 2)
+        h = (self.nodes[k + 1] - self.nodes[k])[:, None]
+        x = (phases[:, None] - self.nodes[k][:, None]) / h
+        a, b, da, db = self.z[k], self.z[k + 1], h * self.rate[k], h * self.rate[k + 1]
+        return a + x * (da + x * (3 * (b - a) - 2 * da - db + x * (2 * (a - b) + da + db)))
+
+
+def make_tip_path(table: TipPath, arm: Manipulator, prescribed: tuple[bool, ...]) -> SampledMotion:
+    """The motion of an arm's joints that leads its rigid tip along the path of a table.
+
+    Raises: MotionError, with the time, where the path is out of reach, passes a singular place or a joint's limit, or the joints do
+    not come back.
+    """
+    path = make_pose_path(table.path)
+    joints = table.joints or (TipJoint(),) * arm.joints
+    posture = np.array([joint.posture for joint in joints])
+    equations = make_tip_equations(arm, path, table.follow, posture)
+    problems: list[MotionError] = []
+    tried: list[Array] = []
+    for start in list_starts(equations, arm, posture, joints):
+        begun = begin(equations, start)
+        if begun is None or any(is_same_place(begun, other, arm.joints) for other in tried):
+            continue
+        tried.append(begun)
+        try:
+            nodes, z = follow_path(equations, begun, path.period, start)
+            refuse_limits(joints, nodes * path.period, z)
+        except MotionError as error:
+            problems.append(error)
+            continue
+        rate, _ = equations.rates(nodes, z)
+        angles = TipAngles(equations, path.period, nodes, z, rate)
+        angles(path.period * (np.arange(4 * NODES) + 0.5) / (4 * NODES))
+        breaks = tuple(path.period * phase for phase in path.breaks)
+        return SampledMotion(arm.joints, path.period, prescribed, breaks, sampler=angles)
+    if not problems:
+        refuse_unreachable(equations, first_start(equations, arm, posture), path.period)
+        raise MotionError("inverse kinematics does not find the path's beginning", todo="give posture in motion.joints")
+    raise problems[0]
+
+
+def is_same_place(z: Array, other: Array, joints: int) -> bool:
+    """Whether two beginnings differ by whole turns of the joints at most."""
+    return bool(np.abs(np.exp(1j * z[:joints]) - np.exp(1j * other[:joints])).max() < SAME)
+
+
+def first_start(equations: TipEquations, arm: Manipulator, q: Array) -> Array:
+    """z for joint displacements q: the joints that follow are where the loops close, or where their postures put them."""
+    z = np.zeros(equations.size)
+    z[: arm.joints] = q
+    if arm.loops is not None:
+        s = arm.reference.full() @ q
+        v = arm.functions["followers"](s, arm.parameters.values).full()[:, 0]
+        z[arm.joints : arm.joints + len(v)] = v
+    return z
+
+
+def list_starts(
+    equations: TipEquations, arm: Manipulator, posture: Array, joints: tuple[TipJoint, ...]
+) -> Iterator[Array]:
+    """Places z from which the path's beginning is sought: the posture, then others within the joints' limits, further and further."""
+    yield first_start(equations, arm, posture)
+    rng = np.random.default_rng(0)
+    for k in range(TRIES):
+        low = [p - np.pi if j.low is None else j.low for p, j in zip(posture, joints, strict=True)]
+        high = [p + np.pi if j.high is None else j.high for p, j in zip(posture, joints, strict=True)]
+        share = (k + 1) / TRIES
+        z = first_start(equations, arm, posture + share * (rng.uniform(low, high) - posture))
+        if np.isfinite(z).all():
+            yield z
+
+
+def begin(equations: TipEquations, start: Array) -> Array | None:
+    """z at the path's beginning, by leading the tip there from where the start has it; None where that ends, or upside down."""
+    if not np.isfinite(start).all():
+        return None
+    away = equations.first(start, 0.0)[0].full()[:, 0]
+
+    def step(share: float, z: Array) -> Array:
+        F, slope, _ = (x.full() for x in equations.first(z, 0.0))
+        try:
+            return np.asarray(np.linalg.solve(slope, F[:, 0] - (1 - share) * away))
+        except np.linalg.LinAlgError:
+            return np.full(len(z), np.inf)
+
+    z, _ = track(step, start, 0.0, 1.0, 1e-6)
+    z = newton_from(equations.newton_step, 0.0, z) if z is not None else None
+    upright = z is not None and float(equations.task(z, 0.0)[2]) > 0
+    return z if upright else None
+
+
+def follow_path(equations: TipEquations, begun: Array, period: float, start: Array) -> tuple[Array, Array]:
+    """Phases (N + 1,) and solutions there, over a whole period.
+
+    Raises: MotionError with the time where the path leaves the reach, or is singular, or the joints do not come back.
+    """
+    phases, z = np.arange(NODES + 1) / NODES, [begun]
+    for a, b in pairwise(phases):
+        found, at = track(equations.newton_step, z[-1], a, b, SHORTEST)
+        if found is None:
+            refuse_singular(equations, phases[: len(z)], z, period)
+            refuse_unreachable(equations, z[-1], period, at)
+            raise singular(at * period, "leads no further")
+        z.append(found)
+    refuse_singular(equations, phases, z, period)
+    gap = z[-1][: equations.joints] - z[0][: equations.joints]
+    turns = 2 * np.pi * count_turns(gap) if not equations.redundant else np.zeros(len(gap))
+    worst = int(np.abs(gap - turns).argmax())
+    if np.abs(gap - turns).max() > ROUNDING:
+        raise MotionError(
+            "the joints do not come back after a period of the path",
+            got=f"joint {worst + 1} ends {gap[worst]:.3g} from where it began",
+            expected="a motion that closes",
+            todo="keep the path away from singular places, or choose another posture",
+        )
+    return phases, np.array(z)
+
+
+def refuse_singular(equations: TipEquations, phases: Array, z: list[Array], period: float) -> None:
+    """Raise where dF/dz is singular at one of the phases or between them."""
+
+    def slope(a: float, start: Array, at: float) -> Array:
+        found, reached = track(equations.newton_step, start, a, at, SHORTEST)
+        return np.asarray(equations.first(start if found is None else found, reached)[1].full())
+
+    slopes = [equations.first(now, at)[1].full() for at, now in zip(phases, z, strict=True)]
+    lengths = np.maximum(np.max([np.abs(one).max(axis=1) for one in slopes], axis=0), 1e-300)[:, None]
+    signs = [np.linalg.slogdet(one)[0] for one in slopes]
+    size = [worth(one / lengths) for one in slopes]
+    for k in range(1, len(z)):
+        a, b = float(phases[k - 1]), float(phases[k])
+        if signs[k] != signs[k - 1]:
+            turned = find_turn(lambda at, a=a, k=k: np.linalg.slogdet(slope(a, z[k - 1], at))[0], a, b, SHORTEST)  # type: ignore[misc]
+            raise singular(turned * period, "turns over")
+        if k > 1 and size[k - 1] <= min(size[k - 2], size[k], SUSPECT):
+            before = float(phases[k - 2])
+            at, least = find_lowest(
+                lambda at, c=before, k=k: worth(slope(c, z[k - 2], at) / lengths),  # type: ignore[misc]
+                before,
+                b,
+            )
+            if least < SINGULAR:
+                raise singular(at * period, f"has a Jacobian of reciprocal condition number {least:.1e}")
+
+
+def singular(at: float, how: str) -> MotionError:
+    """What is raised at a singular place."""
+    return MotionError(
+        "the path passes a singular place of the arm",
+        got=f"inverse kinematics {how} at t = {at:.6g} s",
+        todo="lead the path past it, name fewer components in follow, or leave rpy out",
+    )
+
+
+def refuse_limits(joints: tuple[TipJoint, ...], t: Array, z: Array) -> None:
+    """Raise where a joint leaves its limits."""
+    for i, joint in enumerate(joints):
+        for limit, sign, word in ((joint.low, -1, "below"), (joint.high, 1, "above")):
+            if limit is None:
+                continue
+            beyond = sign * (z[:, i] - limit)
+            k = int(beyond.argmax())
+            if beyond[k] > 0:
+                first = int(np.argmax(beyond > 0))
+                raise MotionError(
+                    f"the path leads joint {i + 1} {word} its limit",
+                    got=f"{z[k, i]:.6g} at t = {t[k]:.6g} s, from t = {t[first]:.6g} s on",
+                    expected=f"{limit:g}",
+                    todo="give another posture, or move the path",
+                )

@@ -1,0 +1,300 @@
+"""Tip paths: forward kinematics written here puts the tip on the path, rates are derivatives, and refusals name time and distance."""
+
+import re
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.optimize import brentq, minimize
+from scipy.spatial.transform import Rotation, Slerp
+
+import flexlin as fl
+from flexlin.errors import MotionError, SceneError
+
+BAR = {"mass_per_length": 1.0}
+T = 2.0
+
+
+def circle(centre, radius, **more):
+    return {"kind": "circle", "centre": list(centre), "radius": radius, "period": T, **more}
+
+
+def lead(source, path, joints=None, changes=None, **more):
+    """The motion of an arm, a built-in scene or links, and the arm."""
+    motion = {"kind": "tip-path", "path": path, **more, **({} if joints is None else {"joints": joints})}
+    if isinstance(source, str):
+        scene = fl.load_scene(source, {"motion": motion, "designs": [], **(changes or {})})
+    else:
+        scene = fl.parse_scene({"schema": 1, "title": "arm", "links": source, "motion": motion})
+    arm = fl.build_manipulator(scene)
+    return fl.build_motion(scene.motion, arm.joints, arm=arm), arm, scene
+
+
+def bars(*lengths):
+    return [{**BAR, "length": length} for length in lengths]
+
+
+def plane_tip(q, lengths):
+    return sum(
+        length * np.stack([np.cos(a), np.sin(a)], axis=-1)
+        for length, a in zip(lengths, np.cumsum(q, axis=-1).T, strict=True)
+    )
+
+
+def chain_pose(links, q):
+    """The last link's frame of a chain of turning joints: rotation and position."""
+    R, p = np.eye(3), np.zeros(3)
+    for link, angle in zip(links, q, strict=True):
+        p = p + R @ link["mount"]["xyz"]
+        R = R @ Rotation.from_euler("xyz", link["mount"]["rpy"]).as_matrix()
+        axis = np.array(link["axis"]) / np.linalg.norm(link["axis"])
+        R = R @ Rotation.from_rotvec(axis * angle).as_matrix()
+    return R, p
+
+
+def random_links(rng, joints):
+    body = {"mass": 1.0, "inertia": {"xx": 0.1, "yy": 0.1, "zz": 0.1}}
+    return [
+        {
+            "body": body,
+            "axis": rng.normal(size=3).tolist(),
+            "mount": {"xyz": rng.normal(size=3).tolist(), "rpy": rng.uniform(-3, 3, 3).tolist()},
+        }
+        for _ in range(joints)
+    ]
+
+
+def spectral_rates(motion, count=128):
+    """q' and q'' of a smooth motion from its values at equal steps."""
+    t = motion.period * np.arange(count) / count
+    q = motion.sample(t)[0]
+    k = 2j * np.pi * np.fft.fftfreq(count, motion.period / count)[:, None]
+    return (
+        t,
+        np.fft.ifft(k * np.fft.fft(q, axis=0), axis=0).real,
+        np.fft.ifft(k**2 * np.fft.fft(q, axis=0), axis=0).real,
+    )
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_random_arms_follow_random_circles(seed):
+    """Joints that are just enough, and more than that, with and without orientation; the path begins where some posture has the tip."""
+    rng = np.random.default_rng(seed)
+    joints = int(rng.integers(4, 8))  # the last one only turns the tip
+    links, q0 = random_links(rng, joints), rng.uniform(-2, 2, joints)
+    R, p = chain_pose(links, q0)
+    turned = bool(joints >= 6 and rng.random() < 0.7)
+    more = {"rpy": Rotation.from_matrix(R).as_euler("xyz").tolist()} if turned else {}
+    normal = rng.normal(size=3)
+    path = circle(p, 0.02, normal=normal.tolist(), **more)
+    motion, _, _ = lead(links, path, [{"posture": float(x)} for x in q0 + rng.normal(size=joints) * 0.05])
+    t, rate, second = spectral_rates(motion)
+    q, q1, q2 = motion.sample(t)
+    poses = [chain_pose(links, row) for row in q]
+    away = np.array([place for _, place in poses]) - p
+    assert_allclose(np.linalg.norm(away, axis=1), 0.02, rtol=0, atol=1e-12)
+    assert_allclose(away @ normal, 0, atol=1e-12)
+    if turned:
+        assert_allclose(np.array([rotation for rotation, _ in poses]), np.broadcast_to(R, (len(t), 3, 3)), atol=1e-10)
+    assert_allclose(q1, rate, atol=1e-9 * max(np.abs(rate).max(), 1))
+    assert_allclose(q2, second, atol=1e-8 * max(np.abs(second).max(), 1))
+    assert_allclose(motion.sample(np.array([0.0, T, 7 * T]))[0], np.tile(q[0], (3, 1)), atol=1e-12)
+
+
+def test_redundant_joints_stay_as_near_to_their_posture_as_they_can():
+    """Three joints in a plane: at each time the nearest angles of all that reach the point, found by another program."""
+    lengths, posture = (0.5, 0.4, 0.3), np.array([0.3, 0.8, 0.4])
+    motion, _, _ = lead(bars(*lengths), circle((0.5, 0.5, 0.0), 0.2), [{"posture": x} for x in posture])
+    t = np.linspace(0, T, 7)
+    q = motion.sample(t)[0]
+    for row in q:
+        there = plane_tip(row, lengths)
+        near = minimize(
+            lambda x: np.sum((x - posture) ** 2),
+            row + 0.1,
+            constraints={"type": "eq", "fun": lambda x, there=there: plane_tip(x, lengths) - there},
+            options={"ftol": 1e-14, "maxiter": 300},
+        )
+        assert_allclose(row, near.x, atol=1e-5)
+    assert_allclose(plane_tip(q, lengths)[0], [0.7, 0.5], atol=1e-13)
+
+
+def test_lines_rest_at_their_waypoints_and_blends_pass_them():
+    points = [[0.5, 0.3, 0.0], [0.7, 0.3, 0.0], [0.6, 0.5, 0.0]]
+    lengths, joints = (0.5, 0.5), [{"posture": 0.0}, {"posture": 1.0}]
+    table = {"kind": "polyline", "points": points, "move_time": 0.5}
+    motion, _, _ = lead(bars(*lengths), {**table, "dwell_time": 0.1}, joints)
+    assert motion.period == pytest.approx(1.8)
+    t = np.array([0.0, 0.55, 0.6, 1.15, 1.2, 1.75])
+    q, q1, q2 = motion.sample(t)
+    assert_allclose(plane_tip(q, lengths), np.array(points)[[0, 1, 1, 2, 2, 0], :2], atol=1e-13)
+    assert np.abs(q1).max() < 1e-12
+    assert np.abs(q2).max() < 1e-9
+    half = motion.sample(np.array([0.25]))[0]
+    assert_allclose(plane_tip(half, lengths), [[0.6, 0.3]], atol=1e-13)
+    blended, _, _ = lead(bars(*lengths), {**table, "blend_time": 0.2}, joints)
+    assert blended.period == pytest.approx(0.9)
+    corner = plane_tip(blended.sample(np.array([0.4]))[0], lengths)[0]
+    assert 1e-3 < np.linalg.norm(corner - points[1][:2]) < 0.05
+    fine = np.linspace(0, 0.9, 20001)
+    q, q1, q2 = blended.sample(fine)
+    assert_allclose(np.gradient(q, fine, axis=0)[1:-1], q1[1:-1], atol=1e-5)
+    assert np.abs(np.diff(q2, axis=0)).max() < 0.02 * np.ptp(q2)
+
+
+def test_orientation_turns_from_waypoint_to_waypoint():
+    """The six axes of the r3 between two poses: at rest there, and on the great circle between."""
+    q = np.array([0.1, 0.5, 1.5, 0.3, 0.8, 0.2])
+    arm = fl.build_manipulator(fl.load_scene("manutec-r3"))
+    E, p = arm.reference.full(), arm.parameters.values
+    place = np.array(arm.functions["points"](E @ q, p))[:, -1]
+    turns = Rotation.from_matrix(np.array(arm.functions["rotation"](E @ q, p)))
+    ends = [turns, turns * Rotation.from_rotvec([0.2, -0.3, 0.1])]
+    points = [place.tolist(), np.add(place, [0.05, 0.1, -0.1]).tolist()]
+    path = {"kind": "polyline", "points": points, "move_time": 1.0, "rpy": [r.as_euler("xyz").tolist() for r in ends]}
+    motion, arm, _ = lead("manutec-r3", path, [{"posture": float(x)} for x in q])
+    between = Slerp([0, 1], Rotation.concatenate(ends))
+    for t, share in ((0.0, 0.0), (0.5, 0.5), (1.0, 1.0), (1.5, 0.5)):
+        s = E @ motion.sample(np.array([t]))[0][0]
+        assert_allclose(np.array(arm.functions["rotation"](s, p)), between(share).as_matrix(), atol=1e-12)
+        there = points[0] + share * np.subtract(points[1], points[0])
+        assert_allclose(np.array(arm.functions["points"](s, p))[:, -1], there, atol=1e-12)
+
+
+def test_a_delta_follows_a_circle_by_its_closed_form():
+    """Each arm's angle from the triangle of arm, rod and platform: a cos q + b sin q = c."""
+    motion, _, scene = lead("delta", circle((0.02, -0.01, -0.32), 0.05))
+    t = np.linspace(0, T, 9)
+    q = motion.sample(t)[0]
+    x = np.array([0.02, -0.01, -0.32]) + 0.05 * np.stack([np.cos(np.pi * t), np.sin(np.pi * t), 0 * t], axis=1)
+    for k in range(3):
+        yaw = 2 * np.pi * k / 3
+        out = np.array([np.cos(yaw), np.sin(yaw), 0.0])
+        d = x + 0.04 * out - 0.1 * out
+        arm, rod = scene.links[0].length, scene.links[2].length
+        a, b, c = 2 * arm * d @ out, -2 * arm * d[:, 2], np.sum(d**2, axis=1) + arm**2 - rod**2
+        assert_allclose(q[:, k], np.arctan2(b, a) - np.arccos(c / np.hypot(a, b)), atol=1e-12)
+
+
+def test_a_five_bar_follows_a_circle_as_its_taylor_map_does():
+    from flexlin.mechanics.linkages import five_bar
+
+    joints = [{"posture": 2.2}, {"posture": 0.95}]
+    motion, _, _ = lead("five-bar", circle((0.075, 0.39, 0.0), 0.04), joints)
+    loop = five_bar(0.15, (0.2, 0.3), (0.2, 0.3))
+    q = motion.sample(np.linspace(0, T, 5))[0]
+    for row, angle in zip(q, np.linspace(0, 2 * np.pi, 5), strict=True):
+        at = [*row, 0.075 + 0.04 * np.cos(angle), 0.39 + 0.04 * np.sin(angle)]
+        closed = loop.close([at[0], -1.3, at[1], 1.3, at[2], at[3]], (4, 5))
+        assert_allclose(closed[[0, 2]], row, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_it_serves_as_basic_motion_and_may_be_prescribed():
+    joints = [{"posture": 0.2}, {"posture": 0.8}, {"posture": -0.9}]
+    path = circle((1.2, 0.3, 0.3), 0.2, normal=[1.0, 0.0, 1.0])
+    _, arm, scene = lead("spatial-arm", path, joints)
+    lin = fl.linearize(arm, scene.motion, scene.control)
+    assert fl.floquet(lin.periodic_system(), tol=1e-6).verdict == "stable"
+    held, _, _ = lead("spatial-arm", path, [{"posture": 0.2, "drive": "prescribed"}, *joints[1:]], {"control": {}})
+    assert held.prescribed == (True, False, False)
+
+
+def test_a_circle_round_the_base_turns_the_first_joint_once():
+    motion, _, _ = lead(bars(0.5, 0.5), circle((0.0, 0.0, 0.0), 0.7), [{"posture": -0.8}, {"posture": 1.6}])
+    t = np.linspace(0, 0.999 * T, 50)
+    q, q1, _ = motion.sample(t)
+    assert_allclose(q1[:, 0], 2 * np.pi / T, atol=1e-9)
+    assert_allclose(
+        plane_tip(q, (0.5, 0.5)), 0.7 * np.stack([np.cos(np.pi * t), np.sin(np.pi * t)], axis=1), atol=1e-12
+    )
+
+
+@pytest.mark.slow
+def test_joints_that_do_not_come_back_are_said():
+    """Round its base a redundant arm cannot stay near one posture: it comes back turned, or not at all."""
+    with pytest.raises(MotionError, match=r"do not come back.*joint 1|singular place"):
+        lead(bars(0.4, 0.3, 0.3), circle((0.0, 0.0, 0.0), 0.7), [{"posture": -0.5}, {"posture": 0.7}, {"posture": 0.5}])
+
+
+@pytest.mark.slow
+def test_a_path_out_of_reach_is_refused_with_its_time_and_distance():
+    """|x(t)| = 1 is where the arm of length 1 ends; the farthest point lies 0.1 m beyond."""
+    path = {"kind": "circle", "centre": [0.65, 0.0, 0.0], "radius": 0.45, "period": T}
+    leaves = brentq(lambda t: np.hypot(0.65 + 0.45 * np.cos(np.pi * t), 0.45 * np.sin(np.pi * t)) - 1.0, 0.1, 1.0)
+    with pytest.raises(MotionError, match=r"out of reach from t = 0 s on, by 0\.1 m at t = \S+ s"):
+        lead(bars(0.55, 0.45), path, [{"posture": 0.5}, {"posture": 1.0}])
+    turned = {**path, "normal": [0.0, 0.0, -1.0], "centre": [-0.65, 0.0, 0.0]}
+    with pytest.raises(MotionError) as error:
+        lead(bars(0.55, 0.45), turned, [{"posture": 2.5}, {"posture": 1.0}])
+    found = re.search(r"from t = (\S+) s on, by (\S+) m at t = (\S+) s", str(error.value))
+    assert [float(x) for x in found.groups()] == pytest.approx([1 - leaves, 0.1, 1.0], abs=1e-4)
+
+
+@pytest.mark.slow
+def test_a_singular_place_is_refused_with_its_time():
+    """Equal links fold where a line leads the tip through the base, half way; the wrist of the r3 stretches where axis 5 is 0."""
+    line = {"kind": "polyline", "points": [[-0.4, 0.0, 0.0], [0.4, 0.0, 0.0]], "move_time": 1.0}
+    with pytest.raises(MotionError, match=r"singular place.* t = 0\.5 s"):
+        lead(bars(0.5, 0.5), line, [{"posture": 2.5}, {"posture": 1.5}])
+    stretched = {"kind": "polyline", "points": [[0.6, 0.0, 0.0], [1.0, 0.0, 0.0]], "move_time": 1.0}
+    with pytest.raises(MotionError, match=r"singular place.* t = (1|0\.99\d*) s"):
+        lead(bars(0.5, 0.5), stretched, [{"posture": -0.5}, {"posture": 1.0}])
+
+
+@pytest.mark.slow
+def test_limits_choose_the_elbow_or_refuse_with_their_time():
+    path, lengths = circle((0.5, 0.4, 0.0), 0.1), (0.5, 0.5)
+    up, _, _ = lead(bars(*lengths), path, [{"posture": 1.0}, {"posture": -1.0}])
+    assert up.sample(np.zeros(1))[0][0, 1] < 0
+    down, _, _ = lead(bars(*lengths), path, [{"posture": 1.0}, {"posture": -1.0, "low": 0.0}])
+    assert down.sample(np.linspace(0, T, 50))[0][:, 1].min() > 0
+    with pytest.raises(MotionError, match=r"joint 2 above its limit.*t = .* s, from t = "):
+        lead(bars(*lengths), path, [{}, {"posture": 1.0, "low": 0.0, "high": 1.3}])
+
+
+@pytest.mark.parametrize(
+    ("links", "path", "more", "words"),
+    [
+        (2, circle((0.5, 0.2, 0.1), 0.1), {}, "leaves the arm's plane"),
+        (2, circle((0.5, 0.2, 0.0), 0.1, normal=[1.0, 0.0, 0.0]), {}, "leaves the arm's plane"),
+        (2, circle((0.5, 0.2, 0.0), 0.1, rpy=[0.0, 0.0, 1.0]), {}, "more than the joints can do"),
+        (3, circle((0.5, 0.2, 0.0), 0.1, rpy=[0.3, 0.0, 1.0]), {}, "out of the arm's plane"),
+        (1, circle((0.5, 0.2, 0.0), 0.1), {}, "more than the joints can do"),
+        (2, circle((0.5, 0.2, 0.0), 0.1), {"follow": ["x", "x"]}, "twice"),
+        (2, circle((50.0, 0.2, 0.0), 0.1), {}, "leaves the arm's reach"),
+    ],
+)
+def test_paths_that_do_not_fit_the_arm_are_refused(links, path, more, words):
+    with pytest.raises(MotionError, match=words):
+        lead(bars(*[0.5] * links), path, **more)
+
+
+def test_one_component_may_be_led_alone():
+    motion, _, _ = lead(bars(0.5), circle((0.0, 0.0, 0.0), 0.3), [{"posture": 0.9}], follow=["x"])
+    t = np.linspace(0, T, 9)
+    assert_allclose(0.5 * np.cos(motion.sample(t)[0][:, 0]), 0.3 * np.cos(np.pi * t), atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("path", "more", "key"),
+    [
+        (circle((0.5, 0.2, 0.0), -0.1), {}, "motion.path.radius"),
+        (circle((0.5, 0.2, 0.0), 0.1, normal=[0, 0, 0]), {}, "motion.path.normal"),
+        ({"kind": "spiral"}, {}, "motion.path.kind"),
+        ({"kind": "polyline", "points": [[0.0, 0.0, 0.0]], "move_time": 1.0}, {}, "motion.path.points"),
+        ({"kind": "polyline", "points": [[0.0, 0.0, 0.0]] * 2, "move_time": 1.0, "blend_time": 0.6}, {}, "motion.path"),
+        (
+            {"kind": "polyline", "points": [[0.0, 0.0, 0.0]] * 3, "move_time": 1.0, "rpy": [[0.0, 0.0, 0.0]] * 2},
+            {},
+            "motion.path",
+        ),
+        (circle((0.5, 0.2, 0.0), 0.1), {"joints": [{"low": 1.0, "high": 0.0}, {}]}, "motion.joints.0"),
+        (circle((0.5, 0.2, 0.0), 0.1), {"joints": [{}]}, "motion.joints"),
+        (circle((0.5, 0.2, 0.0), 0.1), {"follow": ["w"]}, "motion.follow.0"),
+    ],
+)
+def test_tables_that_describe_no_path_are_named(path, more, key):
+    with pytest.raises(SceneError) as error:
+        lead(bars(0.5, 0.5), path, **more)
+    assert any(problem.key == key for problem in error.value.problems), str(error.value)
