@@ -15,6 +15,7 @@ import flexlin.report.figures as figures
 from flexlin.answers.analysis import Analysis, analyse
 from flexlin.answers.judging import Loop
 from flexlin.answers.steady import find_response
+from flexlin.report.figures.campbell import follow_lines
 from flexlin.report.figures.entries import choose_shown, shift_and_scale
 from flexlin.report.figures.style import choose_colour
 from flexlin.svg import Linear, Logarithmic, Panel, Row, Symlog, measure_text
@@ -219,3 +220,14 @@ def test_words_stay_inside_their_axes() -> None:
         start = float(x) - {"start": 0.0, "middle": 0.5, "end": 1.0}[anchor] * width
         assert left <= start <= start + width <= right
         assert top <= float(y) <= bottom
+
+
+def test_lines_of_the_campbell_diagram_cross_without_a_kink() -> None:
+    x = np.linspace(0.0, 1.0, 60)
+    lines = np.stack([1 + 2 * x, 2.5 - x + 0.3 * x**2, 2.0 + 0.1 * np.sin(3 * x), 0.2 + 0 * x], axis=1)
+    found = follow_lines(np.sort(lines, axis=1))
+    np.testing.assert_allclose(np.sort(found, axis=1), np.sort(lines, axis=1))
+    assert np.abs(np.diff(found, 2, axis=0)).max() < 1e-3
+    gap = np.sort(lines, axis=1)
+    gap[20:23] = np.nan
+    assert np.isnan(follow_lines(gap)[21]).all()

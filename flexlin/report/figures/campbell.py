@@ -3,6 +3,8 @@
 import numpy as np
 import xarray
 
+from flexlin.checks import Array
+from flexlin.periodic.assignment import assign
 from flexlin.report.figures.style import SERIES, Picture
 from flexlin.report.wording import in_unit, is_dimensionless
 from flexlin.svg import Linear, Panel, Row, draw
@@ -35,7 +37,7 @@ def draw_campbell(label: str, data: xarray.Dataset, error: float) -> Picture:
             if abs(at - labelled) > APART:
                 text, labelled = f"{k // 2}" if k % 2 == 0 else f"{k}/2", at
                 panel.words(float(x[last]), float(multiple[last]), text, anchor="end", halo=True)
-    ordered = np.sort(frequency, axis=1)[:, ::2]
+    ordered = follow_lines(np.sort(frequency, axis=1)[:, ::2])
     for i in range(ordered.shape[1]):
         panel.line(x, ordered[:, i], SERIES[i % len(SERIES)], width=1.6)
     unstable = (growth > max(error, NOISE)) & np.isfinite(frequency)
@@ -46,6 +48,16 @@ def draw_campbell(label: str, data: xarray.Dataset, error: float) -> Picture:
         texts = [f"frequency {f:.4g}{cycle} grows by {g:.3g}{rate}" for f, g in pairs]
         panel.dots(x[row], frequency[row, mode], "unstable", size=3.0, label="unstable", texts=texts)
     return Picture("campbell", TITLE, write_caption(), draw([Row([panel], 320)], TITLE))
+
+
+def follow_lines(values: Array) -> Array:
+    """Values (V, k) with each row in the order in which the lines through the rows before go on: lines that cross go straight on."""
+    found, known = values.copy(), np.flatnonzero(np.isfinite(values).all(axis=1))
+    for k, row in enumerate(known[1:], start=1):
+        last, before = found[known[k - 1]], found[known[max(k - 2, 0)]]
+        cost = np.abs(2 * last[:, None] - before[:, None] - values[row])
+        found[row] = values[row][assign(cost)]
+    return found
 
 
 def write_caption() -> str:
