@@ -34,6 +34,6 @@ def draw_pictures(analysis: Analysis) -> list[Picture]:
     """All figures that this analysis has numbers for, in the order of the page."""
     with units_of(analysis):
         drawn = [picture for draw in FIGURES if (picture := draw(analysis)) is not None]
-    if analysis.sensitivity is not None:
-        drawn.append(draw_sensitivity(analysis.sensitivity))
+        if analysis.sensitivity is not None:
+            drawn.append(draw_sensitivity(analysis.sensitivity))
     return drawn if analysis.audit is None else [*drawn, draw_effects(analysis.audit)]

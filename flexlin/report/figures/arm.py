@@ -61,10 +61,15 @@ def draw_beside(a: Analysis) -> list[Panel]:
     ]
 
 
+def name_group(a: Analysis, chosen: list[int]) -> str:
+    """What a panel of joints shows: the joint's own name where it is one of several."""
+    return name_joint(a, chosen[0]) if len(chosen) == 1 < a.arm.joints else "joints"
+
+
 def draw_joints(a: Analysis, chosen: list[int], unit: str) -> Panel:
     """Joint angles in degrees, or displacements in m; the last sample is left out, for there a turning joint begins anew."""
     t, q = a.t[:-1], a.plant.motion.sample(a.t[:-1])[0]
-    panel = make_period_panel(a.plant.period, in_unit("joints", "°" if unit == "rad" else unit))
+    panel = make_period_panel(a.plant.period, in_unit(name_group(a, chosen), "°" if unit == "rad" else unit))
     for joint in chosen:
         values = np.degrees(q[:, joint]) if unit == "rad" else q[:, joint]
         colour, dash = style_part(joint)
@@ -74,7 +79,8 @@ def draw_joints(a: Analysis, chosen: list[int], unit: str) -> Panel:
 
 def draw_torques(a: Analysis, chosen: list[int], unit: str) -> Panel:
     """The torque, force or voltage that the arm would need if its links were rigid."""
-    panel = make_period_panel(a.plant.period, in_unit("feedforward", unit))
+    whose = f" {a.plant.inputs[chosen[0]]}" if len(chosen) == 1 < a.arm.joints else ""
+    panel = make_period_panel(a.plant.period, in_unit(f"feedforward{whose}", unit))
     for i in chosen:
         colour, dash = style_part(a.plant.driven[i])
         label = a.plant.inputs[i] if len(chosen) > 1 else ""

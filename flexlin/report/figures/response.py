@@ -14,6 +14,8 @@ from flexlin.svg import Panel, draw
 MOST = 12
 """Panels shown, or one for each joint and each input where these are more."""
 HEIGHT = 85.0
+ROUNDING = 1e-12
+"""A deflection below this share of the largest of its unit is rounding, and drawn as none."""
 TITLE = "Forced periodic response"
 
 
@@ -43,7 +45,11 @@ def draw_response(a: Analysis) -> Picture | None:
 def draw_deviation(a: Analysis, i: int) -> Panel:
     """One coordinate over the period."""
     assert a.response is not None
-    values, unit = scale_values(a.response.states[:, i], name_coordinate_unit(a, i))
+    same = [k for k in range(a.plant.n) if name_coordinate_unit(a, k) == name_coordinate_unit(a, i)]
+    own = a.response.states[:, i]
+    if np.abs(own).max() < ROUNDING * np.abs(a.response.states[:, same]).max():
+        own = np.zeros_like(own)
+    values, unit = scale_values(own, name_coordinate_unit(a, i))
     panel = make_period_panel(a.plant.period, in_unit(a.plant.names[i], unit)).zero()
     return panel.line(a.t, values, choose_colour(a, a.own))
 

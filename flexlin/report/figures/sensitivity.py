@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexlin.report.figures.style import Picture
+from flexlin.report.wording import in_unit
 from flexlin.svg import Linear, Named, Panel, Row, draw
 
 if TYPE_CHECKING:
@@ -25,7 +26,9 @@ def draw_sensitivity(data: "xarray.Dataset") -> Picture:
     order = np.argsort(np.abs(change))[-MOST:]
     names = tuple(f"{data['parameter'].values[i]} = {data['value'].values[i]:.4g}" for i in order)
     reach = 1.08 * float(np.abs(change).max()) or 1.0
-    panel = Panel(x=Linear(-reach, reach), y=Named(names), x_label="change of the growth rate for 1 % more, in 1/s")
+    panel = Panel(
+        x=Linear(-reach, reach), y=Named(names), x_label=in_unit("change of the growth rate for 1 % more", "1/s")
+    )
     for row, i in enumerate(order):
         corners = [0.0, change[i], change[i], 0.0]
         panel.area(corners, [row - 0.3, row - 0.3, row + 0.3, row + 0.3], "stable" if change[i] < 0 else "unstable")
