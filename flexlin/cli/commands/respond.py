@@ -33,14 +33,17 @@ def run(options: argparse.Namespace) -> int:
         from flexlin.report.page import picture_page
         from flexlin.report.record import to_json
         from flexlin.report.terminal import accuracy_lines, say
+        from flexlin.report.wording import units_of_scene
 
         clock = Clock(progress, budget=Budget(options.begun))
         kind, words = asked[0]
         answer = answer_in_scene(scene, kind, words, options.of, options.lasting, clock)
-    for line in (*answer_lines(answer), *accuracy_lines(tuple(clock.steps))):
+    with units_of_scene(scene):
+        lines, drawn = answer_lines(answer), draw(answer)
+    for line in (*lines, *accuracy_lines(tuple(clock.steps))):
         say(line)
     with results(options.out, "respond") as made:
-        page = picture_page(scene.title, draw(answer), command(options))
+        page = picture_page(scene.title, drawn, command(options))
         (made / "respond.html").write_text(page, encoding="utf-8")
         (made / "respond.json").write_text(to_json(answer_record(scene.title, answer)), encoding="utf-8")
     return print_paths(made.placed("respond.html", "respond.json"))

@@ -5,7 +5,7 @@ import numpy as np
 from flexlin.answers.disturbed.noise import NoiseAnswer
 from flexlin.answers.disturbed.respond import DisturbanceAnswer
 from flexlin.report.figures.style import Picture, make_period_panel
-from flexlin.report.wording import format_duration, format_quantity, scale_values
+from flexlin.report.wording import format_duration, format_quantity, in_unit, scale_values
 from flexlin.svg import Linear, Panel, Row, draw
 
 TITLE = "Answer to a disturbance"
@@ -16,14 +16,16 @@ def draw_answer(a: DisturbanceAnswer) -> Picture:
     everything, unit = scale_values(a.linear, a.unit)
     factor = float(np.abs(everything).max() / (np.abs(a.linear).max() or 1.0))
     upper = Panel(
-        f"{a.seen} in {unit}", x=Linear(0.0, float(a.t[-1])), x_label="time after the disturbance in s"
+        in_unit(a.seen, unit), x=Linear(0.0, float(a.t[-1])), x_label=in_unit("time after the disturbance", "s")
     ).zero()
-    for row in everything:
-        upper.line(a.t, row, "faint", width=0.6)
+    for k, row in enumerate(everything):
+        upper.line(a.t, row, "faint", width=0.6, label="linear, all phases" if k == 0 else "")
     if a.nonlinear is not None:
-        upper.line(a.t, factor * a.nonlinear, "sky", width=4.0, label="nonlinear, worst phase")
-    upper.line(a.t, everything[a.worst], "vermilion", dash="5 3", label="linear, worst phase")
-    lower = Panel("settling time in s by phase", x=Linear(0.0, 1.0), x_label="phase t/T of the disturbance")
+        upper.line(a.t, factor * a.nonlinear, "blue", width=4.5, opacity=0.5, label="nonlinear, worst phase")
+    upper.line(a.t, everything[a.worst], "ink", dash="5 3", label="linear, worst phase")
+    lower = Panel(
+        f"{in_unit('settling time', 's')} by phase", x=Linear(0.0, 1.0), x_label="phase t/T of the disturbance"
+    )
     shown = np.isfinite(a.settling)
     lower.dots(a.phases[shown], a.settling[shown], "blue", size=2.5)
     return Picture("answer", TITLE, describe_answer(a), draw([Row([upper], 200), Row([lower], 90)], TITLE))
@@ -52,7 +54,7 @@ def draw_noise(a: NoiseAnswer) -> Picture:
     known = bool(np.all(np.isfinite(a.tip)))
     values, unit = scale_values(a.tip if known else a.states[:, 0], "m" if known else "")
     panel = make_period_panel(
-        float(a.t[-1]), f"root mean square of the {'tip' if known else 'first coordinate'} in {unit}"
+        float(a.t[-1]), in_unit(f"root mean square of the {'tip' if known else 'first coordinate'}", unit)
     ).zero()
     panel.line(a.t, values, "blue")
     return Picture("answer", TITLE, describe_noise(a), draw([Row([panel], 200)], TITLE))
