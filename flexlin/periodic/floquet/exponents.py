@@ -21,6 +21,8 @@ from flexlin.periodic.transition.setting import MAX_SEGMENTS, Setting, report_to
 
 PATIENCE = 1e6
 """Microseconds of collocation that are spent where decoupling has answered, but not to the wanted accuracy."""
+ALIKE = 1e-5
+"""Exponents that agree within errors as small as this are a double one that rounding splits: segments know it no better."""
 FACTOR_BYTES = 2**27
 """The transition matrices of a period take at most this many bytes."""
 
@@ -143,11 +145,20 @@ def try_decoupling(
     if isinstance(found, Refusal):
         return None
     exponents, errors, decoupled = found
-    reached = np.all((errors <= tol * np.maximum(1.0, np.abs(exponents))) | np.isinf(errors))
+    size = np.maximum(1.0, np.abs(exponents))
+    alike = find_coinciding_within(exponents * system.period, errors * system.period) & (errors <= ALIKE * size)
+    reached = np.all((errors <= tol * size) | np.isinf(errors) | alike)
     if not reached and setting.segments <= limit and by_segments < PATIENCE:
         return None
     reason = f"eigenvalues of A(t) up to {setting.rate:.3g} 1/s beside a motion of {2 * np.pi / system.period:.3g} 1/s"
     return exponents, errors, Setting("decoupling", 0, 1, reason, setting.rate), decoupled
+
+
+def find_coinciding_within(logs: Array, errors: Array) -> Array:
+    """Which logs of multipliers agree with another one within their errors, (n,)."""
+    with np.errstate(invalid="ignore"):
+        near = measure_distances(logs, logs) <= errors[:, None] + errors
+    return np.asarray((near & ~np.eye(len(logs), dtype=bool)).any(axis=1))
 
 
 def finish(system: PeriodicSystem, exponents: Array, errors: Array, setting: Setting, tol: float) -> FloquetResult:
