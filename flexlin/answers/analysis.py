@@ -1,6 +1,7 @@
 """All numbers of a report, from one scene."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -32,6 +33,7 @@ from flexlin.errors import SimulationStopped
 from flexlin.mechanics import Manipulator, build_manipulator
 from flexlin.periodic.floquet.modes import floquet_modes
 from flexlin.periodic.floquet.resonance import Resonance, find_resonances
+from flexlin.periodic.margins import Margins
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.accuracy import Accuracy
 from flexlin.scene.scene import Scene
@@ -55,7 +57,7 @@ class Analysis:
     `resonances` what is behind an unstable own loop, `audit` and `sensitivity` which effects and numbers matter, if that was asked for,
     `elastic` the own loop about the elastic motion, if the scene asks for it, `linear_range` how far the linear equations hold,
     `sampled` the loops again, with their torque sampled and held, where the scene has [control.sampling], `estimated` the designs
-    with sensors again, with their states estimated.
+    with sensors again, with their states estimated, `endured` the margins of loops by their names, if they were asked for.
     """
 
     scene: Scene
@@ -79,6 +81,7 @@ class Analysis:
     sampled: tuple[Loop, ...] = ()
     estimated: tuple[Loop, ...] = ()
     margins: tuple[Margin, ...] = ()
+    endured: Mapping[str, Margins] = field(default_factory=dict)
 
     def validity(self, loop: Loop) -> ModelValidity:
         """Whether the linear model can be believed along the motion under one of the loops; only the own loop is simulated."""

@@ -86,6 +86,10 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
         {"type": span, "metavar": "KEY=LOW:HIGH", "action": "extend", "nargs": "+", "default": [],
          "help": "numbers whose critical values are looked for, with ranges (default: speed and payload, by a coarse scan)"},
     ),
+    "loop_margins": (
+        ["--loop-margins"],
+        {"action": "store_true", "help": "also find which gain, phase and delay each loop endures (some seconds a loop)"},
+    ),
     "sensitivity": (
         ["--sensitivity"],
         {"action": "store_true", "help": "also find which numbers move the growth rate (some seconds)"},

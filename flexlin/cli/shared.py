@@ -77,7 +77,11 @@ def command(options: argparse.Namespace) -> str:
     ranges = [f"{key}={low:g}:{high:g}" for key, low, high, _ in getattr(options, "margins", [])]
     over += ["--margins", *ranges] if ranges else []
     over += ["--data", str(options.data)] if getattr(options, "data", None) else []
-    flags = [f"--{name}" for name in ("effects", "sensitivity", "animate") if getattr(options, name, False)]
+    flags = [
+        f"--{name}"
+        for name in ("effects", "sensitivity", "loop-margins", "animate")
+        if getattr(options, name.replace("-", "_"), False)
+    ]
     forward = getattr(options, "feedforward", "scene")
     flags += [] if forward == "scene" else ["--feedforward", forward]
     for name in ("step", "initial", "push", "noise"):

@@ -1,11 +1,12 @@
-"""What is said of the values at which a loop changes its verdict."""
+"""What is said of the values at which a loop changes its verdict, and of the gain, phase and delay that it endures."""
 
 import math
 from typing import Any
 
 from flexlin.answers.critical_values import CriticalValue
 from flexlin.answers.margins import Margin
-from flexlin.report.wording import format_decimal
+from flexlin.periodic.margins import Margins
+from flexlin.report.wording import format_decimal, format_duration
 from flexlin.scene.names import name_number, show_unit
 from flexlin.scene.scene import Scene
 
@@ -63,3 +64,20 @@ def record_margin(margin: Margin) -> dict[str, Any]:
             for one in margin.critical
         ],
     }
+
+
+def describe_endured(found: Margins | None) -> str:
+    """Gain 0.126 to ∞, phase 48°, delay 2.44 ms; a dash where it is not known."""
+    if found is None:
+        return "–"
+    low, high = (format_decimal(one, 3) if math.isfinite(one) else "∞" for one in found.gain)
+    phase = f"{format_decimal(math.degrees(found.phase), 3)}°" if math.isfinite(found.phase) else "any"
+    delay = format_duration(found.delay) if math.isfinite(found.delay) else "any"
+    return f"gain {low} to {high}, phase {phase}, delay {delay}"
+
+
+def record_endured(found: Margins) -> dict[str, Any]:
+    """The margins of one loop as data that JSON can hold; null where there is no limit. Phase in rad, delay in s."""
+    low, high, phase, delay = (one if math.isfinite(one) else None for one in (*found.gain, found.phase, found.delay))
+    errors = [one if math.isfinite(one) else None for one in found.errors]
+    return {"gain": [low, high], "phase": phase, "delay": delay, "errors": errors}

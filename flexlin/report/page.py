@@ -16,7 +16,7 @@ from flexlin.report.figures.coefficients import NOISE
 from flexlin.report.figures.entries import name_entry, name_matrix_unit
 from flexlin.report.figures.style import Picture
 from flexlin.report.headline import colour, doubt, reason
-from flexlin.report.margins import describe_margins
+from flexlin.report.margins import describe_endured, describe_margins
 from flexlin.report.wording import (
     describe_pace,
     format_decimal,
@@ -54,6 +54,7 @@ def fill_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture],
         margins=describe_margins(analysis.scene, analysis.margins),
         steps=advise(analysis),
         loops=[describe_loop(analysis, loop) for loop in analysis.loops],
+        endured=bool(analysis.endured),
         exponents=[list_exponents(loop) for loop in analysis.loops if loop.floquet is not None],
         pictures=pictures,
         dimensionless=is_dimensionless(),
@@ -118,6 +119,7 @@ def describe_loop(a: Analysis, loop: Loop) -> dict[str, str]:
         "settled": settled,
         "status": without_units(loop.problem or (loop.floquet.status if loop.floquet else "")),
         "design": loop.design.status if loop.design is not None else "",
+        "endured": describe_endured(a.endured.get(loop.name)),
         **drive_cells(a, loop),
     }
 

@@ -16,7 +16,7 @@ from flexlin.answers.judging import Loop
 from flexlin.checks import Array
 from flexlin.report.drive_words import record_load
 from flexlin.report.headline import reason
-from flexlin.report.margins import record_margin
+from flexlin.report.margins import record_endured, record_margin
 from flexlin.scene.effects import known_effects
 from flexlin.scene.scene import Scene
 
@@ -62,6 +62,7 @@ def record(analysis: Analysis) -> dict[str, Any]:
         "simulation": record_simulation(a),
         "linear_range": record_linear_range(a),
         "margins": [record_margin(margin) for margin in a.margins],
+        **({"loop_margins": {name: record_endured(one) for name, one in a.endured.items()}} if a.endured else {}),
         **({} if a.audit is None else {"effects_audit": audit_block(a.audit)}),
         **({} if a.sensitivity is None else {"sensitivity": record_sensitivity(a.sensitivity)}),
         "versions": list_versions(),

@@ -33,12 +33,14 @@ def write_report(
     with_sensitivity: bool = False,
     margins: "Mapping[str, tuple[float, float]] | None" = None,
     begun: float | None = None,
+    with_loop_margins: bool = False,
 ) -> "tuple[Analysis, list[Path]]":
     """Analyse a scene and write report.html and report.json into a folder, as one set.
 
     Parameters: command: the command line, which the page shows; progress: called with the name of each step as it begins;
     with_audit, with_sensitivity: also find which effects and which numbers matter (some seconds each);
     margins: numbers whose critical values are looked for, with their ranges; by default speed and payload, by a coarse scan;
+    with_loop_margins: also find which gain, phase and delay each loop endures (some seconds a loop);
     begun: the time by `perf_counter` from which the limit of time counts, by default now.
     Returns: the analysis and the paths of the files.
     Raises: what `analyse` raises; OutputError when the folder cannot be written.
@@ -62,6 +64,10 @@ def write_report(
         rates = partial(sensitivity, scene, tol=asked.tol)
         moved = clock.attempt(analysis.problems, "sensitivity", "sensitivities", asked, rates)
         analysis = replace(analysis, sensitivity=moved)
+    if with_loop_margins:
+        from flexlin.answers.endurance import find_loop_margins
+
+        analysis = replace(analysis, endured=find_loop_margins(analysis, clock))
     with clock.step("load the drawing library"):
         from flexlin.report.figures import draw_pictures
         from flexlin.report.page import render_page

@@ -6,7 +6,7 @@ from flexlin.cli.options import COMPUTED
 from flexlin.cli.shared import DONE, FAILED, OTHER_VERDICT, command, loaded, meets, print_paths
 
 PURPOSE = "write report.html and report.json"
-TAKES = (*COMPUTED, "require", "effects", "sensitivity", "margins")
+TAKES = (*COMPUTED, "require", "effects", "sensitivity", "margins", "loop_margins")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -18,9 +18,8 @@ def run(options: argparse.Namespace) -> int:
         from flexlin.report.writing import write_report
 
         margins = {key: (low, high) for key, low, high, _ in options.margins} or None
-        analysis, paths = write_report(
-            scene, options.out, command(options), progress, options.effects, options.sensitivity, margins, options.begun
-        )
+        extras = options.effects, options.sensitivity, margins, options.begun, options.loop_margins
+        analysis, paths = write_report(scene, options.out, command(options), progress, *extras)
     from flexlin.report.terminal import summarize
 
     summarize(analysis)

@@ -1,0 +1,34 @@
+"""What each loop endures: found for loops with a feedback on the arm's states, said beside them, kept as data."""
+
+import math
+
+import pytest
+
+import flexlin as fl
+from flexlin.answers.analysis import analyse
+from flexlin.answers.clock import Clock
+from flexlin.answers.endurance import find_loop_margins
+from flexlin.periodic.margins import Margins
+from flexlin.report.margins import describe_endured, record_endured
+
+
+def test_margins_in_words_and_as_data():
+    found = Margins((0.0, math.inf), math.radians(47.96), 0.00244, (0.0, 0.0, 1e-7, 1e-9))
+    assert describe_endured(found) == "gain 0 to ∞, phase 48°, delay 2.44 ms"
+    assert describe_endured(None) == "–"
+    assert record_endured(found) == {
+        "gain": [0.0, None], "phase": math.radians(47.96), "delay": 0.00244, "errors": [0.0, 0.0, 1e-7, 1e-9],
+    }  # fmt: skip
+
+
+@pytest.mark.slow
+def test_the_own_loop_of_an_arm_has_margins_and_the_open_one_has_none():
+    scene = fl.load_scene("single-link", {"links.0.modes": 0})
+    a = analyse(scene, Clock())
+    found = find_loop_margins(a, Clock())
+    assert list(found) == [loop.name for loop in (a.own, *a.designs) if loop.verdict == "stable"]
+    own = found[a.own.name]
+    late = fl.control.sampled_floquet(a.plant.periodic_system(), a.closed.law.gain, own.delay / 100, own.delay / 200)
+    assert late.verdict == "stable"
+    assert 0 < own.phase < math.pi
+    assert own.gain[0] < 1 < own.gain[1]
