@@ -104,7 +104,7 @@ def margins(system: PeriodicSystem, gain: MatrixFunction | ArrayLike, tol: float
     >>> import flexlin as fl
     >>> plant = fl.PeriodicSystem([[0.0, 1.0], [0.0, 0.0]], 1.0, B=[[0.0], [1.0]])
     >>> print(f"{fl.margins(plant, [[1.0, 1.0]]).phase:.4f}")
-    0.9045
+    0.9046
     """
     system, tol = as_system(system), positive("tol", tol)
     B = system.B

@@ -23,10 +23,10 @@ def test_margins_in_words_and_as_data():
 
 @pytest.mark.slow
 def test_the_own_loop_of_an_arm_has_margins_and_the_open_one_has_none():
-    scene = fl.load_scene("single-link", {"links.0.modes": 0})
+    scene = fl.load_scene("single-link", {"links.0.modes": 0}).model_copy(update={"designs": ()})
     a = analyse(scene, Clock())
     found = find_loop_margins(a, Clock())
-    assert list(found) == [loop.name for loop in (a.own, *a.designs) if loop.verdict == "stable"]
+    assert list(found) == [a.own.name]
     own = found[a.own.name]
     late = fl.control.sampled_floquet(a.plant.periodic_system(), a.closed.law.gain, own.delay / 100, own.delay / 200)
     assert late.verdict == "stable"
