@@ -2,7 +2,7 @@
 
 import casadi as ca
 
-from flexlin.mechanics.frames import Frame, X, Y, Z, across
+from flexlin.mechanics.frames import Frame, X, Y, Z, directions_across
 from flexlin.mechanics.links import split_rotation
 from flexlin.scene.links import Link
 
@@ -14,7 +14,7 @@ def pass_bearing(frame: Frame, link: Link, axis: ca.SX, give: ca.SX, rate: ca.SX
     """
     if not give.numel():
         return frame
-    directions = across(axis)
+    directions = directions_across(axis)
     moved, moving = directions @ give, directions @ rate
     if link.joint == "prismatic":
         return frame.moved(moved, moving)

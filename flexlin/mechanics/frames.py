@@ -85,7 +85,7 @@ def unit(direction: Any) -> ca.SX:
     return ca.sparsify(a / ca.sqrt(ca.sumsqr(a)))
 
 
-def across(axis: ca.SX) -> ca.SX:
+def directions_across(axis: ca.SX) -> ca.SX:
     """Two directions of length 1 across an axis of length 1 and each other, (3, 2); of coordinate axes they are coordinate axes too.
 
     Source: Duff et al., Building an orthonormal basis, revisited, J. Computer Graphics Techniques 6 (2017) 1.

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 import flexlin as fl
 from flexlin.errors import SceneError
-from flexlin.mechanics.frames import across, unit
+from flexlin.mechanics.frames import directions_across, unit
 from flexlin.scene import parse_scene
 
 from .scenes import value
@@ -18,7 +18,7 @@ HARMONIC = {"kind": "harmonic", "frequency": 1.0}
 
 def directions(axis):
     """The two directions across an axis that flexlin has chosen, which the test takes as given."""
-    return np.array(ca.DM(ca.densify(across(unit(axis)))))
+    return np.array(ca.DM(ca.densify(directions_across(unit(axis)))))
 
 
 def place(links, q, give):

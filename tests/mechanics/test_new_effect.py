@@ -86,7 +86,7 @@ def test_the_report_tells_of_it(tmp_path: Path) -> None:
     assert "Torsion springs in the bearings, V = 1/2 sum k q^2" in text
     assert "second paragraph" not in text
     assert "2.5 N m/rad" in text
-    assert "input in bar" in text
+    assert "input q1 in bar" in text
 
 
 @pytest.mark.slow

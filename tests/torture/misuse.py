@@ -176,7 +176,7 @@ def valid_calls() -> dict[str, Call]:
         "hat": (screws.hat, {"t": twist}),
         "ad": (screws.ad, {"t": twist}),
         "Ad": (screws.Ad, {"H": np.eye(4)}),
-        "cross": (screws.cross, {"w": np.ones(3)}),
+        "skew": (screws.skew, {"w": np.ones(3)}),
         "OpenChain": (screws.OpenChain, {"screws": [twist], "pose": np.eye(4)}),
         "polynomial": (t["taylor"], {next(iter(inspect.signature(t["taylor"].__call__).parameters)): [0.1, 0.1]}),
     }

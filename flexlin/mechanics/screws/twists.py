@@ -15,7 +15,7 @@ Coordinate = Annotated[
 
 
 @checked
-def cross(w: Array) -> Array:
+def skew(w: Array) -> Array:
     """Return the matrix of a cross product, [w x] a = w x a.
 
     Parameters
@@ -31,8 +31,8 @@ def cross(w: Array) -> Array:
     Examples
     --------
     >>> import numpy as np
-    >>> from flexlin.mechanics.screws import cross
-    >>> cross(np.array([0.0, 0.0, 1.0])) @ np.array([1.0, 0.0, 0.0])
+    >>> from flexlin.mechanics.screws import skew
+    >>> skew(np.array([0.0, 0.0, 1.0])) @ np.array([1.0, 0.0, 0.0])
     array([0., 1., 0.])
     """
     w = real_array("w", w, (3,))
@@ -70,7 +70,7 @@ def hat(t: Array) -> Array:
            [ 0.,  0.,  0.,  0.]])
     """
     t, matrix = real_array("t", t, (6,)), np.zeros((4, 4))
-    matrix[:3, :3], matrix[:3, 3] = cross(t[:3]), t[3:]
+    matrix[:3, :3], matrix[:3, 3] = skew(t[:3]), t[3:]
     return matrix
 
 
@@ -107,7 +107,7 @@ def Ad(H: Array) -> Array:
     """
     H = real_array("H", H, (4, 4))
     R = H[:3, :3]
-    return np.block([[R, np.zeros((3, 3))], [cross(H[:3, 3]) @ R, R]])
+    return np.block([[R, np.zeros((3, 3))], [skew(H[:3, 3]) @ R, R]])
 
 
 @checked
@@ -139,7 +139,7 @@ def ad(t: Array) -> Array:
     True
     """
     t = real_array("t", t, (6,))
-    W, V = cross(t[:3]), cross(t[3:])
+    W, V = skew(t[:3]), skew(t[3:])
     return np.block([[W, np.zeros((3, 3))], [V, W]])
 
 
@@ -206,7 +206,7 @@ def helical(axis: ArrayLike, point: ArrayLike, pitch: float) -> Array:
     >>> helical([0, 0, 1], [1, 0, 0], 0.01).tolist()
     [0.0, 0.0, 1.0, 0.0, -1.0, 0.01]
     """
-    e, p = unit("axis", axis), real_array("point", point, (3,))
+    e, p = unit_vector("axis", axis), real_array("point", point, (3,))
     return np.concatenate([e, np.cross(p, e) + float(real_array("pitch", pitch, ())) * e])
 
 
@@ -237,7 +237,7 @@ def prismatic(direction: ArrayLike) -> Array:
     >>> prismatic([3, 0, 4]).tolist()
     [0.0, 0.0, 0.0, 0.6, 0.0, 0.8]
     """
-    return np.concatenate([np.zeros(3), unit("direction", direction)])
+    return np.concatenate([np.zeros(3), unit_vector("direction", direction)])
 
 
 @checked
@@ -287,7 +287,7 @@ def exponential(t: Array, q: Coordinate, body: Any = None) -> Any:
     return moved + q * (advance @ body) if np.abs(advance).max() > 1e-15 * np.abs(X).max() else moved
 
 
-def unit(name: str, vector: ArrayLike) -> Array:
+def unit_vector(name: str, vector: ArrayLike) -> Array:
     """Return a checked vector of R^3 scaled to length 1."""
     direction = real_array(name, vector, (3,))
     length = np.linalg.norm(direction)

@@ -40,7 +40,7 @@ class Mass:
         size = np.abs(self.second).max() + POINT / ROUNDING * self.mass
         inertia = {key: tidy(J[place], size) for key, place in ENTRIES.items()}
         inertia |= {key: max(inertia[key], 0.0) for key in ("xx", "yy", "zz")}
-        return {"mass": self.mass, "centre": plain(c), "inertia": inertia}
+        return {"mass": self.mass, "centre": as_numbers(c), "inertia": inertia}
 
 
 def tidy(value: float, size: float) -> float:
@@ -67,9 +67,9 @@ def angles_of(R: Array) -> list[float]:
     yaw = float(np.arctan2(R[1, 0], R[0, 0])) if flat > ROUNDING else 0.0
     c, s = np.cos(yaw), np.sin(yaw)
     roll = float(np.arctan2(s * R[0, 2] - c * R[1, 2], c * R[1, 1] - s * R[0, 1]))
-    return plain((roll, float(np.arctan2(-R[2, 0], flat)), yaw))
+    return as_numbers((roll, float(np.arctan2(-R[2, 0], flat)), yaw))
 
 
-def plain(values: Iterable[float]) -> list[float]:
+def as_numbers(values: Iterable[float]) -> list[float]:
     """Numbers as a list, with 0 for minus 0."""
     return [float(value) + 0.0 for value in values]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexlin.scene.urdf.bodies import Array, Mass, angles_of, plain, rotation_of
+from flexlin.scene.urdf.bodies import Array, Mass, angles_of, as_numbers, rotation_of
 from flexlin.scene.urdf.chain import choose_chain
 from flexlin.scene.urdf.following import Rule, trace_rules
 from flexlin.scene.urdf.robot import Robot, UrdfJoint, UrdfLink, read_robot
@@ -141,7 +141,7 @@ def add_tip(
         places.append((joint, R, p))
     if p.any() or (np.eye(3) != R).any():
         mass = Mass()
-        links.append({"name": joints[-1].name, "joint": "fixed", "mount": {"xyz": plain(p), "rpy": angles_of(R)}})
+        links.append({"name": joints[-1].name, "joint": "fixed", "mount": {"xyz": as_numbers(p), "rpy": angles_of(R)}})
     left = list[str]()
     for joint, turn, place in places:
         left += add_rigid(robot, robot.links[joint.child], mass, along, R.T @ turn, R.T @ (place - p))
@@ -152,8 +152,8 @@ def add_tip(
 def link_table(joint: UrdfJoint, R: Array, p: Array) -> dict[str, Any]:
     """The table of the link behind a joint that moves, without its body."""
     kind = "prismatic" if joint.kind == "prismatic" else "revolute"
-    mount = {"xyz": plain(p), "rpy": angles_of(R)}
-    return {"name": joint.name, "joint": kind, "axis": plain(joint.axis), "mount": mount}
+    mount = {"xyz": as_numbers(p), "rpy": angles_of(R)}
+    return {"name": joint.name, "joint": kind, "axis": as_numbers(joint.axis), "mount": mount}
 
 
 def effect_tables(moving: list[UrdfJoint], rules: Mapping[str, Rule], links: int) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from flexlin.errors import Problem, SceneError
 from flexlin.scene.named_files import place_below
 from flexlin.scene.problems import schema_problems
 from flexlin.scene.robot import FlexibleTable, JointTable, RobotTable
-from flexlin.scene.urdf.bodies import angles_of, plain, rotation_of
+from flexlin.scene.urdf.bodies import angles_of, as_numbers, rotation_of
 from flexlin.scene.urdf.convert import ChainTables, chain_tables
 from flexlin.scene.urdf.robot import read_robot
 from flexlin.text import printable
@@ -146,12 +146,12 @@ def bend_link(chain: ChainTables, index: int, table: Mapping[str, Any]) -> None:
         )
     B = turn_to(along / reach)
     link["mount"]["rpy"] = angles_of(rotation_of(link["mount"]["rpy"]) @ B)
-    link["axis"] = plain(B.T @ np.array(link["axis"]))
+    link["axis"] = as_numbers(B.T @ np.array(link["axis"]))
     link |= {"length": float(length), "mass_per_length": table.get("mass_per_length", body["mass"] / length)}
     link |= {name: value for name, value in table.items() if name not in ("length", "mass_per_length")}
     del link["body"]
     if after:
-        after["mount"]["xyz"] = plain(B.T @ along - np.array([length, 0.0, 0.0]))
+        after["mount"]["xyz"] = as_numbers(B.T @ along - np.array([length, 0.0, 0.0]))
         after["mount"]["rpy"] = angles_of(B.T @ rotation_of(after["mount"]["rpy"]))
 
 
