@@ -12,7 +12,7 @@ from scipy.linalg import expm
 import flexlin as fl
 from flexlin.errors import ArgumentError
 from flexlin.kronecker import derivative
-from flexlin.mechanics.screws import Ad, ad, cross, exponential, hat, helical, prismatic, revolute
+from flexlin.mechanics.screws import Ad, ad, exponential, hat, helical, prismatic, revolute, skew
 
 SCREWS = np.array(
     [
@@ -94,7 +94,7 @@ def test_adjoint_partials_13(chain, alpha):
     for beta in product(*[range(a + 1) for a in alpha]):
         times = np.prod([comb(a, b) for a, b in zip(alpha, beta, strict=True)])
         o = chain.partial(Q, beta)[:3, 3]
-        lower += times * cross(o) @ chain.partial(Q, np.subtract(alpha, beta))[:3, :3]
+        lower += times * skew(o) @ chain.partial(Q, np.subtract(alpha, beta))[:3, :3]
     assert_allclose(A[3:, :3], lower, atol=1e-12)
 
 
