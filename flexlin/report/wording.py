@@ -154,6 +154,8 @@ def format_figures(table: dict[str, Any], units: dict[str, str]) -> str:
 
 def format_list(value: Any) -> str:
     """A number, or the numbers of a list, to four digits."""
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {format_list(part)}" for key, part in value.items() if part) or "0"
     values = value if isinstance(value, (list, tuple)) else (value,)
     return ", ".join(f"{v:.4g}" if isinstance(v, float) else str(v) for v in values)
 

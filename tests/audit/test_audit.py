@@ -10,8 +10,11 @@ from scipy.linalg import eigvals
 
 import flexlin as fl
 from flexlin.answers.audit import audit
+from flexlin.answers.audit.comparison import find_reach
 from flexlin.answers.audit.judging import Judge
+from flexlin.answers.audit.minimal import again, mode_versions
 from flexlin.answers.audit.models import list_model_versions
+from flexlin.answers.audit.scale import read_scale
 from flexlin.answers.audit.versions import Version, with_modes
 from flexlin.report.minimal import fitting, minimal_text
 from flexlin.scene import register_model
@@ -249,3 +252,24 @@ def test_what_is_beyond_small_deflections_is_no_plain_advice():
     assert row.tip_error > 1.0
     assert row.advice.startswith("with these figures the deflections are not small")
     assert gravity({**soft, "links.0.bending_stiffness": 5.0}).advice.startswith("consider it")
+
+
+def test_a_mode_less_of_one_kind_is_followed_by_one_less_of_the_same_kind():
+    """A blade that flaps, lags and twists: the ways to take modes from it end, and none ends below nothing."""
+    scene = fl.load_scene("rotating-blade", {"links.0.modes": {"y": 1, "z": 2, "torsion": 1}})
+    for version in mode_versions(scene):
+        if version.on:
+            direction = version.subject.rpartition(".")[2]
+            less, steps = version.make(scene), 1
+            while following := again(less, version):
+                assert [found.subject for found, _ in following] == [version.subject]
+                less, steps = following[0][0].make(less), steps + 1
+            assert steps == getattr(scene.links[0].counts, direction)
+            assert getattr(less.links[0].counts, direction) == 0
+
+
+def test_a_robot_of_bodies_alone_has_a_reach_and_a_mass():
+    """The r3 by its mounts and bodies: no division by the length of links that it has not."""
+    scene = fl.load_scene("manutec-r3")
+    assert find_reach(scene) == pytest.approx(np.hypot(0.324, 0.3) + 0.65 + np.hypot(0.414, 0.155) + 0.186 + 0.125)
+    assert read_scale(scene).mass == pytest.approx(1 + 56.5 + 26.4 + 28.7 + 5.2 + 15.5)

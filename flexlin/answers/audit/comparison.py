@@ -115,8 +115,10 @@ def list_versions(scene: Scene) -> list[Version]:
 
 
 def find_reach(scene: Scene) -> float:
-    """The length by which tip errors are measured: of the links, else of the model's arm, else 1."""
-    if scene.links:
-        return sum(link.length for link in scene.links)
+    """The length by which tip errors are measured: of the links and of what lies between them, else of the model's arm, else 1."""
+    between = sum(float(np.linalg.norm(link.mount.xyz)) for link in scene.links[1:])
+    reach = sum(link.length for link in scene.links) + between
+    if reach:
+        return reach
     length = arm_length(linearize(build_manipulator(scene), scene.motion, scene.control))
     return length if np.isfinite(length) and length > 0 else 1.0

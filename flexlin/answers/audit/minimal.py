@@ -82,7 +82,7 @@ def mode_versions(scene: Scene) -> list[Version]:
 
 
 def again(scene: Scene, version: Version) -> list[tuple[Version, Row]]:
-    """The same link with yet a mode less."""
+    """The same link with yet a mode less of the same kind."""
     return [(v, UNKNOWN) for v in mode_versions(scene) if v.on and v.subject == version.subject]
 
 

@@ -28,7 +28,7 @@ def read_scale(scene: Scene) -> Scale:
     return Scale(
         links=scene.links,
         inertias=tuple(joints[moving.index(i)] if i in moving else max(joints) for i in range(len(scene.links))),
-        mass=sum(link.mass_per_length * link.length for link in scene.links),
+        mass=sum(link.mass_per_length * link.length + (link.body.mass if link.body else 0.0) for link in scene.links),
         motion=2 * np.pi / build_motion(scene.motion, arm.joints, arm=arm).period,
         bending=float(min(slowest)) if slowest else None,
     )

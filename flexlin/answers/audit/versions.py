@@ -62,7 +62,8 @@ def list_mode_versions(scene: Scene) -> Iterator[Version]:
                     which = "" if plain else f" in {direction}"
                     change = f"link {i + 1} with {modes} mode{'s' if modes != 1 else ''}{which}"
                     give = partial(with_modes, link=i, step=step, direction=direction)
-                    yield Version(give, change, "modes", f"links.{i}", step < 0, {"modes": modes})
+                    subject = f"links.{i}" if plain else f"links.{i}.modes.{direction}"
+                    yield Version(give, change, "modes", subject, step < 0, {"modes": modes})
 
 
 def with_modes(scene: Scene, link: int, step: int, direction: Direction = "y") -> Scene:
