@@ -130,7 +130,8 @@ def tried(
         return None
     T, turning = smooth(framed[0]), framed[1]
     B = np.linalg.solve(T, A @ T - circle_derivative(T, period))
-    share = mixing(B, groups)
+    S = sylvester(B, groups)
+    share = mixing(S)
     stuck = share > MIXING
     made = 0
     if not stuck.any():
@@ -142,10 +143,10 @@ def tried(
         def effect(B: Array, S: Array) -> float:
             return float((pair_effects(B, S, apart, np.abs(B).max(axis=0) * resolved) / allowed).max())
 
-        T, B, made = rounds(B, T, groups, lambda S: low_harmonics(S, period, apart.gap), effect, MAX_ROUNDS)
+        T, B, S, made = rounds(B, T, S, groups, lambda S: low_harmonics(S, period, apart.gap), effect, MAX_ROUNDS)
         rough = np.abs(high_harmonics(B, period, apart.gap)).max(axis=0)
-        stuck = pair_effects(B, sylvester(B, groups), apart, rough) > 0.1 * allowed + transformation_noise(T, A)
-        share = mixing(B, groups)
+        stuck = pair_effects(B, S, apart, rough) > 0.1 * allowed + transformation_noise(T, A)
+        share = mixing(S)
     if (strongest := share[stuck].max(initial=0.0)) > SETTLED:
         stuck &= share >= WORST * strongest
     none = np.zeros(stuck.shape)

@@ -13,7 +13,7 @@ from flexlin.periodic.decoupling.exponents import SAFETY, STAGES, STEP, UNRESOLV
 from flexlin.periodic.decoupling.frames import open_frame
 from flexlin.periodic.decoupling.grouping import Group, follow_modes, grouped_modes
 from flexlin.periodic.decoupling.interval import KEPT, filter_interval, integrate_interval, sample_interval
-from flexlin.periodic.decoupling.superadiabatic import mixing, rounds
+from flexlin.periodic.decoupling.superadiabatic import mixing, rounds, sylvester
 from flexlin.periodic.decoupling.waves import apply
 from flexlin.periodic.product.balancing import GROUP_CONDITION
 from flexlin.periodic.product.eigenvalues import product_logs, solve_product
@@ -116,18 +116,20 @@ def decouple_panel(A: MatrixFunction, start: float, stop: float, count: int, mos
         columns, groups = grouped_modes(modes, together)
         T = apply(smooth, open_frame(modes.taken(columns), groups))
         B = np.linalg.solve(T, samples @ T - apply(slope, T) / half)
-        made, share = 0, mixing(B, groups)
+        S = sylvester(B, groups)
+        made, share = 0, mixing(S)
         stuck = share > MIXED
         if not stuck.any():
-            T, B, made = rounds(
+            T, B, S, made = rounds(
                 B,
                 T,
+                S,
                 groups,
                 lambda S: (apply(smooth, S), apply(slope, S) / half),
                 lambda B, S: 1e12 * float(np.sqrt(np.abs(S).max(axis=0) * np.abs(S).max(axis=0).T).max()),
                 most,
             )
-            share = mixing(B, groups)
+            share = mixing(S)
             stuck = share > LEFT
         if not stuck.any():
             return Panel(start, stop, T, B, groups, made, float(share.max()))

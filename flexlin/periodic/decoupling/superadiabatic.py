@@ -78,42 +78,43 @@ def block(B: Array, group: Group, other: Group) -> Array:
     return Y @ np.conj(np.swapaxes(Q, 1, 2))
 
 
-def mixing(B: Array, groups: tuple[Group, ...]) -> Array:
-    """How far the next step would mix each pair of modes (n, n), whatever their scaling."""
-    S = np.abs(sylvester(B, groups)).max(axis=0)
-    return np.sqrt(S * S.T)
+def mixing(S: Array) -> Array:
+    """How far a step 1 + S would mix each pair of modes (n, n), whatever their scaling."""
+    size = np.abs(S).max(axis=0)
+    return np.sqrt(size * size.T)
 
 
 def rounds(
     B: Array,
     T: Array,
+    S: Array,
     groups: tuple[Group, ...],
     cleaned: Callable[[Array], tuple[Array, Array]],
     effect: Callable[[Array, Array], float],
     most: int,
-) -> tuple[Array, Array, int]:
+) -> tuple[Array, Array, Array, int]:
     """Repeat T := T (1 + S), B := (1 + S)^-1 (B (1 + S) - S') until the coupling's effect stops shrinking; keep the best.
 
     S solves the Sylvester equations of the coupling: what is left is S' and products of S, smaller by the rate of change over the gap
     of the eigenvalues in every round.
 
-    Parameters: cleaned(S): S without the harmonics that would not shrink, and its derivative; effect(B, S): the size of the coupling
-    against what is allowed. Returns: T, B, rounds.
+    Parameters: S: the solution for B; cleaned(S): S without the harmonics that would not shrink, and its derivative; effect(B, S): the
+    size of the coupling against what is allowed. Returns: T, B, S, rounds.
     Source: Berry, Histories of adiabatic quantum transitions, Proc. R. Soc. A 429 (1990).
     """
     eye = np.eye(B.shape[-1])
-    best, least = (T, B, 0), np.inf
+    best, least = (T, B, S, 0), np.inf
     for turn in range(most + 1):
-        S = sylvester(B, groups)
         size = effect(B, S)
         if not size < SLOW * least:
             break
-        best, least = (T, B, turn), size
-        if size < ENOUGH:
+        best, least = (T, B, S, turn), size
+        if size < ENOUGH or turn == most:
             break
-        S, slope = cleaned(S)
-        step = eye + S
+        clean, slope = cleaned(S)
+        step = eye + clean
         T, B = T @ step, np.linalg.solve(step, B @ step - slope)
+        S = sylvester(B, groups)
     return best
 
 
