@@ -90,10 +90,16 @@ def charts_speed() -> str:
     million = record["million"]
     compiling = max(row["compile_s"] for row in record["rows"])
     text = (
-        f"A million values with one mode on all cores took {million['seconds']:.0f} s by the clock, compiler and start of the processes "
+        f"A million values with one mode on all cores took {million['seconds']:.0f} s by the clock, compiler and loading "
         f"counted, and {million['memory_mb']:.0f} MB, while {million['load']:.0f} processes wanted the processors. Compiling took "
-        f"{compiling:.0f} s at the most. The last column is the largest distance from `floquet` on a random sample."
+        f"{compiling:.1f} s at the most. The last column is the largest distance from `floquet` on a random sample."
     )
+    shares = {name: share for name, share in record["sharing"].items() if not name.endswith(", s")}
+    text += (
+        f" Shared out, the {record['sharing']['one process, s']:.0f} s of one processor become more by "
+        + ", ".join(f"{100 * share:.1f} % ({name})" for name, share in shares.items())
+    )
+    text += ": processes load flexlin first, and the cluster was there already."
     tables = [
         table(["scene", "a value in C", "NumPy takes times", "distance"], lines),
         table(["1 link, 1 mode", "a value", "ratio"], peers),

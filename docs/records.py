@@ -60,7 +60,7 @@ def measure_torture(out: str) -> dict[str, Any]:
 
 
 def measure_charts_speed(out: str) -> dict[str, Any]:
-    return import_module("charts_speed").run("full", out)
+    return import_module("charts_speed").main("full", out)
 
 
 MEASURES = {

@@ -4,7 +4,8 @@ Payload times frequency at 1e-8, for the single link with one and two modes and 
 processor a value by the compiled kernel and by NumPy, each with all exponents and their errors, and the values of a random sample beside
 `fl.floquet`. Other programs make only the transition matrix of a period, on the single link with one mode: heyoka's SIMD batch, and
 jax.vmap over the fixed steps of DOP853, both compiled, each at the cheapest setting that reaches 1e-8. The programs take turns, and each
-time is the least of several, so that ratios hold on a machine that does other work. Then a million values on all cores, by the clock.
+time is the least of several, so that ratios hold on a machine that does other work. A million values on all cores, by the clock; and what
+sharing them out costs: processor time by threads, processes and a Dask cluster against one process alone.
 
     python studies/charts_speed.py [--size small] [--out DIR]
 """
@@ -28,7 +29,11 @@ from flexlin.about.free import ParametricLoop, parametric_loop
 from flexlin.answers.peers import HeyokaTransitions
 from flexlin.answers.peers.right_hand_sides import derive_state_matrix
 from flexlin.answers.sweep.batches import NumpyBatches, Plan, prepare_coefficients
+from flexlin.answers.sweep.cluster import Cluster
 from flexlin.answers.sweep.compiled import CompiledBatches
+from flexlin.answers.sweep.job import compute_here, prepare_job
+from flexlin.answers.sweep.processes import Processes
+from flexlin.answers.sweep.threads import Threads
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.many import compiler
 from flexlin.periodic.many.transitions import batched_transitions
@@ -43,6 +48,8 @@ SCENES = {
 VALUES = {"full": (16384, 4096, 256), "small": (64, 32, 0)}
 SAMPLE = {"full": 40, "small": 2}
 ROUNDS = {"full": 5, "small": 1}
+SHARED = {"full": 1000, "small": 48}
+"""Values on a side of the square that is shared out."""
 STEPS = (64, 96, 128, 192, 256, 384, 512)
 TOLERANCES = (1e-7, 1e-8, 1e-9, 1e-10, 1e-11)
 BATCHED = 256
@@ -208,8 +215,71 @@ def time_million() -> dict[str, float]:
     }
 
 
-def run(size: str = "full", out: Path | str = "out/studies") -> dict[str, Any]:
-    """Take all times; print and keep them."""
+def time_sharing(size: str) -> dict[str, float]:
+    """Processor time of the same values by two threads, two processes and a Dask cluster of two workers, over that of one process."""
+    name, overrides, *ranges = SCENES["1 link, 1 mode"]
+    sides = zip((PAYLOAD, FREQUENCY), ranges, strict=True)
+    values = {path: np.linspace(low, high, SHARED[size]) for path, (low, high) in sides}
+    job = prepare_job(fl.load_scene(name, overrides), values, TOL, True, "own")
+    first = job.found.exponents.copy()
+
+    def spend(crew: Any, others: Callable[[], float] = lambda: 0.0) -> float:
+        job.done[:] = False
+        before = time.process_time() + others()
+        job.run(crew)
+        return time.process_time() + others() - before
+
+    def children() -> float:
+        usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return usage.ru_utime + usage.ru_stime
+
+    alone = spend(compute_here)
+    first[:] = job.found.exponents
+    times = {"two threads": spend(Threads(2)), "two processes": spend(Processes(2), children)}
+    if size == "full" and find_spec("distributed"):
+        from distributed import Client, LocalCluster
+
+        options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
+        with LocalCluster(**options) as cluster, Client(cluster) as client:
+            client.run(sweep_loaded)
+            times["Dask, two workers"] = spend(Cluster(client), lambda: sum(client.run(time.process_time).values()))
+    assert np.array_equal(first, job.found.exponents), "sharing has changed bits"
+    alone = min(alone, spend(compute_here))
+    return {"one process, s": alone, **{name: seconds / alone - 1 for name, seconds in times.items()}}
+
+
+def sweep_loaded() -> str:
+    """Load what a worker of an existing cluster has loaded after its first chart."""
+    from flexlin.answers.sweep import compiled
+
+    return compiled.__name__
+
+
+def draw(data: dict[str, Any], out: Path) -> None:
+    """Draw the time of a value by each route and each program."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    bars = {
+        f"{row['scene']}, {route}": row[key]
+        for row in data["rows"]
+        for route, key in (("C", "compiled_us"), ("NumPy", "numpy_us"))
+    }
+    bars |= {f"1 link, 1 mode, {name}": us for name, us in data["peers_us"].items() if not name.startswith("flexlin")}
+    figure, axes = plt.subplots(figsize=(9, 0.45 * len(bars) + 1.2))
+    axes.barh(list(bars), list(bars.values()), color=["tab:blue" if ", C" in name else "tab:gray" for name in bars])
+    axes.invert_yaxis()
+    axes.set(xscale="log", xlabel="processor time of a value in us")
+    axes.set_title("A value of a stability chart at 1e-8", loc="left")
+    figure.tight_layout()
+    figure.savefig(out / "charts_speed.svg")
+    plt.close(figure)
+
+
+def main(size: str = "full", out: Path | str = "out/studies") -> dict[str, Any]:
+    """Take all times; print, draw and keep them."""
     data: dict[str, Any] = {"million": time_million()} if size == "full" else {}  # first: its memory is not yet others'
     data["rows"] = [time_scene(scene, n, size) for scene, n in zip(SCENES, VALUES[size], strict=True) if n]
     loop, points = grid("1 link, 1 mode", BATCHED if size == "full" else 16)
@@ -225,11 +295,19 @@ def run(size: str = "full", out: Path | str = "out/studies") -> dict[str, Any]:
     own = data["peers_us"]["flexlin, all exponents"]
     for name, us in data["peers_us"].items():
         print(f"{name:60} {us:8.1f} us a value, {us / own:6.1f} times")
+    data["sharing"] = time_sharing(size)
+    for name, value in data["sharing"].items():
+        print(
+            f"{name:60} {value:8.2f}"
+            if name.endswith("s") and name.startswith("one")
+            else f"{name:60} {100 * value:7.1f} % more"
+        )
     if "million" in data:
         print("a million values: {seconds:.1f} s, {memory_mb:.0f} MB, load {load:.1f}".format(**data["million"]))
     folder = Path(out)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "charts_speed.json").write_text(json.dumps(data, indent=1), encoding="utf-8")
+    draw(data, folder)
     return data
 
 
@@ -238,4 +316,4 @@ if __name__ == "__main__":
     parser.add_argument("--size", choices=["full", "small"], default="full")
     parser.add_argument("--out", type=Path, default=Path("out/studies"))
     options = parser.parse_args()
-    run(options.size, options.out)
+    main(options.size, options.out)

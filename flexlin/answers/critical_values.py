@@ -79,8 +79,9 @@ def critical_values(
         max_i Re lambda_i(p) = 0,   error of p = error of lambda / |d Re lambda / dp|
 
     The range is scanned at `samples` values, so no interval of instability wider than one step is missed; narrower ones are looked
-    for where two multipliers meet. Without damping the growth rate begins like a square root; the squared distance of the two
-    multipliers that meet is smooth there and takes its place. Free rigid motions, whose exponents are zero throughout, do not count.
+    for where two multipliers meet. With eight and more states, values are left out between two whose exponents decay by more than they
+    move. Without damping the growth rate begins like a square root; the squared distance of the two multipliers that meet is smooth
+    there and takes its place. Free rigid motions, whose exponents are zero throughout, do not count.
 
     Parameters
     ----------
@@ -138,7 +139,7 @@ def critical_values(
 
     tol, samples = positive("tol", tol), whole("samples", samples, 3)
     narrow = narrow and not family.is_constant(np.array([(low + high) / 2]))
-    found = find_crossings(rough, fine, low, high, tol, samples, narrow)
+    found = find_crossings(rough, fine, low, high, tol, samples, narrow, family.slow)
     return [describe_crossing(path, crossing, family) for crossing in found]
 
 

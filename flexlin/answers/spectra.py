@@ -33,6 +33,8 @@ FINER, SMALL = (1, 4, 16), 4
 
 TOGETHER, WIDE = 25, 8
 """Up to so many values of a loop with so many states or more are computed one by one: a batch's pilot alone would take longer."""
+LARGE = 12
+"""With so many states or more all values are: scans are sparse, and a batch's fixed number of segments suits few of the values."""
 
 Source = Scene | Callable[..., PeriodicSystem]
 """A scene, or a function of one number for each parameter that returns a system."""
@@ -45,6 +47,11 @@ class Family:
     make: Callable[[Array], PeriodicSystem]
     own: Array
     evaluations: int = 0
+
+    @property
+    def slow(self) -> bool:
+        """Whether spectra take so long that a scan should leave out what it can."""
+        return False
 
     def system_at(self, point: Array) -> PeriodicSystem:
         """The system at one point (P,)."""
@@ -115,17 +122,17 @@ class SceneFamily(Family):
             self.compiled = CompiledBatches.prepare(self.loop, points, ROUGH)
             self.plan = None if self.compiled is None else self.compiled.plan
 
+    @property
+    def slow(self) -> bool:
+        return self.loop is not None and self.loop.states >= WIDE
+
     def rough(self, points: Array) -> Spectra:
         """Together, as a sweep computes them, where that is accurate enough; else one by one."""
         assert self.loop is not None
         if not len(points):
             return self.unknown(points, ROUGH)
-        if (
-            self.plan is None
-            and len(points) <= TOGETHER
-            and self.loop.states >= WIDE
-            and self.loop.linearization.complete
-        ):
+        few = self.plan is None and len(points) <= TOGETHER
+        if self.loop.states >= WIDE and (few or self.loop.states >= LARGE) and self.loop.linearization.complete:
             return self.one_by_one(points, ROUGH)
         batches = Batches(self.loop, points, ROUGH, CHUNK_BYTES)
         if self.plan is None:

@@ -76,7 +76,7 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
         {"default": "own", "metavar": "LOOP",
          "help": "own (default), open, a design's name, whose gain is kept, or 'NAME, redone' at each value"},
     ),
-    "workers": (["--workers"], {"type": int, "metavar": "N", "help": "processes that share the values (default: as many as cores)"}),
+    "workers": (["--workers"], {"type": int, "metavar": "N", "help": "processes or threads that share the values (default: all cores)"}),
     "scheduler": (["--scheduler"], {"metavar": "ADDRESS", "help": "a Dask cluster that does the work, such as tcp://host:8786"}),
     "store": (
         ["--store"], {"type": Path, "metavar": "CHART.zarr", "help": "keep finished values; the same command goes on where it stopped"},

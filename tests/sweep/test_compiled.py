@@ -11,6 +11,9 @@ from flexlin.about.kernel_source import write_model
 from flexlin.answers.loops import choose_loop
 from flexlin.answers.sweep.batches import NumpyBatches
 from flexlin.answers.sweep.compiled import CompiledBatches
+from flexlin.answers.sweep.job import prepare_job
+from flexlin.answers.sweep.run import choose_crew
+from flexlin.answers.sweep.threads import Threads
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.many import compiler
 from flexlin.periodic.many.compiled import CompiledKernel
@@ -110,6 +113,26 @@ def test_results_do_not_depend_on_the_blocks_nor_on_pickling():
     whole, parts = work.compute(points), [again.compute(points[i : i + 16]) for i in range(0, 61, 16)]
     assert np.array_equal(whole.exponents, np.concatenate([part.exponents for part in parts]))
     assert np.array_equal(whole.error, np.concatenate([part.error for part in parts]))
+
+
+def test_threads_share_values_and_pass_errors_on(monkeypatch):
+    """Two threads, one: the same bits. A block that raises ends the sweep with its error."""
+    monkeypatch.setattr("flexlin.answers.sweep.compiled.PAYS", 0.0)
+    monkeypatch.setattr("flexlin.answers.sweep.compiled.BLOCK_WORK", 1.0)
+    values = {"effects.payload.mass": np.linspace(0.0, 0.3, 61)}
+    job = prepare_job(fl.load_scene("single-link", SINGLE), values, 1e-8, False, "own")
+    assert len(job.blocks) == 8
+    assert isinstance(choose_crew(job), Threads)
+    job.run(choose_crew(job, workers=1))
+    alone = job.found.exponents.copy()
+    job.done[:], job.found.exponents[:] = False, np.nan
+    job.run(Threads(2))
+    assert job.done.all()
+    assert np.array_equal(job.found.exponents, alone)
+    job.done[:], job.points[40] = False, np.nan
+    monkeypatch.setattr(CompiledBatches, "compute", lambda self, points: 1 / int(np.isfinite(points).all()))
+    with pytest.raises(ZeroDivisionError):
+        list(Threads(2)(job))
 
 
 def every_operation(phase, p):

@@ -17,6 +17,7 @@ class OneByOne:
     tol: float
     block: int = 4
     route = "one by one"
+    threaded = False
 
     @property
     def plan(self) -> Plan:

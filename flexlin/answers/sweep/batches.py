@@ -149,6 +149,7 @@ class NumpyBatches:
     chunk_bytes: int
     plan: Plan
     route = "numpy"
+    threaded = False
 
     @classmethod
     def prepare(cls, loop: ParametricLoop, points: Array, tol: float, chunk_bytes: int) -> "NumpyBatches":

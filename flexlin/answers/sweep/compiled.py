@@ -71,6 +71,11 @@ class CompiledBatches:
         return cls(loop, tol, kernel, scale, choose_segments(kernel, few, scale, tol), seconds)
 
     @property
+    def threaded(self) -> bool:
+        """All values are computed by the kernel, which lets other threads work meanwhile."""
+        return not self.loop.linearization.may_be_narrow
+
+    @property
     def block(self) -> int:
         """Values of a block: as many whatever machine or worker computes it, so that results do not depend on where the cuts are."""
         work = sum(MULTIPLES[:3]) * self.plan.segments * 12 * (2 * self.loop.linearization.n) ** 3

@@ -29,7 +29,10 @@ DESIGN_TOL = 1e-9
 
 
 class Work(Protocol):
-    """What computes a block of values; it pickles, so that it can be sent to where the work is done."""
+    """What computes a block of values; it pickles, so that it can be sent to where the work is done.
+
+    `threaded`: whether threads of one process do it as fast as processes.
+    """
 
     route: str
 
@@ -37,6 +40,8 @@ class Work(Protocol):
     def plan(self) -> Plan: ...
     @property
     def block(self) -> int: ...
+    @property
+    def threaded(self) -> bool: ...
     def compute(self, points: Array) -> Found: ...
 
 

@@ -16,6 +16,7 @@ from flexlin.answers.sweep.found import Found
 from flexlin.answers.sweep.job import Job, Work, compute_here, prepare_job
 from flexlin.answers.sweep.processes import Processes
 from flexlin.answers.sweep.store import Store
+from flexlin.answers.sweep.threads import Threads
 from flexlin.arguments import checked, instance
 from flexlin.checks import whole
 from flexlin.errors import ArgumentError
@@ -63,7 +64,8 @@ def sweep(
         "own": the scene's loop; "open": the arm without feedback; a design's name: its gain as designed with the scene's own numbers, kept
         while they vary, as a function of the phase; "NAME, redone": designed anew at each value.
     workers : int, optional
-        Processes that share the work; by default one for each core where that saves time. The result is the same to the last bit.
+        Processes that share the work, or threads where compiled code does it; by default one for each core where that saves time. The
+        result is the same to the last bit.
     client : distributed.Client or str, optional
         A Dask cluster, or its scheduler's address, that does the work in their place.
     store : str or Path, optional
@@ -127,9 +129,13 @@ def choose_crew(
     if workers is not None:
         if whole("workers", workers) == 1:
             return compute_here
+        if job.work.threaded:
+            return Threads(workers)
         need_portable(job.work)
         return Processes(workers)
     cores = count_cores()
+    if job.work.threaded:
+        return Threads(cores)
     if cores == 1 or not is_portable(job.work) or predict_seconds(job) < WORTH:
         return compute_here
     return Processes(cores)

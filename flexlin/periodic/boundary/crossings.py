@@ -8,6 +8,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.boundary.narrow import Peaks, find_peaks, list_end_peaks
 from flexlin.periodic.boundary.roots import SignedEnds, solve_brackets
+from flexlin.periodic.boundary.scan import scan_sparsely, settles
 from flexlin.periodic.boundary.spectra import Spectra, SpectraFunction, count_resting, drop_resting, measure_margins
 
 SAMPLES = 1025
@@ -55,6 +56,7 @@ def find_crossings(
     tol: float,
     samples: int = SAMPLES,
     narrow: bool = True,
+    sparse: bool = False,
 ) -> list[Crossing]:
     """Every value between low and high at which the largest growth passes zero, in rising order.
 
@@ -62,10 +64,14 @@ def find_crossings(
     meet between two values. Each change of verdict is then narrowed to tol / 4 by a function that is smooth through the boundary.
 
     Parameters: rough, fine: values (V,) -> spectra, cheap and as accurate as can be; tol: wanted error of a value;
-    narrow: whether to look for tongues between two values; not where A does not depend on time, and multipliers meet without effect.
+    narrow: whether to look for tongues between two values; not where A does not depend on time, and multipliers meet without effect;
+    sparse: whether to leave out values between which the verdict cannot change (`scan_sparsely`).
     """
-    points = np.linspace(low, high, samples)
-    scan = rough(points)
+    if sparse:
+        points, scan = scan_sparsely(rough, low, high, samples)
+    else:
+        points = np.linspace(low, high, samples)
+        scan = rough(points)
     resting = count_resting(scan)
     if resting == scan.logs.shape[1]:
         return []
@@ -78,8 +84,11 @@ def find_crossings(
 
     scan, touching = drop_resting(scan, resting), list[Crossing]()
     if narrow:
-        points, scan = merge_scans(points, scan, list_end_peaks(points, scan), moving)
-        peaks = find_peaks(points, scan, moving, max(tol / 4, 1e-13 * (high - low)))
+        settled = settles(scan) if sparse else np.zeros(len(points) - 1, dtype=bool)
+        if not (settled[0] and settled[-1]):
+            points, scan = merge_scans(points, scan, list_end_peaks(points, scan), moving)
+            settled = settles(scan) if sparse else np.zeros(len(points) - 1, dtype=bool)
+        peaks = find_peaks(points, scan, moving, max(tol / 4, 1e-13 * (high - low)), settled)
         points, scan = merge_scans(points, scan, np.unique(peaks.points[peaks.unstable]), moving)
         touching = list_touching(peaks, scan)
     crossings = locate_crossings(list_intervals(points, scan), moving, moving_fine, tol, high - low)

@@ -43,12 +43,14 @@ def measure_heights(spectra: Spectra) -> Array:
     return np.concatenate([meetings, spectra.logs.real.max(axis=1, keepdims=True)], axis=1)
 
 
-def find_peaks(points: Array, spectra: Spectra, function: SpectraFunction, accuracy: float) -> Peaks:
+def find_peaks(
+    points: Array, spectra: Spectra, function: SpectraFunction, accuracy: float, settled: Array | None = None
+) -> Peaks:
     """Climb every peak of `measure_heights` between values (V,) that are not unstable.
 
-    Parameters: accuracy: of the place of a peak.
+    Parameters: accuracy: of the place of a peak; settled (V - 1,): cells in which none is looked for.
     """
-    return climb_peaks(list_slopes(points, spectra), lambda which, values: function(values), accuracy)
+    return climb_peaks(list_slopes(points, spectra, settled), lambda which, values: function(values), accuracy)
 
 
 @dataclass(frozen=True)
@@ -62,10 +64,13 @@ class Slopes:
     conjugate: Array
 
 
-def list_slopes(points: Array, spectra: Spectra) -> Slopes:
-    """The peaks of a scan, each with its two neighbours."""
+def list_slopes(points: Array, spectra: Spectra, settled: Array | None = None) -> Slopes:
+    """The peaks of a scan, each with its two neighbours; those with settled cells (V - 1,) on both sides are left out."""
     heights, quiet = measure_heights(spectra), spectra.verdicts <= 0
     index, column = list_peaks(heights, quiet, spectra)
+    if settled is not None:
+        open_ = ~(settled[index - 1] & settled[index])
+        index, column = index[open_], column[open_]
     three = index + np.arange(-1, 2)[:, None]
     last = heights.shape[1] - 2
     conjugate = (column == 0) | (column == last)

@@ -78,6 +78,44 @@ def test_random_pairs_of_oscillators_against_a_dense_scan(seed):
         assert spectra(np.array([x - 1e-7, x + 1e-7])).verdicts.clip(0).sum() == 1
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_sparse_scan_finds_what_a_full_one_finds(seed):
+    """Two coupled modes with damping from light to heavy: the same values, of which a heavily damped system needs few."""
+    rng = np.random.default_rng(seed)
+    turn = np.linalg.qr(rng.standard_normal((2, 2)))[0]
+    mean = turn @ np.diag(rng.uniform(0.5, 6.0, 2)) @ turn.T
+    swing = rng.standard_normal((2, 2))
+    swing = swing + swing.T
+
+    def stiffness(sign):
+        return lambda p: np.broadcast_to(mean + sign * swing, (len(p), 2, 2))
+
+    damping = [0.02, 0.1, 0.3][seed % 3] * np.diag(rng.uniform(0.3, 1.0, 2))
+    spectra, counts = piecewise(stiffness(1.0), stiffness(-1.0), damping, lambda p: np.pi / p), [0, 0]
+
+    def counted(values, which):
+        counts[which] += len(values)
+        return spectra(values)
+
+    full, sparse = (
+        find_crossings(*[lambda v, k=k: counted(v, k)] * 2, 0.5, 4.0, 1e-9, samples=513, sparse=bool(k)) for k in (0, 1)
+    )
+    assert len(sparse) == len(full)
+    assert np.allclose([one.value for one in sparse], [one.value for one in full], rtol=0, atol=2e-9)
+    assert counts[1] < counts[0]
+
+
+def test_a_sparse_scan_of_a_heavily_damped_system_is_short():
+    spectra, values = meissner(0.3, damping=0.4), []
+
+    def counted(x):
+        values.extend(x)
+        return spectra(x)
+
+    assert find_crossings(counted, counted, 1.4, 3.0, 1e-9, sparse=True) == []
+    assert len(values) < 200
+
+
 def test_no_boundary_and_a_boundary_in_the_first_cell():
     spectra = meissner(0.3, damping=0.4)
     assert find_crossings(spectra, spectra, 1.4, 3.0, 1e-9, samples=65) == []
