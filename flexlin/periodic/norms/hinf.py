@@ -9,7 +9,7 @@ from flexlin.checks import Array, positive
 from flexlin.errors import ArgumentError, NotStable, ToleranceNotReached
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.floquet.modes import floquet_modes
+from flexlin.periodic.floquet.modes import solve_modes_at_nodes
 from flexlin.periodic.norms.h2 import check_ports
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve
@@ -113,7 +113,7 @@ class BoundedReal:
             return False
         n = self.system.n
         coarse = floquet(system, COARSE)
-        right = floquet_modes(system, coarse).right[:, :, np.argsort(coarse.exponents.real)[:n]]
+        right = solve_modes_at_nodes(system, coarse, quick=True).right[:, :, np.argsort(coarse.exponents.real)[:n]]
         with np.errstate(all="ignore"):
             X = np.linalg.solve(np.swapaxes(right[:, :n], 1, 2), np.swapaxes(right[:, n:], 1, 2)).real
         if not np.isfinite(X).all():
