@@ -4,10 +4,11 @@ from functools import partial
 
 import numpy as np
 
+from flexlin import symbolic
 from flexlin.about.deviation import Deviation
 from flexlin.checks import Array
 from flexlin.errors import MotionError, SingularClosure
-from flexlin.series.tracking import find_lowest, find_turn, track, worth
+from flexlin.series.tracking import CLOSE, CONTRACTION, find_lowest, find_turn, track, worth
 
 PHASES = 256
 """Steps of a period that are looked at."""
@@ -17,6 +18,8 @@ SUSPECT = 0.05
 """Only below this reciprocal condition number a minimum is looked at more closely."""
 SAME = 1e-6
 """Followers that differ by more are those of another assembly."""
+STRAIGHT = 5
+"""Newton's steps, all times together, that show that two neighbours belong together."""
 SHORTEST = 1e-10
 """The shortest step, as a share of the period, by which the followers are tracked."""
 OTHER = "move the motion away from there, or give the links other lengths"
@@ -33,24 +36,45 @@ def refuse_open_loops(about: Deviation) -> None:
     asked = about.of_arm("followers", t, np.zeros((len(t), about.n)))[:, :, 0]
     if not np.isfinite(asked[0]).all():
         raise refused(0.0, "the loops do not close at the start of the motion", NEARER)
+    near = find_near(about, t, asked)
     v, lost = [asked[0]], None
     for k in range(1, PHASES + 1):
-        found, at = follow(about, v[-1], t[k - 1], t[k])
+        found, at = (asked[k], t[k]) if near[k - 1] and lost is None else follow(about, v[-1], t[k - 1], t[k])
         if found is None:
             refuse_singular(about, t[:k], v)
             raise singular(at, "lets the loops follow no further: they reach a dead point")
         v.append(found)
-        same = np.abs(found - asked[k]).max() <= SAME * (1 + np.abs(found).max())
-        lost = t[k] if lost is None and not same else lost
+        lost = t[k] if lost is None and not is_same(found, asked[k]).all() else lost
     refuse_singular(about, t, v)
     if lost is not None:
         raise refused(lost, "v(u) about the posture does not follow the whole motion", NEARER)
 
 
+def find_near(about: Deviation, t: Array, v: Array) -> Array:
+    """Whether Newton's method leads from the followers at each time straight to those at the next, (N - 1,), all in batches."""
+    found, last, near = v[:-1].copy(), np.inf, np.isfinite(v[1:]).all(axis=1) & np.isfinite(v[:-1]).all(axis=1)
+    found[~near] = v[0]
+    (s,) = about.positions(t[1:], np.zeros((len(t) - 1, about.n)))
+    p = np.broadcast_to(about.arm.parameters.values, (len(s), len(about.arm.parameters.values)))
+    for _ in range(STRAIGHT):
+        (step,) = symbolic.evaluate(about.arm.functions["newton_step"], s, found, p)
+        size = np.abs(step[:, :, 0]).max(axis=1)
+        near &= size < np.maximum(last / CONTRACTION, CLOSE)
+        found[near] -= step[near, :, 0]
+        last = size
+    return np.asarray(near & is_same(found, v[1:]).all(axis=1))
+
+
+def is_same(v: Array, other: Array) -> Array:
+    """Whether followers agree, whole turns apart."""
+    off = v - other
+    return np.asarray(np.abs(off - 2 * np.pi * np.round(off / (2 * np.pi))) <= SAME * (1 + np.abs(v)))
+
+
 def refuse_singular(about: Deviation, t: Array, v: list[Array]) -> None:
     """Raise where V is singular at one of the times, or between them, while the followers are v."""
-    V = [closing(about, at, now) for at, now in zip(t, v, strict=True)]
-    signs, size = [side(one) for one in V], np.array([worth(one) for one in V])
+    V = closings(about, t, np.array(v))
+    signs, size = np.linalg.slogdet(V)[0], 1 / np.linalg.cond(V)
     for k in range(1, len(t)):
         if signs[k] != signs[k - 1]:
             seen = partial(between, about, t[k - 1], v[k - 1])
@@ -68,17 +92,18 @@ def side(V: Array) -> float:
     return float(np.linalg.slogdet(V)[0])
 
 
-def closing(about: Deviation, t: float, v: Array) -> Array:
-    """V at a time for followers v, its columns scaled to length 1, so that metres and radians count alike."""
-    s = about.positions(np.array([t]), np.zeros((1, about.n)))[0][0]
-    V = about.arm.functions["closing"](s, v, about.arm.parameters.values).full()
-    return np.asarray(V / np.maximum(np.linalg.norm(V, axis=0), 1e-300))
+def closings(about: Deviation, t: Array, v: Array) -> Array:
+    """V (N, k, k) at times for followers v (N, k), its columns scaled to length 1, so that metres and radians count alike."""
+    (s,) = about.positions(t, np.zeros((len(t), about.n)))
+    p = np.broadcast_to(about.arm.parameters.values, (len(t), len(about.arm.parameters.values)))
+    (V,) = symbolic.evaluate(about.arm.functions["closing"], s, v, p)
+    return np.asarray(V / np.maximum(np.linalg.norm(V, axis=1, keepdims=True), 1e-300))
 
 
 def between(about: Deviation, a: float, v: Array, t: float) -> Array:
     """V at a time t after a, at which the followers are v."""
     found, at = follow(about, v, a, t)
-    return closing(about, at, v if found is None else found)
+    return np.asarray(closings(about, np.array([at]), (v if found is None else found)[None])[0])
 
 
 def follow(about: Deviation, v: Array, a: float, b: float) -> tuple[Array | None, float]:

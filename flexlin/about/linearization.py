@@ -132,7 +132,8 @@ class Linearization(SecondOrderEquations):
     def complete(self) -> bool:
         """Whether breaks and features name everything in the coefficients that is narrower than T/200."""
         effects = self._effects
-        return effects is not None and self.motion.complete and all(effect.smooth for effect in effects)
+        known = effects is not None and self.arm.loops is None  # near a dead point a loop moves fast for a short time
+        return known and self.motion.complete and all(effect.smooth for effect in effects or ())
 
     @property
     def _effects(self) -> tuple[Effect, ...] | None:

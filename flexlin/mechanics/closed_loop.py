@@ -162,7 +162,7 @@ def implicit_solution(
     step = ca.Function("step", [within, v, p], [v - ca.solve(ca.jacobian(f, v), f)])
     gap = ca.Function("gap", [within, v, p], [ca.sumsqr(f)])
     places = min(max(MOST_INSTRUCTIONS // (FOLLOWING * step.n_instructions()), 1), MOST_PLACES)
-    way = (within - start) / places
+    way = shorten_turns(numbers, within, v, start, v0) / places
     solution = taylor(way)
     for place in range(1, places):
         for _ in range(FOLLOWING):
@@ -170,6 +170,17 @@ def implicit_solution(
     for _ in range(NEWTON_STEPS):
         solution = step(within, solution, p)
     return ca.if_else(gap(within, solution, p) < CLOSED**2, solution, np.nan)
+
+
+def shorten_turns(f: ca.SX, u: ca.SX, v: ca.SX, u0: np.ndarray, v0: np.ndarray) -> ca.SX:
+    """u - u0, less the whole turns of angles that f does not notice: a crank that goes round is never more than half a turn away."""
+    at, away = ca.Function("f", [u, v], [f]), ca.vertsplit(u - u0)
+    here, turn = at(u0, v0), 2 * np.pi * np.eye(len(u0))
+    same = [float(ca.norm_inf(at(u0 + turn[k], v0) - here)) < CLOSED for k in range(len(u0))]
+    shortened = [
+        ca.atan2(ca.sin(part), ca.cos(part)) if whole else part for part, whole in zip(away, same, strict=True)
+    ]
+    return ca.vertcat(*shortened)
 
 
 def choose_order(nu: int, nv: int) -> int:

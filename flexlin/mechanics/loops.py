@@ -42,7 +42,8 @@ def close_scene_loops(arm: Manipulator, chain: Chain, scene: Scene) -> Manipulat
     independent = [i for i in range(arm.n) if i not in passive]
     names = [link.name for link in scene.links]
     holders = {names.index(loop.link): names.index(loop.to) for loop in scene.loops if loop.to != BASE}
-    return close_loop(replace(arm, points=list_points(chain, holders)), gap, independent, motors, posture)
+    closed = close_loop(replace(arm, points=list_points(chain, holders)), gap, independent, motors, posture)
+    return replace(closed, effects=arm.effects)
 
 
 def join_tips(loops: Sequence[Loop], links: Sequence[Link], tips: Sequence[Frame]) -> ca.SX:

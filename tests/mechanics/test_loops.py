@@ -347,3 +347,21 @@ def test_a_joint_too_many_is_counted():
     changes = {"links.1.passive": False, "motion.joints": joints, "control": {}, "designs": []}
     with pytest.raises(ModelError, match=r"2 passive joints.*3, one for each equation"):
         fl.build_manipulator(fl.load_scene("spatial-four-bar", changes))
+
+
+def test_a_crank_goes_round_and_round():
+    """A full turn of the shipped four-bar's crank against the input-output equation, and a verdict of that motion."""
+    motion = {"kind": "rotation", "joints": [{"rate": 6.0}]}
+    scene = fl.load_scene("spatial-four-bar", {"motion": motion, "links.2.modes": 0, "designs": []})
+    arm = fl.build_manipulator(scene)
+    along = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    bars = Arms(
+        np.array([[0.0, 0, 0], [0.1, 0.9, 0]]), along, np.array([Z, [1.0, 0, 0]]), np.array([0.2, 0.5]), np.ones(2)
+    )
+    at = scene.links[3].posture
+    for crank in np.linspace(0, 4 * np.pi, 97):
+        at = nearest(rssr_angles(bars, 0.9, crank), at)
+        found = np.array(arm.functions["followers"]([crank], []))[-1, 0]
+        assert_allclose(np.exp(1j * found), np.exp(1j * at), rtol=0, atol=1e-11)  # the arc cosine is no better
+    lin = fl.linearize(arm, scene.motion, scene.control)
+    assert fl.floquet(lin.periodic_system(), tol=1e-6).verdict == "stable"

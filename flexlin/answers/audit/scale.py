@@ -14,9 +14,14 @@ BENDING: tuple[Direction, ...] = ("y", "z")
 
 
 def read_scale(scene: Scene) -> Scale:
-    """Read the sizes off a scene, stretched out and at rest."""
+    """Read the sizes off a scene at rest, stretched out, or with closed loops as they are where the motion begins.
+
+    A joint that follows from loops counts as the lightest that is driven.
+    """
     arm = build_manipulator(scene)
-    M = ca.Function("M", [arm.s], [ca.densify(arm.M)])(np.zeros(arm.n))
+    motion = build_motion(scene.motion, arm.joints, arm=arm)
+    begun = arm.reference.full() @ motion.sample(np.zeros(1))[0][0] if scene.loops else np.zeros(arm.n)
+    M = ca.Function("M", [arm.s], [ca.densify(arm.M)])(begun)
     slowest = [
         make_shapes(scene, i, d).beta[0] ** 2 * np.sqrt(link.stiffness_in(d) / (link.mass_per_length * link.length**4))
         for i, link in enumerate(scene.links)
@@ -24,11 +29,18 @@ def read_scale(scene: Scene) -> Scale:
         if getattr(link.counts, d)
     ]
     joints = [float(M[i, i]) for i in range(arm.joints)]
-    moving = [i for i, link in enumerate(scene.links) if link.moves]
+    driven = [i for i, link in enumerate(scene.links) if link.driven]
+    others = [min(joints) if link.passive else max(joints) for link in scene.links]
     return Scale(
         links=scene.links,
+<<<<<<< HEAD
         inertias=tuple(joints[moving.index(i)] if i in moving else max(joints) for i in range(len(scene.links))),
         mass=sum(link.mass_per_length * link.length + (link.body.mass if link.body else 0.0) for link in scene.links),
         motion=2 * np.pi / build_motion(scene.motion, arm.joints, arm=arm).period,
+=======
+        inertias=tuple(joints[driven.index(i)] if i in driven else other for i, other in enumerate(others)),
+        mass=sum(link.mass_per_length * link.length for link in scene.links),
+        motion=2 * np.pi / motion.period,
+>>>>>>> abe18c6 (Let cranks go round, look at closures in batches, and size closed arms where their motion begins)
         bending=float(min(slowest)) if slowest else None,
     )
