@@ -33,14 +33,8 @@ def read_scale(scene: Scene) -> Scale:
     others = [min(joints) if link.passive else max(joints) for link in scene.links]
     return Scale(
         links=scene.links,
-<<<<<<< HEAD
-        inertias=tuple(joints[moving.index(i)] if i in moving else max(joints) for i in range(len(scene.links))),
-        mass=sum(link.mass_per_length * link.length + (link.body.mass if link.body else 0.0) for link in scene.links),
-        motion=2 * np.pi / build_motion(scene.motion, arm.joints, arm=arm).period,
-=======
         inertias=tuple(joints[driven.index(i)] if i in driven else other for i, other in enumerate(others)),
-        mass=sum(link.mass_per_length * link.length for link in scene.links),
+        mass=sum(link.mass_per_length * link.length + (link.body.mass if link.body else 0.0) for link in scene.links),
         motion=2 * np.pi / motion.period,
->>>>>>> abe18c6 (Let cranks go round, look at closures in batches, and size closed arms where their motion begins)
         bending=float(min(slowest)) if slowest else None,
     )
