@@ -137,7 +137,7 @@ def all_exponents(modes: int, loop: ParametricLoop, repetitions: int) -> Row:
     exact = fl.floquet(loop.linearization.periodic_system(), 0.01 * ACCURACY).exponents
     setting = found.setting
     name = f"{setting.method} {setting.order} on {setting.segments}" if setting.segments > 1 else setting.method
-    error = compare_exponents(found.exponents, exact)
+    error = compare_exponents(found.exponents, exact, loop.linearization.period)
     return Row(modes, WHOLE, name, error, time, error <= ACCURACY)
 
 

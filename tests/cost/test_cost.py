@@ -12,7 +12,7 @@ from flexlin.about.free import parametric_loop
 from flexlin.answers.accuracy import CostResult, Row, cost
 from flexlin.answers.accuracy import own_stages as own
 from flexlin.answers.accuracy.own_stages import name_setting
-from flexlin.answers.accuracy.trial import Trial, measure_trials
+from flexlin.answers.accuracy.trial import Trial, compare_exponents, measure_trials
 from flexlin.answers.peers import import_heyoka, prepare_cvodes, prepare_rate, prepare_scipy
 from flexlin.answers.peers.right_hand_sides import compile_product
 from flexlin.cli.main import main
@@ -224,6 +224,16 @@ def test_families_of_methods_look_different_and_the_same_everywhere():
     assert len(set(looks)) == len(METHODS)
     assert len({colour for colour, _ in looks}) == len(METHODS)
     assert style_family(name_family("floquet, gauss")) == style_family(name_family("gauss 12"))
+
+
+def test_exponents_on_the_seam_of_the_frequencies_are_the_same():
+    """A negative multiplier has the frequency pi / T or -pi / T: both are right."""
+    period, exact = 2.0, np.array([-1.0 + 1j * np.pi / 2, -2.0, -3.0 + 0.3j, -3.0 - 0.3j])
+    folded = exact.copy()
+    folded[0] -= 1j * np.pi
+    assert compare_exponents(folded, exact, period) < 1e-15
+    assert compare_exponents(folded + 1e-6, exact, period) == pytest.approx(1e-6 / np.abs(exact).min())
+    assert compare_exponents(np.delete(folded, 1), exact, period) > 0.1
 
 
 def test_a_one_way_motion_is_refused():

@@ -119,7 +119,7 @@ def measure_exponents(closed: Linearization, exact: Array) -> list[Row]:
             for method in ("gauss", "magnus", "hill"):
                 yield Trial(f"floquet, {method}", f"tol {tol:.0e}", partial(run, tol, method))
 
-    return measure_trials("exponents", trials(), lambda found: compare_exponents(found.exponents, exact))
+    return measure_trials("exponents", trials(), lambda found: compare_exponents(found.exponents, exact, closed.period))
 
 
 def name_setting(setting: Setting) -> str:

@@ -11,6 +11,7 @@ from flexlin.answers.accuracy.result import Row
 from flexlin.answers.limits import time_limit
 from flexlin.checks import Array
 from flexlin.errors import FlexlinError
+from flexlin.periodic.circle import measure_distances
 from flexlin.progress import advance
 
 SHORT, REPETITIONS = 0.05, 5
@@ -110,6 +111,7 @@ def compare_arrays(value: Array, exact: Array) -> float:
         return float(np.abs(value - exact).max() / max(float(np.abs(exact).max()), float(np.finfo(float).tiny)))
 
 
-def compare_exponents(value: Array, exact: Array) -> float:
-    """Largest distance to the nearest exact exponent, relative to max(1, |exponent|)."""
-    return float((np.abs(value[:, None] - exact).min(axis=0) / np.maximum(1.0, np.abs(exact))).max())
+def compare_exponents(value: Array, exact: Array, period: float) -> float:
+    """Largest distance of an exact exponent to the nearest one, modulo 2 pi i / T, relative to max(1, |exponent|)."""
+    apart = measure_distances(value * period, exact * period).min(axis=0) / period
+    return float((apart / np.maximum(1.0, np.abs(exact))).max())
