@@ -7,8 +7,13 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+
+from flexlin.answers.limits import time_limit
+from flexlin.cli.main import pass_over
+from flexlin.errors import TimeLimit
 
 START = (
     "import os, sys, time, signal\n"
@@ -98,6 +103,38 @@ def test_a_killed_parent_takes_the_work_with_it() -> None:
             time.sleep(0.05)
         else:
             pytest.fail("the work went on alone")
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_a_limit_that_rings_in_a_destructor_rings_again_and_leaves_no_trace(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Python can raise nothing there; the default is to print a traceback and go on."""
+
+    class Heavy:
+        def __del__(self) -> None:
+            end = time.monotonic() + 0.6
+            while time.monotonic() < end:
+                pass
+
+    def work() -> None:
+        heavy = Heavy()
+        del heavy
+        time.sleep(30)
+
+    monkeypatch.setattr(sys, "unraisablehook", pass_over)
+    with pytest.raises(TimeLimit, match="the stage"), time_limit("the stage", 0.2):
+        work()
+    assert capsys.readouterr().err == ""
+    pass_over(SimpleNamespace(exc_type=ValueError, exc_value=ValueError("odd")))
+    assert capsys.readouterr().err == "flexlin: note: ValueError where nothing can be raised: odd\n"
+
+
+def test_ctrl_c_that_comes_in_a_destructor_comes_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("flexlin.cli.main.AGAIN", 0.1)
+    pass_over(SimpleNamespace(exc_type=KeyboardInterrupt, exc_value=KeyboardInterrupt()))
+    with pytest.raises(KeyboardInterrupt):
+        time.sleep(30)
 
 
 @LINUX

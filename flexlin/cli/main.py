@@ -81,7 +81,7 @@ def entry() -> None:
 
 def run_program() -> int:
     """Run the command that the program was called with: a fault of flexlin itself is one line too, with exit code 1."""
-    sys.excepthook, warnings.showwarning = report_fault, report_warning
+    sys.excepthook, sys.unraisablehook, warnings.showwarning = report_fault, pass_over, report_warning
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal that knows no ± gets a question mark
@@ -115,6 +115,17 @@ def report_fault(kind: type[BaseException], fault: BaseException, trace: Any) ->
         trace = trace.tb_next
     where = f"{Path(trace.tb_frame.f_code.co_filename).name}, line {trace.tb_lineno}"
     print(f"flexlin: a fault of flexlin, please report it: {kind.__name__} in {where}: {fault}", file=sys.stderr)
+
+
+def pass_over(lost: Any) -> None:
+    """Take what was raised where Python can raise nothing, as in a destructor: a limit rings again, and so does a request to end."""
+    if isinstance(lost.exc_value, KeyboardInterrupt):
+        again = threading.Timer(1.1 * AGAIN, os.kill, (os.getpid(), signal.SIGINT))
+        again.daemon = True
+        again.start()
+    elif not isinstance(lost.exc_value, FlexlinError):
+        kind = "" if lost.exc_type is None else lost.exc_type.__name__
+        print(f"flexlin: note: {kind} where nothing can be raised: {lost.exc_value}", file=sys.stderr)
 
 
 def parser() -> argparse.ArgumentParser:

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 TICK = 0.1
 """Seconds between two looks at the memory of the work."""
+ENDING = 1.5
+"""Seconds that Python takes to begin, and a process that is ended to give its memory back."""
 FIRST_SECONDS, FIRST_BYTES = 60.0, 7e8
 """Limits until a scene has been read."""
 LIBRARIES, BEYOND = 2e8, 1.2
@@ -46,7 +48,8 @@ class Channel:
 
 def send_limits(begun: float, asked: "Accuracy") -> None:
     """Let the parent know what a scene's run may take; `begun` by `time.perf_counter`, which all processes share."""
-    Channel.send("limits", begun + asked.last_end, asked.seconds, asked.memory)
+    end = asked.last_end - min(ENDING, 0.05 * asked.seconds)
+    Channel.send("limits", begun + end, asked.seconds, asked.memory)
 
 
 def supervise(work: Callable[[], int]) -> int:
