@@ -6,10 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexlin.about.free import KeptGain, ParametricLoop, parametric_loop
+from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.control import design
 from flexlin.errors import ArgumentError, ModelError, SceneError
+from flexlin.mechanics.chain import build_manipulator
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.control import DesignTable
 from flexlin.scene.parameters import get_value
@@ -21,6 +23,8 @@ REDONE = ", redone"
 """What is written behind a design's name to have it made anew at each value."""
 
 
+SAMPLED = ("table", "tip-path")
+"""Kinds of motions that are no expressions of their numbers."""
 NEARBY, PROBES = 0.03, 17
 """How far from the scene's own numbers, and at how many phases, two ways to the same equations are compared."""
 
@@ -47,7 +51,7 @@ class RedesignedLoop:
 
 @dataclass(frozen=True, eq=False)
 class RebuiltLoop:
-    """A loop whose equations are derived anew at each point, for models whose code takes numbers and no symbols."""
+    """A loop whose equations are derived anew at each point, for models whose code, or motions that, take numbers and no symbols."""
 
     scene: Scene
     paths: tuple[str, ...]
@@ -58,17 +62,17 @@ class RebuiltLoop:
     __repr__ = represent
 
     def system_at(self, point: Array) -> PeriodicSystem:
-        """The loop at one point (P,)."""
-        loop = self._loop_at(point)
-        return (loop if self.kept is None else loop.with_gain(self.kept)).system_at(np.zeros(0))
+        """The loop at one point (P,); with a kept gain the plant is closed by it."""
+        system = self.at(point).periodic_system()
+        if self.kept is None:
+            return system
+        corners = tuple(system.period * phase for phase in self.kept.breaks)
+        return system.feedback(self.kept.for_period(system.period), corners)
 
     def at(self, point: Array) -> Linearization:
         """The linearization at one point (P,), without a kept gain."""
-        return self._loop_at(point).at(np.zeros(0))
-
-    def _loop_at(self, point: Array) -> ParametricLoop:
         scene = revise_scene(self.scene, dict(zip(self.paths, map(float, point), strict=True)))
-        return parametric_loop(scene, (), closed=self.closed)
+        return linearize(build_manipulator(scene), scene.motion, scene.control if self.closed else None)
 
     def with_gain(self, kept: KeptGain) -> "RebuiltLoop":
         """The loop u = -K(phase) [y; y'] on this arm."""
@@ -99,17 +103,21 @@ def choose_loop(
         return plant
     if loop == table.name + REDONE:
         return RedesignedLoop(plant, table, tol)
-    made = design(parametric_loop(scene, (), closed=False).at(np.zeros(0)), table, tol)
+    made = design(linearize(build_manipulator(scene), scene.motion), table, tol)
     period = made.closed_loop.period
     return plant.with_gain(KeptGain(made.K, period, tuple(t / period for t in made.closed_loop.breaks)))
 
 
 def leave_free(scene: Scene, paths: tuple[str, ...], closed: bool) -> ParametricLoop | RebuiltLoop:
     """The scene's own loop or the open arm with free numbers: as symbols, or derived anew at each point where that cannot be."""
-    if not any(path.startswith("parameters.") for path in paths):
+    sampled = scene.motion.kind in SAMPLED
+    if not sampled and not any(path.startswith("parameters.") for path in paths):
         return parametric_loop(scene, paths, closed=closed)
-    fixed = parametric_loop(scene, (), closed=closed)
-    rebuilt = RebuiltLoop(scene, paths, closed, fixed.states)
+    rebuilt = RebuiltLoop(scene, paths, closed, 0)
+    rebuilt = replace(rebuilt, states=2 * replace(rebuilt, paths=()).at(np.zeros(0)).n)
+    if sampled:
+        need_numbers(scene, paths)
+        return rebuilt
     try:
         loop = parametric_loop(scene, paths, closed=closed)
     except (ArgumentError, ModelError):  # the model's code takes numbers only
@@ -117,6 +125,16 @@ def leave_free(scene: Scene, paths: tuple[str, ...], closed: bool) -> Parametric
             get_value(scene, path)
         return rebuilt
     return loop if is_same_model(loop, rebuilt) else rebuilt
+
+
+def need_numbers(scene: Scene, paths: Iterable[str]) -> None:
+    """Raise for a path that leads to no real number of the scene."""
+    for path in paths:
+        value = get_value(scene, path)
+        if not isinstance(value, float):
+            raise ArgumentError(
+                f"{path} cannot be left free", got=repr(value)[:80], expected="a real number of the scene"
+            )
 
 
 def is_same_model(loop: ParametricLoop, rebuilt: RebuiltLoop) -> bool:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from flexlin.answers.critical_values import CriticalValue, critical_values
+from flexlin.answers.loops import SAMPLED
 from flexlin.errors import ArgumentError, InputError, TimeLimit
 from flexlin.periodic.floquet.decoupled import estimate_decoupling_work
 from flexlin.periodic.floquet.result import FloquetResult
@@ -55,10 +56,12 @@ def find_margin(scene: Scene, path: str, limits: tuple[float, float], samples: i
 def find_usual_margin(
     scene: Scene, path: str, limits: tuple[float, float], own: FloquetResult | None = None
 ) -> Margin | None:
-    """As `find_margin`, by a coarse scan; none where the number cannot be free.
+    """As `find_margin`, by a coarse scan; none where the number cannot be free, or each value needs equations of its own.
 
     Raises: TimeLimit where the work on the own loop says that the scan would take long.
     """
+    if scene.motion.kind in SAMPLED:
+        return None
     each = 0.0 if own is None else predict_work(own)
     samples = COARSE if COARSE * each <= SHORT else COARSEST
     if own is not None and samples * each > LONG:
