@@ -66,7 +66,12 @@ def largest_growth(scene, path, value):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "path", "low", "high"),
-    [("khang-2019", "motion.frequency", 2.0, 3.0), ("arm-on-carriage", "control.feedback.kp.0", 0.05, 1.0)],
+    [
+        ("khang-2019", "motion.frequency", 2.0, 3.0),
+        ("arm-on-carriage", "control.feedback.kp.0", 0.05, 1.0),
+        ("three-link", "control.feedback.kp.0", 1.0, 4.0),
+        ("single-link", "effects.payload.mass", 0.3, 0.8),
+    ],
 )
 def test_damped_scenes_agree_with_bisection_by_floquet(name, path, low, high):
     scene = fl.load_scene(name)
@@ -78,6 +83,15 @@ def test_damped_scenes_agree_with_bisection_by_floquet(name, path, low, high):
     h = 1e-5 * abs(exact)
     measured = (largest_growth(scene, path, exact + h) - largest_growth(scene, path, exact - h)) / (2 * h)
     assert found.slope == pytest.approx(measured, rel=1e-4)
+
+
+def test_an_undamped_scene_agrees_with_bisection_by_floquet():
+    """Growth begins like a square root, so 1e-6 of it lies closer to the boundary than 1e-9."""
+    scene, path = fl.load_scene("spinning-link"), "effects.gravity.acceleration"
+    (found,) = fl.critical_values(scene, path, (8.2, 9.0), tol=1e-8, samples=17)
+    exact = brentq(lambda value: largest_growth(scene, path, value) - 1e-6, 8.2, 9.0, xtol=1e-12)
+    assert 0 <= exact - found.value + found.error < 1e-9
+    assert found.error < 1e-8
 
 
 def test_a_stable_scene_and_a_constant_system_have_none():
