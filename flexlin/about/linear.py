@@ -3,7 +3,6 @@
 import casadi as ca
 import numpy as np
 
-from flexlin.about.closing import refuse_open_loops
 from flexlin.about.deviation import Deviation
 from flexlin.about.linearization import Linearization
 from flexlin.about.routes import ROUTES, Matrices, Route
@@ -85,6 +84,8 @@ def linearize(
         raise ArgumentError("there is no such route", got=repr(route), expected=" or ".join(ROUTES))
     about = Deviation.of(arm, motion)
     if arm.loops is not None:
+        from flexlin.about.closing import refuse_open_loops  # takes long to load, and few arms need it
+
         refuse_open_loops(about)
     lin = Linearization(about, coefficients(about, ROUTES[route](arm), control), route, control)
     need_finite(lin)

@@ -11,7 +11,6 @@ from flexlin.mechanics.parameters import Parameters
 from flexlin.motion.base import Motion, SampledMotion, SymbolicMotion
 from flexlin.motion.smooth import highest_harmonic, make_fourier, make_harmonic, make_rotation
 from flexlin.motion.table import read_table_motion
-from flexlin.motion.tip_path import make_tip_path
 from flexlin.motion.waypoints import make_point_to_point
 from flexlin.scene.motion import AnyMotion, Fourier, Harmonic, MotionTable, PointToPoint, Rotation, TableMotion, TipPath
 
@@ -62,6 +61,8 @@ def build_motion(
     if isinstance(table, TipPath):
         if arm is None:
             raise MotionError("a path of the tip needs the arm", got="none", todo="build_motion(..., arm=arm)")
+        from flexlin.motion.tip_path import make_tip_path  # takes long to load, and few motions need it
+
         return make_tip_path(table, arm, prescribed)
     if isinstance(table, TableMotion):
         return read_table_motion(table, joints, prescribed)

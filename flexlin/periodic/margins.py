@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import brentq
 
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive
@@ -208,6 +207,8 @@ def list_delays(loop: PeriodicSystem) -> Array:
 
 def find_first(make: Perturbed, start: float, values: Iterable[float], tol: float) -> tuple[float, float]:
     """The first change of verdict on the way from a stable start over the values, with its error; inf, 0 where there is none."""
+    from scipy.optimize import brentq  # takes longer to load than most loops to judge
+
     before = start
     for value in values:
         if floquet(make(float(value)), LOOSE).exponents[0].real > 0:
