@@ -85,6 +85,7 @@ def test_damped_scenes_agree_with_bisection_by_floquet(name, path, low, high):
     assert found.slope == pytest.approx(measured, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_an_undamped_scene_agrees_with_bisection_by_floquet():
     """Growth begins like a square root, so 1e-6 of it lies closer to the boundary than 1e-9."""
     scene, path = fl.load_scene("spinning-link"), "effects.gravity.acceleration"
