@@ -161,6 +161,7 @@ def test_the_stages_share_one_limit_and_the_last_one_gets_what_was_kept_for_it()
     assert ends == [(48.0, 60.0), (3570.0, 3600.0), (1.6, 6.6)]
 
 
+@pytest.mark.slow
 def test_stages_without_end_leave_the_others_time_and_all_end_within_the_limit() -> None:
     clock, problems, start = Clock(), dict[str, str](), time.monotonic()
     for k in range(4):
@@ -250,6 +251,7 @@ def test_a_disturbance_without_measure_is_refused_by_name(
     )
 
 
+@pytest.mark.slow
 def test_a_request_to_end_the_program_acts_as_ctrl_c(tmp_path: Path) -> None:
     """SIGTERM in the middle of the work: one line, exit code 1, no file."""
     program = [sys.executable, "-m", "flexlin", "simulate", "single-link", "--periods", "3000", "--out", str(tmp_path)]

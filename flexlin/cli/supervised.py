@@ -5,6 +5,7 @@ the process without a word. The parent took its own memory before the work began
 """
 
 import contextlib
+import math
 import os
 import select
 import signal
@@ -15,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from flexlin.cli.shared import FAILED
+from flexlin.cli.shared import BAD_INPUT, FAILED
 
 if TYPE_CHECKING:
     from flexlin.scene.accuracy import Accuracy
@@ -28,6 +29,8 @@ FIRST_SECONDS, FIRST_BYTES = 60.0, 7e8
 """Limits until a scene has been read."""
 LIBRARIES, BEYOND = 2e8, 1.2
 """Bytes that the libraries take; what the work may hold for a moment, in its limit: it ends itself at the limit, if it can."""
+LEAST_SPACE = 2.5e8
+"""Address space in bytes below which the libraries cannot be loaded; one of them then tries for ever."""
 PASSED_ON = (signal.SIGINT, signal.SIGTERM)
 INTERRUPTED = "interrupted; no file was left half-written"
 NO_MEMORY = "there is not enough memory; ask for less at once"
@@ -59,6 +62,12 @@ def supervise(work: Callable[[], int]) -> int:
     """
     if sys.platform != "linux" or threading.active_count() > 1:
         return work()
+    if (space := read_space()) < LEAST_SPACE:
+        print(
+            f"flexlin: {NO_MEMORY}; got {space / 1e6:.0f} MB of address space, expected {LEAST_SPACE / 1e6:.0f} MB: raise ulimit -v",
+            file=sys.stderr,
+        )
+        return BAD_INPUT
     parent, (reader, writer) = os.getpid(), os.pipe()
     watch = Watch(reader)
     handlers = {number: signal.signal(number, watch.pass_on) for number in PASSED_ON}
@@ -77,6 +86,14 @@ def supervise(work: Callable[[], int]) -> int:
     Channel.writer = writer
     end_with(parent)
     return run_to_its_end(work)
+
+
+def read_space() -> float:
+    """The address space in bytes that this process may use; inf where it is not limited."""
+    import resource
+
+    space = resource.getrlimit(resource.RLIMIT_AS)[0]
+    return math.inf if space == resource.RLIM_INFINITY else float(space)
 
 
 def run_to_its_end(work: Callable[[], int]) -> int:

@@ -50,6 +50,7 @@ def test_every_effect_is_tried(result):
     )
 
 
+@pytest.mark.slow
 def test_rows_are_sorted_and_advice_follows_the_tolerance(result):
     significance = [row.significance for row in result.effects if np.isfinite(row.significance)]
     assert significance == sorted(significance, reverse=True)
@@ -81,6 +82,7 @@ def figures_from_scratch(**overrides):
     return margin, slower, np.linalg.norm(away, axis=1).max(), lin.coefficients.n_instructions()
 
 
+@pytest.mark.slow
 def test_figures_are_those_of_the_two_scenes(result):
     """A row that compares the wrong versions, with the wrong sign, or leaves the feedback out is found out."""
     margin, slower, tip, instructions = figures_from_scratch()

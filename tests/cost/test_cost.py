@@ -60,6 +60,7 @@ def test_every_stage_is_measured_with_errors_that_reach_the_floor(result):
     assert result.notes == ()
 
 
+@pytest.mark.slow
 def test_finer_settings_are_more_accurate_at_their_order(result):
     gauss = {row.setting: row.error for row in result.stage("transition matrices") if row.method == "gauss 8"}
     assert np.log2(gauss["32 segments"] / gauss["64 segments"]) == pytest.approx(8, abs=0.7)
@@ -90,6 +91,7 @@ def test_recommendations_of_a_table_whose_answer_is_known():
     assert found == [(1e-2, coarse), (pytest.approx(1e-3), middle), (pytest.approx(1e-5), fine)]
 
 
+@pytest.mark.slow
 def test_recommendations_of_a_scene_meet_their_accuracy(result):
     """Every own stage has a recommendation, and each is one of the measured rows, accurate enough, of flexlin's own."""
     found = list(result.recommendations())

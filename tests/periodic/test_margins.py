@@ -65,6 +65,7 @@ def growth_with_delay(tau, periods=60):
     return sizes[-steps // 3 :].max() / sizes[steps // 3 : 2 * steps // 3].max()
 
 
+@pytest.mark.slow
 def test_gain_and_phase_of_a_periodic_loop(found):
     assert 0 < found.gain[0] < 1
     for factor in (found.gain[0], np.exp(1j * found.phase), np.exp(-1j * found.phase)):

@@ -27,6 +27,7 @@ def results():
     return found
 
 
+@pytest.mark.slow
 def test_each_draws_into_axes_and_opens_a_figure_where_none_are_given(results):
     from matplotlib import pyplot
 
@@ -56,6 +57,7 @@ def test_what_is_drawn_are_the_numbers(results):
     pyplot.close("all")
 
 
+@pytest.mark.slow
 def test_a_card_holds_verdict_and_picture_and_stays_small(results):
     for name, result in results.items():
         card = result._repr_html_()

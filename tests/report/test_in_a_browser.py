@@ -97,6 +97,7 @@ def test_the_measure_sees_what_is_cut(tmp_path):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.xdist_group("browser")
 def test_the_report_prints(pages):
     page, printed = pages / "report" / "report.html", pages / "report.pdf"
