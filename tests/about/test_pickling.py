@@ -35,12 +35,11 @@ def numbers(value, t):
     """Everything that an object answers, as arrays."""
     kind = type(value).__name__
     if kind == "Manipulator":
-        x = np.linspace(0.1, 0.4, value.n)
-        p = np.asarray(value.parameters.values)
+        x, p = np.linspace(0.1, 0.4, value.n), np.asarray(value.parameters.values)
         out = []
         for function in value.functions.values():
-            inputs = {name: (p if name == "p" else x) for name in function.name_in()}
-            out.append(function(*[inputs[name] for name in function.name_in()]).full())
+            inputs = [p if name == "p" else x[: function.numel_in(name)] for name in function.name_in()]
+            out.append(function(*inputs).full())
         return out
     if kind == "Linearization":
         c = value.sample(t)

@@ -47,15 +47,20 @@ def solve_by_segments(
 ) -> SegmentedSpectrum:
     """Refine the segments until the errors of all exponents are below tol, or rounding allows no more.
 
+    The first bases are those of no system; where rounding hides more than tol, they are found once more from where they ended.
+
     Parameters: tol: wanted error of an exponent, relative beyond 1/s; fixed: take the setting as it is.
     Raises: TooManySegments.
     """
     start = None
     while True:
         spectrum, method = measure_spectrum(system, setting, start)
-        allowed = np.maximum(tol * np.maximum(system.period, np.abs(spectrum.logs)) / SAFETY, spectrum.rounding)
+        wanted = tol * np.maximum(system.period, np.abs(spectrum.logs)) / SAFETY
         resolved = np.isfinite(spectrum.errors)
-        excess = float((method / allowed)[resolved].max(initial=0.0))
+        excess = float((method / np.maximum(wanted, spectrum.rounding))[resolved].max(initial=0.0))
+        if start is None and (spectrum.rounding > wanted)[resolved].any():
+            start = spectrum.start
+            continue
         if fixed or excess <= 1:
             return spectrum
         finer = np.clip(1.1 * excess ** (1 / setting.order), SHRINK, GROWTH) if np.isfinite(excess) else GROWTH
