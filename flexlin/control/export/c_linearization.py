@@ -2,6 +2,7 @@
 
 import errno
 import os
+import tempfile
 from pathlib import Path
 
 import casadi as ca
@@ -146,11 +147,14 @@ def _write(function: ca.Function, parameters: np.ndarray, folder: Path, name: st
     named = ca.Function(name, inputs, function.call(inputs), function.name_in(), function.name_out())
     generator = ca.CodeGenerator(f"{name}.c", {"with_header": True})
     generator.add(named)
-    generator.generate(str(folder) + "/")
     names = [f"{name}.c", f"{name}.h"]
-    for file in names:  # CasADi says nothing when the disk is full
-        if not (folder / file).read_text(encoding="utf-8").endswith(LAST):
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    with tempfile.TemporaryDirectory() as place:  # CasADi takes only names in UTF-8
+        generator.generate(f"{place}/")
+        for file in names:
+            source = Path(place, file).read_text(encoding="utf-8")
+            if not source.endswith(LAST):  # CasADi says nothing when the disk is full
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            (folder / file).write_text(source, encoding="utf-8")
     values = ", ".join(repr(float(value)) for value in parameters) or "0"
     main = MAIN.format(
         name=name,
