@@ -6,16 +6,9 @@ The rules work on NumPy and CasADi matrices alike; CasADi is loaded only by thos
 from importlib import import_module
 from typing import Any
 
-from flexlin.kronecker.algebra import (
-    chain_rule,
-    inverse_rule,
-    kron,
-    kronecker_power,
-    kronecker_rule,
-    product_rule,
-    swap,
-)
+from flexlin.kronecker.algebra import kron, kronecker_power, swap
 from flexlin.kronecker.expansion import bilinear_term, linearization, linearized_product, taylor_sum
+from flexlin.kronecker.rules import chain_rule, inverse_rule, kronecker_rule, product_rule
 
 __all__ = [
     "bilinear_term",
