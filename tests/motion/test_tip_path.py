@@ -76,6 +76,7 @@ def spectral_rates(motion, count=128):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_random_arms_follow_random_circles(seed):
     """Joints that are just enough, and more than that, with and without orientation; the path begins where some posture has the tip."""

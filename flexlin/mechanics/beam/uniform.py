@@ -75,6 +75,8 @@ def solve_modes(n: int, boundary: Boundary, lowest: float = 1e-3) -> UniformShap
     Returns: modes whose curvature at the base, or slope where that is zero, is positive.
     Raises: ToleranceNotReached when fewer than n roots are found.
     """
+    if not n:
+        return UniformShapes(np.zeros(0), np.zeros((0, 4)))
 
     def determinant(beta: Array) -> Array:
         return np.linalg.det(boundary_matrix(np.atleast_1d(beta), boundary))
@@ -86,7 +88,7 @@ def solve_modes(n: int, boundary: Boundary, lowest: float = 1e-3) -> UniformShap
     if len(brackets) < n:
         raise ToleranceNotReached("not all roots of the beam were found", got=len(brackets), expected=f"{n} roots")
     beta = bisect(determinant, grid[brackets], grid[brackets + 1], np.sign(values[brackets]))
-    null = np.linalg.svd(boundary_matrix(beta, boundary))[2][:, -1, :] if n else np.zeros((0, 4))
+    null = np.linalg.svd(boundary_matrix(beta, boundary))[2][:, -1, :]
     return normalised(UniformShapes(beta, null))
 
 
