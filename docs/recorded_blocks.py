@@ -91,7 +91,7 @@ def charts_speed() -> str:
     compiling = max(row["compile_s"] for row in record["rows"])
     text = (
         f"A million values with one mode on all cores took {million['seconds']:.0f} s by the clock, compiler and loading "
-        f"counted, and {million['memory_mb']:.0f} MB, while {million['load']:.0f} processes wanted the processors. Compiling took "
+        f"counted, and {million['memory_mb']:.0f} MB; the machine's load was {million['load']:.1f} meanwhile. Compiling took "
         f"{compiling:.1f} s at the most. The last column is the largest distance from `floquet` on a random sample."
     )
     shares = {name: share for name, share in record["sharing"].items() if not name.endswith(", s")}

@@ -117,18 +117,21 @@ def margins(system: PeriodicSystem, gain: MatrixFunction | ArrayLike, tol: float
     found = floquet(nominal, LOOSE)
     if found.verdict != "stable":
         raise NotStable(f"the loop is {found.verdict} as it is", got=found.status, expected="a stable loop")
-    breaks = tuple(nominal.resolved.breaks)
+    T, breaks, features = system.period, tuple(nominal.resolved.breaks), system.features
 
     def with_gain(kappa: float) -> PeriodicSystem:
         return system.feedback(Scaled(K, kappa), breaks)
 
     def with_phase(phi: float) -> PeriodicSystem:
-        return PeriodicSystem(Turned(system.A, B, K, phi), system.period, breaks=breaks, complete=True)
+        return PeriodicSystem(
+            Turned(system.A, B, K, phi), T, breaks=breaks, features=features, complete=system.complete
+        )
 
     def with_delay(tau: float, order: int = LINE) -> PeriodicSystem:
         late = Delayed(system.A, B, K, tau, order)
-        corners = {*breaks, *(float(np.mod(t + tau, system.period)) for t in breaks)}
-        return PeriodicSystem(late, system.period, breaks=sorted(corners), complete=True)
+        corners = sorted({*breaks, *(float(np.mod(t + tau, T)) for t in breaks)})
+        narrow = (*features, *((float(np.mod(t + tau, T)), width) for t, width in features))
+        return PeriodicSystem(late, T, breaks=corners, features=narrow, complete=system.complete)
 
     steps = GAIN_STEP ** np.arange(1, int(np.log(LARGEST_GAIN) / np.log(GAIN_STEP)) + 1)
     down = find_first(with_gain, 1.0, 1 / steps, tol)

@@ -1,5 +1,7 @@
 """Margins of constant loops against python-control, of periodic ones against integrations of the perturbed loop by other means."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -109,3 +111,37 @@ def test_loops_without_margins_are_refused():
         fl.margins(PLANT, [[1.0]])
     with pytest.raises(ArgumentError, match="no input"):
         fl.margins(fl.PeriodicSystem([[-1.0]], 1.0), [[1.0]])
+
+
+WIDTH = 2e-4
+PULSE = 0.3
+
+
+def kicked(t):
+    """A stiffness that is a pulse of unit area, 1e-4 of the period wide, beside a constant one."""
+    size = np.exp(-(((np.mod(t, T) - PULSE) / WIDTH) ** 2) / 2) / (WIDTH * np.sqrt(2 * np.pi))
+    return np.array([[0.0, 1.0], [-1.0 - size, -0.05]])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("named", [True, False])
+def test_a_narrow_pulse_is_in_every_perturbed_loop(named):
+    gain = np.array([[2.0, 3.0]])
+    plant = fl.PeriodicSystem(many(kicked), T, B=B, features=[(PULSE, WIDTH)] if named else ())
+    phase = fl.margins(plant, gain).phase
+    edges = [0.0, PULSE - 10 * WIDTH, PULSE, PULSE + 10 * WIDTH, T]
+
+    def spectral_radius(phi):
+        Phi = np.eye(2, dtype=complex)
+        for a, b in pairwise(edges):
+            ends = [
+                solve_ivp(
+                    lambda t, x: (kicked(t) - np.exp(1j * phi) * B @ gain) @ x, (a, b), x0, "DOP853", rtol=1e-11, atol=1e-13
+                ).y[:, -1]
+                for x0 in np.eye(2, dtype=complex)
+            ]  # fmt: skip
+            Phi = np.array(ends).T @ Phi
+        return np.abs(np.linalg.eigvals(Phi)).max()
+
+    assert spectral_radius(phase) == pytest.approx(1.0, abs=1e-5)
+    assert spectral_radius(phase - 0.01) < 1 < spectral_radius(phase + 0.01)
