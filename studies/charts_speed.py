@@ -34,8 +34,8 @@ from flexlin.answers.sweep.compiled import CompiledBatches
 from flexlin.answers.sweep.job import compute_here, prepare_job
 from flexlin.answers.sweep.processes import Processes
 from flexlin.answers.sweep.threads import Threads
+from flexlin.periodic import compiler
 from flexlin.periodic.circle import measure_distances
-from flexlin.periodic.many import compiler
 from flexlin.periodic.many.transitions import batched_transitions
 
 TOL = 1e-8

@@ -14,8 +14,8 @@ from flexlin.answers.sweep.compiled import CompiledBatches
 from flexlin.answers.sweep.job import prepare_job
 from flexlin.answers.sweep.run import choose_crew
 from flexlin.answers.sweep.threads import Threads
+from flexlin.periodic import compiler
 from flexlin.periodic.circle import measure_distances
-from flexlin.periodic.many import compiler
 from flexlin.periodic.many.compiled import CompiledKernel
 from flexlin.periodic.many.romberg import batched_exponents
 

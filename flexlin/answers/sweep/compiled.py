@@ -12,9 +12,9 @@ from flexlin.answers.sweep.batches import PILOTS, SLACK, Batches, Plan
 from flexlin.answers.sweep.found import Found
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, NumericalError
+from flexlin.periodic.compiler import find_compiler
 from flexlin.periodic.many.algebra import solve_positive
 from flexlin.periodic.many.compiled import WIDTH, CompiledKernel
-from flexlin.periodic.many.compiler import find_compiler
 from flexlin.periodic.many.extrapolation import MULTIPLES
 from flexlin.periodic.many.romberg import balance_states, measure_spread
 
