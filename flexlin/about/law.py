@@ -1,4 +1,4 @@
-"""What commands the torque, answered once: torque = forward(t) - gain(t) ([y; y'] - reference(t))."""
+"""What commands the torque, answered once: torque = forward(t) - gain(t) [[y; y'] - reference(t); z]."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -15,17 +15,39 @@ VectorFunction = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
+class Controller:
+    """What a law remembers, z: integrals of errors and states of filters.
+
+        z' = rates [[y; y'] - reference; z] + unwinding (asked - given)
+
+    rates: (k, 2n + k); unwinding: (k, m), what a torque that the drive does not give takes from the integrals; names: of the k states.
+    """
+
+    rates: Array
+    unwinding: Array
+    names: tuple[str, ...]
+
+    __repr__ = represent
+
+    @property
+    def states(self) -> int:
+        """The number k of states."""
+        return len(self.rates)
+
+
+@dataclass(frozen=True, eq=False)
 class Law:
-    """A control law: torque = forward(t) - gain(t) ([y; y'] - reference(t)), in N m (N for sliding joints, V for motors).
+    """A control law: torque = forward(t) - gain(t) [[y; y'] - reference(t); z], in N m (N for sliding joints, V for motors).
 
     feedforward: its kind, "none", "rigid" (the torque of the rigid motion), or that of a computed one such as "tip-exact";
-    forward, gain, reference: times (N,) -> (N, m), (N, m, 2n), (N, 2n).
+    forward, gain, reference: times (N,) -> (N, m), (N, m, 2n + k), (N, 2n); controller: what has the states z, if anything has (k = 0).
     """
 
     feedforward: str
     forward: VectorFunction
     gain: MatrixFunction
     reference: VectorFunction
+    controller: Controller | None = None
 
     __repr__ = represent
 
@@ -37,25 +59,59 @@ class Law:
         kind = "none" if forward is None else "constant"
         return cls(kind, Constant(torque), Constant(K), Constant(np.zeros(K.shape[1])))
 
-    def with_gain(self, gain: MatrixFunction | ArrayLike) -> "Law":
-        """The same feedforward and reference with another gain: a function (N,) -> (N, m, 2n), or a constant (m, 2n).
+    @property
+    def memory(self) -> int:
+        """The number k of the controller's own states."""
+        return 0 if self.controller is None else self.controller.states
 
-        Raises: ArgumentError when its shape is not that of this law's gain.
+    @property
+    def direct(self) -> "Law":
+        """The part that answers [y; y'] at once, without the controller's states."""
+        return self if self.controller is None else replace(self, gain=Columns(self.gain, -self.memory), controller=None)
+
+    def with_gain(self, gain: MatrixFunction | ArrayLike, controller: Controller | None = None) -> "Law":
+        """The same feedforward and reference with another gain, a function (N,) -> (N, m, 2n + k) or a constant, and its controller.
+
+        Raises: ArgumentError when the gain's shape is not that of the arm's states and the controller's.
         """
         chosen = gain if callable(gain) else Constant(real_array("gain", gain, (None, None)))
         now = np.zeros(1)
-        got, expected = np.shape(chosen(now))[1:], np.shape(self.gain(now))[1:]
+        states = self.reference(now).shape[1] + (0 if controller is None else controller.states)
+        got, expected = np.shape(chosen(now))[1:], (np.shape(self.gain(now))[1], states)
         if got != expected:
             raise ArgumentError("the gain does not fit the arm", got=got, expected=str(expected))
-        return replace(self, gain=chosen)
+        return replace(self, gain=chosen, controller=controller)
 
     def offset(self, t: Array) -> Array:
-        """What the law commands at x = 0: forward + gain reference, (N, m)."""
-        return self.forward(t) + np.einsum("tij,tj->ti", self.gain(t), self.reference(t))
+        """What the law commands at x = 0: forward + gain [reference; 0], (N, m)."""
+        reference = self.reference(t)
+        return self.forward(t) + np.einsum("tij,tj->ti", self.gain(t)[:, :, : reference.shape[1]], reference)
 
     def torque(self, t: Array, x: Array) -> Array:
-        """The commanded torque (N, m) for states x = [y; y'] (N, 2n)."""
-        return self.forward(t) - np.einsum("tij,tj->ti", self.gain(t), x - self.reference(t))
+        """The commanded torque (N, m) for states x = [y; y'; z] (N, 2n + k)."""
+        return self.forward(t) - np.einsum("tij,tj->ti", self.gain(t), self.deviation(t, x))
+
+    def deviation(self, t: Array, x: Array) -> Array:
+        """[[y; y'] - reference; z] for states x = [y; y'; z] (N, 2n + k)."""
+        reference = self.reference(t)
+        return np.concatenate([x[:, : reference.shape[1]] - reference, x[:, reference.shape[1] :]], axis=1)
+
+    def steer(self, reference: Array) -> Array:
+        """What references (N, 2n) put into z', -rates [reference; 0], (N, k)."""
+        if self.controller is None:
+            return np.zeros((len(reference), 0))
+        return np.asarray(-reference @ self.controller.rates[:, : reference.shape[1]].T)
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """The first columns of a matrix function, up to `stop`, which may count from the end."""
+
+    matrix: MatrixFunction
+    stop: int
+
+    def __call__(self, t: Array) -> Array:
+        return self.matrix(t)[:, :, : self.stop]
 
 
 def is_constant(samples: Array) -> bool:

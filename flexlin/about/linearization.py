@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-from flexlin.about.law import Law
+import numpy as np
+
+from flexlin.about.law import Controller, Law
 from flexlin.about.routes import Route
 from flexlin.about.scene_law import scene_law
 from flexlin.about.second_order import SecondOrderEquations
@@ -28,7 +30,8 @@ class Linearization(SecondOrderEquations):
         M_L(t) y'' + D_L(t) y' + K_L(t) y = h_L(t) + B_L(t) u,     s = s_R + y
 
     Without a loop h_L = -(M s_R'' + C s_R' + g + d) and u is the whole torque. With a loop, torque = feedforward + feedback + u:
-    D_L and K_L hold the feedback, h_L the feedforward.
+    D_L and K_L hold what of the feedback answers at once, h_L the feedforward. Integrals and filters of the loop are states z behind the
+    arm's own: x = [y; y'; z].
 
     Attributes
     ----------
@@ -156,13 +159,28 @@ class Linearization(SecondOrderEquations):
         """The law that runs on the arm unless another is given: the scene's, or the torque of the rigid motion alone."""
         return scene_law(self.about, self.control or Control(), self.feedforward)
 
+    @cached_property
+    def controller(self) -> Controller | None:
+        """What the loop remembers, if it is closed and remembers anything."""
+        return self.closed_by.controller
+
+    @cached_property
+    def _gain_of_states(self) -> Array:
+        """The gain (m, k) on the controller's states, which is constant."""
+        return np.array(self.closed_by.gain(np.zeros(1))[0, :, 2 * self.n :])
+
+    @property
+    def states(self) -> int:
+        """The number of states 2n + k, the controller's k included."""
+        return 2 * self.n + (0 if self.controller is None else self.controller.states)
+
     def periodic_system(self) -> PeriodicSystem:
-        """Return the linear system x' = A(t) x + B(t) u with x = [y; y'].
+        """Return the linear system x' = A(t) x + B(t) u with x = [y; y'], followed by the controller's states z.
 
         Returns
         -------
         PeriodicSystem
-            The system of 2n states.
+            The system of 2n + k states; k = 0 unless the loop has integrals or filters.
 
         Raises
         ------
@@ -184,10 +202,12 @@ class Linearization(SecondOrderEquations):
         force, B = (self.B, self.input_matrix) if self.about.m else (None, None)
         second_order = SecondOrder(self.M, self.D, self.K, force, self.equations)
         named = self.features, self.complete
+        if self.controller is not None:
+            return PeriodicSystem(self.state_matrix, self.period, B, self.breaks, None, *named)
         return PeriodicSystem(self.state_matrix, self.period, B, self.breaks, second_order, *named)
 
     def state_matrix(self, t: Array) -> Array:
-        """Return A = [[0, I], [-M^-1 K, -M^-1 D]].
+        """Return A = [[0, I], [-M^-1 K, -M^-1 D]], with a controller [[A, -[0; M^-1 B] gain_z], [rates]].
 
         Parameters
         ----------
@@ -196,7 +216,7 @@ class Linearization(SecondOrderEquations):
 
         Returns
         -------
-        array, shape (N, 2n, 2n)
+        array, shape (N, 2n + k, 2n + k)
             A(t).
 
         Raises
@@ -204,10 +224,15 @@ class Linearization(SecondOrderEquations):
         SingularMassMatrix
             When M cannot be inverted.
         """
-        return build_companion(*self.equations(t), t)
+        A, controller = build_companion(*self.equations(t), t), self.controller
+        if controller is None:
+            return A
+        upper = -build_input(*self.mass_and_input(t), t) @ self._gain_of_states
+        lower = np.broadcast_to(controller.rates, (len(t), *controller.rates.shape))
+        return np.concatenate([np.concatenate([A, upper], axis=2), lower], axis=1)
 
     def input_matrix(self, t: Array) -> Array:
-        """Return the input matrix in state form, [0; M^-1 B].
+        """Return the input matrix in state form, [0; M^-1 B; 0]: a torque beside the controller's.
 
         Parameters
         ----------
@@ -216,7 +241,7 @@ class Linearization(SecondOrderEquations):
 
         Returns
         -------
-        array, shape (N, 2n, m)
+        array, shape (N, 2n + k, m)
             B(t).
 
         Raises
@@ -224,10 +249,10 @@ class Linearization(SecondOrderEquations):
         SingularMassMatrix
             When M cannot be inverted.
         """
-        return build_input(*self.mass_and_input(t), t)
+        return self._with_controller(build_input(*self.mass_and_input(t), t))
 
     def forcing(self, t: Array) -> Array:
-        """Return the forcing in state form, [0; M^-1 h], x' = A x + forcing.
+        """Return the forcing in state form, [0; M^-1 h; 0], x' = A x + forcing.
 
         Parameters
         ----------
@@ -236,7 +261,7 @@ class Linearization(SecondOrderEquations):
 
         Returns
         -------
-        array, shape (N, 2n)
+        array, shape (N, 2n + k)
             The forcing, in the unit of x per s.
 
         Raises
@@ -245,4 +270,9 @@ class Linearization(SecondOrderEquations):
             When M cannot be inverted.
         """
         M, h = self.about.evaluate(self._forces, times(t))
-        return build_input(M, h, t)[:, :, 0]
+        return self._with_controller(build_input(M, h, t))[:, :, 0]
+
+    def _with_controller(self, columns: Array) -> Array:
+        """Columns (N, 2n, p) of the arm's states, with zeros for those of the controller."""
+        k = 0 if self.controller is None else self.controller.states
+        return columns if not k else np.concatenate([columns, np.zeros((len(columns), k, columns.shape[2]))], axis=1)

@@ -3,33 +3,20 @@
 import casadi as ca
 import numpy as np
 
+from flexlin.about.compensator import Compensator, write_compensator
 from flexlin.about.deviation import Deviation
-from flexlin.about.law import Law, VectorFunction
-from flexlin.errors import ArgumentError
+from flexlin.about.law import Controller, Law, VectorFunction
 from flexlin.periodic.coefficients import Constant
 from flexlin.scene.control import Control
 
 
 def feedback_expressions(about: Deviation, control: Control) -> tuple[ca.SX, ca.SX]:
-    """The scene's feedback u = -K_p s - K_d s' as matrices (m, arm.n) over all coordinates, expressions of the free parameters.
-
-        K_p = kp encoders,   K_d = kd encoders,   one row for each torque-driven joint
+    """What of the scene's feedback answers at once, u = -K_p s - K_d s', as matrices (m, arm.n), expressions of the free parameters.
 
     Raises: ArgumentError when there is not one gain for each torque-driven joint.
     """
-    arm, driven = about.arm, about.driven
-    kp, kd = ca.SX(about.m, arm.n), ca.SX(about.m, arm.n)
-    feedback = arm.parameters.placed_in(control, "control.").feedback
-    if feedback is None:
-        return kp, kd
-    for name, matrix, gains in (("kp", kp, feedback.kp), ("kd", kd, feedback.kd)):
-        if len(gains) != about.m:
-            raise ArgumentError(
-                f"{name} does not fit the arm", got=f"{len(gains)} gains", expected=f"{about.m} torque-driven joints"
-            )
-        for row, joint in enumerate(driven):
-            matrix[row, :] = gains[row] * arm.encoders[joint, :]
-    return kp, kd
+    n, gain = about.arm.n, write_compensator(about, control).gain
+    return gain[:, :n], gain[:, n : 2 * n]
 
 
 def scene_law(about: Deviation, control: Control | None, rigid: VectorFunction) -> Law:
@@ -43,8 +30,16 @@ def scene_law(about: Deviation, control: Control | None, rigid: VectorFunction) 
     rest, none = Constant(np.zeros(2 * about.n)), Constant(np.zeros(about.m))
     if control is None:
         return Law("none", none, Constant(np.zeros((about.m, 2 * about.n))), rest)
-    kept, parameters = list(about.kept), about.arm.parameters
-    kp, kd = feedback_expressions(about, control)
-    gain = ca.Function("gain", [parameters.symbols], [ca.densify(ca.horzcat(kp[:, kept], kd[:, kept]))])
+    gain, controller = in_numbers(about, write_compensator(about, control))
     kind, forward = ("none", none) if control.feedforward == "none" else ("rigid", rigid)
-    return Law(kind, forward, Constant(gain(parameters.values).full()), rest)
+    return Law(kind, forward, Constant(gain), rest, controller)
+
+
+def in_numbers(about: Deviation, found: Compensator) -> tuple[np.ndarray, Controller | None]:
+    """The gain (m, 2n + k) and the controller, in the coordinates kept and at the parameters' own values."""
+    parameters, arm, kept = about.arm.parameters, about.arm.n, list(about.kept)
+    columns = [*kept, *(arm + i for i in kept), *range(2 * arm, found.gain.size2())]
+    parts = [found.gain[:, columns], found.rates[:, columns], found.unwinding]
+    values = ca.Function("feedback", [parameters.symbols], [ca.densify(part) for part in parts])(parameters.values)
+    gain, rates, unwinding = (value.full() for value in values)
+    return gain, Controller(rates, unwinding, found.names) if found.names else None

@@ -1,14 +1,13 @@
 """Integral action: a system extended by the integrals of what must not keep an error."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
-from flexlin.checks import Array, real_array
+from flexlin.checks import real_array
 from flexlin.errors import ArgumentError
-from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
+from flexlin.periodic.controlled import extend_system
+from flexlin.periodic.system import PeriodicSystem, as_system
 
 
 @checked
@@ -47,32 +46,4 @@ def with_integral_action(system: PeriodicSystem, measured: ArrayLike) -> Periodi
     if system.B is None:
         raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
     C = real_array("measured", measured, (None, system.n))
-    B = ExtendedInput(system.B, len(C))
-    return PeriodicSystem(ExtendedState(system.A, C), system.period, B, system.breaks, complete=system.complete)
-
-
-@dataclass(frozen=True, eq=False)
-class ExtendedState:
-    """[[A, 0], [C, 0]] as a function of time."""
-
-    A: MatrixFunction
-    C: Array
-
-    def __call__(self, t: Array) -> Array:
-        p, n = self.C.shape
-        out = np.zeros((len(t), n + p, n + p))
-        out[:, :n, :n] = self.A(t)
-        out[:, n:, :n] = self.C
-        return out
-
-
-@dataclass(frozen=True, eq=False)
-class ExtendedInput:
-    """[B; 0] as a function of time."""
-
-    B: MatrixFunction
-    rows: int
-
-    def __call__(self, t: Array) -> Array:
-        upper = self.B(t)
-        return np.concatenate([upper, np.zeros((len(t), self.rows, upper.shape[2]))], axis=1)
+    return extend_system(system, np.hstack([C, np.zeros((len(C), len(C)))]))

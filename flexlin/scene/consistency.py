@@ -7,6 +7,7 @@ from typing import Any
 
 from flexlin.errors import Problem
 from flexlin.scene.base import MOST
+from flexlin.scene.control_rules import control_contradictions
 from flexlin.scene.effects import RawArm, effect_contradictions, known_effects, tables_on
 from flexlin.scene.link_rules import driven, link_contradictions, mode_counts, moves
 from flexlin.scene.loop_rules import loop_contradictions
@@ -90,12 +91,7 @@ def _joint_counts(raw: dict[str, Any]) -> Iterator[Problem]:
     default = motion.get("drive", "torque")
     powered = sum(joint.get("drive", default) == "torque" for joint in _tables(joints))
     control = raw["control"] if isinstance(raw.get("control"), dict) else {}
-    for table, key in (("feedback", "kp"), ("feedback", "kd"), ("saturation", "torque")):
-        values = control[table].get(key) if isinstance(control.get(table), dict) else None
-        if isinstance(values, list) and len(values) != powered:
-            yield Problem(
-                f"control.{table}.{key}", f"{len(values)} numbers", f"{powered}, one for each torque-driven joint"
-            )
+    yield from control_contradictions(control, powered)
     coordinates = powered + _added_coordinates(links, raw)
     for i, design in enumerate(_tables(raw.get("designs"))):
         for key, wanted, what in (

@@ -4,8 +4,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from flexlin.scene.base import NonNegative, Positive, Table, Text, Unit
-from flexlin.scene.estimator import EstimatorTable
+from flexlin.scene.base import NonNegative, NotEndless, Positive, Table, Text, Unit
+from flexlin.scene.estimator import Duration, EstimatorTable
+from flexlin.scene.filters import AnyFilter
 from flexlin.scene.weights import Weights
 
 
@@ -20,13 +21,31 @@ class Pd(Table):
     """Damping of each torque-driven joint's loop."""
 
 
+class Pid(Table):
+    """u = -kp e - kd e' - ki int e dt with e = q - q_R, one gain a torque-driven joint."""
+
+    kind: Literal["pid"]
+    """The kind of feedback."""
+    kp: Annotated[tuple[NonNegative, ...], Unit("N m/rad or N/m")]
+    """Stiffness of each torque-driven joint's loop."""
+    kd: Annotated[tuple[NonNegative, ...], Unit("N m s/rad or N s/m")]
+    """Damping of each torque-driven joint's loop."""
+    ki: Annotated[tuple[NonNegative, ...], Unit("N m/(rad s) or N/(m s)")]
+    """Gain on the integral of each torque-driven joint's error; a joint with 0 has no integral."""
+    tracking_time: Duration | None = None
+    """Time in which a drive at its limit empties the integral: (int e)' = e + (asked - given) / (ki tracking_time)."""
+
+
 def _none_at_all(value: Any) -> Any:
     """No feedback, said in words: { kind = "none" }."""
     if isinstance(value, dict) and value.get("kind") == "none":
         if len(value) > 1:
-            raise ValueError('kind = "none" alone, or kind = "pd" with kp and kd')
+            raise ValueError('kind = "none" alone, kind = "pd" with kp and kd, or kind = "pid" with ki too')
         return None
     return value
+
+
+AnyFeedback = Annotated[Pd | Pid, Field(discriminator="kind")]
 
 
 class Saturation(Table):
@@ -48,14 +67,17 @@ class Sampling(Table):
 class Control(Table):
     """The loop that runs on the arm: feedforward along the basic motion, and feedback about it.
 
-    `saturation` and `sampling` are on when their tables are present; the linear equations leave both out, the nonlinear simulation
+    Integrals and filters are states of the controller, in the linear equations as in the nonlinear simulation. `saturation` and
+    `sampling` are on when their tables are present; the linear equations leave both out, the nonlinear simulation
     does not. `about = "elastic"` judges the loop about the periodic motion of the elastic arm too, beside the rigid one.
     """
 
     feedforward: Literal["rigid", "joint-exact", "tip-exact", "none"] = "rigid"
     """rigid: the torque of the rigid motion; joint-exact, tip-exact: of the elastic motion that keeps joints or tip on their path."""
-    feedback: Annotated[Pd | None, BeforeValidator(_none_at_all)] = None
+    feedback: Annotated[AnyFeedback | None, BeforeValidator(_none_at_all)] = None
     """The feedback about the basic motion; kind = "none", or no table: none."""
+    filters: Annotated[tuple[AnyFilter, ...], NotEndless] = ()
+    """Filters of the feedback, one behind the other in this order."""
     saturation: Saturation | None = None
     """What the motors give at most; in the nonlinear simulation."""
     sampling: Sampling | None = None

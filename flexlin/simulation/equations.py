@@ -50,7 +50,7 @@ class LinearEquations:
     """M_L y'' + D_L y' + K_L y = h_L + B_L torque under a law: what the linearization holds of its own law is taken out first."""
 
     def __init__(self, lin: Linearization, law: Law):
-        self.lin, self.law, self._own = lin, law, lin.closed_by
+        self.lin, self.law, self._own = lin, law, lin.closed_by.direct
 
     def places(self, t: Array) -> Places:
         """The coefficients and the law; a law lasts for a period, and after a one-way motion stays as it is at the end."""

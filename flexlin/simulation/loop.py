@@ -1,7 +1,6 @@
 """The nonlinear equations of motion under a control law, integrated."""
 
-from functools import cached_property, partial
-from typing import TYPE_CHECKING
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg.lapack import dposv
@@ -12,15 +11,14 @@ from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.errors import SimulationStopped
 from flexlin.simulation.collocation import Collocation
+from flexlin.simulation.controlled import from_coordinates, to_coordinates, with_controller
 from flexlin.simulation.drive import Drive
 from flexlin.simulation.ending import explain_end, name_largest, smallest_masses
-from flexlin.simulation.equations import NonlinearEquations, deviation_equations
+from flexlin.simulation.equations import Equations, NonlinearEquations, deviation_equations
 from flexlin.simulation.prediction import ROUNDING, with_breaks
-from flexlin.simulation.stepping import TrialLeftRange, march, stopped
+from flexlin.simulation.step_by_step import follow_cut, follow_held
+from flexlin.simulation.stepping import TrialLeftRange, stopped
 from flexlin.simulation.table import LawTable
-
-if TYPE_CHECKING:
-    from scipy.integrate import DOP853
 
 FARTHEST = 100.0
 """A deviation from the rigid motion, in rad or m, at which a simulation is given up as diverging."""
@@ -39,6 +37,8 @@ class NonlinearLoop:
     """The nonlinear equations in the deviation x = [y; y'] from the rigid motion; the last state is the work done on the arm.
 
         M y'' = B torque - (M s_R'' + C s' + g + d),   work' = s' (M s'' + C s' + g)
+
+    The k states z of a law's controller, where it has any, follow those of the arm: x = [y; y'; z].
 
     Parameters
     ----------
@@ -74,8 +74,8 @@ class NonlinearLoop:
         ----------
         t : float
             Time in s.
-        x : array, shape (2n,)
-            State [y; y'].
+        x : array, shape (2n + k,)
+            State [y; y'; z].
 
         Returns
         -------
@@ -91,8 +91,8 @@ class NonlinearLoop:
         ----------
         t : array, shape (N,)
             Times in s.
-        x : array, shape (N, 2n)
-            States [y; y'].
+        x : array, shape (N, 2n + k)
+            States [y; y'; z].
 
         Returns
         -------
@@ -102,21 +102,23 @@ class NonlinearLoop:
         now = t % self.lin.period if self.lin.motion.periodic else np.minimum(t, self.lin.period)
         return self.drive.saturated(self._law.torque(now, x))
 
-    def rate(self, t: float, z: Array, torque: Array) -> Array:
-        """Return the rate of z = [y; y'; work] under a torque.
+    def rate(self, t: float, z: Array, torque: Array, remembered: Array | None = None) -> Array:
+        """Return the rate of z = [y; y'; controller; work] under a torque.
 
         Parameters
         ----------
         t : float
             Time in s.
-        z : array, shape (2n + 1,)
+        z : array, shape (2n + k + 1,)
             State, with the work in J.
         torque : array, shape (m,)
             The torque, in N m.
+        remembered : array, shape (k,), optional
+            The rates of the controller's states; zero by default.
 
         Returns
         -------
-        array, shape (2n + 1,)
+        array, shape (2n + k + 1,)
             z'.
 
         Raises
@@ -127,14 +129,14 @@ class NonlinearLoop:
         self._calls += 1
         if self._calls > MOST_CALLS:
             raise self._lost(f"{MOST_CALLS} evaluations of the equations", t)
-        x = z[:-1]
+        x, still = z[: 2 * self.n], np.zeros(self._law.memory)
         M, B, left, rates, lost = self._equations(x, *self.about.place_at(t))
         kept, left = self._kept, left[:, 0]
         _, acceleration, failed = dposv(M[kept], (B @ torque - left)[kept])
         if failed:
             raise TrialLeftRange("the mass matrix is not positive definite there")
         power = rates[:, 0] @ (left + M @ acceleration) - lost[0, 0]
-        return np.concatenate([x[self.n :], acceleration, [power]])
+        return np.concatenate([x[self.n :], acceleration, still if remembered is None else remembered, [power]])
 
     def accept(self, t: float, z: Array) -> None:
         """Look at a state that was reached.
@@ -143,8 +145,8 @@ class NonlinearLoop:
         ----------
         t : float
             Time in s.
-        z : array, shape (2n + 1,)
-            State [y; y'; work].
+        z : array
+            State; the first n are y.
 
         Raises
         ------
@@ -162,8 +164,8 @@ class NonlinearLoop:
         ----------
         t : array, shape (N,)
             Times in s; the first is that of the start.
-        start : array, shape (2n,)
-            State [y; y'] at the first time.
+        start : array, shape (2n + k,)
+            State [y; y'; z] at the first time.
         rtol : float
             Relative tolerance of the integrator.
         stages : int
@@ -171,8 +173,8 @@ class NonlinearLoop:
 
         Returns
         -------
-        array, shape (N, 2n + 1)
-            States [y; y'; work] at the times.
+        array, shape (N, 2n + k + 1)
+            States [y; y'; z; work] at the times.
 
         Raises
         ------
@@ -195,23 +197,26 @@ class NonlinearLoop:
 
         Returns
         -------
-        z : array, shape (N, 2n + 1)
+        z : array, shape (N, 2n + k + 1)
             What `integrate` returns.
-        x : array, shape (N, 2n), or None
+        x : array, shape (N, 2n + k), or None
             States of the linear equations; none where the torque is held or cut.
         """
         z = np.append(start, 0.0)
         self.accept(t[0], z)
         try:
             if self.drive.sample_time is not None:
-                return self._held(t, z, rtol), None
+                return follow_held(self, t, z, rtol), None
             try:
                 found = self._collocated(t, start, rtol, stages, linear)
             except TorqueCut:
-                return self._step_by_step(t, z, rtol), None
+                return follow_cut(self, t, z, rtol), None
         except SimulationStopped as end:
             raise (explain_end(self.lin, end) if end.reached is not None else end) from None
-        return found[:, : len(z)], found[:, len(z) :] if linear else None
+        n, k = self.n, self._law.memory
+        states, beside = found[:, : 2 * (n + k)], found[:, 2 * (n + k) + 1 :]
+        z = np.column_stack([from_coordinates(states, n, k), found[:, 2 * (n + k)]])
+        return z, from_coordinates(beside, n, k) if linear else None
 
     @cached_property
     def law(self) -> LawTable:
@@ -223,8 +228,12 @@ class NonlinearLoop:
         return symbolic.Pointwise(deviation_equations(self.about))
 
     @cached_property
-    def _collocation(self) -> NonlinearEquations:
-        return NonlinearEquations(self.lin, self._law)
+    def _collocation(self) -> Equations:
+        return with_controller(self._equations_under(self._law.direct), self._law)
+
+    def _equations_under(self, law: Law) -> NonlinearEquations:
+        """The equations of the arm under a law without a controller."""
+        return NonlinearEquations(self.lin, law)
 
     def _collocated(self, t: Array, start: Array, rtol: float, stages: int, linear: bool) -> Array:
         """The smooth loop. Raises: TorqueCut where the drive does not give the torque that is commanded."""
@@ -238,7 +247,7 @@ class NonlinearLoop:
             self._check_mass(t, x)
 
         integrator = Collocation(self._collocation, self.lin.period, stages, max(rtol, ROUNDING), accept)
-        return integrator.integrate(t, start, marks, linear)
+        return integrator.integrate(t, to_coordinates(start, self.n), marks, linear)
 
     def _check_mass(self, t: Array, x: Array) -> None:
         """Raises: SimulationStopped, naming the time, where the mass matrix of a state that was reached is not positive definite."""
@@ -246,44 +255,6 @@ class NonlinearLoop:
         if not positive.all():
             first = int(np.argmin(positive))
             raise stopped(float(t[first]), "the mass matrix is not positive definite there", x[first])
-
-    def _step_by_step(self, t: Array, z: Array, rtol: float) -> Array:
-        """The loop whose torque is cut, by a multistep method: corners of the torque would spoil the order of collocation."""
-        from scipy.integrate import LSODA
-
-        def follow(now: float, z: Array) -> Array:
-            return self.rate(now, z, self.command(now, z[:-1]))
-
-        def make(now: float, z: Array, first: float | None) -> "LSODA":
-            return LSODA(follow, now, z, t[-1], first_step=first, rtol=rtol, atol=rtol * 1e-2)
-
-        return np.concatenate([z[None], march(make, z, t[0], t[-1], t[1:], self.accept)[1]])
-
-    def _held(self, t: Array, z: Array, rtol: float) -> Array:
-        """Integrate from instant to instant at which the torque changes, sampling measured `delay` before."""
-        step, delay = self.drive.sample_time or 1.0, self.drive.delay
-        out, torque = np.empty((len(t), len(z))), self.command(t[0], z[:-1])
-        out[0], now, done, sample = z, float(t[0]), 1, 0
-        while done < len(t):
-            measured = t[0] + sample * step
-            next_torque = self.command(measured, z[:-1])
-            for until, after in ((measured + delay, next_torque), (measured + step, next_torque)):
-                if until > now:
-                    stops = t[(t > now) & (t <= until + 1e-12 * step)]
-                    make = partial(self._explicit, torque=torque, end=until, rtol=rtol)
-                    z, values = march(make, z, now, until, stops, self.accept, first=until - now)
-                    out[done : done + len(stops)] = values
-                    done, now = done + len(stops), until
-                torque = after
-            sample += 1
-        return out
-
-    def _explicit(self, t: float, z: Array, first: float, torque: Array, end: float, rtol: float) -> "DOP853":
-        """An integrator under a constant torque."""
-        from scipy.integrate import DOP853
-
-        rate = partial(self.rate, torque=torque)
-        return DOP853(rate, t, z, end, rtol=max(rtol, 1e-13), atol=rtol * 1e-2, first_step=first)
 
     def _lost(self, got: str, t: float, far: bool = False) -> SimulationStopped:
         return SimulationStopped(

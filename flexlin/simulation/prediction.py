@@ -7,6 +7,7 @@ from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.errors import NumericalError
 from flexlin.simulation.collocation import Collocation
+from flexlin.simulation.controlled import from_coordinates, to_coordinates, with_controller
 from flexlin.simulation.equations import LinearEquations
 
 ROUNDING = 1e-12
@@ -31,8 +32,8 @@ def predict(lin: Linearization, t: Array, start: Array, law: Law, tol: float) ->
         With n coordinates.
     t : array, shape (N,)
         Times in s; the first is that of the start.
-    start : array, shape (2n,)
-        State [y; y'] at the first time.
+    start : array, shape (2n + k,)
+        State [y; y'; z] at the first time, z being what the law's controller remembers.
     law : Law
         What commands the torque.
     tol : float
@@ -40,9 +41,9 @@ def predict(lin: Linearization, t: Array, start: Array, law: Law, tol: float) ->
 
     Returns
     -------
-    fine : array, shape (N, 2n)
+    fine : array, shape (N, 2n + k)
         States of the finer run.
-    coarse : array, shape (N, 2n)
+    coarse : array, shape (N, 2n + k)
         States of the coarser run.
 
     Examples
@@ -56,13 +57,14 @@ def predict(lin: Linearization, t: Array, start: Array, law: Law, tol: float) ->
     >>> fine.shape, bool(np.abs(fine - coarse).max() < 1e-8)
     ((3, 4), True)
     """
-    marks, equations = with_breaks(t[[0, -1]], lin), LinearEquations(lin, law)
+    marks, equations = with_breaks(t[[0, -1]], lin), with_controller(LinearEquations(lin, law.direct), law)
+    n, k = lin.n, law.memory
 
     def run(stages: int, share: float) -> Array:
         integrator = Collocation(equations, lin.period, stages, max(share * tol, ROUNDING))
         try:
             with np.errstate(over="ignore", invalid="ignore"):
-                return integrator.integrate(t, start, marks)[:, :-1]
+                return from_coordinates(integrator.integrate(t, to_coordinates(start, n), marks)[:, :-1], n, k)
         except NumericalError:
             return np.full((len(t), len(start)), np.nan)
 

@@ -1,6 +1,6 @@
 """What a simulation hands back."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,6 +43,10 @@ class Simulation(Shown):
         Error of `difference`, in m.
     units : tuple of str
         Units of the n coordinates.
+    controller : array, shape (N, k)
+        States of the controller: integrals of errors, filters.
+    controller_names : tuple of str
+        Their names.
 
     Examples
     --------
@@ -67,6 +71,8 @@ class Simulation(Shown):
     energy_error: float
     difference_error: float
     units: tuple[str, ...] = ()
+    controller: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    controller_names: tuple[str, ...] = ()
 
     __repr__ = represent
 
@@ -144,10 +150,14 @@ class Simulation(Shown):
             "tip_linear": (("time", "axis"), self.tip_linear, metres),
             "tip_rigid": (("time", "axis"), self.tip_rigid, metres),
         }
+        if self.controller_names:
+            series["controller"] = (("time", "memory"), self.controller)
         data = xarray.Dataset(
             series, coords={"time": self.t, "state": states, "axis": list("xyz")[: self.tip.shape[1]]}
         )
         data = data.assign_coords(unit=("state", units))
+        if self.controller_names:
+            data = data.assign_coords(memory=list(self.controller_names))
         data["time"].attrs["units"] = "s"
         data.attrs["integration_error"] = self.error
         data.attrs["linear_error"] = self.linear_error

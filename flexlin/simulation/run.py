@@ -45,9 +45,9 @@ def simulate(
     periods : float
         Length of the simulation, in periods of the motion.
     initial : array_like, shape (2n,), optional
-        Deviation [y; y'] at t = 0; by default the law's reference.
+        Deviation [y; y'] at t = 0; by default the law's reference. The states of a controller begin at zero.
     feedback : array_like (m, 2n), or function of times (N,) -> (N, m, 2n), optional
-        Takes the place of the law's gain.
+        Takes the place of the law's gain, and of its controller.
     tol : float
         Wanted error of the nonlinear and of the linear states.
     points_per_period : int
@@ -92,12 +92,13 @@ def simulate(
         raise ArgumentError("a law and a feedforward exclude each other", got="both", expected="one of them")
     law = law if feedback is None else law.with_gain(feedback)
     start = law.reference(np.zeros(1))[0] if initial is None else real_array("initial", initial, (2 * n,))
+    start = np.append(start, np.zeros(law.memory))
     loop = NonlinearLoop(lin, law, drive or scene_drive(lin))
     (rough, coarse), (fine, linear) = (loop.beside_linear(t, start, share * tol, stages) for stages, share in RUNS)
     states, work = fine[:, :-1], fine[:, -1]
     if linear is None or coarse is None:
         linear, coarse = predict(lin, t, start, law, tol)
-    torque = loop.commands(t, states)
+    torque, arm = loop.commands(t, states), slice(2 * n)
     tips = [tip_positions(lin, t, part) for part in (states, linear, np.zeros_like(states))]
     missed = sum(
         float(np.linalg.norm(tip - tip_positions(lin, t, other), axis=1).max())
@@ -106,8 +107,8 @@ def simulate(
     return Simulation(
         lin.names,
         t,
-        states,
-        linear,
+        states[:, arm],
+        linear[:, arm],
         torque,
         tip=tips[0],
         tip_linear=tips[1],
@@ -117,6 +118,8 @@ def simulate(
         energy_error=energy_error(lin, t, states, work),
         difference_error=missed,
         units=tuple(c.unit for c in lin.coordinates),
+        controller=states[:, 2 * n :],
+        controller_names=() if law.controller is None else law.controller.names,
     )
 
 
@@ -175,7 +178,7 @@ def energy_error(lin: Linearization, t: Array, states: Array, work: Array) -> fl
     """
     if lin.arm.energy is None:
         return float("nan")
-    y, y_rate = states[:, : lin.n], states[:, lin.n :]
+    y, y_rate = states[:, : lin.n], states[:, lin.n : 2 * lin.n]
     energy = lin.about.of_arm("energy", t, y, y_rate)[:, 0, 0]
     rates = lin.about.positions(t, y, y_rate)[1]
     kinetic = 0.5 * np.einsum("ti,tij,tj->t", rates, lin.about.of_arm("M", t, y), rates)

@@ -18,7 +18,7 @@ POINTS = 2048
 
 
 class LawTable:
-    """A law as offset(t) - gain(t) x; what varies in time by cubic splines, what is constant as it is."""
+    """A law as offset(t) - gain(t) x, and the rate of its controller; what varies in time by cubic splines, what is constant as it is."""
 
     def __init__(self, law: Law, lin: Linearization):
         self._periodic, self._period = lin.motion.periodic, lin.period
@@ -28,13 +28,26 @@ class LawTable:
         self._offset = law.offset(few)[0] if all(still) else None
         self._gains = tabulated(law.gain, lin) if self._gain is None else None
         self._offsets = tabulated(law.offset, lin) if self._offset is None else None
+        self.controller, self._steer, self._steers = law.controller, law.steer(law.reference(few))[0], None
+        if law.controller is not None and not still[2]:
+            self._steers = tabulated(lambda t: law.steer(law.reference(t)), lin)
 
     def __call__(self, t: float, x: Array) -> Array:
         """The torque (m,) at one time; after the end of a one-way motion the law stays as it is there."""
-        t = t % self._period if self._periodic else min(t, self._period)
+        t = self._now(t)
         offset = self._offset if self._offsets is None else self._offsets(t)
         gain = self._gain if self._gains is None else self._gains(t)
         return offset - gain @ x
+
+    def rate(self, t: float, x: Array, missing: Array) -> Array:
+        """z' (k,) of the controller's states at one time, where `missing` (m,) is the torque that is asked but not given."""
+        if self.controller is None:
+            return x[:0]
+        steer = self._steer if self._steers is None else self._steers(self._now(t))
+        return self.controller.rates @ x + steer + self.controller.unwinding @ missing
+
+    def _now(self, t: float) -> float:
+        return t % self._period if self._periodic else min(t, self._period)
 
 
 def tabulated(f: Callable[[Array], Array], lin: Linearization) -> "PPoly":

@@ -1,7 +1,6 @@
 """The nonlinear answer to a disturbance: one run with it and one without, from the same start."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -40,9 +39,8 @@ class PushedLoop(NonlinearLoop):
         super().__init__(lin, law, Drive())
         self._pushing = directions, size
 
-    @cached_property
-    def _collocation(self) -> NonlinearEquations:
-        return PushedEquations(self.lin, self._law, *self._pushing)
+    def _equations_under(self, law: Law) -> NonlinearEquations:
+        return PushedEquations(self.lin, law, *self._pushing)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import expm
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, TooManySegments
@@ -75,6 +76,29 @@ def hold_plant(
     F[:, :n] = P1[:, :n, :n] @ P0[:, :n]
     G[:, :n], G[:, n:] = P1[:, :n, n:], np.eye(m)
     return HeldPlant(F, G, t, n, m)
+
+
+def hold_controller(rates: Array, step: float) -> Array:
+    """The integral (k, k) of exp(F s) over one step, for z' = rates [x; z] with F the last k columns.
+
+    Under inputs that are held, z moves by this times its rate at the beginning of the step.
+    """
+    k = len(rates)
+    block = np.zeros((2 * k, 2 * k))
+    block[:k, :k], block[:k, k:] = rates[:, -k:], np.eye(k)
+    return np.asarray(expm(step * block)[:k, k:])
+
+
+def with_controller_states(plant: HeldPlant, rates: Array, step: float) -> HeldPlant:
+    """The plant with a controller's states z behind its own, z_(k+1) = z_k + held rates [x_k; z_k]: they count as states of it."""
+    n, k, (count, size) = plant.states, len(rates), plant.F.shape[:2]
+    moved = hold_controller(rates, step) @ rates
+    moved[:, n:] += np.eye(k)
+    F, G = np.zeros((count, size + k, size + k)), np.zeros((count, size + k, plant.inputs))
+    of_plant = np.r_[:n, n + k : size + k]
+    F[:, of_plant[:, None], of_plant], G[:, of_plant] = plant.F, plant.G
+    F[:, n : n + k, : n + k] = moved
+    return HeldPlant(F, G, plant.instants, n + k, plant.inputs)
 
 
 def sections(system: PeriodicSystem, begin: Array, end: Array, tol: float, stages: int) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
-from flexlin.checks import Array, positive
+from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples
 from flexlin.periodic.floquet.result import FloquetResult, judge
@@ -14,7 +14,7 @@ from flexlin.periodic.product.balancing import balance_factors, count_groupings,
 from flexlin.periodic.product.perturbation import spectrum_motion
 from flexlin.periodic.product.schur import periodic_schur
 from flexlin.periodic.sampled.commensurate import Round, find_rounds
-from flexlin.periodic.sampled.hold import STAGES, hold_plant
+from flexlin.periodic.sampled.hold import STAGES, hold_plant, with_controller_states
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.setting import Setting
 
@@ -39,6 +39,7 @@ def sampled_floquet(
     sample_time: float,
     delay: float = 0.0,
     tol: float = 1e-9,
+    rates: ArrayLike | None = None,
 ) -> FloquetResult:
     """Compute the Floquet exponents of the loop u(t) = -K(t_k) x(t_k) for t_k + delay <= t < t_(k+1) + delay, t_k = k h.
 
@@ -51,7 +52,7 @@ def sampled_floquet(
     ----------
     system : PeriodicSystem
         The plant without feedback, with n states and m inputs.
-    gain : array_like (m, n), or function of times (N,) -> (N, m, n)
+    gain : array_like (m, n + k), or function of times (N,) -> (N, m, n + k)
         K, read at the instants only.
     sample_time : float
         h, in s.
@@ -59,6 +60,8 @@ def sampled_floquet(
         Time from measuring to the torque taking effect, 0 to h, in s.
     tol : float
         Wanted error of the exponents, in 1/s, relative beyond 1/s.
+    rates : array_like (k, n + k), optional
+        Of a controller with k states, z' = rates [x; z]: it moves from sample to sample, with x as it was at the first of them; u = -K [x; z].
 
     Returns
     -------
@@ -89,25 +92,31 @@ def sampled_floquet(
     if not 0 <= delay <= h:
         raise ArgumentError("the delay is out of range", got=delay, expected=f"0 to the sampling time, {h:g} s")
     K = as_matrix_function("gain", gain)
-    got = check_samples("gain", K, system.period).shape[1:]
-    if got != (system.m, system.n):
-        raise ArgumentError("the gain does not fit the system", got=got, expected=f"({system.m}, {system.n})")
+    own = None if rates is None else real_array("rates", rates, (None, None))
+    got, states = check_samples("gain", K, system.period).shape[1:], system.n + (0 if own is None else len(own))
+    if got != (system.m, states):
+        raise ArgumentError("the gain does not fit the system", got=got, expected=f"({system.m}, {states})")
+    if own is not None and own.shape[1] != states:
+        raise ArgumentError("the rates do not fit the system", got=own.shape, expected=f"({len(own)}, {states})")
     best, *others = find_rounds(system.period, h)
-    spectrum, time = solve_round(system, K, best, delay / h, tol), best.periods * system.period
+    spectrum, time = solve_round(system, K, best, delay / h, tol, own), best.periods * system.period
     exponents, errors = spectrum.logs / time, spectrum.errors / time
     reason = f"{best.samples} samples in {best.periods} periods"
     for other in others:
-        beside = solve_round(system, K, other, delay / h, tol).logs[0].real / (other.periods * system.period)
+        beside = solve_round(system, K, other, delay / h, tol, own).logs[0].real / (other.periods * system.period)
         errors = errors + SAFETY * abs(beside - exponents[0].real)
         reason += f", {best.off:.0e} beside the sampling time"
     return judge(exponents, errors, time, Setting("sampled", 0, best.samples, reason), tol)
 
 
-def solve_round(system: PeriodicSystem, K: MatrixFunction, turn: Round, delay: float, tol: float) -> RoundSpectrum:
+def solve_round(
+    system: PeriodicSystem, K: MatrixFunction, turn: Round, delay: float, tol: float, rates: Array | None
+) -> RoundSpectrum:
     """The multipliers of the loop over one round; delay as a part of the sampling time."""
-    loops = []
+    loops, step = [], turn.periods * system.period / turn.samples
     for stages in (STAGES, STAGES + 2):
         plant = hold_plant(system, turn.samples, turn.periods, delay, tol, stages)
+        plant = plant if rates is None else with_controller_states(plant, rates, step)
         loops.append(plant.closed_by(K(np.mod(plant.instants, system.period))))
     even, scale = balance_factors(loops[0])
     groups, rounds = count_groupings(even)

@@ -1,0 +1,69 @@
+"""Loops whose torque the drive cuts or holds: corners in time would spoil the order of collocation, so steps are taken one by one."""
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.periodic.sampled.hold import hold_controller
+from flexlin.simulation.stepping import march
+
+if TYPE_CHECKING:
+    from scipy.integrate import DOP853, LSODA
+
+    from flexlin.simulation.loop import NonlinearLoop
+
+
+def follow_cut(loop: "NonlinearLoop", t: Array, z: Array, rtol: float) -> Array:
+    """States (N, 2n + k + 1) of a loop whose torque is cut, by a multistep method, which bears corners."""
+    from scipy.integrate import LSODA
+
+    def follow(now: float, z: Array) -> Array:
+        asked = loop.law(now, z[:-1])
+        given = loop.drive.saturated(asked)
+        return loop.rate(now, z, given, loop.law.rate(now, z[:-1], asked - given))
+
+    def make(now: float, z: Array, first: float | None) -> "LSODA":
+        return LSODA(follow, now, z, t[-1], first_step=first, rtol=rtol, atol=rtol * 1e-2)
+
+    return np.concatenate([z[None], march(make, z, t[0], t[-1], t[1:], loop.accept)[1]])
+
+
+def follow_held(loop: "NonlinearLoop", t: Array, z: Array, rtol: float) -> Array:
+    """States (N, 2n + k + 1) from instant to instant at which the torque changes, sampling measured `delay` before.
+
+    The controller's own states move from sample to sample, as what was measured and asked at the first of them has it.
+    """
+    step, delay = loop.drive.sample_time or 1.0, loop.drive.delay
+    law, plant = loop.law, 2 * loop.n
+    held = None if law.controller is None else hold_controller(law.controller.rates, step)
+    out, torque = np.empty((len(t), len(z))), loop.command(t[0], z[:-1])
+    out[0], now, done, sample = z, float(t[0]), 1, 0
+    while done < len(t):
+        measured = t[0] + sample * step
+        asked = law(measured, z[:-1])
+        given, after = loop.drive.saturated(asked), z[plant:-1]
+        if held is not None:
+            after = after + held @ law.rate(measured, z[:-1], asked - given)
+        for until, later in ((measured + delay, given), (measured + step, given)):
+            if until > now:
+                stops = t[(t > now) & (t <= until + 1e-12 * step)]
+                make = partial(explicit, loop, torque=torque, end=until, rtol=rtol)
+                z, values = march(make, z, now, until, stops, loop.accept, first=until - now)
+                out[done : done + len(stops)] = values
+                done, now = done + len(stops), until
+            torque = later
+        z = np.concatenate([z[:plant], after, z[-1:]])
+        sample += 1
+    return out
+
+
+def explicit(
+    loop: "NonlinearLoop", t: float, z: Array, first: float, torque: Array, end: float, rtol: float
+) -> "DOP853":
+    """An integrator under a constant torque."""
+    from scipy.integrate import DOP853
+
+    rate = partial(loop.rate, torque=torque)
+    return DOP853(rate, t, z, end, rtol=max(rtol, 1e-13), atol=rtol * 1e-2, first_step=first)
