@@ -8,6 +8,7 @@ from flexlin.about.deviation import Deviation
 from flexlin.about.periodic_motion import PeriodicMotion
 from flexlin.arguments import checked, instance
 from flexlin.checks import Array
+from flexlin.periodic.controlled import extend_system
 from flexlin.periodic.system import PeriodicSystem
 
 
@@ -60,7 +61,7 @@ def linearize_about(motion: PeriodicMotion, closed: bool = True) -> PeriodicSyst
     Returns
     -------
     PeriodicSystem
-        The system of [z; z'], with input u the torque beside the motion's.
+        The system of [z; z'], followed by the states of the loop's controller, with input u the torque beside the motion's.
 
     Raises
     ------
@@ -84,7 +85,11 @@ def linearize_about(motion: PeriodicMotion, closed: bool = True) -> PeriodicSyst
     lin = motion.lin
     c = ElasticCoefficients(motion, slopes(lin.about))
     system = PeriodicSystem.from_second_order(c.M, c.D, c.K, lin.period, c.B, lin.breaks, c.equations)
-    return system.feedback(lin.law.gain) if closed else system
+    law = lin.law
+    if not closed:
+        return system
+    open_loop = system if law.controller is None else extend_system(system, law.controller.rates)
+    return open_loop.feedback(law.gain)
 
 
 def slopes(about: Deviation) -> ca.Function:

@@ -67,7 +67,9 @@ class Law:
     @property
     def direct(self) -> "Law":
         """The part that answers [y; y'] at once, without the controller's states."""
-        return self if self.controller is None else replace(self, gain=Columns(self.gain, -self.memory), controller=None)
+        return (
+            self if self.controller is None else replace(self, gain=Columns(self.gain, -self.memory), controller=None)
+        )
 
     def with_gain(self, gain: MatrixFunction | ArrayLike, controller: Controller | None = None) -> "Law":
         """The same feedforward and reference with another gain, a function (N,) -> (N, m, 2n + k) or a constant, and its controller.

@@ -38,6 +38,8 @@ class PeriodicMotion:
         Difference to the solution on half as many points, relative to the largest |y|.
     status : str
         What to make of it.
+    controller : FourierSeries or None
+        The states z (N, k) of the law's controller.
 
     Examples
     --------
@@ -57,6 +59,7 @@ class PeriodicMotion:
     torque: FourierSeries
     error: float
     status: str
+    controller: FourierSeries | None = None
 
     __repr__ = represent
 
@@ -107,6 +110,24 @@ class PeriodicMotion:
             [y; y'].
         """
         return at_times(lambda t: np.concatenate([self.y(t), self.y(t, 1)], axis=1), t)
+
+    def loop_state(self, t: ArrayLike) -> Array:
+        """Return the state of the whole loop.
+
+        Parameters
+        ----------
+        t : array_like, shape (N,) or ()
+            Times in s.
+
+        Returns
+        -------
+        array, shape (N, 2n + k) or (2n + k,)
+            [y; y'; z].
+        """
+        z = self.controller
+        if z is None:
+            return self.state(t)
+        return at_times(lambda t: np.concatenate([self.state(t), z(t)], axis=1), t)
 
 
 @checked
@@ -174,15 +195,18 @@ def periodic_motion(
         raise MotionError("a one-way motion has no periodic solution", todo="use course = 'there-and-back'")
     law = law or lin.law
     law = law if gain is None else law.with_gain(gain)
-    equations = balance(lin.about, closing or by_law)
+    law = law if closing is None else law.direct
+    equations = balance(lin.about, closing or by_law, law.controller)
     before: FourierSeries | None = None
     for points in POINTS:
-        y, torque = solve_at(lin.about, equations, law, points, linear, before)
+        values = solve_at(lin.about, equations, law, points, linear, before)
+        parts = np.split(values, [lin.n, lin.n + lin.about.m], axis=1)
+        y, torque, z = (FourierSeries.through(part, lin.period) for part in parts)
         if before is not None:
             error = distance(y, before)
             if error <= tol:
-                return PeriodicMotion(lin, y, torque, error, f"converged on {points} points")
-        before = FourierSeries.through(np.concatenate([y.values, torque.values], axis=1), lin.period)
+                return PeriodicMotion(lin, y, torque, error, f"converged on {points} points", z)
+        before = FourierSeries.through(values, lin.period)
     if error > 0.01:
         raise ToleranceNotReached(
             "the periodic motion is not resolved",
@@ -191,9 +215,8 @@ def periodic_motion(
             todo="use a smoother basic motion",
         )
     todo = "the motion is not smooth; choose a smoother one, or a tol above this error"
-    return PeriodicMotion(
-        lin, y, torque, error, f"error {error:.1e} above tol {tol:.0e} on {POINTS[-1]} points: {todo}"
-    )
+    status = f"error {error:.1e} above tol {tol:.0e} on {POINTS[-1]} points: {todo}"
+    return PeriodicMotion(lin, y, torque, error, status, z)
 
 
 def distance(y: FourierSeries, coarse: FourierSeries) -> float:

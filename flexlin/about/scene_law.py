@@ -6,6 +6,7 @@ import numpy as np
 from flexlin.about.compensator import Compensator, write_compensator
 from flexlin.about.deviation import Deviation
 from flexlin.about.law import Controller, Law, VectorFunction
+from flexlin.checks import Array
 from flexlin.periodic.coefficients import Constant
 from flexlin.scene.control import Control
 
@@ -35,11 +36,17 @@ def scene_law(about: Deviation, control: Control | None, rigid: VectorFunction) 
     return Law(kind, forward, Constant(gain), rest, controller)
 
 
-def in_numbers(about: Deviation, found: Compensator) -> tuple[np.ndarray, Controller | None]:
+def in_numbers(about: Deviation, found: Compensator) -> tuple[Array, Controller | None]:
     """The gain (m, 2n + k) and the controller, in the coordinates kept and at the parameters' own values."""
-    parameters, arm, kept = about.arm.parameters, about.arm.n, list(about.kept)
-    columns = [*kept, *(arm + i for i in kept), *range(2 * arm, found.gain.size2())]
-    parts = [found.gain[:, columns], found.rates[:, columns], found.unwinding]
+    parameters = about.arm.parameters
+    parts = [*kept_columns(about, found), found.unwinding]
     values = ca.Function("feedback", [parameters.symbols], [ca.densify(part) for part in parts])(parameters.values)
     gain, rates, unwinding = (value.full() for value in values)
     return gain, Controller(rates, unwinding, found.names) if found.names else None
+
+
+def kept_columns(about: Deviation, found: Compensator) -> tuple[ca.SX, ca.SX]:
+    """A compensator's gain (m, 2n + k) and rates (k, 2n + k) in the coordinates kept."""
+    arm, kept = about.arm.n, list(about.kept)
+    columns = [*kept, *(arm + i for i in kept), *range(2 * arm, found.gain.size2())]
+    return found.gain[:, columns], found.rates[:, columns]

@@ -146,7 +146,7 @@ def with_response(
 ) -> Loop:
     """The loop with its periodic response to what the feedforward leaves over, where it keeps one and its states are the arm's."""
     system = loop.design.closed_loop if loop.design is not None else system
-    if system is None or loop.verdict not in ("stable", "undecided") or system.n != 2 * closed.n:
+    if system is None or loop.verdict not in ("stable", "undecided"):
         return loop
     name, problems, known = f"forced response: {loop.name}", dict[str, str](), system
     found = clock.attempt(
@@ -161,18 +161,13 @@ def judge_sampled_loops(
     """The loops with a feedback on the arm's own states once more, their torque sampled, held and late as the scene says."""
     sampling, asked, found = scene.control.sampling, scene.accuracy, list[Loop]()
     for loop in loops if sampling is not None else ():
-        gain = closed.law.gain if loop.design is None else loop.design.K
-        if (
-            sampling is None
-            or loop.floquet is None
-            or loop.kind == "open"
-            or loop.floquet.exponents.size != 2 * plant.n
-        ):
+        law = closed.law if loop.design is None else loop.design.law
+        if sampling is None or loop.floquet is None or loop.kind == "open":
             continue
         name, problems = f"{loop.name}, sampled", dict[str, str]()
-        work = partial(
-            sampled_floquet, plant.periodic_system(), gain, sampling.period, sampling.delay, max(asked.tol, LEAST)
-        )
+        rates = None if law.controller is None else law.controller.rates
+        given = law.gain, sampling.period, sampling.delay, max(asked.tol, LEAST), rates
+        work = partial(sampled_floquet, plant.periodic_system(), *given)
         result = clock.attempt(problems, name, f"Floquet: {name}", asked, work)
         found.append(Loop(name, "sampled", result, problems.get(name, "")))
     return tuple(found)
@@ -210,7 +205,7 @@ def load_of(
         return None
     law = response.law or closed.law
     if loop.design is not None:
-        law = law.with_gain(loop.design.K)
+        law = law.with_gain(loop.design.K, loop.design.controller)
     elif loop.kind == "open":
         law = law.with_gain(np.zeros((plant.about.m, 2 * plant.n)))
     return drive_load(plant, t[:-1], response.states[:-1], law, drives)

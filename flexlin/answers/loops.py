@@ -12,6 +12,7 @@ from flexlin.checks import Array
 from flexlin.control import design
 from flexlin.errors import ArgumentError, ModelError, SceneError
 from flexlin.mechanics.chain import build_manipulator
+from flexlin.periodic.controlled import extend_system
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.control import DesignTable
 from flexlin.scene.parameters import get_value
@@ -79,9 +80,33 @@ class RebuiltLoop:
         return replace(self, kept=kept)
 
 
-def choose_loop(
-    scene: Scene, paths: Iterable[str], loop: str = "own", tol: float = 1e-9
-) -> ParametricLoop | RedesignedLoop | RebuiltLoop:
+@dataclass(frozen=True, eq=False)
+class ControlledLoop:
+    """A loop with integrals or filters on an arm whose equations keep the free numbers as symbols.
+
+    `rates`: of the states z of a kept design, z' = rates [y; y'; z]; None where the scene's own loop is asked about.
+    """
+
+    plant: ParametricLoop
+    states: int
+    kept: KeptGain | None = None
+    rates: Array | None = None
+
+    __repr__ = represent
+
+    def system_at(self, point: Array) -> PeriodicSystem:
+        """The loop at one point (P,)."""
+        system = self.plant.at(point).periodic_system()
+        if self.kept is None or self.rates is None:
+            return system
+        corners = tuple(system.period * phase for phase in self.kept.breaks)
+        return extend_system(system, self.rates).feedback(self.kept.for_period(system.period), corners)
+
+
+AnyLoop = ParametricLoop | RedesignedLoop | RebuiltLoop | ControlledLoop
+
+
+def choose_loop(scene: Scene, paths: Iterable[str], loop: str = "own", tol: float = 1e-9) -> AnyLoop:
     """The loop that a word names, with the numbers at the dotted paths left free.
 
         "own": the scene's; "open": no feedback; a design's name: its gain as designed with the scene's own numbers, kept while they
@@ -92,7 +117,7 @@ def choose_loop(
     """
     paths = tuple(paths)
     if loop == "own":
-        return leave_free(scene, paths, closed=True)
+        return with_states(leave_free(scene, paths, closed=True))
     table = None if loop == "open" else find_design(scene, loop)
     strangers = [path for path in paths if path.startswith("control.")]
     if strangers:
@@ -105,7 +130,20 @@ def choose_loop(
         return RedesignedLoop(plant, table, tol)
     made = design(linearize(build_manipulator(scene), scene.motion), table, tol)
     period = made.closed_loop.period
-    return plant.with_gain(KeptGain(made.K, period, tuple(t / period for t in made.closed_loop.breaks)))
+    kept = KeptGain(made.K, period, tuple(t / period for t in made.closed_loop.breaks))
+    if made.controller is None:
+        return plant.with_gain(kept)
+    if not isinstance(plant, ParametricLoop):
+        got, todo = f"{loop} of a {scene.motion.kind} motion", f"ask for {loop}{REDONE}"
+        raise ArgumentError("a design with integrals is kept on arms given by expressions only", got=got, todo=todo)
+    return ControlledLoop(plant, made.closed_loop.n, kept, made.controller.rates)
+
+
+def with_states(loop: ParametricLoop | RebuiltLoop) -> ParametricLoop | RebuiltLoop | ControlledLoop:
+    """The scene's own loop as it is asked about: one with integrals or filters has no equations of second order."""
+    if isinstance(loop, ParametricLoop) and loop.linearization.controller is not None:
+        return ControlledLoop(loop, loop.linearization.states)
+    return loop
 
 
 def leave_free(scene: Scene, paths: tuple[str, ...], closed: bool) -> ParametricLoop | RebuiltLoop:
@@ -114,7 +152,7 @@ def leave_free(scene: Scene, paths: tuple[str, ...], closed: bool) -> Parametric
     if not sampled and not any(path.startswith("parameters.") for path in paths):
         return parametric_loop(scene, paths, closed=closed)
     rebuilt = RebuiltLoop(scene, paths, closed, 0)
-    rebuilt = replace(rebuilt, states=2 * replace(rebuilt, paths=()).at(np.zeros(0)).n)
+    rebuilt = replace(rebuilt, states=replace(rebuilt, paths=()).at(np.zeros(0)).states)
     if sampled:
         need_numbers(scene, paths)
         return rebuilt

@@ -8,6 +8,7 @@ from flexlin.about.law import Law
 from flexlin.about.linear import Linearization
 from flexlin.checks import Array
 from flexlin.control.tracking import scene_feedforward
+from flexlin.periodic.controlled import OfPlant
 from flexlin.periodic.response.forced import ForcedResponse, forced_response
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.simulation import tip_positions
@@ -24,7 +25,7 @@ class Followed:
 
 @dataclass(frozen=True)
 class Response:
-    """The periodic response of a loop: states [y; y'] (N, 2n), and how far the tip is from its rigid motion, (N, 2) in m.
+    """The periodic response of a loop: states [y; y'; z] (N, 2n + k), and how far the tip is from its rigid motion, (N, 2) in m.
 
     `tip_by_bending` is the part of it that is left when only the elastic coordinates deviate; `law` commands the torque where a
     feedforward leads along an elastic motion.
@@ -52,12 +53,13 @@ def find_response(closed: Linearization, loop: PeriodicSystem, t: Array, tol: fl
     forward = scene_feedforward(closed, tol)
     solution: ForcedResponse | Followed
     if forward is None:
-        solution = forced_response(loop, closed.forcing, tol)
+        solution = forced_response(loop, OfPlant(closed.forcing, 2 * closed.n, loop.n), tol)
         states = solution(t)
     else:
-        states = forward.law.reference(t)
+        reference = forward.law.reference(t)
+        states = np.concatenate([reference, np.zeros((len(t), loop.n - 2 * closed.n))], axis=1)
         solution = Followed(forward.error * float(np.abs(states).max()), forward.status)
-    bent = states * [coordinate.kind == "elastic" for coordinate in closed.coordinates * 2]
+    bent = states[:, : 2 * closed.n] * [coordinate.kind == "elastic" for coordinate in closed.coordinates * 2]
     rigid = tip_positions(closed, t, np.zeros_like(states))
     tip, by_bending = (tip_positions(closed, t, x) - rigid for x in (states, bent))
     return Response(solution, states, tip, by_bending, None if forward is None else forward.law)

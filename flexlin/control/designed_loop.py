@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.about.law import Law
+from flexlin.about.law import Controller, Law
 from flexlin.checks import Array, at_times, real_array, whole
 from flexlin.errors import ArgumentError, DesignError, NotStabilizable
 from flexlin.periodic.coefficients import Constant
@@ -66,6 +66,8 @@ class Design(Shown):
         Relative error of K; `status` says what it means.
     status : str
         What to make of the result.
+    controller : Controller or None
+        What the design remembers, such as integrals: states behind the plant's n.
     problem : LinearQuadratic or None
         The weights by which the loop is judged, whatever way its gain was found.
     solution : RiccatiSolution or None
@@ -91,6 +93,7 @@ class Design(Shown):
     status: str
     problem: LinearQuadratic | None = None
     solution: RiccatiSolution | None = None
+    controller: Controller | None = None
 
     __repr__ = represent
 
@@ -142,9 +145,10 @@ class Design(Shown):
 
     @property
     def law(self) -> Law:
-        """The design as a control law without feedforward; `law.with_gain(design.K)` gives another law this gain."""
+        """The design as a control law without feedforward; `law.with_gain(design.K, design.controller)` gives another this gain."""
         n, m = self.closed_loop.n, self.closed_loop.m
-        return Law("none", Constant(np.zeros(m)), self.K, Constant(np.zeros(n)))
+        arm = n - (0 if self.controller is None else self.controller.states)
+        return Law("none", Constant(np.zeros(m)), self.K, Constant(np.zeros(arm)), self.controller)
 
     @cached_property
     def value(self) -> RiccatiSolution:

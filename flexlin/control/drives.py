@@ -90,8 +90,8 @@ def drive_load(lin: Linearization, t: Array, states: Array, law: Law, drives: Dr
         The arm and its motion, with n coordinates.
     t : array, shape (N,)
         Times in s, equally spaced over whole periods without the end, so that means are means over a period.
-    states : array, shape (N, 2n)
-        Deviations [y; y'] from the rigid motion.
+    states : array, shape (N, 2n + k)
+        Deviations [y; y'] from the rigid motion, and the k states of the law's controller.
     law : Law
         What commands the torque.
     drives : Drives, optional
@@ -121,7 +121,7 @@ def drive_load(lin: Linearization, t: Array, states: Array, law: Law, drives: Dr
     """
     t = np.asarray(t, dtype=float)
     command, n = law.torque(t, states), lin.n
-    speed = joint_speeds(lin, t, states[:, :n], states[:, n:])
+    speed = joint_speeds(lin, t, states[:, :n], states[:, n : 2 * n])
     torque, current = torque_and_current(lin, command, speed, drives)
     units = [UNITS["N" if lin.arm.coordinates[lin.arm.drives[i]].unit == "m" else "N m"] for i in lin.driven]
     demands = list_demands(lin.inputs, units, torque, speed, current, drives or Drives())

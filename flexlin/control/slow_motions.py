@@ -42,14 +42,19 @@ class SlowMotions:
 
 
 def slow_motions(
-    system: PeriodicSystem, count: int, result: FloquetResult | None = None, samples: int = SAMPLES
+    system: PeriodicSystem,
+    count: int,
+    result: FloquetResult | None = None,
+    samples: int = SAMPLES,
+    coordinates: int | None = None,
 ) -> SlowMotions:
     """Find the `count` slowest real motions of a system of second order; a complex pair gives two of them.
 
     Each mode is turned in the complex plane so that its largest deflection at t = 0 is real: one motion starts from there, the other
     swings through. Modes that decay too fast to be resolved are left out.
 
-    Parameters: result: the exponents, if they are known; samples: times of a period, at the least.
+    Parameters: result: the exponents, if they are known; samples: times of a period, at the least; coordinates: how many of the
+    states are deflections, the first half by default.
     Raises: what `floquet` raises; TooLarge when the resolution that a fast mode asks for makes too many transition matrices;
     NumericalError when no mode is resolved.
     """
@@ -61,7 +66,7 @@ def slow_motions(
             "no Floquet mode is resolved", todo="ask for a smaller tol, or look at the Floquet verdict"
         )
     t, modes = right_modes(system, result, slow, samples)
-    n = system.n // 2
+    n = coordinates or system.n // 2
     found = [
         motion for i, mode in zip(slow, modes, strict=True) for motion in real_motions(t, mode, result.exponents[i], n)
     ]

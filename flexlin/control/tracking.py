@@ -1,6 +1,6 @@
 """Feedforward for tracking: the motion that the elastic arm should make, and the torque that it takes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -68,8 +68,8 @@ class Feedforward:
         """This feedforward with the feedback of `lin`."""
         own = self.lin.law
         if self.motion is None:
-            return Law(self.kind, self.lin.feedforward, own.gain, own.reference)
-        return Law(self.kind, self.motion.torque, own.gain, self.motion.state)
+            return replace(own, feedforward=self.kind, forward=self.lin.feedforward)
+        return replace(own, feedforward=self.kind, forward=self.motion.torque, reference=self.motion.state)
 
     def torque(self, t: ArrayLike) -> Array:
         """Return the torque to feed forward.

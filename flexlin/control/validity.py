@@ -137,7 +137,7 @@ def linear_range(
     positive("share", share)
     positive("tol", tol)
     system = lin.periodic_system()
-    slow = slow_motions(system, modes, result, SAMPLES)
+    slow = slow_motions(system, modes, result, SAMPLES, lin.n)
     plant = lin if lin.control is None else linearize(lin.arm, lin.motion)
     amplitudes = [border(plant, system, slow.t, x, share, tol) for x in slow.states]
     leading = np.abs(slow.states[:, :, : lin.n]).max(axis=1).argmax(axis=1)
@@ -159,7 +159,8 @@ class Terms:
     @classmethod
     def along(cls, plant: Linearization, system: PeriodicSystem, t: Array, x: Array) -> "Terms":
         n, (M, D, K) = plant.n, plant.equations(t)
-        motion = (x[:, :n], x[:, n:], np.einsum("tij,tj->ti", system.A(t), x)[:, n:])
+        rates = np.einsum("tij,tj->ti", system.A(t), x)
+        motion = (x[:, :n], x[:, n : 2 * n], rates[:, n : 2 * n])
         parts = [np.einsum("tij,tj->ti", matrix, z) for matrix, z in zip((K, D, M), motion, strict=True)]
         linear = np.max([size(M, part) for part in parts], axis=0)
         return cls(plant, t, motion, M, np.sum(parts, axis=0), linear, residual(plant, t, [0.0 * z for z in motion]))

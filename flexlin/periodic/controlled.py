@@ -37,15 +37,17 @@ class ExtendedInput:
 
 
 @dataclass(frozen=True, eq=False)
-class Widened:
-    """[0, K_z] as a function of time: what of a gain acts on the controller's states alone."""
+class OfPlant:
+    """What acts on the n states of a plant, (N, n or more, ...), in a system of `states` states of which they are the first."""
 
-    gain: MatrixFunction
-    first: int
+    function: MatrixFunction
+    n: int
+    states: int
 
     def __call__(self, t: Array) -> Array:
-        out = np.array(self.gain(t))
-        out[:, :, : self.first] = 0.0
+        values = self.function(t)
+        out = np.zeros((len(t), self.states, *values.shape[2:]))
+        out[:, : self.n] = values[:, : self.n]
         return out
 
 

@@ -85,10 +85,10 @@ def list_angles(lin: Linearization, t: Array, states: Array) -> list[dict[str, A
 
 
 def mode_states(lin: Linearization) -> list[tuple[str, Array, Array]]:
-    """The slowest Floquet motions over a period: name, times (N,), states (N, 2n) with a deflection that can be seen; none where
+    """The slowest Floquet motions over a period: name, times (N,), states (N, 2n + k) with a deflection that can be seen; none where
     no mode is resolved."""
     try:
-        slow = slow_motions(lin.periodic_system(), MODES)
+        slow = slow_motions(lin.periodic_system(), MODES, coordinates=lin.n)
     except FlexlinError:
         return []
     t = lin.period * np.arange(MODE_FRAMES) / MODE_FRAMES

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
 from flexlin.about.periodic_motion import periodic_motion
 from flexlin.checks import Array
@@ -100,11 +101,11 @@ def region_of_attraction(
     """
     law = lin.law if feedback is None else lin.law.with_gain(feedback)
     motion = periodic_motion(lin, law=law)
-    loop, own = lin.periodic_system(), lin.closed_by
+    loop = lin.periodic_system()
     if feedback is not None:
-        loop = loop.feedback(lambda t: law.gain(t) - own.gain(t))
-    directions = slow_motions(loop, modes).directions
-    here, there = motion.state(np.zeros(1))[0], motion.state(np.array([periods * lin.period]))[0]
+        loop = linearize(lin.arm, lin.motion).periodic_system().feedback(law.gain)
+    directions = slow_motions(loop, modes, coordinates=lin.n).directions
+    here, there = motion.loop_state(np.zeros(1))[0], motion.loop_state(np.array([periods * lin.period]))[0]
 
     def comes_back(offset: Array) -> bool:
         t = np.array([0.0, periods * lin.period])

@@ -23,6 +23,10 @@ def measure_outside_methods(scene: Scene, exact: Array) -> tuple[list[Row], list
     Their right-hand sides are machine code where there is a C compiler; set-up and compilation are left out.
     """
     loop = parametric_loop(scene, ())
+    if loop.linearization.controller is not None:
+        return [], [
+            "programs from outside have no rows: the loop has integrals or filters, and is no system of second order"
+        ]
     rate, p = prepare_rate(loop, loop.nominal), loop.nominal
     notes = [] if find_spec("heyoka") else ["heyoka is not installed (pip install 'flexlin[peers]'), so it has no row"]
     if len(exact) ** 2 > HEYOKA_EQUATIONS:

@@ -149,16 +149,31 @@ def _measure_tip_distance(lin: Linearization, harmonics: int) -> float:
     """Solve M y'' + D y' + K y = h on 2 harmonics + 1 times by Fourier collocation: fast modes that nothing excites do not matter."""
     count, n = 2 * harmonics + 1, lin.n
     t = lin.period * np.arange(count) / count
-    c, slope = lin.sample(t), fourier_differentiation(count, lin.period)
-    operator = np.einsum("tab,ts->tasb", c.M, slope @ slope) + np.einsum("tab,ts->tasb", c.D, slope)
-    operator[np.arange(count), :, np.arange(count), :] += c.K
+    slope = fourier_differentiation(count, lin.period)
+    M, D, K, h = second_order_with_states(lin, t)
+    operator = np.einsum("tab,ts->tasb", M, slope @ slope) + np.einsum("tab,ts->tasb", D, slope)
+    operator[np.arange(count), :, np.arange(count), :] += K
     try:
-        y = np.linalg.solve(operator.reshape(count * n, count * n), c.h.ravel()).reshape(count, n)
+        y = np.linalg.solve(operator.reshape(h.size, h.size), h.ravel()).reshape(count, -1)[:, :n]
     except np.linalg.LinAlgError:
         return float("nan")
     states = np.hstack([y, slope @ y])
     away = tip_positions(lin, t, states) - tip_positions(lin, t, np.zeros_like(states))
     return float(np.linalg.norm(away, axis=1).max())
+
+
+def second_order_with_states(lin: Linearization, t: Array) -> tuple[Array, Array, Array, Array]:
+    """M, D, K (N, n + k, n + k) and h (N, n + k) of [y; z]; the controller's rows, z' - rates [y; y'; z] = 0, have no mass."""
+    c, n, controller = lin.sample(t), lin.n, lin.controller
+    if controller is None:
+        return c.M, c.D, c.K, c.h
+    k, rates = controller.states, controller.rates
+    M, D, K = (np.zeros((len(t), n + k, n + k)) for _ in range(3))
+    M[:, :n, :n], D[:, :n, :n], K[:, :n, :n] = c.M, c.D, c.K
+    K[:, :n, n:] = c.B @ lin.closed_by.gain(t)[:, :, 2 * n :]
+    D[:, n:, :n], D[:, n:, n:] = -rates[:, n : 2 * n], np.eye(k)
+    K[:, n:, :n], K[:, n:, n:] = -rates[:, :n], -rates[:, 2 * n :]
+    return M, D, K, np.concatenate([c.h, np.zeros((len(t), k))], axis=1)
 
 
 def _time_evaluation(lin: Linearization) -> float:

@@ -34,7 +34,7 @@ def answer_in_scene(
         made = clock.stage(
             f"design: {loop}", asked, lambda: design(linearize(arm, scene.motion), tables[loop], asked.tol)
         )
-        law, system = law.with_gain(made.K), made.closed_loop
+        law, system = law.with_gain(made.K, made.controller), made.closed_loop
     if kind == "noise":
         return clock.stage("covariance", asked, lambda: answer_noise(closed, stated, system, tol))
     return clock.stage("answer", asked, lambda: respond(closed, stated, law, system, periods, tol, scene.drives))

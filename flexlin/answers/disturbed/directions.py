@@ -36,8 +36,8 @@ class Directions:
         return across(points)
 
     def seen(self, t: Array, states: Array) -> Array:
-        """The tip's deviation along e, (N,) in m, of states (N, 2n)."""
-        return np.einsum("td,tds,ts->t", self.unit(t), self._slopes(t), states)
+        """The tip's deviation along e, (N,) in m, of states (N, 2n or more)."""
+        return np.einsum("td,tds,ts->t", self.unit(t), self._slopes(t), states[:, : 2 * self.lin.n])
 
     def force(self, t: Array) -> Array:
         """The generalized force of 1 N at the tip in the linear equations, (N, n)."""
@@ -70,7 +70,7 @@ def across(points: Array) -> Array:
 
 
 def disturbing(lin: Linearization, stated: Disturbance) -> Callable[[Array], Array]:
-    """How the disturbance of unit size enters x', times (N,) -> (N, 2n, 1)."""
+    """How the disturbance of unit size enters x', times (N,) -> (N, 2n or more, 1)."""
 
     def enters(t: Array) -> Array:
         if stated.kind == "step":

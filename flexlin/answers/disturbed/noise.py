@@ -10,6 +10,7 @@ from flexlin.answers.disturbed.stated import Disturbance
 from flexlin.checks import Array
 from flexlin.control.estimator import Backward
 from flexlin.periodic.coefficients import MatrixFunction
+from flexlin.periodic.controlled import OfPlant
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
@@ -46,7 +47,7 @@ class NoiseAnswer:
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """B S B' as a function of time, (N, 2n, 2n)."""
+    """B S B' as a function of time."""
 
     B: MatrixFunction
     intensity: float
@@ -65,12 +66,12 @@ def answer_noise(lin: Linearization, stated: Disturbance, loop: PeriodicSystem, 
     Raises: NotStabilizable when it is not.
     """
     T = lin.period
-    W = Spread(lin.input_matrix, stated.size**2 / (2 * stated.time))
+    W = Spread(OfPlant(lin.input_matrix, 2 * lin.n, loop.n), stated.size**2 / (2 * stated.time))
     breaks = tuple((T - b) % T for b in loop.breaks)
     dual = PeriodicSystem(Backward(loop.A, T), T, None, breaks, complete=loop.complete)
     solution = periodic_lyapunov(dual, Backward(W, T), tol)
     t = np.linspace(0.0, T, SAMPLES)
-    P = solution.X(np.mod(-t, T))
+    P = solution.X(np.mod(-t, T))[:, : 2 * lin.n, : 2 * lin.n]
     tip = np.full(len(t), np.nan)
     if lin.arm.points is not None:
         across = Directions(lin)

@@ -60,11 +60,12 @@ class Shifted:
 def answer_nonlinearly(
     lin: Linearization, law: Law, drive: Drive, stated: Disturbance, begin: float, t: Array, start: Array, tol: float
 ) -> tuple[Array, Array]:
-    """States (S, 2n) with and without the disturbance at times t (S,) after `begin`, from the steady state `start` (2n,)."""
+    """States (S, 2n + k) with and without the disturbance at times t (S,) after `begin`, from the steady state `start` (2n + k,)."""
     moments = begin + t
     without = NonlinearLoop(lin, law, drive).integrate(moments, start, tol)[:, :-1]
     if stated.kind == "initial":
-        return NonlinearLoop(lin, law, drive).integrate(moments, start + np.array(stated.start), tol)[:, :-1], without
+        away = np.append(stated.start, np.zeros(len(start) - len(stated.start)))
+        return NonlinearLoop(lin, law, drive).integrate(moments, start + away, tol)[:, :-1], without
     if stated.kind == "step":
         shifted = replace(law, forward=Shifted(law.forward, stated.joint, stated.size))
         return NonlinearLoop(lin, shifted, drive).integrate(moments, start, tol)[:, :-1], without

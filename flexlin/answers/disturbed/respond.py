@@ -16,6 +16,7 @@ from flexlin.checks import Array, check_size, positive
 from flexlin.control.drives import DriveLoad, drive_load
 from flexlin.errors import ArgumentError, NumericalError
 from flexlin.periodic.coefficients import MatrixFunction
+from flexlin.periodic.controlled import OfPlant
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.response.forced import forced_response
 from flexlin.periodic.system import PeriodicSystem
@@ -136,12 +137,13 @@ def respond(
     found = floquet(loop, tol)
     if found.verdict != "stable":
         raise ArgumentError("the loop keeps no steady motion", got=f"{found.verdict}", expected="a stable loop")
-    enters, T = disturbing(closed, stated), closed.period
+    enters, T = OfPlant(disturbing(closed, stated), 2 * closed.n, loop.n), closed.period
     count = steps_of(float(found.exponents[0].real), T, periods)
     size = 8 * PHASES * count * (2 * loop.n + 4)
     check_size(f"an answer over {count / POINTS:.3g} periods", size, "ask for fewer periods")
     lasting = stated.time if stated.kind == "push" else 0.0
     start = np.array(stated.start) if stated.start else np.zeros(2 * closed.n)
+    start = np.append(start, np.zeros(loop.n - len(start)))
     linear = answer_linearly(loop, enters, start, stated.size, lasting, count, PHASES, POINTS, tol)
     seen, what, unit = observe(closed, stated)
     values = np.array([seen(times, states) for times, states in zip(linear.times(T), linear.states, strict=True)])
@@ -218,7 +220,8 @@ def judge_nonlinear(
 ) -> tuple[Array | None, str, DriveLoad | None]:
     """The nonlinear answer at the worst phase, or why there is none, and what the drives have to do in it."""
     begin = linear.phases[worst] * closed.period
-    steady = forced_response(loop, closed.forcing, tol)(np.array([begin]))[0]
+    left_over = OfPlant(closed.forcing, 2 * closed.n, loop.n)
+    steady = forced_response(loop, left_over, tol)(np.array([begin]))[0]
     try:
         disturbed, without = answer_nonlinearly(
             closed, law, scene_drive(closed), stated, begin, linear.t, steady, max(tol, 1e-9)

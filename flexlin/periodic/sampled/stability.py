@@ -61,7 +61,7 @@ def sampled_floquet(
     tol : float
         Wanted error of the exponents, in 1/s, relative beyond 1/s.
     rates : array_like (k, n + k), optional
-        Of a controller with k states, z' = rates [x; z]: it moves from sample to sample, with x as it was at the first of them; u = -K [x; z].
+        Of a controller with k states, z' = rates [x; z] and u = -K [x; z]: it moves from sample to sample, with x as it was sampled.
 
     Returns
     -------

@@ -1,0 +1,283 @@
+"""Integrals and filters of a scene's feedback as states of its loop, against transfer functions and integrations written here."""
+
+import control
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+import flexlin as fl
+from flexlin.about.linear import linearize
+from flexlin.answers.disturbed.noise import answer_noise
+from flexlin.answers.disturbed.respond import respond
+from flexlin.answers.disturbed.stated import state_disturbance
+from flexlin.control import linearize_about, periodic_motion
+from flexlin.errors import ArgumentError, SceneError
+from flexlin.periodic.controlled import extend_system
+from flexlin.scene.parameters import get_value
+from flexlin.simulation.drive import Drive
+from flexlin.simulation.step_by_step import follow_cut
+from tests.closed_arm import closed
+
+KP, KD, KI = 3.0, 0.5, 2.0
+PID = {"kind": "pid", "kp": [KP], "kd": [KD], "ki": [KI]}
+FILTERS = [
+    {"kind": "low-pass", "on": "rates", "cutoff": "35 Hz", "order": 1},
+    {"kind": "low-pass", "cutoff": 200.0},
+    {"kind": "notch", "frequency": "4.5 Hz", "damping": 0.3, "gain": 0.2},
+]
+CONTROLLED = {"designs": [], "control.feedback": PID, "control.filters": FILTERS}
+
+
+def loop_of(name="single-link", **changed):
+    scene = fl.load_scene(name, {**CONTROLLED, **{key.replace("__", "."): value for key, value in changed.items()}})
+    return fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+
+
+def low_pass(hz, order):
+    s, w = control.tf("s"), 2 * np.pi * hz
+    return w / (s + w) if order == 1 else w**2 / (s**2 + np.sqrt(2) * w * s + w**2)
+
+
+def notch(hz, damping, gain):
+    s, w = control.tf("s"), 2 * np.pi * hz
+    return (s**2 + 2 * gain * damping * w * s + w**2) / (s**2 + 2 * damping * w * s + w**2)
+
+
+def apart(found, expected):
+    """The largest distance of each expected number to its nearest found one, relative to its size."""
+    found, expected = np.asarray(found), np.asarray(expected)
+    return max(np.abs(found - one).min() / max(1.0, abs(one)) for one in expected)
+
+
+@pytest.fixture(scope="module")
+def lin():
+    return loop_of()
+
+
+def compensator(s):
+    """(kp + kd s F(s) + ki/s) times the filters of the torque, at complex frequencies s: torque per angle."""
+    rate = low_pass(35.0, 1)(s) * s
+    return (KP + KD * rate + KI / s) * low_pass(200.0, 2)(s) * notch(4.5, 0.3, 0.2)(s)
+
+
+def test_a_loop_at_rest_has_the_poles_of_its_transfer_functions():
+    """Without gravity and motion the arm is time-invariant: every exponent is a root of det(M s^2 + D s + K + B C(s) c) = 0."""
+    still = loop_of(effects__gravity="off", motion__joints=[{"amplitude": 0.0}])
+    plant = linearize(still.arm, still.motion)
+    M, D, K, B = (part[0] for part in (plant.M([0.0]), plant.D([0.0]), plant.K([0.0]), plant.B([0.0])))
+    poles = control.poles(control.feedback(plant_tf(M, D, K, B), compensator_tf()))
+    assert still.states == 6 + 6 == len(poles)
+    assert apart(np.linalg.eigvals(still.state_matrix(np.zeros(1))[0]), poles) < 1e-10
+    found, turn = fl.floquet(still.periodic_system(), tol=1e-12), 2 * np.pi / still.period
+    folded = poles.real + 1j * (poles.imag - turn * np.round(poles.imag / turn))
+    assert found.verdict == "stable" and apart(found.exponents, folded) < 1e-10
+    for s in poles:
+        assert np.linalg.cond(M * s**2 + D * s + K + B @ np.eye(3)[:1] * compensator(s)) > 1e10
+
+
+def plant_tf(M, D, K, B):
+    """Torque to joint angle in state space."""
+    n = len(M)
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, np.hstack([K, D]))]])
+    force = np.vstack([np.zeros((n, 1)), np.linalg.solve(M, B)])
+    return control.ss(A, force, np.eye(2 * n)[:1], 0.0)
+
+
+def compensator_tf():
+    """The same compensator in python-control, as states of its own in a form that flexlin does not use."""
+    w = 2 * np.pi * 35.0
+    pid = control.tf([KP + KD * w, KP * w + KI, KI * w], [1.0, w, 0.0])
+    return control.ss(pid) * control.ss(low_pass(200.0, 2)) * control.ss(notch(4.5, 0.3, 0.2))
+
+
+def state_matrices(plant, t):
+    """A of [y; y'; integral; rate filter; low-pass w, w'; notch v, v'] (N, 12, 12), in states that flexlin does not use."""
+    c, a, b, d = plant.sample(t), *(2 * np.pi * np.array([35.0, 200.0, 4.5]))
+    A = np.zeros((len(t), 12, 12))
+    A[:, :3, 3:6] = np.eye(3)
+    A[:, 3:6, :3], A[:, 3:6, 3:6] = -np.linalg.solve(c.M, c.K), -np.linalg.solve(c.M, c.D)
+    A[:, 6, 0] = 1.0
+    A[:, 7, [3, 7]] = a, -a
+    A[:, 8, 9] = A[:, 10, 11] = 1.0
+    A[:, 9, [0, 7, 6, 8, 9]] = KP * b**2, KD * b**2, KI * b**2, -(b**2), -np.sqrt(2) * b
+    A[:, 11, [8, 11, 10]] = 1.0, -2 * 0.3 * d, -(d**2)
+    torque = -(A[:, 11] + np.array([2 * 0.2 * 0.3 * d, d**2]) @ np.eye(12)[[11, 10]])
+    A[:, 3:6] += np.linalg.solve(c.M, c.B) @ torque[:, None]
+    return A
+
+
+def test_multipliers_of_a_moving_arm_are_those_of_an_integration_of_the_whole_loop(lin):
+    """Magnus' method of order four, written here, on steps of two sizes."""
+    plant, products = linearize(lin.arm, lin.motion), []
+    for count in (1000, 2000):
+        h = lin.period / count
+        middle = h * (np.arange(count) + 0.5)
+        A1, A2 = (state_matrices(plant, middle + sign * h * np.sqrt(3) / 6) for sign in (-1, 1))
+        steps = expm(h / 2 * (A1 + A2) + np.sqrt(3) * h * h / 12 * (A2 @ A1 - A1 @ A2))
+        whole = np.eye(12)
+        for step in steps:
+            whole = step @ whole
+        products.append(whole)
+    coarse, fine = (np.linalg.eigvals(one) for one in products)
+    found = fl.floquet(lin.periodic_system())
+    slow = found.multipliers[np.abs(found.multipliers) > 1e-6]
+    assert len(slow) >= 3 and found.verdict == "stable"
+    assert max(np.abs(coarse - one).min() for one in slow) < 16e-9
+    assert max(np.abs(fine - one).min() for one in slow) < 1e-9
+
+
+def test_integral_action_leaves_no_mean_error_behind_a_constant_torque(lin):
+    """The forced response and the nonlinear periodic motion: the joint's mean error is zero, that of the PD is not."""
+    bent = loop_of(control__feedforward="none")
+    response = fl.forced_response(bent.periodic_system(), bent.forcing)
+    t = bent.period * np.arange(64) / 64
+    assert abs(response(t)[:, 0].mean()) < 1e-9 < 1e-3 < np.abs(response(t)[:, 0]).max()
+    motion = periodic_motion(bent)
+    assert abs(motion(t)[:, 0].mean()) < 1e-12
+    z = motion.loop_state(t)
+    asked = bent.law.torque(t, z)
+    np.testing.assert_allclose(asked, motion.torque(t), atol=1e-6 * np.abs(asked).max())
+
+
+def test_the_nonlinear_loop_runs_with_the_same_controller(lin):
+    """One of 5 stages, one of 8, a step-by-step integrator that shares nothing with them, and small deflections against the linear loop."""
+    start = 1e-3 * np.array([1.0, 0.2, 0.0, 0.0, 0.0, 0.0])
+    run = fl.simulate(lin, 0.25, initial=start, tol=1e-9)
+    assert run.energy_error < 1e-7 and run.controller.shape[1] == 6 and run.to_xarray()["controller"].dims == ("time", "memory")
+    loose = fl.simulate(lin, 0.25, initial=start, tol=1e-9, drive=Drive(limit=(1e6,)))
+    np.testing.assert_allclose(loose.nonlinear, run.nonlinear, atol=1e-8)
+    states = fl.simulation.NonlinearLoop(lin, lin.law, Drive(limit=(1e6,)))
+    by_steps = follow_cut(states, run.t[:9], np.concatenate([start, np.zeros(7)]), 1e-10)
+    np.testing.assert_allclose(by_steps[:, :6], run.nonlinear[:9], atol=1e-8)
+    np.testing.assert_allclose(by_steps[:, 6:-1], run.controller[:9], atol=1e-7)
+
+
+RIGID = {"links.0.modes": 0, "effects.gravity": "off", "effects.geometric_stiffening": "off", "effects.modal_damping": "off"}
+STILL = {"motion.joints": [{"amplitude": 0.0}], "control.filters": []}
+
+
+def test_a_drive_at_its_limit_winds_an_integral_up_unless_a_tracking_time_unwinds_it():
+    """A rigid link swings back from 2 rad under a tenth of the torque it asks for: J q'' = clip(u), against SciPy's LSODA."""
+    overshoot = []
+    for share in (None, 0.2):
+        changes = RIGID | STILL | {"control.saturation": {"torque": [0.5]}}
+        changes["control.feedback"] = PID | ({} if share is None else {"tracking_time": share})
+        lin = loop_of(**{key.replace(".", "__"): value for key, value in changes.items()})
+        inertia = lin.M(0.0)[0, 0]
+
+        def rate(t, x, inertia=inertia, share=share):
+            asked = -KP * x[0] - KD * x[1] - KI * x[2]
+            given = np.clip(asked, -0.5, 0.5)
+            return [x[1], given / inertia, x[0] + (0.0 if share is None else (asked - given) / (KI * share))]
+
+        run = fl.simulate(lin, 1.5, initial=[2.0, 0.0], tol=1e-8)
+        known = solve_ivp(rate, (0.0, run.t[-1]), [2.0, 0.0, 0.0], "LSODA", run.t, rtol=1e-11, atol=1e-12).y.T
+        np.testing.assert_allclose(np.hstack([run.nonlinear, run.controller]), known, atol=1e-6)
+        overshoot.append(-run.nonlinear[:, 0].min())
+    assert overshoot[1] < 0.6 * overshoot[0]
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.6])
+def test_a_sampled_controller_against_its_difference_equation(delay):
+    """A constant plant: the multipliers over a sample are the eigenvalues of a matrix put together here from matrix exponentials."""
+    rng, h = np.random.default_rng(5), 0.05
+    A, B = rng.normal(size=(3, 3)), rng.normal(size=(3, 1))
+    rates, K = np.hstack([rng.normal(size=(2, 3)), -2 * np.eye(2) + 0.3 * rng.normal(size=(2, 2))]), rng.normal(size=(1, 5))
+    system = fl.PeriodicSystem(A, 1.0, B)
+    found = fl.control.sampled_floquet(system, K, h, delay * h, rates=rates)
+    wide = expm(h * np.block([[rates[:, 3:], rates[:, :3]], [np.zeros((3, 5))]]))
+
+    def held(time):
+        block = expm(time * np.block([[A, B], [np.zeros((1, 4))]]))
+        return block[:3, :3], block[:3, 3:]
+
+    (P0, G0), (P1, G1) = held(delay * h), held((1 - delay) * h)
+    step = np.block(
+        [
+            [P1 @ P0 - G1 @ K[:, :3], -G1 @ K[:, 3:], P1 @ G0],
+            [wide[:2, 2:], wide[:2, :2], np.zeros((2, 1))],
+            [-K, np.zeros((1, 1))],
+        ]
+    )
+    expected = np.linalg.eigvals(np.linalg.matrix_power(step, 20))
+    known = np.isfinite(found.errors)
+    assert known.sum() >= 4 and apart(expected, found.multipliers[known]) < 1e-9
+
+
+def test_a_sampled_simulation_tends_to_the_continuous_one():
+    slow = [{"kind": "low-pass", "cutoff": 4.0}]
+    lin, start = loop_of(**{key.replace(".", "__"): value for key, value in (RIGID | {"control.filters": slow}).items()}), [0.1, 0.0]
+    ideal = fl.simulate(lin, 0.05, initial=start, tol=1e-7)
+    gaps = [
+        np.abs(fl.simulate(lin, 0.05, initial=start, tol=1e-7, drive=Drive(sample_time=h)).controller - ideal.controller).max()
+        for h in (2e-3, 1e-3)
+    ]
+    assert gaps[0] / gaps[1] == pytest.approx(2.0, rel=0.15)
+
+
+SMALL = {"links.0.modes": 1, "control.filters": [{"kind": "low-pass", "cutoff": "60 Hz"}]}
+
+
+@pytest.fixture(scope="module")
+def small():
+    return loop_of(**{key.replace(".", "__"): value for key, value in SMALL.items()})
+
+
+def test_sensitivities_see_gains_on_integrals_and_frequencies_of_filters():
+    scene = fl.load_scene("single-link", CONTROLLED | SMALL)
+    paths = ["control.feedback.ki.0", "control.filters.0.cutoff", "effects.payload.mass", "motion.frequency"]
+    slopes = fl.sensitivity(scene, paths, tol=1e-9)["derivative"].values[:, 0].real
+    for path, slope in zip(paths, slopes, strict=True):
+        own = get_value(scene, path)
+        ends = fl.sweep(scene, {path: [own * (1 - 1e-4), own * (1 + 1e-4)]}, tol=1e-10)["exponents"].values[:, 0].real
+        assert slope == pytest.approx((ends[1] - ends[0]) / (2e-4 * own), rel=1e-4, abs=1e-7)
+
+
+@pytest.mark.slow
+def test_a_loop_broken_where_the_torque_enters_holds_its_margins_controller_and_all(small):
+    opened = extend_system(linearize(small.arm, small.motion).periodic_system(), small.law.controller.rates)
+    t = np.array([0.3])
+    np.testing.assert_allclose(opened.feedback(small.law.gain).A(t), small.periodic_system().A(t), rtol=1e-12)
+    endured = fl.margins(opened, small.law.gain, tol=1e-3)
+    for factor, verdict in ((0.99, "stable"), (1.01, "unstable")):
+        closed = opened.feedback(factor * endured.gain[1] * small.law.gain(t)[0])
+        assert fl.floquet(closed).verdict == verdict
+
+
+def test_other_answers_take_the_whole_loop(small):
+    assert np.all(fl.control.linear_range(small, tol=1e-3).amplitudes > 0)
+    assert linearize_about(periodic_motion(small, tol=1e-6)).n == small.states == 7
+    answer = respond(small, state_disturbance("push", "tip 1 N 20 ms", small), periods=1.0, tol=1e-6)
+    assert answer.problem == "" and answer.difference < 0.05
+    noise = answer_noise(small, state_disturbance("noise", "torque 0.05 N m 100 Hz", small), small.periodic_system(), 1e-6)
+    assert noise.states.shape[1] == 4 and np.all(noise.states[:, 0] > 0)
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        ({"control.feedback": PID | {"ki": [1.0, 2.0]}}, "control.feedback.ki"),
+        ({"control.feedback": PID | {"tracking_time": 0.1}}, "control.feedback.tracking_time"),
+        ({"control.feedback": {"kind": "none"}, "control.filters": FILTERS}, "control.filters"),
+        ({"control.filters": [{"kind": "notch", "frequency": 3.0, "gain": 1.0}]}, "control.filters.0"),
+        ({"control.filters": [{"kind": "low-pass", "cutoff": "3 mm"}]}, "control.filters.0"),
+        ({"control.filters": [{"kind": "low-pass", "cutoff": 3.0, "joints": [2]}]}, "control.filters.0.joints"),
+    ],
+)
+def test_what_does_not_fit_is_refused_by_its_key(change, key):
+    with pytest.raises(SceneError) as error:
+        fl.load_scene("single-link", {"designs": [], **change})
+    assert key in str(error.value)
+
+
+def test_a_filter_of_one_joint_leaves_the_others_alone():
+    scene = fl.load_scene("de-luca-siciliano-1991", {"designs": []})
+    one = [{"kind": "low-pass", "cutoff": 20.0, "order": 1, "joints": [2]}]
+    lin = loop_of("de-luca-siciliano-1991", control__feedback=scene.control.feedback.model_dump(), control__filters=one)
+    n, gain = lin.n, lin.law.gain(np.zeros(1))[0]
+    np.testing.assert_array_equal(gain[0], np.append(closed("de-luca-siciliano-1991").law.gain(np.zeros(1))[0, 0], 0.0))
+    np.testing.assert_array_equal(gain[1], np.eye(2 * n + 1)[-1])
+    too_many = lin.control.model_copy(update={"filters": (lin.control.filters[0].model_copy(update={"joints": (3,)}),)})
+    with pytest.raises(ArgumentError, match=r"filters\.0\.joints"):
+        linearize(lin.arm, lin.motion, too_many)
