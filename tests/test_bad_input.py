@@ -55,7 +55,8 @@ OVERRIDES = {
     "too many gains": ("control.feedback.kp=[1.0, 2.0]", "control.feedback.kp", "got 2", "expected 1"),
     "a negative gain": ("control.feedback.kd=[-1.0]", "control.feedback.kd", "-1.0", "greater than or equal to 0"),
     "a gain that is not a number": ("control.feedback.kp=[nan]", "control.feedback.kp", "nan", "finite"),
-    "an unknown feedback": ('control.feedback.kind="pid"', "control.feedback.kind", "'pid'", "'pd'"),
+    "an unknown feedback": ('control.feedback.kind="magic"', "control.feedback.kind", "'magic'", "'pd'"),
+    "integral action without its gain": ('control.feedback.kind="pid"', "control.feedback.ki", "required"),
     "too few weights": (
         'designs=[{name="a", kind="periodic-lqr", state_weight=[1.0], input_weight=[1.0]}]', "designs.0.state_weight", "expected 6"
     ),

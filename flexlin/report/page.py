@@ -11,6 +11,7 @@ from flexlin.answers.analysis import Analysis
 from flexlin.answers.clock import Step
 from flexlin.answers.judging import Loop
 from flexlin.report.advice import advise, name_condition
+from flexlin.report.control_words import describe_controller
 from flexlin.report.drive_words import drive_cells
 from flexlin.report.figures.coefficients import NOISE
 from flexlin.report.figures.entries import name_entry, name_matrix_unit
@@ -119,9 +120,15 @@ def describe_loop(a: Analysis, loop: Loop) -> dict[str, str]:
         "settled": settled,
         "status": without_units(loop.problem or (loop.floquet.status if loop.floquet else "")),
         "design": loop.design.status if loop.design is not None else "",
+        "controller": controller_of(a, loop),
         "endured": describe_endured(a.endured.get(loop.name)),
         **drive_cells(a, loop),
     }
+
+
+def controller_of(a: Analysis, loop: Loop) -> str:
+    """What the scene's own loop holds beside its gains."""
+    return describe_controller(a.scene.control) if loop is a.own and loop.kind != "open" else ""
 
 
 def steady_tip(a: Analysis, loop: Loop) -> str:

@@ -14,6 +14,7 @@ from flexlin.answers.audit import Audit, Minimal, Row
 from flexlin.answers.clock import Step
 from flexlin.answers.judging import Loop
 from flexlin.checks import Array
+from flexlin.report.control_words import describe_controller
 from flexlin.report.drive_words import record_load
 from flexlin.report.headline import reason
 from flexlin.report.margins import record_endured, record_margin
@@ -42,7 +43,7 @@ def record(analysis: Analysis) -> dict[str, Any]:
         "inputs": list(a.plant.inputs),
         "period": a.plant.period,
         "validity": record_validity(a, a.own),
-        "floquet": record_loop(a.own) | record_load(a, a.own),
+        "floquet": record_loop(a.own) | record_load(a, a.own) | record_controller(a),
         "open_loop": record_loop(a.open_loop)
         | {"validity": record_validity(a, a.open_loop)}
         | record_load(a, a.open_loop),
@@ -126,6 +127,13 @@ def record_loop(loop: Loop) -> dict[str, Any]:
         },
         "certificate": None if loop.certificate is None else loop.certificate.record(),
     }
+
+
+def record_controller(a: Analysis) -> dict[str, Any]:
+    """What the scene's own loop remembers, and what it holds beside its gains; nothing where there is nothing."""
+    controller, said = a.closed.controller, describe_controller(a.scene.control)
+    block: dict[str, Any] = {} if controller is None else {"controller_states": list(controller.names)}
+    return block | ({"controller": said} if said else {})
 
 
 def record_validity(a: Analysis, loop: Loop) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import xarray
 
 import flexlin
 from flexlin.about.linear import Linearization
-from flexlin.checks import check_size, memory_limit
+from flexlin.checks import Array, check_size, memory_limit
 from flexlin.control import Design
 from flexlin.files import Results
 from flexlin.files.arrays import write_npz
@@ -21,9 +21,11 @@ MEANING = {
     "h": "forcing h_L that the rigid motion leaves over",
     "B": "input matrix B_L",
     "tau": "feedforward torque of the rigid motion",
-    "D_loop": "D_L with the scene's feedback",
-    "K_loop": "K_L with the scene's feedback",
+    "D_loop": "D_L with what of the scene's feedback answers at once",
+    "K_loop": "K_L with what of the scene's feedback answers at once",
     "h_loop": "h_L with the scene's feedforward",
+    "controller_gain": "what the controller's states z subtract from the torque",
+    "controller_rates": "z' as a function of [y; y'; z]",
 }
 EQUATION = "M y'' + D y' + K y = h + B u, deviations y from the rigid motion; joint rows in N m and rad, elastic rows in N and m"
 
@@ -47,10 +49,25 @@ def coefficients_dataset(scene: Scene, plant: Linearization, closed: Linearizati
     }
     names = list(plant.names)
     data = xarray.Dataset(series, {"time": t, "row": names, "column": names, "input": list(plant.inputs)})
+    data = data.assign(controller_tables(closed))
     for name, meaning in MEANING.items():
-        data[name].attrs["long_name"] = meaning
+        if name in data:
+            data[name].attrs["long_name"] = meaning
     data["tau"].attrs["units"] = "N m"
     return described(data, scene, plant.period, EQUATION)
+
+
+def controller_tables(closed: Linearization) -> dict[str, tuple[tuple[str, ...], Array]]:
+    """Gain and rates of the scene's integrals and filters, if it has any: the loop is M y'' + D_loop y' + K_loop y = h_loop - B gain z."""
+    controller = closed.controller
+    if controller is None:
+        return {}
+    gain = closed.closed_by.gain(np.zeros(1))[0, :, 2 * closed.n :]
+    return {
+        "controller_gain": (("input", "memory"), gain),
+        "controller_rates": (("memory", "state"), controller.rates),
+        "memory": (("memory",), np.array(controller.names)),
+    }
 
 
 def gains_dataset(scene: Scene, plant: Linearization, designs: list[Design], points: int) -> xarray.Dataset:

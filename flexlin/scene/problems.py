@@ -126,5 +126,6 @@ def _is_tag(step: str, tables: Sequence[type[BaseModel]]) -> bool:
 
 def _is_branch(step: object) -> bool:
     """Whether a step of pydantic's location names a branch of a union, not a key of the file."""
-    kinds = ("harmonic", "rotation", "fourier", "point-to-point", "table", "tip-path", "circle", "polyline")
-    return isinstance(step, str) and (step in (*kinds, "float", "constrained-float") or "[" in step)
+    motions = ("harmonic", "rotation", "fourier", "point-to-point", "table", "tip-path", "circle", "polyline")
+    others = ("pd", "pid", "low-pass", "notch", "float", "constrained-float")
+    return isinstance(step, str) and (step in (*motions, *others) or "[" in step)

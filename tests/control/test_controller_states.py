@@ -71,7 +71,8 @@ def test_a_loop_at_rest_has_the_poles_of_its_transfer_functions():
     assert apart(np.linalg.eigvals(still.state_matrix(np.zeros(1))[0]), poles) < 1e-10
     found, turn = fl.floquet(still.periodic_system(), tol=1e-12), 2 * np.pi / still.period
     folded = poles.real + 1j * (poles.imag - turn * np.round(poles.imag / turn))
-    assert found.verdict == "stable" and apart(found.exponents, folded) < 1e-10
+    assert found.verdict == "stable"
+    assert apart(found.exponents, folded) < 1e-10
     for s in poles:
         assert np.linalg.cond(M * s**2 + D * s + K + B @ np.eye(3)[:1] * compensator(s)) > 1e10
 
@@ -122,7 +123,8 @@ def test_multipliers_of_a_moving_arm_are_those_of_an_integration_of_the_whole_lo
     coarse, fine = (np.linalg.eigvals(one) for one in products)
     found = fl.floquet(lin.periodic_system())
     slow = found.multipliers[np.abs(found.multipliers) > 1e-6]
-    assert len(slow) >= 3 and found.verdict == "stable"
+    assert len(slow) >= 3
+    assert found.verdict == "stable"
     assert max(np.abs(coarse - one).min() for one in slow) < 16e-9
     assert max(np.abs(fine - one).min() for one in slow) < 1e-9
 
@@ -144,7 +146,9 @@ def test_the_nonlinear_loop_runs_with_the_same_controller(lin):
     """One of 5 stages, one of 8, a step-by-step integrator that shares nothing with them, and small deflections against the linear loop."""
     start = 1e-3 * np.array([1.0, 0.2, 0.0, 0.0, 0.0, 0.0])
     run = fl.simulate(lin, 0.25, initial=start, tol=1e-9)
-    assert run.energy_error < 1e-7 and run.controller.shape[1] == 6 and run.to_xarray()["controller"].dims == ("time", "memory")
+    assert run.energy_error < 1e-7
+    assert run.controller.shape[1] == 6
+    assert run.to_xarray()["controller"].dims == ("time", "memory")
     loose = fl.simulate(lin, 0.25, initial=start, tol=1e-9, drive=Drive(limit=(1e6,)))
     np.testing.assert_allclose(loose.nonlinear, run.nonlinear, atol=1e-8)
     states = fl.simulation.NonlinearLoop(lin, lin.law, Drive(limit=(1e6,)))
@@ -153,7 +157,12 @@ def test_the_nonlinear_loop_runs_with_the_same_controller(lin):
     np.testing.assert_allclose(by_steps[:, 6:-1], run.controller[:9], atol=1e-7)
 
 
-RIGID = {"links.0.modes": 0, "effects.gravity": "off", "effects.geometric_stiffening": "off", "effects.modal_damping": "off"}
+RIGID = {
+    "links.0.modes": 0,
+    "effects.gravity": "off",
+    "effects.geometric_stiffening": "off",
+    "effects.modal_damping": "off",
+}
 STILL = {"motion.joints": [{"amplitude": 0.0}], "control.filters": []}
 
 
@@ -183,7 +192,10 @@ def test_a_sampled_controller_against_its_difference_equation(delay):
     """A constant plant: the multipliers over a sample are the eigenvalues of a matrix put together here from matrix exponentials."""
     rng, h = np.random.default_rng(5), 0.05
     A, B = rng.normal(size=(3, 3)), rng.normal(size=(3, 1))
-    rates, K = np.hstack([rng.normal(size=(2, 3)), -2 * np.eye(2) + 0.3 * rng.normal(size=(2, 2))]), rng.normal(size=(1, 5))
+    rates, K = (
+        np.hstack([rng.normal(size=(2, 3)), -2 * np.eye(2) + 0.3 * rng.normal(size=(2, 2))]),
+        rng.normal(size=(1, 5)),
+    )
     system = fl.PeriodicSystem(A, 1.0, B)
     found = fl.control.sampled_floquet(system, K, h, delay * h, rates=rates)
     wide = expm(h * np.block([[rates[:, 3:], rates[:, :3]], [np.zeros((3, 5))]]))
@@ -202,15 +214,21 @@ def test_a_sampled_controller_against_its_difference_equation(delay):
     )
     expected = np.linalg.eigvals(np.linalg.matrix_power(step, 20))
     known = np.isfinite(found.errors)
-    assert known.sum() >= 4 and apart(expected, found.multipliers[known]) < 1e-9
+    assert known.sum() >= 4
+    assert apart(expected, found.multipliers[known]) < 1e-9
 
 
 def test_a_sampled_simulation_tends_to_the_continuous_one():
     slow = [{"kind": "low-pass", "cutoff": 4.0}]
-    lin, start = loop_of(**{key.replace(".", "__"): value for key, value in (RIGID | {"control.filters": slow}).items()}), [0.1, 0.0]
+    lin, start = (
+        loop_of(**{key.replace(".", "__"): value for key, value in (RIGID | {"control.filters": slow}).items()}),
+        [0.1, 0.0],
+    )
     ideal = fl.simulate(lin, 0.05, initial=start, tol=1e-7)
     gaps = [
-        np.abs(fl.simulate(lin, 0.05, initial=start, tol=1e-7, drive=Drive(sample_time=h)).controller - ideal.controller).max()
+        np.abs(
+            fl.simulate(lin, 0.05, initial=start, tol=1e-7, drive=Drive(sample_time=h)).controller - ideal.controller
+        ).max()
         for h in (2e-3, 1e-3)
     ]
     assert gaps[0] / gaps[1] == pytest.approx(2.0, rel=0.15)
@@ -249,9 +267,13 @@ def test_other_answers_take_the_whole_loop(small):
     assert np.all(fl.control.linear_range(small, tol=1e-3).amplitudes > 0)
     assert linearize_about(periodic_motion(small, tol=1e-6)).n == small.states == 7
     answer = respond(small, state_disturbance("push", "tip 1 N 20 ms", small), periods=1.0, tol=1e-6)
-    assert answer.problem == "" and answer.difference < 0.05
-    noise = answer_noise(small, state_disturbance("noise", "torque 0.05 N m 100 Hz", small), small.periodic_system(), 1e-6)
-    assert noise.states.shape[1] == 4 and np.all(noise.states[:, 0] > 0)
+    assert answer.problem == ""
+    assert answer.difference < 0.05
+    noise = answer_noise(
+        small, state_disturbance("noise", "torque 0.05 N m 100 Hz", small), small.periodic_system(), 1e-6
+    )
+    assert noise.states.shape[1] == 4
+    assert np.all(noise.states[:, 0] > 0)
 
 
 @pytest.mark.parametrize(

@@ -18,4 +18,4 @@ def test_examples_print_what_the_page_says():
     with redirect_stdout(said):
         exec(compile(code, str(PAGE), "exec"), {})
     assert said.getvalue().split() == " ".join(expected).split()
-    assert len(expected) == 10
+    assert len(expected) == 12

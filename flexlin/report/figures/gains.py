@@ -29,10 +29,12 @@ def draw_gains(a: Analysis) -> Picture | None:
     """A panel for each entry of the gain; each input has one at the least."""
     if not any(loop.design is not None for loop in a.loops):
         return None
+    states = 2 * a.plant.n
     gains = [(loop, loop.design.K(a.t), choose_dash(a, loop)) for loop in a.loops if loop.design is not None]
     own = a.closed.law.gain(a.t)
     gains += [(a.own, own, OWN_DASH)] if np.any(own) else []
-    states = 2 * a.plant.n
+    remembers = any(gain.shape[2] > states for _, gain, _ in gains)
+    gains = [(loop, gain[:, :, :states], dash) for loop, gain, dash in gains]
     weights = weigh_gains(a, np.max([np.abs(gain).max(axis=0) for _, gain, _ in gains], axis=0))
     groups = [range(i * states, (i + 1) * states) for i in range(len(a.plant.inputs))]
     shown = choose_shown(weights.ravel(), groups, MOST)
@@ -48,6 +50,8 @@ def draw_gains(a: Analysis) -> Picture | None:
     svg = draw(arrange_in_columns([panels[k] for k in shown], HEIGHT), TITLE, legend)
     folded = draw_folded([panels[k] for k in sorted(rest[:FOLDED])], HEIGHT, TITLE)
     caption = "Entries of the feedback gain in u = −gain(t) [y; y′]: gain(input, state)."
+    if remembers:
+        caption += " What a controller's integrals and filters add is not drawn."
     if rest:
         caption += " Shown are those that act most on deflections of equal energy, one of each input at the least; others are folded below."
     return Picture("gains", TITLE, caption, svg, folded, f"The {len(rest[:FOLDED])} other entries")
