@@ -31,7 +31,9 @@ WINGS = {
     **dict.fromkeys(["kronecker", "periodic"], "numeric"),
     "about": "bridge",
 }
-GROUND = ("symbolic", "expressions", "files", "arguments", "checks", "errors", "text", "summary", "progress", "plots")
+GROUND = (
+    "symbolic", "expressions", "files", "arguments", "checks", "errors", "text", "summary", "progress", "resources", "plots",
+)  # fmt: skip
 """What nearly every room stands on: drawn as the ground, without arrows."""
 WING_WIDTH, DEEPER = 430, 50
 """Pixels: of the numeric wing, whose rooms are shown one by one, and by which its row is higher than the others."""

@@ -14,10 +14,11 @@ import pytest
 
 from flexlin.answers.budget import Budget
 from flexlin.answers.clock import Clock
-from flexlin.answers.limits import limited, resident, time_limit
+from flexlin.answers.limits import limited, time_limit
 from flexlin.checks import LIMIT, check_size, memory_limit
 from flexlin.cli.main import main
 from flexlin.errors import ArgumentError, NumericalError, TimeLimit, TooLarge
+from flexlin.resources import read_resident
 from flexlin.scene.accuracy import Accuracy
 
 
@@ -155,7 +156,7 @@ def test_the_stages_share_one_limit_and_the_last_one_gets_what_was_kept_for_it()
         match=r"one: not begun; got 48 of 60 s are used up; .*writing; allow more time \(--limit-seconds above 60",
     ):
         Budget(now - 52.0).allow("one", asked)
-    held = Budget(now, held=resident() - 2**20)
+    held = Budget(now, held=read_resident() - 2**20)
     assert held.allow("one", asked).memory == pytest.approx(asked.memory - 2**20, abs=2**22)
     ends = [(one.stages_end, one.last_end) for one in (Accuracy(seconds=s) for s in (60.0, 3600.0, 2.0))]
     assert ends == [(48.0, 60.0), (3570.0, 3600.0), (1.6, 6.6)]

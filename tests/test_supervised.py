@@ -23,9 +23,9 @@ START = (
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="work is supervised on Linux")
 
 
-def start(work: str) -> "subprocess.Popen[str]":
-    """A program that does the work under supervision."""
-    code = f"{START}def work():\n    {work}\n    return 0\nsys.exit(supervise(work))"
+def start(work: str, before: str = "") -> "subprocess.Popen[str]":
+    """A program that does the work under supervision; `before`: what is done first."""
+    code = f"{START}{before}\ndef work():\n    {work}\n    return 0\nsys.exit(supervise(work))"
     return subprocess.Popen(
         [sys.executable, "-c", code],
         stdout=subprocess.PIPE,
@@ -70,6 +70,19 @@ def test_however_the_work_ends_there_is_a_message(work: str, code: int, out: str
     assert (run.returncode, said[0]) == (code, out)
     assert err in said[1] if err else said[1] == ""
     assert said[1].count("flexlin: ") <= 1
+
+
+@LINUX
+@pytest.mark.parametrize("name", ["all is said", "abort in a library", "one endless call"])
+@pytest.mark.parametrize(
+    "lack", ["del os.pidfd_open", "def pidfd_open(_): raise PermissionError\nos.pidfd_open = pidfd_open"]
+)
+def test_so_it_is_where_the_kernel_or_a_container_gives_no_descriptor_of_a_process(name: str, lack: str) -> None:
+    work, code, out, err = ENDS[name]
+    run = start(work, lack)
+    said = run.communicate(timeout=60)
+    assert (run.returncode, said[0]) == (code, out)
+    assert err in said[1] if err else said[1] == ""
 
 
 @LINUX

@@ -4,14 +4,13 @@ import time
 from dataclasses import dataclass, field
 from math import inf
 
-from flexlin.answers.limits import Allowance, resident
+from flexlin.answers.limits import Allowance
 from flexlin.errors import TimeLimit
+from flexlin.resources import SECONDS, read_resident
 from flexlin.scene.accuracy import Accuracy
 
 SHARE = 2 / 3
 """A stage that others follow gets so much of what is left: one that never ends leaves them something."""
-USUAL = 60.0
-"""The time by default, in s; what a minor stage gets grows with a longer one."""
 
 
 @dataclass
@@ -24,15 +23,15 @@ class Budget:
     def allow(
         self, name: str, asked: Accuracy, share: float = 1.0, at_most: float = inf, by_tol: bool = False, last: bool = False
     ) -> Allowance:  # fmt: skip
-        """What a stage gets: a share of what is left, at most some s (more of a longer whole); the last one takes what was kept too.
+        """What a stage gets: a share of what is left, at most some s (more of a long whole); the last one takes what was kept too.
 
         Raises: TimeLimit where no time is left.
         """
         if self.held is None:
-            self.held = resident()
+            self.held = read_resident()
         left = self.begun + (asked.last_end if last else asked.stages_end) - time.perf_counter()
-        most, memory = at_most * max(1.0, asked.seconds / USUAL), asked.memory + self.held - resident()
-        above = max(asked.seconds, USUAL) if most < share * left else asked.seconds
+        most, memory = at_most * max(1.0, asked.seconds / SECONDS), asked.memory + self.held - read_resident()
+        above = max(asked.seconds, SECONDS) if most < share * left else asked.seconds
         allowed = Allowance(min(share * left, most), max(memory, 1.0), asked.seconds, asked.memory, above, by_tol)
         if left <= 0:
             kept = "" if last else "; the rest is for drawing and writing"

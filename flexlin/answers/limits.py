@@ -1,6 +1,5 @@
 """The limits of time and memory that a stage of the work keeps."""
 
-import os
 import signal
 import threading
 import time
@@ -13,6 +12,7 @@ import numpy as np
 from flexlin.checks import memory_limit
 from flexlin.errors import FlexlinError, NumericalError, TimeLimit, TooLarge
 from flexlin.errors.root import lacks_memory
+from flexlin.resources import read_resident
 
 TICK = 0.2
 """Seconds between two looks at the clock and at the memory in use."""
@@ -86,12 +86,12 @@ def time_limit(
     if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
         yield
         return
-    armed, rung, held = True, list[TimeLimit | TooLarge](), resident()
+    armed, rung, held = True, list[TimeLimit | TooLarge](), read_resident()
 
     def ring(*_: object) -> None:
         if not armed:
             return
-        late, taken = time.perf_counter() - start >= seconds, resident() - held
+        late, taken = time.perf_counter() - start >= seconds, read_resident() - held
         if late or taken > memory:
             signal.setitimer(signal.ITIMER_REAL, AGAIN, AGAIN)
             rung.append(out_of_time(name, allowed) if late else out_of_memory(name, taken, allowed))
@@ -114,15 +114,6 @@ def time_limit(
             signal.signal(signal.SIGALRM, handler)
             if before:
                 signal.setitimer(signal.ITIMER_REAL, max(1e-3, before - (time.perf_counter() - start)))
-
-
-def resident() -> int:
-    """Bytes of memory that this process holds; 0 where the system does not say."""
-    try:
-        with open("/proc/self/statm", "rb") as file:
-            return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-    except (OSError, ValueError, IndexError):
-        return 0
 
 
 def out_of_time(name: str, allowed: Allowance) -> TimeLimit:

@@ -20,7 +20,7 @@ What = Literal["bending", "tip", "difference", "stopped"]
 
 
 @dataclass(frozen=True)
-class Evidence:
+class ModelEvidence:
     """One figure against its bound, in `unit`; `share` is its part of `whole` (the arm's length, or the largest deviation).
 
     what: the bending or the whole tip error of the steady motion, the difference between the linear and the nonlinear answer, or
@@ -49,10 +49,10 @@ class ModelValidity:
     """Whether the linear model holds along the motion: valid, invalid, or unknown where nothing compares it with the nonlinear one."""
 
     verdict: Answer
-    evidence: tuple[Evidence, ...] = ()
+    evidence: tuple[ModelEvidence, ...] = ()
 
     @property
-    def reason(self) -> Evidence | None:
+    def reason(self) -> ModelEvidence | None:
         """The figure that speaks against the linear model, of several the one that says most to a reader."""
         against = {found.what: found for found in self.evidence if found.against}
         return next((against[what] for what in ("tip", "bending", "difference", "stopped") if what in against), None)
@@ -74,18 +74,18 @@ def judge_model(
     the loop keeps; simulated: how far the answers are apart, the largest deviation, the error of the first, the unit; stopped: when
     the simulation left the range of the equations, and when it was to end, in s.
     """
-    found: list[Evidence] = []
+    found: list[ModelEvidence] = []
     if simulated is not None:
         apart, largest, error, unit = simulated
         floor = REPEATABLE * length if unit == "m" and np.isfinite(length) else REPEATABLE
-        found.append(Evidence("difference", apart, max(BEYOND * largest, error, floor), unit, largest))
+        found.append(ModelEvidence("difference", apart, max(BEYOND * largest, error, floor), unit, largest))
     if stopped is not None:
-        found.append(Evidence("stopped", stopped[1], stopped[0], "s", stopped[1]))
+        found.append(ModelEvidence("stopped", stopped[1], stopped[0], "s", stopped[1]))
     if steady is not None and np.all(np.isfinite([*steady, length])):
         bending, tip = steady
         confirmed = simulated is not None and not found[0].against and simulated[1] >= COVERED * tip
-        found.append(Evidence("bending", bending, SMALL * length, "m", length))
-        found.append(Evidence("tip", tip, np.inf if confirmed else SMALL * length, "m", length))
+        found.append(ModelEvidence("bending", bending, SMALL * length, "m", length))
+        found.append(ModelEvidence("tip", tip, np.inf if confirmed else SMALL * length, "m", length))
     if any(figure.against for figure in found):
         return ModelValidity("invalid", tuple(found))
     return ModelValidity("unknown" if simulated is None else "valid", tuple(found))

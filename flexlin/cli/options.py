@@ -4,6 +4,11 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from flexlin.resources import BYTES, SECONDS
+
+LIMIT = f"{BYTES:.0e}".replace("+0", "")
+"""Of memory, as one would write it."""
+
 
 def count(text: str) -> int:
     """Read a whole number from 2 on."""
@@ -97,11 +102,13 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
     "tol": (["--tol"], {"type": float, "metavar": "ERROR", "help": "wanted error of every stage (default 1e-9, or as in the scene)"}),
     "seconds": (
         ["--limit-seconds"],
-        {"type": float, "metavar": "S", "help": "time that the whole command may take (default 60, tune 600, or as in the scene)"},
+        {"type": float, "metavar": "S",
+         "help": f"time that the whole command may take (default {SECONDS:g}, tune 600, or as in the scene)"},
     ),
     "memory": (
         ["--limit-memory"],
-        {"type": float, "metavar": "BYTES", "help": "memory that it may hold beside its libraries (default 7e8, or as in the scene)"},
+        {"type": float, "metavar": "BYTES",
+         "help": f"memory that it may hold beside its libraries (default {LIMIT}, or as in the scene)"},
     ),
     "step": (["--step"], {"metavar": "WORDS", "help": 'a torque from a moment on, such as "joint 1 torque 0.1 N m"'}),
     "initial": (["--initial"], {"metavar": "WORDS", "help": 'a state beside the steady motion, such as "w11=0.01, q1_rate=5 deg/s"'}),

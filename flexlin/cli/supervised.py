@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from flexlin.cli.shared import BAD_INPUT, FAILED
+from flexlin.resources import BYTES, SECONDS, read_resident
 
 if TYPE_CHECKING:
     from flexlin.scene.accuracy import Accuracy
@@ -25,8 +26,6 @@ TICK = 0.1
 """Seconds between two looks at the memory of the work."""
 ENDING = 1.5
 """Seconds that Python takes to begin, and a process that is ended to give its memory back."""
-FIRST_SECONDS, FIRST_BYTES = 60.0, 7e8
-"""Limits until a scene has been read."""
 LIBRARIES, BEYOND = 2e8, 1.2
 """Bytes that the libraries take; what the work may hold for a moment, in its limit: it ends itself at the limit, if it can."""
 LEAST_SPACE = 2.5e8
@@ -126,13 +125,13 @@ def end_with(parent: int) -> None:
 
 @dataclass
 class Watch:
-    """The parent's side: `deadline` by `time.perf_counter`, `seconds` and `memory` as the user knows them."""
+    """The parent's side: `deadline` by `time.perf_counter`, `seconds` and `memory` as the user knows them; the usual ones at first."""
 
     reader: int
     child: int = 0
-    seconds: float = FIRST_SECONDS
-    memory: float = FIRST_BYTES
-    deadline: float = field(default_factory=lambda: time.perf_counter() + FIRST_SECONDS)
+    seconds: float = SECONDS
+    memory: float = BYTES
+    deadline: float = field(default_factory=lambda: time.perf_counter() + SECONDS)
     ended: bool = False
     interrupted: bool = False
 
@@ -145,8 +144,7 @@ class Watch:
 
     def wait(self) -> int:
         """Wait for the work, keep its limits, and return its exit code."""
-        end = os.pidfd_open(self.child) if hasattr(os, "pidfd_open") else self.reader
-        open_ends, why = {end, self.reader}, ""
+        open_ends, why = {self.open_end(), self.reader}, ""
         while True:
             ready = select.select(list(open_ends), [], [], TICK)[0]
             if self.reader in ready and not self.listen():
@@ -159,6 +157,13 @@ class Watch:
                 os.kill(self.child, signal.SIGKILL)
         self.listen()
         return self.judge(os.waitstatus_to_exitcode(status), why)
+
+    def open_end(self) -> int:
+        """What can be read once the work has ended: a descriptor of it; the reader where there is none (old kernels, containers)."""
+        try:
+            return os.pidfd_open(self.child)
+        except (AttributeError, OSError):
+            return self.reader
 
     def listen(self) -> bool:
         """Take in what the work has sent; False once nothing more can come."""
@@ -181,7 +186,7 @@ class Watch:
                 f"stopped at the time limit of {self.seconds:g} s, which it did not keep by itself; "
                 f"allow more time (--limit-seconds above {self.seconds:g}, or seconds in the scene's [accuracy])"
             )
-        if resident(self.child) > BEYOND * self.memory + LIBRARIES:
+        if read_resident(self.child) > BEYOND * self.memory + LIBRARIES:
             return (
                 f"stopped at the limit of memory of {self.memory:g} bytes, which it did not keep by itself; "
                 f"allow more (--limit-memory above {self.memory:g}, or memory in the scene's [accuracy])"
@@ -199,12 +204,3 @@ class Watch:
             why = f"a library or the system ended the program ({how}); most often {NO_MEMORY}"
         print(f"flexlin: {why}", file=sys.stderr, flush=True)
         return FAILED
-
-
-def resident(process: int) -> int:
-    """Bytes of memory that a process holds; 0 where the system does not say."""
-    try:
-        with open(f"/proc/{process}/statm", "rb") as file:
-            return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-    except (OSError, ValueError, IndexError):
-        return 0

@@ -24,9 +24,11 @@ SHORTEST = 1e-10
 SINGULAR, SUSPECT = 1e-6, 0.05
 """A place is singular below this reciprocal condition number; only below the second a minimum is looked at more closely."""
 SOLVED = 1e-11
+"""Newton's method has found the joints once its step is this small, relative to the largest of them beyond 1 rad or m."""
 TRIES = 24
 """Postures beside the given one from which the path's beginning is sought."""
 SAME = 1e-6
+"""Two beginnings are one where no joint's direction differs by more, in rad."""
 ROUNDING = 1e-7
 """By how much joints may miss where they began, in rad or m."""
 

@@ -1,7 +1,7 @@
 """What a verdict is worth: the words behind it where the linear model does not hold, or where no arm would show the decay."""
 
 from flexlin.answers.judging import Loop
-from flexlin.answers.validity import Evidence, ModelValidity
+from flexlin.answers.validity import ModelEvidence, ModelValidity
 from flexlin.report.wording import caution, format_quantity
 
 BROKEN = "but the linear model does not hold here"
@@ -25,7 +25,7 @@ def reason(validity: ModelValidity) -> str:
     return "" if validity.reason is None else describe_evidence(validity.reason)
 
 
-def describe_evidence(found: Evidence) -> str:
+def describe_evidence(found: ModelEvidence) -> str:
     """One figure in words."""
     size = format_quantity(found.value, found.unit).rstrip()
     of_arm = f"{size}, {100 * found.share:.3g} % of the arm's length"

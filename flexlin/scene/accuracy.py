@@ -4,6 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from flexlin.resources import BYTES, SECONDS
 from flexlin.scene.base import Table, Unit
 
 FINEST, COARSEST = 1e-15, 0.1
@@ -25,9 +26,9 @@ class Accuracy(Table):
 
     tol: Annotated[float, Field(strict=True, ge=FINEST, le=COARSEST)] = 1e-9
     """Wanted error of each stage's answer; left out, the nonlinear check of a report is asked for 1e-6."""
-    seconds: Annotated[float, Field(strict=True, gt=0, le=1e7), Unit("s")] = 60.0
+    seconds: Annotated[float, Field(strict=True, gt=0, le=1e7), Unit("s")] = SECONDS
     """Wall time that a run may take."""
-    memory: Annotated[float, Field(strict=True, ge=2.0**20, le=2.0**50), Unit("B")] = 7e8
+    memory: Annotated[float, Field(strict=True, ge=2.0**20, le=2.0**50), Unit("B")] = BYTES
     """Memory that a run may hold beside its libraries: with these less than 1 GB."""
 
     @property

@@ -31,11 +31,9 @@ def solve_decoupled(system: PeriodicSystem, tol: float) -> tuple[Array, Array, D
     coefficients, T = system.resolved, system.period
     if coefficients.breaks:
         panels = panel_exponents(coefficients, T, coefficients.breaks)
-        return (
-            panels
-            if isinstance(panels, Refusal)
-            else (panels.exponents, hide_enclosed(panels.exponents, panels.errors), None)
-        )
+        if isinstance(panels, Refusal):
+            return panels
+        return panels.exponents, hide_enclosed(panels.exponents, panels.errors), None
     decoupled = decouple(coefficients, T, (), tol, partial(couple_uncertainty, system))
     if isinstance(decoupled, Refusal):
         return decoupled

@@ -28,7 +28,7 @@ def draw_chart(
 ) -> Picture:
     """The growth rates over one parameter as lines, the largest over two as a map with the boundary and its resonances."""
     paths = list_paths(data)
-    loop = name_loop(str(data.attrs.get("loop", "own")))
+    loop = name_drawn_loop(str(data.attrs.get("loop", "own")))
     title = f"{TITLE} of {loop}"
     caption = write_caption(data["verdict"].to_numpy(), loop)
     labels = [label_number(scene, path) for path in paths]
@@ -49,7 +49,7 @@ def list_paths(data: xarray.Dataset) -> list[str]:
     return [next(str(name) for name in data.coords)] if dims == ["value"] else dims
 
 
-def name_loop(loop: str) -> str:
+def name_drawn_loop(loop: str) -> str:
     """Which loop is drawn, in words."""
     return LOOPS.get(loop, f"the loop with {loop}")
 
