@@ -14,6 +14,8 @@ PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
 STAMP := .venv/installed
 export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
+# What one test process has compiled, the others and the commands that they start read.
+export PYTHONDONTWRITEBYTECODE =
 
 .PHONY: report test slow peers docs links figures lint lock clean
 

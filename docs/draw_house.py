@@ -12,6 +12,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from html import escape
 from pathlib import Path
 
@@ -80,8 +81,14 @@ def layers(name: str) -> list[list[str]]:
     return [[word.removeprefix("flexlin.") for word in re.findall(r"[\w.]+", row)] for row in contract["layers"]]
 
 
-def imported(path: Path) -> Iterator[str]:
+@cache
+def imported(path: Path) -> tuple[str, ...]:
     """The modules of flexlin that a file imports, once for each import statement."""
+    return tuple(list_imports(path))
+
+
+def list_imports(path: Path) -> Iterator[str]:
+    """The same, one after the other."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)

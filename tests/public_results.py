@@ -1,5 +1,6 @@
 """One of each public result, of small scenes: what the tests of pickling and of `repr` go through."""
 
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from typing import Any
 
@@ -33,9 +34,30 @@ from flexlin.simulation import region_of_attraction
 SMALL = {"links.0.modes": 1, "designs": []}
 
 
+class Made(Mapping[str, Any]):
+    """Results by name, each made when it is first asked for."""
+
+    def __init__(self, ways: dict[str, Callable[[], Any]]) -> None:
+        self.ways = {name: cache(way) for name, way in ways.items()}
+
+    def __getitem__(self, name: str) -> Any:
+        return self.ways[name]()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.ways)
+
+    def __len__(self) -> int:
+        return len(self.ways)
+
+
 def swinging(t: np.ndarray) -> np.ndarray:
     """The stiffness of Mathieu's equation."""
     return (1.0 + 0.5 * np.cos(2 * t))[:, None, None]
+
+
+def oscillator(d: float, k: float = 1.0) -> fl.PeriodicSystem:
+    """y'' + d y' + k y = 0."""
+    return fl.PeriodicSystem([[0.0, 1.0], [-k, -d]], 1.0)
 
 
 @cache
@@ -56,78 +78,77 @@ def series_results() -> dict[str, Any]:
 
 
 @cache
-def stability_results() -> dict[str, Any]:
+def stability_results() -> Made:
     """Answers about Mathieu's equation inside its first tongue, about weights, and about forces."""
     system = fl.PeriodicSystem.from_second_order(np.eye(1), 0.1 * np.eye(1), swinging, np.pi, B=np.eye(1))
-    result = fl.floquet(system, tol=1e-7)
-    modes = fl.floquet_modes(system, result)
-    riccati = periodic_riccati(system, np.eye(2), np.eye(1), tol=1e-7)
-    return {
-        "system": system,
-        "floquet": result,
-        "modes": modes,
-        "resonance": find_resonances(system, modes)[0],
-        "riccati": riccati,
-        "lyapunov": periodic_lyapunov(system.feedback(riccati.K), np.eye(2), tol=1e-6),
-        "horizon": finite_horizon_riccati(system, np.eye(2), np.eye(1), np.eye(2), tol=1e-7),
-        "forced": fl.forced_response(system, [0.0, 1.0], tol=1e-7),
-        "h2": fl.h2_norm(system.feedback(riccati.K), np.eye(2)),
-        "tuning": fl.tune(
-            lambda gain: fl.PeriodicSystem([[0.0, 1.0], [-1.0, -gain]], 1.0), {"gain": 0.3}, starts=1, steps=1
-        ),
-        "critical": fl.critical_values(
-            lambda d: fl.PeriodicSystem([[0.0, 1.0], [-1.0, -d]], 1.0), "d", (-0.1, 0.2), samples=9
-        )[0],
-        "boundary": fl.stability_boundary(
-            lambda d, k: fl.PeriodicSystem([[0.0, 1.0], [-k, -d]], 1.0), {"d": (-0.1, 0.2), "k": (1.0, 2.0)}
-        )[0],
-        "margins": fl.margins(fl.PeriodicSystem([[0.0]], 1.0, B=[[1.0]]), [[2.0]]),
-        "hinf": fl.hinf_norm(fl.PeriodicSystem([[-1.0]], 1.0, B=[[1.0]]), [[1.0]]),
-    }
+    damped = fl.PeriodicSystem([[-1.0]], 1.0, B=[[1.0]])
+    made = Made(
+        {
+            "system": lambda: system,
+            "floquet": lambda: fl.floquet(system, tol=1e-7),
+            "modes": lambda: fl.floquet_modes(system, made["floquet"]),
+            "resonance": lambda: find_resonances(system, made["modes"])[0],
+            "riccati": lambda: periodic_riccati(system, np.eye(2), np.eye(1), tol=1e-7),
+            "lyapunov": lambda: periodic_lyapunov(system.feedback(made["riccati"].K), np.eye(2), tol=1e-6),
+            "horizon": lambda: finite_horizon_riccati(system, np.eye(2), np.eye(1), np.eye(2), tol=1e-7),
+            "forced": lambda: fl.forced_response(system, [0.0, 1.0], tol=1e-7),
+            "h2": lambda: fl.h2_norm(system.feedback(made["riccati"].K), np.eye(2)),
+            "tuning": lambda: fl.tune(lambda gain: oscillator(gain), {"gain": 0.3}, starts=1, steps=1),
+            "critical": lambda: fl.critical_values(oscillator, "d", (-0.1, 0.2), samples=9)[0],
+            "boundary": lambda: fl.stability_boundary(oscillator, {"d": (-0.1, 0.2), "k": (1.0, 2.0)})[0],
+            "margins": lambda: fl.margins(fl.PeriodicSystem([[0.0]], 1.0, B=[[1.0]]), [[2.0]]),
+            "hinf": lambda: fl.hinf_norm(damped, [[1.0]]),
+        }
+    )
+    return made
 
 
 @cache
-def arm_results() -> dict[str, Any]:
+def arm_results() -> Made:
     """What is made of one scene, from its arm to the region of attraction."""
     scene = fl.load_scene("single-link", SMALL)
     arm = fl.build_manipulator(scene)
     plant, lin = fl.linearize(arm, scene.motion), fl.linearize(arm, scene.motion, scene.control)
     system = plant.periodic_system()
     weights = np.diag([1.0, 1.0, 0.01, 0.01]), 100 * np.eye(1)
-    lqr = periodic_lqr(system, *weights, tol=1e-7)
-    filtered = kalman_filter(system, fl.control.joint_angles(plant), 0.1 * np.eye(4), 1e-4 * np.eye(1), tol=1e-6)
-    elastic = periodic_motion(lin)
     T = np.linspace(0.0, lin.period, 8, endpoint=False)
-    return {
-        "scene": scene,
-        "arm": arm,
-        "motion": fl.build_motion(scene.motion, arm.joints),
-        "linearization": lin,
-        "coefficients": lin.sample(np.array([0.1, 0.2])),
-        "deviation": lin.about,
-        "law": lin.law,
-        "parametric": parametric_loop(scene, ["effects.payload.mass"]),
-        "periodic": lqr,
-        "frozen": frozen_lqr(system, *weights, phases=4),
-        "averaged": averaged_lqr(system, *weights),
-        "finite horizon": finite_horizon_lqr(system, *weights, tol=1e-6),
-        "pd": pd_feedback(system, [0], [10.0], [1.0]),
-        "estimator": filtered,
-        "drive load": fl.control.drive_load(lin, T, np.zeros((len(T), 4)), lin.law),
-        "sensors": fl.control.scene_sensors(scene, plant, EstimatorTable(encoders=1e-4, tip=1e-3, torque=0.01)),
-        "loop": output_feedback(lqr, filtered),
-        "integral": with_integral_action(system, np.eye(1, 4)),
-        "elastic motion": elastic,
-        "about it": linearize_about(elastic),
-        "feedforward": feedforward(lin, "tip-exact"),
-        "its law": feedforward(lin, "joint-exact").law,
-        "response": fl.forced_response(lin.periodic_system(), lin.forcing, tol=1e-7),
-        "camera": tip_position(lin),
-        "accelerometer": tip_acceleration(lin)[0],
-        "range": linear_range(lin),
-        "simulation": fl.simulate(lin, 0.1),
-        "attraction": region_of_attraction(lin, modes=1, periods=1.0, halvings=1, tol=1e-4),
-    }
+    made = Made(
+        {
+            "scene": lambda: scene,
+            "arm": lambda: arm,
+            "motion": lambda: fl.build_motion(scene.motion, arm.joints),
+            "linearization": lambda: lin,
+            "coefficients": lambda: lin.sample(np.array([0.1, 0.2])),
+            "deviation": lambda: lin.about,
+            "law": lambda: lin.law,
+            "parametric": lambda: parametric_loop(scene, ["effects.payload.mass"]),
+            "periodic": lambda: periodic_lqr(system, *weights, tol=1e-7),
+            "frozen": lambda: frozen_lqr(system, *weights, phases=4),
+            "averaged": lambda: averaged_lqr(system, *weights),
+            "finite horizon": lambda: finite_horizon_lqr(system, *weights, tol=1e-6),
+            "pd": lambda: pd_feedback(system, [0], [10.0], [1.0]),
+            "estimator": lambda: kalman_filter(
+                system, fl.control.joint_angles(plant), 0.1 * np.eye(4), 1e-4 * np.eye(1), tol=1e-6
+            ),
+            "drive load": lambda: fl.control.drive_load(lin, T, np.zeros((len(T), 4)), lin.law),
+            "sensors": lambda: fl.control.scene_sensors(
+                scene, plant, EstimatorTable(encoders=1e-4, tip=1e-3, torque=0.01)
+            ),
+            "loop": lambda: output_feedback(made["periodic"], made["estimator"]),
+            "integral": lambda: with_integral_action(system, np.eye(1, 4)),
+            "elastic motion": lambda: periodic_motion(lin),
+            "about it": lambda: linearize_about(made["elastic motion"]),
+            "feedforward": lambda: feedforward(lin, "tip-exact"),
+            "its law": lambda: feedforward(lin, "joint-exact").law,
+            "response": lambda: fl.forced_response(lin.periodic_system(), lin.forcing, tol=1e-7),
+            "camera": lambda: tip_position(lin),
+            "accelerometer": lambda: tip_acceleration(lin)[0],
+            "range": lambda: linear_range(lin),
+            "simulation": lambda: fl.simulate(lin, 0.1),
+            "attraction": lambda: region_of_attraction(lin, modes=1, periods=1.0, halvings=1, tol=1e-4),
+        }
+    )
+    return made
 
 
 @cache

@@ -120,6 +120,7 @@ def test_a_chart_over_one_parameter_agrees_with_single_verdicts(
     )
 
 
+@pytest.mark.slow
 def test_a_chart_over_two_parameters_is_a_map(tmp_path: Path) -> None:
     over = ["--over", "motion.joints.0.rate=2:6:5", "effects.gravity.acceleration=0:20:4"]
     assert main(["chart", "spinning-link", *over, "--out", str(tmp_path)]) == 0
@@ -178,6 +179,7 @@ def test_designs_that_would_share_a_folder_are_refused(
     assert not (tmp_path / "new").exists()
 
 
+@pytest.mark.slow
 def test_designs_without_latin_letters_have_folders_of_their_own(tmp_path: Path) -> None:
     """Each folder holds the gain of its own design."""
     options = designs_named("регулятор", "制御 1", "2", "×" * 300)
@@ -236,6 +238,7 @@ def test_a_terminal_that_knows_only_ascii_is_served(run_of_its_own: list[bytes])
     assert run_of_its_own[-1].endswith(b" 0")
 
 
+@pytest.mark.slow
 def test_no_command_loads_a_library_that_it_does_not_need(run_of_its_own: list[bytes]) -> None:
     """`list` loads no numerical library; a report with designs neither python-control nor matplotlib."""
     after_list, after_report = (line for line in run_of_its_own if line.startswith(b"["))

@@ -44,6 +44,7 @@ def critical_rates(gravity: float, low: float, high: float) -> np.ndarray:
     return np.sort(roots)
 
 
+@pytest.mark.slow
 def test_the_spinning_link_meets_mathieus_characteristic_values():
     scene = fl.load_scene("spinning-link", {"effects.gravity.acceleration": 3.0})
     found = fl.critical_values(scene, "motion.joints.0.rate", (1.7, 12.0), tol=1e-9)

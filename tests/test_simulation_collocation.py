@@ -154,6 +154,7 @@ def test_fast_modes_that_ring_are_seen_though_no_output_shows_them():
     assert np.abs(run.nonlinear - expected).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_the_linear_answer_is_that_of_the_matrices():
     lin = closed("pick-and-place")
     run = simulate(lin, 0.25, tol=1e-9)

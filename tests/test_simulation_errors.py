@@ -17,6 +17,7 @@ from flexlin.simulation.drive import Drive
 from flexlin.simulation.equations import NonlinearEquations
 from flexlin.simulation.stepping import TrialLeftRange
 from tests.closed_arm import closed
+from tests.thinned import thin
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +35,7 @@ def test_the_linear_answer_does_not_depend_on_the_output_grid():
     assert 0 < coarse.difference_error < 1e-5 < coarse.difference
 
 
+@pytest.mark.slow
 def test_linear_steps_respect_the_breaks_of_the_motion():
     lin = closed("pick-and-place")
     coarse, fine = (simulate(lin, 0.5, tol=1e-8, points_per_period=points) for points in (14, 140))
@@ -88,7 +90,7 @@ def test_a_simulation_of_unreasonable_size_is_refused_before_it_begins(lin):
             simulate(lin, **wrong)
 
 
-@pytest.mark.parametrize("drive", [Drive(limit=(0.4,)), Drive(sample_time=0.001)])
+@pytest.mark.parametrize("drive", thin([Drive(limit=(0.4,)), Drive(sample_time=0.001)]))
 def test_a_trial_that_leaves_the_range_only_shortens_the_step(lin, monkeypatch, drive):
     """The equations refuse some evaluations ahead of the accepted time; the answer is the same as without."""
     expected = simulate(lin, 0.1, tol=1e-8, drive=drive).nonlinear
@@ -212,6 +214,7 @@ def test_the_linear_range_says_where_it_looked():
     assert "up to 10 rad in s1, the largest tried" in everywhere.status
 
 
+@pytest.mark.slow
 def test_the_linear_range_does_not_depend_on_the_segments_of_the_exponents():
     """The linear terms of this loop all pass through small values within 0.01 s, where the share peaks."""
     scene = fl.load_scene("single-link")

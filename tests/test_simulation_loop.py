@@ -67,6 +67,7 @@ def test_a_fast_sampled_drive_tends_to_the_continuous_loop(lin):
     assert gaps[0] / gaps[1] == pytest.approx(2.0, rel=0.1)
 
 
+@pytest.mark.slow
 def test_saturation_caps_the_torque_and_nothing_else(lin):
     free, roomy = simulate(lin, 0.5), simulate(lin, 0.5, drive=Drive(limit=(50.0,)))
     np.testing.assert_allclose(roomy.nonlinear, free.nonlinear, atol=1e-12)
@@ -81,6 +82,7 @@ def test_impossible_drives_are_refused():
             Drive(**wrong)
 
 
+@pytest.mark.slow
 def test_nonlinear_share_grows_with_the_amplitude(lin):
     """For a small share the second order rules, so halving the share halves the amplitude; a linear arm has no border."""
     half, whole = linear_range(lin, 5e-4), linear_range(lin, 1e-3)

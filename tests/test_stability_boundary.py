@@ -27,6 +27,7 @@ def distances(points):
     return np.min(every, axis=0)
 
 
+@pytest.mark.slow
 def test_tongues_of_the_spinning_link_lie_on_mathieus_curves():
     ranges = {"motion.joints.0.rate": (2.2, 4.5), "effects.gravity.acceleration": (1.0, 6.0)}
     curves = fl.stability_boundary(fl.load_scene("spinning-link"), ranges, cells=12)

@@ -95,6 +95,7 @@ def test_figures_are_those_of_the_two_scenes(result):
     assert abs(row.margin) > 1e-2  # so that no sign or version can be mixed up within the tolerances above
 
 
+@pytest.mark.slow
 def test_tip_error_is_that_of_the_forced_response(scene, result):
     """Fourier collocation against the Gauss collocation of flexlin.periodic."""
     lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
@@ -104,18 +105,21 @@ def test_tip_error_is_that_of_the_forced_response(scene, result):
     assert result.base.tip_error == pytest.approx(np.linalg.norm(away, axis=1).max(), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_joint_flexibility_adds_a_coordinate(result):
     row = next(row for row in result.effects if row.subject == "joint_flexibility")
     assert row.coordinates == 1
     assert row.instructions > 0
 
 
+@pytest.mark.slow
 def test_modes_are_tried_both_ways(result):
     assert {row.table["modes"] for row in result.modes} == {0, 2}
     fewer = next(row for row in result.modes if row.table["modes"] == 0)
     assert fewer.advice == "its last mode is needed"  # a strip of 3 Hz is not rigid
 
 
+@pytest.mark.slow
 def test_a_softening_model_is_caught():
     """Without stiffening the spinning link loses stiffness with speed: the verdict of the beam at W = 3.6 changes (Khang's model)."""
     scene = fl.load_scene("rotating-beam", {"links.0.modes": 2, "motion.joints.0.rate": 3.6})
@@ -215,6 +219,7 @@ def test_effects_that_only_add_up_are_no_pair():
     assert audit(springs({"a": 1.0, "b": 1.0}), 0.01).pairs == ()
 
 
+@pytest.mark.slow
 def test_the_minimal_scene_makes_the_error_that_it_states(result, scene):
     """Measured anew from the text that is written, and no larger than the tolerance."""
     text = minimal_text(result, result.minimal, "flexlin effects quanser-flexible-link")

@@ -84,7 +84,7 @@ def test_cost_is_the_integral_along_the_loop(kind):
 
 
 @given(st.lists(st.floats(-1, 1), min_size=4, max_size=4), st.floats(0, 3))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=6, deadline=None)
 def test_no_design_is_cheaper_than_the_periodic_one(start, t):
     best, *others = DESIGNS
     for other in others:

@@ -18,6 +18,7 @@ def loop_of(name, **overrides):
     return scene, fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
 
 
+@pytest.mark.slow
 def test_the_work_of_the_drives_is_what_the_simulation_says():
     """Torque as simulated; the power integrated over a period is the work done on the arm, by its energy and damping."""
     _scene, lin = loop_of("de-luca-siciliano-1991")

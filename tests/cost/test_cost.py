@@ -3,6 +3,7 @@
 import json
 import shutil
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from flexlin.periodic.transition.setting import Setting
 from flexlin.report.costing import summarise_cost
 from flexlin.report.figures.cost import draw_choices, name_family, style_family
 from flexlin.svg import Panel
+from tests.thinned import thin
 
 METHODS = (
     "gauss 8",
@@ -151,10 +153,14 @@ def test_each_call_of_a_compiled_right_hand_side_returns_its_own_array(scene):
     np.testing.assert_allclose(first.reshape(4, 4).T, loop.linearization.period * A @ x, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_engine_says_what_it_took(result):
-    """Settings of the automatic choice name the method, also where that is no method of segments."""
+    """Settings of the automatic choice name the method."""
     settings = [row.setting for row in result.stage("exponents") if row.chosen]
     assert all("gauss" in setting or "decoupling" in setting for setting in settings)
+
+
+def test_settings_name_their_method_also_where_that_is_none_of_segments():
     assert name_setting(Setting("eigenvalues", 0, 1, "A is constant")) == "eigenvalues"
     assert name_setting(Setting("gauss", 12, 30, "")) == "gauss 12 on 30"
 
@@ -245,7 +251,18 @@ def test_a_one_way_motion_is_refused():
         cost(fl.load_scene("single-link", {"motion": moves, "designs": []}))
 
 
-def test_command_writes_page_and_record(result, tmp_path, capsys, monkeypatch):
+@pytest.fixture
+def short(scene):
+    """The result of two quick stages."""
+    trials = [Trial("gauss 8", f"{n} segments", lambda n=n: 0.1**n) for n in (1, 3, 5)]
+    rows = [row for stage in ("exponents", "forced response") for row in measure_trials(stage, trials, abs)]
+    chosen = [replace(row, chosen="1e-03") if row.setting == "3 segments" else row for row in rows]
+    return CostResult(scene.title, tuple(chosen), 1e-14).marked()
+
+
+@pytest.mark.parametrize("which", thin(["short", "result"]))
+def test_command_writes_page_and_record(which, request, tmp_path, capsys, monkeypatch):
+    result = request.getfixturevalue(which)
     monkeypatch.setattr("flexlin.answers.accuracy.cost", lambda scene: result)
     assert main(["cost", "single-link", "--out", str(tmp_path)]) == 0
     record = json.loads((tmp_path / "cost.json").read_text())

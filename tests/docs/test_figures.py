@@ -64,6 +64,7 @@ def test_every_study_has_its_picture():
         assert f"](../studies/{name}.py)" in PAGES["studies.md"]
 
 
+@pytest.mark.xdist_group("house")
 def test_the_picture_of_the_house_is_drawn_from_this_code():
     """After a change of the code's layout: `make figures`."""
     assert (DOCS / "house.svg").read_text(encoding="utf-8") == house.picture()
@@ -97,6 +98,7 @@ def test_every_place_that_the_walks_name_exists():
     assert not re.findall(r"`[\w/]+\.py`", walks), "a file is named without what it holds"
 
 
+@pytest.mark.xdist_group("house")
 def test_no_arrow_of_the_house_points_up():
     rooms, _ = house.house()
     assert all(rooms[a].y + rooms[a].h < rooms[b].y for a, b in house.arrows(list(rooms)))

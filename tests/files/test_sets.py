@@ -12,6 +12,7 @@ from flexlin.errors import OutputError
 from flexlin.files import replacing, results
 from flexlin.files import switch as switching
 from tests.files.reader import leftovers, standing
+from tests.thinned import thin
 
 
 class Death(BaseException):
@@ -90,7 +91,7 @@ def no_disk(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "fsync", lambda handle: None)
 
 
-@pytest.mark.parametrize("prepare", PLACES)
+@pytest.mark.parametrize("prepare", thin(PLACES[::-1], 2))
 def test_a_writer_killed_at_any_step_leaves_one_whole_set(prepare: Callable, tmp_path: Path) -> None:
     """In a folder of flexlin's own the files agree at every moment; beside foreign files the manifest says when they do not."""
     at, died = 0, True

@@ -120,6 +120,7 @@ def test_both_routes_agree(arm, scene):
     assert_allclose(one.D, two.D, rtol=1e-9, atol=1e-9 * np.abs(one.D).max())
 
 
+@pytest.mark.slow
 def test_floquet_and_lqr_as_for_any_arm(arm, scene):
     lin = fl.linearize(arm, scene.motion)
     design = scene.designs[0]

@@ -6,6 +6,7 @@ import pytest
 import flexlin as fl
 from flexlin.scene import builtin_scenes
 from studies.scaling import scene_of as chain_of
+from tests.thinned import thin
 
 from .scenes import scene_of
 
@@ -30,7 +31,7 @@ def test_growth_with_the_number_of_links():
     assert exponent(n, matrices) < 2.4
 
 
-@pytest.mark.parametrize("links", [1, 2])
+@pytest.mark.parametrize("links", thin([1, 2]))
 def test_growth_with_the_number_of_modes(links):
     """Square: the shortening's quadratic forms have modes^2 entries."""
     n, residual, matrices = zip(*[instructions(links, modes) for modes in (3, 6, 12)], strict=True)

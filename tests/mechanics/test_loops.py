@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 import flexlin as fl
 from flexlin.errors import ModelError, SceneError, SingularClosure
 from flexlin.periodic.transition.gauss import gauss_transitions
+from tests.thinned import thin
 
 from .linkages import Arms, joined_accelerations, rssr_angles
 
@@ -77,7 +78,7 @@ def accelerations(arm, u, u_dot, torque):
     return np.linalg.solve(M, B @ torque - rest)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", thin(range(6), 2))
 def test_a_random_rssr_is_that_of_the_closed_form_and_of_multipliers(seed):
     """Positions by the input-output equation, accelerations by bars with end masses and a multiplier."""
     rng = np.random.default_rng(20 + seed)
@@ -133,7 +134,7 @@ def test_a_rigid_delta_is_three_rods_between_arms_and_a_body_that_shifts():
     assert_allclose(accelerations(arm, q, rate, torque), judge[:3], rtol=1e-9)
 
 
-@pytest.mark.parametrize("name", ["spatial-four-bar", "delta"])
+@pytest.mark.parametrize("name", thin(["spatial-four-bar", "delta"]))
 def test_flexible_loops_obey_multipliers_on_the_open_tree(name):
     """The same links with all joints driven and no loop; the gap from their tips, a multiplier for each of its rows."""
     table = raw(name)

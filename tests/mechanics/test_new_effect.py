@@ -77,6 +77,7 @@ def test_check_refuses_what_its_class_refuses(tmp_path: Path, capsys: pytest.Cap
         arm_of({"joint": "prismatic"}, effects={"bearing_springs": {"stiffness": 1.0}})
 
 
+@pytest.mark.slow
 def test_the_report_tells_of_it(tmp_path: Path) -> None:
     assert main(["report", *ON, "--out", str(tmp_path)]) == 0
     data, text = json.loads((tmp_path / "report.json").read_text()), (tmp_path / "report.html").read_text()

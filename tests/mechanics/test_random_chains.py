@@ -2,6 +2,7 @@
 
 import casadi as ca
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -32,7 +33,8 @@ SCALAR = {
 TABLES = ON | FIRST_ONLY | SCALAR
 
 
-@settings(max_examples=25, deadline=None)
+@pytest.mark.slow
+@settings(max_examples=40, deadline=None)
 @given(
     links=st.lists(LINKS, min_size=1, max_size=3),
     names=st.sets(st.sampled_from(sorted(TABLES))),

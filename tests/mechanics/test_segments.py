@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
+from tests.thinned import thin
+
 from .scenes import arm_of, matrices_at_rest
 from .segments import Segments
 
@@ -41,7 +43,7 @@ def test_frequencies_of_a_bent_elbow():
     check(chain[2:], approximations, 4)
 
 
-@pytest.mark.parametrize("rate", [0.0, 6.0, 15.0])
+@pytest.mark.parametrize("rate", thin([6.0, 0.0, 15.0]))
 def test_stiffening_through_the_chain(rate):
     """The stretched-out arm spins with both joints locked: link 1 carries the pull of link 2 and of the payload."""
     effects = {"payload": {"mass": 0.15}, "geometric_stiffening": {}}

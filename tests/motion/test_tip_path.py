@@ -102,6 +102,7 @@ def test_random_arms_follow_random_circles(seed):
     assert_allclose(motion.sample(np.array([0.0, T, 7 * T]))[0], np.tile(q[0], (3, 1)), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_redundant_joints_stay_as_near_to_their_posture_as_they_can():
     """Three joints in a plane: at each time the nearest angles of all that reach the point, found by another program."""
     lengths, posture = (0.5, 0.4, 0.3), np.array([0.3, 0.8, 0.4])
@@ -162,6 +163,7 @@ def test_orientation_turns_from_waypoint_to_waypoint():
         assert_allclose(np.array(arm.functions["points"](s, p))[:, -1], there, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_delta_follows_a_circle_by_its_closed_form():
     """Each arm's angle from the triangle of arm, rod and platform: a cos q + b sin q = c."""
     motion, _, scene = lead("delta", circle((0.02, -0.01, -0.32), 0.05))
@@ -263,7 +265,7 @@ def test_limits_choose_the_elbow_or_refuse_with_their_time():
         (3, circle((0.5, 0.2, 0.0), 0.1, rpy=[0.3, 0.0, 1.0]), {}, "out of the arm's plane"),
         (1, circle((0.5, 0.2, 0.0), 0.1), {}, "more than the joints can do"),
         (2, circle((0.5, 0.2, 0.0), 0.1), {"follow": ["x", "x"]}, "twice"),
-        (2, circle((50.0, 0.2, 0.0), 0.1), {}, "leaves the arm's reach"),
+        pytest.param(2, circle((50.0, 0.2, 0.0), 0.1), {}, "leaves the arm's reach", marks=pytest.mark.slow),
     ],
 )
 def test_paths_that_do_not_fit_the_arm_are_refused(links, path, more, words):

@@ -14,6 +14,7 @@ from tests.periodic.jumping_systems import reference_jump, reference_pulse
 from tests.periodic.non_normal_systems import reference_non_normal
 from tests.periodic.random_systems import COUNTS, KINDS, draw
 from tests.periodic.truths import eigenvalues, integrated, panels_of
+from tests.thinned import thin
 
 
 def miss(case, found):
@@ -41,7 +42,7 @@ def test_exponents_of_a_chain_are_those_of_its_integration(kind):
     assert compared >= 3
 
 
-@pytest.mark.parametrize("kind", ["jumps not named", "Meissner not named"])
+@pytest.mark.parametrize("kind", thin(["Meissner not named", "jumps not named"]))
 def test_products_of_exponentials_are_those_of_panels(kind):
     for seed in range(5):
         case = draw(kind, seed)
@@ -51,7 +52,7 @@ def test_products_of_exponentials_are_those_of_panels(kind):
         assert miss(case, truth.exponents) <= 1e-16 + case.doubt.max() + truth.doubt.max()
 
 
-@pytest.mark.parametrize("kind", ["pulses", "jumps not named, smooth between", "undamped oscillators"])
+@pytest.mark.parametrize("kind", thin(["undamped oscillators", "jumps not named, smooth between", "pulses"]))
 def test_panels_agree_with_a_runge_kutta_method(kind):
     """DOP853 from one corner or narrow place to the next."""
     for seed in range(4):
@@ -112,6 +113,7 @@ def mathieu_one_fifth(t):
     return A
 
 
+@pytest.mark.slow
 def test_every_kind_is_counted_and_drawn_the_same_twice():
     assert set(COUNTS) == set(KINDS)
     for kind in KINDS:

@@ -100,6 +100,7 @@ def test_a_stage_beyond_its_time_says_so_and_the_rest_stands(
     assert capsys.readouterr().out.count("nonlinear simulation of 3 periods: stopped at the time limit") == 1
 
 
+@pytest.mark.slow
 def test_an_own_loop_without_verdict_leaves_the_rest(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -52,6 +52,7 @@ def test_long_simulations_are_thinned(played, monkeypatch):
     np.testing.assert_allclose(data["tip"], run.tip[at], atol=2e-5)
 
 
+@pytest.mark.slow
 def test_every_moving_link_of_a_closed_loop_is_drawn_and_the_base_is_ground():
     """Four links of the 5-bar move; the line between its base joints is ground, and both hinges meet at the tip."""
     scene = fl.load_scene("five-bar", {"designs": []})

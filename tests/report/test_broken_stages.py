@@ -60,6 +60,7 @@ def test_broken_stages_leave_the_rest(broken: dict[str, str], tmp_path: Path, mo
         assert str(BREAKS[kind]()) in problems
 
 
+@pytest.mark.slow
 def test_what_libraries_warn_of_is_a_note_of_the_stage(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -54,6 +54,7 @@ def test_numbers_have_plain_names_with_units(path, words):
     assert label_number(fl.load_scene("single-link"), path) == words
 
 
+@pytest.mark.slow
 def test_margins_say_where_the_verdict_changes_and_where_it_does_not():
     scene = fl.load_scene("khang-2019")
     chosen = {"motion.frequency": (0.5, 3.0), "parameters.payload_mass": (0.05, 0.2)}

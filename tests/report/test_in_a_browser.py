@@ -82,6 +82,7 @@ def test_nothing_is_cut_at_any_width(pages, page):
         assert found["cut"] == []
 
 
+@pytest.mark.slow
 @pytest.mark.xdist_group("browser")
 def test_the_measure_sees_what_is_cut(tmp_path):
     page = tmp_path / "page.html"

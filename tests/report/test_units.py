@@ -47,6 +47,7 @@ def test_the_page_s_unit_is_forgotten_behind_the_page(single_link: Analysis) -> 
     assert scale_values(np.array([1e-3]), "m")[1] == "mm"
 
 
+@pytest.mark.slow
 def test_a_scene_without_dimensions_names_no_unit_of_length_or_time(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -3,6 +3,7 @@
 import json
 import tomllib
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +17,14 @@ from flexlin.scene.effects import known_effects
 from flexlin.scene.suggestions import suggest
 from flexlin.scene.toml_text import write_toml
 
-SCHEMA = scene_schema()
+pytestmark = pytest.mark.xdist_group("schema")
+schema = cache(scene_schema)
 
 
 def accepts(node: dict[str, Any], value: Any) -> bool:
     """Whether a value is allowed, by the keywords that pydantic writes; nothing of flexlin's own."""
     if "$ref" in node:
-        return accepts(SCHEMA["$defs"][node["$ref"].rpartition("/")[2]], value)
+        return accepts(schema()["$defs"][node["$ref"].rpartition("/")[2]], value)
     if "const" in node and value != node["const"]:
         return False
     if "enum" in node and value not in node["enum"]:
@@ -60,8 +62,8 @@ def accepts(node: dict[str, Any], value: Any) -> bool:
 @pytest.mark.parametrize("name", builtin_scenes())
 def test_every_scene_fits_the_schema(name: str) -> None:
     raw = tomllib.loads(builtin_scenes()[name].read_text(encoding="utf-8"))
-    assert accepts(SCHEMA, raw)
-    for rule in SCHEMA["allOf"]:
+    assert accepts(schema(), raw)
+    for rule in schema()["allOf"]:
         if raw.get("model") == rule["if"]["properties"]["model"]["const"]:
             assert accepts(rule["then"], raw)
             assert not accepts(rule["then"], {**raw, "parameters": {**raw["parameters"], "lenght": 1.0}})
@@ -79,7 +81,7 @@ def test_what_the_schema_refuses_flexlin_refuses(change: dict[str, Any]) -> None
     for step in steps:
         tree = tree[int(step) if step.isdigit() else step]
     tree[last] = value
-    assert not accepts(SCHEMA, raw)
+    assert not accepts(schema(), raw)
     with pytest.raises(SceneError):
         fl.parse_scene(raw)
 
@@ -115,10 +117,10 @@ COUNTS = {
 
 
 def test_every_key_has_a_description_and_every_number_a_unit() -> None:
-    found = {path: node for path, node in numbers(SCHEMA) if ".if." not in path}
+    found = {path: node for path, node in numbers(schema()) if ".if." not in path}
     assert len(found) > 90
     assert {path for path, node in found.items() if not node.get("description")} == set()
-    assert set(known_effects()) <= set(SCHEMA["$defs"]["Effects"]["properties"])
+    assert set(known_effects()) <= set(schema()["$defs"]["Effects"]["properties"])
     text = {path: json.dumps(node) for path, node in found.items()}
     bare = {path for path, node in text.items() if '"number"' in node and '"unit"' not in node}
     assert {path.rpartition(".")[2] for path in bare} <= COUNTS
@@ -146,7 +148,7 @@ def test_show_prints_the_file(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["show", "spinning-lnk"]) == 2
     assert "did you mean 'spinning-link'?" in capsys.readouterr().err
     assert main(["schema"]) == 0
-    assert json.loads(capsys.readouterr().out) == scene_schema()
+    assert json.loads(capsys.readouterr().out) == schema()
 
 
 HINTS = {

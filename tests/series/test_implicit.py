@@ -162,6 +162,7 @@ def test_pole_is_not_called_a_fold():
     assert "error" in radius.status
 
 
+@pytest.mark.slow
 def test_error_is_within_20_percent_inside_half_the_radius(inverse):
     maps = [expand("5-bar inverse", order) for order in (1, 2, 5, 8)]
     for angle in np.linspace(0, 2 * np.pi, 8)[:-1]:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 
+@pytest.mark.slow
 def test_tracking(study, pictures, tmp_path):
     data = study("tracking").main(size="small", out=tmp_path)["data"]
     assert np.all(data.gain > 20)
@@ -15,6 +16,7 @@ def test_tracking(study, pictures, tmp_path):
     assert distance.max() == pytest.approx(1e3 * data.nonlinear["rigid"][0], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_spin_up(study, pictures, tmp_path):
     """Kane, Ryan, Banerjee (1987); Simo, Vu-Quoc: the largest lag is 0.574 m near 6.8 s; without stiffening it diverges."""
     stiff, without = study("spin_up").main(size="small", out=tmp_path).values()

@@ -1,8 +1,10 @@
 """The study of the paper's equations, small: identities to rounding, and the false divergence at the first frequency."""
 
 import numpy as np
+import pytest
 
 
+@pytest.mark.slow
 def test_khang_2019(study, pictures, tmp_path):
     result = study("khang_2019").main(size="small", out=tmp_path)
     assert result["difference"] < 1e-13

@@ -1,6 +1,9 @@
 """The study of modes and effects, small: errors fall with modes, and the effects that matter are those of the audit."""
 
+import pytest
 
+
+@pytest.mark.slow
 def test_modes_and_effects(study, pictures, tmp_path):
     rows = {row.version: row for row in study("modes_and_effects").main("small", tmp_path)}
     one, two = rows["1 modes"], rows["2 modes"]

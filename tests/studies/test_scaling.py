@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 
+@pytest.mark.slow
 def test_scaling(study, pictures, tmp_path, monkeypatch):
     module = study("scaling")
     monkeypatch.setattr(module, "compiled", lambda function, folder: None)

@@ -1,8 +1,10 @@
 """The two-link study, small: printed frequencies, and a verdict that is missed without dM/ds s''."""
 
 import numpy as np
+import pytest
 
 
+@pytest.mark.slow
 def test_two_link(study, pictures, tmp_path):
     module = study("two_link")
     result = module.main("small", tmp_path)

@@ -142,6 +142,7 @@ def test_a_design_in_physical_sizes_is_made_anew_at_each_value():
         assert largest_gap(data["exponents"].values[i], exact) <= 2e-6 * np.abs(exact.exponents).max()
 
 
+@pytest.mark.slow
 def test_numbers_of_a_tip_path_vary_by_equations_made_anew():
     """A circle driven at three speeds: each value against its own scene."""
     links = [{"length": 0.5, "mass_per_length": 0.3}, {"length": 0.5, "mass_per_length": 0.2}]

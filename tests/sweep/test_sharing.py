@@ -59,6 +59,7 @@ def test_two_processes_and_one_that_dies(whole, tmp_path):
     assert_same(job.dataset(), whole)
 
 
+@pytest.mark.slow
 def test_a_block_that_kills_every_process_is_marked(tmp_path, monkeypatch):
     monkeypatch.setattr("flexlin.answers.sweep.processes.ATTEMPTS", 1)
     job = prepare_job(SCENE, {"effects.payload.mass": [0.1, 0.2]}, 1e-8, True, "own", SMALL)

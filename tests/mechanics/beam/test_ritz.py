@@ -51,6 +51,7 @@ def test_elements_reproduce_uniform_beams(shapes, exact):
         assert np.all(np.abs(shapes.values(XI, d) - exact.values(XI, d)) / scale < bound + 1e-12)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(mass=st.floats(-3, 4), gyration=st.floats(-2, 1), offset=st.floats(-0.9, 0.9))
 def test_no_root_is_missed_whatever_the_tip_carries(mass, gyration, offset):

@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 from flexlin.periodic.boundary.crossings import find_crossings
 from flexlin.periodic.boundary.roots import SignedEnds, solve_brackets
 from tests.periodic.boundary.piecewise import meissner, piecewise
+from tests.thinned import thin
 
 
 def trace_roots(q: float, low: float, high: float) -> np.ndarray:
@@ -51,7 +52,7 @@ def test_a_tongue_as_narrow_as_rounding_is_told_as_touching():
     assert [one.onset for one in found] == [True, False]
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", thin(range(4)))
 def test_random_pairs_of_oscillators_against_a_dense_scan(seed):
     """Two coupled modes with and without damping, frequency as the parameter: tongues of all orders and combinations."""
     rng = np.random.default_rng(seed)

@@ -218,6 +218,7 @@ def test_panels_where_the_coefficients_jump(jump):
     assert answer.errors.max() < 1e-8
 
 
+@pytest.mark.slow
 def test_panels_agree_with_the_engine_on_pick_and_place():
     scene = fl.load_scene("pick-and-place")
     system = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control).periodic_system()

@@ -68,6 +68,7 @@ def test_two_periods_double_the_logs(seed, n):
     assert apart(twice.exponents, base.exponents, twice.period) <= base.error + twice.error
 
 
+@pytest.mark.slow
 @settings(max_examples=10, deadline=None, derandomize=True)
 @systems
 def test_all_methods_agree(seed, n):

@@ -1,6 +1,7 @@
 """Exponents of many systems at once, against closed forms, SciPy's Mathieu functions and the engine for one system."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -51,7 +52,8 @@ def test_segments_respect_the_breaks():
     assert abs(got.logs.real.max() / np.pi - 0.04137974466122074514) < 1e-11
 
 
-@settings(max_examples=15, deadline=None)
+@pytest.mark.slow
+@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10**6))
 def test_errors_cover_random_damped_systems(seed):
     rng = np.random.default_rng(seed)

@@ -8,6 +8,7 @@ from scipy.optimize import minimize_scalar
 import flexlin as fl
 from flexlin.about.linear import linearize
 from flexlin.errors import ArgumentError, NotStabilizable, NotStable
+from tests.thinned import thin
 
 A0, B0, C0 = np.array([[-1.0, -0.5], [-3.0, -5.0]]), np.array([[3.0], [1.0]]), np.array([[1.0, 2.0]])
 
@@ -91,7 +92,7 @@ def hill_gain(system, C, w, harmonics):
     return np.linalg.norm(C @ np.linalg.solve(np.diag(shift) - A, B), 2)
 
 
-@pytest.mark.parametrize("name", ["flexible-joint-link", "khang-2019"])
+@pytest.mark.parametrize("name", thin(["flexible-joint-link", "khang-2019"]))
 def test_arms_against_hills_truncated_equations(name):
     scene = fl.load_scene(name)
     lin = linearize(fl.build_manipulator(scene), scene.motion, scene.control)

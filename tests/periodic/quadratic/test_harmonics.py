@@ -91,6 +91,7 @@ def test_errors_of_made_up_solutions_are_covered(seed):
         assert found.error <= tol
 
 
+@pytest.mark.slow
 def test_most_made_up_solutions_are_series():
     made = [made_up(seed) for seed in (8, 10, 11, 16, 17, 21, 25)]
     assert sum(is_series(periodic_riccati(system, Q, R, tol=1e-6)) for system, Q, R, _ in made) >= 6

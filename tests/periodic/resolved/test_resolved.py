@@ -11,6 +11,7 @@ from scipy.integrate import quad
 from flexlin.errors import ArgumentError, NotPeriodic, UnresolvedCoefficient
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.resolved.resolve import resolve
+from tests.thinned import thin
 
 SMOOTH = 2 * np.pi
 
@@ -43,7 +44,7 @@ def covered(series, A, rng, near=()):
 
 
 @pytest.mark.parametrize("complete", [False, True])
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", thin(range(12), 4))
 def test_random_trigonometric_polynomials_of_up_to_60_harmonics(seed, complete):
     rng = np.random.default_rng(seed)
     T, harmonics = 10.0 ** rng.uniform(-2, 2), int(rng.integers(1, 61))
@@ -75,7 +76,7 @@ def test_steep_exponential_of_a_cosine():
     assert series.error[0, 0] < 1e-13 * np.exp(30)
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", thin(range(20), 5))
 def test_gaussian_pulses_anywhere(seed):
     rng = np.random.default_rng(seed)
     T = 10.0 ** rng.uniform(-1, 1)
@@ -93,7 +94,7 @@ def test_gaussian_pulses_anywhere(seed):
 
 
 @pytest.mark.parametrize("width", [1e-3, 3e-4, 1.001e-4])
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", thin(range(8), 2))
 def test_no_box_of_a_ten_thousandth_is_missed(seed, width):
     begin = np.random.default_rng(seed).uniform(0, 1 - width)
     series = resolve(scalar(lambda t: (np.mod(t, 1) >= begin) & (np.mod(t, 1) < begin + width)), 1.0)
@@ -124,7 +125,7 @@ def test_smoothed_switches(eps, named):
     assert not series.found
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", thin(range(30), 8))
 def test_jumps_are_found_to_the_last_bit(seed):
     rng = np.random.default_rng(seed)
     T, count = 10.0 ** rng.uniform(-2, 2), int(rng.choice([1, 2, 3, 20]))
@@ -170,8 +171,8 @@ def test_jumps_in_awkward_places(breaks, jumps):
     assert covered(series, scalar(f), np.random.default_rng(2), jumps) < 1
 
 
-@pytest.mark.parametrize("power", [1, 3, 5])
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("power", thin([1, 3, 5], 2))
+@pytest.mark.parametrize("seed", thin(range(5), 2))
 def test_kinks_are_cut_out(seed, power):
     rng = np.random.default_rng(seed)
     T, place = 10.0 ** rng.uniform(-1, 1), None

@@ -93,6 +93,7 @@ def test_a_constant_plant_has_the_eigenvalues_of_one_sample(part):
         assert found.errors[0] < 1e-9
 
 
+@pytest.mark.slow
 def test_fast_sampling_tends_to_the_continuous_loop_and_corners_are_met():
     """An arm whose coefficients have corners; the sampling instants do not fall on them."""
     scene = fl.load_scene("pick-and-place", {"links.0.modes": 0, "links.1.modes": 0})
