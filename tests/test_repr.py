@@ -8,6 +8,8 @@ import pytest
 from flexlin.summary import represent
 from tests.public_results import public_results
 
+pytestmark = pytest.mark.xdist_group("public results")
+
 
 @dataclass(frozen=True)
 class Sample:
@@ -80,7 +82,6 @@ def short(value) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.xdist_group("public results")
 def test_the_results_of_every_public_function():
     results = public_results()
     assert len(results) > 35

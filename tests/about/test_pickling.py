@@ -19,6 +19,8 @@ from flexlin.control import horizon_system
 from flexlin.errors import FlexlinError
 from tests.public_results import answer_results, arm_results, public_results, series_results, stability_results
 
+pytestmark = pytest.mark.xdist_group("public results")
+
 T = np.array([0.0, 0.13, 0.57, 1.21])
 
 FRESH = """
@@ -155,7 +157,6 @@ def test_a_motion_from_a_table(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.xdist_group("public results")
 @pytest.mark.parametrize("made", [series_results, stability_results, arm_results, answer_results])
 def test_every_public_result(made, tmp_path):
     objects = dict(made())
@@ -164,7 +165,6 @@ def test_every_public_result(made, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.xdist_group("public results")
 def test_every_result_class_is_tried():
     """The classes whose instances public functions hand back, by their annotations."""
     tried = {kind.__name__ for value in public_results().values() for kind in type(value).__mro__}

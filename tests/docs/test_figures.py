@@ -64,10 +64,11 @@ def test_every_study_has_its_picture():
         assert f"](../studies/{name}.py)" in PAGES["studies.md"]
 
 
-@pytest.mark.xdist_group("house")
-def test_the_picture_of_the_house_is_drawn_from_this_code():
+def test_the_picture_of_the_house_is_drawn_from_this_code_and_no_arrow_points_up():
     """After a change of the code's layout: `make figures`."""
     assert (DOCS / "house.svg").read_text(encoding="utf-8") == house.picture()
+    rooms, _ = house.house()
+    assert all(rooms[a].y + rooms[a].h < rooms[b].y for a, b in house.arrows(list(rooms)))
 
 
 def test_the_house_shows_every_import(tmp_path, monkeypatch):
@@ -96,9 +97,3 @@ def test_every_place_that_the_walks_name_exists():
         missing += [f"{file}: {name}"] if name not in defined else []
     assert not missing
     assert not re.findall(r"`[\w/]+\.py`", walks), "a file is named without what it holds"
-
-
-@pytest.mark.xdist_group("house")
-def test_no_arrow_of_the_house_points_up():
-    rooms, _ = house.house()
-    assert all(rooms[a].y + rooms[a].h < rooms[b].y for a, b in house.arrows(list(rooms)))

@@ -11,6 +11,8 @@ import pytest
 
 from flexlin.cli.main import main
 
+pytestmark = pytest.mark.xdist_group("browser")
+
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 WIDTHS = (390, 768, 1280)
 MEASURE = """<body><script>
@@ -72,7 +74,6 @@ def pages(tmp_path_factory) -> Path:
 
 
 @pytest.mark.slow
-@pytest.mark.xdist_group("browser")
 @pytest.mark.parametrize("page", ["report/report.html", "chart/chart.html", "animation/animation.html"])
 def test_nothing_is_cut_at_any_width(pages, page):
     measured = measure(pages / page)
@@ -83,7 +84,6 @@ def test_nothing_is_cut_at_any_width(pages, page):
 
 
 @pytest.mark.slow
-@pytest.mark.xdist_group("browser")
 def test_the_measure_sees_what_is_cut(tmp_path):
     page = tmp_path / "page.html"
     page.write_text(
@@ -99,7 +99,6 @@ def test_the_measure_sees_what_is_cut(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.xdist_group("browser")
 def test_the_report_prints(pages):
     page, printed = pages / "report" / "report.html", pages / "report.pdf"
     browse(pages, "--virtual-time-budget=5000", "--no-pdf-header-footer", f"--print-to-pdf={printed}", page.as_uri())
@@ -120,7 +119,6 @@ document.body.append(found);
 
 
 @pytest.mark.slow
-@pytest.mark.xdist_group("browser")
 def test_an_arm_in_space_is_turned_by_hand(tmp_path):
     """An arrow and a drag turn the picture: x lies where a camera at these angles sees it."""
     options = ["simulate", "rotating-blade", "--tol", "1e-4", "--periods", "0.2", "--animate"]
