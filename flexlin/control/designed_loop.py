@@ -14,7 +14,7 @@ from flexlin.errors import ArgumentError, DesignError, NotStabilizable
 from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.quadratic.riccati import RiccatiSolution, periodic_lyapunov
-from flexlin.periodic.response.forced import label_states
+from flexlin.periodic.response.result import label_states
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
 from flexlin.plots.view import Series, Shown, View
 from flexlin.summary import represent

@@ -12,6 +12,7 @@ from flexlin.control.designed_loop import Design
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
 from flexlin.periodic.quadratic.riccati import periodic_riccati
 from flexlin.periodic.quadratic.solution import RiccatiSolution
+from flexlin.periodic.related import Backward, dual_system, with_matrices
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_matrix_function, as_system, check_samples
 from flexlin.summary import represent
 
@@ -158,10 +159,8 @@ def kalman_filter(
     for name, noise in (("W", W), ("V", V)):
         check_samples(name, noise, system.period)
     T = system.period
-    breaks = tuple((T - b) % T for b in system.breaks)
-    dual = PeriodicSystem(Backward(system.A, T), T, Backward(C, T), breaks, complete=system.complete)
     try:
-        solution = periodic_riccati(dual, Backward(W, T), Backward(V, T), tol=tol)
+        solution = periodic_riccati(dual_system(system, C), Backward(W, T), Backward(V, T), tol=tol)
     except NotStabilizable as reason:
         raise NotDetectable(
             "a mode that does not decay is not seen by the measurement",
@@ -174,19 +173,7 @@ def kalman_filter(
             got=reason.got,
             todo="give the mode's states noise in W",
         ) from None
-    measured = PeriodicSystem(system.A, T, FilterGain(solution), system.breaks, complete=system.complete)
-    return Estimator(system, C, solution, measured.feedback(C))
-
-
-@dataclass(frozen=True, eq=False)
-class Backward:
-    """t -> coefficient(-t)', taken inside one period."""
-
-    coefficient: MatrixFunction
-    period: float
-
-    def __call__(self, t: Array) -> Array:
-        return np.swapaxes(self.coefficient(np.mod(-t, self.period)), 1, 2)
+    return Estimator(system, C, solution, with_matrices(system, system.A, FilterGain(solution)).feedback(C))
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,6 +241,4 @@ def output_feedback(made: Design | Law, estimator: Estimator) -> PeriodicSystem:
         raise ArgumentError(
             "the design and the estimator do not fit", got=(states, system.n), expected="one plant with input"
         )
-    return PeriodicSystem(
-        EstimatedLoop(estimator, gain), system.period, None, (*system.breaks, *breaks), complete=system.complete
-    )
+    return with_matrices(system, EstimatedLoop(estimator, gain), breaks=breaks)

@@ -73,7 +73,7 @@ def periodic_lqr(
     """
     system = as_system(system)
     solution = periodic_riccati(system, Q, R, N, tol)
-    gain, apart = smooth_gain(solution.K, system.period, system.breaks)
+    gain, apart = smooth_gain(solution.K, system.breaks, solution.edges)
     loop = system.feedback(gain)
     return Design(
         name,

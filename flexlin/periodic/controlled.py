@@ -6,6 +6,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.coefficients import MatrixFunction
+from flexlin.periodic.related import with_matrices
 from flexlin.periodic.system import PeriodicSystem
 
 
@@ -58,4 +59,4 @@ def extend_system(system: PeriodicSystem, rates: Array) -> PeriodicSystem:
     """
     B = None if system.B is None else ExtendedInput(system.B, len(rates))
     A = ExtendedState(system.A, rates)
-    return PeriodicSystem(A, system.period, B, system.breaks, None, system.features, system.complete)
+    return with_matrices(system, A, B)

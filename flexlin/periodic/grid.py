@@ -9,10 +9,10 @@ import numpy as np
 from flexlin.checks import Array, whole
 
 
-def place_edges(period: float, breaks: Sequence[float], segments: int) -> Array:
+def place_edges(period: float, breaks: Sequence[float] | Array, segments: int, least: int = 1) -> Array:
     """Divide [0, T] into about `segments` intervals of equal length, none of which holds a break inside.
 
-    Every piece between neighbouring breaks gets ceil(segments * length / T) segments, so at least one.
+    Every piece between neighbouring breaks gets ceil(segments * length / T) segments, and at least `least`.
 
     Parameters: period in s; breaks: times in [0, T); segments: the wished number.
     Returns: increasing times (K + 1,) from 0 to T, K >= segments.
@@ -21,6 +21,7 @@ def place_edges(period: float, breaks: Sequence[float], segments: int) -> Array:
     segments = whole("segments", segments)
     corners = np.unique([0.0, *breaks, period])
     pieces = [
-        np.linspace(a, b, math.ceil(segments * (b - a) / period * (1 - 1e-12)) + 1)[:-1] for a, b in pairwise(corners)
+        np.linspace(a, b, max(least, math.ceil(segments * (b - a) / period * (1 - 1e-12))) + 1)[:-1]
+        for a, b in pairwise(corners)
     ]
     return np.concatenate([*pieces, [period]])

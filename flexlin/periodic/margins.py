@@ -11,6 +11,7 @@ from flexlin.checks import Array, positive
 from flexlin.errors import ArgumentError, NotStable
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples
 from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.related import with_matrices
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.summary import represent
 
@@ -117,21 +118,16 @@ def margins(system: PeriodicSystem, gain: MatrixFunction | ArrayLike, tol: float
     found = floquet(nominal, LOOSE)
     if found.verdict != "stable":
         raise NotStable(f"the loop is {found.verdict} as it is", got=found.status, expected="a stable loop")
-    T, breaks, features = system.period, tuple(nominal.resolved.breaks), system.features
+    breaks = tuple(nominal.resolved.breaks)
 
     def with_gain(kappa: float) -> PeriodicSystem:
         return system.feedback(Scaled(K, kappa), breaks)
 
     def with_phase(phi: float) -> PeriodicSystem:
-        return PeriodicSystem(
-            Turned(system.A, B, K, phi), T, breaks=breaks, features=features, complete=system.complete
-        )
+        return with_matrices(system, Turned(system.A, B, K, phi), breaks=breaks)
 
     def with_delay(tau: float, order: int = LINE) -> PeriodicSystem:
-        late = Delayed(system.A, B, K, tau, order)
-        corners = sorted({*breaks, *(float(np.mod(t + tau, T)) for t in breaks)})
-        narrow = (*features, *((float(np.mod(t + tau, T)), width) for t, width in features))
-        return PeriodicSystem(late, T, breaks=corners, features=narrow, complete=system.complete)
+        return with_matrices(system, Delayed(system.A, B, K, tau, order), breaks=breaks)
 
     steps = GAIN_STEP ** np.arange(1, int(np.log(LARGEST_GAIN) / np.log(GAIN_STEP)) + 1)
     down = find_first(with_gain, 1.0, 1 / steps, tol)

@@ -30,7 +30,7 @@ NOT_LISTED = (
     "flexlin.periodic.quadratic.riccati.finite_horizon_riccati",
     "flexlin.periodic.quadratic.riccati.periodic_lyapunov",
     "flexlin.periodic.quadratic.solution.RiccatiSolution",
-    "flexlin.periodic.response.forced.ForcedResponse",
+    "flexlin.periodic.response.result.ForcedResponse",
 )
 """Public by their docstrings, in modules that list no public names."""
 PENDING: set[str] = set()

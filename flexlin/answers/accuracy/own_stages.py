@@ -21,7 +21,8 @@ from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.product.balancing import multiply_scaled
 from flexlin.periodic.product.eigenvalues import product_logs
 from flexlin.periodic.quadratic.riccati import RiccatiSolution, periodic_riccati
-from flexlin.periodic.response.forced import ForcedResponse, forced_response
+from flexlin.periodic.response.forced import forced_response
+from flexlin.periodic.response.result import ForcedResponse
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choice import choose_setting
 from flexlin.periodic.transition.setting import Setting, factor_period

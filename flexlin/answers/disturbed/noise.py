@@ -8,10 +8,10 @@ from flexlin.about.linearization import Linearization
 from flexlin.answers.disturbed.directions import Directions
 from flexlin.answers.disturbed.stated import Disturbance
 from flexlin.checks import Array
-from flexlin.control.estimator import Backward
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.controlled import OfPlant
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
+from flexlin.periodic.related import Backward, dual_system
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
 
@@ -67,9 +67,7 @@ def answer_noise(lin: Linearization, stated: Disturbance, loop: PeriodicSystem, 
     """
     T = lin.period
     W = Spread(OfPlant(lin.input_matrix, 2 * lin.n, loop.n), stated.size**2 / (2 * stated.time))
-    breaks = tuple((T - b) % T for b in loop.breaks)
-    dual = PeriodicSystem(Backward(loop.A, T), T, None, breaks, complete=loop.complete)
-    solution = periodic_lyapunov(dual, Backward(W, T), tol)
+    solution = periodic_lyapunov(dual_system(loop), Backward(W, T), tol)
     t = np.linspace(0.0, T, SAMPLES)
     P = solution.X(np.mod(-t, T))[:, : 2 * lin.n, : 2 * lin.n]
     tip = np.full(len(t), np.nan)

@@ -86,9 +86,9 @@ def write_series(
     """
     if form not in ("series", "sampled"):
         raise ArgumentError("there is no such form", got=repr(form), expected="'series' or 'sampled'")
-    series = smooth_gain(f, period, breaks)[0] if form == "series" else through_samples(f, period, breaks, samples)
-    series = shortened(series)
     edges = np.unique([0.0, *breaks, period])
+    series = smooth_gain(f, breaks, edges)[0] if form == "series" else through_samples(f, period, breaks, samples)
+    series = shortened(series)
     t = (edges[:-1, None] + np.diff(edges)[:, None] * stratified(499)).ravel()
     wanted = f(t)
     error = float(np.abs(series(t) - wanted).max() / (np.abs(wanted).max() or 1.0))

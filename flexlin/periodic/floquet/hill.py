@@ -10,7 +10,6 @@ from scipy.linalg import eig, matrix_balance
 from flexlin.checks import Array, check_size, whole
 from flexlin.periodic.circle import count_turns, measure_distances
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.gauss import sample_at
 
 MAX_SIZE = 900
 """Rows of the largest Hill matrix: its eigenvalues take some seconds."""
@@ -18,6 +17,9 @@ HELD = 5
 """Complex matrices of that size that are held together: the matrix, its eigenvectors on both sides, and work."""
 SAME, SHIFTED = 1e-4, 0.3
 """Eigenvalues closer than SAME omega modulo i omega, whose shifted vectors differ by less than SHIFTED, are one solution."""
+
+OWN, TURN = 28, 4
+"""Gauss nodes of a panel for its polynomials, and more of them for each turn of the wave they are multiplied by."""
 
 
 @dataclass(frozen=True)
@@ -70,17 +72,17 @@ def truncate_hill(system: PeriodicSystem, harmonics: int) -> tuple[Array, Array]
 
 
 def expand_fourier(system: PeriodicSystem, count: int) -> Array:
-    """A_k, k = -count ... count, of the balanced A: trapezoidal rule, or Gauss panels between breaks."""
-    T = system.period
-    corners = np.unique([0.0, *system.breaks, T])
-    if system.breaks:
-        x, b = leggauss(2 * count + 8)
-        t = np.concatenate([(c + d) / 2 + (d - c) / 2 * x for c, d in pairwise(corners)])
-        weight = np.concatenate([(d - c) / (2 * T) * b for c, d in pairwise(corners)])
+    """A_k, k = -count ... count, of the balanced A: trapezoidal rule, or Gauss quadrature of each panel of the resolved A."""
+    T, resolved = system.period, system.resolved
+    if resolved.panels > 1:
+        rules = [leggauss(OWN + int(np.ceil(TURN * count * h / T))) for h in np.diff(resolved.edges)]
+        pieces = list(zip(pairwise(resolved.edges), rules, strict=True))
+        t = np.concatenate([(c + d) / 2 + (d - c) / 2 * x for (c, d), (x, _) in pieces])
+        weight = np.concatenate([(d - c) / (2 * T) * b for (c, d), (_, b) in pieces])
     else:
-        points = 4 * count
+        points = 4 * count + 2 * resolved.degree + 2
         t, weight = T * np.arange(points) / points, np.full(points, 1 / points)
-    A = sample_at(system.A, t)
+    A = resolved(t)
     scale = matrix_balance(np.abs(A).sum(axis=0), permute=False, separate=True)[1][0]
     k = np.arange(-count, count + 1)
     kernel = weight * np.exp(-2j * np.pi / T * k[:, None] * t)

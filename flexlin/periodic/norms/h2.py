@@ -100,8 +100,7 @@ def h2_norm(system: PeriodicSystem, C: MatrixFunction | ArrayLike, tol: float = 
             [product, (np.abs(reached).sum(axis=1) ** 2).sum(axis=1), np.abs(solution.X(t)).max(axis=(1, 2))]
         )
 
-    edges = np.unique([*system.breaks, *system.resolved.edges])
-    (square, size, largest), quadrature = mean_of_parts(power, edges)
+    (square, size, largest), quadrature = mean_of_parts(power, solution.edges)
     value = float(np.sqrt(max(square, 0.0)))
     doubt = solution.error * largest * size + quadrature
     return H2Norm(value, float(doubt / (2 * value) if value**2 > doubt else np.sqrt(abs(square) + doubt)))

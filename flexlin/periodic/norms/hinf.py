@@ -1,6 +1,7 @@
 """The H-infinity norm of a periodic system: the level at which a Hamiltonian system's multipliers leave the unit circle."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -71,11 +72,11 @@ class BoundedReal:
     C: ResolvedMatrix
     D: ResolvedMatrix
 
-    @property
+    @cached_property
     def breaks(self) -> tuple[float, ...]:
-        """Times at which a coefficient is not smooth."""
+        """Edges of all panels of the coefficients, so that nothing narrow between them is overlooked; none where all are smooth."""
         every = (self.system.resolved, self.B, self.C, self.D)
-        return tuple(sorted({time for one in every for time in one.breaks}))
+        return tuple(sorted({time for one in every if one.panels > 1 for time in one.edges[:-1].tolist()}))
 
     def hamiltonian(self, level: float) -> PeriodicSystem:
         """The system x' = H(t) x of 2 n states."""
@@ -90,8 +91,7 @@ class BoundedReal:
             lower = np.concatenate([-level * turned_C @ np.linalg.solve(S, C), -np.swapaxes(A, 1, 2)], axis=2)
             return np.concatenate([upper, lower], axis=1)
 
-        system = self.system
-        return PeriodicSystem(H, system.period, None, self.breaks, None, system.features, complete=True)
+        return PeriodicSystem(H, self.system.period, breaks=self.breaks, complete=True)
 
     def nearest(self, level: float, tol: float = ROUGH) -> tuple[float, float, float]:
         """The least |Re| of the exponents of H, its error, and the frequency of that exponent in [0, pi/T]."""

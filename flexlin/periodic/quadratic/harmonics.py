@@ -11,12 +11,14 @@ from flexlin.periodic.quadratic.collocated_lyapunov import CollocatedLyapunov
 from flexlin.periodic.quadratic.doubling import carry_costs
 from flexlin.periodic.quadratic.evidence import find_error, find_tail
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, assemble_hamiltonian
+from flexlin.periodic.quadratic.resolution import last_harmonic
 from flexlin.periodic.quadratic.scattering import transpose
 from flexlin.periodic.quadratic.solution import RiccatiSolution
 from flexlin.periodic.quadratic.transport import scatter_exponentials
 
 COUNTS = {33: 65, 45: 91, 65: 121, 91: 165, 125: 243, 175: 351, 243: 475}
-"""Nodes that are tried and about twice as many that judge them: odd numbers that FFTs like and that share only t = 0."""
+"""Nodes that are tried and about twice as many that judge them, which must see all harmonics: odd numbers that FFTs like and that
+share only t = 0."""
 LAST, PATIENCE = 243, 1
 """The largest number of nodes, and the failures after which another way is taken."""
 MOST_ENTRIES = 2**18
@@ -63,9 +65,9 @@ def solve_by_harmonics(problem: LinearQuadratic, period: float, tol: float) -> R
     best: RiccatiSolution | None = None
     X: FourierSeries | None = None
     n, failures = problem.A(np.zeros(1)).shape[1], 0
-    least = 0.0
+    least, waves = 0.0, 2 * last_harmonic(problem, tol)
     for count, finer in COUNTS.items():
-        if count < least:
+        if count < least or finer <= waves:
             continue
         if count * n**2 > MOST_ENTRIES or failures > PATIENCE:
             break

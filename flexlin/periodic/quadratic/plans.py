@@ -9,15 +9,12 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import NumericalError, ToleranceNotReached
-from flexlin.periodic.coefficients import PROBES, Constant, MatrixFunction
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.quadratic.doubling import carry_costs
 from flexlin.periodic.quadratic.hermite import NODES, PanelPolynomials, interpolate_panels, place_panel_nodes
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.quadratic.solution import RiccatiSolution
 from flexlin.periodic.quadratic.transport import gauss_segments, magnus_segments
-from flexlin.periodic.resolved.resolve import resolve
-from flexlin.periodic.system import PeriodicSystem
 
 STAGES = 8
 MAX_SEGMENTS = 2**15
@@ -29,29 +26,14 @@ MAGNUS_ORDER = 4
 """Order on which its error figure relies: 6 on slow coefficients, between 4 and 5 was seen beside very fast eigenvalues."""
 
 
-def resolve_problem(problem: LinearQuadratic, system: PeriodicSystem) -> tuple[LinearQuadratic, tuple[float, ...]]:
-    """Return the problem with its coefficients as series, and all places where one is not smooth."""
-    found: dict[str, MatrixFunction] = {"A": system.resolved}
-    breaks = set(system.resolved.breaks)
-    for name in ("B", "Q", "R", "N"):
-        source = getattr(problem, name)
-        if source(system.period * PROBES).strides[0] != 0:
-            series = resolve(source, system.period, system.breaks, system.features, complete=system.complete)
-            found[name] = Constant(series.mean()) if series.constant else series
-            breaks |= set(series.breaks)
-    return replace(problem, **found), tuple(sorted(breaks))
-
-
 def solve_by_plans(
-    problem: LinearQuadratic,
-    horizon: float,
-    breaks: tuple[float, ...],
-    end: Array | None,
-    tol: float,
-    best: RiccatiSolution | None = None,
+    problem: LinearQuadratic, edges: Array, end: Array | None, tol: float, best: RiccatiSolution | None = None
 ) -> RiccatiSolution:
-    """Solve by the cheapest plan that reaches tol; where none does, hand back the best answer with its status."""
-    for plan in propose_plans(problem, horizon, breaks, end, tol):
+    """Solve by the cheapest plan that reaches tol; where none does, hand back the best answer with its status.
+
+    Parameters: edges: of the horizon's parts in which all coefficients are smooth and change as slowly as the part is long.
+    """
+    for plan in propose_plans(problem, edges, end, tol):
         solution = follow_plan(plan, problem, end, tol)
         if best is None or solution.error < best.error:
             best = solution
@@ -84,15 +66,13 @@ class Plan:
     solved: tuple[RiccatiSolution, Array] | None = None
 
 
-def propose_plans(
-    problem: LinearQuadratic, horizon: float, breaks: tuple[float, ...], end: Array | None, tol: float
-) -> Iterator[Plan]:
+def propose_plans(problem: LinearQuadratic, edges: Array, end: Array | None, tol: float) -> Iterator[Plan]:
     """Magnus' exponential where a trial promises less work, then collocation.
 
     Collocation needs c (h rho)^(2 s - 1) = tol for the check's s - 1 stages, rho the Hamiltonian's largest spectral radius and
     c = (s!)^2 / ((2 s)! (2 s + 1)!) the error constant of the diagonal Pade approximation. Magnus' need is seen from the trial.
     """
-    s = STAGES - 1
+    s, horizon = STAGES - 1, float(edges[-1])
     powers = np.cumprod(np.append(1.0, np.arange(1, 2 * s + 2)))
     reach = (max(tol, 1e-13) * powers[2 * s] * powers[2 * s + 1] / powers[s] ** 2) ** (1 / (2 * s + 1))
     sampled = problem.hamiltonian(horizon * (np.arange(32) + 0.5) / 32)
@@ -102,13 +82,13 @@ def propose_plans(
         if collocated < 2 * (NODES - 1) * panels:
             break
         with suppress(NumericalError):
-            trial = place_edges(horizon, breaks, panels)
+            trial = place_edges(horizon, edges, panels)
             solved = solve_on_panels(trial, problem, end, 0, tol)
             if solved[0].segments * max(solved[0].method_error / tol, 1.0) ** (1 / MAGNUS_ORDER) < most:
                 yield Plan(trial, 0, most, solved)
                 break
     panels = min(-(-collocated // (NODES - 1)), MAX_SEGMENTS // (NODES - 1) // 2)
-    yield Plan(place_edges(horizon, breaks, max(panels, 4)), STAGES, MAX_SEGMENTS)
+    yield Plan(place_edges(horizon, edges, max(panels, 4)), STAGES, MAX_SEGMENTS)
 
 
 def follow_plan(plan: Plan, problem: LinearQuadratic, end: Array | None, tol: float) -> RiccatiSolution:

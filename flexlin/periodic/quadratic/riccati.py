@@ -7,7 +7,8 @@ from flexlin.checks import positive, real_array
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.quadratic.harmonics import solve_by_harmonics
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
-from flexlin.periodic.quadratic.plans import name_limit, resolve_problem, solve_by_plans
+from flexlin.periodic.quadratic.plans import name_limit, solve_by_plans
+from flexlin.periodic.quadratic.resolution import divide_for_waves, find_edges, resolve_problem
 from flexlin.periodic.quadratic.solution import RiccatiSolution
 from flexlin.periodic.system import PeriodicSystem, as_system
 
@@ -83,12 +84,12 @@ def periodic_riccati(
     True
     """
     system = as_system(system)
-    problem, breaks = resolve_problem(linear_quadratic(system, Q, R, N), system)
+    problem, edges = resolve_problem(linear_quadratic(system, Q, R, N), system)
     tol = positive("tol", tol)
-    smooth = None if breaks else solve_by_harmonics(problem, system.period, tol)
+    smooth = solve_by_harmonics(problem, system.period, tol) if len(edges) == 2 else None
     if smooth is not None and smooth.error <= LIMITED * tol:
         return smooth if smooth.error <= tol else name_limit(smooth, "rounding", tol)
-    return solve_by_plans(problem, system.period, breaks, None, tol, smooth)
+    return solve_by_plans(problem, divide_for_waves(problem, edges, tol), None, tol, smooth)
 
 
 def finite_horizon_riccati(
@@ -147,7 +148,8 @@ def finite_horizon_riccati(
     """
     system = as_system(system)
     end = real_array("end", end, (system.n, system.n))
-    return solve_by_plans(linear_quadratic(system, Q, R, N), system.period, system.breaks, end, positive("tol", tol))
+    problem = linear_quadratic(system, Q, R, N)
+    return solve_by_plans(problem, find_edges(problem, system), end, positive("tol", tol))
 
 
 def periodic_lyapunov(system: PeriodicSystem, Q: MatrixFunction | ArrayLike, tol: float = 1e-9) -> RiccatiSolution:

@@ -9,6 +9,7 @@ from flexlin.checks import Array, at_times
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.quadratic.hermite import PanelPolynomials
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
+from flexlin.periodic.resolved.matrix import WAVES, divided
 from flexlin.summary import represent
 
 
@@ -72,6 +73,13 @@ class RiccatiSolution:
     status: str
 
     __repr__ = represent
+
+    @property
+    def edges(self) -> Array:
+        """Times from 0 to the horizon between which polynomials of degree 31 follow X and the coefficients."""
+        if isinstance(self.series, PanelPolynomials):
+            return self.series.starts
+        return divided(self.series.edges, self.horizon * WAVES / max(self.series.harmonics, 1))
 
     def X(self, t: ArrayLike) -> Array:
         """Return the cost matrix.

@@ -36,6 +36,7 @@ def resolve(
     complete: bool = False,
     tol: float = 1e-13,
     least: float = 0.0,
+    repeats: bool = True,
 ) -> ResolvedMatrix:
     """Represent a periodic matrix function by a series that agrees with it between the nodes.
 
@@ -57,6 +58,7 @@ def resolve(
     features : pairs (time, width) in s about which A changes fast.
     complete : whether breaks and features name everything that is narrow.
     tol : agreement that is asked for, of each entry's largest size over the period. More than noise and rounding allow is not asked.
+    repeats : whether A goes on as it began; without it nothing is asked of A outside [0, T), and 0 must be one of the breaks.
     least : size below which an entry counts as that large: smaller ones are then known less well than tol of themselves.
 
     Returns
@@ -90,17 +92,17 @@ def resolve(
     sample = Sampler(A, period, least)
     about = [centre + 4 * width * (2 * stratified(64) - 1) for centre, width in pairs]
     checks = CheckPoints(sample, np.concatenate([period * stratified(FEW if complete else CHECKS), *about]))
-    if not len(named) and not len(pairs):
+    if repeats and not len(named) and not len(pairs):
         fit = fit_fourier(sample, tol, None if complete else checks)
         if fit is not None:
             series = FourierSeries(fit.coefficients.reshape(-1, *_shape(sample)), period)
             need_repetition(sample, series, period * stratified(3 if complete else 7), fit.allowed)
             return ResolvedMatrix(series, (), (), fit.error.reshape(_shape(sample)), sample.count)
-    return _on_panels(sample, named, pairs, checks, tol, not complete)
+    return _on_panels(sample, named, pairs, checks, tol, not complete, repeats)
 
 
 def _on_panels(
-    sample: Sampler, named: Array, pairs: Array, checks: CheckPoints, tol: float, wary: bool
+    sample: Sampler, named: Array, pairs: Array, checks: CheckPoints, tol: float, wary: bool, repeats: bool
 ) -> ResolvedMatrix:
     """Resolve by panels, judge the period, and collect."""
     T = sample.period
@@ -120,7 +122,8 @@ def _on_panels(
     series = ChebyshevPanels(np.append(done.begin, T), coefficients)
     narrow = np.argsort(done.width)[:32]
     times = np.sort(done.begin[narrow] + 0.38 * done.width[narrow])
-    need_repetition(sample, series, np.concatenate([times, T * stratified(7)]), allowed, rough)
+    if repeats:
+        need_repetition(sample, series, np.concatenate([times, T * stratified(7)]), allowed, rough)
     places = np.union1d(named, [place.time for place in found])
     return ResolvedMatrix(
         series, tuple(places.tolist()), found, panel_error(done, sample, tol).reshape(_shape(sample)), sample.count

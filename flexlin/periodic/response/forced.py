@@ -1,31 +1,25 @@
 """The periodic response of a periodic system to a periodic force, known between the grid points too."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
-from flexlin.checks import Array, at_times, positive, real_array, whole
+from flexlin.checks import Array, positive, real_array, whole
 from flexlin.errors import ArgumentError, ResonantForcing
 from flexlin.periodic.coefficients import Constant, refuse_signature
 from flexlin.periodic.floquet.uncertainty import couple_uncertainty
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.product.eigenvalues import product_logs
 from flexlin.periodic.product.perturbation import COHERENT
+from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.response.collocated import PiecewiseSolution, VectorFunction, solve_periodic
+from flexlin.periodic.response.result import ForcedResponse
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.choice import MARGIN, choose_setting
 from flexlin.periodic.transition.gauss import Tableau, gauss
 from flexlin.periodic.transition.radau import radau
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, report_too_many
-from flexlin.plots.view import Series, Shown, View
-from flexlin.summary import represent
-
-if TYPE_CHECKING:
-    import xarray
 
 ROUNDINGS, RESONANT = 4.0, 100.0
 """Roundings that the periodicity condition amplifies; a response that loses this factor beyond tol counts as resonant."""
@@ -37,101 +31,10 @@ GROWTH = (1.3, 2.0)
 """How many times more segments the next resolution has: enough to be evidence, and no more than the last one's error calls for."""
 LEVELS, STAGNANT = 4, 3.0
 """Resolutions in a row that come no nearer to each other, and the multiple of their largest difference that is stated as error."""
+NARROW = 1e-6
+"""Accuracy to which panels must follow a force for its narrow features to be known."""
 PROBES = np.array([0.13, 0.5, 0.81])
 """Where inside each segment two resolutions are compared."""
-
-
-@dataclass(frozen=True)
-class ForcedResponse(Shown):
-    """The periodic solution x(t) of a periodic system under a periodic force.
-
-    Call it with times (N,) to get (N, n), or with one time to get (n,).
-
-    Attributes
-    ----------
-    solution : PiecewiseSolution
-        The collocation polynomials.
-    period : float
-        Period in s.
-    error : float
-        Estimated bound of the error at any time, in the unit of x.
-    amplification : float
-        How much an error of the force or of rounding may grow: 1 / the smallest singular value of the periodicity condition.
-    segments : int
-        Segments of the period.
-    status : str
-        What to make of it.
-
-    Examples
-    --------
-    >>> import flexlin as fl
-    >>> response = fl.forced_response(fl.PeriodicSystem([[-2.0]], 1.0), [4.0])
-    >>> response([0.0, 7.3]).round(10).tolist(), response.error < 1e-9
-    ([[2.0], [2.0]], True)
-    """
-
-    solution: PiecewiseSolution
-    period: float
-    error: float
-    amplification: float
-    segments: int
-    status: str
-
-    __repr__ = represent
-
-    def __call__(self, t: ArrayLike) -> Array:
-        """The state at times (N,), any real numbers, (N, n), or at one time, (n,)."""
-        return at_times(lambda s: self.solution(np.mod(s, self.period)), t)
-
-    def to_xarray(self, points: int = 257, names: Sequence[str] = (), units: Sequence[str] = ()) -> "xarray.Dataset":
-        """Return the states over a period as a dataset.
-
-        Parameters
-        ----------
-        points : int
-            Times of the period, both ends included.
-        names : sequence of str, optional
-            Names of the n states; x1, x2 ... by default.
-        units : sequence of str, optional
-            Their units.
-
-        Returns
-        -------
-        xarray.Dataset
-            `response` by time and state; error, status and period as attributes.
-
-        Raises
-        ------
-        ArgumentError
-            When there are not as many names or units as states.
-        """
-        import xarray
-
-        t = np.linspace(0.0, self.period, whole("points", points, 2))
-        states = self(t)
-        labels = label_states(states.shape[1], names, units)
-        attributes = {"error": self.error, "status": self.status, "period": self.period}
-        series = {"response": (("time", "state"), states)}
-        coords = {"time": ("time", t, {"units": "s"}), "state": labels[0], "unit": ("state", labels[1])}
-        return xarray.Dataset(series, coords=coords, attrs=attributes)
-
-    def _view(self) -> View:
-        t = np.linspace(0.0, self.period, 257)
-        states = self(t)
-        series = tuple(Series(f"x{i + 1}", t, x) for i, x in enumerate(states.T))
-        facts = (
-            f"period {self.period:.6g} s, error {self.error:.0e}, amplification {self.amplification:.3g}",
-            self.status,
-        )
-        return View("periodic response", "", facts, "time in s", "states", series)
-
-
-def label_states(count: int, names: Sequence[str], units: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Names and units of states, of which there must be `count` where any are given."""
-    for what, given in (("names", names), ("units", units)):
-        if len(given) not in (0, count):
-            raise ArgumentError(f"{what} do not fit the states", got=len(given), expected=str(count))
-    return list(names) or [f"x{i + 1}" for i in range(count)], list(units) or [""] * count
 
 
 @checked
@@ -195,7 +98,7 @@ def forced_response(
     system = as_system(system)
     whole("max_segments", max_segments)
     force = as_vector_function(f, system)
-    corners = tuple(np.union1d(system.resolved.breaks, real_array("breaks", breaks, (None,))).tolist())
+    corners = find_corners(system, force, real_array("breaks", breaks, (None,)))
     setting = choose_setting(system, positive("tol", tol), "gauss", None, None)
     stages, enough = max(6, setting.order // 2), setting.segments
     rule = gauss(stages)
@@ -213,10 +116,34 @@ def forced_response(
     return ForcedResponse(solution, system.period, apart, 1 / sigma, count, status)
 
 
+def find_corners(system: PeriodicSystem, force: VectorFunction, breaks: Array) -> Array:
+    """Where force or coefficients are not smooth, and edges of what they do in a short time, so that no segment steps over it."""
+    known = np.union1d(system.resolved.breaks, breaks)
+    corners = np.union1d(known, edges_of_short(system.resolved.edges))
+    if isinstance(force, Constant):
+        return corners
+    series = resolve(
+        lambda t: force(t)[:, :, None],
+        system.period,
+        np.union1d(known, 0.0).tolist(),
+        system.features,
+        complete=system.complete,
+        tol=NARROW,
+        repeats=False,
+    )
+    return np.union1d(corners, np.union1d([place.time for place in series.found], edges_of_short(series.edges)))
+
+
+def edges_of_short(edges: Array) -> Array:
+    """Edges of the panels that are shorter than the first segments."""
+    short = np.flatnonzero(np.diff(edges) < edges[-1] / LEAST)
+    return edges[np.union1d(short, short + 1)]
+
+
 def refine_response(
     system: PeriodicSystem,
     force: VectorFunction,
-    corners: tuple[float, ...],
+    corners: Array,
     tol: float,
     rule: Tableau,
     limits: tuple[int, int],
@@ -226,9 +153,11 @@ def refine_response(
     Parameters: limits: segments that would follow the fastest mode, and the most that may be used.
     Returns: the solution, the smallest singular value of its closure, how far the two are apart, and the size of the response.
     """
-    count, previous, misses = max(LEAST, limits[0] // COARSE), None, list[float]()
+    first = max(LEAST, limits[0] // COARSE)
+    count, previous, misses = first, None, list[float]()
     while count <= limits[1]:
-        solution, sigma, Phi = solve_periodic(system, force, place_edges(system.period, corners, count), rule)
+        grid = place_edges(system.period, corners, count, -(-count // first))
+        solution, sigma, Phi = solve_periodic(system, force, grid, rule)
         rounding = ROUNDINGS * np.finfo(float).eps / max(sigma, np.finfo(float).tiny)
         if solution is None or rounding > RESONANT * max(tol, 1e-10):
             if count >= limits[0]:
@@ -255,7 +184,7 @@ def stagnant(misses: list[float]) -> bool:
 
 
 def unknown_response(
-    system: PeriodicSystem, solution: PiecewiseSolution, corners: tuple[float, ...], count: int, rule: Tableau
+    system: PeriodicSystem, solution: PiecewiseSolution, corners: Array, count: int, rule: Tableau
 ) -> float:
     """How far the response moves by what the coefficients are not known by: the response to |dA| |x|, all of one sign."""
 

@@ -121,7 +121,7 @@ def sections(system: PeriodicSystem, begin: Array, end: Array, tol: float, stage
 
 
 def divide(system: PeriodicSystem, begin: Array, end: Array, tol: float) -> Array:
-    """Edges (N, c + 1) of steps inside sections, short enough for tol; corners of the coefficients are edges too."""
+    """Edges (N, c + 1) of steps inside sections, short enough for tol; none holds a corner of A or passes over a shorter panel of A."""
     T = system.period
     longest = float(choose_gauss_step(measure_pace(system).rate.max(keepdims=True), tol, STAGES).min())
     width = float((end - begin).max())
@@ -131,7 +131,9 @@ def divide(system: PeriodicSystem, begin: Array, end: Array, tol: float) -> Arra
             "the sampled loop takes too many steps", got=count * len(begin), expected=f"at most {MOST_STEPS}"
         )
     edges = begin[:, None] + (end - begin)[:, None] * np.arange(count + 1) / count
-    corners = np.asarray(system.resolved.breaks)
+    panels = system.resolved.edges
+    short = np.diff(panels) < width / count
+    corners = np.unique([*system.resolved.breaks, *panels[:-1][short], *np.mod(panels[1:][short], T)])
     if len(corners):
         turns = np.floor((begin[:, None] - corners) / T) + 1
         inner = np.clip(corners + turns * T, begin[:, None], end[:, None])

@@ -74,7 +74,14 @@ def test_bad_forces_are_refused():
     with pytest.raises(ArgumentError, match="finite"):
         fl.forced_response(system, [np.nan, 0.0])
     with pytest.raises(TooManySegments):
-        fl.forced_response(system, lambda t: np.where(t < 0.512, 1.0, 0.0)[:, None] * np.ones(2), max_segments=100)
+        fl.forced_response(system, lambda t: np.cos(2 * np.pi * t)[:, None] * np.ones(2), max_segments=10)
+
+
+def test_a_jump_of_the_force_that_nobody_named_is_found():
+    """x' = -x + 1 for t < s, -x behind: x(s) = (1 - e^-s) / (1 - e^-T) by hand."""
+    s = 0.512
+    response = fl.forced_response(fl.PeriodicSystem([[-1.0]], 1.0), lambda t: np.where(t < s, 1.0, 0.0)[:, None])
+    assert abs(response(s).item() - (1 - np.exp(-s)) / (1 - np.exp(-1.0))) <= response.error < 1e-9
 
 
 @pytest.mark.parametrize("stiffness", thin([30.0, 1e7]))

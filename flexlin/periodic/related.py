@@ -1,0 +1,41 @@
+"""Systems made from another over the same period: they are rough and change fast where it does."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.periodic.coefficients import MatrixFunction
+from flexlin.periodic.system import PeriodicSystem
+
+
+def with_matrices(
+    system: PeriodicSystem, A: MatrixFunction, B: MatrixFunction | None = None, breaks: Sequence[float] = ()
+) -> PeriodicSystem:
+    """x' = A(t) x + B(t) u with matrices that are made of those of a system, and perhaps of others with breaks of their own."""
+    corners = (*system.breaks, *breaks)
+    return PeriodicSystem(A, system.period, B, corners, features=system.features, complete=system.complete)
+
+
+def dual_system(system: PeriodicSystem, C: MatrixFunction | None = None) -> PeriodicSystem:
+    """x' = A(-t)' x + C(-t)' u, whose cost is the covariance of the system's states, as a function of -t.
+
+    Source: Bittanti, Colaneri, Periodic Systems (2009), ch. 7.
+    """
+    T = system.period
+    breaks = [(T - t) % T for t in system.breaks]
+    features = [((T - t) % T, width) for t, width in system.features]
+    B = None if C is None else Backward(C, T)
+    return PeriodicSystem(Backward(system.A, T), T, B, breaks, features=features, complete=system.complete)
+
+
+@dataclass(frozen=True, eq=False)
+class Backward:
+    """t -> coefficient(-t)', taken inside one period."""
+
+    coefficient: MatrixFunction
+    period: float
+
+    def __call__(self, t: Array) -> Array:
+        return np.swapaxes(self.coefficient(np.mod(-t, self.period)), 1, 2)
