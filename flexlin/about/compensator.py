@@ -11,18 +11,22 @@ from flexlin.errors import ArgumentError
 from flexlin.scene.control import Control, Pid
 from flexlin.scene.filters import AnyFilter, LowPass
 
+INTEGRAL = "_integral"
+"""What stands behind a coordinate's name for the integral of its error."""
+
 
 @dataclass(frozen=True, eq=False)
 class Compensator:
     """The feedback u = -gain [s; s'; z], z' = rates [s; s'; z] + unwinding (asked - given), in all coordinates of the arm.
 
-    gain (m, 2 arm.n + k), rates (k, 2 arm.n + k), unwinding (k, m): expressions of the free parameters; names: of the k states.
+    gain (m, 2 arm.n + k), rates (k, 2 arm.n + k), unwinding (k, m): expressions of the free parameters; names, units: of the k states.
     """
 
     gain: ca.SX
     rates: ca.SX
     unwinding: ca.SX
     names: tuple[str, ...]
+    units: tuple[str, ...]
 
 
 @dataclass
@@ -33,12 +37,14 @@ class Memory:
     rates: list[ca.SX] = field(default_factory=list)
     unwinding: list[ca.SX] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
+    units: list[str] = field(default_factory=list)
 
-    def integrate(self, names: list[str]) -> list[ca.SX]:
+    def integrate(self, names: list[str], unit: str) -> list[ca.SX]:
         """New states by their names; their rates are to follow."""
         found = [ca.SX.sym(name) for name in names]
         self.symbols += found
         self.names += names
+        self.units += [unit] * len(names)
         return found
 
     def follow(self, rate: ca.SX, unwinding: ca.SX) -> None:
@@ -65,7 +71,7 @@ def write_compensator(about: Deviation, control: Control) -> Compensator:
     gain = ca.jacobian(ca.vertcat(*torque), x) if torque else ca.SX(about.m, 2 * arm.n)
     rates = ca.jacobian(ca.vertcat(*memory.rates), x) if memory.names else ca.SX(0, 2 * arm.n)
     unwinding = ca.vertcat(*memory.unwinding) if memory.names else ca.SX(0, about.m)
-    return Compensator(gain, rates, unwinding, tuple(memory.names))
+    return Compensator(gain, rates, unwinding, tuple(memory.names), tuple(memory.units))
 
 
 def check_gains(control: Control, joints: int) -> None:
@@ -85,20 +91,25 @@ def check_gains(control: Control, joints: int) -> None:
 
 def torque_of(control: Control, memory: Memory, row: int, angle: ca.SX, rate: ca.SX, about: Deviation) -> ca.SX:
     """What one joint's feedback subtracts from the torque."""
-    feedback, name, none = control.feedback, about.arm.names[about.arm.drives[about.driven[row]]], ca.SX(1, about.m)
+    feedback, moved, none = (
+        control.feedback,
+        about.arm.coordinates[about.arm.drives[about.driven[row]]],
+        ca.SX(1, about.m),
+    )
     assert feedback is not None
     for i, one in chosen(control, "rates", row):
-        rate = pass_through(one, memory, rate, f"filter {i + 1} of {name}", none)
+        rate = pass_through(one, memory, rate, (f"{moved.name}_filter{i + 1}", f"{moved.unit}/s"), none)
     torque = feedback.kp[row] * angle + feedback.kd[row] * rate
     if isinstance(feedback, Pid) and (isinstance(feedback.ki[row], ca.SX) or feedback.ki[row] != 0):
-        (integral,) = memory.integrate([f"integral of {name}"])
+        (integral,) = memory.integrate([moved.name + INTEGRAL], f"{moved.unit} s")
         taken = ca.SX(1, about.m)
         if feedback.tracking_time is not None:
             taken[row] = 1 / (feedback.ki[row] * feedback.tracking_time)
         memory.follow(angle, taken)
         torque += feedback.ki[row] * integral
     for i, one in chosen(control, "torque", row):
-        torque = pass_through(one, memory, torque, f"filter {i + 1} of {name}", none)
+        unit = "N" if moved.unit == "m" else "N m"
+        torque = pass_through(one, memory, torque, (f"{moved.name}_filter{i + 1}", unit), none)
     return torque
 
 
@@ -108,19 +119,20 @@ def chosen(control: Control, on: str, row: int) -> list[tuple[int, AnyFilter]]:
     return [(i, one) for i, one in found if one.on == on and (one.joints is None or row + 1 in one.joints)]
 
 
-def pass_through(one: AnyFilter, memory: Memory, signal: ca.SX, name: str, none: ca.SX) -> ca.SX:
-    """The signal behind a filter; its states have the unit of the signal.
+def pass_through(one: AnyFilter, memory: Memory, signal: ca.SX, named: tuple[str, str], none: ca.SX) -> ca.SX:
+    """The signal behind a filter; its states have the unit of the signal; named: what they are called, and that unit.
 
     low-pass: z' = w (u - z), of order 2 z1' = w z2, z2' = w (u - z1 - sqrt(2) z2);   notch: z1' = w z2, z2' = w (u - z1 - 2 zeta z2),
     output u - 2 zeta (1 - gain) z2
     """
+    name, unit = named
     w: Any = 2 * pi * (one.cutoff if isinstance(one, LowPass) else one.frequency)
     if isinstance(one, LowPass) and one.order == 1:
-        (z,) = memory.integrate([name])
+        (z,) = memory.integrate([name], unit)
         memory.follow(w * (signal - z), none)
         return z
     damping: Any = sqrt(0.5) if isinstance(one, LowPass) else one.damping
-    first, second = memory.integrate([f"{name}, 1", f"{name}, 2"])
+    first, second = memory.integrate([f"{name}_1", f"{name}_2"], unit)
     memory.follow(w * second, none)
     memory.follow(w * (signal - first - 2 * damping * second), none)
     return first if isinstance(one, LowPass) else signal - 2 * damping * (1 - one.gain) * second

@@ -20,12 +20,13 @@ class Controller:
 
         z' = rates [[y; y'] - reference; z] + unwinding (asked - given)
 
-    rates: (k, 2n + k); unwinding: (k, m), what a torque that the drive does not give takes from the integrals; names: of the k states.
+    rates: (k, 2n + k); unwinding: (k, m), what a torque that is not given takes from the integrals; names, units: of the k states.
     """
 
     rates: Array
     unwinding: Array
     names: tuple[str, ...]
+    units: tuple[str, ...]
 
     __repr__ = represent
 

@@ -42,7 +42,7 @@ def in_numbers(about: Deviation, found: Compensator) -> tuple[Array, Controller 
     parts = [*kept_columns(about, found), found.unwinding]
     values = ca.Function("feedback", [parameters.symbols], [ca.densify(part) for part in parts])(parameters.values)
     gain, rates, unwinding = (value.full() for value in values)
-    return gain, Controller(rates, unwinding, found.names) if found.names else None
+    return gain, Controller(rates, unwinding, found.names, found.units) if found.names else None
 
 
 def kept_columns(about: Deviation, found: Compensator) -> tuple[ca.SX, ca.SX]:

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from flexlin.about.compensator import INTEGRAL
+from flexlin.about.law import Controller
 from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked
 from flexlin.checks import Array
@@ -31,6 +33,20 @@ class WeightWithTip:
     def __call__(self, t: Array) -> Array:
         C = self.tip(t) / self.size
         return self.fixed + np.swapaxes(C, 1, 2) @ C
+
+
+@dataclass(frozen=True, eq=False)
+class Widened:
+    """diag(Q(t), more): weights of the states of an arm, and of more behind them."""
+
+    weight: MatrixFunction
+    more: Array
+
+    def __call__(self, t: Array) -> Array:
+        Q, k = self.weight(t), len(self.more)
+        out = np.zeros((len(t), Q.shape[1] + k, Q.shape[1] + k))
+        out[:, : Q.shape[1], : Q.shape[1]], out[:, Q.shape[1] :, Q.shape[1] :] = Q, self.more
+        return out
 
 
 @checked
@@ -83,6 +99,21 @@ def physical_weights(lin: Linearization, weights: Weights) -> tuple[MatrixFuncti
     from flexlin.control.measurement import tip_position
 
     return WeightWithTip(fixed, tip_position(lin), float(weights.tip)), R
+
+
+def joint_integrals(lin: Linearization, weights: Weights) -> tuple[Controller, Array]:
+    """The integrals of what the motors' encoders read as states, z' = C [y; y'], and their acceptable sizes (m,).
+
+    Raises: ArgumentError when a size has not the unit of its joint.
+    """
+    from flexlin.control.measurement import joint_angles
+
+    driven = [lin.arm.coordinates[lin.arm.drives[i]] for i in lin.driven]
+    units = tuple(f"{coordinate.unit} s" for coordinate in driven)
+    sizes = spread("weights.integrals", weights.integrals, units)
+    C, m = joint_angles(lin)(np.zeros(1))[0], len(driven)
+    names = tuple(coordinate.name + INTEGRAL for coordinate in driven)
+    return Controller(np.hstack([C, np.zeros((m, m))]), np.zeros((m, m)), names, units), np.array(sizes)
 
 
 def state_sizes(lin: Linearization, weights: Weights) -> list[float | None]:

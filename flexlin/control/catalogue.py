@@ -1,11 +1,14 @@
 """From a scene's design table to a design."""
 
+from dataclasses import replace
 from typing import Protocol
+
+import numpy as np
 
 from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked
 from flexlin.control.averaged import averaged_lqr
-from flexlin.control.bryson import physical_weights
+from flexlin.control.bryson import Widened, joint_integrals, physical_weights
 from flexlin.control.designed_loop import Design
 from flexlin.control.finite_horizon import finite_horizon_lqr
 from flexlin.control.frozen import frozen_lqr
@@ -14,6 +17,7 @@ from flexlin.control.periodic import periodic_lqr
 from flexlin.control.weights import diagonal_weight
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import Constant
+from flexlin.periodic.controlled import extend_system
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
 from flexlin.scene.weights import Weights
 
@@ -38,6 +42,8 @@ class DesignTable(Protocol):
 @checked
 def design(plant: Linearization | PeriodicSystem, table: DesignTable, tol: float = 1e-9) -> Design:
     """Make the design that a table of a scene asks for.
+
+    Where its weights name `integrals`, the integrals of the joints' errors are states behind the arm's (LQI): u = -K(t) [y; y'; z].
 
     Parameters
     ----------
@@ -73,6 +79,17 @@ def design(plant: Linearization | PeriodicSystem, table: DesignTable, tol: float
     """
     system = plant if isinstance(plant, PeriodicSystem) else system_of(plant, table.kind)
     Q, R = design_weights(plant, system, table)
+    if isinstance(plant, PeriodicSystem) or table.weights is None or table.weights.integrals is None:
+        return solve_design(system, Q, R, table, tol)
+    controller, sizes = joint_integrals(plant, table.weights)
+    wide = Widened(Q, np.diag(sizes**-2.0))
+    return replace(solve_design(extend_system(system, controller.rates), wide, R, table, tol), controller=controller)
+
+
+def solve_design(
+    system: PeriodicSystem, Q: MatrixFunction, R: MatrixFunction, table: DesignTable, tol: float
+) -> Design:
+    """The design of a table's kind; raises ArgumentError for an unknown one."""
     if table.kind == "periodic-lqr":
         return periodic_lqr(system, Q, R, tol=tol, name=table.name)
     if table.kind == "frozen-lqr":

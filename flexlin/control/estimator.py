@@ -188,16 +188,22 @@ class FilterGain:
 
 @dataclass(frozen=True, eq=False)
 class EstimatedLoop:
-    """[[A, -B K], [L C, A - B K - L C]] as a function of time."""
+    """[[A, -B K, -B K_z], [L C, A - B K - L C, -B K_z], [R, 0, F]] as a function of time; rates (k, n + k) = [R, F], k may be 0."""
 
     estimator: Estimator
     gain: MatrixFunction
+    rates: Array
 
     def __call__(self, t: Array) -> Array:
-        system = self.estimator.system
+        system, n, k = self.estimator.system, self.estimator.system.n, len(self.rates)
         assert system.B is not None
         A, BK, LC = system.A(t), system.B(t) @ self.gain(t), self.estimator.L(t) @ self.estimator.C(t)
-        return np.concatenate([np.concatenate([A, -BK], axis=2), np.concatenate([LC, A - BK - LC], axis=2)], axis=1)
+        out = np.zeros((len(t), 2 * n + k, 2 * n + k))
+        out[:, :n, :n], out[:, :n, n:] = A, -BK
+        out[:, n : 2 * n, :n], out[:, n : 2 * n, n:] = LC, -BK
+        out[:, n : 2 * n, n : 2 * n] += A - LC
+        out[:, 2 * n :, :n], out[:, 2 * n :, 2 * n :] = self.rates[:, :n], self.rates[:, n:]
+        return out
 
 
 @checked
@@ -205,6 +211,8 @@ def output_feedback(made: Design | Law, estimator: Estimator) -> PeriodicSystem:
     """Close the loop of a design, or of a law's feedback, through an estimator.
 
         [x; x_e]' = [[A, -B K], [L C, A - B K - L C]] [x; x_e],   u = -K x_e
+
+    Integrals of a design stay integrals of what is measured, z' = rates [x; z] and u = -K [x_e; z].
 
     Parameters
     ----------
@@ -216,7 +224,7 @@ def output_feedback(made: Design | Law, estimator: Estimator) -> PeriodicSystem:
     Returns
     -------
     PeriodicSystem
-        The system of 2n states. Its exponents are those of A - B K and of A - L C together (separation).
+        The system of 2n + k states. Its exponents are those of A - B K and of A - L C together (separation).
 
     Raises
     ------
@@ -236,9 +244,10 @@ def output_feedback(made: Design | Law, estimator: Estimator) -> PeriodicSystem:
     """
     system = estimator.system
     gain, breaks = (made.gain, ()) if isinstance(made, Law) else (made.K, made.closed_loop.breaks)
-    states = gain(np.zeros(1)).shape[2]
+    rates = np.zeros((0, system.n)) if made.controller is None else made.controller.rates
+    states = gain(np.zeros(1)).shape[2] - len(rates)
     if states != system.n or system.B is None:
         raise ArgumentError(
             "the design and the estimator do not fit", got=(states, system.n), expected="one plant with input"
         )
-    return with_matrices(system, EstimatedLoop(estimator, gain), breaks=breaks)
+    return with_matrices(system, EstimatedLoop(estimator, gain, rates), breaks=breaks)

@@ -75,13 +75,21 @@ def gains_dataset(scene: Scene, plant: Linearization, designs: list[Design], poi
     check_points(points, 2 * len(designs) * plant.n * max(1, len(plant.inputs)))
     t = plant.period * np.arange(points) / points
     states = [*plant.names, *[f"{name}_rate" for name in plant.names]]
-    gains = np.stack([design.K(t) for design in designs])
+    remembered = max(
+        (design.controller.names for design in designs if design.controller is not None), key=len, default=()
+    )
+    gains = np.zeros((len(designs), points, max(1, len(plant.inputs)), len(states) + len(remembered)))
+    for gain, design in zip(gains, designs, strict=True):
+        gain[:, :, : design.closed_loop.n] = design.K(t)
+    states += remembered
     data = xarray.Dataset(
         {"K": (("design", "time", "input", "state"), gains)},
         {"design": [design.name for design in designs], "time": t, "input": list(plant.inputs), "state": states},
     )
     data["K"].attrs["long_name"] = "feedback gain"
-    return described(data, scene, plant.period, "u = -K(t) [y; y'], beside the feedforward torque of the rigid motion")
+    return described(
+        data, scene, plant.period, "u = -K(t) [y; y'; integrals], beside the feedforward torque of the rigid motion"
+    )
 
 
 def check_gains(scene: Scene, points: int) -> None:

@@ -53,6 +53,8 @@ NAMES = {
     "1/m": "a curvature such as 0.01 1/m",
     "N m/A": "a torque constant such as 0.05 N m/A",
     "N/A": "a force constant such as 20 N/A",
+    "rad s": "an integral of an angle such as 0.2 deg s",
+    "m s": "an integral of a length such as 1 mm s",
 }
 """The dimensions that keys ask for by their SI unit, in words."""
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
@@ -156,4 +158,5 @@ AnyDisplacement = Annotated[Any, PlainValidator(kept_quantities("rad", "m")), Wi
 """An angle or a length, or a list of such, kept as written: which of the two is the coordinate's to say."""
 AnyRate = Annotated[Any, PlainValidator(kept_quantities("rad/s", "m/s")), WithJsonSchema(ONE_OR_MORE)]
 AnyInput = Annotated[Any, PlainValidator(kept_quantities("N m", "N", "V")), WithJsonSchema(ONE_OR_MORE)]
+AnyIntegral = Annotated[Any, PlainValidator(kept_quantities("rad s", "m s")), WithJsonSchema(ONE_OR_MORE)]
 AnyDeviation = Annotated[Any, PlainValidator(kept_quantities("rad", "m", "rad/s", "m/s")), WithJsonSchema(ONE_OR_MORE)]

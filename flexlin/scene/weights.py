@@ -5,7 +5,7 @@ from typing import Annotated, Any
 from pydantic import ConfigDict
 
 from flexlin.scene.base import Table, Unit
-from flexlin.scene.units import AnyDeviation, AnyDisplacement, AnyInput, AnyRate, Length, Speed
+from flexlin.scene.units import AnyDeviation, AnyDisplacement, AnyInput, AnyIntegral, AnyRate, Length, Speed
 
 RATE = "_rate"
 """What stands behind a coordinate's name for its rate."""
@@ -18,6 +18,7 @@ class Weights(Table):
 
     tip: distance of the tip from its path; joints, rates: each angle of joints and of motors behind flexible joints, and its rate (a
     list: one a joint); deflection, deflection_rates: each elastic coordinate; input: each torque (a list: one each).
+    integrals: the integral of each torque-driven joint's error, a state more (LQI).
     A coordinate's own name, such as w11 or q1_rate, takes the place of what the others say about it. What is not named costs nothing.
     """
 
@@ -34,6 +35,8 @@ class Weights(Table):
     """Acceptable deviation of elastic coordinates."""
     deflection_rates: Speed | None = None
     """Acceptable rate of elastic coordinates."""
+    integrals: Annotated[AnyIntegral | None, Unit("rad s or m s")] = None
+    """Acceptable integral of the error of each torque-driven joint, or a list of one each: the design has integral action."""
     input: Annotated[AnyInput, Unit("N m, N or V")]
     """Acceptable torque, or a list of one each."""
 

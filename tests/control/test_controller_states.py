@@ -145,11 +145,11 @@ def test_integral_action_leaves_no_mean_error_behind_a_constant_torque(lin):
 def test_the_nonlinear_loop_runs_with_the_same_controller(lin):
     """One of 5 stages, one of 8, a step-by-step integrator that shares nothing with them, and small deflections against the linear loop."""
     start = 1e-3 * np.array([1.0, 0.2, 0.0, 0.0, 0.0, 0.0])
-    run = fl.simulate(lin, 0.25, initial=start, tol=1e-9)
+    run = fl.simulate(lin, 0.1, initial=start, tol=1e-9)
     assert run.energy_error < 1e-7
     assert run.controller.shape[1] == 6
     assert run.to_xarray()["controller"].dims == ("time", "memory")
-    loose = fl.simulate(lin, 0.25, initial=start, tol=1e-9, drive=Drive(limit=(1e6,)))
+    loose = fl.simulate(lin, 0.1, initial=start, tol=1e-9, drive=Drive(limit=(1e6,)))
     np.testing.assert_allclose(loose.nonlinear, run.nonlinear, atol=1e-8)
     states = fl.simulation.NonlinearLoop(lin, lin.law, Drive(limit=(1e6,)))
     by_steps = follow_cut(states, run.t[:9], np.concatenate([start, np.zeros(7)]), 1e-10)
@@ -242,6 +242,7 @@ def small():
     return loop_of(**{key.replace(".", "__"): value for key, value in SMALL.items()})
 
 
+@pytest.mark.slow
 def test_sensitivities_see_gains_on_integrals_and_frequencies_of_filters():
     scene = fl.load_scene("single-link", CONTROLLED | SMALL)
     paths = ["control.feedback.ki.0", "control.filters.0.cutoff", "effects.payload.mass", "motion.frequency"]

@@ -87,7 +87,7 @@ def positive_time(text: str, unit: str) -> float:
 def read_state(words: str, lin: Linearization) -> Array:
     """A state [y; y'] (2n,) from "name=quantity" pairs."""
     labels, start = Labels.of(lin), np.zeros(2 * lin.n)
-    units = dict(zip(labels.states, labels.state_units, strict=True))
+    units = dict(zip(labels.states[: len(start)], labels.state_units, strict=False))
     for pair in filter(None, (part.strip() for part in words.split(","))):
         name, equals, value = (part.strip() for part in pair.partition("="))
         if not equals or name not in units:

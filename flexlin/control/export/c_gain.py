@@ -22,7 +22,7 @@ HEADER = """\
    {name}(phase, state, torque)          torque = -K(phase) state
    {name}_matrix(phase, K)               K, {m} x {n}, row by row
    {name}_law(phase, state, torque)      torque = forward(phase) - K(phase) (state - reference(phase))
-
+{rates}
    phase: t / T with T = {period!r} s; {beyond}
    state, the deviation from the rigid motion:
 {states}
@@ -39,7 +39,7 @@ HEADER = """\
 void {name}(double phase, const double *state, double *torque);
 void {name}_matrix(double phase, double *K);
 void {name}_law(double phase, const double *state, double *torque);
-#endif
+{declared}#endif
 """
 SOURCE = """\
 #include <math.h>
@@ -60,14 +60,34 @@ void {name}(double phase, const double *state, double *torque) {{
   }}
 }}
 
+static void {name}_deviation(double phase, const double *state, double *away) {{
+  double reference[{arm}];
+  int i;
+  reference_of(within(phase), reference);
+  for (i = 0; i < {n}; ++i) away[i] = i < {arm} ? state[i] - reference[i] : state[i];
+}}
+
 void {name}_law(double phase, const double *state, double *torque) {{
-  double forward[{m}], reference[{n}];
+  double forward[{m}], away[{n}];
   int i;
   forward_of(within(phase), forward);
-  reference_of(within(phase), reference);
-  for (i = 0; i < {n}; ++i) reference[i] = state[i] - reference[i];
-  {name}(phase, reference, torque);
+  {name}_deviation(phase, state, away);
+  {name}(phase, away, torque);
   for (i = 0; i < {m}; ++i) torque[i] += forward[i];
+}}
+{integrals}"""
+INTEGRALS = """
+void {name}_rates(double phase, const double *state, double *rates) {{
+  static const double R[{k}][{n}] = {{
+{rows}
+  }};
+  double away[{n}];
+  int i, j;
+  {name}_deviation(phase, state, away);
+  for (i = 0; i < {k}; ++i) {{
+    rates[i] = 0.0;
+    for (j = 0; j < {n}; ++j) rates[i] += R[i][j] * away[j];
+  }}
 }}
 """
 MAIN = """\
@@ -178,7 +198,10 @@ def write_gain(
 ) -> list[str]:
     """Write `gain_source` into a folder of a set; returns the names of the files."""
     m, n = made.K(np.zeros(1)).shape[1:]
-    labels = Labels.fitting(lin, n, m)
+    labels, memory = (
+        Labels.fitting(lin, n, m, made.controller),
+        0 if made.controller is None else made.controller.states,
+    )
     chosen = law or (made.law if lin is None else lin.law)
     breaks = tuple(made.closed_loop.breaks)
     once = lin is not None and not lin.motion.periodic
@@ -195,9 +218,22 @@ def write_gain(
         "title": f"The design “{made.name}”".replace("*/", "* /").replace("\\", "/"), "forward": chosen.feedforward,
         "states": listed(labels.states, labels.state_units), "inputs": listed(labels.inputs, labels.input_units),
         "layout": parts[0].layout, "error": parts[0].error, "series": "\n".join(part.source for part in parts),
-        "within": WITHIN[not once], "beyond": BEYOND[not once],
+        "within": WITHIN[not once], "beyond": BEYOND[not once], "arm": n - memory, **words_of_integrals(made, name, n),
     }  # fmt: skip
     return write_c(folder, {f"{name}.c": SOURCE, f"{name}.h": HEADER, "main.c": MAIN}, words)
+
+
+def words_of_integrals(made: Design, name: str, n: int) -> dict[str, str]:
+    """What a design's own states add to its source; nothing where it has none."""
+    if made.controller is None:
+        return {"integrals": "", "declared": "", "rates": ""}
+    rows = ",\n".join("    {" + ", ".join(repr(float(value)) for value in row) + "}" for row in made.controller.rates)
+    text = f"{name}_rates(phase, state, rates)"
+    return {
+        "integrals": INTEGRALS.format(name=name, k=made.controller.states, n=n, rows=rows),
+        "declared": f"void {name}_rates(double phase, const double *state, double *rates);\n",
+        "rates": f"\n   {text:<38}rates of the last {made.controller.states} states, which the caller integrates\n",
+    }
 
 
 def listed(names: tuple[str, ...], units: tuple[str, ...]) -> str:

@@ -112,6 +112,12 @@ def write_linearization(lin: Linearization, folder: Path, name: str = "lineariza
     """Write `linearization_source` into a folder of a set; returns the names of the files."""
     if not isinstance(lin.motion, SymbolicMotion):
         raise ArgumentError("a motion given by numbers has no formula to write", expected="another kind of motion")
+    if lin.controller is not None:
+        raise ArgumentError(
+            "a loop with integrals or filters is no system of second order, so its coefficients are not all of it",
+            got=f"states {', '.join(lin.controller.names)} of [control.feedback] ki or [[control.filters]]",
+            expected="the arm without its loop: fl.linearize(arm, motion)",
+        )
     names = _write(lin.coefficients, np.asarray(lin.arm.parameters.values, dtype=float), folder, name)
     header = folder / f"{name}.h"
     header.write_text(describe_layout(lin, name) + header.read_text(encoding="utf-8"), encoding="utf-8")

@@ -94,7 +94,12 @@ def write_system(
         arrays[f"K_{i}"] = made.K(t)
         if made.solution is not None:
             arrays[f"X_{i}"] = made.solution.X(t)
+        if made.controller is not None:
+            arrays[f"rates_{i}"] = made.controller.rates
     texts = {"names": [made.name for made in designs]}
+    texts |= {
+        f"states_{i}": list(made.controller.names) for i, made in enumerate(designs) if made.controller is not None
+    }
     texts |= {key: list(value) for key, value in asdict(Labels.fitting(lin, system.n, system.m)).items()}
     writers = {".npz": _save_npz, ".mat": _save_mat, ".nc": _save_netcdf}
     if path.suffix not in writers:
@@ -112,10 +117,11 @@ def _save_mat(path: Path, arrays: dict[str, Array], texts: Texts, period: float)
 
     words = {key: np.array(value, dtype=object) for key, value in texts.items() if key != "names"}
     plant: dict[str, Any] = {key: np.moveaxis(arrays[key], 0, -1) for key in ("A", "B") if key in arrays}
-    designs = np.zeros(len(texts["names"]), dtype=[(key, object) for key in ("name", "K", "X")])
+    designs = np.zeros(len(texts["names"]), dtype=[(key, object) for key in ("name", "K", "X", "rates", "states")])
     for i, name in enumerate(texts["names"]):
         matrices = (np.moveaxis(arrays.get(f"{key}_{i}", np.zeros((0, 0, 0))), 0, -1) for key in ("K", "X"))
-        designs[i] = (name, *matrices)
+        rates = arrays.get(f"rates_{i}", np.zeros((0, arrays["A"].shape[1])))
+        designs[i] = (name, *matrices, rates, np.array(texts.get(f"states_{i}", []), dtype=object))
     with path.open("wb") as file:
         content = {"t": arrays["t"][None], **plant, **words, "designs": designs, "period": period}
         savemat(file, content)
@@ -124,9 +130,13 @@ def _save_mat(path: Path, arrays: dict[str, Array], texts: Texts, period: float)
 def _save_netcdf(path: Path, arrays: dict[str, Array], texts: Texts, period: float) -> None:
     import xarray
 
-    axes = {"A": ("time", "state", "state_"), "B": ("time", "state", "input")}
+    axes: dict[str, tuple[str, ...]] = {"A": ("time", "state", "state_"), "B": ("time", "state", "input")}
     axes |= {key: ("time", "input", "state") for key in arrays if key.startswith("K_")}
     axes |= {key: ("time", "state", "state_") for key in arrays if key.startswith("X_")}
+    for i in (i for i in range(len(texts["names"])) if f"rates_{i}" in arrays):
+        of_loop = f"state_{i}", f"state_{i}_"
+        axes |= {f"K_{i}": ("time", "input", of_loop[0]), f"X_{i}": ("time", *of_loop)}
+        axes[f"rates_{i}"] = f"memory_{i}", of_loop[0]
     coordinates: dict[str, Any] = {"time": arrays["t"], "state": texts["states"], "state_": texts["states"]}
     coordinates |= {"state_unit": ("state", texts["state_units"])}
     if "B" in arrays:

@@ -1,7 +1,8 @@
 """Names and units of states and inputs, in the order in which every export writes them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from flexlin.about.law import Controller
 from flexlin.about.linearization import Linearization
 from flexlin.errors import ArgumentError
 from flexlin.scene.weights import RATE
@@ -21,7 +22,15 @@ class Labels:
         """Those of an arm: q1, w11, ..., then q1_rate, ...; an input bears the name of the coordinate that it drives."""
         units = [coordinate.unit for coordinate in lin.coordinates]
         states = (*lin.names, *(name + RATE for name in lin.names))
-        return cls(states, (*units, *(f"{unit}/s" for unit in units)), lin.inputs, lin.input_units)
+        labels = cls(states, (*units, *(f"{unit}/s" for unit in units)), lin.inputs, lin.input_units)
+        return labels.behind(lin.controller)
+
+    def behind(self, controller: Controller | None) -> "Labels":
+        """The same with a controller's states behind the arm's."""
+        if controller is None:
+            return self
+        states, units = (*self.states, *controller.names), (*self.state_units, *controller.units)
+        return replace(self, states=states, state_units=units)
 
     @classmethod
     def numbered(cls, states: int, inputs: int) -> "Labels":
@@ -30,9 +39,11 @@ class Labels:
         return cls(names[0], ("",) * states, names[1], ("",) * inputs)
 
     @classmethod
-    def fitting(cls, lin: Linearization | None, states: int, inputs: int) -> "Labels":
-        """Those of the arm, once they have been found to fit; without one, numbers."""
-        labels = cls.numbered(states, inputs) if lin is None else cls.of(lin)
+    def fitting(
+        cls, lin: Linearization | None, states: int, inputs: int, controller: Controller | None = None
+    ) -> "Labels":
+        """Those of the arm and of a design's controller, once they have been found to fit; without an arm, numbers."""
+        labels = cls.numbered(states, inputs) if lin is None else cls.of(lin).behind(controller)
         if (len(labels.states), len(labels.inputs)) != (states, inputs):
             got = f"{len(labels.states)} states and {len(labels.inputs)} inputs"
             raise ArgumentError("the arm does not fit what is exported", got=got, expected=f"{states} and {inputs}")

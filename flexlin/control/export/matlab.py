@@ -12,7 +12,7 @@ function arm = {function}(phase)
 %   arm = {function}(phase)   also arm.frozen and arm.loop{{i}} at phase = t / T in [0, 1): ss objects (Control System Toolbox)
 %
 %   x' = A(t) x + B(t) u,  u = -K(t) x,  x = [y; y'] the deviation from the rigid motion, u beside the feedforward torque.
-%   States and inputs bear their names and units.
+%   States and inputs bear their names and units. A design with integrals has states z behind x: u = -K(t) [x; z], z' = rates [x; z].
 
 data = load(fullfile(fileparts(mfilename('fullpath')), '{data}'));
 arm.period = data.period;
@@ -27,7 +27,11 @@ arm.B = periodic(data.t, data.B, data.period, n, m);
 arm.names = cell(1, {designs});
 for i = 1:{designs}
     arm.names{{i}} = data.designs(i).name;
-    arm.gain{{i}} = periodic(data.t, data.designs(i).K, data.period, m, n);
+    k = size(data.designs(i).K, 2) - n;
+    arm.rates{{i}} = data.designs(i).rates;
+    arm.memory{{i}} = strtrim(cellstr(char(data.designs(i).states)));
+    arm.memory{{i}} = arm.memory{{i}}(1:k);
+    arm.gain{{i}} = periodic(data.t, data.designs(i).K, data.period, m, n + k);
 end
 check = max(max(abs(arm.A(data.t(2)) - data.A(:, :, 2))));
 assert(check <= 1e-9 * max(abs(data.A(:))), 'the splines do not pass through the samples');
@@ -38,8 +42,12 @@ t = phase * arm.period;
 arm.frozen = ss(arm.A(t), arm.B(t), eye(n), zeros(n, m), 'StateName', arm.states, 'StateUnit', arm.state_units, ...
     'InputName', arm.inputs, 'InputUnit', arm.input_units, 'OutputName', arm.states, 'OutputUnit', arm.state_units);
 for i = 1:{designs}
-    arm.loop{{i}} = ss(arm.A(t) - arm.B(t) * arm.gain{{i}}(t), arm.B(t), eye(n), zeros(n, m), 'StateName', arm.states, ...
-        'InputName', arm.inputs, 'OutputName', arm.states, 'Name', arm.names{{i}});
+    k = size(data.designs(i).K, 2) - n;
+    input = [arm.B(t); zeros(k, m)];
+    loop = [arm.A(t), zeros(n, k); reshape(arm.rates{{i}}, k, n + k)] - input * arm.gain{{i}}(t);
+    names = [arm.states(:); arm.memory{{i}}(:)];
+    arm.loop{{i}} = ss(loop, input, eye(n + k), zeros(n + k, m), 'StateName', names, ...
+        'InputName', arm.inputs, 'OutputName', names, 'Name', arm.names{{i}});
 end
 end
 

@@ -108,7 +108,7 @@ def gain_schedule(
     def feedback(t: float, _: Array, x: Array, __: Any) -> Array:
         return -made.K(np.array([float(t)]))[0] @ x
 
-    labels = Labels.fitting(lin, made.closed_loop.n, made.closed_loop.m)
+    labels = Labels.fitting(lin, made.closed_loop.n, made.closed_loop.m, made.controller)
     return control.nlsys(None, feedback, inputs=list(labels.states), outputs=list(labels.inputs), name=name)
 
 
