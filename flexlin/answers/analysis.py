@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexlin.about.linear import Coefficients, Linearization, linearize
-from flexlin.answers.audit import Audit
 from flexlin.answers.clock import Clock, Step
 from flexlin.answers.judging import (
     Loop,
@@ -42,6 +41,8 @@ from flexlin.simulation import Simulation, simulate
 if TYPE_CHECKING:
     import xarray
 
+    from flexlin.answers.audit import Audit
+
 SAMPLES = 257
 """Points of a period in the figures and in report.json, both ends included."""
 SIMULATED_PERIODS = 3.0
@@ -73,7 +74,7 @@ class Analysis:
     problems: dict[str, str]
     steps: tuple[Step, ...]
     resonances: tuple[Resonance, ...] = ()
-    audit: Audit | None = None
+    audit: "Audit | None" = None
     sensitivity: "xarray.Dataset | None" = None
     elastic: Loop | None = None
     linear_range: Validity | None = None

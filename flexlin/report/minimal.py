@@ -1,14 +1,18 @@
 """minimal.toml: the scene with just what it needs, ready to run, with the error that it makes."""
 
-from flexlin.answers.audit import Audit, Minimal, Row
+from typing import TYPE_CHECKING
+
 from flexlin.errors import SceneError
 from flexlin.report.wording import format_figures
 from flexlin.scene.loading import parse_scene
 from flexlin.scene.scene import Scene
 from flexlin.scene.toml_text import write_toml
 
+if TYPE_CHECKING:
+    from flexlin.answers.audit import Audit, Minimal, Row
 
-def minimal_text(audit: Audit, minimal: Minimal, command: str = "") -> str:
+
+def minimal_text(audit: "Audit", minimal: "Minimal", command: str = "") -> str:
     """The scene as TOML below comments that say what it lacks, what that changes, and what the audit would add."""
     scene, left = fitting(minimal.scene)
     found = minimal.error
@@ -28,7 +32,7 @@ def minimal_text(audit: Audit, minimal: Minimal, command: str = "") -> str:
     return "".join(f"# {line}\n" for line in said) + "\n" + write_toml(data)
 
 
-def describe_error(row: Row) -> str:
+def describe_error(row: "Row") -> str:
     """What the minimal scene changes, in one line."""
     return (
         f"{100 * row.significance:.2g} % (growth rate {row.margin:+.2g} 1/s, slower frequencies {100 * row.frequency:.2g} %, "

@@ -10,7 +10,6 @@ import numpy as np
 
 import flexlin
 from flexlin.answers.analysis import Analysis
-from flexlin.answers.audit import Audit, Minimal, Row
 from flexlin.answers.clock import Step
 from flexlin.answers.judging import Loop
 from flexlin.checks import Array
@@ -23,6 +22,8 @@ from flexlin.scene.scene import Scene
 
 if TYPE_CHECKING:
     import xarray
+
+    from flexlin.answers.audit import Audit, Minimal, Row
 
 SCHEMA = 1
 PACKAGES = ("casadi", "control", "numpy", "pydantic", "scipy")
@@ -204,7 +205,7 @@ def record_linear_range(analysis: Analysis) -> dict[str, Any]:
     }
 
 
-def audit_block(audit: Audit) -> dict[str, Any]:
+def audit_block(audit: "Audit") -> dict[str, Any]:
     """Which effects and modes the scene needs; a significance that is not finite (another verdict) is null."""
     return {
         "tolerance": audit.tolerance,
@@ -218,12 +219,12 @@ def audit_block(audit: Audit) -> dict[str, Any]:
     }
 
 
-def audit_row(row: Row) -> dict[str, Any]:
+def audit_row(row: "Row") -> dict[str, Any]:
     """One change; a figure that is not finite is null."""
     return {key: record_number(value) if isinstance(value, float) else value for key, value in asdict(row).items()}
 
 
-def record_minimal(minimal: Minimal) -> dict[str, Any]:
+def record_minimal(minimal: "Minimal") -> dict[str, Any]:
     """The smallest scene that was found to be enough, and its error."""
     return {
         "dropped": list(minimal.dropped),

@@ -2,9 +2,9 @@
 
 import sys
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from flexlin.answers.analysis import Analysis
-from flexlin.answers.audit import Audit, Measure, Row
 from flexlin.answers.clock import Step
 from flexlin.answers.judging import Loop
 from flexlin.answers.validity import ModelValidity
@@ -23,6 +23,9 @@ from flexlin.report.wording import (
     format_with_prefix,
     units_of,
 )
+
+if TYPE_CHECKING:
+    from flexlin.answers.audit import Audit, Measure, Row
 
 UNKNOWN = ModelValidity("unknown")
 COLOURS = {"stable": "green", "unstable": "red", "undecided": "yellow", "one-way": "yellow", "failed": "red"}
@@ -90,7 +93,7 @@ def accuracy_lines(steps: Sequence[Step], said: str = "") -> list[str]:
     ]
 
 
-def audit_lines(audit: Audit) -> list[str]:
+def audit_lines(audit: "Audit") -> list[str]:
     """The audit as a table, the most significant change first; the figures of the effects; pairs; the smallest scene that is enough."""
     head = f"{'change':<30} {'significance':>12} {'margin 1/s':>11} {'frequency':>10} {'tip error':>10} {'instr.':>7}  advice"
     rows = sorted(
@@ -119,14 +122,14 @@ def audit_lines(audit: Audit) -> list[str]:
     ]
 
 
-def describe_base(base: Measure) -> str:
+def describe_base(base: "Measure") -> str:
     """The scene's own figures."""
     frequencies = ", ".join(f"{value / 6.283185307179586:.3g}" for value in base.frequencies[:4])
     tip = "" if base.tip_error != base.tip_error else f", tip error {format_quantity(base.tip_error, 'm')}"
     return f"the scene: {base.verdict}, {format_rate(base.margin, base.margin_error)}; natural frequencies {frequencies} Hz{tip}"
 
 
-def minimal_lines(audit: Audit) -> list[str]:
+def minimal_lines(audit: "Audit") -> list[str]:
     """The smallest scene that was found to be enough."""
     if audit.minimal is None:
         return [audit.problem] if audit.problem else []
@@ -139,12 +142,12 @@ def minimal_lines(audit: Audit) -> list[str]:
     ]
 
 
-def format_size(row: Row) -> str:
+def format_size(row: "Row") -> str:
     """The significance of a row."""
     return "another verdict" if row.significance == float("inf") else f"{row.significance:.2g} together"
 
 
-def format_audit_row(row: Row) -> str:
+def format_audit_row(row: "Row") -> str:
     """One change in one line."""
     if row.problem and row.verdict == "unknown":
         return f"{row.change:<30} {row.problem}"

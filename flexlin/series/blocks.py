@@ -9,7 +9,6 @@ the sum over alpha + beta = gamma is one product with a sparse matrix of ones. R
 """
 
 import numpy as np
-from scipy.sparse import csc_array
 
 from flexlin.checks import Array
 from flexlin.series.indices import Indices
@@ -77,6 +76,8 @@ def add_product(into: Array, places: Array, tail: Indices, a: tuple[Array, int],
 
 def add_rows(into: Array, where: Array, weights: Array, rows: Array) -> None:
     """Add each row to as many places as there are for it, times weights."""
+    from scipy.sparse import csc_array  # takes longer to load than short series to multiply
+
     ends = np.arange(0, len(where) + 1, len(where) // len(rows))
     into += csc_array((weights, where, ends), shape=(len(into), len(rows))) @ rows
 

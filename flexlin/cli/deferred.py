@@ -1,0 +1,29 @@
+"""Parts of NumPy that SciPy loads and no command uses: put off until somebody asks one of them for something."""
+
+import sys
+from collections.abc import Sequence
+from importlib.machinery import ModuleSpec, PathFinder
+from importlib.util import LazyLoader
+from types import ModuleType
+
+UNUSED = frozenset({"numpy.ctypeslib", "numpy.f2py", "numpy.testing", "numpy.typing"})
+"""SciPy says `from numpy import *`, which loads these: about a tenth of the time until the work begins."""
+
+
+class DeferredFinder:
+    """Finds the unused modules where they are, and has them executed when their first attribute is read."""
+
+    def find_spec(self, name: str, path: Sequence[str] | None, target: ModuleType | None = None) -> ModuleSpec | None:
+        """The module's own spec with a lazy loader; None for all others."""
+        if name not in UNUSED:
+            return None
+        spec = PathFinder.find_spec(name, path, target)
+        if spec is not None and spec.loader is not None:
+            spec.loader = LazyLoader(spec.loader)
+        return spec
+
+
+def defer_unused() -> None:
+    """Put the loading of unused modules off, in this process: for a program, since a library leaves the import system alone."""
+    if not any(isinstance(finder, DeferredFinder) for finder in sys.meta_path):
+        sys.meta_path.insert(0, DeferredFinder())
