@@ -18,7 +18,7 @@ from typing import Any
 
 from flexlin import __version__
 from flexlin.cli.commands import COMMANDS
-from flexlin.cli.deferred import defer_unused
+from flexlin.cli.libraries import defer_unused, need_one_thread
 from flexlin.cli.options import OPTIONS
 from flexlin.cli.shared import BAD_INPUT, FAILED
 from flexlin.cli.supervised import INTERRUPTED, NO_MEMORY, PASSED_ON, supervise
@@ -83,6 +83,7 @@ def entry() -> None:
 def run_program() -> int:
     """Run the command that the program was called with: a fault of flexlin itself is one line too, with exit code 1."""
     sys.excepthook, sys.unraisablehook, warnings.showwarning = report_fault, pass_over, report_warning
+    need_one_thread()
     defer_unused()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):

@@ -3,7 +3,8 @@
 import warnings
 
 import numpy as np
-from scipy.linalg import expm, logm
+from numpy.polynomial.legendre import leggauss
+from scipy.linalg import expm, schur, sqrtm
 
 from flexlin.checks import Array
 from flexlin.periodic.decoupling.grouping import Group, Modes, block_mask
@@ -12,6 +13,8 @@ NORMAL = 100.0
 """Eigenvectors of a smaller condition number than this give a logarithm without loss."""
 REAL = 1e-6
 """A real group's basis may have imaginary parts of this size against its columns: rounding of ill-conditioned eigenvectors."""
+NEAR, ROOTS, NODES = 0.25, 60, 8
+"""How near to I a root is taken, in at most so many steps; nodes of the quadrature that is then exact to 1e-16."""
 
 
 def periodic_frame(modes: Modes, groups: tuple[Group, ...]) -> tuple[Array, Array] | None:
@@ -97,7 +100,24 @@ def logarithm(H: Array) -> Array | None:
         return np.asarray(np.linalg.solve(vectors.T, (vectors * np.log(values.astype(complex))).T).T)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # an inaccurate logarithm shows in the coupling between the nodes
-        return logm(H)
+        return logarithm_by_roots(H)
+
+
+def logarithm_by_roots(H: Array) -> Array | None:
+    """The principal logarithm by inverse scaling and squaring; None where no root comes near to I.
+
+        log H = 2^k log(I + X),   I + X = H^(1 / 2^k),   log(I + X) = int_0^1 X (I + s X)^-1 ds
+
+    Source: Dieci, Morini, Papini, SIAM J. Matrix Anal. Appl. 17 (1996), 570; Gauss' rule makes it the diagonal Pade approximant.
+    """
+    eye, halvings, (root, Z) = np.eye(len(H)), 0, schur(H, output="complex")
+    while not np.linalg.norm(root - eye, 1) < NEAR:
+        root, halvings = sqrtm(root), halvings + 1
+        if halvings > ROOTS or not np.isfinite(root).all():
+            return None
+    nodes, weights = leggauss(NODES)
+    X, s = root - eye, (nodes[:, None, None] + 1) / 2
+    return np.asarray(Z @ (2**halvings * np.einsum("k,kij->ij", weights / 2, np.linalg.solve(eye + s * X, X))) @ Z.conj().T)
 
 
 def made_real(T: Array, groups: tuple[Group, ...], turning: Array) -> Array:

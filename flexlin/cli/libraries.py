@@ -1,5 +1,6 @@
-"""Parts of NumPy that SciPy loads and no command uses: put off until somebody asks one of them for something."""
+"""How a program loads the numerical libraries: one thread for linear algebra, and parts of NumPy that no command uses put off."""
 
+import os
 import sys
 from collections.abc import Sequence
 from importlib.machinery import ModuleSpec, PathFinder
@@ -8,6 +9,10 @@ from types import ModuleType
 
 UNUSED = frozenset({"numpy.ctypeslib", "numpy.f2py", "numpy.testing", "numpy.typing"})
 """SciPy says `from numpy import *`, which loads these: about a tenth of the time until the work begins."""
+
+
+THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
+"""Variables by which a user says how many threads linear algebra has."""
 
 
 class DeferredFinder:
@@ -21,6 +26,15 @@ class DeferredFinder:
         if spec is not None and spec.loader is not None:
             spec.loader = LazyLoader(spec.loader)
         return spec
+
+
+def need_one_thread() -> None:
+    """Let linear algebra use one thread, unless the user says how many: with a few dozen rows threads wait for each other.
+
+    It must be said before NumPy is loaded.
+    """
+    if not any(name in os.environ for name in THREADS):
+        os.environ.update(dict.fromkeys(THREADS[:2], "1"))
 
 
 def defer_unused() -> None:
