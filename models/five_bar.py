@@ -1,12 +1,15 @@
 """A planar 5-bar: two arms of two links, hinged together at their tips, a motor at each base joint; links rigid or flexible."""
 
+from dataclasses import replace
 from typing import Annotated
 
 import casadi as ca
 from pydantic import Field
 
 import flexlin as fl
+from flexlin.mechanics import Effect
 from flexlin.mechanics.closed_loop import close_loop, side_by_side
+from flexlin.mechanics.effects import effects_of
 from flexlin.scene import Scene, parse_scene, register_model
 from flexlin.scene.base import Number, Positive, Table, Unit
 from flexlin.scene.effects import AnyEffects, Effects
@@ -46,7 +49,9 @@ def build(p: Parameters) -> fl.Manipulator:
     posture = [0.0] * pair.n
     for index, angle in zip((bases[0], elbows[0], bases[1], elbows[1]), p.posture, strict=True):
         posture[index] = angle
-    return close_loop(pair, gap, independent, motors=(0, 2), posture=posture)
+    closed = close_loop(pair, gap, independent, motors=(0, 2), posture=posture)
+    turns = any(type(effect).features is not Effect.features for effect in effects_of(p.effects))
+    return replace(closed, effects=None if turns else p.effects)  # elbows turn at times that the motion does not name
 
 
 def open_arms(p: Parameters) -> tuple[fl.Manipulator, ca.SX, tuple[int, int]]:

@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from flexlin.about.dead_points import keeps_clear
 from flexlin.about.law import Controller, Law
 from flexlin.about.routes import Route
 from flexlin.about.scene_law import scene_law
@@ -131,12 +132,13 @@ class Linearization(SecondOrderEquations):
         """Whether an effect in the arm may have features, for some values of its numbers."""
         return any(type(effect).features is not Effect.features for effect in self._effects or ())
 
-    @property
+    @cached_property
     def complete(self) -> bool:
         """Whether breaks and features name everything in the coefficients that is narrower than T/200."""
         effects = self._effects
-        known = effects is not None and self.arm.loops is None  # near a dead point a loop moves fast for a short time
-        return known and self.motion.complete and all(effect.smooth for effect in effects or ())
+        if effects is None or not self.motion.complete or not all(effect.smooth for effect in effects):
+            return False
+        return self.arm.loops is None or (not self.may_be_narrow and keeps_clear(self.about))
 
     @property
     def _effects(self) -> tuple[Effect, ...] | None:
