@@ -24,7 +24,13 @@ from flexlin.periodic.coefficients import (
 from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve
+from flexlin.periodic.resolved.sampling import stratified
+from flexlin.periodic.resolved.weights import weigh_entries
 from flexlin.summary import represent
+
+
+PROBES = 16
+"""Times at which the sizes of M, D and K are looked at first."""
 
 
 @dataclass(frozen=True)
@@ -172,9 +178,13 @@ class PeriodicSystem:
 
         Raises: NotPeriodic, UnresolvedCoefficient, ArgumentError as `resolve`.
         """
-        source = self.A if self.second_order is None else self.second_order.stacked
-        found = resolve(source, self.period, self.breaks, self.features, complete=self.complete)
-        return found if self.second_order is None else ResolvedCompanion(found)
+        if self.second_order is None:
+            return resolve(self.A, self.period, self.breaks, self.features, complete=self.complete)
+        least = weigh_entries(*self.second_order.sample(self.period * stratified(PROBES)))
+        source = self.second_order.stacked
+        return ResolvedCompanion(
+            resolve(source, self.period, self.breaks, self.features, complete=self.complete, least=least)
+        )
 
     @classmethod
     @checked

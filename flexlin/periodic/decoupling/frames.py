@@ -117,7 +117,9 @@ def logarithm_by_roots(H: Array) -> Array | None:
             return None
     nodes, weights = leggauss(NODES)
     X, s = root - eye, (nodes[:, None, None] + 1) / 2
-    return np.asarray(Z @ (2**halvings * np.einsum("k,kij->ij", weights / 2, np.linalg.solve(eye + s * X, X))) @ Z.conj().T)
+    return np.asarray(
+        Z @ (2**halvings * np.einsum("k,kij->ij", weights / 2, np.linalg.solve(eye + s * X, X))) @ Z.conj().T
+    )
 
 
 def made_real(T: Array, groups: tuple[Group, ...], turning: Array) -> Array:

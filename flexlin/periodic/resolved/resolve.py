@@ -35,7 +35,7 @@ def resolve(
     *,
     complete: bool = False,
     tol: float = 1e-13,
-    least: float = 0.0,
+    least: float | Array = 0.0,
     repeats: bool = True,
 ) -> ResolvedMatrix:
     """Represent a periodic matrix function by a series that agrees with it between the nodes.
@@ -59,7 +59,8 @@ def resolve(
     complete : whether breaks and features name everything that is narrow.
     tol : agreement that is asked for, of each entry's largest size over the period. More than noise and rounding allow is not asked.
     repeats : whether A goes on as it began; without it nothing is asked of A outside [0, T), and 0 must be one of the breaks.
-    least : size below which an entry counts as that large: smaller ones are then known less well than tol of themselves.
+    least : size below which an entry counts as that large, for all or for each: smaller ones are then known less well than tol of
+        themselves.
 
     Returns
     -------

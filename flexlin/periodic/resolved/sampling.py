@@ -18,7 +18,7 @@ GOLDEN = (np.sqrt(5) - 1) / 2
 class Sampler:
     """A(t) on [0, T) as rows (N, E), E = rows * columns, how often it was called, each entry's largest size so far, at least `least`."""
 
-    def __init__(self, function: Callable[[Array], Array], period: float, least: float = 0.0):
+    def __init__(self, function: Callable[[Array], Array], period: float, least: float | Array = 0.0):
         self.function, self.period, self.least = function, period, least
         self.count = 0
         self.shape: tuple[int, int] | None = None
@@ -58,7 +58,7 @@ class Sampler:
             raise ArgumentError("A(t) is not real", got=f"numbers of type {values.dtype}", expected="real numbers")
         if self.shape is None:
             self.shape = (values.shape[1], values.shape[2])
-            self.scale = np.full(values.shape[1] * values.shape[2], self.least)
+            self.scale = np.broadcast_to(self.least, values.shape[1:]).ravel().copy()
         if values.dtype.kind in "iu":
             self._need_constant(values)
         rows = values.reshape(len(t), values.shape[1] * values.shape[2]).astype(float, copy=False)

@@ -1,0 +1,55 @@
+"""Entries of M, D, K that ought to be zero do not decide how the others are represented."""
+
+import numpy as np
+
+import flexlin as fl
+from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.resolved.weights import weigh_entries
+
+
+def noisy_system():
+    """Two coordinates, the coupling of which is the rounding of two large terms that cancel; and the system without that noise."""
+    T = 2.0
+
+    def parts(t, noise):
+        c, s = np.cos(np.pi * t), np.sin(np.pi * t)
+        M = np.array([[2.0 + 0.3 * c, 0.1 * s], [0.1 * s, 1.0 + 0 * t]], dtype=object)
+        cancelled = noise * ((1e4 * c + s) - 1e4 * c - s)
+        K = np.array([[30.0 + 2 * s, cancelled], [cancelled, 9e3 + 20 * c]], dtype=object)
+        D = np.array([[0.4 + 0 * t, cancelled], [cancelled, 3.0 + 0.1 * c]], dtype=object)
+        return [
+            np.moveaxis(np.array([[np.broadcast_to(x, t.shape) for x in row] for row in A], float), -1, 0)
+            for A in (M, D, K)
+        ]
+
+    def system(noise):
+        return fl.PeriodicSystem.from_second_order(*(lambda t, i=i: parts(t, noise)[i] for i in range(3)), T)
+
+    return system(1.0), system(0.0)
+
+
+def test_noise_where_terms_cancel_leaves_a_smooth_system_smooth():
+    noisy, clean = noisy_system()
+    assert isinstance(noisy.resolved.blocks.series, FourierSeries)
+    found, truth = fl.floquet(noisy, tol=1e-10), fl.floquet(clean, tol=1e-10)
+    for value, error in zip(found.exponents, found.errors, strict=True):
+        assert np.abs(truth.exponents - value).min() <= error + truth.error
+
+
+def test_a_small_entry_across_a_large_one_keeps_its_digits():
+    """Exponents of y'' + K y = 0 depend on K_12 K_21; where K_12 = 1e8 the digits of K_21 = 1e-8 count."""
+    M, D, K = np.eye(2)[None], np.zeros((1, 2, 2)), np.array([[[4.0, 1e8], [1e-8, 9.0]]])
+    least = weigh_entries(M, D, K)
+    assert least[1, 4] <= 1e-3 * 1e-7 and least[0, 0] == 1e-3
+
+    def stiffness(t):
+        s = np.sin(np.pi * t)
+        return np.array([[4.0 + 0 * s, 1e8 * (1 + 0.5 * s)], [1e-8 * (1 + 0.3 * s), 9.0 + 0 * s]]).transpose(2, 0, 1)
+
+    scaled = np.diag([1e4, 1e-4])
+    rough = fl.PeriodicSystem.from_second_order(np.eye(2), 0.1 * np.eye(2), stiffness, 2.0)
+    even = fl.PeriodicSystem.from_second_order(
+        np.eye(2), 0.1 * np.eye(2), lambda t: np.linalg.inv(scaled) @ stiffness(t) @ scaled, 2.0
+    )
+    one, other = fl.floquet(rough, tol=1e-10), fl.floquet(even, tol=1e-10)
+    np.testing.assert_allclose(np.sort_complex(one.exponents), np.sort_complex(other.exponents), rtol=0, atol=1e-8)
