@@ -28,7 +28,6 @@ from flexlin.periodic.resolved.sampling import stratified
 from flexlin.periodic.resolved.weights import weigh_entries
 from flexlin.summary import represent
 
-
 PROBES = 16
 """Times at which the sizes of M, D and K are looked at first."""
 

@@ -1,0 +1,31 @@
+"""Loops near their dead points: no narrow feature goes unnamed, and where there is none fewer samples suffice."""
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+
+
+def stretched(gap):
+    """A five-bar whose distal links come within `gap` of being stretched, at half the period; the rigid motion turns both bases alike.
+
+    The distance of the elbows is base + 0.4 cos x, x = 0.9 sin(2 pi t / T); the dead point at 0.6 lies at x = i sqrt(5 gap).
+    """
+    rigid = [{"length": length, "mass_per_length": 0.1} for length in (0.2, 0.3)]
+    parameters = {"base": 0.2 - gap, "posture": [np.pi - 0.15, -2.87, 0.15, 2.87], "left": rigid, "right": rigid}
+    joints = [{"mean": np.pi, "amplitude": 0.9, "phase": np.pi}, {"mean": 0.0, "amplitude": 0.9}]
+    motion = {"kind": "harmonic", "frequency": 1.0, "joints": joints}
+    table = {"schema": 1, "title": "stretched", "model": "five-bar", "parameters": parameters, "motion": motion}
+    scene = fl.parse_scene(table)
+    return fl.linearize(fl.build_manipulator(scene), scene.motion)
+
+
+@pytest.mark.parametrize("gap", [pytest.param(1e-4, marks=pytest.mark.slow), pytest.param(3e-4, marks=pytest.mark.slow), 0.02])
+def test_what_is_complete_is_right_between_its_samples(gap):
+    lin = stretched(gap)
+    width = np.arcsinh(np.sqrt(5 * gap) / 0.9) / (2 * np.pi)  # of the dead point from real times, in periods
+    assert lin.complete == (width > 1 / 100)
+    resolved = lin.periodic_system().resolved.blocks
+    t = lin.period * np.concatenate([np.random.default_rng(1).random(2000), 0.5 + 1e-3 * np.linspace(-1, 1, 201)])
+    exact = np.concatenate(lin.equations(t), axis=2)
+    assert np.all(np.abs(resolved(t) - exact) <= 2 * resolved.error + 1e-15 * np.abs(exact).max(axis=0))
