@@ -20,7 +20,9 @@ def stretched(gap):
     return fl.linearize(fl.build_manipulator(scene), scene.motion)
 
 
-@pytest.mark.parametrize("gap", [pytest.param(1e-4, marks=pytest.mark.slow), pytest.param(3e-4, marks=pytest.mark.slow), 0.02])
+@pytest.mark.parametrize(
+    "gap", [pytest.param(1e-4, marks=pytest.mark.slow), pytest.param(3e-4, marks=pytest.mark.slow), 0.02]
+)
 def test_what_is_complete_is_right_between_its_samples(gap):
     lin = stretched(gap)
     width = np.arcsinh(np.sqrt(5 * gap) / 0.9) / (2 * np.pi)  # of the dead point from real times, in periods
