@@ -12,12 +12,16 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import ToleranceNotReached
+from flexlin.mechanics.beam.integrals import gauss_legendre
+from flexlin.periodic.boundary.roots import SignedEnds, solve_brackets
 
 Boundary = Callable[[Array, Array, Array], Array]
 """Boundary conditions: (beta, basis at xi = 0, basis at xi = 1) -> (N, 4, 4); a basis is (N, derivative, function)."""
 
 STEP = 0.02
 """Width of the scan for roots; roots of a uniform beam lie near pi apart."""
+LAST_BITS = 2 * float(np.finfo(float).eps)
+"""How narrow a root's bracket becomes, relative to the root."""
 
 
 @dataclass(frozen=True)
@@ -56,12 +60,16 @@ def basis(beta: Array, xi: Array, derivative: int) -> Array:
 
 def boundary_matrix(beta: Array, boundary: Boundary) -> Array:
     """Return the matrix (N, 4, 4) that is singular at a root, its rows scaled to unit size."""
-    start, end = (
-        np.stack([basis(beta, np.full_like(beta, xi), d) / beta[:, None] ** d for d in range(4)], axis=1)
-        for xi in (0.0, 1.0)
-    )
-    rows = boundary(beta, start, end)
+    one, decayed = np.ones_like(beta), np.exp(-beta)
+    start = scaled_derivatives(one, np.zeros_like(beta), one, decayed)
+    rows = boundary(beta, start, scaled_derivatives(np.cos(beta), np.sin(beta), decayed, one))
     return rows / np.linalg.norm(rows, axis=2, keepdims=True)
+
+
+def scaled_derivatives(cos: Array, sin: Array, left: Array, right: Array) -> Array:
+    """Return the basis and its derivatives over beta, beta^2, beta^3 at one place, (N, derivative, function), from its values (N,)."""
+    turned = (cos, sin, left, right), (-sin, cos, -left, right), (-cos, -sin, left, right), (sin, -cos, -left, right)
+    return np.moveaxis(np.array(turned), 2, 0)
 
 
 def solve_modes(n: int, boundary: Boundary, lowest: float = 1e-3) -> UniformShapes:
@@ -79,7 +87,7 @@ def solve_modes(n: int, boundary: Boundary, lowest: float = 1e-3) -> UniformShap
         return UniformShapes(np.zeros(0), np.zeros((0, 4)))
 
     def determinant(beta: Array) -> Array:
-        return np.linalg.det(boundary_matrix(np.atleast_1d(beta), boundary))
+        return np.linalg.det(boundary_matrix(beta, boundary))
 
     # below beta = 0.1 the scan is logarithmic: a heavy tip drives the first root towards zero
     grid = np.concatenate([np.geomspace(lowest, 0.1, 200), np.arange(0.1, np.pi * (n + 2), STEP)[1:]])
@@ -87,27 +95,15 @@ def solve_modes(n: int, boundary: Boundary, lowest: float = 1e-3) -> UniformShap
     brackets = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0)[:n]
     if len(brackets) < n:
         raise ToleranceNotReached("not all roots of the beam were found", got=len(brackets), expected=f"{n} roots")
-    beta = bisect(determinant, grid[brackets], grid[brackets + 1], np.sign(values[brackets]))
+    ends = SignedEnds(grid[brackets], grid[brackets + 1], values[brackets], values[brackets + 1])
+    beta = solve_brackets(lambda _, x: determinant(x), ends, LAST_BITS * grid[brackets]).best
     null = np.linalg.svd(boundary_matrix(beta, boundary))[2][:, -1, :]
     return normalised(UniformShapes(beta, null))
 
 
-def bisect(function: Callable[[Array], Array], low: Array, high: Array, sign: Array) -> Array:
-    """The root in each bracket (n,) to the last bit, where `sign` is that of the function at its lower end.
-
-    One call with all middles costs as much as one root's step, so simple halving is fast enough.
-    """
-    while True:
-        middle = 0.5 * (low + high)
-        if not ((low < middle) & (middle < high)).any():
-            return middle
-        same = np.sign(function(middle)) == sign
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
-
-
 def normalised(shapes: UniformShapes) -> UniformShapes:
     """Scale to int X^2 = 1 and to a positive curvature at the base (a positive slope where the base is pinned)."""
-    nodes, weights = np.polynomial.legendre.leggauss(shapes.order + 16)
+    nodes, weights = gauss_legendre(shapes.order + 16)
     size = np.sqrt(shapes.values((nodes + 1) / 2) ** 2 @ weights / 2)
     start = np.zeros(1)
     slope, curvature = (shapes.values(start, d)[:, 0] / shapes.beta**d for d in (1, 2))
