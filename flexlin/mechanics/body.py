@@ -5,10 +5,8 @@ from typing import Any
 
 import casadi as ca
 
-from flexlin.mechanics.frames import Frame, cross, cross_matrix
+from flexlin.mechanics.frames import NOTHING, Frame, cross_matrix
 from flexlin.scene.space import Inertia
-
-PAIRS = ((0, 1), (0, 2), (1, 2))
 
 
 @dataclass(frozen=True)
@@ -55,8 +53,8 @@ class Body:
         with v the frame's velocity and w its angular velocity, both in its own axes. Returns: J.
         """
         v, w, k = self.frame.velocity, self.frame.spin, self.moments
-        drift = cross(w, k.first) + k.first_rate
-        turning = ca.dot(ca.diag(k.second), w**2) / 2 + sum(w[i] * w[j] * k.second[i, j] for i, j in PAIRS)
+        drift = ca.cross(w, k.first) + k.first_rate
+        turning = ca.dot(ca.diag(k.second), w**2) / 2 + ca.dot(w, ca.triu(k.second, False) @ w)
         return k.mass / 2 * ca.sumsqr(v) + ca.dot(v, drift) + turning + ca.dot(w, k.swirl) + k.agitation / 2
 
     def mass_moment(self) -> ca.SX:
@@ -77,6 +75,12 @@ class RigidMass:
     centre: tuple[Any, Any, Any] = (0.0, 0.0, 0.0)
     tensor: Inertia | None = None
 
+    @property
+    def is_nothing(self) -> bool:
+        """Whether it has neither mass nor inertia, and no symbol in the place of either."""
+        figures = (self.mass, self.inertia, *(self.tensor.entries().values() if self.tensor else ()))
+        return all(isinstance(figure, int | float) and figure == 0 for figure in figures)
+
 
 def rigid_body(frame: Frame, mass: Any, inertia: ca.SX, centre: ca.SX | None = None) -> Body:
     """A rigid body with its centre at `centre` (3, 1) in the frame's axes and `inertia` (3, 3) about its centre."""
@@ -85,16 +89,18 @@ def rigid_body(frame: Frame, mass: Any, inertia: ca.SX, centre: ca.SX | None = N
 
 def rigid_moments(mass: Any, inertia: ca.SX, centre: ca.SX) -> Moments:
     """The moments of a rigid body with its centre at `centre` (3, 1) and `inertia` (3, 3) about its centre."""
-    mass, lever = ca.SX(mass), cross_matrix(centre)
+    mass = ca.SX(mass)
+    if not centre.nnz():
+        return Moments(mass=mass, second=inertia)
+    lever = cross_matrix(centre)
     return Moments(mass=mass, first=mass * centre, second=inertia + mass * (lever.T @ lever))
 
 
 def tensor(xx: Any = 0, yy: Any = 0, zz: Any = 0, xy: Any = 0, xz: Any = 0, yz: Any = 0) -> ca.SX:
     """A symmetric matrix (3, 3) that holds only what is not zero."""
-    rows = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
-    return ca.sparsify(ca.vertcat(*[ca.horzcat(*[ca.SX(entry) for entry in row]) for row in rows]))
+    return ca.sparsify(ca.reshape(ca.vertcat(NOTHING, xx, xy, xz, xy, yy, yz, xz, yz, zz), 3, 3))
 
 
 def about(axis: ca.SX, inertia: Any) -> ca.SX:
     """The inertia (3, 3) of a body that has one about an axis and none across it."""
-    return ca.sparsify(ca.SX(inertia) * (axis @ axis.T))
+    return ca.sparsify(inertia * (axis @ axis.T))

@@ -164,13 +164,13 @@ def _build_chain(
         place = moving.index(i) if table.moves else None
         displacement = _follow(table, moving, at, rate) if place is None else (at.q[place], rate.q[place])
         frame = pass_joint(mounts[i], table, axes[i], *displacement, at.bearings[i], rate.bearings[i])
-        radius = sum((effect.joint_radius(i) for effect in effects), ca.SX(0))
+        radius = sum(effect.joint_radius(i) for effect in effects)
         base = frame.moved(column(radius, 0, 0), ca.SX(3, 1))
         link = BentLink.of(i, table, basis[i], base, at.modes[i], rate.modes[i])
         joints.append(frame.turned(Z, *link.base_turn))
         links.append(link)
         moved = [(*effect.tip_displacement(link), *effect.tip_turn(link)) for effect in effects]
-        tips.append(link.tip(*(sum((parts[k] for parts in moved), ca.SX(3, 1)) for k in range(4))))
+        tips.append(link.tip(*(sum((u[k] for u in moved if u[k].nnz()), ca.SX(3, 1)) for k in range(4))))
     q, q_rate = at.q, rate.q
     turns = [links[i].base_turn for i in moving]
     if turns:
@@ -211,7 +211,7 @@ def _sum_moments(link: BentLink, effects: tuple[Effect, ...]) -> Moments:
     extra = [effect.link_moments(link) for effect in effects]
     own = link.moments() if link.table.body is None else link.moments() + _read_body(link.table.body)
     if link.table.polar_inertia is not None:
-        own = own + turned_sections(link, (link.table.polar_inertia * link.table.length, 0, 0))
+        own = own + turned_sections(link, (link.table.polar_inertia * link.table.length, 0.0, 0.0))
     return sum((moments for moments in extra if moments is not None), own)
 
 

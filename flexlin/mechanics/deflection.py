@@ -1,6 +1,7 @@
 """What a link's elastic coordinates of one kind are: bending in y, bending in z, or twist."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -24,6 +25,10 @@ class Basis:
     beta: Array
     stiffness: Array
     axis: Array
+
+    def without_modes(self) -> "Basis":
+        """The same link where it does not deflect."""
+        return Basis(self.integrals.without_modes(), self.beta[:0], self.stiffness[:0], self.axis[:0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,31 +83,26 @@ class Deflection:
             * ca.bilin(ca.DM(self.integrals.gram), self.w_rate, self.w_rate)
         )
 
-    def linear(self, factors: Array | ca.DM | ca.SX) -> tuple[ca.SX, ca.SX]:
-        """factors . w, and its rate; factors may hold symbols, as a free length makes them."""
-        row = symbols_or_numbers(factors)
+    def linear(self, factors: Array, over: Any = 1.0) -> tuple[Any, Any]:
+        """factors . w / over, and its rate: plain zeros, which cost nothing, where nothing deflects; `over` may be a symbol."""
         if not self.n:
-            return ca.SX(0), ca.SX(0)
+            return 0.0, 0.0
+        row = ca.DM(factors) / over
         return ca.dot(row, self.w), ca.dot(row, self.w_rate)
 
-    def square(self, form: Array) -> ca.SX:
+    def square(self, form: Array) -> Any:
         """w . form w."""
-        return ca.bilin(ca.DM(form), self.w, self.w) if self.n else ca.SX(0)
+        return ca.bilin(ca.DM(form), self.w, self.w) if self.n else 0.0
 
-    def quadratic(self, form: Array | ca.DM | ca.SX) -> tuple[ca.SX, ca.SX]:
-        """1/2 w . form w of a symmetric form, and its rate."""
-        matrix = symbols_or_numbers(form)
+    def quadratic(self, form: Array, over: Any = 1.0) -> tuple[ca.SX, ca.SX]:
+        """1/2 w . form w / over of a symmetric form, and its rate."""
+        matrix = ca.DM(form) / over
         return ca.bilin(matrix, self.w, self.w) / 2, ca.bilin(matrix, self.w, self.w_rate)
 
 
-def product(form: Array | ca.DM | ca.SX, a: Deflection, b: Deflection) -> tuple[ca.SX, ca.SX]:
+def product(form: Array, a: Deflection, b: Deflection) -> tuple[Any, Any]:
     """a . form b of two deflections, and its rate."""
-    matrix = symbols_or_numbers(form)
     if not a.n or not b.n:
-        return ca.SX(0), ca.SX(0)
+        return 0.0, 0.0
+    matrix = ca.DM(form)
     return ca.bilin(matrix, a.w, b.w), ca.bilin(matrix, a.w_rate, b.w) + ca.bilin(matrix, a.w, b.w_rate)
-
-
-def symbols_or_numbers(value: Array | ca.DM | ca.SX) -> ca.DM | ca.SX:
-    """A matrix of CasADi: of symbols where it holds some, as a free length makes them, else of numbers."""
-    return value if isinstance(value, ca.SX) else ca.DM(value)

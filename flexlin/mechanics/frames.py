@@ -41,24 +41,29 @@ class Frame:
 
     def turned(self, axis: ca.SX, angle: Any, rate: Any = 0) -> "Frame":
         """The frame behind a turn about an axis through the origin; a turn leaves its own axis where it is."""
-        angle, rate = ca.SX(angle), ca.sparsify(ca.SX(rate))
-        if angle.is_zero() and not rate.nnz():
+        angle, rate = ca.SX(angle), ca.SX(rate)
+        if angle.is_zero() and rate.is_zero():
             return self
-        turn = rotation_about(axis, angle)
+        back = rotation_about(axis, angle).T
         before, whole = (self.before, self.angle + angle) if is_same(axis, self.axis) else (self.rotation, angle)
-        return Frame(before, axis, whole, turn.T @ self.spin + axis * rate, self.position, turn.T @ self.velocity)
+        spin = back @ self.spin + axis * ca.sparsify(rate)
+        return Frame(before, axis, whole, spin, self.position, back @ self.velocity)
 
     def moved(self, offset: ca.SX, offset_rate: ca.SX) -> "Frame":
         """The frame whose origin lies at `offset`, which changes with `offset_rate`, both in this frame's axes."""
-        velocity = self.velocity + offset_rate + cross(self.spin, offset)
+        if not offset.nnz() and not offset_rate.nnz():
+            return self
+        velocity = self.velocity + offset_rate + ca.cross(self.spin, offset)
         return Frame(self.before, self.axis, self.angle, self.spin, self.position + self.rotation @ offset, velocity)
 
 
 def column(*entries: Any) -> ca.SX:
     """A column that holds only what is not zero."""
-    return ca.sparsify(ca.vertcat(*[ca.SX(entry) for entry in entries]))
+    return ca.sparsify(ca.vertcat(NOTHING, *entries))
 
 
+NOTHING = ca.SX(0, 1)
+"""Makes numbers that are put beside it expressions."""
 X, Y, Z = column(1, 0, 0), column(0, 1, 0), column(0, 0, 1)
 
 
@@ -69,20 +74,15 @@ def cross_matrix(a: ca.SX) -> ca.SX:
     return ca.vertcat(*[ca.horzcat(*row) for row in rows])
 
 
-def cross(a: ca.SX, b: ca.SX) -> ca.SX:
-    """a x b, (3, 1), from what is not zero."""
-    return cross_matrix(a) @ b
-
-
 def is_same(a: ca.SX, b: ca.SX) -> bool:
     """Whether two expressions are equal as they stand."""
-    return bool((a - b).is_zero())
+    return a is b or bool((a - b).is_zero())
 
 
 def unit(direction: Any) -> ca.SX:
     """A direction of three numbers or symbols as a column of length 1."""
-    a = column(*direction)
-    return ca.sparsify(a / ca.sqrt(ca.sumsqr(a)))
+    length = sum(entry**2 for entry in direction) ** 0.5
+    return column(*[entry / length for entry in direction])
 
 
 def directions_across(axis: ca.SX) -> ca.SX:
@@ -106,5 +106,9 @@ def rotation_about(axis: ca.SX, angle: ca.SX) -> ca.SX:
     c, s = ca.cos(angle), ca.sin(angle)
     if angle.is_constant():
         c, s = (ca.SX(0 if abs(float(part)) < ROUNDING else float(part)) for part in (c, s))
+    if axis.nnz() == 1 and axis.is_constant():  # of length 1, so along a coordinate
+        (k,), s = axis.sparsity().row(), s * axis.nz[0]
+        i, j = (k + 1) % 3, (k + 2) % 3
+        return ca.sparsify(ca.SX.triplet([k, i, j, j, i], [k, i, j, i, j], ca.vertcat(1, c, c, s, -s), 3, 3))
     along = axis @ axis.T
     return ca.sparsify(along + c * ca.sparsify(ca.SX.eye(3) - along) + s * cross_matrix(axis))

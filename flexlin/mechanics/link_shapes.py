@@ -31,12 +31,16 @@ def choose_basis(scene: Scene, index: int) -> LinkBasis:
     Loaded, hub and sheared shapes take the scene's numbers as they are, and keep them when a mass is left free as a symbol
     (the basis then is no longer exact, but remains a basis).
     """
-    profiles = make_profiles(scene.links[index])
-    shapes = {direction: make_shapes(scene, index, direction) for direction in DIRECTIONS}
-    several = sum(part.n > 0 for part in shapes.values()) > 1
-    couplings = couple_shapes(shapes["y"], shapes["z"], shapes["torsion"], *profiles) if several else None
-    y, z, torsion = (integrate_basis(scene, index, part, direction) for direction, part in shapes.items())
-    return LinkBasis(y, z, torsion, couplings)
+    link, none = scene.links[index], clamped_free(0)
+    deflected = [direction for direction, modes in link.counts.by_direction().items() if modes]
+    shapes = {direction: make_shapes(scene, index, direction) for direction in deflected} or {"y": none}
+    found = {direction: integrate_basis(scene, index, part, direction) for direction, part in shapes.items()}
+    straight = next(iter(found.values())).without_modes()
+    y, z, torsion = (found.get(direction, straight) for direction in DIRECTIONS)
+    if len(deflected) < 2:
+        return LinkBasis(y, z, torsion)
+    bent_y, bent_z, twist = (shapes.get(direction, none) for direction in DIRECTIONS)
+    return LinkBasis(y, z, torsion, couple_shapes(bent_y, bent_z, twist, *make_profiles(link)))
 
 
 def integrate_basis(scene: Scene, index: int, shapes: Shapes, direction: Direction) -> Basis:

@@ -1,6 +1,7 @@
 """One link of the chain: rigid, or bent and twisted along its assumed modes."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 
@@ -73,7 +74,7 @@ class BentLink:
         """The slope v'(0) of pinned shapes, with its rate: the hub turns by it beside the joint coordinate; zero when clamped."""
         if not self.table.pinned:
             return ca.SX(0), ca.SX(0)
-        return self.y.linear(ca.DM(self.y.integrals.base_slope) / self.table.length)
+        return self.y.linear(self.y.integrals.base_slope, self.table.length)
 
     def moments(self) -> Moments:
         """Moments of the bent link about its base frame, first order in v, w, phi except where energy is of second order.
@@ -104,10 +105,10 @@ class BentLink:
             agitation=sum((part.inertia_form() for part in self.bending), ca.SX(0)),
         )
 
-    def _cross_products(self) -> tuple[ca.SX, ca.SX]:
+    def _cross_products(self) -> tuple[Any, Any]:
         """int mu v w and int mu (v w' - w v'), dimensionless in x."""
         if self.couplings is None:
-            return ca.SX(0), ca.SX(0)
+            return 0.0, 0.0
         form, y, z = ca.DM(self.couplings.across), self.y, self.z
         whirl = ca.bilin(form, y.w, z.w_rate) - ca.bilin(form, y.w_rate, z.w)
         return product(self.couplings.across, y, z)[0], whirl
@@ -116,8 +117,8 @@ class BentLink:
         """First order of the tip's rotation (phi, -w', v')(l), (3, 1), and its rate."""
         length = self.table.length
         phi, phi_rate = self.torsion.linear(self.torsion.integrals.tip_slope)
-        down, down_rate = self.z.linear(-ca.DM(self.z.integrals.tip_slope) / length)
-        up, up_rate = self.y.linear(ca.DM(self.y.integrals.tip_slope) / length)
+        down, down_rate = self.z.linear(self.z.integrals.tip_slope, -length)
+        up, up_rate = self.y.linear(self.y.integrals.tip_slope, length)
         return column(phi, down, up), column(phi_rate, down_rate, up_rate)
 
     def tip(self, shift: ca.SX, shift_rate: ca.SX, turn: ca.SX, turn_rate: ca.SX) -> Frame:
@@ -140,6 +141,8 @@ def split_rotation(theta: ca.SX, rate: ca.SX) -> tuple[tuple[ca.SX, ...], tuple[
     a = theta_z + theta_x theta_y / 2,   b = theta_y - theta_x theta_z / 2,   c = theta_x + theta_y theta_z / 2
     """
     (x, y, z), (dx, dy, dz) = (ca.vertsplit(part) for part in (theta, rate))
+    if theta.nnz() < 2:  # about one axis
+        return (z, y, x), (dz, dy, dx)
     angles = (z + x * y / 2, y - x * z / 2, x + y * z / 2)
     rates = (dz + (dx * y + x * dy) / 2, dy - (dx * z + x * dz) / 2, dx + (dy * z + y * dz) / 2)
     return angles, rates

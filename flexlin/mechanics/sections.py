@@ -4,16 +4,15 @@ from itertools import product as pairs
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from flexlin.checks import Array
-from flexlin.mechanics.body import Moments
+from flexlin.mechanics.body import Moments, tensor
 from flexlin.mechanics.deflection import Deflection
+from flexlin.mechanics.frames import column
 from flexlin.mechanics.links import BentLink
 
-EPSILON = np.zeros((3, 3, 3))
-for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-    EPSILON[_i, _j, _k], EPSILON[_j, _i, _k] = 1.0, -1.0
+SIGNS = {(0, 1, 2): 1.0, (1, 2, 0): 1.0, (2, 0, 1): 1.0, (1, 0, 2): -1.0, (2, 1, 0): -1.0, (0, 2, 1): -1.0}
+"""The permutation symbol where it is not zero."""
 
 
 def turned_sections(link: BentLink, J: tuple[Any, Any, Any]) -> Moments:
@@ -26,58 +25,47 @@ def turned_sections(link: BentLink, J: tuple[Any, Any, Any]) -> Moments:
     to R. Returns: moments about the link's base frame.
     """
     first, rate = tilt(link)
-    second, swirl = ca.SX(3, 3), ca.SX(3, 1)
+    second, swirl = spread(link, J), [J[a] * rate[a] for a in range(3)]
     for a in range(3):
-        second[a, a] += J[a] * link.y.integrals.section
-        swirl[a] += J[a] * rate[a]
-    for a, b, p in pairs(range(3), repeat=3):
-        if EPSILON[a, p, b]:
-            second[a, b] += EPSILON[a, p, b] * (J[b] - J[a]) * first[p]
-    agitation = ca.SX(0)
-    if link.deflections:
-        second += spread(link, J)
-        for a, b, c in pairs(range(3), repeat=3):
-            if EPSILON[a, b, c]:
-                swirl[a] += EPSILON[a, b, c] * (J[c] - J[a] / 2) * mixed(link, b, c, rates=1)
-        agitation = sum((J[a] * mixed(link, a, a, rates=2) for a in range(3)), ca.SX(0))
-    return Moments(second=ca.sparsify(second), swirl=ca.sparsify(swirl), agitation=agitation)
+        second[a][a] += J[a] * link.y.integrals.section
+    for (a, b, c), sign in SIGNS.items():
+        second[a][c] += sign * (J[c] - J[a]) * first[b]
+        swirl[a] += sign * (J[c] - J[a] / 2) * mixed(link, b, c, rates=1)
+    agitation = sum((J[a] * mixed(link, a, a, rates=2) for a in range(3)), ca.SX(0))
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = second
+    return Moments(second=tensor(xx, yy, zz, xy, xz, yz), swirl=column(*swirl), agitation=agitation)
 
 
-def spread(link: BentLink, J: tuple[Any, Any, Any]) -> ca.SX:
-    """int theta~ J theta~^T + 1/2 (theta~^2 J + J theta~^2), (3, 3)."""
+def spread(link: BentLink, J: tuple[Any, Any, Any]) -> list[list[Any]]:
+    """int theta~ J theta~^T + 1/2 (theta~^2 J + J theta~^2), rows of (3, 3)."""
     G = [[mixed(link, a, b, rates=0) for b in range(3)] for a in range(3)]
-    found = ca.SX(3, 3)
-    for a, b in pairs(range(3), repeat=2):
-        square = G[a][b] - (sum((G[p][p] for p in range(3)), ca.SX(0)) if a == b else 0)
-        found[a, b] = square * (J[a] + J[b]) / 2
-        for c, p, q in pairs(range(3), repeat=3):
-            factor = EPSILON[a, p, c] * EPSILON[b, q, c]
-            if factor:
-                found[a, b] += factor * J[c] * G[p][q]
+    trace = G[0][0] + G[1][1] + G[2][2]
+    found = [[(G[a][b] - (trace if a == b else 0.0)) * (J[a] + J[b]) / 2 for b in range(3)] for a in range(3)]
+    for ((a, p, c), one), ((b, q, d), other) in pairs(SIGNS.items(), repeat=2):
+        if c == d:
+            found[a][b] += one * other * J[c] * G[p][q]
     return found
 
 
 def rotations(link: BentLink) -> tuple[tuple[Deflection, Any], ...]:
-    """What turns a section about x, y and z, and by how much a unit of its coordinate does."""
-    length = ca.SX(link.table.length)
-    return (link.torsion, ca.SX(1)), (link.z, -1 / length), (link.y, 1 / length)
+    """What turns a section about x, y and z, and what the turn of a unit of its coordinate is divided by."""
+    length = link.table.length
+    return (link.torsion, 1.0), (link.z, -length), (link.y, length)
 
 
-def tilt(link: BentLink) -> tuple[list[ca.SX], list[ca.SX]]:
+def tilt(link: BentLink) -> tuple[list[Any], list[Any]]:
     """int theta and int theta', relative to the link's length."""
-    if not link.deflections:
-        return [ca.SX(0)] * 3, [ca.SX(0)] * 3
-    values = [tuple(size * x for x in part.linear(part.integrals.rotation)) for part, size in rotations(link)]
+    values = [part.linear(part.integrals.rotation, over) for part, over in rotations(link)]
     return [value for value, _ in values], [rate for _, rate in values]
 
 
-def mixed(link: BentLink, a: int, b: int, rates: int) -> ca.SX:
+def mixed(link: BentLink, a: int, b: int, rates: int) -> Any:
     """int theta_a theta_b, with the rate of the second, or of both, in its place."""
-    (one, size), (other, factor) = rotations(link)[a], rotations(link)[b]
+    (one, over), (other, under) = rotations(link)[a], rotations(link)[b]
     if not one.n or not other.n:
-        return ca.SX(0)
+        return 0.0
     left, right = one.w_rate if rates == 2 else one.w, other.w_rate if rates else other.w
-    return size * factor * ca.bilin(ca.DM(section_form(link, a, b)), left, right)
+    return ca.bilin(ca.DM(section_form(link, a, b)) / (over * under), left, right)
 
 
 def section_form(link: BentLink, a: int, b: int) -> Array:

@@ -1,6 +1,6 @@
 """The integrals of the shapes that the energies of a link need, computed once, before any expression graph is built."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Any
 
@@ -48,6 +48,11 @@ class ShapeIntegrals:
         """The number of modes."""
         return len(self.tip)
 
+    def without_modes(self) -> "ShapeIntegrals":
+        """The same line of mass with no shape."""
+        arrays = {name: value for name, value in vars(self).items() if np.ndim(value)}
+        return replace(self, **{name: value[(slice(0),) * value.ndim] for name, value in arrays.items()})
+
 
 def shape_integrals(
     shapes: Shapes,
@@ -82,9 +87,9 @@ def integrate(shapes: Shapes, mu: Profile, eps: Profile, edges: Array, order: in
     ends = np.array([0.0, 1.0])
     load, second = weight * mu(xi), weight * eps(xi)
     return {
-        "mass": load.sum(),
-        "first": load @ xi,
-        "second": load @ xi**2,
+        "mass": float(load.sum()),
+        "first": float(load @ xi),
+        "second": float(load @ xi**2),
         "mode": X @ load,
         "mode_moment": X @ (load * xi),
         "gram": orthogonal((X * load) @ X.T),
@@ -95,7 +100,7 @@ def integrate(shapes: Shapes, mu: Profile, eps: Profile, edges: Array, order: in
         "tip_slope": shapes.rotation(ends)[:, 1],
         "tip_shortening": (slope * weight) @ slope.T,
         "base_slope": shapes.rotation(ends)[:, 0],
-        "section": second.sum(),
+        "section": float(second.sum()),
         "rotation": psi @ second,
         "rotations": (psi * second) @ psi.T,
         "shear": ((slope - psi) * load) @ (slope - psi).T,

@@ -32,15 +32,15 @@ class GeometricStiffening(Effect):
         return None if scale.bending is None else cls()
 
     def tip_displacement(self, link: "BentLink") -> tuple[ca.SX, ca.SX]:
-        drawn = [part.quadratic(ca.DM(part.integrals.tip_shortening) / link.table.length) for part in link.bending]
-        return tuple(column(-sum((part[i] for part in drawn), ca.SX(0)), 0, 0) for i in (0, 1))
+        drawn = [part.quadratic(part.integrals.tip_shortening, link.table.length) for part in link.bending]
+        return tuple(column(-sum(part[i] for part in drawn), 0, 0) for i in (0, 1))
 
     def link_moments(self, link: "BentLink") -> Moments | None:
         if not link.bending:
             return None
         m, length = link.mass, link.table.length
         drawn = [part.quadratic(part.integrals.shortening) for part in link.bending]
-        first, rate = (m / length * sum((part[i] for part in drawn), ca.SX(0)) for i in (0, 1))
+        first, rate = (m / length * sum(part[i] for part in drawn) for i in (0, 1))
         turned = [part.square(part.integrals.shortening_moment) for part in link.bending]
-        second = -m * sum(turned, ca.SX(0))
+        second = -m * sum(turned)
         return Moments(first=column(-first, 0, 0), first_rate=column(-rate, 0, 0), second=tensor(yy=second, zz=second))

@@ -56,4 +56,5 @@ class Hub(Effect):
         return tuple(
             rigid_body(frame, body.mass, about(axis, body.inertia))
             for frame, axis, body in zip(chain.joints, chain.axes, on, strict=True)
+            if not body.is_nothing
         )

@@ -8,11 +8,11 @@ from typing import Annotated
 
 import casadi as ca
 
-from flexlin.mechanics.body import Body, RigidMass, about, rigid_body, tensor
+from flexlin.mechanics.body import Body, RigidMass, rigid_body, tensor
 from flexlin.mechanics.effects.base import Chain, Effect
 from flexlin.mechanics.effects.scale import PART, Scale
 from flexlin.mechanics.effects.shared import at_tip
-from flexlin.mechanics.frames import X, Z, column
+from flexlin.mechanics.frames import column
 from flexlin.scene.base import Number, PerLink, Unit
 from flexlin.scene.space import Inertia, Vector
 
@@ -50,11 +50,17 @@ class Payload(Effect):
         links = len(chain.links)
         on = [self.tip_body(link, links) for link in range(links)]
         return tuple(
-            rigid_body(frame, body.mass, self._inertia(body), ca.sparsify(X * body.offset) + column(*body.centre))
+            rigid_body(frame, body.mass, self._inertia(body), self._centre(body))
             for frame, body in zip(chain.tips, on, strict=True)
+            if not body.is_nothing
         )
+
+    def _centre(self, body: RigidMass) -> ca.SX:
+        """Centre (3, 1) of the body on a tip."""
+        x, y, z = body.centre
+        return column(body.offset + x, y, z)
 
     def _inertia(self, body: RigidMass) -> ca.SX:
         """Inertia (3, 3) of the body on a tip."""
-        extra = ca.SX(3, 3) if body.tensor is None else tensor(**body.tensor.entries())
-        return about(Z, body.inertia) + extra
+        extra = (Inertia() if body.tensor is None else body.tensor).entries()
+        return tensor(**extra | {"zz": extra["zz"] + body.inertia})

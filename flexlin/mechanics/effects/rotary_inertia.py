@@ -6,8 +6,6 @@ turn out of the plane of rotation are pulled back into it: the propeller moment.
 
 from typing import TYPE_CHECKING, Annotated, Any
 
-import casadi as ca
-
 from flexlin.mechanics.body import Moments
 from flexlin.mechanics.effects.base import Effect
 from flexlin.mechanics.effects.scale import SLENDERNESS, Scale
@@ -38,5 +36,5 @@ class RotaryInertia(Effect):
         """About z as given; about y what the polar inertia leaves, where the link has one."""
         about_z = link.mass * per_joint(self.radius_of_gyration, link.index, single="every") ** 2
         polar = link.table.polar_inertia
-        about_y = ca.SX(0) if polar is None else polar * link.table.length - about_z
-        return turned_sections(link, (0, about_y, about_z))
+        about_y = 0.0 if polar is None else polar * link.table.length - about_z
+        return turned_sections(link, (0.0, about_y, about_z))

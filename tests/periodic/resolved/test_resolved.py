@@ -196,6 +196,23 @@ def test_noise_is_measured_and_not_chased(level, jump):
     assert [place.time for place in series.found if place.time] == pytest.approx([2.345] if jump else [], abs=1e-12)
 
 
+@pytest.mark.parametrize("power", [6, 12])
+@pytest.mark.parametrize("size", [1e-4, 1e-2, 1.0])
+def test_rounding_that_comes_and_goes_is_not_chased(size, power):
+    """An entry that is zero but for the order in which three factors are multiplied: exactly so here, a few units of 1e-17 there."""
+
+    def A(t):
+        a, b, c = size * np.sin(t) ** power, 0.3, np.cos(t) + 2
+        rows = [3 + np.cos(t), (a * b) * c - a * (b * c), np.full_like(t, 0.1), 2 + np.sin(t)]
+        return np.stack(rows, axis=1).reshape(-1, 2, 2)
+
+    series = resolve(A, 2 * np.pi, complete=True)
+    assert isinstance(series.series, FourierSeries)
+    assert series.degree == 1
+    assert covered(series, A, np.random.default_rng(1)) < 1
+    assert series.error.max() < 1e-13
+
+
 def test_single_precision_is_noise():
     true = scalar(np.cos)
     series = resolve(lambda t: true(t).astype(np.float32), SMOOTH)
