@@ -8,6 +8,7 @@ from flexlin.mechanics.frames import Frame
 from flexlin.mechanics.links import BentLink
 from flexlin.scene.loops import NO_LINK
 
+ALONG = ca.DM(PLACES).T
 COLUMNS = len(PLACES) + 1
 """Columns for each link: where the link before it ends, and the places of its axis."""
 
@@ -31,8 +32,7 @@ def trace_axis(link: BentLink, tip: Frame) -> ca.SX:
     r(x) = r_0 + R (x, v, w), and in proportion to x what effects add at the tip.
     """
     v, w = (part.w.T @ ca.DM(part.basis.axis) if part.n else ca.SX(1, len(PLACES)) for part in (link.y, link.z))
-    along = ca.DM(PLACES).T
     own = ca.repmat(link.base.position, 1, len(PLACES)) + link.base.rotation @ ca.vertcat(
-        link.table.length * along, v, w
+        link.table.length * ALONG, v, w
     )
-    return own + (tip.position - own[:, -1]) @ along
+    return own + (tip.position - own[:, -1]) @ ALONG

@@ -53,9 +53,9 @@ class Body:
         with v the frame's velocity and w its angular velocity, both in its own axes. Returns: J.
         """
         v, w, k = self.frame.velocity, self.frame.spin, self.moments
-        drift = ca.cross(w, k.first) + k.first_rate
-        turning = ca.dot(ca.diag(k.second), w**2) / 2 + ca.dot(w, ca.triu(k.second, False) @ w)
-        return k.mass / 2 * ca.sumsqr(v) + ca.dot(v, drift) + turning + ca.dot(w, k.swirl) + k.agitation / 2
+        squares = k.mass * ca.sumsqr(v) + ca.dot(ca.diag(k.second), w**2) + k.agitation
+        drift, turning = ca.cross(w, k.first) + k.first_rate, ca.triu(k.second, False) @ w + k.swirl
+        return squares / 2 + ca.dot(v, drift) + ca.dot(w, turning)
 
     def mass_moment(self) -> ca.SX:
         """int (position) dm in world axes, (3, 1), in kg m: the gradient of the potential energy in a uniform field."""

@@ -170,11 +170,11 @@ def _build_chain(
         joints.append(frame.turned(Z, *link.base_turn))
         links.append(link)
         moved = [(*effect.tip_displacement(link), *effect.tip_turn(link)) for effect in effects]
-        tips.append(link.tip(*(sum((u[k] for u in moved if u[k].nnz()), ca.SX(3, 1)) for k in range(4))))
+        tips.append(link.tip(*(_add((u[k] for u in moved), ca.SX(3, 1)) for k in range(4))))
     q, q_rate = at.q, rate.q
-    turns = [links[i].base_turn for i in moving]
-    if turns:
-        q, q_rate = (x + ca.vertcat(*extra) for x, extra in zip((q, q_rate), zip(*turns, strict=True), strict=True))
+    if any(links[i].table.pinned for i in moving):
+        turns = zip(*[links[i].base_turn for i in moving], strict=True)
+        q, q_rate = (x + ca.vertcat(*extra) for x, extra in zip((q, q_rate), turns, strict=True))
     motor, motor_rate = (symbols.with_motors(x, moving) for symbols, x in ((at, q), (rate, q_rate)))
     frames = {"mounts": tuple(mounts), "axes": tuple(axes), "joints": tuple(joints), "tips": tuple(tips)}
     give = {"bearings": at.bearings, "bearing_rates": rate.bearings}
@@ -222,17 +222,22 @@ def _read_body(part: RigidPart) -> Moments:
 
 def _sum_energies(chain: Chain, effects: tuple[Effect, ...]) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Kinetic energy, potential energy and Rayleigh's dissipation of the whole chain."""
-    carried = sum((body.kinetic_energy() for body in chain.bodies), ca.SX(0))
-    kinetic = sum((effect.kinetic_energy(chain) for effect in effects), carried)
-    bending = sum((link.elastic_energy for link in chain.links), ca.SX(0))
-    potential = sum((effect.potential_energy(chain) for effect in effects), bending)
-    dissipation = sum((effect.dissipation(chain) for effect in effects), ca.SX(0))
+    carried = _add((body.kinetic_energy() for body in chain.bodies), ca.SX(0))
+    kinetic = _add((effect.kinetic_energy(chain) for effect in effects), carried)
+    bending = _add((link.elastic_energy for link in chain.links), ca.SX(0))
+    potential = _add((effect.potential_energy(chain) for effect in effects), bending)
+    dissipation = _add((effect.dissipation(chain) for effect in effects), ca.SX(0))
     return kinetic, potential, dissipation
+
+
+def _add(parts: Iterable[ca.SX], start: ca.SX) -> ca.SX:
+    """The sum of expressions, of which most are zero: each addition costs time, though it adds no instruction."""
+    return sum((part for part in parts if not (isinstance(part, ca.SX) and part.is_zero())), start)
 
 
 def _sum_resistance(chain: Chain, effects: tuple[Effect, ...], s: ca.SX) -> ca.SX:
     """The generalised forces of what resists each joint without being the gradient of a dissipation function."""
-    at_joints = sum((effect.joint_resistance(chain) for effect in effects), ca.SX.zeros(len(chain.moving)))
+    at_joints = _add((effect.joint_resistance(chain) for effect in effects), ca.SX.zeros(len(chain.moving)))
     return ca.densify(ca.jacobian(chain.q, s).T @ at_joints)
 
 

@@ -83,21 +83,26 @@ class Deflection:
             * ca.bilin(ca.DM(self.integrals.gram), self.w_rate, self.w_rate)
         )
 
-    def linear(self, factors: Array, over: Any = 1.0) -> tuple[Any, Any]:
+    def linear(self, factors: Array, over: Any = None) -> tuple[Any, Any]:
         """factors . w / over, and its rate: plain zeros, which cost nothing, where nothing deflects; `over` may be a symbol."""
         if not self.n:
             return 0.0, 0.0
-        row = ca.DM(factors) / over
+        row = divide(factors, over)
         return ca.dot(row, self.w), ca.dot(row, self.w_rate)
 
     def square(self, form: Array) -> Any:
         """w . form w."""
         return ca.bilin(ca.DM(form), self.w, self.w) if self.n else 0.0
 
-    def quadratic(self, form: Array, over: Any = 1.0) -> tuple[ca.SX, ca.SX]:
+    def quadratic(self, form: Array, over: Any = None) -> tuple[ca.SX, ca.SX]:
         """1/2 w . form w / over of a symmetric form, and its rate."""
-        matrix = ca.DM(form) / over
+        matrix = divide(form, over)
         return ca.bilin(matrix, self.w, self.w) / 2, ca.bilin(matrix, self.w, self.w_rate)
+
+
+def divide(numbers: Array, over: Any) -> ca.DM | ca.SX:
+    """An array for CasADi, divided by a number or a symbol if there is one."""
+    return ca.DM(numbers) if over is None else ca.DM(numbers) / over
 
 
 def product(form: Array, a: Deflection, b: Deflection) -> tuple[Any, Any]:

@@ -41,7 +41,7 @@ class Frame:
 
     def turned(self, axis: ca.SX, angle: Any, rate: Any = 0) -> "Frame":
         """The frame behind a turn about an axis through the origin; a turn leaves its own axis where it is."""
-        angle, rate = ca.SX(angle), ca.SX(rate)
+        angle, rate = (part if isinstance(part, ca.SX) else ca.SX(part) for part in (angle, rate))
         if angle.is_zero() and rate.is_zero():
             return self
         back = rotation_about(axis, angle).T

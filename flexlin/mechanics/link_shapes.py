@@ -24,6 +24,9 @@ from flexlin.mechanics.links import LinkBasis
 from flexlin.scene.links import DIRECTIONS, Direction, Link
 from flexlin.scene.scene import Scene
 
+STRAIGHT = clamped_free(0)
+"""The shapes of a link that does not deflect."""
+
 
 def choose_basis(scene: Scene, index: int) -> LinkBasis:
     """Return the integrals of all shapes that the table of a link asks for: numbers, computed before any graph is built.
@@ -31,15 +34,15 @@ def choose_basis(scene: Scene, index: int) -> LinkBasis:
     Loaded, hub and sheared shapes take the scene's numbers as they are, and keep them when a mass is left free as a symbol
     (the basis then is no longer exact, but remains a basis).
     """
-    link, none = scene.links[index], clamped_free(0)
+    link = scene.links[index]
     deflected = [direction for direction, modes in link.counts.by_direction().items() if modes]
-    shapes = {direction: make_shapes(scene, index, direction) for direction in deflected} or {"y": none}
+    shapes = {direction: make_shapes(scene, index, direction) for direction in deflected} or {"y": STRAIGHT}
     found = {direction: integrate_basis(scene, index, part, direction) for direction, part in shapes.items()}
     straight = next(iter(found.values())).without_modes()
     y, z, torsion = (found.get(direction, straight) for direction in DIRECTIONS)
     if len(deflected) < 2:
         return LinkBasis(y, z, torsion)
-    bent_y, bent_z, twist = (shapes.get(direction, none) for direction in DIRECTIONS)
+    bent_y, bent_z, twist = (shapes.get(direction, STRAIGHT) for direction in DIRECTIONS)
     return LinkBasis(y, z, torsion, couple_shapes(bent_y, bent_z, twist, *make_profiles(link)))
 
 

@@ -70,10 +70,10 @@ class BentLink:
         return sum((part.energy for part in self.deflections), ca.SX(0))
 
     @property
-    def base_turn(self) -> tuple[ca.SX, ca.SX]:
+    def base_turn(self) -> tuple[Any, Any]:
         """The slope v'(0) of pinned shapes, with its rate: the hub turns by it beside the joint coordinate; zero when clamped."""
         if not self.table.pinned:
-            return ca.SX(0), ca.SX(0)
+            return 0.0, 0.0
         return self.y.linear(self.y.integrals.base_slope, self.table.length)
 
     def moments(self) -> Moments:

@@ -85,6 +85,7 @@ def integrate(shapes: Shapes, mu: Profile, eps: Profile, edges: Array, order: in
     X, slope = shapes.values(xi), shapes.values(xi, 1)
     psi, curvature = shapes.rotation(xi), shapes.rotation(xi, 1)
     ends = np.array([0.0, 1.0])
+    at_ends, turns = shapes.values(ends), shapes.rotation(ends)
     load, second = weight * mu(xi), weight * eps(xi)
     return {
         "mass": float(load.sum()),
@@ -96,10 +97,10 @@ def integrate(shapes: Shapes, mu: Profile, eps: Profile, edges: Array, order: in
         "bending": orthogonal((curvature * second) @ curvature.T),
         "shortening": (slope * weight * outer) @ slope.T,
         "shortening_moment": (slope * weight * outer_first) @ slope.T,
-        "tip": shapes.values(ends)[:, 1],
-        "tip_slope": shapes.rotation(ends)[:, 1],
+        "tip": at_ends[:, 1],
+        "tip_slope": turns[:, 1],
         "tip_shortening": (slope * weight) @ slope.T,
-        "base_slope": shapes.rotation(ends)[:, 0],
+        "base_slope": turns[:, 0],
         "section": float(second.sum()),
         "rotation": psi @ second,
         "rotations": (psi * second) @ psi.T,
