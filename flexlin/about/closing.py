@@ -33,31 +33,44 @@ def refuse_open_loops(about: Deviation) -> None:
     Raises: MotionError, SingularClosure, with the time.
     """
     t = about.motion.period * np.arange(PHASES + 1) / PHASES
-    asked = about.of_arm("followers", t, np.zeros((len(t), about.n)))[:, :, 0]
+    s = rigid_positions(about, t)
+    asked = evaluate_at(about, "followers", s)[:, :, 0]
     if not np.isfinite(asked[0]).all():
         raise refused(0.0, "the loops do not close at the start of the motion", NEARER)
-    near = find_near(about, t, asked)
+    near = find_near(about, s, asked)
     v, lost = [asked[0]], None
     for k in range(1, PHASES + 1):
-        found, at = (asked[k], t[k]) if near[k - 1] and lost is None else follow(about, v[-1], t[k - 1], t[k])
+        if near[k - 1] and lost is None:
+            v.append(asked[k])
+            continue
+        found, at = follow(about, v[-1], t[k - 1], t[k])
         if found is None:
-            refuse_singular(about, t[:k], v)
+            refuse_singular(about, t[:k], s[:k], v)
             raise singular(at, "lets the loops follow no further: they reach a dead point")
         v.append(found)
         lost = t[k] if lost is None and not is_same(found, asked[k]).all() else lost
-    refuse_singular(about, t, v)
+    refuse_singular(about, t, s, v)
     if lost is not None:
         raise refused(lost, "v(u) about the posture does not follow the whole motion", NEARER)
 
 
-def find_near(about: Deviation, t: Array, v: Array) -> Array:
+def rigid_positions(about: Deviation, t: Array) -> Array:
+    """s (N, arm.n) on the rigid motion."""
+    return about.positions(t, np.zeros((len(t), about.n)))[0]
+
+
+def evaluate_at(about: Deviation, name: str, s: Array, *v: Array) -> Array:
+    """One of the arm's functions of s, and of the followers if given, (N, rows, columns)."""
+    p = np.broadcast_to(about.arm.parameters.values, (len(s), len(about.arm.parameters.values)))
+    return symbolic.evaluate(about.arm.functions[name], s, *v, p)[0]
+
+
+def find_near(about: Deviation, s: Array, v: Array) -> Array:
     """Whether Newton's method leads from the followers at each time straight to those at the next, (N - 1,), all in batches."""
     found, last, near = v[:-1].copy(), np.inf, np.isfinite(v[1:]).all(axis=1) & np.isfinite(v[:-1]).all(axis=1)
     found[~near] = v[0]
-    (s,) = about.positions(t[1:], np.zeros((len(t) - 1, about.n)))
-    p = np.broadcast_to(about.arm.parameters.values, (len(s), len(about.arm.parameters.values)))
     for _ in range(STRAIGHT):
-        (step,) = symbolic.evaluate(about.arm.functions["newton_step"], s, found, p)
+        step = evaluate_at(about, "newton_step", s[1:], found)
         size = np.abs(step[:, :, 0]).max(axis=1)
         near &= size < np.maximum(last / CONTRACTION, CLOSE)
         found[near] -= step[near, :, 0]
@@ -71,9 +84,9 @@ def is_same(v: Array, other: Array) -> Array:
     return np.asarray(np.abs(off - 2 * np.pi * np.round(off / (2 * np.pi))) <= SAME * (1 + np.abs(v)))
 
 
-def refuse_singular(about: Deviation, t: Array, v: list[Array]) -> None:
+def refuse_singular(about: Deviation, t: Array, s: Array, v: list[Array]) -> None:
     """Raise where V is singular at one of the times, or between them, while the followers are v."""
-    V = closings(about, t, np.array(v))
+    V = closings(about, s, np.array(v))
     signs, size = np.linalg.slogdet(V)[0], 1 / np.linalg.cond(V)
     for k in range(1, len(t)):
         if signs[k] != signs[k - 1]:
@@ -92,18 +105,16 @@ def side(V: Array) -> float:
     return float(np.linalg.slogdet(V)[0])
 
 
-def closings(about: Deviation, t: Array, v: Array) -> Array:
-    """V (N, k, k) at times for followers v (N, k), its columns scaled to length 1, so that metres and radians count alike."""
-    (s,) = about.positions(t, np.zeros((len(t), about.n)))
-    p = np.broadcast_to(about.arm.parameters.values, (len(t), len(about.arm.parameters.values)))
-    (V,) = symbolic.evaluate(about.arm.functions["closing"], s, v, p)
+def closings(about: Deviation, s: Array, v: Array) -> Array:
+    """V (N, k, k) at s for followers v (N, k), its columns scaled to length 1, so that metres and radians count alike."""
+    V = evaluate_at(about, "closing", s, v)
     return np.asarray(V / np.maximum(np.linalg.norm(V, axis=1, keepdims=True), 1e-300))
 
 
 def between(about: Deviation, a: float, v: Array, t: float) -> Array:
     """V at a time t after a, at which the followers are v."""
     found, at = follow(about, v, a, t)
-    return np.asarray(closings(about, np.array([at]), (v if found is None else found)[None])[0])
+    return np.asarray(closings(about, rigid_positions(about, np.array([at])), (v if found is None else found)[None])[0])
 
 
 def follow(about: Deviation, v: Array, a: float, b: float) -> tuple[Array | None, float]:
@@ -111,8 +122,7 @@ def follow(about: Deviation, v: Array, a: float, b: float) -> tuple[Array | None
     f, p = about.arm.functions["newton_step"], about.arm.parameters.values
 
     def step(t: float, v: Array) -> Array:
-        s = about.positions(np.array([t]), np.zeros((1, about.n)))[0][0]
-        return np.asarray(f(s, v, p).full()[:, 0])
+        return np.asarray(f(rigid_positions(about, np.array([t]))[0], v, p).full()[:, 0])
 
     return track(step, v, a, b, SHORTEST * about.motion.period)
 
