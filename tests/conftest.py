@@ -26,8 +26,13 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> object | 
         return None
     from xdist.scheduler import LoadScopeScheduling
 
+    quick = (
+        config.getoption("markexpr") == "not slow"
+    )  # no file takes long then, and few units cost the scheduler little
+
     class Groups(LoadScopeScheduling):
         def _split_scope(self, nodeid: str) -> str:
-            return find_group(config.rootpath / nodeid.partition("::")[0]) or nodeid
+            file = nodeid.partition("::")[0]
+            return find_group(config.rootpath / file) or (file if quick else nodeid)
 
     return Groups(config, log)

@@ -48,7 +48,7 @@ def test_periodic_lqr_costs_what_its_riccati_solution_says(lin):
     Q, R = np.diag([10.0, 10.0, 10.0, 0.1, 0.1, 0.1]), np.array([[5.0]])
     made = periodic_lqr(plant, Q, R)
     z0 = 2e-4 * np.array([1.0, 0.1, 0.0, 0.0, 0.5, 0.0])
-    run = simulate(lin, 0.25, reference.reference(np.zeros(1))[0] + z0, made.K, 1e-9, 1024, feedforward=reference)
+    run = simulate(lin, 0.25, reference.reference(np.zeros(1))[0] + z0, made.K, 1e-7, 1024, feedforward=reference)
     z = run.nonlinear - reference.reference(run.t)
     u = np.einsum("tij,tj->ti", made.K(run.t), z)
     spent = simpson(np.einsum("ti,ij,tj->t", z, Q, z) + np.einsum("ti,ij,tj->t", u, R, u), x=run.t)

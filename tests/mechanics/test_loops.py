@@ -1,81 +1,17 @@
 """Loops of a scene's own links: positions against closed forms, equations against multipliers, refusals with their time."""
 
-from itertools import pairwise
-
 import casadi as ca
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
-from scipy.spatial.transform import Rotation
 
 import flexlin as fl
-from flexlin.errors import ModelError, SceneError, SingularClosure
 from flexlin.periodic.transition.gauss import gauss_transitions
+from tests.mechanics.loop_scenes import ENDS, Z, accelerations, delta_arms, nearest, random_rssr, raw
 from tests.thinned import thin
 
 from .linkages import Arms, joined_accelerations, rssr_angles
-
-Z = np.array([0.0, 0.0, 1.0])
-ENDS = {"spatial-four-bar": [2], "delta": [2, 7, 12]}
-"""Which drawn points of the tree without loops are the ends that loops hold to the last link."""
-
-
-def raw(name, **changes):
-    """A shipped scene as plain data."""
-    table = fl.load_scene(name).model_dump(mode="json", by_alias=True, exclude_none=True, exclude_unset=True)
-    return {**table, **changes}
-
-
-def random_rssr(rng):
-    """A random rigid RSSR as a scene, with its arms in closed form, a crank angle and the rocker's there."""
-    rpy = rng.uniform(-3, 3, 3)
-    turn = Rotation.from_euler("xyz", rpy)
-    axis = rng.normal(size=3)
-    axis /= np.linalg.norm(axis)
-    along = np.array([1.0, 0.0, 0.0]) - axis[0] * axis  # the bar need not stand across its axis; here it does
-    crank, base = rng.uniform(0.1, 0.3), rng.normal(size=3)
-    frame = Rotation.align_vectors([axis, along / np.linalg.norm(along)], [Z, [1.0, 0.0, 0.0]])[0]
-    whole = turn * frame
-    angle, rocker, start = rng.uniform(-1, 1), rng.uniform(0.4, 0.8), rng.uniform(-3, 3)
-    masses = rng.uniform(0.1, 1.0, 3)
-    bars = Arms(
-        np.array([np.zeros(3), base]),
-        np.array([[1.0, 0.0, 0.0], whole.apply([1.0, 0.0, 0.0])]),
-        np.array([Z, whole.apply(Z)]),
-        np.array([crank, rocker]),
-        masses[:2],
-    )
-    ends = bars.ends(np.array([angle, start]))
-    length = float(np.linalg.norm(ends[1] - ends[0]))
-    x, y, z = Rotation.from_rotvec(Z * angle).inv().apply(ends[1] - ends[0]) / length
-    mount = {"xyz": base.tolist(), "rpy": whole.as_euler("xyz").tolist()}
-    links = [
-        {"length": crank, "mass_per_length": masses[0] / crank, "posture": angle},
-        {"body": {"mass": 0.0}, "passive": True, "posture": float(np.arctan2(y, x))},
-        {"axis": [0.0, -1.0, 0.0], "passive": True, "posture": float(np.arcsin(z)), "name": "coupler"},
-        {"parent": "base", "mount": mount, "passive": True, "posture": start, "name": "rocker"},
-    ]
-    links[2] |= {"length": length, "mass_per_length": masses[2] / length}
-    links[3] |= {"length": rocker, "mass_per_length": masses[1] / rocker}
-    motion = {"kind": "harmonic", "frequency": 1.0, "joints": [{"mean": angle, "amplitude": 0.1}]}
-    effects = {"gravity": {"direction": [0.0, 0.0, -1.0]}}
-    loops = [{"link": "coupler", "to": "rocker"}]
-    table = {"schema": 1, "title": "RSSR", "links": links, "loops": loops, "effects": effects, "motion": motion}
-    return table, bars, length, masses[2], angle, start
-
-
-def nearest(angles, to):
-    """The angle nearest to another, whole turns apart."""
-    shifted = to + (angles - to + np.pi) % (2 * np.pi) - np.pi
-    return shifted[np.argmin(np.abs(shifted - to))]
-
-
-def accelerations(arm, u, u_dot, torque):
-    M, B = (np.array(x) for x in ca.Function("f", [arm.s], [arm.M, arm.B])(u))
-    rest = np.array(arm.functions["residual"](u, u_dot, np.zeros(arm.n), []))[:, 0]
-    return np.linalg.solve(M, B @ torque - rest)
 
 
 @pytest.mark.parametrize("seed", thin(range(6), 2))
@@ -101,15 +37,6 @@ def test_a_random_rssr_is_that_of_the_closed_form_and_of_multipliers(seed):
     judge = joined_accelerations(bars, [(0, 1, length, mass)], 0.0, (q, rate, none, none), np.array([0.4, 0.0]))
     assert_allclose(accelerations(arm, [angle], rate[:1], np.array([0.4])), judge[:1], rtol=1e-9)
     assert ways > 0
-
-
-def delta_arms(table):
-    chosen = [link for link in table["links"] if link["name"].endswith("arm")]
-    yaws = np.array([link["mount"]["rpy"][2] for link in chosen])
-    along = np.stack([np.cos(yaws), np.sin(yaws), 0 * yaws], axis=1)
-    bases = np.array([link["mount"]["xyz"] for link in chosen])
-    length, density = chosen[0]["length"], chosen[0]["mass_per_length"]
-    return Arms(bases, along, np.cross(Z, along), np.full(3, length), np.full(3, length * density))
 
 
 def test_a_rigid_delta_is_three_rods_between_arms_and_a_body_that_shifts():
@@ -274,80 +201,6 @@ def test_free_numbers_move_the_closure(flexible):
         np.array(built.functions["residual"](*state, [])),
         rtol=1e-9,
     )
-
-
-def test_a_dead_point_is_refused_with_its_time():
-    """The crank leaves the range in which the rocker follows: the time is a root of the input-output equation."""
-    table, bars, length, _, angle, _ = random_rssr(np.random.default_rng(1))
-    table["motion"]["joints"] = [{"mean": angle, "amplitude": 3.1}]
-
-    def room(crank):
-        a = bars.ends(np.array([crank, 0.0]))[0]
-        d, r = bars.bases[1] - a, bars.lengths[1]
-        flat = d - (d @ bars.axes[1]) * bars.axes[1]
-        return (2 * r) ** 2 * flat @ flat - (length**2 - d @ d - r**2) ** 2
-
-    def swing(t):
-        return angle + 3.1 * np.sin(2 * np.pi * t)
-
-    t = np.linspace(0, 0.25, 400)
-    first = next((a, b) for a, b in pairwise(t) if room(swing(b)) < 0)
-    dead = brentq(lambda t: room(swing(t)), *first)
-    scene = fl.parse_scene(table)
-    with pytest.raises(SingularClosure, match=rf"dead point.*t = {dead:.5f}"):
-        fl.linearize(fl.build_manipulator(scene), scene.motion)
-
-
-def test_a_singular_closure_is_refused_with_its_time():
-    """A parallelogram goes flat when its crank lies along the base, here at t = 0.125 s: it closes there, and might turn over."""
-    links = [
-        {"length": 0.2, "posture": 1.0},
-        {"length": 0.5, "passive": True, "posture": -1.0, "name": "coupler"},
-        {
-            "length": 0.2,
-            "parent": "base",
-            "mount": {"xyz": [0.5, 0.0, 0.0]},
-            "passive": True,
-            "posture": 1.0,
-            "name": "rocker",
-        },
-    ]
-    links = [{**link, "mass_per_length": 1.0} for link in links]
-    motion = {"kind": "harmonic", "frequency": 1.0, "joints": [{"mean": 1.0, "amplitude": -np.sqrt(2.0)}]}
-    loops = [{"link": "coupler", "to": "rocker"}]
-    table = {"schema": 1, "title": "parallelogram", "links": links, "loops": loops, "motion": motion}
-    scene = fl.parse_scene(table)
-    with pytest.raises(SingularClosure, match=r"at t = 0\.125 s"):
-        fl.linearize(fl.build_manipulator(scene), scene.motion)
-    table["motion"]["joints"] = [{"mean": 1.0, "amplitude": 0.8}]
-    scene = fl.parse_scene(table)
-    fl.linearize(fl.build_manipulator(scene), scene.motion)
-
-
-@pytest.mark.parametrize(
-    ("change", "key", "words"),
-    [
-        ({"loops": [{"link": "coupler", "to": "nobody"}]}, "loops.0.to", "one of crank"),
-        ({"loops": [{"link": "coupler", "to": "coupler"}]}, "loops.0.to", "another link"),
-        ({"loops": []}, "links.1.passive", "loops"),
-        ({"links.3.parent": "tail"}, "links.3.parent", "name of a link"),
-        ({"links.1.parent": "rocker"}, "links.1.parent", "before this one"),
-        ({"links.3.name": "coupler"}, "loops.0.link", "only one link"),
-        ({"links.1.joint": "fixed"}, "links.1.passive", "a joint that moves"),
-        ({"motion.joints": [{"amplitude": 0.1}] * 4}, "motion.joints", "not passive"),
-    ],
-)
-def test_tables_that_do_not_fit_are_named(change, key, words):
-    with pytest.raises(SceneError) as error:
-        fl.load_scene("spatial-four-bar", {**change, "designs": []})
-    assert any(problem.key == key and words in problem.expected for problem in error.value.problems), error.value
-
-
-def test_a_joint_too_many_is_counted():
-    joints = [{"mean": 0.5, "amplitude": 0.8}, {"amplitude": 0.1}]
-    changes = {"links.1.passive": False, "motion.joints": joints, "control": {}, "designs": []}
-    with pytest.raises(ModelError, match=r"2 passive joints.*3, one for each equation"):
-        fl.build_manipulator(fl.load_scene("spatial-four-bar", changes))
 
 
 def test_a_crank_goes_round_and_round():

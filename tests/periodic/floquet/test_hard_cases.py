@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from tests.periodic.hard_cases import CASES, naive_exponents, worst_miss
+from tests.periodic.hard_cases import CASES
+from tests.periodic.hard_systems import forty_modes, forty_modes_one_by_one
+from tests.periodic.naive import naive_exponents, worst_miss
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "hard-cases.md"
 ROUNDING = 1e-9
@@ -27,6 +29,17 @@ def test_hard_case(case):
     naive = worst_miss(naive_exponents(system, case.steps), known, system.period)
     assert case.name in FORGIVEN or naive > 10 * miss
     compare_with_the_page(case, result, miss, naive)
+
+
+@pytest.mark.slow
+def test_what_is_claimed_of_forty_modes_depends_on_no_count_of_segments():
+    """Bases that are found once lose digits at some counts and not at others."""
+    system, known = forty_modes(), forty_modes_one_by_one()
+    for segments in (26, 28, 31):
+        result = fl.floquet(system, 1e-11, method="gauss", order=14, segments=segments)
+        miss = worst_miss(result.exponents, known, system.period)
+        assert miss <= result.error <= 1e-8, segments
+        assert result.verdict == "stable"
 
 
 def compare_with_the_page(case, result, miss, naive):

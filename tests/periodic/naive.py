@@ -1,0 +1,36 @@
+"""What is usually written, and by how much it misses."""
+
+import numpy as np
+
+from flexlin.periodic.grid import place_edges
+
+STEPS = 2000
+"""Runge-Kutta steps a period of the naive code."""
+
+
+def naive_exponents(system, steps=STEPS):
+    """What is usually written: Runge-Kutta of order 4, the monodromy matrix multiplied out, its eigenvalues, their logs."""
+    grid = place_edges(system.period, (), steps)
+    h = np.diff(grid)[:, None, None]
+    start, middle, end = (system.A(t) for t in (grid[:-1], grid[:-1] + h[:, 0, 0] / 2, grid[1:]))
+    eye = np.eye(start.shape[-1])
+    with np.errstate(all="ignore"):
+        k1 = start
+        k2 = middle @ (eye + h / 2 * k1)
+        k3 = middle @ (eye + h / 2 * k2)
+        k4 = end @ (eye + h * k3)
+        monodromy = eye
+        for step in eye + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4):
+            monodromy = step @ monodromy
+        if not np.isfinite(monodromy).all():
+            return np.full(len(eye), np.inf)
+        return np.log(np.linalg.eigvals(monodromy).astype(complex)) / system.period
+
+
+def worst_miss(exponents, known, period):
+    """The largest distance of a known exponent to the nearest one found, imaginary parts modulo 2 pi / T."""
+    if not np.isfinite(exponents).all():
+        return np.inf
+    apart = known[:, None] - exponents[None, :]
+    turns = np.round(apart.imag * period / (2 * np.pi))
+    return float(np.abs(apart - 2j * np.pi / period * turns).min(axis=1).max())

@@ -1,0 +1,32 @@
+"""Matrix functions of time, and how well a series covers one."""
+
+import numpy as np
+
+SMOOTH = 2 * np.pi
+
+
+def scalar(f):
+    """A function of time as a 1 x 1 matrix function."""
+    return lambda t: np.asarray(f(t), dtype=float)[:, None, None]
+
+
+def background(rng, period, size=2, harmonics=5):
+    """A random trigonometric polynomial, some entries constant."""
+    waves = rng.standard_normal((2, harmonics, size * size)) * (rng.random(size * size) < 0.7)
+    mean = rng.standard_normal(size * size)
+
+    def f(t):
+        angle = 2 * np.pi / period * np.outer(t, np.arange(1, harmonics + 1))
+        return (mean + np.cos(angle) @ waves[0] + np.sin(angle) @ waves[1]).reshape(-1, size, size)
+
+    return f
+
+
+def covered(series, A, rng, near=()):
+    """The largest ratio of the true error to the stated one, at random times and ever closer to the places given."""
+    T = series.period
+    steps = T * 10.0 ** rng.uniform(-12, -1, 60)
+    t = np.concatenate(
+        [rng.uniform(0, T, 3000), *(np.mod(place + side * steps, T) for place in near for side in (-1, 1))]
+    )
+    return float((np.abs(series(t) - A(t)) / series.error).max())
