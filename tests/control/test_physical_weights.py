@@ -6,6 +6,7 @@ import pytest
 import flexlin as fl
 from flexlin.control import design, physical_weights
 from flexlin.errors import ArgumentError
+from flexlin.periodic.fourier import FourierSeries
 from flexlin.scene.weights import Weights
 from flexlin.simulation import tip_positions
 
@@ -13,7 +14,8 @@ WITH_DESIGNS = {
     "single-link": ("links.0.modes", 1, 5),
     "quanser-flexible-link": ("links.0.modes", 1, 5),
     "flexible-joint-link": ("links.0.modes", 1, 5),
-    "five-bar": ("parameters.left.1.modes", 0, 2),
+    "five-bar": ("parameters.left.1.modes", 0, 5),
+    "spatial-four-bar": ("links.2.modes", 1, 2),
     "khang-2019": ("parameters.payload_mass", 0.2),
 }
 """A key and the values that it takes; the paper's own model has one mode."""
@@ -59,6 +61,15 @@ def test_built_in_designs_bear_any_number_of_modes(name):
         for table in scene.designs:
             made = design(lin, table, tol=1e-6)
             assert fl.floquet(made.closed_loop, tol=1e-6).verdict == "stable"
+
+
+@pytest.mark.slow
+def test_fast_modes_ask_for_no_more_nodes():
+    """Modes up to 42,000 rad/s: the cost has the few harmonics of the motion, which the ringing of a coarse start must not hide."""
+    scene, lin = arm_of("flexible-joint-link", **{"links.0.modes": 5})
+    solution = design(lin, scene.designs[0], tol=1e-9).solution
+    assert isinstance(solution.series, FourierSeries)
+    assert solution.error < 1e-9
 
 
 def test_one_more_mode_leaves_the_gain_of_the_others():

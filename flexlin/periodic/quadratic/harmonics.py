@@ -25,6 +25,8 @@ MOST_ENTRIES = 2**18
 """Largest number of entries of X at all nodes: GMRES keeps up to 80 such arrays."""
 NEEDED = 0.75
 """Share of the nodes that the fall of the last harmonics of a coarse solution promises to need."""
+RINGING = 1e-4
+"""Last harmonics of a coarse solution that say nothing of those of X: fast modes ring at an order of two, Newton's method ends that."""
 ROUNDS = 12
 INEXACT, ENOUGH = (1e-6, 1e-2), 0.1
 """Least and largest relative accuracy of a Newton step, and what will do."""
@@ -75,10 +77,11 @@ def solve_by_harmonics(problem: LinearQuadratic, period: float, tol: float) -> R
         try:
             start = start_coarsely(samples, problem) if X is None else X(fourier_nodes(count, period))
             tail = find_tail(start)
-            if tail ** (LAST / count) > tol:
-                break
-            if X is None and (least := NEEDED * count * np.log(tol) / np.log(np.clip(tail, 1e-300, 0.9))) > count:
-                continue
+            if tail > RINGING:
+                if tail ** (LAST / count) > tol:
+                    break
+                if X is None and (least := NEEDED * count * np.log(tol) / np.log(min(tail, 0.9))) > count:
+                    continue
             X = FourierSeries.through(refine(samples, start, tol), period)
             if find_tail(X.values) > 10 * tol:
                 continue

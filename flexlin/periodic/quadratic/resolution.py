@@ -7,20 +7,22 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.coefficients import PROBES, Constant, MatrixFunction
-from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.fourier import FourierSeries, fourier_nodes, real_fourier_coefficients
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.resolved.companion import ResolvedCompanion
-from flexlin.periodic.resolved.matrix import WAVES, divided
+from flexlin.periodic.resolved.matrix import WAVES, ResolvedMatrix, divided
 from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.system import PeriodicSystem
 
+MOST_PANELS = 128
+"""Panels of equal length, at the most, of which samples of a period show every wave."""
 OTHERS = ("B", "Q", "R", "N")
 SEEN = 0.1
 """Harmonics below this part of tol, relative to the largest coefficient, need not be seen."""
 
 
 def resolve_problem(problem: LinearQuadratic, system: PeriodicSystem) -> tuple[LinearQuadratic, Array]:
-    """Return the problem with its coefficients as series, and the edges of their panels from 0 to T: two where all are smooth."""
+    """Return the problem with its coefficients as series, and the edges of their panels from 0 to T."""
     found: dict[str, MatrixFunction] = {"A": system.resolved}
     edges = system.resolved.edges
     for name in OTHERS:
@@ -50,25 +52,36 @@ def varies(source: MatrixFunction, system: PeriodicSystem) -> bool:
 
 
 def divide_for_waves(problem: LinearQuadratic, edges: Array, tol: float) -> Array:
-    """Divide the parts of the period until none holds more waves of a smooth coefficient than a panel follows."""
-    return divided(edges, float(edges[-1]) * WAVES / max(last_harmonic(problem, tol), 1))
+    """Divide the parts of the period until none holds more waves of a Fourier series than a panel follows."""
+    smooth = (one for one in coefficients(problem) if isinstance(one.series, FourierSeries))
+    waves = max((highest_wave(one, tol) for one in smooth), default=1.0)
+    return divided(edges, float(edges[-1]) * WAVES / max(waves, 1.0))
 
 
-def last_harmonic(problem: LinearQuadratic, tol: float) -> int:
-    """Return the highest harmonic of the smooth coefficients that matters at tol."""
-    last = 0
-    for name in ("A", *OTHERS):
-        coefficient = getattr(problem, name)
-        series = getattr(coefficient, "series", None)
-        if isinstance(series, FourierSeries):
-            waves = series.coefficients
-            parts = coefficient.split(waves) if isinstance(coefficient, ResolvedCompanion) else (waves,)
-            last = max(last, *(find_last(part, SEEN * tol) for part in parts))
-    return last
+def last_harmonic(problem: LinearQuadratic, tol: float) -> float:
+    """Return the highest harmonic of the coefficients that matters at tol; infinity where one is not smooth or changes in a short time."""
+    return max((highest_wave(one, tol) for one in coefficients(problem)), default=0.0)
 
 
-def find_last(waves: Array, tol: float) -> int:
-    """Return the highest harmonic larger than tol of the largest coefficient."""
-    H, size = len(waves) // 2, np.abs(waves).max(axis=(1, 2))
-    large = np.maximum(size[1 : H + 1], size[H + 1 :]) > tol * size.max()
-    return int(np.flatnonzero(large).max(initial=-1)) + 1
+def coefficients(problem: LinearQuadratic) -> list[ResolvedMatrix | ResolvedCompanion]:
+    """Those that vary."""
+    every = (getattr(problem, name) for name in ("A", *OTHERS))
+    return [one for one in every if isinstance(one, ResolvedMatrix | ResolvedCompanion)]
+
+
+def highest_wave(coefficient: ResolvedMatrix | ResolvedCompanion, tol: float) -> float:
+    """Return the highest harmonic above tol of the largest and above what is known of the coefficient."""
+    series, T = coefficient.series, coefficient.period
+    if coefficient.breaks or np.diff(coefficient.edges).min() < T / MOST_PANELS:
+        return np.inf
+    values = None if isinstance(series, FourierSeries) else series(fourier_nodes(16 * MOST_PANELS, T))
+    waves = series.coefficients if values is None else real_fourier_coefficients(values)
+    H, last = len(waves) // 2, 0
+    error = coefficient.blocks.error if isinstance(coefficient, ResolvedCompanion) else coefficient.error
+    parts = coefficient.split if isinstance(coefficient, ResolvedCompanion) else lambda all_: (all_,)
+    for part, known in zip(parts(waves), parts(error), strict=True):
+        size = np.abs(part).max(axis=(1, 2))
+        floor = max(SEEN * tol * size.max(), float(known.max()))
+        large = np.maximum(size[1 : H + 1], size[H + 1 :]) > floor
+        last = max(last, int(np.flatnonzero(large).max(initial=-1)) + 1)
+    return float(last)

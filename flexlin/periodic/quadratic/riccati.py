@@ -86,7 +86,7 @@ def periodic_riccati(
     system = as_system(system)
     problem, edges = resolve_problem(linear_quadratic(system, Q, R, N), system)
     tol = positive("tol", tol)
-    smooth = solve_by_harmonics(problem, system.period, tol) if len(edges) == 2 else None
+    smooth = solve_by_harmonics(problem, system.period, tol)
     if smooth is not None and smooth.error <= LIMITED * tol:
         return smooth if smooth.error <= tol else name_limit(smooth, "rounding", tol)
     return solve_by_plans(problem, divide_for_waves(problem, edges, tol), None, tol, smooth)
