@@ -58,16 +58,33 @@ def evaluate(function: ca.Function, *arguments: Array) -> tuple[Array, ...]:
 
 def checked_inputs(function: ca.Function, arguments: tuple[Array, ...]) -> list[Array]:
     """Check that each argument is finite and fits its input."""
-    if len(arguments) != function.n_in():
-        raise ArgumentError(f"{function.name()} takes {function.n_in()} inputs", got=len(arguments))
+    inputs = layout(function)[0]
+    if len(arguments) != len(inputs):
+        raise ArgumentError(f"{function.name()} takes {len(inputs)} inputs", got=len(arguments))
     arrays = [
-        np.ascontiguousarray(real_array(function.name_in(i), a, (None, function.numel_in(i))))
-        for i, a in enumerate(arguments)
+        np.ascontiguousarray(real_array(name, a, (None, size)))
+        for (name, size), a in zip(inputs, arguments, strict=True)
     ]
     lengths = {len(a) for a in arrays}
     if len(lengths) != 1 or 0 in lengths:
         raise ArgumentError("inputs of unequal or zero length", got=sorted(lengths), expected="the same N > 0 for all")
     return arrays
+
+
+@lru_cache(maxsize=256)
+def layout(function: ca.Function) -> tuple[tuple[tuple[str, int], ...], tuple[tuple[int, int], ...]]:
+    """Name and size of each input, and rows and columns of each output, asked of CasADi once.
+
+    Raises: ArgumentError where an output is sparse.
+    """
+    for i in range(function.n_out()):
+        if function.nnz_out(i) != function.numel_out(i):
+            raise ArgumentError(
+                f"output {function.name_out(i)} of {function.name()} is sparse",
+                expected="a dense output (casadi.densify)",
+            )
+    inputs = tuple((function.name_in(i), function.numel_in(i)) for i in range(function.n_in()))
+    return inputs, tuple(function.size_out(i) for i in range(function.n_out()))
 
 
 def call(function: ca.Function, arrays: list[Array]) -> list[Array]:
@@ -79,13 +96,7 @@ def call(function: ca.Function, arrays: list[Array]) -> list[Array]:
         if array.size:
             buffer.set_arg(i, array.data)
     outputs = []
-    for i in range(function.n_out()):
-        rows, columns = function.size_out(i)
-        if function.nnz_out(i) != rows * columns:
-            raise ArgumentError(
-                f"output {function.name_out(i)} of {function.name()} is sparse",
-                expected="a dense output (casadi.densify)",
-            )
+    for i, (rows, columns) in enumerate(layout(function)[1]):
         output = np.empty((points, columns, rows))
         buffer.set_res(i, output.data)
         outputs.append(output)

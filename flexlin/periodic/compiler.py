@@ -85,7 +85,12 @@ def describe_processor() -> str:
 
 @lru_cache(maxsize=1)
 def cache_folder() -> Path:
-    """A folder that only this user can write to: below XDG_CACHE_HOME or ~/.cache, else a new one for this process."""
+    """A folder that only this user can write to: the one that is kept, else a new one for this process."""
+    return find_kept_folder() or Path(tempfile.mkdtemp(prefix="flexlin-"))
+
+
+def find_kept_folder() -> Path | None:
+    """The folder below XDG_CACHE_HOME or ~/.cache, which later processes find again; none where it cannot be written."""
     try:
         base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
         folder = base / "flexlin"
@@ -94,7 +99,7 @@ def cache_folder() -> Path:
             return folder
     except (OSError, RuntimeError):
         pass
-    return Path(tempfile.mkdtemp(prefix="flexlin-"))
+    return None
 
 
 def is_own(path: Path) -> bool:

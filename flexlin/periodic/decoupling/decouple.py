@@ -28,6 +28,8 @@ SETTLED, WORST = 1e-3, 0.3
 MAX_ROUNDS, MAX_MERGES = 14, 12
 ROUGH = 1e-3
 """Coefficients whose upper harmonics are larger than this part of the largest need more nodes."""
+SPARSE = 4
+"""Means of rounding are taken at every so many nodes: it changes slowly."""
 EPS = float(np.finfo(float).eps)
 
 
@@ -171,14 +173,27 @@ def checked(
     inverse = np.linalg.inv(T)
     inverse += inverse @ (np.eye(T.shape[-1]) - T @ inverse)
     B = inverse @ (A @ T - slope)
-    rounding = EPS * (np.abs(inverse) @ (np.abs(A) @ np.abs(T) + np.abs(slope))).mean(axis=0)
-    residual = residual_effect(B, period, built.groups)
     times = period / len(A) * np.arange(len(A))
+    done = replace(built, times=times, frame=T, inverse=inverse, generator=B)
+    residual = residual_effect(B, period, built.groups)
+    return with_evidence(replace(done, residual=residual), slope, A, tol, uncertainty)
+
+
+def with_evidence(
+    done: Decoupled, slope: Array, A: Array, tol: float, uncertainty: Uncertainty | None
+) -> tuple[Decoupled, bool]:
+    """State what rounding is left beside the coupling, and whether the nodes and those half-way between them agree.
+
+    Parameters: slope, A (N, n, n): the frame's slope and the coefficients at the times of `done`.
+    """
+    some = slice(None, None, SPARSE)
+    T, inverse, B = done.frame[some], done.inverse[some], done.generator
+    rounding = EPS * (np.abs(inverse) @ (np.abs(A[some]) @ np.abs(T) + np.abs(slope[some]))).mean(axis=0)
     if uncertainty is not None:
-        rounding = rounding + COHERENT / 3 * uncertainty(times, inverse, T).mean(axis=0)
-    done = replace(built, times=times, frame=T, inverse=inverse, generator=B, residual=residual, rounding=rounding)
+        rounding = rounding + COHERENT / 3 * uncertainty(done.times[some], inverse, T).mean(axis=0)
     means = np.einsum("tii->ti", B)
     apart = np.maximum(np.abs(means[::2].mean(axis=0) - means[1::2].mean(axis=0)), aliasing(means))
     allowed = tol * np.maximum(1, np.abs(means.mean(axis=0)))
     noise = 4 * np.diagonal(rounding)
-    return done, bool(np.all((apart < 0.1 * allowed + noise) & (np.diagonal(residual) < 0.3 * allowed + noise)))
+    settled = np.all((apart < 0.1 * allowed + noise) & (np.diagonal(done.residual) < 0.3 * allowed + noise))
+    return replace(done, rounding=rounding), bool(settled)

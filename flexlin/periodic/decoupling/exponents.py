@@ -9,6 +9,7 @@ from flexlin.periodic.assignment import assign
 from flexlin.periodic.circle import match_logs, pair_conjugates, wrap_angle, wrap_log
 from flexlin.periodic.decoupling.coupling import group_separation
 from flexlin.periodic.decoupling.decoupled import Decoupled, as_real
+from flexlin.periodic.decoupling.tame import tame_exponents
 from flexlin.periodic.decoupling.waves import aliasing, interpolated
 from flexlin.periodic.product.balancing import balance_factors
 from flexlin.periodic.product.eigenvalues import product_logs, solve_product
@@ -42,47 +43,49 @@ class DecoupledExponents:
     rounding: Array
 
 
-def decoupled_exponents(decoupled: Decoupled) -> DecoupledExponents:
+def decoupled_exponents(decoupled: Decoupled, tame_only: bool = False) -> DecoupledExponents:
     """Floquet exponents of all groups.
 
     A single mode's exponent is the mean of its generator; the nodes that built the frame and those half-way between them give it
     once each, and their difference is its error. A larger group is a small system without fast modes, integrated by Gauss collocation:
-    its error is its motion under coarser steps, under the generator of one set of nodes alone, and under a random
-    perturbation of the size of the residual coupling and of the rounding.
+    its error is bounded by perturbation theory where its modes grow little against each other (`tame_exponents`). Elsewhere it is its
+    motion under coarser steps, under the generator of one set of nodes alone, and under a random perturbation of the size of the
+    residual coupling and of the rounding; with `tame_only` it is infinite there.
     """
     n, period = decoupled.generator.shape[-1], decoupled.period
     values, parts = np.zeros(n, complex), np.zeros((3, n))
+    single = [i for i, group in enumerate(decoupled.groups) if group.size == 1 and group.partner >= i]
+    places = [decoupled.groups[i].start for i in single]
+    values[places], parts[:, places] = singles(decoupled, single)
     for i, group in enumerate(decoupled.groups):
         if group.partner < i:
             mate = decoupled.groups[group.partner].part
             values[group.part], parts[:, group.part] = values[mate].conj(), parts[:, mate]
-        elif group.size == 1:
-            values[group.start], parts[:, group.start] = single(decoupled, i)
-        else:
+        elif group.size > 1:
             with np.errstate(over="ignore", invalid="ignore"):  # what overflows comes out unresolved and is enclosed
-                values[group.part], parts[0, group.part] = several(decoupled, i)
+                values[group.part], parts[0, group.part] = several(decoupled, i, tame_only)
     values = wrap_log(values * period) / period
     order = np.argsort(-values.real, kind="stable")
     discretization, coupling, rounding = parts[:, order]
     return DecoupledExponents(values[order], parts.sum(axis=0)[order], discretization, coupling, rounding)
 
 
-def single(decoupled: Decoupled, index: int) -> tuple[complex, Array]:
-    """The exponent of a group of one, and its three errors.
+def singles(decoupled: Decoupled, indices: list[int]) -> tuple[Array, Array]:
+    """The exponents (s,) of groups of one, and their three errors (3, s).
 
     Where the coupling's bound exceeds what the real parts of the coupled modes enclose, the enclosure counts.
     """
-    group = decoupled.groups[index]
-    k = group.start
-    B = decoupled.generator[:, k, k]
-    value = complex(B.mean())
-    if group.partner == index:
-        value = value.real + 1j * np.pi / decoupled.period * float(decoupled.turning[index])
-    apart = max(abs(B[::2].mean() - B[1::2].mean()), float(aliasing(B)))
-    coupling = SAFETY * decoupled.residual[k, k]
-    if coupling * decoupled.period > UNRESOLVED:
-        coupling = min(coupling, enclosure(decoupled, k))
-    return value, np.array([apart, coupling, SAFETY * decoupled.rounding[k, k]])
+    groups = [decoupled.groups[i] for i in indices]
+    places = [group.start for group in groups]
+    B = decoupled.generator[:, places, places]
+    real = np.array([group.partner for group in groups]) == indices
+    values = B.mean(axis=0)
+    values = np.where(real, values.real + 1j * np.pi / decoupled.period * decoupled.turning[indices], values)
+    apart = np.maximum(np.abs(B[::2].mean(axis=0) - B[1::2].mean(axis=0)), aliasing(B))
+    coupling = SAFETY * decoupled.residual[places, places]
+    for i in np.flatnonzero(coupling * decoupled.period > UNRESOLVED).tolist():
+        coupling[i] = min(coupling[i], enclosure(decoupled, places[i]))
+    return values, np.array([apart, coupling, SAFETY * decoupled.rounding[places, places]])
 
 
 def enclosure(decoupled: Decoupled, k: int) -> float:
@@ -95,15 +98,23 @@ def enclosure(decoupled: Decoupled, k: int) -> float:
     return float(np.hypot(reach, np.pi / decoupled.period))
 
 
-def several(decoupled: Decoupled, index: int) -> tuple[Array, Array]:
+def several(decoupled: Decoupled, index: int, tame_only: bool = False) -> tuple[Array, Array]:
     """The exponents of a larger group, and their errors."""
     group, period = decoupled.groups[index], decoupled.period
     values, mean = decoupled.traceless(index)
     segments, spread = group_segments(values, period)
     if segments > MOST or (segments > FEW and spread > RESOLVED):
         return bounded(values, mean, group.size, period)
-    coarse = max(1, round(COARSER * segments))
     complex_group = group.partner != index
+    if (
+        not complex_group
+        and (tame := tame_exponents(values, period, segments, find_unknown(decoupled, index))) is not None
+    ):
+        logs, errors = pair_conjugates(*tame)
+        return mean + logs / period, errors / period
+    if tame_only:
+        return np.full(group.size, mean), np.full(group.size, np.inf)
+    coarse = max(1, round(COARSER * segments))
     shift = perturbation(decoupled, index)
     logs, rounding = solve_product(factor_group(values, period, segments))
     other = product_logs(factor_group(values, period, coarse))
@@ -120,6 +131,13 @@ def several(decoupled: Decoupled, index: int) -> tuple[Array, Array]:
     else:
         logs, errors = pair_conjugates(logs, errors)
     return mean + logs / period, errors / period
+
+
+def find_unknown(decoupled: Decoupled, index: int) -> Array:
+    """What is not known of a group's generator, entry by entry (p, p): the coupling's effect, rounding and missing harmonics."""
+    part = decoupled.groups[index].part
+    known = decoupled.generator[:, part, part]
+    return SAFETY * (decoupled.residual + decoupled.rounding)[part, part] + aliasing(known)
 
 
 def perturbation(decoupled: Decoupled, index: int) -> Array:

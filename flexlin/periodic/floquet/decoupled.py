@@ -8,9 +8,13 @@ from flexlin.checks import Array
 from flexlin.periodic.decoupling.decouple import decouple
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.exponents import decoupled_exponents
+from flexlin.periodic.decoupling.library import find_library
 from flexlin.periodic.decoupling.panels import panel_exponents
+from flexlin.periodic.decoupling.steady import decouple_steady
 from flexlin.periodic.floquet.uncertainty import couple_uncertainty
+from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.transition.setting import Setting
 
 ENCLOSED = 0.1
 """An exponent that is known only to this part of its size, and to lie below the others, counts as unresolved."""
@@ -39,6 +43,26 @@ def solve_decoupled(system: PeriodicSystem, tol: float) -> tuple[Array, Array, D
         return decoupled
     found = decoupled_exponents(decoupled)
     return found.exponents, hide_enclosed(found.exponents, found.errors), decoupled
+
+
+def solve_steady(system: PeriodicSystem, tol: float) -> tuple[Array, Array, Setting, Decoupled] | Refusal:
+    """Exponents and errors by decoupling where A(t) mixes the modes of its mean by little, or why that does not serve.
+
+    It serves only where every error is bounded by perturbation theory and meets tol.
+    """
+    coefficients, T = system.resolved, system.period
+    if coefficients.breaks or not isinstance(coefficients.series, FourierSeries):
+        return Refusal("A(t) is not one Fourier series")
+    decoupled = decouple_steady(coefficients, T, coefficients.degree, tol, partial(couple_uncertainty, system))
+    if isinstance(decoupled, Refusal):
+        return decoupled
+    found = decoupled_exponents(decoupled, tame_only=True)
+    if not np.all(found.errors <= tol * np.maximum(1.0, np.abs(found.exponents))):
+        return Refusal("tol is not met")
+    rate = float(np.abs(np.einsum("tii->ti", decoupled.generator)).max())
+    code = "compiled code" if find_library() else "NumPy"
+    reason = f"modes that keep their shapes, eigenvalues of A(t) up to {rate:.3g} 1/s, by {code}"
+    return found.exponents, found.errors, Setting("decoupling", 0, 1, reason, rate), decoupled
 
 
 def hide_enclosed(exponents: Array, errors: Array) -> Array:

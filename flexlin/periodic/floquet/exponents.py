@@ -10,7 +10,7 @@ from flexlin.periodic.assignment import assign
 from flexlin.periodic.circle import measure_distances, pair_conjugates, wrap_log
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.floquet.constant import solve_constant
-from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_decoupled
+from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_decoupled, solve_steady
 from flexlin.periodic.floquet.hamiltonian import is_hamiltonian, pair_hamiltonian
 from flexlin.periodic.floquet.hill import hill_spectrum
 from flexlin.periodic.floquet.result import FloquetResult, judge
@@ -119,6 +119,8 @@ def find_exponents(
         raise report_too_many(segments, limit, tol)
     if segments is not None:
         return judge_fixed(system, choose_setting(system, tol, method, order, segments), tol)
+    if method == "auto" and not isinstance(steady := solve_steady(system, tol), Refusal):
+        return replace(finish(system, *steady[:3], tol), decoupled=steady[3])
     setting = choose_setting(system, tol, method, order, None)
     if method == "auto":
         answer = try_decoupling(system, setting, tol, limit)

@@ -1,0 +1,91 @@
+"""The modes of the mean of A(t): where they serve all along the period, no mode has to be followed."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.periodic.decoupling.decoupled import Refusal
+from flexlin.periodic.decoupling.grouping import Group, block_mask
+
+LARGEST = 1e7
+"""Eigenvectors of the mean with a larger condition number are none to build on."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeanModes:
+    """Eigenvalues (n,) in 1/s of the mean of A, right vectors (n, n) as columns and left ones as rows, the conjugate of each (n,).
+
+    groups: modes whose eigenvalues lie close together stand side by side.
+    """
+
+    values: Array
+    right: Array
+    left: Array
+    mate: Array
+    groups: tuple[Group, ...]
+
+    @property
+    def outside(self) -> Array:
+        """Pairs of modes that are not in one group (n, n)."""
+        return ~block_mask(self.groups)
+
+    def real_columns(self, group: Group) -> Array:
+        """A unitary matrix (p, p) that makes the vectors of a real group real: sqrt 2 Re v and sqrt 2 Im v for v and its conjugate."""
+        mate, U = self.mate[group.part] - group.start, np.eye(group.size, dtype=complex)
+        for j in np.flatnonzero(mate > np.arange(group.size)).tolist():
+            U[np.ix_([j, mate[j]], [j, mate[j]])] = np.array([[1, -1j], [1, 1j]]) / np.sqrt(2)
+        return U
+
+
+def find_mean_modes(mean: Array, closest: float) -> MeanModes | Refusal:
+    """The modes of the mean (n, n), in groups of eigenvalues that lie closer together than `closest` 1/s."""
+    values, vectors = np.linalg.eig(mean)
+    together = np.abs(values[:, None] - values) < closest
+    if together.all():
+        return Refusal("no eigenvalues of the mean of A(t) stand apart")
+    mate = np.abs(values.conj()[:, None] - values).argmin(axis=1)
+    if (mate[mate] != np.arange(len(mate))).any():
+        return Refusal("eigenvalues of the mean of A(t) coincide")
+    columns, groups = group_neighbours(mate.tolist(), together.tolist())
+    if len(groups) == 1:
+        return Refusal("no eigenvalues of the mean of A(t) stand apart")
+    right = vectors[:, columns].astype(complex)
+    try:
+        left = np.linalg.inv(right)
+    except np.linalg.LinAlgError:
+        return Refusal("the eigenvectors of the mean of A(t) depend on each other")
+    if not np.linalg.norm(left) * np.linalg.norm(right) < LARGEST:
+        return Refusal("the eigenvectors of the mean of A(t) depend on each other")
+    place = np.argsort(columns)
+    return MeanModes(values[columns].astype(complex), right, left, place[mate[columns]], groups)
+
+
+def group_neighbours(mate: list[int], together: list[list[bool]]) -> tuple[list[int], tuple[Group, ...]]:
+    """Put modes together that are connected by neighbours: the order of the modes, and the groups in it, those of conjugates in a row.
+
+    Conjugates are neighbours where the modes are, so the conjugates of a group are a group too.
+    """
+    label = [-1] * len(mate)
+    members: list[list[int]] = []
+    for first in range(len(mate)):
+        if label[first] >= 0:
+            continue
+        members.append([first])
+        label[first] = len(members) - 1
+        for i in members[-1]:
+            for j, near in enumerate(together[i]):
+                if near and label[j] < 0:
+                    label[j] = label[first]
+                    members[-1].append(j)
+    columns: list[int] = []
+    groups: list[Group] = []
+    for i, own in enumerate(members):
+        start, size, other = len(columns), len(own), label[mate[own[0]]]
+        if other == i:
+            groups.append(Group(start, start + size, len(groups)))
+            columns += own
+        elif other > i:
+            groups += [Group(start, start + size, len(groups) + 1), Group(start + size, start + 2 * size, len(groups))]
+            columns += own + [mate[k] for k in own]
+    return columns, tuple(groups)

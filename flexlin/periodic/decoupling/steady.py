@@ -1,0 +1,132 @@
+"""Modes whose shapes hardly change over a period: decoupled from the modes of the mean on, which nobody has to follow."""
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.periodic.decoupling.coordinates import Coordinates, find_coordinates
+from flexlin.periodic.decoupling.coupling import combined
+from flexlin.periodic.decoupling.decouple import ADIABATIC, ROUGH, Uncertainty, with_evidence
+from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
+from flexlin.periodic.decoupling.mean_modes import MeanModes, find_mean_modes
+from flexlin.periodic.decoupling.superadiabatic import SLOW_PART
+from flexlin.periodic.decoupling.waves import harmonics, tail
+from flexlin.periodic.system import MatrixFunction
+
+COUNTS = (32, 64)
+"""Nodes on which the coordinates are built: the second where the first do not suffice. As many between them check."""
+LOOK = 8
+"""Nodes of a first look."""
+CLOSENESS = (0.25, ADIABATIC)
+"""Modes stay together where the basic frequency exceeds this part of the gap between their eigenvalues: first few, then more."""
+MIXED = 0.1
+"""Modes of the mean that A(t) mixes by more than this are followed instead."""
+
+
+def decouple_steady(
+    A: MatrixFunction, period: float, harmonics: int, tol: float = 1e-9, uncertainty: Uncertainty | None = None
+) -> Decoupled | Refusal:
+    """Split x' = A(t) x into groups of modes as `decouple` does, where A(t) mixes the modes of its mean by little.
+
+        x = V P(t) z,   z' = B(t) z,   B = P^-1 (V^-1 A V P - P') block diagonal,   V the eigenvectors of the mean
+
+    The evidence is that of `decouple`: B at the nodes that made P and half-way between them, couplings and rounding left in it.
+
+    Parameters: harmonics: of the series that A is made of, so that nothing hides between the nodes; the others as of `decouple`.
+    Assumes A smooth on the circle.
+    """
+    counts = [count for count in COUNTS if harmonics < count]
+    if not counts:
+        return Refusal("A(t) has too many harmonics")
+    samples = {counts[0]: A(period / (2 * counts[0]) * np.arange(2 * counts[0]))}
+    look = samples[counts[0]][:: 2 * counts[0] // LOOK]
+    answer = Refusal("A(t) mixes the modes of its mean")
+    for closeness in CLOSENESS:
+        modes = find_mean_modes(look.mean(axis=0), 2 * np.pi / period / closeness)
+        if isinstance(modes, Refusal):
+            return modes
+        if mix_at_first(modes.left @ look @ modes.right, modes) > MIXED:
+            continue
+        for count in counts:
+            if count not in samples:
+                samples[count] = A(period / (2 * count) * np.arange(2 * count))
+            done = decouple_on_nodes(samples[count], modes, period, tol, uncertainty)
+            if done is not None:
+                return done
+            answer = Refusal("the coupling of the modes does not shrink enough")
+    return answer
+
+
+def decouple_on_nodes(
+    A: Array, modes: MeanModes, period: float, tol: float, uncertainty: Uncertainty | None
+) -> Decoupled | None:
+    """Decouple on every other of the nodes at which A (N, n, n) is given; None where those between do not agree to tol."""
+    if tail(A[::2]) > ROUGH:
+        return None
+    allowed = tol * np.maximum(1, np.abs(modes.values))
+    found = find_coordinates(modes.left @ A @ modes.right, modes, period, allowed)
+    residual = bound_residual(found.generator, modes, period)
+    if residual is None:
+        return None
+    done, slope = in_states(found, modes, period, residual)
+    done, settled = with_evidence(done, slope, A, tol, uncertainty)
+    return done if settled else None
+
+
+def mix_at_first(own: Array, modes: MeanModes) -> float:
+    """How far A(t) mixes two modes of its mean that are not in one group, at most."""
+    gap = np.where(modes.outside, np.abs(modes.values[:, None] - modes.values), np.inf)
+    size = np.abs(own).max(axis=0) / gap
+    return float(np.sqrt(size * size.T).max())
+
+
+def in_states(found: Coordinates, modes: MeanModes, period: float, residual: Array) -> tuple[Decoupled, Array]:
+    """The decoupled system in the coordinates of the states, real groups with real columns; and the slope of its frame."""
+    T, slope, inverse, B = modes.right @ found.P, modes.right @ found.slope, found.inverse @ modes.left, found.generator
+    for i, group in enumerate(modes.groups):
+        if group.partner == i and group.size > 1:
+            U, part = modes.real_columns(group), group.part
+            for columns in (T, slope, B):
+                columns[:, :, part] = columns[:, :, part] @ U
+            for rows in (inverse, B):
+                rows[:, part] = U.conj().T @ rows[:, part]
+            residual[part, part] = np.abs(U.conj().T) @ residual[part, part] @ np.abs(U)
+    times = period / len(T) * np.arange(len(T))
+    turning = np.zeros(len(modes.groups), bool)
+    return Decoupled(
+        period, times, T, inverse, B, modes.groups, turning, residual, np.zeros_like(residual), found.rounds
+    ), slope
+
+
+def bound_residual(B: Array, modes: MeanModes, period: float) -> Array | None:
+    """Bound what the coupling adds to each block when the other modes are eliminated (n, n), as `residual_effect` does; None: no bound.
+
+    The diagonal of B (N, n, n) stays near its mean, and so do the gaps: from below,
+
+        |b_i - b_j| >= |m_i - m_j| - d_i - d_j,   m the means of the diagonal, d the largest deviations from them
+
+    What blocks hold beside their diagonals may close a gap further.
+    """
+    b = np.diagonal(B, axis1=1, axis2=2)
+    mean = b.mean(axis=0)
+    moved = b - mean
+    size = np.abs(B).max(axis=0)
+    inner = np.where(modes.outside, 0, size).sum(axis=1) - np.diagonal(size)
+    away = np.abs(moved).max(axis=0) + inner
+    damped = np.abs(moved.real).max(axis=0) + inner
+    outside = modes.outside
+    gap = np.where(outside, np.abs(mean[:, None] - mean) - away[:, None] - away, np.inf)
+    if not gap.min() > 0:
+        return None
+    parted = np.maximum(np.abs(mean.real[:, None] - mean.real) - damped[:, None] - damped, 0)
+    oblique = np.divide(gap, parted, out=np.full_like(gap, np.inf), where=outside & (parted > 0))
+    run = np.ptp(np.cumsum(moved.real, axis=0), axis=0) * period / len(B)
+    swing = np.exp(np.minimum(run[:, None] + run, 600.0))
+    frequency = 2 * np.pi / period * np.abs(harmonics(len(B)))[:, None, None]
+    high = (np.abs(np.fft.fft(B, axis=0)) * (frequency >= SLOW_PART * gap)).sum(axis=0) / len(B)
+    R = np.where(outside, size, 0)
+    Z = R / gap
+    total = np.diag(combined(R * Z.T, np.sqrt(high * high.T), oblique, swing).sum(axis=1))
+    for part in (group.part for group in modes.groups if group.size > 1):
+        second, first = (X[part, :, None] * Y[None, :, part] for X, Y in ((R, Z), (high, high)))
+        total[part, part] = combined(second, np.sqrt(first), oblique[part, :, None], swing[part, :, None]).sum(axis=1)
+    return total

@@ -1,0 +1,151 @@
+"""Decoupling from the modes of the mean: against known exponents, between compiled code and NumPy, and what it leaves to others."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.periodic.decoupling import coordinates
+from flexlin.periodic.decoupling.coordinates import find_coordinates, find_library
+from flexlin.periodic.decoupling.coupling import residual_effect
+from flexlin.periodic.decoupling.decoupled import Refusal
+from flexlin.periodic.decoupling.mean_modes import find_mean_modes
+from flexlin.periodic.decoupling.steady import bound_residual, decouple_steady, in_states
+from flexlin.periodic.floquet.decoupled import solve_steady
+from tests.periodic.decoupling.test_decoupling import misses
+from tests.periodic.gentle import gentle_system
+
+compiled = pytest.mark.skipif(find_library() is None, reason="there is no C compiler")
+
+
+def without_compiler(monkeypatch):
+    monkeypatch.setattr(coordinates, "find_library", lambda: None)
+
+
+def as_system(gentle):
+    return fl.PeriodicSystem(gentle, gentle.period, complete=True)
+
+
+def coordinates_of(gentle, count=32):
+    modes = find_mean_modes(gentle(gentle.period / 8 * np.arange(8)).mean(axis=0), 8 * np.pi / gentle.period)
+    if isinstance(modes, Refusal):
+        return None
+    own = modes.left @ gentle(gentle.period / (2 * count) * np.arange(2 * count)) @ modes.right
+    return own, modes, find_coordinates(own, modes, gentle.period, 1e-9 * np.maximum(1, np.abs(modes.values)))
+
+
+@compiled
+@pytest.mark.parametrize("count", [32, 64])
+def test_compiled_code_and_numpy_find_the_same_coordinates(monkeypatch, count):
+    gentle = [gentle_system(seed) for seed in range(6)]
+    first = [coordinates_of(system, count) for system in gentle]
+    without_compiler(monkeypatch)
+    second = [coordinates_of(system, count) for system in gentle]
+    assert sum(found is not None for found in first) >= 4
+    for one, other in zip(first, second, strict=True):
+        if one is None or not np.isfinite(one[2].P).all():
+            assert one is None or one[2].rounds == other[2].rounds
+            continue
+        assert one[2].rounds == other[2].rounds
+        size = np.abs(one[0]).max()
+        for name, scale in (("P", 1), ("inverse", 1), ("slope", size), ("generator", size)):
+            a, b = getattr(one[2], name), getattr(other[2], name)
+            assert np.abs(a - b).max() <= 1e-12 * scale * max(1, np.abs(one[2].P).max() ** 2), name
+
+
+@pytest.mark.parametrize("near_resonance", [False, True])
+@pytest.mark.parametrize(
+    ("seeds", "least"), [(range(5), 1), pytest.param(range(5, 45), 8, marks=pytest.mark.slow)], ids=["few", "many"]
+)
+def test_no_exponent_is_further_off_than_its_error(monkeypatch, seeds, least, near_resonance):
+    """By compiled code and by NumPy."""
+    systems = [gentle_system(seed, near_resonance) for seed in seeds]
+    served = check_claims(systems)
+    without_compiler(monkeypatch)
+    assert check_claims(systems) == served >= least
+
+
+def check_claims(systems):
+    served = 0
+    for k, gentle in enumerate(systems):
+        tol = 10.0 ** -(4 + k % 7)
+        found = solve_steady(as_system(gentle), tol)
+        if isinstance(found, Refusal):
+            continue
+        served += 1
+        answer = SimpleNamespace(exponents=found[0], errors=found[1])
+        assert (found[1] <= tol * np.maximum(1, np.abs(found[0]))).all()
+        assert (misses(answer, gentle.exponents, gentle.period) <= found[1]).all(), k
+    return served
+
+
+def test_segments_give_the_same_exponents():
+    scene = fl.load_scene("single-link", {"links.0.modes": 2, "designs": []})
+    system = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control).periodic_system()
+    found, other = fl.floquet(system, 1e-10), fl.floquet(system, 1e-10, method="gauss")
+    assert "keep their shapes" in str(found.setting)
+    apart = misses(SimpleNamespace(exponents=found.exponents, errors=found.errors), other.exponents, system.period)
+    assert (apart <= found.errors + other.errors.max()).all()
+    assert found.error < 1e-8
+    assert found.certificate().margin > 0
+
+
+def test_what_is_left_of_the_coupling_is_bounded_as_by_the_equations_of_sylvester():
+    for seed in range(6):
+        gentle = gentle_system(seed)
+        found = coordinates_of(gentle)
+        if found is None or (bound := bound_residual(found[2].generator, found[1], gentle.period)) is None:
+            continue
+        done, _ = in_states(found[2], found[1], gentle.period, bound.copy())
+        other = residual_effect(done.generator, gentle.period, done.groups)
+        assert (np.diagonal(other) <= 2 * np.diagonal(bound) + 1e-14).all()
+
+
+def nodding(t):
+    """diag(-1, -900) turned to and fro."""
+    angle, rate = np.sin(2 * np.pi * t), 2 * np.pi * np.cos(2 * np.pi * t)
+    c, s = np.cos(angle), np.sin(angle)
+    R = np.array([[c, -s], [s, c]]).transpose(2, 0, 1)
+    return R @ np.diag([-1.0, -900]) @ np.swapaxes(R, 1, 2) + rate[:, None, None] * np.array([[0.0, -1], [1, 0]])
+
+
+def waving(harmonic, fast=900.0):
+    return lambda t: np.diag([-1.0, -fast]) * (1 + 0.01 * np.cos(2 * np.pi * harmonic * t))[:, None, None]
+
+
+@pytest.mark.parametrize(
+    ("A", "words"),
+    [
+        (lambda t: waving(1, 3.0)(t), "stand apart"),
+        (nodding, "mixes"),
+        (waving(70), "harmonics"),
+        (
+            lambda t: np.array([[-500.0, 1, 0], [0, -500, 0], [0, 0, -1]]) * (1 + 0.01 * waving(1)(t)[:, :1, :1]),
+            "depend|coincide|tol",
+        ),
+        (lambda t: np.diag([-1.0, -500]) * (1 + 0.1 * (t[:, None, None] > 0.4002)), "Fourier"),
+        (lambda t: np.diag([-1.0, -500]) * (1 + 0.1 * np.abs(t[:, None, None] - 0.4)), "Fourier"),
+    ],
+    ids=["slow", "nodding modes", "many harmonics", "defective", "jump", "corner"],
+)
+def test_what_it_does_not_serve(A, words):
+    refusal = solve_steady(fl.PeriodicSystem(A, 1.0), 1e-9)
+    assert isinstance(refusal, Refusal)
+    assert any(word in refusal.reason for word in words.split("|")), refusal.reason
+    assert "keep their shapes" not in str(fl.floquet(fl.PeriodicSystem(A, 1.0)).setting)
+
+
+def test_a_tolerance_that_rounding_forbids_is_refused():
+    gentle = next(g for g in map(gentle_system, range(20)) if g.n > 4)
+    assert isinstance(solve_steady(as_system(gentle), 1e-16), Refusal)
+
+
+def test_a_first_look_at_eight_times_hides_nothing():
+    """What vanishes at all eight nodes of the first look is found by the nodes that follow."""
+
+    def bump(t):
+        return np.diag([-1.0, -500]) + 400 * np.sin(8 * np.pi * t)[:, None, None] ** 2 * np.eye(2)[::-1]
+
+    decoupled = decouple_steady(bump, 1.0, 8)
+    assert isinstance(decoupled, Refusal)

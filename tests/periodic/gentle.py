@@ -1,0 +1,34 @@
+"""Periodic systems with known exponents whose modes hardly change their shapes: what decoupling from the modes of the mean serves."""
+
+import numpy as np
+
+from tests.periodic.rotated import Rotated, Turn, wave
+
+
+def gentle_system(seed, near_resonance=False):
+    """2 to 12 states, rates from the basic frequency to a million times it, mixed by a constant matrix and slightly by waves.
+
+    near_resonance: frequencies whose differences lie close to multiples of the basic frequency, where coupling adds up.
+    """
+    rng = np.random.default_rng([seed, near_resonance])
+    period = float(10 ** rng.uniform(-1, 1))
+    w, modes, states = 2 * np.pi / period, [], 0
+    n = int(rng.integers(2, 13))
+    while states < n:
+        rate = w * 10 ** rng.uniform(0, rng.choice([2, 4, 6]))
+        if near_resonance:
+            rate = w * (round(rate / w) % 40 + 0.5 * rng.integers(0, 2) + 10 ** rng.uniform(-6, -1))
+        damping = rate * 10 ** rng.uniform(-4, -0.5)
+        sign = rng.choice([-1, -1, -1, 1e-3])
+        if n - states >= 2 and rng.random() < 0.7:
+            frequency = wave(rng, rate, rate * rng.choice([0, 0.02, 0.1]), int(rng.integers(1, 4)))
+            modes.append([wave(rng, sign * damping, 0.3 * damping, 2), frequency])
+        else:
+            modes.append([wave(rng, sign * rate, rate * rng.choice([0, 0.02, 0.2]), 2), None])
+        states += 1 if modes[-1][1] is None else 2
+    turns = []
+    for _ in range(int(rng.integers(1, 2 * states))):
+        i, j = rng.choice(states, 2, replace=False)
+        size = 10 ** rng.uniform(-4, -0.7)
+        turns.append(Turn(i, j, rng.random() < 0.6, wave(rng, rng.uniform(-1, 1), size, int(rng.integers(1, 7)))))
+    return Rotated(period, modes, turns)
