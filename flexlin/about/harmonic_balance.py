@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -10,9 +11,12 @@ from flexlin.about.deviation import Deviation
 from flexlin.about.law import Controller, Law
 from flexlin.checks import Array
 from flexlin.errors import NumericalError
-from flexlin.periodic.fourier import FourierSeries, fourier_differentiation
+from flexlin.periodic.fourier import fourier_differentiation
 
 NEWTON_STEPS = 25
+SETTLED, ROUNDED, LEAVES = 1e-11, 1e-6, 10.0
+"""A step this small against |y| ends Newton's method; one this small does where steps shrink no further. From a known
+solution nearby, one this many times as large as the smallest so far leads away."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +49,8 @@ def by_law(about: Deviation, at: Unknowns) -> ca.SX:
 def balance(about: Deviation, closing: Closing, controller: Controller | None = None) -> ca.Function:
     """All equations F of one time but for z', and their Jacobians by y, y', y'' and [torque; z].
 
-    The last k rows are those of a controller: -rates [y; y'; z] - steer, to which z' is added.
+    The last k rows are those of a controller: -rates [y; y'; z] - steer, to which z' is added. `speed`: the motion is passed through so
+    many times as fast; only exact closings, which leave the torque open, mean anything at another speed than 1.
     """
     arm, kept, driven, n, m = about.arm, list(about.kept), list(about.driven), about.n, about.m
     k = 0 if controller is None else controller.states
@@ -58,6 +63,8 @@ def balance(about: Deviation, closing: Closing, controller: Controller | None = 
     at = Unknowns(y, y_rate, torque, z, offset, ca.reshape(gain, m, 2 * n + k), s, rigid)
     rates = ca.DM(0, 2 * n) if controller is None else ca.DM(controller.rates)
     F = ca.vertcat((left - B @ torque)[kept], closing(about, at), -rates @ ca.vertcat(y, y_rate, z) - steer)
+    speed = ca.SX.sym("speed")
+    (F,) = ca.substitute([F], [ca.vertcat(angles, *moved)], [at_speed(speed, angles, *moved)])
     others = ca.vertcat(torque, z)
     outputs = {"F": F} | {
         name: ca.jacobian(F, by) for name, by in (("K", y), ("D", y_rate), ("M", y_acceleration), ("T", others))
@@ -70,41 +77,101 @@ def balance(about: Deviation, closing: Closing, controller: Controller | None = 
         "offset": offset,
         "gain": gain,
         "steer": steer,
+        "speed": speed,
     }
     return about.function(angles, named, outputs)
 
 
-def solve_at(
-    about: Deviation, equations: ca.Function, law: Law, points: int, linear: bool, start: FourierSeries | None
-) -> Array:
-    """Solve the equations at N times by Newton's method, from the rigid motion or from a coarser solution: y, torque, z (N, n + m + k)."""
-    n, k, T = about.n, law.memory, about.motion.period
-    size = n + about.m + k
-    t = T * np.arange(points) / points
-    first = fourier_differentiation(points, T)
-    second = first @ first
-    steer = law.steer(law.reference(t))
-    given = (law.offset(t), np.swapaxes(law.gain(t), 1, 2).reshape(points, -1), steer)
-    z = np.zeros((points, size)) if start is None or linear else start(t)
-    for _ in range(NEWTON_STEPS):
-        y = z[:, :n]
-        F, K, D, M, by_others = about.evaluate(equations, t, y, first @ y, second @ y, z[:, n:], *given)
+def at_speed(speed: ca.SX, angles: ca.SX, y: ca.SX, y_rate: ca.SX, y_acceleration: ca.SX) -> ca.SX:
+    """[angles; y; y'; y''] with all first derivatives times the speed, all second ones times its square."""
+    q, rate, acceleration = ca.vertsplit(angles, angles.size1() // 3)
+    return ca.vertcat(q, speed * rate, speed**2 * acceleration, y, speed * y_rate, speed**2 * y_acceleration)
+
+
+@dataclass(frozen=True, eq=False)
+class Solver:
+    """Newton's method for the equations of `balance` at N equally spaced times; unknown are z = [y, torque, z] (N, n + m + k)."""
+
+    about: Deviation
+    equations: ca.Function
+    law: Law
+    points: int
+
+    @property
+    def size(self) -> int:
+        """The number n + m + k of unknowns at one time."""
+        return self.about.n + self.about.m + self.law.memory
+
+    @cached_property
+    def given(self) -> tuple[Array, Array, Array, Array]:
+        """The times; offset, gain and steer of the law there."""
+        t = self.about.motion.period * np.arange(self.points) / self.points
+        gain = np.swapaxes(self.law.gain(t), 1, 2).reshape(self.points, -1)
+        return t, self.law.offset(t), gain, self.law.steer(self.law.reference(t))
+
+    @cached_property
+    def derivatives(self) -> tuple[Array, Array]:
+        """The matrices (N, N) of the first and second derivative."""
+        first = fourier_differentiation(self.points, self.about.motion.period)
+        return first, first @ first
+
+    def evaluate(self, z: Array, speed: float) -> tuple[Array, ...]:
+        """F, and its Jacobians K, D, M and by [torque; z], at each time."""
+        n, (first, second), (t, *law) = self.about.n, self.derivatives, self.given
+        motion = z[:, :n], first @ z[:, :n], second @ z[:, :n], z[:, n:]
+        return self.about.evaluate(self.equations, t, *motion, *law, np.full((len(t), 1), speed))
+
+    def residual(self, z: Array, speed: float) -> tuple[Array, Array]:
+        """F (N, n + m + k) and its Jacobian, square."""
+        n, size, k, (first, second) = self.about.n, self.size, self.law.memory, self.derivatives
+        F, K, D, M, by_others = self.evaluate(z, speed)
+        j = np.arange(self.points)
         F[:, size - k :, 0] += first @ z[:, size - k :]
-        J = np.zeros((points, size, points, size))
+        J = np.zeros((self.points, size, self.points, size))
         J[:, :, :, :n] = np.einsum("jab,jk->jakb", D, first) + np.einsum("jab,jk->jakb", M, second)
-        j = np.arange(points)
         J[j, :, j, :n] += K
         J[j, :, j, n:] += by_others
         for i in range(size - k, size):
             J[:, i, :, i] += first
-        step = np.linalg.solve(J.reshape(z.size, z.size), F.reshape(-1)).reshape(z.shape)
-        z = z - step
-        if linear or np.abs(step[:, :n]).max() <= 1e-11 * max(np.abs(z[:, :n]).max(), 1e-12):
-            return z
-        if not np.all(np.abs(z) < 1e8):
-            break
-    raise NumericalError(
-        "no periodic motion was found near the rigid one",
-        got=f"Newton's method did not settle in {NEWTON_STEPS} steps",
-        todo="slow the motion down, lower its amplitude or stiffen the feedback",
-    )
+        return F[:, :, 0], J.reshape(z.size, z.size)
+
+    def solve(self, start: Array | None, speed: float = 1.0, steps: int = NEWTON_STEPS) -> tuple[Array, float] | None:
+        """The solution from a start, or from the rigid motion, and the last step relative to |y|; None where it does not settle.
+
+        It has settled too where steps shrink no further and are as small as rounding in the derivatives makes them.
+        """
+        n, z, last = self.about.n, np.zeros((self.points, self.size)) if start is None else start, np.inf
+        best = np.inf
+        for _ in range(steps):
+            z, moved = self.step(z, speed)
+            share = moved / max(float(np.abs(z[:, :n]).max()), 1e-12)
+            if share <= SETTLED or (share <= ROUNDED and share >= 0.5 * last):
+                return z, share
+            if not np.all(np.abs(z) < 1e8) or (start is not None and share > LEAVES * best):
+                return None
+            last, best = share, min(best, share)
+        return None
+
+    def step(self, z: Array, speed: float = 1.0) -> tuple[Array, float]:
+        """One step of Newton's method, and how far it moves y."""
+        F, J = self.residual(z, speed)
+        step = np.linalg.solve(J, F.reshape(-1)).reshape(z.shape)
+        return z - step, float(np.abs(step[:, : self.about.n]).max())
+
+    def singular_time(self, z: Array) -> float | None:
+        """Where an exact closing c(y) = 0 leaves accelerations and torque undetermined: the determinant below changes its sign there.
+
+        [[M, -B], [dc/dy, 0]] [y''; torque] = ...
+        """
+        n, size = self.about.n, self.size
+        _, K, _, M, by_others = self.evaluate(z, 1.0)
+        leading = np.zeros((self.points, size, size))
+        leading[:, :n, :n], leading[:, n:, :n], leading[:, :n, n:] = M[:, :n], K[:, n:], by_others[:, :n]
+        sign = np.linalg.slogdet(leading)[0]
+        changed = np.flatnonzero(sign != sign[0])
+        return float(self.given[0][changed[0]]) if len(changed) else None
+
+
+def lost(got: str, todo: str = "slow the motion down, lower its amplitude or stiffen the feedback") -> NumericalError:
+    """What to say where no periodic motion is found."""
+    return NumericalError("no periodic motion was found near the rigid one", got=got, todo=todo)

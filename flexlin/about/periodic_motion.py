@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.about.harmonic_balance import Closing, Unknowns, balance, by_law, solve_at
+from flexlin.about.continuation import continue_in_speed, describe_singular, explain_loss
+from flexlin.about.harmonic_balance import Closing, Solver, Unknowns, balance, by_law, lost
 from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked, instance
@@ -18,6 +19,8 @@ from flexlin.summary import represent
 __all__ = ["Closing", "PeriodicMotion", "Unknowns", "periodic_motion"]
 
 POINTS = (33, 65, 129, 257, 513)
+ENOUGH = 257
+"""Points on which a motion is given up whose closing determines no torque somewhere."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +147,8 @@ def periodic_motion(
         M(s) s'' + C s' + g + d = B torque,   closing(y, y', torque, t) = 0,   s = s_R + y,   y(t + T) = y(t)
 
     y and torque are trigonometric polynomials; the equations hold at N equally spaced times (Newton's method on all at once).
-    As a boundary value problem it does not mind unstable modes, of the plant or of its zeros.
+    As a boundary value problem it does not mind unstable modes, of the plant or of its zeros. Where Newton's method finds no motion for a
+    closing condition, it is followed in speed from the arm at rest; if that ends too, the error names the speed and the reason.
     Assumes a smooth motion: at a jump of q''' the series converges slowly, which the error shows.
 
     Parameters
@@ -199,24 +203,48 @@ def periodic_motion(
     equations = balance(lin.about, closing or by_law, law.controller)
     before: FourierSeries | None = None
     for points in POINTS:
-        values = solve_at(lin.about, equations, law, points, linear, before)
+        solver = Solver(lin.about, equations, law, points)
+        values, left = find_values(solver, closing is not None, linear, before)
         parts = np.split(values, [lin.n, lin.n + lin.about.m], axis=1)
         y, torque, z = (FourierSeries.through(part, lin.period) for part in parts)
         if before is not None:
-            error = distance(y, before)
+            error = max(distance(y, before), left)
             if error <= tol:
                 return PeriodicMotion(lin, y, torque, error, f"converged on {points} points", z)
         before = FourierSeries.through(values, lin.period)
+        singular = solver.singular_time(values) if points >= ENOUGH and closing is not None and not linear else None
+        if singular is not None:
+            break
+    why = "the motion is not smooth" if singular is None else describe_singular(singular)
     if error > 0.01:
         raise ToleranceNotReached(
             "the periodic motion is not resolved",
-            got=f"error {error:.2g} on {POINTS[-1]} points",
+            got=f"error {error:.2g} on {points} points: {why}",
             expected=f"at most {tol:.2g}",
-            todo="use a smoother basic motion",
+            todo="use a smoother basic motion" + ("" if singular is None else ", joint-exact, or fewer modes"),
         )
-    todo = "the motion is not smooth; choose a smoother one, or a tol above this error"
-    status = f"error {error:.1e} above tol {tol:.0e} on {POINTS[-1]} points: {todo}"
+    todo = "choose a smoother one, or a tol above this error"
+    status = f"error {error:.1e} above tol {tol:.0e} on {points} points: {why}; {todo}"
     return PeriodicMotion(lin, y, torque, error, status, z)
+
+
+def find_values(solver: Solver, exact: bool, linear: bool, before: FourierSeries | None) -> tuple[Array, float]:
+    """The unknowns (N, n + m + k), and the last step of Newton's method relative to |y|; exact closings are followed from rest if need be.
+
+    Raises: NumericalError where there is no solution.
+    """
+    if linear:
+        return solver.step(np.zeros((solver.points, solver.size)))[0], 0.0
+    t = solver.given[0]
+    start = None if before is None else before(t)
+    found = solver.solve(start)
+    if found is not None:
+        return found
+    if exact and start is None:
+        return continue_in_speed(solver), 0.0
+    if start is None or not exact:
+        raise lost(f"Newton's method did not settle on {solver.points} points")
+    raise explain_loss(solver, start)
 
 
 def distance(y: FourierSeries, coarse: FourierSeries) -> float:
