@@ -193,6 +193,8 @@ def _follow(link: Link, moving: tuple[int, ...], at: Symbols, rate: Symbols) -> 
 
 def pass_mount(frame: Frame, link: Link) -> Frame:
     """The frame before a link's joint: moved by the mount's xyz, turned by its yaw, pitch and roll."""
+    if not link.mount.model_fields_set:
+        return frame
     roll, pitch, yaw = link.mount.rpy
     moved = frame.moved(column(*link.mount.xyz), ca.SX(3, 1))
     return moved.turned(Z, yaw).turned(Y, pitch).turned(X, roll)

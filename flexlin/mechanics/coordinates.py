@@ -75,7 +75,7 @@ class Symbols:
         def column(kind: Kind, link: int | None = None, of_mode: bool = False) -> ca.SX:
             found = [c for c in coordinates if c.kind == kind and link in (None, c.link)]
             chosen = [c for c in found if (c.mode is not None) == of_mode]
-            return ca.vertcat(ca.SX(0, 1), *[ca.SX.sym(mark + c.symbol) for c in chosen])
+            return ca.vertcat(*[ca.SX.sym(mark + c.symbol) for c in chosen]) if chosen else ca.SX(0, 1)
 
         free = tuple(c.link for c in coordinates if c.kind == "motor" and c.link is not None)
         modes, bearings = (tuple(column("elastic", i, of_mode) for i in range(links)) for of_mode in (True, False))
@@ -83,6 +83,8 @@ class Symbols:
 
     def with_motors(self, q: ca.SX, moving: Sequence[int]) -> ca.SX:
         """What the motors see: their own coordinates where they are free, elsewhere the joints' q."""
+        if not self.free:
+            return q
         own = [self.motors[self.free.index(i)] if i in self.free else q[k] for k, i in enumerate(moving)]
         return ca.vertcat(ca.SX(0, 1), *own)
 

@@ -107,8 +107,9 @@ def rotation_about(axis: ca.SX, angle: ca.SX) -> ca.SX:
     if angle.is_constant():
         c, s = (ca.SX(0 if abs(float(part)) < ROUNDING else float(part)) for part in (c, s))
     if axis.nnz() == 1 and axis.is_constant():  # of length 1, so along a coordinate
-        (k,), s = axis.sparsity().row(), s * axis.nz[0]
+        (k,), s = axis.sparsity().row(), s if float(axis.nz[0]) > 0 else -s
         i, j = (k + 1) % 3, (k + 2) % 3
-        return ca.sparsify(ca.SX.triplet([k, i, j, j, i], [k, i, j, i, j], ca.vertcat(1, c, c, s, -s), 3, 3))
+        turn = ca.SX.triplet([k, i, j, j, i], [k, i, j, i, j], ca.vertcat(1, c, c, s, -s), 3, 3)
+        return ca.sparsify(turn) if angle.is_constant() else turn
     along = axis @ axis.T
     return ca.sparsify(along + c * ca.sparsify(ca.SX.eye(3) - along) + s * cross_matrix(axis))

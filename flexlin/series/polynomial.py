@@ -64,6 +64,8 @@ def symbolic_monomials(indices: Indices, dx: Any) -> list[Any]:
 
 def weighted_sums(weights: Array, monomials: list[Any]) -> ca.SX:
     """Return weights @ monomials as a CasADi column, leaving zero weights out; weights: numbers or CasADi scalars (rows, size)."""
+    if weights.dtype != object:
+        return ca.densify(ca.sparsify(ca.DM(weights)) @ ca.vertcat(*monomials))
     rows = []
     for row in weights:
         total = ca.SX(0)
