@@ -114,6 +114,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "studies": studies,
     "licences": licences,
     "torture": recorded.torture,
+    "tuning-grid": recorded.tuning_grid,
 }
 
 

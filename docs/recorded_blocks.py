@@ -152,6 +152,21 @@ def scaling() -> str:
     return f"{when(record)} {text}\n\n" + table(["quantity", "grows with this power of the coordinates"], lines)
 
 
+def tuning_grid() -> str:
+    """Tuned gains against exhaustive grids."""
+    record = measured("tuning_grid")
+    lines = [
+        [
+            f"`{row['arm']}`",
+            *[f"{row[key]:.3f}" for key in ("before", "tuned", "grid", "random")],
+            f"{row['seconds']:.0f} s",
+        ]
+        for row in record["rows"]
+    ]
+    head = ["arm", "before, 1/s", "tuned, 1/s", "best of the grid, 1/s", "tuned, random scenarios, 1/s", "took"]
+    return when(record) + "\n\n" + table(head, lines)
+
+
 def torture() -> str:
     """What the torture found in full."""
     record = measured("torture")

@@ -63,6 +63,11 @@ def measure_charts_speed(out: str) -> dict[str, Any]:
     return import_module("charts_speed").main("full", out)
 
 
+def measure_tuning_grid(out: str) -> dict[str, Any]:
+    found = import_module("tuning_grid").check_all("full")
+    return {"rows": [{"arm": name, **row} for name, row in found.items()]}
+
+
 MEASURES = {
     "charts_speed": measure_charts_speed,
     "cost_of_accuracy": measure_cost_of_accuracy,
@@ -72,6 +77,7 @@ MEASURES = {
     "own_error": measure_own_error,
     "scaling": measure_scaling,
     "torture": measure_torture,
+    "tuning_grid": measure_tuning_grid,
 }
 
 
