@@ -154,7 +154,7 @@ def test_checker_rejects_a_hundred_forgeries(certificates):
         bad = forged(records[k % 2], rng)
         assert not checker.holds(bad, 33)
         assert not checker.holds(signed(bad), 17)
-        assert checker.holds(signed(records[k % 2])) or k > 1
+        assert k > 1 or checker.holds(signed(records[k]))
 
 
 def test_smallest_change_of_a_number_is_seen(certificates):
