@@ -145,6 +145,7 @@ def test_ten_thousand_times_stiffer_links_take_hardly_more_steps():
     assert run.energy_error < 1e-5
 
 
+@pytest.mark.slow
 def test_fast_modes_that_ring_are_seen_though_no_output_shows_them():
     """Few outputs, long first steps: an L-stable method would damp the ringing away; the estimate must not let it."""
     lin = closed()

@@ -17,7 +17,6 @@ from flexlin.simulation.drive import Drive
 from flexlin.simulation.equations import NonlinearEquations
 from flexlin.simulation.stepping import TrialLeftRange
 from tests.closed_arm import closed
-from tests.thinned import thin
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +89,8 @@ def test_a_simulation_of_unreasonable_size_is_refused_before_it_begins(lin):
             simulate(lin, **wrong)
 
 
-@pytest.mark.parametrize("drive", thin([Drive(limit=(0.4,)), Drive(sample_time=0.001)]))
+@pytest.mark.slow
+@pytest.mark.parametrize("drive", [Drive(limit=(0.4,)), Drive(sample_time=0.001)])
 def test_a_trial_that_leaves_the_range_only_shortens_the_step(lin, monkeypatch, drive):
     """The equations refuse some evaluations ahead of the accepted time; the answer is the same as without."""
     expected = simulate(lin, 0.1, tol=1e-8, drive=drive).nonlinear

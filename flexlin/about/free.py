@@ -34,9 +34,10 @@ class KeptGain:
         """The gain (N, m, 2n) at phases (N,)."""
         return self.gain(np.mod(phases, 1.0) * self.period)
 
-    def for_period(self, period: float) -> MatrixFunction:
-        """The gain as a function of times of another period."""
-        return Stretched(self, period)
+    def close(self, system: PeriodicSystem) -> PeriodicSystem:
+        """The loop of this gain on a plant of any period."""
+        corners = tuple(system.period * phase for phase in self.breaks)
+        return system.feedback(Stretched(self, system.period), corners)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,10 +120,7 @@ class ParametricLoop:
     def system_at(self, point: Array) -> PeriodicSystem:
         """The loop as a periodic system at one point (P,); with a kept gain the plant is closed by it."""
         system = self.at(point).periodic_system()
-        if self.kept is None:
-            return system
-        corners = tuple(system.period * phase for phase in self.kept.breaks)
-        return system.feedback(self.kept.for_period(system.period), corners)
+        return system if self.kept is None else self.kept.close(system)
 
     def with_gain(self, kept: KeptGain) -> "ParametricLoop":
         """The loop u = -K(phase) [y; y'] on this arm: D + B K_v, K + B K_y. Assumes that this is the arm without feedback."""

@@ -65,10 +65,7 @@ class RebuiltLoop:
     def system_at(self, point: Array) -> PeriodicSystem:
         """The loop at one point (P,); with a kept gain the plant is closed by it."""
         system = self.at(point).periodic_system()
-        if self.kept is None:
-            return system
-        corners = tuple(system.period * phase for phase in self.kept.breaks)
-        return system.feedback(self.kept.for_period(system.period), corners)
+        return system if self.kept is None else self.kept.close(system)
 
     def at(self, point: Array) -> Linearization:
         """The linearization at one point (P,), without a kept gain."""
@@ -99,8 +96,7 @@ class ControlledLoop:
         system = self.plant.at(point).periodic_system()
         if self.kept is None or self.rates is None:
             return system
-        corners = tuple(system.period * phase for phase in self.kept.breaks)
-        return extend_system(system, self.rates).feedback(self.kept.for_period(system.period), corners)
+        return self.kept.close(extend_system(system, self.rates))
 
 
 AnyLoop = ParametricLoop | RedesignedLoop | RebuiltLoop | ControlledLoop

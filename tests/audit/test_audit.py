@@ -128,6 +128,7 @@ def test_a_softening_model_is_caught():
     assert row.advice == "keep"
 
 
+@pytest.mark.slow
 def test_what_cannot_be_judged_is_not_called_needless():
     """A one-way motion has no exponents: only the frequencies can tell, and their silence proves nothing."""
     joints = [{"waypoints": [0.0, 1.0]}]

@@ -142,6 +142,7 @@ def test_integral_action_leaves_no_mean_error_behind_a_constant_torque(lin):
     np.testing.assert_allclose(asked, motion.torque(t), atol=1e-6 * np.abs(asked).max())
 
 
+@pytest.mark.slow
 def test_the_nonlinear_loop_runs_with_the_same_controller(lin):
     """One of 5 stages, one of 8, a step-by-step integrator that shares nothing with them, and small deflections against the linear loop."""
     start = 1e-3 * np.array([1.0, 0.2, 0.0, 0.0, 0.0, 0.0])

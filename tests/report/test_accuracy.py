@@ -61,6 +61,7 @@ def test_what_is_said_to_be_reached_is_the_error_of_the_answer(two_accuracies) -
     assert np.all(apart <= two_accuracies[0].own.floquet.errors + two_accuracies[1].own.floquet.errors)
 
 
+@pytest.mark.slow
 def test_the_option_stands_for_the_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     options = ["--set", *SMALL, "designs=[]", "accuracy.tol=1e-3", "--tol", "1e-5", "--limit-seconds", "50"]
     assert main(["report", "single-link", *options, "--out", str(tmp_path)]) == 0

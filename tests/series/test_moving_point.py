@@ -15,6 +15,7 @@ from numpy.testing import assert_allclose
 import flexlin as fl
 from flexlin.series import c_code, solve_implicit
 from flexlin.series.elementary import BINARY, UNARY
+from tests.thinned import thin
 
 ORDER = 6
 STRENGTH = 0.2
@@ -135,7 +136,7 @@ def test_moving_form_is_the_map_of_its_point(name):
             assert_allclose(c.moving(known.u0, known.v0, du).full()[:, 0], known([du]), rtol=1e-11)
 
 
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", thin(EVERY, 12))
 def test_error_of_the_moving_form_falls_with_its_order(name):
     """|moving - v| against the true v in 40 digits: a slope of order + 1, so every coefficient up to the order is right."""
     order = 4

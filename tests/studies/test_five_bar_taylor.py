@@ -9,6 +9,7 @@ def result(study, pictures, tmp_path_factory):
     return study("five_bar_taylor").main("small", tmp_path_factory.mktemp("pictures")), pictures
 
 
+@pytest.mark.slow
 def test_errors_fall_with_order_on_all_four_trajectories(result):
     errors = result[0].errors
     assert errors.shape == (10, 4)
@@ -17,15 +18,18 @@ def test_errors_fall_with_order_on_all_four_trajectories(result):
     assert errors[9, 0] < 3e-10
 
 
+@pytest.mark.slow
 def test_radius_is_the_distance_to_the_reach_circles(result):
     assert result[0].radius_gap < 1e-6
     assert set(result[0].kinds) == {"real singularity"}
 
 
+@pytest.mark.slow
 def test_error_estimate_holds_at_half_the_radius(result):
     assert result[0].error_ratio < 0.2
 
 
+@pytest.mark.slow
 def test_picture_shows_errors_that_fall_inside_the_radius_and_the_radius_itself(result):
     """A curve drawn for another order, in other units, or against the wrong distance is found out."""
     data, pictures = result

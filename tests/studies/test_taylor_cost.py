@@ -9,6 +9,7 @@ import pytest
 STUDIES = Path(__file__).parents[2] / "studies"
 
 
+@pytest.mark.slow
 def test_all_routes_agree(monkeypatch):
     spec = importlib.util.spec_from_file_location("taylor_cost", STUDIES / "taylor_cost.py")
     study = importlib.util.module_from_spec(spec)

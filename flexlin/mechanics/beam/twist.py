@@ -1,33 +1,19 @@
 """Shapes of a shaft that is clamped at its base and twisted, its tip free or carrying a body."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import eigh
 
 from flexlin.checks import Array
-from flexlin.mechanics.beam.bases import legendre_series
+from flexlin.mechanics.beam.bases import Polynomials, legendre_series
 from flexlin.mechanics.beam.integrals import shape_integrals
 from flexlin.mechanics.beam.profile import Profile
 from flexlin.mechanics.beam.ritz import ReducedShapes
 
 
-@dataclass(frozen=True)
-class TwistPolynomials:
+class TwistPolynomials(Polynomials):
     """The basis Phi_k' = sqrt(2k + 1) P_k(2 xi - 1), Phi_k(0) = 0: orthonormal in torsion on a uniform shaft."""
-
-    n: int
-    breaks: tuple[float, ...] = ()
-
-    @property
-    def beta(self) -> Array:
-        """Not modes: no roots."""
-        return np.full(self.n, np.nan)
-
-    @property
-    def order(self) -> int:
-        """Exact for products of two."""
-        return self.n + 4
 
     def values(self, xi: Array, derivative: int = 0) -> Array:
         """Return Phi or its derivative with respect to xi: (N,) -> (n, N)."""
