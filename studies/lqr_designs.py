@@ -76,15 +76,16 @@ def plant(payload: float, frequency: float, modes: int = 2) -> fl.PeriodicSystem
     return linearized(payload, frequency, modes).periodic_system()
 
 
-def survival(payloads: np.ndarray, frequencies: np.ndarray, modes: int = 2) -> Survival:
-    """Judge designs made for each arm, and designs of the first arm kept (their gains follow the phase)."""
+def survival(payloads: np.ndarray, frequencies: np.ndarray, modes: int = 2, phases: int = 16) -> Survival:
+    """Judge designs made for each arm, and designs of the first arm kept (their gains follow the phase); `phases` of the frozen one."""
+    designs = {**DESIGNS, "frozen": partial(frozen_lqr, phases=phases)}
     shape = (len(payloads), len(frequencies))
     own, kept = ({name: np.empty(shape) for name in DESIGNS} for _ in range(2))
     first = {}
     for i, payload in enumerate(payloads):
         for j, frequency in enumerate(frequencies):
             system, stretch = plant(payload, frequency, modes), frequency / frequencies[0]
-            for name, make in DESIGNS.items():
+            for name, make in designs.items():
                 made = make(system, weigh(system), R)
                 own[name][i, j] = growth(made.closed_loop)
                 gain = first.setdefault(name, made).K
@@ -201,7 +202,7 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, objec
     """Run the study; returns growth rates and times."""
     full = size == "full"
     frequencies = np.geomspace(0.2, 3.0, 9) if full else np.array([0.5, 3.0])
-    data = survival(np.linspace(0.03, 0.5, 6 if full else 2), frequencies, 2 if full else 1)
+    data = survival(np.linspace(0.03, 0.5, 6 if full else 2), frequencies, *((2, 16) if full else (1, 4)))
     print(
         f"{'design':>10} {'made for each arm':>24} {'kept from the first':>24}   (stable cases of {data.own['frozen'].size})"
     )
@@ -219,7 +220,7 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, objec
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--small", action="store_true", help="few cases, a looser tolerance")
+    parser.add_argument("--small", action="store_true", help="few cases and phases, one mode, a looser tolerance")
     parser.add_argument("--out", default="out/studies", help="folder for the picture")
     options = parser.parse_args()
     main("small" if options.small else "full", options.out)

@@ -10,35 +10,40 @@ from flexlin.arguments import checked, instance
 from flexlin.checks import Array
 from flexlin.periodic.controlled import extend_system
 from flexlin.periodic.system import PeriodicSystem
+from flexlin.symbolic import selected
 
 
 @dataclass(frozen=True, eq=False)
 class ElasticCoefficients:
-    """M, D, K, B about a periodic motion of the elastic arm, as functions of time (N,)."""
+    """M, D, K, B about a periodic motion of the elastic arm, as functions of time (N,).
+
+    `slopes`: all four; `inertia`: M and B alone, for much less work.
+    """
 
     motion: PeriodicMotion
     slopes: ca.Function
+    inertia: ca.Function
 
-    def sample(self, t: Array) -> tuple[Array, ...]:
-        """M, D, K, B at times (N,), in one mapped call."""
+    def sample(self, function: ca.Function, t: Array) -> tuple[Array, ...]:
+        """The outputs of one of the functions at times (N,), in one mapped call."""
         motion = self.motion
         along = (motion.y(t), motion.y(t, 1), motion.y(t, 2), motion.torque(t))
-        return motion.lin.about.evaluate(self.slopes, t, *along)
+        return motion.lin.about.evaluate(function, t, *along)
 
     def M(self, t: Array) -> Array:
-        return self.sample(t)[0]
+        return self.sample(self.inertia, t)[0]
 
     def D(self, t: Array) -> Array:
-        return self.sample(t)[1]
+        return self.sample(self.slopes, t)[1]
 
     def K(self, t: Array) -> Array:
-        return self.sample(t)[2]
+        return self.sample(self.slopes, t)[2]
 
     def B(self, t: Array) -> Array:
-        return self.sample(t)[3]
+        return self.sample(self.inertia, t)[1]
 
     def equations(self, t: Array) -> tuple[Array, Array, Array]:
-        M, D, K, _ = self.sample(t)
+        M, D, K, _ = self.sample(self.slopes, t)
         return M, D, K
 
 
@@ -83,7 +88,8 @@ def linearize_about(motion: PeriodicMotion, closed: bool = True) -> PeriodicSyst
     """
     instance("motion", motion, PeriodicMotion, "give what periodic_motion hands back")
     lin = motion.lin
-    c = ElasticCoefficients(motion, slopes(lin.about))
+    made = slopes(lin.about)
+    c = ElasticCoefficients(motion, made, selected(made, ("M", "B")))
     system = PeriodicSystem.from_second_order(c.M, c.D, c.K, lin.period, c.B, lin.breaks, c.equations)
     law = lin.law
     if not closed:
