@@ -155,7 +155,7 @@ def analyse(scene: Scene, clock: Clock | None = None) -> Analysis:
     )
     failure = clock.failures.get("simulation")
     ended = failure if isinstance(failure, SimulationStopped) else None
-    linear = range_of(closed, own, problems, asked, clock)
+    linear = range_of(plant, closed, own, problems, asked, clock)
     designs = design_all(scene, plant, closed, t, clock)
     sampled = judge_sampled_loops(scene, (own, *designs), plant, closed, clock)
     estimated = judge_estimated_loops(scene, designs, plant, clock)
@@ -228,14 +228,14 @@ def find_causes(
 
 
 def range_of(
-    closed: Linearization, own: Loop, problems: dict[str, str], asked: Accuracy, clock: Clock
+    plant: Linearization, closed: Linearization, own: Loop, problems: dict[str, str], asked: Accuracy, clock: Clock
 ) -> Validity | None:
     """How far the linear equations of the own loop hold; it is measured along the loop's Floquet modes."""
     if own.floquet is None:
         problems["linear range"] = "there are no Floquet modes to measure it along"
         return None
     name = "range of the linear equations"
-    work = partial(linear_range, closed, result=own.floquet, tol=max(RANGE, asked.tol))
+    work = partial(linear_range, closed, result=own.floquet, tol=max(RANGE, asked.tol), plant=plant)
     return clock.attempt(problems, "linear range", name, asked, work)
 
 

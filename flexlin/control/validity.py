@@ -13,7 +13,7 @@ from flexlin.control.slow_motions import slow_motions
 from flexlin.mechanics.coordinates import Coordinate
 from flexlin.periodic.boundary.roots import SignedEnds, solve_brackets
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.summary import represent
 
 SAMPLES, CANDIDATES = 1024, 64
@@ -91,6 +91,7 @@ def linear_range(
     modes: int = 2,
     result: FloquetResult | None = None,
     tol: float = 1e-8,
+    plant: Linearization | None = None,
 ) -> Validity:
     """Find the amplitude at which the nonlinear terms reach a share of the linear terms, along the slowest Floquet modes.
 
@@ -112,6 +113,8 @@ def linear_range(
         Floquet's answer for the loop, if it is known.
     tol : float
         Relative width of the bracket in which the search for an amplitude ends.
+    plant : Linearization, optional
+        The same arm along the same motion without a loop, if it is known.
 
     Returns
     -------
@@ -138,8 +141,14 @@ def linear_range(
     positive("tol", tol)
     system = lin.periodic_system()
     slow = slow_motions(system, modes, result, SAMPLES, lin.n)
-    plant = lin if lin.control is None else linearize(lin.arm, lin.motion)
-    amplitudes = [border(plant, system, slow.t, x, share, tol) for x in slow.states]
+    bare = plant or (lin if lin.control is None else linearize(lin.arm, lin.motion))
+    still = [np.zeros((len(slow.t), lin.n))] * 3
+    resolved = bare.periodic_system().resolved
+    assert isinstance(resolved, ResolvedCompanion)
+    matrices, rest = resolved.sample(slow.t), residual(bare, slow.t, still)
+    rates = np.einsum("tij,ktj->kti", system.resolved(slow.t), slow.states)
+    along = [Terms.along(bare, slow.t, *motion, matrices, rest) for motion in zip(slow.states, rates, strict=True)]
+    amplitudes = [border(terms, share, tol) for terms in along]
     leading = np.abs(slow.states[:, :, : lin.n]).max(axis=1).argmax(axis=1)
     return Validity(slow.directions, np.array(amplitudes), share, tuple(lin.coordinates[k] for k in leading))
 
@@ -157,13 +166,14 @@ class Terms:
     rest: Array
 
     @classmethod
-    def along(cls, plant: Linearization, system: PeriodicSystem, t: Array, x: Array) -> "Terms":
-        n, (M, D, K) = plant.n, plant.equations(t)
-        rates = np.einsum("tij,tj->ti", system.A(t), x)
+    def along(
+        cls, plant: Linearization, t: Array, x: Array, rates: Array, matrices: tuple[Array, Array, Array], rest: Array
+    ) -> "Terms":
+        n, (M, D, K) = plant.n, matrices
         motion = (x[:, :n], x[:, n : 2 * n], rates[:, n : 2 * n])
         parts = [np.einsum("tij,tj->ti", matrix, z) for matrix, z in zip((K, D, M), motion, strict=True)]
         linear = np.max([size(M, part) for part in parts], axis=0)
-        return cls(plant, t, motion, M, np.sum(parts, axis=0), linear, residual(plant, t, [0.0 * z for z in motion]))
+        return cls(plant, t, motion, M, np.sum(parts, axis=0), linear, rest)
 
     def at(self, k: Array) -> "Terms":
         """The same at some of the times."""
@@ -184,14 +194,13 @@ class Terms:
         return np.where(nonlinear <= rounding, -HUGE, np.clip(np.nan_to_num(ratio, nan=HUGE), -HUGE, HUGE))
 
 
-def border(plant: Linearization, system: PeriodicSystem, t: Array, x: Array, share: float, tol: float) -> float:
-    """The amplitude of a linear motion x (N, 2n) at which the nonlinear share is reached.
+def border(terms: Terms, share: float, tol: float) -> float:
+    """The amplitude of a linear motion at which the nonlinear share is reached.
 
     It is sought at CANDIDATES times first; then at those times of all at which the share is largest there, until these stay the same.
     """
-    terms = Terms.along(plant, system, t, x)
-    rounding = 4 * float(terms.nonlinear(STILL).max())
-    found = search_border(terms.at(np.arange(0, len(t), max(1, len(t) // CANDIDATES))), share, rounding, tol)
+    rounding, count = 4 * float(terms.nonlinear(STILL).max()), len(terms.t)
+    found = search_border(terms.at(np.arange(0, count, max(1, count // CANDIDATES))), share, rounding, tol)
     for _ in range(REPEATS):
         if found == 0.0:
             break
