@@ -9,7 +9,7 @@ from flexlin.about.free import ParametricLoop
 from flexlin.answers.loops import choose_loop
 from flexlin.answers.sensitivity import integrate_derivatives
 from flexlin.answers.sweep.axes import check_axes
-from flexlin.answers.sweep.batches import CHUNK_BYTES, Batches, Plan, choose_plan
+from flexlin.answers.sweep.batches import CHUNK_BYTES, Batches, Plan, choose_plan, try_plans
 from flexlin.answers.sweep.compiled import CompiledBatches, pays
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, FlexlinError, TimeLimit
@@ -33,6 +33,8 @@ FINER, SMALL = (1, 4, 16), 4
 
 TOGETHER, WIDE = 25, 8
 """Up to so many values of a loop with so many states or more are computed one by one: a batch's pilot alone would take longer."""
+MANY = 64
+"""So few values with fewer states are computed one by one where a batch needs more segments than this."""
 LARGE = 12
 """With so many states or more all values are: scans are sparse, and a batch's fixed number of segments suits few of the values."""
 
@@ -115,6 +117,7 @@ class SceneFamily(Family):
     loop: ParametricLoop | None = None
     plan: Plan | None = None
     compiled: CompiledBatches | None = None
+    alone: bool = False
 
     def compile(self, points: Array, values: int) -> None:
         """Compile the loop where so many values, some of them at points (V, P), are worth it."""
@@ -131,12 +134,10 @@ class SceneFamily(Family):
         assert self.loop is not None
         if not len(points):
             return self.unknown(points, ROUGH)
-        few = self.plan is None and len(points) <= TOGETHER
-        if self.loop.states >= WIDE and (few or self.loop.states >= LARGE) and self.loop.linearization.complete:
+        if self.prefers_one_by_one(points):
             return self.one_by_one(points, ROUGH)
         batches = Batches(self.loop, points, ROUGH, CHUNK_BYTES)
-        if self.plan is None:
-            self.plan = choose_plan(batches)
+        self.plan = self.plan or choose_plan(batches)
         states, narrow = self.loop.states, batches.find_narrow(np.arange(len(points)))
         logs, errors = np.full((len(points), states), np.nan + 0j), np.full((len(points), states), np.inf)
         left = np.flatnonzero(~narrow)
@@ -151,6 +152,18 @@ class SceneFamily(Family):
             alone = self.one_by_one(points[narrow], ROUGH)
             logs[narrow], errors[narrow] = alone.logs, alone.errors
         return Spectra(logs, errors)
+
+    def prefers_one_by_one(self, points: Array) -> bool:
+        """Whether `floquet` takes less time: for few values of many states, or of a period that a batch divides finely; finds the plan."""
+        assert self.loop is not None
+        few = self.plan is None and len(points) <= TOGETHER
+        if not self.loop.linearization.complete or not (few or self.loop.states >= LARGE):
+            return False
+        if few and not self.alone and self.loop.states < WIDE:
+            self.plan = try_plans(Batches(self.loop, points, ROUGH, CHUNK_BYTES), MANY)
+            self.alone = self.plan is None
+            return self.alone
+        return True
 
     def together(self, batches: Batches, part: Array, plan: Plan) -> tuple[Array, Array, Array]:
         """Logs and errors (V, n) of a batch, and which of its values are not accurate enough, (V,)."""

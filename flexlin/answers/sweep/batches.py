@@ -20,6 +20,8 @@ MOST_TOGETHER = 1024
 """Values of a block at the most: so large that no time is lost, so small that progress is seen and work can be shared out."""
 STARTS = (8, 12, 16, 24, 32, 48, 64, 96, 128)
 """Numbers of segments among which the pilot chooses."""
+ORDER = 8
+"""Of the extrapolated logs, by the length of the segments."""
 SLACK = 1.1
 """The spread of the moduli may exceed the pilot's by this factor."""
 PILOTS, ENOUGH = 24, 0.9
@@ -97,14 +99,27 @@ class Batches:
 
 def choose_plan(batches: Batches) -> Plan:
     """The least number of segments on which a few values, spread over all, reach the tolerance."""
-    plan = Plan(STARTS[0])
-    for segments in STARTS:
-        some = min(PILOTS, batches.values_in_chunk(segments))
-        which = np.unique(np.linspace(0, len(batches.points) - 1, some).round().astype(int))
-        reached, plan = batches.batch(which, replace(plan, segments=segments, spread=np.inf))[2:]
-        if reached.mean() >= ENOUGH:
-            break
+    plan = try_plans(batches, STARTS[-1])
+    assert plan is not None
     return plan
+
+
+def try_plans(batches: Batches, most: int) -> Plan | None:
+    """The same, None where more than so many segments are needed; numbers that the error of the last trial rules out are left out."""
+    plan = Plan(STARTS[0])
+    while True:
+        some = min(PILOTS, batches.values_in_chunk(plan.segments))
+        which = np.unique(np.linspace(0, len(batches.points) - 1, some).round().astype(int))
+        logs, errors, reached, plan = batches.batch(which, replace(plan, spread=np.inf))
+        if reached.mean() >= ENOUGH or plan.segments == STARTS[-1]:
+            return plan
+        allowed = batches.tol * np.maximum(batches.loop.periods(batches.points[which])[:, None], np.abs(logs))
+        missed = float(np.quantile(np.nan_to_num((errors / allowed).max(axis=1), nan=1.0), ENOUGH))
+        wanted = plan.segments * missed ** (1 / ORDER) if np.isfinite(missed) else 0.0
+        finer = [segments for segments in STARTS if segments > plan.segments]
+        plan = replace(plan, segments=max([finer[0], *(segments for segments in finer if segments <= wanted)]))
+        if plan.segments > most:
+            return None
 
 
 def prepare_coefficients(
