@@ -1,6 +1,5 @@
 """The one checked door between CasADi and NumPy: many points, one mapped call."""
 
-from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -32,8 +31,9 @@ def mapped(function: ca.Function, points: int) -> ca.Function:
     return function.map(points)
 
 
-def selected(function: ca.Function, names: Sequence[str]) -> ca.Function:
-    """The function with some of its outputs only, and without the work for the others."""
+@lru_cache(maxsize=64)
+def selected(function: ca.Function, names: tuple[str, ...]) -> ca.Function:
+    """The function with some of its outputs only, and without the work for the others (kept: a loop is asked at many values)."""
     inputs = function.sx_in()
     outputs = dict(zip(function.name_out(), function.call(inputs), strict=True))
     return ca.Function(function.name(), inputs, [outputs[name] for name in names], function.name_in(), list(names))

@@ -1,10 +1,12 @@
 """How near the loops of an arm come to a dead point along its rigid motion: there they move fast for a short time."""
 
+import casadi as ca
 import numpy as np
 
 from flexlin import symbolic
 from flexlin.about.deviation import Deviation
 from flexlin.checks import Array
+from flexlin.motion import SymbolicMotion
 
 PHASES, STEP = 512, 1e-5
 """Phases that are looked at, and the step of the differences, as a share of the period."""
@@ -29,6 +31,14 @@ def keeps_clear(about: Deviation) -> bool:
     except np.linalg.LinAlgError:  # a loop that is open or at a dead point
         return False
     return bool(np.abs(rates).max(initial=0.0) * CLEAR * T <= 1)
+
+
+def moves_followers(about: Deviation) -> bool:
+    """Whether free numbers of the arm move its followers at a given phase, or how V depends on them."""
+    loops, motion, p = about.arm.loops, about.motion, about.arm.parameters.symbols
+    if loops is None or not isinstance(motion, SymbolicMotion):
+        return True
+    return bool(ca.depends_on(ca.vertcat(loops.gap, motion.angles), ca.vertcat(p, motion.parameters.symbols)))
 
 
 def closings(about: Deviation, t: Array) -> Array:

@@ -109,13 +109,7 @@ class ParametricLoop:
 
     def at(self, point: Array) -> Linearization:
         """The linearization at one point (P,)."""
-        lin = self.linearization
-        about, parameters = lin.about, replace(lin.arm.parameters, values=point)
-        period = float(self.periods(point[None])[0])
-        motion = replace(about.motion, period=period, breaks=tuple(period * t / lin.period for t in lin.breaks))
-        assert isinstance(motion, SymbolicMotion)
-        motion = replace(motion, parameters=replace(motion.parameters, values=point))
-        return replace(lin, about=replace(about, arm=replace(about.arm, parameters=parameters), motion=motion))
+        return self.linearization.at_numbers(point, float(self.periods(point[None])[0]))
 
     def system_at(self, point: Array) -> PeriodicSystem:
         """The loop as a periodic system at one point (P,); with a kept gain the plant is closed by it."""

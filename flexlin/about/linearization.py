@@ -1,11 +1,11 @@
 """The bridge: a manipulator linearized along its rigid basic motion, M_L y'' + D_L y' + K_L y = h_L + B_L u."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from flexlin.about.dead_points import keeps_clear
+from flexlin.about.dead_points import keeps_clear, moves_followers
 from flexlin.about.law import Controller, Law
 from flexlin.about.routes import Route
 from flexlin.about.scene_law import scene_law
@@ -16,7 +16,7 @@ from flexlin.mechanics.coordinates import Coordinate
 from flexlin.mechanics.effects import Effect, effects_of
 from flexlin.mechanics.effects.narrow import Features
 from flexlin.mechanics.manipulator import Manipulator
-from flexlin.motion import Motion
+from flexlin.motion import Motion, SymbolicMotion
 from flexlin.periodic.companion import build_companion, build_input
 from flexlin.periodic.system import PeriodicSystem, SecondOrder
 from flexlin.scene.control import Control
@@ -44,6 +44,8 @@ class Linearization(SecondOrderEquations):
         How they were derived.
     control : Control or None
         The scene's control, when its loop is closed.
+    clear : bool or None
+        Whether the closed loops of its links are known to keep clear of dead points; None where it is to be found.
 
     Examples
     --------
@@ -58,6 +60,7 @@ class Linearization(SecondOrderEquations):
 
     route: Route
     control: Control | None = None
+    clear: bool | None = None
 
     __repr__ = represent
 
@@ -138,7 +141,30 @@ class Linearization(SecondOrderEquations):
         effects = self._effects
         if effects is None or not self.motion.complete or not all(effect.smooth for effect in effects):
             return False
-        return self.arm.loops is None or (not self.may_be_narrow and keeps_clear(self.about))
+        return self.arm.loops is None or (not self.may_be_narrow and self._keeps_clear)
+
+    @cached_property
+    def _keeps_clear(self) -> bool:
+        return keeps_clear(self.about) if self.clear is None else self.clear
+
+    def at_numbers(self, values: Array, period: float) -> "Linearization":
+        """The same equations with other values (P,) of the arm's free numbers, which make a period of so many s.
+
+        Assumes a motion that is an expression of them.
+        """
+        about, motion = self.about, self.motion
+        assert isinstance(motion, SymbolicMotion)
+        parameters = replace(self.arm.parameters, values=values)
+        moved = replace(
+            motion,
+            period=period,
+            breaks=tuple(period * t / motion.period for t in motion.breaks),
+            parameters=replace(motion.parameters, values=values),
+        )
+        followed = self.arm.loops is not None and not moves_followers(about)
+        arm = replace(self.arm, parameters=parameters)
+        clear = self._keeps_clear if followed else None
+        return replace(self, about=replace(about, arm=arm, motion=moved), clear=clear)
 
     @property
     def _effects(self) -> tuple[Effect, ...] | None:

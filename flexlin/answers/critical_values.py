@@ -130,6 +130,13 @@ def critical_values(
     """
     low, high = check_limits(path, limits)
     family = make_family(source, {path: (low, high)}, loop)
+    return search_family(family, path, low, high, positive("tol", tol), whole("samples", samples, 3), narrow)
+
+
+def search_family(
+    family: Family, path: str, low: float, high: float, tol: float, samples: int, narrow: bool
+) -> list[CriticalValue]:
+    """The critical values of the one number of a family."""
 
     def rough(values: Array) -> Spectra:
         return family.rough(values[:, None])
@@ -137,7 +144,6 @@ def critical_values(
     def fine(values: Array) -> Spectra:
         return family.fine(values[:, None])
 
-    tol, samples = positive("tol", tol), whole("samples", samples, 3)
     narrow = narrow and not family.is_constant(np.array([(low + high) / 2]))
     found = find_crossings(rough, fine, low, high, tol, samples, narrow, family.slow)
     return [describe_crossing(path, crossing, family) for crossing in found]

@@ -1,9 +1,11 @@
 """How far a scene's numbers are from the values at which its own loop changes its verdict."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 
-from flexlin.answers.critical_values import CriticalValue, critical_values
+from flexlin.answers.critical_values import CriticalValue, critical_values, search_family
 from flexlin.answers.loops import SAMPLED
+from flexlin.answers.spectra import Family, OneOfSeveral, SceneFamily, make_family
 from flexlin.errors import ArgumentError, InputError, TimeLimit
 from flexlin.periodic.floquet.decoupled import estimate_decoupling_work
 from flexlin.periodic.floquet.result import FloquetResult
@@ -43,6 +45,27 @@ class Margin:
         return min(open_, key=lambda one: abs(one.distance), default=None)
 
 
+@dataclass
+class Shared:
+    """One derivation of a scene's own loop for all numbers whose usual margins are asked for, made when the first is."""
+
+    scene: Scene
+    ranges: dict[str, tuple[float, float]]
+    made: SceneFamily | None = None
+    tried: bool = False
+
+    def family(self, path: str) -> Family:
+        """The systems by one of the numbers. Raises: what `make_family` raises."""
+        if not self.tried and len(self.ranges) > 1:
+            self.tried = True
+            with suppress(InputError):
+                made = make_family(self.scene, self.ranges, "own")
+                self.made = made if isinstance(made, SceneFamily) else None
+        if self.made is None:
+            return make_family(self.scene, {path: self.ranges[path]}, "own")
+        return OneOfSeveral.of(self.made, list(self.ranges).index(path))
+
+
 def find_margin(scene: Scene, path: str, limits: tuple[float, float], samples: int = THOROUGH) -> Margin:
     """The critical values of one number of a scene's own loop."""
     own = get_value(scene, path)
@@ -54,7 +77,11 @@ def find_margin(scene: Scene, path: str, limits: tuple[float, float], samples: i
 
 
 def find_usual_margin(
-    scene: Scene, path: str, limits: tuple[float, float], own: FloquetResult | None = None
+    scene: Scene,
+    path: str,
+    limits: tuple[float, float],
+    own: FloquetResult | None = None,
+    shared: Shared | None = None,
 ) -> Margin | None:
     """As `find_margin`, by a coarse scan; none where the number cannot be free, or each value needs equations of its own.
 
@@ -70,10 +97,12 @@ def find_usual_margin(
             got=f"{len(own.exponents)} states",
             todo=f"ask for them by --margins {path}={limits[0]:g}:{limits[1]:g}",
         )
+    shared = shared or Shared(scene, {path: limits})
     try:
-        return find_margin(scene, path, limits, samples)
+        found = search_family(shared.family(path), path, *limits, TOL * (limits[1] - limits[0]), samples, narrow=False)
     except InputError:
         return None
+    return Margin(path, *limits, read_number(scene, path), samples, tuple(found))
 
 
 def predict_work(own: FloquetResult) -> float:

@@ -186,6 +186,44 @@ class SceneFamily(Family):
         return modes.exponents, modes.errors, integrate_derivatives(loop, modes)
 
 
+@dataclass
+class OneOfSeveral(Family):
+    """Systems that depend on one of several numbers that a family leaves free; the others keep the scene's values."""
+
+    family: SceneFamily | None = None
+    index: int = 0
+
+    @classmethod
+    def of(cls, family: SceneFamily, index: int) -> "OneOfSeveral":
+        """The number at a place among the family's; its batches are planned anew."""
+        alone = replace(family, plan=None, alone=False)
+        return cls(family.make, family.own[index : index + 1], family=alone, index=index)
+
+    @property
+    def slow(self) -> bool:
+        return self.family is not None and self.family.slow
+
+    def place(self, points: Array) -> tuple[SceneFamily, Array]:
+        """The family, and its points (V, P) for values (V, 1) of the number."""
+        assert self.family is not None
+        placed = np.tile(self.family.own, (len(points), 1))
+        placed[:, self.index] = points[:, 0]
+        return self.family, placed
+
+    def system_at(self, point: Array) -> PeriodicSystem:
+        family, placed = self.place(point[None])
+        return family.system_at(placed[0])
+
+    def rough(self, points: Array) -> Spectra:
+        family, placed = self.place(points)
+        return family.rough(placed)
+
+    def slopes(self, point: Array) -> tuple[Array, Array, Array] | None:
+        family, placed = self.place(point[None])
+        found = family.slopes(placed[0])
+        return None if found is None else (*found[:2], found[2][self.index : self.index + 1])
+
+
 def make_family(source: Source, ranges: dict[str, tuple[float, float]], loop: str) -> Family:
     """The systems that a scene's loop, or a function, makes of numbers in ranges.
 

@@ -84,11 +84,11 @@ def find_margins(
     scene: Scene, chosen: "Mapping[str, tuple[float, float]] | None", analysis: "Analysis", clock: Clock
 ) -> "tuple[Margin, ...]":
     """The critical values of some numbers; none of a number that meets a limit, or, where nobody chose it, cannot be free."""
-    from flexlin.answers.margins import choose_margins, find_margin, find_usual_margin
+    from flexlin.answers.margins import Shared, choose_margins, find_margin, find_usual_margin
 
-    usual = partial(find_usual_margin, own=analysis.own.floquet)
+    ranges, at_most = (choose_margins(scene), USUAL) if chosen is None else (dict(chosen), inf)
+    usual = partial(find_usual_margin, own=analysis.own.floquet, shared=Shared(scene, ranges))
     find: Callable[..., Margin | None] = find_margin if chosen is not None else usual
-    ranges, at_most = (choose_margins(scene), USUAL) if chosen is None else (chosen, inf)
     found: list[Margin | None] = []
     for path, limits in ranges.items():
         key, step, work = f"margin {path}", f"critical values of {path}", partial(find, scene, path, limits)
