@@ -33,8 +33,8 @@ FINER, SMALL = (1, 4, 16), 4
 
 TOGETHER, WIDE = 25, 8
 """Up to so many values of a loop with so many states or more are computed one by one: a batch's pilot alone would take longer."""
-MANY = 64
-"""So few values with fewer states are computed one by one where a batch needs more segments than this."""
+MANY, MOST = 64, 0.7
+"""So few values with fewer states are computed one by one where a batch of most of them needs more segments than this."""
 LARGE = 12
 """With so many states or more all values are: scans are sparse, and a batch's fixed number of segments suits few of the values."""
 
@@ -134,9 +134,9 @@ class SceneFamily(Family):
         assert self.loop is not None
         if not len(points):
             return self.unknown(points, ROUGH)
-        if self.prefers_one_by_one(points):
-            return self.one_by_one(points, ROUGH)
         batches = Batches(self.loop, points, ROUGH, CHUNK_BYTES)
+        if self.prefers_one_by_one(batches):
+            return self.one_by_one(points, ROUGH)
         self.plan = self.plan or choose_plan(batches)
         states, narrow = self.loop.states, batches.find_narrow(np.arange(len(points)))
         logs, errors = np.full((len(points), states), np.nan + 0j), np.full((len(points), states), np.inf)
@@ -153,14 +153,14 @@ class SceneFamily(Family):
             logs[narrow], errors[narrow] = alone.logs, alone.errors
         return Spectra(logs, errors)
 
-    def prefers_one_by_one(self, points: Array) -> bool:
+    def prefers_one_by_one(self, batches: Batches) -> bool:
         """Whether `floquet` takes less time: for few values of many states, or of a period that a batch divides finely; finds the plan."""
         assert self.loop is not None
-        few = self.plan is None and len(points) <= TOGETHER
+        few = self.plan is None and len(batches.points) <= TOGETHER
         if not self.loop.linearization.complete or not (few or self.loop.states >= LARGE):
             return False
         if few and not self.alone and self.loop.states < WIDE:
-            self.plan = try_plans(Batches(self.loop, points, ROUGH, CHUNK_BYTES), MANY)
+            self.plan = try_plans(batches, MANY, MOST)
             self.alone = self.plan is None
             return self.alone
         return True

@@ -1,7 +1,7 @@
 """Exponents of many values together by NumPy, in batches of bounded memory."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -49,6 +49,7 @@ class Batches:
     points: Array
     tol: float
     chunk_bytes: int
+    whole: dict[int, tuple[Array, Array, Array, Plan]] = field(default_factory=dict, compare=False)
 
     def fill(self, found: Found, which: Array, plan: "Plan") -> None:
         """Compute the values `which`: together, those that missed tol again on twice the segments, and the rest one by one."""
@@ -78,6 +79,8 @@ class Batches:
 
     def batch(self, which: Array, plan: "Plan") -> tuple[Array, Array, Array, "Plan"]:
         """Logs (V, n) of the multipliers, their errors, whether they meet tol, and the plan with what was learnt."""
+        if len(which) == len(self.points) and plan.segments in self.whole:
+            return self.whole[plan.segments]  # the pilot saw all values
         points = self.points[which]
         T = self.loop.periods(points)
         coefficients, usable, harmonics = prepare_coefficients(self.loop, points, T, plan, self.tol)
@@ -88,6 +91,8 @@ class Batches:
         allowed = self.tol * np.maximum(T[:, None], np.abs(logs))
         reached = usable & result.sound & np.all(errors <= allowed, axis=1)
         learnt = replace(plan, harmonics=harmonics, spread=measure_spread(result.logs[:, reached]))
+        if len(which) == len(self.points):
+            self.whole[plan.segments] = logs, errors, reached, learnt
         return logs, errors, reached, learnt
 
     def values_in_chunk(self, segments: int) -> int:
@@ -99,22 +104,25 @@ class Batches:
 
 def choose_plan(batches: Batches) -> Plan:
     """The least number of segments on which a few values, spread over all, reach the tolerance."""
-    plan = try_plans(batches, STARTS[-1])
+    plan = try_plans(batches, STARTS[-1], ENOUGH)
     assert plan is not None
     return plan
 
 
-def try_plans(batches: Batches, most: int) -> Plan | None:
-    """The same, None where more than so many segments are needed; numbers that the error of the last trial rules out are left out."""
+def try_plans(batches: Batches, most: int, enough: float) -> Plan | None:
+    """The least number of segments on which a share of the values reaches the tolerance, None where that is more than `most`.
+
+    Numbers that the error of the last trial rules out are left out.
+    """
     plan = Plan(STARTS[0])
     while True:
         some = min(PILOTS, batches.values_in_chunk(plan.segments))
         which = np.unique(np.linspace(0, len(batches.points) - 1, some).round().astype(int))
         logs, errors, reached, plan = batches.batch(which, replace(plan, spread=np.inf))
-        if reached.mean() >= ENOUGH or plan.segments == STARTS[-1]:
+        if reached.mean() >= enough or plan.segments == STARTS[-1]:
             return plan
         allowed = batches.tol * np.maximum(batches.loop.periods(batches.points[which])[:, None], np.abs(logs))
-        missed = float(np.quantile(np.nan_to_num((errors / allowed).max(axis=1), nan=1.0), ENOUGH))
+        missed = float(np.quantile(np.nan_to_num((errors / allowed).max(axis=1), nan=1.0), enough))
         wanted = plan.segments * missed ** (1 / ORDER) if np.isfinite(missed) else 0.0
         finer = [segments for segments in STARTS if segments > plan.segments]
         plan = replace(plan, segments=max([finer[0], *(segments for segments in finer if segments <= wanted)]))
