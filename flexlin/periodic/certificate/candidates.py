@@ -102,14 +102,19 @@ def from_decoupled_modes(system: PeriodicSystem, result: FloquetResult) -> Candi
 
 
 def from_equation(system: PeriodicSystem, result: FloquetResult) -> Candidate:
-    """-X' = (A + s)' X + X (A + s) + Q with s just below the decay: X' + A' X + X A = -Q - 2 s X."""
-    shift = find_shift(result)
-    resolved = system.resolved
+    """-X' = (A + s)' X + X (A + s) + Q with s just below the decay: X' + A' X + X A = -Q - 2 s X.
+
+    Raises: NumericalError where the decay is so slow against the fastest mode that the error of X hides it.
+    """
+    shift, resolved = find_shift(result), system.resolved
+    mean = resolved.mean()
+    hidden = EQUATION_TOL * float(np.abs(np.linalg.eigvals(mean)).max())
+    if shift < hidden:
+        raise NumericalError("the loop decays too slowly", got=f"{shift:.3g} 1/s", expected=f"above {hidden:.3g} 1/s")
     edges = resolved.edges[:-1].tolist() if resolved.panels > 1 else ()
     faster = PeriodicSystem(
         lambda t: resolved(t) + shift * np.eye(system.n), system.period, breaks=edges, complete=True
     )
-    mean = resolved.mean()
     rates = np.sqrt(np.abs(mean).sum(axis=1) / np.maximum(np.abs(mean).sum(axis=0), np.finfo(float).tiny))
     return periodic_lyapunov(faster, np.diag(1 / np.maximum(rates, 1e-8) ** 2), EQUATION_TOL).X
 

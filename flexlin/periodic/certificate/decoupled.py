@@ -53,6 +53,6 @@ def weigh_several(B: Array, period: float, shift: float, real: bool) -> Array:
     n, size, turn = *B.shape[:2], np.trace(B.mean(axis=0)).imag / B.shape[1]
     shifted = B + (shift - 1j * turn) * np.eye(size)
     values = shifted.real if real else as_real(shifted)
-    slower = PeriodicSystem(lambda t: interpolated(values, period, t), period)
+    slower = PeriodicSystem(lambda t: interpolated(values, period, t), period, complete=True)  # few harmonics, all seen
     P = periodic_lyapunov(slower, np.eye(len(values[0])), ACCURACY).X(period / n * np.arange(n))
     return P if real else P[:, :size, :size] + 1j * P[:, size:, :size]

@@ -11,6 +11,8 @@ from flexlin.periodic.decoupling.waves import KEPT, harmonics
 
 SLOW_PART = 0.8
 """Harmonics of the coupling below this part of the gap shrink from round to round."""
+SMALL = 24
+"""Entries of a block up to which one linear system takes less time than Schur forms."""
 ENOUGH, SLOW = 0.01, 0.8
 """Rounds end when the coupling's effect is this part of what is allowed, or shrinks by less than this factor."""
 
@@ -64,7 +66,9 @@ def against_scalars_of_two(S: Array, B: Array, group: Group, scalars: Array, dia
 
 
 def block(B: Array, group: Group, other: Group) -> Array:
-    """Solve one block column by column from the complex Schur form of the smaller of the two diagonal blocks."""
+    """Solve one block at once where it is small, else column by column from the complex Schur form of the smaller diagonal block."""
+    if group.size * other.size <= SMALL:
+        return block_at_once(B, group, other)
     if other.size > group.size:
         turned = -np.swapaxes(B, 1, 2)
         return -np.swapaxes(block(turned, other, group), 1, 2)
@@ -76,6 +80,15 @@ def block(B: Array, group: Group, other: Group) -> Array:
         column = right[:, :, k] + (Y[:, :, :k] @ R[:, :k, k, None])[..., 0]
         Y[:, :, k] = np.linalg.solve(own - R[:, k, k, None, None] * np.eye(group.size), column[..., None])[..., 0]
     return Y @ np.conj(np.swapaxes(Q, 1, 2))
+
+
+def block_at_once(B: Array, group: Group, other: Group) -> Array:
+    """The same by the linear system of all entries: (B_ii (x) 1 - 1 (x) B_jj') s_ij = -b_ij, row by row."""
+    p, q = group.size, other.size
+    first, second = B[:, group.part, group.part], B[:, other.part, other.part]
+    system = np.einsum("tik,jl->tijkl", first, np.eye(q)) - np.einsum("ik,tlj->tijkl", np.eye(p), second)
+    right = -B[:, group.part, other.part].reshape(-1, p * q, 1)
+    return np.linalg.solve(system.reshape(-1, p * q, p * q), right).reshape(-1, p, q)
 
 
 def mixing(S: Array) -> Array:

@@ -1,0 +1,25 @@
+"""The equations that take the coupling between groups out, for groups of all sizes."""
+
+import numpy as np
+
+from flexlin.periodic.decoupling.grouping import Group
+from flexlin.periodic.decoupling.superadiabatic import sylvester
+
+
+def test_every_block_solves_its_equation():
+    rng = np.random.default_rng(5)
+    for sizes in ((1, 1, 2), (2, 3, 1), (2, 2, 4), (6, 5), (4, 6, 1)):
+        edges = np.concatenate([[0], np.cumsum(sizes)])
+        groups = tuple(Group(int(a), int(b), i) for i, (a, b) in enumerate(zip(edges[:-1], edges[1:], strict=True)))
+        n = int(edges[-1])
+        apart = np.repeat(20j * np.arange(len(sizes)), sizes)
+        B = rng.standard_normal((7, n, n)) + 1j * rng.standard_normal((7, n, n)) + np.diag(apart)
+        S = sylvester(B, groups)
+        for one in groups:
+            for other in groups:
+                own, across = B[:, one.part, one.part], S[:, one.part, other.part]
+                if one is other:
+                    assert np.abs(across).max() == 0
+                    continue
+                left = own @ across - across @ B[:, other.part, other.part] + B[:, one.part, other.part]
+                assert np.abs(left).max() < 1e-13 * np.abs(B).max()
