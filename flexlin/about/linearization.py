@@ -148,9 +148,21 @@ class Linearization(SecondOrderEquations):
         return keeps_clear(self.about) if self.clear is None else self.clear
 
     def at_numbers(self, values: Array, period: float) -> "Linearization":
-        """The same equations with other values (P,) of the arm's free numbers, which make a period of so many s.
+        """Return the same equations with other values of the arm's free numbers.
 
-        Assumes a motion that is an expression of them.
+        Assumes a motion that is an expression of these numbers.
+
+        Parameters
+        ----------
+        values : array, shape (P,)
+            The values of `arm.parameters`.
+        period : float
+            The period of the motion that they make, in s.
+
+        Returns
+        -------
+        Linearization
+            The equations, with nothing derived anew.
         """
         about, motion = self.about, self.motion
         assert isinstance(motion, SymbolicMotion)

@@ -1,5 +1,7 @@
 """The equations that take the coupling between groups out, for groups of all sizes."""
 
+import itertools
+
 import numpy as np
 
 from flexlin.periodic.decoupling.grouping import Group
@@ -10,7 +12,7 @@ def test_every_block_solves_its_equation():
     rng = np.random.default_rng(5)
     for sizes in ((1, 1, 2), (2, 3, 1), (2, 2, 4), (6, 5), (4, 6, 1)):
         edges = np.concatenate([[0], np.cumsum(sizes)])
-        groups = tuple(Group(int(a), int(b), i) for i, (a, b) in enumerate(zip(edges[:-1], edges[1:], strict=True)))
+        groups = tuple(Group(int(a), int(b), i) for i, (a, b) in enumerate(itertools.pairwise(edges)))
         n = int(edges[-1])
         apart = np.repeat(20j * np.arange(len(sizes)), sizes)
         B = rng.standard_normal((7, n, n)) + 1j * rng.standard_normal((7, n, n)) + np.diag(apart)
