@@ -1,12 +1,17 @@
 """The optimal periodic state feedback."""
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
 from flexlin.control.designed_loop import Design
 from flexlin.control.smooth_gain import smooth_gain
+from flexlin.periodic.quadratic.resolution import narrow_places
 from flexlin.periodic.quadratic.riccati import periodic_riccati
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
+
+SMOOTH = 64
+"""Of the period: where coefficients change in a shorter time the gain has a series of its own."""
 
 
 @checked
@@ -73,8 +78,9 @@ def periodic_lqr(
     """
     system = as_system(system)
     solution = periodic_riccati(system, Q, R, N, tol)
-    gain, apart = smooth_gain(solution.K, system.breaks, solution.edges)
-    loop = system.feedback(gain)
+    corners = tuple(np.union1d(system.breaks, narrow_places(solution.problem, system.period / SMOOTH)).tolist())
+    gain, apart = smooth_gain(solution.K, corners, solution.edges)
+    loop = system.feedback(gain, corners)
     return Design(
         name,
         "periodic-lqr",

@@ -25,3 +25,9 @@ def place_edges(period: float, breaks: Sequence[float] | Array, segments: int, l
         for a, b in pairwise(corners)
     ]
     return np.concatenate([*pieces, [period]])
+
+
+def edges_of_short(edges: Array, longest: float) -> Array:
+    """Return the edges of the panels that are shorter than `longest`: no step may pass over what a function does in one."""
+    short = np.flatnonzero(np.diff(edges) < longest)
+    return edges[np.union1d(short, short + 1)]

@@ -7,6 +7,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.coefficients import MatrixFunction
+from flexlin.periodic.resolved.resolve import first_edges
 from flexlin.periodic.system import PeriodicSystem
 
 
@@ -28,6 +29,14 @@ def dual_system(system: PeriodicSystem, C: MatrixFunction | None = None) -> Peri
     features = [((T - t) % T, width) for t, width in system.features]
     B = None if C is None else Backward(C, T)
     return PeriodicSystem(Backward(system.A, T), T, B, breaks, features=features, complete=system.complete)
+
+
+def corners_of(system: PeriodicSystem) -> tuple[float, ...]:
+    """Times in [0, T) between which what is made of the system's coefficients is smooth and changes slowly, as far as they are named."""
+    if not system.features:
+        return system.breaks
+    edges = first_edges(system.period, np.array(system.breaks), np.array(system.features))
+    return tuple(edges[:-1].tolist())
 
 
 @dataclass(frozen=True, eq=False)

@@ -96,6 +96,30 @@ def test_a_gain_with_corners_is_met_on_either_side(kind, least, tmp_path):
 
 
 @needs_compiler
+@pytest.mark.slow
+def test_steps_of_friction_are_met_inside(tmp_path):
+    """Friction steps within T/5,000: gain and fed torques in C are those of Python inside the steps, to what the header states."""
+    friction = {"effects.coulomb_friction": {"torque": 0.02, "rate": 1e-2}, "control.feedforward": "rigid"}
+    scene = fl.load_scene("single-link", {**SMALL, **friction})
+    arm = fl.build_manipulator(scene)
+    plant, lin = fl.linearize(arm, scene.motion), fl.linearize(arm, scene.motion, scene.control)
+    made = design(plant, scene.designs[1], tol=1e-10)
+    assert made.error < 1e-5
+    files = gain_source(made, plant.period, tmp_path, lin=lin)
+    c = library(files)
+    stated = [
+        float(x) for x in re.findall(r"(?:flexlin's|forward): (\d\S+e-\d+)", files[1].read_text(encoding="utf-8"))
+    ]
+    steps = [time + width * np.linspace(-9, 9, 61) for time, width in plant.features]
+    t = np.sort(np.concatenate([np.linspace(0, plant.period, 61)[:-1], *steps]))
+    at_rest = np.array([call(c.gain_law, now / plant.period, np.zeros(plant.n * 2), size=1) for now in t])
+    K = np.array([call(c.gain_matrix, now / plant.period, size=2 * plant.n) for now in t])
+    for found, wanted, error in zip((K, at_rest), (made.K(t)[:, 0], lin.law.forward(t)), stated, strict=True):
+        assert np.abs(found - wanted).max() <= (4 * error + 1e-12) * np.abs(wanted).max()
+        assert error < 1e-6
+
+
+@needs_compiler
 def test_a_sampled_gain_converges_with_its_samples(arm, tmp_path):
     scene, plant, _ = arm
     made, errors = design(plant, scene.designs[1], tol=1e-6), []

@@ -14,6 +14,7 @@ from flexlin.control.export.c_series import SAMPLES, Form, write_series
 from flexlin.control.export.labels import Labels
 from flexlin.errors import ArgumentError
 from flexlin.files import results
+from flexlin.periodic.related import corners_of
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
 
 HEADER = """\
@@ -210,7 +211,7 @@ def write_estimator(
         **input_of(system),
         "L_of": GainOfFilter(estimator),
     }
-    parts = [write_series(key, f, system.period, system.breaks, form, samples) for key, f in functions.items()]
+    parts = [write_series(key, f, system.period, corners_of(system), form, samples) for key, f in functions.items()]
     words = {
         "name": name, "guard": name.upper(), "n": system.n, "m": system.m, "p": p, "period": float(system.period),
         "version": flexlin.__version__, "states": listed(labels.states, labels.state_units),

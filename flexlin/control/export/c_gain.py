@@ -15,6 +15,7 @@ from flexlin.control.export.c_series import SAMPLES, Form, write_series
 from flexlin.control.export.labels import Labels
 from flexlin.files import results
 from flexlin.periodic.coefficients import MatrixFunction
+from flexlin.periodic.related import corners_of
 
 HEADER = """\
 /* {title}, written by flexlin {version}. C99, needs libm only; no memory is allocated.
@@ -30,7 +31,7 @@ HEADER = """\
 {inputs}
    forward: {forward}
    Layout of K: {layout}; entry {n} i + j is K[i][j].
-   Largest error of K against flexlin's: {error:.1e} of its largest entry. */
+   Largest error of K against flexlin's: {error:.1e} of its largest entry; of the torques that are fed forward: {torques:.1e}. */
 #ifndef FLEXLIN_{guard}_H
 #define FLEXLIN_{guard}_H
 #define {guard}_STATES {n}
@@ -203,7 +204,7 @@ def write_gain(
         0 if made.controller is None else made.controller.states,
     )
     chosen = law or (made.law if lin is None else lin.law)
-    breaks = tuple(made.closed_loop.breaks)
+    breaks = corners_of(made.closed_loop)
     once = lin is not None and not lin.motion.periodic
     parts = [
         write_series(title, f, period, breaks, form, samples)
@@ -217,7 +218,7 @@ def write_gain(
         "name": name, "guard": name.upper(), "n": n, "m": m, "size": n * m, "period": float(period), "version": flexlin.__version__,
         "title": f"The design “{made.name}”".replace("*/", "* /").replace("\\", "/"), "forward": chosen.feedforward,
         "states": listed(labels.states, labels.state_units), "inputs": listed(labels.inputs, labels.input_units),
-        "layout": parts[0].layout, "error": parts[0].error, "series": "\n".join(part.source for part in parts),
+        "layout": parts[0].layout, "error": parts[0].error, "torques": parts[1].error, "series": "\n".join(part.source for part in parts),
         "within": WITHIN[not once], "beyond": BEYOND[not once], "arm": n - memory, **words_of_integrals(made, name, n),
     }  # fmt: skip
     return write_c(folder, {f"{name}.c": SOURCE, f"{name}.h": HEADER, "main.c": MAIN}, words)

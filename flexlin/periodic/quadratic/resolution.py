@@ -8,6 +8,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.coefficients import PROBES, Constant, MatrixFunction
 from flexlin.periodic.fourier import FourierSeries, fourier_nodes, real_fourier_coefficients
+from flexlin.periodic.grid import edges_of_short
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.resolved.matrix import WAVES, ResolvedMatrix, divided
@@ -67,6 +68,12 @@ def coefficients(problem: LinearQuadratic) -> list[ResolvedMatrix | ResolvedComp
     """Those that vary."""
     every = (getattr(problem, name) for name in ("A", *OTHERS))
     return [one for one in every if isinstance(one, ResolvedMatrix | ResolvedCompanion)]
+
+
+def narrow_places(problem: LinearQuadratic, longest: float) -> Array:
+    """Return times in [0, T) about which a coefficient changes in a time below `longest`."""
+    edges = (np.mod(edges_of_short(one.edges, longest), one.period) for one in coefficients(problem))
+    return reduce(np.union1d, edges, np.empty(0))
 
 
 def highest_wave(coefficient: ResolvedMatrix | ResolvedCompanion, tol: float) -> float:

@@ -108,7 +108,7 @@ def _on_panels(
     """Resolve by panels, judge the period, and collect."""
     T = sample.period
     sample(T * stratified(PARTS))
-    resolver = PanelResolver(sample, tol, _start(T, named, pairs), named, checks, wary)
+    resolver = PanelResolver(sample, tol, first_edges(T, named, pairs), named, checks, wary)
     resolver.run()
     done = resolver.done
     rough, jumps = resolver.rough()
@@ -131,8 +131,8 @@ def _on_panels(
     )
 
 
-def _start(period: float, named: Array, pairs: Array) -> Array:
-    """The first edges: the breaks, a graded mesh about each feature, and no panel longer than a quarter of the period."""
+def first_edges(period: float, named: Array, pairs: Array) -> Array:
+    """Return the first edges from 0 to T: breaks, a graded mesh about each feature, and no panel longer than a quarter of the period."""
     fixed = np.unique(np.concatenate([[0.0, period], named]))
     meshes = [graded([centre], width, max(period / 8, width), STEP) for centre, width in pairs]
     free = np.sort(np.mod(np.concatenate([np.empty(0), *meshes]), period))

@@ -9,7 +9,7 @@ from flexlin.checks import Array, positive, real_array, whole
 from flexlin.errors import ArgumentError, ResonantForcing
 from flexlin.periodic.coefficients import Constant, refuse_signature
 from flexlin.periodic.floquet.uncertainty import couple_uncertainty
-from flexlin.periodic.grid import place_edges
+from flexlin.periodic.grid import edges_of_short, place_edges
 from flexlin.periodic.product.eigenvalues import product_logs
 from flexlin.periodic.product.perturbation import COHERENT
 from flexlin.periodic.resolved.resolve import resolve
@@ -118,8 +118,8 @@ def forced_response(
 
 def find_corners(system: PeriodicSystem, force: VectorFunction, breaks: Array) -> Array:
     """Where force or coefficients are not smooth, and edges of what they do in a short time, so that no segment steps over it."""
-    known = np.union1d(system.resolved.breaks, breaks)
-    corners = np.union1d(known, edges_of_short(system.resolved.edges))
+    known, longest = np.union1d(system.resolved.breaks, breaks), system.period / LEAST
+    corners = np.union1d(known, edges_of_short(system.resolved.edges, longest))
     if isinstance(force, Constant):
         return corners
     series = resolve(
@@ -131,13 +131,9 @@ def find_corners(system: PeriodicSystem, force: VectorFunction, breaks: Array) -
         tol=NARROW,
         repeats=False,
     )
-    return np.union1d(corners, np.union1d([place.time for place in series.found], edges_of_short(series.edges)))
-
-
-def edges_of_short(edges: Array) -> Array:
-    """Edges of the panels that are shorter than the first segments."""
-    short = np.flatnonzero(np.diff(edges) < edges[-1] / LEAST)
-    return edges[np.union1d(short, short + 1)]
+    return np.union1d(
+        corners, np.union1d([place.time for place in series.found], edges_of_short(series.edges, longest))
+    )
 
 
 def refine_response(

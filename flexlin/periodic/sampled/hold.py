@@ -8,6 +8,7 @@ from scipy.linalg import expm
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, TooManySegments
 from flexlin.periodic.coefficients import MatrixFunction
+from flexlin.periodic.grid import edges_of_short
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choice import choose_gauss_step, measure_pace
 from flexlin.periodic.transition.gauss import gauss_transitions
@@ -131,9 +132,8 @@ def divide(system: PeriodicSystem, begin: Array, end: Array, tol: float) -> Arra
             "the sampled loop takes too many steps", got=count * len(begin), expected=f"at most {MOST_STEPS}"
         )
     edges = begin[:, None] + (end - begin)[:, None] * np.arange(count + 1) / count
-    panels = system.resolved.edges
-    short = np.diff(panels) < width / count
-    corners = np.unique([*system.resolved.breaks, *panels[:-1][short], *np.mod(panels[1:][short], T)])
+    short = edges_of_short(system.resolved.edges, width / count)
+    corners = np.union1d(system.resolved.breaks, np.mod(short, T))
     if len(corners):
         turns = np.floor((begin[:, None] - corners) / T) + 1
         inner = np.clip(corners + turns * T, begin[:, None], end[:, None])
