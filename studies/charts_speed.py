@@ -21,13 +21,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 import flexlin as fl
 from flexlin.about.free import ParametricLoop, parametric_loop
 from flexlin.answers.peers import HeyokaTransitions
-from flexlin.answers.peers.right_hand_sides import derive_state_matrix
+from flexlin.answers.peers.vectorised import prepare_jax
 from flexlin.answers.sweep.batches import NumpyBatches, Plan, prepare_coefficients
 from flexlin.answers.sweep.cluster import Cluster
 from flexlin.answers.sweep.compiled import CompiledBatches
@@ -126,7 +125,7 @@ def peer_runs(loop: ParametricLoop, points: np.ndarray) -> dict[str, Callable[[]
                 break
     if find_spec("jax"):
         for steps in STEPS:
-            flow = jax_transitions(loop, steps)
+            flow = prepare_jax(loop, steps)
             if np.abs(flow(points) * units[:, :, None] / units[:, None, :] - exact).max() <= TOL * np.abs(exact).max():
                 runs[f"jax.vmap, {steps} steps of DOP853, transition matrix only"] = lambda flow=flow: flow(points)
                 break
@@ -137,57 +136,6 @@ def reference(loop: ParametricLoop, points: np.ndarray) -> np.ndarray:
     """Transition matrices (V, n, n), time in periods, by Gauss collocation of order 16."""
     coefficients = prepare_coefficients(loop, points, loop.periods(points), Plan(64), 1e-11)[0]
     return batched_transitions(coefficients, 96, 8)
-
-
-def jax_transitions(loop: ParametricLoop, steps: int) -> Callable[[np.ndarray], np.ndarray]:
-    """X' = T A(phase, p) X over one period by fixed steps of DOP853, jitted, vmapped over the values, in double precision."""
-    import jax
-    import jax.numpy as jnp
-    from scipy.integrate._ivp import dop853_coefficients as dop
-
-    jax.config.update("jax_enable_x64", True)
-    function, n = derive_state_matrix(loop), loop.states
-    stages = 12
-
-    def state_matrix(phase: Any, p: Any) -> Any:
-        return jnp.stack(evaluate_in_jax(jnp, function, [[phase], p])).reshape(n, n).T
-
-    def flow(p: Any) -> Any:
-        h = 1.0 / steps
-
-        def step(X: Any, k: Any) -> tuple[Any, None]:
-            slopes: list[Any] = []
-            for i in range(stages):
-                Y = X + h * sum(float(dop.A[i, j]) * slopes[j] for j in range(i) if dop.A[i, j] != 0)
-                slopes.append(state_matrix((k + float(dop.C[i])) * h, p) @ Y)
-            return X + h * sum(float(dop.B[i]) * slopes[i] for i in range(stages) if dop.B[i] != 0), None
-
-        return jax.lax.scan(step, jnp.eye(n), jnp.arange(steps))[0]
-
-    compiled = jax.jit(jax.vmap(flow))
-    return lambda points: np.asarray(compiled(points))
-
-
-def evaluate_in_jax(jnp: Any, function: ca.Function, inputs: list[Any]) -> list[Any]:
-    """The first output of a CasADi function of scalars, as jax numbers."""
-    operations: dict[int, Callable[..., Any]] = {
-        ca.OP_ASSIGN: lambda a: a, ca.OP_NEG: lambda a: -a, ca.OP_SIN: jnp.sin, ca.OP_COS: jnp.cos, ca.OP_SQ: lambda a: a * a,
-        ca.OP_SQRT: jnp.sqrt, ca.OP_TWICE: lambda a: 2.0 * a, ca.OP_INV: lambda a: 1.0 / a, ca.OP_ADD: lambda a, b: a + b,
-        ca.OP_SUB: lambda a, b: a - b, ca.OP_MUL: lambda a, b: a * b, ca.OP_DIV: lambda a, b: a / b,
-    }  # fmt: skip
-    work: dict[int, Any] = {}
-    outputs: list[Any] = [jnp.zeros(())] * function.numel_out(0)
-    for k in range(function.n_instructions()):
-        code, source, target = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
-        if code == ca.OP_CONST:
-            work[target[0]] = function.instruction_constant(k)
-        elif code == ca.OP_INPUT:
-            work[target[0]] = inputs[source[0]][source[1]]
-        elif code == ca.OP_OUTPUT:
-            outputs[target[1]] = jnp.asarray(work[source[0]], dtype=float)
-        else:
-            work[target[0]] = operations[code](*[work[i] for i in source])
-    return outputs
 
 
 def time_million() -> dict[str, float]:

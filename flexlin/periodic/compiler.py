@@ -31,7 +31,7 @@ def load_library(source: str) -> ctypes.CDLL:
     Raises: NumericalError where there is no compiler, or it fails.
     """
     library = cache_folder() / f"{fingerprint(source)}.so"
-    if not is_own(library):
+    if not is_written_by_user_alone(library):
         compile_source(source, library)
     return ctypes.CDLL(str(library))
 
@@ -95,14 +95,14 @@ def find_kept_folder() -> Path | None:
         base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
         folder = base / "flexlin"
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        if base.is_absolute() and is_own(folder) and os.access(folder, os.W_OK | os.X_OK):
+        if base.is_absolute() and is_written_by_user_alone(folder) and os.access(folder, os.W_OK | os.X_OK):
             return folder
     except (OSError, RuntimeError):
         pass
     return None
 
 
-def is_own(path: Path) -> bool:
+def is_written_by_user_alone(path: Path) -> bool:
     """Whether a file or folder is there, is this user's, and can be written by nobody else."""
     try:
         about = path.lstat()

@@ -17,7 +17,7 @@ from flexlin.answers.sweep.threads import Threads
 from flexlin.periodic import compiler
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.many.compiled import CompiledKernel
-from flexlin.periodic.many.romberg import batched_exponents
+from flexlin.periodic.many.romberg import balance_states, batched_exponents
 
 pytestmark = pytest.mark.skipif(compiler.find_compiler() is None, reason="no C compiler")
 LQR = {
@@ -89,6 +89,47 @@ def test_both_routes_agree_within_their_errors_and_with_floquet(name):
         exact = fl.floquet(loop.system_at(points[i]), 1e-11)
         apart = measure_distances(found.exponents[i] * exact.period, exact.log_multipliers).min(axis=1) / exact.period
         assert np.all(apart <= found.error[i] + exact.error)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("n", [1, 3, 5, 6])
+def test_every_number_of_coordinates_gives_what_numpy_gives(n):
+    """Products in blocks of all shapes: random coefficients with one dominant decay, for 11 values that fill no vector."""
+    rng = np.random.default_rng(n)
+    constants, parts = rng.uniform(-1, 1, (2, n, n)), rng.uniform(-1, 1, (2, n, n))
+    constants = constants * [[[5.0]], [[1.0]]] - np.stack(
+        [np.diag(rng.uniform(20, 90, n)), np.diag(np.r_[150.0, np.ones(n - 1)])]
+    )
+    entries = [
+        f"{name}[{k}] = {float(constants[i].flat[k])!r} + {float(parts[i].flat[k])!r} * p[0] * f[0];"
+        for i, name in enumerate("XY")
+        for k in range(n * n)
+    ]
+    model = "\n".join(
+        [
+            f"enum {{ COORDINATES = {n}, PARAMETERS = 1, PHASE_INPUTS = 1, PHASE_VALUES = 1, POINT_VALUES = 1 }};",
+            "static void of_phase(const double *u, double *f) { f[0] = u[0]; }",
+            "static v8 of_point(const v8 *p, v8 *w) { w[0] = p[0]; return splat(1.0); }",
+            "static m8 at_node(const double *restrict f, const v8 *restrict p, v8 *restrict X, v8 *restrict Y) {",
+            *entries,
+            "return (m8)(splat(1.0) > 0.0); }",
+        ]
+    )
+    kernel = CompiledKernel(model, n, lambda phases: np.cos(2 * np.pi * phases)[:, None])
+    p = np.linspace(0, 1, 11)
+
+    def coefficients(phases):
+        wave = np.cos(2 * np.pi * phases)[:, None, None, None] * p
+        X, Y = (constants[i][..., None] + parts[i][..., None] * wave for i in range(2))
+        return X, Y
+
+    scale = balance_states(*coefficients(np.arange(32) / 32))
+    logs, errors, sound, _, _ = kernel.find_logs(p[:, None], 12, scale, 1e-12, np.inf)
+    other = batched_exponents(coefficients, 48, (), 1e-12)
+    assert sound.all()
+    distance = measure_distances(logs.T, other.logs).min(axis=1)
+    assert np.all(distance <= errors.T.max(axis=0) + other.errors.max(axis=0))
+    assert distance.max() < 1e-7
 
 
 def test_thousands_of_factors_neither_over_nor_underflow():

@@ -25,7 +25,7 @@ NUMPY_VALUE = 1.5e-4
 """Seconds that NumPy takes for a value of four states; it grows with the cube of the states."""
 LARGEST = 16
 """Coordinates up to which code with all sizes written out is compiled in a few seconds."""
-STARTS = (4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024)
+STARTS = (4, 6, 8, 10, 12, 14, 16, 18, 20, 24, 28, 32, 40, 48, 56, 64, 80, 96, 112, 128, 192, 256, 384, 512, 768, 1024)
 """Numbers of segments among which the pilot chooses; the resolutions are multiples of it."""
 WORSE = 1.3
 """The pilot stops at a number of segments that costs so much more than the best."""
@@ -66,9 +66,10 @@ class CompiledBatches:
         except (ArgumentError, NumericalError, OSError):
             return None
         seconds = time.perf_counter() - start
-        few = points[np.unique(np.linspace(0, len(points) - 1, PILOTS).round().astype(int))]
-        scale = balance_coefficients(loop, few)
-        return cls(loop, tol, kernel, scale, choose_segments(kernel, few, scale, tol), seconds)
+        starts = WIDTH * np.unique(np.linspace(0, (len(points) - 1) // WIDTH, PILOTS).round().astype(int))
+        scale = balance_coefficients(loop, points[starts])
+        some = [points[start : start + WIDTH] for start in starts]
+        return cls(loop, tol, kernel, scale, choose_segments(kernel, some, scale, tol), seconds)
 
     @property
     def threaded(self) -> bool:
@@ -107,12 +108,11 @@ class CompiledBatches:
         return found
 
 
-def choose_segments(kernel: CompiledKernel, points: Array, scale: Array, tol: float) -> Plan:
-    """The number of segments from which a few values reach the tolerance with the least work, each stopping where it does."""
+def choose_segments(kernel: CompiledKernel, some: list[Array], scale: Array, tol: float) -> Plan:
+    """The number of segments from which some values, as many together as a vector holds, reach the tolerance with the least work."""
     best, least = Plan(STARTS[-1]), np.inf
     for segments in STARTS:
-        given = (segments, scale, tol / 100, np.inf, tol)
-        runs = [kernel.find_logs(point[None], *given) for point in points]
+        runs = [kernel.find_logs(points, segments, scale, tol / 100, np.inf, tol) for points in some]
         logs, errors, sound, T, work = (np.concatenate(part) for part in zip(*runs, strict=True))
         reached = sound & np.all(errors <= tol * np.maximum(T[:, None], np.abs(logs)), axis=1)
         spent = float(np.where(reached, work, (1 + FINER) * work).mean())

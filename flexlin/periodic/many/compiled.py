@@ -18,7 +18,7 @@ from flexlin.periodic.transition.gauss import gauss, place_nodes
 
 WIDTH = 8
 """Values in a vector: results depend on which eight values are computed together, so blocks are cut at multiples of it."""
-DEGREES = (8, 12, 18)
+DEGREES = (12, 18)
 REGISTERS = 20
 """Vectors that a block of a product may keep in registers."""
 
@@ -55,14 +55,14 @@ class CompiledKernel:
     @property
     def source(self) -> str:
         """The whole C source."""
-        rows, columns = choose_block(2 * self.coordinates)
+        rows, columns = choose_block(self.coordinates)
         text = [
             files("flexlin.periodic.many").joinpath(name).read_text(encoding="utf-8")
-            for name in ("vectors.c", "kernel.c")
+            for name in ("vectors.c", "exponential.c", "eigenvalues.c", "product.c", "kernel.c")
         ]
         states, panel = 2 * self.coordinates, columns if self.coordinates < 3 else self.coordinates
         sizes = {"S": states, "ROWS": rows, "COLUMNS": columns, "PANEL": panel}
-        return "\n".join([text[0], *[f"#define {name} {size}" for name, size in sizes.items()], self.model, text[1]])
+        return "\n".join([text[0], *[f"#define {name} {size}" for name, size in sizes.items()], self.model, *text[1:]])
 
     def find_logs(
         self, points: Array, segments: int, scale: Array, accuracy: float, spread: float, tol: float = 0.0
@@ -110,8 +110,8 @@ class CompiledKernel:
         return {name: getattr(self, name) for name in ("model", "coordinates", "of_phase", "breaks")}
 
 
-def choose_block(states: int) -> tuple[int, int]:
-    """Rows and columns of the blocks of a product: divisors of its size that load least for each multiplication."""
-    divisors = [k for k in range(1, states + 1) if states % k == 0]
-    blocks = [(r, c) for r in divisors for c in divisors if r * c <= REGISTERS]
+def choose_block(coordinates: int) -> tuple[int, int]:
+    """Rows and columns of the blocks of a product with n or 2n rows, 2n columns: those that load least for each multiplication."""
+    rows, columns = ([k for k in range(1, n + 1) if n % k == 0] for n in (coordinates, 2 * coordinates))
+    blocks = [(r, c) for r in rows for c in columns if r * c <= REGISTERS]
     return min(blocks, key=lambda block: ((block[0] + block[1]) / (block[0] * block[1]), block[0]))

@@ -10,9 +10,9 @@ MULTIPLES = (2, 3, 4, 6, 8)
 """Resolutions, in multiples of a coarsest grid; three neighbouring ones give an answer."""
 NOISE = 40.0 * float(np.finfo(float).eps)
 """Rounding in the log of a multiplier."""
-STEADY, RATE, LEAST, SHARED, FASTEST = 0.2, 8.0, 0.02, 0.3, 4.0
-"""Parts of the steps that count as error, see `bound_error`; set so that of some 10,000 answers at 1e-8, of random systems and
-resolutions, 12 have an error above the one stated, by 1.4 at the most."""
+CHANGE, STEP, SHARED = 1.75, 0.05, 0.03
+"""Parts of the steps that count as error, see `bound_error`; set on 60,000 answers that met 1e-8, of random systems of twelve kinds, half
+of them stiff, on 8 to 48 segments times `MULTIPLES`: 30 have an error above the one stated, one of them above 1e-8."""
 
 
 def find_gains(coarse: int, middle: int, fine: int) -> Array:
@@ -42,21 +42,19 @@ def extrapolate(levels: list[Array], gains: Array, accuracy: float) -> tuple[Arr
     logs = wrap_log(fine + gains[2] * b + gains[3] * a)
     floor = (NOISE + accuracy) * np.abs(logs) + NOISE
     change = np.abs((1 + gains[0]) * b - gains[1] * a)
-    return logs, bound_error(change, np.abs(gains[0] * b), floor) + floor
+    return logs, bound_error(change, np.abs(gains[0] * b)) + floor
 
 
-def bound_error(change: Array, step: Array, floor: Array) -> Array:
+def bound_error(change: Array, step: Array) -> Array:
     """The error of results of order 8, (n, V), by what led to them.
 
-        change (0.2 + 8 rate) + 0.02 step,   rate = change / step
+        1.75 change + 0.05 step
 
-    `change`: between the two results of order 6; `step`: from order 4 to order 6 at the finest resolution. Where resolutions are fine
-    enough, both fall by their orders, and change is small beside step. A change that is small by chance is not trusted: the step counts
-    too, and the rate of the other exponents.
+    `change`: between the two results of order 6; `step`: from order 4 to order 6 at the finest resolution. Stiff systems converge more
+    slowly than by these orders, so an error may be as large as the change that led there. A change that is small by chance is not trusted:
+    the step counts too, and the change of the other exponents.
     """
-    rate = change / (step + floor)
-    rate = np.minimum(np.maximum(rate, SHARED * rate.max(axis=0)), FASTEST)
-    return np.asarray(change * (STEADY + RATE * rate) + LEAST * step)
+    return np.asarray(CHANGE * np.maximum(change, SHARED * change.max(axis=0)) + STEP * step)
 
 
 def take_nearest(fine: Array, coarse: Array) -> Array:

@@ -9,13 +9,15 @@ from scipy.linalg.lapack import dgebal
 from flexlin.checks import Array
 from flexlin.periodic.companion import stack_companion
 from flexlin.periodic.grid import place_edges
-from flexlin.periodic.many.algebra import exponentiate_batch, multiply
+from flexlin.periodic.many.algebra import exponentiate_batch
 from flexlin.periodic.many.extrapolation import MULTIPLES, extrapolate, find_gains
 from flexlin.periodic.many.spectrum import find_product_logs, group_batch
 from flexlin.periodic.transition.gauss import gauss, place_nodes
 
 BLOCK = 2048
 """Matrices in one batched exponential: its temporaries then stay in the processor's cache."""
+MOVES = 50
+"""Steps by which the scaling of the states is sought, at the most."""
 Coefficients = Callable[[Array], tuple[Array, Array]]
 """Phases (N,) -> X, Y (N, n, n, V) of y'' = X y + Y y', time in units of the period."""
 
@@ -38,7 +40,7 @@ def batched_exponents(
 ) -> BatchedExponents:
     """Logs of the Floquet multipliers of y'' = X(phase) y + Y(phase) y' over one period, for V values at once.
 
-        Magnus of order 4 on 2 K, 3 K, 4 K segments; logs extrapolated to order 8, with an error by the steps that lead there
+        an exponential of order 4 on 2 K, 3 K, 4 K segments; logs extrapolated to order 8, with an error by the steps that lead there
 
     Assumes X, Y smooth between the breaks.
 
@@ -76,52 +78,68 @@ def divide_segments(grid: Array, parts: int) -> Array:
 
 
 def balance_states(X: Array, Y: Array) -> Array:
-    """One scaling (2 n,) of the states by powers of two that evens rows and columns of the mean of |A| = |[[0, I], [X, Y]]|."""
-    A = stack_companion(np.abs(X).mean(axis=(0, 3)), np.abs(Y).mean(axis=(0, 3)))
-    return np.asarray(dgebal(A, scale=1, permute=0)[3])
+    """One scaling (2 n,) of the states by powers of two with a small 1-norm of the mean of |A^2|, A = [[0, I], [X, Y]].
+
+    Velocities are scaled as their coordinates, but for one factor: so the upper half of A stays a multiple of [0, I]. From the
+    scaling that evens rows and columns of the mean of |A|, by steps of one power at a time.
+    """
+    A = stack_companion(*(np.moveaxis(Z, -1, 1).reshape(-1, *Z.shape[1:3]) for Z in (X, Y)))
+    places, rates = np.log2(dgebal(np.abs(A).mean(axis=0), scale=1, permute=0)[3]).reshape(2, -1)
+    factor, square = np.round(np.mean(rates - places)), np.abs(A @ A).mean(axis=0)
+    best = np.append(np.round((places + rates - factor) / 2), factor)
+
+    def expand(powers: Array) -> Array:
+        return np.asarray(2.0 ** np.concatenate([powers[:-1], powers[:-1] + powers[-1]]))
+
+    def measure(powers: Array) -> float:
+        scale = expand(powers)
+        return float((square * scale / scale[:, None]).sum(axis=0).max())
+
+    least, moves = measure(best), np.concatenate([np.eye(len(best)), -np.eye(len(best))])
+    for _ in range(MOVES):
+        sizes = [measure(best + move) for move in moves]
+        if not min(sizes) < least:
+            break
+        least, best = min(sizes), best + moves[int(np.argmin(sizes))]
+    return expand(best)
 
 
 def exponentiate_segments(
     coefficients: Coefficients, grid: Array, scale: Array, accuracy: float
 ) -> tuple[Array, Array]:
-    """Transition matrices (K, 2 n, 2 n, V) over the segments of the grid, of the scaled states, and their log determinant (V,)."""
+    """Factors (K, 2 n, 2 n, V) of the segments of the grid, of the scaled states, and the log determinant (V,) of their product.
+
+        F_k = (I + N_(k+1))^-1 (I + N_k) exp(h (A1 + A2) / 2),   N = sqrt(3) h (A2 - A1) / 12,   N_K = N_0
+
+    The product is similar to that of (I + N) exp(h (A1 + A2) / 2) (I + N)^-1, which is Magnus' exponential
+    exp(h (A1 + A2) / 2 - sqrt(3) h^2 [A1, A2] / 12) up to h^5 and as symmetric in time; but [[0, I], [X, Y]] keeps its form.
+    """
     X, Y = coefficients(place_nodes(grid, gauss(2).c).ravel())
-    segments, n, values = len(grid) - 1, X.shape[1], X.shape[-1]
-    h = np.repeat(np.diff(grid), values)
-    factors = np.empty((segments, 2 * n, 2 * n, values))
-    step = max(1, BLOCK // values)
-    for k in range(0, segments, step):
-        first, second = slice(2 * k, 2 * (k + step), 2), slice(2 * k + 1, 2 * (k + step), 2)
-        omega = form_omega(
-            flatten_segments(X[first]),
-            flatten_segments(Y[first]),
-            flatten_segments(X[second]),
-            flatten_segments(Y[second]),
-            h[k * values : (k + step) * values],
-        )
-        omega *= (scale / scale[:, None])[..., None]
-        E = exponentiate_batch(omega, accuracy)
-        factors[k : k + step] = np.moveaxis(E.reshape(2 * n, 2 * n, -1, values), 2, 0)
+    h, n = np.diff(grid)[:, None, None, None], X.shape[1]
+    below = np.concatenate([X, Y], axis=2) * (scale / scale[n:, None])[..., None]
+    means, changes = h / 2 * (below[::2] + below[1::2]), np.sqrt(3) / 12 * h * (below[1::2] - below[::2])
+    factors = np.empty((len(h), 2 * n, *below.shape[2:]))
+    step = max(1, BLOCK // X.shape[-1])
+    for k in range(0, len(h), step):
+        factors[k : k + step] = exponentiate_means(means[k : k + step], h[k : k + step] * scale[n] / scale[0], accuracy)
+    join_segments(factors, changes)
     trace = np.einsum("kiiv->kv", Y)
     return factors, np.repeat(np.diff(grid) / 2, 2) @ trace
 
 
-def flatten_segments(A: Array) -> Array:
-    """(K, n, n, V) -> (n, n, K V)."""
-    return np.moveaxis(A, 0, 2).reshape(*A.shape[1:3], -1)
+def exponentiate_means(below: Array, above: Array, accuracy: float) -> Array:
+    """exp [[0, above I], [below]] for below (K, n, 2 n, V), above (K, 1, 1, 1)."""
+    K, n, states, V = below.shape
+    A = np.zeros((states, states, K, V))
+    A[np.arange(n), n + np.arange(n)] = above[:, 0, 0]
+    A[n:] = np.moveaxis(below, 0, 2)
+    return np.moveaxis(exponentiate_batch(A.reshape(states, states, -1), accuracy).reshape(A.shape), 2, 0)
 
 
-def form_omega(X1: Array, Y1: Array, X2: Array, Y2: Array, h: Array) -> Array:
-    """Omega = h (A1 + A2) / 2 - sqrt(3) h^2 [A1, A2] / 12 for A = [[0, I], [X, Y]], with products of n x n blocks only.
-
-    [A1, A2] = [[X2 - X1, Y2 - Y1], [Y1 X2 - Y2 X1, X1 - X2 + [Y1, Y2]]]
-    """
-    n, c = len(X1), np.sqrt(3) / 12 * h * h
-    omega = np.empty((2 * n, 2 * n, X1.shape[-1]))
-    dX = X2 - X1
-    omega[:n, :n] = -c * dX
-    omega[:n, n:] = c * (Y1 - Y2)
-    omega[np.arange(n), n + np.arange(n)] += h
-    omega[n:, :n] = h / 2 * (X1 + X2) - c * (multiply(Y1, X2) - multiply(Y2, X1))
-    omega[n:, n:] = h / 2 * (Y1 + Y2) - c * (multiply(Y1, Y2) - multiply(Y2, Y1) - dX)
-    return omega
+def join_segments(factors: Array, changes: Array) -> None:
+    """E_k -> (I + N_(k+1))^-1 (I + N_k) E_k in place, N = [[0, 0], [changes]]: only the lower halves change."""
+    n = changes.shape[1]
+    following = np.roll(changes, -1, axis=0)
+    matrices = np.moveaxis(np.eye(n)[..., None] + following[:, :, n:], -1, 1)
+    Z = np.linalg.solve(matrices, np.moveaxis(changes - following, -1, 1))
+    factors[:, n:] += np.einsum("kvij,kjlv->kilv", Z, factors)

@@ -1,5 +1,7 @@
 """Exponents of many systems at once, against closed forms, SciPy's Mathieu functions and the engine for one system."""
 
+from functools import reduce
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,6 +9,7 @@ from hypothesis import strategies as st
 
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.many import batched_exponents
+from flexlin.periodic.many.romberg import balance_states, exponentiate_segments
 from flexlin.periodic.system import PeriodicSystem
 
 
@@ -50,6 +53,41 @@ def test_segments_respect_the_breaks():
 
     got = batched_exponents(coefficients, 8, breaks=(0.0, 1 / 3))
     assert abs(got.logs.real.max() / np.pi - 0.04137974466122074514) < 1e-11
+
+
+def test_the_factors_are_of_order_four_and_symmetric_in_time():
+    """Of two coordinates with damping that varies: the product of the factors, and of those of the reversed system, its inverse."""
+    rng = np.random.default_rng(3)
+    parts = rng.standard_normal((4, 2, 2, 1))
+
+    def coefficients(phases):
+        c, s = (f(2 * np.pi * phases)[:, None, None, None] for f in (np.cos, np.sin))
+        return -9 * np.eye(2)[..., None] + 3 * (c * parts[0] + s * parts[1]), c * parts[2] + s * parts[3]
+
+    def reversed_in_time(phases):
+        X, Y = coefficients(1 - phases)
+        return X, -Y
+
+    def product(given, K):
+        factors, _ = exponentiate_segments(given, np.linspace(0, 1, K + 1), np.ones(4), 1e-13)
+        return np.linalg.eigvals(reduce(lambda P, F: F @ P, factors[..., 0]))
+
+    exact = product(coefficients, 512)
+
+    def miss(K):
+        return np.abs(product(coefficients, K)[:, None] - exact).min(axis=1).max()
+
+    assert 3.8 < np.log2(miss(24) / miss(48)) < 4.2
+    there, back = product(coefficients, 24), product(reversed_in_time, 24)
+    assert np.abs(there[:, None] * back - 1).min(axis=1).max() < 1e-11
+
+
+def test_balancing_keeps_the_upper_half_a_multiple_of_the_identity():
+    rng = np.random.default_rng(4)
+    X, Y = -(10.0 ** rng.uniform(0, 8, (5, 3, 3, 2))), -(10.0 ** rng.uniform(0, 4, (5, 3, 3, 2)))
+    scale = balance_states(X, Y)
+    assert np.all(scale[3:] / scale[:3] == scale[3] / scale[0])
+    assert np.all(np.log2(scale) % 1 == 0)
 
 
 @pytest.mark.slow

@@ -1,0 +1,212 @@
+/* exp(A) of A = c [0 I; X Y], eight at a time.
+ *
+ * With B = A / c the upper half of B^k is the lower half of B^(k-1). So a polynomial p(B) = p0 + B q(B) is known by p0 and V, the lower half of
+ * q(B), and what belongs to a product r = p q follows:
+ *     p(B) = p0 I + P,   P = [V; V B],   V_r = p0 V_q + q0 V_p + V_p P_q.
+ * A power of B costs a quarter of a product of full matrices, a product of polynomials three quarters, a sum one half. W = [X Y].
+ */
+enum { N = COORDINATES };
+#ifndef UNROLLED
+#define UNROLLED 6 /* states up to which all loops of an exponential are written out */
+#endif
+#if S <= UNROLLED
+#define SHORT static inline __attribute__((always_inline))
+#else
+#define SHORT static
+#endif
+#define UNROLL _Pragma("GCC unroll 36")
+
+/* Z = A B, added to what is there where `add`, for A (rows, inner) in a matrix with `stride` columns, B (inner, S). */
+static inline __attribute__((always_inline)) void multiply_rows(int rows, int inner, const v8 *restrict A, int stride, const v8 *restrict B, int add, v8 *restrict Z) {
+#if S <= UNROLLED /* what callers keep in arrays stays in registers */
+  UNROLL for (int i = 0; i < rows; i++)
+    UNROLL for (int j = 0; j < S; j++) {
+      v8 sum = add ? Z[i * S + j] + A[i * stride] * B[j] : A[i * stride] * B[j];
+      UNROLL for (int k = 1; k < inner; k++) sum += A[i * stride + k] * B[k * S + j];
+      Z[i * S + j] = sum;
+    }
+#else /* a block of the result stays in registers */
+  for (int i = 0; i < rows; i += ROWS)
+    for (int j = 0; j < S; j += COLUMNS) {
+      v8 sum[ROWS][COLUMNS];
+      for (int r = 0; r < ROWS; r++)
+        for (int c = 0; c < COLUMNS; c++) sum[r][c] = add ? Z[(i + r) * S + j + c] : splat(0.0);
+#pragma GCC unroll 1
+      for (int k = 0; k < inner; k++) {
+        v8 row[COLUMNS];
+        for (int c = 0; c < COLUMNS; c++) { row[c] = B[k * S + j + c]; HOLD(row[c]); }
+        for (int r = 0; r < ROWS; r++) {
+          v8 a = A[(i + r) * stride + k];
+          HOLD(a);
+          for (int c = 0; c < COLUMNS; c++) sum[r][c] += a * row[c];
+        }
+      }
+      for (int r = 0; r < ROWS; r++)
+        for (int c = 0; c < COLUMNS; c++) Z[(i + r) * S + j + c] = sum[r][c];
+    }
+#endif
+}
+
+static void multiply(const v8 *restrict A, const v8 *restrict B, v8 *restrict Z) {
+#if S <= 6 /* a panel of B stays in registers while the rows of A pass */
+  for (int j = 0; j < S; j += PANEL) {
+    v8 panel[S][PANEL];
+    for (int k = 0; k < S; k++)
+      for (int c = 0; c < PANEL; c++) { panel[k][c] = B[k * S + j + c]; HOLD(panel[k][c]); }
+#pragma GCC unroll 1
+    for (int i = 0; i < S; i++) {
+      v8 sum[PANEL];
+      for (int c = 0; c < PANEL; c++) sum[c] = A[i * S] * panel[0][c];
+      for (int k = 1; k < S; k++)
+        for (int c = 0; c < PANEL; c++) sum[c] += A[i * S + k] * panel[k][c];
+      for (int c = 0; c < PANEL; c++) Z[i * S + j + c] = sum[c];
+    }
+  }
+#else
+  multiply_rows(S, S, A, S, B, 0, Z);
+#endif
+}
+
+/* Z += V P, lower halves. */
+SHORT void add_product(const v8 *V, const v8 *P, v8 *Z) { multiply_rows(N, S, V, S, P, 1, Z); }
+
+/* The lower half of P from its upper one V = [v1 v2]: V B = [v2 X, v1 + v2 Y]. */
+SHORT void complete(v8 *P, const v8 *W) {
+  v8 *below = P + N * S;
+  for (int i = 0; i < N; i++)
+    for (int j = 0; j < N; j++) { below[i * S + j] = splat(0.0); below[i * S + N + j] = P[i * S + j]; }
+  multiply_rows(N, N, P + N, S, W, 1, below);
+}
+
+/* V of q0 + q1 A + q2 A^2 + q3 A^3. */
+SHORT void combine(const double *q, double c, const v8 *restrict W, const v8 *restrict U, v8 *restrict V) {
+  const double a = c * q[1], b = c * c * q[2], d = c * c * c * q[3];
+  for (int i = 0; i < N * S; i++) V[i] = b * W[i] + d * U[i];
+  for (int i = 0; i < N; i++) V[i * S + N + i] += a;
+}
+
+/* Taylor's polynomials of order 12 and 18 of exp(A), P from B^2's and B^3's W and U. Source: Bader, Blanes, Casas, Mathematics 7 (2019) 1174,
+ * Eqs (13), (14). */
+
+static void taylor_12(const v8 *W, const v8 *U, double c, v8 *P) {
+  static const double q[4][4] = {
+    {-0.01860232051462055322, -0.00500702322573317730, -0.57342012296052226390, -0.13339969394389205970},
+    {4.60000000000000000000, 0.99287510353848683614, -0.13244556105279963884, 0.00172990000000000000},
+    {0.21169311829980944294, 0.15822438471572672537, 0.16563516943672741501, 0.01078627793157924250},
+    {0.0, -0.13181061013830184015, -0.02027855540589259079, -0.00675951846863086359}};
+  v8 Q[S * S], *A6 = Q, V[N * S];
+  combine(q[3], c, W, U, P); /* A6 = q3^2 + q2 */
+  complete(P, W);
+  combine(q[2], c, W, U, A6);
+  add_product(P, P, A6);
+  complete(A6, W);
+  combine(q[1], c, W, U, V); /* exp A = (q1 + A6) A6 + q0 */
+  combine(q[0], c, W, U, P);
+  const double left = q[1][0] + q[2][0], right = q[2][0];
+  for (int i = 0; i < N * S; i++) {
+    P[i] += (left + right) * A6[i] + right * V[i];
+    V[i] += A6[i];
+  }
+  add_product(V, A6, P);
+}
+
+static void taylor_18(const v8 *W, const v8 *U, double c, v8 *P) {
+  static const double b[5][5] = {
+    {0.0, -1.00365581030144618291e-01, -8.02924648241156932449e-03, -8.92138498045729985177e-04, 0.0},
+    {0.0, 3.97849749499645077844e-01, 1.36783778460411720168e+00, 4.98289622525382669416e-01, -6.37898194594723280150e-04},
+    {-1.09676396052962061844e+01, 1.68015813878906206114e+00, 5.71779846478865511061e-02, -6.98210122488052056106e-03,
+     3.34975017086070470649e-05},
+    {-9.04316832390810593223e-02, -6.76404519071381882256e-02, 6.75961301770459654925e-02, 2.95552570429315521194e-02,
+     -1.39180257516060693404e-05},
+    {0.0, 0.0, -9.23364619367118555360e-02, -1.69364939002081722752e-02, -1.40086798182036094347e-05}};
+  const double c6 = c * c * c * c * c * c, left = b[2][0] + b[3][0], right = b[3][0];
+  v8 A6[N * S], V[N * S], Q[S * S], *A9 = Q;
+  memcpy(P, U, sizeof A6); /* B^3 */
+  complete(P, W);
+  for (int i = 0; i < N * S; i++) A6[i] = splat(0.0);
+  add_product(U, P, A6); /* B^6 */
+  combine(b[4], c, W, U, P);
+  combine(b[3], c, W, U, A9); /* A9 = b0 b4 + b3 */
+  for (int i = 0; i < N * S; i++) {
+    A6[i] *= c6;
+    P[i] += b[4][4] * A6[i];
+    A9[i] += b[3][4] * A6[i];
+  }
+  complete(P, W);
+  combine(b[0], c, W, U, V);
+  add_product(V, P, A9);
+  complete(A9, W);
+  combine(b[2], c, W, U, V); /* exp A = (b2 + A9) A9 + b1 */
+  combine(b[1], c, W, U, P);
+  for (int i = 0; i < N * S; i++) {
+    V[i] += b[2][4] * A6[i];
+    P[i] += b[1][4] * A6[i] + (left + right) * A9[i] + right * V[i];
+    V[i] += A9[i];
+  }
+  add_product(V, A9, P);
+}
+
+/* The largest 1-norm of B^2 = [W; U] over the lanes that are within reason; a lane that is not is judged by its result. */
+static double norm_of_square(const v8 *W, const v8 *U) {
+  v8 worst = splat(0.0);
+  for (int j = 0; j < S; j++) {
+    v8 sum = splat(0.0);
+    for (int i = 0; i < N; i++) sum += v_abs(W[i * S + j]) + v_abs(U[i * S + j]);
+    worst = v_max(worst, sum);
+  }
+  double largest = 0.0;
+  for (int l = 0; l < L; l++) largest = worst[l] > largest && worst[l] < 1e30 ? worst[l] : largest;
+  return largest;
+}
+
+/* The least s for which size / 2^s <= reach. */
+static int count_squarings(double size, double reach) {
+  int s = 0;
+  for (; size > reach && s < 200; s++) size *= 0.5;
+  return s;
+}
+
+/* p(B)^(2^times) - I from P = p(B) - I, in one of the two places given. */
+static v8 *square(v8 *P, v8 *other, const v8 *W, int times) {
+#if S <= UNROLLED
+  v8 p[S * S], w[N * S], z[N * S];
+  UNROLL for (int i = 0; i < S * S; i++) p[i] = P[i];
+  UNROLL for (int i = 0; i < N * S; i++) w[i] = W[i];
+#pragma GCC unroll 1
+  for (; times > 0; times--) {
+    UNROLL for (int i = 0; i < N * S; i++) z[i] = 2.0 * p[i];
+    add_product(p, p, z);
+    UNROLL for (int i = 0; i < N * S; i++) p[i] = z[i];
+    complete(p, w);
+  }
+  UNROLL for (int i = 0; i < S * S; i++) P[i] = p[i];
+#else
+  for (; times > 0; times--) {
+    v8 *squared = other;
+    for (int i = 0; i < N * S; i++) squared[i] = 2.0 * P[i];
+    add_product(P, P, squared);
+    complete(squared, W);
+    other = P;
+    P = squared;
+  }
+#endif
+  return P;
+}
+
+/* P = exp(c B) - I, of the polynomials by the one that costs least, then squared; it stands in one of the two places given.
+ *
+ * reach: the largest |A^2|^(1/2) that each polynomial takes as it is: the first term left out is A times a power of A^2. */
+static v8 *exponentiate(const v8 *W, double c, const double *reach, v8 *P, v8 *other) {
+  static const double cost[2] = {16.0 + 22.0 / N, 22.0 + 38.0 / N}, squaring = 6.0 + 2.0 / N;
+  v8 U[S * S];
+  memcpy(U, W, N * S * sizeof(v8));
+  complete(U, W);
+  double size = c * sqrt(norm_of_square(W, U + N * S));
+  int few = count_squarings(size, reach[0]), fewer = count_squarings(size, reach[1]);
+  int high = cost[1] + squaring * fewer < cost[0] + squaring * few, squarings = high ? fewer : few;
+  for (int k = 0; k < squarings; k++) c *= 0.5;
+  if (high) taylor_18(W, U + N * S, c, P);
+  else taylor_12(W, U + N * S, c, P);
+  complete(P, W);
+  return square(P, other, W, squarings);
+}
