@@ -39,7 +39,7 @@ def measure_taylor_variables(out: str) -> dict[str, Any]:
 
 
 def measure_riccati_race(out: str) -> dict[str, Any]:
-    return {"times": import_module("lqr_designs").race()}
+    return {"times": import_module("riccati_race").main("full", out)}
 
 
 def measure_own_error(out: str) -> dict[str, Any]:

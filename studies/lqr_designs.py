@@ -1,30 +1,20 @@
-"""Which design survives which speed and payload? And what does the periodic Riccati equation cost?
+"""Which design survives which speed and payload?
 
 The shipped single link carries more and swings faster. Every design is made for the light, slow arm it was tuned on (robustness) and
-for each arm anew (performance), and Floquet judges each loop. Then the periodic Riccati equation is solved by flexlin and by SciPy's
-backward integration of a compiled right-hand side to the same accuracy, in one run.
+for each arm anew (performance), and Floquet judges each loop. What the periodic Riccati equation behind them costs: `riccati_race.py`.
 
     python studies/lqr_designs.py [--small] [--out DIR]
 """
 
 import argparse
-import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cache, partial
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from typing import Any
 
-import casadi as ca
 import numpy as np
-from scipy.integrate import odeint, solve_ivp
 
 import flexlin as fl
-from flexlin.answers.peers.compiled import compile_function
-from flexlin.answers.peers.right_hand_sides import FastRate
 from flexlin.control import averaged_lqr, frozen_lqr, periodic_lqr
-from flexlin.periodic.quadratic.riccati import periodic_riccati
-from flexlin.symbolic import selected
 
 R = np.array([[100.0]])
 AMPLITUDE = 1.2
@@ -98,80 +88,6 @@ def growth(loop: fl.PeriodicSystem) -> float:
     return float(fl.floquet(loop, tol=1e-6).exponents.real.max())
 
 
-def race(
-    tol: float = 1e-10, methods: tuple[str, ...] = ("DOP853", "LSODA", "Radau"), modes: int = 2, repeats: int = 3
-) -> dict[str, tuple[float, float]]:
-    """CPU seconds and relative error at t = 0 of the periodic Riccati solution on the shipped link, for each way.
-
-    The solver here resolves the coefficients anew each time. SciPy's methods integrate backwards from X = 0 until the start is forgotten,
-    each at the loosest of the tolerances that reaches tol; their right-hand side is compiled, its set-up left out.
-    """
-    lin = linearized(0.03, 0.5, modes)
-    system = lin.periodic_system()
-    Q = weigh(system)
-    exact = periodic_riccati(system, Q, R, tol=tol / 10)
-    X0 = exact.X(np.zeros(1))[0]
-    found, seconds = least_time(lambda: periodic_riccati(replace(lin).periodic_system(), Q, R, tol=tol), repeats)
-    times = {"flexlin": (seconds, error_of(found.X(np.zeros(1))[0], X0))}
-    settle = system.period * np.ceil(-np.log(0.1 * tol) / (-2 * growth(system.feedback(exact.K)) * system.period))
-    rate = packed_riccati(lin, Q)
-    for method in methods:
-        runs = []
-        for part in (10.0, 1.0, 0.1, 0.01):
-            x, seconds = least_time(partial(integrate_back, rate, method, settle, tol * part, len(X0)), repeats)
-            runs.append((seconds, error_of(x, X0)))
-            if runs[-1][1] <= tol:
-                break
-        times[method] = runs[-1] if runs[-1][1] <= tol else min(runs, key=lambda run: run[1])
-    return times
-
-
-def least_time(call: Callable[[], Any], repeats: int) -> tuple[Any, float]:
-    """The result and the least CPU time in s of several runs; what takes long is run once."""
-    times: list[float] = []
-    while len(times) < repeats and (not times or times[0] < 2.0):
-        begin = time.process_time()
-        result = call()
-        times.append(time.process_time() - begin)
-    return result, min(times)
-
-
-def packed_riccati(lin: fl.Linearization, Q: np.ndarray) -> FastRate:
-    """(s, lower triangle of X column by column) -> dX/ds, s = -t: n (n + 1) / 2 unknowns, as machine code."""
-    s, p = ca.SX.sym("s"), lin.arm.parameters.symbols
-    M, D, K, B = selected(lin.coefficients, ("M", "D", "K", "B"))(-s / lin.period, p)
-    n = M.shape[0]
-    solved = ca.ldl_solve(ca.horzcat(K, D, B), *ca.ldl(ca.sparsify(M)))
-    A = ca.vertcat(ca.horzcat(ca.SX(n, n), ca.SX.eye(n)), -ca.sparsify(solved[:, : 2 * n]))
-    pairs = [(i, j) for j in range(2 * n) for i in range(j, 2 * n)]
-    x, X = ca.SX.sym("x", len(pairs)), ca.SX(2 * n, 2 * n)
-    for k, (i, j) in enumerate(pairs):
-        X[i, j] = X[j, i] = x[k]
-    product, gain = X @ A, ca.vertcat(ca.SX(n, B.shape[1]), solved[:, 2 * n :]).T @ X
-    rate = product + product.T - gain.T @ ca.DM(np.linalg.inv(R)) @ gain + ca.DM(Q)
-    packed = ca.vertcat(*[rate[i, j] for i, j in pairs])
-    function = ca.Function("riccati", [s, x, p], [packed])
-    return FastRate(compile_function(function) or function, lin.arm.parameters.values)
-
-
-def integrate_back(rate: FastRate, method: str, settle: float, tol: float, n: int) -> np.ndarray:
-    """X(0) from X(settle) = 0."""
-    start = np.zeros(n * (n + 1) // 2)
-    options = {"rtol": max(tol, 3e-14), "atol": 1e-2 * tol}
-    if method == "LSODA":
-        x = odeint(rate, start, (-settle, 0.0), tfirst=True, mxstep=10**7, **options)[-1]
-    else:
-        x = solve_ivp(rate, (-settle, 0.0), start, method, t_eval=(0.0,), **options).y[:, -1]
-    X = np.zeros((n, n))
-    X.T[np.triu_indices(n)] = x
-    return X + np.tril(X, -1).T
-
-
-def error_of(X: np.ndarray, exact: np.ndarray) -> float:
-    """The largest error of an entry, relative to the largest entry."""
-    return float(np.abs(X - exact).max() / np.abs(exact).max())
-
-
 def draw(data: Survival, path: Path) -> None:
     """Growth rate of each design over payload and frequency."""
     from matplotlib.colors import SymLogNorm
@@ -199,7 +115,7 @@ def draw(data: Survival, path: Path) -> None:
 
 
 def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, object]:
-    """Run the study; returns growth rates and times."""
+    """Run the study; returns growth rates."""
     full = size == "full"
     frequencies = np.geomspace(0.2, 3.0, 9) if full else np.array([0.5, 3.0])
     data = survival(np.linspace(0.03, 0.5, 6 if full else 2), frequencies, *((2, 16) if full else (1, 4)))
@@ -208,14 +124,9 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, objec
     )
     for name in DESIGNS:
         print(f"{name:>10} {int((data.own[name] < 0).sum()):>24} {int((data.kept[name] < 0).sum()):>24}")
-    times = race() if full else race(1e-4, modes=0, repeats=1)
-    for way, (seconds, error) in times.items():
-        print(
-            f"{way:>10}: {seconds:8.3f} s, error {error:.1e}, {seconds / times['flexlin'][0]:6.1f} times flexlin's time"
-        )
     Path(out).mkdir(parents=True, exist_ok=True)
     draw(data, Path(out) / "lqr_designs.svg")
-    return {"survival": data, "times": times}
+    return {"survival": data}
 
 
 if __name__ == "__main__":

@@ -34,8 +34,15 @@ def test_spin_up(study, pictures, tmp_path):
 def test_lqr_designs(study, pictures, tmp_path):
     result = study("lqr_designs").main(size="small", out=tmp_path)
     assert np.all(result["survival"].own["periodic"] < 0)
-    assert all(error < 1e-3 for _, error in result["times"].values())
     cells = {axes.get_title(): axes.collections[0] for axes in pictures["lqr_designs.svg"].axes if axes.get_title()}
     for label, part in (("made for each arm", "own"), ("kept from the first arm", "kept")):
         for name, rates in getattr(result["survival"], part).items():
             np.testing.assert_array_equal(np.ravel(cells[f"{name}, {label}"].get_array()), rates.ravel())
+
+
+@pytest.mark.slow
+def test_riccati_race(study, pictures, tmp_path):
+    times = study("riccati_race").main(size="small", out=tmp_path)
+    assert set(times) == {"link, rigid", "satellite, 6 states"}
+    assert all(error < 1e-3 for found in times.values() for _, error in found.values())
+    assert len(pictures["riccati_race.svg"].axes[0].patches) == 8
