@@ -8,7 +8,7 @@ for each arm anew (performance), and Floquet judges each loop. What the periodic
 
 import argparse
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
