@@ -28,6 +28,11 @@ class Places:
     linear: Matrices
     force: Array
 
+    def some(self, which: Array) -> "Places":
+        """The same at some of the times."""
+        M, D, K = (A[which] for A in self.linear)
+        return Places(self.t[which], self.gain[which], self.offset[which], (M, D, K), self.force[which])
+
     def torque(self, y: Array, v: Array) -> Array:
         """What the law commands, (N, m)."""
         return self.offset - np.einsum("tij,tj->ti", self.gain, np.concatenate([y, v], axis=1))

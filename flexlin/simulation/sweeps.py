@@ -12,7 +12,7 @@ from flexlin.simulation.window import Grid, Path, Window
 SWEEPS = 14
 """Sweeps after which a window is given up, and made shorter."""
 SLOW = 0.4
-"""A sweep that leaves more of the last one's change than this calls for exact slopes of where it is."""
+"""A sweep that leaves more of the last one's change than this calls for slopes of where it is, and a second one for exact ones."""
 GROWN = 2.0
 """A sweep that enlarges the change so much leads nowhere."""
 SHARE = 0.02
@@ -59,7 +59,7 @@ def solve_window(
     times = np.minimum(grid.times, grid.edges[1:, None] - inside).ravel()
     at = equations.places(times)
     rigid = begin is Start.RIGID
-    path, last, anew = grid.rest(np.zeros(n) if rigid else start[:n]), np.inf, begin is Start.NEWTON
+    path, last, slow = grid.rest(np.zeros(n) if rigid else start[:n]), np.inf, 0
     window = first = Window(
         grid, *(at.linear if rigid else shifted(equations, at, grid.edges[0] + inside, start, before))
     )
@@ -67,8 +67,10 @@ def solve_window(
         F = -at.force if rigid and sweep == 0 else equations.residual(at, *path.stages)[0]
         if not np.isfinite(F).all():
             return None
-        if anew:
+        if begin is Start.NEWTON or slow > 1:
             window = Window(grid, *(equations.slopes(at, *path.stages) or at.linear))
+        elif slow:
+            window = Window(grid, *shifted_by_steps(equations, at, path))
         path, step = window.corrected(path, start, F)
         change = float(np.abs(step / scale).max())
         left = change / last if last > 0 else 0.0
@@ -80,7 +82,7 @@ def solve_window(
             return Solved(window, path, power, torque, sweep + 1, at, first if rigid else Window(grid, *at.linear))
         if sweep > 1 and left > GROWN:
             return None
-        last, anew = change, begin is Start.NEWTON or (sweep > 0 and left >= SLOW)
+        last, slow = change, slow + 1 if sweep > 0 and left >= SLOW else 0
     return None
 
 
@@ -91,6 +93,21 @@ def shifted(equations: Equations, at: Places, t: float, start: Array, before: Ar
     if exact is None:
         return at.linear
     M, D, K = (rigid + (there - one) for rigid, there, one in zip(at.linear, exact, here.linear, strict=True))
+    return M, D, K
+
+
+def shifted_by_steps(equations: Equations, at: Places, path: Path) -> Matrices:
+    """The slopes of the rigid motion, those of each step shifted by what they differ from exact ones in its middle."""
+    stages = path.w.shape[1]
+    middle = np.arange(stages // 2, len(at.t), stages)
+    here = at.some(middle)
+    exact = equations.slopes(here, *(part[middle] for part in path.stages))
+    if exact is None:
+        return at.linear
+    M, D, K = (
+        rigid + np.repeat(there - one, stages, axis=0)
+        for rigid, there, one in zip(at.linear, exact, here.linear, strict=True)
+    )
     return M, D, K
 
 
