@@ -38,7 +38,8 @@ def moves_followers(about: Deviation) -> bool:
     loops, motion, p = about.arm.loops, about.motion, about.arm.parameters.symbols
     if loops is None or not isinstance(motion, SymbolicMotion):
         return True
-    return bool(ca.depends_on(ca.vertcat(loops.gap, motion.angles), ca.vertcat(p, motion.parameters.symbols)))
+    symbols = (part for part in (p, motion.parameters.symbols) if part.numel())
+    return any(ca.depends_on(ca.vertcat(loops.gap, motion.angles), part) for part in symbols)
 
 
 def closings(about: Deviation, t: Array) -> Array:
