@@ -7,10 +7,12 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.quadratic.scattering import Segment, scatter_hamiltonian, star_product
-from flexlin.periodic.transition.gauss import collocate, gauss, place_nodes, sample_at
+from flexlin.periodic.transition.gauss import collect_chunks, collocate, gauss, place_nodes, sample_at
 from flexlin.periodic.transition.magnus import average_sixth
 
 PADE = 8
+AT_ONCE = 512
+"""Segments that are exponentiated at a time: a dozen matrices of each are in memory."""
 PADE_REACH = 2.0
 """Size of a matrix up to which the [8/8] Pade approximation of its exponential is exact to 3e-17."""
 
@@ -20,10 +22,12 @@ def gauss_segments(problem: LinearQuadratic, marks: Array, stages: int) -> tuple
 
     Returns: segments (K, n, n) and the relative asymmetry of their costs before it was removed.
     """
-    rule = gauss(stages)
-    return scatter_hamiltonian(
-        collocate(sample_at(problem.hamiltonian, place_nodes(marks, rule.c)), np.diff(marks), rule)
-    )
+    rule, h = gauss(stages), np.diff(marks)
+
+    def part(t: Array, k: slice) -> Array:
+        return collocate(sample_at(problem.hamiltonian, t), h[k], rule)
+
+    return scatter_hamiltonian(collect_chunks(part, marks, rule))
 
 
 def magnus_segments(problem: LinearQuadratic, marks: Array) -> tuple[Segment, float]:
@@ -37,8 +41,13 @@ def magnus_segments(problem: LinearQuadratic, marks: Array) -> tuple[Segment, fl
     Returns: segments (K, n, n) and the relative asymmetry of their costs before it was removed.
     Source: Blanes, Casas, Oteo, Ros, Phys. Rep. 470 (2009) 151, section 5.4.3; Higham, Functions of Matrices (2008), ch. 10.
     """
-    at_nodes = np.moveaxis(sample_at(problem.hamiltonian, place_nodes(marks, gauss(3).c)), 1, 0)
-    return scatter_exponentials(average_sixth(at_nodes, np.diff(marks)[:, None, None]))
+    t, h = place_nodes(marks, gauss(3).c), np.diff(marks)[:, None, None]
+    done = []
+    for i in range(0, len(t), AT_ONCE):
+        at_nodes = np.moveaxis(sample_at(problem.hamiltonian, t[i : i + AT_ONCE]), 1, 0)
+        done.append(scatter_exponentials(average_sixth(at_nodes, h[i : i + AT_ONCE])))
+    F, G, H = (np.concatenate([getattr(segments, name) for segments, _ in done]) for name in ("F", "G", "H"))
+    return Segment(F, G, H), max(asymmetry for _, asymmetry in done)
 
 
 def scatter_exponentials(averages: Array) -> tuple[Segment, float]:

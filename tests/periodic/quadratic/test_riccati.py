@@ -1,6 +1,7 @@
 """The periodic Riccati equation against exact answers, python-control, SciPy's integrators and its own identities."""
 
 import decimal
+import tracemalloc
 
 import control
 import numpy as np
@@ -23,6 +24,7 @@ from flexlin.periodic.quadratic.scattering import (
     scatter_hamiltonian,
     star_product,
 )
+from flexlin.periodic.quadratic.transport import gauss_segments, magnus_segments
 from flexlin.periodic.system import PeriodicSystem
 
 A0, B0 = np.array([[1.0, 0.5], [3.0, 5.0]]), np.array([[3.0], [1.0]])
@@ -265,3 +267,20 @@ def test_fast_damped_turning_mode_falls_back_on_collocation():
     exact = turn(t) @ X @ np.swapaxes(turn(t), 1, 2)
     assert found.status == "converged"
     assert np.abs(found.X(t) - exact).max() < 1e-9 * np.abs(exact).max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("make", [lambda *given: gauss_segments(*given, 8), magnus_segments])
+def test_memory_does_not_grow_with_the_number_of_segments(make):
+    """Beside the segments themselves: whatever is made on the way is made for some of them at a time."""
+    system = PeriodicSystem(lambda t: np.cos(t)[:, None, None] * (np.ones((3, 3)) - np.eye(3)), 2 * np.pi, B=np.eye(3))
+    problem = linear_quadratic(system, np.eye(3), np.eye(3))
+    taken = []
+    for count in (2000, 10000):
+        tracemalloc.start()
+        segments, _ = make(problem, np.linspace(0, 2 * np.pi, count + 1))
+        kept, most = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        taken.append(most - kept)
+        assert len(segments) == count
+    assert taken[1] < 1.5 * taken[0] + 8 * 10000 * 6 * 6 * 6
