@@ -69,12 +69,11 @@ def find_tip(
     margin = fit_margin(np.array(low), np.array(high), angle, undamped, function)
     if margin is None:
         return None
-    tips = [
-        tip
-        for tip in (find_inside(margin), *find_on_borders(margin))
-        if tip is not None and (tip.zero or tip.error <= tol)
-    ]
-    return min(tips, key=lambda tip: tip.error) if tips else None
+    for tips in (find_on_borders(margin), [find_inside(margin)]):  # a flat cusp is critical all along its last part
+        close = [tip for tip in tips if tip is not None and (tip.zero or tip.error <= tol)]
+        if close:
+            return min(close, key=lambda tip: tip.error)
+    return None
 
 
 def fit_margin(low: Array, high: Array, angle: float, undamped: bool, function: SpectraFunction) -> Margin | None:
