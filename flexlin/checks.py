@@ -20,6 +20,25 @@ _limit: ContextVar[int] = ContextVar("limit", default=LIMIT)
 
 def real_array(name: str, value: ArrayLike, shape: Sequence[int | None] | None = None) -> Array:
     """Return `value` as a finite float array of the given shape (None: any length on that axis)."""
+    array = value if type(value) is np.ndarray and value.dtype == np.float64 else as_floats(name, value)
+    if shape is not None:
+        have = array.shape
+        if len(have) != len(shape) or (have != shape and not all(map(fits_axis, shape, have))):
+            wanted = "(" + ", ".join("any" if want is None else str(want) for want in shape) + ")"
+            raise ArgumentError(f"{name} has the wrong shape", got=have, expected=wanted)
+    if not np.isfinite(array).all():
+        where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise ArgumentError(f"{name} is not finite", got=f"{array[where]} at index {where}", expected="finite numbers")
+    return array
+
+
+def fits_axis(want: int | None, have: int) -> bool:
+    """Whether an axis has the wanted length."""
+    return want is None or want == have
+
+
+def as_floats(name: str, value: ArrayLike) -> Array:
+    """Return `value` as an array of floats."""
     try:
         given = np.asarray(value)
         array = given if np.iscomplexobj(given) else given.astype(float, copy=False)
@@ -27,16 +46,6 @@ def real_array(name: str, value: ArrayLike, shape: Sequence[int | None] | None =
         raise ArgumentError(f"{name} is not numeric", got=repr(value)[:80], expected="real numbers") from None
     if np.iscomplexobj(array):
         raise ArgumentError(f"{name} is complex", got=str(array.dtype), expected="real numbers")
-    if shape is not None:
-        fits = array.ndim == len(shape) and all(
-            want in (None, have) for want, have in zip(shape, array.shape, strict=False)
-        )
-        if not fits:
-            wanted = "(" + ", ".join("any" if want is None else str(want) for want in shape) + ")"
-            raise ArgumentError(f"{name} has the wrong shape", got=array.shape, expected=wanted)
-    if not np.all(np.isfinite(array)):
-        where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        raise ArgumentError(f"{name} is not finite", got=f"{array[where]} at index {where}", expected="finite numbers")
     return array
 
 

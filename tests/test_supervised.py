@@ -72,10 +72,13 @@ def test_however_the_work_ends_there_is_a_message(work: str, code: int, out: str
     assert said[1].count("flexlin: ") <= 1
 
 
+REFUSED = "def pidfd_open(_): raise PermissionError\nos.pidfd_open = pidfd_open"
+
+
 @LINUX
-@pytest.mark.parametrize("name", ["all is said", "abort in a library", "one endless call"])
 @pytest.mark.parametrize(
-    "lack", ["del os.pidfd_open", "def pidfd_open(_): raise PermissionError\nos.pidfd_open = pidfd_open"]
+    ("name", "lack"),
+    [("all is said", REFUSED), ("one endless call", REFUSED), ("abort in a library", "del os.pidfd_open")],
 )
 def test_so_it_is_where_the_kernel_or_a_container_gives_no_descriptor_of_a_process(name: str, lack: str) -> None:
     work, code, out, err = ENDS[name]

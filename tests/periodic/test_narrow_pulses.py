@@ -15,7 +15,6 @@ from scipy.linalg import schur
 import flexlin as fl
 from flexlin.control import kalman_filter, output_feedback, periodic_lqr, sampled_floquet
 from flexlin.periodic.quadratic.riccati import finite_horizon_riccati, periodic_lyapunov, periodic_riccati
-from tests.thinned import thin
 
 SIGMAS = np.array([-8.0, -4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0, 8.0])
 """Standard deviations about a pulse between which the truth is integrated piece by piece."""
@@ -213,7 +212,8 @@ def decay_of(pulsed: Pulsed, taken) -> np.ndarray:
     return np.log(np.abs(multipliers)) / pulsed.period
 
 
-@pytest.mark.parametrize("named", thin([True, False]))
+@pytest.mark.slow
+@pytest.mark.parametrize("named", [True, False])
 def test_hills_matrix_sees_every_pulse(named):
     system = Pulsed.draw(35 if named else 30).system(named)
     found, truth = fl.floquet(system, method="hill"), fl.floquet(system)
