@@ -73,7 +73,7 @@ def stability_boundary(
     Spectra on the lines of a lattice give the points at which the boundary crosses them, tongues between two lattice points included;
     through each cell the points are joined by cubics whose middles are compared with the boundary itself, and which are halved until
     they agree. Islands and holes wider than a cell are found; smaller ones where the growth rate peaks at a lattice point beside them.
-    At the tip of a tongue the last 1/500 of the ranges may be left out.
+    Tongues are followed into the tips at which they close, to within rounding.
 
     Parameters
     ----------

@@ -31,7 +31,7 @@ def find_curves(function: SpectraFunction, tol: float, cells: int = CELLS, const
 
     Spectra on the lines of a lattice give the points at which the boundary crosses them; through each cell, points are joined by cubics
     whose middles are compared with the boundary itself and which are halved until they agree. A cell through which the boundary cannot
-    be followed that way, at the tip of a tongue, is divided again.
+    be followed that way, at the tip of a tongue, is divided again, until both sides meet there to within rounding (`find_tip`).
 
     Parameters: function: points (V, 2) of the unit square -> spectra; tol: wanted distance from the exact boundary;
     constant: whether A does not depend on time, so that multipliers may meet without any effect.

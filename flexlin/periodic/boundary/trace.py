@@ -10,13 +10,16 @@ from flexlin.periodic.boundary.islands import find_islands
 from flexlin.periodic.boundary.lattice import Nodes, add_narrow_tongues, add_quiet_strips, find_nodes, lay_lines
 from flexlin.periodic.boundary.links import find_cells, link_nodes
 from flexlin.periodic.boundary.spectra import SpectraFunction
+from flexlin.periodic.boundary.tips import Tip, find_tip
 
 EXACT = 8.0
 """Points of the boundary are placed to this part of the wanted error."""
 INNER = 4
 """Cells on either side of a box that is divided again."""
 SMALLEST = 2e-3
-"""Boxes smaller than this part of the ranges are not divided: the last piece of a tongue's tip is left out."""
+"""Boxes smaller than this part of the ranges are searched for a tongue's tip before they are divided."""
+TINY = 4.0
+"""Boxes smaller than so many wanted errors are crossed straight."""
 JOINED = 1e-2
 """Of a box's size: crossings of its border this close, found from inside and from outside, are one."""
 
@@ -96,10 +99,57 @@ def divide_cells(
         for node in through.tolist():
             cut_pieces(node, next_node[node], follower)
         trace = Trace(trace.vertices, follower, trace.off, trace.inside)
-        if box.size > SMALLEST:
+        closed = (
+            None
+            if box.size > SMALLEST
+            else close_tip(trace, box, np.stack([through, next_node[through]], axis=1), function, tol)
+        )
+        if closed is None:
             inner = trace_box(box, function, tol, narrow, top=False)
-            trace = join_traces(trace, inner, through, next_node[through], JOINED * box.size)
+            closed = join_traces(trace, inner, through, next_node[through], JOINED * box.size)
+        trace = closed
     return trace
+
+
+def close_tip(trace: Trace, box: Box, pairs: Array, function: SpectraFunction, tol: float) -> Trace | None:
+    """The trace with the pairs (P, 2) of nodes on a small box's border joined through the tip inside; none where no tip is there.
+
+    In a box as small as the wanted error they are joined straight.
+    """
+    vertices = trace.vertices
+    if box.size <= TINY * tol:
+        follower, off = trace.follower.copy(), trace.off.copy()
+        follower[pairs[:, 0]], off[pairs[:, 0]] = pairs[:, 1], box.size
+        return Trace(vertices, follower, off, trace.inside)
+    first = pairs[0, 0]
+    tip = find_tip(box.low, box.high, float(vertices.angles[first]), bool(vertices.undamped[first]), function, tol)
+    return None if tip is None else join_through(trace, pairs, tip)
+
+
+def join_through(trace: Trace, pairs: Array, tip: Tip) -> Trace:
+    """The trace with each pair (P, 2) of nodes joined by two parabolas that end in a tip; each counts as wrong by what it bends."""
+    count, coming, going = len(trace.follower), pairs[:, 0], pairs[:, 1]
+    every, directions, bends = trace.vertices, [], []
+    for nodes, way in ((coming, 1.0), (going, -1.0)):
+        chord = way * (tip.point - every.points[nodes])
+        length = np.linalg.norm(chord, axis=1)
+        unit = chord / np.maximum(length, 1e-300)[:, None]
+        directions.append(2 * unit - every.directions[nodes])
+        bends.append(length * np.linalg.norm(unit - every.directions[nodes], axis=1) ** 2)
+    more = Vertices(
+        np.tile(tip.point, (2 * len(pairs), 1)),
+        np.concatenate(directions),
+        np.full(2 * len(pairs), tip.error),
+        np.concatenate([every.angles[coming], every.angles[going]]),
+        np.concatenate([every.undamped[coming], every.undamped[going]]),
+    )
+    arrive, leave = count + np.arange(len(pairs)), count + len(pairs) + np.arange(len(pairs))
+    follower = np.concatenate([trace.follower, leave, going])
+    follower[coming] = arrive
+    off = np.concatenate([trace.off, np.zeros(len(pairs)), bends[1]])
+    off[coming] = bends[0]
+    inside = np.concatenate([trace.inside, np.full((2 * len(pairs), 2), np.nan)])
+    return Trace(join_vertices(every, more), follower, off, inside)
 
 
 def is_followed(node: int, last: int, trace: Trace) -> bool:
