@@ -45,7 +45,7 @@ class Start(IntEnum):
     SHIFTED = 1
     """At rest in the state reached; the slopes of the rigid motion, all shifted by what they differ in that state."""
     NEWTON = 2
-    """The same with exact slopes, new in each sweep."""
+    """The same with slopes new in each sweep, exact ones once that is slow."""
 
 
 def solve_window(
@@ -59,7 +59,7 @@ def solve_window(
     times = np.minimum(grid.times, grid.edges[1:, None] - inside).ravel()
     at = equations.places(times)
     rigid = begin is Start.RIGID
-    path, last, slow = grid.rest(np.zeros(n) if rigid else start[:n]), np.inf, 0
+    path, last, slow, newton = grid.rest(np.zeros(n) if rigid else start[:n]), np.inf, 0, begin is Start.NEWTON
     window = first = Window(
         grid, *(at.linear if rigid else shifted(equations, at, grid.edges[0] + inside, start, before))
     )
@@ -67,9 +67,9 @@ def solve_window(
         F = -at.force if rigid and sweep == 0 else equations.residual(at, *path.stages)[0]
         if not np.isfinite(F).all():
             return None
-        if begin is Start.NEWTON or slow > 1:
+        if slow + newton > 1:
             window = Window(grid, *(equations.slopes(at, *path.stages) or at.linear))
-        elif slow:
+        elif slow or newton:
             window = Window(grid, *shifted_by_steps(equations, at, path))
         path, step = window.corrected(path, start, F)
         change = float(np.abs(step / scale).max())
@@ -82,7 +82,7 @@ def solve_window(
             return Solved(window, path, power, torque, sweep + 1, at, first if rigid else Window(grid, *at.linear))
         if sweep > 1 and left > GROWN:
             return None
-        last, slow = change, slow + 1 if sweep > 0 and left >= SLOW else 0
+        last, slow = change, slow + 1 if sweep > 0 and left >= SLOW else slow * newton
     return None
 
 
