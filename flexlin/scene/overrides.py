@@ -12,6 +12,8 @@ from flexlin.scene.toml import DEEPEST, parse_toml
 from flexlin.text import printable
 
 OFF = "off"
+MOST = 4
+"""Keys that a message names."""
 SHALLOW = f"at most {DEEPEST} tables and lists in each other"
 
 
@@ -66,7 +68,23 @@ def apply_overrides(raw: dict[str, Any], overrides: Mapping[str, Any]) -> tuple[
     return result, problems
 
 
+def _list_keys(raw: dict[str, Any], last: str) -> str:
+    """The dotted paths of raw data that end like a key, in words: a model keeps its links below `parameters`."""
+    level: list[tuple[str, Any]] = [("", raw)]
+    found = list[str]()
+    while level:
+        path, node = level.pop(0)
+        items = node.items() if isinstance(node, dict) else enumerate(node)
+        for step, child in items:
+            whole = f"{path}.{step}" if path else str(step)
+            found += [whole] if step == last else []
+            level += [(whole, child)] if isinstance(child, (dict, list)) else []
+    return f"a key of the scene, such as {' or '.join(found[:MOST])}" if found else "a key of the scene"
+
+
 def _place(tree: Any, path: list[str], value: Any) -> tuple[str, str] | None:
+    if len(path) > 1 and path[1].isdigit() and path[0] not in tree:
+        return f"an item of {printable(path[0])}, which the scene does not have", _list_keys(tree, path[-1])
     for depth, step in enumerate(path[:-1]):
         if path[:1] == ["effects"] and depth == 1 and step not in tree:
             return (

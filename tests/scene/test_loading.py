@@ -124,6 +124,12 @@ def test_overrides_that_lead_nowhere(key):
         parse_scene(GOOD, overrides={key: 1.0})
 
 
+def test_an_override_into_a_list_that_is_not_there_is_answered_by_the_keys_that_are():
+    with pytest.raises(SceneError) as refused:
+        fl.load_scene("five-bar", {"links.0.modes": 1})
+    assert "parameters.left.1.modes or parameters.right.1.modes" in str(refused.value)
+
+
 @pytest.mark.parametrize(
     ("text", "key", "value"),
     [
