@@ -102,18 +102,16 @@ def several(decoupled: Decoupled, index: int, tame_only: bool = False) -> tuple[
     """The exponents of a larger group, and their errors."""
     group, period = decoupled.groups[index], decoupled.period
     values, mean = decoupled.traceless(index)
-    segments, spread = group_segments(values, period)
-    if segments > MOST or (segments > FEW and spread > RESOLVED):
-        return bounded(values, mean, group.size, period)
     complex_group = group.partner != index
-    if (
-        not complex_group
-        and (tame := tame_exponents(values, period, segments, find_unknown(decoupled, index))) is not None
-    ):
+    tame = None if complex_group else tame_exponents(values, period, find_unknown(decoupled, index))
+    if tame is not None:
         logs, errors = pair_conjugates(*tame)
         return mean + logs / period, errors / period
     if tame_only:
         return np.full(group.size, mean), np.full(group.size, np.inf)
+    segments, spread = group_segments(values, period)
+    if segments > MOST or (segments > FEW and spread > RESOLVED):
+        return bounded(values, mean, group.size, period)
     coarse = max(1, round(COARSER * segments))
     shift = perturbation(decoupled, index)
     logs, rounding = solve_product(factor_group(values, period, segments))

@@ -16,6 +16,8 @@ from flexlin.periodic.transition.gauss import collocate, gauss, place_nodes
 
 STAGES, MORE = 8, 2
 """Gauss stages of the factors, and how many more the better ones have that measure their error."""
+STEP, FASTEST = 3.0, 600.0
+"""The largest product of a segment's length and the norm of the generator, and of the period and it: the error of a segment is then 1e-14."""
 LEAST = 8
 """Segments of a period at the least."""
 SAFETY = 2.0
@@ -24,7 +26,7 @@ INDEPENDENT = 1e3
 """Eigenvectors of the product with a larger condition number belong to multipliers that nearly coincide: they are not served here."""
 
 
-def tame_exponents(values: Array, period: float, segments: int, unknown: Array) -> tuple[Array, Array] | None:
+def tame_exponents(values: Array, period: float, unknown: Array) -> tuple[Array, Array] | None:
     """Logs of the multipliers of w' = values(t) w and their errors (p,); None where the product is not well conditioned.
 
         d log mu_i = sum_k (R_(k+1)^-1 dF_k R_k)_ii,   R_k = F_(k-1) ... F_0 R,   R the eigenvectors of the whole product
@@ -33,7 +35,10 @@ def tame_exponents(values: Array, period: float, segments: int, unknown: Array) 
 
     Parameters: values (N, p, p), real, at the nodes k T / N; unknown (p, p): bound on what is not known of them, in 1/s.
     """
-    p, segments = values.shape[-1], max(segments, LEAST)
+    p, rate = values.shape[-1], float(measure_size(values).max())
+    if not rate * period < FASTEST:
+        return None
+    segments = max(LEAST, int(np.ceil(period * rate / STEP)))
     h = period / segments
     try:
         F, better = (factor_tame(values, h, segments, STAGES + more) for more in (0, MORE))
