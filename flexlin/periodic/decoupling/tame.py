@@ -17,7 +17,7 @@ from flexlin.periodic.transition.gauss import collocate, gauss, place_nodes
 STAGES, MORE = 8, 2
 """Gauss stages of the factors, and how many more the better ones have that measure their error."""
 STEP, FASTEST = 3.0, 600.0
-"""The largest product of a segment's length and the norm of the generator, and of the period and it: the error of a segment is then 1e-14."""
+"""The largest product of a segment's length and the norm of the generator, and of the period and it: a segment then errs by 1e-14."""
 LEAST = 8
 """Segments of a period at the least."""
 SAFETY = 2.0
