@@ -10,6 +10,7 @@ from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.mean_modes import MeanModes, find_mean_modes
 from flexlin.periodic.decoupling.superadiabatic import SLOW_PART
 from flexlin.periodic.decoupling.waves import harmonics, tail
+from flexlin.periodic.product.balancing import GROUP_CONDITION
 from flexlin.periodic.system import MatrixFunction
 
 COUNTS = (32, 64)
@@ -44,6 +45,8 @@ def decouple_steady(
         modes = find_mean_modes(look.mean(axis=0), 2 * np.pi / period / closeness)
         if isinstance(modes, Refusal):
             return modes
+        if not may_be_tame(modes, period):
+            return Refusal("modes of one group grow or decay by much against each other")
         if mix_at_first(modes.left @ look @ modes.right, modes) > MIXED:
             continue
         for count in counts:
@@ -70,6 +73,13 @@ def decouple_on_nodes(
     done, slope = in_states(found, modes, period, residual)
     done, settled = with_evidence(done, slope, A, tol, uncertainty)
     return done if settled else None
+
+
+def may_be_tame(modes: MeanModes, period: float) -> bool:
+    """Whether the groups are ones of which perturbation theory says all: real, and of modes that stay together over a period."""
+    several = [(i, group) for i, group in enumerate(modes.groups) if group.size > 1]
+    spread = [float(np.ptp(modes.values.real[group.part])) * period for _, group in several]
+    return all(group.partner == i for i, group in several) and max(spread, default=0.0) < np.log(GROUP_CONDITION)
 
 
 def mix_at_first(own: Array, modes: MeanModes) -> float:
