@@ -1,16 +1,39 @@
 """Periodic systems with known exponents whose modes hardly change their shapes: what decoupling from the modes of the mean serves."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
+import flexlin as fl
+from tests.periodic.cases import Case, kind, known, tol_of
 from tests.periodic.rotated import Rotated, Turn, wave
 
 
+@dataclass(frozen=True)
+class SlowCase(Case):
+    """A case whose A(t) has few harmonics, which are named as all there is: A is slow to sample in extended precision."""
+
+    def system(self):
+        return fl.PeriodicSystem(self.A, self.period, complete=True)
+
+
+@kind("kept shapes")
+def kept_shapes(rng):
+    gentle, tol = draw_gentle(rng, bool(rng.random() < 0.5)), tol_of(rng)
+    case = known(gentle, gentle.period, gentle.exponents, tol)
+    return SlowCase(**vars(case))
+
+
 def gentle_system(seed, near_resonance=False):
+    """The same one for a seed."""
+    return draw_gentle(np.random.default_rng([seed, near_resonance]), near_resonance)
+
+
+def draw_gentle(rng, near_resonance):
     """2 to 12 states, rates from the basic frequency to a million times it, mixed by a constant matrix and slightly by waves.
 
     near_resonance: frequencies whose differences lie close to multiples of the basic frequency, where coupling adds up.
     """
-    rng = np.random.default_rng([seed, near_resonance])
     period = float(10 ** rng.uniform(-1, 1))
     w, modes, states = 2 * np.pi / period, [], 0
     n = int(rng.integers(2, 13))

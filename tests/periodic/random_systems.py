@@ -4,10 +4,10 @@ The truth of a transformed system is its constant matrix D; every other truth co
 `doubt` bounds each truth's own error, the rounding of A(t) to doubles included: a claim is missed beyond claim + doubt only.
 """
 
-from tests.periodic import boundary_systems, jumping_systems, non_normal_systems, transformed_systems
+from tests.periodic import boundary_systems, gentle, jumping_systems, non_normal_systems, transformed_systems
 from tests.periodic.cases import KINDS, Case, draw
 
-MAKERS = (transformed_systems, non_normal_systems, jumping_systems, boundary_systems)
+MAKERS = (transformed_systems, non_normal_systems, jumping_systems, boundary_systems, gentle)
 """Imported for the kinds that they register."""
 
 COUNTS = {
@@ -21,6 +21,7 @@ COUNTS = {
     "kinks named": 500,
     "kinks not named": 500,
     "stiff": 500,
+    "kept shapes": 1000,
     "non-normal constant": 1000,
     "non-normal, f(t) C": 300,
     "non-normal rotated": 400,
