@@ -20,6 +20,12 @@ class ControlledPlaces(Places):
     by_states: Array
     of_states: Array
 
+    def some(self, which: Array) -> "ControlledPlaces":
+        """The same at some of the times."""
+        some, arm = super().some(which), self.of_arm.some(which)
+        own = self.by_states[which], self.of_states[which]
+        return ControlledPlaces(some.t, some.gain, some.offset, some.linear, some.force, arm, *own)
+
 
 class ControlledEquations:
     """The equations of the arm with a controller, in the coordinates [y; c], c' = z.
