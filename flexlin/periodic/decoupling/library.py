@@ -2,7 +2,7 @@
 
 import ctypes
 from functools import lru_cache
-from importlib.resources import files
+from pathlib import Path
 
 from flexlin.errors import NumericalError
 from flexlin.periodic.compiler import find_compiler, find_kept_folder, load_library
@@ -14,6 +14,6 @@ def find_library() -> ctypes.CDLL | None:
     if find_compiler() is None or find_kept_folder() is None:
         return None
     try:
-        return load_library(files("flexlin.periodic.decoupling").joinpath("steady.c").read_text(encoding="utf-8"))
+        return load_library(Path(__file__).with_name("steady.c").read_text(encoding="utf-8"))
     except (NumericalError, OSError):
         return None
