@@ -179,6 +179,11 @@ class Linearization(SecondOrderEquations):
         return replace(self, about=replace(about, arm=arm, motion=moved), clear=clear)
 
     @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The effects in the arm, with the present values of its free numbers; none where they are not known."""
+        return self._effects or ()
+
+    @property
     def _effects(self) -> tuple[Effect, ...] | None:
         """The effects in the arm with the present values of its free numbers; None where they are not known."""
         arm, tables = self.arm, self.arm.effects

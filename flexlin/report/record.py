@@ -189,6 +189,7 @@ def record_simulation(analysis: Analysis) -> dict[str, Any]:
         "linear_error": record_number(simulation.linear_error),
         "largest_tip_difference_error": record_number(simulation.difference_error),
         "status": simulation.status,
+        **({"events": [list(event) for event in simulation.events]} if simulation.events else {}),
     }
 
 

@@ -15,8 +15,9 @@ from flexlin.simulation.controlled import from_coordinates, to_coordinates, with
 from flexlin.simulation.drive import Drive
 from flexlin.simulation.ending import explain_end, name_largest, smallest_masses
 from flexlin.simulation.equations import Equations, NonlinearEquations, deviation_equations
+from flexlin.simulation.friction import Friction, refuse
 from flexlin.simulation.prediction import ROUNDING, with_breaks
-from flexlin.simulation.step_by_step import follow_cut, follow_held
+from flexlin.simulation.step_by_step import follow_cut, follow_held, follow_sticking
 from flexlin.simulation.stepping import TrialLeftRange, stopped
 from flexlin.simulation.table import LawTable
 
@@ -65,6 +66,9 @@ class NonlinearLoop:
         self.lin, self._law = lin, law
         self.about, self.drive, self.n = lin.about, drive or Drive(), lin.n
         self._kept = list(lin.kept)
+        self.friction, self.events = Friction.of(lin), tuple[tuple[float, str, str], ...]()
+        if self.friction is not None and self.drive.sample_time is not None:
+            raise refuse("a sampled drive, [control.sampling]", "a drive that is not sampled")
         self._calls = 0
 
     def command(self, t: float, x: Array) -> Array:
@@ -102,7 +106,9 @@ class NonlinearLoop:
         now = t % self.lin.period if self.lin.motion.periodic else np.minimum(t, self.lin.period)
         return self.drive.saturated(self._law.torque(now, x))
 
-    def rate(self, t: float, z: Array, torque: Array, remembered: Array | None = None) -> Array:
+    def rate(
+        self, t: float, z: Array, torque: Array, remembered: Array | None = None, slip: Array | None = None
+    ) -> Array:
         """Return the rate of z = [y; y'; controller; work] under a torque.
 
         Parameters
@@ -115,6 +121,8 @@ class NonlinearLoop:
             The torque, in N m.
         remembered : array, shape (k,), optional
             The rates of the controller's states; zero by default.
+        slip : array, shape (p,), optional
+            Of joints that stick, 0 where one does and else the sign of its rate; by default their friction is the smooth one.
 
         Returns
         -------
@@ -126,17 +134,41 @@ class NonlinearLoop:
         TrialLeftRange
             Where the mass matrix is not positive definite: an integrator's trial may come there, an arm does not.
         """
+        x, still = z[: 2 * self.n], np.zeros(self._law.memory)
+        acceleration, _, power = self.accelerate(t, x, torque, slip)
+        return np.concatenate([x[self.n :], acceleration, still if remembered is None else remembered, [power]])
+
+    def accelerate(self, t: float, x: Array, torque: Array, slip: Array | None = None) -> tuple[Array, Array, float]:
+        """Return the acceleration y'' (n,), the friction that holds the joints that stick, and the power that goes into the arm.
+
+        Parameters: as for `rate`, x being [y; y'] (2n,).
+        Raises: TrialLeftRange as `rate`.
+        """
         self._calls += 1
         if self._calls > MOST_CALLS:
             raise self._lost(f"{MOST_CALLS} evaluations of the equations", t)
-        x, still = z[: 2 * self.n], np.zeros(self._law.memory)
         M, B, left, rates, lost = self._equations(x, *self.about.place_at(t))
-        kept, left = self._kept, left[:, 0]
+        kept, left, friction = self._kept, left[:, 0], self.friction
+        if friction is not None and slip is not None:
+            places = list(friction.places)
+            left[places] += slip * friction.sliding - friction.smooth(rates[places, 0])
+            lost = lost + rates[places, 0] @ (slip * friction.sliding - friction.smooth(rates[places, 0]))
         _, acceleration, failed = dposv(M[kept], (B @ torque - left)[kept])
         if failed:
             raise TrialLeftRange("the mass matrix is not positive definite there")
+        holding = np.zeros(0)
+        if friction is not None and slip is not None and not np.all(slip):
+            stuck = [row for row, mode in zip(friction.rows, slip, strict=True) if mode == 0]
+            led = self.about.positions(np.array([t]), *np.zeros((3, 1, self.n)))[2][0, kept][stuck]
+            reply = dposv(M[kept], np.eye(self.n)[:, stuck])[1]
+            holding = np.linalg.solve(reply[stuck], acceleration[stuck] + led)
+            acceleration = acceleration - reply @ holding
         power = rates[:, 0] @ (left + M @ acceleration) - lost[0, 0]
-        return np.concatenate([x[self.n :], acceleration, still if remembered is None else remembered, [power]])
+        return acceleration, holding, float(power)
+
+    def rates(self, t: float, x: Array) -> Array:
+        """The rates s' of all coordinates of the arm in a state [y; y'] (2n,)."""
+        return np.asarray(self._equations(x, *self.about.place_at(t))[3][:, 0])
 
     def accept(self, t: float, z: Array) -> None:
         """Look at a state that was reached.
@@ -207,6 +239,8 @@ class NonlinearLoop:
         try:
             if self.drive.sample_time is not None:
                 return follow_held(self, t, z, rtol), None
+            if self.friction is not None:
+                return follow_sticking(self, t, z, rtol), None
             try:
                 found = self._collocated(t, start, rtol, stages, linear)
             except TorqueCut:

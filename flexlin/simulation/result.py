@@ -47,6 +47,8 @@ class Simulation(Shown):
         States of the controller: integrals of errors, filters.
     controller_names : tuple of str
         Their names.
+    events : tuple of (float, str, str)
+        Times in s at which a joint begins to stick or to slide, where [effects.coulomb_friction] has `static`; its name, and which.
 
     Examples
     --------
@@ -73,6 +75,7 @@ class Simulation(Shown):
     units: tuple[str, ...] = ()
     controller: Array = field(default_factory=lambda: np.zeros((0, 0)))
     controller_names: tuple[str, ...] = ()
+    events: tuple[tuple[float, str, str], ...] = ()
 
     __repr__ = represent
 
@@ -105,6 +108,21 @@ class Simulation(Shown):
                 f"{facts}: beyond the linear model; reduce speed, payload or disturbance, or trust the simulation only"
             )
         return f"{facts}: the linear model holds here"
+
+    @property
+    def sticking(self) -> str:
+        """Which joints stick, how often and for how long; nothing where none does."""
+        said = []
+        for joint in dict.fromkeys(name for _, name, _ in self.events):
+            changes = [(t, what == "sticks") for t, name, what in self.events if name == joint]
+            times = [self.t[0], *(t for t, _ in changes), self.t[-1]]
+            stuck = [not changes[0][1], *(sticks for _, sticks in changes)]
+            rest = float(sum(np.diff(times)[stuck]))
+            share = 100 * rest / float(self.t[-1] - self.t[0])
+            said.append(
+                f"{joint} comes to rest {sum(sticks for _, sticks in changes)} times and sticks for {share:.3g} % of the time"
+            )
+        return "; ".join(said)
 
     @property
     def unit(self) -> str:

@@ -120,6 +120,7 @@ def simulate(
         units=tuple(c.unit for c in lin.coordinates),
         controller=states[:, 2 * n :],
         controller_names=() if law.controller is None else law.controller.names,
+        events=loop.events,
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.sampled.hold import hold_controller
 from flexlin.simulation.stepping import march
+from flexlin.simulation.sticking import Sticking
 
 if TYPE_CHECKING:
     from scipy.integrate import DOP853, LSODA
@@ -28,6 +29,20 @@ def follow_cut(loop: "NonlinearLoop", t: Array, z: Array, rtol: float) -> Array:
         return LSODA(follow, now, z, t[-1], first_step=first, rtol=rtol, atol=rtol * 1e-2)
 
     return np.concatenate([z[None], march(make, z, t[0], t[-1], t[1:], loop.accept)[1]])
+
+
+def follow_sticking(loop: "NonlinearLoop", t: Array, z: Array, rtol: float) -> Array:
+    """States (N, 2n + k + 1) of a loop whose joints stick and slide, from event to event; the loop's `events` are set."""
+
+    def torque(now: float, z: Array) -> tuple[Array, Array]:
+        asked = loop.law(now, z[:-1])
+        given = loop.drive.saturated(asked)
+        return given, loop.law.rate(now, z[:-1], asked - given)
+
+    joints = Sticking(loop)
+    out = joints.follow(t, joints.begin(float(t[0]), z, torque), rtol, torque)
+    loop.events = tuple(joints.events)
+    return out
 
 
 def follow_held(loop: "NonlinearLoop", t: Array, z: Array, rtol: float) -> Array:

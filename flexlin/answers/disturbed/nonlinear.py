@@ -37,6 +37,7 @@ class PushedLoop(NonlinearLoop):
 
     def __init__(self, lin: Linearization, law: Law, directions: Directions, size: float):
         super().__init__(lin, law, Drive())
+        self.friction = None
         self._pushing = directions, size
 
     def _equations_under(self, law: Law) -> NonlinearEquations:

@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
                 },
             )
             said = [clock.attempt(problems, name, name, asked, work) or problems[name] for name, work in both.items()]
-    for line in (result.status, *said, *accuracy_lines(tuple(clock.steps))):
+    for line in (result.status, *filter(None, [result.sticking]), *said, *accuracy_lines(tuple(clock.steps))):
         say(line)
     data = described(
         result.dataset(), scene, closed.period, "deviations from the rigid motion as states [y; y'], tips in m"

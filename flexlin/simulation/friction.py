@@ -1,0 +1,66 @@
+"""Joints that stick: Coulomb friction as the set that it is, in the place of the smooth one of the linear equations."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlin.about.linearization import Linearization
+from flexlin.checks import Array
+from flexlin.control.measurement import encoder_rows
+from flexlin.errors import ArgumentError
+from flexlin.mechanics.effects.coulomb_friction import CoulombFriction
+from flexlin.mechanics.effects.shared import per_joint
+
+
+@dataclass(frozen=True)
+class Friction:
+    """Friction of p joints: sliding it is `sliding` against the rate; at rest it is whatever holds the joint, up to `static`.
+
+    rows, places: the joints among the coordinates y and among those of the arm; sliding, static: (p,) in N m or N; rate: of the smooth
+    friction sliding tanh(q' / rate) that the arm's equations hold; names: of the joints.
+    """
+
+    rows: tuple[int, ...]
+    places: tuple[int, ...]
+    sliding: Array
+    static: Array
+    rate: Array
+    names: tuple[str, ...]
+
+    @classmethod
+    def of(cls, lin: Linearization) -> "Friction | None":
+        """That of a scene whose friction sticks; None where there is none.
+
+        Raises: ArgumentError where a joint's rate is no coordinate.
+        """
+        table = next((one for one in lin.effects if isinstance(one, CoulombFriction)), None)
+        if table is None or table.static is None:
+            return None
+        if lin.arm.loops is not None:
+            raise refuse("a closed loop of links")
+        if np.any(encoder_rows(lin)[:, [c.kind == "elastic" for c in lin.coordinates]]):
+            raise refuse("a link with pinned shapes")
+        joints = [(row, c.link) for row, c in enumerate(lin.coordinates) if c.kind == "joint" and c.link is not None]
+        numbers = (table.torque, table.static, table.rate)
+        figures = np.array([[per_joint(one, i, single="every") for one in numbers] for _, i in joints]).reshape(-1, 3)
+        rows = tuple(row for (row, _), (_, static, _) in zip(joints, figures, strict=True) if static > 0)
+        sliding, static, rate = figures[figures[:, 1] > 0].T
+        return cls(
+            rows, tuple(lin.kept[row] for row in rows), sliding, static, rate, tuple(lin.names[row] for row in rows)
+        )
+
+    def smooth(self, rates: Array) -> Array:
+        """The friction (p,) that the arm's equations hold."""
+        return self.sliding * np.tanh(rates / self.rate)
+
+
+def refuse(
+    what: str, expected: str = "an open chain of clamped links, whose joints' rates are coordinates"
+) -> ArgumentError:
+    """What to say of an arm whose joints cannot stick here."""
+    return ArgumentError(
+        "[effects.coulomb_friction] static: joints cannot stick here",
+        got=what,
+        expected=expected,
+        todo="leave static out: the smooth friction acts everywhere",
+    )

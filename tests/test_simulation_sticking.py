@@ -1,0 +1,108 @@
+"""Joints that stick and slide by events: exact times of a sliding block and of a mass pulled over a floor, and arms of several joints."""
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.errors import ArgumentError, SceneError
+from flexlin.simulation.drive import Drive
+
+BLOCK = {
+    "links.0.modes": 0, "effects.gravity": "off", "effects.geometric_stiffening": "off", "effects.modal_damping": "off", "designs": [],
+    "motion.joints": [{"amplitude": 0.0}], "control.feedforward": "none", "control.feedback": {"kind": "none"},
+}  # fmt: skip
+
+
+def loop(name="single-link", **changes):
+    scene = fl.load_scene(name, {key.replace("__", "."): value for key, value in changes.items()})
+    return fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+
+
+def block(**changes):
+    return loop(**{key.replace(".", "__"): value for key, value in (BLOCK | changes).items()})
+
+
+def friction(sliding, static, **more):
+    return {"effects.coulomb_friction": {"torque": sliding, "static": static, "rate": 0.01, **more}}
+
+
+def test_a_sliding_block_stops_at_its_time_and_place_and_stays():
+    lin = block(**friction(0.05, 0.08))
+    inertia = lin.M(0.0)[0, 0]
+    run = fl.simulate(lin, 1.0, initial=[0.0, 1.0], tol=1e-10)
+    assert [event[1:] for event in run.events] == [("q1", "sticks")]
+    assert run.events[0][0] == pytest.approx(inertia / 0.05, rel=1e-10)
+    rest = run.t > run.events[0][0]
+    assert rest.sum() > 20
+    np.testing.assert_allclose(run.nonlinear[rest], [[inertia / 0.1, 0.0]] * rest.sum(), rtol=1e-10, atol=1e-13)
+    assert run.energy_error < 1e-9
+    assert run.sticking == "q1 comes to rest 1 times and sticks for 23.1 % of the time"
+
+
+@pytest.mark.parametrize(
+    ("sliding", "static", "stiffness", "pull"), [(0.05, 0.08, 4.0, 0.3), (0.2, 0.25, 9.0, 1.1), (0.02, 0.3, 2.0, 0.7)]
+)
+def test_a_mass_pulled_by_a_spring_sticks_and_slips_at_its_exact_times(sliding, static, stiffness, pull):
+    """M x'' = k (V t - x) - F: with w^2 = k/M, a = (F_s - F_c)/k each slip lasts 2 (pi - atan(a w/V))/w, each rest 2 a/V."""
+    feedback = {"kind": "pd", "kp": [stiffness], "kd": [0.0]}
+    rotation = {"kind": "rotation", "joints": [{"rate": pull}]}
+    lin = block(**friction(sliding, static), **{"motion": rotation, "control.feedback": feedback})
+    w, a = np.sqrt(stiffness / lin.M(0.0)[0, 0]), (static - sliding) / stiffness
+    slip, rest, first = 2 * (np.pi - np.arctan(a * w / pull)) / w, 2 * a / pull, static / stiffness / pull
+    times, now = [], first
+    while now < 0.25 * lin.period:
+        times += [now, now + slip]
+        now += slip + rest
+    run = fl.simulate(lin, 0.25, initial=[0.0, -pull], tol=1e-10)
+    found = [event for event in run.events if event[0] < times[-1] + 1e-6]
+    np.testing.assert_allclose([event[0] for event in found], times[: len(found)], rtol=1e-7)
+    assert len(found) >= min(len(times), 2)
+    assert [event[2] for event in found[:2]] == ["slides", "sticks"]
+
+
+def test_a_force_below_the_static_friction_moves_nothing_and_one_above_does():
+    """A constant torque by the feedback's stiffness at an offset: 0.079 N m is held, 0.081 N m is not."""
+    lin = block(**friction(0.05, 0.08), **{"control.feedback": {"kind": "pd", "kp": [1.0], "kd": [0.2]}})
+    held = fl.simulate(lin, 0.5, initial=[0.079, 0.0], tol=1e-9)
+    np.testing.assert_array_equal(held.nonlinear, np.tile([0.079, 0.0], (len(held.t), 1)))
+    loose = fl.simulate(lin, 0.5, initial=[0.081, 0.0], tol=1e-9)
+    assert loose.events[0][1:] == ("q1", "sticks")
+    assert abs(loose.nonlinear[-1, 0]) < 0.05
+
+
+@pytest.mark.slow
+def test_an_elastic_arm_of_two_joints_sticks_where_the_smooth_friction_creeps():
+    """Joints at rest keep their angle exactly while the links ring; elsewhere the run tends to that of ever steeper smooth friction."""
+    changes = {
+        "designs": [], "motion.joints": [{"amplitude": 0.0}] * 2, "control.feedback": {"kind": "pd", "kp": [4.0, 2.0], "kd": [0.02, 0.01]},
+    }  # fmt: skip
+    sizes = {"torque": [0.1, 0.05], "rate": 1e-2}
+    sticky, *smooth = (
+        loop(
+            "de-luca-siciliano-1991",
+            **{key.replace(".", "__"): v for key, v in (changes | {"effects.coulomb_friction": one}).items()},
+        )
+        for one in (sizes | {"static": [0.1, 0.05]}, sizes, sizes | {"rate": 2.5e-3})
+    )
+    start = np.zeros(2 * sticky.n)
+    start[:2] = 0.05, -0.04
+    runs = [fl.simulate(one, 0.05, initial=start, tol=1e-6) for one in (sticky, *smooth)]
+    assert {what for _, _, what in runs[0].events} >= {"sticks"}
+    assert runs[0].energy_error < 1e-5
+    apart = [np.abs(run.nonlinear[:, :2] - runs[0].nonlinear[:, :2]).max() for run in runs[1:]]
+    assert apart[1] < 0.5 * apart[0]
+
+
+def test_what_cannot_stick_is_refused_by_its_key():
+    with pytest.raises(SceneError, match="static of at least torque"):
+        block(**friction(0.05, 0.04))
+    pinned = loop(
+        "single-link",
+        designs=[],
+        links__0__mode_shapes="pinned-hub",
+        effects__coulomb_friction={"torque": 0.1, "static": 0.2},
+    )
+    with pytest.raises(ArgumentError, match="joints cannot stick here"):
+        fl.simulate(pinned, 0.1)
+    with pytest.raises(ArgumentError, match=r"control\.sampling"):
+        fl.simulate(block(**friction(0.05, 0.08)), 0.1, drive=Drive(sample_time=1e-3))
