@@ -3,22 +3,21 @@
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg.lapack import dposv
 
-from flexlin import symbolic
 from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.errors import SimulationStopped
+from flexlin.simulation.acceleration import Acceleration
 from flexlin.simulation.collocation import Collocation
 from flexlin.simulation.controlled import from_coordinates, to_coordinates, with_controller
 from flexlin.simulation.drive import Drive
 from flexlin.simulation.ending import explain_end, name_largest, smallest_masses
-from flexlin.simulation.equations import Equations, NonlinearEquations, deviation_equations
+from flexlin.simulation.equations import Equations, NonlinearEquations
 from flexlin.simulation.friction import Friction, refuse
 from flexlin.simulation.prediction import ROUNDING, with_breaks
 from flexlin.simulation.step_by_step import follow_cut, follow_held, follow_sticking
-from flexlin.simulation.stepping import TrialLeftRange, stopped
+from flexlin.simulation.stepping import stopped
 from flexlin.simulation.table import LawTable
 
 FARTHEST = 100.0
@@ -134,41 +133,12 @@ class NonlinearLoop:
         TrialLeftRange
             Where the mass matrix is not positive definite: an integrator's trial may come there, an arm does not.
         """
-        x, still = z[: 2 * self.n], np.zeros(self._law.memory)
-        acceleration, _, power = self.accelerate(t, x, torque, slip)
-        return np.concatenate([x[self.n :], acceleration, still if remembered is None else remembered, [power]])
-
-    def accelerate(self, t: float, x: Array, torque: Array, slip: Array | None = None) -> tuple[Array, Array, float]:
-        """Return the acceleration y'' (n,), the friction that holds the joints that stick, and the power that goes into the arm.
-
-        Parameters: as for `rate`, x being [y; y'] (2n,).
-        Raises: TrialLeftRange as `rate`.
-        """
         self._calls += 1
         if self._calls > MOST_CALLS:
             raise self._lost(f"{MOST_CALLS} evaluations of the equations", t)
-        M, B, left, rates, lost = self._equations(x, *self.about.place_at(t))
-        kept, left, friction = self._kept, left[:, 0], self.friction
-        if friction is not None and slip is not None:
-            places = list(friction.places)
-            left[places] += slip * friction.sliding - friction.smooth(rates[places, 0])
-            lost = lost + rates[places, 0] @ (slip * friction.sliding - friction.smooth(rates[places, 0]))
-        _, acceleration, failed = dposv(M[kept], (B @ torque - left)[kept])
-        if failed:
-            raise TrialLeftRange("the mass matrix is not positive definite there")
-        holding = np.zeros(0)
-        if friction is not None and slip is not None and not np.all(slip):
-            stuck = [row for row, mode in zip(friction.rows, slip, strict=True) if mode == 0]
-            led = self.about.positions(np.array([t]), *np.zeros((3, 1, self.n)))[2][0, kept][stuck]
-            reply = dposv(M[kept], np.eye(self.n)[:, stuck])[1]
-            holding = np.linalg.solve(reply[stuck], acceleration[stuck] + led)
-            acceleration = acceleration - reply @ holding
-        power = rates[:, 0] @ (left + M @ acceleration) - lost[0, 0]
-        return acceleration, holding, float(power)
-
-    def rates(self, t: float, x: Array) -> Array:
-        """The rates s' of all coordinates of the arm in a state [y; y'] (2n,)."""
-        return np.asarray(self._equations(x, *self.about.place_at(t))[3][:, 0])
+        x, still = z[: 2 * self.n], np.zeros(self._law.memory)
+        acceleration, _, power = self.equations.solve(t, x, torque, slip)
+        return np.concatenate([x[self.n :], acceleration, still if remembered is None else remembered, [power]])
 
     def accept(self, t: float, z: Array) -> None:
         """Look at a state that was reached.
@@ -258,8 +228,9 @@ class NonlinearLoop:
         return LawTable(self._law, self.lin)
 
     @cached_property
-    def _equations(self) -> symbolic.Pointwise:
-        return symbolic.Pointwise(deviation_equations(self.about))
+    def equations(self) -> Acceleration:
+        """The equations solved for the acceleration, at one time after another."""
+        return Acceleration(self.lin, self.friction)
 
     @cached_property
     def _collocation(self) -> Equations:

@@ -52,13 +52,13 @@ class Sticking:
 
     def rates(self, t: float, z: Array) -> Array:
         """The rates (p,) of the joints themselves, the motion's included."""
-        return self.loop.rates(t, z[: 2 * self.loop.n])[list(self.friction.places)]
+        return self.loop.equations.rates(t, z[: 2 * self.loop.n])[list(self.friction.places)]
 
     def guards(self, t: float, z: Array, torque: Torque) -> Array:
         """What stays above zero (p,) as long as the modes hold: the rate along the slip, or what static friction has left."""
         left, stuck = self.slip * self.rates(t, z), self.slip == 0
         if stuck.any():
-            holding = self.loop.accelerate(t, z[: 2 * self.loop.n], torque(t, z)[0], self.slip)[1]
+            holding = self.loop.equations.solve(t, z[: 2 * self.loop.n], torque(t, z)[0], self.slip)[1]
             left[stuck] = (1 + SLACK) * self.friction.static[stuck] - np.abs(holding)
         return left
 
@@ -71,7 +71,7 @@ class Sticking:
             stuck = np.flatnonzero(self.slip == 0)
             if not len(stuck):
                 break
-            holding = self.loop.accelerate(t, z[: 2 * self.loop.n], torque(t, z)[0], self.slip)[1]
+            holding = self.loop.equations.solve(t, z[: 2 * self.loop.n], torque(t, z)[0], self.slip)[1]
             over = np.abs(holding) - (1 + SLACK) * self.friction.static[stuck]
             worst = int(np.argmax(over))
             if over[worst] <= 0:
@@ -88,7 +88,7 @@ class Sticking:
             raise stopped(t, got, z[: 2 * self.loop.n])
         before = self.slip.copy()
         if before[joint] == 0:
-            held = self.loop.accelerate(t, z[: 2 * self.loop.n], torque(t, z)[0], self.slip)[1]
+            held = self.loop.equations.solve(t, z[: 2 * self.loop.n], torque(t, z)[0], self.slip)[1]
             self.slip[joint] = np.sign(held[int(np.sum(before[:joint] == 0))])
         else:
             self.slip[joint] = 0.0
