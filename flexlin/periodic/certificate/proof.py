@@ -71,20 +71,20 @@ def bound_margin(edges: Array, A: Array, X: Array, unknown: float, count: int) -
     bends = [h**2 / 8 * bend(one).max() for one in (R, flat(X))]
     u = np.linspace(-1.0, 1.0, count)
     values, size = sum_terms(A, X, slope, u), evaluate(X, u)
-    least = float(np.linalg.eigvalsh(size).min()) - bends[1]
-    most = float(np.linalg.norm(size, 2, axis=(-2, -1)).max()) + bends[1]
+    sizes = np.linalg.eigvalsh(size)
+    least, most = float(sizes.min()) - bends[1], float(np.abs(sizes).max()) + bends[1]
     if not least > 0:
         return Proof(-np.inf, 0.0), np.inf
     largest_A = float(np.linalg.norm(evaluate(A, u), axis=(-2, -1)).max())
     rounding = ROUNDINGS * len(A[0, 0]) * EPS * (2 * largest_A * most + float(np.abs(evaluate(slope, u)).max()))
     known = 2 * unknown * most + rounding
-    first = largest_ratio(values, size, known)
-    mu = largest_ratio(values, size, known + bends[0] + max(-first, 0.0) * bends[1])
+    weighed = weigh(values, size)
+    first = largest_ratio(*weighed, known)
+    mu = largest_ratio(*weighed, known + bends[0] + max(-first, 0.0) * bends[1])
     ends = evaluate(X, np.array([-1.0, 1.0]))
-    grown = np.log(
-        [max(largest_ratio(b, a, 0.0), 1.0) for a, b in zip(np.roll(ends[:, 1], 1, axis=0), ends[:, 0], strict=True)]
-    )
-    margin = -mu - float(grown.sum()) / float(edges[-1])
+    grown, _ = weigh(ends[:, 0], np.roll(ends[:, 1], 1, axis=0))
+    paid = np.log(np.maximum(np.linalg.eigvalsh(grown).max(axis=-1), 1.0))
+    margin = -mu - float(paid.sum()) / float(edges[-1])
     return Proof(margin, max(margin, 0.0) / 2 * float(np.sqrt(least / most))), mu - first
 
 
@@ -110,8 +110,14 @@ def bend(coefficients: Array) -> Array:
     return np.linalg.norm(coefficients, axis=2) @ (k**2 * (k**2 - 1.0) / 3)
 
 
-def largest_ratio(R: Array, X: Array, added: float) -> float:
-    """The largest eigenvalue of X^-1/2 (R + added) X^-1/2 over all samples, X > 0."""
+def weigh(R: Array, X: Array) -> tuple[Array, Array]:
+    """L^-1 R L^-T and L^-1 L^-T with L L' = X > 0, at each sample."""
     L = np.linalg.cholesky(X)
-    half = np.linalg.solve(L, R + added * np.eye(R.shape[-1]))
-    return float(np.linalg.eigvalsh(np.linalg.solve(L, np.swapaxes(half, -1, -2))).max())
+    half = np.linalg.solve(L, R)
+    inverse = np.linalg.inv(L)
+    return np.linalg.solve(L, np.swapaxes(half, -1, -2)), inverse @ np.swapaxes(inverse, -1, -2)
+
+
+def largest_ratio(weighed: Array, unit: Array, added: float) -> float:
+    """The largest eigenvalue of X^-1/2 (R + added) X^-1/2 over all samples, of what `weigh` made of R and X."""
+    return float(np.linalg.eigvalsh(weighed + added * unit).max())
