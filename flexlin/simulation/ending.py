@@ -30,8 +30,8 @@ def explain_end(lin: Linearization, end: SimulationStopped) -> SimulationStopped
 
 def smallest_masses(lin: Linearization, t: Array, x: Array) -> Array:
     """The smallest eigenvalue of M, scaled to a diagonal of the rigid motion's, at states x (N, 2n) and times t (N,)."""
-    kept = list(lin.kept)
-    M, rigid = (lin.about.of_arm("M", t, y)[:, kept][:, :, kept] for y in (x[:, : lin.n], np.zeros((len(t), lin.n))))
+    kept, both = list(lin.kept), np.concatenate([x[:, : lin.n], np.zeros((len(t), lin.n))])
+    M, rigid = np.split(lin.about.of_arm("M", np.concatenate([t, t]), both)[:, kept][:, :, kept], 2)
     scale = 1 / np.sqrt(np.einsum("tii->ti", rigid))
     return np.linalg.eigvalsh(M * scale[:, :, None] * scale[:, None, :])[:, 0]
 

@@ -70,7 +70,8 @@ def draw_frozen(a: Analysis) -> Panel:
     curves = [(a.closed, a.own)] if a.own is a.loops[0] else [(a.plant, a.open_loop), (a.closed, a.own)]
     t = a.t[::2]
     for linearization, loop in curves:
-        frequencies = follow_frozen_modes(linearization.state_matrix(t)).frequencies
+        known = None if loop.floquet is None else loop.floquet.resolved
+        frequencies = follow_frozen_modes((known or linearization.state_matrix)(t)).frequencies
         for k, frequency in enumerate(frequencies[:, np.isfinite(frequencies).any(axis=0)].T):
             panel.line(t, frequency, choose_colour(a, loop), label=loop.name if k == 0 else "")
     return panel
