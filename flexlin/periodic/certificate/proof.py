@@ -78,11 +78,11 @@ def bound_margin(edges: Array, A: Array, X: Array, unknown: float, count: int) -
     largest_A = float(np.linalg.norm(evaluate(A, u), axis=(-2, -1)).max())
     rounding = ROUNDINGS * len(A[0, 0]) * EPS * (2 * largest_A * most + float(np.abs(evaluate(slope, u)).max()))
     known = 2 * unknown * most + rounding
-    weighed = weigh(values, size)
-    first = largest_ratio(*weighed, known)
-    mu = largest_ratio(*weighed, known + bends[0] + max(-first, 0.0) * bends[1])
+    whitened = whiten(values, size)
+    first = largest_ratio(*whitened, known)
+    mu = largest_ratio(*whitened, known + bends[0] + max(-first, 0.0) * bends[1])
     ends = evaluate(X, np.array([-1.0, 1.0]))
-    grown, _ = weigh(ends[:, 0], np.roll(ends[:, 1], 1, axis=0))
+    grown, _ = whiten(ends[:, 0], np.roll(ends[:, 1], 1, axis=0))
     paid = np.log(np.maximum(np.linalg.eigvalsh(grown).max(axis=-1), 1.0))
     margin = -mu - float(paid.sum()) / float(edges[-1])
     return Proof(margin, max(margin, 0.0) / 2 * float(np.sqrt(least / most))), mu - first
@@ -110,7 +110,7 @@ def bend(coefficients: Array) -> Array:
     return np.linalg.norm(coefficients, axis=2) @ (k**2 * (k**2 - 1.0) / 3)
 
 
-def weigh(R: Array, X: Array) -> tuple[Array, Array]:
+def whiten(R: Array, X: Array) -> tuple[Array, Array]:
     """L^-1 R L^-T and L^-1 L^-T with L L' = X > 0, at each sample."""
     L = np.linalg.cholesky(X)
     half = np.linalg.solve(L, R)
@@ -118,6 +118,6 @@ def weigh(R: Array, X: Array) -> tuple[Array, Array]:
     return np.linalg.solve(L, np.swapaxes(half, -1, -2)), inverse @ np.swapaxes(inverse, -1, -2)
 
 
-def largest_ratio(weighed: Array, unit: Array, added: float) -> float:
-    """The largest eigenvalue of X^-1/2 (R + added) X^-1/2 over all samples, of what `weigh` made of R and X."""
-    return float(np.linalg.eigvalsh(weighed + added * unit).max())
+def largest_ratio(whitened: Array, unit: Array, added: float) -> float:
+    """The largest eigenvalue of X^-1/2 (R + added) X^-1/2 over all samples, of what `whiten` made of R and X."""
+    return float(np.linalg.eigvalsh(whitened + added * unit).max())
