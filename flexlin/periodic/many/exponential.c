@@ -5,7 +5,8 @@
  *     p(B) = p0 I + P,   P = [V; V B],   V_r = p0 V_q + q0 V_p + V_p P_q.
  * A power of B costs a quarter of a product of full matrices, a product of polynomials three quarters, a sum one half. W = [X Y].
  */
-enum { N = COORDINATES };
+enum { N = COORDINATES, STEPS = 40 };
+static const double WORTH = 8.0, SPARED = 4.0, CONVERGED = 3e-13;
 #ifndef UNROLLED
 #define UNROLLED 6 /* states up to which all loops of an exponential are written out */
 #endif
@@ -47,6 +48,62 @@ static inline __attribute__((always_inline)) void multiply_rows(int rows, int in
 #endif
 }
 
+typedef struct { /* the largest eigenvalue of B where it is real, its left and right vectors with left right = 1; whether it is worth its cost */
+  v8 left[S], right[S], value;
+  int wanted;
+} Dominant;
+
+#if S > UNROLLED
+/* The largest eigenvalue from that of a matrix nearby, by steps of the power method; whether it was found in all lanes. */
+static int follow(const v8 *W, Dominant *d) {
+  v8 *u = d->left, *v = d->right, x[S], y[S];
+  for (int step = 0; step < STEPS; step++) {
+    v8 uv = splat(0.0), xv = splat(0.0), off = splat(0.0), most = splat(0.0), off_v = splat(0.0), most_v = splat(0.0);
+    for (int j = 0; j < N; j++) {
+      v8 a = splat(0.0), b = u[j], e = splat(0.0);
+      for (int k = 0; k < N; k++) {
+        a += u[N + k] * W[k * S + j];
+        b += u[N + k] * W[k * S + N + j];
+        e += W[j * S + k] * v[k] + W[j * S + N + k] * v[N + k];
+      }
+      x[j] = a;
+      x[N + j] = b;
+      y[j] = v[N + j];
+      y[N + j] = e;
+    }
+    for (int i = 0; i < S; i++) { uv += u[i] * v[i]; xv += x[i] * v[i]; }
+    v8 inverse = uv / xv;
+    d->value = xv / uv;
+    for (int i = 0; i < S; i++) {
+      x[i] *= inverse;
+      y[i] *= inverse;
+      off = v_max(off, v_abs(x[i] - u[i]));
+      most = v_max(most, v_abs(x[i]));
+      off_v = v_max(off_v, v_abs(y[i] - v[i]));
+      most_v = v_max(most_v, v_abs(y[i]));
+      u[i] = x[i];
+      v[i] = y[i];
+    }
+    if (all_lanes((m8)(off <= CONVERGED * most) & (m8)(off_v <= CONVERGED * most_v))) {
+      uv = splat(0.0);
+      for (int i = 0; i < S; i++) uv += u[i] * v[i];
+      for (int i = 0; i < S; i++) v[i] /= uv;
+      return 1;
+    }
+  }
+  return 0;
+}
+
+/* V - (V v) u. */
+static void take_out(v8 *V, const Dominant *d) {
+  for (int i = 0; i < N; i++) {
+    v8 part = splat(0.0);
+    for (int j = 0; j < S; j++) part += V[i * S + j] * d->right[j];
+    for (int j = 0; j < S; j++) V[i * S + j] -= part * d->left[j];
+  }
+}
+#endif
+
 static void multiply(const v8 *restrict A, const v8 *restrict B, v8 *restrict Z) {
 #if S <= 6 /* a panel of B stays in registers while the rows of A pass */
   for (int j = 0; j < S; j += PANEL) {
@@ -70,8 +127,15 @@ static void multiply(const v8 *restrict A, const v8 *restrict B, v8 *restrict Z)
 /* Z += V P, lower halves. */
 SHORT void add_product(const v8 *V, const v8 *P, v8 *Z) { multiply_rows(N, S, V, S, P, 1, Z); }
 
-/* The lower half of P from its upper one V = [v1 v2]: V B = [v2 X, v1 + v2 Y]. */
-SHORT void complete(v8 *P, const v8 *W) {
+#if S > UNROLLED
+#define TAKE_OUT(P, d) if (d) take_out(P, d)
+#else
+#define TAKE_OUT(P, d)
+#endif
+
+/* The lower half of P from its upper one V = [v1 v2]: V B = [v2 X, v1 + v2 Y]. What rounding has left of an eigenvalue d goes first. */
+SHORT void complete(v8 *P, const v8 *W, const Dominant *d) {
+  TAKE_OUT(P, d);
   v8 *below = P + N * S;
   for (int i = 0; i < N; i++)
     for (int j = 0; j < N; j++) { below[i * S + j] = splat(0.0); below[i * S + N + j] = P[i * S + j]; }
@@ -79,29 +143,34 @@ SHORT void complete(v8 *P, const v8 *W) {
 }
 
 /* V of q0 + q1 A + q2 A^2 + q3 A^3. */
-SHORT void combine(const double *q, double c, const v8 *restrict W, const v8 *restrict U, v8 *restrict V) {
-  const double a = c * q[1], b = c * c * q[2], d = c * c * c * q[3];
-  for (int i = 0; i < N * S; i++) V[i] = b * W[i] + d * U[i];
+SHORT void combine(const double *q, double c, const v8 *restrict W, const v8 *restrict U, const Dominant *d, v8 *restrict V) {
+  const double a = c * q[1], b = c * c * q[2], e = c * c * c * q[3];
+  for (int i = 0; i < N * S; i++) V[i] = b * W[i] + e * U[i];
   for (int i = 0; i < N; i++) V[i * S + N + i] += a;
+#if S > UNROLLED
+  if (d)
+    for (int i = 0; i < N; i++)
+      for (int j = 0; j < S; j++) V[i * S + j] -= a * d->right[N + i] * d->left[j];
+#endif
 }
 
-/* Taylor's polynomials of order 12 and 18 of exp(A), P from B^2's and B^3's W and U. Source: Bader, Blanes, Casas, Mathematics 7 (2019) 1174,
+/* Taylor's polynomials of order 12 and 18 of exp(A), P from V of B^2 and B^3, `below` and U. Source: Bader, Blanes, Casas, Mathematics 7 (2019) 1174,
  * Eqs (13), (14). */
 
-static void taylor_12(const v8 *W, const v8 *U, double c, v8 *P) {
+static void taylor_12(const v8 *W, const v8 *below, const v8 *U, double c, const Dominant *d, v8 *P) {
   static const double q[4][4] = {
     {-0.01860232051462055322, -0.00500702322573317730, -0.57342012296052226390, -0.13339969394389205970},
     {4.60000000000000000000, 0.99287510353848683614, -0.13244556105279963884, 0.00172990000000000000},
     {0.21169311829980944294, 0.15822438471572672537, 0.16563516943672741501, 0.01078627793157924250},
     {0.0, -0.13181061013830184015, -0.02027855540589259079, -0.00675951846863086359}};
   v8 Q[S * S], *A6 = Q, V[N * S];
-  combine(q[3], c, W, U, P); /* A6 = q3^2 + q2 */
-  complete(P, W);
-  combine(q[2], c, W, U, A6);
+  combine(q[3], c, below, U, d, P); /* A6 = q3^2 + q2 */
+  complete(P, W, d);
+  combine(q[2], c, below, U, d, A6);
   add_product(P, P, A6);
-  complete(A6, W);
-  combine(q[1], c, W, U, V); /* exp A = (q1 + A6) A6 + q0 */
-  combine(q[0], c, W, U, P);
+  complete(A6, W, d);
+  combine(q[1], c, below, U, d, V); /* exp A = (q1 + A6) A6 + q0 */
+  combine(q[0], c, below, U, d, P);
   const double left = q[1][0] + q[2][0], right = q[2][0];
   for (int i = 0; i < N * S; i++) {
     P[i] += (left + right) * A6[i] + right * V[i];
@@ -110,7 +179,7 @@ static void taylor_12(const v8 *W, const v8 *U, double c, v8 *P) {
   add_product(V, A6, P);
 }
 
-static void taylor_18(const v8 *W, const v8 *U, double c, v8 *P) {
+static void taylor_18(const v8 *W, const v8 *below, const v8 *U, double c, const Dominant *d, v8 *P) {
   static const double b[5][5] = {
     {0.0, -1.00365581030144618291e-01, -8.02924648241156932449e-03, -8.92138498045729985177e-04, 0.0},
     {0.0, 3.97849749499645077844e-01, 1.36783778460411720168e+00, 4.98289622525382669416e-01, -6.37898194594723280150e-04},
@@ -122,22 +191,22 @@ static void taylor_18(const v8 *W, const v8 *U, double c, v8 *P) {
   const double c6 = c * c * c * c * c * c, left = b[2][0] + b[3][0], right = b[3][0];
   v8 A6[N * S], V[N * S], Q[S * S], *A9 = Q;
   memcpy(P, U, sizeof A6); /* B^3 */
-  complete(P, W);
+  complete(P, W, d);
   for (int i = 0; i < N * S; i++) A6[i] = splat(0.0);
   add_product(U, P, A6); /* B^6 */
-  combine(b[4], c, W, U, P);
-  combine(b[3], c, W, U, A9); /* A9 = b0 b4 + b3 */
+  combine(b[4], c, below, U, d, P);
+  combine(b[3], c, below, U, d, A9); /* A9 = b0 b4 + b3 */
   for (int i = 0; i < N * S; i++) {
     A6[i] *= c6;
     P[i] += b[4][4] * A6[i];
     A9[i] += b[3][4] * A6[i];
   }
-  complete(P, W);
-  combine(b[0], c, W, U, V);
+  complete(P, W, d);
+  combine(b[0], c, below, U, d, V);
   add_product(V, P, A9);
-  complete(A9, W);
-  combine(b[2], c, W, U, V); /* exp A = (b2 + A9) A9 + b1 */
-  combine(b[1], c, W, U, P);
+  complete(A9, W, d);
+  combine(b[2], c, below, U, d, V); /* exp A = (b2 + A9) A9 + b1 */
+  combine(b[1], c, below, U, d, P);
   for (int i = 0; i < N * S; i++) {
     V[i] += b[2][4] * A6[i];
     P[i] += b[1][4] * A6[i] + (left + right) * A9[i] + right * V[i];
@@ -167,7 +236,7 @@ static int count_squarings(double size, double reach) {
 }
 
 /* p(B)^(2^times) - I from P = p(B) - I, in one of the two places given. */
-static v8 *square(v8 *P, v8 *other, const v8 *W, int times) {
+static v8 *square(v8 *P, v8 *other, const v8 *W, const Dominant *d, int times) {
 #if S <= UNROLLED
   v8 p[S * S], w[N * S], z[N * S];
   UNROLL for (int i = 0; i < S * S; i++) p[i] = P[i];
@@ -177,7 +246,7 @@ static v8 *square(v8 *P, v8 *other, const v8 *W, int times) {
     UNROLL for (int i = 0; i < N * S; i++) z[i] = 2.0 * p[i];
     add_product(p, p, z);
     UNROLL for (int i = 0; i < N * S; i++) p[i] = z[i];
-    complete(p, w);
+    complete(p, w, d);
   }
   UNROLL for (int i = 0; i < S * S; i++) P[i] = p[i];
 #else
@@ -185,7 +254,7 @@ static v8 *square(v8 *P, v8 *other, const v8 *W, int times) {
     v8 *squared = other;
     for (int i = 0; i < N * S; i++) squared[i] = 2.0 * P[i];
     add_product(P, P, squared);
-    complete(squared, W);
+    complete(squared, W, d);
     other = P;
     P = squared;
   }
@@ -195,18 +264,47 @@ static v8 *square(v8 *P, v8 *other, const v8 *W, int times) {
 
 /* P = exp(c B) - I, of the polynomials by the one that costs least, then squared; it stands in one of the two places given.
  *
- * reach: the largest |A^2|^(1/2) that each polynomial takes as it is: the first term left out is A times a power of A^2. */
-static v8 *exponentiate(const v8 *W, double c, const double *reach, v8 *P, v8 *other) {
+ * reach: the largest |A^2|^(1/2) that each polynomial takes as it is: the first term left out is A times a power of A^2. Where one real
+ * eigenvalue is far larger than all others, it is taken out first: B = value v u + B', B' v = 0, u B' = 0, and V of B'^k is that of B^k less
+ * value^(k-1) v u, its lower half. */
+static v8 *exponentiate(const v8 *W, double c, const double *reach, Dominant *dominant, v8 *P, v8 *other) {
   static const double cost[2] = {16.0 + 22.0 / N, 22.0 + 38.0 / N}, squaring = 6.0 + 2.0 / N;
-  v8 U[S * S];
-  memcpy(U, W, N * S * sizeof(v8));
-  complete(U, W);
-  double size = c * sqrt(norm_of_square(W, U + N * S));
+  v8 powers[S * S], *below = powers, *U = powers + N * S;
+  memcpy(below, W, N * S * sizeof(v8));
+  complete(powers, W, NULL);
+  double size = c * sqrt(norm_of_square(below, U)), scale = c;
+  const Dominant *d = NULL;
+#if S > UNROLLED
+  if (dominant->wanted && size > WORTH * reach[0]) {
+    dominant->wanted = follow(W, dominant);
+    if (dominant->wanted) {
+      v8 rest[S * S];
+      for (int i = 0; i < N; i++)
+        for (int j = 0; j < S; j++) {
+          v8 part = dominant->value * dominant->right[N + i] * dominant->left[j];
+          rest[i * S + j] = below[i * S + j] - part;
+          rest[(N + i) * S + j] = U[i * S + j] - dominant->value * part;
+        }
+      double less = c * sqrt(norm_of_square(rest, rest + N * S));
+      dominant->wanted = SPARED * less < size;
+      if (dominant->wanted) { memcpy(powers, rest, sizeof rest); size = less; d = dominant; }
+    }
+  }
+#endif
   int few = count_squarings(size, reach[0]), fewer = count_squarings(size, reach[1]);
   int high = cost[1] + squaring * fewer < cost[0] + squaring * few, squarings = high ? fewer : few;
-  for (int k = 0; k < squarings; k++) c *= 0.5;
-  if (high) taylor_18(W, U + N * S, c, P);
-  else taylor_12(W, U + N * S, c, P);
-  complete(P, W);
-  return square(P, other, W, squarings);
+  for (int k = 0; k < squarings; k++) scale *= 0.5;
+  if (high) taylor_18(W, below, U, scale, d, P);
+  else taylor_12(W, below, U, scale, d, P);
+  complete(P, W, d);
+  P = square(P, other, W, d, squarings);
+#if S > UNROLLED
+  if (d) {
+    v8 lost;
+    for (int l = 0; l < L; l++) lost[l] = expm1(c * d->value[l]);
+    for (int i = 0; i < S; i++)
+      for (int j = 0; j < S; j++) P[i * S + j] += lost * d->right[i] * d->left[j];
+  }
+#endif
+  return P;
 }

@@ -100,8 +100,8 @@ static void divide(const v8 *now, const v8 *next, v8 *Z) {
 }
 
 /* E = (I + D_next)^-1 (I + D_now) exp(A) from P = exp(A) - I. */
-static void make_factor(const Segment *now, const Segment *next, const double *reach, v8 *E) {
-  v8 one[S * S], two[S * S], Z[N * S], *P = exponentiate(now->W, now->c, reach, one, two);
+static void make_factor(const Segment *now, const Segment *next, const double *reach, Dominant *dominant, v8 *E) {
+  v8 one[S * S], two[S * S], Z[N * S], *P = exponentiate(now->W, now->c, reach, dominant, one, two);
   divide(now->D, next->D, Z);
   memcpy(E, P, N * S * sizeof(v8));
   for (int i = 0; i < N * S; i++) E[N * S + i] = P[N * S + i] + Z[i];
@@ -113,7 +113,8 @@ static void make_factor(const Segment *now, const Segment *next, const double *r
  * the mass matrix is positive definite; adds to the log of the determinant.
  *
  * Each segment has the factor (I + D) exp(h (A1 + A2) / 2) (I + D)^-1 of order 4, symmetric in time; neighbours share (I + D_next)^-1 (I + D). */
-static m8 multiply_out(const double *f, const v8 *w, const double *h, int K, int G, const double *scale, const double *reach, v8 *F, v8 *log_det) {
+static m8 multiply_out(const double *f, const v8 *w, const double *h, int K, int G, const double *scale, const double *reach, Dominant *dominant, v8 *F,
+                       v8 *log_det) {
   Segment first, two[2];
   m8 positive = read_segment(f, w, *h, scale, &first, log_det);
   two[0] = first;
@@ -124,7 +125,7 @@ static m8 multiply_out(const double *f, const v8 *w, const double *h, int K, int
       if (k + 1 < K) positive &= read_segment(f + 2 * (k + 1) * PHASE_VALUES, w, h[k + 1], scale, next, log_det);
       else *next = first;
       v8 *found = product ? E : k + 1 == stop ? F : pair[0];
-      make_factor(now, next, reach, found);
+      make_factor(now, next, reach, dominant, found);
       if (product) {
         v8 *target = k + 1 == stop ? F : product == pair[0] ? pair[1] : pair[0];
         multiply(found, product, target);
@@ -162,6 +163,8 @@ int find_exponents(long values, const double *points, int levels, const int *seg
     int lanes = values - first < L ? (int)(values - first) : L, level = 0, computed = 0;
     v8 p[PARAMETERS + 1], w[POINT_VALUES + 1], Q[S * S], error[S];
     Logs found[3], x;
+    Dominant dominant = {.wanted = 1};
+    for (int i = 0; i < S; i++) dominant.left[i] = dominant.right[i] = splat(i < N ? 0.0 : 1.0);
     for (int i = 0; i < PARAMETERS; i++)
       for (int l = 0; l < L; l++) p[i][l] = points[(first + (l < lanes ? l : lanes - 1)) * PARAMETERS + i];
     v8 period = of_point(p, w);
@@ -173,7 +176,7 @@ int find_exponents(long values, const double *points, int levels, const int *seg
       int K = segments[level], G = count_groups(K, spread, accuracy);
       v8 log_det = splat(0.0);
       Logs *now = &found[level % 3];
-      positive &= multiply_out(f, w, h, K, G, scale, reach, F, &log_det);
+      positive &= multiply_out(f, w, h, K, G, scale, reach, &dominant, F, &log_det);
       now->sound = find_logs(F, R, G, log_det, accuracy, Q, now->re, now->im);
       spread = measure_spread(now->re, now->sound);
       f += 2 * PHASE_VALUES * K;

@@ -16,8 +16,6 @@ from flexlin.periodic.transition.gauss import gauss, place_nodes
 
 BLOCK = 2048
 """Matrices in one batched exponential: its temporaries then stay in the processor's cache."""
-MOVES = 50
-"""Steps by which the scaling of the states is sought, at the most."""
 Coefficients = Callable[[Array], tuple[Array, Array]]
 """Phases (N,) -> X, Y (N, n, n, V) of y'' = X y + Y y', time in units of the period."""
 
@@ -78,30 +76,15 @@ def divide_segments(grid: Array, parts: int) -> Array:
 
 
 def balance_states(X: Array, Y: Array) -> Array:
-    """One scaling (2 n,) of the states by powers of two with a small 1-norm of the mean of |A^2|, A = [[0, I], [X, Y]].
+    """One scaling (2 n,) of the states by powers of two that evens rows and columns of the mean of |A| = |[[0, I], [X, Y]]|.
 
-    Velocities are scaled as their coordinates, but for one factor: so the upper half of A stays a multiple of [0, I]. From the
-    scaling that evens rows and columns of the mean of |A|, by steps of one power at a time.
+    Velocities are scaled as their coordinates, but for one factor: so the upper half of A stays a multiple of [0, I].
     """
-    A = stack_companion(*(np.moveaxis(Z, -1, 1).reshape(-1, *Z.shape[1:3]) for Z in (X, Y)))
-    places, rates = np.log2(dgebal(np.abs(A).mean(axis=0), scale=1, permute=0)[3]).reshape(2, -1)
-    factor, square = np.round(np.mean(rates - places)), np.abs(A @ A).mean(axis=0)
-    best = np.append(np.round((places + rates - factor) / 2), factor)
-
-    def expand(powers: Array) -> Array:
-        return np.asarray(2.0 ** np.concatenate([powers[:-1], powers[:-1] + powers[-1]]))
-
-    def measure(powers: Array) -> float:
-        scale = expand(powers)
-        return float((square * scale / scale[:, None]).sum(axis=0).max())
-
-    least, moves = measure(best), np.concatenate([np.eye(len(best)), -np.eye(len(best))])
-    for _ in range(MOVES):
-        sizes = [measure(best + move) for move in moves]
-        if not min(sizes) < least:
-            break
-        least, best = min(sizes), best + moves[int(np.argmin(sizes))]
-    return expand(best)
+    A = stack_companion(np.abs(X).mean(axis=(0, 3)), np.abs(Y).mean(axis=(0, 3)))
+    places, rates = np.log2(dgebal(A, scale=1, permute=0)[3]).reshape(2, -1)
+    factor = np.round(np.mean(rates - places))
+    places = np.round((places + rates - factor) / 2)
+    return np.asarray(2.0 ** np.concatenate([places, places + factor]))
 
 
 def exponentiate_segments(
