@@ -49,7 +49,7 @@ static inline __attribute__((always_inline)) void multiply_rows(int rows, int in
 }
 
 typedef struct { /* the largest eigenvalue of B where it is real, its left and right vectors with left right = 1; whether it is worth its cost */
-  v8 left[S], right[S], value;
+  v8 left[S], right[S], value, before[2][S];
   int wanted;
 } Dominant;
 
@@ -57,6 +57,14 @@ typedef struct { /* the largest eigenvalue of B where it is real, its left and r
 /* The largest eigenvalue from that of a matrix nearby, by steps of the power method; whether it was found in all lanes. */
 static int follow(const v8 *W, Dominant *d) {
   v8 *u = d->left, *v = d->right, x[S], y[S];
+  for (int i = 0; i < S; i++) { /* as both vectors went on from the last but one to the last */
+    x[i] = u[i];
+    y[i] = v[i];
+    u[i] += u[i] - d->before[0][i];
+    v[i] += v[i] - d->before[1][i];
+    d->before[0][i] = x[i];
+    d->before[1][i] = y[i];
+  }
   for (int step = 0; step < STEPS; step++) {
     v8 uv = splat(0.0), xv = splat(0.0), off = splat(0.0), most = splat(0.0), off_v = splat(0.0), most_v = splat(0.0);
     for (int j = 0; j < N; j++) {

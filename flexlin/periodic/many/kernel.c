@@ -164,7 +164,8 @@ int find_exponents(long values, const double *points, int levels, const int *seg
     v8 p[PARAMETERS + 1], w[POINT_VALUES + 1], Q[S * S], error[S];
     Logs found[3], x;
     Dominant dominant = {.wanted = 1};
-    for (int i = 0; i < S; i++) dominant.left[i] = dominant.right[i] = splat(i < N ? 0.0 : 1.0);
+    for (int i = 0; i < S; i++)
+      dominant.left[i] = dominant.right[i] = dominant.before[0][i] = dominant.before[1][i] = splat(i < N ? 0.0 : 1.0);
     for (int i = 0; i < PARAMETERS; i++)
       for (int l = 0; l < L; l++) p[i][l] = points[(first + (l < lanes ? l : lanes - 1)) * PARAMETERS + i];
     v8 period = of_point(p, w);
