@@ -53,6 +53,8 @@ class Saturation(Table):
 
     torque: Annotated[tuple[Positive, ...], Unit("N m or N")]
     """Largest torque of each torque-driven joint."""
+    rate: Annotated[tuple[Positive, ...] | None, Unit("N m/s or N/s")] = None
+    """Largest rate at which the torque of each torque-driven joint changes."""
 
 
 class Sampling(Table):

@@ -5,7 +5,7 @@ from typing import Any
 
 from flexlin.errors import Problem
 
-COUNTED = (("feedback", "kp"), ("feedback", "kd"), ("feedback", "ki"), ("saturation", "torque"))
+COUNTED = (("feedback", "kp"), ("feedback", "kd"), ("feedback", "ki"), ("saturation", "torque"), ("saturation", "rate"))
 """Keys that hold one number for each torque-driven joint."""
 
 
@@ -25,6 +25,12 @@ def control_contradictions(control: dict[str, Any], powered: int) -> Iterator[Pr
         )
     if isinstance(filters, list) and filters and feedback.get("kind", "none") == "none":
         yield Problem("control.filters", "filters without a feedback", "[control.feedback], which they filter")
+    if tables.get("saturation", {}).get("rate") is not None and tables.get("sampling"):
+        yield Problem(
+            "control.saturation.rate",
+            "a rate beside [control.sampling]",
+            "one of them: a torque that is held changes in steps",
+        )
     for i, table in enumerate(filters if isinstance(filters, list) else ()):
         joints = table.get("joints") if isinstance(table, dict) else None
         for joint in joints if isinstance(joints, list) else ():

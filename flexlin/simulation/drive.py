@@ -21,6 +21,8 @@ class Drive:
         The command is computed once in each interval of this length, in s, and held (zero-order hold).
     delay : float
         Time between measuring and the torque taking effect, in s; at most one sample time.
+    rate : tuple of float, optional
+        Largest rate at which each torque changes, in N m/s; not beside a sample time.
 
     Raises
     ------
@@ -38,14 +40,22 @@ class Drive:
     limit: tuple[float, ...] | None = None
     sample_time: float | None = None
     delay: float = 0.0
+    rate: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         for name, values in (
             ("limit", self.limit or ()),
+            ("rate", self.rate or ()),
             ("sample_time", (self.sample_time,) if self.sample_time else ()),
         ):
             if any(not value > 0 for value in values):
                 raise ArgumentError(f"{name} is not positive", got=values, expected="numbers greater than 0")
+        if self.rate is not None and self.sample_time is not None:
+            raise ArgumentError(
+                "a torque that is sampled and held changes in steps",
+                got="[control.saturation] rate beside [control.sampling]",
+                expected="one of them",
+            )
         if not 0 <= self.delay <= (self.sample_time or 0.0):
             raise ArgumentError(
                 "delay is out of range", got=self.delay, expected=f"0 to the sample time, {self.sample_time or 0.0} s"
@@ -76,4 +86,5 @@ def scene_drive(lin: Linearization) -> Drive:
         None if limit is None else limit.torque,
         None if sampling is None else sampling.period,
         0.0 if sampling is None else sampling.delay,
+        None if limit is None else limit.rate,
     )

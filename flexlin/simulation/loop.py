@@ -16,7 +16,7 @@ from flexlin.simulation.ending import explain_end, name_largest, smallest_masses
 from flexlin.simulation.equations import Equations, NonlinearEquations
 from flexlin.simulation.friction import Friction, refuse
 from flexlin.simulation.prediction import ROUNDING, with_breaks
-from flexlin.simulation.step_by_step import follow_cut, follow_held, follow_sticking
+from flexlin.simulation.step_by_step import follow_cut, follow_held, follow_slewing, follow_sticking
 from flexlin.simulation.stepping import stopped
 from flexlin.simulation.table import LawTable
 
@@ -68,6 +68,9 @@ class NonlinearLoop:
         self.friction, self.events = Friction.of(lin), tuple[tuple[float, str, str], ...]()
         if self.friction is not None and self.drive.sample_time is not None:
             raise refuse("a sampled drive, [control.sampling]", "a drive that is not sampled")
+        if self.friction is not None and self.drive.rate is not None:
+            raise refuse("a drive of limited rate, [control.saturation] rate", "a drive that follows at once")
+        self.given: Array | None = None
         self._calls = 0
 
     def command(self, t: float, x: Array) -> Array:
@@ -209,6 +212,8 @@ class NonlinearLoop:
         try:
             if self.drive.sample_time is not None:
                 return follow_held(self, t, z, rtol), None
+            if self.drive.rate is not None:
+                return follow_slewing(self, t, z, rtol), None
             if self.friction is not None:
                 return follow_sticking(self, t, z, rtol), None
             try:
@@ -221,6 +226,11 @@ class NonlinearLoop:
         states, beside = found[:, : 2 * (n + k)], found[:, 2 * (n + k) + 1 :]
         z = np.column_stack([from_coordinates(states, n, k), found[:, 2 * (n + k)]])
         return z, from_coordinates(beside, n, k) if linear else None
+
+    @property
+    def states(self) -> int:
+        """The number of states 2n + k of arm and controller."""
+        return 2 * self.n + self._law.memory
 
     @cached_property
     def law(self) -> LawTable:

@@ -98,7 +98,7 @@ def simulate(
     states, work = fine[:, :-1], fine[:, -1]
     if linear is None or coarse is None:
         linear, coarse = predict(lin, t, start, law, tol)
-    torque, arm = loop.commands(t, states), slice(2 * n)
+    torque, arm = loop.commands(t, states) if loop.given is None else loop.given, slice(2 * n)
     tips = [tip_positions(lin, t, part) for part in (states, linear, np.zeros_like(states))]
     missed = sum(
         float(np.linalg.norm(tip - tip_positions(lin, t, other), axis=1).max())

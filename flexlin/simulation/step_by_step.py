@@ -7,6 +7,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.sampled.hold import hold_controller
+from flexlin.simulation.slewing import Slewing
 from flexlin.simulation.stepping import march
 from flexlin.simulation.sticking import Sticking
 
@@ -39,9 +40,15 @@ def follow_sticking(loop: "NonlinearLoop", t: Array, z: Array, rtol: float) -> A
         given = loop.drive.saturated(asked)
         return given, loop.law.rate(now, z[:-1], asked - given)
 
-    joints = Sticking(loop)
-    out = joints.follow(t, joints.begin(float(t[0]), z, torque), rtol, torque)
+    joints = Sticking(loop, torque)
+    out = joints.follow(t, joints.begin(float(t[0]), z), rtol)
     loop.events = tuple(joints.events)
+    return out
+
+
+def follow_slewing(loop: "NonlinearLoop", t: Array, z: Array, rtol: float) -> Array:
+    """States (N, 2n + k + 1) of a loop whose drive changes its torque at a limited rate; the loop's `given` torques are set."""
+    out, loop.given = Slewing(loop, np.array(loop.drive.rate)).run(t, z, rtol)
     return out
 
 

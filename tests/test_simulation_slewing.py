@@ -1,0 +1,58 @@
+"""Drives whose torque changes at a limited rate: exact times of a double integrator, and the torque that they give."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import flexlin as fl
+from flexlin.errors import SceneError
+from tests.test_simulation_sticking import BLOCK, loop
+
+PD = {"kind": "pd", "kp": [1.0], "kd": [0.2]}
+
+
+def arm(rate, torque=1e6, **changes):
+    limits = {"control.feedback": PD, "control.saturation": {"torque": [torque], "rate": [rate]}}
+    return loop(**{key.replace(".", "__"): value for key, value in (BLOCK | limits | changes).items()})
+
+
+def test_a_torque_that_cannot_follow_is_a_ramp_until_it_has_caught_up():
+    """J x'' = g, where g is the limit of ever faster lags g' = clip((asked - g) / lag, -rate, rate), by SciPy's Radau."""
+    lin, limit = arm(0.5), 0.5
+    inertia = lin.M(0.0)[0, 0]
+    run = fl.simulate(lin, 0.6, initial=[0.0, 2.0], tol=1e-9)
+    assert run.torque[0, 0] == pytest.approx(-0.4)
+    apart = []
+    for lag in (2e-3, 1e-3, 5e-4):
+
+        def rate(t, x, lag=lag):
+            return [x[1], x[2] / inertia, np.clip((-x[0] - 0.2 * x[1] - x[2]) / lag, -limit, limit)]
+
+        known = solve_ivp(rate, (0.0, run.t[-1]), [0.0, 2.0, -0.4], "Radau", run.t, rtol=1e-9, atol=1e-11).y.T
+        apart.append(np.abs(known - np.hstack([run.nonlinear, run.torque])).max(axis=0))
+    np.testing.assert_allclose(apart[0] / apart[1], 2.0, rtol=0.1)
+    np.testing.assert_allclose(apart[1] / apart[2], 2.0, rtol=0.1)
+    slopes = np.diff(run.torque[:, 0]) / np.diff(run.t)
+    assert np.abs(slopes).max() <= limit * (1 + 1e-6)
+    assert np.sum(np.abs(slopes) > limit * (1 - 1e-6)) > 10
+
+
+def test_a_rate_that_is_never_reached_changes_nothing():
+    free, quick = arm(1e9), loop(**{key.replace(".", "__"): v for key, v in (BLOCK | {"control.feedback": PD}).items()})
+    runs = [fl.simulate(lin, 0.3, initial=[0.1, 0.0], tol=1e-9) for lin in (free, quick)]
+    np.testing.assert_allclose(runs[0].nonlinear, runs[1].nonlinear, atol=1e-8)
+    np.testing.assert_allclose(runs[0].torque, runs[1].torque, atol=1e-7)
+
+
+def test_rate_and_size_are_limited_together_on_an_elastic_arm():
+    changes = {"designs": [], "control.saturation": {"torque": [0.9], "rate": [3.0]}}
+    lin = loop(**{key.replace(".", "__"): value for key, value in changes.items()})
+    run = fl.simulate(lin, 0.25, initial=[0.1, 0.0, 0.0, 0.0, 0.0, 0.0], tol=1e-6)
+    assert np.abs(run.torque).max() <= 0.9 * (1 + 1e-9)
+    assert np.abs(np.diff(run.torque[:, 0]) / np.diff(run.t)).max() <= 3.0 * (1 + 1e-4)
+    assert run.energy_error < 1e-4
+
+
+def test_a_rate_beside_sampling_is_refused_by_its_key():
+    with pytest.raises(SceneError, match=r"control\.saturation\.rate"):
+        arm(1.0, **{"control.sampling": {"period": 1e-3}})
