@@ -96,6 +96,7 @@ def stability_results() -> Made:
             "tuning": lambda: fl.tune(lambda gain: oscillator(gain), {"gain": 0.3}, starts=1, steps=1),
             "critical": lambda: fl.critical_values(oscillator, "d", (-0.1, 0.2), samples=9)[0],
             "boundary": lambda: fl.stability_boundary(oscillator, {"d": (-0.1, 0.2), "k": (1.0, 2.0)})[0],
+            "nearest": lambda: fl.nearest_instability(oscillator, {"d": (0.1, 0.3)}, own=[0.2]),
             "margins": lambda: fl.margins(fl.PeriodicSystem([[0.0]], 1.0, B=[[1.0]]), [[2.0]]),
             "hinf": lambda: fl.hinf_norm(damped, [[1.0]]),
         }

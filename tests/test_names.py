@@ -14,6 +14,7 @@ ROOT = Path(fl.__file__).parent
 NUMERIC_WING = sorted([*ROOT.glob("periodic/**/*.py"), *ROOT.glob("kronecker/*.py")])
 MODULES = ["flexlin", *(found.name for found in pkgutil.walk_packages(fl.__path__, "flexlin."))]
 VERBS = {
+    "nearest_instability",
     "audit",
     "build_manipulator",
     "build_motion",

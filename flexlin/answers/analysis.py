@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     import xarray
 
     from flexlin.answers.audit import Audit
+    from flexlin.answers.nearest.instability import NearestInstability
 
 SAMPLES = 257
 """Points of a period in the figures and in report.json, both ends included."""
@@ -58,7 +59,8 @@ class Analysis:
     `resonances` what is behind an unstable own loop, `audit` and `sensitivity` which effects and numbers matter, if that was asked for,
     `elastic` the own loop about the elastic motion, if the scene asks for it, `linear_range` how far the linear equations hold,
     `sampled` the loops again, with their torque sampled and held, where the scene has [control.sampling], `estimated` the designs
-    with sensors again, with their states estimated, `endured` the margins of loops by their names, if they were asked for.
+    with sensors again, with their states estimated, `endured` the margins of loops by their names, if they were asked for, `nearest` the
+    smallest change of the numbers of [uncertainty] that makes the own loop unstable.
     """
 
     scene: Scene
@@ -83,6 +85,7 @@ class Analysis:
     estimated: tuple[Loop, ...] = ()
     margins: tuple[Margin, ...] = ()
     endured: Mapping[str, Margins] = field(default_factory=dict)
+    nearest: "NearestInstability | None" = None
 
     def validity(self, loop: Loop) -> ModelValidity:
         """Whether the linear model can be believed along the motion under one of the loops; only the own loop is simulated."""

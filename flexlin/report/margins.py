@@ -5,6 +5,7 @@ from typing import Any
 
 from flexlin.answers.critical_values import CriticalValue
 from flexlin.answers.margins import Margin
+from flexlin.answers.nearest.instability import NearestInstability
 from flexlin.periodic.margins import Margins
 from flexlin.report.wording import format_decimal, format_duration
 from flexlin.scene.names import name_number, show_unit
@@ -41,6 +42,20 @@ def describe_range(scene: Scene, margin: Margin) -> str:
     """A motion frequency from 0.1 to 2 Hz."""
     ends = f"{format_decimal(margin.low, DIGITS)} to {format_decimal(margin.high, DIGITS)}"
     return f"a {name_number(margin.path)} from {ends} {show_unit(scene, margin.path)}".strip()
+
+
+def describe_nearest(scene: Scene, found: NearestInstability | None) -> str:
+    """What the uncertain numbers may do to the loop; empty where nobody asked."""
+    if found is None:
+        return ""
+    if not math.isfinite(found.scale):
+        return found.status
+    places = (
+        f"a {name_number(path)} of {format_decimal(value, DIGITS)} {show_unit(scene, path)}".strip()
+        + f" (now {format_decimal(own, DIGITS)})"
+        for path, value, own in zip(found.paths, found.values, found.own, strict=True)
+    )
+    return f"{found.status}, at {' and '.join(places)}"
 
 
 def record_margin(margin: Margin) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from flexlin.report.figures.coefficients import NOISE
 from flexlin.report.figures.entries import name_entry, name_matrix_unit
 from flexlin.report.figures.style import Picture
 from flexlin.report.headline import colour, doubt, reason
-from flexlin.report.margins import describe_endured, describe_margins
+from flexlin.report.margins import describe_endured, describe_margins, describe_nearest
 from flexlin.report.wording import (
     describe_pace,
     format_decimal,
@@ -53,6 +53,7 @@ def fill_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture],
         pace=describe_pace(analysis.own, analysis.plant.period),
         facts=list_facts(analysis),
         margins=describe_margins(analysis.scene, analysis.margins),
+        nearest=describe_nearest(analysis.scene, analysis.nearest),
         steps=advise(analysis),
         loops=[describe_loop(analysis, loop) for loop in analysis.loops],
         endured=bool(analysis.endured),

@@ -12,6 +12,7 @@ import flexlin
 from flexlin.answers.analysis import Analysis
 from flexlin.answers.clock import Step
 from flexlin.answers.judging import Loop
+from flexlin.answers.nearest.instability import record_nearest
 from flexlin.checks import Array
 from flexlin.report.control_words import describe_controller
 from flexlin.report.drive_words import record_load
@@ -65,6 +66,7 @@ def record(analysis: Analysis) -> dict[str, Any]:
         "linear_range": record_linear_range(a),
         "margins": [record_margin(margin) for margin in a.margins],
         **({"loop_margins": {name: record_endured(one) for name, one in a.endured.items()}} if a.endured else {}),
+        **({} if a.nearest is None else {"nearest_instability": record_nearest(a.nearest)}),
         **({} if a.audit is None else {"effects_audit": audit_block(a.audit)}),
         **({} if a.sensitivity is None else {"sensitivity": record_sensitivity(a.sensitivity)}),
         "versions": list_versions(),

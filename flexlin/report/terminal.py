@@ -11,7 +11,7 @@ from flexlin.answers.validity import ModelValidity
 from flexlin.report.advice import advise
 from flexlin.report.drive_words import drive_line
 from flexlin.report.headline import colour, doubt
-from flexlin.report.margins import describe_margins
+from flexlin.report.margins import describe_margins, describe_nearest
 from flexlin.report.minimal import describe_error
 from flexlin.report.wording import (
     describe_pace,
@@ -66,6 +66,8 @@ def say_all(analysis: Analysis) -> None:
             say(f"    {over}")
     if analysis.margins:
         say(f"  {analysis.own.name} {describe_margins(analysis.scene, analysis.margins)}")
+    if analysis.nearest:
+        say(f"  {analysis.own.name} with its uncertain numbers: {describe_nearest(analysis.scene, analysis.nearest)}")
     said = advise(analysis)
     for line in (*[f"- {step}" for step in said], *accuracy_lines(analysis.steps, "\n".join(said))):
         say(line)

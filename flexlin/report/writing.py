@@ -50,6 +50,10 @@ def write_report(
     with clock.step("load the numerical libraries"):
         from flexlin.answers.analysis import analyse
         from flexlin.report.record import record, to_json
+    if scene.uncertainty:
+        from flexlin.answers.nearest.box import need_known_ranges
+
+        need_known_ranges(scene)
     analysis, asked = analyse(scene, clock), scene.accuracy
     analysis = replace(analysis, margins=find_margins(scene, margins, analysis, clock))
     if with_audit:
@@ -68,6 +72,12 @@ def write_report(
         from flexlin.answers.endurance import find_loop_margins
 
         analysis = replace(analysis, endured=find_loop_margins(analysis, clock))
+    if scene.uncertainty:
+        from flexlin.answers.nearest.instability import nearest_instability
+
+        key, name = "uncertainty", "smallest change that makes the loop unstable"
+        place = clock.attempt(analysis.problems, key, name, asked, partial(nearest_instability, scene))
+        analysis = replace(analysis, nearest=place)
     with clock.step("load the drawing library"):
         from flexlin.report.figures import draw_pictures
         from flexlin.report.page import render_page

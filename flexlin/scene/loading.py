@@ -18,6 +18,7 @@ from flexlin.scene.overrides import SHALLOW, apply_overrides, too_deep
 from flexlin.scene.problems import schema_problems
 from flexlin.scene.scene import Scene
 from flexlin.scene.toml import parse_toml
+from flexlin.scene.uncertainty import uncertainty_problems
 from flexlin.text import printable
 
 LARGEST_FILE = 2**20
@@ -126,6 +127,7 @@ def parse_scene(
     problems += place_motion_file(data, folders)
     try:
         scene = Scene.model_validate(data)
+        problems += uncertainty_problems(scene)
     except ValidationError as error:
         problems += schema_problems(Scene, error)
     problems += [

@@ -12,6 +12,7 @@ from flexlin.scene.effects import AnyEffects
 from flexlin.scene.links import Link
 from flexlin.scene.loops import Loop
 from flexlin.scene.motion import AnyMotion
+from flexlin.scene.uncertainty import Uncertain
 
 
 class Scene(Table):
@@ -48,6 +49,8 @@ class Scene(Table):
         Controllers to design.
     drives : Drives or None
         What the drives can give.
+    uncertainty : dict of str to Uncertain
+        Between which values numbers of the scene lie.
 
     Examples
     --------
@@ -83,5 +86,7 @@ class Scene(Table):
     """Controllers to design and compare, one [[designs]] each."""
     drives: Drives | None = None
     """Limits of the drives: torque, speed, power, current."""
+    uncertainty: dict[str, Uncertain] = Field(default_factory=dict)
+    """How well numbers of the scene are known, each by its dotted path: "effects.payload.mass" = { low = 0.0, high = 0.3 }."""
     accuracy: Accuracy = Accuracy()
     """The wanted error, and what a run may cost."""

@@ -1,0 +1,1 @@
+"""The smallest change of uncertain numbers that makes a loop unstable."""

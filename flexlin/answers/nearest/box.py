@@ -1,0 +1,123 @@
+"""Uncertain numbers as changes from the scene's own: 0 there, 1 at the ends that are stated."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from flexlin.answers.spectra import Family, Source, make_family
+from flexlin.answers.sweep.axes import check_axes
+from flexlin.checks import Array
+from flexlin.errors import ArgumentError, InputError
+from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.scene.parameters import get_value
+from flexlin.scene.scene import Scene
+
+FURTHEST = (4.0, 3.0, 2.0, 1.5, 1.0)
+"""Multiples of the stated changes up to which is searched: the first that the scene's schema accepts, on each side of each number."""
+STEP = 1e-6
+"""Of the differences that stand for exact slopes where a loop is a function."""
+
+Ranges = Mapping[str, tuple[float, float]]
+
+
+@dataclass
+class Box:
+    """Numbers by their changes u: own at 0, the ends at -1 and +1; no further than `most` (2, P), down and up."""
+
+    family: Family
+    own: Array
+    low: Array
+    high: Array
+    most: Array
+    known: dict[bytes, FloquetResult] = field(default_factory=dict)
+
+    @cached_property
+    def furthest(self) -> float:
+        """The largest multiple that is tried."""
+        return float(self.most.max())
+
+    def values(self, u: Array) -> Array:
+        """The numbers (..., P) at changes (..., P)."""
+        u = np.clip(u, -self.most[0], self.most[1])
+        return np.asarray(self.own + np.abs(u) * (np.where(u < 0, self.low, self.high) - self.own))
+
+    def judge(self, u: Array) -> FloquetResult:
+        """The exponents at one place, computed once."""
+        values = self.values(u)
+        key = values.tobytes()
+        if key not in self.known:
+            self.known[key] = floquet(self.family.system_at(values))
+        return self.known[key]
+
+    def growth(self, u: Array) -> float:
+        """The growth rate at one place, in 1/s."""
+        return float(self.judge(u).exponents[0].real)
+
+    def slope(self, u: Array) -> Array:
+        """The growth rate's derivative by u (P,): exact by the numbers, or differences where the loop is a function."""
+        steps = np.diag(STEP * np.where(u < 0, -1.0, 1.0))
+        found = self.family.slopes(self.values(u))
+        if found is None:
+            here = self.growth(u)
+            return np.array([(self.growth(u + one) - here) / one[i] for i, one in enumerate(steps)])
+        exponents, _, derivative = found
+        by_number = derivative[:, int(np.argmax(exponents.real))].real
+        moved = [(self.values(u + one) - self.values(u))[i] / one[i] for i, one in enumerate(steps)]
+        return np.asarray(by_number * moved)
+
+
+def list_ranges(source: Source, ranges: Ranges | None) -> dict[str, tuple[float, float]]:
+    """The ranges that are given, or those of the scene."""
+    if ranges is not None:
+        return {path: (float(low), float(high)) for path, (low, high) in ranges.items()}
+    known = source.uncertainty if isinstance(source, Scene) else {}
+    return {path: (one.low, one.high) for path, one in known.items()}
+
+
+def make_box(
+    source: Source, ends: dict[str, tuple[float, float]], loop: str, own: Sequence[float] | None, furthest: float
+) -> Box:
+    """The numbers with their ends, as far as the scene's schema lets them go."""
+    if not ends:
+        raise ArgumentError("no range is known", expected="ranges, or a table [uncertainty] in the scene")
+    family = make_family(source, ends, loop)
+    if not isinstance(source, Scene):
+        family.own = np.asarray(np.nan if own is None else own, dtype=float)
+    low, high = np.array(list(ends.values())).T
+    need_own_inside(ends, family.own)
+    most = np.full((2, len(ends)), furthest)
+    if isinstance(source, Scene):
+        for i, path in enumerate(ends):
+            most[:, i] = [allowed(source, path, family.own[i], end[i], furthest) for end in (low, high)]
+    return Box(family, family.own, low, high, most)
+
+
+def need_known_ranges(scene: Scene) -> None:
+    """Refuse a table [uncertainty] that does not hold the scene's own numbers. Raises: ArgumentError."""
+    ends = list_ranges(scene, None)
+    need_own_inside(ends, np.array([get_value(scene, path) for path in ends]))
+
+
+def need_own_inside(ends: dict[str, tuple[float, float]], own: Array) -> None:
+    """Refuse ranges that do not hold the loop's own numbers. Raises: ArgumentError."""
+    for (path, (low, high)), value in zip(ends.items(), np.broadcast_to(own, len(ends)), strict=True):
+        if not (low <= value <= high and low < high):
+            raise ArgumentError(
+                f"the range of {path} does not hold the loop's own number",
+                got=f"{low:g} to {high:g}",
+                expected=f"{value:g} between them" if np.isfinite(value) else "own numbers, one for each range",
+            )
+
+
+def allowed(scene: Scene, path: str, own: float, end: float, furthest: float) -> float:
+    """The multiple of a number's change to one end up to which the schema accepts it."""
+    for size in (min(one, furthest) for one in FURTHEST):
+        try:
+            check_axes(scene, {path: np.array([own, own + size * (end - own)])}, grid=True)
+        except InputError:
+            continue
+        return size
+    return 1.0

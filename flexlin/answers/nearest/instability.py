@@ -1,0 +1,184 @@
+"""How much of its uncertainty a loop endures: the smallest change of its numbers that makes it unstable."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flexlin.answers.nearest.box import FURTHEST, Box, Ranges, list_ranges, make_box
+from flexlin.answers.nearest.search import follow, scan
+from flexlin.answers.spectra import Source
+from flexlin.arguments import checked
+from flexlin.checks import Array, positive
+from flexlin.errors import NotStable
+from flexlin.summary import represent
+
+AROUND = 1e-5
+"""Relative distance on both sides of the place at which the verdicts are confirmed, where its error is not larger."""
+
+
+@dataclass(frozen=True)
+class NearestInstability:
+    """The smallest change of uncertain numbers, in units of what is stated of each, that makes a loop unstable.
+
+    Attributes
+    ----------
+    paths : tuple of str
+        The numbers.
+    own : array, shape (P,)
+        Their values in the scene.
+    values : array, shape (P,)
+        Their values where the loop becomes unstable; not numbers where no such place was found.
+    scale : float
+        The largest change of one of them, as a multiple of the change that is stated for it; infinite where none was found.
+    error : float
+        Of the scale along the way to the place: the exponent's error over its slope.
+    confirmed : bool
+        Whether `floquet` calls the loop stable just before the place and unstable just behind it.
+    furthest : float
+        The multiple up to which was searched.
+    tried : int
+        Spectra that were computed.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> def loop(stiffness, damping):
+    ...     return fl.PeriodicSystem([[0.0, 1.0], [-stiffness, -damping]], 1.0)
+    >>> found = fl.nearest_instability(loop, {"stiffness": (0.5, 1.5), "damping": (0.1, 0.3)}, own=[1.0, 0.2])
+    >>> print(found.status)
+    stable for all numbers within their ranges; unstable from 2 times these changes on
+    """
+
+    paths: tuple[str, ...]
+    own: Array
+    values: Array
+    scale: float
+    error: float
+    confirmed: bool
+    furthest: float
+    tried: int
+
+    __repr__ = represent
+
+    @property
+    def status(self) -> str:
+        """What to make of it."""
+        if not np.isfinite(self.scale):
+            return f"no instability found up to {self.furthest:g} times the stated changes, at {self.tried} places"
+        if not self.confirmed:
+            return f"undecided: near {self.scale:.4g} times the stated changes the verdict could not be confirmed"
+        if self.scale <= 1:
+            return f"unstable within the stated ranges, from {self.scale:.4g} of the changes on"
+        return f"stable for all numbers within their ranges; unstable from {self.scale:.4g} times these changes on"
+
+
+@checked
+def nearest_instability(
+    source: Source,
+    ranges: Ranges | None = None,
+    *,
+    loop: str = "own",
+    own: Sequence[float] | None = None,
+    furthest: float = FURTHEST[0],
+) -> NearestInstability:
+    """Find the smallest change of uncertain numbers, all of them at once, that makes a loop unstable.
+
+        min r   with   max_i Re lambda_i(own + u * change) = 0,   max_j |u_j| = r
+
+    Rays from the scene's own numbers to corners, faces and axes of the box are scanned; from the nearest crossings the boundary is
+    followed along the growth rate's exact gradient g to where no change of the same size grows faster, u = r sign(g), and the place is
+    confirmed by `floquet`. A search, no proof: an island of instability between the rays may be missed. Assumes a stable loop.
+
+    Parameters
+    ----------
+    source : Scene, or function of one number for each range that returns a PeriodicSystem
+        Where the loop comes from.
+    ranges : mapping of path to (low, high), optional
+        What is known of each number; by default the scene's own table `[uncertainty]`.
+    loop : str
+        own, open, or the name of one of the scene's designs, whose gains stay as designed.
+    own : sequence of floats, optional
+        The numbers of a function; a scene has its own.
+    furthest : float
+        Multiple of the stated changes up to which is searched, at most.
+
+    Returns
+    -------
+    NearestInstability
+        The place, its scale, and whether it was confirmed.
+
+    Raises
+    ------
+    ArgumentError
+        Where no ranges are known, or a path leads to no free number.
+    NotStable
+        When the loop is not stable as it is.
+
+    See Also
+    --------
+    critical_values : Every value of one number at which the verdict changes, none missed.
+
+    References
+    ----------
+    Seyranian, Mailybaev, Multiparameter Stability Theory with Mechanical Applications (2003), section 9.3 (the gradient); Zhou, Doyle,
+    Essentials of Robust Control (1998), ch. 10 (the size of a change as the largest of its parts).
+
+    Examples
+    --------
+    y'' + d y' + k y = 0 loses its damping at d = 0, twice the stated change of 0.1:
+
+    >>> import flexlin as fl
+    >>> def loop(stiffness, damping):
+    ...     return fl.PeriodicSystem([[0.0, 1.0], [-stiffness, -damping]], 1.0)
+    >>> found = fl.nearest_instability(loop, {"stiffness": (0.5, 1.5), "damping": (0.1, 0.3)}, own=[1.0, 0.2])
+    >>> round(found.scale, 9), found.confirmed
+    (2.0, True)
+    """
+    ends = list_ranges(source, ranges)
+    box = make_box(source, ends, loop, own, positive("furthest", furthest))
+    at_rest = box.judge(np.zeros(len(box.own)))
+    if at_rest.verdict != "stable":
+        raise NotStable(f"the loop is {at_rest.verdict} as it is", got=at_rest.status, expected="a stable loop")
+    places = [follow(box, *ray) for ray in scan(box)]
+    tried = box.family.evaluations + len(box.known)
+    if not places:
+        nowhere = np.full(len(box.own), np.nan)
+        return NearestInstability(tuple(ends), box.own, nowhere, np.inf, 0.0, False, box.furthest, tried)
+    u = min(places, key=lambda place: float(np.abs(place).max()))
+    scale = float(np.abs(u).max())
+    error = measure_error(box, u / scale, scale)
+    confirmed = confirm(box, u / scale, scale, error)
+    return NearestInstability(tuple(ends), box.own, box.values(u), scale, error, confirmed, box.furthest, tried)
+
+
+def record_nearest(found: NearestInstability) -> dict[str, Any]:
+    """The place as data that JSON can hold; null where none was found."""
+    known = bool(np.isfinite(found.scale))
+    return {
+        "numbers": {
+            path: {"own": float(own), "value": float(value) if known else None}
+            for path, own, value in zip(found.paths, found.own, found.values, strict=True)
+        },
+        "scale": found.scale if known else None,
+        "error": found.error if known else None,
+        "confirmed": found.confirmed,
+        "furthest": found.furthest,
+        "tried": found.tried,
+        "status": found.status,
+    }
+
+
+def measure_error(box: Box, direction: Array, scale: float) -> float:
+    """The exponent's error over the growth rate's slope along the ray."""
+    step = 1e-4 * scale
+    slope = (box.growth((scale + step) * direction) - box.growth((scale - step) * direction)) / (2 * step)
+    return float(box.judge(scale * direction).errors[0] / abs(slope)) if slope else np.inf
+
+
+def confirm(box: Box, direction: Array, scale: float, error: float) -> bool:
+    """Whether the loop is stable just before the place and unstable just behind."""
+    apart = max(2 * error, AROUND * scale)
+    before, behind = (box.judge((scale + side) * direction).verdict for side in (-apart, apart))
+    return bool(before == "stable" and behind == "unstable")

@@ -1,0 +1,108 @@
+"""The smallest change that makes a loop unstable: against brute force on random systems, and against critical values of one number."""
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.errors import ArgumentError, NotStable, SceneError
+
+SMALL = {"links.0.modes": 1, "designs": []}
+RANGES = {"effects.payload.mass": {"low": 0.0, "high": 0.2}, "motion.frequency": {"low": 0.3, "high": 0.9}}
+
+
+def brute_force(A0, parts, directions):
+    """The least largest change at which an eigenvalue of A0 + sum u_i A_i meets the imaginary axis: by bisection on many rays."""
+    best = np.inf
+    for d in directions:
+        A = np.tensordot(d, parts, 1)
+        levels = np.linspace(0, 4, 161)
+        growths = np.linalg.eigvals(A0 + levels[:, None, None] * A).real.max(axis=1)
+        if not (growths > 0).any():
+            continue
+        k = int(np.argmax(growths > 0))
+        low, high = levels[k - 1], levels[k]
+        for _ in range(30):
+            middle = (low + high) / 2
+            low, high = (low, middle) if np.linalg.eigvals(A0 + middle * A).real.max() > 0 else (middle, high)
+        best = min(best, high)
+    return best
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_random_systems_against_brute_force(seed):
+    rng = np.random.default_rng([seed, 71])
+    n, P = 4, int(rng.integers(1, 3))
+    A0 = rng.standard_normal((n, n))
+    A0 -= (np.linalg.eigvals(A0).real.max() + 0.4) * np.eye(n)
+    parts = rng.standard_normal((P, n, n)) * 0.4
+    angle = np.linspace(0, 2 * np.pi, 1600, endpoint=False)
+    around = np.stack([np.cos(angle), np.sin(angle)], axis=1) if P == 2 else np.array([[1.0], [-1.0]])
+    truth = brute_force(A0, parts, around / np.abs(around).max(axis=1, keepdims=True))
+
+    def loop(*numbers):
+        return fl.PeriodicSystem(A0 + np.tensordot(np.array(numbers) / 3.0, parts, 1), 1.0)
+
+    found = fl.nearest_instability(loop, {f"p{i}": (-3.0, 3.0) for i in range(P)}, own=[0.0] * P)
+    assert found.confirmed
+    assert truth * (1 - 1e-2) <= found.scale <= truth * (1 + 1e-6)
+    at = np.linalg.eigvals(loop(*found.values).A(np.zeros(1))[0]).real.max()
+    assert abs(at) < 1e-8
+    assert np.abs(found.values / 3.0).max() == pytest.approx(found.scale)
+
+
+def test_one_number_of_a_scene_against_its_critical_value():
+    scene = fl.load_scene("single-link", SMALL)
+    found = fl.nearest_instability(scene, {"effects.payload.mass": (0.0, 0.2)})
+    (critical,) = fl.critical_values(scene, "effects.payload.mass", (0.01, 0.71), samples=65)
+    assert found.values[0] == pytest.approx(critical.value, abs=1e-6)
+    assert found.scale == pytest.approx((critical.value - 0.03) / 0.17, abs=1e-5)
+
+
+def test_the_table_of_a_scene_is_read_and_a_sweep_may_leave_it():
+    scene = fl.load_scene("single-link", {**SMALL, "uncertainty": RANGES})
+    assert scene.uncertainty["motion.frequency"].high == 0.9
+    assert fl.sweep(scene, {"effects.payload.mass": [0.0, 0.4]}, tol=1e-4)["exponents"].notnull().all()
+
+
+@pytest.mark.parametrize(
+    ("table", "word"),
+    [
+        ({"effects.payload.mas": {"low": 0.0, "high": 1.0}}, "expected one of mass"),
+        ({"links.0.modes": {"low": 0.0, "high": 1.0}}, "no real number"),
+        ({"motion.frequency": {"low": 0.9, "high": 0.3}}, "low below high"),
+        ({"motion.frequency": 3.0}, "a table"),
+        ({f"links.{i}.length": {"low": 0.0, "high": 1.0} for i in range(20)}, "12 at most"),
+    ],
+)
+def test_tables_that_lead_nowhere_are_refused(table, word):
+    with pytest.raises(SceneError, match="uncertainty") as refused:
+        fl.load_scene("single-link", {"uncertainty": table})
+    assert word in str(refused.value)
+
+
+def test_loops_that_cannot_be_asked_are_refused():
+    scene = fl.load_scene("single-link", SMALL)
+    with pytest.raises(ArgumentError, match="no range is known"):
+        fl.nearest_instability(scene)
+    with pytest.raises(ArgumentError, match=r"motion\.frequency does not hold"):
+        fl.nearest_instability(scene, {"motion.frequency": (0.6, 0.9)})
+    with pytest.raises(NotStable):
+        fl.nearest_instability(lambda d: fl.PeriodicSystem([[d]], 1.0), {"d": (0.0, 2.0)}, own=[1.0])
+
+
+@pytest.mark.slow
+def test_a_report_says_what_the_uncertain_numbers_may_do(tmp_path):
+    from flexlin.report.writing import write_report
+
+    analysis, files = write_report(fl.load_scene("single-link", {**SMALL, "uncertainty": RANGES}), tmp_path)
+    found = analysis.nearest
+    assert found is not None
+    assert found.confirmed
+    page = files[0].read_text(encoding="utf-8")
+    assert "with its uncertain numbers: stable for all numbers within their ranges" in page
+    # on the ray to the place the loop is stable at every smaller change
+    steps = np.linspace(0, found.scale * (1 - 1e-6), 9)[:, None]
+    own = np.array(found.own)
+    values = own + steps / found.scale * (found.values - own)
+    data = fl.sweep(analysis.scene, dict(zip(found.paths, values.T, strict=True)), tol=1e-6, grid=False)
+    assert (data["exponents"].real.max("mode") < 1e-6).all()
