@@ -8,6 +8,7 @@ import casadi as ca
 
 from flexlin.about.deviation import Deviation
 from flexlin.errors import ArgumentError
+from flexlin.mechanics.effects import effects_of
 from flexlin.scene.control import Control, Pid
 from flexlin.scene.filters import AnyFilter, LowPass
 
@@ -108,9 +109,16 @@ def torque_of(control: Control, memory: Memory, row: int, angle: ca.SX, rate: ca
         memory.follow(angle, taken)
         torque += feedback.ki[row] * integral
     for i, one in chosen(control, "torque", row):
-        unit = "N" if moved.unit == "m" else "N m"
+        unit = made_by_motors(about) or ("N" if moved.unit == "m" else "N m")
         torque = pass_through(one, memory, torque, (f"{moved.name}_filter{i + 1}", unit), none)
     return torque
+
+
+def made_by_motors(about: Deviation) -> str | None:
+    """The unit of the inputs, where an effect of the arm makes it another than that of its joints' torques."""
+    tables = about.arm.effects
+    units = [effect.input_unit for effect in effects_of(tables)] if tables is not None else []
+    return next((unit for unit in reversed(units) if unit is not None), None)
 
 
 def chosen(control: Control, on: str, row: int) -> list[tuple[int, AnyFilter]]:

@@ -295,6 +295,11 @@ def test_what_does_not_fit_is_refused_by_its_key(change, key):
     assert key in str(error.value)
 
 
+def test_filters_in_front_of_a_motor_hold_volts():
+    motor = {"gear_ratio": 50.0, "torque_constant": 0.02, "resistance": 1.0}
+    assert set(loop_of(effects__motor=motor).law.controller.units) == {"rad/s", "rad s", "V"}
+
+
 def test_a_filter_of_one_joint_leaves_the_others_alone():
     scene = fl.load_scene("de-luca-siciliano-1991", {"designs": []})
     one = [{"kind": "low-pass", "cutoff": 20.0, "order": 1, "joints": [2]}]
