@@ -5,6 +5,7 @@ import pytest
 
 import flexlin as fl
 from flexlin.answers.spectra import Family, make_family
+from flexlin.answers.tuning import scenarios
 from flexlin.answers.tuning.scenarios import Worst, lay_scenarios
 from flexlin.answers.tuning.search import LEVELS, begin, follow_levels
 from flexlin.answers.tuning.smoothed import Smoothing
@@ -156,3 +157,30 @@ def test_what_cannot_be_tuned_is_refused():
         fl.tune(oscillator, {"gain": 1.0}, limits={"gain": (2.0, 1.0)})
     with pytest.raises(ArgumentError, match="needs limits"):
         fl.tune(oscillator, {"gain": 0.0})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("spectra", [1, 200])
+def test_time_ends_the_search_with_the_best_gains_so_far(monkeypatch, spectra):
+    """A clock that goes by one second a spectrum: after the first, or in the middle of the search."""
+    made = []
+    monkeypatch.setattr(scenarios.time, "perf_counter", lambda: float(len(made)))
+
+    def loop(gain, stiffness):
+        made.append(gain)
+        return fl.PeriodicSystem([[0.0, 1.0], [-stiffness, -gain]], 1.0)
+
+    found = fl.tune(loop, {"gain": 0.3}, {"stiffness": (1.0, 4.0)}, {"gain": (0.1, 10.0)}, seconds=spectra)
+    assert "the time, which ended the search" in found.limits
+    assert found.before == pytest.approx(-0.15)
+    assert (found.growth == pytest.approx(-0.15)) == (spectra == 1)
+    assert found.growth <= found.before
+    assert found.growth == pytest.approx(max(np.linalg.eigvals([[0, 1], [-1, -found.gains["gain"]]]).real), abs=1e-6)
+
+
+def test_large_arms_are_tuned_one_by_one_along_exact_slopes():
+    """Batches of many states pay less than `floquet` alone, and differences take two spectra a gain."""
+    family = make_family(fl.load_scene("manutec-r3"), {"control.feedback.kp.0": (1e4, 3e4)}, "own")
+    assert not Worst(family, np.array([1e4]), np.array([3e4]), np.zeros((1, 0))).batched
+    family = make_family(fl.load_scene("single-link"), {"control.feedback.kp.0": (1.0, 3.0)}, "own")
+    assert Worst(family, np.array([1.0]), np.array([3.0]), np.zeros((1, 0))).batched

@@ -1,13 +1,15 @@
 """The exponents of a loop over scenarios as functions of its gains, and the slope of their smoothed largest growth rate."""
 
+import time
 from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
 from scipy.stats import qmc
 
+from flexlin.about.free import ParametricLoop
 from flexlin.answers.sensitivity import integrate_derivatives
-from flexlin.answers.spectra import Family, SceneFamily
+from flexlin.answers.spectra import LARGE, Family, SceneFamily
 from flexlin.answers.tuning.smoothed import Smoothing
 from flexlin.checks import Array
 from flexlin.periodic.floquet.exponents import floquet
@@ -20,6 +22,16 @@ STEP = 1e-6
 """Relative step of the differences that stand for dA where a loop is given by a function."""
 FAINT = 1e-5
 """A scenario whose weights are all below this has no part in a gradient."""
+CHECKED = 12
+"""Scenarios of the finer set, beside those of the search, for which time is kept."""
+EXACT = 12
+"""Spectra that take as long as the exact slopes of one scenario."""
+TWICE = 2.5
+"""Spectra of a scenario that verification takes: with the gains found and with the first ones, and some to confirm."""
+
+
+class OutOfTimeError(Exception):
+    """The search has used its time: what is left is for the verification."""
 
 
 @dataclass
@@ -35,6 +47,14 @@ class Worst:
     high: Array
     scenarios: Array
     best: tuple[float, Array] = field(default=(np.inf, np.zeros(0)))
+    until: float = np.inf
+    """Where `time.perf_counter` stands when the verification must be done."""
+    ever: tuple[float, Array] = field(default=(np.inf, np.zeros(0)))
+    """The best growth rate and x of all searches with these scenarios."""
+    taken: tuple[float, int] = (0.0, 0)
+    """Time in s and number of the spectra so far."""
+    ended: bool = False
+    """Whether time has ended the search."""
 
     def gains(self, x: Array) -> Array:
         """The gains that belong to x."""
@@ -57,16 +77,23 @@ class Worst:
         return np.where(power, self.gains(x) * ratio, self.high - self.low) * np.cos(x) / 2
 
     @property
+    def loop(self) -> ParametricLoop | None:
+        """The equations, where they keep the numbers as symbols."""
+        loop = self.family.loop if isinstance(self.family, SceneFamily) else None
+        return None if loop is None or loop.kept is not None else loop
+
+    @property
     def batched(self) -> bool:
-        """Whether many scenarios are computed together, from expressions that keep the numbers."""
-        return isinstance(self.family, SceneFamily) and self.family.loop is not None and self.family.loop.kept is None
+        """Whether many scenarios are computed together: of large arms each takes so long that `floquet` is faster alone."""
+        return self.loop is not None and not (self.loop.states >= LARGE and self.loop.linearization.complete)
 
     def exponents(self, gains: Array, scenarios: Array) -> tuple[Array, Array]:
         """Exponents (S, n), infinite where there are none, and periods (S,) at each scenario; or (G, S, n) for gains (G, P)."""
         several = np.atleast_2d(gains)
         points = np.concatenate([np.repeat(several, len(scenarios), axis=0), np.tile(scenarios, (len(several), 1))], 1)
-        periods = self.periods(points)
+        begun, periods = time.perf_counter(), self.periods(points)
         found = self.family.rough(points).logs / periods[:, None]
+        self.taken = self.taken[0] + time.perf_counter() - begun, self.taken[1] + len(points)
         known = np.where(np.isfinite(found).all(axis=1, keepdims=True), found, np.inf)
         return known.reshape(*gains.shape[:-1], len(scenarios), -1), periods[: len(scenarios)]
 
@@ -80,21 +107,37 @@ class Worst:
             return self.family.loop.periods(points)
         return np.array([self.family.system_at(point).period for point in points])
 
+    def affordable(self) -> float:
+        """Scenarios that can still be verified in time."""
+        spent, count = self.taken
+        return (self.until - time.perf_counter()) * count / (TWICE * spent) if spent else np.inf
+
+    def need_time(self, spectra: int) -> None:
+        """Raise OutOfTimeError where so many spectra more leave no time for the verification."""
+        if self.affordable() < len(self.scenarios) + CHECKED + spectra / TWICE:
+            self.ended = True
+            raise OutOfTimeError
+
     def value(self, x: Array, smoothing: Smoothing) -> float:
-        """The smoothed largest growth rate, in 1/s; the best gains are kept."""
+        """The smoothed largest growth rate, in 1/s; the best gains are kept. Raises: OutOfTimeError."""
+        self.need_time(len(self.scenarios))
         gains = self.gains(x)
         exponents, periods = self.exponents(gains, self.scenarios)
         growth = float(exponents.real.max())
         if growth < self.best[0]:
             self.best = growth, x
+        if growth < self.ever[0]:
+            self.ever = growth, x
         return smoothing.value(exponents, periods)
 
     def gradient(self, x: Array, smoothing: Smoothing, step: float) -> Array:
-        """Its derivative by x: by differences of many loops computed together, else by left and right Floquet vectors.
+        """Its derivative by x: by differences of many small loops computed together, else by left and right Floquet vectors.
 
         The smoothed rate is analytic also where exponents meet and have no slopes of their own, so a difference over `step` serves.
+        Raises: OutOfTimeError.
         """
         if self.batched:
+            self.need_time(2 * len(x) * len(self.scenarios))
             ends = np.concatenate([x + step * np.eye(len(x)), x - step * np.eye(len(x))])
             spectra, periods = self.exponents(np.array([self.gains(end) for end in ends]), self.scenarios)
             values = np.array([smoothing.value(one, periods) for one in spectra])
@@ -105,6 +148,7 @@ class Worst:
         shares = np.abs(smoothing.weights(exponents, periods, s)).sum(axis=1)
         slope = np.zeros(len(x))
         for k in np.flatnonzero(shares > FAINT):
+            self.need_time(EXACT)
             found, slopes = self.slopes(np.concatenate([gains, self.scenarios[k]]))
             weights = smoothing.weights(found[None], periods[k : k + 1], s)[0]
             slope += (slopes[: len(gains)] @ weights).real
@@ -112,9 +156,8 @@ class Worst:
 
     def slopes(self, point: Array) -> tuple[Array, Array]:
         """Exponents (n,) and their exact derivatives by the gains at one point."""
-        if self.batched:
-            loop = self.family.loop  # type: ignore[attr-defined]
-            loop = replace(loop, linearization=loop.at(point))
+        if self.loop is not None:
+            loop = replace(self.loop, linearization=self.loop.at(point))
             system = loop.linearization.periodic_system()
             modes = solve_modes_at_nodes(system, floquet(system, GRADIENT_TOL), quick=True)
             return modes.exponents, integrate_derivatives(loop, modes)

@@ -4,7 +4,7 @@ import numpy as np
 
 from flexlin.answers.spectra import SceneFamily
 from flexlin.answers.tuning.descent import Minimum, descend
-from flexlin.answers.tuning.scenarios import Worst, draw_scenarios, lay_scenarios
+from flexlin.answers.tuning.scenarios import CHECKED, OutOfTimeError, Worst, draw_scenarios, lay_scenarios
 from flexlin.answers.tuning.smoothed import Smoothing
 from flexlin.checks import Array
 
@@ -40,10 +40,21 @@ WORTH = 20_000
 def search(problem: Worst, own: Array, ranges: Array, starts: int, steps: int, seed: int) -> tuple[Array, Array]:
     """Minimise from several starts, then add the worst scenarios of the finer set until none is much worse.
 
-    Returns: the gains, and the finer set of scenarios.
+    Returns: the gains, and the finer set of scenarios; where time gives out the best gains so far, and as many scenarios as it does for.
     """
-    drawn_scenarios, screened = (RANDOM, SCREENED) if problem.batched else (RANDOM // ALONE, SCREENED // ALONE)
+    drawn_scenarios = RANDOM if problem.batched else RANDOM // ALONE
     fine = np.concatenate([lay_scenarios(ranges, FINE), draw_scenarios(ranges, drawn_scenarios, seed + 2)])
+    try:
+        return minimise(problem, own, ranges, starts, steps, seed, fine), fine
+    except OutOfTimeError:
+        growth, x = problem.ever
+        found = problem.gains(x) if np.isfinite(growth) else np.clip(own, problem.low, problem.high)
+        return found, fine[: max(CHECKED, int(problem.affordable()) - len(problem.scenarios))]
+
+
+def minimise(problem: Worst, own: Array, ranges: Array, starts: int, steps: int, seed: int, fine: Array) -> Array:
+    """The gains that the search ends with. Raises: OutOfTimeError."""
+    screened = SCREENED if problem.batched else SCREENED // ALONE
     drawn = np.random.default_rng(seed).uniform(-np.pi / 2, np.pi / 2, (screened, len(own)))
     if isinstance(problem.family, SceneFamily) and problem.batched:
         scenarios = np.resize(draw_scenarios(ranges, screened, seed), (screened, len(ranges)))
@@ -63,8 +74,9 @@ def search(problem: Worst, own: Array, ranges: Array, starts: int, steps: int, s
         if growths.max() <= growth + WORSE * abs(growth):
             break
         problem.scenarios = np.concatenate([problem.scenarios, fine[np.argsort(-growths)[:ADDED]]])
+        problem.ever = np.inf, x
         growth, x = follow_levels(problem, x, steps, levels[RACED:])
-    return problem.gains(x), fine
+    return problem.gains(x)
 
 
 def begin(problem: Worst, x: Array, steps: int) -> Array:

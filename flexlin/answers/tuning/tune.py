@@ -1,5 +1,6 @@
 """The numbers of a structured controller that make the slowest decay over all scenarios as fast as possible."""
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,7 +11,7 @@ from flexlin.answers.spectra import Source, make_family
 from flexlin.answers.tuning.scenarios import Worst, lay_scenarios
 from flexlin.answers.tuning.search import GRID, search
 from flexlin.answers.tuning.torque import peak_torque, torque_limit
-from flexlin.checks import Array, real_array, whole
+from flexlin.checks import Array, positive, real_array, whole
 from flexlin.errors import ArgumentError, NotStable
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.scene.parameters import get_value, numeric_paths
@@ -89,6 +90,7 @@ def tune(
     starts: int = 2,
     steps: int = 300,
     seed: int = 0,
+    seconds: float | None = None,
 ) -> Tuning:
     """Find the gains that make the slowest decay over all scenarios as fast as possible.
 
@@ -115,6 +117,8 @@ def tune(
         Steps of each search at each level.
     seed : int
         Of the screening.
+    seconds : float
+        Time after which the best gains so far are verified and handed back, by default as long as it takes.
 
     Returns
     -------
@@ -142,13 +146,14 @@ def tune(
     >>> print(f"{fl.tune(loop, {'gain': 0.3}, starts=1).growth:.1f}")
     -1.0
     """
+    until = np.inf if seconds is None else time.perf_counter() + positive("seconds", seconds)
     vary, limits = dict(vary or {}), dict(limits or {})
     own = first_gains(source, gains)
     bounds = np.array([gain_bounds(path, value, limits) for path, value in own.items()])
     ranges = np.array(list(vary.values()), dtype=float).reshape(-1, 2)
     spans = {path: (float(a), float(b)) for path, (a, b) in zip(own, bounds, strict=True)}
     family = make_family(source, {**spans, **vary}, "own")
-    problem = Worst(family, bounds[:, 0], bounds[:, 1], lay_scenarios(ranges, GRID))
+    problem = Worst(family, bounds[:, 0], bounds[:, 1], lay_scenarios(ranges, GRID), until=until)
     started = np.array(list(own.values()))
     x, fine = search(problem, started, ranges, whole("starts", starts), whole("steps", steps), seed)
     tuned, capped = keep_torque(source, tuple(own), tuple(vary), started, x, fine, problem, limits)
@@ -242,7 +247,8 @@ def report_tuning(
         if abs(value - edge) < NEAR * min(abs(edge) or np.inf, high - low)
     ]
     meeting = f"{len(active)} exponents meet" if len(active) > 1 else "one exponent at one scenario"
-    named = (*bound, *([capped] if capped else []), meeting)
+    ended = ["the time, which ended the search"] if problem.ended else []
+    named = (*bound, *([capped] if capped else []), *ended, meeting)
     numbers = dict(zip(gains, map(float, tuned), strict=True))
     scene = revise_scene(source, numbers) if isinstance(source, Scene) else None
     status = (

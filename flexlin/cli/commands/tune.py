@@ -11,6 +11,8 @@ PURPOSE = "find the gains that decay fastest in all scenarios"
 TAKES = (*SCENE, *LIMITS, "vary", "gain")
 USUAL = 600.0
 """Limit in s where nobody states one: a search over many scenarios takes minutes."""
+USED = 0.9
+"""Share of the time that the search plans with: a spectrum may take longer than those before it."""
 
 
 def run(options: argparse.Namespace) -> int:
@@ -32,11 +34,10 @@ def run(options: argparse.Namespace) -> int:
 
         limits = {key: (low, high) for key, low, high, _ in options.gain}
         vary = {key: (low, high) for key, low, high, _ in options.vary}
-        clock, work = (
-            Clock(progress, budget=Budget(options.begun)),
-            partial(tune, scene, list(limits) or None, vary, limits),
-        )
-        found = clock.stage("tune the gains", scene.accuracy, work)
+        clock, name = Clock(progress, budget=Budget(options.begun)), "tune the gains"
+        seconds = USED * clock.budget.allow(name, scene.accuracy).seconds
+        work = partial(tune, scene, list(limits) or None, vary, limits, seconds=seconds)
+        found = clock.stage(name, scene.accuracy, work)
     say(f"{scene.title}: {found.status}")
     for path, value in found.gains.items():
         say(f"  {path} = {value:.6g}")
