@@ -202,7 +202,16 @@ def test_simulate_writes_both_answers(tmp_path: Path, capsys: pytest.CaptureFixt
     assert (tmp_path / "simulation.nc").exists()
 
 
-BESIDES = {"xarray", "pandas", "control", "matplotlib", "scipy.optimize", "scipy.interpolate", "scipy.integrate"}
+BESIDES = {
+    "xarray",
+    "pandas",
+    "control",
+    "matplotlib",
+    "scipy.optimize",
+    "scipy.interpolate",
+    "scipy.integrate",
+    "scipy.sparse",
+}
 """Heavy libraries that neither a verdict nor a design needs; `control` is 1.2 s, and brings matplotlib; each of SciPy's 0.2 s."""
 COMMANDS_IN_TURN = """
 import sys

@@ -6,7 +6,6 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import brentq
 
 from flexlin.checks import Array
 from flexlin.simulation.stepping import SHORTENED, SHORTEST, TrialLeftRange, stopped
@@ -94,6 +93,8 @@ class Switching(ABC):
 
     def root(self, low: float, high: float, dense: Callable[[float], Array], joint: int) -> tuple[float, int]:
         """Where one guard reaches zero between two times; the first of them where it is below zero there already."""
+        from scipy.optimize import brentq  # takes longer to load than a report of a small arm
+
         at = partial(self._guard, dense=dense, joint=joint)
         inside = next((t for t in (low, *(low + (high - low) * 2.0**-k for k in range(1, 40))) if at(t) > 0), None)
         return (low if inside is None else float(brentq(at, inside, high, xtol=1e-15, rtol=1e-14))), joint
