@@ -3,8 +3,6 @@
 from itertools import pairwise, product
 
 import numpy as np
-from scipy.optimize import brentq, minimize
-from scipy.stats import qmc
 
 from flexlin.answers.nearest.box import Box
 from flexlin.answers.spectra import SceneFamily
@@ -22,6 +20,8 @@ WIDER = (1.05, 1.3, 2.0)
 
 def list_directions(box: Box) -> Array:
     """Axes, corners and a spread over the faces (D, P), each with a largest entry of 1; along the growth rate's gradient where dear."""
+    from scipy.stats import qmc  # as SciPy's optimisers, it takes longer to load than most reports to compute
+
     P = len(box.own)
     if box.family.slow:
         uphill = np.where(box.slope(np.zeros(P)) < 0, -1.0, 1.0)
@@ -56,6 +56,8 @@ def follow(box: Box, direction: Array, scale: float) -> Array:
 
     growth(r d) = 0,   dr/dd_i = -r g_i / (g . d),   g: the growth rate's gradient at r d
     """
+    from scipy.optimize import minimize
+
     places = [scale * direction]
 
     def shortest(d: Array) -> tuple[float, Array]:
@@ -85,4 +87,6 @@ def find_crossing(box: Box, direction: Array, near: float) -> float:
 
 def cross(box: Box, direction: Array, stable: float, unstable: float) -> float:
     """The scale on a ray at which the growth rate is zero, between a stable and an unstable one."""
+    from scipy.optimize import brentq
+
     return float(brentq(lambda r: box.growth(r * direction), stable, unstable, xtol=1e-12, rtol=1e-12))
