@@ -12,13 +12,12 @@ from flexlin.about.scene_law import scene_law
 from flexlin.about.second_order import SecondOrderEquations
 from flexlin.checks import Array, times
 from flexlin.errors import MotionError
-from flexlin.mechanics.coordinates import Coordinate
 from flexlin.mechanics.effects import Effect, effects_of
 from flexlin.mechanics.effects.narrow import Features
-from flexlin.mechanics.manipulator import Manipulator
-from flexlin.motion import Motion, SymbolicMotion
+from flexlin.motion import SymbolicMotion
 from flexlin.periodic.companion import build_companion, build_input
-from flexlin.periodic.system import PeriodicSystem, SecondOrder
+from flexlin.periodic.second_order import SecondOrder
+from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.control import Control
 from flexlin.scene.parameters import replace_value
 from flexlin.summary import represent
@@ -63,51 +62,6 @@ class Linearization(SecondOrderEquations):
     clear: bool | None = None
 
     __repr__ = represent
-
-    @property
-    def arm(self) -> Manipulator:
-        """The manipulator."""
-        return self.about.arm
-
-    @property
-    def motion(self) -> Motion:
-        """The rigid basic motion."""
-        return self.about.motion
-
-    @property
-    def kept(self) -> tuple[int, ...]:
-        """Which coordinates of the arm are in y."""
-        return self.about.kept
-
-    @property
-    def driven(self) -> tuple[int, ...]:
-        """Which joints a torque drives."""
-        return self.about.driven
-
-    @property
-    def period(self) -> float:
-        """The period of the basic motion, in s."""
-        return self.motion.period
-
-    @property
-    def n(self) -> int:
-        """The number of coordinates of the linear equations."""
-        return self.about.n
-
-    @property
-    def coordinates(self) -> tuple[Coordinate, ...]:
-        """What each coordinate of y is."""
-        return tuple(self.arm.coordinates[k] for k in self.kept)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The names of the coordinates y."""
-        return tuple(self.arm.names[k] for k in self.kept)
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """The names of the coordinates that the inputs drive."""
-        return tuple(self.arm.names[self.arm.drives[i]] for i in self.driven)
 
     @property
     def input_units(self) -> tuple[str, ...]:

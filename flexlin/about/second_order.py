@@ -8,6 +8,9 @@ from numpy.typing import ArrayLike
 
 from flexlin.about.deviation import Deviation
 from flexlin.checks import Array, at_times, times
+from flexlin.mechanics.coordinates import Coordinate
+from flexlin.mechanics.manipulator import Manipulator
+from flexlin.motion import Motion
 from flexlin.summary import represent
 from flexlin.symbolic import selected
 
@@ -32,6 +35,51 @@ class SecondOrderEquations:
 
     about: Deviation
     coefficients: ca.Function
+
+    @property
+    def arm(self) -> Manipulator:
+        """The manipulator."""
+        return self.about.arm
+
+    @property
+    def motion(self) -> Motion:
+        """The rigid basic motion."""
+        return self.about.motion
+
+    @property
+    def kept(self) -> tuple[int, ...]:
+        """Which coordinates of the arm are in y."""
+        return self.about.kept
+
+    @property
+    def driven(self) -> tuple[int, ...]:
+        """Which joints a torque drives."""
+        return self.about.driven
+
+    @property
+    def period(self) -> float:
+        """The period of the basic motion, in s."""
+        return self.motion.period
+
+    @property
+    def n(self) -> int:
+        """The number of coordinates of the linear equations."""
+        return self.about.n
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """What each coordinate of y is."""
+        return tuple(self.arm.coordinates[k] for k in self.kept)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the coordinates y."""
+        return tuple(self.arm.names[k] for k in self.kept)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The names of the coordinates that the inputs drive."""
+        return tuple(self.arm.names[self.arm.drives[i]] for i in self.driven)
 
     def sample(self, t: Array) -> Coefficients:
         """Return all coefficients at many times, in one mapped call.

@@ -8,15 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
-from flexlin.checks import Array, positive, real_array
+from flexlin.checks import positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import (
     ClosedLoop,
     InputMatrix,
     MatrixFunction,
-    OneOfThree,
     SecondOrderFunction,
-    SecondOrderLoop,
     StateMatrix,
     as_matrix_function,
     check_samples,
@@ -26,36 +24,11 @@ from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.resolved.sampling import stratified
 from flexlin.periodic.resolved.weights import weigh_entries
+from flexlin.periodic.second_order import SecondOrder
 from flexlin.summary import represent
 
 PROBES = 16
 """Times at which the sizes of M, D and K are looked at first."""
-
-
-@dataclass(frozen=True)
-class SecondOrder:
-    """M(t) y'' + D(t) y' + K(t) y = force(t) u: each a function (N,) -> (N, n, n) or (N, n, m)."""
-
-    M: MatrixFunction
-    D: MatrixFunction
-    K: MatrixFunction
-    force: MatrixFunction | None = None
-    together: SecondOrderFunction | None = None
-
-    def sample(self, t: Array) -> tuple[Array, Array, Array]:
-        """M, D, K at the times t, in one call where the maker gave `together`."""
-        return (self.M(t), self.D(t), self.K(t)) if self.together is None else self.together(t)
-
-    def stacked(self, t: Array) -> Array:
-        """[M D K] at the times t, (N, n, 3 n)."""
-        return np.concatenate(self.sample(t), axis=2)
-
-    def feedback(self, gain: MatrixFunction) -> "SecondOrder":
-        """The equations with u = -gain(t) [y; y']."""
-        if self.force is None:
-            raise ArgumentError("the equations have no input", got="force = None", expected="an input matrix")
-        together = SecondOrderLoop(self.sample, self.force, gain)
-        return SecondOrder(self.M, OneOfThree(together, 1), OneOfThree(together, 2), self.force, together)
 
 
 @dataclass(frozen=True)

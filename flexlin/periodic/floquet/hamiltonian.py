@@ -5,7 +5,8 @@ from numpy.polynomial.legendre import leggauss
 
 from flexlin.checks import Array
 from flexlin.periodic.circle import match_logs, wrap_log
-from flexlin.periodic.system import PeriodicSystem, SecondOrder
+from flexlin.periodic.second_order import SecondOrder
+from flexlin.periodic.system import PeriodicSystem
 
 TOLERANCE = 1e-10
 """Relative deviation from symmetry that still counts as symmetric."""
