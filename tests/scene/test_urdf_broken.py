@@ -43,6 +43,13 @@ def test_scenes_that_name_a_robot_wrongly(tables, key):
     assert key in {problem.key for problem in caught.value.problems}, caught.value
 
 
+def test_a_scene_whose_robot_file_is_broken_names_its_key_and_the_line(tmp_path):
+    (tmp_path / "half.urdf").write_text(TEXT[: len(TEXT) // 2], encoding="utf-8")
+    with pytest.raises(SceneError, match=r"robot\.urdf: line \d+") as caught:
+        fl.parse_scene({"schema": 1, "title": "t", "robot": {"urdf": "half.urdf"}}, folder=tmp_path)
+    assert "half.urdf" in str(caught.value)
+
+
 NUMBERS = re.compile(r"(-?\d*\.?\d+([eE]-?\d+)?\s*)+")
 BROKEN = {
     "doctype": ('<robot name="Manutec', '<!DOCTYPE r [<!ENTITY a "b">]>\n<robot name="Manutec'),

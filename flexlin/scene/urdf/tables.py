@@ -42,7 +42,11 @@ def expand_robot(data: dict[str, Any], folders: Sequence[Path]) -> list[Problem]
     if path is None or not isinstance(table, RobotTable) or problems:
         data.setdefault("links", [{"body": {"mass": 1.0}}])
         return problems
-    chain = chain_tables(read_robot(path), table.base, table.tip)
+    try:
+        chain = chain_tables(read_robot(path), table.base, table.tip)
+    except SceneError as fault:
+        named = [Problem(f"robot.urdf: {problem.key}", problem.got, problem.expected) for problem in fault.problems]
+        raise SceneError(fault.source, named) from None
     problems += bend_links(chain, dict(pairs(flexible, "flexible", problems)))
     problems += add_springs(chain, {name: joint for name, joint in own.items() if isinstance(joint, JointTable)})
     data["links"] = chain.links
