@@ -96,11 +96,11 @@ def test_a_trial_that_leaves_the_range_only_shortens_the_step(lin, monkeypatch, 
     expected = simulate(lin, 0.1, tol=1e-8, drive=drive).nonlinear
     real, refused = NonlinearLoop.rate, []
 
-    def touchy(self, t, z, *given):
+    def touchy(self, t, z, *given, **named):
         if len(refused) < 20 and t > 0.013 * (1 + len(refused) // 4):
             refused.append(t)
             raise TrialLeftRange("no meaning here")
-        return real(self, t, z, *given)
+        return real(self, t, z, *given, **named)
 
     monkeypatch.setattr(NonlinearLoop, "rate", touchy)
     found = simulate(lin, 0.1, tol=1e-8, drive=drive).nonlinear
