@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 import flexlin as fl
+from flexlin.answers.nearest.box import make_box
 from flexlin.errors import ArgumentError, NotStable, SceneError
+from flexlin.report.writing import write_report
 
 SMALL = {"links.0.modes": 1, "designs": []}
 RANGES = {"effects.payload.mass": {"low": 0.0, "high": 0.2}, "motion.frequency": {"low": 0.3, "high": 0.9}}
@@ -90,16 +92,35 @@ def test_loops_that_cannot_be_asked_are_refused():
         fl.nearest_instability(lambda d: fl.PeriodicSystem([[d]], 1.0), {"d": (0.0, 2.0)}, own=[1.0])
 
 
+@pytest.mark.parametrize("ends", [(0.1, 0.3), (0.1, 0.2)])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_growth_rate_rises_to_the_side_on_which_a_number_can_go(ends, sign):
+    low, high = sorted(sign * end for end in ends)
+    box = make_box(
+        lambda d: fl.PeriodicSystem([[0.0, 1.0], [-1.0, -sign * d]], 1.0), {"damping": (low, high)}, own=[0.2 * sign]
+    )
+    assert box.uphill().tolist() == [-sign]
+    for u in (np.array([-0.5]), np.array([0.5])):
+        difference = (box.growth(u + 1e-4) - box.growth(u - 1e-4)) / 2e-4
+        assert box.slope(u)[0] == pytest.approx(difference, abs=1e-6)
+
+
+@pytest.mark.parametrize(("path", "high"), [("motion.move_time", 9.0), ("accuracy.tol", 1e-3)])
+def test_a_report_refuses_a_number_that_cannot_be_free_before_any_work(path, high, tmp_path, monkeypatch):
+    scene = fl.load_scene("pick-and-place", {"uncertainty": {path: {"low": 1e-12, "high": high}}})
+    monkeypatch.setattr("flexlin.answers.analysis.analyse", lambda *_: pytest.fail("analysed"))
+    with pytest.raises(ArgumentError):
+        write_report(scene, tmp_path)
+
+
 @pytest.mark.slow
 def test_a_report_says_what_the_uncertain_numbers_may_do(tmp_path):
-    from flexlin.report.writing import write_report
-
     analysis, files = write_report(fl.load_scene("single-link", {**SMALL, "uncertainty": RANGES}), tmp_path)
     found = analysis.nearest
     assert found is not None
     assert found.confirmed
     page = files[0].read_text(encoding="utf-8")
-    assert "with its uncertain numbers: stable for all numbers within their ranges" in page
+    assert "with its uncertain numbers: unstable from" in page
     # on the ray to the place the loop is stable at every smaller change
     steps = np.linspace(0, found.scale * (1 - 1e-6), 9)[:, None]
     own = np.array(found.own)

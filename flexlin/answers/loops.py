@@ -24,6 +24,8 @@ REDONE = ", redone"
 """What is written behind a design's name to have it made anew at each value."""
 
 
+OUTSIDE = ("accuracy", "designs", "drives", "uncertainty")
+"""Tables of a scene whose numbers stand in the equations of no loop."""
 SAMPLED = ("table", "tip-path")
 """Kinds of motions that are no expressions of their numbers."""
 NEARBY, PROBES = 0.03, 17
@@ -112,6 +114,12 @@ def choose_loop(scene: Scene, paths: Iterable[str], loop: str = "own", tol: floa
     Raises: ArgumentError for an unknown loop, or a free number of a controller that is not in it; what `design` raises.
     """
     paths = tuple(paths)
+    outside = [path for path in paths if path.split(".")[0] in OUTSIDE]
+    if outside:
+        expected = "a number of the links, effects, motion, control or parameters"
+        raise ArgumentError(
+            "this number does not stand in the equations of the loop", got=outside[0], expected=expected
+        )
     if loop == "own":
         return with_states(leave_free(scene, paths, closed=True))
     table = None if loop == "open" else find_design(scene, loop)

@@ -81,18 +81,28 @@ def accuracy_lines(steps: Sequence[Step], said: str = "") -> list[str]:
     notes = [f"  {step.name}: {note}" for step in steps for note in step.notes]
     if not judged:
         return [f"took {took}", *notes]
-    reached = [step.reached for step in judged if step.reached is not None]
-    worst = f", largest error {format_power(max(reached))}" if reached else ""
-    met = sum(step.reached is not None and not step.missed for step in judged)
-    lines = [
-        f"accuracy: tol {format_power(judged[0].asked or 0.0)} reached in {met} of {len(judged)} stages{worst}; took {took}"
-    ]
+    asked = dict.fromkeys(step.asked or 0.0 for step in judged)
+    met = [describe_reached(tol, [step for step in judged if step.asked == tol]) for tol in asked]
+    lines = [f"accuracy: {'; '.join(met)}; took {took}"]
     lines += [
         f"  {step.name}: error {format_decimal(step.reached or 0.0, 2)}, above tol" for step in judged if step.missed
     ]
     return [*lines, *notes] + [
-        f"  no answer from {step.problem}" for step in steps if step.problem and step.problem not in said
+        f"  no answer from {name_problem(step)}" for step in steps if step.problem and step.problem not in said
     ]
+
+
+def describe_reached(tol: float, steps: Sequence[Step]) -> str:
+    """How many of the stages that were asked for the same error reached it."""
+    reached = [step.reached for step in steps if step.reached is not None]
+    worst = f", largest error {format_power(max(reached))}" if reached else ""
+    met = sum(step.reached is not None and not step.missed for step in steps)
+    return f"tol {format_power(tol)} reached in {met} of {len(steps)} stage{'' if len(steps) == 1 else 's'}{worst}"
+
+
+def name_problem(step: Step) -> str:
+    """Why a stage has no answer, with the stage's name before it."""
+    return step.problem if step.problem.startswith(step.name) else f"{step.name}: {step.problem}"
 
 
 def audit_lines(audit: "Audit") -> list[str]:

@@ -51,9 +51,11 @@ def write_report(
         from flexlin.answers.analysis import analyse
         from flexlin.report.record import record, to_json
     if scene.uncertainty:
-        from flexlin.answers.nearest.box import need_known_ranges
+        with clock.step("equations with the uncertain numbers free"):
+            from flexlin.answers.nearest.box import make_box
+            from flexlin.answers.nearest.instability import search_box
 
-        need_known_ranges(scene)
+            box = make_box(scene)
     analysis, asked = analyse(scene, clock), scene.accuracy
     analysis = replace(analysis, margins=find_margins(scene, margins, analysis, clock))
     if with_audit:
@@ -73,10 +75,8 @@ def write_report(
 
         analysis = replace(analysis, endured=find_loop_margins(analysis, clock))
     if scene.uncertainty:
-        from flexlin.answers.nearest.instability import nearest_instability
-
         key, name = "uncertainty", "smallest change that makes the loop unstable"
-        place = clock.attempt(analysis.problems, key, name, asked, partial(nearest_instability, scene))
+        place = clock.attempt(analysis.problems, key, name, asked, partial(search_box, box))
         analysis = replace(analysis, nearest=place)
     with clock.step("load the drawing library"):
         from flexlin.report.figures import draw_pictures

@@ -127,11 +127,17 @@ def test_the_terminal_names_what_missed_and_what_has_no_answer() -> None:
         Step("two", 2.0, 0.5, 1e-9, 3.4e-8),
         Step("three", 1.0, 0.5, 1e-9, None, "three: stopped"),
         Step("four", 1.0, 0.5),
+        Step("five", 0.0, 0.0, 1e-6, 7e-8, "stopped"),
     ]
     said = accuracy_lines(steps)
     assert (
-        said[0] == "accuracy: tol 1×10⁻⁹ reached in 1 of 3 stages, largest error 3×10⁻⁸; took 5 s (2 s of a processor)"
+        said[0] == "accuracy: tol 1×10⁻⁹ reached in 1 of 3 stages, largest error 3×10⁻⁸; "
+        "tol 1×10⁻⁶ reached in 1 of 1 stage, largest error 7×10⁻⁸; took 5 s (2 s of a processor)"
     )
-    assert said[1:] == ["  two: error 3.4×10⁻⁸, above tol", "  no answer from three: stopped"]
+    assert said[1:] == [
+        "  two: error 3.4×10⁻⁸, above tol",
+        "  no answer from three: stopped",
+        "  no answer from five: stopped",
+    ]
     assert accuracy_lines(steps, "three: stopped")[1:] == said[1:2]
-    assert accuracy_lines(steps[3:]) == ["took 1 s (500 ms of a processor)"]
+    assert accuracy_lines(steps[3:4]) == ["took 1 s (500 ms of a processor)"]

@@ -12,7 +12,6 @@ from flexlin.checks import Array
 from flexlin.errors import ArgumentError, InputError
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
 
 FURTHEST = (4.0, 3.0, 2.0, 1.5, 1.0)
@@ -28,6 +27,7 @@ class Box:
     """Numbers by their changes u: own at 0, the ends at -1 and +1; no further than `most` (2, P), down and up."""
 
     family: Family
+    paths: tuple[str, ...]
     own: Array
     low: Array
     high: Array
@@ -45,8 +45,11 @@ class Box:
         return np.asarray(self.own + np.abs(u) * (np.where(u < 0, self.low, self.high) - self.own))
 
     def judge(self, u: Array) -> FloquetResult:
-        """The exponents at one place, computed once."""
-        values = self.values(u)
+        """The exponents at one place."""
+        return self.judge_numbers(self.values(u))
+
+    def judge_numbers(self, values: Array) -> FloquetResult:
+        """The exponents with these numbers, computed once."""
         key = values.tobytes()
         if key not in self.known:
             self.known[key] = floquet(self.family.system_at(values))
@@ -54,19 +57,31 @@ class Box:
 
     def growth(self, u: Array) -> float:
         """The growth rate at one place, in 1/s."""
-        return float(self.judge(u).exponents[0].real)
+        return self.growth_of(self.values(u))
+
+    def growth_of(self, values: Array) -> float:
+        """The growth rate with these numbers, in 1/s."""
+        return float(self.judge_numbers(values).exponents[0].real)
+
+    def gradient(self, u: Array) -> Array:
+        """The growth rate's derivatives by the numbers (P,): exact, or by differences where the loop is a function."""
+        values = self.values(u)
+        found = self.family.slopes(values)
+        if found is not None:
+            exponents, _, derivative = found
+            return np.asarray(derivative[:, int(np.argmax(exponents.real))].real)
+        steps = STEP * (self.high - self.low)
+        ahead = [self.growth_of(values + one) for one in np.diag(steps)]
+        return np.asarray((np.array(ahead) - self.growth(u)) / steps)
 
     def slope(self, u: Array) -> Array:
-        """The growth rate's derivative by u (P,): exact by the numbers, or differences where the loop is a function."""
-        steps = np.diag(STEP * np.where(u < 0, -1.0, 1.0))
-        found = self.family.slopes(self.values(u))
-        if found is None:
-            here = self.growth(u)
-            return np.array([(self.growth(u + one) - here) / one[i] for i, one in enumerate(steps)])
-        exponents, _, derivative = found
-        by_number = derivative[:, int(np.argmax(exponents.real))].real
-        moved = [(self.values(u + one) - self.values(u))[i] / one[i] for i, one in enumerate(steps)]
-        return np.asarray(by_number * moved)
+        """The growth rate's derivatives by u (P,), on the side of each number on which u is."""
+        return np.asarray(self.gradient(u) * np.where(u < 0, self.own - self.low, self.high - self.own))
+
+    def uphill(self) -> Array:
+        """For each number the side of the scene's own, -1 or 1, to which the growth rate rises more."""
+        gradient = self.gradient(np.zeros(len(self.own)))
+        return np.where(gradient * (self.low - self.own) > gradient * (self.high - self.own), -1.0, 1.0)
 
 
 def list_ranges(source: Source, ranges: Ranges | None) -> dict[str, tuple[float, float]]:
@@ -78,9 +93,17 @@ def list_ranges(source: Source, ranges: Ranges | None) -> dict[str, tuple[float,
 
 
 def make_box(
-    source: Source, ends: dict[str, tuple[float, float]], loop: str, own: Sequence[float] | None, furthest: float
+    source: Source,
+    ranges: Ranges | None = None,
+    loop: str = "own",
+    own: Sequence[float] | None = None,
+    furthest: float = FURTHEST[0],
 ) -> Box:
-    """The numbers with their ends, as far as the scene's schema lets them go."""
+    """The numbers with their ends, by default those of the scene's table [uncertainty], as far as its schema lets them go.
+
+    Raises: ArgumentError where no ranges are known, they do not hold the loop's own numbers, or a path leads to no free number.
+    """
+    ends = list_ranges(source, ranges)
     if not ends:
         raise ArgumentError("no range is known", expected="ranges, or a table [uncertainty] in the scene")
     family = make_family(source, ends, loop)
@@ -92,13 +115,7 @@ def make_box(
     if isinstance(source, Scene):
         for i, path in enumerate(ends):
             most[:, i] = [allowed(source, path, family.own[i], end[i], furthest) for end in (low, high)]
-    return Box(family, family.own, low, high, most)
-
-
-def need_known_ranges(scene: Scene) -> None:
-    """Refuse a table [uncertainty] that does not hold the scene's own numbers. Raises: ArgumentError."""
-    ends = list_ranges(scene, None)
-    need_own_inside(ends, np.array([get_value(scene, path) for path in ends]))
+    return Box(family, tuple(ends), family.own, low, high, most)
 
 
 def need_own_inside(ends: dict[str, tuple[float, float]], own: Array) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from flexlin.answers.nearest.box import FURTHEST, Box, Ranges, list_ranges, make_box
+from flexlin.answers.nearest.box import FURTHEST, Box, Ranges, make_box
 from flexlin.answers.nearest.search import follow, scan
 from flexlin.answers.spectra import Source
 from flexlin.arguments import checked
@@ -48,7 +48,7 @@ class NearestInstability:
     ...     return fl.PeriodicSystem([[0.0, 1.0], [-stiffness, -damping]], 1.0)
     >>> found = fl.nearest_instability(loop, {"stiffness": (0.5, 1.5), "damping": (0.1, 0.3)}, own=[1.0, 0.2])
     >>> print(found.status)
-    stable for all numbers within their ranges; unstable from 2 times these changes on
+    unstable from 2 times the stated changes on; no instability was found nearer
     """
 
     paths: tuple[str, ...]
@@ -71,7 +71,7 @@ class NearestInstability:
             return f"undecided: near {self.scale:.4g} times the stated changes the verdict could not be confirmed"
         if self.scale <= 1:
             return f"unstable within the stated ranges, from {self.scale:.4g} of the changes on"
-        return f"stable for all numbers within their ranges; unstable from {self.scale:.4g} times these changes on"
+        return f"unstable from {self.scale:.4g} times the stated changes on; no instability was found nearer"
 
 
 @checked
@@ -136,8 +136,11 @@ def nearest_instability(
     >>> round(found.scale, 9), found.confirmed
     (2.0, True)
     """
-    ends = list_ranges(source, ranges)
-    box = make_box(source, ends, loop, own, positive("furthest", furthest))
+    return search_box(make_box(source, ranges, loop, own, positive("furthest", furthest)))
+
+
+def search_box(box: Box) -> NearestInstability:
+    """The nearest place of instability. Raises: NotStable when the loop is not stable as it is."""
     at_rest = box.judge(np.zeros(len(box.own)))
     if at_rest.verdict != "stable":
         raise NotStable(f"the loop is {at_rest.verdict} as it is", got=at_rest.status, expected="a stable loop")
@@ -145,12 +148,12 @@ def nearest_instability(
     tried = box.family.evaluations + len(box.known)
     if not places:
         nowhere = np.full(len(box.own), np.nan)
-        return NearestInstability(tuple(ends), box.own, nowhere, np.inf, 0.0, False, box.furthest, tried)
+        return NearestInstability(box.paths, box.own, nowhere, np.inf, 0.0, False, box.furthest, tried)
     u = min(places, key=lambda place: float(np.abs(place).max()))
     scale = float(np.abs(u).max())
     error = measure_error(box, u / scale, scale)
     confirmed = confirm(box, u / scale, scale, error)
-    return NearestInstability(tuple(ends), box.own, box.values(u), scale, error, confirmed, box.furthest, tried)
+    return NearestInstability(box.paths, box.own, box.values(u), scale, error, confirmed, box.furthest, tried)
 
 
 def record_nearest(found: NearestInstability) -> dict[str, Any]:

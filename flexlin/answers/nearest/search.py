@@ -24,7 +24,7 @@ def list_directions(box: Box) -> Array:
 
     P = len(box.own)
     if box.family.slow:
-        uphill = np.where(box.slope(np.zeros(P)) < 0, -1.0, 1.0)
+        uphill = box.uphill()
         return np.unique(np.vstack([uphill, np.diag(uphill)]), axis=0)
     every = 2**P <= CORNERS
     signs = (
