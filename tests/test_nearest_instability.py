@@ -9,6 +9,7 @@ from flexlin.errors import ArgumentError, NotStable, SceneError
 from flexlin.report.writing import write_report
 
 SMALL = {"links.0.modes": 1, "designs": []}
+PATIENT = {"accuracy.seconds": 600.0}
 RANGES = {"effects.payload.mass": {"low": 0.0, "high": 0.2}, "motion.frequency": {"low": 0.3, "high": 0.9}}
 
 
@@ -115,12 +116,12 @@ def test_a_report_refuses_a_number_that_cannot_be_free_before_any_work(path, hig
 
 @pytest.mark.slow
 def test_a_report_says_what_the_uncertain_numbers_may_do(tmp_path):
-    analysis, files = write_report(fl.load_scene("single-link", {**SMALL, "uncertainty": RANGES}), tmp_path)
+    analysis, files = write_report(fl.load_scene("single-link", {**SMALL, **PATIENT, "uncertainty": RANGES}), tmp_path)
     found = analysis.nearest
     assert found is not None
     assert found.confirmed
     page = files[0].read_text(encoding="utf-8")
-    assert "with its uncertain numbers: unstable from" in page
+    assert "with its uncertain numbers: no instability found within the stated ranges; unstable from" in page
     # on the ray to the place the loop is stable at every smaller change
     steps = np.linspace(0, found.scale * (1 - 1e-6), 9)[:, None]
     own = np.array(found.own)

@@ -48,7 +48,7 @@ class NearestInstability:
     ...     return fl.PeriodicSystem([[0.0, 1.0], [-stiffness, -damping]], 1.0)
     >>> found = fl.nearest_instability(loop, {"stiffness": (0.5, 1.5), "damping": (0.1, 0.3)}, own=[1.0, 0.2])
     >>> print(found.status)
-    unstable from 2 times the stated changes on; no instability was found nearer
+    no instability found within the stated ranges; unstable from 2 times these changes on
     """
 
     paths: tuple[str, ...]
@@ -71,7 +71,7 @@ class NearestInstability:
             return f"undecided: near {self.scale:.4g} times the stated changes the verdict could not be confirmed"
         if self.scale <= 1:
             return f"unstable within the stated ranges, from {self.scale:.4g} of the changes on"
-        return f"unstable from {self.scale:.4g} times the stated changes on; no instability was found nearer"
+        return f"no instability found within the stated ranges; unstable from {self.scale:.4g} times these changes on"
 
 
 @checked
