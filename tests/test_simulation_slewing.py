@@ -1,11 +1,14 @@
 """Drives whose torque changes at a limited rate: exact times of a double integrator, and the torque that they give."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import flexlin as fl
-from flexlin.errors import SceneError
+from flexlin.errors import SceneError, SimulationStopped
+from flexlin.simulation.events import Switching
 from tests.test_simulation_sticking import BLOCK, loop
 
 PD = {"kind": "pd", "kp": [1.0], "kd": [0.2]}
@@ -56,3 +59,23 @@ def test_rate_and_size_are_limited_together_on_an_elastic_arm():
 def test_a_rate_beside_sampling_is_refused_by_its_key():
     with pytest.raises(SceneError, match=r"control\.saturation\.rate"):
         arm(1.0, **{"control.sampling": {"period": 1e-3}})
+
+
+def test_events_that_never_end_end_the_run():
+    class Flutter(Switching):
+        loop = SimpleNamespace(n=1, accept=lambda t, z: None)
+
+        def derivative(self, t, z):
+            return -z
+
+        def guards(self, t, z):
+            return np.array([-1.0])
+
+        def describe(self, which):
+            return f"guard {which} flutters"
+
+        def switch(self, t, z, which):
+            return z
+
+    with pytest.raises(SimulationStopped, match="guard 0 flutters"):
+        Flutter().follow(np.linspace(0.0, 1.0, 5), np.ones(3), 1e-6)

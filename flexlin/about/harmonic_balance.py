@@ -143,7 +143,10 @@ class Solver:
         n, z, last = self.about.n, np.zeros((self.points, self.size)) if start is None else start, np.inf
         best = np.inf
         for _ in range(steps):
-            z, moved = self.step(z, speed)
+            try:
+                z, moved = self.step(z, speed)
+            except NumericalError:
+                return None
             share = moved / max(float(np.abs(z[:, :n]).max()), 1e-12)
             if share <= SETTLED or (share <= ROUNDED and share >= 0.5 * last):
                 return z, share
@@ -153,9 +156,12 @@ class Solver:
         return None
 
     def step(self, z: Array, speed: float = 1.0) -> tuple[Array, float]:
-        """One step of Newton's method, and how far it moves y."""
+        """One step of Newton's method, and how far it moves y. Raises: NumericalError where the Jacobian is singular."""
         F, J = self.residual(z, speed)
-        step = np.linalg.solve(J, F.reshape(-1)).reshape(z.shape)
+        try:
+            step = np.linalg.solve(J, F.reshape(-1)).reshape(z.shape)
+        except np.linalg.LinAlgError as error:
+            raise lost("the linear equations are singular: some coordinate is held by nothing") from error
         return z - step, float(np.abs(step[:, : self.about.n]).max())
 
     def singular_time(self, z: Array) -> float | None:

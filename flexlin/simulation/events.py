@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 PROBES = (0.25, 0.5, 0.75, 1.0)
 """Parts of a step at which the guards are looked at."""
+MOST_EVENTS, MOST_AT_ONCE = 20_000, 20
+"""Events of a run, and at one time, after which it is given up."""
 
 
 class Switching(ABC):
@@ -33,15 +35,20 @@ class Switching(ABC):
         """What stays above zero (p,) as long as the modes hold."""
 
     @abstractmethod
+    def describe(self, which: int) -> str:
+        """What goes on happening where one guard reaches zero again and again."""
+
+    @abstractmethod
     def switch(self, t: float, z: Array, which: int) -> Array:
         """Change the modes where one guard has reached zero; returns the state from which it goes on."""
 
     def follow(self, t: Array, z: Array, rtol: float) -> Array:
         """States (N, len(z)) at increasing times t, from z at t[0].
 
-        Raises: SimulationStopped where no step is short enough.
+        Raises: SimulationStopped where no step is short enough, or events follow each other without end.
         """
         now, end, out, done = float(t[0]), float(t[-1]), np.empty((len(t), len(z))), 1
+        events = at_once = 0
         out[0] = z
         while now < end:
             for reached, upto, dense in self.steps(now, z, end, rtol):
@@ -51,8 +58,12 @@ class Switching(ABC):
                 if count > done:
                     out[done:count] = np.array([dense(one) for one in t[done:count]])
                     done = count
+                at_once = at_once + 1 if event <= now else 0
                 now, z = event, reached
                 if joint is not None:
+                    events += 1
+                    if events > MOST_EVENTS or at_once > MOST_AT_ONCE:
+                        raise stopped(now, self.describe(joint), dense(now)[: 2 * self.loop.n])
                     z = self.switch(now, dense(now), joint)
                     break
         return out

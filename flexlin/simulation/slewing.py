@@ -62,6 +62,9 @@ class Slewing(Switching):
         behind = self.mode * (self.asked(t, z)[1] - z[-len(self.mode) :])
         return behind if self.mode.all() else np.where(self.mode == 0, self.limit - np.abs(self.pace(t, z)), behind)
 
+    def describe(self, which: int) -> str:
+        return f"input {which + 1} goes on leaving and reaching the limit of its rate"
+
     def switch(self, t: float, z: Array, which: int) -> Array:
         z, m, asked = z.copy(), len(self.mode), self.asked(t, z)[1]
         follows = self.mode[which] != 0

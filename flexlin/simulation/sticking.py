@@ -9,7 +9,6 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.simulation.events import Switching
 from flexlin.simulation.friction import Friction
-from flexlin.simulation.stepping import stopped
 
 if TYPE_CHECKING:
     from flexlin.simulation.loop import NonlinearLoop
@@ -18,8 +17,6 @@ Torque = Callable[[float, Array], tuple[Array, Array]]
 """Time and state -> the torque that the drive gives, and the rates of the controller's states."""
 SLACK = 1e-9
 """Of the static friction: a joint breaks loose beyond it, so that one exactly at the limit stays."""
-MOST_EVENTS, MOST_AT_ONCE = 20_000, 20
-"""Events of a run, and at one time, after which it is given up."""
 
 
 @dataclass
@@ -30,9 +27,6 @@ class Sticking(Switching):
     torque: Torque
     slip: Array = field(default_factory=lambda: np.zeros(0))
     events: list[tuple[float, str, str]] = field(default_factory=list)
-    switches: int = 0
-    still: int = 0
-    last: float = -np.inf
 
     @property
     def friction(self) -> Friction:
@@ -79,13 +73,11 @@ class Sticking(Switching):
             self.slip[stuck[worst]] = np.sign(holding[worst])
         return z
 
+    def describe(self, which: int) -> str:
+        return f"joint {self.friction.names[which]} goes on changing between sticking and sliding"
+
     def switch(self, t: float, z: Array, which: int) -> Array:
         """One joint's guard has reached zero: what stuck breaks loose; what slid rests, and moves on only if friction cannot hold it."""
-        self.switches, self.still = self.switches + 1, self.still + 1 if t <= self.last else 0
-        self.last = t
-        if self.switches > MOST_EVENTS or self.still > MOST_AT_ONCE:
-            got = f"joint {self.friction.names[which]} goes on changing between sticking and sliding"
-            raise stopped(t, got, z[: 2 * self.loop.n])
         before = self.slip.copy()
         if before[which] == 0:
             held = self.loop.equations.solve(t, z[: 2 * self.loop.n], self.torque(t, z)[0], self.slip)[1]
