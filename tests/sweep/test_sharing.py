@@ -94,6 +94,32 @@ def test_a_cluster_that_loses_a_worker(whole):
     assert_same(job.dataset(), whole)
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="glibc has the option")
+def test_workers_of_a_cluster_keep_freed_memory_during_a_block():
+    script = (
+        "import numpy as np, resource; from flexlin.answers.sweep.cluster import keep_freed_memory\n"
+        "def faults():\n"
+        "    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt\n"
+        "    for _ in range(50): np.ones(2**17) + 1.0\n"
+        "    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before\n"
+        "before = faults()\n"
+        "with keep_freed_memory(): kept = faults()\n"
+        "print(before, kept, faults())"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        cwd=Path(__file__).parents[2],
+        env={**os.environ, "MALLOC_TRIM_THRESHOLD_": "65536"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    before, kept, after = map(int, done.stdout.split())
+    assert before > 10 * kept
+    assert after > 10 * kept
+
+
 def test_clusters_that_are_not_there_are_refused(monkeypatch):
     monkeypatch.setattr("flexlin.answers.sweep.cluster.PATIENCE", 0.5)
     with pytest.raises(ArgumentError, match="no scheduler answers"):

@@ -1,7 +1,10 @@
 """Blocks shared out among the workers of a Dask cluster."""
 
+import ctypes
+import os
+import sys
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from flexlin.answers.sweep.found import Found
@@ -15,6 +18,10 @@ PATIENCE = 10.0
 """Seconds in which a scheduler must answer."""
 AHEAD = 8
 """Blocks for each thread of the cluster that wait there."""
+TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3
+"""Options of glibc's mallopt (malloc.h)."""
+KEPT, USUAL = 2**25, 2**17
+"""Bytes from which memory is given back at once: during a block, and as glibc has it."""
 
 
 class Cluster:
@@ -79,4 +86,25 @@ class Cluster:
 
 def compute_block(work: Work, points: Array) -> Found:
     """One block, on the worker."""
-    return work.compute(points)
+    with keep_freed_memory():
+        return work.compute(points)
+
+
+@contextmanager
+def keep_freed_memory() -> Iterator[None]:
+    """Let the C library keep what the block frees, for its next arrays, where Dask's nanny has set MALLOC_TRIM_THRESHOLD_ to 64 kB.
+
+    Memory that goes back to the system comes anew with a fault and zeros a page: blocks would take 1.4 to 1.7 times as long.
+    """
+    low = os.environ.get("MALLOC_TRIM_THRESHOLD_", "")
+    if sys.platform != "linux" or not low.isdecimal():
+        yield
+        return
+    set_option = getattr(ctypes.CDLL(None), "mallopt", lambda *_: 0)  # not every C library has it
+    for option in (TRIM_THRESHOLD, MMAP_THRESHOLD):
+        set_option(option, KEPT)
+    try:
+        yield
+    finally:
+        set_option(TRIM_THRESHOLD, int(low))
+        set_option(MMAP_THRESHOLD, USUAL)

@@ -8,12 +8,14 @@ import threading
 from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
+from functools import partial
 from queue import SimpleQueue
-from typing import Any
+from typing import IO, Any
 
+from flexlin.answers.sweep.forked import Copy, can_copy
 from flexlin.answers.sweep.found import FAILED, Found
-from flexlin.answers.sweep.job import Job
-from flexlin.answers.sweep.worker import receive, send
+from flexlin.answers.sweep.job import Job, Work
+from flexlin.answers.sweep.worker import answer, receive, send
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 
@@ -23,21 +25,32 @@ ENDED = "the process that computed it ended, three times"
 
 
 class Worker:
-    """One process, started when it is first asked; `work` is pickled."""
+    """One process: at first a copy of this one where that is possible, and a fresh interpreter after it or where it is not.
 
-    def __init__(self, work: bytes):
-        self._work = work
-        self._process: subprocess.Popen[bytes] | None = None
+    `work`, and as it is sent to an interpreter.
+    """
+
+    def __init__(self, work: Work, pickled: bytes):
+        self._work, self._pickled = work, pickled
+        self._process: Copy | subprocess.Popen[bytes] | None = None
         self._closed = False
+
+    @property
+    def streams(self) -> list[IO[bytes]]:
+        """This side of the streams to the process, if there is one."""
+        return [stream for stream in (self._process.stdin, self._process.stdout) if stream] if self._process else []
+
+    def copy(self, others: list[IO[bytes]]) -> None:
+        """Begin as a copy of this process, without the streams of others; if that cannot be, an interpreter is started later."""
+        with suppress(OSError):
+            self._process = Copy(partial(answer, self._work), others)
 
     def compute(self, points: Array) -> Any:
         """A block's answer, or the error that it raised. Raises: EOFError, OSError where the process has ended."""
         try:
-            process = self._process or self._start()
-            assert process.stdin is not None
-            assert process.stdout is not None
-            send(process.stdin, points)
-            return receive(process.stdout)
+            stdin, stdout = self._start()
+            send(stdin, points)
+            return receive(stdout)
         except (EOFError, OSError):
             self._end()
             raise
@@ -47,16 +60,20 @@ class Worker:
         self._closed = True
         self._end()
 
-    def _start(self) -> "subprocess.Popen[bytes]":
+    def _start(self) -> list[IO[bytes]]:
+        """The streams to a process that can compute."""
+        if isinstance(self._process, Copy) and not self._process.is_well():
+            self._end()
         if self._closed:
             raise EOFError
-        command = [sys.executable, "-c", "from flexlin.answers.sweep.worker import serve; serve()"]
-        pipe = subprocess.PIPE
-        process = subprocess.Popen(command, stdin=pipe, stdout=pipe, env=environment(), start_new_session=True)
-        self._process = process
-        assert process.stdin is not None
-        send(process.stdin, self._work)
-        return process
+        if self._process is None:
+            command = [sys.executable, "-c", "from flexlin.answers.sweep.worker import serve; serve()"]
+            pipe = subprocess.PIPE
+            self._process = subprocess.Popen(
+                command, stdin=pipe, stdout=pipe, env=environment(), start_new_session=True
+            )
+            send(self.streams[0], self._pickled)
+        return self.streams
 
     def _end(self) -> None:
         process, self._process = self._process, None
@@ -82,7 +99,9 @@ class Processes:
             todo = "ask for workers = 1"
             raise ArgumentError("the loop cannot be sent to other processes", got=str(error), todo=todo) from None
         todo_, answers = deque(job.blocks), SimpleQueue[Any]()
-        left, crew = len(todo_), [Worker(work) for _ in range(min(self.workers, len(todo_)))]
+        left, crew = len(todo_), [Worker(job.work, work) for _ in range(min(self.workers, len(todo_)))]
+        for k, worker in enumerate(crew if can_copy() else ()):  # before there are threads
+            worker.copy([stream for other in crew[:k] for stream in other.streams])
         for worker in crew:
             threading.Thread(target=work_off, args=(worker, todo_, job, answers), daemon=True).start()
         try:

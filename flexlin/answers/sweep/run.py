@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from flexlin.answers.loops import RebuiltLoop, RedesignedLoop
 from flexlin.answers.sweep.batches import CHUNK_BYTES
 from flexlin.answers.sweep.cluster import Cluster
+from flexlin.answers.sweep.forked import can_copy
 from flexlin.answers.sweep.found import Found
 from flexlin.answers.sweep.job import Job, Work, compute_here, prepare_job
 from flexlin.answers.sweep.processes import Processes
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-WORTH = 3.0
-"""Seconds of work from which other processes are started; each takes about one to load."""
+WORTH, LOADED = 0.5, 3.0
+"""Seconds of work from which other processes are started: copies of this one, and fresh ones, which take about one to load."""
 
 
 @checked
@@ -136,7 +137,7 @@ def choose_crew(
     cores = count_cores()
     if job.work.threaded:
         return Threads(cores)
-    if cores == 1 or not is_portable(job.work) or predict_seconds(job) < WORTH:
+    if cores == 1 or not is_portable(job.work) or predict_seconds(job) < (WORTH if can_copy() else LOADED):
         return compute_here
     return Processes(cores)
 

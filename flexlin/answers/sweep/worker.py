@@ -1,6 +1,6 @@
-"""A worker process: takes the work and then points from its standard input, block after block, and answers on its standard output.
+"""A worker process: takes points, block after block, and sends back what it has computed.
 
-It runs in a fresh interpreter that loads no script of the user's, on every operating system.
+A fresh interpreter takes the work and the points from its standard input and loads no script of the user's, on every operating system.
 """
 
 import os
@@ -8,6 +8,7 @@ import pickle
 import signal
 import struct
 import sys
+from contextlib import suppress
 from typing import IO, Any
 
 SIZE = struct.Struct("<Q")
@@ -34,17 +35,20 @@ def receive(stream: IO[bytes]) -> Any:
 
 
 def serve() -> None:
-    """Answer until the other side is gone; an error in a block is sent back and raised there."""
+    """What a fresh interpreter does: take the work and answer."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that asked
     answers, asked = os.fdopen(os.dup(sys.stdout.fileno()), "wb"), sys.stdin.buffer
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what is printed does not come between
-    try:
-        work = pickle.loads(receive(asked))
+    with suppress(EOFError, BrokenPipeError):
+        answer(pickle.loads(receive(asked)), asked, answers)
+
+
+def answer(work: Any, asked: IO[bytes], answers: IO[bytes]) -> None:
+    """Answer until the other side is gone; an error in a block is sent back and raised there."""
+    with suppress(EOFError, BrokenPipeError):
         while True:
             points = receive(asked)
             try:
                 send(answers, work.compute(points))
             except Exception as error:
                 send(answers, error)
-    except (EOFError, BrokenPipeError):
-        return
