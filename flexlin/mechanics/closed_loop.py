@@ -1,4 +1,4 @@
-"""Closed loops as manipulators: open arms side by side, reduced to independent coordinates with C_1 and C_2."""
+"""Closed loops as manipulators: an open arm reduced to independent coordinates with C_1 and C_2."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -22,41 +22,6 @@ MOST_INSTRUCTIONS, MOST_PLACES = 4000, 8
 MOST_TERMS = 600
 CLOSED = 1e-9
 """Largest |f| at which the loop counts as closed; beyond it the model answers nan instead of a wrong number."""
-
-
-def side_by_side(first: Manipulator, second: Manipulator, names: tuple[str, str], points: ca.SX) -> Manipulator:
-    """Return two manipulators as one, with coordinates s = [s_1; s_2] named after both; still unconnected.
-
-    Parameters: points (2, k): where the second's points are, from base to tip. They come first,
-    from tip to base, so the last point of all is the tip.
-    """
-    arms, shift = (first, second), first.n
-    if first.energy is None or second.energy is None or first.parameters.paths or second.parameters.paths:
-        raise ModelError("an arm lacks its energy or has free parameters", expected="arms built from links")
-
-    def stacked(name: str) -> ca.SX:
-        return ca.vertcat(*[getattr(arm, name) for arm in arms])
-
-    def diagonal(name: str) -> ca.SX:
-        return ca.diagcat(*[getattr(arm, name) for arm in arms])
-
-    return Manipulator(
-        stacked("s"),
-        stacked("s_dot"),
-        stacked("s_ddot"),
-        residual=stacked("residual"),
-        M=diagonal("M"),
-        g=stacked("g"),
-        damping=stacked("damping"),
-        B=diagonal("B"),
-        reference=diagonal("reference"),
-        drives=(*first.drives, *(i + shift for i in second.drives)),
-        coordinates=tuple(c.within(name) for name, arm in zip(names, arms, strict=True) for c in arm.coordinates),
-        energy=first.energy + second.energy,
-        points=ca.horzcat(points[:, ::-1], first.points),
-        rotation=first.rotation,
-        coriolis=diagonal("C"),
-    )
 
 
 def close_loop(

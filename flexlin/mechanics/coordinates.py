@@ -1,7 +1,7 @@
 """The coordinates of a manipulator: what each one is, and the symbols of a chain's, joints first, then modes, then motors."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Literal
 
 import casadi as ca
@@ -17,27 +17,17 @@ NAMES: dict[Direction, tuple[str, str]] = {"y": ("w", "m"), "z": ("wz", "m"), "t
 class Coordinate:
     """What one coordinate is.
 
-    kind: a joint's displacement, an elastic one, or that of a motor behind a flexible joint; symbol: its own name, such as q1 or w12;
+    kind: a joint's displacement, an elastic one, or that of a motor behind a flexible joint; name: such as q1 or w12;
     unit: rad or m; link: number of its link or joint from 0, None where the model has no links; mode: number from 0 of the link's mode;
-    part: the arm it belongs to, where several make one manipulator; direction: y, z or torsion for a mode of a link.
+    direction: y, z or torsion for a mode of a link.
     """
 
     kind: Kind
-    symbol: str
+    name: str
     unit: str
     link: int | None = None
     mode: int | None = None
-    part: str = ""
     direction: Direction | None = field(default=None, compare=False)
-
-    @property
-    def name(self) -> str:
-        """The symbol behind the part, such as `left w11`."""
-        return f"{self.part} {self.symbol}" if self.part else self.symbol
-
-    def within(self, part: str) -> "Coordinate":
-        """The same coordinate as one of a part of something larger."""
-        return replace(self, part=f"{part} {self.part}" if self.part else part)
 
 
 def list_coordinates(
@@ -75,7 +65,7 @@ class Symbols:
         def column(kind: Kind, link: int | None = None, of_mode: bool = False) -> ca.SX:
             found = [c for c in coordinates if c.kind == kind and link in (None, c.link)]
             chosen = [c for c in found if (c.mode is not None) == of_mode]
-            return ca.vertcat(*[ca.SX.sym(mark + c.symbol) for c in chosen]) if chosen else ca.SX(0, 1)
+            return ca.vertcat(*[ca.SX.sym(mark + c.name) for c in chosen]) if chosen else ca.SX(0, 1)
 
         free = tuple(c.link for c in coordinates if c.kind == "motor" and c.link is not None)
         modes, bearings = (tuple(column("elastic", i, of_mode) for i in range(links)) for of_mode in (True, False))

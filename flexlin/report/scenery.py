@@ -43,9 +43,12 @@ def fixed_points(points: Array) -> list[int]:
 
 
 def list_grounds(points: Array) -> list[int]:
-    """The fixed points that stand on the ground: in space the first of several in a row, the next ones lie on an axis that turns."""
+    """The fixed points that stand on the ground, each place once: in space the first of several in a row, the next lie on an axis that
+    turns."""
     fixed = fixed_points(points)
-    return [i for i in fixed if points.shape[1] == 2 or i - 1 not in fixed]
+    grounds = [i for i in fixed if points.shape[1] == 2 or i - 1 not in fixed]
+    near = STILL * max(float(np.ptp(points)), 1e-300)
+    return [i for k, i in enumerate(grounds) if all(np.ptp(points[0][:, [i, j]], axis=1).max() > near for j in grounds[:k])]
 
 
 def moving_links(links: list[list[Array]]) -> list[int]:
@@ -57,8 +60,8 @@ def moving_links(links: list[list[Array]]) -> list[int]:
 
 
 def bodies(scene: Scene) -> dict[str, bool]:
-    """Which rigid bodies the arm carries, of the scene's own effects or of those of its registered model."""
-    tables = scene.effects.on() or scene.parameters.get("effects", {})
+    """Which rigid bodies the arm carries, of the scene's own effects or of its registered model's numbers."""
+    tables = scene.effects.on()
     mass = scene.parameters.get("payload_mass", 0.0)
     inertia = scene.parameters.get("hub_inertia", 0.0)
     return {"payload": "payload" in tables or bool(mass), "hub": "hub" in tables or bool(inertia)}

@@ -12,12 +12,14 @@ def stretched(gap):
 
     The distance of the elbows is base + 0.4 cos x, x = 0.9 sin(2 pi t / T); the dead point at 0.6 lies at x = i sqrt(5 gap).
     """
-    rigid = [{"length": length, "mass_per_length": 0.1} for length in (0.2, 0.3)]
-    parameters = {"base": 0.2 - gap, "posture": [np.pi - 0.15, -2.87, 0.15, 2.87], "left": rigid, "right": rigid}
+    base = {"parent": "base", "mount": {"xyz": [0.2 - gap, 0.0, 0.0]}}
+    more = [{}, {"passive": True, "name": "left"}, base, {"passive": True, "name": "right"}]
+    posture = [np.pi - 0.15, -2.87, 0.15, 2.87]
+    bars = [{"length": 0.2 + 0.1 * (k % 2), "mass_per_length": 0.1, "posture": posture[k], **more[k]} for k in range(4)]
     joints = [{"mean": np.pi, "amplitude": 0.9, "phase": np.pi}, {"mean": 0.0, "amplitude": 0.9}]
     motion = {"kind": "harmonic", "frequency": 1.0, "joints": joints}
-    table = {"schema": 1, "title": "stretched", "model": "five-bar", "parameters": parameters, "motion": motion}
-    scene = fl.parse_scene(table)
+    loops = [{"link": "left", "to": "right"}]
+    scene = fl.parse_scene({"schema": 1, "title": "stretched", "links": bars, "loops": loops, "motion": motion})
     return fl.linearize(fl.build_manipulator(scene), scene.motion)
 
 

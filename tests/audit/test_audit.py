@@ -156,14 +156,11 @@ def test_a_registered_model_s_own_table_is_switched():
     assert row.table == {"payload_mass": 0.1}
 
 
-def test_effects_and_modes_inside_a_model_s_table_are_found():
-    scene = fl.load_scene("five-bar", {"designs": []})
+def test_modes_inside_a_model_s_table_are_found():
+    scene = fl.load_scene("khang-2019", {"designs": []})
     versions = {version.change: version for version in list_model_versions(scene)}
-    assert {"without payload", "without hub", "without geometric_stiffening", "without modal_damping"} <= set(versions)
-    assert "base" not in {version.subject for version in versions.values()}  # a base of no width is refused
-    assert versions["right.1 with 2 modes"].make(scene).parameters["right"][1]["modes"] == 2
-    assert "payload" not in versions["without payload"].make(scene).parameters["effects"]
-    assert scene.parameters["effects"]["payload"] == {"mass": 0.2}
+    assert versions["links.0 with 2 modes"].make(scene).parameters["links"][0]["modes"] == 2
+    assert scene.parameters["links"][0]["modes"] == 1
 
 
 def springs(changes):

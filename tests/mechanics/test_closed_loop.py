@@ -1,6 +1,5 @@
 """The 5-bar scene against the same two arms joined by Lagrange multipliers: no C_1, no C_2, no Taylor map."""
 
-import importlib.util
 from types import SimpleNamespace
 
 import casadi as ca
@@ -12,7 +11,7 @@ import flexlin as fl
 from flexlin.control import physical_weights
 from flexlin.errors import FlexlinError, ModelError, ToleranceNotReached
 from flexlin.mechanics.closed_loop import close_loop
-from flexlin.scene.library import models_folder
+from tests.mechanics.loop_scenes import raw
 
 U = np.array([2.3, 1.05, 2e-3, -1e-3])
 U_DOT = np.array([1.5, -2.0, 0.05, 0.1])
@@ -31,14 +30,15 @@ def arm(scene):
 
 @pytest.fixture(scope="module")
 def joined(scene):
-    """Accelerations of the unreduced arms with the constraint's multipliers."""
-    spec = importlib.util.spec_from_file_location("five_bar", models_folder() / "five_bar.py")
-    model = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(model)
-    p = model.Parameters.model_validate(scene.parameters)
-    pair, gap, elbows = model.open_arms(p)
+    """Accelerations of the unreduced arms, all four joints driven, with the constraint's multipliers."""
+    table = raw("five-bar", designs=[], control={})
+    del table["loops"]
+    elbows = [i for i, link in enumerate(table["links"]) if link.pop("passive", False)]
+    angles = [link.pop("posture") for link in table["links"]]
+    table["motion"]["joints"] = [{"amplitude": 0.0}] * 4
+    pair = fl.build_manipulator(fl.parse_scene(table))
+    gap = pair.points[:, 2] - pair.points[:, -1]
     independent = [i for i in range(pair.n) if i not in elbows]
-    independent = [independent[0], independent[2], independent[1], independent[3]]
     s, s_dot = pair.s, pair.s_dot
     J = ca.jacobian(gap, s)
     rest = ca.substitute(pair.residual, pair.s_ddot, ca.SX.zeros(pair.n))
@@ -46,10 +46,10 @@ def joined(scene):
 
     def configuration(u):
         s = np.zeros(pair.n)
-        s[independent], s[list(elbows)] = u, (p.posture[1], p.posture[3])
+        s[independent], s[elbows] = u, (angles[1], angles[3])
         for _ in range(10):
             *_, J, _, gap_now = (np.array(x) for x in table(s, np.zeros(pair.n)))
-            s[list(elbows)] -= np.linalg.solve(J[:, list(elbows)], gap_now[:, 0])
+            s[elbows] -= np.linalg.solve(J[:, elbows], gap_now[:, 0])
         return s
 
     def acceleration(u, u_dot, tau):
@@ -57,7 +57,7 @@ def joined(scene):
         _, _, _, J, _, _ = (np.array(x) for x in table(s, np.zeros(pair.n)))
         s_dot = np.zeros(pair.n)
         s_dot[independent] = u_dot
-        s_dot[list(elbows)] = np.linalg.solve(J[:, list(elbows)], -J @ s_dot)
+        s_dot[elbows] = np.linalg.solve(J[:, elbows], -J @ s_dot)
         M, rest, B, J, bend, _ = (np.array(x) for x in table(s, s_dot))
         saddle = np.block([[M, -J.T], [J, np.zeros((2, 2))]])
         right = np.concatenate([B @ tau - rest[:, 0], -bend[:, 0]])
@@ -87,11 +87,11 @@ def test_rate_of_M_minus_twice_C_is_skew(arm):
 
 
 def test_loop_stays_closed_along_the_motion(arm, scene):
-    """Points run from the right tip over both bases to the left tip: the two tips are one."""
+    """The left arm's way ends in the last link's tip, where the right one's does: the two tips are one."""
     lin = fl.linearize(arm, scene.motion)
     for q in lin.motion.sample(np.linspace(0, lin.period, 25))[0]:
         points = np.array(arm.functions["points"]([*q, 0, 0], []))
-        assert np.abs(points[:, 0] - points[:, 5]).max() < 1e-12
+        assert np.abs(points[:, 2] - points[:, -1]).max() < 1e-12
 
 
 def test_linearization_equals_differences_of_the_joined_arms(arm, joined, scene):
@@ -143,7 +143,7 @@ def test_stiff_links_tend_to_rigid_ones(scene):
     """Statically, elastic coordinates follow w = K_ww^-1 h_w: the deflection falls like 1/EI."""
     deflections = []
     for stiffness in (3e2, 3e3, 3e4):
-        changes = {f"parameters.{side}.1.bending_stiffness": stiffness for side in ("left", "right")}
+        changes = {f"links.{link}.bending_stiffness": stiffness for link in (1, 3)}
         stiff = fl.load_scene("five-bar", changes)
         c = fl.linearize(fl.build_manipulator(stiff), stiff.motion).sample(np.array([0.1]))
         deflections.append(np.abs(np.linalg.solve(c.K[0][2:, 2:], c.h[0][2:])).max())
@@ -159,8 +159,8 @@ def test_a_motion_out_of_reach_is_refused(arm, scene):
 
 
 def test_an_impossible_posture_is_refused(joined):
-    independent = [0, 3, 2, 5]
+    independent, posture = [0, 2, 4, 5], [2.2, -1.3, 0.95, 1.3, 0, 0]
     with pytest.raises(ToleranceNotReached, match="no solution"):
-        close_loop(joined.pair, joined.gap + 1.0, independent, (0, 2), [2.2, -1.3, 0, 0.95, 1.3, 0])
+        close_loop(joined.pair, joined.gap + 1.0, independent, (0, 2), posture)
     with pytest.raises(ModelError, match="the motors' among them"):
-        close_loop(joined.pair, joined.gap, [2, 0, 1, 5], (0, 2), [2.2, -1.3, 0, 0.95, 1.3, 0])
+        close_loop(joined.pair, joined.gap, [4, 0, 1, 5], (0, 2), posture)

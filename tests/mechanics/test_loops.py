@@ -161,33 +161,6 @@ def test_both_routes_agree(flexible):
     assert_allclose(one.D, two.D, rtol=0, atol=1e-10 * np.abs(one.D).max())
 
 
-def test_a_planar_five_bar_of_loops_is_the_model_of_two_arms():
-    """Equations of the registered model, which joins two arms by hand, and of the same links in one scene."""
-    model = fl.load_scene("five-bar", {"designs": []})
-    p = raw("five-bar")["parameters"]
-    mount = {"xyz": [p["base"], 0.0, 0.0]}
-    marks = [{"posture": x} for x in p["posture"]]
-    sides = [*p["right"], *p["left"]]
-    more = [{"mount": mount}, {"passive": True, "name": "right"}, {"parent": "base"}, {"passive": True, "name": "left"}]
-    order = [2, 3, 0, 1]
-    links = [{**link, **extra, **marks[k]} for link, extra, k in zip(sides, more, order, strict=True)]
-    effects = {**p["effects"], "hub": {"inertia": [2e-3, 0.0, 2e-3, 0.0]}}
-    joints = raw("five-bar")["motion"]["joints"]
-    motion = {**raw("five-bar")["motion"], "joints": joints[::-1]}
-    loops = [{"link": "right", "to": "left"}]
-    scene = fl.parse_scene(
-        {"schema": 1, "title": "5-bar", "links": links, "loops": loops, "effects": effects, "motion": motion}
-    )
-    arm = fl.build_manipulator(scene)
-    assert arm.points.shape[0] == 2
-    t, swap = np.linspace(0, 0.5, 7), [1, 0, 3, 2]
-    mine = fl.linearize(arm, scene.motion).sample(t)
-    judge = fl.linearize(fl.build_manipulator(model), model.motion).sample(t)
-    for name in "MDK":
-        expected = getattr(judge, name)[:, swap][:, :, swap]
-        assert_allclose(getattr(mine, name), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
-
-
 def test_free_numbers_move_the_closure(flexible):
     """A length left free as a symbol is one that is built in."""
     scene, _, _ = flexible

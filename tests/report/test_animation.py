@@ -66,7 +66,7 @@ def test_every_moving_link_of_a_closed_loop_is_drawn_and_the_base_is_ground():
     assert sorted(np.round(lengths, 3)) == [0.2, 0.2, 0.3, 0.3]
     ends = [tuple(np.array(curve)[:, k]) for curve in first["links"][0][-1] for k in (0, -1)]
     assert sum(np.allclose(end, run.tip[-1], atol=2e-5) for end in ends) == 2
-    assert [angle["name"] for angle in first["angles"]] == ["left q1", "right q1"]
+    assert [angle["name"] for angle in first["angles"]] == ["q1", "q3"]
     assert data["bodies"] == {"payload": True, "hub": True}
 
 

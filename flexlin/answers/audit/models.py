@@ -9,18 +9,17 @@ from pydantic import BaseModel, ValidationError
 
 from flexlin.answers.audit.versions import MOST_MODES, Version
 from flexlin.scene.base import Table
-from flexlin.scene.effects import known_effects
 from flexlin.scene.library import registered_model
 from flexlin.scene.scene import Scene
 
-EFFECTS, MODES = "effects", "modes"
-"""Keys of a model's table that mean what they mean in a scene: a table for each effect, and the modes of a link."""
+MODES = "modes"
+"""A key of a model's table that means what it means in a scene: the modes of a link."""
 
 Path = tuple[str | int, ...]
 
 
 def list_model_versions(scene: Scene) -> Iterator[Version]:
-    """Take away each effect in the model's table, set each number to zero that may be zero, change each number of modes by one.
+    """Set each number of the model's table to zero that may be zero, change each number of modes by one.
 
     What the model's schema refuses is not tried. A model says nothing of effects that it leaves out, so none is added.
     """
@@ -33,13 +32,8 @@ def list_model_versions(scene: Scene) -> Iterator[Version]:
 
 
 def list_switches(scene: Scene, schema: type[BaseModel]) -> Iterator[Version]:
-    """Each effect and each number of the model's table taken away."""
+    """Each number of the model's table taken away."""
     units = schema.units() if issubclass(schema, Table) else {}
-    for name, table in scene.parameters.get(EFFECTS, {}).items():
-        known = known_effects().get(name)
-        unit = {} if known is None else known.units()
-        switch = partial(with_parameter, path=(EFFECTS, name), value=None)
-        yield Version(switch, f"without {name}", "effect", name, True, dict(table), unit)
     for name, field in schema.model_fields.items():
         value = scene.parameters.get(name, field.default)
         if isinstance(value, int | float) and not isinstance(value, bool) and value != 0:
@@ -69,15 +63,12 @@ def find_modes(node: Any, path: Path = ()) -> Iterator[tuple[Path, int]]:
 
 
 def with_parameter(scene: Scene, path: Path, value: Any) -> Scene:
-    """The scene with another value in the model's table; None takes the key away."""
+    """The scene with another value in the model's table."""
     table = copy.deepcopy(scene.parameters)
     node: Any = table
     for step in path[:-1]:
         node = node[step]
-    if value is None:
-        node.pop(path[-1], None)
-    else:
-        node[path[-1]] = value
+    node[path[-1]] = value
     return scene.model_copy(update={"parameters": table})
 
 
