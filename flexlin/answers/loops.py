@@ -15,7 +15,7 @@ from flexlin.mechanics.chain import build_manipulator
 from flexlin.periodic.controlled import extend_system
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.control import DesignTable
-from flexlin.scene.parameters import get_value
+from flexlin.scene.parameters import PARAMETERS, get_value, path_in
 from flexlin.scene.revised import revise_scene
 from flexlin.scene.scene import Scene
 from flexlin.summary import represent
@@ -113,7 +113,7 @@ def choose_loop(scene: Scene, paths: Iterable[str], loop: str = "own", tol: floa
     Parameters: tol: relative error of designed gains.
     Raises: ArgumentError for an unknown loop, or a free number of a controller that is not in it; what `design` raises.
     """
-    paths = tuple(paths)
+    paths = tuple(path_in(scene, path) for path in paths)
     outside = [path for path in paths if path.split(".")[0] in OUTSIDE]
     if outside:
         expected = "a number of the links, effects, motion, control or parameters"
@@ -153,7 +153,7 @@ def with_states(loop: ParametricLoop | RebuiltLoop) -> ParametricLoop | RebuiltL
 def leave_free(scene: Scene, paths: tuple[str, ...], closed: bool) -> ParametricLoop | RebuiltLoop:
     """The scene's own loop or the open arm with free numbers: as symbols, or derived anew at each point where that cannot be."""
     sampled = scene.motion.kind in SAMPLED
-    if not sampled and not any(path.startswith("parameters.") for path in paths):
+    if not sampled and not any(path.startswith(f"{PARAMETERS}.") for path in paths):
         return parametric_loop(scene, paths, closed=closed)
     rebuilt = RebuiltLoop(scene, paths, closed, 0)
     rebuilt = replace(rebuilt, states=replace(rebuilt, paths=()).at(np.zeros(0)).states)

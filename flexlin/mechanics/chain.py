@@ -26,6 +26,7 @@ from flexlin.scene.library import registered_model
 from flexlin.scene.links import Link
 from flexlin.scene.loading import checked_table
 from flexlin.scene.loops import NO_LINK, list_parents
+from flexlin.scene.parameters import PARAMETERS
 from flexlin.scene.scene import Scene
 from flexlin.scene.space import RigidPart
 
@@ -131,15 +132,15 @@ def _build_registered(scene: Scene, free: Parameters) -> Manipulator:
     Raises: ArgumentError where its code asks for numbers and cannot do with symbols.
     """
     entry = registered_model(str(scene.model))
-    table = checked_table(entry.schema, scene.parameters, f"model {scene.model}", "parameters")
-    own = [path for path in free.paths if path.startswith("parameters.")]
+    table = checked_table(entry.schema, scene.parameters, f"model {scene.model}", PARAMETERS)
+    own = [path for path in free.paths if path.startswith(f"{PARAMETERS}.")]
     if not own:
         manipulator: Manipulator = entry.build(table)
         return replace(manipulator, parameters=free)
     try:
         with given_to_model(free), warnings.catch_warnings():
             warnings.simplefilter("error")
-            manipulator = entry.build(free.placed_in(table, "parameters."))
+            manipulator = entry.build(free.placed_in(table, f"{PARAMETERS}."))
     except Exception as error:  # code of the model's own meets symbols that it may not expect
         got = f"{', '.join(own)} ({str(error).splitlines()[0][:120]})"
         raise ArgumentError(f"the model {scene.model} takes numbers, no symbols", got=got) from error

@@ -13,7 +13,7 @@ from pydantic import BaseModel
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.expressions import Expressions
-from flexlin.scene.parameters import get_value, replace_value
+from flexlin.scene.parameters import PARAMETERS, get_value, path_in, replace_value
 from flexlin.summary import represent
 
 AnyTable = TypeVar("AnyTable", bound=BaseModel)
@@ -35,10 +35,10 @@ class Parameters(Expressions):
 
         Raises: ArgumentError when a path does not lead to a number of the scene.
         """
-        paths = tuple(paths)
+        paths = tuple(path_in(scene, path) for path in paths)
         values = [get_value(scene, path) for path in paths]
         for path, value in zip(paths, values, strict=True):
-            whole = path.startswith("parameters.") and type(value) is int  # a model's table is not checked yet
+            whole = path.startswith(f"{PARAMETERS}.") and type(value) is int  # a model's table is not checked yet
             if not isinstance(value, float) and not whole:
                 raise ArgumentError(
                     f"{path} cannot be left free", got=repr(value)[:80], expected="a real number of the scene"

@@ -4,7 +4,9 @@ import re
 from itertools import pairwise
 
 from flexlin.scene.base import Table
-from flexlin.scene.parameters import get_value
+from flexlin.scene.library import registered_model
+from flexlin.scene.loading import checked_table
+from flexlin.scene.parameters import PARAMETERS, get_value, path_in
 from flexlin.scene.scene import Scene
 
 TABLES = {"parameters", "motion", "effects", "control", "feedback", "links", "joints"}
@@ -38,15 +40,22 @@ def name_unit(scene: Scene, path: str) -> str:
 
     Of `rad or m` the first: no scene says so where its joints slide.
     """
-    steps, unit = path.split("."), ""
-    node: object = scene
+    steps, unit = path_in(scene, path).split("."), ""
+    checked = check_parameters(scene) if steps[0] == PARAMETERS else scene
+    node: object = checked
     for k, step in enumerate(steps):
         if isinstance(node, Table):
             unit = type(node).units().get(step, "")
-        node = get_value(scene, ".".join(steps[: k + 1]))
+        node = get_value(checked, ".".join(steps[: k + 1]))
     slides = any(link.joint == "prismatic" for link in scene.links)
     unit = unit if slides else unit.split(" or ")[0]
     return unit if scene.unit_system != "dimensionless" or unit == "rad" else ""
+
+
+def check_parameters(scene: Scene) -> Scene:
+    """The scene with its registered model's own table, whose keys know their units, in the place of the raw one."""
+    table = checked_table(registered_model(str(scene.model)).schema, scene.parameters, scene.title, PARAMETERS)
+    return scene.model_copy(update={PARAMETERS: table})
 
 
 def label_number(scene: Scene, path: str) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 
 from flexlin.errors import ArgumentError, Problem
 from flexlin.scene.effects import known_effects
+from flexlin.scene.parameters import PARAMETERS, whole_path
 from flexlin.scene.toml import DEEPEST, parse_toml
 from flexlin.text import printable
 
@@ -58,10 +59,11 @@ def apply_overrides(raw: dict[str, Any], overrides: Mapping[str, Any]) -> tuple[
     """Return a copy of raw scene data with the overrides in place, and what could not be placed.
 
     An effect that is off has no table, so its parameters cannot be set: the whole table turns it on, the word "off" turns it off.
+    A key that the scene lacks, but its [parameters] table holds, may be written without `parameters.`.
     """
     result, problems = copy.deepcopy(raw), []
     for key, value in overrides.items():
-        path = key.split(".")
+        path = whole_path(key, result, result.get(PARAMETERS)).split(".")
         problem = _place(result, path, value) if len(path) <= DEEPEST else _too_deep(len(path))
         if problem:
             problems.append(Problem(printable(key), *problem))

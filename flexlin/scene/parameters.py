@@ -1,19 +1,40 @@
 """Numbers of a scene by dotted path: read them, replace them, list them."""
 
+from collections.abc import Container
 from typing import Any
 
 from pydantic import BaseModel
 
 from flexlin.errors import ArgumentError
 
+PARAMETERS = "parameters"
+"""Key of the table of a registered model."""
+
+
+def whole_path(path: str, keys: Container[str], parameters: Any) -> str:
+    """The path from the scene's own keys on: a key that the scene lacks, but its [parameters] table holds, may be written without
+    `parameters.`.
+
+    Parameters: keys: those that the scene has; parameters: the registered model's own table.
+    """
+    step = path.split(".", 1)[0]
+    held = step not in keys and isinstance(parameters, dict) and step in parameters
+    return f"{PARAMETERS}.{path}" if held else path
+
+
+def path_in(scene: BaseModel, path: str) -> str:
+    """The `whole_path` in a checked scene."""
+    return whole_path(path, scene.model_fields_set, getattr(scene, PARAMETERS, None))
+
 
 def get_value(scene: BaseModel, path: str) -> Any:
-    """Read what stands at a dotted path, such as `effects.payload.mass` or `links.0.length`.
+    """Read what stands at a dotted path, such as `effects.payload.mass` or `links.0.length`; of a registered model's table also
+    without `parameters.`.
 
     Raises: ArgumentError when nothing stands there.
     """
     node: Any = scene
-    for step in path.split("."):
+    for step in path_in(scene, path).split("."):
         node = _child(node, step, path)
     return node
 

@@ -5,6 +5,7 @@ from typing import Any
 
 from flexlin.scene.library import registered_model
 from flexlin.scene.loading import checked_table, parse_scene
+from flexlin.scene.parameters import PARAMETERS
 from flexlin.scene.scene import Scene
 
 
@@ -21,5 +22,5 @@ def revise_scene(scene: Scene, values: Mapping[str, float], raw: Mapping[str, An
     """
     revised = parse_scene(raw_tables(scene) if raw is None else raw, scene.title, values)
     if revised.model is not None:
-        checked_table(registered_model(revised.model).schema, revised.parameters, scene.title, "parameters")
+        checked_table(registered_model(revised.model).schema, revised.parameters, scene.title, PARAMETERS)
     return revised
