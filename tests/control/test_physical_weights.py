@@ -64,9 +64,10 @@ def test_built_in_designs_bear_any_number_of_modes(name):
 
 
 @pytest.mark.slow
-def test_fast_modes_ask_for_no_more_nodes():
-    """Modes up to 42,000 rad/s: the cost has the few harmonics of the motion, which the ringing of a coarse start must not hide."""
-    scene, lin = arm_of("flexible-joint-link", **{"links.0.modes": 5})
+@pytest.mark.parametrize("name", ["flexible-joint-link", "five-bar"])
+def test_fast_modes_ask_for_no_more_nodes(name):
+    """Modes up to 80,000 rad/s: the cost has the few harmonics of the motion, which the ringing of a coarse start must not hide."""
+    scene, lin = arm_of(name, **{"links.0.modes": 5})
     solution = design(lin, scene.designs[0], tol=1e-9).solution
     assert isinstance(solution.series, FourierSeries)
     assert solution.error < 1e-9
