@@ -73,7 +73,9 @@ def build(p: Parameters) -> fl.Manipulator:
     tip = ca.vertcat(L * ca.cos(q) - bent * ca.sin(q), L * ca.sin(q) + bent * ca.cos(q))
     names = ("q1", *(f"w1{'' if N < 10 else '_'}{i + 1}" for i in range(N)))
     B = ca.vertcat(ca.DM(1), ca.DM.zeros(N))
-    return fl.Manipulator.from_matrices(s, s_dot, M, C, weight, B=B, names=names, points=ca.horzcat(ca.SX.zeros(2), tip))
+    return fl.Manipulator.from_matrices(
+        s, s_dot, M, C, weight, B=B, names=names, points=ca.horzcat(ca.SX.zeros(2), tip)
+    )
 
 
 def clamped_free_modes(count: int) -> tuple[ca.DM, ca.DM, ca.DM]:

@@ -146,12 +146,12 @@ def of_joint(lin: Linearization, key: str, value: Any, coordinate: Coordinate) -
     """The part of a size that belongs to a joint: the size itself, or its entry of a list over the joints."""
     if not isinstance(value, Sequence) or isinstance(value, str):
         return value
-    joints = list(dict.fromkeys((c.part, c.link) for c in lin.coordinates if c.kind in TURNING))
+    joints = list(dict.fromkeys(c.link for c in lin.coordinates if c.kind in TURNING))
     if len(value) != len(joints):
         raise ArgumentError(
             f"weights.{key} does not fit the arm", got=f"{len(value)} sizes", expected=f"{len(joints)}, one a joint"
         )
-    return value[joints.index((coordinate.part, coordinate.link))]
+    return value[joints.index(coordinate.link)]
 
 
 def size_in(key: str, value: Any, unit: str) -> float | None:

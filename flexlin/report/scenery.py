@@ -48,7 +48,9 @@ def list_grounds(points: Array) -> list[int]:
     fixed = fixed_points(points)
     grounds = [i for i in fixed if points.shape[1] == 2 or i - 1 not in fixed]
     near = STILL * max(float(np.ptp(points)), 1e-300)
-    return [i for k, i in enumerate(grounds) if all(np.ptp(points[0][:, [i, j]], axis=1).max() > near for j in grounds[:k])]
+    return [
+        i for k, i in enumerate(grounds) if all(np.ptp(points[0][:, [i, j]], axis=1).max() > near for j in grounds[:k])
+    ]
 
 
 def moving_links(links: list[list[Array]]) -> list[int]:

@@ -41,7 +41,8 @@ def load_scene(
     source : str or Path
         A name that `builtin_scenes` lists, or a path.
     overrides : mapping of str to value, optional
-        Dotted paths and what stands there instead, such as {"effects.payload.mass": 0.3}.
+        Dotted paths and what stands there instead, such as {"effects.payload.mass": 0.3}; what stands in a registered model's
+        [parameters] also without `parameters.`.
     data_folder : str or Path, optional
         A folder beside the scene's own whose files the scene may name.
 

@@ -85,6 +85,11 @@ def _list_keys(raw: dict[str, Any], last: str) -> str:
 
 
 def _place(tree: Any, path: list[str], value: Any) -> tuple[str, str] | None:
+    model = tree.get("model")
+    if path[0] == "effects" and model is not None:
+        own = tree.get(PARAMETERS)
+        keys = ", ".join(map(str, own)) if isinstance(own, dict) else ""
+        return f"an effect beside model = {printable(repr(model))}", f"a key of the model's own table: {keys}"
     if len(path) > 1 and path[1].isdigit() and path[0] not in tree:
         return f"an item of {printable(path[0])}, which the scene does not have", _list_keys(tree, path[-1])
     for depth, step in enumerate(path[:-1]):

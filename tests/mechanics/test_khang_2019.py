@@ -54,24 +54,16 @@ def motion() -> dict:
     return {"kind": "harmonic", "frequency": FREQUENCY, "joints": [{"amplitude": AMPLITUDE, "mean": MEAN}]}
 
 
-def from_effects():
-    link = {"length": L, "mass_per_length": RHO_A, "bending_stiffness": EI, "modes": 1}
+def from_effects(modes=1):
+    link = {"length": L, "mass_per_length": RHO_A, "bending_stiffness": EI, "modes": modes}
     effects = {"hub": {"inertia": J1}, "payload": {"mass": M_E}, "gravity": {"acceleration": G}}
     return parse_scene({"schema": 1, "title": "effects", "links": [link], "effects": effects, "motion": motion()})
 
 
-def by_hand():
-    names = {
-        "length": L,
-        "mass_per_length": RHO_A,
-        "bending_stiffness": EI,
-        "hub_inertia": J1,
-        "payload_mass": M_E,
-        "gravity": G,
-    }
-    return parse_scene(
-        {"schema": 1, "title": "by hand", "model": "khang-2019", "parameters": names, "motion": motion()}
-    )
+def by_hand(modes=1):
+    link = {"length": L, "mass_per_length": RHO_A, "bending_stiffness": EI, "modes": modes}
+    own = {"links": [link], "hub_inertia": J1, "payload_mass": M_E, "gravity": G}
+    return parse_scene({"schema": 1, "title": "by hand", "model": "khang-2019", "parameters": own, "motion": motion()})
 
 
 @pytest.mark.parametrize("route", ["jacobian", "kronecker"])
@@ -89,6 +81,18 @@ def test_printed_equations(make, route):
     np.testing.assert_allclose(lin.D(t), 0.0, atol=1e-15)  # Eq. (70)
     np.testing.assert_allclose(lin.h(t), h, rtol=1e-12)
     np.testing.assert_allclose(lin.B(t), np.broadcast_to([[1.0], [0.0]], (len(t), 2, 1)))
+
+
+@pytest.mark.parametrize("modes", [0, 3, 12])
+def test_several_modes_by_hand_are_those_of_the_chain(modes):
+    """Felgar's integrals in closed form against quadrature, sums over modes against the chain's energies, at random states."""
+    own, chain = (fl.build_manipulator(make(modes)) for make in (by_hand, from_effects))
+    assert own.names == chain.names
+    rng = np.random.default_rng(modes)
+    s, s_dot, s_ddot = rng.normal(size=(3, 1 + modes)) * np.array([1.0, *[0.1] * modes])
+    for name, state in (("M", [s]), ("C", [s, s_dot]), ("g", [s]), ("residual", [s, s_dot, s_ddot]), ("points", [s])):
+        ours, theirs = (np.array(arm.functions[name](*state, [])) for arm in (own, chain))
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-12 * np.abs(theirs).max(), err_msg=name)
 
 
 def test_feedforward_is_the_rigid_torque():

@@ -10,6 +10,7 @@ from flexlin.errors import MotionError
 from flexlin.mechanics.parameters import Parameters
 from flexlin.motion import build_motion
 from flexlin.motion.waypoints import PROFILES
+from flexlin.scene import parse_scene
 from flexlin.scene.motion import AnyMotion
 
 TABLE = TypeAdapter(AnyMotion)
@@ -183,9 +184,10 @@ def test_table_with_text_or_without_file(tmp_path):
 @settings(max_examples=25, deadline=None)
 @given(st.floats(0.1, 10), st.floats(-2, 2), st.floats(0, 1))
 def test_free_parameters_take_the_place_of_numbers(frequency, amplitude, phase):
-    table = TABLE.validate_python({"kind": "harmonic", "frequency": frequency, "joints": [{"amplitude": amplitude}]})
-    scene_like = {"motion": table}
-    free = Parameters.of_scene(scene_like, ["motion.frequency", "motion.joints.0.amplitude"])
+    harmonic = {"kind": "harmonic", "frequency": frequency, "joints": [{"amplitude": amplitude}]}
+    links = [{"length": 1.0, "mass_per_length": 1.0}]
+    scene = parse_scene({"schema": 1, "title": "free", "links": links, "motion": harmonic})
+    table, free = scene.motion, Parameters.of_scene(scene, ["motion.frequency", "motion.joints.0.amplitude"])
     fixed, freed = build_motion(table, 1), build_motion(table, 1, free)
     t = np.array([phase / frequency])
     assert freed.period == fixed.period

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 import flexlin as fl
 from flexlin.errors import ArgumentError, SceneError
 from flexlin.scene import builtin_scenes, parse_scene
+from flexlin.scene.names import label_number
 from flexlin.scene.overrides import apply_overrides, parse_assignment
 from flexlin.scene.parameters import get_value, numeric_paths, replace_value
 
@@ -125,9 +126,31 @@ def test_overrides_that_lead_nowhere(key):
 
 
 def test_an_override_into_a_list_that_is_not_there_is_answered_by_the_keys_that_are():
-    with pytest.raises(SceneError) as refused:
-        fl.load_scene("five-bar", {"links.0.modes": 1})
-    assert "parameters.left.1.modes or parameters.right.1.modes" in str(refused.value)
+    with pytest.raises(SceneError, match=r"such as links\.0\.modes or links\.1\.modes"):
+        fl.load_scene("five-bar", {"left.1.modes": 1})
+
+
+def test_keys_of_a_model_s_table_may_go_without_their_prefix():
+    whole = fl.load_scene("khang-2019", {"parameters.links.0.modes": 3, "parameters.payload_mass": 0.2})
+    short = fl.load_scene("khang-2019", {"links.0.modes": 3, "payload_mass": 0.2})
+    assert short == whole
+    assert get_value(short, "links.0.length") == get_value(short, "parameters.links.0.length") == 1.0
+    assert (label_number(short, "links.0.length"), label_number(short, "payload_mass")) == (
+        "length of link 1 in m",
+        "payload mass in kg",
+    )
+    assert fl.build_manipulator(short, ["links.0.length"]).parameters.paths == ("parameters.links.0.length",)
+    with pytest.raises(SceneError, match="a key of the model's own table: hub_inertia, payload_mass"):
+        fl.load_scene("khang-2019", {"effects.payload.mass": 0.2})
+    with pytest.raises(ArgumentError, match=r"nothing at 'links\.0\.lenght'"):
+        get_value(short, "links.0.lenght")
+
+
+def test_a_key_that_the_scene_has_is_never_one_of_its_model_s_table():
+    raw = {"schema": 1, "title": "x", "model": "own", "parameters": {"title": 1.0, "units": 2.0, "links": []}}
+    scene = parse_scene({**raw, "motion": GOOD["motion"]}, overrides={"title": "y", "parameters.title": 3.0})
+    assert (scene.title, scene.parameters["title"]) == ("y", 3.0)
+    assert get_value(scene, "motion.frequency") == GOOD["motion"]["frequency"]
 
 
 @pytest.mark.parametrize(
@@ -185,4 +208,4 @@ def test_a_registered_model_checks_its_parameters():
     with pytest.raises(SceneError) as caught:
         fl.build_manipulator(parse_scene(raw))
     keys = {problem.key for problem in caught.value.problems}
-    assert {"parameters.length", "parameters.mass_per_length"} <= keys
+    assert {"parameters.length", "parameters.links"} <= keys

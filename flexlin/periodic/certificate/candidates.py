@@ -1,6 +1,7 @@
 """Where a certificate's X(t) may come from: the left Floquet modes, the eigenvectors of A(t), a Lyapunov equation."""
 
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 
@@ -26,9 +27,8 @@ Candidate = Callable[[Array], Array]
 Way = tuple[str, Callable[[PeriodicSystem, FloquetResult], Candidate], int]
 
 
-def propose(result: FloquetResult, resolved: Resolved) -> Iterator[tuple[str, Candidate, int]]:
-    """Yield candidates with their names and the panels that they are worth, the cheap ones first; one that cannot be computed is
-    passed over.
+def propose(result: FloquetResult, resolved: Resolved) -> Iterator[tuple[str, Callable[[], Candidate], int]]:
+    """Yield what computes candidates, with their names and the panels that they are worth, the cheap ones first.
 
     Eigenvectors turn quickly where eigenvalues of A(t) nearly meet, as among many they do; then the decoupled modes come before.
     """
@@ -47,10 +47,7 @@ def propose(result: FloquetResult, resolved: Resolved) -> Iterator[tuple[str, Ca
             ("decoupled modes", from_decoupled_modes, MOST),
         )
     for name, way, most in ways:
-        try:
-            yield name, way(system, result), most
-        except (NumericalError, np.linalg.LinAlgError):
-            continue
+        yield name, partial(way, system, result), most
 
 
 def from_modes(system: PeriodicSystem, result: FloquetResult) -> Candidate:

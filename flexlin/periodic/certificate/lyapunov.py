@@ -103,14 +103,16 @@ def certify(result: FloquetResult) -> Certificate:
         raise ArgumentError("the result does not know its loop", expected="a result of fl.floquet")
     decay, tried = -float(result.exponents.real.max()), []
     best: tuple[Proof, CommonPanels, str] | None = None
-    for name, X, most in propose(result, result.resolved):
+    for name, compute, most in propose(result, result.resolved):
         try:
-            panels = represent_on_panels(result.resolved, X, most)
+            panels = represent_on_panels(result.resolved, compute(), most)
             found = prove(panels)
         except (NumericalError, np.linalg.LinAlgError) as error:
             tried.append(f"{name}: {error}")
             continue
-        tried.append(f"{name}: {found.margin:.3g} 1/s")
+        tried.append(
+            f"{name}: {found.margin:.3g} 1/s" if np.isfinite(found.margin) else f"{name}: none beyond rounding"
+        )
         if found.margin > 0 and (best is None or found.margin > best[0].margin):
             best = found, panels, name
         if found.margin > GOOD * 2 * decay:
