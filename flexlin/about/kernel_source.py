@@ -60,18 +60,18 @@ def reduced_equations(loop: ParametricLoop) -> ca.Function:
     inputs = loop.matrices.sx_in()
     M, D, K = loop.matrices.call(inputs)
     T, n = loop.duration(inputs[1]), loop.linearization.n
-    M, Z, pivots = ca.SX(M), ca.horzcat(T**2 * K, T * D), []
+    M, Z, pivots, inverses = ca.SX(M), ca.horzcat(T**2 * K, T * D), [], []
     for j in range(n):
         pivots.append(M[j, j])
-        inverse = 1 / M[j, j]
+        inverses.append(1 / M[j, j])
         for i in range(j + 1, n):
-            factor = M[i, j] * inverse
+            factor = M[i, j] * inverses[j]
             M[i, j + 1 :] -= factor * M[j, j + 1 :]
             Z[i, :] -= factor * Z[j, :]
     for j in reversed(range(n)):
         for i in range(j + 1, n):
             Z[j, :] -= M[j, i] * Z[i, :]
-        Z[j, :] /= M[j, j]
+        Z[j, :] *= inverses[j]
     outputs = [-Z[:, :n].T, -Z[:, n:].T, ca.vertcat(*pivots), T]  # transposed: column by column is then row by row
     return ca.Function("reduced", inputs, [ca.densify(output) for output in outputs])
 

@@ -10,13 +10,14 @@ from flexlin.about.free import ParametricLoop
 from flexlin.about.kernel_source import write_model
 from flexlin.answers.sweep.batches import PILOTS, SLACK, Batches, Plan
 from flexlin.answers.sweep.found import Found
+from flexlin.answers.sweep.needs import FEW, ORDER, STARTS, Needs, learn_needs, pack
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, NumericalError
 from flexlin.periodic.compiler import find_compiler
 from flexlin.periodic.many.algebra import solve_positive
 from flexlin.periodic.many.compiled import WIDTH, CompiledKernel
 from flexlin.periodic.many.extrapolation import MULTIPLES
-from flexlin.periodic.many.romberg import balance_states, measure_spread
+from flexlin.periodic.many.romberg import balance_states
 
 PAYS = 1.0
 """Seconds of work by NumPy, predicted, from which the kernel is compiled; more where there are more than `SHORT` coordinates."""
@@ -25,12 +26,8 @@ NUMPY_VALUE = 1.5e-4
 """Seconds that NumPy takes for a value of four states; it grows with the cube of the states."""
 LARGEST = 16
 """Coordinates up to which code with all sizes written out is compiled in a few seconds."""
-STARTS = (4, 6, 8, 10, 12, 14, 16, 18, 20, 24, 28, 32, 40, 48, 56, 64, 80, 96, 112, 128, 192, 256, 384, 512, 768, 1024)
-"""Numbers of segments among which the pilot chooses; the resolutions are multiples of it."""
-WORSE = 1.3
-"""The pilot stops at a number of segments that costs so much more than the best."""
-FINER, FINEST = 4, 2048
-"""Values that missed tol are tried again with so many times more segments, up to so many, before `floquet` has them."""
+CLOSER, FINER = (1.15, 1.4), 4
+"""Values that missed tol are tried again with so many times more segments, once by what they missed, before `floquet` has them."""
 BLOCK_WORK = 2e9
 """Multiplications of a block."""
 PROBES = 32
@@ -46,13 +43,13 @@ def pays(loop: ParametricLoop, values: int) -> bool:
 
 @dataclass(frozen=True)
 class CompiledBatches:
-    """The compiled computation of blocks of values; `scale` (2n,) balances the states."""
+    """The compiled computation of blocks of values; `scale` (2n,) balances the states; `needs` says on how many segments."""
 
     loop: ParametricLoop
     tol: float
     kernel: CompiledKernel
     scale: Array
-    plan: Plan
+    needs: Needs
     seconds: float = 0.0
     route = "compiled"
 
@@ -66,10 +63,13 @@ class CompiledBatches:
         except (ArgumentError, NumericalError, OSError):
             return None
         seconds = time.perf_counter() - start
-        starts = WIDTH * np.unique(np.linspace(0, (len(points) - 1) // WIDTH, PILOTS).round().astype(int))
-        scale = balance_coefficients(loop, points[starts])
-        some = [points[start : start + WIDTH] for start in starts]
-        return cls(loop, tol, kernel, scale, choose_segments(kernel, some, scale, tol), seconds)
+        scale = balance_coefficients(loop, points[np.linspace(0, len(points) - 1, PILOTS).astype(int)])
+        return cls(loop, tol, kernel, scale, learn_needs(kernel, points, scale, tol), seconds)
+
+    @property
+    def plan(self) -> Plan:
+        """The number of segments in the middle of the parameters, and the spread of the moduli."""
+        return Plan(self.needs.usual, spread=self.needs.spread)
 
     @property
     def threaded(self) -> bool:
@@ -79,7 +79,7 @@ class CompiledBatches:
     @property
     def block(self) -> int:
         """Values of a block: as many whatever machine or worker computes it, so that results do not depend on where the cuts are."""
-        work = sum(MULTIPLES[:3]) * self.plan.segments * 12 * (2 * self.loop.linearization.n) ** 3
+        work = sum(MULTIPLES[:FEW]) * self.plan.segments * 12 * (2 * self.loop.linearization.n) ** 3
         return WIDTH * int(np.clip(BLOCK_WORK / work / WIDTH, 1, 1024))
 
     def spectra(self, points: Array, segments: int) -> tuple[Array, Array, Array]:
@@ -92,35 +92,33 @@ class CompiledBatches:
         """All values of a block: together, those that miss tol on more and more segments, and the rest one by one."""
         found = Found.empty(len(points), self.loop.states)
         narrow = Batches(self.loop, points, self.tol, 0).find_narrow(np.arange(len(points)))
-        alone, rest, segments = np.flatnonzero(narrow), np.flatnonzero(~narrow), self.plan.segments
-        spread = SLACK * self.plan.spread
-        while len(rest) and segments <= max(FINEST, self.plan.segments):
-            given = (segments, self.scale, self.tol / 100, spread, self.tol)
-            result = self.kernel.judge(*self.kernel.find_logs(points[rest], *given)[:4], self.tol)
-            done = rest[result.reached]
-            found.exponents[done], found.error[done] = result.exponents[result.reached], result.error[result.reached]
-            found.verdict[done], found.period[done] = result.verdict[result.reached], result.period[result.reached]
-            # moduli may lie further apart than the pilot's
-            rest, segments, spread = rest[~result.reached], FINER * segments, np.inf
+        rest, alone = np.flatnonzero(~narrow), [np.flatnonzero(narrow)]
+        wanted, spread, trial = self.needs.predict(points[rest]), SLACK * self.needs.spread, 0
+        while len(rest):
+            misses, levels = np.empty(len(rest)), FEW if trial < 2 else len(MULTIPLES)
+            for segments, which in pack(wanted):
+                misses[which] = self.enter(found, points, rest[which], segments, spread, levels)
+                wanted[which] = segments
+            missed = misses > 1
+            growth = FINER if trial else np.clip(SLACK * misses[missed] ** (1 / ORDER), *CLOSER)
+            rest, wanted = rest[missed], growth * wanted[missed]
+            alone.append(rest[wanted > STARTS[-1]])
+            rest, wanted = rest[wanted <= STARTS[-1]], wanted[wanted <= STARTS[-1]]
+            spread, trial = np.inf, trial + 1  # moduli may lie further apart than the pilots'
         found.explain()
-        for i in (*alone, *rest):
+        for i in np.concatenate(alone):
             found.put_alone(i, partial(self.loop.system_at, points[i]), self.tol)
         return found
 
-
-def choose_segments(kernel: CompiledKernel, some: list[Array], scale: Array, tol: float) -> Plan:
-    """The number of segments from which some values, as many together as a vector holds, reach the tolerance with the least work."""
-    best, least = Plan(STARTS[-1]), np.inf
-    for segments in STARTS:
-        runs = [kernel.find_logs(points, segments, scale, tol / 100, np.inf, tol) for points in some]
-        logs, errors, sound, T, work = (np.concatenate(part) for part in zip(*runs, strict=True))
-        reached = sound & np.all(errors <= tol * np.maximum(T[:, None], np.abs(logs)), axis=1)
-        spent = float(np.where(reached, work, (1 + FINER) * work).mean())
-        if reached.any() and spent < least:
-            best, least = Plan(segments, spread=measure_spread(logs[reached].T)), spent
-        elif spent > WORSE * least:
-            break
-    return best
+    def enter(self, found: Found, points: Array, which: Array, segments: int, spread: float, levels: int) -> Array:
+        """Compute values together and enter those that meet tol; the errors of all in units of it, (V,)."""
+        given = (segments, self.scale, self.tol / 100, spread, self.tol, levels)
+        result = self.kernel.judge(*self.kernel.find_logs(points[which], *given)[:4], self.tol)
+        reached = result.misses <= 1
+        done = which[reached]
+        found.exponents[done], found.error[done] = result.exponents[reached], result.error[reached]
+        found.verdict[done], found.period[done] = result.verdict[reached], result.period[reached]
+        return result.misses
 
 
 def balance_coefficients(loop: ParametricLoop, points: Array) -> Array:

@@ -25,13 +25,13 @@ REGISTERS = 20
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """Exponents (V, n) by falling real part in 1/s, the largest error of each value, verdict codes, periods, and whether tol is met."""
+    """Exponents (V, n) by falling real part in 1/s, the largest error of each value, verdict codes, periods, and errors over tol."""
 
     exponents: Array
     error: Array
     verdict: Array
     period: Array
-    reached: Array
+    misses: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,23 +65,24 @@ class CompiledKernel:
         return "\n".join([text[0], *[f"#define {name} {size}" for name, size in sizes.items()], self.model, *text[1:]])
 
     def find_logs(
-        self, points: Array, segments: int, scale: Array, accuracy: float, spread: float, tol: float = 0.0
+        self,
+        points: Array,
+        segments: int,
+        scale: Array,
+        accuracy: float,
+        spread: float,
+        tol: float = 0.0,
+        levels: int = len(MULTIPLES),
     ) -> tuple[Array, Array, Array, Array, Array]:
         """Logs (V, n) of the multipliers, their errors (V, n), whether they are sound (V,), the periods (V,) in s, and segments computed.
 
         Parameters: points (V, P); segments, accuracy, spread: as of `batched_exponents`; scale (n,): of the states; tol: finer
-        resolutions, to four times as fine as `batched_exponents`, are left out where it is met, as of `sweep`.
+        resolutions, to four times as fine as `batched_exponents`, are left out where it is met, as of `sweep`; levels: resolutions at most.
         Raises: MemoryError.
         """
-        V, states, base = len(points), 2 * self.coordinates, place_edges(1.0, self.breaks, segments)
-        grids = [divide_segments(base, multiple) for multiple in MULTIPLES]
-        gains = [find_gains(*MULTIPLES[k - 2 : k + 1]) if k > 1 else np.zeros(4) for k in range(len(MULTIPLES))]
-        nodes = np.concatenate([place_nodes(grid, gauss(2).c).ravel() for grid in grids])
+        V, states = len(points), 2 * self.coordinates
         given = [
-            np.array([len(grid) - 1 for grid in grids], dtype=np.intc),
-            np.concatenate([np.diff(grid) for grid in grids]),
-            np.ascontiguousarray(self.of_phase(nodes)),
-            np.array(gains),
+            *self.tabulate(segments, levels),
             np.ascontiguousarray(scale / scale[:, None]),
             np.array([(accuracy * factorial(degree + 1)) ** (1 / degree) for degree in DEGREES]),
         ]
@@ -90,21 +91,38 @@ class CompiledKernel:
         sound, periods, work = np.empty(V, dtype=bool), np.empty(V), np.empty(V, dtype=np.intc)
         numbers = ctypes.c_double(accuracy), ctypes.c_double(spread), ctypes.c_double(tol)
         results = [pointer(array) for array in (logs, errors, sound, periods, work)]
-        start = ctypes.c_long(V), pointer(points), ctypes.c_int(len(MULTIPLES))
+        start = ctypes.c_long(V), pointer(points), ctypes.c_int(levels)
         if self.library.find_exponents(*start, *map(pointer, given), *numbers, *results):
             raise MemoryError("the factors of a period")
         return logs, errors, sound, periods, work
 
+    def tabulate(self, segments: int, levels: int) -> list[Array]:
+        """What of a computation the resolutions alone decide: segments, their lengths and nodes, gains; kept for the next one."""
+        key = segments, levels
+        if key not in self.tables:
+            base = place_edges(1.0, self.breaks, segments)
+            grids = [divide_segments(base, multiple) for multiple in MULTIPLES[:levels]]
+            gains = [find_gains(*MULTIPLES[k - 2 : k + 1]) if k > 1 else np.zeros(4) for k in range(levels)]
+            nodes = np.concatenate([place_nodes(grid, gauss(2).c).ravel() for grid in grids])
+            self.tables[key] = [
+                np.array([len(grid) - 1 for grid in grids], dtype=np.intc),
+                np.concatenate([np.diff(grid) for grid in grids]),
+                np.ascontiguousarray(self.of_phase(nodes)),
+                np.array(gains),
+            ]
+        return self.tables[key]
+
+    @cached_property
+    def tables(self) -> dict[tuple[int, int], list[Array]]:
+        """Of `tabulate`."""
+        return {}
+
     def judge(self, logs: Array, errors: Array, sound: Array, periods: Array, tol: float) -> Judged:
         """Exponents and verdicts of logs, in whose place they are written; tol as of `sweep`."""
-        error, verdict, reached = (
-            np.empty(len(logs)),
-            np.empty(len(logs), dtype=np.int8),
-            np.empty(len(logs), dtype=bool),
-        )
-        arrays = [pointer(array) for array in (periods, sound, logs, errors, error, verdict, reached)]
+        error, verdict, misses = np.empty(len(logs)), np.empty(len(logs), dtype=np.int8), np.empty(len(logs))
+        arrays = [pointer(array) for array in (periods, sound, logs, errors, error, verdict, misses)]
         self.library.judge(ctypes.c_long(len(logs)), ctypes.c_double(tol), *arrays)
-        return Judged(logs, error, verdict, periods, reached)
+        return Judged(logs, error, verdict, periods, misses)
 
     def __getstate__(self) -> dict[str, object]:
         return {name: getattr(self, name) for name in ("model", "coordinates", "of_phase", "breaks")}

@@ -207,15 +207,15 @@ int find_exponents(long values, const double *points, int levels, const int *seg
 }
 
 /* Exponents (V, S, 2) by falling real part, in place of the logs; the largest error and the verdict of each value (0 undecided, 1 stable,
- * 2 unstable), and whether every exponent meets tol. */
+ * 2 unstable), and the largest error of an exponent in units of what tol allows. */
 void judge(long values, double tol, const double *periods, const unsigned char *sounds, double *logs, const double *errors,
-           double *error, signed char *verdict, unsigned char *reached) {
+           double *error, signed char *verdict, double *misses) {
   for (long v = 0; v < values; v++) {
-    double *x = logs + v * S * 2, T = periods[v], worst = 0.0;
-    int stable = 1, unstable = 0, met = sounds[v];
+    double *x = logs + v * S * 2, T = periods[v], worst = 0.0, missed = sounds[v] ? 0.0 : INFINITY;
+    int stable = 1, unstable = 0;
     for (int i = 0; i < S; i++) {
       double e = errors[v * S + i], size = sqrt(x[2 * i] * x[2 * i] + x[2 * i + 1] * x[2 * i + 1]);
-      met &= e <= tol * fmax(T, size);
+      missed = fmax(missed, isfinite(e) ? e / (tol * fmax(T, size)) : INFINITY);
       unstable |= x[2 * i] > e;
       stable &= x[2 * i] < -e;
       worst = fmax(worst, e);
@@ -230,6 +230,6 @@ void judge(long values, double tol, const double *periods, const unsigned char *
     for (int i = 0; i < 2 * S; i++) x[i] /= T;
     error[v] = worst / T;
     verdict[v] = unstable ? 2 : stable ? 1 : 0;
-    reached[v] = met != 0;
+    misses[v] = missed;
   }
 }

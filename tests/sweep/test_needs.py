@@ -1,0 +1,80 @@
+"""How many segments each value is computed on: pilots of a made-up kernel whose errors are known, and the vectors made of values."""
+
+import numpy as np
+import pytest
+
+from flexlin.answers.sweep.needs import PILOTS, STARTS, choose_margin, learn_needs, pack, try_pilots
+from flexlin.periodic.many.compiled import WIDTH
+
+TOL, PERIOD = 1e-8, 3.0
+"""Errors may be as large as tol times the period, which is longer than the logs are large."""
+
+
+class MadeUp:
+    """Errors of order 8, just met on `need(points)` segments; work counted in vectors times segments. Values without a need never meet."""
+
+    def __init__(self, need):
+        self.need, self.work = need, 0
+
+    def find_logs(self, points, segments, scale, accuracy, spread, tol, levels):
+        self.work += segments * -(-len(points) // WIDTH)
+        errors = PERIOD * TOL * (self.need(points) / segments) ** 8
+        logs = np.stack([np.full(len(points), -1.0 + 2j), np.full(len(points), -1.0 - 2j)], axis=1)
+        return logs, np.stack([errors, errors / 3], axis=1), np.isfinite(errors), np.full(len(points), PERIOD), None
+
+
+@pytest.mark.parametrize("count", [1, 7, 8, 61, 1000])
+def test_every_value_is_in_one_vector_and_has_what_it_wants(count):
+    wanted = np.random.default_rng(count).uniform(1.0, 900.0, count)
+    parts = list(pack(wanted))
+    assert np.array_equal(np.sort(np.concatenate([which for _, which in parts])), np.arange(count))
+    assert [segments for segments, _ in parts] == sorted({segments for segments, _ in parts})
+    assert all(np.all(wanted[which] <= segments * (1 + 1e-8)) for segments, which in parts)
+    assert all(len(which) % WIDTH == 0 for _, which in parts[:-1])
+    ideal = np.array(STARTS)[np.searchsorted(STARTS, wanted)].sum()
+    assert sum(segments * len(which) for segments, which in parts) <= ideal + WIDTH * STARTS[-1]
+
+
+def test_needs_are_learnt_from_values_all_over_the_plane():
+    """Need by a power of a frequency over decades and an exponential of a second number."""
+    rng = np.random.default_rng(3)
+    points = np.stack([np.exp(rng.uniform(-3, 2, 5000)), rng.uniform(-1, 4, 5000)], axis=1)
+
+    def need(p):
+        return 30.0 * p[:, 0] ** -0.4 * np.exp(0.1 * p[:, 1])
+
+    kernel = MadeUp(need)
+    needs = learn_needs(kernel, points, np.ones(2), TOL)
+    found = needs.predict(points)
+    off = np.abs(found / need(points) - 1)
+    assert np.quantile(off, 0.95) < 0.01
+    assert off.max() < 0.1  # outside the pilots' range
+    assert kernel.work <= 9 * need(points).max() * PILOTS / WIDTH
+    assert np.array_equal(needs.predict(points[::-1]), found[::-1])
+
+
+def test_values_without_a_need_do_not_cost_the_others():
+    """Half of the plane never meets tol: given up soon, and the other half is as well known."""
+
+    def need(p):
+        return np.where(p[:, 0] > 0, 20.0, np.inf)
+
+    points = np.random.default_rng(1).uniform(-1, 1, (400, 1))
+    kernel = MadeUp(need)
+    tried, spread = try_pilots(kernel, points[:PILOTS], np.ones(2), TOL)
+    met = points[:PILOTS, 0] > 0
+    assert np.isfinite(tried[met]).all()
+    assert np.isinf(tried[~met]).all()
+    assert spread == 0.0
+    assert kernel.work < 40 * 20 * PILOTS / WIDTH
+    needs = learn_needs(kernel, points, np.ones(2), TOL)
+    assert np.all(needs.predict(points) <= 21.0)
+    nothing = learn_needs(MadeUp(lambda p: np.full(len(p), np.inf)), points, np.ones(2), TOL)
+    assert np.all(nothing.predict(points) == pytest.approx(STARTS[-1]))
+
+
+def test_the_margin_costs_least():
+    residuals = np.random.default_rng(2).normal(0.0, 0.1, 500)
+    margin = choose_margin(residuals)
+    work = [np.exp(m) * (1 + 1.5 * np.mean(residuals > m)) for m in np.linspace(-0.4, 0.6, 500)]
+    assert np.exp(margin) * (1 + 1.5 * np.mean(residuals > margin)) <= 1.001 * min(work)
