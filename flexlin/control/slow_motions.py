@@ -33,7 +33,7 @@ class SlowMotions:
     """Real motions x(t) = Re p(t) exp(lambda t) and Im p(t) exp(lambda t) of the slowest modes.
 
     Each is scaled to a largest deflection of 1 (rad or m) over a period.
-    directions (k, 2n): x(0); t (N,): times in [0, T); states (k, N, 2n): x(t).
+    directions (k, 2n): x(0); t (N,): times in [0, T]; states (k, N, 2n): x(t).
     """
 
     directions: Array
@@ -76,7 +76,7 @@ def slow_motions(
 
 
 def right_modes(system: PeriodicSystem, result: FloquetResult, which: Array, samples: int) -> tuple[Array, Array]:
-    """Times (N,) and periodic right eigenvectors (k, N, n) of some exponents.
+    """Times (N,), both ends of the period included, and periodic right eigenvectors (k, N, n) of some exponents.
 
     p_(j+1) = exp(-lambda h_j) Phi_j p_j,   p_N = p_0:   the null vector of a cyclic system
     """
@@ -94,7 +94,8 @@ def right_modes(system: PeriodicSystem, result: FloquetResult, which: Array, sam
     ranks = np.tril(find_coinciding(result.log_multipliers), -1).sum(axis=1)[which]
     together = max(1, len(Phi) // GROUPS)
     modes = periodic_vectors(Phi, grid, result.exponents[which], ranks, together) * scale[:, None]
-    return grid[:-1], np.moveaxis(modes, -1, 0)
+    modes = np.moveaxis(modes, -1, 0)
+    return grid, np.concatenate([modes, modes[:, :1]], axis=1)
 
 
 def real_motions(t: Array, mode: Array, exponent: complex, n: int) -> list[Array]:

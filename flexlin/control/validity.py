@@ -1,6 +1,5 @@
 """How far the linear model is valid: where the nonlinear terms of the equations reach a stated share of the linear ones."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,24 +8,25 @@ from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked, instance
 from flexlin.checks import Array, positive
-from flexlin.control.slow_motions import slow_motions
+from flexlin.control.linear_motion import LinearMotion
+from flexlin.control.nonlinear_share import Along
+from flexlin.control.slow_motions import SLOW_TOL, slow_motions
 from flexlin.mechanics.coordinates import Coordinate
 from flexlin.periodic.boundary.roots import SignedEnds, solve_brackets
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.summary import represent
 
-SAMPLES, CANDIDATES = 1024, 64
-"""Times of a period among which the largest share is sought, at the least: where the linear terms all pass through small values
-it peaks within a hundredth of a period; and how many of them a search looks at."""
+SAMPLES = 256
+"""Times of a period at which the equations are evaluated, at the least; where the linear terms all pass through small values the share
+peaks within a thousandth of a period, between two of them."""
 LARGEST, SMALLEST = 10.0, 1e-7
 """Amplitudes between which the border is sought, in rad or m."""
-REPEATS = 4
+FIRST = 1e-3
+"""The amplitude at which the times of the largest shares are sought first."""
+REPEATS = 6
 """Searches among the times of largest share at the most."""
-HUGE = 700.0
-"""A logarithm beyond all numbers."""
-STILL = 1e-14
-"""An amplitude at which only rounding is left of the nonlinear terms."""
+STEP = 1.01
+"""The factor by which the amplitude is changed to see how fast the share grows with it."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,8 @@ class Validity:
         The share.
     leading : tuple of Coordinate
         The coordinate of each direction whose deflection is the amplitude, in its unit; the others deflect by less.
+    errors : array, shape (k,)
+        Of the amplitudes, about: what the search, the time of the largest share and the motion between its nodes leave open.
 
     Examples
     --------
@@ -51,14 +53,15 @@ class Validity:
     >>> import flexlin as fl
     >>> from flexlin.control.validity import Validity
     >>> plant = fl.linearize(fl.build_manipulator(scene := fl.load_scene("khang-2019")), scene.motion)
-    >>> print(Validity(np.eye(4)[:2], np.array([0.2, 0.5]), 0.1, plant.coordinates).status.split(" along")[0])
-    deflections below 0.2 rad in q1
+    >>> print(Validity(np.eye(4)[:2], np.array([0.2, 0.5]), 0.1, plant.coordinates, np.full(2, 1e-4)).status.split(" along")[0])
+    deflections below 0.2 ± 1e-04 rad in q1
     """
 
     directions: Array
     amplitudes: Array
     share: float
     leading: tuple[Coordinate, ...]
+    errors: Array
 
     __repr__ = represent
 
@@ -79,7 +82,8 @@ class Validity:
                 "the linear model holds nowhere here; trust the nonlinear simulation, or smooth what is abrupt (Coulomb friction)"
             )
         return (
-            f"deflections below {smallest:.3g} {where} along the slowest modes keep the nonlinear terms below {percent}; "
+            f"deflections below {smallest:.3g} ± {self.errors[worst]:.0e} {where} along the slowest modes keep the nonlinear terms "
+            f"below {percent}; "
             "a disturbance that is larger is a matter for the nonlinear simulation"
         )
 
@@ -100,6 +104,7 @@ def linear_range(
     z(t) is the motion that starts in the mode's direction; the linear terms are measured one by one, since along z they balance
     the feedback. |f|^2 = f' M^-1 f weighs forces by the accelerations that they cause, so rad and m may stand side by side.
     R holds all orders; for a small share it is the second-order term, a^2/2 r''[z, z].
+    The share peaks where all linear terms are small, often within a thousandth of a period: t is any time, between samples too.
 
     Parameters
     ----------
@@ -119,7 +124,7 @@ def linear_range(
     Returns
     -------
     Validity
-        Directions, amplitudes and what they mean.
+        Directions, amplitudes with their errors, and what they mean.
 
     Raises
     ------
@@ -142,81 +147,39 @@ def linear_range(
     system = lin.periodic_system()
     slow = slow_motions(system, modes, result, SAMPLES, lin.n)
     bare = plant or (lin if lin.control is None else linearize(lin.arm, lin.motion))
-    still = [np.zeros((len(slow.t), lin.n))] * 3
-    resolved = bare.periodic_system().resolved
-    assert isinstance(resolved, ResolvedCompanion)
-    matrices, rest = resolved.sample(slow.t), residual(bare, slow.t, still)
-    rates = np.einsum("tij,ktj->kti", system.resolved(slow.t), slow.states)
-    along = [Terms.along(bare, slow.t, *motion, matrices, rest) for motion in zip(slow.states, rates, strict=True)]
-    amplitudes = [border(terms, share, tol) for terms in along]
-    leading = np.abs(slow.states[:, :, : lin.n]).max(axis=1).argmax(axis=1)
-    return Validity(slow.directions, np.array(amplitudes), share, tuple(lin.coordinates[k] for k in leading))
+    motions = LinearMotion.of(system, lin.n, slow)
+    largest = np.array([motion.largest for motion in motions])
+    amplitudes, errors = largest * np.array([border(Along.of(bare, motion, share), tol) for motion in motions]).T
+    leading = tuple(lin.coordinates[int(np.abs(motion.starts[0]).max(axis=0).argmax())] for motion in motions)
+    return Validity(slow.directions / largest[:, None], amplitudes, share, leading, errors)
 
 
-@dataclass(frozen=True, eq=False)
-class Terms:
-    """A linear motion x = [y; y'] (N, 2n) in the equations: its linear terms by size (N,), and what is left beyond them."""
+def border(along: Along, tol: float) -> tuple[float, float]:
+    """The amplitude of a linear motion at which the nonlinear share is reached, and its error.
 
-    plant: Linearization
-    t: Array
-    motion: tuple[Array, Array, Array]
-    mass: Array
-    slope: Array
-    linear: Array
-    rest: Array
-
-    @classmethod
-    def along(
-        cls, plant: Linearization, t: Array, x: Array, rates: Array, matrices: tuple[Array, Array, Array], rest: Array
-    ) -> "Terms":
-        n, (M, D, K) = plant.n, matrices
-        motion = (x[:, :n], x[:, n : 2 * n], rates[:, n : 2 * n])
-        parts = [np.einsum("tij,tj->ti", matrix, z) for matrix, z in zip((K, D, M), motion, strict=True)]
-        linear = np.max([size(M, part) for part in parts], axis=0)
-        return cls(plant, t, motion, M, np.sum(parts, axis=0), linear, rest)
-
-    def at(self, k: Array) -> "Terms":
-        """The same at some of the times."""
-        y, rate, acceleration = (z[k] for z in self.motion)
-        arrays = (self.mass[k], self.slope[k], self.linear[k], self.rest[k])
-        return Terms(self.plant, self.t[k], (y, rate, acceleration), *arrays)
-
-    def nonlinear(self, a: float) -> Array:
-        """|R(a)| at each time."""
-        left = residual(self.plant, self.t, [a * z for z in self.motion])
-        return size(self.mass, left - self.rest - a * self.slope)
-
-    def excess(self, a: float, share: float, rounding: float) -> Array:
-        """The logarithm of |R(a)| against the share of the linear terms at each time; HUGE where the forces are no numbers."""
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            nonlinear = self.nonlinear(a)
-            ratio = np.log((nonlinear - rounding) / (share * a * self.linear))
-        return np.where(nonlinear <= rounding, -HUGE, np.clip(np.nan_to_num(ratio, nan=HUGE), -HUGE, HUGE))
-
-
-def border(terms: Terms, share: float, tol: float) -> float:
-    """The amplitude of a linear motion at which the nonlinear share is reached.
-
-    It is sought at CANDIDATES times first; then at those times of all at which the share is largest there, until these stay the same.
+    It is sought at the times of the largest shares, and these at the amplitude that was found, until it falls no more.
     """
-    rounding, count = 4 * float(terms.nonlinear(STILL).max()), len(terms.t)
-    found = search_border(terms.at(np.arange(0, count, max(1, count // CANDIDATES))), share, rounding, tol)
+    t, rose = along.peaks(FIRST)
+    found, before = search_border(along, t, tol), np.nan
     for _ in range(REPEATS):
         if found == 0.0:
-            break
-        largest = np.argsort(terms.excess(min(found, LARGEST), share, rounding))[-CANDIDATES:]
-        before, found = found, search_border(terms.at(largest), share, rounding, tol)
+            return found, SMALLEST
+        more, rose = along.peaks(min(found, LARGEST))
+        t = np.concatenate([t, more])
+        before, found = found, search_border(along, more, tol)
         if found >= before * (1 - tol):
             break
-    return found
+        found = search_border(along, t, tol)
+    return min(found, before), estimate_error(along, more, rose, min(found, before), tol)
 
 
-def search_border(terms: Terms, share: float, rounding: float, tol: float) -> float:
-    """The smallest amplitude between SMALLEST and LARGEST that reaches the share somewhere; 0 or inf beyond these."""
+def search_border(along: Along, t: Array, tol: float) -> float:
+    """The smallest amplitude between SMALLEST and LARGEST that reaches the share at one of the times; 0 or inf beyond these."""
+    terms = along.at(t)
 
     def excess(_: Array, logs: Array) -> Array:
         """Nearly linear in log a."""
-        return np.array([terms.excess(float(a), share, rounding).max() for a in np.exp(logs)])
+        return np.array([terms.excess(float(a), along.share, along.rounding).max() for a in np.exp(logs)])
 
     low, high = np.log([SMALLEST]), np.log([LARGEST])
     at_low, at_high = excess(low, low), excess(high, high)
@@ -228,11 +191,17 @@ def search_border(terms: Terms, share: float, rounding: float, tol: float) -> fl
     return float(np.exp(min(found.a[0], found.b[0])))
 
 
-def size(M: Array, force: Array) -> Array:
-    """sqrt(f' M^-1 f) at each time."""
-    return np.sqrt(np.einsum("ti,ti->t", force, np.linalg.solve(M, force[:, :, None])[:, :, 0]))
+def estimate_error(along: Along, t: Array, rose: Array, amplitude: float, tol: float) -> float:
+    """Of an amplitude at which the share is reached at one of the times: by how much the share there is uncertain, against its slope.
 
-
-def residual(plant: Linearization, t: Array, motion: Sequence[Array]) -> Array:
-    """The left side of the equations of motion, kept rows, at deviations y, y', y'' from the rigid motion."""
-    return plant.about.of_arm("residual", t, *motion)[:, list(plant.kept), 0]
+    It is what the last look at the peak changed, the rounding, and what the motion between every second node gives in its place.
+    """
+    if not 0.0 < amplitude < np.inf:
+        return np.nan
+    terms, coarse = along.at(t), along.thinned().excess(t, amplitude)
+    excess, steeper = (terms.excess(a, along.share, along.rounding) for a in (amplitude, STEP * amplitude))
+    k = int(excess.argmax())
+    left = along.rounding / max(float(terms.nonlinear(amplitude)[k]), along.rounding)
+    apart = float(rose[k]) + abs(float(coarse[k] - excess[k])) + left + SLOW_TOL
+    slope = abs(float(steeper.max() - excess[k])) / np.log(STEP)
+    return float(amplitude * (tol + min(apart / max(slope, apart), 1.0)))

@@ -205,6 +205,7 @@ def record_linear_range(analysis: Analysis) -> dict[str, Any]:
         "share": found.share,
         "directions": record_numbers(found.directions),
         "amplitudes": record_numbers(found.amplitudes),
+        "errors": record_numbers(found.errors),
     }
 
 
