@@ -2,7 +2,7 @@
 
 import pytest
 
-from flexlin.periodic.compiler import find_compiler
+from flexlin.compiler import find_compiler
 
 
 @pytest.mark.slow

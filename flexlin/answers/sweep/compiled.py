@@ -12,8 +12,8 @@ from flexlin.answers.sweep.batches import PILOTS, SLACK, Batches, Plan
 from flexlin.answers.sweep.found import Found
 from flexlin.answers.sweep.needs import FEW, ORDER, STARTS, Needs, learn_needs, pack
 from flexlin.checks import Array
+from flexlin.compiler import find_compiler
 from flexlin.errors import ArgumentError, NumericalError
-from flexlin.periodic.compiler import find_compiler
 from flexlin.periodic.many.algebra import solve_positive
 from flexlin.periodic.many.compiled import WIDTH, CompiledKernel
 from flexlin.periodic.many.extrapolation import MULTIPLES

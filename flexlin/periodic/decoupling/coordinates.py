@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.compiler import pointer
+from flexlin.compiler import pointer
 from flexlin.periodic.decoupling.library import find_library
 from flexlin.periodic.decoupling.mean_modes import MeanModes
 from flexlin.periodic.decoupling.waves import KEPT, circle_derivative, harmonics, interleaved, multiplier, shifted

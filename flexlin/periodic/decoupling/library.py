@@ -4,8 +4,8 @@ import ctypes
 from functools import lru_cache
 from pathlib import Path
 
+from flexlin.compiler import find_compiler, find_kept_folder, load_library
 from flexlin.errors import NumericalError
-from flexlin.periodic.compiler import find_compiler, find_kept_folder, load_library
 
 
 @lru_cache(maxsize=1)

@@ -6,8 +6,8 @@ from functools import lru_cache
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.compiler import pointer
 from flexlin.periodic.circle import measure_distances, wrap_log
-from flexlin.periodic.compiler import pointer
 from flexlin.periodic.decoupling.library import find_library
 from flexlin.periodic.decoupling.waves import interpolated
 from flexlin.periodic.product.balancing import GROUP_CONDITION

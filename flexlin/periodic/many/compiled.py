@@ -10,7 +10,7 @@ from math import factorial
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.compiler import load_library, pointer
+from flexlin.compiler import load_library, pointer
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.many.extrapolation import MULTIPLES, find_gains
 from flexlin.periodic.many.romberg import divide_segments

@@ -1,0 +1,157 @@
+"""CasADi functions that many points go through: their operations one after another, each on sixteen points at once, in compiled code.
+
+CasADi's own virtual machine carries out one operation on one point at a time, at some 4 ns; together they take about a tenth.
+"""
+
+import ctypes
+import struct
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.compiler import find_compiler, find_kept_folder, load_library, pointer
+from flexlin.errors import NumericalError
+
+TOGETHER = 16
+"""Points that go through an operation together: W of tape.c."""
+WORTH, FIXED = 200, 1e5
+"""Points after which the time to read the operations is won back, and more for a few operations: FIXED by their number."""
+LARGEST = 400_000
+"""Operations of a function that is still read: CasADi writes some 90 bytes of each."""
+CONST, INPUT, OUTPUT = ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT
+UNARY = (0, 5, 6, 7, 10, 11, 12, 13, 14, 15, 16, 17, 18, 23, 26, 27, 29, 30, 36, 37, 38, 39, 40, 41, 42, 93, 94)
+BINARY = (1, 2, 3, 4, 8, 9, 19, 20, 21, 22, 24, 25, 31, 32, 34, 35, 43, 95)
+"""Operations that tape.c knows, by their numbers in CasADi."""
+LOOKS = 24
+"""Operations by which it is checked that they were read right."""
+
+
+@lru_cache(maxsize=1)
+def find_library() -> ctypes.CDLL | None:
+    """The library of tape.c; none where it cannot be compiled, or would have to be by every process."""
+    if find_compiler() is None or find_kept_folder() is None:
+        return None
+    try:
+        library = load_library(Path(__file__).with_suffix(".c").read_text(encoding="utf-8"))
+    except (NumericalError, OSError):
+        return None
+    library.run_tape.restype = ctypes.c_long
+    return library
+
+
+@dataclass(frozen=True, eq=False)
+class Tape:
+    """The operations of a function: steps (K, 4) of int32, the sizes of inputs and outputs, and how many numbers are kept at a time."""
+
+    library: ctypes.CDLL
+    steps: Array
+    rows: Array
+    sizes: Array
+    slots: int
+
+    @classmethod
+    def of(cls, function: ca.Function) -> "Tape | None":
+        """The tape of a function of dense inputs and outputs; None where it cannot be read, or holds an unknown operation."""
+        library = find_library()
+        if library is None or function.class_name() != "SXFunction" or not 0 < function.n_instructions() <= LARGEST:
+            return None
+        rows = np.array([function.numel_in(i) for i in range(function.n_in())], dtype=np.int64)
+        sizes = np.array([function.numel_out(i) for i in range(function.n_out())], dtype=np.int64)
+        steps, slots = read_steps(function), int(function.sz_w())
+        if steps is None or not is_sound(steps, rows, sizes, slots):
+            return None
+        return cls(library, steps, rows, sizes, slots)
+
+    def __call__(self, arrays: list[Array], outputs: list[Array]) -> None:
+        """Fill the outputs, each (N, columns, rows), from the inputs, each (N, rows)."""
+        given, made = ((ctypes.c_void_p * len(group))(*(a.ctypes.data for a in group)) for group in (arrays, outputs))
+        work = np.empty(self.slots * TOGETHER)
+        steps, points = ctypes.c_long(len(self.steps)), ctypes.c_long(len(arrays[0]))
+        sizes = given, pointer(self.rows), made, pointer(self.sizes)
+        self.library.run_tape(steps, pointer(self.steps), points, *sizes, pointer(work))
+
+
+@dataclass
+class Usage:
+    """How many points went through a function, and its tape once these are worth one."""
+
+    function: ca.Function
+    operations: int
+    points: int = 0
+    tape: Tape | None = None
+    tried: bool = False
+
+    def find_tape(self, points: int) -> Tape | None:
+        """The tape, where the points so far and these are worth one and it can be made."""
+        self.points += points
+        if not self.tried and self.points > WORTH + FIXED / self.operations:
+            self.tried, self.tape = True, Tape.of(self.function)
+        return self.tape
+
+
+@lru_cache(maxsize=64)
+def usage_of(function: ca.Function) -> Usage:
+    """The usage of a function, counted from its first call on."""
+    return Usage(function, max(1, function.n_instructions()))
+
+
+def read_steps(function: ca.Function) -> Array | None:
+    """The operations (K, 4): number, slot of the result, slots of the operands, or the eight bytes of a constant.
+
+    CasADi hands out one operation a call; what it writes of a function to files holds them all in a row, a byte as two letters from a
+    to p. They are found there by those that it does hand out.
+    """
+    count, text = function.n_instructions(), function.serialize()
+    known = {k: letters(describe_step(function, k)) for k in sample_steps(count)}
+    place = text.find(known[0])
+    while place >= 0 and not all(text.startswith(word, place + 32 * k) for k, word in known.items()):
+        place = text.find(known[0], place + 1)
+    if place < 0 or len(text) < place + 32 * count:
+        return None
+    halves = np.frombuffer(text[place : place + 32 * count].encode("ascii"), dtype=np.uint8) - ord("a")
+    return (halves[0::2] | halves[1::2] << 4).view("<i4").reshape(count, 4).astype(np.int32)
+
+
+def sample_steps(count: int) -> list[int]:
+    """Some operations: the first ones, the last, and others between."""
+    return sorted({*range(min(4, count)), *np.linspace(0, count - 1, LOOKS).astype(int).tolist()})
+
+
+def describe_step(function: ca.Function, k: int) -> bytes:
+    """One operation as CasADi writes it, as far as it says it."""
+    op, to, of = function.instruction_id(k), function.instruction_output(k), function.instruction_input(k)
+    if op == CONST:
+        return struct.pack("<iid", op, to[0], function.instruction_constant(k))
+    if op == OUTPUT:
+        return struct.pack("<4i", op, to[0], of[0], to[1])
+    return struct.pack(f"<{2 + len(of)}i", op, to[0], *of)
+
+
+def letters(data: bytes) -> str:
+    """Each byte as two letters, the lower half first."""
+    return "".join(chr(97 + byte % 16) + chr(97 + byte // 16) for byte in data)
+
+
+def is_sound(steps: Array, rows: Array, sizes: Array, slots: int) -> bool:
+    """Whether every operation is known and stays within its slots; the second operand of those that have one is put out of the way."""
+    op, to, a, b = steps.T
+    single, double = np.isin(op, UNARY), np.isin(op, BINARY)
+    const, given, result = op == CONST, op == INPUT, op == OUTPUT
+    if not (single | double | const | given | result).all():
+        return False
+    b[single] = a[single]
+    inside = [(to, ~result), (a, single | double | result), (b, double)]
+    if not all(((column[which] >= 0) & (column[which] < slots)).all() for column, which in inside):
+        return False
+    return is_within(a[given], b[given], rows) and is_within(to[result], b[result], sizes)
+
+
+def is_within(which: Array, place: Array, sizes: Array) -> bool:
+    """Whether each place lies within the argument that it belongs to."""
+    if not ((which >= 0) & (which < len(sizes))).all():
+        return False
+    return bool(((place >= 0) & (place < sizes[which])).all())

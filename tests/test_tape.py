@@ -1,0 +1,138 @@
+"""Functions that many points go through, in compiled code: the same numbers as CasADi's own, to the last bit, or CasADi's own."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from flexlin import compiler, symbolic, tape
+
+needs_compiler = pytest.mark.skipif(tape.find_library() is None, reason="no C compiler, or nowhere to keep a library")
+UNARY = [
+    *(ca.exp, ca.log, ca.sqrt, ca.sin, ca.cos, ca.tan, ca.asin, ca.acos, ca.atan, ca.floor, ca.ceil, ca.fabs, ca.sign),
+    *(ca.sinh, ca.cosh, ca.tanh, ca.asinh, ca.acosh, ca.atanh, ca.log1p, ca.expm1),
+    *(lambda a: -a, lambda a: 1 / a, lambda a: a**2, lambda a: 2 * a, lambda a: a**1.5, ca.logic_not),
+]
+BINARY = [
+    *(ca.fmin, ca.fmax, ca.atan2, ca.copysign, ca.hypot, ca.power, ca.logic_or, ca.logic_and),
+    *(lambda a, b: a + b, lambda a, b: a - b, lambda a, b: a * b, lambda a, b: a / b),
+    *(lambda a, b: a < b, lambda a, b: a <= b, lambda a, b: a == b, lambda a, b: a != b),
+    *(lambda a, b: ca.if_else(a < b, a, 2 * b), lambda a, b: ca.if_else(a, b, 0)),
+]
+
+
+def random_function(seed: int, length: int = 300) -> ca.Function:
+    """Operations of every kind on what came before, what is not a number among them."""
+    rng = np.random.default_rng(seed)
+    x, y = ca.SX.sym("x", 3), ca.SX.sym("y", 2)
+    known = [*ca.vertsplit(x), *ca.vertsplit(y), ca.SX(0.75), ca.SX(rng.normal())]
+    for _ in range(length):
+        a, b = (known[rng.integers(max(0, len(known) - 40), len(known))] for _ in range(2))
+        one, two = UNARY[rng.integers(len(UNARY))], BINARY[rng.integers(len(BINARY))]
+        known.append(one(a) if rng.random() < 0.4 else two(a, b))
+    shape = ca.reshape(ca.vertcat(*known[-6:]), 2, 3)
+    return ca.Function("random", [x, y, ca.SX(0, 1)], [shape, known[len(known) // 2], ca.densify(ca.SX(2, 1))])
+
+
+def run(made: tape.Tape, function: ca.Function, arrays: list[np.ndarray]) -> list[np.ndarray]:
+    outputs = symbolic.empty_outputs(function, len(arrays[0]))
+    made(arrays, outputs)
+    return [output.transpose(0, 2, 1) for output in outputs]
+
+
+@needs_compiler
+def test_each_operation_gives_the_same_bits() -> None:
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    hard = [np.nan, np.inf, -np.inf, 0.0, -0.0, 1.0, -1.0, 2.5, -2.5, 1e-310, 1e308, 0.3]
+    arrays = [grid.ravel()[:, None] for grid in np.meshgrid(hard, hard)]
+    for expression in (*(one(x) for one in UNARY), *(two(x, y) for two in BINARY)):
+        function = ca.Function("one", [x, y], [expression])
+        made = tape.Tape.of(function)
+        assert made is not None
+        right, found = symbolic.call_casadi(function, arrays)[0], run(made, function, arrays)[0]
+        np.testing.assert_array_equal(found, right, str(expression))
+        np.testing.assert_array_equal(np.signbit(found[right == 0]), np.signbit(right[right == 0]), str(expression))
+
+
+@needs_compiler
+@pytest.mark.parametrize("seed", range(12))
+def test_random_functions_give_the_same_bits(seed: int) -> None:
+    function, rng = random_function(seed), np.random.default_rng(seed)
+    made = tape.Tape.of(function)
+    assert made is not None
+    for points in (1, 15, 16, 17, 100):
+        arrays = [rng.normal(size=(points, 3)), rng.normal(size=(points, 2)), np.zeros((points, 0))]
+        for right, found in zip(symbolic.call_casadi(function, arrays), run(made, function, arrays), strict=True):
+            np.testing.assert_array_equal(found, right)
+
+
+@needs_compiler
+def test_many_points_take_the_tape_and_few_do_not() -> None:
+    function = random_function(99)
+    arrays = np.random.default_rng(0).normal(size=(50, 3)), np.ones((50, 2)), np.zeros((50, 0))
+    few = symbolic.evaluate(function, *arrays)
+    assert tape.usage_of(function).tape is None
+    again = symbolic.evaluate(function, *(np.tile(a, (40, 1)) for a in arrays))
+    assert tape.usage_of(function).tape is not None
+    for one, many in zip(few, again, strict=True):
+        np.testing.assert_array_equal(many, np.tile(one, (40, 1, 1)))
+
+
+def test_what_cannot_be_read_is_left_to_casadi(monkeypatch: pytest.MonkeyPatch) -> None:
+    x = ca.SX.sym("x")
+    whole = [random_function(3), ca.Function("erf", [x], [ca.erf(x) + x]), ca.Function("mod", [x], [ca.fmod(x, 0.3)])]
+    matrix = ca.MX.sym("m", 2)
+    whole.append(ca.Function("matrices", [matrix], [matrix + 1]))
+    assert all(tape.Tape.of(function) is None for function in whole[1:])
+    arrays = [np.linspace(0.1, 0.9, 900)[:, None]]
+    exact = symbolic.call_casadi(whole[1], arrays)[0]
+    np.testing.assert_array_equal(symbolic.evaluate(whole[1], *arrays)[0], exact)
+    monkeypatch.setattr(ca.Function, "serialize", lambda self: "abc" * 1000)
+    assert tape.Tape.of(whole[0]) is None
+    monkeypatch.setattr(tape, "find_library", lambda: None)
+    assert tape.Tape.of(whole[0]) is None
+
+
+@needs_compiler
+def test_operations_that_were_read_wrong_are_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A slot out of range is seen at once, another operation by the first points."""
+    function = random_function(5)
+    steps = tape.read_steps(function)
+    assert steps is not None
+    for column, value in ((1, 10_000), (2, -1), (0, 77)):
+        broken = steps.copy()
+        broken[np.flatnonzero(np.isin(steps[:, 0], tape.BINARY))[7], column] = value
+        monkeypatch.setattr(tape, "read_steps", lambda function, broken=broken: broken)
+        assert tape.Tape.of(function) is None
+    moved = steps.copy()
+    moved[np.flatnonzero(steps[:, 0] == ca.OP_OUTPUT)[0], 2] = steps[np.flatnonzero(steps[:, 0] == ca.OP_INPUT)[0], 1]
+    moved[np.isin(steps[:, 0], (ca.OP_ADD,)), 0] = ca.OP_SUB
+    monkeypatch.setattr(tape, "read_steps", lambda function: moved)
+    arrays = [np.random.default_rng(1).normal(size=(900, k)) for k in (3, 2, 0)]
+    found = symbolic.evaluate(function, *arrays)
+    assert tape.usage_of(function).tape is None
+    for right, one in zip(symbolic.call_casadi(function, arrays), found, strict=True):
+        np.testing.assert_array_equal(one, right)
+
+
+@needs_compiler
+def test_threads_do_not_share_their_numbers() -> None:
+    function = random_function(7)
+    made, rng = tape.Tape.of(function), np.random.default_rng(7)
+    assert made is not None
+    every = [[rng.normal(size=(5000, k)) for k in (3, 2, 0)] for _ in range(8)]
+    alone = [run(made, function, arrays) for arrays in every]
+    with ThreadPoolExecutor(4) as pool:
+        for right, found in zip(alone, pool.map(lambda arrays: run(made, function, arrays), every), strict=True):
+            for one, other in zip(right, found, strict=True):
+                np.testing.assert_array_equal(one, other)
+
+
+def test_no_compiler_no_library(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tape, "find_compiler", lambda: None)
+    assert tape.find_library.__wrapped__() is None
+    monkeypatch.undo()
+    monkeypatch.setattr(tape, "find_kept_folder", lambda: None)
+    assert tape.find_library.__wrapped__() is None
+    assert compiler.find_compiler is not None
