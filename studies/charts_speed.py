@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 import flexlin as fl
+from flexlin import compiler
 from flexlin.about.free import ParametricLoop, parametric_loop
 from flexlin.answers.peers import HeyokaTransitions
 from flexlin.answers.peers.vectorised import prepare_jax
@@ -33,7 +34,6 @@ from flexlin.answers.sweep.compiled import CompiledBatches
 from flexlin.answers.sweep.job import compute_here, prepare_job
 from flexlin.answers.sweep.processes import Processes
 from flexlin.answers.sweep.threads import Threads
-from flexlin.periodic import compiler
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.many.transitions import batched_transitions
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
+from flexlin import compiler
 from flexlin.about.kernel_source import write_model
 from flexlin.answers.loops import choose_loop
 from flexlin.answers.sweep.batches import NumpyBatches
@@ -14,7 +15,6 @@ from flexlin.answers.sweep.compiled import CompiledBatches
 from flexlin.answers.sweep.job import prepare_job
 from flexlin.answers.sweep.run import choose_crew
 from flexlin.answers.sweep.threads import Threads
-from flexlin.periodic import compiler
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.many.compiled import CompiledKernel
 from flexlin.periodic.many.romberg import balance_states, batched_exponents
