@@ -26,7 +26,7 @@ NUMPY_VALUE = 1.5e-4
 """Seconds that NumPy takes for a value of four states; it grows with the cube of the states."""
 LARGEST = 16
 """Coordinates up to which code with all sizes written out is compiled in a few seconds."""
-CLOSER, FINER = (1.15, 1.4), 4
+CLOSER, FINER = (1.15, 2.0), 2
 """Values that missed tol are tried again with so many times more segments, once by what they missed, before `floquet` has them."""
 BLOCK_WORK = 2e9
 """Multiplications of a block."""
@@ -100,7 +100,7 @@ class CompiledBatches:
                 misses[which] = self.enter(found, points, rest[which], segments, spread, levels)
                 wanted[which] = segments
             missed = misses > 1
-            growth = FINER if trial else np.clip(SLACK * misses[missed] ** (1 / ORDER), *CLOSER)
+            growth = FINER if trial else np.clip(misses[missed] ** (1 / ORDER), *CLOSER)
             rest, wanted = rest[missed], growth * wanted[missed]
             alone.append(rest[wanted > STARTS[-1]])
             rest, wanted = rest[wanted <= STARTS[-1]], wanted[wanted <= STARTS[-1]]

@@ -29,7 +29,7 @@ WIDE = 2.0
 DECIMALS = 6
 """Of the coefficients: what rounding does differently in another run must not decide on how many segments a value is computed."""
 MISSED = 1.5
-"""Work of a value that missed tol in its first trial, over that of the trial."""
+"""Work of further trials of a value that missed tol in its first one, over that of a trial which just meets it."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def try_pilots(kernel: CompiledKernel, pilots: Array, scale: Array, tol: float) 
 def choose_margin(residuals: Array) -> float:
     """What to add to a prediction whose residuals are known, so that first trials and what they miss cost least together."""
     margins = np.append(residuals, 0.0)
-    work = np.exp(margins) * (1 + MISSED * (residuals > margins[:, None]).mean(axis=1))
+    work = np.exp(margins) + MISSED * ((residuals > margins[:, None]) * np.exp(residuals)).mean(axis=1)
     return float(margins[work.argmin()])
 
 
