@@ -74,7 +74,7 @@ def test_values_without_a_need_do_not_cost_the_others():
 
 
 def test_the_margin_costs_least():
-    """Half of the values need three times as much: then nobody is served by a trial that all miss."""
+    """Also where half of the values need three times as much: a trial that all miss, however short, is worth nothing."""
     rng = np.random.default_rng(2)
     for residuals in (rng.normal(0.0, 0.1, 500), rng.normal(0.0, 0.05, 500) + rng.choice([-0.55, 0.55], 500)):
         work = [
@@ -82,10 +82,10 @@ def test_the_margin_costs_least():
             for m in (*np.linspace(-1, 1, 500), choose_margin(residuals))
         ]
         assert work[-1] <= 1.001 * min(work)
-        assert np.mean(residuals > choose_margin(residuals)) < 0.1
+        assert np.mean(residuals > choose_margin(residuals)) < 0.6
 
 
-def test_needs_of_two_kinds_are_met_by_most_first_trials():
+def test_needs_of_two_kinds_cost_no_more_than_the_larger_one_for_all():
     """A need that no polynomial follows: three times as much in every other stripe."""
 
     def need(p):
@@ -93,4 +93,6 @@ def test_needs_of_two_kinds_are_met_by_most_first_trials():
 
     points = np.random.default_rng(5).uniform(-1, 1, (3000, 2))
     predicted = learn_needs(MadeUp(need), points, np.ones(2), TOL).predict(points)
-    assert np.mean(predicted * (1 + 1e-5) >= need(points)) > 0.9
+    missed = predicted * (1 + 1e-5) < need(points)
+    assert np.mean(predicted + np.where(missed, MISSED * need(points), 0.0)) < 1.2 * 60
+    assert missed.mean() < 0.6
