@@ -141,9 +141,16 @@ def parametric_loop(scene: Scene, paths: Iterable[str], *, closed: bool = True) 
     if moving:
         raise ArgumentError("this number moves the breaks of the motion and cannot be free", got=", ".join(moving))
     arm = build_manipulator(scene, paths)
-    lin = linearize(arm, scene.motion, scene.control if closed else None)
+    return loop_of(linearize(arm, scene.motion, scene.control if closed else None))
+
+
+def loop_of(lin: Linearization) -> ParametricLoop:
+    """The linear equations of an arm whose numbers were left free, for all their values.
+
+    Raises: ArgumentError for a motion that is given by samples, or ends.
+    """
     if not isinstance(lin.motion, SymbolicMotion) or not lin.motion.periodic:
-        raise ArgumentError("parameters need a periodic motion that is an expression", got=scene.motion.kind)
+        raise ArgumentError("parameters need a periodic motion that is an expression", got=repr(lin.motion))
     motion = lin.motion
     duration = ca.Function("duration", [motion.parameters.symbols], [ca.densify(motion.duration)], ["p"], ["T"])
-    return ParametricLoop(paths, lin, selected(lin.coefficients, ("M", "D", "K")), duration)
+    return ParametricLoop(lin.arm.parameters.paths, lin, selected(lin.coefficients, ("M", "D", "K")), duration)

@@ -1,5 +1,7 @@
 """From a manipulator, a motion and perhaps a control law to the linear equations about the motion."""
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 
@@ -92,6 +94,23 @@ def linearize(
     return lin
 
 
+def with_control(plant: Linearization, control: Control) -> Linearization:
+    """The loop of a scene's control on an arm that was linearized without one: nothing is derived again.
+
+    Raises: ArgumentError for gains that do not fit; ModelError when a coefficient is not finite along the motion.
+    """
+    found = plant.coefficients
+    inputs, names = found.sx_in(), found.name_out()
+    known = dict(zip(names, found.call(inputs), strict=True))
+    values = add_control(plant.about, control, known, inputs[-1])
+    dense = [ca.densify(values[name]) for name in names]
+    closed = replace(
+        plant, coefficients=ca.Function(found.name(), inputs, dense, found.name_in(), names), control=control
+    )
+    need_finite(closed)
+    return closed
+
+
 def coefficients(about: Deviation, matrices: Matrices, control: Control | None) -> ca.Function:
     """All coefficients along the rigid motion, rows and columns of y only, with the scene's loop closed if there is one.
 
@@ -101,14 +120,19 @@ def coefficients(about: Deviation, matrices: Matrices, control: Control | None) 
     *_, angles = about.symbols()
     M, D, K, left, B = about.lift([*matrices, arm.residual, arm.B], angles)
     inputs = B[:, driven]
-    tau = rigid_torque(about, left, inputs)
+    tau, M, D, K = rigid_torque(about, left, inputs), M[kept, kept], D[kept, kept], K[kept, kept]
+    values = {"M": M, "D": D, "K": K, "h": -left[kept], "B": inputs[kept, :], "tau": tau}
     if control is not None:
-        if control.feedforward != "none":
-            left -= inputs @ tau
-        kp, kd = feedback_expressions(about, control)
-        D, K = D + inputs @ kd, K + inputs @ kp
-    M, D, K = M[kept, kept], D[kept, kept], K[kept, kept]
-    return about.function(angles, {}, {"M": M, "D": D, "K": K, "h": -left[kept], "B": inputs[kept, :], "tau": tau})
+        values = add_control(about, control, values, arm.parameters.symbols)
+    return about.function(angles, {}, values)
+
+
+def add_control(about: Deviation, control: Control, plant: dict[str, ca.SX], p: ca.SX) -> dict[str, ca.SX]:
+    """The coefficients of the loop, D + B K_d, K + B K_p, h + B tau, from those of the arm; p: the free parameters in them."""
+    gains = ca.substitute(list(feedback_expressions(about, control)), [about.arm.parameters.symbols], [p])
+    (kp, kd), B = (gain[:, list(about.kept)] for gain in gains), plant["B"]
+    h = plant["h"] if control.feedforward == "none" else plant["h"] + B @ plant["tau"]
+    return {**plant, "D": plant["D"] + B @ kd, "K": plant["K"] + B @ kp, "h": h}
 
 
 def rigid_torque(about: Deviation, left: ca.SX, inputs: ca.SX) -> ca.SX:

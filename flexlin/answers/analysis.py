@@ -1,13 +1,14 @@
 """All numbers of a report, from one scene."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexlin.about.linear import Coefficients, Linearization, linearize
+from flexlin.about.linear import Coefficients, Linearization, linearize, with_control
 from flexlin.answers.clock import Clock, Step
 from flexlin.answers.judging import (
     Loop,
@@ -21,6 +22,7 @@ from flexlin.answers.judging import (
     name_ending_loops,
     with_response,
 )
+from flexlin.answers.loops import can_stay_free
 from flexlin.answers.margins import Margin
 from flexlin.answers.steady import Response, arm_length, find_response, response_error
 from flexlin.answers.validity import ModelValidity, judge_model
@@ -28,7 +30,7 @@ from flexlin.checks import Array
 from flexlin.control import linear_range
 from flexlin.control.drives import DriveLoad, drive_load
 from flexlin.control.validity import Validity
-from flexlin.errors import SimulationStopped
+from flexlin.errors import InputError, SimulationStopped
 from flexlin.mechanics import Manipulator, build_manipulator
 from flexlin.periodic.floquet.modes import floquet_modes
 from flexlin.periodic.floquet.resonance import Resonance, find_resonances
@@ -119,18 +121,19 @@ class Analysis:
         return (*first, self.own, *elastic, *self.designs, *self.estimated, *self.sampled)
 
 
-def analyse(scene: Scene, clock: Clock | None = None) -> Analysis:
+def analyse(scene: Scene, clock: Clock | None = None, free: Sequence[str] = ()) -> Analysis:
     """Linearize a scene's arm along its motion, judge every loop by Floquet, and compare with the nonlinear equations.
 
     Every stage is asked for `scene.accuracy.tol` and kept within the limits that stand beside it; where no tol is given the nonlinear
     check is asked for what its comparison needs.
 
-    Parameters: clock: collects the steps, and reports their progress.
+    Parameters: clock: collects the steps, and reports their progress; free: numbers of the scene that the equations keep as symbols where
+    they can, with the scene's own values, for who asks about them later.
     Returns: an `Analysis`; a stage that fails or meets a limit is a message in it.
     Raises: InputError for a scene that cannot be used; NumericalError when there are no linear equations.
     """
     clock, asked, problems = clock or Clock(), scene.accuracy, dict[str, str]()
-    arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
+    arm = clock.stage("equations of motion", asked, lambda: build_with_free(scene, free))
     plant, closed = linearize_both(arm, scene, clock)
     t = np.linspace(0.0, plant.period, SAMPLES)
     coefficients = clock.stage("coefficients over a period", asked, lambda: plant.sample(t))
@@ -194,11 +197,20 @@ def plant_and_designs(scene: Scene, clock: Clock) -> tuple[Linearization, tuple[
     return plant, design_all(scene, plant, closed, t, clock)
 
 
+def build_with_free(scene: Scene, free: Sequence[str]) -> Manipulator:
+    """The manipulator, with numbers left free where all of them can be."""
+    if free and can_stay_free(scene, free):
+        with suppress(InputError):
+            return build_manipulator(scene, free)
+    return build_manipulator(scene)
+
+
 def linearize_both(arm: Manipulator, scene: Scene, clock: Clock) -> tuple[Linearization, Linearization]:
     """The arm alone, and with the scene's own loop; limits of the drives that do not fit are refused before any other work."""
 
     def work() -> tuple[Linearization, Linearization]:
-        plant, closed = linearize(arm, scene.motion), linearize(arm, scene.motion, scene.control)
+        plant = linearize(arm, scene.motion)
+        closed = with_control(plant, scene.control)
         drive_load(plant, np.zeros(1), np.zeros((1, 2 * plant.n)), plant.law, scene.drives)
         return plant, closed
 

@@ -3,6 +3,7 @@
 from contextlib import suppress
 from dataclasses import dataclass
 
+from flexlin.about.linearization import Linearization
 from flexlin.answers.critical_values import CriticalValue, critical_values, search_family
 from flexlin.answers.loops import SAMPLED
 from flexlin.answers.spectra import Family, OneOfSeveral, SceneFamily, make_family
@@ -47,23 +48,25 @@ class Margin:
 
 @dataclass
 class Shared:
-    """One derivation of a scene's own loop for all numbers whose usual margins are asked for, made when the first is."""
+    """One derivation of a scene's own loop for all numbers whose usual margins are asked for: `known`, if it keeps them free."""
 
     scene: Scene
     ranges: dict[str, tuple[float, float]]
+    known: Linearization | None = None
     made: SceneFamily | None = None
     tried: bool = False
 
     def family(self, path: str) -> Family:
         """The systems by one of the numbers. Raises: what `make_family` raises."""
-        if not self.tried and len(self.ranges) > 1:
+        known = self.known if self.known is not None and self.known.arm.parameters.paths == tuple(self.ranges) else None
+        if not self.tried and (known is not None or len(self.ranges) > 1):
             self.tried = True
             with suppress(InputError):
-                made = make_family(self.scene, self.ranges, "own")
+                made = make_family(self.scene, self.ranges, "own", known)
                 self.made = made if isinstance(made, SceneFamily) else None
         if self.made is None:
             return make_family(self.scene, {path: self.ranges[path]}, "own")
-        return OneOfSeveral.of(self.made, list(self.ranges).index(path))
+        return OneOfSeveral.of(self.made, list(self.ranges).index(path)) if len(self.ranges) > 1 else self.made
 
 
 def find_margin(scene: Scene, path: str, limits: tuple[float, float], samples: int = THOROUGH) -> Margin:

@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexlin.about.free import ParametricLoop
-from flexlin.answers.loops import choose_loop
+from flexlin.about.free import ParametricLoop, loop_of
+from flexlin.about.linearization import Linearization
+from flexlin.answers.loops import choose_loop, with_states
 from flexlin.answers.sensitivity import integrate_derivatives
 from flexlin.answers.sweep.axes import check_axes
 from flexlin.answers.sweep.batches import CHUNK_BYTES, Batches, Plan, choose_plan, try_plans
@@ -224,8 +225,10 @@ class OneOfSeveral(Family):
         return None if found is None else (*found[:2], found[2][self.index : self.index + 1])
 
 
-def make_family(source: Source, ranges: dict[str, tuple[float, float]], loop: str) -> Family:
-    """The systems that a scene's loop, or a function, makes of numbers in ranges.
+def make_family(
+    source: Source, ranges: dict[str, tuple[float, float]], loop: str, known: Linearization | None = None
+) -> Family:
+    """The systems that a scene's loop, or a function, makes of numbers in ranges; `known`: the loop whose equations keep these free.
 
     Raises: ArgumentError for a source of another kind, and for paths that lead to no free number; SceneError for a range that the schema
     refuses.
@@ -233,7 +236,7 @@ def make_family(source: Source, ranges: dict[str, tuple[float, float]], loop: st
     if isinstance(source, Scene):
         check_axes(source, {path: np.array(limits) for path, limits in ranges.items()}, grid=True)
         own = np.array([get_value(source, path) for path in ranges], dtype=float)
-        chosen = choose_loop(source, tuple(ranges), loop)
+        chosen = choose_loop(source, tuple(ranges), loop) if known is None else with_states(loop_of(known))
         if isinstance(chosen, ParametricLoop):
             return SceneFamily(chosen.system_at, own, loop=chosen)
         return Family(chosen.system_at, own)

@@ -56,7 +56,9 @@ def write_report(
             from flexlin.answers.nearest.instability import search_box
 
             box = make_box(scene)
-    analysis, asked = analyse(scene, clock), scene.accuracy
+    from flexlin.answers.margins import choose_margins
+
+    analysis, asked = analyse(scene, clock, tuple(choose_margins(scene)) if margins is None else ()), scene.accuracy
     analysis = replace(analysis, margins=find_margins(scene, margins, analysis, clock))
     if with_audit:
         from flexlin.answers.audit import audit
@@ -97,7 +99,7 @@ def find_margins(
     from flexlin.answers.margins import Shared, choose_margins, find_margin, find_usual_margin
 
     ranges, at_most = (choose_margins(scene), USUAL) if chosen is None else (dict(chosen), inf)
-    usual = partial(find_usual_margin, own=analysis.own.floquet, shared=Shared(scene, ranges))
+    usual = partial(find_usual_margin, own=analysis.own.floquet, shared=Shared(scene, ranges, analysis.closed))
     find: Callable[..., Margin | None] = find_margin if chosen is not None else usual
     found: list[Margin | None] = []
     for path, limits in ranges.items():
