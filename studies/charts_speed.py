@@ -28,10 +28,11 @@ from flexlin import compiler
 from flexlin.about.free import ParametricLoop, parametric_loop
 from flexlin.answers.peers import HeyokaTransitions
 from flexlin.answers.peers.vectorised import prepare_jax
-from flexlin.answers.sweep.batches import NumpyBatches, Plan, prepare_coefficients
+from flexlin.answers.sweep.batches import NumpyBatches, prepare_coefficients
 from flexlin.answers.sweep.cluster import Cluster
 from flexlin.answers.sweep.compiled import CompiledBatches
 from flexlin.answers.sweep.job import compute_here, prepare_job
+from flexlin.answers.sweep.plan import Plan
 from flexlin.answers.sweep.processes import Processes
 from flexlin.answers.sweep.threads import Threads
 from flexlin.periodic.circle import measure_distances
@@ -189,18 +190,10 @@ def time_sharing(size: str) -> dict[str, float]:
 
         options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
         with LocalCluster(**options) as cluster, Client(cluster) as client:
-            client.run(sweep_loaded)
             times["Dask, two workers"] = spend(Cluster(client), lambda: sum(client.run(time.process_time).values()))
     assert np.array_equal(first, job.found.exponents), "sharing has changed bits"
     alone = min(alone, spend(compute_here))
     return {"one process, s": alone, **{name: seconds / alone - 1 for name, seconds in times.items()}}
-
-
-def sweep_loaded() -> str:
-    """Load what a worker of an existing cluster has loaded after its first chart."""
-    from flexlin.answers.sweep import compiled
-
-    return compiled.__name__
 
 
 def draw(data: dict[str, Any], out: Path) -> None:

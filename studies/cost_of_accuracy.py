@@ -22,7 +22,8 @@ from flexlin.about.free import ParametricLoop, parametric_loop
 from flexlin.answers.accuracy.trial import compare_exponents
 from flexlin.answers.peers import HeyokaTransitions, import_heyoka, prepare_cvodes, prepare_rate, prepare_scipy
 from flexlin.answers.sweep import sweep
-from flexlin.answers.sweep.batches import Plan, prepare_coefficients
+from flexlin.answers.sweep.batches import prepare_coefficients
+from flexlin.answers.sweep.plan import Plan
 from flexlin.checks import Array
 from flexlin.periodic.many.transitions import batched_transitions
 from flexlin.periodic.product.balancing import multiply_scaled

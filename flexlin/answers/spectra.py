@@ -10,8 +10,9 @@ from flexlin.about.linearization import Linearization
 from flexlin.answers.loops import choose_loop, with_states
 from flexlin.answers.sensitivity import integrate_derivatives
 from flexlin.answers.sweep.axes import check_axes
-from flexlin.answers.sweep.batches import CHUNK_BYTES, Batches, Plan, choose_plan, try_plans
+from flexlin.answers.sweep.batches import CHUNK_BYTES, Batches, choose_plan, try_plans
 from flexlin.answers.sweep.compiled import CompiledBatches, pays
+from flexlin.answers.sweep.plan import Plan
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, FlexlinError, TimeLimit
 from flexlin.periodic.boundary.spectra import Spectra

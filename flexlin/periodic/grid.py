@@ -31,3 +31,9 @@ def edges_of_short(edges: Array, longest: float) -> Array:
     """Return the edges of the panels that are shorter than `longest`: no step may pass over what a function does in one."""
     short = np.flatnonzero(np.diff(edges) < longest)
     return edges[np.union1d(short, short + 1)]
+
+
+def divide_segments(grid: Array, parts: int) -> Array:
+    """The grid with each segment divided into equal parts."""
+    starts = grid[:-1, None] + np.diff(grid)[:, None] * (np.arange(parts) / parts)
+    return np.append(starts, grid[-1])

@@ -1,5 +1,9 @@
 """The compiled kernel beside NumPy's route, `floquet`, and expressions that hold every operation."""
 
+import pickle
+import subprocess
+import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import casadi as ca
@@ -145,8 +149,6 @@ def test_thousands_of_factors_neither_over_nor_underflow():
 
 
 def test_results_do_not_depend_on_the_blocks_nor_on_pickling():
-    import pickle
-
     loop = choose_loop(fl.load_scene("single-link", SINGLE), ["effects.payload.mass"])
     points = np.linspace(0.0, 0.3, 61)[:, None]
     work = CompiledBatches.prepare(loop, points, 1e-8)
@@ -154,6 +156,26 @@ def test_results_do_not_depend_on_the_blocks_nor_on_pickling():
     whole, parts = work.compute(points), [again.compute(points[i : i + 16]) for i in range(0, 61, 16)]
     assert np.array_equal(whole.exponents, np.concatenate([part.exponents for part in parts]))
     assert np.array_equal(whole.error, np.concatenate([part.error for part in parts]))
+
+
+@pytest.mark.slow
+def test_a_worker_loads_no_more_than_the_compiled_code_needs(tmp_path):
+    """SciPy, CasADi and the scene's classes take a worker most of a second; values that are left to `floquet` load them."""
+    loop = choose_loop(fl.load_scene("single-link", SINGLE), ["effects.payload.mass"])
+    points = np.linspace(0.0, 0.3, 24)[:, None]
+    work = CompiledBatches.prepare(loop, points, 1e-8)
+    (tmp_path / "work").write_bytes(pickle.dumps((work, points)))
+    script = (
+        "import pickle, sys; from flexlin.answers.sweep.task import compute_blocks\n"
+        f"work, points = pickle.load(open({str(tmp_path / 'work')!r}, 'rb')); found = compute_blocks(work, [points])[0]\n"
+        "assert not {'scipy', 'casadi', 'pydantic', 'flexlin.scene', 'flexlin.periodic.system'} & set(sys.modules)\n"
+        f"pickle.dump(found, open({str(tmp_path / 'found')!r}, 'wb'))\n"
+        "points[3] = float('nan'); print(compute_blocks(work, [points])[0].one_by_one.sum())"
+    )
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, cwd=Path(__file__).parents[2], check=True, capture_output=True, text=True)
+    assert np.array_equal(pickle.loads((tmp_path / "found").read_bytes()).exponents, work.compute(points).exponents)
+    assert int(done.stdout) >= 1
 
 
 def test_threads_share_values_and_pass_errors_on(monkeypatch):

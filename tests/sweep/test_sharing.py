@@ -98,7 +98,7 @@ def test_a_cluster_that_loses_a_worker(whole):
 @pytest.mark.skipif(sys.platform != "linux", reason="glibc has the option")
 def test_workers_of_a_cluster_keep_freed_memory_during_a_block():
     script = (
-        "import numpy as np, resource; from flexlin.answers.sweep.cluster import keep_freed_memory\n"
+        "import numpy as np, resource; from flexlin.answers.sweep.task import keep_freed_memory\n"
         "def faults():\n"
         "    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt\n"
         "    for _ in range(50): np.ones(2**17) + 1.0\n"

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from functools import partial
 
 from flexlin.answers.loops import ControlledLoop, RebuiltLoop, RedesignedLoop
-from flexlin.answers.sweep.batches import Plan
 from flexlin.answers.sweep.found import Found
+from flexlin.answers.sweep.plan import Plan
 from flexlin.checks import Array
 
 

@@ -8,11 +8,12 @@ import numpy as np
 
 from flexlin.about.free import ParametricLoop
 from flexlin.answers.sweep.found import Found
+from flexlin.answers.sweep.plan import HARMONICS, SLACK, Plan
 from flexlin.checks import Array
 from flexlin.periodic.fourier import FourierSeries
-from flexlin.periodic.many import batched_exponents
 from flexlin.periodic.many.algebra import solve_positive
-from flexlin.periodic.many.romberg import measure_spread
+from flexlin.periodic.many.extrapolation import measure_spread
+from flexlin.periodic.many.romberg import batched_exponents
 
 CHUNK_BYTES = 2**26
 """Working memory of one batch."""
@@ -22,23 +23,10 @@ STARTS = (8, 12, 16, 24, 32, 48, 64, 96, 128)
 """Numbers of segments among which the pilot chooses."""
 ORDER = 8
 """Of the extrapolated logs, by the length of the segments."""
-SLACK = 1.1
-"""The spread of the moduli may exceed the pilot's by this factor."""
 PILOTS, ENOUGH = 24, 0.9
 """Values on which the pilot runs, and the share of them that must reach the tolerance."""
-HARMONICS = (6, 8, 10, 12, 16, 24, 32, 48, 64)
-"""Harmonics of the period with which the coefficients may be represented."""
 TAIL = 1e-4
 """The two highest harmonics of a representation must be this small against the coefficients, in units of the tolerance."""
-
-
-@dataclass(frozen=True)
-class Plan:
-    """How a batch is computed: segments of the coarsest resolution, harmonics tried first, expected spread of the moduli."""
-
-    segments: int
-    harmonics: int = HARMONICS[0]
-    spread: float = np.inf
 
 
 @dataclass(frozen=True)

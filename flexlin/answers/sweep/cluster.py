@@ -1,16 +1,13 @@
 """Blocks shared out among the workers of a Dask cluster."""
 
-import ctypes
-import os
-import sys
 from collections import deque
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from typing import Any
 
 from flexlin.answers.sweep.found import Found
-from flexlin.answers.sweep.job import Job, Work
-from flexlin.checks import Array
+from flexlin.answers.sweep.job import Job
+from flexlin.answers.sweep.task import compute_blocks
 from flexlin.errors import ArgumentError, NumericalError
 
 RETRIES = 3
@@ -19,10 +16,6 @@ PATIENCE = 10.0
 """Seconds in which a scheduler must answer."""
 AHEAD, MOST = 4, 8
 """Tasks for each thread of the cluster that wait there, and blocks of a task: fewer towards the end. A task costs the cluster 5 ms."""
-TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3
-"""Options of glibc's mallopt (malloc.h)."""
-KEPT, USUAL = 2**25, 2**17
-"""Bytes from which memory is given back at once: during a block, and as glibc has it."""
 
 
 class Cluster:
@@ -85,29 +78,3 @@ class Cluster:
     def _capacity(self) -> int:
         """Tasks that are given out at once."""
         return max(1, AHEAD * sum(self.client.nthreads().values()))
-
-
-def compute_blocks(work: Work, blocks: list[Array]) -> list[Found]:
-    """Some blocks, on the worker."""
-    with keep_freed_memory():
-        return [work.compute(points) for points in blocks]
-
-
-@contextmanager
-def keep_freed_memory() -> Iterator[None]:
-    """Let the C library keep what the block frees, for its next arrays, where Dask's nanny has set MALLOC_TRIM_THRESHOLD_ to 64 kB.
-
-    Memory that goes back to the system comes anew with a fault and zeros a page: blocks would take 1.4 to 1.7 times as long.
-    """
-    low = os.environ.get("MALLOC_TRIM_THRESHOLD_", "")
-    if sys.platform != "linux" or not low.isdecimal():
-        yield
-        return
-    set_option = getattr(ctypes.CDLL(None), "mallopt", lambda *_: 0)  # not every C library has it
-    for option in (TRIM_THRESHOLD, MMAP_THRESHOLD):
-        set_option(option, KEPT)
-    try:
-        yield
-    finally:
-        set_option(TRIM_THRESHOLD, int(low))
-        set_option(MMAP_THRESHOLD, USUAL)

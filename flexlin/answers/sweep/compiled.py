@@ -3,21 +3,23 @@
 import time
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexlin.about.free import ParametricLoop
-from flexlin.about.kernel_source import write_model
-from flexlin.answers.sweep.batches import PILOTS, SLACK, Batches, Plan
 from flexlin.answers.sweep.found import Found
+from flexlin.answers.sweep.later import Later
 from flexlin.answers.sweep.needs import FEW, ORDER, STARTS, Needs, learn_needs, pack
+from flexlin.answers.sweep.plan import SLACK, Plan
 from flexlin.checks import Array
 from flexlin.compiler import find_compiler
 from flexlin.errors import ArgumentError, NumericalError
 from flexlin.periodic.many.algebra import solve_positive
 from flexlin.periodic.many.compiled import WIDTH, CompiledKernel
 from flexlin.periodic.many.extrapolation import MULTIPLES
-from flexlin.periodic.many.romberg import balance_states
+
+if TYPE_CHECKING:
+    from flexlin.about.free import ParametricLoop
 
 PAYS = 1.0
 """Seconds of work by NumPy, predicted, from which the kernel is compiled; more where there are more than `SHORT` coordinates."""
@@ -30,11 +32,11 @@ CLOSER, FINER = (1.15, 2.0), 2
 """Values that missed tol are tried again with so many times more segments, once by what they missed, before `floquet` has them."""
 BLOCK_WORK = 2e9
 """Multiplications of a block."""
-PROBES = 32
-"""Phases at which the size of the coefficients is taken."""
+PROBES, BALANCED = 32, 24
+"""Phases and values at which the size of the coefficients is taken."""
 
 
-def pays(loop: ParametricLoop, values: int) -> bool:
+def pays(loop: "ParametricLoop", values: int) -> bool:
     """Whether compiling takes less time than it saves."""
     n = loop.linearization.n
     worth = values * NUMPY_VALUE * (n / 2) ** 3 > PAYS * max(1.0, (n / SHORT) ** 2)
@@ -43,9 +45,14 @@ def pays(loop: ParametricLoop, values: int) -> bool:
 
 @dataclass(frozen=True)
 class CompiledBatches:
-    """The compiled computation of blocks of values; `scale` (2n,) balances the states; `needs` says on how many segments."""
+    """The compiled computation of blocks of values; `scale` (2n,) balances the states; `needs` says on how many segments.
 
-    loop: ParametricLoop
+    `given`: the loop, for values that are computed one by one; `may_be_narrow`: whether its coefficients may have narrow features.
+    Where neither is asked for, a worker loads NumPy and the compiled code alone.
+    """
+
+    given: "Later[ParametricLoop]"
+    may_be_narrow: bool
     tol: float
     kernel: CompiledKernel
     scale: Array
@@ -54,17 +61,25 @@ class CompiledBatches:
     route = "compiled"
 
     @classmethod
-    def prepare(cls, loop: ParametricLoop, points: Array, tol: float) -> "CompiledBatches | None":
+    def prepare(cls, loop: "ParametricLoop", points: Array, tol: float) -> "CompiledBatches | None":
         """Compile, and choose the number of segments on a few values; nothing where the expressions or the compiler do not allow it."""
-        start = time.perf_counter()
+        from flexlin.about.kernel_source import write_model
+
+        start, of_phase = time.perf_counter(), take_phases if loop.kept is None else loop.of_phase
         try:
-            kernel = CompiledKernel(write_model(loop), loop.linearization.n, loop.of_phase, loop.phase_breaks)
+            kernel = CompiledKernel(write_model(loop), loop.linearization.n, of_phase, loop.phase_breaks)
             _ = kernel.library
         except (ArgumentError, NumericalError, OSError):
             return None
         seconds = time.perf_counter() - start
-        scale = balance_coefficients(loop, points[np.linspace(0, len(points) - 1, PILOTS).astype(int)])
-        return cls(loop, tol, kernel, scale, learn_needs(kernel, points, scale, tol), seconds)
+        scale = balance_coefficients(loop, points[np.linspace(0, len(points) - 1, BALANCED).astype(int)])
+        needs = learn_needs(kernel, points, scale, tol)
+        return cls(Later(loop), loop.linearization.may_be_narrow, tol, kernel, scale, needs, seconds)
+
+    @property
+    def loop(self) -> "ParametricLoop":
+        """The loop that is asked about."""
+        return self.given.value
 
     @property
     def plan(self) -> Plan:
@@ -74,12 +89,12 @@ class CompiledBatches:
     @property
     def threaded(self) -> bool:
         """All values are computed by the kernel, which lets other threads work meanwhile."""
-        return not self.loop.linearization.may_be_narrow
+        return not self.may_be_narrow
 
     @property
     def block(self) -> int:
         """Values of a block: as many whatever machine or worker computes it, so that results do not depend on where the cuts are."""
-        work = sum(MULTIPLES[:FEW]) * self.plan.segments * 12 * (2 * self.loop.linearization.n) ** 3
+        work = sum(MULTIPLES[:FEW]) * self.plan.segments * 12 * (2 * self.kernel.coordinates) ** 3
         return WIDTH * int(np.clip(BLOCK_WORK / work / WIDTH, 1, 1024))
 
     def spectra(self, points: Array, segments: int) -> tuple[Array, Array, Array]:
@@ -90,8 +105,8 @@ class CompiledBatches:
 
     def compute(self, points: Array) -> Found:
         """All values of a block: together, those that miss tol on more and more segments, and the rest one by one."""
-        found = Found.empty(len(points), self.loop.states)
-        narrow = Batches(self.loop, points, self.tol, 0).find_narrow(np.arange(len(points)))
+        found = Found.empty(len(points), 2 * self.kernel.coordinates)
+        narrow = self.find_narrow(points)
         rest, alone = np.flatnonzero(~narrow), [np.flatnonzero(narrow)]
         wanted, spread, trial = self.needs.predict(points[rest]), SLACK * self.needs.spread, 0
         while len(rest):
@@ -110,6 +125,14 @@ class CompiledBatches:
             found.put_alone(i, partial(self.loop.system_at, points[i]), self.tol)
         return found
 
+    def find_narrow(self, points: Array) -> Array:
+        """Which values have coefficients with narrow features, (V,)."""
+        if not self.may_be_narrow:
+            return np.zeros(len(points), dtype=bool)
+        from flexlin.answers.sweep.batches import Batches
+
+        return Batches(self.loop, points, self.tol, 0).find_narrow(np.arange(len(points)))
+
     def enter(self, found: Found, points: Array, which: Array, segments: int, spread: float, levels: int) -> Array:
         """Compute values together and enter those that meet tol; the errors of all in units of it, (V,)."""
         given = (segments, self.scale, self.tol / 100, spread, self.tol, levels)
@@ -121,8 +144,10 @@ class CompiledBatches:
         return result.misses
 
 
-def balance_coefficients(loop: ParametricLoop, points: Array) -> Array:
+def balance_coefficients(loop: "ParametricLoop", points: Array) -> Array:
     """The scaling (2n,) of the states that evens the coefficients' mean over the period and the points."""
+    from flexlin.periodic.many.romberg import balance_states
+
     phases, n, T = np.arange(PROBES) / PROBES, loop.linearization.n, loop.periods(points)
     M, D, K = (np.moveaxis(A.reshape(PROBES, len(points), n, n), (0, 1), (2, 3)) for A in loop.sample(phases, points))
     stacked = np.concatenate([T**2 * K, T * D], axis=1).reshape(n, 2 * n, -1)
@@ -130,3 +155,8 @@ def balance_coefficients(loop: ParametricLoop, points: Array) -> Array:
     usable = np.isfinite(Z).all(axis=(0, 1))
     Z = np.moveaxis(Z[..., usable], 2, 0)[..., None]
     return balance_states(Z[:, :, :n], Z[:, :, n:]) if usable.any() else np.ones(2 * n)
+
+
+def take_phases(phases: Array) -> Array:
+    """What the phase decides of a loop without a kept gain: itself, (N, 1)."""
+    return phases[:, None]

@@ -8,12 +8,12 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import FlexlinError, TimeLimit
-from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.system import PeriodicSystem
-from flexlin.scene.scene import Scene
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from flexlin.periodic.system import PeriodicSystem
+    from flexlin.scene.scene import Scene
 
 
 VERDICTS = np.array(["undecided", "stable", "unstable", "failed", "missing"])
@@ -54,8 +54,10 @@ class Found:
         self.verdict[which] = np.where((growth > errors).any(axis=1), 2, np.where((growth < -errors).all(axis=1), 1, 0))
         self.reason[which] = np.where(self.verdict[which] == 0, WITHIN, "")
 
-    def put_alone(self, i: int, make: Callable[[], PeriodicSystem], tol: float) -> None:
+    def put_alone(self, i: int, make: Callable[[], "PeriodicSystem"], tol: float) -> None:
         """Enter what `floquet` says of one value, or why its equations have no answer."""
+        from flexlin.periodic.floquet.exponents import floquet  # most workers do without
+
         self.one_by_one[i] = True
         try:
             system = make()
@@ -80,7 +82,7 @@ class Found:
 
 
 def build_dataset(
-    scene: Scene,
+    scene: "Scene",
     axes: dict[str, Array],
     found: Found,
     shape: tuple[int, ...],

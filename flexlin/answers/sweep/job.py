@@ -12,9 +12,10 @@ from flexlin.about.free import ParametricLoop
 from flexlin.answers.loops import choose_loop
 from flexlin.answers.sweep.alone import OneByOne
 from flexlin.answers.sweep.axes import check_axes, check_values, lay_out
-from flexlin.answers.sweep.batches import CHUNK_BYTES, NumpyBatches, Plan
+from flexlin.answers.sweep.batches import CHUNK_BYTES, NumpyBatches
 from flexlin.answers.sweep.compiled import CompiledBatches, pays
 from flexlin.answers.sweep.found import MISSING, Found, build_dataset
+from flexlin.answers.sweep.plan import Plan
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.progress import advance

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.many.compiled import WIDTH, CompiledKernel
-from flexlin.periodic.many.romberg import measure_spread
+from flexlin.periodic.many.extrapolation import measure_spread
 
 STARTS = (
     4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 16, 18, 20, 22, 24, 26, 28, 32, 36, 40, 44, 48, 52, 56, 64, 72, 80, 88, 96, 104, 112, 128,

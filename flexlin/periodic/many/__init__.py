@@ -2,7 +2,3 @@
 
 Every array keeps the systems on its last axis, so that loops run inside NumPy.
 """
-
-from flexlin.periodic.many.romberg import BatchedExponents, batched_exponents
-
-__all__ = ["BatchedExponents", "batched_exponents"]

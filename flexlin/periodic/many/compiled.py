@@ -11,9 +11,8 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.compiler import load_library, pointer
-from flexlin.periodic.grid import place_edges
+from flexlin.periodic.grid import divide_segments, place_edges
 from flexlin.periodic.many.extrapolation import MULTIPLES, find_gains
-from flexlin.periodic.many.romberg import divide_segments
 from flexlin.periodic.transition.gauss import gauss, place_nodes
 
 WIDTH = 8

@@ -61,3 +61,9 @@ def bound_error(change: Array, step: Array) -> Array:
 def take_nearest(fine: Array, coarse: Array) -> Array:
     """The coarse log that lies nearest to each fine one."""
     return np.take_along_axis(coarse, measure_distances(fine, coarse).argmin(axis=1), axis=0)
+
+
+def measure_spread(logs: Array) -> float:
+    """The widest spread of the logs of the moduli, the smallest of each value left out; infinite where nothing is known."""
+    sizes = np.sort(logs.real, axis=0)[min(1, len(logs) - 1) :]
+    return float(np.ptp(sizes, axis=0).max()) if sizes.size else np.inf

@@ -8,9 +8,9 @@ from scipy.linalg.lapack import dgebal
 
 from flexlin.checks import Array
 from flexlin.periodic.companion import stack_companion
-from flexlin.periodic.grid import place_edges
+from flexlin.periodic.grid import divide_segments, place_edges
 from flexlin.periodic.many.algebra import exponentiate_batch
-from flexlin.periodic.many.extrapolation import MULTIPLES, extrapolate, find_gains
+from flexlin.periodic.many.extrapolation import MULTIPLES, extrapolate, find_gains, measure_spread
 from flexlin.periodic.many.spectrum import find_product_logs, group_batch
 from flexlin.periodic.transition.gauss import gauss, place_nodes
 
@@ -61,18 +61,6 @@ def batched_exponents(
         levels.append(logs)
     logs, errors = extrapolate(levels, find_gains(*MULTIPLES[:3]), accuracy)
     return BatchedExponents(logs, errors, np.asarray(sound))
-
-
-def measure_spread(logs: Array) -> float:
-    """The widest spread of the logs of the moduli, the smallest of each value left out; infinite where nothing is known."""
-    sizes = np.sort(logs.real, axis=0)[min(1, len(logs) - 1) :]
-    return float(np.ptp(sizes, axis=0).max()) if sizes.size else np.inf
-
-
-def divide_segments(grid: Array, parts: int) -> Array:
-    """The grid with each segment divided into equal parts."""
-    starts = grid[:-1, None] + np.diff(grid)[:, None] * (np.arange(parts) / parts)
-    return np.append(starts, grid[-1])
 
 
 def balance_states(X: Array, Y: Array) -> Array:

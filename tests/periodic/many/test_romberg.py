@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.many import batched_exponents
-from flexlin.periodic.many.romberg import balance_states, exponentiate_segments
+from flexlin.periodic.many.romberg import balance_states, batched_exponents, exponentiate_segments
 from flexlin.periodic.system import PeriodicSystem
 
 
