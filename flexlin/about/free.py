@@ -7,12 +7,15 @@ import casadi as ca
 import numpy as np
 
 from flexlin import symbolic
+from flexlin.about.compensator import write_compensator
 from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
+from flexlin.about.scene_law import kept_columns
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.chain import build_manipulator
 from flexlin.motion import SymbolicMotion
+from flexlin.periodic.controlled import extend_system
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
 from flexlin.scene.scene import Scene
 from flexlin.summary import represent
@@ -21,23 +24,31 @@ from flexlin.symbolic import selected
 
 @dataclass(frozen=True, eq=False)
 class KeptGain:
-    """A gain K(phase) [y; y'] that was designed once and is kept while scene numbers vary; when the period changes, it follows the phase.
+    """A gain K(phase) [y; y'; z], designed once and kept while scene numbers vary; when the period changes, it follows the phase.
 
-    `gain`: times (N,) in s -> (N, m, 2n); `period`: the period that it was made for; `breaks`: phases at which it loses smoothness.
+    `gain`: times (N,) in s -> (N, m, 2n + k); `period`: the period that it was made for; `breaks`: phases at which it loses smoothness;
+    `rates`: of the design's own states, z' = rates [y; y'; z], (k, 2n + k); None where it has none.
     """
 
     gain: MatrixFunction
     period: float
     breaks: tuple[float, ...] = ()
+    rates: Array | None = None
+
+    @property
+    def memory(self) -> int:
+        """The number k of the design's own states."""
+        return 0 if self.rates is None else len(self.rates)
 
     def at_phases(self, phases: Array) -> Array:
-        """The gain (N, m, 2n) at phases (N,)."""
+        """The gain (N, m, 2n + k) at phases (N,)."""
         return self.gain(np.mod(phases, 1.0) * self.period)
 
     def close(self, system: PeriodicSystem) -> PeriodicSystem:
         """The loop of this gain on a plant of any period."""
         corners = tuple(system.period * phase for phase in self.breaks)
-        return system.feedback(Stretched(self, system.period), corners)
+        plant = system if self.rates is None else extend_system(system, self.rates)
+        return plant.feedback(Stretched(self, system.period), corners)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +68,8 @@ class ParametricLoop:
 
         M(phase, p) y'' + D(phase, p) y' + K(phase, p) y = 0,   T = T(p)
 
+    A controller's k states z are the rates of k further coordinates, behind the arm's n. These are ignorable: their columns of K are zero,
+    so nothing depends on them, and x = [y; y'; z] leaves them out.
     `matrices`: (phase, p) -> M, D, K, or (phase, p, gain) where a designed gain is kept; `inputs` makes its arguments.
     `duration`: p -> T in s.
     """
@@ -81,16 +94,26 @@ class ParametricLoop:
         return own if self.kept is None else tuple(sorted({*own, *self.kept.breaks}))
 
     @property
+    def memory(self) -> int:
+        """The number k of the controller's own states."""
+        return self.linearization.states - 2 * self.linearization.n if self.kept is None else self.kept.memory
+
+    @property
+    def coordinates(self) -> int:
+        """The number n + k of coordinates in `matrices`."""
+        return self.linearization.n + self.memory
+
+    @property
     def states(self) -> int:
-        """The number of states, 2n."""
-        return 2 * self.linearization.n
+        """The number of states, 2n + k."""
+        return 2 * self.linearization.n + self.memory
 
     def periods(self, points: Array) -> Array:
         """T in s for points (V, P)."""
         return symbolic.evaluate(self.duration, points)[0][:, 0, 0]
 
     def sample(self, phases: Array, points: Array) -> tuple[Array, Array, Array]:
-        """M, D, K (N V, n, n) at N phases times V points, the points running fastest."""
+        """M, D, K (N V, n + k, n + k) at N phases times V points, the points running fastest."""
         M, D, K = symbolic.evaluate(self.matrices, *self.inputs(phases, points))
         return M, D, K
 
@@ -101,7 +124,7 @@ class ParametricLoop:
         return [of_phase[:, :1], np.tile(points, (len(phases), 1)), *gain]
 
     def of_phase(self, phases: Array) -> Array:
-        """What of the arguments of `matrices` the phase decides: itself, and the kept gain column by column, (N, 1 + 2 n m)."""
+        """What of the arguments of `matrices` the phase decides: itself, and the kept gain column by column, (N, 1 + m (2n + k))."""
         if self.kept is None:
             return phases[:, None]
         gain = np.swapaxes(self.kept.at_phases(phases), 1, 2).reshape(len(phases), -1)
@@ -117,15 +140,38 @@ class ParametricLoop:
         return system if self.kept is None else self.kept.close(system)
 
     def with_gain(self, kept: KeptGain) -> "ParametricLoop":
-        """The loop u = -K(phase) [y; y'] on this arm: D + B K_v, K + B K_y. Assumes that this is the arm without feedback."""
-        about = self.linearization.about
-        gain = ca.SX.sym("gain", about.m, 2 * about.n)
-        phase, p = self.linearization.coefficients.sx_in()
-        M, D, K, _, B, _ = self.linearization.coefficients.call([phase, p])
-        closed = [M, D + B @ gain[:, about.n :], K + B @ gain[:, : about.n]]
+        """The loop u = -K(phase) [y; y'; z] on this arm. Assumes that this is the arm without feedback."""
+        lin = self.linearization
+        gain = ca.SX.sym("gain", lin.about.m, 2 * lin.n + kept.memory)
+        phase, p = lin.coefficients.sx_in()
+        rates = ca.SX(0, 2 * lin.n) if kept.rates is None else ca.SX(kept.rates)
+        closed = close_loop(lin, phase, p, gain, rates)
         inputs, names = [phase, p, ca.vec(gain)], ["phase", "p", "gain"]
-        matrices = ca.Function("loop", inputs, [ca.densify(A) for A in closed], names, ["M", "D", "K"])
-        return replace(self, matrices=matrices, kept=kept)
+        return replace(self, matrices=ca.Function("loop", inputs, closed, names, ["M", "D", "K"]), kept=kept)
+
+
+def close_loop(lin: Linearization, phase: ca.SX, p: ca.SX, gain: ca.SX, rates: ca.SX) -> list[ca.SX]:
+    """M, D, K of the loop u = -gain [y; y'; z], z' = rates [y; y'; z], z being the rates of ignorable coordinates behind y.
+
+    [M 0; 0 I],   [D + B gain_y', B gain_z; -rates_y', -rates_z],   [K + B gain_y, 0; -rates_y, 0]
+    """
+    n, k = lin.n, rates.size1()
+    M, D, K, _, B, _ = lin.coefficients.call([phase, p])
+    M = ca.diagcat(M, ca.SX.eye(k))
+    D = ca.vertcat(ca.horzcat(D + B @ gain[:, n : 2 * n], B @ gain[:, 2 * n :]), -rates[:, n:])
+    K = ca.horzcat(ca.vertcat(K + B @ gain[:, :n], -rates[:, :n]), ca.SX(n + k, k))
+    return [ca.densify(A) for A in (M, D, K)]
+
+
+def closed_matrices(lin: Linearization) -> ca.Function:
+    """(phase, p) -> M, D, K of a linearization, whose own D and K hold what answers at once; the controller's states go behind."""
+    if lin.controller is None or lin.control is None:
+        return selected(lin.coefficients, ("M", "D", "K"))
+    phase, p = lin.coefficients.sx_in()
+    gain, rates = kept_columns(lin.about, write_compensator(lin.about, lin.control))
+    gain[:, : 2 * lin.n] = 0
+    gain, rates = ca.substitute([gain, rates], [lin.arm.parameters.symbols], [p])
+    return ca.Function("loop", [phase, p], close_loop(lin, phase, p, gain, rates), ["phase", "p"], ["M", "D", "K"])
 
 
 def parametric_loop(scene: Scene, paths: Iterable[str], *, closed: bool = True) -> ParametricLoop:
@@ -153,4 +199,4 @@ def loop_of(lin: Linearization) -> ParametricLoop:
         raise ArgumentError("parameters need a periodic motion that is an expression", got=repr(lin.motion))
     motion = lin.motion
     duration = ca.Function("duration", [motion.parameters.symbols], [ca.densify(motion.duration)], ["p"], ["T"])
-    return ParametricLoop(lin.arm.parameters.paths, lin, selected(lin.coefficients, ("M", "D", "K")), duration)
+    return ParametricLoop(lin.arm.parameters.paths, lin, closed_matrices(lin), duration)

@@ -37,7 +37,7 @@ def write_model(loop: ParametricLoop) -> str:
     Raises: ArgumentError where an expression holds what has no C here.
     """
     program = read_program(reduced_equations(loop), point=1)
-    n, counted = loop.linearization.n, program.instructions
+    n, counted = loop.coordinates, program.instructions
     kept: dict[Needs, list[int]] = {Needs.PHASE: [], Needs.POINT: []}
     wanted = {i for one in counted if one.needs == Needs.BOTH for i in one.arguments} | {
         i for o in program.outputs for i in o
@@ -45,7 +45,7 @@ def write_model(loop: ParametricLoop) -> str:
     for i in sorted(wanted):
         if counted[i].needs in kept:
             kept[counted[i].needs].append(i)
-    phase_inputs = 1 if loop.kept is None else 1 + 2 * n * loop.linearization.about.m
+    phase_inputs = 1 if loop.kept is None else 1 + loop.states * loop.linearization.about.m
     sizes = {"COORDINATES": n, "PARAMETERS": len(loop.paths), "PHASE_INPUTS": phase_inputs}
     sizes |= {"PHASE_VALUES": len(kept[Needs.PHASE]), "POINT_VALUES": len(kept[Needs.POINT])}
     lines = [
@@ -59,7 +59,7 @@ def reduced_equations(loop: ParametricLoop) -> ca.Function:
     """(phase, p[, gain]) -> X, Y, the pivots of M, T: y'' = X y + Y y' with the mass matrix eliminated in symbols, without pivoting."""
     inputs = loop.matrices.sx_in()
     M, D, K = loop.matrices.call(inputs)
-    T, n = loop.duration(inputs[1]), loop.linearization.n
+    T, n = loop.duration(inputs[1]), loop.coordinates
     M, Z, pivots, inverses = ca.SX(M), ca.horzcat(T**2 * K, T * D), [], []
     for j in range(n):
         pivots.append(M[j, j])

@@ -61,10 +61,10 @@ def unfold_frequencies(scene: Scene, path: str, data: "xr.Dataset", loop: str = 
 def find_averaged(loop: ParametricLoop, values: Array) -> Array:
     """Eigenvalues (V, n) of the state matrix averaged over a period."""
     M, D, K = loop.sample(np.arange(PHASES) / PHASES, values[:, None])
-    n = M.shape[-1]
-    blocks = np.linalg.solve(M, np.concatenate([K, D], axis=2)).reshape(PHASES, len(values), n, 2 * n).mean(axis=0)
-    A = np.zeros((len(values), 2 * n, 2 * n))
-    A[:, :n, n:], A[:, n:] = np.eye(n), -blocks
+    n, states = loop.coordinates - loop.memory, loop.states
+    blocks = np.linalg.solve(M, np.concatenate([K[:, :, :n], D], axis=2)).reshape(PHASES, len(values), -1, states)
+    A = np.zeros((len(values), states, states))
+    A[:, :n, n : 2 * n], A[:, n:] = np.eye(n), -blocks.mean(axis=0)
     found = np.linalg.eigvals(A)
     order = np.lexsort((found.real, found.imag), axis=1)
     return np.take_along_axis(found, order, axis=1)

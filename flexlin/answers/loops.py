@@ -12,7 +12,6 @@ from flexlin.checks import Array
 from flexlin.control import design
 from flexlin.errors import ArgumentError, ModelError, SceneError
 from flexlin.mechanics.chain import build_manipulator
-from flexlin.periodic.controlled import extend_system
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.control import DesignTable
 from flexlin.scene.parameters import PARAMETERS, get_value, path_in
@@ -75,33 +74,11 @@ class RebuiltLoop:
         return linearize(build_manipulator(scene), scene.motion, scene.control if self.closed else None)
 
     def with_gain(self, kept: KeptGain) -> "RebuiltLoop":
-        """The loop u = -K(phase) [y; y'] on this arm."""
-        return replace(self, kept=kept)
+        """The loop u = -K(phase) [y; y'; z] on this arm."""
+        return replace(self, kept=kept, states=self.states + kept.memory)
 
 
-@dataclass(frozen=True, eq=False)
-class ControlledLoop:
-    """A loop with integrals or filters on an arm whose equations keep the free numbers as symbols.
-
-    `rates`: of the states z of a kept design, z' = rates [y; y'; z]; None where the scene's own loop is asked about.
-    """
-
-    plant: ParametricLoop
-    states: int
-    kept: KeptGain | None = None
-    rates: Array | None = None
-
-    __repr__ = represent
-
-    def system_at(self, point: Array) -> PeriodicSystem:
-        """The loop at one point (P,)."""
-        system = self.plant.at(point).periodic_system()
-        if self.kept is None or self.rates is None:
-            return system
-        return self.kept.close(extend_system(system, self.rates))
-
-
-AnyLoop = ParametricLoop | RedesignedLoop | RebuiltLoop | ControlledLoop
+AnyLoop = ParametricLoop | RedesignedLoop | RebuiltLoop
 
 
 def choose_loop(scene: Scene, paths: Iterable[str], loop: str = "own", tol: float = 1e-9) -> AnyLoop:
@@ -121,7 +98,7 @@ def choose_loop(scene: Scene, paths: Iterable[str], loop: str = "own", tol: floa
             "this number does not stand in the equations of the loop", got=outside[0], expected=expected
         )
     if loop == "own":
-        return with_states(leave_free(scene, paths, closed=True))
+        return leave_free(scene, paths, closed=True)
     table = None if loop == "open" else find_design(scene, loop)
     strangers = [path for path in paths if path.startswith("control.")]
     if strangers:
@@ -134,20 +111,8 @@ def choose_loop(scene: Scene, paths: Iterable[str], loop: str = "own", tol: floa
         return RedesignedLoop(plant, table, tol)
     made = design(linearize(build_manipulator(scene), scene.motion), table, tol)
     period = made.closed_loop.period
-    kept = KeptGain(made.K, period, tuple(t / period for t in made.closed_loop.breaks))
-    if made.controller is None:
-        return plant.with_gain(kept)
-    if not isinstance(plant, ParametricLoop):
-        got, todo = f"{loop} of a {scene.motion.kind} motion", f"ask for {loop}{REDONE}"
-        raise ArgumentError("a design with integrals is kept on arms given by expressions only", got=got, todo=todo)
-    return ControlledLoop(plant, made.closed_loop.n, kept, made.controller.rates)
-
-
-def with_states(loop: ParametricLoop | RebuiltLoop) -> ParametricLoop | RebuiltLoop | ControlledLoop:
-    """The scene's own loop as it is asked about: one with integrals or filters has no equations of second order."""
-    if isinstance(loop, ParametricLoop) and loop.linearization.controller is not None:
-        return ControlledLoop(loop, loop.linearization.states)
-    return loop
+    rates = None if made.controller is None else made.controller.rates
+    return plant.with_gain(KeptGain(made.K, period, tuple(t / period for t in made.closed_loop.breaks), rates))
 
 
 def leave_free(scene: Scene, paths: tuple[str, ...], closed: bool) -> ParametricLoop | RebuiltLoop:

@@ -8,9 +8,7 @@ import casadi as ca
 import numpy as np
 
 from flexlin import symbolic
-from flexlin.about.compensator import write_compensator
 from flexlin.about.free import ParametricLoop, parametric_loop
-from flexlin.about.scene_law import kept_columns
 from flexlin.arguments import checked, instance
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
@@ -130,33 +128,21 @@ def integrate_derivatives(loop: ParametricLoop, modes: FloquetModes) -> Array:
 def differentiate_state_matrix(loop: ParametricLoop, phases: Array) -> tuple[Array, Array]:
     """A (N, 2n + k, 2n + k) and its derivatives (P, N, 2n + k, 2n + k) by the parameters, at fixed phases.
 
-    A = [[0, I, 0], [-M^-1 S], [R]],   S = [K, D, B gain_z],   R: the rates of the k states of a controller
+    A = [0 I 0; -M^-1 S],   S = [K, D] without the columns of the k ignorable coordinates, whose rates are a controller's states
     """
     phase, p = loop.matrices.sx_in()
-    M, S, R = state_blocks(loop, phase, p)
-    outputs = [M, S, R, *(ca.jacobian(block, p) for block in (M, S, R))]
+    M, D, K = loop.matrices.call([phase, p])
+    blocks = [M, ca.horzcat(K[:, : loop.linearization.n], D)]
+    outputs = [*blocks, *(ca.jacobian(block, p) for block in blocks)]
     function = ca.Function("slopes", [phase, p], [ca.densify(one) for one in outputs])
-    found = symbolic.evaluate(function, phases[:, None], np.tile(loop.nominal, (len(phases), 1)))
-    (M, S, R), (dM, dS, dR) = found[:3], (unfold_slopes(J, one) for J, one in zip(found[3:], found[:3], strict=True))
-    n, states = M.shape[-1], S.shape[-1]
+    M, S, *J = symbolic.evaluate(function, phases[:, None], np.tile(loop.nominal, (len(phases), 1)))
+    dM, dS = (unfold_slopes(slopes, one) for slopes, one in zip(J, (M, S), strict=True))
+    n, states = loop.linearization.n, loop.states
     X = np.linalg.solve(M, S)
     A, slope = np.zeros((len(phases), states, states)), np.zeros((len(loop.paths), len(phases), states, states))
     A[:, :n, n : 2 * n] = np.eye(n)
-    A[:, n : 2 * n], A[:, 2 * n :] = -X, R
-    slope[..., n : 2 * n, :], slope[..., 2 * n :, :] = -np.linalg.solve(M, dS - dM @ X), dR
+    A[:, n:], slope[..., n:, :] = -X, -np.linalg.solve(M, dS - dM @ X)
     return A, slope
-
-
-def state_blocks(loop: ParametricLoop, phase: ca.SX, p: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """M, S and R of `differentiate_state_matrix` as expressions."""
-    lin = loop.linearization
-    if lin.controller is None or lin.control is None:
-        M, D, K = loop.matrices.call([phase, p])
-        return M, ca.horzcat(K, D), ca.SX(0, 2 * lin.n)
-    gain, rates = kept_columns(lin.about, write_compensator(lin.about, lin.control))
-    gain, rates = ca.substitute([gain, rates], [lin.arm.parameters.symbols], [p])
-    M, D, K, _, B, _ = lin.coefficients.call([phase, p])
-    return M, ca.horzcat(K, D, B @ gain[:, 2 * lin.n :]), rates
 
 
 def unfold_slopes(J: Array, block: Array) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlin.about.free import ParametricLoop, loop_of
 from flexlin.about.linearization import Linearization
-from flexlin.answers.loops import choose_loop, with_states
+from flexlin.answers.loops import choose_loop
 from flexlin.answers.sensitivity import integrate_derivatives
 from flexlin.answers.sweep.axes import check_axes
 from flexlin.answers.sweep.batches import CHUNK_BYTES, Batches, choose_plan, try_plans
@@ -237,7 +237,7 @@ def make_family(
     if isinstance(source, Scene):
         check_axes(source, {path: np.array(limits) for path, limits in ranges.items()}, grid=True)
         own = np.array([get_value(source, path) for path in ranges], dtype=float)
-        chosen = choose_loop(source, tuple(ranges), loop) if known is None else with_states(loop_of(known))
+        chosen = choose_loop(source, tuple(ranges), loop) if known is None else loop_of(known)
         if isinstance(chosen, ParametricLoop):
             return SceneFamily(chosen.system_at, own, loop=chosen)
         return Family(chosen.system_at, own)

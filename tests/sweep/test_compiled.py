@@ -236,8 +236,7 @@ def test_every_operation_means_the_same_in_c():
     K = ca.vertcat(ca.horzcat(5 + s, 0.2), ca.horzcat(s, 3))
     matrices = ca.Function("m", [phase, p], [ca.densify(x) for x in (M, D, K)])
     duration = ca.Function("T", [p], [1 + p / 9])
-    arm = SimpleNamespace(n=2)
-    fake = SimpleNamespace(matrices=matrices, duration=duration, linearization=arm, kept=None, paths=("p",))
+    fake = SimpleNamespace(matrices=matrices, duration=duration, coordinates=2, kept=None, paths=("p",))
     kernel = CompiledKernel(write_model(fake), 2, lambda phases: phases[:, None])
     points = np.linspace(0.6, 0.9, 11)[:, None]
     T = 1 + points[:, 0] / 9

@@ -29,7 +29,7 @@ def prepare_scipy(
     Parameters: p: values of the free numbers, the scene's own by default; rate: the right-hand side, the compiled one by default.
     """
     values = loop.nominal if p is None else p
-    n = 2 * loop.linearization.n
+    n = loop.states
     f = prepare_rate(loop, values) if rate is None else rate
     start = np.eye(n).ravel()
     if method == "LSODA":
@@ -69,7 +69,7 @@ def arrange_jacobian(A: symbolic.Pointwise, p: Array, phase: float, x: Array) ->
 def prepare_cvodes(loop: ParametricLoop, tol: float, p: Array | None = None, stiff: bool = False) -> Transition:
     """CasADi's interface to SUNDIALS cvodes, all columns at once, compiled: Adams' formulas, or BDF for `stiff`."""
     values = loop.nominal if p is None else p
-    n = 2 * loop.linearization.n
+    n = loop.states
     product = compile_product(loop)
     phase, x, symbols = product.mx_in()
     options: dict[str, Any] = {"reltol": tol, "abstol": tol, "max_num_steps": 1_000_000}

@@ -15,12 +15,12 @@ Rate = Callable[[float, Array], Array]
 
 
 def derive_state_matrix(loop: ParametricLoop) -> ca.Function:
-    """(phase, p) -> T A = T [[0, I], [-M^-1 K, -M^-1 D]] as one expression, time in units of the period."""
+    """(phase, p) -> T A = T [0 I 0; -M^-1 [K, D]] as one expression, ignorable coordinates left out, time in units of the period."""
     phase, p = loop.matrices.sx_in()
     M, D, K = loop.matrices(phase, p)
-    n = M.shape[0]
-    lower = ca.ldl_solve(ca.horzcat(K, D), *ca.ldl(ca.sparsify(M)))
-    A = ca.vertcat(ca.horzcat(ca.SX.zeros(n, n), ca.SX.eye(n)), -lower)
+    n = loop.coordinates - loop.memory
+    lower = ca.ldl_solve(ca.horzcat(K[:, :n], D), *ca.ldl(ca.sparsify(M)))
+    A = ca.vertcat(ca.horzcat(ca.SX.zeros(n, n), ca.SX.eye(n), ca.SX.zeros(n, loop.memory)), -lower)
     return ca.Function("state_matrix", [phase, p], [ca.densify(loop.duration(p) * A)], ["phase", "p"], ["A"])
 
 

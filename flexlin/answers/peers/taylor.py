@@ -21,7 +21,7 @@ class HeyokaTransitions:
 
     def __init__(self, loop: ParametricLoop, tol: float, batch: int = 1, compact: bool = False):
         hy = import_heyoka()
-        self.n, self.batch = 2 * loop.linearization.n, batch
+        self.n, self.batch = loop.states, batch
         system, start, parameters = write_equations(hy, loop), np.zeros(self.n**2), np.zeros(len(loop.paths))
         if batch == 1:
             self.integrator = hy.taylor_adaptive(system, start, pars=parameters, tol=tol, compact_mode=compact)
@@ -59,7 +59,7 @@ def write_equations(hy: Any, loop: ParametricLoop) -> list[Any]:
     For these linear equations it compiles and runs faster than the variational equations that heyoka makes of x' = T A x.
     """
     A = np.array(translate(hy, derive_state_matrix(loop), [[hy.time], [hy.par[i] for i in range(len(loop.paths))]]))
-    n = 2 * loop.linearization.n
+    n = loop.states
     X = np.array(hy.make_vars(*[f"x{i}_{j}" for i in range(n) for j in range(n)])).reshape(n, n)
     rows = A.reshape(n, n).T  # CasADi stores columns one after another
     return [(X[i, j], hy.sum([rows[i, k] * X[k, j] for k in range(n)])) for i in range(n) for j in range(n)]

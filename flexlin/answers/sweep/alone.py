@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from functools import partial
 
-from flexlin.answers.loops import ControlledLoop, RebuiltLoop, RedesignedLoop
+from flexlin.answers.loops import RebuiltLoop, RedesignedLoop
 from flexlin.answers.sweep.found import Found
 from flexlin.answers.sweep.plan import Plan
 from flexlin.checks import Array
@@ -13,7 +13,7 @@ from flexlin.checks import Array
 class OneByOne:
     """The computation of values by `floquet`."""
 
-    loop: RedesignedLoop | RebuiltLoop | ControlledLoop
+    loop: RedesignedLoop | RebuiltLoop
     tol: float
     block: int = 4
     route = "one by one"

@@ -73,7 +73,7 @@ class Batches:
         T = self.loop.periods(points)
         coefficients, usable, harmonics = prepare_coefficients(self.loop, points, T, plan, self.tol)
         result = batched_exponents(
-            coefficients, plan.segments, self.loop.phase_breaks, self.tol / 100, SLACK * plan.spread
+            coefficients, plan.segments, self.loop.phase_breaks, self.tol / 100, SLACK * plan.spread, self.loop.memory
         )
         logs, errors = result.logs.T, result.errors.T
         allowed = self.tol * np.maximum(T[:, None], np.abs(logs))
@@ -85,7 +85,7 @@ class Batches:
 
     def values_in_chunk(self, segments: int) -> int:
         """How many values a batch may hold: coefficients at the nodes of the finest resolution, its factors, and copies of both."""
-        n, pieces = self.loop.linearization.n, segments + len(self.loop.phase_breaks)
+        n, pieces = self.loop.coordinates, segments + len(self.loop.phase_breaks)
         nodes, factors = 8 * pieces, 4 * pieces
         return max(1, int(self.chunk_bytes // (8 * (3 * nodes * 2 * n * n + 5 * factors * 4 * n * n))))
 
@@ -126,7 +126,7 @@ def prepare_coefficients(
     Without breaks they are sampled at 2 H + 1 phases and interpolated by their Fourier series of H harmonics, once the two highest
     harmonics have vanished; else, or when that needs more samples than there are nodes, they are evaluated at each phase asked.
     """
-    n = loop.linearization.n
+    n = loop.coordinates
 
     def exact(phases: Array) -> Array:
         M, D, K = (

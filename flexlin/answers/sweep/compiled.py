@@ -38,14 +38,14 @@ PROBES, BALANCED = 32, 24
 
 def pays(loop: "ParametricLoop", values: int) -> bool:
     """Whether compiling takes less time than it saves."""
-    n = loop.linearization.n
+    n = loop.coordinates
     worth = values * NUMPY_VALUE * (n / 2) ** 3 > PAYS * max(1.0, (n / SHORT) ** 2)
     return worth and n <= LARGEST and find_compiler() is not None
 
 
 @dataclass(frozen=True)
 class CompiledBatches:
-    """The compiled computation of blocks of values; `scale` (2n,) balances the states; `needs` says on how many segments.
+    """The compiled computation of blocks of values; `scale` balances the states; `needs` says on how many segments.
 
     `given`: the loop, for values that are computed one by one; `may_be_narrow`: whether its coefficients may have narrow features.
     Where neither is asked for, a worker loads NumPy and the compiled code alone.
@@ -67,7 +67,7 @@ class CompiledBatches:
 
         start, of_phase = time.perf_counter(), take_phases if loop.kept is None else loop.of_phase
         try:
-            kernel = CompiledKernel(write_model(loop), loop.linearization.n, of_phase, loop.phase_breaks)
+            kernel = CompiledKernel(write_model(loop), loop.coordinates, of_phase, loop.phase_breaks, loop.memory)
             _ = kernel.library
         except (ArgumentError, NumericalError, OSError):
             return None
@@ -105,7 +105,7 @@ class CompiledBatches:
 
     def compute(self, points: Array) -> Found:
         """All values of a block: together, those that miss tol on more and more segments, and the rest one by one."""
-        found = Found.empty(len(points), 2 * self.kernel.coordinates)
+        found = Found.empty(len(points), self.kernel.states)
         narrow = self.find_narrow(points)
         rest, alone = np.flatnonzero(~narrow), [np.flatnonzero(narrow)]
         wanted, spread, trial = self.needs.predict(points[rest]), SLACK * self.needs.spread, 0
@@ -145,16 +145,16 @@ class CompiledBatches:
 
 
 def balance_coefficients(loop: "ParametricLoop", points: Array) -> Array:
-    """The scaling (2n,) of the states that evens the coefficients' mean over the period and the points."""
+    """The scaling of the coordinates and their rates that evens the coefficients' mean over the period and the points."""
     from flexlin.periodic.many.romberg import balance_states
 
-    phases, n, T = np.arange(PROBES) / PROBES, loop.linearization.n, loop.periods(points)
+    phases, n, T = np.arange(PROBES) / PROBES, loop.coordinates, loop.periods(points)
     M, D, K = (np.moveaxis(A.reshape(PROBES, len(points), n, n), (0, 1), (2, 3)) for A in loop.sample(phases, points))
     stacked = np.concatenate([T**2 * K, T * D], axis=1).reshape(n, 2 * n, -1)
     Z = solve_positive(M.reshape(n, n, -1), stacked)
     usable = np.isfinite(Z).all(axis=(0, 1))
     Z = np.moveaxis(Z[..., usable], 2, 0)[..., None]
-    return balance_states(Z[:, :, :n], Z[:, :, n:]) if usable.any() else np.ones(2 * n)
+    return balance_states(Z[:, :, :n], Z[:, :, n:], loop.memory) if usable.any() else np.ones(2 * n)
 
 
 def take_phases(phases: Array) -> Array:

@@ -38,13 +38,20 @@ class CompiledKernel:
     """One loop's coefficients and all that follows from them, in C.
 
     `model`: C source of the coefficients; `coordinates`: n of y (n,); `of_phase`: phases (N,) -> (N, k), what of the phase the
-    coefficients are made of; `breaks`: phases in [0, 1). Pickled without its library, which is compiled or found again.
+    coefficients are made of; `breaks`: phases in [0, 1); `memory`: ignorable ones among the coordinates, as of `batched_exponents`. Pickled
+    without its library, which is compiled or found again.
     """
 
     model: str
     coordinates: int
     of_phase: Callable[[Array], Array]
     breaks: tuple[float, ...] = ()
+    memory: int = 0
+
+    @property
+    def states(self) -> int:
+        """The number of states: coordinates that are not ignorable, and all rates."""
+        return 2 * self.coordinates - self.memory
 
     @cached_property
     def library(self) -> ctypes.CDLL:
@@ -60,7 +67,14 @@ class CompiledKernel:
             for name in ("vectors.c", "exponential.c", "eigenvalues.c", "product.c", "kernel.c")
         ]
         states, panel = 2 * self.coordinates, columns if self.coordinates < 3 else self.coordinates
-        sizes = {"S": states, "ROWS": rows, "COLUMNS": columns, "PANEL": panel}
+        sizes = {
+            "S": states,
+            "MEMORY": self.memory,
+            "STATES": self.states,
+            "ROWS": rows,
+            "COLUMNS": columns,
+            "PANEL": panel,
+        }
         return "\n".join([text[0], *[f"#define {name} {size}" for name, size in sizes.items()], self.model, *text[1:]])
 
     def find_logs(
@@ -75,11 +89,11 @@ class CompiledKernel:
     ) -> tuple[Array, Array, Array, Array, Array]:
         """Logs (V, n) of the multipliers, their errors (V, n), whether they are sound (V,), the periods (V,) in s, and segments computed.
 
-        Parameters: points (V, P); segments, accuracy, spread: as of `batched_exponents`; scale (n,): of the states; tol: finer
+        Parameters: points (V, P); segments, accuracy, spread: as of `batched_exponents`; scale (2 n,): of coordinates and rates; tol: finer
         resolutions, to four times as fine as `batched_exponents`, are left out where it is met, as of `sweep`; levels: resolutions at most.
         Raises: MemoryError.
         """
-        V, states = len(points), 2 * self.coordinates
+        V, states = len(points), self.states
         given = [
             *self.tabulate(segments, levels),
             np.ascontiguousarray(scale / scale[:, None]),
@@ -124,7 +138,7 @@ class CompiledKernel:
         return Judged(logs, error, verdict, periods, misses)
 
     def __getstate__(self) -> dict[str, object]:
-        return {name: getattr(self, name) for name in ("model", "coordinates", "of_phase", "breaks")}
+        return {name: getattr(self, name) for name in ("model", "coordinates", "of_phase", "breaks", "memory")}
 
 
 def choose_block(coordinates: int) -> tuple[int, int]:

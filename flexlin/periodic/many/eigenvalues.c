@@ -1,7 +1,7 @@
 /* Eigenvalues of one small matrix: Hessenberg form by elimination, then Francis' double shifts (EISPACK's elmhes and hqr). */
 enum { MAX_SHIFTS = 60 };
 
-static void reduce_hessenberg(int n, double a[S][S]) {
+static void reduce_hessenberg(int n, double a[STATES][STATES]) {
   for (int m = 1; m < n - 1; m++) {
     int pivot = m;
     for (int i = m + 1; i < n; i++)
@@ -21,7 +21,7 @@ static void reduce_hessenberg(int n, double a[S][S]) {
   }
 }
 
-static int find_eigenvalues(int n, double a[S][S], double *re, double *im) {
+static int find_eigenvalues(int n, double a[STATES][STATES], double *re, double *im) {
   double size = 0.0, t = 0.0, p = 0, q = 0, r = 0, s, w, x, y, z;
   reduce_hessenberg(n, a);
   for (int i = 0; i < n; i++)

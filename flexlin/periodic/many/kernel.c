@@ -4,6 +4,7 @@
  *
  * The same computation as romberg.py, spectrum.py and extrapolation.py, which say where it comes from. In front of these files stands what `Model` makes:
  * COORDINATES, PARAMETERS, PHASE_INPUTS, PHASE_VALUES, POINT_VALUES, ROWS, COLUMNS (the block of a product that stays in registers),
+ * MEMORY (ignorable coordinates, the last ones: nothing depends on them, and the STATES leave them out; S counts them),
  *     of_phase(u, f): what depends on the phase alone       of_point(p, w): what depends on the parameters alone; returns the period
  *     at_node(f, w, X, Y): the coefficients at one phase; returns where the mass matrix is positive definite
  */
@@ -12,7 +13,7 @@ static const double CHANGE = 1.75, STEP = 0.05, SHARED = 0.03;
 
 /* ---- Richardson's extrapolation ---- */
 
-typedef struct { v8 re[S], im[S]; m8 sound; } Logs;
+typedef struct { v8 re[STATES], im[STATES]; m8 sound; } Logs;
 
 static v8 wrap(v8 x) { return x - TURN * v_round(x * (1.0 / TURN)); }
 
@@ -22,7 +23,7 @@ static v8 v_size(v8 x, v8 y) { return v_sqrt(x * x + y * y); }
 static void subtract_nearest(v8 xr, v8 xi, const Logs *c, const v8 *steps_re, const v8 *steps_im, v8 *dr, v8 *di, v8 *sr, v8 *si) {
   v8 best = splat(INFINITY);
   *dr = *di = *sr = *si = splat(NAN);
-  for (int j = 0; j < S; j++) {
+  for (int j = 0; j < STATES; j++) {
     v8 r = xr - c->re[j], i = wrap(xi - c->im[j]), d = r * r + i * i;
     m8 nearer = (m8)(d < best);
     best = v_choose(nearer, d, best);
@@ -36,10 +37,10 @@ static void subtract_nearest(v8 xr, v8 xi, const Logs *c, const v8 *steps_re, co
 /* Logs x of order 8 from three resolutions, and their errors; gains: see extrapolation.py. */
 static void extrapolate(const Logs *coarse, const Logs *middle, const Logs *fine, const double *gains, double accuracy, Logs *x, v8 *error) {
   const double noise = 40.0 * 2.220446049250313e-16;
-  v8 ar[S], ai[S], none[S], change[S], rest[S], most = splat(0.0), br, bi, sr, si;
-  for (int i = 0; i < S; i++) none[i] = splat(0.0);
-  for (int i = 0; i < S; i++) subtract_nearest(middle->re[i], middle->im[i], coarse, none, none, &ar[i], &ai[i], &sr, &si);
-  for (int i = 0; i < S; i++) {
+  v8 ar[STATES], ai[STATES], none[STATES], change[STATES], rest[STATES], most = splat(0.0), br, bi, sr, si;
+  for (int i = 0; i < STATES; i++) none[i] = splat(0.0);
+  for (int i = 0; i < STATES; i++) subtract_nearest(middle->re[i], middle->im[i], coarse, none, none, &ar[i], &ai[i], &sr, &si);
+  for (int i = 0; i < STATES; i++) {
     subtract_nearest(fine->re[i], fine->im[i], middle, ar, ai, &br, &bi, &sr, &si);
     x->re[i] = fine->re[i] + gains[2] * br + gains[3] * sr;
     v8 im = wrap(fine->im[i] + gains[2] * bi + gains[3] * si);
@@ -48,7 +49,7 @@ static void extrapolate(const Logs *coarse, const Logs *middle, const Logs *fine
     rest[i] = STEP * gains[0] * v_size(br, bi) + (noise + accuracy) * v_size(x->re[i], x->im[i]) + noise;
     most = v_max(most, change[i]);
   }
-  for (int i = 0; i < S; i++) error[i] = CHANGE * v_max(change[i], SHARED * most) + rest[i];
+  for (int i = 0; i < STATES; i++) error[i] = CHANGE * v_max(change[i], SHARED * most) + rest[i];
 }
 
 /* ---- what is called from outside ---- */
@@ -109,6 +110,12 @@ static void make_factor(const Segment *now, const Segment *next, const double *r
   for (int i = 0; i < S; i++) E[i * S + i] += 1.0;
 }
 
+/* What of a product (S, S) belongs to the states without ignorable coordinates. It stands by itself, as nothing depends on these. */
+static void leave_out(const v8 *P, v8 *F) {
+  for (int i = 0; i < STATES; i++)
+    for (int j = 0; j < STATES; j++) F[i * STATES + j] = P[(i < N - MEMORY ? i : i + MEMORY) * S + (j < N - MEMORY ? j : j + MEMORY)];
+}
+
 /* Factors F of one resolution: neighbours are multiplied until G are left; f, h: where the tables of this resolution begin. Returns where
  * the mass matrix is positive definite; adds to the log of the determinant.
  *
@@ -118,20 +125,21 @@ static m8 multiply_out(const double *f, const v8 *w, const double *h, int K, int
   Segment first, two[2];
   m8 positive = read_segment(f, w, *h, scale, &first, log_det);
   two[0] = first;
-  for (int g = 0, k = 0; g < G; g++, F += S * S) {
+  for (int g = 0, k = 0; g < G; g++, F += STATES * STATES) {
     v8 E[S * S], pair[2][S * S], *product = NULL;
     for (int stop = (int)((long)(g + 1) * K / G); k < stop; k++) {
       Segment *now = &two[k % 2], *next = &two[(k + 1) % 2];
       if (k + 1 < K) positive &= read_segment(f + 2 * (k + 1) * PHASE_VALUES, w, h[k + 1], scale, next, log_det);
       else *next = first;
-      v8 *found = product ? E : k + 1 == stop ? F : pair[0];
+      v8 *whole = MEMORY ? pair[0] : F, *found = product ? E : k + 1 == stop ? whole : pair[0];
       make_factor(now, next, reach, dominant, found);
       if (product) {
-        v8 *target = k + 1 == stop ? F : product == pair[0] ? pair[1] : pair[0];
+        v8 *target = k + 1 == stop && !MEMORY ? F : product == pair[0] ? pair[1] : pair[0];
         multiply(found, product, target);
         product = target;
       } else product = found;
     }
+    if (MEMORY) leave_out(product, F);
   }
   return positive;
 }
@@ -139,29 +147,29 @@ static m8 multiply_out(const double *f, const v8 *w, const double *h, int K, int
 /* Whether every error is as small as asked, in each lane. */
 static m8 meets(const Logs *x, const v8 *error, v8 period, double tol) {
   m8 met = (m8)(splat(0.0) == splat(0.0));
-  for (int i = 0; i < S; i++) met &= (m8)(error[i] <= tol * v_max(period, v_size(x->re[i], x->im[i])));
+  for (int i = 0; i < STATES; i++) met &= (m8)(error[i] <= tol * v_max(period, v_size(x->re[i], x->im[i])));
   return met;
 }
 
-/* Logs (V, S, 2) of the multipliers at points (V, PARAMETERS), their errors (V, S), whether they are sound (V), the periods (V), and how
+/* Logs (V, STATES, 2) of the multipliers at points (V, PARAMETERS), their errors (V, STATES), whether they are sound (V), the periods (V), and how
  * many segments were computed (V).
  *
  * segments (levels): ever more of them; lengths: h of all segments, level after level; inputs: what depends on the phase at both nodes of
- * each segment, (nodes, PHASE_INPUTS); gains (levels, 4): see `extrapolate`; scale (S, S): of the states; reach (2): see `exponentiate`.
+ * each segment, (nodes, PHASE_INPUTS); gains (levels, 4): see `extrapolate`; scale (S, S): of the coordinates and their rates; reach (2): see `exponentiate`.
  * Eight values stop at the resolution at which all of them that are sound meet tol. Returns 0, or 1 where memory gives out. */
 int find_exponents(long values, const double *points, int levels, const int *segments, const double *lengths, const double *inputs,
                    const double *gains, const double *scale, const double *reach, double accuracy, double spread_given, double tol,
                    double *logs, double *errors, unsigned char *sounds, double *periods, int *work) {
   long nodes = 0;
   for (int k = 0; k < levels; k++) nodes += 2 * segments[k];
-  size_t most = (size_t)segments[levels - 1] * S * S * sizeof(v8);
+  size_t most = (size_t)segments[levels - 1] * STATES * STATES * sizeof(v8);
   double *table = malloc((size_t)nodes * (PHASE_VALUES + 1) * sizeof(double));
   v8 *F = aligned_alloc(64, most), *R = aligned_alloc(64, most);
   if (!table || !F || !R) { free(table); free(F); free(R); return 1; }
   for (long k = 0; k < nodes; k++) of_phase(inputs + k * PHASE_INPUTS, table + k * PHASE_VALUES);
   for (long first = 0; first < values; first += L) {
     int lanes = values - first < L ? (int)(values - first) : L, level = 0, computed = 0;
-    v8 p[PARAMETERS + 1], w[POINT_VALUES + 1], Q[S * S], error[S];
+    v8 p[PARAMETERS + 1], w[POINT_VALUES + 1], Q[STATES * STATES], error[STATES];
     Logs found[3], x;
     Dominant dominant = {.wanted = 1};
     for (int i = 0; i < S; i++)
@@ -171,7 +179,7 @@ int find_exponents(long values, const double *points, int levels, const int *seg
     v8 period = of_point(p, w);
     m8 sound = (m8)(splat(0.0) == splat(0.0)), positive = sound;
     double spread = spread_given;
-    for (int i = 0; i < S * S; i++) Q[i] = splat(i % (S + 1) ? 0.0 : 1.0);
+    for (int i = 0; i < STATES * STATES; i++) Q[i] = splat(i % (STATES + 1) ? 0.0 : 1.0);
     const double *f = table, *h = lengths;
     for (;;) {
       int K = segments[level], G = count_groups(K, spread, accuracy);
@@ -193,10 +201,10 @@ int find_exponents(long values, const double *points, int levels, const int *seg
       sounds[v] = sound[l] != 0;
       periods[v] = period[l];
       work[v] = computed;
-      for (int i = 0; i < S; i++) {
-        logs[(v * S + i) * 2] = x.re[i][l];
-        logs[(v * S + i) * 2 + 1] = x.im[i][l];
-        errors[v * S + i] = error[i][l];
+      for (int i = 0; i < STATES; i++) {
+        logs[(v * STATES + i) * 2] = x.re[i][l];
+        logs[(v * STATES + i) * 2 + 1] = x.im[i][l];
+        errors[v * STATES + i] = error[i][l];
       }
     }
   }
@@ -206,28 +214,28 @@ int find_exponents(long values, const double *points, int levels, const int *seg
   return 0;
 }
 
-/* Exponents (V, S, 2) by falling real part, in place of the logs; the largest error and the verdict of each value (0 undecided, 1 stable,
+/* Exponents (V, STATES, 2) by falling real part, in place of the logs; the largest error and the verdict of each value (0 undecided, 1 stable,
  * 2 unstable), and the largest error of an exponent in units of what tol allows. */
 void judge(long values, double tol, const double *periods, const unsigned char *sounds, double *logs, const double *errors,
            double *error, signed char *verdict, double *misses) {
   for (long v = 0; v < values; v++) {
-    double *x = logs + v * S * 2, T = periods[v], worst = 0.0, missed = sounds[v] ? 0.0 : INFINITY;
+    double *x = logs + v * STATES * 2, T = periods[v], worst = 0.0, missed = sounds[v] ? 0.0 : INFINITY;
     int stable = 1, unstable = 0;
-    for (int i = 0; i < S; i++) {
-      double e = errors[v * S + i], size = sqrt(x[2 * i] * x[2 * i] + x[2 * i + 1] * x[2 * i + 1]);
+    for (int i = 0; i < STATES; i++) {
+      double e = errors[v * STATES + i], size = sqrt(x[2 * i] * x[2 * i] + x[2 * i + 1] * x[2 * i + 1]);
       missed = fmax(missed, isfinite(e) ? e / (tol * fmax(T, size)) : INFINITY);
       unstable |= x[2 * i] > e;
       stable &= x[2 * i] < -e;
       worst = fmax(worst, e);
     }
-    for (int i = 1; i < S; i++) {
+    for (int i = 1; i < STATES; i++) {
       double a = x[2 * i], b = x[2 * i + 1];
       int j = i;
       for (; j > 0 && x[2 * j - 2] < a; j--) { x[2 * j] = x[2 * j - 2]; x[2 * j + 1] = x[2 * j - 1]; }
       x[2 * j] = a;
       x[2 * j + 1] = b;
     }
-    for (int i = 0; i < 2 * S; i++) x[i] /= T;
+    for (int i = 0; i < 2 * STATES; i++) x[i] /= T;
     error[v] = worst / T;
     verdict[v] = unstable ? 2 : stable ? 1 : 0;
     misses[v] = missed;
