@@ -65,7 +65,7 @@ def measure_charts_speed(out: str) -> dict[str, Any]:
 
 def measure_tuning_grid(out: str) -> dict[str, Any]:
     found = import_module("tuning_grid").check_all("full")
-    return {"rows": [{"arm": name, **row} for name, row in found.items()]}
+    return {"rows": [{"arm": ", ".join(case), **row} for case, row in found.items()]}
 
 
 MEASURES = {

@@ -1,4 +1,4 @@
-"""Does `fl.tune` find what an exhaustive grid over the gains finds? PD loops of three arms, over payloads and speeds.
+"""Does `fl.tune` find what an exhaustive grid over the gains finds? PD and PI loops and filters of four arms, over payloads and speeds.
 
 The grid is laid over the same limits and the same scenarios' box; the tuned gains are also judged on random scenarios of that box.
 
@@ -13,38 +13,55 @@ import numpy as np
 
 import flexlin as fl
 
-PATHS = ("control.feedback.kp.0", "control.feedback.kd.0")
+KP, KD, KI = ("control.feedback.kp.0", "control.feedback.kd.0", "control.feedback.ki.0")
 SCENES = {
     "single-link": {"effects.payload.mass": (0.0, 0.3), "motion.frequency": (0.3, 1.2)},
     "quanser-flexible-link": {"effects.hub.inertia": (1.5e-3, 4e-3), "motion.frequency": (0.3, 1.2)},
+    "flexible-joint-link": {"effects.joint_flexibility.motor_inertia": (1e-3, 4e-3), "motion.frequency": (0.3, 2.0)},
     "arm-on-carriage": {"motion.frequency": (0.5, 2.0)},
 }
+ONE_MODE = ("single-link", "quanser-flexible-link")
+LOOPS = {"PD": (KP, KD), "PI": (KP, KI), "PD, filtered": (KP, KD)}
+"""The gains that are tuned: of a PI loop the damping stays as it is."""
+FILTER = {"kind": "low-pass", "on": "rates", "order": 1, "cutoff": 30.0}
 
 
-def worst_growth(scene, gains, scenarios):
+def load_loop(name, kind):
+    """A scene with a loop of one kind, and the limits of its gains: a tenth and ten times their first values."""
+    feedback = fl.load_scene(name).control.feedback
+    kp, kd = feedback.kp[0], feedback.kd[0]
+    own = {KP: kp, KD: kd, KI: kp}
+    changes = {"links.0.modes": 1} if name in ONE_MODE else {}
+    if kind == "PI":
+        changes["control.feedback"] = {"kind": "pid", "kp": [kp], "kd": [kd], "ki": [kp]}
+    if kind == "PD, filtered":
+        changes["control.filters"] = [FILTER]
+    return fl.load_scene(name, changes), {path: (0.1 * own[path], 10 * own[path]) for path in LOOPS[kind]}
+
+
+def worst_growth(scene, paths, gains, scenarios):
     """The largest growth rate over scenarios (S, V) at each of the gains (G, 2), in one sweep."""
     points = np.array([(*gain, *scenario) for gain in gains for scenario in scenarios[1]])
-    found = fl.sweep(scene, dict(zip((*PATHS, *scenarios[0]), points.T, strict=True)), tol=1e-6, workers=1)
+    found = fl.sweep(scene, dict(zip((*paths, *scenarios[0]), points.T, strict=True)), tol=1e-6, workers=1)
     return found["exponents"].real.max("mode").values.reshape(len(gains), -1).max(axis=1)
 
 
-def compare(name, vary, points, drawn):
+def compare(name, kind, points, drawn):
     """Growth rates of the tuned gains and of the best of a grid, both on the same scenarios, and the largest on random ones."""
-    scene = fl.load_scene(name, {"links.0.modes": 1} if name != "arm-on-carriage" else None)
-    own = [fl.sensitivity(scene, [path], tol=1e-4)["value"].item() for path in PATHS]
-    limits = {path: (0.1 * value, 10 * value) for path, value in zip(PATHS, own, strict=True)}
+    scene, limits = load_loop(name, kind)
+    vary, paths = SCENES[name], list(limits)
     start = time.process_time()
-    tuned = fl.tune(scene, list(PATHS), vary, limits)
+    tuned = fl.tune(scene, paths, vary, limits)
     seconds = time.process_time() - start
     box = list(itertools.product(*[np.linspace(*span, 5) for span in vary.values()]))
-    gains = list(itertools.product(*[np.geomspace(*limits[path], points) for path in PATHS]))
-    best, here = worst_growth(scene, gains, (list(vary), box)).min(), list(tuned.gains.values())
+    gains = list(itertools.product(*[np.geomspace(*limits[path], points) for path in paths]))
+    best, here = worst_growth(scene, paths, gains, (list(vary), box)).min(), list(tuned.gains.values())
     rng = np.random.default_rng(1)
     random = np.column_stack([rng.uniform(*span, drawn) for span in vary.values()])
     return {
-        "tuned": float(worst_growth(scene, [here], (list(vary), box))[0]),
+        "tuned": float(worst_growth(scene, paths, [here], (list(vary), box))[0]),
         "grid": float(best),
-        "random": float(worst_growth(scene, [here], (list(vary), random))[0]),
+        "random": float(worst_growth(scene, paths, [here], (list(vary), random))[0]),
         "before": tuned.before,
         "seconds": seconds,
     }
@@ -53,10 +70,11 @@ def compare(name, vary, points, drawn):
 def check_all(size="full"):
     """Run the study; returns what was found for each scene."""
     points, drawn = (61, 1000) if size == "full" else (15, 100)
-    names = list(SCENES) if size == "full" else ["single-link"]
-    results = {name: compare(name, SCENES[name], points, drawn) for name in names}
-    for name, one in results.items():
-        print(f"{name}: " + ", ".join(f"{key} {value:.4g}" for key, value in one.items()))
+    cases = list(itertools.product(SCENES, LOOPS)) if size == "full" else [("single-link", "PD"), ("single-link", "PI")]
+    results = {}
+    for case in cases:
+        results[case] = compare(*case, points, drawn)
+        print(", ".join(case) + ": " + ", ".join(f"{key} {value:.4g}" for key, value in results[case].items()), flush=True)
     return results
 
 

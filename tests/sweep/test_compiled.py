@@ -31,6 +31,16 @@ LQR = {
     "input_weight": [0.1],
     "phases": 5,
 }
+LQI = LQR | {
+    "name": "LQI",
+    "weights": {"joints": "1 deg", "rates": "5 deg/s", "integrals": "0.2 deg s", "input": "0.5 N m"},
+}
+LQI = {key: value for key, value in LQI.items() if key not in ("state_weight", "input_weight")}
+PID = {"kind": "pid", "kp": [3.0], "kd": [0.5], "ki": [2.0]}
+FILTERS = [
+    {"kind": "low-pass", "on": "rates", "cutoff": "35 Hz", "order": 1},
+    {"kind": "notch", "frequency": "4.5 Hz", "damping": 0.3, "gain": 0.2},
+]
 MOVES = {"kind": "point-to-point", "move_time": 0.4, "dwell_time": 0.1, "joints": [{"waypoints": [0.0, 1.0, 0.4]}]}
 LINKS = [{"length": 0.5, "mass_per_length": 0.3, "bending_stiffness": 20.0, "modes": 1}] * 2
 TWO_LINKS = {
@@ -60,6 +70,18 @@ CASES = {
         {"effects.payload.mass": (0, 0.3)},
     ),
     "kept gain": (lambda: fl.load_scene("single-link", SINGLE), "LQR", {"motion.frequency": (0.3, 2)}),
+    "states of the controller": (
+        lambda: fl.load_scene(
+            "single-link", SINGLE | {"control.feedback": PID, "control.filters": FILTERS, "designs": []}
+        ),
+        "own",
+        {"control.filters.1.frequency": (2, 9), "control.feedback.ki.0": (0.1, 20), "motion.frequency": (0.3, 2)},
+    ),
+    "kept gain with integrals": (
+        lambda: fl.load_scene("single-link", SINGLE | {"designs": [LQI]}),
+        "LQI",
+        {"motion.frequency": (0.3, 2), "effects.payload.mass": (0, 0.3)},
+    ),
     "two links": (
         lambda: fl.parse_scene(TWO_LINKS),
         "own",
@@ -96,14 +118,15 @@ def test_both_routes_agree_within_their_errors_and_with_floquet(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("n", [1, 3, 5, 6])
-def test_every_number_of_coordinates_gives_what_numpy_gives(n):
+@pytest.mark.parametrize(("n", "memory"), [(1, 0), (3, 0), (5, 0), (6, 0), (3, 2), (6, 3)])
+def test_every_number_of_coordinates_gives_what_numpy_gives(n, memory):
     """Products in blocks of all shapes: random coefficients with one dominant decay, for 11 values that fill no vector."""
     rng = np.random.default_rng(n)
     constants, parts = rng.uniform(-1, 1, (2, n, n)), rng.uniform(-1, 1, (2, n, n))
     constants = constants * [[[5.0]], [[1.0]]] - np.stack(
         [np.diag(rng.uniform(20, 90, n)), np.diag(np.r_[150.0, np.ones(n - 1)])]
     )
+    constants[0, :, n - memory :] = parts[0, :, n - memory :] = 0.0
     entries = [
         f"{name}[{k}] = {float(constants[i].flat[k])!r} + {float(parts[i].flat[k])!r} * p[0] * f[0];"
         for i, name in enumerate("XY")
@@ -119,7 +142,7 @@ def test_every_number_of_coordinates_gives_what_numpy_gives(n):
             "return (m8)(splat(1.0) > 0.0); }",
         ]
     )
-    kernel = CompiledKernel(model, n, lambda phases: np.cos(2 * np.pi * phases)[:, None])
+    kernel = CompiledKernel(model, n, lambda phases: np.cos(2 * np.pi * phases)[:, None], (), memory)
     p = np.linspace(0, 1, 11)
 
     def coefficients(phases):
@@ -127,9 +150,10 @@ def test_every_number_of_coordinates_gives_what_numpy_gives(n):
         X, Y = (constants[i][..., None] + parts[i][..., None] * wave for i in range(2))
         return X, Y
 
-    scale = balance_states(*coefficients(np.arange(32) / 32))
+    scale = balance_states(*coefficients(np.arange(32) / 32), memory)
     logs, errors, sound, _, _ = kernel.find_logs(p[:, None], 12, scale, 1e-12, np.inf)
-    other = batched_exponents(coefficients, 48, (), 1e-12)
+    other = batched_exponents(coefficients, 48, (), 1e-12, memory=memory)
+    assert logs.shape == (11, 2 * n - memory)
     assert sound.all()
     distance = measure_distances(logs.T, other.logs).min(axis=1)
     assert np.all(distance <= errors.T.max(axis=0) + other.errors.max(axis=0))

@@ -15,6 +15,10 @@ CHANGE, STEP, SHARED = 1.75, 0.05, 0.03
 quarter of them stiff, on 8 to 48 segments times `MULTIPLES`: 29 have an error above the one stated, 5 above three times that, none above
 1e-8."""
 
+REMEMBERED = 3.0
+"""How much larger the stated errors of loops are whose controllers have states. Without it, of 7,155 answers of random loops with filters'
+poles up to 600 1/s none had an error above the one stated, but three of 37 of one arm had, up to 2.4 times."""
+
 
 def find_gains(coarse: int, middle: int, fine: int) -> Array:
     """What the steps a = middle - coarse and b = fine - middle add to the results, (4,), for numbers of segments.
@@ -30,7 +34,7 @@ def find_gains(coarse: int, middle: int, fine: int) -> Array:
     return np.array([first, before, -(weights[0] + weights[1]), -weights[0]])
 
 
-def extrapolate(levels: list[Array], gains: Array, accuracy: float) -> tuple[Array, Array]:
+def extrapolate(levels: list[Array], gains: Array, accuracy: float, memory: int = 0) -> tuple[Array, Array]:
     """Logs (n, V) of order 8 and their errors, from logs (n, V) of three resolutions; `accuracy`: of each of these, relative.
 
     Finer logs are paired with the coarser ones that lie nearest, imaginary parts modulo 2 pi.
@@ -43,7 +47,7 @@ def extrapolate(levels: list[Array], gains: Array, accuracy: float) -> tuple[Arr
     logs = wrap_log(fine + gains[2] * b + gains[3] * a)
     floor = (NOISE + accuracy) * np.abs(logs) + NOISE
     change = np.abs((1 + gains[0]) * b - gains[1] * a)
-    return logs, bound_error(change, np.abs(gains[0] * b)) + floor
+    return logs, (REMEMBERED if memory else 1.0) * bound_error(change, np.abs(gains[0] * b)) + floor
 
 
 def bound_error(change: Array, step: Array) -> Array:

@@ -9,7 +9,7 @@
  *     at_node(f, w, X, Y): the coefficients at one phase; returns where the mass matrix is positive definite
  */
 
-static const double CHANGE = 1.75, STEP = 0.05, SHARED = 0.03;
+static const double CHANGE = 1.75, STEP = 0.05, SHARED = 0.03, REMEMBERED = MEMORY ? 3.0 : 1.0;
 
 /* ---- Richardson's extrapolation ---- */
 
@@ -46,10 +46,10 @@ static void extrapolate(const Logs *coarse, const Logs *middle, const Logs *fine
     v8 im = wrap(fine->im[i] + gains[2] * bi + gains[3] * si);
     x->im[i] = v_choose((m8)(im <= -0.5 * TURN), im + TURN, im);
     change[i] = v_size((1.0 + gains[0]) * br - gains[1] * sr, (1.0 + gains[0]) * bi - gains[1] * si);
-    rest[i] = STEP * gains[0] * v_size(br, bi) + (noise + accuracy) * v_size(x->re[i], x->im[i]) + noise;
+    rest[i] = REMEMBERED * STEP * gains[0] * v_size(br, bi) + (noise + accuracy) * v_size(x->re[i], x->im[i]) + noise;
     most = v_max(most, change[i]);
   }
-  for (int i = 0; i < STATES; i++) error[i] = CHANGE * v_max(change[i], SHARED * most) + rest[i];
+  for (int i = 0; i < STATES; i++) error[i] = REMEMBERED * CHANGE * v_max(change[i], SHARED * most) + rest[i];
 }
 
 /* ---- what is called from outside ---- */

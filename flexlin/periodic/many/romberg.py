@@ -62,7 +62,7 @@ def batched_exponents(
         spread = measure_spread(logs[:, fine])
         sound = sound & fine
         levels.append(logs)
-    logs, errors = extrapolate(levels, find_gains(*MULTIPLES[:3]), accuracy)
+    logs, errors = extrapolate(levels, find_gains(*MULTIPLES[:3]), accuracy, memory)
     return BatchedExponents(logs, errors, np.asarray(sound))
 
 

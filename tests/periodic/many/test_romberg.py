@@ -89,6 +89,40 @@ def test_balancing_keeps_the_upper_half_a_multiple_of_the_identity():
     assert np.all(np.log2(scale) % 1 == 0)
 
 
+def test_ignorable_coordinates_are_left_out():
+    """z' = R [y; y'; z] behind y'' = X y + Y y' + g z as rates of coordinates that nothing depends on, against the first-order system."""
+    rng = np.random.default_rng(6)
+    n, k, V = 2, 2, 3
+    C, S = 3 * rng.standard_normal((2, n, 2 * n + k, V))
+    K = rng.uniform(20, 200, (n, V))
+    R = rng.standard_normal((k, 2 * n + k, V)) - 6 * np.eye(k, 2 * n + k, 2 * n)[..., None]
+
+    def lower(phases):
+        c, s = (f(2 * np.pi * phases)[:, None, None, None] for f in (np.cos, np.sin))
+        rows = c * C + s * S - np.eye(n, 2 * n + k)[..., None] * K[:, None] - 2 * np.eye(n, 2 * n + k, n)[..., None]
+        return np.concatenate([rows, np.broadcast_to(R, (len(phases), *R.shape))], axis=1)
+
+    def coefficients(phases):
+        rows = lower(phases)
+        X = np.concatenate([rows[:, :, :n], np.zeros((len(phases), n + k, k, V))], axis=2)
+        return X, rows[:, :, n:]
+
+    got = batched_exponents(coefficients, 32, memory=k)
+    assert got.sound.all()
+    for v in range(V):
+
+        def state_matrix(t, v=v):
+            upper = np.broadcast_to(np.eye(n, 2 * n + k, n), (len(t), n, 2 * n + k))
+            return np.concatenate([upper, lower(t)[..., v]], axis=1)
+
+        exact = floquet(PeriodicSystem(state_matrix, 1.0), 1e-11)
+        apart = got.logs[:, v, None] - exact.log_multipliers
+        distance = np.hypot(apart.real, np.remainder(apart.imag + np.pi, 2 * np.pi) - np.pi)
+        assert np.all(distance.min(axis=1) <= got.errors[:, v].max() + exact.error)
+        assert np.all(distance.min(axis=0) <= got.errors[:, v].max() + exact.error)
+        assert distance.min(axis=1).max() < 1e-7
+
+
 @pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10**6))
