@@ -74,7 +74,9 @@ def check_all(size="full"):
     results = {}
     for case in cases:
         results[case] = compare(*case, points, drawn)
-        print(", ".join(case) + ": " + ", ".join(f"{key} {value:.4g}" for key, value in results[case].items()), flush=True)
+        print(
+            ", ".join(case) + ": " + ", ".join(f"{key} {value:.4g}" for key, value in results[case].items()), flush=True
+        )
     return results
 
 
