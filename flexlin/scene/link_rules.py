@@ -4,12 +4,17 @@ from collections.abc import Iterator, Sequence
 
 from flexlin.errors import Problem
 from flexlin.scene.effects import RawArm, RawTable
+from flexlin.text import printable
+
+MOST_NAMED = 4
+"""Keys that a message names."""
 
 
 def link_contradictions(arm: RawArm) -> Iterator[Problem]:
     """List what does not fit in the raw tables of the links and of their joints' motion."""
+    beams = [f"links.{i}.modes" for i, link in enumerate(arm.links) if link.get("bending_stiffness") is not None]
     for i, link in enumerate(arm.links):
-        yield from _bending(f"links.{i}", link)
+        yield from _bending(f"links.{i}", link, beams)
         yield from _shapes(f"links.{i}", link)
         yield from _joint(f"links.{i}", link)
         yield from _mimic(f"links.{i}", link, arm.links[:i])
@@ -39,11 +44,18 @@ def mode_counts(link: RawTable) -> dict[str, int]:
     return {key: count for key, count in counts.items() if isinstance(count, int)}
 
 
-def _bending(key: str, link: RawTable) -> Iterator[Problem]:
-    counts = mode_counts(link)
+def _bending(key: str, link: RawTable, beams: Sequence[str]) -> Iterator[Problem]:
+    """What a link with modes needs; `beams`: keys of the modes of links that can bend."""
+    counts, left_out = mode_counts(link), 0 if "body" in link else None
     if not any(counts.values()):
         if link.get("length") == 0 and link.get("mass_per_length") != 0:
             yield Problem(f"{key}.length", "0", "a positive number, because the link has mass")
+        return
+    if link.get("length", left_out) == 0:
+        others = [beam for beam in beams if beam != f"{key}.modes"]
+        more = f"any number for {' or '.join(others[:MOST_NAMED])}" if others else "a length for the link"
+        got = f"{printable(repr(link['modes'])[:60])} on a link of no length"
+        yield Problem(f"{key}.modes", got, f"0, since it cannot bend, or {more}")
         return
     for setting, unit in (("torsional_stiffness", "N m^2"), ("polar_inertia", "kg m")):
         if counts.get("torsion") and link.get(setting) is None:
@@ -52,10 +64,8 @@ def _bending(key: str, link: RawTable) -> Iterator[Problem]:
             )
     if link.get("bending_stiffness") is None and (counts.get("y") or counts.get("z")):
         yield Problem(f"{key}.bending_stiffness", "nothing", "a positive number in N m^2, because modes is not 0")
-    if link.get("mass_per_length") == 0:
+    if link.get("mass_per_length", left_out) == 0:
         yield Problem(f"{key}.mass_per_length", "0", "a positive number, because a link without mass has no modes")
-    if link.get("length") == 0:
-        yield Problem(f"{key}.length", "0", "a positive number, because modes is not 0")
 
 
 def _shapes(key: str, link: RawTable) -> Iterator[Problem]:

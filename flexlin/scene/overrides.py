@@ -90,6 +90,9 @@ def _place(tree: Any, path: list[str], value: Any) -> tuple[str, str] | None:
         own = tree.get(PARAMETERS)
         keys = ", ".join(map(str, own)) if isinstance(own, dict) else ""
         return f"an effect beside model = {printable(repr(model))}", f"a key of the model's own table: {keys}"
+    if path[0] == "links" and "robot" in tree and path[0] not in tree:
+        expected = "flexible.NAME with a link's name in that file: flexible.NAME={bending_stiffness=..., modes=...}"
+        return "an item of links, which come from the robot's file", expected
     if len(path) > 1 and path[1].isdigit() and path[0] not in tree:
         return f"an item of {printable(path[0])}, which the scene does not have", _list_keys(tree, path[-1])
     for depth, step in enumerate(path[:-1]):

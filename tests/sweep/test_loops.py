@@ -124,6 +124,21 @@ def test_a_value_that_the_scene_refuses_is_named_before_anything_is_computed(pat
         fl.sweep(fl.load_scene("single-link", SMALL), {path: values})
 
 
+@pytest.mark.slow
+def test_lengths_of_a_closed_loop_are_symbols_and_move_its_closure():
+    """Two lengths of the five-bar at once against scenes that are built with them; where the loop cannot be closed the value is marked."""
+    scene = fl.load_scene("five-bar", {"designs": []})
+    pairs = np.array([[0.29, 0.15], [0.32, 0.15], [0.3, 0.17], [0.31, 0.9]])
+    paths = ("links.1.length", "links.2.mount.xyz.0")
+    data = fl.sweep(scene, dict(zip(paths, pairs.T, strict=True)), grid=False)
+    assert data.attrs["route"] != "one by one"
+    for values, found in zip(pairs[:3], data["exponents"].values, strict=False):
+        other = fl.load_scene("five-bar", dict(zip(paths, map(float, values), strict=True)))
+        exact = fl.floquet(fl.linearize(fl.build_manipulator(other), other.motion, other.control).periodic_system())
+        assert largest_gap(found, exact) < 1e-7
+    assert data["verdict"].values.tolist() == ["stable"] * 3 + ["failed"]
+
+
 def test_a_registered_models_own_table_is_checked():
     with pytest.raises(SceneError, match=r"parameters\.payload_mass: got -0\.1"):
         fl.sweep(fl.load_scene("khang-2019"), {"parameters.payload_mass": [0.1, -0.1]})
