@@ -11,9 +11,9 @@ from flexlin.errors import SceneError
 
 WITH_DESIGNS = [name for name in fl.scenes() if fl.load_scene(name).designs]
 REFUSED = {
-    "arm-on-carriage": r"5 on a link of no length, expected 0, since it cannot bend, or any number for links\.1\.modes",
+    "arm-on-carriage": r"no length and no mass per length, expected 0, since it cannot bend, or any number for links\.1\.modes",
     "manutec-r3": r"expected flexible\.NAME with a link's name in that file",
-    "puma-560": "expected 0, since it cannot bend, or a length for the link",
+    "puma-560": "expected 0, since it cannot bend, or length and mass_per_length for the link",
     "rigid-flexible-forearm": r"links\.0\.bending_stiffness: got nothing, expected a positive number",
     "spatial-arm": r"or any number for links\.1\.modes or links\.2\.modes",
 }

@@ -47,14 +47,19 @@ def mode_counts(link: RawTable) -> dict[str, int]:
 def _bending(key: str, link: RawTable, beams: Sequence[str]) -> Iterator[Problem]:
     """What a link with modes needs; `beams`: keys of the modes of links that can bend."""
     counts, left_out = mode_counts(link), 0 if "body" in link else None
+    length, mass = (link.get(name, left_out) for name in ("length", "mass_per_length"))
     if not any(counts.values()):
         if link.get("length") == 0 and link.get("mass_per_length") != 0:
             yield Problem(f"{key}.length", "0", "a positive number, because the link has mass")
         return
-    if link.get("length", left_out) == 0:
+    if length == mass == 0:  # a carriage or a rigid body
         others = [beam for beam in beams if beam != f"{key}.modes"]
-        more = f"any number for {' or '.join(others[:MOST_NAMED])}" if others else "a length for the link"
-        got = f"{printable(repr(link['modes'])[:60])} on a link of no length"
+        more = (
+            f"any number for {' or '.join(others[:MOST_NAMED])}"
+            if others
+            else "length and mass_per_length for the link"
+        )
+        got = f"{printable(repr(link['modes'])[:60])} on a link of no length and no mass per length"
         yield Problem(f"{key}.modes", got, f"0, since it cannot bend, or {more}")
         return
     for setting, unit in (("torsional_stiffness", "N m^2"), ("polar_inertia", "kg m")):
@@ -64,8 +69,10 @@ def _bending(key: str, link: RawTable, beams: Sequence[str]) -> Iterator[Problem
             )
     if link.get("bending_stiffness") is None and (counts.get("y") or counts.get("z")):
         yield Problem(f"{key}.bending_stiffness", "nothing", "a positive number in N m^2, because modes is not 0")
-    if link.get("mass_per_length", left_out) == 0:
+    if mass == 0:
         yield Problem(f"{key}.mass_per_length", "0", "a positive number, because a link without mass has no modes")
+    if length == 0:
+        yield Problem(f"{key}.length", "0", "a positive number, because modes is not 0")
 
 
 def _shapes(key: str, link: RawTable) -> Iterator[Problem]:
