@@ -36,6 +36,17 @@ def load_library(source: str) -> ctypes.CDLL:
     return ctypes.CDLL(str(library))
 
 
+@lru_cache(maxsize=8)
+def find_kept_library(path: Path) -> ctypes.CDLL | None:
+    """The library of a C file, kept for later processes; none where it cannot be compiled, or would have to be by every process."""
+    if find_compiler() is None or find_kept_folder() is None:
+        return None
+    try:
+        return load_library(path.read_text(encoding="utf-8"))
+    except (NumericalError, OSError):
+        return None
+
+
 def compile_source(source: str, library: Path) -> None:
     """Compile into a folder of its own, and move the result into place when it is whole."""
     compiler = find_compiler()

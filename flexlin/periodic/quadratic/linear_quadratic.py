@@ -33,10 +33,10 @@ class LinearQuadratic:
 
     def reduced(self, t: Array) -> tuple[Array, Array, Array]:
         """Return Ar, B R^-1 B', Qr: the problem without its cross term."""
-        A, B, Q = self.A(t), self.B(t), self.Q(t)
+        A, B, Q = self.A(t), take_once(self.B(t)), self.Q(t)
         cross = take_once(self.N(t))
         effort = np.linalg.inv(take_once(self.R(t)))
-        S = B @ effort @ np.swapaxes(B, 1, 2)
+        S = np.broadcast_to(B @ effort @ np.swapaxes(B, 1, 2), A.shape)
         if not cross.any():
             return A, S, Q
         by_cross = effort @ np.swapaxes(cross, 1, 2)
@@ -117,7 +117,7 @@ def check_weight(name: str, value: MatrixFunction | ArrayLike, shape: tuple[int,
 
 def check_definite(name: str, weight: Callable[[Array], Array], t: Array, strict: bool) -> None:
     """Refuse a weight with an eigenvalue that is negative (or zero, when strict), naming it, its direction and time."""
-    samples = weight(t)
+    samples = take_once(weight(t))
     values, vectors = np.linalg.eigh(samples)
     floor = 1e-13 * max(np.abs(values).max(), np.finfo(float).tiny)
     smallest = values[:, 0]

@@ -24,7 +24,8 @@ SEEN = 0.1
 
 def resolve_problem(problem: LinearQuadratic, system: PeriodicSystem) -> tuple[LinearQuadratic, Array]:
     """Return the problem with its coefficients as series, and the edges of their panels from 0 to T."""
-    found: dict[str, MatrixFunction] = {"A": system.resolved}
+    state = system.resolved
+    found: dict[str, MatrixFunction] = {"A": Constant(state.mean()) if state.constant else state}
     edges = system.resolved.edges
     for name in OTHERS:
         source = getattr(problem, name)

@@ -10,6 +10,7 @@ from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.quadratic.plans import name_limit, solve_by_plans
 from flexlin.periodic.quadratic.resolution import divide_for_waves, find_edges, resolve_problem
 from flexlin.periodic.quadratic.solution import RiccatiSolution
+from flexlin.periodic.quadratic.sweeping import solve_by_sweeps
 from flexlin.periodic.system import PeriodicSystem, as_system
 
 LIMITED = 10.0
@@ -60,14 +61,16 @@ def periodic_riccati(
 
     Notes
     -----
-    Where X has few harmonics it is sought as a Fourier series by Newton's method, proved to stabilise, and its residual gives its error.
+    Where the Hamiltonian has no fast modes, the equation is swept backwards over the period, Newton's method closes it, and the residual
+    beside the running cost bounds its error. Elsewhere, where X has few harmonics, it is sought as a Fourier series by Newton's method, proved to stabilise, and its residual gives its error.
     Otherwise each segment's Hamiltonian transition matrix is brought to scattering form; segments combine by the Redheffer star product;
     the whole period is doubled until H, the cost of 2^k periods with a free end, stops changing. The period map of the Hamiltonian is
     never formed, so neither fast unstable plants nor long periods overflow.
 
     References
     ----------
-    Anderson, Second-order convergent algorithms for the steady-state Riccati equation, Int. J. Control 28 (1978) 295 (doubling);
+    Hewer, An iterative technique for the computation of the steady state gains for the discrete optimal regulator, IEEE Trans. Automat.
+    Control 16 (1971) 382; Anderson, Second-order convergent algorithms for the steady-state Riccati equation, Int. J. Control 28 (1978) 295 (doubling);
     Redheffer, On a certain linear fractional transformation, J. Math. Phys. 39 (1960) 269 (star product).
 
     Examples
@@ -86,6 +89,9 @@ def periodic_riccati(
     system = as_system(system)
     problem, edges = resolve_problem(linear_quadratic(system, Q, R, N), system)
     tol = positive("tol", tol)
+    swept = solve_by_sweeps(problem, system.period, tol)
+    if swept is not None:
+        return swept
     smooth = solve_by_harmonics(problem, system.period, tol)
     if smooth is not None and smooth.error <= LIMITED * tol:
         return smooth if smooth.error <= tol else name_limit(smooth, "rounding", tol)

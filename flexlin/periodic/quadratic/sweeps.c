@@ -1,0 +1,177 @@
+/* The Riccati equation -X' = A' X + X A - X S X + Q swept backwards over a period by Adams' methods: the calls of backward.py.
+ *
+ * A matrix is n rows of w numbers, w a multiple of four, zeros behind column n. Samples at K nodes stand one after the other, `step`
+ * numbers apart: 0 for a constant. Node k stands at k h; node K is node 0 of the next period.
+ */
+#include <math.h>
+#include <string.h>
+
+#define MOST 12     /* the highest order */
+#define LEAST 1e-10 /* of a diagonal entry: a smaller pivot is rounding */
+
+typedef double v4 __attribute__((vector_size(32), aligned(8)));
+typedef struct { const double *at; long step; } Samples;
+
+static inline v4 splat(double x) { return (v4){x, x, x, x}; }
+
+/* C = A B, C apart from A and B: two rows and eight columns at a time. */
+static void multiply(int n, int w, const double *restrict A, const double *restrict B, double *restrict C) {
+  for (int i = 0; i < n; i += 2) {
+    const double *a = A + i * w, *b = i + 1 < n ? a + w : a;
+    for (int j = 0; j < w; j += 8) {
+      v4 r0 = splat(0.0), r1 = r0, s0 = r0, s1 = r0;
+      const double *column = B + j;
+      if (j + 4 < w) {
+        for (int k = 0; k < n; k++, column += w) {
+          v4 x = splat(a[k]), y = splat(b[k]), u = *(const v4 *)column, v = *(const v4 *)(column + 4);
+          r0 += x * u; r1 += x * v; s0 += y * u; s1 += y * v;
+        }
+        *(v4 *)(C + i * w + j + 4) = r1;
+        if (i + 1 < n) *(v4 *)(C + (i + 1) * w + j + 4) = s1;
+      } else {
+        for (int k = 0; k < n; k++, column += w) {
+          v4 u = *(const v4 *)column;
+          r0 += splat(a[k]) * u; s0 += splat(b[k]) * u;
+        }
+      }
+      *(v4 *)(C + i * w + j) = r0;
+      if (i + 1 < n) *(v4 *)(C + (i + 1) * w + j) = s0;
+    }
+  }
+}
+
+/* rate = -X'; half = A - S X / 2. */
+static void riccati(int n, int w, const double *A, const double *S, const double *Q, const double *X, double *restrict rate, double *restrict half) {
+  double P[n * w];
+  multiply(n, w, S, X, half);
+  for (int i = 0; i < n * w; i++) half[i] = A[i] - 0.5 * half[i];
+  multiply(n, w, X, half, P);
+  for (int i = 0; i < n; i++)
+    for (int j = 0; j <= i; j++) {
+      double sum = P[i * w + j] + P[j * w + i];
+      rate[i * w + j] = sum + Q[i * w + j];
+      rate[j * w + i] = sum + Q[j * w + i];
+    }
+}
+
+/* Phi(T, t - h) = Phi(T, t) exp(h (M1 + M2) / 2) to second order; M1, M2 = A - S X at both ends; none: Phi(T, T) = 1. */
+static void carry(int n, int w, double h, const double *M1, const double *M2, const double *Phi, double *restrict next) {
+  int z = n * w;
+  double middle[z], turn[z];
+  for (int i = 0; i < z; i++) middle[i] = 0.5 * h * (M1[i] + M2[i]);
+  multiply(n, w, middle, middle, turn);
+  for (int i = 0; i < z; i++) turn[i] = middle[i] + 0.5 * turn[i];
+  for (int i = 0; i < n; i++) turn[i * w + i] += 1.0;
+  if (Phi) multiply(n, w, Phi, turn, next);
+  else memcpy(next, turn, sizeof turn);
+}
+
+/* X at the nodes K - 1 ... 1 and, as `end`, at 0; X at the nodes 0 ... p - 1 continues it behind T. transition[k]: Phi(T, t_k) of the
+ * loop A - S X. weights: p of Adams' explicit method, then p of his implicit one. */
+void sweep(int n, int w, long K, int p, double h, const double *weights, const double *A, long a, const double *S, long s, const double *Q,
+           long q, double *X, double *end, double *transition) {
+  int z = n * w;
+  const double *explicit = weights, *implicit = weights + p;
+  double rates[MOST * z], half[z], x[z], y[z], known[z], loop[2][z];
+  memset(rates, 0, sizeof rates);
+  for (long k = p - 1; k >= 0; k--) riccati(n, w, A + k * a, S + k * s, Q + k * q, X + k * z, rates + (K + k) % p * z, half);
+  for (int i = 0; i < z; i++) loop[K % 2][i] = 2 * half[i] - A[i];
+  memcpy(x, X, sizeof x);
+  for (long k = K - 1; k >= 0; k--) {
+    const double *A_k = A + k * a, *S_k = S + k * s, *Q_k = Q + k * q, *F[MOST];
+    double *rate = rates + k % p * z;
+    for (int j = 0; j < p; j++) F[j] = rates + (k + 1 + j) % p * z;
+    for (int i = 0; i < z; i += 4) {
+      v4 u = explicit[p - 1] * *(const v4 *)(F[p - 1] + i), v = splat(0.0), start = *(const v4 *)(x + i);
+      for (int j = 0; j < p - 1; j++) {
+        v4 f = *(const v4 *)(F[j] + i);
+        u += explicit[j] * f;
+        v += implicit[j + 1] * f;
+      }
+      *(v4 *)(y + i) = start + h * u;
+      *(v4 *)(known + i) = start + h * v;
+    }
+    riccati(n, w, A_k, S_k, Q_k, y, rate, half);
+    for (int i = 0; i < z; i++) x[i] = known[i] + h * implicit[0] * rate[i];
+    riccati(n, w, A_k, S_k, Q_k, x, rate, half);
+    for (int i = 0; i < z; i++) loop[k % 2][i] = 2 * half[i] - A_k[i];
+    carry(n, w, h, loop[0], loop[1], k < K - 1 ? transition + (k + 1) * z : 0, transition + k * z);
+    memcpy(k ? X + k * z : end, x, sizeof x);
+  }
+}
+
+/* L^-1 of C = L L', in place of C; false where C is not positive. */
+static int invert_root(int n, int w, double *C) {
+  for (int j = 0; j < n; j++) {
+    double size = C[j * w + j], pivot = size;
+    for (int k = 0; k < j; k++) pivot -= C[j * w + k] * C[j * w + k];
+    if (!(pivot > LEAST * size)) return 0;
+    C[j * w + j] = sqrt(pivot);
+    for (int i = j + 1; i < n; i++) {
+      double sum = C[i * w + j];
+      for (int k = 0; k < j; k++) sum -= C[i * w + k] * C[j * w + k];
+      C[i * w + j] = sum / C[j * w + j];
+    }
+  }
+  for (int j = 0; j < n; j++) {
+    C[j * w + j] = 1.0 / C[j * w + j];
+    for (int i = j + 1; i < n; i++) {
+      double sum = 0.0;
+      for (int k = j; k < i; k++) sum -= C[i * w + k] * C[k * w + j];
+      C[i * w + j] = sum / C[i * w + i];
+    }
+    for (int i = 0; i < j; i++) C[i * w + j] = 0.0;
+  }
+  return 1;
+}
+
+/* |L F L'| in Frobenius' norm; F symmetric, L a lower triangle. */
+static double measure(int n, int w, const double *L, const double *F) {
+  double P[n * w], total = 0.0;
+  multiply(n, w, L, F, P);
+  for (int i = 0; i < n; i++)
+    for (int j = 0; j < n; j++) {
+      double sum = 0.0;
+      for (int k = 0; k <= j; k++) sum += P[i * w + k] * L[j * w + k];
+      total += sum * sum;
+    }
+  return sqrt(total);
+}
+
+/* The least r with -r C <= F <= r C at all K times, C = Q + X S X, F the residual with what rounding may make of it; infinity: none.
+ * slopes: X'; unit: rounding of a sum relative to the sum of its sizes. residual: the largest entry of F. */
+double find_share(int n, int w, long K, const double *A, long a, const double *S, long s, const double *Q, long q, const double *X,
+                  const double *slopes, double unit, double *residual) {
+  int z = n * w;
+  double worst = 0.0, C[z], F[z], G[z], P[z], XA[z], XSX[z], size_X[z], size[z], by_A[z], curved[z];
+  *residual = 0.0;
+  memset(F, 0, sizeof F);
+  memset(G, 0, sizeof G);
+  for (long k = 0; k < K; k++) {
+    const double *A_k = A + k * a, *S_k = S + k * s, *Q_k = Q + k * q, *x = X + k * z, *slope = slopes + k * z;
+    multiply(n, w, x, A_k, XA);
+    multiply(n, w, S_k, x, P);
+    multiply(n, w, x, P, XSX);
+    for (int i = 0; i < z; i++) size_X[i] = fabs(x[i]), size[i] = fabs(A_k[i]);
+    multiply(n, w, size_X, size, by_A);
+    for (int i = 0; i < z; i++) size[i] = fabs(S_k[i]);
+    multiply(n, w, size, size_X, P);
+    multiply(n, w, size_X, P, curved);
+    for (int i = 0; i < n; i++)
+      for (int j = 0; j < n; j++) {
+        int ij = i * w + j, ji = j * w + i;
+        C[ij] = Q_k[ij] + XSX[ij];
+        F[ij] = slope[ij] + XA[ij] + XA[ji] - XSX[ij] + Q_k[ij];
+        G[ij] = unit * (fabs(slope[ij]) + by_A[ij] + by_A[ji] + curved[ij] + fabs(Q_k[ij]));
+        *residual = fmax(*residual, fabs(F[ij]));
+      }
+    if (!invert_root(n, w, C)) return INFINITY;
+    double share = measure(n, w, C, F);
+    for (int i = 0; i < n; i++)
+      for (int j = 0; j < n; j++) C[i * w + j] = fabs(C[i * w + j]);
+    share += measure(n, w, C, G);
+    if (!isfinite(share)) return INFINITY;
+    worst = fmax(worst, share);
+  }
+  return worst;
+}
