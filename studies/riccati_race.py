@@ -2,7 +2,7 @@
 
 The shipped single link with two modes, and a satellite that magnetic torquers turn: its attitude and rates (6 states), and with the
 integrals of its attitude (9 states). Every way reaches the same accuracy in one run. SciPy's methods integrate backwards from X = 0
-until the start is forgotten, each at the loosest of the tolerances that reaches tol. They are given how long that takes, and their
+until the start is forgotten, each at the cheaper of the two loosest tolerances that reach tol. They are given how long that takes, and their
 right-hand side is machine code for the n (n + 1) / 2 unknowns of the symmetric X, its set-up left out. The solver here resolves
 the coefficients anew each time.
 
@@ -111,7 +111,7 @@ def satellite(integrals: bool) -> Contest:
     rows = ca.vertcat(ca.SX(n - 3, 3), ca.sparsify(torque / ca.repmat(ca.DM(INERTIA), 1, 3)))
     R = np.eye(3) / MOMENT**2
     rate = packed_riccati(s, p, np.zeros(0), ca.sparsify(ca.SX(ca.DM(A))), rows, np.diag(Q), R)
-    return Contest(lambda: fl.PeriodicSystem(A, 2 * np.pi / w, B), np.diag(Q), R, rate)
+    return Contest(lambda: fl.PeriodicSystem(A, 2 * np.pi / w, B, complete=True), np.diag(Q), R, rate)
 
 
 def packed_riccati(
@@ -144,9 +144,10 @@ def race(contest: Contest, tol: float, methods: tuple[str, ...], repeats: int) -
             run = partial(integrate_back, contest.rate, method, settle, tol * part, np.abs(X0).max(), len(X0))
             x, seconds = least_time(run, repeats)
             runs.append((seconds, error_of(x, X0)))
-            if runs[-1][1] <= tol:
+            if sum(error <= tol for _, error in runs) == 2:
                 break
-        times[method] = runs[-1] if runs[-1][1] <= tol else min(runs, key=lambda run: run[1])
+        reached = [run for run in runs if run[1] <= tol]
+        times[method] = min(reached) if reached else min(runs, key=lambda run: run[1])
     return times
 
 

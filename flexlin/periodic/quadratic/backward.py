@@ -67,9 +67,10 @@ class Samples:
         """Times, states and numbers in a row."""
         return self.count, self.A.shape[1], self.A.shape[2]
 
-    def every(self, step: int) -> "Samples":
+    def every(self, step: int, first: int = 0) -> "Samples":
         """The samples at every step-th time."""
-        return Samples(*(one[::step] for one in (self.A, self.S, self.Q)), self.count // step)
+        A, S, Q = (one[first::step] if len(one) > 1 else one for one in (self.A, self.S, self.Q))
+        return Samples(A, S, Q, self.count // step)
 
     def places(self) -> tuple[int, ...]:
         """Where A, S and Q stand, and the numbers from one sample to the next."""
@@ -94,10 +95,10 @@ def sweep_back(
     """Sweep from X (p, n, w) at the first nodes of the next period, p the order, to t = 0, by Adams' predictor and corrector.
 
     Returns: X at the nodes, the first as it was given (N, n, w); X where the sweep ends, at 0 (n, w); the transition matrices
-    Phi(T, t) of the loop A - S X from the nodes to T, to second order (N, n, w).
+    Phi(T, t) of the loop A - S X from the first nodes to T, to second order (p, n, w).
     """
     count, n, width = samples.shape
-    swept, end, Phi = np.empty(samples.shape), np.empty((n, width)), np.empty(samples.shape)
+    swept, end, Phi = np.empty(samples.shape), np.empty((n, width)), np.empty((order, n, width))
     swept[: len(X)] = X
     into = (swept.ctypes.data, end.ctypes.data, Phi.ctypes.data)
     library.sweep(n, width, count, order, step, adams_weights(order).ctypes.data, *samples.places(), *into)

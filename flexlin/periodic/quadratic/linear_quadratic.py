@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError
+from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_matrix_function, as_system, check_samples
 
 SAMPLES = 64
@@ -36,7 +37,8 @@ class LinearQuadratic:
         A, B, Q = self.A(t), take_once(self.B(t)), self.Q(t)
         cross = take_once(self.N(t))
         effort = np.linalg.inv(take_once(self.R(t)))
-        S = np.broadcast_to(B @ effort @ np.swapaxes(B, 1, 2), A.shape)
+        by_effort = (B.reshape(-1, B.shape[2]) @ effort[0]).reshape(B.shape) if len(effort) == 1 else B @ effort
+        S = np.broadcast_to(by_effort @ np.swapaxes(B, 1, 2), A.shape)
         if not cross.any():
             return A, S, Q
         by_cross = effort @ np.swapaxes(cross, 1, 2)
@@ -106,7 +108,8 @@ def check_weight(name: str, value: MatrixFunction | ArrayLike, shape: tuple[int,
     if shape == (1, 1) and np.ndim(value) == 0 and not callable(value):  # type: ignore[arg-type]
         value = np.reshape(real_array(name, value, ()), (1, 1))
     function = as_matrix_function(name, value)
-    samples = check_samples(name, function, period)
+    constant = isinstance(function, Constant)
+    samples = function.value[None] if constant else check_samples(name, function, period)
     if samples.shape[1:] != shape:
         raise ArgumentError(f"{name} does not fit the system", got=samples.shape[1:], expected=str(shape))
     asymmetry = np.abs(samples - np.swapaxes(samples, 1, 2)).max() if shape[0] == shape[1] and name != "N" else 0.0

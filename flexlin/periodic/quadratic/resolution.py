@@ -50,7 +50,7 @@ def find_edges(problem: LinearQuadratic, system: PeriodicSystem) -> Array:
 
 def varies(source: MatrixFunction, system: PeriodicSystem) -> bool:
     """Whether a coefficient is more than one matrix that is handed out at all times."""
-    return bool(source(system.period * PROBES).strides[0] != 0)
+    return not isinstance(source, Constant) and bool(source(system.period * PROBES).strides[0] != 0)
 
 
 def divide_for_waves(problem: LinearQuadratic, edges: Array, tol: float) -> Array:

@@ -5,20 +5,21 @@ import ctypes
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.fourier import FourierSeries, fourier_basis, fourier_nodes
+from flexlin.periodic.fourier import FourierSeries, fourier_nodes
 from flexlin.periodic.quadratic.backward import Samples, find_share
 from flexlin.periodic.quadratic.evidence import ROUNDING
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, take_once
 from flexlin.periodic.quadratic.scattering import transpose
 from flexlin.periodic.quadratic.solution import RiccatiSolution
 
-FINER = 3
-"""Times at which the residual is looked at, for each harmonic of X and of the coefficients."""
 MOST_SHARE = 0.5
+"""Largest r up to which the bound is used."""
+SEEN = 64
+"""Times at which the sizes of X and of the gain are looked at."""
 
 
 def judge_by_cost(
-    problem: LinearQuadratic, library: ctypes.CDLL, X: FourierSeries, waves: float, rate: float
+    problem: LinearQuadratic, library: ctypes.CDLL, samples: Samples, X: FourierSeries, rate: float
 ) -> RiccatiSolution | None:
     """Put the solution together with a bound on its error; None where its residual is not small against the running cost.
 
@@ -32,25 +33,25 @@ def judge_by_cost(
     Assumes that F is smooth between the times at which it is compared with C.
     Source: Bittanti, Colaneri, De Nicolao, The periodic Riccati equation, in The Riccati Equation (1991), ch. 6 (comparison).
 
-    Parameters: X (n, w), rows filled up with zeros; waves: of the coefficients; rate: the Hamiltonian's spectral radius.
+    Parameters: samples: the coefficients at equally spaced nodes; X (n, w), rows filled up with zeros, made of its values at the even ones;
+    it is judged at the odd ones. rate: the Hamiltonian's spectral radius.
     """
-    count, T = 1 + FINER * (X.harmonics + int(waves)), X.period
+    count, T = samples.count // 2, X.period
     n = X.coefficients.shape[1]
-    t = fourier_nodes(count, T) + T / (2 * count)
-    values, slopes = evaluate_with_slopes(X, t)
-    samples = Samples.of(problem.reduced(t))
-    share, residual = find_share(library, samples, values, slopes, 8 * ROUNDING)
+    values, slopes = evaluate_between(X, count)
+    share, residual = find_share(library, samples.every(2, 1), values, slopes, 8 * ROUNDING)
     values = values[:, :, :n]
     if not (share < MOST_SHARE and np.linalg.eigvalsh(values[0])[0] > 0):
         return None
-    k = share / (1 - share)
+    k, few = share / (1 - share), slice(None, None, count // SEEN)
+    t = fourier_nodes(count, T)[few] + T / (2 * count)
     return RiccatiSolution(
         problem=problem,
         horizon=T,
         periodic=True,
         series=FourierSeries(X.coefficients[:, :, :n].copy(), T),
         error=k + 8 * ROUNDING,
-        gain_error=bound_gain_error(problem, t, values, k),
+        gain_error=bound_gain_error(problem, t, values[few], k),
         method_error=k,
         residual=residual / (float(np.abs(values).max()) * max(rate, 1 / T)),
         symmetry=0.0,
@@ -61,12 +62,16 @@ def judge_by_cost(
     )
 
 
-def evaluate_with_slopes(X: FourierSeries, t: Array) -> tuple[Array, Array]:
-    """Return a series and its derivative at times t (N,)."""
-    basis = fourier_basis(t / X.period, X.harmonics)
-    shape = (len(t), *X.coefficients.shape[1:])
-    values, slopes = (basis @ one.coefficients.reshape(len(one.coefficients), -1) for one in (X, X.derivative()))
-    return values.reshape(shape), slopes.reshape(shape)
+def evaluate_between(X: FourierSeries, count: int) -> tuple[Array, Array]:
+    """Return a series and its derivative half-way between N equally spaced nodes, more than it has coefficients: (N, rows, columns)."""
+    H, flat = X.harmonics, X.coefficients.reshape(len(X.coefficients), -1)
+    spectrum = np.zeros((2, count // 2 + 1, flat.shape[1]), complex)
+    waves = np.arange(1, H + 1)[:, None]
+    spectrum[0, 0] = count * flat[0]
+    spectrum[0, 1 : H + 1] = (0.5 * count * np.exp(1j * np.pi / count * waves)) * (flat[1 : H + 1] - 1j * flat[H + 1 :])
+    spectrum[1, 1 : H + 1] = (2j * np.pi / X.period * waves) * spectrum[0, 1 : H + 1]
+    values, slopes = np.fft.irfft(spectrum, count, axis=1).reshape(2, count, *X.coefficients.shape[1:])
+    return values, slopes
 
 
 def bound_gain_error(problem: LinearQuadratic, t: Array, X: Array, k: float) -> float:

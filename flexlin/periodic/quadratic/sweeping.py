@@ -28,11 +28,12 @@ SWEEPS, FIRST, LAST = 12, 1e-7, 2e-3
 LEAST = 2e-13
 """Relative change of X(T) that is asked for at the least."""
 TRIES = 2
-PERIODS = 40
-"""Doublings of the period within which a loop must forget."""
+PERIODS, CLOSED = 40, 1e-4
+"""Doublings of the period within which a loop must forget, and what is left of it then."""
 FLOOR = 2e-16
 """Harmonics of X below this part of its size are rounding."""
-SQUARINGS = 6
+SQUARINGS, LOOKS = 6, 4
+"""Squarings of the Hamiltonian by which its eigenvalues are measured, and times at which that is done."""
 
 
 def solve_by_sweeps(problem: LinearQuadratic, period: float, tol: float) -> RiccatiSolution | None:
@@ -43,21 +44,24 @@ def solve_by_sweeps(problem: LinearQuadratic, period: float, tol: float) -> Ricc
     library, waves = find_sweeps(), last_harmonic(problem, tol)
     if library is None or not waves * WAVES <= COUNTS[-1][0]:
         return None
-    few = problem.reduced(period * np.arange(4) / 4)
-    if few[0].shape[1] > MOST_STATES:
-        return None
-    rate, tries = find_rate(assemble_hamiltonian(*few)), 0
     X: FourierSeries | None = None
+    rate, tries = 0.0, 0
     for count, least in COUNTS:
         if count < WAVES * waves or REACH * count < rate * period or (tol < least and count < COUNTS[-1][0]):
             continue
         if tries == TRIES:
             break
+        coefficients = problem.reduced(fourier_nodes(count, period))
+        if coefficients[0].shape[1] > MOST_STATES:
+            break
+        rate = rate or find_rate(assemble_hamiltonian(*(one[:: count // LOOKS] for one in coefficients)))
+        if REACH * count < rate * period:
+            continue
         tries += 1
-        samples = Samples.of(problem.reduced(fourier_nodes(count, period)))
+        samples = Samples.of(coefficients)
         with np.errstate(all="ignore"):
             X = sweep_until_closed(library, samples, period, X, rate, tol)
-            found = None if X is None else judge_by_cost(problem, library, X, waves, rate)
+            found = None if X is None else judge_by_cost(problem, library, samples, X, rate)
         if found is not None and found.error <= tol:
             return found
     return None
@@ -77,7 +81,7 @@ def find_rate(H: Array) -> float:
 def sweep_until_closed(
     library: ctypes.CDLL, samples: Samples, period: float, start: FourierSeries | None, rate: float, tol: float
 ) -> FourierSeries | None:
-    """Return X in rows filled up with zeros; from X = 0, the cost of a horizon that ends, where no X is known.
+    """Return X by its values at every second node, rows filled up with zeros; from X = 0, the cost of a finite horizon, or from `start`.
 
     A sweep maps X(T) to X(0); with Phi its loop's transition matrix over the period, Newton's method for X(0) = X(T) adds
 
@@ -95,7 +99,7 @@ def sweep_until_closed(
             return None
         if level is not samples:
             X = np.tensordot(first_nodes(level.count, samples.count), closed, 1)
-    return truncate(closed, period)
+    return truncate(closed[::2], period)
 
 
 def close_by_newton(
@@ -108,22 +112,21 @@ def close_by_newton(
     n = samples.shape[1]
     for _ in range(SWEEPS):
         swept, end, Phi = sweep_back(library, samples, step, order, X)
-        gap = (end - X[0])[:, :n]
-        E, swept[0] = close_period(gap, Phi[0, :, :n]), end
         if not np.isfinite(end).all():
             return None
-        if E is not None:
-            done = np.abs(E).max() <= near * np.abs(swept).max()
-            first = Phi[: None if done else order, :, :n]
-            swept[: len(first), :, :n] += transpose(first) @ E @ first
-            if done:
-                return swept
+        E = close_period((end - X[0])[:, :n], Phi[0, :, :n])
+        swept[0] = end
+        if E is not None and np.abs(E).max() <= near * np.abs(swept).max():
+            return swept
         X = swept[:order].copy()
+        if E is not None:
+            first = Phi[:, :, :n]
+            X[:, :, :n] += transpose(first) @ E @ first
     return None
 
 
 def close_period(gap: Array, Phi: Array) -> Array | None:
-    """Solve E = Phi' E Phi + gap by doubling; None where the loop does not forget.
+    """Solve E = Phi' E Phi + gap by doubling, about as well as Phi is known; None where the loop does not forget.
 
     Source: Smith, SIAM J. Appl. Math. 16 (1968) 198.
     """
@@ -131,9 +134,10 @@ def close_period(gap: Array, Phi: Array) -> Array | None:
     for _ in range(PERIODS):
         more = power.T @ E @ power
         E = E + more
-        if np.abs(more).max() <= 1e-16 * np.abs(E).max():
+        size, last = float(np.abs(E).max()), float(np.abs(more).max())
+        if last <= CLOSED * size:
             return np.asarray(E)
-        if not np.isfinite(E).all():
+        if not np.isfinite(size):
             break
         power = power @ power
     return None
@@ -152,6 +156,6 @@ def truncate(values: Array, period: float) -> FourierSeries:
     """Return the Fourier series of values (N, n, w) without the last harmonics, which are rounding."""
     spectrum = np.fft.rfft(values, axis=0)
     size = np.abs(spectrum).max(axis=(1, 2))
-    keep = max(1, int(np.count_nonzero(np.sqrt((size[::-1] ** 2).cumsum())[::-1] > FLOOR * size.max())))
-    parts = spectrum[: min(keep, (len(values) + 1) // 2)] / len(values)
+    keep = int(np.count_nonzero(np.sqrt((size[::-1] ** 2).cumsum())[::-1] > FLOOR * size.max()))
+    parts = spectrum[: min(max(keep, 1), (len(values) + 1) // 2)] / len(values)
     return FourierSeries(np.concatenate([parts[:1].real, 2 * parts[1:].real, -2 * parts[1:].imag]), period)

@@ -54,28 +54,28 @@ static void riccati(int n, int w, const double *A, const double *S, const double
     }
 }
 
-/* Phi(T, t - h) = Phi(T, t) exp(h (M1 + M2) / 2) to second order; M1, M2 = A - S X at both ends; none: Phi(T, T) = 1. */
-static void carry(int n, int w, double h, const double *M1, const double *M2, const double *Phi, double *restrict next) {
+/* Phi exp(h M) to second order; no Phi: of 1. */
+static void carry(int n, int w, double h, const double *M, const double *Phi, double *restrict next) {
   int z = n * w;
-  double middle[z], turn[z];
-  for (int i = 0; i < z; i++) middle[i] = 0.5 * h * (M1[i] + M2[i]);
-  multiply(n, w, middle, middle, turn);
-  for (int i = 0; i < z; i++) turn[i] = middle[i] + 0.5 * turn[i];
+  double step[z], turn[z];
+  for (int i = 0; i < z; i++) step[i] = h * M[i];
+  multiply(n, w, step, step, turn);
+  for (int i = 0; i < z; i++) turn[i] = step[i] + 0.5 * turn[i];
   for (int i = 0; i < n; i++) turn[i * w + i] += 1.0;
   if (Phi) multiply(n, w, Phi, turn, next);
   else memcpy(next, turn, sizeof turn);
 }
 
-/* X at the nodes K - 1 ... 1 and, as `end`, at 0; X at the nodes 0 ... p - 1 continues it behind T. transition[k]: Phi(T, t_k) of the
- * loop A - S X. weights: p of Adams' explicit method, then p of his implicit one. */
+/* X at the nodes K - 1 ... 1 and, as `end`, at 0; X at the nodes 0 ... p - 1 continues it behind T. K is even. weights: p of Adams'
+ * explicit method, then p of his implicit one. transition[k]: Phi(T, t_k), k < p, of the loop A - S X, by the midpoint's rule over pairs of
+ * steps, and half a pair for odd k. */
 void sweep(int n, int w, long K, int p, double h, const double *weights, const double *A, long a, const double *S, long s, const double *Q,
            long q, double *X, double *end, double *transition) {
   int z = n * w;
-  const double *explicit = weights, *implicit = weights + p;
-  double rates[MOST * z], half[z], x[z], y[z], known[z], loop[2][z];
+  const double *explicit = weights, *implicit = weights + p, *Phi = 0;
+  double rates[MOST * z], half[z], x[z], y[z], known[z], pair[2][z];
   memset(rates, 0, sizeof rates);
   for (long k = p - 1; k >= 0; k--) riccati(n, w, A + k * a, S + k * s, Q + k * q, X + k * z, rates + (K + k) % p * z, half);
-  for (int i = 0; i < z; i++) loop[K % 2][i] = 2 * half[i] - A[i];
   memcpy(x, X, sizeof x);
   for (long k = K - 1; k >= 0; k--) {
     const double *A_k = A + k * a, *S_k = S + k * s, *Q_k = Q + k * q, *F[MOST];
@@ -94,9 +94,15 @@ void sweep(int n, int w, long K, int p, double h, const double *weights, const d
     riccati(n, w, A_k, S_k, Q_k, y, rate, half);
     for (int i = 0; i < z; i++) x[i] = known[i] + h * implicit[0] * rate[i];
     riccati(n, w, A_k, S_k, Q_k, x, rate, half);
-    for (int i = 0; i < z; i++) loop[k % 2][i] = 2 * half[i] - A_k[i];
-    carry(n, w, h, loop[0], loop[1], k < K - 1 ? transition + (k + 1) * z : 0, transition + k * z);
     memcpy(k ? X + k * z : end, x, sizeof x);
+    if (k % 2) {
+      double *next = pair[k / 2 % 2];
+      for (int i = 0; i < z; i++) half[i] = 2 * half[i] - A_k[i];
+      if (k < p) carry(n, w, h, half, Phi, transition + k * z);
+      carry(n, w, 2 * h, half, Phi, next);
+      if (k <= p) memcpy(transition + (k - 1) * z, next, sizeof half);
+      Phi = next;
+    }
   }
 }
 

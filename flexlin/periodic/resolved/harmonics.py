@@ -8,7 +8,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.fourier import fourier_basis, fourier_nodes, fourier_waves, real_fourier_coefficients
 from flexlin.periodic.resolved.noise import noise_level
-from flexlin.periodic.resolved.sampling import CheckPoints, Sampler, stratified
+from flexlin.periodic.resolved.sampling import CheckPoints, Sampler, largest_sizes, stratified
 
 FIRST, SURE, MOST = 64, 256, 2048
 """Nodes at the start; nodes up to which doubling goes on in any case; and at most."""
@@ -129,8 +129,7 @@ def _deviation(sample: Sampler, coefficients: Array, checks: CheckPoints | None,
         left = values - coefficients[0]
         if H:
             left -= fourier_basis(t / sample.period, H)[:, 1:] @ coefficients[1:]
-        np.maximum(worst, left.max(axis=0), out=worst)
-        np.maximum(worst, -left.min(axis=0), out=worst)
+        np.maximum(worst, largest_sizes(left), out=worst)
     return worst
 
 

@@ -7,8 +7,9 @@ import numpy as np
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.chebyshev import ChebyshevPanels
+from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.fourier import FourierSeries
-from flexlin.periodic.resolved.harmonics import fit_fourier
+from flexlin.periodic.resolved.harmonics import EPS, fit_fourier
 from flexlin.periodic.resolved.matrix import Discontinuity, ResolvedMatrix, divided
 from flexlin.periodic.resolved.panels import left_over, panel_error, shown_degree
 from flexlin.periodic.resolved.refining import PanelResolver
@@ -90,6 +91,8 @@ def resolve(
     _times_in("features", pairs[:, 0], period)
     if np.any(pairs[:, 1] <= 0):
         raise ArgumentError("a feature has no width", got=pairs[:, 1].tolist(), expected="widths greater than 0")
+    if isinstance(A, Constant) and not len(named) and not len(pairs):
+        return ResolvedMatrix(FourierSeries(A.value[None], period), (), (), 4 * EPS * np.abs(A.value), 1)
     sample = Sampler(A, period, least)
     about = [centre + 4 * width * (2 * stratified(64) - 1) for centre, width in pairs]
     checks = CheckPoints(sample, np.concatenate([period * stratified(FEW if complete else CHECKS), *about]))

@@ -12,6 +12,8 @@ CHUNK = 2**23
 """Bytes of samples that one call of the coefficient may return."""
 KEPT = 2**26
 """Bytes of samples at check points that are kept."""
+FOLDED = 64
+"""Rows that are taken as one."""
 GOLDEN = (np.sqrt(5) - 1) / 2
 
 
@@ -33,8 +35,7 @@ class Sampler:
             t = np.where(t >= T, t - T, t)
         values = self.unwrapped(t)
         if len(values):
-            np.maximum(self.scale, values.max(axis=0), out=self.scale)
-            np.maximum(self.scale, -values.min(axis=0), out=self.scale)
+            np.maximum(self.scale, largest_sizes(values), out=self.scale)
         return values
 
     def unwrapped(self, t: Array) -> Array:
@@ -89,7 +90,8 @@ class CheckPoints:
     """Increasing times in [0, T) at which a representation is compared with A; the samples are kept where memory allows."""
 
     def __init__(self, sample: Sampler, t: Array):
-        self.sample, self.t = sample, np.unique(np.mod(t, sample.period))
+        t = np.mod(t, sample.period)
+        self.sample, self.t = sample, t if np.all(np.diff(t) > 0) else np.unique(t)
         self._kept: Array | None = None
 
     def batches(self, size: int) -> Iterator[tuple[Array, Array]]:
@@ -116,6 +118,17 @@ class CheckPoints:
         if not known.all():
             values[~known] = self.sample(t[~known])
         return values
+
+
+def largest_sizes(rows: Array) -> Array:
+    """Return the largest size in each column of rows (N, E): (E,). Many short rows are first taken as few long ones."""
+    count, columns = rows.shape
+    whole = count // FOLDED * FOLDED
+    if whole > FOLDED and columns < FOLDED and rows.flags.c_contiguous:
+        long = rows[:whole].reshape(-1, FOLDED * columns)
+        folded = np.maximum(long.max(axis=0), -long.min(axis=0)).reshape(FOLDED, columns)
+        rows = np.concatenate([folded, rows[whole:]])
+    return np.asarray(np.maximum(rows.max(axis=0), -rows.min(axis=0)))
 
 
 @lru_cache(maxsize=16)
