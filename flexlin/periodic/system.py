@@ -12,6 +12,7 @@ from flexlin.checks import positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import (
     ClosedLoop,
+    Constant,
     InputMatrix,
     MatrixFunction,
     SecondOrderFunction,
@@ -21,7 +22,7 @@ from flexlin.periodic.coefficients import (
 )
 from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
-from flexlin.periodic.resolved.resolve import resolve
+from flexlin.periodic.resolved.resolve import resolve, resolve_constant
 from flexlin.periodic.resolved.sampling import stratified
 from flexlin.periodic.resolved.weights import weigh_entries
 from flexlin.periodic.second_order import SecondOrder
@@ -150,6 +151,8 @@ class PeriodicSystem:
 
         Raises: NotPeriodic, UnresolvedCoefficient, ArgumentError as `resolve`.
         """
+        if isinstance(self.A, Constant) and not self.breaks and not self.features:
+            return resolve_constant(self.A.value, self.period)
         if self.second_order is None:
             return resolve(self.A, self.period, self.breaks, self.features, complete=self.complete)
         least = weigh_entries(*self.second_order.sample(self.period * stratified(PROBES)))

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,10 +22,10 @@ def find_sweeps() -> ctypes.CDLL | None:
     library = find_kept_library(Path(__file__).with_name("sweeps.c"))
     if library is not None:
         whole, long, real, place = ctypes.c_int, ctypes.c_long, ctypes.c_double, ctypes.c_void_p
-        coefficients = [place, long] * 3
-        library.sweep.argtypes = [whole, whole, long, whole, real, place, *coefficients, place, place, place]
+        coefficients: list[Any] = [place, long] * 3
+        library.close_by_newton.argtypes = [whole, whole, long, whole, real, place, *coefficients, place, real]
         library.find_share.argtypes = [whole, whole, long, *coefficients, place, place, real, ctypes.POINTER(real)]
-        library.sweep.restype, library.find_share.restype = None, real
+        library.find_share.restype = real
     return library
 
 
@@ -48,8 +49,8 @@ def adams_weights(order: int) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
-    """A, S, Q at N times, (N, n, w) or (1, n, w) where constant, in rows filled up with zeros."""
+class RiccatiSamples:
+    """A, -S / 2, Q / 2 at N times, (N, n, w) or (1, n, w) where constant, in rows filled up with zeros."""
 
     A: Array
     S: Array
@@ -57,20 +58,20 @@ class Samples:
     count: int
 
     @classmethod
-    def of(cls, coefficients: tuple[Array, Array, Array]) -> "Samples":
+    def of(cls, coefficients: tuple[Array, Array, Array]) -> "RiccatiSamples":
         """Fill the rows of A, S, Q (N, n, n)."""
         A, S, Q = coefficients
-        return cls(fill_rows(A), fill_rows(S), fill_rows(Q), len(A))
+        return cls(fill_rows(A), fill_rows(S, -0.5), fill_rows(Q, 0.5), len(A))
 
     @property
     def shape(self) -> tuple[int, int, int]:
         """Times, states and numbers in a row."""
         return self.count, self.A.shape[1], self.A.shape[2]
 
-    def every(self, step: int, first: int = 0) -> "Samples":
+    def every(self, step: int, first: int = 0) -> "RiccatiSamples":
         """The samples at every step-th time."""
         A, S, Q = (one[first::step] if len(one) > 1 else one for one in (self.A, self.S, self.Q))
-        return Samples(A, S, Q, self.count // step)
+        return RiccatiSamples(A, S, Q, self.count // step)
 
     def places(self) -> tuple[int, ...]:
         """Where A, S and Q stand, and the numbers from one sample to the next."""
@@ -80,32 +81,39 @@ class Samples:
         return tuple(found)
 
 
-def fill_rows(values: Array) -> Array:
-    """Return matrices (N, n, n) in rows filled up with zeros (N, n, w); the one matrix of a constant once."""
+def fill_rows(values: Array, factor: float = 1.0) -> Array:
+    """Return a multiple of matrices (N, n, n) in rows filled up with zeros (N, n, w); the one matrix of a constant once."""
     values = values[:1] if values.strides[0] == 0 else values
     count, n, _ = values.shape
     filled = np.zeros((count, n, -(-n // ROW) * ROW))
-    filled[:, :, :n] = values
+    np.multiply(values, factor, out=filled[:, :, :n])
     return filled
 
 
-def sweep_back(
-    library: ctypes.CDLL, samples: Samples, step: float, order: int, X: Array
-) -> tuple[Array, Array, Array]:
-    """Sweep from X (p, n, w) at the first nodes of the next period, p the order, to t = 0, by Adams' predictor and corrector.
+def close_by_newton(
+    library: ctypes.CDLL, samples: RiccatiSamples, period: float, order: int, near: float, X: Array
+) -> Array | None:
+    """Sweep X back over the period by Adams' predictor and corrector until it closes: X at the nodes (N, n, w), N even.
 
-    Returns: X at the nodes, the first as it was given (N, n, w); X where the sweep ends, at 0 (n, w); the transition matrices
-    Phi(T, t) of the loop A - S X from the first nodes to T, to second order (p, n, w).
+    A sweep maps X(T) to X(0); with Phi its loop's transition matrix over the period, Newton's method for X(0) = X(T) adds
+
+        E = Phi' E Phi + X(0) - X(T)
+
+    It ends after an E below `near` of X. A loop that does not forget is swept on: the cost of a longer horizon has a better one.
+    Parameters: X (p, n, w): at the first nodes of the next period, p the order.
+    Source: Hewer, IEEE Trans. Automat. Control 16 (1971) 382; for E: Smith, SIAM J. Appl. Math. 16 (1968) 198.
     """
     count, n, width = samples.shape
-    swept, end, Phi = np.empty(samples.shape), np.empty((n, width)), np.empty((order, n, width))
-    swept[: len(X)] = X
-    into = (swept.ctypes.data, end.ctypes.data, Phi.ctypes.data)
-    library.sweep(n, width, count, order, step, adams_weights(order).ctypes.data, *samples.places(), *into)
-    return swept, end, Phi
+    found = np.empty(samples.shape)
+    found[:order] = X[:order]
+    method = (order, period / count, adams_weights(order).ctypes.data)
+    sweeps = library.close_by_newton(n, width, count, *method, *samples.places(), found.ctypes.data, near)
+    return found if sweeps else None
 
 
-def find_share(library: ctypes.CDLL, samples: Samples, X: Array, slopes: Array, unit: float) -> tuple[float, float]:
+def find_share(
+    library: ctypes.CDLL, samples: RiccatiSamples, X: Array, slopes: Array, unit: float
+) -> tuple[float, float]:
     """Return the least r with -r C <= F <= r C at all times, C = Q + X S X, and the largest entry of F.
 
     F: the residual X' + A' X + X A - X S X + Q of X and its slopes X' (N, n, w), and what rounding may make of it: `unit` times the

@@ -31,9 +31,10 @@ PROBE = 20
 
 @dataclass(frozen=True)
 class Evidence:
-    """Estimates of |X error| / max |X| and |K error| / max |K|; the largest residual."""
+    """Estimates of |X error| / max |X|, of its part that is not rounding, and of |K error| / max |K|; the largest residual."""
 
     error: float
+    method_error: float
     gain_error: float
     residual: float
 
@@ -73,6 +74,7 @@ def find_error(problem: LinearQuadratic, X: FourierSeries, loop: Array, count: i
     product = 8 * ROUNDING * float((np.abs(to_gain) @ np.abs(values)).max())
     return Evidence(
         SAFETY * add_up(parts) / size + 8 * ROUNDING,
+        SAFETY * float(np.abs(parts[0]).max()) / size,
         (SAFETY * add_up([to_gain @ E for E in parts]) + product) / gain,
         float(np.abs(residual).max()),
     )

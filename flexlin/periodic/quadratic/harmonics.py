@@ -30,6 +30,8 @@ RINGING = 1e-4
 ROUNDS = 12
 INEXACT, ENOUGH = (1e-6, 1e-2), 0.1
 """Least and largest relative accuracy of a Newton step, and what will do."""
+ROUNDED = 0.3
+"""Part of an error below which the method's share does not matter: the rest is rounding, and more nodes do not help."""
 SETTLED = 0.7
 """Factor by which a step must be shorter than the one before, from the third on."""
 
@@ -94,7 +96,7 @@ def solve_by_harmonics(problem: LinearQuadratic, period: float, tol: float) -> R
         if best is not None and found.error > 0.5 * best.error:
             break
         best = found
-        if best.error <= tol:
+        if best.error <= tol or best.method_error <= ROUNDED * best.error:
             break
     return best
 
@@ -149,7 +151,7 @@ def judge_series(problem: LinearQuadratic, X: FourierSeries, samples: Samples, f
         series=X,
         error=float(evidence.error),
         gain_error=float(evidence.gain_error),
-        method_error=evidence.error,
+        method_error=evidence.method_error,
         residual=evidence.residual / (float(np.abs(values).max()) * fastest),
         symmetry=0.0,
         closure=0.0,

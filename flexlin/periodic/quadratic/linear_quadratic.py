@@ -108,8 +108,8 @@ def check_weight(name: str, value: MatrixFunction | ArrayLike, shape: tuple[int,
     if shape == (1, 1) and np.ndim(value) == 0 and not callable(value):  # type: ignore[arg-type]
         value = np.reshape(real_array(name, value, ()), (1, 1))
     function = as_matrix_function(name, value)
-    constant = isinstance(function, Constant)
-    samples = function.value[None] if constant else check_samples(name, function, period)
+    known = function.value[None] if isinstance(function, Constant) else None
+    samples = check_samples(name, function, period) if known is None else known
     if samples.shape[1:] != shape:
         raise ArgumentError(f"{name} does not fit the system", got=samples.shape[1:], expected=str(shape))
     asymmetry = np.abs(samples - np.swapaxes(samples, 1, 2)).max() if shape[0] == shape[1] and name != "N" else 0.0

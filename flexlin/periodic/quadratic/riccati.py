@@ -62,16 +62,16 @@ def periodic_riccati(
     Notes
     -----
     Where the Hamiltonian has no fast modes, the equation is swept backwards over the period, Newton's method closes it, and the residual
-    beside the running cost bounds its error. Elsewhere, where X has few harmonics, it is sought as a Fourier series by Newton's method, proved to stabilise, and its residual gives its error.
-    Otherwise each segment's Hamiltonian transition matrix is brought to scattering form; segments combine by the Redheffer star product;
-    the whole period is doubled until H, the cost of 2^k periods with a free end, stops changing. The period map of the Hamiltonian is
+    beside the running cost bounds its error. Elsewhere, where X has few harmonics, it is sought as a Fourier series by Newton's method,
+    proved to stabilise, and its residual gives its error. Otherwise each segment's Hamiltonian transition matrix is brought to scattering
+    form; segments combine by the Redheffer star product; the whole period is doubled until H, the cost of 2^k periods with a free end, stops changing. The period map of the Hamiltonian is
     never formed, so neither fast unstable plants nor long periods overflow.
 
     References
     ----------
     Hewer, An iterative technique for the computation of the steady state gains for the discrete optimal regulator, IEEE Trans. Automat.
-    Control 16 (1971) 382; Anderson, Second-order convergent algorithms for the steady-state Riccati equation, Int. J. Control 28 (1978) 295 (doubling);
-    Redheffer, On a certain linear fractional transformation, J. Math. Phys. 39 (1960) 269 (star product).
+    Control 16 (1971) 382; Anderson, Second-order convergent algorithms for the steady-state Riccati equation, Int. J. Control 28 (1978)
+    295 (doubling); Redheffer, On a certain linear fractional transformation, J. Math. Phys. 39 (1960) 269 (star product).
 
     Examples
     --------

@@ -6,7 +6,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.fourier import FourierSeries, fourier_nodes
-from flexlin.periodic.quadratic.backward import Samples, find_share
+from flexlin.periodic.quadratic.backward import RiccatiSamples, find_share
 from flexlin.periodic.quadratic.evidence import ROUNDING
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, take_once
 from flexlin.periodic.quadratic.scattering import transpose
@@ -19,7 +19,7 @@ SEEN = 64
 
 
 def judge_by_cost(
-    problem: LinearQuadratic, library: ctypes.CDLL, samples: Samples, X: FourierSeries, rate: float
+    problem: LinearQuadratic, library: ctypes.CDLL, samples: RiccatiSamples, X: FourierSeries, rate: float
 ) -> RiccatiSolution | None:
     """Put the solution together with a bound on its error; None where its residual is not small against the running cost.
 

@@ -31,11 +31,11 @@ class RiccatiSolution:
         X between its nodes.
     error : float
         Bounds |X error| / max |X| over the horizon. On panels: difference between two accuracies of the segments, what the dense output
-        leaves out, and rounding; of a Fourier series: what its residual amounts to, by a Lyapunov equation.
+        leaves out, and rounding; of a Fourier series: what its residual amounts to, by a Lyapunov equation or beside the running cost.
     gain_error : float
         Bounds |K error| / max |K| likewise.
     method_error : float
-        The first part of `error`.
+        The part of `error` that is not rounding.
     residual : float
         How far X(t) misses its differential equation between the nodes, relative to |X| per fastest time constant.
     symmetry : float

@@ -7,7 +7,6 @@ import numpy as np
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.chebyshev import ChebyshevPanels
-from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.resolved.harmonics import EPS, fit_fourier
 from flexlin.periodic.resolved.matrix import Discontinuity, ResolvedMatrix, divided
@@ -91,8 +90,6 @@ def resolve(
     _times_in("features", pairs[:, 0], period)
     if np.any(pairs[:, 1] <= 0):
         raise ArgumentError("a feature has no width", got=pairs[:, 1].tolist(), expected="widths greater than 0")
-    if isinstance(A, Constant) and not len(named) and not len(pairs):
-        return ResolvedMatrix(FourierSeries(A.value[None], period), (), (), 4 * EPS * np.abs(A.value), 1)
     sample = Sampler(A, period, least)
     about = [centre + 4 * width * (2 * stratified(64) - 1) for centre, width in pairs]
     checks = CheckPoints(sample, np.concatenate([period * stratified(FEW if complete else CHECKS), *about]))
@@ -103,6 +100,11 @@ def resolve(
             need_repetition(sample, series, period * stratified(3 if complete else 7), fit.allowed)
             return ResolvedMatrix(series, (), (), fit.error.reshape(_shape(sample)), sample.count)
     return _on_panels(sample, named, pairs, checks, tol, not complete, repeats)
+
+
+def resolve_constant(A: Array, period: float) -> ResolvedMatrix:
+    """Represent a matrix (rows, columns) that does not depend on time."""
+    return ResolvedMatrix(FourierSeries(A[None], period), (), (), 4 * EPS * np.abs(A), 1)
 
 
 def _on_panels(
