@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.compiler import find_kept_library
+from flexlin.compiler import find_kept_library
 
 ROW = 4
 """Rows are filled up to a multiple of this."""

@@ -64,8 +64,8 @@ def periodic_riccati(
     Where the Hamiltonian has no fast modes, the equation is swept backwards over the period, Newton's method closes it, and the residual
     beside the running cost bounds its error. Elsewhere, where X has few harmonics, it is sought as a Fourier series by Newton's method,
     proved to stabilise, and its residual gives its error. Otherwise each segment's Hamiltonian transition matrix is brought to scattering
-    form; segments combine by the Redheffer star product; the whole period is doubled until H, the cost of 2^k periods with a free end, stops changing. The period map of the Hamiltonian is
-    never formed, so neither fast unstable plants nor long periods overflow.
+    form; segments combine by the Redheffer star product; the whole period is doubled until H, the cost of 2^k periods with a free end,
+    stops changing. The period map of the Hamiltonian is never formed, so neither fast unstable plants nor long periods overflow.
 
     References
     ----------

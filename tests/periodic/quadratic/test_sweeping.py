@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from flexlin.periodic.compiler import find_compiler
 from scipy.integrate import solve_ivp
 
 import flexlin as fl
+from flexlin.compiler import find_compiler
 from flexlin.periodic.fourier import FourierSeries, fourier_nodes
 from flexlin.periodic.quadratic.backward import RiccatiSamples, find_sweeps
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
