@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexlin.answers.spectra import FINE, Family, Source, make_family
+from flexlin.answers.spectra import Family, Source, make_family
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array, whole
 from flexlin.errors import ArgumentError
@@ -174,7 +174,7 @@ def add_slope(found: CriticalValue, family: Family) -> CriticalValue:
     exact = family.slopes(point)
     if exact is None:
         step = max(1e-6 * abs(found.value), 10 * found.error)
-        pair = [floquet(family.system_at(point + move), FINE).exponents.real.max() for move in (-step, step)]
+        pair = [floquet(family.system_at(point + move), family.finest).exponents.real.max() for move in (-step, step)]
         return replace(found, slope=float((pair[1] - pair[0]) / (2 * step)))
     exponents, errors, slopes = exact
     lead = int(np.argmin(np.abs(exponents.real)))

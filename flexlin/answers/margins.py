@@ -1,7 +1,7 @@
 """How far a scene's numbers are from the values at which its own loop changes its verdict."""
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from flexlin.about.linearization import Linearization
 from flexlin.answers.critical_values import CriticalValue, critical_values, search_family
@@ -22,6 +22,8 @@ SHORT, LONG = 3e5, 5.5e5
 """Microseconds of collocation or decoupling beyond which a scan that nobody asked for has fewer values, or is left out."""
 TOL = 1e-6
 """Wanted error of a critical value, as a share of its range."""
+FINE = 1e-9
+"""Wanted error of the exponents beside a critical value that nobody asked for, in 1/s: it moves the value by less than is printed."""
 FACTORS = (0.25, 8.0)
 """Least and largest values of the usual ranges, in the scene's own value."""
 
@@ -63,9 +65,9 @@ class Shared:
             self.tried = True
             with suppress(InputError):
                 made = make_family(self.scene, self.ranges, "own", known)
-                self.made = made if isinstance(made, SceneFamily) else None
+                self.made = replace(made, finest=FINE) if isinstance(made, SceneFamily) else None
         if self.made is None:
-            return make_family(self.scene, {path: self.ranges[path]}, "own")
+            return replace(make_family(self.scene, {path: self.ranges[path]}, "own"), finest=FINE)
         return OneOfSeveral.of(self.made, list(self.ranges).index(path)) if len(self.ranges) > 1 else self.made
 
 

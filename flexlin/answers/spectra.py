@@ -18,7 +18,7 @@ from flexlin.errors import ArgumentError, FlexlinError, TimeLimit
 from flexlin.periodic.boundary.spectra import Spectra
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.floquet.modes import floquet_modes
+from flexlin.periodic.floquet.modes import solve_modes_at_nodes
 from flexlin.periodic.floquet.resonance import Resonance, find_resonances
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.system import PeriodicSystem
@@ -33,8 +33,9 @@ LOOSE, SQUARED = 3e-5, 3e-9
 FINER, SMALL = (1, 4, 16), 4
 """Segments of a batch, in those that the pilot chose: where multipliers meet, more are needed; for so many states that beats `floquet`."""
 
-TOGETHER, WIDE = 25, 8
-"""Up to so many values of a loop with so many states or more are computed one by one: a batch's pilot alone would take longer."""
+TOGETHER, MIDDLE, WIDE = 25, 6, 8
+"""Up to so many values of a loop with MIDDLE states or more are computed one by one: a batch's pilot alone would take longer; a scan of
+a loop with WIDE states or more leaves out what it can."""
 MANY, MOST = 64, 0.7
 """So few values with fewer states are computed one by one where a batch of most of them needs more segments than this."""
 LARGE = 12
@@ -46,11 +47,13 @@ Source = Scene | Callable[..., PeriodicSystem]
 
 @dataclass
 class Family:
-    """Systems that depend on parameters (P,); `own`: their values in the scene, `evaluations`: how many spectra were computed."""
+    """Systems that depend on parameters (P,); `own`: their values in the scene, `evaluations`: how many spectra were computed,
+    `finest`: the wanted error of those that are reported, in 1/s."""
 
     make: Callable[[Array], PeriodicSystem]
     own: Array
     evaluations: int = 0
+    finest: float = FINE
 
     @property
     def slow(self) -> bool:
@@ -66,8 +69,8 @@ class Family:
         return self.one_by_one(points, ROUGH)
 
     def fine(self, points: Array) -> Spectra:
-        """Spectra at points (V, P), to FINE or as rounding allows."""
-        return self.one_by_one(points, FINE)
+        """Spectra at points (V, P), to `finest` or as rounding allows."""
+        return self.one_by_one(points, self.finest)
 
     def one_by_one(self, points: Array, tol: float) -> Spectra:
         """Each by `floquet`; not a number where the equations break."""
@@ -108,7 +111,7 @@ class Family:
     def resonances(self, point: Array) -> list[Resonance]:
         """What drives the unstable exponents at a point, fastest growth first."""
         system = self.system_at(point)
-        found = find_resonances(system, floquet_modes(system, floquet(system, ROUGH)))
+        found = find_resonances(system, solve_modes_at_nodes(system, floquet(system, ROUGH), quick=True))
         return sorted(found, key=lambda one: -one.exponent.real)
 
 
@@ -161,7 +164,7 @@ class SceneFamily(Family):
         few = self.plan is None and len(batches.points) <= TOGETHER
         if not self.loop.linearization.complete or not (few or self.loop.states >= LARGE):
             return False
-        if few and not self.alone and self.loop.states < WIDE:
+        if few and not self.alone and self.loop.states < MIDDLE:
             self.plan = try_plans(batches, MANY, MOST)
             self.alone = self.plan is None
             return self.alone
@@ -184,7 +187,7 @@ class SceneFamily(Family):
             return None
         loop = replace(self.loop, linearization=self.loop.at(point))
         system = loop.linearization.periodic_system()
-        modes = floquet_modes(system, floquet(system, FINE))
+        modes = solve_modes_at_nodes(system, floquet(system, self.finest), quick=True)
         return modes.exponents, modes.errors, integrate_derivatives(loop, modes)
 
 
@@ -199,7 +202,7 @@ class OneOfSeveral(Family):
     def of(cls, family: SceneFamily, index: int) -> "OneOfSeveral":
         """The number at a place among the family's; its batches are planned anew."""
         alone = replace(family, plan=None, alone=False)
-        return cls(family.make, family.own[index : index + 1], family=alone, index=index)
+        return cls(family.make, family.own[index : index + 1], finest=family.finest, family=alone, index=index)
 
     @property
     def slow(self) -> bool:
