@@ -12,6 +12,8 @@ from flexlin.tape import Tape, usage_of
 
 CHUNK = 65536
 """Points in one mapped call at the most: bounds the memory of a call to CHUNK * (numbers in + numbers out) * 8 bytes."""
+FEW = 3
+"""Points below which CasADi's own way takes less time in any case."""
 CHECKED = 3
 """Points at which a tape has to give what CasADi gives, to the last bit."""
 
@@ -92,7 +94,10 @@ def layout(function: ca.Function) -> tuple[tuple[tuple[str, int], ...], tuple[tu
 
 def call(function: ca.Function, arrays: list[Array]) -> list[Array]:
     """Run one mapped call; column-major memory is (N, columns, rows) here. A function that many points go through gets a tape."""
-    usage, points = usage_of(function), len(arrays[0])
+    points = len(arrays[0])
+    if points < FEW:
+        return call_casadi(function, arrays)
+    usage = usage_of(function)
     first, tape = usage.tape is None, usage.find_tape(points)
     if tape is not None and first and not agrees(function, tape, [array[:CHECKED] for array in arrays]):
         tape = usage.tape = None

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-enum { W = 16 };
+enum { W = 32 };
 
 typedef struct {
     int op, to, a, b; /* b and what follows it in memory: a and b hold the eight bytes of a constant */

@@ -1,4 +1,4 @@
-"""CasADi functions that many points go through: their operations one after another, each on sixteen points at once, in compiled code.
+"""CasADi functions that many points go through: their operations one after another, each on 32 points at once, in compiled code.
 
 CasADi's own virtual machine carries out one operation on one point at a time, at some 4 ns; together they take about a tenth.
 """
@@ -16,7 +16,7 @@ from flexlin.checks import Array
 from flexlin.compiler import find_compiler, find_kept_folder, load_library, pointer
 from flexlin.errors import NumericalError
 
-TOGETHER = 16
+TOGETHER = 32
 """Points that go through an operation together: W of tape.c."""
 WORTH, FIXED = 200, 1e5
 """Points after which the time to read the operations is won back, and more for a few operations: FIXED by their number."""
