@@ -6,7 +6,7 @@
  * A power of B costs a quarter of a product of full matrices, a product of polynomials three quarters, a sum one half. W = [X Y].
  */
 enum { N = COORDINATES, STEPS = 40 };
-static const double WORTH = 8.0, SPARED = 4.0, CONVERGED = 3e-13;
+static const double WORTH = 8.0, SPARED = 4.0, CONVERGED = 3e-13, SLOWEST = 0.1;
 #ifndef UNROLLED
 #define UNROLLED 6 /* states up to which all loops of an exponential are written out */
 #endif
@@ -49,22 +49,21 @@ static inline __attribute__((always_inline)) void multiply_rows(int rows, int in
 }
 
 typedef struct { /* the largest eigenvalue of B where it is real, its left and right vectors with left right = 1; whether it is worth its cost */
-  v8 left[S], right[S], value, before[2][S];
+  v8 left[S], right[S], value, before[2][2][S];
   int wanted;
 } Dominant;
 
 #if S > UNROLLED
 /* The largest eigenvalue from that of a matrix nearby, by steps of the power method; whether it was found in all lanes. */
 static int follow(const v8 *W, Dominant *d) {
-  v8 *u = d->left, *v = d->right, x[S], y[S];
-  for (int i = 0; i < S; i++) { /* as both vectors went on from the last but one to the last */
-    x[i] = u[i];
-    y[i] = v[i];
-    u[i] += u[i] - d->before[0][i];
-    v[i] += v[i] - d->before[1][i];
-    d->before[0][i] = x[i];
-    d->before[1][i] = y[i];
-  }
+  v8 *u = d->left, *v = d->right, x[S], y[S], last = splat(INFINITY), last_v = last;
+  for (int k = 0; k < 2; k++) /* both vectors as the parabola through the last three goes on */
+    for (int i = 0; i < S; i++) {
+      v8 *w = k ? v : u, now = w[i], before = d->before[k][0][i];
+      w[i] = 3.0 * (now - before) + d->before[k][1][i];
+      d->before[k][1][i] = before;
+      d->before[k][0][i] = now;
+    }
   for (int step = 0; step < STEPS; step++) {
     v8 uv = splat(0.0), xv = splat(0.0), off = splat(0.0), most = splat(0.0), off_v = splat(0.0), most_v = splat(0.0);
     for (int j = 0; j < N; j++) {
@@ -92,7 +91,12 @@ static int follow(const v8 *W, Dominant *d) {
       u[i] = x[i];
       v[i] = y[i];
     }
-    if (all_lanes((m8)(off <= CONVERGED * most) & (m8)(off_v <= CONVERGED * most_v))) {
+    off /= most;
+    off_v /= most_v;
+    v8 left = off * v_max(v_min(off / last, splat(1.0)), splat(SLOWEST)), left_v = off_v * v_max(v_min(off_v / last_v, splat(1.0)), splat(SLOWEST));
+    last = off;
+    last_v = off_v;
+    if (step && all_lanes((m8)(left <= CONVERGED) & (m8)(left_v <= CONVERGED))) { /* changes fall as they fell so far */
       uv = splat(0.0);
       for (int i = 0; i < S; i++) uv += u[i] * v[i];
       for (int i = 0; i < S; i++) v[i] /= uv;
@@ -141,19 +145,27 @@ SHORT void add_product(const v8 *V, const v8 *P, v8 *Z) { multiply_rows(N, S, V,
 #define TAKE_OUT(P, d)
 #endif
 
-/* The lower half of P from its upper one V = [v1 v2]: V B = [v2 X, v1 + v2 Y]. What rounding has left of an eigenvalue d goes first. */
-SHORT void complete(v8 *P, const v8 *W, const Dominant *d) {
-  TAKE_OUT(P, d);
-  v8 *below = P + N * S;
+/* V B = [v2 X, v1 + v2 Y] of V = [v1 v2]. */
+SHORT void raise(const v8 *restrict V, const v8 *restrict W, v8 *restrict below) {
   for (int i = 0; i < N; i++)
-    for (int j = 0; j < N; j++) { below[i * S + j] = splat(0.0); below[i * S + N + j] = P[i * S + j]; }
-  multiply_rows(N, N, P + N, S, W, 1, below);
+    for (int j = 0; j < N; j++) { below[i * S + j] = splat(0.0); below[i * S + N + j] = V[i * S + j]; }
+  multiply_rows(N, N, V + N, S, W, 1, below);
 }
 
-/* V of q0 + q1 A + q2 A^2 + q3 A^3. */
-SHORT void combine(const double *q, double c, const v8 *restrict W, const v8 *restrict U, const Dominant *d, v8 *restrict V) {
+/* The lower half of P from its upper one. What rounding has left of an eigenvalue d goes first. */
+SHORT void complete(v8 *P, const v8 *W, const Dominant *d) {
+  TAKE_OUT(P, d);
+  raise(P, W, P + N * S);
+}
+
+/* V of q0 + q1 A + q2 A^2 + q3 A^3 + q6 A^6; below, U, A6: those of B^2, B^3 and A^6. */
+SHORT void combine(const double *q, double c, const v8 *restrict below, const v8 *restrict U, double q6, const v8 *restrict A6, const Dominant *d,
+                   v8 *restrict V) {
   const double a = c * q[1], b = c * c * q[2], e = c * c * c * q[3];
-  for (int i = 0; i < N * S; i++) V[i] = b * W[i] + e * U[i];
+  if (A6)
+    for (int i = 0; i < N * S; i++) V[i] = b * below[i] + e * U[i] + q6 * A6[i];
+  else
+    for (int i = 0; i < N * S; i++) V[i] = b * below[i] + e * U[i];
   for (int i = 0; i < N; i++) V[i * S + N + i] += a;
 #if S > UNROLLED
   if (d)
@@ -172,13 +184,13 @@ static void taylor_12(const v8 *W, const v8 *below, const v8 *U, double c, const
     {0.21169311829980944294, 0.15822438471572672537, 0.16563516943672741501, 0.01078627793157924250},
     {0.0, -0.13181061013830184015, -0.02027855540589259079, -0.00675951846863086359}};
   v8 Q[S * S], *A6 = Q, V[N * S];
-  combine(q[3], c, below, U, d, P); /* A6 = q3^2 + q2 */
+  combine(q[3], c, below, U, 0.0, NULL, d, P); /* A6 = q3^2 + q2 */
   complete(P, W, d);
-  combine(q[2], c, below, U, d, A6);
+  combine(q[2], c, below, U, 0.0, NULL, d, A6);
   add_product(P, P, A6);
   complete(A6, W, d);
-  combine(q[1], c, below, U, d, V); /* exp A = (q1 + A6) A6 + q0 */
-  combine(q[0], c, below, U, d, P);
+  combine(q[1], c, below, U, 0.0, NULL, d, V); /* exp A = (q1 + A6) A6 + q0 */
+  combine(q[0], c, below, U, 0.0, NULL, d, P);
   const double left = q[1][0] + q[2][0], right = q[2][0];
   for (int i = 0; i < N * S; i++) {
     P[i] += (left + right) * A6[i] + right * V[i];
@@ -187,7 +199,8 @@ static void taylor_12(const v8 *W, const v8 *below, const v8 *U, double c, const
   add_product(V, A6, P);
 }
 
-static void taylor_18(const v8 *W, const v8 *below, const v8 *U, double c, const Dominant *d, v8 *P) {
+/* U: of B^3, above a place for B^4's. */
+static void taylor_18(const v8 *W, const v8 *below, v8 *U, double c, const Dominant *d, v8 *P) {
   static const double b[5][5] = {
     {0.0, -1.00365581030144618291e-01, -8.02924648241156932449e-03, -8.92138498045729985177e-04, 0.0},
     {0.0, 3.97849749499645077844e-01, 1.36783778460411720168e+00, 4.98289622525382669416e-01, -6.37898194594723280150e-04},
@@ -198,26 +211,19 @@ static void taylor_18(const v8 *W, const v8 *below, const v8 *U, double c, const
     {0.0, 0.0, -9.23364619367118555360e-02, -1.69364939002081722752e-02, -1.40086798182036094347e-05}};
   const double c6 = c * c * c * c * c * c, left = b[2][0] + b[3][0], right = b[3][0];
   v8 A6[N * S], V[N * S], Q[S * S], *A9 = Q;
-  memcpy(P, U, sizeof A6); /* B^3 */
-  complete(P, W, d);
+  complete(U, W, d); /* B^3 */
   for (int i = 0; i < N * S; i++) A6[i] = splat(0.0);
-  add_product(U, P, A6); /* B^6 */
-  combine(b[4], c, below, U, d, P);
-  combine(b[3], c, below, U, d, A9); /* A9 = b0 b4 + b3 */
-  for (int i = 0; i < N * S; i++) {
-    A6[i] *= c6;
-    P[i] += b[4][4] * A6[i];
-    A9[i] += b[3][4] * A6[i];
-  }
+  add_product(U, U, A6); /* B^6 */
+  combine(b[4], c, below, U, c6 * b[4][4], A6, d, P);
   complete(P, W, d);
-  combine(b[0], c, below, U, d, V);
+  combine(b[3], c, below, U, c6 * b[3][4], A6, d, A9); /* A9 = b0 b4 + b3 */
+  combine(b[0], c, below, U, 0.0, NULL, d, V);
   add_product(V, P, A9);
   complete(A9, W, d);
-  combine(b[2], c, below, U, d, V); /* exp A = (b2 + A9) A9 + b1 */
-  combine(b[1], c, below, U, d, P);
+  combine(b[2], c, below, U, c6 * b[2][4], A6, d, V); /* exp A = (b2 + A9) A9 + b1 */
+  combine(b[1], c, below, U, c6 * b[1][4], A6, d, P);
   for (int i = 0; i < N * S; i++) {
-    V[i] += b[2][4] * A6[i];
-    P[i] += b[1][4] * A6[i] + (left + right) * A9[i] + right * V[i];
+    P[i] += (left + right) * A9[i] + right * V[i];
     V[i] += A9[i];
   }
   add_product(V, A9, P);
@@ -243,8 +249,8 @@ static int count_squarings(double size, double reach) {
   return s;
 }
 
-/* p(B)^(2^times) - I from P = p(B) - I, in one of the two places given. */
-static v8 *square(v8 *P, v8 *other, const v8 *W, const Dominant *d, int times) {
+/* p(B)^(2^times) - I from P = p(B) - I: in P where all loops are written out, else in P and `other` by turns. */
+static void square(v8 *P, v8 *other, const v8 *W, const Dominant *d, int times) {
 #if S <= UNROLLED
   v8 p[S * S], w[N * S], z[N * S];
   UNROLL for (int i = 0; i < S * S; i++) p[i] = P[i];
@@ -267,45 +273,51 @@ static v8 *square(v8 *P, v8 *other, const v8 *W, const Dominant *d, int times) {
     P = squared;
   }
 #endif
-  return P;
 }
 
-/* P = exp(c B) - I, of the polynomials by the one that costs least, then squared; it stands in one of the two places given.
+#if S > UNROLLED
+/* The lower halves of B^2 and B^3 without the largest eigenvalue, c |B^2|^(1/2) of what is left, and whether taking it out pays. */
+static int deflate(const v8 *W, const v8 *U, double c, double *size, const Dominant *d, v8 *below, v8 *cube) {
+  for (int i = 0; i < N; i++)
+    for (int j = 0; j < S; j++) {
+      v8 part = d->value * d->right[N + i] * d->left[j];
+      below[i * S + j] = W[i * S + j] - part;
+      cube[i * S + j] = U[i * S + j] - d->value * part;
+    }
+  double less = c * sqrt(norm_of_square(below, cube));
+  if (SPARED * less >= *size) return 0;
+  *size = less;
+  return 1;
+}
+#endif
+
+/* P = exp(c B) - I, of the polynomials by the one that costs least, then squared.
  *
  * reach: the largest |A^2|^(1/2) that each polynomial takes as it is: the first term left out is A times a power of A^2. Where one real
  * eigenvalue is far larger than all others, it is taken out first: B = value v u + B', B' v = 0, u B' = 0, and V of B'^k is that of B^k less
  * value^(k-1) v u, its lower half. */
-static v8 *exponentiate(const v8 *W, double c, const double *reach, Dominant *dominant, v8 *P, v8 *other) {
+static void exponentiate(const v8 *W, double c, const double *reach, Dominant *dominant, v8 *P) {
   static const double cost[2] = {16.0 + 22.0 / N, 22.0 + 38.0 / N}, squaring = 6.0 + 2.0 / N;
-  v8 powers[S * S], *below = powers, *U = powers + N * S;
-  memcpy(below, W, N * S * sizeof(v8));
-  complete(powers, W, NULL);
-  double size = c * sqrt(norm_of_square(below, U)), scale = c;
+  v8 cube[S * S], other[S * S], *U = cube;
+  const v8 *below = W;
   const Dominant *d = NULL;
+  raise(W, W, U);
+  double size = c * sqrt(norm_of_square(W, U)), scale = c;
 #if S > UNROLLED
+  v8 rest[N * S], less[S * S];
   if (dominant->wanted && size > WORTH * reach[0]) {
-    dominant->wanted = follow(W, dominant);
-    if (dominant->wanted) {
-      v8 rest[S * S];
-      for (int i = 0; i < N; i++)
-        for (int j = 0; j < S; j++) {
-          v8 part = dominant->value * dominant->right[N + i] * dominant->left[j];
-          rest[i * S + j] = below[i * S + j] - part;
-          rest[(N + i) * S + j] = U[i * S + j] - dominant->value * part;
-        }
-      double less = c * sqrt(norm_of_square(rest, rest + N * S));
-      dominant->wanted = SPARED * less < size;
-      if (dominant->wanted) { memcpy(powers, rest, sizeof rest); size = less; d = dominant; }
-    }
+    dominant->wanted = follow(W, dominant) && deflate(W, U, c, &size, dominant, rest, less);
+    if (dominant->wanted) { below = rest; U = less; d = dominant; }
   }
 #endif
   int few = count_squarings(size, reach[0]), fewer = count_squarings(size, reach[1]);
   int high = cost[1] + squaring * fewer < cost[0] + squaring * few, squarings = high ? fewer : few;
   for (int k = 0; k < squarings; k++) scale *= 0.5;
-  if (high) taylor_18(W, below, U, scale, d, P);
-  else taylor_12(W, below, U, scale, d, P);
-  complete(P, W, d);
-  P = square(P, other, W, d, squarings);
+  v8 *start = S > UNROLLED && squarings % 2 ? other : P; /* so that the last square stands in P */
+  if (high) taylor_18(W, below, U, scale, d, start);
+  else taylor_12(W, below, U, scale, d, start);
+  complete(start, W, d);
+  square(start, start == P ? other : P, W, d, squarings);
 #if S > UNROLLED
   if (d) {
     v8 lost;
@@ -314,5 +326,4 @@ static v8 *exponentiate(const v8 *W, double c, const double *reach, Dominant *do
       for (int j = 0; j < S; j++) P[i * S + j] += lost * d->right[i] * d->left[j];
   }
 #endif
-  return P;
 }

@@ -79,34 +79,45 @@ static m8 read_segment(const double *f, const v8 *w, double h, const double *sca
   return positive;
 }
 
-/* Z = (I + D_next)^-1 (D_now - D_next), its lower half, for D = [0 0; d1 d2], which is small. */
-static void divide(const v8 *now, const v8 *next, v8 *Z) {
-  v8 B[N * N];
-  for (int i = 0; i < N * S; i++) Z[i] = now[i] - next[i];
+enum { PART = N <= 3 ? S : N == 5 ? 5 : N <= 6 ? 4 : 2 }; /* columns of a solution that stay in registers */
+
+/* Z = (I + D_next)^-1 (D_now - D_next), its lower half, for D = [0 0; d1 d2], which is small: elimination without pivoting. */
+SHORT void divide(const v8 *now, const v8 *next, v8 *Z) {
+  v8 B[N][N], inverse[N];
   for (int i = 0; i < N; i++)
-    for (int j = 0; j < N; j++) B[i * N + j] = i == j ? next[i * S + N + j] + 1.0 : next[i * S + N + j];
+    for (int j = 0; j < N; j++) B[i][j] = i == j ? next[i * S + N + j] + 1.0 : next[i * S + N + j];
   for (int k = 0; k < N; k++) {
-    v8 inverse = 1.0 / B[k * N + k];
-    for (int j = 0; j < S; j++) Z[k * S + j] *= inverse;
-    for (int j = k + 1; j < N; j++) B[k * N + j] *= inverse;
+    inverse[k] = 1.0 / B[k][k];
     for (int i = k + 1; i < N; i++) {
-      v8 factor = B[i * N + k];
-      for (int j = 0; j < S; j++) Z[i * S + j] -= factor * Z[k * S + j];
-      for (int j = k + 1; j < N; j++) B[i * N + j] -= factor * B[k * N + j];
+      B[i][k] *= inverse[k];
+      for (int j = k + 1; j < N; j++) B[i][j] -= B[i][k] * B[k][j];
     }
   }
-  for (int k = N - 1; k > 0; k--)
-    for (int i = 0; i < k; i++)
-      for (int j = 0; j < S; j++) Z[i * S + j] -= B[i * N + k] * Z[k * S + j];
+  for (int start = 0; start < S; start += PART) {
+    v8 z[N][PART];
+    UNROLL for (int i = 0; i < N; i++)
+      UNROLL for (int c = 0; c < PART; c++) {
+        z[i][c] = now[i * S + start + c] - next[i * S + start + c];
+        UNROLL for (int k = 0; k < i; k++) z[i][c] -= B[i][k] * z[k][c];
+      }
+    UNROLL for (int i = N - 1; i >= 0; i--)
+      UNROLL for (int c = 0; c < PART; c++) {
+        UNROLL for (int k = i + 1; k < N; k++) z[i][c] -= B[i][k] * z[k][c];
+        z[i][c] *= inverse[i];
+      }
+    UNROLL for (int i = 0; i < N; i++)
+      UNROLL for (int c = 0; c < PART; c++) Z[i * S + start + c] = z[i][c];
+  }
 }
 
 /* E = (I + D_next)^-1 (I + D_now) exp(A) from P = exp(A) - I. */
 static void make_factor(const Segment *now, const Segment *next, const double *reach, Dominant *dominant, v8 *E) {
-  v8 one[S * S], two[S * S], Z[N * S], *P = exponentiate(now->W, now->c, reach, dominant, one, two);
+  v8 Z[N * S], below[N * S];
+  exponentiate(now->W, now->c, reach, dominant, E);
   divide(now->D, next->D, Z);
-  memcpy(E, P, N * S * sizeof(v8));
-  for (int i = 0; i < N * S; i++) E[N * S + i] = P[N * S + i] + Z[i];
-  add_product(Z, P, E + N * S);
+  for (int i = 0; i < N * S; i++) below[i] = E[N * S + i] + Z[i];
+  add_product(Z, E, below);
+  memcpy(E + N * S, below, sizeof below);
   for (int i = 0; i < S; i++) E[i * S + i] += 1.0;
 }
 
@@ -172,8 +183,10 @@ int find_exponents(long values, const double *points, int levels, const int *seg
     v8 p[PARAMETERS + 1], w[POINT_VALUES + 1], Q[STATES * STATES], error[STATES];
     Logs found[3], x;
     Dominant dominant = {.wanted = 1};
-    for (int i = 0; i < S; i++)
-      dominant.left[i] = dominant.right[i] = dominant.before[0][i] = dominant.before[1][i] = splat(i < N ? 0.0 : 1.0);
+    for (int i = 0; i < S; i++) {
+      dominant.left[i] = dominant.right[i] = splat(i < N ? 0.0 : 1.0);
+      for (int k = 0; k < 4; k++) dominant.before[k / 2][k % 2][i] = dominant.left[i];
+    }
     for (int i = 0; i < PARAMETERS; i++)
       for (int l = 0; l < L; l++) p[i][l] = points[(first + (l < lanes ? l : lanes - 1)) * PARAMETERS + i];
     v8 period = of_point(p, w);
