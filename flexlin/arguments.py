@@ -44,6 +44,8 @@ def checked(function: Function) -> Function:
     Raises: ArgumentError naming the argument.
     """
     signature = inspect.signature(function)
+    plain = not any(one.kind in SEVERAL for one in signature.parameters.values())
+    order = [name for name, one in signature.parameters.items() if one.kind is not inspect.Parameter.KEYWORD_ONLY]
 
     @cache
     def kinds() -> dict[str, Kind]:
@@ -53,10 +55,15 @@ def checked(function: Function) -> Function:
 
     @wraps(function)
     def begin(*given: Any, **named: Any) -> Any:
-        try:
-            bound = signature.bind(*given, **named).arguments
-        except TypeError:  # too many or unknown arguments: Python says it best
-            return function(*given, **named)
+        if plain and len(given) <= len(
+            order
+        ):  # an argument given twice, or one unknown, is named by Python when it calls
+            bound = dict(zip(order, given, strict=False)) | named
+        else:
+            try:
+                bound = signature.bind(*given, **named).arguments
+            except TypeError:  # too many or unknown arguments: Python says it best
+                return function(*given, **named)
         for name, kind in kinds().items():
             if name in bound and not kind.fits(bound[name]):
                 raise ArgumentError(

@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from math import isfinite
 from operator import index
 from typing import Any
 
@@ -51,7 +52,7 @@ def as_floats(name: str, value: ArrayLike) -> Array:
 
 def positive(name: str, value: float) -> float:
     """Return `value` as a finite float greater than zero."""
-    number = float(real_array(name, value, ()))
+    number = value if type(value) is float and isfinite(value) else float(real_array(name, value, ()))
     if number <= 0:
         raise ArgumentError(f"{name} is not positive", got=number, expected="a number greater than 0")
     return number

@@ -21,8 +21,9 @@ from flexlin.periodic.coefficients import (
     check_samples,
 )
 from flexlin.periodic.resolved.companion import ResolvedCompanion
+from flexlin.periodic.resolved.foresight import foresee
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
-from flexlin.periodic.resolved.resolve import resolve, resolve_constant
+from flexlin.periodic.resolved.resolve import foresee_times, resolve, resolve_constant
 from flexlin.periodic.resolved.sampling import stratified
 from flexlin.periodic.resolved.weights import weigh_entries
 from flexlin.periodic.second_order import SecondOrder
@@ -153,13 +154,15 @@ class PeriodicSystem:
         """
         if isinstance(self.A, Constant) and not self.breaks and not self.features:
             return resolve_constant(self.A.value, self.period)
-        if self.second_order is None:
-            return resolve(self.A, self.period, self.breaks, self.features, complete=self.complete)
-        least = weigh_entries(*self.second_order.sample(self.period * stratified(PROBES)))
-        source = self.second_order.stacked
-        return ResolvedCompanion(
-            resolve(source, self.period, self.breaks, self.features, complete=self.complete, least=least)
-        )
+        second, named = self.second_order, (self.period, self.breaks, self.features)
+        source: MatrixFunction = self.A if second is None else second.stacked
+        entries, probes = self.n**2 if second is None else 3 * (self.n // 2) ** 2, self.period * stratified(PROBES)
+        if self.complete and not self.breaks and not self.features:
+            source = foresee(source, entries, [*foresee_times(self.period), *([] if second is None else [probes])])
+        if second is None:
+            return resolve(source, *named, complete=self.complete)
+        least = weigh_entries(source(probes))
+        return ResolvedCompanion(resolve(source, *named, complete=self.complete, least=least))
 
     @classmethod
     @checked

@@ -1,16 +1,12 @@
 """Periodic coordinates that take the coupling out of modes whose shapes hardly change, by rounds of Fourier series."""
 
-import ctypes
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.compiler import pointer
-from flexlin.periodic.decoupling.library import find_library
 from flexlin.periodic.decoupling.mean_modes import MeanModes
-from flexlin.periodic.decoupling.waves import KEPT, circle_derivative, harmonics, interleaved, multiplier, shifted
+from flexlin.periodic.decoupling.waves import KEPT, circle_derivative, harmonics, interleaved, shifted
 
 NEAR = 0.2
 """A harmonic whose frequency comes closer to the gap of two eigenvalues than this part of it stays: it would not shrink."""
@@ -37,22 +33,11 @@ def find_coordinates(own: Array, modes: MeanModes, period: float, allowed: Array
 
         S_ij,k = R_ij,k / (i k w - (b_i - b_j)),   R the coupling between groups, b the means of the diagonal,
 
-    where the divisor is large enough. What is left is smaller by how much the diagonal varies beside the gap. By compiled code where
-    there is a compiler; by NumPy otherwise, with the same numbers up to rounding.
+    where the divisor is large enough. What is left is smaller by how much the diagonal varies beside the gap.
 
     Parameters: own (N, n, n): generator in the modes of the mean; every other node builds P, the others check; allowed (n,) in 1/s.
     Source: averaging to high order: Sanders, Verhulst, Murdock, Averaging Methods in Nonlinear Dynamical Systems (2007), ch. 3.
     """
-    library = find_library()
-    return (
-        iterate(own, modes, period, allowed)
-        if library is None
-        else iterate_compiled(library, own, modes, period, allowed)
-    )
-
-
-def iterate(own: Array, modes: MeanModes, period: float, allowed: Array) -> Coordinates:
-    """The rounds by NumPy."""
     B, w, n = own[::2], 2 * np.pi / period, own.shape[-1]
     frequency = w * harmonics(len(B))[:, None, None]
     P = np.broadcast_to(np.eye(n, dtype=complex), B.shape)
@@ -88,38 +73,3 @@ def step_once(B: Array, outside: Array, frequency: Array, allowed: Array) -> tup
     size = np.abs(S).max(axis=0)
     effect = np.abs(gap) * size * size.T + (left * left.T) ** 0.25
     return S, slope, float((effect / allowed[:, None]).max())
-
-
-@lru_cache(maxsize=4)
-def tabulate_waves(count: int) -> tuple[int, int, Array, Array, Array]:
-    """What the compiled rounds read for N nodes: the highest harmonic, eights of cosines and sines, and the matrices.
-
-    Returns: most, width; forth (N, 8 width): cosines and sines at each node, padded; back (most + 1, 2, N): the same by harmonic;
-    between (3, N, N): to values half-way between the nodes, to slopes at the nodes and between them, for the period 1, transposed.
-    """
-    most = int(KEPT * count)
-    width = -(-(most + 1) // 4)
-    angle = 2 * np.pi / count * (np.outer(np.arange(count), np.arange(4 * width)) % count)
-    forth = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
-    back = np.stack([np.cos(angle), np.sin(angle)], axis=0).transpose(2, 0, 1)[: most + 1]
-    between = np.array([multiplier(count, 0.5, *kind).T for kind in ((0, 0.5), (1, 0.0), (1, 0.5))], order="C")
-    return most, width, np.ascontiguousarray(forth), np.ascontiguousarray(back), between
-
-
-def iterate_compiled(library: ctypes.CDLL, own: Array, modes: MeanModes, period: float, allowed: Array) -> Coordinates:
-    """The rounds by compiled code. Raises: MemoryError."""
-    count, n = len(own) // 2, own.shape[-1]
-    most, width, forth, back, between = tabulate_waves(count)
-    between = between * np.array([1.0, 2 * np.pi / period, 2 * np.pi / period])[:, None, None]
-    given = [np.ascontiguousarray(array) for array in (modes.mate.astype(np.intc), modes.outside, own, allowed)]
-    made = np.empty((4, *own.shape), dtype=complex)
-    at_mate, at_outside, at_own, at_allowed = map(pointer, given)
-    rounds = library.find_coordinates(
-        ctypes.c_int(n), ctypes.c_int(count // 8), at_mate, at_outside, at_own, ctypes.c_double(2 * np.pi / period), at_allowed,
-        ctypes.c_int(MAX_ROUNDS), ctypes.c_double(NEAR), ctypes.c_double(ENOUGH), ctypes.c_double(SHRINK),
-        ctypes.c_int(most), ctypes.c_int(width), *map(pointer, (forth, back, between, *made)),
-    )  # fmt: skip
-    if rounds == -2:
-        raise MemoryError("the coordinates of a period")
-    P, slope, inverse, generator = made
-    return Coordinates(P, slope, inverse, generator, rounds)

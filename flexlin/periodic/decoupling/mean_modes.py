@@ -1,12 +1,13 @@
 """The modes of the mean of A(t): where they serve all along the period, no mode has to be followed."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.decoupling.decoupled import Refusal
-from flexlin.periodic.decoupling.grouping import Group, block_mask
+from flexlin.periodic.decoupling.grouping import Group
 
 LARGEST = 1e7
 """Eigenvectors of the mean with a larger condition number are none to build on."""
@@ -25,10 +26,15 @@ class MeanModes:
     mate: Array
     groups: tuple[Group, ...]
 
-    @property
+    @cached_property
+    def label(self) -> Array:
+        """The number of each mode's group (n,)."""
+        return np.array([i for i, group in enumerate(self.groups) for _ in range(group.size)], dtype=np.intc)
+
+    @cached_property
     def outside(self) -> Array:
         """Pairs of modes that are not in one group (n, n)."""
-        return ~block_mask(self.groups)
+        return np.asarray(self.label[:, None] != self.label)
 
     def real_columns(self, group: Group) -> Array:
         """A unitary matrix (p, p) that makes the vectors of a real group real: sqrt 2 Re v and sqrt 2 Im v for v and its conjugate."""
@@ -44,21 +50,22 @@ def find_mean_modes(mean: Array, closest: float) -> MeanModes | Refusal:
     together = np.abs(values[:, None] - values) < closest
     if together.all():
         return Refusal("no eigenvalues of the mean of A(t) stand apart")
-    mate = np.abs(values.conj()[:, None] - values).argmin(axis=1)
-    if (mate[mate] != np.arange(len(mate))).any():
+    mates = np.abs(values.conj()[:, None] - values).argmin(axis=1).tolist()
+    if any(mates[mate] != i for i, mate in enumerate(mates)):
         return Refusal("eigenvalues of the mean of A(t) coincide")
-    columns, groups = group_neighbours(mate.tolist(), together.tolist())
+    columns, groups = group_neighbours(mates, together.tolist())
     if len(groups) == 1:
         return Refusal("no eigenvalues of the mean of A(t) stand apart")
-    right = vectors[:, columns].astype(complex)
+    right = np.ascontiguousarray(vectors[:, columns], dtype=complex)
     try:
         left = np.linalg.inv(right)
     except np.linalg.LinAlgError:
         return Refusal("the eigenvectors of the mean of A(t) depend on each other")
-    if not np.linalg.norm(left) * np.linalg.norm(right) < LARGEST:
+    if not (np.vdot(left, left).real * np.vdot(right, right).real) ** 0.5 < LARGEST:
         return Refusal("the eigenvectors of the mean of A(t) depend on each other")
-    place = np.argsort(columns)
-    return MeanModes(values[columns].astype(complex), right, left, place[mate[columns]], groups)
+    place = {column: i for i, column in enumerate(columns)}
+    mate = np.array([place[mates[column]] for column in columns], dtype=np.intc)
+    return MeanModes(values[columns].astype(complex), right, left, mate, groups)
 
 
 def group_neighbours(mate: list[int], together: list[list[bool]]) -> tuple[list[int], tuple[Group, ...]]:

@@ -1,8 +1,12 @@
 """Modes whose shapes hardly change over a period: decoupled from the modes of the mean on, which nobody has to follow."""
 
+import ctypes
+from math import log
+
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.periodic.decoupling.compiled import Coefficients, SampledPeriod, decouple_compiled, sample_series
 from flexlin.periodic.decoupling.coordinates import Coordinates, find_coordinates
 from flexlin.periodic.decoupling.coupling import combined
 from flexlin.periodic.decoupling.decouple import ADIABATIC, ROUGH, Uncertainty, with_evidence
@@ -10,6 +14,7 @@ from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.mean_modes import MeanModes, find_mean_modes
 from flexlin.periodic.decoupling.superadiabatic import SLOW_PART
 from flexlin.periodic.decoupling.waves import harmonics, tail
+from flexlin.periodic.native.library import find_library
 from flexlin.periodic.product.balancing import GROUP_CONDITION
 from flexlin.periodic.system import MatrixFunction
 
@@ -38,8 +43,9 @@ def decouple_steady(
     counts = [count for count in COUNTS if harmonics < count]
     if not counts:
         return Refusal("A(t) has too many harmonics")
-    samples = {counts[0]: A(period / (2 * counts[0]) * np.arange(2 * counts[0]))}
-    look = samples[counts[0]][:: 2 * counts[0] // LOOK]
+    library = find_library() if isinstance(A, Coefficients) else None
+    samples = {counts[0]: sample_times(library, A, period, counts[0])}
+    look = samples[counts[0]].A[:: 2 * counts[0] // LOOK]
     answer = Refusal("A(t) mixes the modes of its mean")
     for closeness in CLOSENESS:
         modes = find_mean_modes(look.mean(axis=0), 2 * np.pi / period / closeness)
@@ -51,12 +57,22 @@ def decouple_steady(
             continue
         for count in counts:
             if count not in samples:
-                samples[count] = A(period / (2 * count) * np.arange(2 * count))
-            done = decouple_on_nodes(samples[count], modes, period, tol, uncertainty)
+                samples[count] = sample_times(library, A, period, count)
+            if library is not None and isinstance(A, Coefficients) and samples[count].whole:
+                done = decouple_compiled(library, samples[count], A, modes, tol)
+            else:
+                done = decouple_on_nodes(samples[count].A, modes, period, tol, uncertainty)
             if done is not None:
                 return done
             answer = Refusal("the coupling of the modes does not shrink enough")
     return answer
+
+
+def sample_times(library: ctypes.CDLL | None, A: MatrixFunction, period: float, count: int) -> SampledPeriod:
+    """A at N nodes and half-way between them."""
+    if library is not None and isinstance(A, Coefficients):
+        return sample_series(library, A, count)
+    return SampledPeriod(A(period / (2 * count) * np.arange(2 * count)))
 
 
 def decouple_on_nodes(
@@ -78,15 +94,16 @@ def decouple_on_nodes(
 def may_be_tame(modes: MeanModes, period: float) -> bool:
     """Whether the groups are ones of which perturbation theory says all: real, and of modes that stay together over a period."""
     several = [(i, group) for i, group in enumerate(modes.groups) if group.size > 1]
-    spread = [float(np.ptp(modes.values.real[group.part])) * period for _, group in several]
-    return all(group.partner == i for i, group in several) and max(spread, default=0.0) < np.log(GROUP_CONDITION)
+    growth = [modes.values.real[group.part].tolist() for _, group in several]
+    spread = max([(max(each) - min(each)) * period for each in growth], default=0.0)
+    return all(group.partner == i for i, group in several) and spread < log(GROUP_CONDITION)
 
 
 def mix_at_first(own: Array, modes: MeanModes) -> float:
     """How far A(t) mixes two modes of its mean that are not in one group, at most."""
     gap = np.where(modes.outside, np.abs(modes.values[:, None] - modes.values), np.inf)
     size = np.abs(own).max(axis=0) / gap
-    return float(np.sqrt(size * size.T).max())
+    return float((size * size.T).max()) ** 0.5
 
 
 def in_states(found: Coordinates, modes: MeanModes, period: float, residual: Array) -> tuple[Decoupled, Array]:

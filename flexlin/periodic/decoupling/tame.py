@@ -1,14 +1,11 @@
 """Exponents of a small group whose modes grow and decay by little against each other: from the product of its factors itself."""
 
-import ctypes
 from functools import lru_cache
 
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.compiler import pointer
 from flexlin.periodic.circle import measure_distances, wrap_log
-from flexlin.periodic.decoupling.library import find_library
 from flexlin.periodic.decoupling.waves import interpolated
 from flexlin.periodic.product.balancing import GROUP_CONDITION
 from flexlin.periodic.product.perturbation import CANCELLED, EPS, FACTOR_ROUNDING, bound_pairs
@@ -73,22 +70,12 @@ def measure_size(matrices: Array) -> Array:
 
 
 def factor_tame(values: Array, h: float, segments: int, stages: int) -> Array:
-    """Transition matrices (K, p, p) over equal segments of length h by Gauss collocation; by compiled code where there is a compiler."""
+    """Transition matrices (K, p, p) over equal segments of length h by Gauss collocation."""
     p, rule = values.shape[-1], gauss(stages)
     samples = (interpolate_nodes(len(values), segments, stages) @ values.reshape(len(values), -1)).reshape(
         segments, stages, p, p
     )
-    library = find_library()
-    if library is None:
-        return collocate(samples, np.full(segments, h), rule)
-    factors = np.empty((segments, p, p))
-    sizes = ctypes.c_int(p), ctypes.c_int(segments), ctypes.c_int(stages), ctypes.c_double(h)
-    done = library.factor_group(*sizes, *map(pointer, (samples, rule.a, rule.b, factors)))
-    if done < 0:
-        raise MemoryError("the factors of a group")
-    if not done:
-        raise np.linalg.LinAlgError("the stages of a segment are not determined")
-    return factors
+    return collocate(samples, np.full(segments, h), rule)
 
 
 @lru_cache(maxsize=32)

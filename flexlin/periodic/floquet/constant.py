@@ -4,10 +4,10 @@ import numpy as np
 from scipy.linalg import schur
 
 from flexlin.checks import Array
-from flexlin.periodic.floquet.uncertainty import couple_uncertainty
 from flexlin.periodic.product.balancing import balance_factors
 from flexlin.periodic.product.eigenvectors import separate_triangular
 from flexlin.periodic.product.perturbation import EPS, bound_pairs
+from flexlin.periodic.resolved.uncertainty import couple_uncertainty
 from flexlin.periodic.system import PeriodicSystem
 
 BACKWARD = 3.0
@@ -25,7 +25,9 @@ def solve_constant(system: PeriodicSystem) -> tuple[Array, Array]:
     right, left = Q @ X, np.linalg.solve(X, Q.conj().T)
     size = BACKWARD * EPS * np.linalg.norm(A[0])
     coupling = size * np.outer(np.linalg.norm(left, axis=1), np.linalg.norm(right, axis=0))
-    coupling += couple_uncertainty(system, np.zeros(1), (left / scale)[None], (scale[:, None] * right)[None])[0]
+    coupling += couple_uncertainty(system.resolved, np.zeros(1), (left / scale)[None], (scale[:, None] * right)[None])[
+        0
+    ]
     values, own = np.diagonal(T), np.diagonal(coupling)
     errors = own + bound_pairs(coupling, own, np.abs(values[:, None] - values), shared)
     order = np.argsort(-values.real, kind="stable")

@@ -5,14 +5,16 @@ from functools import partial
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.periodic.circle import pair_conjugates
 from flexlin.periodic.decoupling.decouple import decouple
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.exponents import decoupled_exponents
-from flexlin.periodic.decoupling.library import find_library
 from flexlin.periodic.decoupling.panels import panel_exponents
 from flexlin.periodic.decoupling.steady import decouple_steady
-from flexlin.periodic.floquet.uncertainty import couple_uncertainty
+from flexlin.periodic.decoupling.steady_exponents import find_steady_exponents
 from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.native.library import find_library
+from flexlin.periodic.resolved.uncertainty import couple_uncertainty
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.setting import Setting
 
@@ -38,7 +40,7 @@ def solve_decoupled(system: PeriodicSystem, tol: float) -> tuple[Array, Array, D
         if isinstance(panels, Refusal):
             return panels
         return panels.exponents, hide_enclosed(panels.exponents, panels.errors), None
-    decoupled = decouple(coefficients, T, (), tol, partial(couple_uncertainty, system))
+    decoupled = decouple(coefficients, T, (), tol, partial(couple_uncertainty, coefficients))
     if isinstance(decoupled, Refusal):
         return decoupled
     found = decoupled_exponents(decoupled)
@@ -46,23 +48,32 @@ def solve_decoupled(system: PeriodicSystem, tol: float) -> tuple[Array, Array, D
 
 
 def solve_steady(system: PeriodicSystem, tol: float) -> tuple[Array, Array, Setting, Decoupled] | Refusal:
-    """Exponents and errors by decoupling where A(t) mixes the modes of its mean by little, or why that does not serve.
+    """Exponents, conjugates exactly, and errors by decoupling where A(t) mixes the modes of its mean by little, or why that does not serve.
 
     It serves only where every error is bounded by perturbation theory and meets tol.
     """
     coefficients, T = system.resolved, system.period
     if coefficients.breaks or not isinstance(coefficients.series, FourierSeries):
         return Refusal("A(t) is not one Fourier series")
-    decoupled = decouple_steady(coefficients, T, coefficients.degree, tol, partial(couple_uncertainty, system))
+    decoupled = decouple_steady(coefficients, T, coefficients.degree, tol, partial(couple_uncertainty, coefficients))
     if isinstance(decoupled, Refusal):
         return decoupled
-    found = decoupled_exponents(decoupled, tame_only=True)
-    if not np.all(found.errors <= tol * np.maximum(1.0, np.abs(found.exponents))):
+    library = find_library()
+    if library is None or decoupled.diagonal is None:
+        slow = decoupled_exponents(decoupled, tame_only=True)
+        logs, uncertain = pair_conjugates(slow.exponents * T, slow.errors * T)
+        found: tuple[Array, Array] | Refusal = logs / T, uncertain / T
+    else:
+        found = find_steady_exponents(library, decoupled)
+    if isinstance(found, Refusal):
+        return found
+    exponents, errors = found
+    if not np.all(errors <= tol * np.maximum(1.0, np.abs(exponents))):
         return Refusal("tol is not met")
     rate = float(np.abs(np.einsum("tii->ti", decoupled.generator)).max())
-    code = "compiled code" if find_library() else "NumPy"
+    code = "compiled code" if decoupled.diagonal is not None else "NumPy"
     reason = f"modes that keep their shapes, eigenvalues of A(t) up to {rate:.3g} 1/s, by {code}"
-    return found.exponents, found.errors, Setting("decoupling", 0, 1, reason, rate), decoupled
+    return exponents, errors, Setting("decoupling", 0, 1, reason, rate), decoupled
 
 
 def hide_enclosed(exponents: Array, errors: Array) -> Array:

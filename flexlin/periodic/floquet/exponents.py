@@ -120,7 +120,7 @@ def find_exponents(
     if segments is not None:
         return judge_fixed(system, choose_setting(system, tol, method, order, segments), tol)
     if method == "auto" and not isinstance(steady := solve_steady(system, tol), Refusal):
-        return replace(finish(system, *steady[:3], tol), decoupled=steady[3])
+        return replace(finish(system, *steady[:3], tol, paired=True), decoupled=steady[3])
     setting = choose_setting(system, tol, method, order, None)
     if method == "auto":
         answer = try_decoupling(system, setting, tol, limit)
@@ -163,11 +163,15 @@ def find_coinciding_within(logs: Array, errors: Array) -> Array:
     return np.asarray((near & ~np.eye(len(logs), dtype=bool)).any(axis=1))
 
 
-def finish(system: PeriodicSystem, exponents: Array, errors: Array, setting: Setting, tol: float) -> FloquetResult:
-    """Pair conjugate exponents, and those of an undamped system, exactly, and give the verdict."""
-    logs, uncertain = pair_conjugates(exponents * system.period, errors * system.period)
-    order = np.lexsort((-logs.imag, -logs.real))
-    exponents, errors = logs[order] / system.period, uncertain[order] / system.period
+def finish(
+    system: PeriodicSystem, exponents: Array, errors: Array, setting: Setting, tol: float, paired: bool = False
+) -> FloquetResult:
+    """Pair conjugate exponents (unless they are `paired`), and those of an undamped system, exactly, and give the verdict."""
+    if not paired:
+        logs, uncertain = pair_conjugates(exponents * system.period, errors * system.period)
+        exponents, errors = logs / system.period, uncertain / system.period
+    order = np.lexsort((-exponents.imag, -exponents.real))
+    exponents, errors = exponents[order], errors[order]
     undamped = abs(exponents.real.sum()) <= errors.sum() and is_hamiltonian(system)
     if undamped:
         logs, violation = pair_hamiltonian(exponents * system.period)

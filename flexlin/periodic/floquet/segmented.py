@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.floquet.uncertainty import couple_uncertainty
 from flexlin.periodic.product.balancing import balance_factors, count_groupings, multiply_pairs
 from flexlin.periodic.product.perturbation import Motion, spectrum_motion
 from flexlin.periodic.product.schur import periodic_schur
+from flexlin.periodic.resolved.uncertainty import couple_uncertainty
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.setting import METHODS, Setting, place_segments, report_too_many
 
@@ -85,7 +85,7 @@ def measure_spectrum(
 
     def noise(left: Array, right: Array) -> Array:
         """Couplings by what the coefficients are not known by, over each group."""
-        known = couple_uncertainty(system, marks[:-1], left / scale, scale[:, None] * right)
+        known = couple_uncertainty(system.resolved, marks[:-1], left / scale, scale[:, None] * right)
         return np.diff(marks)[:, None, None] * known + couple_jumps(system, marks, left / scale, scale[:, None] * right)
 
     begin = None if start is None else np.linalg.qr(start / scale[:, None])[0]

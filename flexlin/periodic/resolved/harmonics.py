@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.fourier import fourier_basis, fourier_nodes, fourier_waves, real_fourier_coefficients
+from flexlin.periodic.fourier import fourier_basis, fourier_nodes, real_fourier_coefficients
 from flexlin.periodic.resolved.noise import noise_level
 from flexlin.periodic.resolved.sampling import CheckPoints, Sampler, largest_sizes, stratified
 
@@ -47,24 +47,32 @@ def fit_fourier(sample: Sampler, tol: float, checks: CheckPoints | None) -> Four
         size = _amplitudes(coefficients)
         allowed = _allowed(sample.scale, size, tol, noise)
         excess = _excess(size, allowed)
-        if noise is None and np.any(excess > 1) and _flat(size[:, excess > 1]):
+        largest = float(excess.max())
+        if noise is None and largest > 1 and _flat(size[:, excess > 1]):
             noise = _noise(sample)
             continue
-        if np.all(excess <= 1):
+        if largest <= 1:
             trimmed = _trimmed(coefficients, size, _floor(sample.scale, size, noise))
             deviation = _deviation(sample, trimmed, checks, count)
-            if noise is None and np.any(deviation > 2 * allowed):
+            agrees = bool((deviation <= 2 * allowed).all())
+            if noise is None and not agrees:
                 noise = _noise(sample)
                 allowed = _allowed(sample.scale, size, tol, noise)
-            if np.all(deviation <= 2 * allowed):
+                agrees = bool((deviation <= 2 * allowed).all())
+            if agrees:
                 deviation *= FEW_FACTOR if checks is None else 3
                 return FourierFit(trimmed, allowed, _error(deviation, size, sample.scale))
-        last, worst = worst, float(excess.max())
+        last, worst = worst, largest
         if count >= MOST or 2 * values.nbytes > MEMORY or (count >= SURE and (worst > last / FALL or worst <= 1)):
             return None
         between = sample(fourier_nodes(count, T) + T / (2 * count))
         values = np.stack([values, between], axis=1).reshape(2 * count, -1)
         count *= 2
+
+
+def first_times(period: float) -> Array:
+    """The first nodes, and the few check points between them."""
+    return np.concatenate([fourier_nodes(FIRST, period), period * few_phases(FIRST)])
 
 
 def few_phases(count: int) -> Array:
@@ -122,8 +130,7 @@ def _deviation(sample: Sampler, coefficients: Array, checks: CheckPoints | None,
     H, worst = len(coefficients) // 2, np.zeros(coefficients.shape[1])
     if checks is None:
         t = sample.period * few_phases(count)
-        waves = _few_waves(count)[:, :H] if 2 * H <= FIRST else fourier_waves(t / sample.period, H)
-        fit = coefficients[0] + waves.real @ coefficients[1 : H + 1] + waves.imag @ coefficients[H + 1 :]
+        fit = coefficients[0] + _few_waves(count, H) @ coefficients[1:]
         return np.asarray(np.abs(fit - sample(t)).max(axis=0))
     for t, values in checks.batches(BATCH // (8 * len(worst)) + 1):
         left = values - coefficients[0]
@@ -133,10 +140,10 @@ def _deviation(sample: Sampler, coefficients: Array, checks: CheckPoints | None,
     return worst
 
 
-@lru_cache(maxsize=8)
-def _few_waves(count: int) -> Array:
-    """The waves at the few check points, kept between calls."""
-    return fourier_waves(few_phases(count), FIRST // 2)
+@lru_cache(maxsize=32)
+def _few_waves(count: int, harmonics: int) -> Array:
+    """Cosines and sines at the few check points, kept between calls: at most some 16 x 2048 numbers each."""
+    return np.ascontiguousarray(fourier_basis(few_phases(count), harmonics)[:, 1:])
 
 
 def _error(deviation: Array, size: Array, scale: Array) -> Array:

@@ -8,7 +8,8 @@ from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.fourier import FourierSeries
-from flexlin.periodic.resolved.harmonics import EPS, fit_fourier
+from flexlin.periodic.resolved.fitting import fit_at_once
+from flexlin.periodic.resolved.harmonics import EPS, first_times, fit_fourier
 from flexlin.periodic.resolved.matrix import Discontinuity, ResolvedMatrix, divided
 from flexlin.periodic.resolved.panels import left_over, panel_error, shown_degree
 from flexlin.periodic.resolved.refining import PanelResolver
@@ -19,6 +20,8 @@ __all__ = ["Discontinuity", "ResolvedMatrix", "resolve"]
 
 CHECKS, FEW = 12289, 200
 """Check points of a function of which nothing is known; and of one whose narrow features are named, where it needs panels."""
+REPEATS = 3
+"""Times at which such a function is compared with itself a period later, where it is smooth."""
 STEP = 4.0
 """Ratio of neighbouring panels about a named feature."""
 CLOSE = 1e-11
@@ -94,10 +97,10 @@ def resolve(
     about = [centre + 4 * width * (2 * stratified(64) - 1) for centre, width in pairs]
     checks = CheckPoints(sample, np.concatenate([period * stratified(FEW if complete else CHECKS), *about]))
     if repeats and not len(named) and not len(pairs):
-        fit = fit_fourier(sample, tol, None if complete else checks)
+        fit = (fit_at_once(sample, tol) if complete else None) or fit_fourier(sample, tol, None if complete else checks)
         if fit is not None:
             series = FourierSeries(fit.coefficients.reshape(-1, *_shape(sample)), period)
-            need_repetition(sample, series, period * stratified(3 if complete else 7), fit.allowed)
+            need_repetition(sample, series, period * stratified(REPEATS if complete else 7), fit.allowed)
             return ResolvedMatrix(series, (), (), fit.error.reshape(_shape(sample)), sample.count)
     return _on_panels(sample, named, pairs, checks, tol, not complete, repeats)
 
@@ -105,6 +108,11 @@ def resolve(
 def resolve_constant(A: Array, period: float) -> ResolvedMatrix:
     """Represent a matrix (rows, columns) that does not depend on time."""
     return ResolvedMatrix(FourierSeries(A[None], period), (), (), 4 * EPS * np.abs(A), 1)
+
+
+def foresee_times(period: float) -> list[Array]:
+    """The times that `resolve` asks for first, of a smooth function whose narrow features are named."""
+    return [first_times(period), period * stratified(REPEATS) + period]
 
 
 def _on_panels(
@@ -148,6 +156,8 @@ def first_edges(period: float, named: Array, pairs: Array) -> Array:
 
 def _times_in(name: str, times: Array, period: float) -> Array:
     """Increasing times in [0, T)."""
+    if not times.size:
+        return np.empty(0)
     inside = np.unique(real_array(name, times.ravel(), (None,)))
     if inside.size and (inside.min() < 0 or inside.max() >= period):
         raise ArgumentError(f"{name} lie outside the period", got=inside.tolist(), expected=f"times in [0, {period})")

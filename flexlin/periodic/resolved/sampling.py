@@ -1,7 +1,7 @@
 """A coefficient as the resolution sees it: checked, counted, in bounded batches; and the times at which it is checked."""
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -43,10 +43,14 @@ class Sampler:
         parts = [self._checked(t[i : i + self.chunk]) for i in range(0, max(len(t), 1), self.chunk)]
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
+    def least_sizes(self) -> Array:
+        """A copy of the sizes (E,) below which no entry counts."""
+        return np.broadcast_to(self.least, self.shape or (0, 0)).ravel().astype(float)
+
     @property
     def chunk(self) -> int:
         """How many times go into one call."""
-        return 64 if self.shape is None else max(64, CHUNK // (8 * self.shape[0] * self.shape[1]))
+        return 128 if self.shape is None else max(64, CHUNK // (8 * self.shape[0] * self.shape[1]))
 
     def _checked(self, t: Array) -> Array:
         values = np.asarray(self.function(t))
@@ -90,9 +94,14 @@ class CheckPoints:
     """Increasing times in [0, T) at which a representation is compared with A; the samples are kept where memory allows."""
 
     def __init__(self, sample: Sampler, t: Array):
-        t = np.mod(t, sample.period)
-        self.sample, self.t = sample, t if np.all(np.diff(t) > 0) else np.unique(t)
+        self.sample, self._given = sample, t
         self._kept: Array | None = None
+
+    @cached_property
+    def t(self) -> Array:
+        """The times."""
+        t = np.mod(self._given, self.sample.period)
+        return t if np.all(np.diff(t) > 0) else np.unique(t)
 
     def batches(self, size: int) -> Iterator[tuple[Array, Array]]:
         """The times and A there (N, E), in parts of about `size` times."""

@@ -8,11 +8,11 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array, whole
 from flexlin.errors import ArgumentError, ResonantForcing
 from flexlin.periodic.coefficients import Constant, refuse_signature
-from flexlin.periodic.floquet.uncertainty import couple_uncertainty
 from flexlin.periodic.grid import edges_of_short, place_edges
 from flexlin.periodic.product.eigenvalues import product_logs
 from flexlin.periodic.product.perturbation import COHERENT
 from flexlin.periodic.resolved.resolve import resolve
+from flexlin.periodic.resolved.uncertainty import couple_uncertainty
 from flexlin.periodic.response.collocated import PiecewiseSolution, VectorFunction, solve_periodic
 from flexlin.periodic.response.result import ForcedResponse
 from flexlin.periodic.system import PeriodicSystem, as_system
@@ -186,7 +186,7 @@ def unknown_response(
 
     def force(t: Array) -> Array:
         eye = np.broadcast_to(np.eye(system.n), (len(t), system.n, system.n))
-        return couple_uncertainty(system, t, eye, solution(t)[:, :, None])[:, :, 0]
+        return couple_uncertainty(system.resolved, t, eye, solution(t)[:, :, None])[:, :, 0]
 
     moved = solve_periodic(system, force, place_edges(system.period, corners, count), rule)[0]
     return np.inf if moved is None else COHERENT * float(np.abs(moved.start).max())

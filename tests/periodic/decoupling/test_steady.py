@@ -6,13 +6,21 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.periodic.decoupling import coordinates
-from flexlin.periodic.decoupling.coordinates import find_coordinates, find_library
+from flexlin.periodic.circle import match_logs
+from flexlin.periodic.decoupling import steady
+from flexlin.periodic.decoupling.coordinates import find_coordinates
 from flexlin.periodic.decoupling.coupling import residual_effect
-from flexlin.periodic.decoupling.decoupled import Refusal
+from flexlin.periodic.decoupling.decoupled import Decoupled, Diagonal, Refusal
+from flexlin.periodic.decoupling.exponents import find_unknown
+from flexlin.periodic.decoupling.grouping import Group
 from flexlin.periodic.decoupling.mean_modes import find_mean_modes
 from flexlin.periodic.decoupling.steady import bound_residual, decouple_steady, in_states
+from flexlin.periodic.decoupling.steady_exponents import follow_group
+from flexlin.periodic.decoupling.tame import tame_exponents
+from flexlin.periodic.floquet import decoupled as floquet_decoupled
 from flexlin.periodic.floquet.decoupled import solve_steady
+from flexlin.periodic.native.library import find_library
+from flexlin.periodic.resolved import fitting
 from tests.periodic.decoupling.test_decoupling import misses
 from tests.periodic.gentle import gentle_system
 
@@ -20,7 +28,8 @@ compiled = pytest.mark.skipif(find_library() is None, reason="there is no C comp
 
 
 def without_compiler(monkeypatch):
-    monkeypatch.setattr(coordinates, "find_library", lambda: None)
+    for module in (steady, floquet_decoupled, fitting):
+        monkeypatch.setattr(module, "find_library", lambda: None)
 
 
 def as_system(gentle):
@@ -35,23 +44,70 @@ def coordinates_of(gentle, count=32):
     return own, modes, find_coordinates(own, modes, gentle.period, 1e-9 * np.maximum(1, np.abs(modes.values)))
 
 
+def arm(modes):
+    scene = fl.load_scene("single-link", {"links.0.modes": modes, "designs": []})
+    return fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+
+
+def solved(make, tol, monkeypatch):
+    """By compiled code, then by NumPy."""
+    first = solve_steady(make(), tol)
+    with monkeypatch.context() as patch:
+        without_compiler(patch)
+        return first, solve_steady(make(), tol)
+
+
 @compiled
-@pytest.mark.parametrize("count", [32, 64])
-def test_compiled_code_and_numpy_find_the_same_coordinates(monkeypatch, count):
-    gentle = [gentle_system(seed) for seed in range(6)]
-    first = [coordinates_of(system, count) for system in gentle]
-    without_compiler(monkeypatch)
-    second = [coordinates_of(system, count) for system in gentle]
-    assert sum(found is not None for found in first) >= 4
-    for one, other in zip(first, second, strict=True):
-        if one is None or not np.isfinite(one[2].P).all():
-            assert one is None or one[2].rounds == other[2].rounds
+def test_compiled_code_and_numpy_find_the_same_coordinates_errors_and_exponents(monkeypatch):
+    link = arm(2).periodic_system()
+    makes = [lambda: fl.PeriodicSystem(link.A, link.period, None, (), link.second_order, (), True)]
+    makes += [lambda seed=seed: as_system(gentle_system(seed, seed % 2 > 0)) for seed in (0, 3, 5, 16, 17, 18, 28)]
+    served = 0
+    for make in makes:
+        one, other = solved(make, 1e-8, monkeypatch)
+        assert isinstance(one, Refusal) == isinstance(other, Refusal)
+        if isinstance(one, Refusal) or isinstance(other, Refusal):
             continue
-        assert one[2].rounds == other[2].rounds
-        size = np.abs(one[0]).max()
-        for name, scale in (("P", 1), ("inverse", 1), ("slope", size), ("generator", size)):
-            a, b = getattr(one[2], name), getattr(other[2], name)
-            assert np.abs(a - b).max() <= 1e-12 * scale * max(1, np.abs(one[2].P).max() ** 2), name
+        served += 1
+        a, b, size = one[3], other[3], np.abs(other[3].generator).max()
+        assert a.rounds == b.rounds
+        assert (np.abs(one[0] - other[0]) <= 1e-12 * size + 0.1 * other[1]).all()
+        assert (np.abs(one[1] - other[1]) <= 0.5 * other[1] + 1e-14 * size).all()
+        frame = np.abs(b.frame).max() * np.abs(b.inverse).max()
+        assert np.abs(a.frame @ a.inverse - np.eye(len(one[0]))).max() <= 1e-13 * max(1, frame)
+        apart = np.abs(np.einsum("tii->ti", a.generator) - np.einsum("tii->ti", b.generator)).max()
+        assert apart <= 1e-12 * size * max(1, frame)
+        assert np.abs(a.rounding - b.rounding).max() <= 0.6 * b.rounding.max()
+        assert np.abs(a.residual - b.residual).max() <= 0.1 * b.residual.max() + 0.1 * other[1].max()
+    assert served >= 5
+
+
+@compiled
+def test_compiled_code_and_numpy_follow_the_same_groups():
+    """Random groups of up to six modes, among them some that grow against each other by too much."""
+    rng, served = np.random.default_rng(5), 0
+    for p in (2, 2, 2, 3, 3, 4, 4, 6):
+        period, nodes, t = 2.0, 64, 2 * np.pi * np.arange(64) / 64
+        mean = rng.normal(size=(p, p)) * 10 ** rng.uniform(-1, 0.5)
+        wave = rng.normal(size=(2, p, p)) * 10 ** rng.uniform(-2, 0)
+        B = mean + np.cos(t)[:, None, None] * wave[0] + np.sin(3 * t)[:, None, None] * wave[1] + 0j
+        unknown = 1e-12 * rng.random((p, p))
+        still = np.broadcast_to(np.eye(p, dtype=complex), B.shape)
+        group, known = (Group(0, p, 0),), Diagonal(B.mean(axis=0).diagonal().copy(), np.zeros(p))
+        times = period / nodes * np.arange(nodes)
+        whole = Decoupled(period, times, still, still, B, group, np.zeros(1, bool), unknown, 0 * unknown, 0, known)
+        found, expected = (
+            follow_group(find_library(), whole, 0),
+            tame_exponents(whole.traceless(0)[0], period, find_unknown(whole, 0)),
+        )
+        assert (found is None) == (expected is None)
+        if found is None or expected is None:
+            continue
+        served += 1
+        partner, apart = match_logs(found[0], expected[0])
+        assert (apart <= 1e-12 + 0.1 * expected[1][partner]).all()
+        assert (np.abs(found[1] - expected[1][partner]) <= 0.5 * expected[1][partner] + 1e-13).all()
+    assert served >= 3
 
 
 @pytest.mark.parametrize("near_resonance", [False, True])
@@ -81,8 +137,7 @@ def check_claims(systems):
 
 
 def test_segments_give_the_same_exponents():
-    scene = fl.load_scene("single-link", {"links.0.modes": 2, "designs": []})
-    system = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control).periodic_system()
+    system = arm(2).periodic_system()
     found, other = fl.floquet(system, 1e-10), fl.floquet(system, 1e-10, method="gauss")
     assert "keep their shapes" in str(found.setting)
     apart = misses(SimpleNamespace(exponents=found.exponents, errors=found.errors), other.exponents, system.period)

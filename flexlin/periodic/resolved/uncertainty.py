@@ -4,14 +4,14 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.resolved.companion import ResolvedCompanion
-from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.resolved.matrix import ResolvedMatrix
 
 ROUNDINGS = 4.0
 """Roundings that an entry of A, M, D or K carries."""
 EPS = float(np.finfo(float).eps)
 
 
-def couple_uncertainty(system: PeriodicSystem, t: Array, left: Array, right: Array) -> Array:
+def couple_uncertainty(resolved: ResolvedMatrix | ResolvedCompanion, t: Array, left: Array, right: Array) -> Array:
     """Bounds on the entries of left dA right at times t (N,), (N, n, n) in 1/s, for left and right vectors (N, n, n).
 
         first order:   |L| |dA| |R|
@@ -19,7 +19,6 @@ def couple_uncertainty(system: PeriodicSystem, t: Array, left: Array, right: Arr
 
     The second form keeps what M^-1 does to a rounding of M: the product with the left vectors is taken before the moduli.
     """
-    resolved = system.resolved
     if isinstance(resolved, ResolvedCompanion):
         return couple_second_order(resolved, t, left, right)
     A = np.abs(resolved(t))

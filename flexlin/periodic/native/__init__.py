@@ -1,0 +1,1 @@
+"""Compiled code of the numeric wing: C sources, and the library made of them."""

@@ -1,0 +1,132 @@
+/* Modes decoupled on one set of nodes, in the coordinates of the states, with what is left and what is not known: the computation of
+ * `decouple_on_nodes` in steady.py. */
+
+/* [M D K] (times, m, 3 m) -> A = [[0, 1], [-M^-1 K, -M^-1 D]] (times, 2 m, 2 m), and M^-1 at every `sparse`th time; 0 where M is singular. */
+int sample_companion(int m, int times, int sparse, const double *blocks, double *A, double *inverse) {
+  double M[m * m], right[3 * m * m];
+  memset(A, 0, 4L * times * m * m * sizeof(double));
+  for (int t = 0; t < times; t++, blocks += 3 * m * m, A += 4 * m * m) {
+    int columns = t % sparse ? 2 * m : 3 * m;
+    for (int i = 0; i < m; i++) {
+      A[i * 2 * m + m + i] = 1.0;
+      for (int j = 0; j < m; j++) {
+        const double *row = blocks + i * 3 * m;
+        M[i * m + j] = row[j];
+        right[i * columns + j] = -row[2 * m + j];
+        right[i * columns + m + j] = -row[m + j];
+        if (columns == 3 * m) right[i * columns + 2 * m + j] = i == j;
+      }
+    }
+    if (!eliminate(m, columns, M, right)) return 0;
+    for (int i = 0; i < m; i++) {
+      memcpy(A + (m + i) * 2 * m, right + i * columns, 2 * m * sizeof(double));
+      if (columns == 3 * m) memcpy(inverse + i * m, right + i * columns + 2 * m, m * sizeof(double));
+    }
+    if (columns == 3 * m) inverse += m * m;
+  }
+  return 1;
+}
+
+/* The largest harmonic of the upper half against the largest of all, as `tail` in waves.py, for A (blocks, n n) at the nodes. */
+static double find_tail(int size, int blocks, const Wide *wide, const v8 *A) {
+  int nodes = 8 * blocks, half = 4 * wide->width;
+  double worst = 0.0, x[LONGEST], zero[LONGEST] = {0};
+  for (int e = 0; e < size; e++) {
+    v8 re[WIDE], im[WIDE];
+    for (int b = 0; b < blocks; b++) *(u8 *)(x + 8 * b) = A[(long)size * b + e];
+    int changes = 0;
+    for (int t = 1; t < nodes; t++) changes |= x[t] != x[0];
+    if (!changes) continue;
+    transform(nodes, wide->width, 16 * wide->width, wide->table, x, zero, re, im);
+    const double *c = (double *)re, *d = c + half;
+    double whole = hypot(c[0], d[0]), moving = 0.0, upper = 0.0;
+    for (int k = 1; 2 * k <= nodes; k++) {
+      double it = hypot(c[k], d[k]);
+      moving = fmax(moving, it);
+      if (4 * k >= nodes) upper = fmax(upper, it);
+    }
+    whole = fmax(whole, moving);
+    if (moving > 1e-8 * whole) worst = fmax(worst, upper / whole);
+  }
+  return worst;
+}
+
+/* Means (n,) of the generator's diagonal, by how much the nodes and the times between them differ in it, and whether that and what is left
+ * of the coupling are small beside tol. */
+static int judge_means(int n, int blocks, double tol, const Wide *wide, const Side *sides, const double *residual, const double *rounding, double *mean, double *apart) {
+  int nodes = 8 * blocks, settled = 1;
+  for (int i = 0; i < n; i++) {
+    double x[LONGEST], y[LONGEST], up[LONGEST], down[LONGEST], re[2] = {0, 0}, im[2] = {0, 0};
+    for (int side = 0; side < 2; side++) {
+      take_entry(n * n, blocks, sides[side].B, i * (n + 1), x + side * nodes, y + side * nodes);
+      for (int t = side * nodes; t < (side + 1) * nodes; t++) { re[side] += x[t] / nodes; im[side] += y[t] / nodes; }
+    }
+    find_spectrum(blocks, wide, x, y, up, down);
+    mean[2 * i] = (re[0] + re[1]) / 2;
+    mean[2 * i + 1] = (im[0] + im[1]) / 2;
+    apart[i] = fmax(hypot(re[0] - re[1], im[0] - im[1]), find_aliasing(nodes, up, down));
+    double allowed = tol * fmax(1.0, hypot(mean[2 * i], mean[2 * i + 1])), noise = 4 * rounding[i * (n + 1)];
+    settled &= apart[i] < 0.1 * allowed + noise && residual[i * (n + 1)] < 0.3 * allowed + noise;
+  }
+  return settled;
+}
+
+enum { ROUGH = -1, CLOSE = -2, UNSETTLED = -3, NO_MEMORY = -4 };
+
+/* Decouple A (2 nodes, n, n), every other time of which is a node, from the modes of its mean: values (n,), right and left vectors.
+ *
+ * limits: near, enough, shrink, slow, rough, tol, a rounding, what is not known of an entry, the part of it that adds up; tables: cosines
+ * and sines (nodes, 8 width), (most + 1, 2, nodes), the three matrices of `tabulate_waves`, and (2 nodes, 8 wide) of all harmonics.
+ * out: frame, inverse and generator (2 nodes, n, n), complex; residual, rounding (n, n); means (n,), complex; apart (n,).
+ * Returns the number of rounds, or what is in the way. */
+int decouple_on_nodes(int n, int blocks, int m, int most_rounds, int most, int width, int wide, double w, const double *limits, const double *A,
+                      const double *samples, const double *error, const double *mass_inverse, const int *mate, const int *group,
+                      const double *values, const double *right, const double *left, const double *tables, double *out) {
+  int size = n * n, nodes = 8 * blocks;
+  long whole = 2L * size * blocks, work_size = whole > 12L * size + 3L * m * m ? 2 * whole : 2 * (12L * size + 3L * m * m);
+  v8 *memory = aligned_alloc(64, (11 * whole + work_size + 64) * sizeof(v8));
+  double *numbers = malloc(size * (sizeof(Pair) + 2 * sizeof(double)) + n * sizeof(double));
+  if (!memory || !numbers) { free(memory); free(numbers); return NO_MEMORY; }
+  Shape s = {.n = n};
+  for (int i = 0; i < n; i++) {
+    s.mate[i] = mate[i];
+    if (i <= mate[i]) s.leader[s.leaders++] = i;
+  }
+  v8 *real = memory, *at = real + whole, *work;
+  Side sides[2];
+  for (int side = 0; side < 2; side++, at += 5 * whole)
+    sides[side] = (Side){at, at + whole, at + 2 * whole, at + 3 * whole, at + 4 * whole};
+  work = at;
+  const double *back = tables + 8L * nodes * width, *between = back + 2L * (most + 1) * nodes, *all = between + 3L * nodes * nodes;
+  Waves f = {blocks, most, width, tables, back, between, w, limits[0]};
+  Wide full = {wide, all};
+  Ends ends = {limits[1], limits[2], most_rounds};
+  Unknown u = {m, samples, error, mass_inverse, limits[6], limits[7], limits[8]};
+  double *pairs = numbers, *allowed = numbers + size * (sizeof(Pair) / sizeof(double)) + 2 * size;
+  double *frame = out, *inverse = frame + 4L * size * nodes, *generator = inverse + 4L * size * nodes;
+  double *residual = generator + 4L * size * nodes, *rounding = residual + size, *mean = rounding + size, *apart = mean + 2 * n;
+  for (int i = 0; i < n; i++) allowed[i] = limits[5] * fmax(1.0, hypot(values[2 * i], values[2 * i + 1]));
+  int result = ROUGH;
+  for (int side = 1; side >= 0; side--) {
+    gather(1, size, nodes, 2, side, A, real);
+    for (int b = 0; b < blocks; b++) take_to_modes(&s, left, real + (long)size * b, right, sides[side].own + 2L * size * b, work);
+  }
+  if (!(find_tail(size, blocks, &full, real) > limits[4])) {
+    result = find_coordinates(&s, &f, &ends, group, allowed, sides, sides + 1, work, (double *)pairs + size * (sizeof(Pair) / sizeof(double)));
+    const v8 *B[2] = {sides[0].B, sides[1].B};
+    if (result < 0 || !bound_residual(&s, blocks, w, limits[3], &full, group, B, (Pair *)pairs, residual)) result = CLOSE;
+  }
+  if (result >= 0) {
+    take_to_states(&s, blocks, group, right, left, sides, work, residual);
+    find_rounding(n, blocks, &u, real, sides, work, rounding);
+    if (!judge_means(n, blocks, limits[5], &full, sides, residual, rounding, mean, apart)) result = UNSETTLED;
+  }
+  for (int side = 0; side < 2 && result >= 0; side++) {
+    scatter(size, nodes, 2, side, sides[side].P, frame);
+    scatter(size, nodes, 2, side, sides[side].inverse, inverse);
+    scatter(size, nodes, 2, side, sides[side].B, generator);
+  }
+  free(memory);
+  free(numbers);
+  return result;
+}
