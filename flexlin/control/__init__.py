@@ -28,6 +28,7 @@ _ON_MANIPULATORS = {
     "PeriodicMotion": "flexlin.about.periodic_motion",
     "feedforward": "flexlin.control.tracking",
     "Sensors": "flexlin.control.sensors",
+    "scene_feedback": "flexlin.control.from_scene",
     "scene_sensors": "flexlin.control.sensors",
     "drive_load": "flexlin.control.drives",
     "estimator_source": "flexlin.control.export.c_estimator",

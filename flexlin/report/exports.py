@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from flexlin.about.linear import Linearization
+from flexlin.about.linear import Linearization, with_control
 from flexlin.answers.judging import Loop
 from flexlin.control import Estimator, scene_sensors
 from flexlin.control.export.c_estimator import write_estimator
@@ -12,12 +12,16 @@ from flexlin.control.export.c_gain import write_gain
 from flexlin.control.export.c_linearization import write_linearization
 from flexlin.control.export.files import write_system
 from flexlin.control.export.matlab import matlab_script
+from flexlin.control.from_scene import scene_feedback
 from flexlin.control.horizon import horizon_system
+from flexlin.control.tracking import scene_feedforward
 from flexlin.errors import InputError
 from flexlin.files import results
 from flexlin.motion import SymbolicMotion
 from flexlin.scene.scene import Scene
 
+OWN = "c-own"
+"""Folder of the scene's own feedback."""
 FORMATS = (".npz", ".mat", ".nc")
 LONGEST = 60
 """Characters of a design's name that its folder keeps."""
@@ -34,9 +38,9 @@ def design_folders(names: Sequence[str]) -> dict[str, str]:
     """Return the folder of each design by its name.
 
     Parameters: names: of all designs of a scene, in their order (a design that failed keeps its number).
-    Raises: InputError when two names lead to one folder, where the second gain would replace the first.
+    Raises: InputError when two names lead to one folder, where the second gain would replace the first, or the scene's own feedback.
     """
-    owners: dict[str, str] = {}
+    owners: dict[str, str] = {OWN: "the scene's own feedback"}
     for position, name in enumerate(names, start=1):
         folder = name_folder(name, position)
         if folder in owners:
@@ -47,7 +51,7 @@ def design_folders(names: Sequence[str]) -> dict[str, str]:
                 todo="rename one of them",
             )
         owners[folder] = name
-    return {name: folder for folder, name in owners.items()}
+    return {name: folder for folder, name in owners.items() if folder != OWN}
 
 
 def export_all(
@@ -55,7 +59,8 @@ def export_all(
 ) -> list[Path]:
     """Write A(t), B(t) and the gains over a period in every format, and C source of coefficients and gains, as one set.
 
-    Each design has its C source in a folder named after it; a motion that is given by numbers has no C source of its coefficients.
+    Each design has its C source in a folder named after it, the scene's own feedback in `c-own`; a motion that is given by numbers has no C
+    source of its coefficients.
     Raises: InputError as `design_folders`, before anything is written.
     """
     folders = design_folders([loop.name for loop in loops])
@@ -70,6 +75,12 @@ def export_all(
         if isinstance(plant.motion, SymbolicMotion):
             write_linearization(plant, made / "c")
             names.append("c")
+        if scene is not None and scene.control.feedback is not None:
+            closed = with_control(plant, scene.control)
+            forward = scene_feedforward(closed, scene.accuracy.tol)
+            law = closed.law if forward is None else forward.law
+            write_gain(scene_feedback(closed), plant.period, made / OWN, lin=plant, law=law)
+            names.append(OWN)
         for found in designs:
             write_gain(found, plant.period, made / folders[found.name], lin=plant)
             names.append(folders[found.name])

@@ -91,6 +91,16 @@ void {name}_rates(double phase, const double *state, double *rates) {{
   }}
 }}
 """
+UNWINDING = """
+void {name}_unwind(const double *missing, double *rates) {{
+  static const double U[{k}][{m}] = {{
+{rows}
+  }};
+  int i, j;
+  for (i = 0; i < {k}; ++i)
+    for (j = 0; j < {m}; ++j) rates[i] += U[i][j] * missing[j];
+}}
+"""
 MAIN = """\
 /* Prints the gain at a phase: K and its numbers column by column.   usage: main PHASE */
 #include <stdio.h>
@@ -225,16 +235,27 @@ def write_gain(
 
 
 def words_of_integrals(made: Design, name: str, n: int) -> dict[str, str]:
-    """What a design's own states add to its source; nothing where it has none."""
+    """What a controller's own states add to its source; nothing where it has none."""
     if made.controller is None:
         return {"integrals": "", "declared": "", "rates": ""}
-    rows = ",\n".join("    {" + ", ".join(repr(float(value)) for value in row) + "}" for row in made.controller.rates)
+    k, unwinding = made.controller.states, made.controller.unwinding
     text = f"{name}_rates(phase, state, rates)"
-    return {
-        "integrals": INTEGRALS.format(name=name, k=made.controller.states, n=n, rows=rows),
+    words = {
+        "integrals": INTEGRALS.format(name=name, k=k, n=n, rows=write_rows(made.controller.rates)),
         "declared": f"void {name}_rates(double phase, const double *state, double *rates);\n",
-        "rates": f"\n   {text:<38}rates of the last {made.controller.states} states, which the caller integrates\n",
+        "rates": f"\n   {text:<38}rates of the last {k} states, which the caller integrates",
     }
+    if unwinding.any():
+        text = f"{name}_unwind(missing, rates)"
+        words["integrals"] += UNWINDING.format(name=name, k=k, m=unwinding.shape[1], rows=write_rows(unwinding))
+        words["declared"] += f"void {name}_unwind(const double *missing, double *rates);\n"
+        words["rates"] += f"\n   {text:<38}adds to the rates what a drive at its limit changes, missing = asked - given"
+    return {**words, "rates": words["rates"] + "\n"}
+
+
+def write_rows(matrix: Array) -> str:
+    """The rows of a matrix as an initializer in C, to the last bit."""
+    return ",\n".join("    {" + ", ".join(repr(float(value)) for value in row) + "}" for row in matrix)
 
 
 def listed(names: tuple[str, ...], units: tuple[str, ...]) -> str:

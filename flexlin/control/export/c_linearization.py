@@ -117,6 +117,7 @@ def write_linearization(lin: Linearization, folder: Path, name: str = "lineariza
             "a loop with integrals or filters is no system of second order, so its coefficients are not all of it",
             got=f"states {', '.join(lin.controller.names)} of [control.feedback] ki or [[control.filters]]",
             expected="the arm without its loop: fl.linearize(arm, motion)",
+            todo="write the loop beside it: fl.control.gain_source(fl.control.scene_feedback(loop), ...)",
         )
     names = _write(lin.coefficients, np.asarray(lin.arm.parameters.values, dtype=float), folder, name)
     header = folder / f"{name}.h"

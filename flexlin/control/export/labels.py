@@ -18,12 +18,15 @@ class Labels:
     input_units: tuple[str, ...]
 
     @classmethod
-    def of(cls, lin: Linearization) -> "Labels":
-        """Those of an arm: q1, w11, ..., then q1_rate, ...; an input bears the name of the coordinate that it drives."""
+    def of(cls, lin: Linearization, controller: Controller | None = None) -> "Labels":
+        """Those of an arm: q1, w11, ..., then q1_rate, ..., and of a controller, its loop's own where none is given.
+
+        An input bears the name of the coordinate that it drives.
+        """
         units = [coordinate.unit for coordinate in lin.coordinates]
         states = (*lin.names, *(name + RATE for name in lin.names))
         labels = cls(states, (*units, *(f"{unit}/s" for unit in units)), lin.inputs, lin.input_units)
-        return labels.behind(lin.controller)
+        return labels.behind(lin.controller if controller is None else controller)
 
     def behind(self, controller: Controller | None) -> "Labels":
         """The same with a controller's states behind the arm's."""
@@ -43,7 +46,7 @@ class Labels:
         cls, lin: Linearization | None, states: int, inputs: int, controller: Controller | None = None
     ) -> "Labels":
         """Those of the arm and of a design's controller, once they have been found to fit; without an arm, numbers."""
-        labels = cls.numbered(states, inputs) if lin is None else cls.of(lin).behind(controller)
+        labels = cls.numbered(states, inputs) if lin is None else cls.of(lin, controller)
         if (len(labels.states), len(labels.inputs)) != (states, inputs):
             got = f"{len(labels.states)} states and {len(labels.inputs)} inputs"
             raise ArgumentError("the arm does not fit what is exported", got=got, expected=f"{states} and {inputs}")
