@@ -141,6 +141,9 @@ def test_export_writes_what_other_tools_read(tmp_path: Path) -> None:
     assert main(["export", "khang-2019", "--points", "8", "--out", str(tmp_path)]) == 0
     names = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file())
     assert names == [
+        "c-own/gain.c",
+        "c-own/gain.h",
+        "c-own/main.c",
         "c-periodic-lqr/gain.c",
         "c-periodic-lqr/gain.h",
         "c-periodic-lqr/main.c",
