@@ -39,9 +39,11 @@ def mapped(function: ca.Function, points: int) -> ca.Function:
 @lru_cache(maxsize=64)
 def selected(function: ca.Function, names: tuple[str, ...]) -> ca.Function:
     """The function with some of its outputs only, and without the work for the others (kept: a loop is asked at many values)."""
-    inputs = function.sx_in()
-    outputs = dict(zip(function.name_out(), function.call(inputs), strict=True))
-    return ca.Function(function.name(), inputs, [outputs[name] for name in names], function.name_in(), list(names))
+    inputs, known = function.sx_in(), function.name_out()
+    outputs = dict(zip(known, function.call(inputs), strict=True))
+    part = ca.Function(function.name(), inputs, [outputs[name] for name in names], function.name_in(), list(names))
+    usage_of(part).part_of = usage_of(function), tuple(map(known.index, names))
+    return part
 
 
 def evaluate(function: ca.Function, *arguments: Array) -> tuple[Array, ...]:

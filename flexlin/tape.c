@@ -102,3 +102,28 @@ long run_tape(long steps, const Step *code, long points, const double *const *in
     }
     return 0;
 }
+
+/* Keep the steps that lead to some outputs: kept gets these, with wanted[i] - 1 in the place of output i; live: slots zeros.
+   Returns how many there are. */
+long keep_outputs(long steps, const Step *code, const int *wanted, char *live, Step *kept)
+{
+    long left = steps;
+    for (long k = steps - 1; k >= 0; k--) {
+        Step s = code[k];
+        if (s.op == 46) {
+            if (!wanted[s.to])
+                continue;
+            s.to = wanted[s.to] - 1;
+            live[s.a] = 1;
+        } else {
+            if (!live[s.to])
+                continue;
+            live[s.to] = 0;
+            if (s.op != 44 && s.op != 45)
+                live[s.a] = live[s.b] = 1;
+        }
+        kept[--left] = s;
+    }
+    memmove(kept, kept + left, (size_t)(steps - left) * sizeof *kept);
+    return steps - left;
+}

@@ -5,7 +5,7 @@ CasADi's own virtual machine carries out one operation on one point at a time, a
 
 import ctypes
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -39,7 +39,7 @@ def find_library() -> ctypes.CDLL | None:
         library = load_library(Path(__file__).with_suffix(".c").read_text(encoding="utf-8"))
     except (NumericalError, OSError):
         return None
-    library.run_tape.restype = ctypes.c_long
+    library.run_tape.restype = library.keep_outputs.restype = ctypes.c_long
     return library
 
 
@@ -66,6 +66,14 @@ class Tape:
             return None
         return cls(library, steps, rows, sizes, slots)
 
+    def keep(self, outputs: tuple[int, ...]) -> "Tape":
+        """The tape of some of the outputs, without the operations that only the others need."""
+        wanted, kept = np.zeros(len(self.sizes), dtype=np.int32), np.empty_like(self.steps)
+        wanted[list(outputs)] = np.arange(1, len(outputs) + 1)
+        live, count = np.zeros(self.slots, dtype=np.int8), ctypes.c_long(len(self.steps))
+        left = self.library.keep_outputs(count, *map(pointer, (self.steps, wanted, live, kept)))
+        return replace(self, steps=kept[:left].copy(), sizes=self.sizes[list(outputs)])
+
     def __call__(self, arrays: list[Array], outputs: list[Array]) -> None:
         """Fill the outputs, each (N, columns, rows), from the inputs, each (N, rows)."""
         given, made = ((ctypes.c_void_p * len(group))(*(a.ctypes.data for a in group)) for group in (arrays, outputs))
@@ -77,18 +85,26 @@ class Tape:
 
 @dataclass
 class Usage:
-    """How many points went through a function, and its tape once these are worth one."""
+    """How many points went through a function, and its tape once these are worth one; `part_of`: the function some of whose outputs
+    these are, and which, so that one reading serves both."""
 
     function: ca.Function
     operations: int
     points: int = 0
     tape: Tape | None = None
     tried: bool = False
+    part_of: "tuple[Usage, tuple[int, ...]] | None" = None
 
     def find_tape(self, points: int) -> Tape | None:
         """The tape, where the points so far and these are worth one and it can be made."""
         self.points += points
-        if not self.tried and self.points > WORTH + FIXED / self.operations:
+        if self.tried:
+            return self.tape
+        if self.part_of is not None:
+            whole, outputs = self.part_of
+            tape = whole.find_tape(points)
+            self.tried, self.tape = whole.tried, None if tape is None else tape.keep(outputs)
+        elif self.points > WORTH + FIXED / self.operations:
             self.tried, self.tape = True, Tape.of(self.function)
         return self.tape
 

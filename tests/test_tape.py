@@ -79,6 +79,35 @@ def test_many_points_take_the_tape_and_few_do_not() -> None:
         np.testing.assert_array_equal(many, np.tile(one, (40, 1, 1)))
 
 
+@needs_compiler
+@pytest.mark.parametrize("seed", range(4))
+def test_some_of_the_outputs_need_some_of_the_operations(seed: int) -> None:
+    function, rng = random_function(seed), np.random.default_rng(seed)
+    names = function.name_out()
+    arrays = [rng.normal(size=(70, k)) for k in (3, 2, 0)]
+    right, made = symbolic.call_casadi(function, arrays), tape.Tape.of(function)
+    assert made is not None
+    for outputs in ((0,), (2, 1), (1,), (2, 1, 0)):
+        part = symbolic.selected(function, tuple(names[i] for i in outputs))
+        kept = made.keep(outputs)
+        assert len(kept.steps) <= part.n_instructions() + 6
+        for i, found in zip(outputs, run(kept, part, arrays), strict=True):
+            np.testing.assert_array_equal(found, right[i])
+
+
+@needs_compiler
+def test_one_reading_serves_a_function_and_its_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    function, reads = random_function(41), []
+    monkeypatch.setattr(tape, "read_steps", lambda f, read=tape.read_steps: reads.append(f) or read(f))
+    part = symbolic.selected(function, (function.name_out()[1],))
+    arrays = np.random.default_rng(0).normal(size=(450, 3)), np.ones((450, 2)), np.zeros((450, 0))
+    for _ in range(2):
+        symbolic.evaluate(part, *arrays)
+        symbolic.evaluate(function, *arrays)
+    assert len(reads) == 1
+    assert len(tape.usage_of(part).tape.steps) < len(tape.usage_of(function).tape.steps)
+
+
 def test_what_cannot_be_read_is_left_to_casadi(monkeypatch: pytest.MonkeyPatch) -> None:
     x = ca.SX.sym("x")
     whole = [random_function(3), ca.Function("erf", [x], [ca.erf(x) + x]), ca.Function("mod", [x], [ca.fmod(x, 0.3)])]

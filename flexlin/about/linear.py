@@ -107,7 +107,7 @@ def with_control(plant: Linearization, control: Control) -> Linearization:
     closed = replace(
         plant, coefficients=ca.Function(found.name(), inputs, dense, found.name_in(), names), control=control
     )
-    need_finite(closed)
+    need_finite(closed, phases=1)  # the arm was looked at already
     return closed
 
 
