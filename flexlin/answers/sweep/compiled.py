@@ -26,6 +26,8 @@ PAYS = 1.0
 SHORT = 6
 NUMPY_VALUE = 1.5e-4
 """Seconds that NumPy takes for a value of four states; it grows with the cube of the states."""
+WIDE, MANY = 8, 400
+"""With so many coordinates or more `floquet` is what it is beside, and it takes so many values to be worth the compiler and the pilots."""
 LARGEST = 16
 """Coordinates up to which code with all sizes written out is compiled in a few seconds."""
 CLOSER, FINER = (1.15, 2.0), 2
@@ -40,7 +42,7 @@ def pays(loop: "ParametricLoop", values: int) -> bool:
     """Whether compiling takes less time than it saves."""
     n = loop.coordinates
     worth = values * NUMPY_VALUE * (n / 2) ** 3 > PAYS * max(1.0, (n / SHORT) ** 2)
-    return worth and n <= LARGEST and find_compiler() is not None
+    return worth and (n < WIDE or values >= MANY) and n <= LARGEST and find_compiler() is not None
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,11 @@ class CompiledBatches:
         scale = balance_coefficients(loop, points[np.linspace(0, len(points) - 1, BALANCED).astype(int)])
         needs = learn_needs(kernel, points, scale, tol)
         return cls(Later(loop), loop.linearization.may_be_narrow, tol, kernel, scale, needs, seconds)
+
+    @property
+    def hopeless(self) -> bool:
+        """Whether the pilots needed the most segments there are, or more: `floquet` takes less."""
+        return self.needs.usual >= STARTS[-1]
 
     @property
     def loop(self) -> "ParametricLoop":

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.about.free import ParametricLoop
-from flexlin.answers.loops import choose_loop
-from flexlin.answers.sweep.alone import OneByOne
+from flexlin.answers.loops import AnyLoop, choose_loop
+from flexlin.answers.sweep.alone import OneByOne, prefers_one_by_one
 from flexlin.answers.sweep.axes import check_axes, check_values, lay_out
 from flexlin.answers.sweep.batches import CHUNK_BYTES, NumpyBatches
 from flexlin.answers.sweep.compiled import CompiledBatches, pays
@@ -115,12 +115,17 @@ def prepare_job(
     check_values(count, chosen.states)
     found = Found.empty(len(points), chosen.states)
     found.verdict[:], found.reason[:] = MISSING, "not computed"
-    work: Work | None = None
-    if not isinstance(chosen, ParametricLoop):
-        work = OneByOne(chosen, tol)
-    elif pays(chosen, len(points)):
-        work = CompiledBatches.prepare(chosen, points, tol)
-    if work is None:
-        assert isinstance(chosen, ParametricLoop)
-        work = NumpyBatches.prepare(chosen, points, tol, chunk_bytes)
+    work = choose_work(chosen, points, tol, chunk_bytes)
     return Job(scene, axes, shape, dims, loop, tol, points, work, found, np.zeros(len(points), dtype=bool))
+
+
+def choose_work(loop: AnyLoop, points: Array, tol: float, chunk_bytes: int) -> Work:
+    """What computes the values with the least work, so far as is known before."""
+    if not isinstance(loop, ParametricLoop):
+        return OneByOne(loop, tol)
+    compiled = CompiledBatches.prepare(loop, points, tol) if pays(loop, len(points)) else None
+    if compiled is not None and not compiled.hopeless:
+        return compiled
+    if compiled is not None or prefers_one_by_one(loop, len(points)):
+        return OneByOne(loop, tol)
+    return NumpyBatches.prepare(loop, points, tol, chunk_bytes)

@@ -22,8 +22,8 @@ STEPS = 1.15, 2.0
 """Factors between the numbers of segments of a pilot's trials."""
 FURTHER = 4.0
 """Pilots that need so many times more than the others are given up."""
-PILOTS = 192
-"""Values that are tried."""
+PILOTS, FEWEST, EACH = 192, 24, 8
+"""Values that are tried: one of so many, within limits. A trial of one costs as much as some of the values."""
 WIDE = 2.0
 """Parameters that are positive and differ by more than this factor count by their logs."""
 DECIMALS = 6
@@ -76,7 +76,8 @@ def pack(wanted: Array) -> Iterator[tuple[int, Array]]:
 
 def learn_needs(kernel: CompiledKernel, points: Array, scale: Array, tol: float) -> Needs:
     """What values spread over the points (V, P) need, and the polynomial through it that makes the least work."""
-    pilots = points[np.unique((np.arange(PILOTS) * 0.6180339887498949 % 1.0 * len(points)).astype(int))]
+    count = np.arange(np.clip(len(points) // EACH, FEWEST, PILOTS))
+    pilots = points[np.unique((count * 0.6180339887498949 % 1.0 * len(points)).astype(int))]
     needs, spread = try_pilots(kernel, pilots, scale, tol)
     usable = np.isfinite(pilots).all(axis=1)
     inside = pilots[usable] if usable.any() else np.ones((1, points.shape[1]))
