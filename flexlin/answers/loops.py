@@ -27,6 +27,8 @@ OUTSIDE = ("accuracy", "designs", "drives", "uncertainty")
 """Tables of a scene whose numbers stand in the equations of no loop."""
 SAMPLED = ("table", "tip-path")
 """Kinds of motions that are no expressions of their numbers."""
+TIMES = ("motion.move_time", "motion.dwell_time")
+"""Numbers that move the breaks of a motion."""
 NEARBY, PROBES = 0.03, 17
 """How far from the scene's own numbers, and at how many phases, two ways to the same equations are compared."""
 
@@ -117,7 +119,7 @@ def choose_loop(scene: Scene, paths: Iterable[str], loop: str = "own", tol: floa
 
 def leave_free(scene: Scene, paths: tuple[str, ...], closed: bool) -> ParametricLoop | RebuiltLoop:
     """The scene's own loop or the open arm with free numbers: as symbols, or derived anew at each point where that cannot be."""
-    sampled = scene.motion.kind in SAMPLED
+    sampled = scene.motion.kind in SAMPLED or any(path in TIMES for path in paths)
     if not sampled and not any(path.startswith(f"{PARAMETERS}.") for path in paths):
         return parametric_loop(scene, paths, closed=closed)
     rebuilt = RebuiltLoop(scene, paths, closed, 0)
@@ -137,7 +139,7 @@ def leave_free(scene: Scene, paths: tuple[str, ...], closed: bool) -> Parametric
 def can_stay_free(scene: Scene, paths: Iterable[str]) -> bool:
     """Whether these numbers can be symbols in the equations, and mean the same there without a look at a model's code."""
     moving = scene.motion.kind not in SAMPLED and getattr(scene.motion, "course", "") != "one-way"
-    return moving and not any(path.startswith("parameters.") for path in paths)
+    return moving and not any(path.startswith("parameters.") or path in TIMES for path in paths)
 
 
 def need_numbers(scene: Scene, paths: Iterable[str]) -> None:

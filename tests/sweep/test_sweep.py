@@ -86,8 +86,17 @@ def test_a_motion_with_breaks(scene):
     exact = rebuilt(scene, "effects.payload.mass", values[2], 1e-10)
     apart = np.abs(result.exponents.values[2][:, None] - exact.exponents).min(axis=1)
     assert np.all(apart <= 3e-8 * np.maximum(1.0, np.abs(exact.exponents)))
-    with pytest.raises(ArgumentError, match="moves the breaks"):
-        sweep(scene, {"motion.move_time": [0.5, 0.6]})
+    moved = sweep(
+        scene, {"motion.move_time": [0.4, 0.6], "effects.payload.mass": [0.03, 0.08]}
+    )  # derived anew: breaks move
+    exact = fl.load_scene(
+        "single-link",
+        {"links.0.modes": 1, "designs": [], "motion": {**moves, "move_time": 0.6}, "effects.payload.mass": 0.08},
+    )
+    loop = fl.linearize(fl.build_manipulator(exact), exact.motion, exact.control)
+    assert np.allclose(moved.exponents[1], fl.floquet(loop.periodic_system()).exponents, rtol=1e-7)
+    assert float(moved.period[1]) == pytest.approx(loop.period)
+    assert float(moved.period[0]) < loop.period
 
 
 @pytest.mark.parametrize(

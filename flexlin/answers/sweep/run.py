@@ -161,10 +161,8 @@ def is_portable(work: Work) -> bool:
         return False
     loop = getattr(work, "loop", None)
     loop = loop.plant if isinstance(loop, RedesignedLoop) else loop
-    return (
-        not isinstance(loop, RebuiltLoop)
-        or (models_folder() / f"{str(loop.scene.model).replace('-', '_')}.py").exists()
-    )
+    model = loop.scene.model if isinstance(loop, RebuiltLoop) else None
+    return model is None or (models_folder() / f"{model.replace('-', '_')}.py").exists()
 
 
 def need_portable(work: Work) -> None:
