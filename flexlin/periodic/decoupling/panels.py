@@ -9,10 +9,11 @@ from flexlin.checks import Array
 from flexlin.periodic.chebyshev import chebyshev_nodes
 from flexlin.periodic.circle import match_logs
 from flexlin.periodic.decoupling.decoupled import Refusal, as_real
-from flexlin.periodic.decoupling.exponents import SAFETY, STAGES, STEP, UNRESOLVED, DecoupledExponents
+from flexlin.periodic.decoupling.exponents import DecoupledExponents
 from flexlin.periodic.decoupling.frames import open_frame
 from flexlin.periodic.decoupling.grouping import Group, follow_modes, grouped_modes
 from flexlin.periodic.decoupling.interval import KEPT, filter_interval, integrate_interval, sample_interval
+from flexlin.periodic.decoupling.several import SAFETY, STAGES, STEP, UNRESOLVED
 from flexlin.periodic.decoupling.superadiabatic import mixing, rounds, sylvester
 from flexlin.periodic.decoupling.waves import apply
 from flexlin.periodic.product.balancing import GROUP_CONDITION

@@ -9,7 +9,7 @@ from flexlin.checks import Array
 from flexlin.periodic.circle import wrap_log
 from flexlin.periodic.decoupling.compiled import tabulate_waves
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
-from flexlin.periodic.decoupling.exponents import SAFETY
+from flexlin.periodic.decoupling.several import SAFETY
 from flexlin.periodic.decoupling.tame import FASTEST, INDEPENDENT, LEAST, MORE, STAGES, STEP, measure_size
 from flexlin.periodic.decoupling.tame import SAFETY as METHOD_SAFETY
 from flexlin.periodic.native.library import address

@@ -77,9 +77,9 @@ def solve_steady(system: PeriodicSystem, tol: float) -> tuple[Array, Array, Sett
 
 
 def hide_enclosed(exponents: Array, errors: Array) -> Array:
-    """Mark by inf what is only enclosed, on the stable side of the slowest mode that is known."""
+    """Mark by inf what is only enclosed, if it lies below all that is known: the others keep their enclosures as errors."""
     known = errors <= ENCLOSED * np.maximum(1.0, np.abs(exponents))
     if not known.any():
         return errors
-    slowest = float((exponents.real - errors)[known].max())
-    return np.where(~known & (exponents.real + errors < slowest), np.inf, errors)
+    lowest = float((exponents.real - errors)[known].min())
+    return np.where(~known & (exponents.real + errors < lowest), np.inf, errors)

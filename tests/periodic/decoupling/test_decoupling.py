@@ -15,6 +15,7 @@ from flexlin.periodic.decoupling.grouping import Group, block_mask
 from flexlin.periodic.decoupling.panels import panel_exponents
 from flexlin.periodic.decoupling.superadiabatic import sylvester
 from flexlin.periodic.decoupling.waves import circle_derivative, interpolated, shifted
+from flexlin.periodic.floquet.decoupled import hide_enclosed
 from studies.scaling import scene_of
 from tests.periodic.rotated import KINDS, Rotated, Turn, Wave, random_system, wave
 
@@ -227,3 +228,46 @@ def test_panels_agree_with_the_engine_on_pick_and_place():
     assert (apart <= answer.errors + engine.errors).all()
     assert answer.errors.max() < 1e-8
     assert isinstance(decouple(system.A, system.period, system.breaks), Refusal)
+
+
+def test_what_is_hidden_lies_below_all_that_is_known():
+    """An enclosure between known exponents is said as it is: inf promises that an exponent lies below the others."""
+    exponents = np.array([300.0, 60.0, -80.0, -80.0, -250.0, -5000.0])
+    errors = np.array([1e-9, 1e-9, 30.0, 30.0, 1e-9, 600.0])
+    assert hide_enclosed(exponents, errors).tolist() == [1e-9, 1e-9, 30.0, 30.0, 1e-9, np.inf]
+
+
+def group_of(values, size, period):
+    """A decoupled system that is one real group, or a complex one beside its conjugates, and what is not known of it."""
+    p, real = len(size), not np.iscomplexobj(values)
+    whole = np.zeros((len(values), *(2 * (p,) if real else 2 * (2 * p,))), complex)
+    unknown = np.zeros(whole.shape[1:])
+    for k, part in enumerate([slice(0, p)] if real else [slice(0, p), slice(p, 2 * p)]):
+        whole[:, part, part], unknown[part, part] = values.conj() if k else values, size
+    groups = (Group(0, p, 0),) if real else (Group(0, p, 1), Group(p, 2 * p, 0))
+    times, none = period * np.arange(len(values)) / len(values), np.zeros(len(groups), bool)
+    return Decoupled(period, times, whole, whole, whole, groups, none, unknown, np.zeros_like(unknown), 1)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_group_claims_what_the_worst_signs_of_the_unknown_do(seed):
+    """Constant non-normal groups of nine: left and right vectors give each exponent's worst perturbation of the unknown's size."""
+    rng, p, period = np.random.default_rng(seed), 9, 2.0
+    left, _, right = np.linalg.svd(rng.standard_normal((p, p)) + (1j * rng.standard_normal((p, p)) if seed % 2 else 0))
+    V = left @ np.diag(np.geomspace(1, 0.02, p)) @ right
+    rates = -np.linspace(1, 40, p) + (1j * rng.uniform(-1, 1, p) if seed % 2 else 0)
+    B = V @ np.diag(rates) @ np.linalg.inv(V)
+    size = 1e-8 * rng.random((p, p))
+    answer = decoupled_exponents(group_of(np.broadcast_to(B, (64, p, p)), size, period))
+    assert answer.errors.max() < 1e-3
+    right = np.linalg.eig(B).eigenvectors
+    left = np.linalg.inv(right)
+    for k in range(p):
+        slope = np.outer(left[k], right[:, k])
+        E = size * (slope.conj() / np.abs(slope) if seed % 2 else np.sign(slope.real))
+        moved = np.linalg.eigvals(B + E)
+        w = 2 * np.pi / period
+        gap = answer.exponents[:, None] - moved
+        apart = np.abs(gap - 1j * w * np.round(gap.imag / w))
+        found = apart.argmin(axis=0)
+        assert (apart.min(axis=0) <= answer.errors[found]).all()

@@ -11,9 +11,9 @@ from flexlin.periodic.decoupling import steady
 from flexlin.periodic.decoupling.coordinates import find_coordinates
 from flexlin.periodic.decoupling.coupling import residual_effect
 from flexlin.periodic.decoupling.decoupled import Decoupled, Diagonal, Refusal
-from flexlin.periodic.decoupling.exponents import find_unknown
 from flexlin.periodic.decoupling.grouping import Group
 from flexlin.periodic.decoupling.mean_modes import find_mean_modes
+from flexlin.periodic.decoupling.several import find_unknown
 from flexlin.periodic.decoupling.steady import bound_residual, decouple_steady, in_states
 from flexlin.periodic.decoupling.steady_exponents import follow_group
 from flexlin.periodic.decoupling.tame import tame_exponents
