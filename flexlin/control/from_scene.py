@@ -34,11 +34,12 @@ def scene_feedback(closed: Linearization, name: str = "the scene's own") -> Desi
 
     Examples
     --------
+    >>> import numpy as np
     >>> import flexlin as fl
     >>> pid = {"kind": "pid", "kp": [3.0], "kd": [0.5], "ki": [2.0]}
     >>> scene = fl.load_scene("single-link", {"control.feedback": pid, "designs": []})
     >>> made = fl.control.scene_feedback(fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control))
-    >>> made.K(0.0)[0].tolist(), made.controller.names
+    >>> made.K(np.zeros(1))[0].tolist(), made.controller.names
     ([[3.0, 0.0, 0.0, 0.5, 0.0, 0.0, 2.0]], ('q1_integral',))
     """
     if closed.control is None:

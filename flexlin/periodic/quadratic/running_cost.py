@@ -50,7 +50,7 @@ def judge_by_cost(
         horizon=T,
         periodic=True,
         series=FourierSeries(X.coefficients[:, :, :n].copy(), T),
-        error=k + 8 * ROUNDING,
+        error=float(k + 8 * ROUNDING),
         gain_error=bound_gain_error(problem, t, values[few], k),
         method_error=k,
         residual=residual / (float(np.abs(values).max()) * max(rate, 1 / T)),
