@@ -10,6 +10,7 @@ from flexlin.series.embedding import Coefficients, Embedded, whole
 from flexlin.series.indices import TABLES, Indices, head_of, kept_indices, shared_indices
 from flexlin.series.nodes import Choice, Node, Product, Sum
 from flexlin.series.space import Numeric
+from flexlin.series.stages import find_stages
 from flexlin.series.tape import Tape
 
 
@@ -70,23 +71,33 @@ def expand_by_support(tape: Tape, point: Array, order: int) -> list[Array]:
     """Return the series of all outputs in all variables of the tape's one input; nan or infinite where they do not exist."""
     supports = find_supports(tape, order)
     spaces = [Numeric(one.indices(len(point), order)) for one in supports]
-    series = [space.zero() for space in spaces]
+    series = [np.zeros(0)] * tape.size
     for node, value in zip(tape.inputs[0], point, strict=True):
+        series[node] = spaces[node].zero()
         series[node][: min(2, len(series[node]))] = [value, 1.0][: len(series[node])]
     for node, value in tape.constants.items():
-        series[node][0] = value
-    readings = {node: Reading(series, supports, node, spaces) for node, _ in tape.operations}
-    for node, operation in tape.operations:
-        series[node][:1] = operation.value(spaces[node], readings[node])
-    for k in range(1, order + 1):
-        for node, operation in tape.operations:
-            if k <= supports[node].reach:
-                series[node][spaces[node].indices.degree(k)] = operation.part(spaces[node], readings[node], k)
+        series[node] = np.array([value])
+    for stage in find_stages(tape):
+        for node, operation in stage.operations:
+            series[node] = spaces[node].zero()
+            series[node][:1] = operation.value(spaces[node], Reading(series, supports, node, spaces))
+        for k in range(1, order + 1):
+            for node, operation in stage.operations:
+                if k <= supports[node].reach:
+                    part = operation.part(spaces[node], Reading(series, supports, node, spaces), k)
+                    series[node][spaces[node].indices.degree(k)] = part
+        for node in stage.over:
+            series[node] = np.zeros(0)
     wide = shared_indices(len(point), order)
     return [whole(Embedded(series[i], spaces[i].indices, wide, supports[i].variables, order)) for i in tape.outputs[0]]
 
 
 def bytes_of(tape: Tape, n: int, order: int) -> int:
-    """Return the memory that the series of a tape in n variables, its outputs and one product take."""
+    """Return the memory that the series of a tape in n variables that are needed at once, its outputs and one product take."""
     sizes = [comb(len(one.variables) + order, order) for one in find_supports(tape, order)]
-    return 8 * (sum(sizes) + (2 * len(tape.outputs[0]) + 2) * comb(n + order, order) + TABLES)
+    held = most = sum(sizes[i] for i in tape.inputs[0])
+    for stage in find_stages(tape):
+        held += sum(sizes[node] for node, _ in stage.operations)
+        most = max(most, held)
+        held -= sum(sizes[node] for node in stage.over)
+    return 8 * (most + (2 * len(tape.outputs[0]) + 2) * comb(n + order, order) + TABLES)

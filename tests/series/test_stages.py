@@ -1,0 +1,53 @@
+"""Series of an expression are held while they are read: the memory does not grow with its length."""
+
+import tracemalloc
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.series.recording import record_expressions
+from flexlin.series.stages import find_stages, nodes_read
+from flexlin.series.support import bytes_of
+
+
+def chain(x, factors):
+    """A product of sines, roots, quotients and angles of all variables."""
+    result, rng = 1.0, np.random.default_rng(2)
+    for k in range(factors):
+        y = ca.dot(ca.DM(rng.normal(size=x.numel())), x)
+        result = result * [ca.sin(y) + 1.5, ca.sqrt(2 + ca.cos(y)), 1 / (3 + y * y), 1 + ca.atan2(y, 2 + y)][k % 4]
+    return result
+
+
+def test_stages_read_nothing_that_is_over_or_still_to_come():
+    x = ca.SX.sym("x", 3)
+    tape = record_expressions("A", [chain(x, 12), ca.if_else(x[0] > 0, x[1] ** 3.5, ca.tan(x[2]))], [x])
+    at_hand = {*tape.inputs[0], *tape.constants}
+    stages = find_stages(tape)
+    assert len(stages) > 20
+    for stage in stages:
+        at_hand |= {node for node, _ in stage.operations}
+        assert {one for _, operation in stage.operations for one in nodes_read(operation)} <= at_hand
+        at_hand -= set(stage.over)
+    assert set(tape.outputs[0]) <= at_hand
+    assert len(at_hand - set(tape.constants)) <= len(tape.outputs[0]) + len(tape.inputs[0])
+
+
+@pytest.mark.slow
+def test_memory_does_not_grow_with_the_length():
+    x, order = ca.SX.sym("x", 5), 8
+    fl.taylor(chain(x, 4), x, np.zeros(5) + 0.1, order)  # tables are kept
+    peaks, bounds = [], []
+    for factors in (8, 32):
+        A = chain(x, factors)
+        bounds.append(bytes_of(record_expressions("A", [A], [x]), 5, order))
+        tracemalloc.start()
+        P = fl.taylor(A, x, np.zeros(5) + 0.1, order)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert bounds[1] <= bounds[0] + 1000
+    assert peaks[1] < 1.3 * peaks[0] + 2**17  # the longer tape itself
+    h = 0.003 * np.cos(np.arange(5))
+    assert abs(P(h).item() / float(ca.Function("f", [x], [A])(0.1 + h)) - 1) < 1e-11
