@@ -76,8 +76,9 @@ def place_cubic(first: Vertices, second: Vertices, share: Array) -> Array:
 
 def find_middles(
     first: Vertices, second: Vertices, function: SpectraFunction, accuracy: float
-) -> tuple[Vertices, Array]:
-    """Points of the boundary on the normals of the cubics' middles, and how far off they lie (V,); infinite where none was met."""
+) -> tuple[Vertices, Array, Array]:
+    """Points of the boundary on the normals of the cubics' middles, how far off they lie (V,), infinite where none was met, and the
+    margin's slopes there (V,)."""
     middle, normal, length = cubic_middle(first, second)
     undamped, angles = first.undamped & second.undamped, mean_angles(first.angles, second.angles)
 
@@ -89,14 +90,27 @@ def find_middles(
     met = np.flatnonzero(start.at_a * start.at_b <= 0)
     chosen = SignedEnds(start.a[met], start.b[met], start.at_a[met], start.at_b[met])
     ends = solve_brackets(lambda k, x: margin(met[k], x)[0], chosen, accuracy)
-    offset, error = np.full(len(middle), np.inf), np.zeros(len(middle))
+    offset, error, slope = np.full(len(middle), np.inf), np.zeros(len(middle)), np.full(len(middle), 1e-300)
     offset[met] = ends.best
     left, uncertain = margin(met, ends.best)
     reach = np.maximum(np.abs(chosen.b - chosen.a), 1e-300)
-    slope = np.maximum(np.abs(chosen.at_b - chosen.at_a) / reach, 1e-300)
-    error[met] = np.minimum((np.abs(left) + uncertain) / slope, reach) + ends.width / 2
+    slope[met] = np.maximum(np.abs(chosen.at_b - chosen.at_a) / reach, 1e-300)
+    error[met] = np.minimum((np.abs(left) + uncertain) / slope[met], reach) + ends.width / 2
     points = np.clip(middle + np.where(np.isfinite(offset), offset, 0.0)[:, None] * normal, 0.0, 1.0)
-    return Vertices(points, np.zeros_like(points), error, angles, undamped), np.abs(offset)
+    return Vertices(points, np.zeros_like(points), error, angles, undamped), np.abs(offset), slope
+
+
+def measure_quarters(
+    first: Vertices, second: Vertices, found: Vertices, slope: Array, function: SpectraFunction
+) -> Array:
+    """How far off the boundary lies a quarter of the way from either end of the cubics (V,), by the margin there and its slopes (V,).
+
+    A cubic whose directions are wrong may leave the boundary on either side of a middle that lies on it.
+    """
+    places = np.clip(place_cubic(first, second, np.array([0.25, 0.75])), 0.0, 1.0)
+    spectra = function(places.reshape(-1, 2))
+    left, uncertain = measure_margins(spectra, np.repeat(found.undamped, 2), np.repeat(found.angles, 2))
+    return np.asarray(np.maximum(np.abs(left) - uncertain, 0.0).reshape(-1, 2).max(axis=1) / slope)
 
 
 def mean_angles(first: Array, second: Array) -> Array:
@@ -125,7 +139,7 @@ def enclose_boundary(margin: Callable[[Array, Array], Array], length: Array) -> 
 def refine_pieces(
     vertices: Vertices, pairs: Array, function: SpectraFunction, tol: float, step: float
 ) -> tuple[Vertices, Array, Array]:
-    """Halve the pieces between pairs (P, 2) of vertices until the boundary's middle lies within tol / 2 of each cubic.
+    """Halve the pieces between pairs (P, 2) of vertices until each cubic lies within tol / 2 of the boundary at its middle and its quarter.
 
     Returns: all vertices; for each the one that follows it, -1 where none does, and how far the boundary lay off; inf: it was not met.
     """
@@ -134,9 +148,13 @@ def refine_pieces(
         if not len(pairs):
             break
         first, second = vertices.at(pairs[:, 0]), vertices.at(pairs[:, 1])
-        found, off = find_middles(first, second, function, tol / 8)
+        found, off, slope = find_middles(first, second, function, tol / 8)
         length = np.linalg.norm(second.points - first.points, axis=1)
         short = length <= np.maximum(tol, BLURRED * np.maximum(first.errors, second.errors))
+        near = np.flatnonzero((off <= tol / 2) & ~short)
+        off[near] = np.maximum(
+            off[near], measure_quarters(first.at(near), second.at(near), found.at(near), slope[near], function)
+        )
         done = (off <= tol / 2) | short | ~np.isfinite(off)
         links.append((pairs[done], np.where(short, np.minimum(off, length), off)[done]))
         new = found.at(~done)
