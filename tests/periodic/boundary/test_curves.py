@@ -35,7 +35,7 @@ class Meissner:
         return Spectra(np.log(multipliers), np.repeat(error, 2, axis=1))
 
     def distance(self, points, scale=SPAN):
-        """Distance of points (N, 2) of the unit square from the boundary |trace| = 2 cosh(pi d), in units in which the sides are `scale`."""
+        """Distance of points (N, 2) of the unit square from the boundary |trace| = 2 cosh(pi d), where the sides measure `scale`."""
 
         def excess(x):
             (a, q), d = (LOW + SPAN * x).T, self.damping
