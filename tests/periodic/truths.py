@@ -11,6 +11,8 @@ from tests.periodic.chains import Real
 
 STAGES = 12
 HALF_ULP = 2.0**-53
+PRODUCT = 3e-19
+"""Rounding of an entry of a product of extended numbers, relative to its terms."""
 
 
 def folded(exponents, period):
@@ -137,7 +139,10 @@ class Truth:
 
 
 def integrated(A, panels, period):
-    """Exponents of x' = A x from panels that cover a period, with the first-order effect of relative roundings HALF_ULP of A."""
+    """Exponents of x' = A x from panels that cover a period, with the first-order effect of relative roundings HALF_ULP of A.
+
+    The products themselves carry roundings of their entries' sizes: a multiplier that is small beside them is known less well.
+    """
     transitions, weight = panel_transitions(A, np.asarray(panels, Real))
     n = transitions.shape[-1]
     before = [np.eye(n, dtype=Real)]
@@ -155,6 +160,8 @@ def integrated(A, panels, period):
     last = np.abs(y @ np.array(after[-2::-1], float))  # (panels, i, n)
     rounded = np.einsum("kia,kab,kbi->i", last, HALF_ULP * weight.astype(float), first)
     arithmetic = 1e-18 * np.einsum("kia,kai->i", last, first)
+    product = np.abs(np.array(before[1:], float)) @ np.abs(x)
+    arithmetic += PRODUCT * np.sqrt((np.einsum("kia,kai->ki", last, product) ** 2).sum(axis=0))
     own = np.abs(np.einsum("ia,ai->i", y, x)) * sizes * period
     return Truth(exponents, near_double(exponents, (rounded + arithmetic) / np.maximum(own, 1e-300), period))
 
