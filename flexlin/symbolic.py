@@ -1,5 +1,6 @@
 """The one checked door between CasADi and NumPy: many points, one mapped call."""
 
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -39,15 +40,31 @@ def mapped(function: ca.Function, points: int) -> ca.Function:
 @lru_cache(maxsize=64)
 def selected(function: ca.Function, names: tuple[str, ...]) -> ca.Function:
     """The function with some of its outputs only, and without the work for the others (kept: a loop is asked at many values)."""
-    inputs, known = function.sx_in(), function.name_out()
-    outputs = dict(zip(known, function.call(inputs), strict=True))
-    part = ca.Function(function.name(), inputs, [outputs[name] for name in names], function.name_in(), list(names))
-    usage_of(part).part_of = usage_of(function), tuple(map(known.index, names))
-    return part
+    inputs = function.sx_in()
+    outputs = dict(zip(function.name_out(), function.call(inputs), strict=True))
+    return ca.Function(function.name(), inputs, [outputs[name] for name in names], function.name_in(), list(names))
 
 
-def evaluate(function: ca.Function, *arguments: Array) -> tuple[Array, ...]:
-    """Evaluate a CasADi function at N points at once.
+@dataclass(frozen=True)
+class Part:
+    """Some outputs of a function: its operations are read once for all parts, and CasADi makes one only where few points need it."""
+
+    whole: ca.Function
+    names: tuple[str, ...]
+
+    @property
+    def function(self) -> ca.Function:
+        """The part as a function of its own."""
+        return selected(self.whole, self.names)
+
+    @property
+    def places(self) -> tuple[int, ...]:
+        """Where the outputs stand among those of the whole."""
+        return tuple(map(self.whole.name_out().index, self.names))
+
+
+def evaluate(function: ca.Function | Part, *arguments: Array) -> tuple[Array, ...]:
+    """Evaluate a CasADi function, or a part of one, at N points at once.
 
     Assumes dense inputs and outputs, each input a column vector.
 
@@ -55,7 +72,7 @@ def evaluate(function: ca.Function, *arguments: Array) -> tuple[Array, ...]:
     Returns: one array (N, rows, columns) for each output.
     Raises: ArgumentError when the number of inputs or a shape does not fit (nothing is broadcast), or a number is not finite.
     """
-    arrays = checked_inputs(function, arguments)
+    arrays = checked_inputs(function.whole if isinstance(function, Part) else function, arguments)
     points = len(arrays[0])
     chunks = [call(function, [a[i : i + CHUNK] for a in arrays]) for i in range(0, points, CHUNK)]
     if len(chunks) == 1:
@@ -94,20 +111,48 @@ def layout(function: ca.Function) -> tuple[tuple[tuple[str, int], ...], tuple[tu
     return inputs, tuple(function.size_out(i) for i in range(function.n_out()))
 
 
-def call(function: ca.Function, arrays: list[Array]) -> list[Array]:
+def call(function: ca.Function | Part, arrays: list[Array]) -> list[Array]:
     """Run one mapped call; column-major memory is (N, columns, rows) here. A function that many points go through gets a tape."""
     points = len(arrays[0])
-    if points < FEW:
+    if isinstance(function, Part):
+        return call_part(function, arrays)
+    tape = find_tape(function, arrays)
+    if tape is None or points < FEW:
         return call_casadi(function, arrays)
-    usage = usage_of(function)
-    first, tape = usage.tape is None, usage.find_tape(points)
-    if tape is not None and first and not agrees(function, tape, [array[:CHECKED] for array in arrays]):
-        tape = usage.tape = None
-    if tape is None:
-        return call_casadi(function, arrays)
-    outputs = empty_outputs(function, points)
+    return run_tape(tape, arrays, empty_outputs(function, points))
+
+
+def call_part(part: Part, arrays: list[Array]) -> list[Array]:
+    """By the tape of the whole; a few points go through the whole before it is worth one, since making the part takes longer."""
+    tape, places = find_tape(part.whole, arrays), part.places
+    if tape is not None:
+        outputs = empty_outputs(part.whole, len(arrays[0]))
+        return run_tape(kept_outputs(tape, places), arrays, [outputs[i] for i in places])
+    if usage_of(part.whole).tried:
+        return call_casadi(part.function, arrays)
+    found = call_casadi(part.whole, arrays)
+    return [found[i] for i in places]
+
+
+def run_tape(tape: Tape, arrays: list[Array], outputs: list[Array]) -> list[Array]:
+    """The outputs (N, rows, columns), which the tape fills."""
     tape(arrays, outputs)
     return [output.transpose(0, 2, 1) for output in outputs]
+
+
+def find_tape(function: ca.Function, arrays: list[Array]) -> Tape | None:
+    """The tape of a function that so many points more go through, once it is worth one and gives what CasADi gives."""
+    usage = usage_of(function)
+    first, tape = usage.tape is None, usage.find_tape(len(arrays[0]))
+    if tape is not None and first and not agrees(function, tape, [array[:CHECKED] for array in arrays]):
+        usage.tape = None
+    return usage.tape
+
+
+@lru_cache(maxsize=64)
+def kept_outputs(tape: Tape, outputs: tuple[int, ...]) -> Tape:
+    """The tape of some outputs (kept: a loop is asked at many values)."""
+    return tape.keep(outputs)
 
 
 def agrees(function: ca.Function, tape: Tape, arrays: list[Array]) -> bool:

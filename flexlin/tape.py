@@ -85,26 +85,18 @@ class Tape:
 
 @dataclass
 class Usage:
-    """How many points went through a function, and its tape once these are worth one; `part_of`: the function some of whose outputs
-    these are, and which, so that one reading serves both."""
+    """How many points went through a function, and its tape once these are worth one."""
 
     function: ca.Function
     operations: int
     points: int = 0
     tape: Tape | None = None
     tried: bool = False
-    part_of: "tuple[Usage, tuple[int, ...]] | None" = None
 
     def find_tape(self, points: int) -> Tape | None:
         """The tape, where the points so far and these are worth one and it can be made."""
         self.points += points
-        if self.tried:
-            return self.tape
-        if self.part_of is not None:
-            whole, outputs = self.part_of
-            tape = whole.find_tape(points)
-            self.tried, self.tape = whole.tried, None if tape is None else tape.keep(outputs)
-        elif self.points > WORTH + FIXED / self.operations:
+        if not self.tried and self.points > WORTH + FIXED / self.operations:
             self.tried, self.tape = True, Tape.of(self.function)
         return self.tape
 

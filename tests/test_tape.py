@@ -99,13 +99,28 @@ def test_some_of_the_outputs_need_some_of_the_operations(seed: int) -> None:
 def test_one_reading_serves_a_function_and_its_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     function, reads = random_function(41), []
     monkeypatch.setattr(tape, "read_steps", lambda f, read=tape.read_steps: reads.append(f) or read(f))
-    part = symbolic.selected(function, (function.name_out()[1],))
+    part = symbolic.Part(function, (function.name_out()[1],))
     arrays = np.random.default_rng(0).normal(size=(450, 3)), np.ones((450, 2)), np.zeros((450, 0))
     for _ in range(2):
         symbolic.evaluate(part, *arrays)
         symbolic.evaluate(function, *arrays)
+        few = symbolic.evaluate(part, *(array[:2] for array in arrays))
     assert len(reads) == 1
-    assert len(tape.usage_of(part).tape.steps) < len(tape.usage_of(function).tape.steps)
+    right = symbolic.call_casadi(part.function, list(arrays))
+    np.testing.assert_array_equal(symbolic.evaluate(part, *arrays)[0], right[0])
+    np.testing.assert_array_equal(few[0], right[0][:2])
+
+
+def test_parts_without_a_compiler_are_functions_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tape, "find_library", lambda: None)
+    function = random_function(43)
+    part = symbolic.Part(function, tuple(function.name_out()[i] for i in (2, 0)))
+    arrays = [np.random.default_rng(0).normal(size=(900, k)) for k in (3, 2, 0)]
+    right = symbolic.call_casadi(function, arrays)
+    for size in (2, 900):
+        for i, found in zip((2, 0), symbolic.evaluate(part, *(array[:size] for array in arrays)), strict=True):
+            np.testing.assert_array_equal(found, right[i][:size])
+    assert symbolic.selected.cache_info().currsize > 0
 
 
 def test_what_cannot_be_read_is_left_to_casadi(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -101,7 +101,7 @@ class Deviation:
             return [motion.phase_of(np.array([t])), self.arm.parameters.values]
         return [*(part[0] for part in motion.sample(np.array([t]))), self.arm.parameters.values]
 
-    def evaluate(self, function: ca.Function, t: Array, *inputs: Array) -> tuple[Array, ...]:
+    def evaluate(self, function: ca.Function | symbolic.Part, t: Array, *inputs: Array) -> tuple[Array, ...]:
         """A function's outputs (N, rows, columns) at times (N,), in one mapped call."""
         return symbolic.evaluate(function, *inputs, *self.place(t))
 

@@ -12,7 +12,7 @@ from flexlin.mechanics.coordinates import Coordinate
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion
 from flexlin.summary import represent
-from flexlin.symbolic import selected
+from flexlin.symbolic import Part
 
 
 @dataclass(frozen=True)
@@ -222,17 +222,17 @@ class SecondOrderEquations:
         return M, B
 
     @cached_property
-    def _equations(self) -> ca.Function:
-        return selected(self.coefficients, ("M", "D", "K"))
+    def _equations(self) -> Part:
+        return Part(self.coefficients, ("M", "D", "K"))
 
     @cached_property
-    def _inputs(self) -> ca.Function:
-        return selected(self.coefficients, ("M", "B"))
+    def _inputs(self) -> Part:
+        return Part(self.coefficients, ("M", "B"))
 
     @cached_property
-    def _forces(self) -> ca.Function:
-        return selected(self.coefficients, ("M", "h"))
+    def _forces(self) -> Part:
+        return Part(self.coefficients, ("M", "h"))
 
     @cached_property
-    def _torque(self) -> ca.Function:
-        return selected(self.coefficients, ("tau",))
+    def _torque(self) -> Part:
+        return Part(self.coefficients, ("tau",))
