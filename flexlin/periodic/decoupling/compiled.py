@@ -8,7 +8,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.companion import build_companion
-from flexlin.periodic.decoupling.coordinates import ENOUGH, MAX_ROUNDS, NEAR, SHRINK
+from flexlin.periodic.decoupling.coordinates import BEYOND, ENOUGH, LEAST, MAX_ROUNDS, NEAR, SHRINK
 from flexlin.periodic.decoupling.decouple import ROUGH, SPARSE
 from flexlin.periodic.decoupling.decoupled import Decoupled, Diagonal
 from flexlin.periodic.decoupling.mean_modes import MeanModes
@@ -99,7 +99,7 @@ def decouple_compiled(
     blocks = coefficients.blocks if isinstance(coefficients, ResolvedCompanion) else coefficients
     tables = tabulate_waves(nodes // 2)
     out = np.empty(3 * 2 * A.size + 2 * n * n + 3 * n)
-    limits = np.array([NEAR, ENOUGH, SHRINK, SLOW_PART, ROUGH, tol, EPS, ROUNDINGS * EPS, COHERENT / 3])
+    limits = np.array([ENOUGH, SHRINK, SLOW_PART, ROUGH, tol, EPS, ROUNDINGS * EPS, COHERENT / 3, NEAR, BEYOND, LEAST])
     second = (
         (0, 0)
         if samples.blocks is None or samples.inverse is None

@@ -8,9 +8,10 @@ from flexlin.checks import Array
 from flexlin.periodic.decoupling.mean_modes import MeanModes
 from flexlin.periodic.decoupling.waves import KEPT, circle_derivative, harmonics, interleaved, shifted
 
-NEAR = 0.2
-"""A harmonic whose frequency comes closer to the gap of two eigenvalues than this part of it stays: it would not shrink."""
-ENOUGH, SHRINK = 0.02, 0.8
+NEAR, BEYOND, LEAST = 0.2, 1.5, 0.05
+"""A harmonic whose frequency comes closer to the gap of two eigenvalues stays, since it would not shrink: closer than NEAR of the gap, than
+BEYOND times what the two deviate from their means, and than LEAST of the basic frequency where they deviate by less."""
+ENOUGH, SHRINK = 2e-3, 0.8
 """Rounds end when the coupling's effect is this part of what is allowed, or shrinks by less than this factor."""
 MAX_ROUNDS = 12
 
@@ -59,13 +60,22 @@ def find_coordinates(own: Array, modes: MeanModes, period: float, allowed: Array
     return Coordinates(P, slope, inverse, inverse @ (own @ P - slope), made)
 
 
+def find_nearest(B: Array, b: Array, outside: Array, w: float) -> Array:
+    """How close a harmonic may come to the gap of each pair of modes (n, n), b (n,) the means of the diagonal, w the basic frequency."""
+    inner = np.where(outside | np.eye(len(b), dtype=bool), 0, np.abs(B).max(axis=0)).sum(axis=1)
+    away = np.abs(np.einsum("tii->ti", B) - b).max(axis=0) + inner
+    nearest = np.minimum(NEAR * np.abs(b[:, None] - b), np.maximum(BEYOND * (away[:, None] + away), LEAST * w))
+    return np.asarray(nearest)
+
+
 def step_once(B: Array, outside: Array, frequency: Array, allowed: Array) -> tuple[Array, Array, float]:
     """S and S' at the nodes, and the largest effect of the coupling on a mode against what is allowed."""
     count = len(B)
     b = np.einsum("tii->i", B) / count
     gap = b[:, None] - b
     divisor = 1j * frequency - gap
-    kept = outside & (np.abs(divisor) > NEAR * np.abs(gap)) & (np.abs(harmonics(count)) <= KEPT * count)[:, None, None]
+    kept = outside & (np.abs(divisor) > find_nearest(B, b, outside, frequency[1, 0, 0]))
+    kept &= (np.abs(harmonics(count)) <= KEPT * count)[:, None, None]
     spectrum = np.fft.fft(B, axis=0)
     left = (np.abs(spectrum / count) ** 2 * (outside & ~kept)).sum(axis=0)
     spectrum = np.where(kept, spectrum / np.where(kept, divisor, 1), 0)

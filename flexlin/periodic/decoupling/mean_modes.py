@@ -44,10 +44,11 @@ class MeanModes:
         return U
 
 
-def find_mean_modes(mean: Array, closest: float) -> MeanModes | Refusal:
+def find_mean_modes(mean: Array, closest: float, parted: float = np.inf) -> MeanModes | Refusal:
     """The modes of the mean (n, n), in groups of eigenvalues that lie closer together than `closest` 1/s."""
     values, vectors = np.linalg.eig(mean)
-    together = np.abs(values[:, None] - values) < closest
+    gap = values[:, None] - values
+    together = (np.abs(gap) < closest) & (np.abs(gap.real) < parted)
     if together.all():
         return Refusal("no eigenvalues of the mean of A(t) stand apart")
     mates = np.abs(values.conj()[:, None] - values).argmin(axis=1).tolist()

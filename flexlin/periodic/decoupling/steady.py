@@ -24,6 +24,7 @@ LOOK = 8
 """Nodes of a first look."""
 CLOSENESS = (0.25, ADIABATIC)
 """Modes stay together where the basic frequency exceeds this part of the gap between their eigenvalues: first few, then more."""
+PARTED = 0.5
 MIXED = 0.1
 """Modes of the mean that A(t) mixes by more than this are followed instead."""
 
@@ -48,7 +49,7 @@ def decouple_steady(
     look = samples[counts[0]].A[:: 2 * counts[0] // LOOK]
     answer = Refusal("A(t) mixes the modes of its mean")
     for closeness in CLOSENESS:
-        modes = find_mean_modes(look.mean(axis=0), 2 * np.pi / period / closeness)
+        modes = find_mean_modes(look.mean(axis=0), 2 * np.pi / period / closeness, PARTED * 2 * np.pi / period)
         if isinstance(modes, Refusal):
             return modes
         if not may_be_tame(modes, period):

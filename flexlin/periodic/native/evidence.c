@@ -75,7 +75,7 @@ enum { ROUGH = -1, CLOSE = -2, UNSETTLED = -3, NO_MEMORY = -4 };
 
 /* Decouple A (2 nodes, n, n), every other time of which is a node, from the modes of its mean: values (n,), right and left vectors.
  *
- * limits: near, enough, shrink, slow, rough, tol, a rounding, what is not known of an entry, the part of it that adds up; tables: cosines
+ * limits: enough, shrink, slow, rough, tol, a rounding, what is not known of an entry, the part of it that adds up, and how near; tables: cosines
  * and sines (nodes, 8 width), (most + 1, 2, nodes), the three matrices of `tabulate_waves`, and (2 nodes, 8 wide) of all harmonics.
  * out: frame, inverse and generator (2 nodes, n, n), complex; residual, rounding (n, n); means (n,), complex; apart (n,).
  * Returns the number of rounds, or what is in the way. */
@@ -98,28 +98,28 @@ int decouple_on_nodes(int n, int blocks, int m, int most_rounds, int most, int w
     sides[side] = (Side){at, at + whole, at + 2 * whole, at + 3 * whole, at + 4 * whole};
   work = at;
   const double *back = tables + 8L * nodes * width, *between = back + 2L * (most + 1) * nodes, *all = between + 3L * nodes * nodes;
-  Waves f = {blocks, most, width, tables, back, between, w, limits[0]};
+  Waves f = {blocks, most, width, tables, back, between, w, limits + 8};
   Wide full = {wide, all};
-  Ends ends = {limits[1], limits[2], most_rounds};
-  Unknown u = {m, samples, error, mass_inverse, limits[6], limits[7], limits[8]};
+  Ends ends = {limits[0], limits[1], most_rounds};
+  Unknown u = {m, samples, error, mass_inverse, limits[5], limits[6], limits[7]};
   double *pairs = numbers, *allowed = numbers + size * (sizeof(Pair) / sizeof(double)) + 2 * size;
   double *frame = out, *inverse = frame + 4L * size * nodes, *generator = inverse + 4L * size * nodes;
   double *residual = generator + 4L * size * nodes, *rounding = residual + size, *mean = rounding + size, *apart = mean + 2 * n;
-  for (int i = 0; i < n; i++) allowed[i] = limits[5] * fmax(1.0, hypot(values[2 * i], values[2 * i + 1]));
+  for (int i = 0; i < n; i++) allowed[i] = limits[4] * fmax(1.0, hypot(values[2 * i], values[2 * i + 1]));
   int result = ROUGH;
   for (int side = 1; side >= 0; side--) {
     gather(1, size, nodes, 2, side, A, real);
     for (int b = 0; b < blocks; b++) take_to_modes(&s, left, real + (long)size * b, right, sides[side].own + 2L * size * b, work);
   }
-  if (!(find_tail(size, blocks, &full, real) > limits[4])) {
+  if (!(find_tail(size, blocks, &full, real) > limits[3])) {
     result = find_coordinates(&s, &f, &ends, group, allowed, sides, sides + 1, work, (double *)pairs + size * (sizeof(Pair) / sizeof(double)));
     const v8 *B[2] = {sides[0].B, sides[1].B};
-    if (result < 0 || !bound_residual(&s, blocks, w, limits[3], &full, group, B, (Pair *)pairs, residual)) result = CLOSE;
+    if (result < 0 || !bound_residual(&s, blocks, w, limits[2], &full, group, B, (Pair *)pairs, residual)) result = CLOSE;
   }
   if (result >= 0) {
     take_to_states(&s, blocks, group, right, left, sides, work, residual);
     find_rounding(n, blocks, &u, real, sides, work, rounding);
-    if (!judge_means(n, blocks, limits[5], &full, sides, residual, rounding, mean, apart)) result = UNSETTLED;
+    if (!judge_means(n, blocks, limits[4], &full, sides, residual, rounding, mean, apart)) result = UNSETTLED;
   }
   for (int side = 0; side < 2 && result >= 0; side++) {
     scatter(size, nodes, 2, side, sides[side].P, frame);

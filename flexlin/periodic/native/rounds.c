@@ -45,13 +45,37 @@ static double take_step(int blocks, int most, int width, const double *forth, co
   return sqrt(left > 0.0 ? left : 0.0);
 }
 
-typedef struct { int blocks, most, width; const double *forth, *back, *between; double w, near; } Waves;
+typedef struct { int blocks, most, width; const double *forth, *back, *between; double w; const double *near; } Waves;
+
+/* How close a harmonic may come to the gap of two modes whose deviations from their means are `away` in sum. */
+static double find_nearest(const Waves *f, double gap, double away) {
+  return fmin(f->near[0] * gap, fmax(f->near[1] * away, f->near[2] * f->w));
+}
+
+/* How far each entry of the diagonal goes from its mean, and what its group adds to it. */
+static void measure_deviations(int n, int blocks, const int *group, const v8 *B, const double *mean_re, const double *mean_im, double *away) {
+  for (int i = 0; i < n; i++) {
+    away[i] = 0.0;
+    for (int j = 0; j < n; j++) {
+      if (group[i] != group[j]) continue;
+      v8 most = splat(0.0);
+      for (int b = 0; b < blocks; b++) {
+        long at = 2L * n * n * b + i * n + j;
+        v8 x = B[at] - (i == j ? mean_re[i] : 0.0), y = B[at + n * n] - (i == j ? mean_im[i] : 0.0), square = x * x + y * y;
+        for (int l = 0; l < 8; l++) most[l] = square[l] <= most[l] ? most[l] : square[l];
+      }
+      double largest = 0.0;
+      for (int l = 0; l < 8; l++) largest = most[l] <= largest ? largest : most[l];
+      away[i] += sqrt(largest);
+    }
+  }
+}
 
 /* Step and slope for all pairs outside of the groups, from B; returns the largest effect of what is coupled against what is allowed. */
 static double take_steps(const Shape *s, const Waves *f, const int *group, const double *allowed, const v8 *B, v8 *step, v8 *slope,
                          double *left, double *largest) {
   int n = s->n, size = n * n, blocks = f->blocks;
-  double mean_re[n], mean_im[n], worst = 0.0;
+  double mean_re[n], mean_im[n], away[n], worst = 0.0;
   for (int i = 0; i < n; i++) {
     mean_re[i] = mean_im[i] = 0.0;
     for (int b = 0; b < blocks; b++)
@@ -60,6 +84,7 @@ static double take_steps(const Shape *s, const Waves *f, const int *group, const
         mean_im[i] += B[2 * size * b + size + i * (n + 1)][l] / (8 * blocks);
       }
   }
+  measure_deviations(n, blocks, group, B, mean_re, mean_im, away);
   for (int q = 0; q < s->leaders; q++) {
     int i = s->leader[q];
     for (int j = 0; j < n; j++) {
@@ -68,7 +93,7 @@ static double take_steps(const Shape *s, const Waves *f, const int *group, const
       if (group[i] != group[j]) {
         double x[64], y[64];
         take_entry(size, blocks, B, i * n + j, x, y);
-        rest = take_step(blocks, f->most, f->width, f->forth, f->back, f->w, gr, gi, f->near * hypot(gr, gi), x, y, re, im, dre, dim, &most);
+        rest = take_step(blocks, f->most, f->width, f->forth, f->back, f->w, gr, gi, find_nearest(f, hypot(gr, gi), away[i] + away[j]), x, y, re, im, dre, dim, &most);
       } else
         for (int b = 0; b < blocks; b++) re[b] = im[b] = dre[b] = dim[b] = splat(0.0);
       for (int b = 0; b < blocks; b++) {
