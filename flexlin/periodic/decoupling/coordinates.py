@@ -8,7 +8,7 @@ from flexlin.checks import Array
 from flexlin.periodic.decoupling.mean_modes import MeanModes
 from flexlin.periodic.decoupling.waves import KEPT, circle_derivative, harmonics, interleaved, shifted
 
-NEAR, BEYOND, LEAST = 0.2, 1.5, 0.05
+NEAR, BEYOND, LEAST = 0.2, 0.2, 0.05
 """A harmonic whose frequency comes closer to the gap of two eigenvalues stays, since it would not shrink: closer than NEAR of the gap, than
 BEYOND times what the two deviate from their means, and than LEAST of the basic frequency where they deviate by less."""
 ENOUGH, SHRINK = 2e-3, 0.8
