@@ -45,7 +45,7 @@ class MeanModes:
 
 
 def find_mean_modes(mean: Array, closest: float, parted: float = np.inf) -> MeanModes | Refusal:
-    """The modes of the mean (n, n), in groups of eigenvalues that lie closer together than `closest` 1/s."""
+    """The modes of the mean (n, n), in groups of eigenvalues closer together than `closest` 1/s, and than `parted` in their real parts."""
     values, vectors = np.linalg.eig(mean)
     gap = values[:, None] - values
     together = (np.abs(gap) < closest) & (np.abs(gap.real) < parted)
@@ -60,6 +60,7 @@ def find_mean_modes(mean: Array, closest: float, parted: float = np.inf) -> Mean
     right = np.ascontiguousarray(vectors[:, columns], dtype=complex)
     try:
         left = np.linalg.inv(right)
+        left += left @ (np.eye(len(right)) - right @ left)  # each row to its own size, however unlike the states' units are
     except np.linalg.LinAlgError:
         return Refusal("the eigenvectors of the mean of A(t) depend on each other")
     if not (np.vdot(left, left).real * np.vdot(right, right).real) ** 0.5 < LARGEST:

@@ -25,6 +25,7 @@ LOOK = 8
 CLOSENESS = (0.25, ADIABATIC)
 """Modes stay together where the basic frequency exceeds this part of the gap between their eigenvalues: first few, then more."""
 PARTED = 0.5
+"""Modes whose real parts differ by this part of the basic frequency do not stay together: no harmonic meets their gap."""
 MIXED = 0.1
 """Modes of the mean that A(t) mixes by more than this are followed instead."""
 
