@@ -55,3 +55,31 @@ def draw_gentle(rng, near_resonance):
         size = 10 ** rng.uniform(-4, -0.7)
         turns.append(Turn(i, j, rng.random() < 0.6, wave(rng, rng.uniform(-1, 1), size, int(rng.integers(1, 7)))))
     return Rotated(period, modes, turns)
+
+
+def lively_system(seed):
+    """2 to 10 states, rates from a third of the basic frequency on, some apart by their damping alone, mixed by larger waves."""
+    rng = np.random.default_rng([77, seed])
+    period = float(10 ** rng.uniform(-1, 1))
+    w, modes, states, n = 2 * np.pi / period, [], 0, int(rng.integers(2, 11))
+    while states < n:
+        rate = w * 10 ** rng.uniform(-0.5, rng.choice([1, 1.5, 2.5]))
+        if rng.random() < 0.5:
+            rate = w * (round(rate / w) % 30 + 0.5 * rng.integers(0, 2) + 10 ** rng.uniform(-6, -0.5))
+        damping, sign, part = (
+            rate * 10 ** rng.uniform(-3, 0),
+            rng.choice([-1, -1, -1, 1e-3, 0.05]),
+            rng.choice([0, 0.02, 0.1, 0.3]),
+        )
+        if n - states >= 2 and rng.random() < 0.6:
+            frequency = wave(rng, rate, rate * rng.choice([0, 0.02, 0.1, 0.2]), int(rng.integers(1, 4)))
+            modes.append([wave(rng, sign * damping, part * damping, 2), frequency])
+        else:
+            modes.append([wave(rng, sign * rate, rate * part, 2), None])
+        states += 1 if modes[-1][1] is None else 2
+    turns = []
+    for _ in range(int(rng.integers(1, 2 * states))):
+        i, j = rng.choice(states, 2, replace=False)
+        size = 10 ** rng.uniform(-3, -0.4)
+        turns.append(Turn(i, j, rng.random() < 0.6, wave(rng, rng.uniform(-1, 1), size, int(rng.integers(1, 7)))))
+    return Rotated(period, modes, turns)
