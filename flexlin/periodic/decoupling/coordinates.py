@@ -60,7 +60,7 @@ def find_coordinates(own: Array, modes: MeanModes, period: float, allowed: Array
     return Coordinates(P, slope, inverse, inverse @ (own @ P - slope), made)
 
 
-def find_nearest(B: Array, b: Array, outside: Array, w: float) -> Array:
+def limit_nearness(B: Array, b: Array, outside: Array, w: float) -> Array:
     """How close a harmonic may come to the gap of each pair of modes (n, n), b (n,) the means of the diagonal, w the basic frequency."""
     inner = np.where(outside | np.eye(len(b), dtype=bool), 0, np.abs(B).max(axis=0)).sum(axis=1)
     away = np.abs(np.einsum("tii->ti", B) - b).max(axis=0) + inner
@@ -74,7 +74,7 @@ def step_once(B: Array, outside: Array, frequency: Array, allowed: Array) -> tup
     b = np.einsum("tii->i", B) / count
     gap = b[:, None] - b
     divisor = 1j * frequency - gap
-    kept = outside & (np.abs(divisor) > find_nearest(B, b, outside, frequency[1, 0, 0]))
+    kept = outside & (np.abs(divisor) > limit_nearness(B, b, outside, frequency[1, 0, 0]))
     kept &= (np.abs(harmonics(count)) <= KEPT * count)[:, None, None]
     spectrum = np.fft.fft(B, axis=0)
     left = (np.abs(spectrum / count) ** 2 * (outside & ~kept)).sum(axis=0)

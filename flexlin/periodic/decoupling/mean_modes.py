@@ -60,9 +60,7 @@ def find_mean_modes(mean: Array, closest: float, parted: float = np.inf) -> Mean
     right = np.ascontiguousarray(vectors[:, columns], dtype=complex)
     try:
         left = np.linalg.inv(right)
-        left += left @ (
-            np.eye(len(right)) - right @ left
-        )  # each row to its own size, however unlike the states' units are
+        left += (np.eye(len(right)) - left @ right) @ left  # right to its last digits however unlike the units are
     except np.linalg.LinAlgError:
         return Refusal("the eigenvectors of the mean of A(t) depend on each other")
     if not (np.vdot(left, left).real * np.vdot(right, right).real) ** 0.5 < LARGEST:

@@ -138,12 +138,12 @@ def check_claims(systems):
 
 
 HARD_DRIVE = {
-    "links.0.bending_stiffness": 12.39,
-    "motion.frequency": 1.04,
-    "motion.joints": [{"mean": 0.78, "amplitude": 1.94}],
-    "effects.payload.mass": 0.0219,
-    "effects.modal_damping.ratio": 0.004,
-    "control.feedback": {"kind": "pd", "kp": [7.68], "kd": [1.59]},
+    "links.0.bending_stiffness": 12.388797456853958,
+    "motion.frequency": 1.0400200303386022,
+    "motion.joints": [{"mean": 0.7813837525671954, "amplitude": 1.9389085670418087}],
+    "effects.payload.mass": 0.021919559665140278,
+    "effects.modal_damping.ratio": 0.004038122123472825,
+    "control.feedback": {"kind": "pd", "kp": [7.684278843470476], "kd": [1.5899715647696537]},
 }
 """Eigenvectors of the mean, in metres and metres per second, of a joint mode that decays within a millisecond: their inverse needs care."""
 
