@@ -5,6 +5,8 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.product.schur import PeriodicSchur
 
+MOST = 300.0
+"""Logarithm of the largest ratio of growths that differs from larger ones."""
 SAME = 1e-6
 """Multipliers whose ratio is this close to 1 are left coupled: one of them has no eigenvector of its own in double precision."""
 
@@ -19,11 +21,15 @@ def eigenvector_chain(form: PeriodicSchur, same: float = SAME) -> tuple[Array, A
 
     Returns: right eigenvectors P_k = Q_k X_k (K + 1, n, n), left ones L_k = X_k^-1 Q_k^H (K + 1, n, n), the coupling N (n, n),
     strictly upper triangular, between multipliers whose ratio is 1 up to `same`.
+    Raises: LinAlgError where modes that are not ordered by their growth grow too far apart on the way.
     """
     T, t = form.T, form.diagonal
     log = np.log(t)
     S = np.triu(np.linalg.inv(T / t[:, :, None]))
-    S, span = suffix_maps(S, log)
+    with np.errstate(over="ignore", invalid="ignore"):
+        S, span = suffix_maps(S, log)
+    if not np.isfinite(S).all():
+        raise np.linalg.LinAlgError("modes grow too far apart on the way for eigenvectors in double precision")
     total = log.sum(axis=0) + np.log(form.turn)
     X0, N = periodic_solution(S[0], total, same)
     XK = np.triu(X0 * np.exp(np.log(form.turn)[None, :] - np.log(form.turn)[:, None]))
@@ -32,11 +38,14 @@ def eigenvector_chain(form: PeriodicSchur, same: float = SAME) -> tuple[Array, A
 
 
 def ratio(log: Array) -> Array:
-    """exp(log_i - log_j), (..., n, n), its upper triangle; entries below stay zero."""
+    """exp(log_i - log_j), (..., n, n), its upper triangle; entries below stay zero.
+
+    Modes that grow by more than exp(MOST) against each other are ordered, unless nothing couples them: then a finite number will do.
+    """
     apart = log[..., None, :] - log[..., :, None]
     upper = np.triu(np.ones(apart.shape[-2:], bool))
-    with np.errstate(over="ignore"):
-        return np.where(upper, np.exp(np.where(upper, apart, 0)), 0)
+    apart = np.where(upper, apart, 0)
+    return np.where(upper, np.exp(np.minimum(apart.real, MOST) + 1j * apart.imag), 0)
 
 
 def suffix_maps(S: Array, log: Array) -> tuple[Array, Array]:

@@ -18,6 +18,8 @@ COHERENT = 0.25
 """The part of the rounding errors that may add up with one sign."""
 CANCELLED = 0.3
 """The part of the factors' errors that counts even where their sum cancels."""
+UNKNOWN = 1e100
+"""A bound that says nothing: a number, since infinity stands for what decays too fast to be resolved."""
 SAMES = (1e-6, 1e-3, 0.1)
 """Ratios of multipliers that count as equal: wider ones are tried where a perturbation is larger than the gaps."""
 ALONE = 0.01
@@ -69,8 +71,12 @@ def spectrum_motion(
 def motion_at(
     same: float, form: PeriodicSchur, factors: Array, better: Array, noise: Couplings | None, counts: Array
 ) -> Motion:
-    """The bounds when multipliers whose ratio is 1 up to `same` are left in one block."""
-    right, left, shared = eigenvector_chain(form, same)
+    """The bounds when multipliers whose ratio is 1 up to `same` are left in one block; UNKNOWN where there are no eigenvectors."""
+    try:
+        right, left, shared = eigenvector_chain(form, same)
+    except np.linalg.LinAlgError:
+        unknown = np.full(len(form.logs), UNKNOWN)
+        return Motion(np.zeros_like(unknown), unknown, unknown)
     growth = form.diagonal[:, :, None]
     method = left[1:] @ (better - factors) @ right[:-1] / growth
     length_right, length_left = np.linalg.norm(right, axis=1), np.linalg.norm(left, axis=2)

@@ -100,3 +100,16 @@ def test_triangular_matrix_is_separated_but_for_equal_eigenvalues(rng):
     X, shared = separate_triangular(T)
     np.testing.assert_allclose(T @ X, X * np.diag(T) + shared, atol=1e-12)
     assert {tuple(entry) for entry in np.argwhere(shared)} == {(0, 2), (1, 4)}
+
+
+@pytest.mark.parametrize("mixed", [0.0, 1e-12])
+def test_modes_that_swing_far_apart_get_a_bound_that_holds(mixed):
+    """One of two modes grows by exp(4000) against the other and decays again: the bound may say nothing, but it is one."""
+    swing = 40 * np.cos(2 * np.pi * np.arange(400) / 400)
+    factors = np.exp(np.stack([np.full(400, -0.001), swing + 0.1], axis=1))[:, :, None] * np.eye(2)
+    factors[:, 0, 1] = mixed
+    form = periodic_schur(factors)
+    motion = spectrum_motion(form, factors, factors * (1 + 1e-9))
+    order = np.argsort(form.logs.real)
+    error = np.abs(form.logs.real[order] - [-0.4, 40.0])
+    assert np.all(error <= (motion.method + motion.rounding)[order])
