@@ -204,6 +204,26 @@ def test_what_it_does_not_serve(A, words):
     assert "keep their shapes" not in str(fl.floquet(fl.PeriodicSystem(A, 1.0)).setting)
 
 
+def test_modes_of_a_loop_with_integral_action_are_not_followed_together(monkeypatch):
+    """-4.3 +- 2.5j and -1.1 +- 13.5j stand close for a motion of 3.1 1/s, and part by exp(6.4) over its period."""
+    rng, mean = np.random.default_rng(4), np.diag([-4.3, -4.3, -1.1, -1.1, -1.6, -1.6, -500.0])
+    for i, frequency in zip((0, 2, 4), (2.5, 13.5, 95.0), strict=True):
+        mean[i, i + 1], mean[i + 1, i] = frequency, -frequency
+    V, C, S = np.linalg.qr(rng.standard_normal((7, 7)))[0], *rng.standard_normal((2, 7, 7))
+
+    def A(t):
+        c, s = (f(np.pi * t)[:, None, None] for f in (np.cos, np.sin))
+        return V @ (mean + 0.05 * c * C + 0.05 * s * S) @ V.T
+
+    def make():
+        return fl.PeriodicSystem(A, 2.0)
+
+    exact = fl.floquet(make(), 1e-12, method="gauss")
+    for exponents, errors, *_ in solved(make, 1e-9, monkeypatch):
+        partner, apart = match_logs(exact.log_multipliers, exponents * 2.0)
+        assert np.all(apart / 2.0 <= errors[partner] + exact.errors)
+
+
 def test_a_tolerance_that_rounding_forbids_is_refused():
     gentle = next(g for g in map(gentle_system, range(20)) if g.n > 4)
     assert isinstance(solve_steady(as_system(gentle), 1e-16), Refusal)
