@@ -32,8 +32,10 @@ LARGEST = 16
 """Coordinates up to which code with all sizes written out is compiled in a few seconds."""
 CLOSER, FINER = (1.15, 2.0), 2
 """Values that missed tol are tried again with so many times more segments, once by what they missed, before `floquet` has them."""
-BLOCK_WORK = 2e9
-"""Multiplications of a block."""
+BLOCK_WORK = 8e9
+"""Multiplications of a block at the most: in a larger one more values are alike, but it is shared out and seen later."""
+BLOCKS, SMALL_BLOCK = 16, 12
+"""Blocks that a sweep is cut into at the least, unless they have fewer vectors of values than this."""
 PROBES, BALANCED = 32, 24
 """Phases and values at which the size of the coefficients is taken."""
 
@@ -59,6 +61,7 @@ class CompiledBatches:
     kernel: CompiledKernel
     scale: Array
     needs: Needs
+    values: int
     seconds: float = 0.0
     route = "compiled"
 
@@ -76,7 +79,7 @@ class CompiledBatches:
         seconds = time.perf_counter() - start
         scale = balance_coefficients(loop, points[np.linspace(0, len(points) - 1, BALANCED).astype(int)])
         needs = learn_needs(kernel, points, scale, tol)
-        return cls(Later(loop), loop.linearization.may_be_narrow, tol, kernel, scale, needs, seconds)
+        return cls(Later(loop), loop.linearization.may_be_narrow, tol, kernel, scale, needs, len(points), seconds)
 
     @property
     def hopeless(self) -> bool:
@@ -102,7 +105,8 @@ class CompiledBatches:
     def block(self) -> int:
         """Values of a block: as many whatever machine or worker computes it, so that results do not depend on where the cuts are."""
         work = sum(MULTIPLES[:FEW]) * self.plan.segments * 12 * (2 * self.kernel.coordinates) ** 3
-        return WIDTH * int(np.clip(BLOCK_WORK / work / WIDTH, 1, 1024))
+        shared = max(SMALL_BLOCK, self.values // (BLOCKS * WIDTH))
+        return WIDTH * int(np.clip(BLOCK_WORK / work / WIDTH, 1, min(shared, 1024)))
 
     def spectra(self, points: Array, segments: int) -> tuple[Array, Array, Array]:
         """Logs (V, n) of the multipliers, their errors (V, n), and whether they meet tol (V,)."""
