@@ -99,7 +99,7 @@ def charts_speed() -> str:
         f" Shared out, the {record['sharing']['one process, s']:.0f} s of one processor become more by "
         + ", ".join(f"{100 * share:.1f} % ({name})" for name, share in shares.items())
     )
-    text += ": processes load flexlin first, and the cluster was there already."
+    text += ". Processes are copies of the one that asks; of the cluster, what it takes when idle is left out."
     tables = [
         table(["scene", "a value in C", "NumPy takes times", "distance"], lines),
         table(["1 link, 1 mode", "a value", "ratio"], peers),

@@ -52,6 +52,8 @@ SHARED = {"full": 1000, "small": 48}
 """Values on a side of the square that is shared out."""
 STEPS = (64, 96, 128, 192, 256, 384, 512)
 TOLERANCES = (1e-7, 1e-8, 1e-9, 1e-10, 1e-11)
+IDLE = 5.0
+"""Seconds in which an idle cluster is watched."""
 BATCHED = 256
 """Values of a batch of the other programs."""
 
@@ -165,18 +167,21 @@ def time_million() -> dict[str, float]:
 
 
 def time_sharing(size: str) -> dict[str, float]:
-    """Processor time of the same values by two threads, two processes and a Dask cluster of two workers, over that of one process."""
+    """Processor time of the same values by two threads, two processes and a Dask cluster of two workers, over that of one process.
+
+    What the cluster takes while nothing is asked of it, in as many seconds by the clock, is left out.
+    """
     name, overrides, *ranges = SCENES["1 link, 1 mode"]
     sides = zip((PAYLOAD, FREQUENCY), ranges, strict=True)
     values = {path: np.linspace(low, high, SHARED[size]) for path, (low, high) in sides}
     job = prepare_job(fl.load_scene(name, overrides), values, TOL, True, "own")
     first = job.found.exponents.copy()
 
-    def spend(crew: Any, others: Callable[[], float] = lambda: 0.0) -> float:
+    def spend(crew: Any, others: Callable[[], float] = lambda: 0.0, idle: float = 0.0) -> float:
         job.done[:] = False
-        before = time.process_time() + others()
+        before, begin = time.process_time() + others(), time.perf_counter()
         job.run(crew)
-        return time.process_time() + others() - before
+        return time.process_time() + others() - before - idle * (time.perf_counter() - begin)
 
     def children() -> float:
         usage = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -190,7 +195,14 @@ def time_sharing(size: str) -> dict[str, float]:
 
         options = {"n_workers": 2, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
         with LocalCluster(**options) as cluster, Client(cluster) as client:
-            times["Dask, two workers"] = spend(Cluster(client), lambda: sum(client.run(time.process_time).values()))
+
+            def of_cluster() -> float:
+                return sum(client.run(time.process_time).values())
+
+            before, begin = time.process_time() + of_cluster(), time.perf_counter()
+            time.sleep(IDLE)
+            idle = (time.process_time() + of_cluster() - before) / (time.perf_counter() - begin)
+            times["Dask, two workers"] = spend(Cluster(client), of_cluster, idle)
     assert np.array_equal(first, job.found.exponents), "sharing has changed bits"
     alone = min(alone, spend(compute_here))
     return {"one process, s": alone, **{name: seconds / alone - 1 for name, seconds in times.items()}}
