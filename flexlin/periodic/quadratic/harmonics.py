@@ -30,7 +30,7 @@ RINGING = 1e-4
 ROUNDS = 12
 INEXACT, ENOUGH = (1e-6, 1e-2), 0.1
 """Least and largest relative accuracy of a Newton step, and what will do."""
-ROUNDED = 0.3
+ROUNDED = 0.5
 """Part of an error below which the method's share does not matter: the rest is rounding, and more nodes do not help."""
 SETTLED = 0.7
 """Factor by which a step must be shorter than the one before, from the third on."""

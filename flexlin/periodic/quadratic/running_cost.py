@@ -14,7 +14,7 @@ from flexlin.periodic.quadratic.solution import RiccatiSolution
 
 MOST_SHARE = 0.5
 """Largest r up to which the bound is used."""
-SEEN = 64
+SEEN = 32
 """Times at which the sizes of X and of the gain are looked at."""
 
 
