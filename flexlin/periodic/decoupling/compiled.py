@@ -21,7 +21,7 @@ from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.uncertainty import EPS, ROUNDINGS
 
-MOST_STATES = 256
+MOST_STATES = 128
 """States that the compiled code serves."""
 NO_MEMORY = -4
 Coefficients = ResolvedMatrix | ResolvedCompanion

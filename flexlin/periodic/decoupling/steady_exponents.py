@@ -19,6 +19,8 @@ from flexlin.periodic.transition.gauss import gauss
 
 MOST = int(np.ceil(FASTEST / STEP))
 """Segments of a group at the most."""
+MEMORY = 2**26
+"""Bytes that the factors of a group may take."""
 FOLLOWED = np.array([STEP, FASTEST, GROUP_CONDITION])
 BOUNDED = np.array([METHOD_SAFETY, CANCELLED, CLOSE, FACTOR_ROUNDING, EPS])
 
@@ -53,6 +55,8 @@ def follow_group(library: ctypes.CDLL, decoupled: Decoupled, index: int) -> tupl
     """As `tame_exponents`, of the generator of a real group without its mean. Raises: MemoryError."""
     group, (nodes, n, _), period = decoupled.groups[index], decoupled.generator.shape, decoupled.period
     p, part, tables = group.size, group.part, tabulate_waves(nodes // 2)
+    if 32 * (MOST + 1) * p * p > MEMORY:
+        return None
     out, alias = np.empty((4, MOST + 1, p, p)), np.empty((p, p))
     wide = tables.numbers[-16 * (nodes // 2) * tables.wide :]
     segments = library.follow_group(

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_STATES = 256 };
+enum { MOST_STATES = 128 };
 
 typedef double v8 __attribute__((vector_size(64)));
 typedef double u8 __attribute__((vector_size(64), aligned(8))); /* eight numbers of a caller's array */
