@@ -77,6 +77,7 @@ def largest_growth(scene, path, value):
 def test_damped_scenes_agree_with_bisection_by_floquet(name, path, low, high):
     scene = fl.load_scene(name)
     (found,) = fl.critical_values(scene, path, (low, high), tol=1e-8, samples=17)
+    assert name != "khang-2019" or found.resonance.startswith("flutter near 2.")  # 2 w: 31 rad/s
     exact = brentq(lambda value: largest_growth(scene, path, value), low, high, xtol=1e-12)
     assert abs(found.value - exact) <= found.error + 1e-11
     assert found.error < 1e-8

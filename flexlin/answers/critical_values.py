@@ -194,6 +194,6 @@ def describe_cause(cause: Resonance) -> str:
     a, b = cause.frequencies
     if cause.kind == "average":
         still = abs(cause.exponent.imag) <= abs(cause.exponent) * 1e-6
-        return "divergence" if still else f"flutter of the averaged system near {a:.4g} rad/s"
+        return "divergence" if still else f"flutter near {a:.4g} rad/s, by no resonance with the motion"
     rule = {"principal": f"2 x {a:.4g}", "sum": f"{a:.4g} + {b:.4g}", "difference": f"{a:.4g} - {b:.4g}"}[cause.kind]
     return f"{cause.kind} resonance of order {cause.order}: {rule} rad/s near {cause.order} w"

@@ -11,14 +11,16 @@ from flexlin.periodic.system import PeriodicSystem, as_system
 
 MINOR = 0.05
 """A second mode that carries less than this part of the first one's share takes no part in a resonance."""
+FAR = 1.0
+"""Two modes further from the condition than so many w do not meet it: one drives the other, which follows at a frequency of its own."""
 
 
 @dataclass(frozen=True)
 class Resonance:
     """One unstable exponent and what drives it.
 
-    kind: "principal" (2 w_a = k w), "sum" (w_a + w_b = k w), "difference" (w_a - w_b = k w), or "average" (the averaged system
-    is unstable by itself); order k; frequencies (w_a, w_b) of the averaged modes in rad/s; detuning in rad/s;
+    kind: "principal" (2 w_a = k w), "sum" (w_a + w_b = k w), "difference" (w_a - w_b = k w), or "average" (one mode
+    grows by itself, in the averaged system or by what the variation takes from its damping); order k; frequencies (w_a, w_b) of the averaged modes in rad/s; detuning in rad/s;
     modes: their indices among the oscillations of the averaged system, slowest first; growth in 1/s.
     """
 
@@ -32,7 +34,7 @@ class Resonance:
         a, b = self.frequencies
         growth = f"growth {self.exponent.real:.3g} 1/s"
         if self.kind == "average":
-            return f"{growth}: the averaged system is unstable by itself near {a:.4g} rad/s; no parametric resonance"
+            return f"{growth}: one mode is unstable by itself near {a:.4g} rad/s; no parametric resonance"
         rule = {"principal": f"2 x {a:.4g}", "sum": f"{a:.4g} + {b:.4g}", "difference": f"{a:.4g} - {b:.4g}"}[self.kind]
         name = "parametric resonance" if self.kind == "principal" else f"{self.kind} combination resonance"
         return (
@@ -78,9 +80,11 @@ def identify_resonance(exponent: complex, share: Array, values: Array, w: float)
     a, b = (int(m) for m in np.argsort(-strongest)[:2])
     wa, wb = float(values[a].imag), float(values[b].imag)
     order = int(harmonic[b] - harmonic[a])
-    if strongest[b] < MINOR * strongest[a] or order == 0 or max(abs(wa), abs(wb)) == 0:
-        return Resonance(complex(exponent), "average", 0, (abs(wa), abs(wa)), 0.0)
     detuning = abs(wa - wb - (harmonic[a] - harmonic[b]) * w)
+    if detuning > FAR * w:  # the one that oscillates as the Floquet mode does
+        wa = min((wa, wb), key=lambda one: abs((one - exponent.imag + w / 2) % w - w / 2))
+    if strongest[b] < MINOR * strongest[a] or order == 0 or max(abs(wa), abs(wb)) == 0 or detuning > FAR * w:
+        return Resonance(complex(exponent), "average", 0, (abs(wa), abs(wa)), 0.0)
     conjugate = abs(values[a] - values[b].conjugate()) < 1e-9 * abs(values[a])
     kind = "difference" if wa * wb > 0 else "principal" if conjugate else "sum"
     high, low = max(abs(wa), abs(wb)), min(abs(wa), abs(wb))

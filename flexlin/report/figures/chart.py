@@ -37,7 +37,8 @@ def draw_chart(
         said = "\n".join([caption, *(f"{line}." for line in list_critical(scene, critical))])
         return Picture("chart", title, said, draw_line(labels[0], own[0], data, critical, title))
     nearest = find_nearest(own, data, paths, curves)
-    said = describe_distance(scene, paths, own, nearest)
+    inside = all(data[path].min() <= value <= data[path].max() for path, value in zip(paths, own, strict=True))
+    said = describe_distance(scene, paths, own, nearest, inside)
     shade = f"Stronger: faster growth or decay; lines of equal {in_unit('growth rate', '1/s')}; hatched: undecided."
     svg = draw_map(labels, own, nearest, data, curves, title)
     return Picture("chart", title, f"{caption} {shade}\n{said}", svg)
@@ -92,7 +93,7 @@ def find_nearest(
     return np.asarray(points[np.linalg.norm((points - own) / span, axis=1).argmin()])
 
 
-def describe_distance(scene: Scene, paths: list[str], own: list[float], nearest: Array | None) -> str:
+def describe_distance(scene: Scene, paths: list[str], own: list[float], nearest: Array | None, inside: bool) -> str:
     """How far the scene's own numbers are from the boundary."""
     if nearest is None:
         return "The verdict does not change inside this range."
@@ -100,4 +101,5 @@ def describe_distance(scene: Scene, paths: list[str], own: list[float], nearest:
         f"{name_number(path)} {value - mine:+.4g} {show_unit(scene, path)}".strip()
         for path, value, mine in zip(paths, nearest, own, strict=True)
     ]
-    return f"From the scene's own numbers (diamond) to the nearest boundary: {', '.join(moves)}."
+    where = "diamond" if inside else "outside this range"
+    return f"From the scene's own numbers ({where}) to the nearest boundary: {', '.join(moves)}."
