@@ -60,7 +60,7 @@ def test_margins_say_where_the_verdict_changes_and_where_it_does_not():
     chosen = {"motion.frequency": (0.5, 3.0), "parameters.payload_mass": (0.05, 0.2)}
     margins = tuple(find_margin(scene, path, limits, 9) for path, limits in chosen.items())
     assert describe_margins(scene, margins) == (
-        "becomes unstable at a motion frequency of 2.476 Hz (now 0.5); keeps its verdict for a payload mass from 0.05 to 0.2"
+        "becomes unstable at a motion frequency of 2.476 Hz (now 0.5); keeps its verdict for a payload mass from 0.05 to 0.2 kg"
     )
     (critical,) = record_margin(margins[0])["critical"]
     assert critical["kind"] == "onset"

@@ -19,9 +19,9 @@ FAR = 1.0
 class Resonance:
     """One unstable exponent and what drives it.
 
-    kind: "principal" (2 w_a = k w), "sum" (w_a + w_b = k w), "difference" (w_a - w_b = k w), or "average" (one mode
-    grows by itself, in the averaged system or by what the variation takes from its damping); order k; frequencies (w_a, w_b) of the averaged modes in rad/s; detuning in rad/s;
-    modes: their indices among the oscillations of the averaged system, slowest first; growth in 1/s.
+    kind: "principal" (2 w_a = k w), "sum" (w_a + w_b = k w), "difference" (w_a - w_b = k w), or "average" (one mode grows by itself, in
+    the averaged system or by what the variation takes from its damping); order k; frequencies (w_a, w_b) of the averaged modes in rad/s;
+    detuning in rad/s; modes: their indices among the oscillations of the averaged system, slowest first; growth in 1/s.
     """
 
     exponent: complex
