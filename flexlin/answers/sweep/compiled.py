@@ -26,6 +26,8 @@ PAYS = 1.0
 SHORT = 6
 NUMPY_VALUE = 1.5e-4
 """Seconds that NumPy takes for a value of four states; it grows with the cube of the states."""
+LONGER = 8.0
+"""How many times as long NumPy takes for a loop whose controller has states: 6 to 39, by how fast its filters' poles are."""
 WIDE, MANY = 8, 400
 """With so many coordinates or more `floquet` is what it is beside, and it takes so many values to be worth the compiler and the pilots."""
 LARGEST = 16
@@ -42,8 +44,8 @@ PROBES, BALANCED = 32, 24
 
 def pays(loop: "ParametricLoop", values: int) -> bool:
     """Whether compiling takes less time than it saves."""
-    n = loop.coordinates
-    worth = values * NUMPY_VALUE * (n / 2) ** 3 > PAYS * max(1.0, (n / SHORT) ** 2)
+    n, longer = loop.coordinates, LONGER if loop.memory else 1.0
+    worth = values * longer * NUMPY_VALUE * (n / 2) ** 3 > PAYS * max(1.0, (n / SHORT) ** 2)
     return worth and (n < WIDE or values >= MANY) and n <= LARGEST and find_compiler() is not None
 
 
