@@ -8,7 +8,7 @@ import flexlin as fl
 from flexlin.periodic.circle import match_logs
 from tests.periodic.systems import lyapunov_transformed
 
-SYSTEMS = 100
+SYSTEMS = 200
 
 
 def random_constant(rng, n):
