@@ -188,9 +188,9 @@ def test_designs_without_latin_letters_have_folders_of_their_own(tmp_path: Path)
     options = designs_named("регулятор", "制御 1", "2", "×" * 300)
     assert main(["export", "khang-2019", *options, "--out", str(tmp_path)]) == 0
     folders = sorted(path.name for path in tmp_path.iterdir() if path.is_dir())
-    assert folders == ["c", "c-2", "c-design-1", "c-design-2", "c-design-4"]
+    assert folders == ["c", "c-2", "c-design-1", "c-design-2", "c-design-4", "c-own"]
     gains = {(tmp_path / folder / "gain.c").read_text() for folder in folders[1:]}
-    assert len(gains) == 4
+    assert len(gains) == 5
 
 
 def test_the_program_ends_quietly_when_nobody_reads(tmp_path: Path) -> None:
