@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from math import pi
 
 import numpy as np
 
@@ -35,6 +36,8 @@ BY_TOL = ("periodic-lqr", "finite-horizon-lqr")
 LEAST = 1e-8
 """The smallest error that a sampled loop is asked for: a sampling time that never fits the period leaves more anyway."""
 
+WORTH_PROOF = 1e-6
+"""Decay per basic frequency from which a report tries to prove it: a slower one takes 10^5 periods to show, and most drown in rounding."""
 PROOF = 5.0
 """Seconds of a report's 60 that a loop's certificate may take; `FloquetResult.certificate` takes what it needs."""
 
@@ -122,10 +125,16 @@ def judge_loop(
     problems: dict[str, str] = {}
     result = clock.attempt(problems, name, step, asked, lambda: floquet(system, asked.tol), exponent_error)
     proof = None
-    if result is not None and result.verdict == "stable":
+    if result is not None and is_worth_proof(result):
         step = f"certificate: {name}"
         proof = clock.attempt(dict[str, str](), name, step, asked, result.certificate, at_most=PROOF)
     return Loop(name, kind, result, problems.get(name, ""), made, certificate=proof)
+
+
+def is_worth_proof(result: FloquetResult) -> bool:
+    """Whether a loop is stable, and decays fast enough for a proof in a report."""
+    slowest = -float(result.exponents.real.max())
+    return result.verdict == "stable" and slowest > WORTH_PROOF * 2 * pi / result.period
 
 
 def design_and_judge(plant: Linearization, table: DesignTable, asked: Accuracy, clock: Clock) -> Loop:
