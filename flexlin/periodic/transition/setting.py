@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.errors import TooManySegments
+from flexlin.errors import NumericalError, TooManySegments
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.system import PeriodicSystem
@@ -44,11 +44,21 @@ class Setting:
 
 
 def factor_by_gauss(system: PeriodicSystem, grid: Array, order: int) -> Array:
-    """Gauss collocation of even order, in the accelerations where the system is of second order."""
+    """Gauss collocation of even order, in the accelerations where the system is of second order.
+
+    Raises: NumericalError where the equations of a segment's stages are singular.
+    """
     resolved = system.resolved
     if isinstance(resolved, ResolvedCompanion):
         return second_order_transitions(resolved.sample, grid, order // 2)
-    return gauss_transitions(resolved, grid, order // 2)
+    try:
+        return gauss_transitions(resolved, grid, order // 2)
+    except np.linalg.LinAlgError:
+        raise NumericalError(
+            "the stages of a segment are not determined: it is too long for A(t)",
+            got=f"{len(grid) - 1} segments",
+            todo="ask for more segments, or leave method and segments to the solver",
+        ) from None
 
 
 def factor_by_magnus(system: PeriodicSystem, grid: Array, order: int) -> Array:

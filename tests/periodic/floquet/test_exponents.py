@@ -3,7 +3,8 @@ import pytest
 from scipy.special import mathieu_a, mathieu_b
 
 import flexlin as fl
-from flexlin.errors import ArgumentError, TooManySegments
+from flexlin.errors import ArgumentError, NumericalError, TooManySegments
+from tests.periodic.random_systems import draw
 from tests.periodic.systems import colaneri, lyapunov_transformed, mathieu, mathieu_second_order, meissner
 
 
@@ -52,6 +53,12 @@ def test_a_fixed_resolution_says_by_how_much_it_errs(segments):
     result = fl.floquet(fl.PeriodicSystem(mathieu(1, 0.2), np.pi), method="gauss", order=2, segments=segments)
     assert 1e-4 < abs(result.exponents[0].real - known) <= result.error
     assert "was not reached" in result.status
+
+
+def test_a_fixed_resolution_whose_stages_are_singular_is_refused():
+    case = draw("fixed settings", 991000117)  # found by the jury: 20 segments for multipliers down to exp(-90)
+    with pytest.raises(NumericalError, match="ask for more segments"):
+        case.answer()
 
 
 def test_constant_system_and_the_range_of_imaginary_parts():
