@@ -10,6 +10,7 @@ import subprocess
 import tempfile
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from flexlin.checks import Array
 from flexlin.errors import NumericalError
@@ -37,12 +38,12 @@ def load_library(source: str) -> ctypes.CDLL:
 
 
 @lru_cache(maxsize=8)
-def find_kept_library(path: Path) -> ctypes.CDLL | None:
-    """The library of a C file, kept for later processes; none where it cannot be compiled, or would have to be by every process."""
+def find_kept_library(*paths: Path) -> ctypes.CDLL | None:
+    """The library of C files, kept for later processes; none where it cannot be compiled, or would have to be by every process."""
     if find_compiler() is None or find_kept_folder() is None:
         return None
     try:
-        return load_library(path.read_text(encoding="utf-8"))
+        return load_library("\n".join(path.read_text(encoding="utf-8") for path in paths))
     except (NumericalError, OSError):
         return None
 
@@ -125,7 +126,15 @@ def is_written_by_user_alone(path: Path) -> bool:
     )
 
 
-def pointer(array: Array) -> ctypes.c_void_p:
-    """Where the numbers of a contiguous array stand."""
+def address(array: Array) -> int:
+    """Where the numbers of a contiguous array stand, for functions that know what they take."""
     assert array.flags.c_contiguous
-    return array.ctypes.data_as(ctypes.c_void_p)
+    if not array.flags.writeable or not array.size:
+        return int(array.ctypes.data)
+    numbers: Any = array
+    return ctypes.addressof(ctypes.c_char.from_buffer(numbers))  # half the time of array.ctypes.data
+
+
+def pointer(array: Array) -> ctypes.c_void_p:
+    """The same, for functions that do not."""
+    return ctypes.c_void_p(address(array))

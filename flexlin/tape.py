@@ -13,8 +13,7 @@ import casadi as ca
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.compiler import find_compiler, find_kept_folder, load_library, pointer
-from flexlin.errors import NumericalError
+from flexlin.compiler import find_kept_library, pointer
 
 TOGETHER = 32
 """Points that go through an operation together: W of tape.c."""
@@ -32,14 +31,10 @@ LOOKS = 24
 
 @lru_cache(maxsize=1)
 def find_library() -> ctypes.CDLL | None:
-    """The library of tape.c; none where it cannot be compiled, or would have to be by every process."""
-    if find_compiler() is None or find_kept_folder() is None:
-        return None
-    try:
-        library = load_library(Path(__file__).with_suffix(".c").read_text(encoding="utf-8"))
-    except (NumericalError, OSError):
-        return None
-    library.run_tape.restype = library.keep_outputs.restype = ctypes.c_long
+    """The library of tape.c; none where there is no compiler."""
+    library = find_kept_library(Path(__file__).with_suffix(".c"))
+    if library is not None:
+        library.run_tape.restype = library.keep_outputs.restype = ctypes.c_long
     return library
 
 

@@ -1,6 +1,7 @@
 """Functions that many points go through, in compiled code: the same numbers as CasADi's own, to the last bit, or CasADi's own."""
 
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -174,9 +175,12 @@ def test_threads_do_not_share_their_numbers() -> None:
 
 
 def test_no_compiler_no_library(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tape, "find_compiler", lambda: None)
-    assert tape.find_library.__wrapped__() is None
+    path = Path(tape.__file__).with_suffix(".c")
+    monkeypatch.setattr(compiler, "find_compiler", lambda: None)
+    assert compiler.find_kept_library.__wrapped__(path) is None
     monkeypatch.undo()
-    monkeypatch.setattr(tape, "find_kept_folder", lambda: None)
+    monkeypatch.setattr(compiler, "find_kept_folder", lambda: None)
+    assert compiler.find_kept_library.__wrapped__(path) is None
+    monkeypatch.undo()
+    monkeypatch.setattr(tape, "find_kept_library", lambda *_: None)
     assert tape.find_library.__wrapped__() is None
-    assert compiler.find_compiler is not None

@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.compiler import address
 from flexlin.periodic.companion import build_companion
 from flexlin.periodic.decoupling.coordinates import BEYOND, ENOUGH, LEAST, MAX_ROUNDS, NEAR, SHRINK
 from flexlin.periodic.decoupling.decouple import ROUGH, SPARSE
@@ -15,7 +16,6 @@ from flexlin.periodic.decoupling.mean_modes import MeanModes
 from flexlin.periodic.decoupling.superadiabatic import SLOW_PART
 from flexlin.periodic.decoupling.waves import KEPT, multiplier
 from flexlin.periodic.fourier import FourierSeries, fourier_basis
-from flexlin.periodic.native.library import address
 from flexlin.periodic.product.perturbation import COHERENT
 from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.resolved.matrix import ResolvedMatrix

@@ -6,13 +6,13 @@ from functools import lru_cache
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.compiler import address
 from flexlin.periodic.circle import wrap_log
 from flexlin.periodic.decoupling.compiled import tabulate_waves
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.several import SAFETY
 from flexlin.periodic.decoupling.tame import FASTEST, INDEPENDENT, LEAST, MORE, STAGES, STEP, measure_size
 from flexlin.periodic.decoupling.tame import SAFETY as METHOD_SAFETY
-from flexlin.periodic.native.library import address
 from flexlin.periodic.product.balancing import GROUP_CONDITION
 from flexlin.periodic.product.perturbation import CANCELLED, CLOSE, EPS, FACTOR_ROUNDING
 from flexlin.periodic.transition.gauss import gauss

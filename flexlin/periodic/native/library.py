@@ -3,11 +3,8 @@
 import ctypes
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
-from flexlin.checks import Array
-from flexlin.compiler import find_compiler, find_kept_folder, load_library
-from flexlin.errors import NumericalError
+from flexlin.compiler import find_kept_library
 
 SOURCES = (
     "fit",
@@ -35,24 +32,9 @@ ARGUMENTS = {
 
 @lru_cache(maxsize=1)
 def find_library() -> ctypes.CDLL | None:
-    """The library of the sources; none where they cannot be compiled, or would have to be by every process."""
-    if find_compiler() is None or find_kept_folder() is None:
-        return None
-    try:
-        library = load_library(
-            "\n".join(Path(__file__).with_name(f"{name}.c").read_text(encoding="utf-8") for name in SOURCES)
-        )
-    except (NumericalError, OSError):
-        return None
-    for name, kinds in ARGUMENTS.items():
-        getattr(library, name).argtypes = kinds
+    """The library of the sources; none where there is no compiler."""
+    library = find_kept_library(*(Path(__file__).with_name(f"{name}.c") for name in SOURCES))
+    if library is not None:
+        for name, kinds in ARGUMENTS.items():
+            getattr(library, name).argtypes = kinds
     return library
-
-
-def address(array: Array) -> int:
-    """Where the numbers of a contiguous array stand."""
-    assert array.flags.c_contiguous
-    if not array.flags.writeable:
-        return int(array.ctypes.data)
-    numbers: Any = array
-    return ctypes.addressof(ctypes.c_char.from_buffer(numbers))

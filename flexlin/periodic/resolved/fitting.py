@@ -5,8 +5,9 @@ from functools import lru_cache
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.compiler import address
 from flexlin.periodic.fourier import fourier_basis
-from flexlin.periodic.native.library import address, find_library
+from flexlin.periodic.native.library import find_library
 from flexlin.periodic.resolved.foresight import Foreseen
 from flexlin.periodic.resolved.harmonics import EPS, FEW_FACTOR, FIRST, TINY, FourierFit, few_phases, first_times
 from flexlin.periodic.resolved.sampling import Sampler
