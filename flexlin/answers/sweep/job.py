@@ -17,7 +17,6 @@ from flexlin.answers.sweep.compiled import CompiledBatches, pays
 from flexlin.answers.sweep.found import MISSING, Found, build_dataset
 from flexlin.answers.sweep.plan import Plan
 from flexlin.checks import Array, positive, real_array
-from flexlin.errors import ArgumentError
 from flexlin.progress import advance
 from flexlin.scene.scene import Scene
 
@@ -104,9 +103,6 @@ def prepare_job(
     """
     tol = positive("tol", tol)
     axes = {path: real_array(path, value, (None,)) for path, value in values.items()}
-    if any(path.startswith("accuracy.") for path in axes):
-        got, expected = ", ".join(axes), "a number of the links, effects, motion or control"
-        raise ArgumentError("what is asked of the answer is no number of the arm", got=got, expected=expected)
     count = math.prod(map(len, axes.values())) if grid else max(map(len, axes.values()), default=0)
     check_values(count)
     points, shape, dims = lay_out(axes, grid)
