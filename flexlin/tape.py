@@ -98,8 +98,8 @@ class Usage:
 
 @lru_cache(maxsize=64)
 def usage_of(function: ca.Function) -> Usage:
-    """The usage of a function, counted from its first call on."""
-    return Usage(function, max(1, function.n_instructions()))
+    """The usage of a function, counted from its first call on; only SX functions list their operations."""
+    return Usage(function, max(1, function.n_instructions()) if function.class_name() == "SXFunction" else 1)
 
 
 def read_steps(function: ca.Function) -> Array | None:
