@@ -1,8 +1,8 @@
 """How do build time, instructions and evaluation grow with links and modes?
 
 Chains of equal links with gravity, payload, stiffening and damping, swinging under PD control: seconds to build the equations and to
-linearize them, instructions of the residual and of (M, D, K, h), microseconds to evaluate these at one time without compiling and
-compiled as C, seconds for Floquet's verdict. The fitted exponents say how each grows with the number of coordinates.
+linearize them, instructions of the residual and of (M, D, K, h), microseconds to evaluate these at one time, as flexlin does it
+and compiled as C, seconds for Floquet's verdict. The fitted exponents say how each grows with the number of coordinates.
 
     python studies/scaling.py [--size small] [--out DIR]
 """
@@ -45,7 +45,7 @@ class Cost:
     coefficients: int
     build: float
     linearize: float
-    interpreted: float
+    evaluate: float
     compiled: float
     floquet: float
 
@@ -158,7 +158,7 @@ def draw(costs: list[Cost], exponents: dict[str, float], path: Path) -> None:
         "residual": "instructions of the residual",
         "coefficients": "instructions of (M, D, K, h)",
         "build": "build in s",
-        "interpreted": "one evaluation in µs (dashed: compiled)",
+        "evaluate": "one evaluation in µs (dashed: compiled)",
         "linearize": "linearize in s",
         "floquet": "Floquet's verdict in s",
     }
@@ -168,7 +168,7 @@ def draw(costs: list[Cost], exponents: dict[str, float], path: Path) -> None:
             chain = [c for c in costs if c.modes == modes]
             n = [c.coordinates for c in chain]
             axes.loglog(n, [getattr(c, name) for c in chain], "o-", markersize=3, color=f"C{k}", label=f"{modes} modes")
-            if name == "interpreted":
+            if name == "evaluate":
                 axes.loglog(n, [c.compiled for c in chain], "--", color=f"C{k}")
         axes.set(xlabel="coordinates", title=f"{label}: power {exponents[name]:.2f}")
         axes.spines[["top", "right"]].set_visible(False)
@@ -179,7 +179,7 @@ def draw(costs: list[Cost], exponents: dict[str, float], path: Path) -> None:
 def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, object]:
     """Run the study; returns the costs and the fitted exponents."""
     rows = list(costs(size))
-    names = ("residual", "coefficients", "build", "linearize", "interpreted", "floquet")
+    names = ("residual", "coefficients", "build", "linearize", "evaluate", "floquet")
     exponents = {name: exponent(rows, name) for name in names}
     for name, power in exponents.items():
         print(f"{name} grows with the power {power:.2f} of the coordinates")
