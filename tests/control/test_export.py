@@ -12,9 +12,11 @@ import xarray
 import flexlin as fl
 from flexlin.control import gain_source, linearization_source, periodic_lqr
 from flexlin.control.export import gain_schedule, periodic_plant, save, to_control
+from flexlin.control.export.matlab import matlab_script
 from flexlin.errors import ArgumentError
 
 COMPILER = shutil.which("cc") or shutil.which("gcc")
+OCTAVE = shutil.which("octave-cli")
 
 
 @pytest.fixture(scope="module")
@@ -85,6 +87,17 @@ def test_files_hold_the_same_numbers(lin, made, tmp_path, ending):
     np.testing.assert_array_equal(data["X_0"], made.X(t))
     with pytest.raises(ArgumentError, match="ending"):
         save(system, tmp_path / "arm.txt")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(OCTAVE is None, reason="no Octave, which runs MATLAB's scripts")
+def test_the_matlab_script_gives_the_loop_between_samples(lin, made, tmp_path):
+    matlab_script(save(lin.periodic_system(), tmp_path / "arm.mat", (made,), lin=lin), designs=1)
+    line = f"cd('{tmp_path}'); arm = load_arm(); K = arm.gain{{1}}; t = {lin.period + 0.123}; printf('%.15g ', arm.A(t) - arm.B(t) * K(t));"
+    text = subprocess.run([OCTAVE, "--quiet", "--eval", line], capture_output=True, text=True, check=True).stdout
+    right = made.closed_loop.A(np.array([0.123]))[0]
+    found = np.array(text.split(), dtype=float).reshape(right.shape, order="F")
+    np.testing.assert_allclose(found, right, atol=1e-6 * np.abs(right).max())
 
 
 def outputs_of(program, phase):

@@ -39,8 +39,13 @@ if nargin < 1
     return
 end
 t = phase * arm.period;
-arm.frozen = ss(arm.A(t), arm.B(t), eye(n), zeros(n, m), 'StateName', arm.states, 'StateUnit', arm.state_units, ...
-    'InputName', arm.inputs, 'InputUnit', arm.input_units, 'OutputName', arm.states, 'OutputUnit', arm.state_units);
+arm.frozen = ss(arm.A(t), arm.B(t), eye(n), zeros(n, m), 'StateName', arm.states, ...
+    'InputName', arm.inputs, 'OutputName', arm.states);
+if ~exist('OCTAVE_VERSION', 'builtin')  % Octave's control package knows no units
+    arm.frozen.StateUnit = arm.state_units;
+    arm.frozen.InputUnit = arm.input_units;
+    arm.frozen.OutputUnit = arm.state_units;
+end
 for i = 1:{designs}
     k = size(data.designs(i).K, 2) - n;
     input = [arm.B(t); zeros(k, m)];
