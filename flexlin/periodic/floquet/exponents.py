@@ -6,6 +6,7 @@ import numpy as np
 
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, whole
+from flexlin.errors import TooManySegments
 from flexlin.periodic.assignment import assign
 from flexlin.periodic.circle import measure_distances, pair_conjugates, wrap_log
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
@@ -55,7 +56,7 @@ def floquet(
     method : str
         auto, gauss, magnus, radau or hill.
     order : int, optional
-        Order of the method; number of harmonics for hill.
+        Order of the method; number of harmonics for hill, which are kept as segments are.
     segments : int, optional
         Segments of the period. They are kept, and not refined; the errors come from a second computation with free segments.
     max_segments : int
@@ -116,7 +117,12 @@ def find_exponents(
         folded = wrap_log(exponents * system.period) / system.period
         return finish(system, folded, errors, Setting("eigenvalues", 0, 1, "A is constant"), tol)
     if segments is not None and segments > limit:
-        raise report_too_many(segments, limit, tol)
+        raise TooManySegments(
+            "more segments were asked for than are computed",
+            got=segments,
+            expected=f"at most {limit}",
+            todo="ask for fewer, or leave segments to the solver",
+        )
     if segments is not None:
         return judge_fixed(system, choose_setting(system, tol, method, order, segments), tol)
     if method == "auto" and not isinstance(steady := solve_steady(system, tol), Refusal):
@@ -182,16 +188,29 @@ def finish(
 def judge_fixed(system: PeriodicSystem, setting: Setting, tol: float) -> FloquetResult:
     """The exponents at a setting fixed by the user; their errors by the exponents at a setting that the engine chose."""
     fixed = solve_by_segments(system, setting, tol, setting.segments, fixed=True)
+    return judge_beside(system, fixed.logs / system.period, fixed.rounding / system.period, setting, tol)
+
+
+def judge_beside(
+    system: PeriodicSystem, exponents: Array, rounding: Array, setting: Setting, tol: float
+) -> FloquetResult:
+    """Judge exponents (n,) of a resolution that is held by their distance to those of one that the engine chose."""
     best = floquet(system, tol)
-    apart = measure_distances(fixed.logs, best.log_multipliers) / system.period
+    apart = measure_distances(exponents * system.period, best.log_multipliers) / system.period
     partner = assign(apart)
-    errors = 1.5 * apart[np.arange(system.n), partner] + best.errors[partner] + fixed.rounding / system.period
-    return judge(fixed.logs / system.period, errors, system.period, setting, tol)
+    errors = 1.5 * apart[np.arange(system.n), partner] + best.errors[partner] + rounding
+    return judge(exponents, errors, system.period, setting, tol, coarse=best.verdict != "undecided")
 
 
 def solve_by_hill(system: PeriodicSystem, tol: float, harmonics: int | None) -> FloquetResult:
-    """The same exponents by the independent Fourier route, imaginary parts folded into (-pi/T, pi/T]."""
+    """The same exponents by the independent Fourier route, imaginary parts folded into (-pi/T, pi/T].
+
+    Truncations that leave out waves of A(t) agree with each other, and not with A(t): they are held against another method.
+    """
     spectrum = hill_spectrum(system, tol, harmonics)
     folded = wrap_log(spectrum.exponents * system.period) / system.period
     setting = Setting("hill", spectrum.harmonics, 1, "as asked")
-    return judge(folded, spectrum.errors, system.period, setting, tol)
+    if harmonics is not None or not spectrum.covered:
+        return judge_beside(system, folded, spectrum.rounding, setting, tol)
+    reached = np.all(spectrum.errors <= np.maximum(tol * np.maximum(1.0, np.abs(folded)), 2 * spectrum.rounding))
+    return judge(folded, spectrum.errors, system.period, setting, tol, coarse=not reached)

@@ -9,8 +9,14 @@ from scipy.linalg import eig, matrix_balance
 
 from flexlin.checks import Array, check_size, whole
 from flexlin.periodic.circle import count_turns, measure_distances
+from flexlin.periodic.resolved.uncertainty import couple_uncertainty
 from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.transition.choice import count_waves
 
+SEEN = 97
+"""Times at which the sizes of A's entries are looked at."""
+FIRST = 8
+"""Harmonics of the first matrix at the least."""
 MAX_SIZE = 900
 """Rows of the largest Hill matrix: its eigenvalues take some seconds."""
 HELD = 5
@@ -24,11 +30,16 @@ OWN, TURN = 28, 4
 
 @dataclass(frozen=True)
 class HillSpectrum:
-    """Exponents (n,) whose imaginary parts are those of the mean motion (not folded), their errors, and the harmonics kept."""
+    """Exponents (n,) whose imaginary parts are those of the mean motion (not folded), their errors, and the harmonics kept.
+
+    rounding (n,): rounding's part of the errors; covered: whether both truncations that were compared hold every wave of A.
+    """
 
     exponents: Array
     errors: Array
     harmonics: int
+    rounding: Array
+    covered: bool
 
 
 def hill_spectrum(system: PeriodicSystem, tol: float, harmonics: int | None = None) -> HillSpectrum:
@@ -38,12 +49,13 @@ def hill_spectrum(system: PeriodicSystem, tol: float, harmonics: int | None = No
 
     Every exponent appears as often as harmonics are kept, shifted by i w; the copy is taken whose mean harmonic
     sum_j j |p_j|^2 is nearest zero, and copies of a solution that was taken already are left out. Harmonics are doubled
-    until the exponents stay within tol. At jumps of A convergence is algebraic, which the errors show.
+    until the exponents stay within tol, beginning with twice those of A. At jumps of A convergence is algebraic, which the errors show.
 
     Raises: ArgumentError unless harmonics is a whole number from 1 on; TooLarge.
     Source: Hill (1886); sorting by the mean harmonic after Lazarus, Thomas, C. R. Mecanique 338 (2010).
     """
-    n, count = system.n, 8 if harmonics is None else whole("harmonics", harmonics)
+    n, waves = system.n, count_harmonics(system, tol)
+    count = choose_harmonics(n, waves) if harmonics is None else whole("harmonics", harmonics)
     rows = n * (2 * count + 1)
     check_size(f"Hill's matrix with {rows} rows", 16 * HELD * rows**2, "keep fewer harmonics")
     coarse = truncate_hill(system, max(1, count // 2))
@@ -53,26 +65,52 @@ def hill_spectrum(system: PeriodicSystem, tol: float, harmonics: int | None = No
         errors = 2 * moved + fine[1]
         reached = np.all((errors <= tol * np.maximum(1, np.abs(fine[0]))) | (errors <= 2 * fine[1]))
         if reached or harmonics is not None or n * (4 * count + 1) > MAX_SIZE:
-            return HillSpectrum(fine[0], errors, count)
+            return HillSpectrum(fine[0], errors, count, fine[1], waves <= count // 2)
         count *= 2
         coarse, fine = fine, truncate_hill(system, count)
 
 
+def count_harmonics(system: PeriodicSystem, tol: float) -> int:
+    """The highest harmonic of A that matters at the wanted accuracy; two nodes of a panel's polynomials make a wave."""
+    waves = count_waves(system, 0.01 * tol)
+    if system.resolved.panels == 1:
+        return int(waves.max())
+    return int(np.ceil((waves / 2 * system.period / np.diff(system.resolved.edges)).max()))
+
+
+def choose_harmonics(n: int, waves: int) -> int:
+    """Harmonics of the first matrix: twice those of A, so that half of them hold A too, as far as its size allows."""
+    return max(FIRST, min(2 * waves, (MAX_SIZE // n - 1) // 2))
+
+
 def truncate_hill(system: PeriodicSystem, harmonics: int) -> tuple[Array, Array]:
-    """Exponents (n,) from harmonics -N ... N, and the rounding of each from its eigenvalue's condition."""
+    """Exponents (n,) from harmonics -N ... N, and what rounding and the error of A's series do to each, by its condition."""
     n, w = system.n, 2 * np.pi / system.period
-    H = assemble_hill(expand_fourier(system, 2 * harmonics), w)
+    scale, unknown = look_at_entries(system)
+    H = assemble_hill(expand_fourier(system, 2 * harmonics) * (scale / scale[:, None]), w)
     values, left, right = eig(H, left=True, right=True)
     right, left = right / np.linalg.norm(right, axis=0), left / np.linalg.norm(left, axis=0)
     modes = right.reshape(2 * harmonics + 1, n, -1)
     taken = choose_copies(values, modes, w)
     angle = np.maximum(np.abs((left[:, taken].conj() * right[:, taken]).sum(axis=0)), 1e-300)
-    noise = 4 * np.finfo(float).eps * np.linalg.norm(H, 2)
-    return values[taken], np.minimum(noise / angle, np.sqrt(noise * np.linalg.norm(H, 2)))
+    size = np.linalg.norm(H, 2)
+    noise = 4 * np.finfo(float).eps * size + unknown
+    return values[taken], np.minimum(noise / angle, np.sqrt(noise * size))
+
+
+def look_at_entries(system: PeriodicSystem) -> tuple[Array, float]:
+    """Powers of two (n,) that make rows and columns of A alike in size, and a bound on what is not known of the balanced A."""
+    t = system.period * np.arange(SEEN) / SEEN
+    size = np.abs(system.resolved(t)).sum(axis=0)
+    scale = np.asarray(matrix_balance(size, permute=False, separate=True)[1][0])
+    shape = (SEEN, system.n, system.n)
+    left, right = np.broadcast_to(np.diag(1 / scale), shape), np.broadcast_to(np.diag(scale), shape)
+    unknown = couple_uncertainty(system.resolved, t, left, right)
+    return scale, float(np.linalg.norm(unknown, 2, axis=(1, 2)).max())
 
 
 def expand_fourier(system: PeriodicSystem, count: int) -> Array:
-    """A_k, k = -count ... count, of the balanced A: trapezoidal rule, or Gauss quadrature of each panel of the resolved A."""
+    """A_k, k = -count ... count, of A: trapezoidal rule, or Gauss quadrature of each panel of the resolved A."""
     T, resolved = system.period, system.resolved
     if resolved.panels > 1:
         rules = [leggauss(OWN + int(np.ceil(TURN * count * h / T))) for h in np.diff(resolved.edges)]
@@ -82,11 +120,9 @@ def expand_fourier(system: PeriodicSystem, count: int) -> Array:
     else:
         points = 4 * count + 2 * resolved.degree + 2
         t, weight = T * np.arange(points) / points, np.full(points, 1 / points)
-    A = resolved(t)
-    scale = matrix_balance(np.abs(A).sum(axis=0), permute=False, separate=True)[1][0]
     k = np.arange(-count, count + 1)
     kernel = weight * np.exp(-2j * np.pi / T * k[:, None] * t)
-    return np.einsum("kt,tij->kij", kernel, A * (scale / scale[:, None]))
+    return np.einsum("kt,tij->kij", kernel, resolved(t))
 
 
 def assemble_hill(coefficients: Array, w: float) -> Array:

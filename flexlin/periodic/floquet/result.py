@@ -20,6 +20,13 @@ if TYPE_CHECKING:
 
 MARGINAL = 1e-9
 """Growth per basic frequency below which no arm shows whether a motion grows or decays."""
+MARGINAL_ADVICE = (
+    "add damping, write A in coordinates in which its entries are smaller, or treat the system as marginal "
+    "(undamped and rigid-body modes are)"
+)
+"""What to do where rounding, or an exponent that is zero, leaves the verdict open."""
+TOO_COARSE, UNRESOLVED = "the resolution is too coarse to decide", "leave method, order and segments to the solver"
+"""Why a resolution that is held leaves the verdict open, and what to do."""
 
 
 @dataclass(frozen=True)
@@ -149,9 +156,18 @@ class FloquetResult(Shown):
 
 
 def judge(
-    exponents: Array, errors: Array, period: float, setting: Setting, tol: float, undamped: bool = False
+    exponents: Array,
+    errors: Array,
+    period: float,
+    setting: Setting,
+    tol: float,
+    undamped: bool = False,
+    coarse: bool = False,
 ) -> FloquetResult:
-    """Give the verdict: undecided when an exponent's distance to the imaginary axis is below its error."""
+    """Give the verdict: undecided when an exponent's distance to the imaginary axis is below its error.
+
+    undamped: the system is Hamiltonian; coarse: the resolution makes the errors, and another one makes smaller ones.
+    """
     growth = exponents.real
     critical = int(np.argmax(growth + np.where(np.isinf(errors), -np.inf, errors)))
     if np.any(growth > errors):
@@ -163,25 +179,24 @@ def judge(
         verdict = "undecided"
     facts = f"growth rate {growth[critical]:.6g} +- {errors[critical]:.1e} 1/s by {setting}"
     isolated = undamped and verdict == "undecided" and are_isolated(exponents, errors, period)
-    reason = explain(verdict, float(growth[critical]), float(errors[critical]), period, tol, isolated)
+    reason = explain(verdict, float(growth[critical]), float(errors[critical]), period, tol, isolated, coarse)
     advice = {
         "stable": "every disturbance decays",
         "unstable": "some disturbance grows: change the motion, the speed, the payload or the controller",
-        "undecided": "add damping, or treat the system as marginal (undamped and rigid-body modes are)",
+        "undecided": UNRESOLVED if reason == TOO_COARSE else MARGINAL_ADVICE,
     }[verdict]
     advice = f"{reason}; {advice}" if reason else advice
     hidden = int(np.isinf(errors).sum())
     if hidden:
         advice += f"; {hidden} exponents decay too fast to be resolved and are only known to lie below the others"
     missed = bool(np.any((errors > tol * np.maximum(1, np.abs(exponents))) & np.isfinite(errors)))
-    limit = (
-        f"; tol {tol:.0e} was not reached, the error above is what rounding and the resolution allow" if missed else ""
-    )
+    allows = "the resolution allows" if coarse else "rounding and the resolution allow"
+    limit = f"; tol {tol:.0e} was not reached, the error above is what {allows}" if missed else ""
     status = f"{verdict}: {facts}; {advice}{limit}"
     return FloquetResult(exponents, errors, period, verdict, status, setting, reason)
 
 
-def explain(verdict: str, growth: float, error: float, period: float, tol: float, isolated: bool) -> str:
+def explain(verdict: str, growth: float, error: float, period: float, tol: float, isolated: bool, coarse: bool) -> str:
     """Why a verdict is undecided, or says less than it seems to; nothing where it is plain."""
     if isolated:
         return (
@@ -189,6 +204,8 @@ def explain(verdict: str, growth: float, error: float, period: float, tol: float
             "and nothing decays"
         )
     if verdict == "undecided" and error > tol * max(1.0, abs(growth)):
+        if coarse:
+            return TOO_COARSE
         return (
             "double precision cannot decide: rounding moves the growth rate by more than its distance to zero, because exponents "
             "nearly coincide or the system is far from normal"

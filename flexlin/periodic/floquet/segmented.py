@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.periodic.assignment import assign
+from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.product.balancing import balance_factors, count_groupings, multiply_pairs
 from flexlin.periodic.product.perturbation import Motion, spectrum_motion
 from flexlin.periodic.product.schur import periodic_schur
@@ -24,6 +26,8 @@ HIDDEN = 1e-3
 """A mode whose log is uncertain by this part of its distance below the largest is known to lie below, and no more."""
 TRACE = 1e-11
 """Relative error of the mean trace of A that is forgiven."""
+ANOTHER = 1.3
+"""How many times the segments give an independent rounding."""
 GROWTH, SHRINK = 4.0, 1.25
 """Bounds on how much finer the next resolution is."""
 
@@ -62,12 +66,26 @@ def solve_by_segments(
             start = spectrum.start
             continue
         if fixed or excess <= 1:
-            return spectrum
+            noisy = not fixed and bool((method > wanted)[resolved].any()) and setting.segments < max_segments
+            return compare_noise(system, spectrum) if noisy else spectrum
         finer = np.clip(1.1 * excess ** (1 / setting.order), SHRINK, GROWTH) if np.isfinite(excess) else GROWTH
         count = int(np.ceil(setting.segments * finer))
         if count > max_segments:
             raise report_too_many(count, max_segments, tol)
         setting, start = setting.with_segments(count), spectrum.start
+
+
+def compare_noise(system: PeriodicSystem, spectrum: SegmentedSpectrum) -> SegmentedSpectrum:
+    """Enlarge the errors by what other segments change, where what two methods differ by is rounding.
+
+    The rounding of a strongly non-normal factor is far above that of its entries, in both methods, which may agree by accident.
+    """
+    setting, panels = spectrum.setting, len(spectrum.setting.shares)
+    finer = setting.with_segments(int(np.ceil(ANOTHER * setting.segments)) + panels)  # more in every panel
+    other = measure_spectrum(system, finer, spectrum.start)[0]
+    apart = measure_distances(spectrum.logs, other.logs)
+    moved = apart[np.arange(len(apart)), assign(apart)]
+    return replace(spectrum, errors=np.maximum(spectrum.errors, SAFETY * moved))
 
 
 def measure_spectrum(

@@ -7,6 +7,8 @@ from flexlin.checks import Array
 
 GROUP_CONDITION = 1000.0
 """Factors are multiplied together while the product's condition number stays below this: the weakest mode loses three digits."""
+LARGEST = 1e70
+"""Products keep their entries within this and its inverse: modes that all grow alike are well conditioned, and yet overflow."""
 
 
 def balance_factors(factors: Array) -> tuple[Array, Array]:
@@ -21,12 +23,15 @@ def balance_factors(factors: Array) -> tuple[Array, Array]:
 def count_groupings(factors: Array, limit: float = GROUP_CONDITION) -> tuple[Array, int]:
     """Multiply neighbours, F_(k+1) F_k, again and again while every product's condition number stays below a limit.
 
+    No product leaves the range in which squares of products are numbers.
+
     Parameters: factors (K, n, n), the first acts first. Returns: (K', n, n) with the same product, and how often pairs were made.
     """
     rounds = 0
     while len(factors) > 1:
         pairs = multiply_pairs(factors)
-        if not measure_condition(pairs) <= limit:
+        size = np.abs(pairs).max(axis=(-2, -1))
+        if not (size.max() < LARGEST and size.min() > 1 / LARGEST and measure_condition(pairs) <= limit):
             break
         factors, rounds = pairs, rounds + 1
     return factors, rounds

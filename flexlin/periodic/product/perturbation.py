@@ -84,6 +84,7 @@ def motion_at(
     rounding = size * length_left[1:, :, None] * length_right[:-1, None, :] / np.abs(growth)
     if noise is not None:
         rounding += noise(left[:-1], right[:-1])
+    rounding = np.minimum(rounding, UNKNOWN)  # its square stays a number
     rounding = np.maximum(np.sqrt((counts * rounding**2).sum(axis=0)), COHERENT * (counts * rounding).sum(axis=0))
     rounding += form.defect * length_left[0][:, None] * length_right[0]
     shift = np.diagonal(method, axis1=1, axis2=2).sum(axis=0)

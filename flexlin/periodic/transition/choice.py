@@ -84,7 +84,8 @@ def choose_setting(system: PeriodicSystem, tol: float, method: str, order: int |
         return spread_out("magnus", order or 6, magnus_demand(pace), "as asked", rate, segments)
     if method == "radau":
         return spread_out("radau", order or 9, radau_demand(pace), "as asked", rate, segments)
-    reason = f"least work for tol {tol:.0e} with eigenvalues of A(t) up to {rate:.3g} 1/s"
+    eigenvalues = f"eigenvalues of A(t) up to {rate:.3g} 1/s"
+    reason = f"least work for tol {tol:.0e} with {eigenvalues}" if segments is None else f"as asked, with {eigenvalues}"
     plans = [
         spread_out("gauss", 2 * s, gauss_demand(pace, tol, s), reason, rate, segments)
         for s in (STAGES if order is None else [order // 2])
@@ -148,5 +149,5 @@ def estimate_segment_work(n: int, second_order: bool, setting: Setting) -> float
 def fall_back(system: PeriodicSystem, tol: float) -> Setting:
     """A setting for modes that are too fast for Gauss collocation: Radau, which only bounds those that decay too fast."""
     pace = measure_pace(system, 0.01 * tol)
-    reason = "modes that decay too fast to be resolved are only bounded"
+    reason = "other methods would take too many segments; modes that decay too fast for these are only bounded"
     return spread_out("radau", 9, 4 * radau_demand(pace), reason, float(pace.rate.max()), None)

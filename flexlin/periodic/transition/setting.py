@@ -34,13 +34,18 @@ class Setting:
 
     def __str__(self) -> str:
         if self.method == "hill":
-            return f"Hill's matrix with {self.order} harmonics ({self.reason})"
+            return f"Hill's matrix with {count_words(self.order, 'harmonic')} ({self.reason})"
         if self.method not in METHODS:
             return f"{self.method} ({self.reason})"
-        return f"{self.method} of order {self.order} on {self.segments} segments ({self.reason})"
+        return f"{self.method} of order {self.order} on {count_words(self.segments, 'segment')} ({self.reason})"
 
     def with_segments(self, segments: int) -> "Setting":
         return replace(self, segments=segments)
+
+
+def count_words(count: int, thing: str) -> str:
+    """A count with its noun: 1 segment, 2 segments."""
+    return f"{count} {thing}" if count == 1 else f"{count} {thing}s"
 
 
 def factor_by_gauss(system: PeriodicSystem, grid: Array, order: int) -> Array:

@@ -55,6 +55,36 @@ def test_a_fixed_resolution_says_by_how_much_it_errs(segments):
     assert "was not reached" in result.status
 
 
+def test_a_fixed_resolution_is_not_called_the_least_work_nor_rounding():
+    system = fl.PeriodicSystem(mathieu(1, 1.5), np.pi)
+    result = fl.floquet(system, method="gauss", order=4, segments=1)
+    assert (result.verdict, result.reason) == ("undecided", "the resolution is too coarse to decide")
+    assert "on 1 segment (as asked" in result.status
+    assert "rounding" not in result.status
+    assert "leave method, order and segments to the solver" in result.status
+    assert fl.floquet(system).verdict == "unstable"
+    with pytest.raises(TooManySegments, match="more segments were asked for"):
+        fl.floquet(system, segments=10**9)
+
+
+@pytest.mark.parametrize("growth", [300.0, 650.0, -650.0])
+@pytest.mark.parametrize("n", [1, 2])
+def test_modes_that_all_grow_or_decay_alike(n, growth):
+    """Their products are well conditioned and yet leave the range of floating-point numbers; the exponent is the mean, exactly."""
+
+    def A(t):
+        turn = np.zeros((len(t), n, n))
+        turn[:, np.arange(n), np.arange(n)] = growth * (1 + 0.5 * np.sin(2 * np.pi * t))[:, None]
+        turn[:, 0, -1] += n - 1
+        turn[:, -1, 0] -= n - 1
+        return turn
+
+    result = fl.floquet(fl.PeriodicSystem(A, 1.0))
+    assert result.verdict == ("unstable" if growth > 0 else "stable")
+    assert np.all(np.abs(result.exponents.real - growth) <= result.errors)
+    assert np.all(result.errors < 1e-6)
+
+
 def test_a_fixed_resolution_whose_stages_are_singular_is_refused():
     case = draw("fixed settings", 991000117)  # found by the jury: 20 segments for multipliers down to exp(-90)
     with pytest.raises(NumericalError, match="ask for more segments"):

@@ -56,6 +56,43 @@ def test_imaginary_parts_are_the_mean_motion():
     np.testing.assert_allclose(np.sort(spectrum.exponents.imag), [-np.sqrt(30), np.sqrt(30)], atol=1e-12)
 
 
+def fast_pendulum(waves, swing=300.0, stiffness=-1.0):
+    """y'' + 0.1 y' + (stiffness - swing cos 2 pi waves t) y = 0, T = 1."""
+
+    def A(t):
+        values = np.zeros((len(t), 2, 2))
+        values[:, 0, 1], values[:, 1, 1] = 1, -0.1
+        values[:, 1, 0] = swing * np.cos(2 * np.pi * waves * t) - stiffness
+        return values
+
+    return fl.PeriodicSystem(A, 1.0)
+
+
+@pytest.mark.parametrize("waves", [7, 40])
+def test_waves_beyond_the_first_harmonics_are_not_left_out(waves):
+    """Kapitza's pendulum stands because its support shakes: truncations without that wave agree with each other that it falls."""
+    system = fast_pendulum(waves, swing=2.5 * waves * 2 * np.pi)
+    hill, transition = fl.floquet(system, method="hill"), fl.floquet(system)
+    assert hill.verdict == transition.verdict == "stable"
+    assert pairs(hill.exponents, transition.exponents, 1.0) <= hill.error + transition.error < 1e-7
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 12])
+def test_harmonics_that_are_held_say_by_how_much_they_err(order):
+    system = fl.PeriodicSystem(mathieu(1, 1.5), np.pi) if order < 12 else fast_pendulum(40)
+    hill, best = fl.floquet(system, method="hill", order=order), fl.floquet(system, 1e-11)
+    apart = pairs(hill.exponents, best.exponents, system.period)
+    assert 1e-8 < apart <= hill.error + best.error
+    assert "rounding" not in hill.status
+
+
+def test_what_is_not_known_of_the_series_is_part_of_the_error():
+    """Fast waves: A is known to 1e-13 of 50, far above the rounding of Hill's matrix."""
+    system = fast_pendulum(20, 50.0, 1.0)
+    hill, best = fl.floquet(system, method="hill"), fl.floquet(system, 1e-13)
+    assert pairs(hill.exponents, best.exponents, 1.0) <= hill.error + best.error
+
+
 def test_boundary_and_jumps_show_in_the_error():
     boundary = fl.floquet(fl.PeriodicSystem(mathieu(mathieu_a(2, 0.8), 0.8), np.pi), method="hill")
     assert boundary.verdict == "undecided"
