@@ -144,8 +144,11 @@ def search_family(
     def fine(values: Array) -> Spectra:
         return family.fine(values[:, None])
 
-    narrow = narrow and not family.is_constant(np.array([(low + high) / 2]))
-    found = find_crossings(rough, fine, low, high, tol, samples, narrow, family.slow)
+    def scan(values: Array) -> Spectra:
+        return family.scan(values[:, None])
+
+    tongues = narrow and not family.is_constant(np.array([(low + high) / 2]))
+    found = find_crossings(rough, fine, low, high, tol, samples, tongues, family.slow, rough if narrow else scan)
     return [describe_crossing(path, crossing, family) for crossing in found]
 
 

@@ -18,6 +18,7 @@ from flexlin.errors import ArgumentError, FlexlinError, TimeLimit
 from flexlin.periodic.boundary.spectra import Spectra
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.floquet.glimpse import glimpse
 from flexlin.periodic.floquet.modes import solve_modes_at_nodes
 from flexlin.periodic.floquet.resonance import Resonance, find_resonances
 from flexlin.periodic.floquet.result import FloquetResult
@@ -43,6 +44,8 @@ LARGE = 12
 
 Source = Scene | Callable[..., PeriodicSystem]
 """A scene, or a function of one number for each parameter that returns a system."""
+Look = Callable[[PeriodicSystem, float], FloquetResult]
+"""(system, tol) -> its exponents: `floquet`, or `glimpse`."""
 
 
 @dataclass
@@ -68,14 +71,21 @@ class Family:
         """Spectra at points (V, P), to ROUGH."""
         return self.one_by_one(points, ROUGH)
 
+    def scan(self, points: Array) -> Spectra:
+        """As `rough`, for verdicts: the errors of those beyond doubt are promised, and measured at both ends only."""
+        return self.one_by_one(points, ROUGH, quick=True)
+
     def fine(self, points: Array) -> Spectra:
         """Spectra at points (V, P), to `finest` or as rounding allows."""
         return self.one_by_one(points, self.finest)
 
-    def one_by_one(self, points: Array, tol: float) -> Spectra:
-        """Each by `floquet`; not a number where the equations break."""
+    def one_by_one(self, points: Array, tol: float, quick: bool = False) -> Spectra:
+        """Each by `floquet`, or, quicker, by `glimpse` between two ends that meet tol; not a number where the equations break."""
         self.evaluations += len(points)
-        found = [self.try_at(point, tol) for point in points]
+        found = [self.try_at(point, tol) for point in (points[[0, -1]] if quick and len(points) > 2 else points)]
+        if len(found) < len(points):
+            look = glimpse if all(one is not None and is_met(one, tol) for one in found) else floquet
+            found[1:1] = [self.try_at(point, tol, look) for point in points[1:-1]]
         known = [one for one in found if one is not None]
         if not known:
             return self.unknown(points, tol)
@@ -84,10 +94,10 @@ class Family:
         pairs = [none if one is None else (one.log_multipliers, one.errors * one.period) for one in found]
         return Spectra(np.array([logs for logs, _ in pairs]), np.array([errors for _, errors in pairs]))
 
-    def try_at(self, point: Array, tol: float) -> FloquetResult | None:
+    def try_at(self, point: Array, tol: float, look: Look = floquet) -> FloquetResult | None:
         """The exponents at one point, none where the equations break."""
         try:
-            return floquet(self.system_at(point), tol)
+            return look(self.system_at(point), tol)
         except TimeLimit:
             raise
         except (FlexlinError, np.linalg.LinAlgError):
@@ -134,14 +144,14 @@ class SceneFamily(Family):
     def slow(self) -> bool:
         return self.loop is not None and self.loop.states >= WIDE
 
-    def rough(self, points: Array) -> Spectra:
+    def rough(self, points: Array, quick: bool = False) -> Spectra:
         """Together, as a sweep computes them, where that is accurate enough; else one by one."""
         assert self.loop is not None
         if not len(points):
             return self.unknown(points, ROUGH)
         batches = Batches(self.loop, points, ROUGH, CHUNK_BYTES)
         if self.prefers_one_by_one(batches):
-            return self.one_by_one(points, ROUGH)
+            return self.one_by_one(points, ROUGH, quick)
         self.plan = self.plan or choose_plan(batches)
         states, narrow = self.loop.states, batches.find_narrow(np.arange(len(points)))
         logs, errors = np.full((len(points), states), np.nan + 0j), np.full((len(points), states), np.inf)
@@ -157,6 +167,9 @@ class SceneFamily(Family):
             alone = self.one_by_one(points[narrow], ROUGH)
             logs[narrow], errors[narrow] = alone.logs, alone.errors
         return Spectra(logs, errors)
+
+    def scan(self, points: Array) -> Spectra:
+        return self.rough(points, quick=True)
 
     def prefers_one_by_one(self, batches: Batches) -> bool:
         """Whether `floquet` takes less time: for few values of many states, or of a period that a batch divides finely; finds the plan."""
@@ -223,10 +236,19 @@ class OneOfSeveral(Family):
         family, placed = self.place(points)
         return family.rough(placed)
 
+    def scan(self, points: Array) -> Spectra:
+        family, placed = self.place(points)
+        return family.scan(placed)
+
     def slopes(self, point: Array) -> tuple[Array, Array, Array] | None:
         family, placed = self.place(point[None])
         found = family.slopes(placed[0])
         return None if found is None else (*found[:2], found[2][self.index : self.index + 1])
+
+
+def is_met(found: FloquetResult, tol: float) -> bool:
+    """Whether each error is at most tol, relative beyond 1/s: rounding hides nothing then, and the first setting was fine enough."""
+    return bool(np.all(found.errors <= tol * np.maximum(1.0, np.abs(found.exponents))))
 
 
 def make_family(

@@ -57,6 +57,7 @@ def find_crossings(
     samples: int = SAMPLES,
     narrow: bool = True,
     sparse: bool = False,
+    first: SpectraFunction | None = None,
 ) -> list[Crossing]:
     """Every value between low and high at which the largest growth passes zero, in rising order.
 
@@ -65,13 +66,15 @@ def find_crossings(
 
     Parameters: rough, fine: values (V,) -> spectra, cheap and as accurate as can be; tol: wanted error of a value;
     narrow: whether to look for tongues between two values; not where A does not depend on time, and multipliers meet without effect;
-    sparse: whether to leave out values between which the verdict cannot change (`scan_sparsely`).
+    sparse: whether to leave out values between which the verdict cannot change (`scan_sparsely`); first: values -> spectra of the scan,
+    where its verdicts need not come from `rough`.
     """
+    first = first or rough
     if sparse:
-        points, scan = scan_sparsely(rough, low, high, samples)
+        points, scan = scan_sparsely(first, low, high, samples)
     else:
         points = np.linspace(low, high, samples)
-        scan = rough(points)
+        scan = first(points)
     resting = count_resting(scan)
     if resting == scan.logs.shape[1]:
         return []

@@ -1,5 +1,6 @@
 """Floquet exponents of a periodic system, with their own error and a verdict that admits doubt."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,7 @@ from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_d
 from flexlin.periodic.floquet.hamiltonian import is_hamiltonian, pair_hamiltonian
 from flexlin.periodic.floquet.hill import hill_spectrum
 from flexlin.periodic.floquet.result import FloquetResult, judge
-from flexlin.periodic.floquet.segmented import solve_by_segments
+from flexlin.periodic.floquet.segmented import SegmentedSpectrum, solve_by_segments
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.choice import choose_setting, estimate_segment_work, fall_back
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, Setting, report_too_many
@@ -26,6 +27,9 @@ ALIKE = 1e-5
 """Exponents that agree within errors as small as this are a double one that rounding splits: segments know it no better."""
 FACTOR_BYTES = 2**27
 """The transition matrices of a period take at most this many bytes."""
+
+BySegments = Callable[[PeriodicSystem, Setting, float, int], SegmentedSpectrum]
+"""(system, setting, tol, most segments) -> the exponents."""
 
 
 @checked
@@ -107,7 +111,13 @@ def floquet(
 
 
 def find_exponents(
-    system: PeriodicSystem, tol: float, method: str, order: int | None, segments: int | None, limit: int
+    system: PeriodicSystem,
+    tol: float,
+    method: str,
+    order: int | None,
+    segments: int | None,
+    limit: int,
+    by_segments: BySegments = solve_by_segments,
 ) -> FloquetResult:
     """Choose a way to the exponents and go it."""
     if method == "hill":
@@ -137,7 +147,7 @@ def find_exponents(
             setting = fall_back(system, tol)
     if setting.segments > limit:
         raise report_too_many(setting.segments, limit, tol)
-    spectrum = solve_by_segments(system, setting, tol, limit)
+    spectrum = by_segments(system, setting, tol, limit)
     return finish(system, spectrum.logs / system.period, spectrum.errors / system.period, spectrum.setting, tol)
 
 
