@@ -6,8 +6,10 @@ import numpy as np
 
 from flexlin.checks import Array, check_size
 from flexlin.errors import NumericalError
+from flexlin.periodic.floquet.decoupled_modes import solve_decoupled_modes
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.floquet.modes import find_coinciding, periodic_vectors
+from flexlin.periodic.floquet.modes import find_coinciding
+from flexlin.periodic.floquet.periodic_vectors import periodic_vectors
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.product.balancing import balance_factors
 from flexlin.periodic.system import PeriodicSystem
@@ -78,9 +80,14 @@ def slow_motions(
 def right_modes(system: PeriodicSystem, result: FloquetResult, which: Array, samples: int) -> tuple[Array, Array]:
     """Times (N,), both ends of the period included, and periodic right eigenvectors (k, N, n) of some exponents.
 
-    p_(j+1) = exp(-lambda h_j) Phi_j p_j,   p_N = p_0:   the null vector of a cyclic system
+    p_(j+1) = exp(-lambda h_j) Phi_j p_j,   p_N = p_0:   the null vector of a cyclic system, or from the decoupled one
     """
-    n, setting = system.n, result.setting
+    n, setting, decoupled = system.n, result.setting, result.decoupled
+    if decoupled is not None and len(decoupled.times) >= samples:
+        both = solve_decoupled_modes(decoupled, result.exponents)
+        if both is not None:
+            modes = np.moveaxis(both[0][:, :, which], -1, 0)
+            return np.append(decoupled.times, system.period), np.concatenate([modes, modes[:, :1]], axis=1)
     if setting.method not in METHODS:
         setting = choose_setting(system, SLOW_TOL, "radau", None, None)
     setting = setting.with_segments(max(samples, setting.segments))
@@ -93,8 +100,8 @@ def right_modes(system: PeriodicSystem, result: FloquetResult, which: Array, sam
     Phi, scale = balance_factors(METHODS[setting.method](system, grid, setting.order))
     ranks = np.tril(find_coinciding(result.log_multipliers), -1).sum(axis=1)[which]
     together = max(1, len(Phi) // GROUPS)
-    modes = periodic_vectors(Phi, grid, result.exponents[which], ranks, together) * scale[:, None]
-    modes = np.moveaxis(modes, -1, 0)
+    found, _ = periodic_vectors(Phi, grid, result.exponents[which], ranks, together)
+    modes = np.moveaxis(found * scale[:, None], -1, 0)
     return grid, np.concatenate([modes, modes[:, :1]], axis=1)
 
 

@@ -7,10 +7,11 @@ import numpy as np
 from flexlin.arguments import checked, instance
 from flexlin.checks import Array
 from flexlin.periodic.circle import measure_distances
+from flexlin.periodic.floquet.decoupled_modes import solve_decoupled_modes
 from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.floquet.periodic_vectors import periodic_vectors
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.product.balancing import balance_factors
-from flexlin.periodic.product.cyclic import cyclic_system
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.choice import choose_setting
 from flexlin.periodic.transition.gauss import gauss
@@ -23,8 +24,8 @@ MODES_TOL = 1e-9
 """Accuracy of the transition matrices where the exponents came without any."""
 MODES_SEGMENTS = 4000
 """Beyond these an L-stable method takes over, which only knows the modes that it resolves."""
-CLUSTER, NULL = 1e-7, 1e-5
-"""Logs of multipliers closer than CLUSTER share their null space; a singular value below NULL belongs to it."""
+CLUSTER = 1e-7
+"""Logs of multipliers closer than this share their null space."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class FloquetModes:
     Attributes
     ----------
     times : array, shape (N,)
-        In [0, T), in s: Gauss nodes of panels and the panels' edges.
+        In [0, T), in s: Gauss nodes of panels and the panels' edges, or equidistant where the system was decoupled.
     weights : array, shape (N,)
         The mean over a period is weights @ f; zero at the edges.
     period : float
@@ -89,7 +90,8 @@ def floquet_modes(system: PeriodicSystem, result: FloquetResult | None = None, t
 
         p_(k+1) = exp(-lambda h_k) Phi_k p_k,   p_K = p_0;      q_k = exp(-conj(lambda) h_k) Phi_k^H q_(k+1)
 
-    Each is the null vector of a cyclic two-point system, condensed orthogonally: fast modes do not spoil slow ones.
+    Where `floquet` has decoupled the system, they are the columns of its frame. Else each is the null vector of a cyclic two-point
+    system, condensed orthogonally: fast modes do not spoil slow ones, and those too fast for the segments get an infinite error.
     Assumes simple or semisimple exponents; at a defective one both modes coincide and `condition` is huge.
 
     Parameters
@@ -130,7 +132,19 @@ def floquet_modes(system: PeriodicSystem, result: FloquetResult | None = None, t
     system = as_system(system)
     if result is not None:
         instance("result", result, FloquetResult, "give what floquet hands back")
-    return solve_modes_at_nodes(system, result or floquet(system, tol))
+    return solve_modes(system, result or floquet(system, tol))
+
+
+def solve_modes(system: PeriodicSystem, result: FloquetResult, quick: bool = False) -> FloquetModes:
+    """The modes of some exponents, from the decoupled system where there is one; `quick` as in `solve_modes_at_nodes`."""
+    decoupled = result.decoupled
+    if decoupled is not None and not find_coinciding(result.log_multipliers)[~np.eye(system.n, dtype=bool)].any():
+        modes = solve_decoupled_modes(decoupled, result.exponents)
+        if modes is not None:
+            times = decoupled.times
+            weights = np.full(len(times), 1 / len(times))
+            return FloquetModes(times, weights, system.period, result.exponents, result.errors, *modes)
+    return solve_modes_at_nodes(system, result, quick)
 
 
 def solve_modes_at_nodes(system: PeriodicSystem, result: FloquetResult, quick: bool = False) -> FloquetModes:
@@ -140,42 +154,19 @@ def solve_modes_at_nodes(system: PeriodicSystem, result: FloquetResult, quick: b
     Phi, scale = balance_factors(Phi)
     n, same = Phi.shape[-1], find_coinciding(result.log_multipliers)
     size = max(1, CHUNK_BYTES * together // (64 * Phi.size))
-    right, left = (np.empty((len(Phi), n, n), complex) for _ in range(2))
+    right, left, known = *(np.empty((len(Phi), n, n), complex) for _ in range(2)), np.empty(n, bool)
     adjoint, back = np.swapaxes(Phi[::-1], -1, -2), times[-1] - times[::-1]
     for i in range(0, n, size):
         part = slice(i, i + size)
         ranks, exponents = np.tril(same, -1).sum(axis=1)[part], result.exponents[part]
-        right[:, :, part] = periodic_vectors(Phi, times, exponents, ranks, together)
-        turned = periodic_vectors(adjoint, back, exponents.conj(), ranks, together)
+        right[:, :, part], known[part] = periodic_vectors(Phi, times, exponents, ranks, together)
+        turned, _ = periodic_vectors(adjoint, back, exponents.conj(), ranks, together)
         left[:, :, part] = np.roll(turned[::-1], 1, axis=0)
     right /= np.abs(right).max(axis=(0, 1))
     left = biorthogonalize(left, right, same)
     right, left = right * scale[:, None], left / scale[:, None]
-    return FloquetModes(times[:-1], weights, system.period, result.exponents, result.errors, right, left)
-
-
-def periodic_vectors(factors: Array, times: Array, exponents: Array, ranks: Array, together: int) -> Array:
-    """p_k (K, n, m) with p_(k+1) = exp(-lambda_i h_k) F_k p_k, p_K = p_0, for factors (K, n, n) between times (K + 1,).
-
-    So many factors as stand `together` are multiplied before the cyclic system is solved, and give what lies inside afterwards:
-    over them no two modes may part by more than a few digits.
-    """
-    within, marks = multiply_within(factors, together), np.append(times[:-1:together], times[-1])
-    decay = np.exp(-exponents[:, None] * np.diff(marks))
-    at_marks = find_null_modes(decay[..., None, None] * within[:, -1], ranks)
-    inside = np.concatenate([at_marks[:, None], within[:, :-1] @ at_marks[:, None]], axis=1)
-    since = times[:-1] - np.repeat(marks[:-1], together)[: len(factors)]
-    return inside.reshape(-1, *at_marks.shape[1:])[: len(factors)] * np.exp(-since[:, None] * exponents)[:, None]
-
-
-def multiply_within(factors: Array, together: int) -> Array:
-    """F_j ... F_0 inside each group of so many factors (G, together, n, n); the last group is filled up by identities."""
-    n = factors.shape[-1]
-    rest = np.broadcast_to(np.eye(n), (-len(factors) % together, n, n))
-    products = np.concatenate([factors, rest]).reshape(-1, together, n, n)
-    for j in range(1, together):
-        products[:, j] = products[:, j] @ products[:, j - 1]
-    return products
+    errors = np.where(known, result.errors, np.inf)
+    return FloquetModes(times[:-1], weights, system.period, result.exponents, errors, right, left)
 
 
 def factor_at_nodes(system: PeriodicSystem, result: FloquetResult) -> tuple[Array, Array, Array, int]:
@@ -198,13 +189,6 @@ def factor_at_nodes(system: PeriodicSystem, result: FloquetResult) -> tuple[Arra
 def find_coinciding(logs: Array) -> Array:
     """Which logs of multipliers agree modulo 2 pi i, (n, n) booleans."""
     return measure_distances(logs, logs) < CLUSTER
-
-
-def find_null_modes(G: Array, ranks: Array) -> Array:
-    """Null vectors (K, n, m) of the cyclic systems of G (m, K, n, n); members of a cluster take different ones."""
-    x, sigma = cyclic_system(G).null_vectors(int(ranks.max()) + 1)
-    modes = [x[i, :, :, rank if sigma[i, rank] < NULL * sigma[i, -1] else 0] for i, rank in enumerate(ranks)]
-    return np.stack(modes, axis=-1)
 
 
 def biorthogonalize(left: Array, right: Array, same: Array) -> Array:

@@ -131,7 +131,7 @@ def weigh_stages(hA: Array, rule: Tableau, Y: Array) -> Array:
 def solve_stages(hA: Array, rule: Tableau, right: Array) -> Array:
     """Solve Y_i - sum_j a_ij h A_j Y_j = right_i for the stages: hA (..., s, n, n), right (..., s, n, r)."""
     s, n, r = right.shape[-3:]
-    G = np.empty((*hA.shape[:-3], s, n, s, n))
+    G = np.empty((*hA.shape[:-3], s, n, s, n), hA.dtype)
     np.multiply(-rule.a[:, None, :, None], np.swapaxes(hA, -3, -2)[..., None, :, :, :], out=G)
     G = G.reshape(*hA.shape[:-3], s * n, s * n)
     diagonal = np.arange(s * n)

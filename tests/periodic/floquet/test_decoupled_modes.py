@@ -1,0 +1,93 @@
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.periodic.floquet.decoupled_modes import solve_decoupled_modes
+from flexlin.periodic.floquet.modes import solve_modes_at_nodes
+from tests.periodic.gentle import gentle_system
+
+
+def waves(count, period):
+    return (2j * np.pi / period * np.fft.fftfreq(count, 1 / count))[:, None]
+
+
+def miss(vectors, A, exponents, period):
+    """How far vectors p(t) (N, n, n) of any fast growth are from p' = A p - lambda p, by p = c(t) f(t) with u^H f = 1.
+
+    f' = A f - m f, m = u^H (A f - f');   mean m = lambda modulo i w;   c' / c = m - lambda
+    """
+    k, missed, size = waves(len(vectors), period), [], np.linalg.norm(A, axis=(1, 2)).max()
+    for i, exponent in enumerate(exponents):
+        p = vectors[:, :, i] / np.linalg.norm(vectors[:, :, i], axis=1)[:, None]
+        u = p[np.abs(p @ p.conj().T).min(axis=0).argmax()]  # whose product with p vanishes least
+        f = p / (p @ u.conj())[:, None]
+        rest = np.einsum("tij,tj->ti", A, f) - np.fft.ifft(k * np.fft.fft(f, axis=0), axis=0)
+        m = rest @ u.conj()
+        apart = (m.mean() - exponent) * period
+        apart = np.hypot(apart.real, np.angle(np.exp(1j * apart.imag))) / (size * period)
+        moved, inside = np.fft.fft(m - m.mean())[:, None], k != 0
+        run = np.fft.ifft(np.where(inside, moved / np.where(inside, k, 1), 0), axis=0)[:, 0].real
+        grown = np.log(np.abs(vectors[:, :, i] @ u.conj())) - run
+        off = np.abs(rest - m[:, None] * f).max() / size / np.abs(f).max()
+        by_shape = max(off, apart, np.ptp(grown) / (1 + np.ptp(run)))
+        p = vectors[:, :, i] / np.abs(vectors[:, :, i]).max()  # serves where every u^H p vanishes at some time
+        slope = np.fft.ifft(k * np.fft.fft(p, axis=0), axis=0)
+        missed.append(min(by_shape, np.abs(slope + exponent * p - np.einsum("tij,tj->ti", A, p)).max() / size))
+    return np.array(missed)
+
+
+@pytest.mark.parametrize("near_resonance", [False, True])
+def test_columns_of_the_frame_solve_the_equation_and_its_adjoint(near_resonance):
+    served = 0
+    for seed in range(46, 54):
+        case = gentle_system(seed, near_resonance)
+        system = fl.PeriodicSystem(case, case.period, complete=True)
+        found = fl.floquet(system)
+        modes = None if found.decoupled is None else solve_decoupled_modes(found.decoupled, found.exponents)
+        if modes is None:
+            continue
+        served += 1
+        (right, left), A = modes, case(found.decoupled.times)
+        assert miss(right, A, found.exponents, case.period).max() < 1e-8, seed
+        assert miss(left, -np.swapaxes(A, 1, 2), -found.exponents.conj(), case.period).max() < 1e-8, seed
+        gram = np.einsum("tki,tkj->tij", left.conj(), right)
+        size = np.linalg.norm(left, axis=1)[:, :, None] * np.linalg.norm(right, axis=1)[:, None]
+        assert (np.abs(gram - np.eye(system.n)) / np.maximum(1, size)).max() < 1e-12
+    assert served >= 3
+
+
+def stiff(period):
+    """A fast decay, a fast oscillation and a slow one, mixed by a turn of the first state into the last."""
+    D = np.zeros((5, 5))
+    D[0, 0], D[1:3, 1:3], D[3:, 3:] = -2600.0, [[-1.0, 100.0], [-100.0, -1.0]], [[-0.2, 1.9], [-1.9, -0.2]]
+
+    def A(t):
+        angle, slope = 0.3 * np.sin(2 * np.pi * t / period), 0.6 * np.pi / period * np.cos(2 * np.pi * t / period)
+        U, J = np.broadcast_to(np.eye(5), (len(t), 5, 5)).copy(), np.zeros((5, 5))
+        U[:, 0, 0] = U[:, 4, 4] = np.cos(angle)
+        U[:, 0, 4], U[:, 4, 0] = -np.sin(angle), np.sin(angle)
+        J[0, 4], J[4, 0] = -1.0, 1.0
+        return U @ D @ np.swapaxes(U, 1, 2) + slope[:, None, None] * J
+
+    return A
+
+
+def test_modes_of_a_slow_motion_are_right_or_called_unknown():
+    """Few segments of a long period cannot follow the fast modes: once they ended in an overflow, or in wrong modes with small errors."""
+    A = stiff(25.0)
+    system = fl.PeriodicSystem(A, 25.0, complete=True)
+    found = fl.floquet(system)
+    modes = fl.floquet_modes(system, found)
+    assert np.isfinite(modes.errors).all()
+    change = np.einsum("t,tki,tkl,tli->i", modes.weights, modes.left.conj(), A(modes.times), modes.right)
+    turning = np.array(
+        [100.0, 1.9]
+    )  # exponents of (1 + e) A for a turn that stays: those of (1 + e) D, to first order in 1 / period
+    assert np.abs(change.real - found.exponents.real).max() < 1e-5 * 2600
+    np.testing.assert_allclose(np.unique(np.abs(change.imag).round(3))[1:], np.sort(turning), atol=2e-3)
+    for quick in (False, True):
+        few = solve_modes_at_nodes(system, found, quick)
+        assert np.isinf(few.errors[found.exponents.real < -100]).all()
+        kept = np.isfinite(few.errors)
+        again = np.einsum("t,tki,tkl,tli->i", few.weights, few.left.conj(), A(few.times), few.right)
+        assert np.abs(again - change)[kept].max(initial=0.0) < 1e-3 * 100
