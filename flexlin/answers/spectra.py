@@ -19,7 +19,7 @@ from flexlin.periodic.boundary.spectra import Spectra
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.glimpse import glimpse
-from flexlin.periodic.floquet.modes import solve_modes
+from flexlin.periodic.floquet.modes import solve_floquet_modes
 from flexlin.periodic.floquet.resonance import Resonance, find_resonances
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.system import PeriodicSystem
@@ -121,7 +121,7 @@ class Family:
     def resonances(self, point: Array) -> list[Resonance]:
         """What drives the unstable exponents at a point, fastest growth first."""
         system = self.system_at(point)
-        found = find_resonances(system, solve_modes(system, floquet(system, ROUGH), quick=True))
+        found = find_resonances(system, solve_floquet_modes(system, floquet(system, ROUGH), quick=True))
         return sorted(found, key=lambda one: -one.exponent.real)
 
 
@@ -200,7 +200,7 @@ class SceneFamily(Family):
             return None
         loop = replace(self.loop, linearization=self.loop.at(point))
         system = loop.linearization.periodic_system()
-        modes = solve_modes(system, floquet(system, self.finest), quick=True)
+        modes = solve_floquet_modes(system, floquet(system, self.finest), quick=True)
         return modes.exponents, modes.errors, integrate_derivatives(loop, modes)
 
 

@@ -13,7 +13,7 @@ from flexlin.answers.spectra import LARGE, Family, SceneFamily
 from flexlin.answers.tuning.smoothed import Smoothing
 from flexlin.checks import Array
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.floquet.modes import FloquetModes, solve_modes
+from flexlin.periodic.floquet.modes import FloquetModes, solve_floquet_modes
 from flexlin.periodic.floquet.slopes import differentiate_exponents
 
 GRADIENT_TOL = 1e-8
@@ -159,10 +159,10 @@ class Worst:
         if self.loop is not None:
             loop = replace(self.loop, linearization=self.loop.at(point))
             system = loop.linearization.periodic_system()
-            modes = solve_modes(system, floquet(system, GRADIENT_TOL), quick=True)
+            modes = solve_floquet_modes(system, floquet(system, GRADIENT_TOL), quick=True)
             return modes.exponents, integrate_derivatives(loop, modes)
         system = self.family.system_at(point)
-        modes = solve_modes(system, floquet(system, GRADIENT_TOL), quick=True)
+        modes = solve_floquet_modes(system, floquet(system, GRADIENT_TOL), quick=True)
         return modes.exponents, differentiate_exponents(modes, self.changes(point, modes))
 
     def changes(self, point: Array, modes: FloquetModes) -> Array:

@@ -132,10 +132,10 @@ def floquet_modes(system: PeriodicSystem, result: FloquetResult | None = None, t
     system = as_system(system)
     if result is not None:
         instance("result", result, FloquetResult, "give what floquet hands back")
-    return solve_modes(system, result or floquet(system, tol))
+    return solve_floquet_modes(system, result or floquet(system, tol))
 
 
-def solve_modes(system: PeriodicSystem, result: FloquetResult, quick: bool = False) -> FloquetModes:
+def solve_floquet_modes(system: PeriodicSystem, result: FloquetResult, quick: bool = False) -> FloquetModes:
     """The modes of some exponents, from the decoupled system where there is one; `quick` as in `solve_modes_at_nodes`."""
     decoupled = result.decoupled
     if decoupled is not None and not find_coinciding(result.log_multipliers)[~np.eye(system.n, dtype=bool)].any():
