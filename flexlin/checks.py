@@ -29,7 +29,8 @@ def real_array(name: str, value: ArrayLike, shape: Sequence[int | None] | None =
             raise ArgumentError(f"{name} has the wrong shape", got=have, expected=wanted)
     if not np.isfinite(array).all():
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        raise ArgumentError(f"{name} is not finite", got=f"{array[where]} at index {where}", expected="finite numbers")
+        place = f" at index {where}" if where else ""
+        raise ArgumentError(f"{name} is not finite", got=f"{array[where]}{place}", expected="finite numbers")
     return array
 
 

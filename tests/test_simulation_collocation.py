@@ -220,3 +220,9 @@ def test_the_linear_answer_beside_the_nonlinear_one_is_that_of_a_run_of_its_own(
         _, beside = NonlinearLoop(lin, lin.law).beside_linear(t, start, 1e-9, 5)
         alone, _ = predict(lin, t, start, lin.law, 1e-10)
         assert np.abs(beside - alone).max() <= 1e-7 * np.abs(alone).max()
+
+
+def test_steps_that_cannot_suffice_are_foreseen_and_fewer_periods_are_the_advice():
+    with pytest.raises(NumericalError, match=r"about \S+ steps would be needed.*simulate fewer periods") as caught:
+        simulate(closed("single-link"), 1e5, tol=1e-9, points_per_period=1)
+    assert caught.value.t < 1000

@@ -43,6 +43,18 @@ class SlowMotions:
     states: Array
 
 
+def no_motion(result: FloquetResult) -> NumericalError:
+    """What to say where no mode can be followed through a period."""
+    if not np.isfinite(result.errors).any():
+        return NumericalError("no Floquet mode is resolved", todo="look at the Floquet verdict")
+    growth = float(result.exponents.real.max())
+    return NumericalError(
+        "every Floquet mode dies out between two samples of the period",
+        got=f"the slowest at {growth:.3g} 1/s with a period of {result.period:.3g} s",
+        todo="look at a motion of a shorter period: this one hardly moves while its modes do",
+    )
+
+
 def slow_motions(
     system: PeriodicSystem,
     count: int,
@@ -64,9 +76,7 @@ def slow_motions(
     seen = np.isfinite(result.errors) & (result.exponents.real * system.period > -samples * GONE)
     slow = np.flatnonzero((result.exponents.imag >= 0) & seen)[: max(1, count)]
     if not len(slow):
-        raise NumericalError(
-            "no Floquet mode is resolved", todo="ask for a smaller tol, or look at the Floquet verdict"
-        )
+        raise no_motion(result)
     t, modes = right_modes(system, result, slow, samples)
     n = coordinates or system.n // 2
     found = [

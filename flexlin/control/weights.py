@@ -3,13 +3,15 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import LinAlgError, matrix_balance, solve_continuous_are
+from scipy.linalg import LinAlgError, eig, matrix_balance, solve_continuous_are
 
 from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable, NumericalError
 
 MARGIN = 1e-13
 """A mode counts as reached (or seen) when its share in B (or Q) is larger than this, relative to the matrices' sizes: than rounding."""
+CANCELLED = 1e-6
+"""A share of this part of the terms that it sums is no rounding: the mode is reached, whatever the sizes of other modes."""
 
 
 def diagonal_weight(name: str, entries: Sequence[float], size: int, what: str) -> Array:
@@ -23,19 +25,27 @@ def diagonal_weight(name: str, entries: Sequence[float], size: int, what: str) -
 def check_constant_pair(A: Array, B: Array, Q: Array, when: str) -> None:
     """Refuse a constant problem with a mode that does not decay and that the input does not reach or the weight does not see.
 
-    A mode with eigenvalue s, Re s >= 0, is reached when [s I - A, B] has full rank, seen when [s I - A; Q] has (Hautus).
-    The states are scaled so that rows and columns of A have like sizes (balancing), which leaves both ranks as they are.
+    A mode with eigenvalue s, Re s >= 0, is reached when [s I - A, B] has full rank, seen when [s I - A; Q] has (Hautus); or, where
+    far faster modes hide the rank, when its left vector does not cancel in w^H B, its right one not in Q v. The states are scaled so that rows and columns of A have like sizes (balancing), which leaves both ranks as they are.
     Raises: NotStabilizable, NotDetectable, naming the eigenvalue and the mode's direction.
     """
     A, (states, _) = matrix_balance(A, permute=False, separate=True)
     B, Q = B / states[:, None], Q * states
     size = float(np.linalg.norm(A, 2)) or 1.0
-    for s in np.linalg.eigvals(A):
+    values, left, right = eig(A, left=True, right=True)
+    for s, w, v in zip(values, left.T, right.T, strict=True):
         if s.real < -1e-12 * size:
             continue
         shifted = s * np.eye(len(A)) - A
-        lacking(np.concatenate([shifted, scaled(B, size)], axis=1), True, s, states, when)
-        lacking(np.concatenate([shifted, scaled(Q, size)], axis=0), False, s, states, when)
+        if cancels(B.T, w.conj()):
+            lacking(np.concatenate([shifted, scaled(B, size)], axis=1), True, s, states, when)
+        if cancels(Q, v):
+            lacking(np.concatenate([shifted, scaled(Q, size)], axis=0), False, s, states, when)
+
+
+def cancels(matrix: Array, vector: Array) -> bool:
+    """Whether every entry of a product with a vector is next to nothing beside the terms that it sums."""
+    return bool(np.all(np.abs(matrix @ vector) <= CANCELLED * (np.abs(matrix) @ np.abs(vector))))
 
 
 def constant_lqr(A: Array, B: Array, Q: Array, R: Array, N: Array, when: str) -> tuple[Array, Array]:

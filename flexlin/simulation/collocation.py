@@ -8,7 +8,7 @@ import numpy as np
 from flexlin.checks import Array, check_size
 from flexlin.simulation.beside import LinearPath
 from flexlin.simulation.equations import Equations
-from flexlin.simulation.stepping import stopped
+from flexlin.simulation.stepping import GENTLER, SHORTER, stopped
 from flexlin.simulation.sweeps import Solved, Start, solve_window
 from flexlin.simulation.window import Grid, Path, between
 
@@ -28,6 +28,8 @@ ABSOLUTE = 1e-2
 """States below this (rad, m and their rates) are resolved to this times the tolerance."""
 MOST_STEPS = 200_000
 """Steps, refused ones counted, after which a simulation is given up."""
+EVEN, EXCESS = 10.0, 4.0
+"""Periods after which the steps that are needed are foreseen, and how many times too many end the simulation."""
 SHORTEST = 1e-13
 """A step this short against the whole time is no step any more."""
 SAFETY = 0.9
@@ -112,6 +114,7 @@ class Collocation:
         for mark in marks[1:]:
             at.behind_break(most)
             while at.t < mark:
+                self._foresee(at, at.t - float(t[0]), float(t[-1] - t[0]))
                 window = self._advance(at, float(mark), float(t[-1] - t[0]), most)
                 if window is None:
                     continue
@@ -125,6 +128,15 @@ class Collocation:
                 done = stop
         return out
 
+    def _foresee(self, at: Progress, passed: float, whole: float) -> None:
+        """Give up where too many steps were taken, or would be: some periods show how many the whole time needs."""
+        even = passed > EVEN * self._period
+        if even and at.steps > MOST_STEPS / 100 and at.steps * whole > EXCESS * MOST_STEPS * passed:
+            needed = f"about {at.steps * whole / passed:.1g} steps would be needed, at most {MOST_STEPS} are taken"
+            raise stopped(at.t, needed, at.x, SHORTER)
+        if at.steps > MOST_STEPS:
+            raise stopped(at.t, f"{MOST_STEPS} steps were not enough", at.x, SHORTER if even else GENTLER)
+
     def _advance(
         self, at: Progress, mark: float, whole: float, most: int
     ) -> tuple[Grid, Path, Array, Path | None] | None:
@@ -133,8 +145,6 @@ class Collocation:
         at.steps += grid.count
         if grid.h.min() < SHORTEST * whole:
             raise stopped(at.t, "no step is short enough", at.x)
-        if at.steps > MOST_STEPS:
-            raise stopped(at.t, f"{MOST_STEPS} steps were not enough", at.x)
         scale = np.maximum(at.largest, ABSOLUTE)
         solved = self._solve(at, grid, scale)
         if solved is None:

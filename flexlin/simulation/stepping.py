@@ -58,12 +58,17 @@ def march(
     return z, values
 
 
-def stopped(t: float, why: str, reached: Array | None = None) -> SimulationStopped:
+GENTLER = "slow the motion down, stiffen the links or raise the gains; or simulate fewer periods"
+"""What helps where a step is too hard; where there are only too many, SHORTER does."""
+SHORTER = "simulate fewer periods, or ask for a larger tol"
+
+
+def stopped(t: float, why: str, reached: Array | None = None, todo: str = GENTLER) -> SimulationStopped:
     """What to say when the integrator cannot go on from an accepted state; `reached` (2n,) is that state."""
     return SimulationStopped(
         f"the nonlinear simulation stopped at t = {t:.4g} s",
         got=why,
-        todo="slow the motion down, stiffen the links or raise the gains; or simulate fewer periods",
+        todo=todo,
         t=t,
         reached=reached,
     )

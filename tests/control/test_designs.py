@@ -146,6 +146,14 @@ def test_blocked_modes_are_named(kind):
         design(unseen, table(kind, state_weight=(0, 1, 1)))
 
 
+def test_modes_far_faster_hide_no_mode_that_the_input_reaches():
+    """Beside bending at 2e8 rad/s the rank of Hautus's pencil is rounding; the joint is driven all the same."""
+    scene = fl.load_scene("single-link", {"links.0.bending_stiffness": 3.69e12})
+    plant = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    found = frozen_lqr(plant, np.diag([100.0, 100, 100, 1, 1, 1]), 0.1)
+    assert fl.floquet(found.closed_loop).verdict == "stable"
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

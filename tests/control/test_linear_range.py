@@ -9,7 +9,9 @@ from scipy.optimize import brentq
 
 import flexlin as fl
 from flexlin.control import linear_range
+from flexlin.control.slow_motions import slow_motions
 from flexlin.control.validity import Validity
+from flexlin.errors import NumericalError
 
 
 def share_by_brute_force(lin: fl.Linearization, plant: fl.Linearization, start: np.ndarray, count: int) -> float:
@@ -82,3 +84,9 @@ def test_the_range_does_not_depend_on_how_many_samples_there_are(monkeypatch: py
     coarse = linear_range(lin, tol=1e-6, plant=plant)
     assert (np.abs(coarse.amplitudes - fine.amplitudes) <= 2 * (coarse.errors + fine.errors)).all()
     assert f"± {fine.errors[fine.amplitudes.argmin()]:.0e} " in fine.status
+
+
+def test_modes_that_die_out_within_the_period_are_named_as_the_reason():
+    system = fl.PeriodicSystem.from_second_order([[1.0]], [[4.0]], [[3.0]], 1e9)
+    with pytest.raises(NumericalError, match=r"dies out between two samples.*slowest at -1 1/s.*shorter period"):
+        slow_motions(system, 1)
