@@ -25,8 +25,9 @@ def diagonal_weight(name: str, entries: Sequence[float], size: int, what: str) -
 def check_constant_pair(A: Array, B: Array, Q: Array, when: str) -> None:
     """Refuse a constant problem with a mode that does not decay and that the input does not reach or the weight does not see.
 
-    A mode with eigenvalue s, Re s >= 0, is reached when [s I - A, B] has full rank, seen when [s I - A; Q] has (Hautus); or, where
-    far faster modes hide the rank, when its left vector does not cancel in w^H B, its right one not in Q v. The states are scaled so that rows and columns of A have like sizes (balancing), which leaves both ranks as they are.
+    A mode with eigenvalue s, Re s >= 0, is reached when [s I - A, B] has full rank, seen when [s I - A; Q] has (Hautus). Where
+    far faster modes hide the rank, it is reached when its left vector w does not cancel in w^H B, seen when its right one does not in
+    Q v. The states are scaled so that rows and columns of A have like sizes (balancing), which leaves both ranks as they are.
     Raises: NotStabilizable, NotDetectable, naming the eigenvalue and the mode's direction.
     """
     A, (states, _) = matrix_balance(A, permute=False, separate=True)
