@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import LinAlgError, eig, matrix_balance, solve_continuous_are
 
 from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable, NumericalError
+from flexlin.lapack import LAPACK
 
 MARGIN = 1e-13
 """A mode counts as reached (or seen) when its share in B (or Q) is larger than this, relative to the matrices' sizes: than rounding."""
@@ -30,7 +30,9 @@ def check_constant_pair(A: Array, B: Array, Q: Array, when: str) -> None:
     Q v. The states are scaled so that rows and columns of A have like sizes (balancing), which leaves both ranks as they are.
     Raises: NotStabilizable, NotDetectable, naming the eigenvalue and the mode's direction.
     """
-    A, (states, _) = matrix_balance(A, permute=False, separate=True)
+    from scipy.linalg import eig  # takes longer to load than other designs to compute
+
+    A, _, _, states, _ = LAPACK.dgebal(A, scale=1, permute=0)
     B, Q = B / states[:, None], Q * states
     size = float(np.linalg.norm(A, 2)) or 1.0
     values, left, right = eig(A, left=True, right=True)
@@ -57,12 +59,14 @@ def constant_lqr(A: Array, B: Array, Q: Array, R: Array, N: Array, when: str) ->
     SciPy's solver is the one that python-control calls, without the second that it takes to load python-control.
     Raises: NotStabilizable, NotDetectable as `check_constant_pair`; NumericalError where rounding leaves no stable loop.
     """
+    from scipy.linalg import solve_continuous_are
+
     check_constant_pair(A, B, Q, when)
     try:
         X = solve_continuous_are(A, B, Q, R, s=N)
         K = np.linalg.solve(R, B.T @ X + N.T)
         growth = float(np.linalg.eigvals(A - B @ K).real.max())
-    except (ArithmeticError, ValueError, LinAlgError) as error:
+    except (ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
         growth, why = np.inf, str(error)
     else:
         why = f"a loop that grows by {growth:.3g} 1/s"

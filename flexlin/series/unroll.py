@@ -2,7 +2,6 @@
 
 import casadi as ca
 import numpy as np
-from scipy.linalg import lu
 
 from flexlin.checks import Array, check_size
 from flexlin.errors import ArgumentError
@@ -22,6 +21,8 @@ def unrolled(tape: Tape, indices: Indices, V: Array) -> ca.Function:
     Assumes that the pivots chosen for this V serve near by: elimination is not pivoted again.
     Raises: TooLarge when the expression would take an unreasonable number of bytes.
     """
+    from scipy.linalg import lu  # takes longer to load than most maps to compute
+
     products = sum(len(indices.pairs(k).left) for k in range(indices.order + 1))
     size = 2 * BYTES_PER_INSTRUCTION * products * len(tape.operations)
     check_size("the unrolled function", size, "lower the order, or use the map in numbers")

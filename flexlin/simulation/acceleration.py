@@ -3,11 +3,11 @@
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg.lapack import dposv
 
 from flexlin import symbolic
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
+from flexlin.lapack import LAPACK
 from flexlin.simulation.equations import deviation_equations
 from flexlin.simulation.friction import Friction
 from flexlin.simulation.stepping import TrialLeftRange
@@ -42,14 +42,14 @@ class Acceleration:
             )
             left[moving] += added
             lost = lost + rates[moving] @ added
-        _, acceleration, failed = dposv(M[kept], (B @ torque - left)[kept])
+        _, acceleration, failed = LAPACK.dposv(M[kept], (B @ torque - left)[kept])
         if failed:
             raise TrialLeftRange("the mass matrix is not positive definite there")
         holding = np.zeros(0)
         if friction is not None and slip is not None and not np.all(slip):
             stuck = [row for row, mode in zip(friction.rows, slip, strict=True) if mode == 0]
             led = self.about.positions(np.array([t]), *np.zeros((3, 1, self._n)))[2][0, kept][stuck]
-            reply = dposv(M[kept], np.eye(self._n)[:, stuck])[1]
+            reply = LAPACK.dposv(M[kept], np.eye(self._n)[:, stuck])[1]
             holding = np.linalg.solve(reply[stuck], acceleration[stuck] + led)
             acceleration = acceleration - reply @ holding
         return acceleration, holding, float(rates @ (left + M @ acceleration) - lost[0, 0])

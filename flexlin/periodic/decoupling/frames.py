@@ -4,10 +4,11 @@ import warnings
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
-from scipy.linalg import expm, schur, sqrtm
 
 from flexlin.checks import Array
+from flexlin.lapack import complex_schur
 from flexlin.periodic.decoupling.grouping import Group, Modes, block_mask
+from flexlin.periodic.transition.exponential import exponentiate
 
 NORMAL = 100.0
 """Eigenvectors of a smaller condition number than this give a logarithm without loss."""
@@ -52,7 +53,8 @@ def turn_back(L: Array, groups: tuple[Group, ...], count: int) -> Array:
     part = -np.arange(count) / count
     for group in groups:
         block = L[group.part, group.part]
-        turned = np.exp(part * block[0, 0])[:, None, None] if group.size == 1 else expm(part[:, None, None] * block)
+        exponents = part[:, None, None] * block
+        turned = np.exp(exponents) if group.size == 1 else exponentiate(exponents)
         steps[:, group.part, group.part] = turned
     return steps
 
@@ -110,9 +112,9 @@ def logarithm_by_roots(H: Array) -> Array | None:
 
     Source: Dieci, Morini, Papini, SIAM J. Matrix Anal. Appl. 17 (1996), 570; Gauss' rule makes it the diagonal Pade approximant.
     """
-    eye, halvings, (root, Z) = np.eye(len(H)), 0, schur(H, output="complex")
+    eye, halvings, (root, Z) = np.eye(len(H)), 0, complex_schur(H)
     while not np.linalg.norm(root - eye, 1) < NEAR:
-        root, halvings = sqrtm(root), halvings + 1
+        root, halvings = triangular_root(root), halvings + 1
         if halvings > ROOTS or not np.isfinite(root).all():
             return None
     nodes, weights = leggauss(NODES)
@@ -120,6 +122,18 @@ def logarithm_by_roots(H: Array) -> Array | None:
     return np.asarray(
         Z @ (2**halvings * np.einsum("k,kij->ij", weights / 2, np.linalg.solve(eye + s * X, X))) @ Z.conj().T
     )
+
+
+def triangular_root(T: Array) -> Array:
+    """The principal root R of an upper triangular complex matrix, (R_jj I + R_(<j)) r_j = t_j column by column; not finite where there is none.
+
+    Source: Björck, Hammarling, A Schur method for the square root of a matrix, Linear Algebra Appl. 52/53 (1983), 127.
+    """
+    R = np.diag(np.sqrt(np.diagonal(T)))
+    for j in range(1, len(T)):
+        shifted = R[:j, :j] + R[j, j] * np.eye(j)
+        R[:j, j] = np.linalg.solve(shifted, T[:j, j]) if np.diagonal(shifted).all() else np.nan
+    return R
 
 
 def made_real(T: Array, groups: tuple[Group, ...], turning: Array) -> Array:

@@ -3,9 +3,9 @@
 from collections.abc import Callable
 
 import numpy as np
-from scipy.linalg import schur
 
 from flexlin.checks import Array
+from flexlin.lapack import complex_schur
 from flexlin.periodic.decoupling.grouping import Group
 from flexlin.periodic.decoupling.waves import KEPT, harmonics
 
@@ -73,7 +73,7 @@ def block(B: Array, group: Group, other: Group) -> Array:
         turned = -np.swapaxes(B, 1, 2)
         return -np.swapaxes(block(turned, other, group), 1, 2)
     own, Y = B[:, group.part, group.part], np.empty((len(B), group.size, other.size), complex)
-    forms = [schur(its, output="complex") for its in B[:, other.part, other.part]]
+    forms = [complex_schur(its) for its in B[:, other.part, other.part]]
     R, Q = (np.array(part) for part in zip(*forms, strict=True))
     right = -B[:, group.part, other.part] @ Q
     for k in range(other.size):

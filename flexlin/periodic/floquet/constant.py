@@ -1,9 +1,9 @@
 """Exponents of a constant system: the eigenvalues of its matrix, with their errors."""
 
 import numpy as np
-from scipy.linalg import schur
 
 from flexlin.checks import Array
+from flexlin.lapack import complex_schur
 from flexlin.periodic.product.balancing import balance_factors
 from flexlin.periodic.product.eigenvectors import separate_triangular
 from flexlin.periodic.product.perturbation import EPS, bound_pairs
@@ -20,7 +20,7 @@ def solve_constant(system: PeriodicSystem) -> tuple[Array, Array]:
     |d lambda_i| <= eps |A| |l_i| |r_i|,   l_i^H r_i = 1, and what pairs of eigenvalues do to each other
     """
     A, scale = balance_factors(system.resolved(np.zeros(1)))
-    T, Q = schur(A[0], output="complex")
+    T, Q = complex_schur(A[0])
     X, shared = separate_triangular(T)
     right, left = Q @ X, np.linalg.solve(X, Q.conj().T)
     size = BACKWARD * EPS * np.linalg.norm(A[0])

@@ -5,9 +5,9 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
-from scipy.linalg import eig, matrix_balance
 
 from flexlin.checks import Array, check_size, whole
+from flexlin.lapack import LAPACK
 from flexlin.periodic.circle import count_turns, measure_distances
 from flexlin.periodic.resolved.uncertainty import couple_uncertainty
 from flexlin.periodic.system import PeriodicSystem
@@ -85,6 +85,8 @@ def choose_harmonics(n: int, waves: int) -> int:
 
 def truncate_hill(system: PeriodicSystem, harmonics: int) -> tuple[Array, Array]:
     """Exponents (n,) from harmonics -N ... N, and what rounding and the error of A's series do to each, by its condition."""
+    from scipy.linalg import eig  # takes longer to load than most matrices to solve
+
     n, w = system.n, 2 * np.pi / system.period
     scale, unknown = look_at_entries(system)
     H = assemble_hill(expand_fourier(system, 2 * harmonics) * (scale / scale[:, None]), w)
@@ -102,7 +104,7 @@ def look_at_entries(system: PeriodicSystem) -> tuple[Array, float]:
     """Powers of two (n,) that make rows and columns of A alike in size, and a bound on what is not known of the balanced A."""
     t = system.period * np.arange(SEEN) / SEEN
     size = np.abs(system.resolved(t)).sum(axis=0)
-    scale = np.asarray(matrix_balance(size, permute=False, separate=True)[1][0])
+    scale = np.asarray(LAPACK.dgebal(size, scale=1, permute=0)[3])
     shape = (SEEN, system.n, system.n)
     left, right = np.broadcast_to(np.diag(1 / scale), shape), np.broadcast_to(np.diag(scale), shape)
     unknown = couple_uncertainty(system.resolved, t, left, right)

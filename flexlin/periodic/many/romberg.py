@@ -4,9 +4,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.lapack import dgebal
 
 from flexlin.checks import Array
+from flexlin.lapack import LAPACK
 from flexlin.periodic.companion import stack_companion
 from flexlin.periodic.grid import divide_segments, place_edges
 from flexlin.periodic.many.algebra import exponentiate_batch
@@ -73,7 +73,7 @@ def balance_states(X: Array, Y: Array, memory: int = 0) -> Array:
     coordinates, the last `memory`, follow their velocities.
     """
     A = stack_companion(np.abs(X).mean(axis=(0, 3)), np.abs(Y).mean(axis=(0, 3)))
-    places, rates = np.log2(dgebal(A, scale=1, permute=0)[3]).reshape(2, -1)
+    places, rates = np.log2(LAPACK.dgebal(A, scale=1, permute=0)[3]).reshape(2, -1)
     own = len(places) - memory
     factor = np.round(np.mean(rates[:own] - places[:own]))
     places[own:] = rates[own:] - factor

@@ -4,10 +4,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import schur as schur_form
-from scipy.linalg.lapack import dgeqrf, dorgqr
 
 from flexlin.checks import Array
+from flexlin.lapack import LAPACK, complex_schur
 from flexlin.periodic.circle import wrap_log
 from flexlin.periodic.product.sweeps import CLEAN, TINY, find_clusters, sum_log_moduli, triangularize
 
@@ -59,7 +58,7 @@ def periodic_schur(factors: Array, start: Array | None = None) -> PeriodicSchur:
     """
     n = factors.shape[-1]
     if len(factors) == 1:
-        T, Q = schur_form(factors[0], output="complex")
+        T, Q = complex_schur(factors[0])
         return PeriodicSchur(np.stack([Q, Q]), without_zeros(T[None]), np.ones(n, complex), np.eye(n), 0.0)
     Q, R = ordered_bases(factors, np.eye(n) if start is None else start)
     Q0 = Q[0]
@@ -99,9 +98,9 @@ def chain_of_bases(factors: Array, Q0: Array) -> tuple[Array, Array]:
     Q, R = np.empty((len(factors) + 1, *factors.shape[1:])), np.empty_like(factors)
     Q[0] = Q0
     for k, factor in enumerate(factors):
-        packed, tau, _, _ = dgeqrf(factor @ Q[k], overwrite_a=1)
+        packed, tau, _, _ = LAPACK.dgeqrf(factor @ Q[k], overwrite_a=1)
         R[k] = packed
-        Q[k + 1] = dorgqr(packed, tau, overwrite_a=1)[0]
+        Q[k + 1] = LAPACK.dorgqr(packed, tau, overwrite_a=1)[0]
     return Q, np.triu(R)
 
 
@@ -109,7 +108,7 @@ def triangular_bases(B: Array, W: Array) -> tuple[Array, Array, float]:
     """Unitary U_k with B_k U_k = U_(k+1) T_k for a block of nearly equal moduli, W U_K = U_0 diag(turn)."""
     products, _ = prefix_products(B)
     P = W @ products[-1]
-    U0 = schur_form(P, output="complex")[1]
+    U0 = complex_schur(P)[1]
     Q, _ = np.linalg.qr(products @ U0)
     U = np.concatenate([U0[None], Q])
     T = np.conj(np.swapaxes(U[1:], -1, -2)) @ B @ U[:-1]

@@ -3,9 +3,9 @@
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg.lapack import dgeqrf, dorgqr
 
 from flexlin.checks import Array
+from flexlin.lapack import LAPACK
 from flexlin.periodic.product.balancing import multiply_pairs
 
 CLEAN = 1e-14
@@ -54,9 +54,9 @@ def sweep_factors(factors: Array, Q: Array) -> tuple[Array, Array]:
     """One sweep F_k Q_k = Q_(k+1) R_k; returns Q_K and all R_k (K, n, n)."""
     R = np.empty_like(factors)
     for k, factor in enumerate(factors):
-        packed, tau, _, _ = dgeqrf(factor @ Q, overwrite_a=1)
+        packed, tau, _, _ = LAPACK.dgeqrf(factor @ Q, overwrite_a=1)
         R[k] = packed
-        Q = dorgqr(packed, tau, overwrite_a=1)[0]
+        Q = LAPACK.dorgqr(packed, tau, overwrite_a=1)[0]
     return Q, np.triu(R)
 
 

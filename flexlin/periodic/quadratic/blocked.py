@@ -1,7 +1,6 @@
 """Which mode keeps a linear-quadratic problem from having a stabilising solution."""
 
 import numpy as np
-from scipy.linalg import eig
 
 from flexlin.checks import Array
 from flexlin.errors import NotDetectable, NotStabilizable
@@ -89,6 +88,8 @@ def measure_coupling(
     p(t) is the Floquet vector nearest to `vector`, from the eigenvectors of the product of the steps; its rounding is that of an
     eigenvector, which grows with the condition of the eigenvalue.
     """
+    from scipy.linalg import eig  # takes longer to load than most equations to solve
+
     with np.errstate(over="ignore", invalid="ignore"):
         product = steps[0]
         for step in steps[1:]:

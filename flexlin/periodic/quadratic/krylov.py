@@ -4,9 +4,9 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from flexlin.checks import Array
+from flexlin.lapack import LAPACK
 
 
 def solve_by_gmres(operator: Callable[[Array], Array], right: Array, tol: float, most: int) -> tuple[Array, float]:
@@ -42,5 +42,5 @@ def solve_by_gmres(operator: Callable[[Array], Array], right: Array, tol: float,
         if not left > tol:
             break
         basis[k + 1] = vector / length
-    y = solve_triangular(triangle[: k + 1, : k + 1], target[: k + 1], check_finite=False)
+    y = LAPACK.dtrtrs(triangle[: k + 1, : k + 1], target[: k + 1])[0]
     return (y @ basis[: k + 1]).reshape(right.shape), left

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import expm
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, TooManySegments
@@ -11,6 +10,7 @@ from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.grid import edges_of_short
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choice import choose_gauss_step, measure_pace
+from flexlin.periodic.transition.exponential import exponentiate
 from flexlin.periodic.transition.gauss import gauss_transitions
 
 STAGES = 6
@@ -87,7 +87,7 @@ def hold_controller(rates: Array, step: float) -> Array:
     k = len(rates)
     block = np.zeros((2 * k, 2 * k))
     block[:k, :k], block[:k, k:] = rates[:, -k:], np.eye(k)
-    return np.asarray(expm(step * block)[:k, k:])
+    return exponentiate((step * block)[None])[0, :k, k:]
 
 
 def with_controller_states(plant: HeldPlant, rates: Array, step: float) -> HeldPlant:
