@@ -125,7 +125,9 @@ def logarithm_by_roots(H: Array) -> Array | None:
 
 
 def triangular_root(T: Array) -> Array:
-    """The principal root R of an upper triangular complex matrix, (R_jj I + R_(<j)) r_j = t_j column by column; not finite where there is none.
+    """The principal root R of an upper triangular complex matrix, column by column; not finite where there is none.
+
+        (R_jj I + R_<j) r_j = t_j
 
     Source: Björck, Hammarling, A Schur method for the square root of a matrix, Linear Algebra Appl. 52/53 (1983), 127.
     """
