@@ -9,7 +9,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.compiler import address
 from flexlin.periodic.companion import build_companion
-from flexlin.periodic.decoupling.coordinates import BEYOND, ENOUGH, LEAST, MAX_ROUNDS, NEAR, SHRINK
+from flexlin.periodic.decoupling.coordinates import BEYOND, ENOUGH, EVEN, LEAST, MAX_ROUNDS, NEAR, SHRINK
 from flexlin.periodic.decoupling.decouple import ROUGH, SPARSE
 from flexlin.periodic.decoupling.decoupled import Decoupled, Diagonal
 from flexlin.periodic.decoupling.mean_modes import MeanModes
@@ -23,7 +23,7 @@ from flexlin.periodic.resolved.uncertainty import EPS, ROUNDINGS
 
 MOST_STATES = 128
 """States that the compiled code serves."""
-NO_MEMORY = -4
+UNSETTLED, NO_MEMORY = -3, -4
 Coefficients = ResolvedMatrix | ResolvedCompanion
 
 
@@ -92,20 +92,22 @@ def sample_series(library: ctypes.CDLL, coefficients: Coefficients, count: int) 
 
 def decouple_compiled(
     library: ctypes.CDLL, samples: SampledPeriod, coefficients: Coefficients, modes: MeanModes, tol: float
-) -> Decoupled | None:
+) -> Decoupled | Array | None:
     """As `decouple_on_nodes`, with `couple_uncertainty` for the coefficients. Raises: MemoryError."""
     A, period = samples.A, coefficients.period
     nodes, n = len(A), A.shape[-1]
     blocks = coefficients.blocks if isinstance(coefficients, ResolvedCompanion) else coefficients
     tables = tabulate_waves(nodes // 2)
-    out = np.empty(3 * 2 * A.size + 2 * n * n + 3 * n)
-    limits = np.array([ENOUGH, SHRINK, SLOW_PART, ROUGH, tol, EPS, ROUNDINGS * EPS, COHERENT / 3, NEAR, BEYOND, LEAST])
+    out, partner = np.empty(3 * 2 * A.size + 2 * n * n + 3 * n), np.empty(n, np.intc)
+    limits = np.array(
+        [ENOUGH, SHRINK, SLOW_PART, ROUGH, tol, EPS, ROUNDINGS * EPS, COHERENT / 3, NEAR, BEYOND, LEAST, EVEN]
+    )
     second = (
         (0, 0)
         if samples.blocks is None or samples.inverse is None
         else tuple(map(address, (samples.blocks, samples.inverse)))
     )
-    given = [modes.mate, modes.label, modes.values, modes.right, modes.left, tables.numbers, out]
+    given = [modes.mate, modes.label, modes.values, modes.right, modes.left, tables.numbers, out, partner]
     rounds = library.decouple_on_nodes(
         n, nodes // 16, n // 2 if samples.blocks is not None else 0, MAX_ROUNDS, tables.most, tables.width, tables.wide, 2 * np.pi / period,
         address(limits), address(A), second[0], address(blocks.error), second[1], *map(address, given),
@@ -113,7 +115,7 @@ def decouple_compiled(
     if rounds == NO_MEMORY:
         raise MemoryError("the coordinates of a period")
     if rounds < 0:
-        return None
+        return partner if rounds == UNSETTLED else None
     frame, inverse, generator = out[: 6 * A.size].view(complex).reshape(3, *A.shape)
     rest = out[6 * A.size :]
     residual, rounding = rest[: 2 * n * n].reshape(2, n, n)

@@ -11,6 +11,8 @@ from flexlin.periodic.decoupling.waves import KEPT, circle_derivative, harmonics
 NEAR, BEYOND, LEAST = 0.2, 0.2, 0.05
 """A harmonic whose frequency comes closer to the gap of two eigenvalues stays, since it would not shrink: closer than NEAR of the gap, than
 BEYOND times what the two deviate from their means, and than LEAST of the basic frequency where they deviate by less."""
+EVEN = 0.8
+"""Two modes whose eigenvalues stay farther apart than this part of the mean of their gap are parted by the gap of each time."""
 ENOUGH, SHRINK = 2e-3, 0.8
 """Rounds end when the coupling's effect is this part of what is allowed, or shrinks by less than this factor."""
 MAX_ROUNDS = 12
@@ -32,9 +34,10 @@ def find_coordinates(own: Array, modes: MeanModes, period: float, allowed: Array
 
     Each round takes P := P (1 + S), own := (1 + S)^-1 (own (1 + S) - S') with the Fourier coefficients
 
-        S_ij,k = R_ij,k / (i k w - (b_i - b_j)),   R the coupling between groups, b the means of the diagonal,
+        S_ij,k = R_ij,k / (i k w - g),   R the coupling between groups times g / g(t),   g the mean of g(t) = b_i - b_j on the diagonal,
 
-    where the divisor is large enough. What is left is smaller by how much the diagonal varies beside the gap.
+    where the divisor is large enough; it solves S' = g(t) S + R where R is slow beside g or g(t) is constant. Where g(t) varies by much, R
+    is the coupling itself, and what is left is smaller by how much.
 
     Parameters: own (N, n, n): generator in the modes of the mean; every other node builds P, the others check; allowed (n,) in 1/s.
     Source: averaging to high order: Sanders, Verhulst, Murdock, Averaging Methods in Nonlinear Dynamical Systems (2007), ch. 3.
@@ -70,13 +73,14 @@ def limit_nearness(B: Array, b: Array, outside: Array, w: float) -> Array:
 
 def step_once(B: Array, outside: Array, frequency: Array, allowed: Array) -> tuple[Array, Array, float]:
     """S and S' at the nodes, and the largest effect of the coupling on a mode against what is allowed."""
-    count = len(B)
-    b = np.einsum("tii->i", B) / count
-    gap = b[:, None] - b
+    count, diagonal = len(B), np.einsum("tii->ti", B)
+    b = diagonal.mean(axis=0)
+    gap, now = b[:, None] - b, diagonal[:, :, None] - diagonal[:, None]
+    even = outside & (np.abs(now).min(axis=0) > EVEN * np.abs(gap))
     divisor = 1j * frequency - gap
     kept = outside & (np.abs(divisor) > limit_nearness(B, b, outside, frequency[1, 0, 0]))
     kept &= (np.abs(harmonics(count)) <= KEPT * count)[:, None, None]
-    spectrum = np.fft.fft(B, axis=0)
+    spectrum = np.fft.fft(B * np.where(even, gap / np.where(even, now, 1), 1), axis=0)
     left = (np.abs(spectrum / count) ** 2 * (outside & ~kept)).sum(axis=0)
     spectrum = np.where(kept, spectrum / np.where(kept, divisor, 1), 0)
     S, slope = np.fft.ifft(spectrum, axis=0), np.fft.ifft(1j * frequency * spectrum, axis=0)

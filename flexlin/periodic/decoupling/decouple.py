@@ -176,13 +176,15 @@ def checked(
     times = period / len(A) * np.arange(len(A))
     done = replace(built, times=times, frame=T, inverse=inverse, generator=B)
     residual = residual_effect(B, period, built.groups)
-    return with_evidence(replace(done, residual=residual), slope, A, tol, uncertainty)
+    done, agree, parted = with_evidence(replace(done, residual=residual), slope, A, tol, uncertainty)
+    return done, bool(np.all(agree & parted))
 
 
 def with_evidence(
     done: Decoupled, slope: Array, A: Array, tol: float, uncertainty: Uncertainty | None
-) -> tuple[Decoupled, bool]:
-    """State what rounding is left beside the coupling, and whether the nodes and those half-way between them agree.
+) -> tuple[Decoupled, Array, Array]:
+    """State what rounding is left beside the coupling; and of which modes the nodes and those half-way between them agree (n,), and the
+    coupling is small enough (n,).
 
     Parameters: slope, A (N, n, n): the frame's slope and the coefficients at the times of `done`.
     """
@@ -195,5 +197,5 @@ def with_evidence(
     apart = np.maximum(np.abs(means[::2].mean(axis=0) - means[1::2].mean(axis=0)), aliasing(means))
     allowed = tol * np.maximum(1, np.abs(means.mean(axis=0)))
     noise = 4 * np.diagonal(rounding)
-    settled = np.all((apart < 0.1 * allowed + noise) & (np.diagonal(done.residual) < 0.3 * allowed + noise))
-    return replace(done, rounding=rounding), bool(settled)
+    parted = np.diagonal(done.residual) < 0.3 * allowed + noise
+    return replace(done, rounding=rounding), apart < 0.1 * allowed + noise, parted

@@ -36,6 +36,17 @@ class MeanModes:
         """Pairs of modes that are not in one group (n, n)."""
         return np.asarray(self.label[:, None] != self.label)
 
+    def joined(self, partner: Array) -> "MeanModes | None":
+        """The same modes with each in one group with its partner (n,), -1 for none, and the conjugates likewise; None where all join."""
+        together, some = ~self.outside, np.flatnonzero(partner >= 0)
+        together[some, partner[some]] = together[self.mate[some], self.mate[partner[some]]] = True
+        columns, groups = group_neighbours(self.mate.tolist(), (together | together.T).tolist())
+        if len(groups) == 1:
+            return None
+        mate = np.argsort(columns)[self.mate[columns]].astype(np.intc)
+        right, left = (np.ascontiguousarray(part) for part in (self.right[:, columns], self.left[columns]))
+        return MeanModes(self.values[columns], right, left, mate, groups)
+
     def real_columns(self, group: Group) -> Array:
         """A unitary matrix (p, p) that makes the vectors of a real group real: sqrt 2 Re v and sqrt 2 Im v for v and its conjugate."""
         mate, U = self.mate[group.part] - group.start, np.eye(group.size, dtype=complex)

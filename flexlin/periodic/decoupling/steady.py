@@ -8,7 +8,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.decoupling.compiled import Coefficients, SampledPeriod, decouple_compiled, sample_series
 from flexlin.periodic.decoupling.coordinates import Coordinates, find_coordinates
-from flexlin.periodic.decoupling.coupling import combined
+from flexlin.periodic.decoupling.coupling import combined, nearest_on_chords
 from flexlin.periodic.decoupling.decouple import ADIABATIC, ROUGH, Uncertainty, with_evidence
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.mean_modes import MeanModes, find_mean_modes
@@ -26,8 +26,12 @@ CLOSENESS = (0.25, ADIABATIC)
 """Modes stay together where the basic frequency exceeds this part of the gap between their eigenvalues: first few, then more."""
 PARTED = 0.5
 """Modes whose real parts differ by this part of the basic frequency do not stay together: no harmonic meets their gap."""
-MIXED = 0.1
+MIXED = 0.2
 """Modes of the mean that A(t) mixes by more than this are followed instead."""
+NARROWED = 0.7
+"""Where this part of a gap is not sure to be kept by how far two modes go from their means, it is measured at each time."""
+JOINS = 3
+"""How often modes that stay coupled by too much on the most nodes are put together."""
 
 
 def decouple_steady(
@@ -48,25 +52,32 @@ def decouple_steady(
     library = find_library() if isinstance(A, Coefficients) else None
     samples = {counts[0]: sample_times(library, A, period, counts[0])}
     look = samples[counts[0]].A[:: 2 * counts[0] // LOOK]
-    answer = Refusal("A(t) mixes the modes of its mean")
+    answer, before = Refusal("A(t) mixes the modes of its mean"), ()
     for closeness in CLOSENESS:
-        modes = find_mean_modes(look.mean(axis=0), 2 * np.pi / period / closeness, PARTED * 2 * np.pi / period)
+        modes: MeanModes | Refusal | None = find_mean_modes(
+            look.mean(axis=0), 2 * np.pi / period / closeness, PARTED * 2 * np.pi / period
+        )
         if isinstance(modes, Refusal):
             return modes
         if not may_be_tame(modes, period):
             return Refusal("modes of one group grow or decay by much against each other")
-        if mix_at_first(modes.left @ look @ modes.right, modes) > MIXED:
+        if modes.groups == before or mix_at_first(modes.left @ look @ modes.right, modes) > MIXED:
             continue
-        for count in counts:
+        before = modes.groups
+        for count in (*counts, *counts[-1:] * JOINS):
             if count not in samples:
                 samples[count] = sample_times(library, A, period, count)
             if library is not None and isinstance(A, Coefficients) and samples[count].whole:
                 done = decouple_compiled(library, samples[count], A, modes, tol)
             else:
                 done = decouple_on_nodes(samples[count].A, modes, period, tol, uncertainty)
-            if done is not None:
+            if isinstance(done, Decoupled):
                 return done
-            answer = Refusal("the coupling of the modes does not shrink enough")
+            if count == counts[-1]:
+                modes = None if done is None or done.max() < 0 else modes.joined(done)
+                if modes is None or not may_be_tame(modes, period):
+                    break
+        answer = Refusal("the coupling of the modes does not shrink enough")
     return answer
 
 
@@ -79,18 +90,22 @@ def sample_times(library: ctypes.CDLL | None, A: MatrixFunction, period: float, 
 
 def decouple_on_nodes(
     A: Array, modes: MeanModes, period: float, tol: float, uncertainty: Uncertainty | None
-) -> Decoupled | None:
-    """Decouple on every other of the nodes at which A (N, n, n) is given; None where those between do not agree to tol."""
+) -> Decoupled | Array | None:
+    """Decouple on every other of the nodes at which A (N, n, n) is given.
+
+    Where the others do not agree to tol, or the coupling is not small enough: the mode that each stays coupled with by too much (n,), or
+    -1; None where gaps close, or A is not resolved.
+    """
     if tail(A[::2]) > ROUGH:
         return None
     allowed = tol * np.maximum(1, np.abs(modes.values))
     found = find_coordinates(modes.left @ A @ modes.right, modes, period, allowed)
-    residual = bound_residual(found.generator, modes, period)
-    if residual is None:
+    bounds = bound_residual(found.generator, modes, period)
+    if bounds is None:
         return None
-    done, slope = in_states(found, modes, period, residual)
-    done, settled = with_evidence(done, slope, A, tol, uncertainty)
-    return done if settled else None
+    done, slope = in_states(found, modes, period, bounds[0])
+    done, agree, parted = with_evidence(done, slope, A, tol, uncertainty)
+    return done if np.all(agree & parted) else np.where(agree & ~parted, bounds[1], -1)
 
 
 def may_be_tame(modes: MeanModes, period: float) -> bool:
@@ -126,14 +141,16 @@ def in_states(found: Coordinates, modes: MeanModes, period: float, residual: Arr
     ), slope
 
 
-def bound_residual(B: Array, modes: MeanModes, period: float) -> Array | None:
+def bound_residual(B: Array, modes: MeanModes, period: float) -> tuple[Array, Array] | None:
     """Bound what the coupling adds to each block when the other modes are eliminated (n, n), as `residual_effect` does; None: no bound.
+
+    And the mode that adds most to each (n,).
 
     The diagonal of B (N, n, n) stays near its mean, and so do the gaps: from below,
 
         |b_i - b_j| >= |m_i - m_j| - d_i - d_j,   m the means of the diagonal, d the largest deviations from them
 
-    What blocks hold beside their diagonals may close a gap further.
+    and else are measured at the times, and on straight lines between them. What blocks hold beside their diagonals may close a gap further.
     """
     b = np.diagonal(B, axis1=1, axis2=2)
     mean = b.mean(axis=0)
@@ -143,7 +160,10 @@ def bound_residual(B: Array, modes: MeanModes, period: float) -> Array | None:
     away = np.abs(moved).max(axis=0) + inner
     damped = np.abs(moved.real).max(axis=0) + inner
     outside = modes.outside
-    gap = np.where(outside, np.abs(mean[:, None] - mean) - away[:, None] - away, np.inf)
+    whole = np.abs(mean[:, None] - mean)
+    gap = np.where(outside, whole - away[:, None] - away, np.inf)
+    i, j = np.nonzero(gap < NARROWED * whole)
+    gap[i, j] = np.maximum(gap[i, j], nearest_on_chords(b[:, i] - b[:, j]) - inner[i] - inner[j])
     if not gap.min() > 0:
         return None
     parted = np.maximum(np.abs(mean.real[:, None] - mean.real) - damped[:, None] - damped, 0)
@@ -154,8 +174,9 @@ def bound_residual(B: Array, modes: MeanModes, period: float) -> Array | None:
     high = (np.abs(np.fft.fft(B, axis=0)) * (frequency >= SLOW_PART * gap)).sum(axis=0) / len(B)
     R = np.where(outside, size, 0)
     Z = R / gap
-    total = np.diag(combined(R * Z.T, np.sqrt(high * high.T), oblique, swing).sum(axis=1))
+    parts = combined(R * Z.T, np.sqrt(high * high.T), oblique, swing)
+    total = np.diag(parts.sum(axis=1))
     for part in (group.part for group in modes.groups if group.size > 1):
         second, first = (X[part, :, None] * Y[None, :, part] for X, Y in ((R, Z), (high, high)))
         total[part, part] = combined(second, np.sqrt(first), oblique[part, :, None], swing[part, :, None]).sum(axis=1)
-    return total
+    return total, np.where(parts.max(axis=1) > 0, parts.argmax(axis=1), -1)

@@ -51,82 +51,117 @@ static double find_tail(int size, int blocks, const Wide *wide, const v8 *A) {
   return worst;
 }
 
+typedef struct { double *frame, *inverse, *generator, *residual, *rounding, *mean, *apart; int *partner; } Found;
+
 /* Means (n,) of the generator's diagonal, by how much the nodes and the times between them differ in it, and whether that and what is left
- * of the coupling are small beside tol. */
-static int judge_means(int n, int blocks, double tol, const Wide *wide, const Side *sides, const double *residual, const double *rounding, double *mean, double *apart) {
+ * of the coupling are small beside tol. Where only the latter is not, `partner` keeps the mode that a mode is coupled with, else -1. */
+static int judge_means(int n, int blocks, double tol, const Wide *wide, const Side *sides, const Found *f) {
   int nodes = 8 * blocks, settled = 1;
   for (int i = 0; i < n; i++) {
-    double x[LONGEST], y[LONGEST], up[LONGEST], down[LONGEST], re[2] = {0, 0}, im[2] = {0, 0};
+    double x[LONGEST], y[LONGEST], up[LONGEST], down[LONGEST], re[2] = {0, 0}, im[2] = {0, 0}, *mean = f->mean + 2 * i;
     for (int side = 0; side < 2; side++) {
       take_entry(n * n, blocks, sides[side].B, i * (n + 1), x + side * nodes, y + side * nodes);
       for (int t = side * nodes; t < (side + 1) * nodes; t++) { re[side] += x[t] / nodes; im[side] += y[t] / nodes; }
     }
     find_spectrum(blocks, wide, x, y, up, down);
-    mean[2 * i] = (re[0] + re[1]) / 2;
-    mean[2 * i + 1] = (im[0] + im[1]) / 2;
-    apart[i] = fmax(hypot(re[0] - re[1], im[0] - im[1]), find_aliasing(nodes, up, down));
-    double allowed = tol * fmax(1.0, hypot(mean[2 * i], mean[2 * i + 1])), noise = 4 * rounding[i * (n + 1)];
-    settled &= apart[i] < 0.1 * allowed + noise && residual[i * (n + 1)] < 0.3 * allowed + noise;
+    mean[0] = (re[0] + re[1]) / 2;
+    mean[1] = (im[0] + im[1]) / 2;
+    f->apart[i] = fmax(hypot(re[0] - re[1], im[0] - im[1]), find_aliasing(nodes, up, down));
+    double allowed = tol * fmax(1.0, hypot(mean[0], mean[1])), noise = 4 * f->rounding[i * (n + 1)];
+    int agree = f->apart[i] < 0.1 * allowed + noise, parted = f->residual[i * (n + 1)] < 0.3 * allowed + noise;
+    if (parted || !agree) f->partner[i] = -1;
+    settled &= agree && parted;
   }
   return settled;
 }
 
 enum { ROUGH = -1, CLOSE = -2, UNSETTLED = -3, NO_MEMORY = -4 };
 
-/* Decouple A (2 nodes, n, n), every other time of which is a node, from the modes of its mean: values (n,), right and left vectors.
- *
- * limits: enough, shrink, slow, rough, tol, a rounding, what is not known of an entry, the part of it that adds up, and how near; tables: cosines
- * and sines (nodes, 8 width), (most + 1, 2, nodes), the three matrices of `tabulate_waves`, and (2 nodes, 8 wide) of all harmonics.
- * out: frame, inverse and generator (2 nodes, n, n), complex; residual, rounding (n, n); means (n,), complex; apart (n,).
- * Returns the number of rounds, or what is in the way. */
-int decouple_on_nodes(int n, int blocks, int m, int most_rounds, int most, int width, int wide, double w, const double *limits, const double *A,
-                      const double *samples, const double *error, const double *mass_inverse, const int *mate, const int *group,
-                      const double *values, const double *right, const double *left, const double *tables, double *out) {
-  int size = n * n, nodes = 8 * blocks;
-  long whole = 2L * size * blocks, work_size = whole > 12L * size + 3L * m * m ? 2 * whole : 2 * (12L * size + 3L * m * m);
-  v8 *memory = aligned_alloc(64, (11 * whole + work_size + 64) * sizeof(v8));
-  double *numbers = malloc(size * (sizeof(Pair) + 2 * sizeof(double)) + n * sizeof(double));
-  if (!memory || !numbers) { free(memory); free(numbers); return NO_MEMORY; }
+typedef struct { v8 *memory, *real, *work; double *numbers, *effects, *allowed; Pair *pairs; Side sides[2]; } Room;
+
+/* Where everything stands: A, five arrays of either side, work; and the numbers of pairs and modes. */
+static int take_room(int n, int m, int blocks, Room *r) {
+  long size = (long)n * n, whole = 2 * size * blocks, least = 12 * size + 3L * m * m;
+  r->memory = aligned_alloc(64, (11 * whole + 2 * (whole > least ? whole : least) + 64) * sizeof(v8));
+  r->numbers = malloc(size * (sizeof(Pair) + 2 * sizeof(double)) + n * sizeof(double));
+  if (!r->memory || !r->numbers) return 0;
+  v8 *at = r->real = r->memory;
+  at += whole;
+  for (int side = 0; side < 2; side++, at += 5 * whole) r->sides[side] = (Side){at, at + whole, at + 2 * whole, at + 3 * whole, at + 4 * whole};
+  r->work = at;
+  r->pairs = (Pair *)r->numbers;
+  r->effects = (double *)(r->pairs + size);
+  r->allowed = r->effects + 2 * size;
+  return 1;
+}
+
+static Shape take_shape(int n, const int *mate) {
   Shape s = {.n = n};
   for (int i = 0; i < n; i++) {
     s.mate[i] = mate[i];
     if (i <= mate[i]) s.leader[s.leaders++] = i;
   }
-  v8 *real = memory, *at = real + whole, *work;
-  Side sides[2];
-  for (int side = 0; side < 2; side++, at += 5 * whole)
-    sides[side] = (Side){at, at + whole, at + 2 * whole, at + 3 * whole, at + 4 * whole};
-  work = at;
-  const double *back = tables + 8L * nodes * width, *between = back + 2L * (most + 1) * nodes, *all = between + 3L * nodes * nodes;
+  return s;
+}
+
+static Found divide_output(int n, int nodes, double *out, int *partner) {
+  long size = (long)n * n, whole = 4 * size * nodes;
+  double *rest = out + 3 * whole;
+  return (Found){out, out + whole, out + 2 * whole, rest, rest + size, rest + 2 * size, rest + 2 * size + 2 * n, partner};
+}
+
+/* A at the nodes and between them, in the modes of the mean. */
+static void take_samples(const Shape *s, int blocks, const double *A, const double *right, const double *left, Room *r) {
+  int size = s->n * s->n;
+  for (int side = 1; side >= 0; side--) {
+    gather(1, size, 8 * blocks, 2, side, A, r->real);
+    for (int b = 0; b < blocks; b++)
+      take_to_modes(s, left, r->real + (long)size * b, right, r->sides[side].own + 2L * size * b, r->work);
+  }
+}
+
+static void give_back(int size, int nodes, const Side *sides, const Found *f) {
+  for (int side = 0; side < 2; side++) {
+    scatter(size, nodes, 2, side, sides[side].P, f->frame);
+    scatter(size, nodes, 2, side, sides[side].inverse, f->inverse);
+    scatter(size, nodes, 2, side, sides[side].B, f->generator);
+  }
+}
+
+/* Decouple A (2 nodes, n, n), every other time of which is a node, from the modes of its mean: values (n,), right and left vectors.
+ *
+ * limits: enough, shrink, slow, rough, tol, a rounding, what is not known of an entry, the part of it that adds up, how near, and how even; tables: cosines
+ * and sines (nodes, 8 width), (most + 1, 2, nodes), the three matrices of `tabulate_waves`, and (2 nodes, 8 wide) of all harmonics.
+ * out: frame, inverse and generator (2 nodes, n, n), complex; residual, rounding (n, n); means (n,), complex; apart (n,).
+ * partner (n,): where the result is UNSETTLED, the mode that each stays coupled with by too much, or -1.
+ * Returns the number of rounds, or what is in the way. */
+int decouple_on_nodes(int n, int blocks, int m, int most_rounds, int most, int width, int wide, double w, const double *limits, const double *A,
+                      const double *samples, const double *error, const double *mass_inverse, const int *mate, const int *group,
+                      const double *values, const double *right, const double *left, const double *tables, double *out, int *partner) {
+  int nodes = 8 * blocks, result = ROUGH;
+  const double *back = tables + 8L * nodes * width, *between = back + 2L * (most + 1) * nodes, *all = between + 3L * nodes * nodes, tol = limits[4];
+  Room r;
+  if (!take_room(n, m, blocks, &r)) { free(r.memory); free(r.numbers); return NO_MEMORY; }
+  Shape s = take_shape(n, mate);
+  Found found = divide_output(n, nodes, out, partner);
   Waves f = {blocks, most, width, tables, back, between, w, limits + 8};
   Wide full = {wide, all};
   Ends ends = {limits[0], limits[1], most_rounds};
   Unknown u = {m, samples, error, mass_inverse, limits[5], limits[6], limits[7]};
-  double *pairs = numbers, *allowed = numbers + size * (sizeof(Pair) / sizeof(double)) + 2 * size;
-  double *frame = out, *inverse = frame + 4L * size * nodes, *generator = inverse + 4L * size * nodes;
-  double *residual = generator + 4L * size * nodes, *rounding = residual + size, *mean = rounding + size, *apart = mean + 2 * n;
-  for (int i = 0; i < n; i++) allowed[i] = limits[4] * fmax(1.0, hypot(values[2 * i], values[2 * i + 1]));
-  int result = ROUGH;
-  for (int side = 1; side >= 0; side--) {
-    gather(1, size, nodes, 2, side, A, real);
-    for (int b = 0; b < blocks; b++) take_to_modes(&s, left, real + (long)size * b, right, sides[side].own + 2L * size * b, work);
-  }
-  if (!(find_tail(size, blocks, &full, real) > limits[3])) {
-    result = find_coordinates(&s, &f, &ends, group, allowed, sides, sides + 1, work, (double *)pairs + size * (sizeof(Pair) / sizeof(double)));
-    const v8 *B[2] = {sides[0].B, sides[1].B};
-    if (result < 0 || !bound_residual(&s, blocks, w, limits[2], &full, group, B, (Pair *)pairs, residual)) result = CLOSE;
+  const v8 *B[2] = {r.sides[0].B, r.sides[1].B};
+  for (int i = 0; i < n; i++) { partner[i] = -1; r.allowed[i] = tol * fmax(1.0, hypot(values[2 * i], values[2 * i + 1])); }
+  take_samples(&s, blocks, A, right, left, &r);
+  if (!(find_tail(n * n, blocks, &full, r.real) > limits[3])) {
+    result = find_coordinates(&s, &f, &ends, group, r.allowed, r.sides, r.sides + 1, r.work, r.effects);
+    if (result < 0 || !bound_residual(&s, blocks, w, limits[2], &full, group, B, r.pairs, found.residual, partner)) result = CLOSE;
   }
   if (result >= 0) {
-    take_to_states(&s, blocks, group, right, left, sides, work, residual);
-    find_rounding(n, blocks, &u, real, sides, work, rounding);
-    if (!judge_means(n, blocks, limits[4], &full, sides, residual, rounding, mean, apart)) result = UNSETTLED;
+    take_to_states(&s, blocks, group, right, left, r.sides, r.work, found.residual);
+    find_rounding(n, blocks, &u, r.real, r.sides, r.work, found.rounding);
+    if (!judge_means(n, blocks, tol, &full, r.sides, &found)) result = UNSETTLED;
   }
-  for (int side = 0; side < 2 && result >= 0; side++) {
-    scatter(size, nodes, 2, side, sides[side].P, frame);
-    scatter(size, nodes, 2, side, sides[side].inverse, inverse);
-    scatter(size, nodes, 2, side, sides[side].B, generator);
-  }
-  free(memory);
-  free(numbers);
+  if (result >= 0) give_back(n * n, nodes, r.sides, &found);
+  free(r.memory);
+  free(r.numbers);
   return result;
 }

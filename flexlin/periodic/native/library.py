@@ -23,7 +23,7 @@ WHOLE, REAL, ADDRESS = ctypes.c_int, ctypes.c_double, ctypes.c_void_p
 ARGUMENTS = {
     "fit_series": [WHOLE] * 3 + [REAL] + [ADDRESS] * 8,
     "sample_companion": [WHOLE] * 3 + [ADDRESS] * 3,
-    "decouple_on_nodes": [WHOLE] * 7 + [REAL] + [ADDRESS] * 12,
+    "decouple_on_nodes": [WHOLE] * 7 + [REAL] + [ADDRESS] * 13,
     "follow_group": [WHOLE] * 5 + [ADDRESS] * 2 + [REAL] + [WHOLE] * 4 + [ADDRESS] * 4,
     "bound_group": [WHOLE] * 3 + [ADDRESS] * 7,
 }

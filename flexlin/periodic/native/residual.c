@@ -54,6 +54,8 @@ static Mode measure_mode(int nodes, double period, const double *x, const double
 
 typedef struct { double size, high, gap, oblique, swing; } Pair;
 
+static const double NARROWED = 0.7; /* as in steady.py */
+
 /* The sizes of all entries of the generator B and what is known of its diagonal. */
 static void measure_generator(const Shape *s, int blocks, double period, const v8 *B[2], Pair *pairs, Mode *modes) {
   int n = s->n, nodes = 8 * blocks;
@@ -77,11 +79,33 @@ static void measure_generator(const Shape *s, int blocks, double period, const v
     }
 }
 
+/* The least distance of two entries of the diagonal on straight lines between neighbouring times, as `nearest_on_chords` in coupling.py. */
+static double find_least_gap(int n, int blocks, const v8 *B[2], int i, int j) {
+  int nodes = 8 * blocks;
+  double x[LONGEST], y[LONGEST], other_x[LONGEST], other_y[LONGEST], least = INFINITY;
+  for (int side = 0; side < 2; side++) {
+    take_entry(n * n, blocks, B[side], i * (n + 1), x + side * nodes, y + side * nodes);
+    take_entry(n * n, blocks, B[side], j * (n + 1), other_x + side * nodes, other_y + side * nodes);
+  }
+  for (int t = 0; t < 2 * nodes; t++) { x[t] -= other_x[t]; y[t] -= other_y[t]; }
+  for (int t = 0; t < 2 * nodes; t++) {
+    int at = t % 2 ? nodes + t / 2 : t / 2, next = t % 2 ? (t / 2 + 1) % nodes : nodes + t / 2;
+    double dx = x[next] - x[at], dy = y[next] - y[at], length = fmax(dx * dx + dy * dy, 2.2e-308);
+    double part = fmin(fmax(-(x[at] * dx + y[at] * dy) / length, 0.0), 1.0);
+    least = fmin(least, hypot(x[at] + part * dx, y[at] + part * dy));
+  }
+  return least;
+}
+
 /* Gaps of the modes that are not in one group, from below; 0 where one may close. */
-static int separate_modes(int n, const int *group, Mode *modes, Pair *pairs) {
-  for (int i = 0; i < n; i++)
+static int separate_modes(int n, int blocks, const int *group, const v8 *B[2], Mode *modes, Pair *pairs) {
+  double inner[n];
+  for (int i = 0; i < n; i++) {
+    inner[i] = 0.0;
     for (int j = 0; j < n; j++)
-      if (j != i && group[i] == group[j]) { modes[i].away += pairs[i * n + j].size; modes[i].damped += pairs[i * n + j].size; }
+      if (j != i && group[i] == group[j]) inner[i] += pairs[i * n + j].size;
+  }
+  for (int i = 0; i < n; i++) { modes[i].away += inner[i]; modes[i].damped += inner[i]; }
   for (int i = 0; i < n; i++)
     for (int j = 0; j < n; j++) {
       Pair *p = pairs + i * n + j;
@@ -90,7 +114,9 @@ static int separate_modes(int n, const int *group, Mode *modes, Pair *pairs) {
       p->oblique = INFINITY;
       p->swing = exp(fmin(a.run + b.run, 600.0));
       if (group[i] == group[j]) { p->size = 0.0; p->gap = INFINITY; continue; }
-      p->gap = hypot(a.mean_re - b.mean_re, a.mean_im - b.mean_im) - a.away - b.away;
+      double mean = hypot(a.mean_re - b.mean_re, a.mean_im - b.mean_im);
+      p->gap = mean - a.away - b.away;
+      if (p->gap < NARROWED * mean) p->gap = fmax(p->gap, find_least_gap(n, blocks, B, i, j) - inner[i] - inner[j]);
       if (!(p->gap > 0.0)) return 0;
       double parted = fabs(a.mean_re - b.mean_re) - a.damped - b.damped;
       if (parted > 0.0) p->oblique = p->gap / parted;
@@ -98,13 +124,13 @@ static int separate_modes(int n, const int *group, Mode *modes, Pair *pairs) {
   return 1;
 }
 
-/* Bound what elimination of the coupling adds to each block, (n, n); 0: no bound. */
+/* Bound what elimination of the coupling adds to each block, (n, n), and the mode that adds most to each (n,); 0: no bound. */
 static int bound_residual(const Shape *s, int blocks, double w, double slow, const Wide *wide, const int *group, const v8 *B[2], Pair *pairs,
-                          double *total) {
+                          double *total, int *partner) {
   int n = s->n, nodes = 8 * blocks;
   Mode modes[n];
   measure_generator(s, blocks, 2.0 * M_PI / w, B, pairs, modes);
-  if (!separate_modes(n, group, modes, pairs)) return 0;
+  if (!separate_modes(n, blocks, group, B, modes, pairs)) return 0;
   for (int q = 0; q < s->leaders; q++)
     for (int i = s->leader[q], j = 0; j < n; j++) {
       double x[LONGEST], y[LONGEST], up[LONGEST], down[LONGEST], sum = 0.0, least = slow * pairs[i * n + j].gap;
@@ -117,11 +143,13 @@ static int bound_residual(const Shape *s, int blocks, double w, double slow, con
     }
   for (int k = 0; k < n; k++)
     for (int l = 0; l < n; l++) {
-      double sum = 0.0;
+      double sum = 0.0, most = 0.0;
       if (group[k] == group[l])
         for (int j = 0; j < n; j++) {
           Pair a = pairs[k * n + j], b = pairs[j * n + l];
-          sum += combine(a.size * b.size / b.gap, sqrt(a.high * b.high), a.oblique, a.swing, slow);
+          double part = combine(a.size * b.size / b.gap, sqrt(a.high * b.high), a.oblique, a.swing, slow);
+          sum += part;
+          if (l == k && part > most) { most = part; partner[k] = j; }
         }
       total[k * n + l] = sum;
     }

@@ -71,6 +71,27 @@ static void measure_deviations(int n, int blocks, const int *group, const v8 *B,
   }
 }
 
+/* R gap / g(t), g the difference of the modes' entries on the diagonal and gap its mean, where g stays near it: then S = -R / g for what is slow. */
+static void follow_gap(const Waves *f, int n, const v8 *B, int i, int j, double gr, double gi, double *x, double *y) {
+  int size = n * n, blocks = f->blocks;
+  double least = INFINITY, square = gr * gr + gi * gi, even = f->near[3];
+  v8 dr[8], di[8], over[8];
+  for (int b = 0; b < blocks; b++) {
+    const v8 *D = B + 2L * size * b;
+    dr[b] = D[i * (n + 1)] - D[j * (n + 1)];
+    di[b] = D[size + i * (n + 1)] - D[size + j * (n + 1)];
+    over[b] = dr[b] * dr[b] + di[b] * di[b];
+    for (int l = 0; l < 8; l++) least = over[b][l] >= least ? least : over[b][l];
+  }
+  if (!(least > even * even * square)) return;
+  for (int b = 0; b < blocks; b++) {
+    v8 re = (gr * dr[b] + gi * di[b]) / over[b], im = (gi * dr[b] - gr * di[b]) / over[b];
+    v8 a = *(u8 *)(x + 8 * b), c = *(u8 *)(y + 8 * b);
+    *(u8 *)(x + 8 * b) = a * re - c * im;
+    *(u8 *)(y + 8 * b) = a * im + c * re;
+  }
+}
+
 /* Step and slope for all pairs outside of the groups, from B; returns the largest effect of what is coupled against what is allowed. */
 static double take_steps(const Shape *s, const Waves *f, const int *group, const double *allowed, const v8 *B, v8 *step, v8 *slope,
                          double *left, double *largest) {
@@ -93,6 +114,7 @@ static double take_steps(const Shape *s, const Waves *f, const int *group, const
       if (group[i] != group[j]) {
         double x[64], y[64];
         take_entry(size, blocks, B, i * n + j, x, y);
+        follow_gap(f, n, B, i, j, gr, gi, x, y);
         rest = take_step(blocks, f->most, f->width, f->forth, f->back, f->w, gr, gi, find_nearest(f, hypot(gr, gi), away[i] + away[j]), x, y, re, im, dre, dim, &most);
       } else
         for (int b = 0; b < blocks; b++) re[b] = im[b] = dre[b] = dim[b] = splat(0.0);

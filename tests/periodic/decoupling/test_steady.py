@@ -163,11 +163,11 @@ def test_what_is_left_of_the_coupling_is_bounded_as_by_the_equations_of_sylveste
     for seed in range(6):
         gentle = gentle_system(seed)
         found = coordinates_of(gentle)
-        if found is None or (bound := bound_residual(found[2].generator, found[1], gentle.period)) is None:
+        if found is None or (bounds := bound_residual(found[2].generator, found[1], gentle.period)) is None:
             continue
-        done, _ = in_states(found[2], found[1], gentle.period, bound.copy())
+        done, _ = in_states(found[2], found[1], gentle.period, bounds[0].copy())
         other = residual_effect(done.generator, gentle.period, done.groups)
-        assert (np.diagonal(other) <= 2 * np.diagonal(bound) + 1e-14).all()
+        assert (np.diagonal(other) <= 2 * np.diagonal(bounds[0]) + 1e-14).all()
 
 
 def nodding(t):
