@@ -1,6 +1,7 @@
 """Modes whose shapes hardly change over a period: decoupled from the modes of the mean on, which nobody has to follow."""
 
 import ctypes
+from collections.abc import Callable
 from math import log
 
 import numpy as np
@@ -49,36 +50,47 @@ def decouple_steady(
     counts = [count for count in COUNTS if harmonics < count]
     if not counts:
         return Refusal("A(t) has too many harmonics")
-    library = find_library() if isinstance(A, Coefficients) else None
-    samples = {counts[0]: sample_times(library, A, period, counts[0])}
+    library, samples = find_library() if isinstance(A, Coefficients) else None, {}
+
+    def once(count: int, modes: MeanModes) -> Decoupled | Array | None:
+        if count not in samples:
+            samples[count] = sample_times(library, A, period, count)
+        if library is not None and isinstance(A, Coefficients) and samples[count].whole:
+            return decouple_compiled(library, samples[count], A, modes, tol)
+        return decouple_on_nodes(samples[count].A, modes, period, tol, uncertainty)
+
+    samples[counts[0]] = sample_times(library, A, period, counts[0])
     look = samples[counts[0]].A[:: 2 * counts[0] // LOOK]
-    answer, before = Refusal("A(t) mixes the modes of its mean"), ()
+    answer, before = Refusal("A(t) mixes the modes of its mean"), None
     for closeness in CLOSENESS:
-        modes: MeanModes | Refusal | None = find_mean_modes(
-            look.mean(axis=0), 2 * np.pi / period / closeness, PARTED * 2 * np.pi / period
-        )
+        modes = find_mean_modes(look.mean(axis=0), 2 * np.pi / period / closeness, PARTED * 2 * np.pi / period)
         if isinstance(modes, Refusal):
             return modes
         if not may_be_tame(modes, period):
             return Refusal("modes of one group grow or decay by much against each other")
         if modes.groups == before or mix_at_first(modes.left @ look @ modes.right, modes) > MIXED:
             continue
-        before = modes.groups
-        for count in (*counts, *counts[-1:] * JOINS):
-            if count not in samples:
-                samples[count] = sample_times(library, A, period, count)
-            if library is not None and isinstance(A, Coefficients) and samples[count].whole:
-                done = decouple_compiled(library, samples[count], A, modes, tol)
-            else:
-                done = decouple_on_nodes(samples[count].A, modes, period, tol, uncertainty)
-            if isinstance(done, Decoupled):
-                return done
-            if count == counts[-1]:
-                modes = None if done is None or done.max() < 0 else modes.joined(done)
-                if modes is None or not may_be_tame(modes, period):
-                    break
+        done, before = part_modes(modes, counts, period, once), modes.groups
+        if done is not None:
+            return done
         answer = Refusal("the coupling of the modes does not shrink enough")
     return answer
+
+
+def part_modes(
+    modes: MeanModes, counts: list[int], period: float, once: Callable[[int, MeanModes], Decoupled | Array | None]
+) -> Decoupled | None:
+    """Decouple `once` on more and more nodes; modes that stay coupled by too much on the most are put together, and it is tried again."""
+    for count in (*counts, *counts[-1:] * JOINS):
+        done = once(count, modes)
+        if isinstance(done, Decoupled):
+            return done
+        if count == counts[-1]:
+            joined = None if done is None or done.max() < 0 else modes.joined(done)
+            if joined is None or not may_be_tame(joined, period):
+                return None
+            modes = joined
+    return None
 
 
 def sample_times(library: ctypes.CDLL | None, A: MatrixFunction, period: float, count: int) -> SampledPeriod:
