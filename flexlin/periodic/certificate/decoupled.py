@@ -1,17 +1,24 @@
 """A certificate's X(t) from the decoupled modes: each group of them by itself, the fast ones without following them."""
 
+from contextlib import suppress
+
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.errors import NumericalError
+from flexlin.errors import NumericalError, ToleranceNotReached
 from flexlin.periodic.decoupling.decouple import decouple
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal, as_real
 from flexlin.periodic.decoupling.waves import interpolated
+from flexlin.periodic.fourier import FourierSeries, fourier_nodes
+from flexlin.periodic.quadratic.collocated_lyapunov import CollocatedLyapunov
+from flexlin.periodic.quadratic.evidence import find_tail
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
 from flexlin.periodic.system import PeriodicSystem
 
 ACCURACY = 1e-7
 """Of the frame and of the groups' equations: what they miss costs margin, not truth."""
+COUNTS, TAIL, ENOUGH = (33, 65, 125), 1e-6, 1e-3
+"""Nodes of a group's equation, the share of the last harmonics with which they suffice, and the residual that still serves."""
 
 
 def weigh_modes(system: PeriodicSystem, shift: float, known: Decoupled | None = None) -> Array:
@@ -50,9 +57,24 @@ def weigh_one(B: Array, period: float, shift: float) -> Array:
 
 def weigh_several(B: Array, period: float, shift: float, real: bool) -> Array:
     """P of a group (N, p, p); that of a complex one by its real form, without the group's mean frequency."""
-    n, size, turn = *B.shape[:2], np.trace(B.mean(axis=0)).imag / B.shape[1]
+    size, turn = B.shape[1], np.trace(B.mean(axis=0)).imag / B.shape[1]
     shifted = B + (shift - 1j * turn) * np.eye(size)
-    values = shifted.real if real else as_real(shifted)
-    slower = PeriodicSystem(lambda t: interpolated(values, period, t), period, complete=True)  # few harmonics, all seen
-    P = periodic_lyapunov(slower, np.eye(len(values[0])), ACCURACY).X(period / n * np.arange(n))
+    P = solve_lyapunov(shifted.real if real else as_real(shifted), period)
     return P if real else P[:, :size, :size] + 1j * P[:, size:, :size]
+
+
+def solve_lyapunov(A: Array, period: float) -> Array:
+    """P of -P' = A' P + P A + 1 at the times of A (N, p, p), without an error of its own: the proof judges it.
+
+    By collocation on as many nodes as P has harmonics; with an error, and by ways that take longer, where the mean of A says little.
+    """
+    weight, times = np.eye(A.shape[1]), period / len(A) * np.arange(len(A))
+    with suppress(ToleranceNotReached):
+        for count in COUNTS:
+            nodes = interpolated(A, period, fourier_nodes(count, period))
+            right = np.broadcast_to(-weight, nodes.shape)
+            P = CollocatedLyapunov(nodes, period, -right).solve(right, ACCURACY, ENOUGH)
+            if find_tail(P) <= TAIL:
+                return FourierSeries.through(P, period)(times)
+    slower = PeriodicSystem(lambda t: interpolated(A, period, t), period, complete=True)  # few harmonics, all seen
+    return periodic_lyapunov(slower, weight, ACCURACY).X(times)
