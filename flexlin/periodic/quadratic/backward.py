@@ -1,4 +1,4 @@
-"""Compiled sweeps of the Riccati equation backwards over a period, by Adams' methods: the calls of sweeps.c."""
+"""Compiled sweeps of the Riccati equation backwards over a period, by Adams' methods: the calls of sweeps.c and running_cost.c."""
 
 import ctypes
 from dataclasses import dataclass
@@ -10,26 +10,35 @@ from typing import Any
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.compiler import find_kept_library
+from flexlin.compiler import address, find_kept_library
+from flexlin.periodic.coefficients import Constant, MatrixFunction
+from flexlin.periodic.fourier import FourierSeries, fourier_basis
+from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, take_once
+from flexlin.periodic.resolved.matrix import ResolvedMatrix
 
 ROW = 4
 """Rows are filled up to a multiple of this."""
+FEW_WAVES = 24
+"""Harmonics up to which cosines and sines at the nodes are kept for the next problem."""
 
 
 @lru_cache(maxsize=1)
 def find_sweeps() -> ctypes.CDLL | None:
-    """The library of sweeps.c; none where there is no compiler."""
-    library = find_kept_library(Path(__file__).with_name("sweeps.c"))
+    """The library of sweeps.c and running_cost.c; none where there is no compiler."""
+    library = find_kept_library(*(Path(__file__).with_name(name) for name in ("sweeps.c", "running_cost.c")))
     if library is not None:
-        whole, long, real, place = ctypes.c_int, ctypes.c_long, ctypes.c_double, ctypes.c_void_p
-        coefficients: list[Any] = [place, long] * 3
-        library.close_by_newton.argtypes = [whole, whole, long, whole, real, place, *coefficients, place, real]
-        library.find_share.argtypes = [whole, whole, long, *coefficients, place, place, real, ctypes.POINTER(real)]
-        library.find_share.restype = real
+        whole, long, real, where = ctypes.c_int, ctypes.c_long, ctypes.c_double, ctypes.c_void_p
+        samples: list[Any] = [where, long] * 3
+        library.sweep_until_closed.argtypes = [whole, whole, long, real, whole, *[where] * 4, *samples, where, where]
+        library.find_share.argtypes = [whole, whole, long, *samples, where, where, real, where]
+        library.find_rate.argtypes = [whole, whole, long, *samples]
+        library.weigh_inputs.argtypes = [whole, whole, whole, long, *samples[:4], where]
+        library.bound_gain.argtypes = [whole, whole, long, long, *samples, where, where]
+        library.find_share.restype = library.find_rate.restype = real
     return library
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=8)
 def adams_weights(order: int) -> Array:
     """Return the weights of Adams' explicit and implicit method of an order p, (2 p,), the newest rate first.
 
@@ -50,77 +59,144 @@ def adams_weights(order: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class RiccatiSamples:
-    """A, -S / 2, Q / 2 at N times, (N, n, w) or (1, n, w) where constant, in rows filled up with zeros."""
+    """Ar, -S / 2, Qr / 2 at N equally spaced times of a period, in rows filled up with zeros (N, n, w); B, R^-1, the cross term N.
+
+    What is constant stands there once.
+    """
 
     A: Array
     S: Array
     Q: Array
+    B: Array
+    effort: Array
+    N: Array
     count: int
 
     @classmethod
-    def of(cls, coefficients: tuple[Array, Array, Array]) -> "RiccatiSamples":
-        """Fill the rows of A, S, Q (N, n, n)."""
-        A, S, Q = coefficients
-        return cls(fill_rows(A), fill_rows(S, -0.5), fill_rows(Q, 0.5), len(A))
+    def of(
+        cls, problem: LinearQuadratic, count: int, period: float, library: ctypes.CDLL, shift: float = 0.0
+    ) -> "RiccatiSamples":
+        """Sample a problem at the nodes, or by a part of a step behind them."""
+        every = (problem.A, problem.B, problem.Q, problem.R, problem.N)
+        A, B, Q, R, N = (sample_period(one, count, period, shift) for one in every)
+        effort = np.linalg.inv(R)
+        if N.any():
+            by_cross = effort @ np.swapaxes(N, 1, 2)
+            A, Q = A - B @ by_cross, Q - N @ by_cross
+        S = weigh_inputs(library, B, effort)
+        return cls(fill_rows(A), S, fill_rows(Q, 0.5), B, effort, N, count)
 
     @property
     def shape(self) -> tuple[int, int, int]:
         """Times, states and numbers in a row."""
         return self.count, self.A.shape[1], self.A.shape[2]
 
-    def every(self, step: int, first: int = 0) -> "RiccatiSamples":
-        """The samples at every step-th time."""
-        A, S, Q = (one[first::step] if len(one) > 1 else one for one in (self.A, self.S, self.Q))
-        return RiccatiSamples(A, S, Q, self.count // step)
-
     def places(self) -> tuple[int, ...]:
         """Where A, S and Q stand, and the numbers from one sample to the next."""
-        found: list[int] = []
-        for one in (self.A, self.S, self.Q):
-            found += [one.ctypes.data, one.strides[0] // one.itemsize if len(one) > 1 else 0]
-        return tuple(found)
+        return (*place(self.A), *place(self.S), *place(self.Q))
+
+    def rate(self, library: ctypes.CDLL) -> float:
+        """About the largest spectral radius of the Hamiltonian [[A, -S], [-Q, -A']]."""
+        return float(library.find_rate(*self.shape[1:], self.count, *self.places()))
+
+
+def sample_period(coefficient: MatrixFunction, count: int, period: float, shift: float) -> Array:
+    """Return a coefficient at N equally spaced times, the first a part of a step behind 0; once where it is constant."""
+    if isinstance(coefficient, Constant):
+        return np.ascontiguousarray(coefficient.value, dtype=float)[None]
+    series = coefficient.series if isinstance(coefficient, ResolvedMatrix) else None
+    if not isinstance(series, FourierSeries) or series.harmonics > FEW_WAVES:
+        return np.ascontiguousarray(take_once(coefficient(period * ((np.arange(count) + shift) / count))))
+    flat = series.coefficients.reshape(len(series.coefficients), -1)
+    return (waves_at_nodes(count, series.harmonics, shift) @ flat).reshape(count, *series.coefficients.shape[1:])
+
+
+@lru_cache(maxsize=16)
+def waves_at_nodes(count: int, harmonics: int, shift: float) -> Array:
+    """Return 1, cosines and sines at such times as columns (N, 2 H + 1)."""
+    return fourier_basis((np.arange(count) + shift) / count, harmonics)
+
+
+def place(samples: Array) -> tuple[int, int]:
+    """Where samples stand, and the numbers from one to the next; 0 of a constant."""
+    return samples.ctypes.data, samples.strides[0] // samples.itemsize if len(samples) > 1 else 0
+
+
+def weigh_inputs(library: ctypes.CDLL, B: Array, effort: Array) -> Array:
+    """Return -B R^-1 B' / 2 of samples of B (N, n, m) and R^-1 (N, m, m), one of each where constant, in rows filled up with zeros."""
+    count, n, m = max(len(B), len(effort)), *B.shape[1:]
+    S = np.empty((count, n, -(-n // ROW) * ROW))
+    library.weigh_inputs(n, S.shape[2], m, count, *place(B), *place(effort), address(S))
+    return S
 
 
 def fill_rows(values: Array, factor: float = 1.0) -> Array:
     """Return a multiple of matrices (N, n, n) in rows filled up with zeros (N, n, w); the one matrix of a constant once."""
-    values = values[:1] if values.strides[0] == 0 else values
+    values = take_once(values)
     count, n, _ = values.shape
     filled = np.zeros((count, n, -(-n // ROW) * ROW))
     np.multiply(values, factor, out=filled[:, :, :n])
     return filled
 
 
-def close_by_newton(
-    library: ctypes.CDLL, samples: RiccatiSamples, period: float, order: int, near: float, X: Array
+@dataclass(frozen=True)
+class Level:
+    """Sweeps on every `step`-th node by Adams' method of an order, until X(T) changes by less than `end` of X."""
+
+    step: int
+    order: int
+    end: float
+
+
+def sweep_until_closed(
+    library: ctypes.CDLL, samples: RiccatiSamples, period: float, levels: tuple[Level, ...], X: Array | None
 ) -> Array | None:
-    """Sweep X back over the period by Adams' predictor and corrector until it closes: X at the nodes (N, n, w), N even.
+    """Sweep X back over the period by Adams' predictor and corrector until it closes: X at the nodes, (n (n + 1) / 2, N), N even.
 
     A sweep maps X(T) to X(0); with Phi its loop's transition matrix over the period, Newton's method for X(0) = X(T) adds
 
         E = Phi' E Phi + X(0) - X(T)
 
-    It ends after an E below `near` of X. A loop that does not forget is swept on: the cost of a longer horizon has a better one.
-    Parameters: X (p, n, w): at the first nodes of the next period, p the order.
+    A level ends after an E below its share of X. A loop that does not forget is swept on: the cost of a longer horizon has a better one.
+    Parameters: X (p, n, n): at the first nodes of the next period, p the first order, to start from; none: zero.
+    Returns: the lower triangle row by row; None where the last level does not close.
     Source: Hewer, IEEE Trans. Automat. Control 16 (1971) 382; for E: Smith, SIAM J. Appl. Math. 16 (1968) 198.
     """
     count, n, width = samples.shape
-    found = np.empty(samples.shape)
-    found[:order] = X[:order]
-    method = (order, period / count, adams_weights(order).ctypes.data)
-    sweeps = library.close_by_newton(n, width, count, *method, *samples.places(), found.ctypes.data, near)
-    return found if sweeps else None
+    room, packed = np.empty(samples.shape), np.empty((n * (n + 1) // 2, count))
+    room[: levels[0].order] = 0.0
+    if X is not None:
+        room[: levels[0].order, :, :n] = X
+    whole = np.array([[one.step for one in levels], [one.order for one in levels]], np.int32)
+    ends, weights = np.array([one.end for one in levels]), np.concatenate([adams_weights(one.order) for one in levels])
+    plan = (len(levels), address(whole[0]), address(whole[1]), address(ends), address(weights))
+    places = (*samples.places(), address(room), address(packed))
+    return packed if library.sweep_until_closed(n, width, count, period, *plan, *places) else None
 
 
 def find_share(
     library: ctypes.CDLL, samples: RiccatiSamples, X: Array, slopes: Array, unit: float
-) -> tuple[float, float]:
-    """Return the least r with -r C <= F <= r C at all times, C = Q + X S X, and the largest entry of F.
+) -> tuple[float, float, float]:
+    """Return the least r with -r C <= F <= r C at all times, C = Q + X S X, and the largest entries of F and of X.
 
-    F: the residual X' + A' X + X A - X S X + Q of X and its slopes X' (N, n, w), and what rounding may make of it: `unit` times the
-    sum of the sizes of its terms. r is infinite where C is not positive.
+    F: the residual X' + A' X + X A - X S X + Q of X and its slopes X', lower triangles (n (n + 1) / 2, N) with N a multiple of four, and
+    what rounding may make of it: `unit` times the sum of the sizes of its terms. r is infinite where C is not positive, or X at the first
+    time.
     """
     count, n, width = samples.shape
-    largest = ctypes.c_double()
-    places = (X.ctypes.data, slopes.ctypes.data)
-    share = library.find_share(n, width, count, *samples.places(), *places, unit, ctypes.byref(largest))
-    return share, largest.value
+    seen = np.zeros(2)
+    share = library.find_share(n, width, count, *samples.places(), address(X), address(slopes), unit, address(seen))
+    return share, float(seen[0]), float(seen[1])
+
+
+def bound_gain(library: ctypes.CDLL, samples: RiccatiSamples, X: Array, every: int) -> tuple[float, float, float]:
+    """Return the largest (R^-1 B' X B R^-1)_ii X_jj at every so many times, the largest entry of |R^-1 B'| |X|, and that of the gain.
+
+    K = R^-1 (B' X + N').   Parameters: X: lower triangles (n (n + 1) / 2, N).
+    """
+    n, m = samples.B.shape[1:]
+    found = np.zeros(3)
+    places = (*place(samples.B), *place(samples.effort), *place(samples.N))
+    library.bound_gain(n, m, samples.count, every, *places, address(X), address(found))
+    reach, product, gain = found.tolist()
+    return reach, product, gain

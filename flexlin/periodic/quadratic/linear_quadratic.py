@@ -13,6 +13,7 @@ from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_matrix_fu
 
 SAMPLES = 64
 """Times of a period at which the weights are checked before anything is solved."""
+TINY = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,10 @@ def linear_quadratic(
     problem = LinearQuadratic(system.A, system.B, *weights)
     t = system.period * np.arange(SAMPLES) / SAMPLES
     check_definite("R", problem.R, t, strict=True)
-    check_definite("Q" if N is None else "Q - N R^-1 N'", lambda times: problem.reduced(times)[2], t, strict=False)
+    if N is None:
+        check_definite("Q", problem.Q, t, strict=False)
+    else:
+        check_definite("Q - N R^-1 N'", lambda times: problem.reduced(times)[2], t, strict=False)
     return problem
 
 
@@ -112,7 +116,10 @@ def check_weight(name: str, value: MatrixFunction | ArrayLike, shape: tuple[int,
     samples = check_samples(name, function, period) if known is None else known
     if samples.shape[1:] != shape:
         raise ArgumentError(f"{name} does not fit the system", got=samples.shape[1:], expected=str(shape))
-    asymmetry = np.abs(samples - np.swapaxes(samples, 1, 2)).max() if shape[0] == shape[1] and name != "N" else 0.0
+    turned = np.swapaxes(samples, 1, 2)
+    if name == "N" or (shape[0] == shape[1] and np.array_equal(samples, turned)):
+        return function
+    asymmetry = np.abs(samples - turned).max()
     if asymmetry > 1e-12 * np.abs(samples).max():
         raise ArgumentError(f"{name} is not symmetric", got=f"|{name} - {name}'| = {asymmetry:.3g}", expected="0")
     return function
@@ -121,12 +128,12 @@ def check_weight(name: str, value: MatrixFunction | ArrayLike, shape: tuple[int,
 def check_definite(name: str, weight: Callable[[Array], Array], t: Array, strict: bool) -> None:
     """Refuse a weight with an eigenvalue that is negative (or zero, when strict), naming it, its direction and time."""
     samples = take_once(weight(t))
-    values, vectors = np.linalg.eigh(samples)
-    floor = 1e-13 * max(np.abs(values).max(), np.finfo(float).tiny)
+    values = np.linalg.eigvalsh(samples)
+    floor = 1e-13 * max(np.abs(values).max(), TINY)
     smallest = values[:, 0]
     worst = int(np.argmin(smallest))
     if smallest[worst] < -floor or (strict and smallest[worst] <= floor):
-        direction = np.array2string(vectors[worst][:, 0], precision=3, suppress_small=True)
+        direction = np.array2string(np.linalg.eigh(samples[worst])[1][:, 0], precision=3, suppress_small=True)
         raise ArgumentError(
             f"{name} is {'not positive definite' if strict else 'indefinite'}",
             got=f"eigenvalue {smallest[worst]:.6g} at t = {t[worst]:.6g} s in the direction {direction}",

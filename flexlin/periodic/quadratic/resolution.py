@@ -11,8 +11,9 @@ from flexlin.periodic.fourier import FourierSeries, fourier_nodes, real_fourier_
 from flexlin.periodic.grid import edges_of_short
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.resolved.companion import ResolvedCompanion
+from flexlin.periodic.resolved.foresight import foresee
 from flexlin.periodic.resolved.matrix import WAVES, ResolvedMatrix, divided
-from flexlin.periodic.resolved.resolve import resolve
+from flexlin.periodic.resolved.resolve import foresee_times, resolve
 from flexlin.periodic.system import PeriodicSystem
 
 MOST_PANELS = 128
@@ -28,12 +29,19 @@ def resolve_problem(problem: LinearQuadratic, system: PeriodicSystem) -> tuple[L
     found: dict[str, MatrixFunction] = {"A": Constant(state.mean()) if state.constant else state}
     edges = system.resolved.edges
     for name in OTHERS:
-        source = getattr(problem, name)
+        source = sampled_once(getattr(problem, name), system)
         if varies(source, system):
             series = resolve(source, system.period, system.breaks, system.features, complete=system.complete)
             found[name] = Constant(series.mean()) if series.constant else series
-            edges = np.union1d(edges, series.edges)
+            edges = edges if np.array_equal(edges, series.edges) else np.union1d(edges, series.edges)
     return replace(problem, **found), edges
+
+
+def sampled_once(source: MatrixFunction, system: PeriodicSystem) -> MatrixFunction:
+    """The coefficient with its values at the times that will be asked for first, where there is nothing narrow about it."""
+    if isinstance(source, Constant) or not system.complete or system.breaks or system.features:
+        return source
+    return foresee(source, system.n**2, [*foresee_times(system.period), system.period * PROBES])
 
 
 def find_edges(problem: LinearQuadratic, system: PeriodicSystem) -> Array:

@@ -1,28 +1,32 @@
 """The stabilising solution of a smooth problem without fast modes: swept backwards over the period, which Newton's method closes."""
 
 import ctypes
-from functools import lru_cache
 
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.fourier import FourierSeries, fourier_nodes
-from flexlin.periodic.quadratic.backward import RiccatiSamples, close_by_newton, find_sweeps
-from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, assemble_hamiltonian
+from flexlin.periodic.fourier import fourier_nodes
+from flexlin.periodic.quadratic.backward import Level, RiccatiSamples, find_sweeps, sweep_until_closed
+from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.quadratic.resolution import last_harmonic
 from flexlin.periodic.quadratic.running_cost import judge_by_cost
 from flexlin.periodic.quadratic.solution import RiccatiSolution
+from flexlin.periodic.quadratic.triangle import fold_few, unfold
 
-COUNTS = (256, 384, 512, 768, 1024, 1536)
-"""Nodes of a period that are tried."""
-USUAL = 2.2
-"""Nodes that a problem needs, as seen: this times the period, times the Hamiltonian's spectral radius, by tol^(1 / p) for order p."""
+FEWEST, MOST = 128, 8192
+"""Nodes of a period."""
+USUAL, SLOW = (20.0, 1.0), 64
+"""Nodes that a problem needs, as seen: the first, and the second times period and spectral radius of the Hamiltonian, by tol^(1 / p) for
+the highest order p. Of the product no more than SLOW counts: what is faster than that hardly shows in X."""
 AIM = 0.3
 """Part of tol at which more nodes aim."""
-LEVELS = ((4, 6, 0.15, 1e-3), (2, 8, 0.075, 1e-4), (1, 10, 0.085, 0.0))
-"""Sweeps start on few nodes: every so many of them; the order of Adams' method; the largest product of a step and the Hamiltonian's
-spectral radius at which it is stable; and the change of X(T), relative to X, after which more nodes are taken."""
-WAVES = 8
+ORDERS = {10: 0.075, 8: 0.12, 6: 0.17, 4: 0.36, 3: 0.5}
+"""Orders of Adams' method, and the largest product of a step and the Hamiltonian's spectral radius at which each is stable."""
+STARTS = ((8, 4, 1e-2), (4, 4, 1e-2), (2, 6, 1e-4))
+"""Sweeps start on few nodes: every so many of them; the highest order; and the change of X(T), relative to X, after which more follow."""
+LOWEST = 6
+"""Order on all nodes, at the least."""
+WAVES = 16
 """Nodes for each wave of the coefficients, at least."""
 MOST_STATES = 24
 LAST, LEAST = 2e-4, 2e-13
@@ -30,10 +34,10 @@ LAST, LEAST = 2e-4, 2e-13
 CLOSER, CLOSEST = 0.05, 5e-14
 """The factor on it for the next try, and what rounding leaves of it."""
 TRIES = 2
-FLOOR = 2e-16
-"""Harmonics of X below this part of its size are rounding."""
-SQUARINGS, LOOKS = 6, 4
-"""Squarings of the Hamiltonian by which its eigenvalues are measured, and times at which that is done."""
+SHARE = 1e-2
+"""Part of tol below which the harmonics are that nodes between others would show."""
+LOOKS = 4
+"""Times at which the Hamiltonian's eigenvalues are measured."""
 
 
 def solve_by_sweeps(problem: LinearQuadratic, period: float, tol: float) -> RiccatiSolution | None:
@@ -42,71 +46,54 @@ def solve_by_sweeps(problem: LinearQuadratic, period: float, tol: float) -> Ricc
     Assumes smooth coefficients.
     """
     library, waves = find_sweeps(), last_harmonic(problem, tol)
-    few = problem.reduced(period * np.arange(LOOKS) / LOOKS)
-    if library is None or not waves * WAVES <= COUNTS[-1] or few[0].shape[1] > MOST_STATES:
+    if library is None or not waves * WAVES <= MOST:
         return None
-    rate, (_, order, reach, _) = find_rate(assemble_hamiltonian(*few)), LEVELS[-1]
-    least = max(WAVES * waves, rate * period / reach)
-    needed, X = min(max(least, USUAL * rate * period * tol ** (-1 / order)), COUNTS[-2]), None
+    few = RiccatiSamples.of(problem, LOOKS, period, library)
+    if few.shape[1] > MOST_STATES:
+        return None
+    rate = few.rate(library)
+    order, turns, X = max(ORDERS), rate * period, None
+    least = max(WAVES * waves, turns / ORDERS[LOWEST], FEWEST)
+    needed = min(max(least, (USUAL[0] + USUAL[1] * min(turns, SLOW)) * tol ** (-1 / order)), max(least, MOST / 2))
     near = max(LAST * tol, LEAST)
     for _ in range(TRIES):
-        count = next((count for count in COUNTS if count >= max(needed, least)), None)
-        if count is None:
+        if not needed <= MOST:
             return None
-        samples = RiccatiSamples.of(problem.reduced(fourier_nodes(count, period)))
+        count = round_up(needed)
+        samples = RiccatiSamples.of(problem, count, period, library)
         with np.errstate(all="ignore"):
-            X = sweep_until_closed(library, samples, period, X, rate, near)
-            found = None if X is None else judge_by_cost(problem, library, samples, X, rate)
+            values = sweep(library, samples, period, X, turns / count, near)
+            if values is None:
+                return None
+            X, seen = fold_few(values, SHARE * tol)
+            found = judge_by_cost(problem, library, seen, X, period, rate)
         if found is None or found.error <= tol:
             return found
         needed, near = max(count + 1, count * (found.error / (AIM * tol)) ** (1 / order)), max(CLOSER * near, CLOSEST)
     return None
 
 
-def find_rate(H: Array) -> float:
-    """Return about the largest spectral radius of matrices (N, m, m): |trace H^k|^(1 / k) of two powers k, whatever the states' units."""
-    logarithm, radius = 0.0, 0.0
-    for k in range(1, SQUARINGS + 1):
-        H = H @ H
-        size = float(np.abs(H).max()) or 1.0
-        H, logarithm = H / size, 2 * logarithm + np.log(size)
-        if k > SQUARINGS - 2:
-            trace = float(np.abs(np.trace(H, axis1=1, axis2=2)).max())
-            radius = max(radius, trace ** (0.5**k) * float(np.exp(logarithm * 0.5**k)))
-    return radius
+def round_up(needed: float) -> int:
+    """Return a number of nodes, at most an eighth more than needed: one that Fourier transforms like, a multiple of sixteen."""
+    step = max(16, 2 ** int(np.log2(needed)) // 8)
+    return step * int(np.ceil(needed / step))
 
 
-def sweep_until_closed(
-    library: ctypes.CDLL, samples: RiccatiSamples, period: float, start: FourierSeries | None, rate: float, near: float
-) -> FourierSeries | None:
-    """Return X by its values at every second node, rows filled up with zeros; from X = 0, the cost of a finite horizon, or from `start`."""
-    last: tuple[int, int] | None = None
-    begin = np.zeros((LEVELS[-1][1], *samples.shape[1:]))
+def sweep(
+    library: ctypes.CDLL, samples: RiccatiSamples, period: float, start: Array | None, turn: float, near: float
+) -> Array | None:
+    """Return X at the nodes, lower triangles (n (n + 1) / 2, N); from X = 0, the cost of a finite horizon, or from amplitudes.
+
+    Parameters: turn: the Hamiltonian's spectral radius times a step.
+    """
+    levels = [Level(every, order, end) for every, most, end in STARTS if (order := highest(every * turn, most))]
+    last = Level(1, highest(turn, max(ORDERS)), near)
+    begin = None
     if start is not None:
-        begin = start(fourier_nodes(samples.count, period)[: len(begin)])
-    for step, order, reach, enough in LEVELS if start is None else LEVELS[-1:]:
-        if rate * period * step > reach * samples.count:
-            continue
-        if last is not None:
-            begin = np.tensordot(first_nodes(last[1], order, last[0] // step), begin[: last[1]], 1)
-        X = close_by_newton(library, samples.every(step), period, order, enough or near, begin)
-        if X is not None:
-            begin, last = X, (step, order)
-    return None if X is None else truncate(X[::2], period)
+        begin = unfold(start, period)(fourier_nodes(samples.count, period)[: last.order])
+    return sweep_until_closed(library, samples, period, (*levels, last) if start is None else (last,), begin)
 
 
-@lru_cache(maxsize=8)
-def first_nodes(few: int, many: int, parts: int) -> Array:
-    """Return the matrix that takes values at 0, 1, ... to those at 0, 1 / parts, ... of the polynomial through them, (many, few)."""
-    at, nodes = np.arange(many) / parts, np.arange(few)
-    factors = (at[:, None, None] - nodes) / np.where(np.eye(few), 1, nodes[:, None] - nodes)
-    return np.asarray(np.where(np.eye(few), 1, factors).prod(axis=2))
-
-
-def truncate(values: Array, period: float) -> FourierSeries:
-    """Return the Fourier series of values (N, n, w): harmonics up to N / 3, whose residual shows at N times, and none that are rounding."""
-    spectrum = np.fft.rfft(values, axis=0)
-    size = np.abs(spectrum).max(axis=(1, 2))
-    keep = int(np.count_nonzero(np.sqrt((size[::-1] ** 2).cumsum())[::-1] > FLOOR * size.max()))
-    parts = spectrum[: min(max(keep, 1), len(values) // 3)] / len(values)
-    return FourierSeries(np.concatenate([parts[:1].real, 2 * parts[1:].real, -2 * parts[1:].imag]), period)
+def highest(turn: float, most: int) -> int:
+    """Return the highest order, up to a given one, that is stable at a step; 0 where none is."""
+    return max((order for order, reach in ORDERS.items() if order <= most and turn <= reach), default=0)

@@ -8,17 +8,23 @@
 
 #define MOST 12     /* the highest order */
 #define SWEEPS 30
+#define FAINT 1e-10  /* changes of X below that do not shrink to RESTING of themselves are rounding */
+#define RESTING 0.3
 #define CLOSED 1e-4 /* what is left of a loop that has forgotten */
-#define LEAST 1e-10 /* of a diagonal entry: a smaller pivot is rounding */
-#define SOME 4      /* every so many times the sizes of terms are looked at */
+
+#define INLINE static inline __attribute__((always_inline))
 
 typedef double v4 __attribute__((vector_size(32), aligned(8)));
 typedef struct { const double *at; long step; } Samples;
 
 static inline v4 splat(double x) { return (v4){x, x, x, x}; }
 
+static inline v4 at(const double *x) { return *(const v4 *)x; }
+
+static inline void put(double *to, v4 x) { *(v4 *)to = x; }
+
 /* C = C0 + A B, C apart from A and B: two rows and eight columns at a time. No C0: 0. */
-static inline __attribute__((always_inline)) void multiply_onto(int n, int w, const double *restrict C0, const double *restrict A,
+INLINE void multiply_eight(int n, int w, const double *restrict C0, const double *restrict A,
                                                                 const double *restrict B, double *restrict C) {
   for (int i = 0; i < n; i += 2) {
     const double *a = A + i * w, *b = i + 1 < n ? a + w : a;
@@ -46,10 +52,43 @@ static inline __attribute__((always_inline)) void multiply_onto(int n, int w, co
   }
 }
 
-static void multiply(int n, int w, const double *A, const double *B, double *restrict C) { multiply_onto(n, w, 0, A, B, C); }
+/* The same for rows of twelve, three at a time; the last ones are done twice where n is no multiple. */
+INLINE void multiply_twelve(int n, const double *restrict C0, const double *restrict A,
+                                                                  const double *restrict B, double *restrict C) {
+  const int w = 12;
+  for (int first = 0; first < n; first += 3) {
+    int i = first + 3 <= n ? first : n - 3;
+    const double *a = A + i * w, *c = C0 ? C0 + i * w : A;
+    double *to = C + i * w;
+    v4 r0 = splat(0.0), r1 = r0, r2 = r0, s0 = r0, s1 = r0, s2 = r0, t0 = r0, t1 = r0, t2 = r0;
+    if (C0) {
+      r0 = at(c + 0); r1 = at(c + 4); r2 = at(c + 8);
+      s0 = at(c + 12); s1 = at(c + 16); s2 = at(c + 20);
+      t0 = at(c + 24); t1 = at(c + 28); t2 = at(c + 32);
+    }
+    for (int k = 0; k < n; k++) {
+      const double *row = B + k * w;
+      v4 u0 = at(row), u1 = at(row + 4), u2 = at(row + 8), x = splat(a[k]), y = splat(a[w + k]), z = splat(a[2 * w + k]);
+      r0 += x * u0; r1 += x * u1; r2 += x * u2;
+      s0 += y * u0; s1 += y * u1; s2 += y * u2;
+      t0 += z * u0; t1 += z * u1; t2 += z * u2;
+    }
+    put(to + 0, r0); put(to + 4, r1); put(to + 8, r2);
+    put(to + 12, s0); put(to + 16, s1); put(to + 20, s2);
+    put(to + 24, t0); put(to + 28, t1); put(to + 32, t2);
+  }
+}
+
+INLINE void multiply_onto(int n, int w, const double *restrict C0, const double *restrict A,
+                                                                const double *restrict B, double *restrict C) {
+  if (w == 12) multiply_twelve(n, C0, A, B, C);
+  else multiply_eight(n, w, C0, A, B, C);
+}
+
+INLINE void multiply(int n, int w, const double *A, const double *B, double *restrict C) { multiply_onto(n, w, 0, A, B, C); }
 
 /* rate = -X'; half = A - S X / 2. S: times -1/2; Q: its half. */
-static void riccati(int n, int w, const double *A, const double *S, const double *Q, const double *X, double *restrict rate, double *restrict half) {
+INLINE void riccati(int n, int w, const double *A, const double *S, const double *Q, const double *X, double *restrict rate, double *restrict half) {
   double P[n * w];
   multiply_onto(n, w, A, S, X, half);
   multiply_onto(n, w, Q, X, half, P);
@@ -57,8 +96,16 @@ static void riccati(int n, int w, const double *A, const double *S, const double
     for (int j = 0; j <= i; j++) rate[i * w + j] = rate[j * w + i] = P[i * w + j] + P[j * w + i];
 }
 
+/* rate at y + d of the rate at y, loop A - S y; what is of second order in the corrector's small d is left out. */
+INLINE void correct_rate(int n, int w, const double *loop, const double *d, double *restrict rate) {
+  double P[n * w];
+  multiply(n, w, d, loop, P);
+  for (int i = 0; i < n; i++)
+    for (int j = 0; j <= i; j++) rate[i * w + j] = rate[j * w + i] = rate[i * w + j] + P[i * w + j] + P[j * w + i];
+}
+
 /* Phi exp(h M) to second order; no Phi: of 1. */
-static void carry(int n, int w, double h, const double *M, const double *Phi, double *restrict next) {
+INLINE void carry(int n, int w, double h, const double *M, const double *Phi, double *restrict next) {
   int z = n * w;
   double step[z], turn[z];
   for (int i = 0; i < z; i++) step[i] = h * M[i];
@@ -72,7 +119,7 @@ static void carry(int n, int w, double h, const double *M, const double *Phi, do
 /* X at the nodes K - 1 ... 1 and, as `end`, at 0; X at the nodes 0 ... p - 1 continues it behind T. K is even. weights: p of Adams'
  * explicit method, then p of his implicit one. transition[k]: Phi(T, t_k), k < p, of the loop A - S X, by the midpoint's rule over pairs of
  * steps, and half a pair for odd k. */
-static void sweep(int n, int w, long K, int p, double h, const double *weights, const double *A, long a, const double *S, long s, const double *Q,
+INLINE void sweep(int n, int w, long K, int p, double h, const double *weights, const double *A, long a, const double *S, long s, const double *Q,
            long q, double *X, double *end, double *transition) {
   int z = n * w;
   const double *explicit = weights, *implicit = weights + p, *Phi = 0;
@@ -95,12 +142,15 @@ static void sweep(int n, int w, long K, int p, double h, const double *weights, 
       *(v4 *)(known + i) = start + h * v;
     }
     riccati(n, w, A_k, S_k, Q_k, y, rate, half);
-    for (int i = 0; i < z; i++) x[i] = known[i] + h * implicit[0] * rate[i];
-    riccati(n, w, A_k, S_k, Q_k, x, rate, half);
+    for (int i = 0; i < z; i++) {
+      x[i] = known[i] + h * implicit[0] * rate[i];
+      y[i] = x[i] - y[i];
+      half[i] = 2 * half[i] - A_k[i];
+    }
+    correct_rate(n, w, half, y, rate);
     memcpy(k ? X + k * z : end, x, sizeof x);
     if (k % 2) {
       double *next = pair[k / 2 % 2];
-      for (int i = 0; i < z; i++) half[i] = 2 * half[i] - A_k[i];
       if (k < p) carry(n, w, h, half, Phi, transition + k * z);
       carry(n, w, 2 * h, half, Phi, next);
       if (k <= p) memcpy(transition + (k - 1) * z, next, sizeof half);
@@ -147,12 +197,24 @@ static int close_period(int n, int w, double *gap, const double *Phi, double *E)
   return 0;
 }
 
-/* Sweep from X at the first p nodes, and close the period by Newton's method, until X(T) changes by less than `near` of X: the sweeps it took,
- * 0 where it does not settle. A loop that does not forget is swept on. */
-int close_by_newton(int n, int w, long K, int p, double h, const double *weights, const double *A, long a, const double *S, long s,
-                    const double *Q, long q, double *X, double near) {
+/* The largest |E_ij| / sqrt(X_ii X_jj). */
+static double compare(int n, int w, const double *E, const double *X) {
+  double most = 0.0;
+  for (int i = 0; i < n; i++)
+    for (int j = 0; j <= i; j++) {
+      double size = fabs(X[i * w + i] * X[j * w + j]), square = E[i * w + j] * E[i * w + j];
+      if (square > most * size) most = size > 0.0 ? square / size : INFINITY;
+    }
+  return sqrt(most);
+}
+
+/* Sweep from X at the first p nodes, and close the period by Newton's method, until X(T) changes by less than `near` of X, or no
+ * less than before: the sweeps it took, 0 where it does not settle. A loop that does not forget is swept on. */
+INLINE int close_by_newton(int n, int w, long K, int p, double h, const double *weights, const double *A,
+                                                                 long a, const double *S, long s, const double *Q, long q, double *X,
+                                                                 double near) {
   int z = n * w;
-  double end[z], gap[z], E[z], product[z], transition[MOST * z];
+  double end[z], gap[z], E[z], product[z], transition[MOST * z], last = INFINITY;
   for (int k = 1; k <= SWEEPS; k++) {
     sweep(n, w, K, p, h, weights, A, a, S, s, Q, q, X, end, transition);
     for (int i = 0; i < z; i++) gap[i] = end[i] - X[i];
@@ -164,87 +226,55 @@ int close_by_newton(int n, int w, long K, int p, double h, const double *weights
       multiply_left(n, w, transition + j * z, product, gap);
       for (int i = 0; i < z; i++) X[j * z + i] += gap[i];
     }
-    if (largest(z, E) <= near * largest(z, X)) return k;
+    double moved = compare(n, w, E, X);
+    if (moved <= near || (moved <= FAINT && moved > RESTING * last)) return k;
+    last = moved;
   }
   return 0;
 }
 
-/* L^-1 of C = L L', in place of C; false where C is not positive. */
-static int invert_root(int n, int w, double *C) {
-  for (int j = 0; j < n; j++) {
-    double size = C[j * w + j], pivot = size;
-    for (int k = 0; k < j; k++) pivot -= C[j * w + k] * C[j * w + k];
-    if (!(pivot > LEAST * size)) return 0;
-    C[j * w + j] = sqrt(pivot);
-    for (int i = j + 1; i < n; i++) {
-      double sum = C[i * w + j];
-      for (int k = 0; k < j; k++) sum -= C[i * w + k] * C[j * w + k];
-      C[i * w + j] = sum / C[j * w + j];
-    }
-  }
-  for (int j = 0; j < n; j++) {
-    C[j * w + j] = 1.0 / C[j * w + j];
-    for (int i = j + 1; i < n; i++) {
-      double sum = 0.0;
-      for (int k = j; k < i; k++) sum -= C[i * w + k] * C[k * w + j];
-      C[i * w + j] = sum / C[i * w + i];
-    }
-    for (int i = 0; i < j; i++) C[i * w + j] = 0.0;
-  }
-  return 1;
+/* A copy of the code for each usual width: the compiler then knows how many numbers there are in a row. */
+static int close_on_nodes(int n, int w, long K, int p, double h, const double *weights, const double *A, long a, const double *S, long s,
+                          const double *Q, long q, double *X, double near) {
+#define CLOSE(w) close_by_newton(n, w, K, p, h, weights, A, a, S, s, Q, q, X, near)
+  return w == 8 ? CLOSE(8) : w == 12 ? CLOSE(12) : CLOSE(w);
 }
 
-/* |L F L'| in Frobenius' norm; F symmetric, L a lower triangle. */
-static double measure(int n, int w, const double *L, const double *F) {
-  double P[n * w], total = 0.0;
-  multiply(n, w, L, F, P);
-  for (int i = 0; i < n; i++)
-    for (int j = 0; j < n; j++) {
-      double sum = 0.0;
-      for (int k = 0; k <= j; k++) sum += P[i * w + k] * L[j * w + k];
-      total += sum * sum;
+/* Values (p, z) at 0, 1, ... to those (many, z) at 0, 1 / parts, ... of the polynomial through them. */
+static void place_first(int z, int p, int many, double parts, const double *values, double *X) {
+  for (int i = 0; i < many; i++) {
+    for (int e = 0; e < z; e++) X[i * z + e] = 0.0;
+    for (int j = 0; j < p; j++) {
+      double weight = 1.0;
+      for (int k = 0; k < p; k++)
+        if (k != j) weight *= (i / parts - k) / (j - k);
+      for (int e = 0; e < z; e++) X[i * z + e] += weight * values[j * z + e];
     }
-  return sqrt(total);
+  }
 }
 
-/* The least r with -r C <= F <= r C at all K times, C = Q + X S X, F the residual with what rounding may make of it; infinity: none.
- * slopes: X'; unit: rounding of a sum relative to the sum of its sizes. residual: the largest entry of F. */
-double find_share(int n, int w, long K, const double *A, long a, const double *S, long s, const double *Q, long q, const double *X,
-                  const double *slopes, double unit, double *residual) {
-  int z = n * w;
-  double seen = 0.0, hidden = 0.0, C[z], F[z], P[z], XA[z], XSX[z], size_X[z], size[z];
-  *residual = 0.0;
-  for (long k = 0; k < K; k++) {
-    const double *A_k = A + k * a, *S_k = S + k * s, *Q_k = Q + k * q, *x = X + k * z, *slope = slopes + k * z;
-    multiply(n, w, x, A_k, XA);
-    multiply(n, w, S_k, x, P);
-    multiply(n, w, x, P, XSX);
-    memset(F, 0, sizeof F);
-    for (int i = 0; i < n; i++)
-      for (int j = 0; j < n; j++) {
-        int ij = i * w + j;
-        double q_ij = 2 * Q_k[ij], curved = -2 * XSX[ij];
-        C[ij] = q_ij + curved;
-        F[ij] = slope[ij] + XA[ij] + XA[j * w + i] - curved + q_ij;
-      }
-    *residual = fmax(*residual, largest(z, F));
-    if (!invert_root(n, w, C)) return INFINITY;
-    double share = measure(n, w, C, F);
-    if (!isfinite(share)) return INFINITY;
-    seen = fmax(seen, share);
-    if (k % SOME) continue;
-    for (int i = 0; i < z; i++) size_X[i] = fabs(x[i]), size[i] = fabs(A_k[i]);
-    multiply(n, w, size_X, size, XA);
-    for (int i = 0; i < z; i++) size[i] = fabs(S_k[i]);
-    multiply(n, w, size, size_X, P);
-    multiply(n, w, size_X, P, XSX);
-    for (int i = 0; i < n; i++)
-      for (int j = 0; j < n; j++) {
-        int ij = i * w + j;
-        F[ij] = unit * (fabs(slope[ij]) + XA[ij] + XA[j * w + i] + 2 * XSX[ij] + 2 * fabs(Q_k[ij]));
-        C[ij] = fabs(C[ij]);
-      }
-    hidden = fmax(hidden, measure(n, w, C, F));
+/* The periodic solution on K nodes by sweeps on ever more of them: steps, orders, ends: of each level every so many nodes, the order of
+ * Adams' method, and the change of X(T) that is small enough; weights: one level after the other. X at the first nodes, as many as the
+ * first order, to start from, in room for all; packed: (n (n + 1) / 2, K), the lower triangle row by row. A level that does not close
+ * is left out. Returns how often a period was swept, 0 where the last level does not close. */
+int sweep_until_closed(int n, int w, long K, double T, int levels, const int *steps, const int *orders, const double *ends,
+                       const double *weights, const double *A, long a, const double *S, long s, const double *Q, long q, double *X,
+                       double *packed) {
+  int z = n * w, last = 0, total = 0, found = 0;
+  double begin[MOST * z];
+  memcpy(begin, X, orders[0] * z * sizeof(double));
+  for (int i = 0; i < levels; weights += 2 * orders[i++]) {
+    int step = steps[i], p = orders[i], from = last ? orders[last - 1] : orders[0], before = last ? steps[last - 1] : step;
+    place_first(z, from, p, (double)before / step, begin, X);
+    found = close_on_nodes(n, w, K / step, p, T * step / K, weights, A, a * step, S, s * step, Q, q * step, X, ends[i]);
+    total += found;
+    if (!found) continue;
+    memcpy(begin, X, p * z * sizeof(double));
+    last = i + 1;
   }
-  return isfinite(hidden) ? seen + hidden : INFINITY;
+  if (!found) return 0;
+  for (long k = 0; k < K; k++)
+    for (int i = 0, e = 0; i < n; i++)
+      for (int j = 0; j <= i; j++) packed[K * e++ + k] = X[k * z + i * w + j];
+  return total;
 }

@@ -6,8 +6,7 @@ from scipy.integrate import solve_ivp
 
 import flexlin as fl
 from flexlin.compiler import find_compiler
-from flexlin.periodic.fourier import FourierSeries, fourier_nodes
-from flexlin.periodic.quadratic.backward import RiccatiSamples, find_sweeps
+from flexlin.periodic.quadratic.backward import find_sweeps
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.quadratic.resolution import resolve_problem
 from flexlin.periodic.quadratic.riccati import periodic_riccati
@@ -112,14 +111,16 @@ def test_a_bound_covers_what_is_added_to_the_solution():
     system, Q, R, N = random_problem(5)
     problem, _ = resolve_problem(linear_quadratic(system, Q, R, N), system)
     right = solve_by_sweeps(problem, 2.0, 1e-10)
-    samples, rng = RiccatiSamples.of(problem.reduced(fourier_nodes(512, 2.0))), np.random.default_rng(1)
+    library, rng = find_sweeps(), np.random.default_rng(1)
+    rows = np.tril_indices(system.n)
     for size in (1e-8, 1e-5, 1e-3):
         old, H = right.series.coefficients, right.series.harmonics
-        parts = np.zeros((2 * H + 1, system.n, samples.shape[2]))
-        parts[:, :, : system.n] = right.series.coefficients
+        parts = right.series.coefficients.copy()
         change = rng.standard_normal((system.n, system.n)) * np.sqrt(np.outer(np.diag(old[0]), np.diag(old[0])))
-        parts[rng.integers(0, 3), :, : system.n] += size * (change + change.T)
-        wrong = judge_by_cost(problem, find_sweeps(), samples, FourierSeries(parts, 2.0), 1.0)
+        parts[rng.integers(0, 3)] += size * (change + change.T)
+        sines = np.concatenate([0 * parts[:1], parts[H + 1 :]])
+        amplitudes = (parts[: H + 1] - 1j * sines)[:, *rows].T
+        wrong = judge_by_cost(problem, library, 512, amplitudes, 2.0, 1.0)
         if wrong is None:
             assert size > 1e-5
             continue
