@@ -176,17 +176,17 @@ def sweep_until_closed(
 
 def find_share(
     library: ctypes.CDLL, samples: RiccatiSamples, X: Array, slopes: Array, unit: float
-) -> tuple[float, float, float]:
-    """Return the least r with -r C <= F <= r C at all times, C = Q + X S X, and the largest entries of F and of X.
+) -> tuple[float, float, float, Array]:
+    """Return the least r with -r C <= F <= r C at all times, C = Q + X S X, the largest entries of F and X, the sizes of F's entries.
 
     F: the residual X' + A' X + X A - X S X + Q of X and its slopes X', lower triangles (n (n + 1) / 2, N) with N a multiple of four, and
     what rounding may make of it: `unit` times the sum of the sizes of its terms. r is infinite where C is not positive, or X at the first
     time.
     """
     count, n, width = samples.shape
-    seen = np.zeros(2)
+    seen = np.zeros(2 + len(X))
     share = library.find_share(n, width, count, *samples.places(), address(X), address(slopes), unit, address(seen))
-    return share, float(seen[0]), float(seen[1])
+    return share, float(seen[0]), float(seen[1]), seen[2:]
 
 
 def bound_gain(library: ctypes.CDLL, samples: RiccatiSamples, X: Array, every: int) -> tuple[float, float, float]:

@@ -95,13 +95,15 @@ static double measure(int n, const v4 *L, v4 *F, v4 *work) {
  * not positive at the first. K: a multiple of four.
  *
  * X, slopes: X and X' (n (n + 1) / 2, K), the lower triangle row by row; unit: rounding of a sum relative to the sum of its sizes.
- * seen: the largest entries of F and of X. */
+ * seen: the largest entries of F and of X, and the largest size of each entry of F with its rounding (n (n + 1) / 2). */
 double find_share(int n, int w, long K, const double *A, long a, const double *S, long s, const double *Q, long q, const double *X,
                   const double *slopes, double unit, double *seen) {
   int z = n * n;
   double share = 0.0, hidden = 0.0;
   v4 room[9 * z], *A_k = room, *S_k = A_k + z, *Q_k = S_k + z, *x = Q_k + z, *XA = x + z, *P = XA + z, *XSX = P + z, *F = XSX + z, *C = F + z;
-  v4 largest = splat(0.0), size_x = largest;
+  v4 size_x = splat(0.0), size_F[n * (n + 1) / 2], noise[n * (n + 1) / 2];
+  memset(size_F, 0, sizeof size_F);
+  memset(noise, 0, sizeof noise);
   for (long k = 0; k < K; k += 4) {
     if (a || !k) gather(n, w, A + k * a, a, 1.0, A_k);
     if (s || !k) gather(n, w, S + k * s, s, -2.0, S_k);
@@ -117,7 +119,7 @@ double find_share(int n, int w, long K, const double *A, long a, const double *S
         v4 f = at(slopes + K * e + k) + XA[ij] + XA[j * n + i] - XSX[ij] + Q_k[ij];
         C[ij] = Q_k[ij] + XSX[ij];
         F[ij] = f;
-        largest = larger_four(largest, absolute(f));
+        size_F[e] = larger_four(size_F[e], absolute(f));
         size_x = larger_four(size_x, absolute(x[ij]));
       }
     if (!invert_root(n, C)) return INFINITY;
@@ -134,14 +136,19 @@ double find_share(int n, int w, long K, const double *A, long a, const double *S
         int ij = i * n + j;
         F[ij] = unit * (absolute(at(slopes + K * e + k)) + XA[ij] + XA[j * n + i] + XSX[ij] + absolute(Q_k[ij]));
         C[ij] = absolute(C[ij]);
+        noise[e] = larger_four(noise[e], F[ij]);
       }
     hidden = fmax(hidden, measure(n, C, F, P));
   }
   for (int i = 0, e = 0; i < n; i++)
     for (int j = 0; j <= i; j++, e++) C[i * n + j] = splat(X[K * e]);
   if (!invert_root(n, C)) return INFINITY;
-  seen[0] = greatest(largest);
+  seen[0] = 0.0;
   seen[1] = greatest(size_x);
+  for (int e = 0; e < n * (n + 1) / 2; e++) {
+    seen[0] = larger(seen[0], greatest(size_F[e]));
+    seen[2 + e] = greatest(size_F[e]) + greatest(noise[e]);
+  }
   return isfinite(hidden) ? share + hidden : INFINITY;
 }
 

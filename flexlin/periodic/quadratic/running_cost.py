@@ -5,6 +5,7 @@ from math import sqrt
 
 from flexlin.checks import Array
 from flexlin.periodic.quadratic.backward import RiccatiSamples, bound_gain, find_share
+from flexlin.periodic.quadratic.carrying import carry_residual
 from flexlin.periodic.quadratic.evidence import ROUNDING
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.quadratic.solution import RiccatiSolution
@@ -17,7 +18,7 @@ SEEN = 32
 
 
 def judge_by_cost(
-    problem: LinearQuadratic, library: ctypes.CDLL, count: int, X: Array, period: float, rate: float
+    problem: LinearQuadratic, library: ctypes.CDLL, count: int, X: Array, period: float, rate: float, tol: float
 ) -> RiccatiSolution | None:
     """Put the solution together with a bound on its error; None where its residual is not small against the running cost.
 
@@ -28,7 +29,9 @@ def judge_by_cost(
 
         |E_ij| <= k sqrt(X_ii X_jj),   k = r / (1 - r)
 
-    Assumes that F is smooth between the times at which it is compared with C.
+    Where that misses tol, what the loop makes of F is looked at (`carry_residual`). Assumes that F is smooth between the times at which it
+    is compared with C.
+    With them  |K error|_ij <= k sqrt((R^-1 B' X B R^-1)_ii X_jj),  K = R^-1 (B' X + N').
     Source: Bittanti, Colaneri, De Nicolao, The periodic Riccati equation, in The Riccati Equation (1991), ch. 6 (comparison).
 
     Parameters: X: amplitudes (`fold`) of its values at N = `count` equally spaced nodes; it is judged half-way between them. rate: the
@@ -36,18 +39,24 @@ def judge_by_cost(
     """
     samples = RiccatiSamples.of(problem, count, period, library, 0.5)
     values, slopes = evaluate_between(X, period, count)
-    share, residual, size = find_share(library, samples, values, slopes, 8 * ROUNDING)
+    share, residual, size, sizes = find_share(library, samples, values, slopes, 8 * ROUNDING)
     if not share < MOST_SHARE:
         return None
     k, series = share / (1 - share), unfold(X, period)
+    reach, product, gain = bound_gain(library, samples, values, max(1, count // SEEN))
+    error, far = k, k * sqrt(reach)
+    if error + 8 * ROUNDING > tol > k**2:
+        carried = carry_residual(problem, library, X, sizes, period, rate)
+        if carried is not None:
+            error, far = min(error, carried[0] / size + k**2), min(far, carried[1] + k**2 * sqrt(reach))
     return RiccatiSolution(
         problem=problem,
         horizon=period,
         periodic=True,
         series=series,
-        error=float(k + 8 * ROUNDING),
-        gain_error=bound_gain_error(library, samples, values, k),
-        method_error=k,
+        error=error + 8 * ROUNDING,
+        gain_error=(far + 8 * ROUNDING * product) / (gain or 1.0),
+        method_error=error,
         residual=residual / (size * max(rate, 1 / period)),
         symmetry=0.0,
         closure=0.0,
@@ -55,12 +64,3 @@ def judge_by_cost(
         segments=len(series.coefficients),
         status="converged",
     )
-
-
-def bound_gain_error(library: ctypes.CDLL, samples: RiccatiSamples, X: Array, k: float) -> float:
-    """Return a bound on |K error| / max |K| of -k X <= E <= k X, rounding added; X: lower triangles (n (n + 1) / 2, N).
-
-    K = R^-1 (B' X + N'),   |K error|_ij <= k sqrt((R^-1 B' X B R^-1)_ii X_jj)
-    """
-    reach, product, gain = bound_gain(library, samples, X, max(1, samples.count // SEEN))
-    return (k * sqrt(reach) + 8 * ROUNDING * product) / (gain or 1.0)

@@ -13,8 +13,8 @@ from flexlin.periodic.quadratic.running_cost import judge_by_cost
 from flexlin.periodic.quadratic.solution import RiccatiSolution
 from flexlin.periodic.quadratic.triangle import fold_few, unfold
 
-FEWEST, MOST = 128, 8192
-"""Nodes of a period."""
+FEWEST, MOST, MOST_ENTRIES = 128, 2**13, 2**22
+"""Nodes of a period, and entries of X at all of them."""
 USUAL, SLOW = (20.0, 1.0), 64
 """Nodes that a problem needs, as seen: the first, and the second times period and spectral radius of the Hamiltonian, by tol^(1 / p) for
 the highest order p. Of the product no more than SLOW counts: what is faster than that hardly shows in X."""
@@ -49,15 +49,17 @@ def solve_by_sweeps(problem: LinearQuadratic, period: float, tol: float) -> Ricc
     if library is None or not waves * WAVES <= MOST:
         return None
     few = RiccatiSamples.of(problem, LOOKS, period, library)
-    if few.shape[1] > MOST_STATES:
+    _, states, width = few.shape
+    if states > MOST_STATES:
         return None
+    most = min(MOST, MOST_ENTRIES // (states * width))
     rate = few.rate(library)
     order, turns, X = max(ORDERS), rate * period, None
     least = max(WAVES * waves, turns / ORDERS[LOWEST], FEWEST)
-    needed = min(max(least, (USUAL[0] + USUAL[1] * min(turns, SLOW)) * tol ** (-1 / order)), max(least, MOST / 2))
+    needed = min(max(least, (USUAL[0] + USUAL[1] * min(turns, SLOW)) * tol ** (-1 / order)), max(least, most / 2))
     near = max(LAST * tol, LEAST)
     for _ in range(TRIES):
-        if not needed <= MOST:
+        if not needed <= most:
             return None
         count = round_up(needed)
         samples = RiccatiSamples.of(problem, count, period, library)
@@ -66,7 +68,7 @@ def solve_by_sweeps(problem: LinearQuadratic, period: float, tol: float) -> Ricc
             if values is None:
                 return None
             X, seen = fold_few(values, SHARE * tol)
-            found = judge_by_cost(problem, library, seen, X, period, rate)
+            found = judge_by_cost(problem, library, seen, X, period, rate, tol)
         if found is None or found.error <= tol:
             return found
         needed, near = max(count + 1, count * (found.error / (AIM * tol)) ** (1 / order)), max(CLOSER * near, CLOSEST)

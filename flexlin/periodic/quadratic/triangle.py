@@ -38,6 +38,14 @@ def fold_few(values: Array, tol: float) -> tuple[Array, int]:
         every //= 2
 
 
+def evaluate(amplitudes: Array, count: int) -> Array:
+    """Return a function at N equally spaced nodes, at least twice as many as it has amplitudes: (E, N)."""
+    spectrum = np.zeros((len(amplitudes), count // 2 + 1), complex)
+    spectrum[:, : amplitudes.shape[1]] = amplitudes * (0.5 * count)
+    spectrum[:, 0] *= 2
+    return np.fft.irfft(spectrum, count)
+
+
 def evaluate_between(amplitudes: Array, period: float, count: int) -> tuple[Array, Array]:
     """Return a function and its derivative half-way between N equally spaced nodes, more than it has amplitudes: (E, N) each."""
     entries, kept = amplitudes.shape

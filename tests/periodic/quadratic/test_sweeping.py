@@ -106,8 +106,8 @@ def test_a_loop_that_forgets_slowly_is_closed():
     assert found.X(0.0) == pytest.approx(found.X(2 * np.pi), rel=1e-12)
 
 
-def test_a_bound_covers_what_is_added_to_the_solution():
-    """The residual of a wrong X beside its running cost bounds how wrong it is."""
+def test_bounds_cover_what_is_added_to_the_solution():
+    """The residual of a wrong X beside its running cost bounds how wrong it is; carried through the loop it does so more closely."""
     system, Q, R, N = random_problem(5)
     problem, _ = resolve_problem(linear_quadratic(system, Q, R, N), system)
     right = solve_by_sweeps(problem, 2.0, 1e-10)
@@ -120,13 +120,20 @@ def test_a_bound_covers_what_is_added_to_the_solution():
         parts[rng.integers(0, 3)] += size * (change + change.T)
         sines = np.concatenate([0 * parts[:1], parts[H + 1 :]])
         amplitudes = (parts[: H + 1] - 1j * sines)[:, *rows].T
-        wrong = judge_by_cost(problem, library, 512, amplitudes, 2.0, 1.0)
+        wrong = judge_by_cost(problem, library, 512, amplitudes, 2.0, 5.0, 1.0)
+        carried = judge_by_cost(problem, library, 512, amplitudes, 2.0, 5.0, 0.1 * wrong.error) if wrong else None
         if wrong is None:
             assert size > 1e-5
             continue
         t = np.linspace(0, 2, 99)
         true = np.abs(wrong.X(t) - right.X(t)).max() / np.abs(right.X(t)).max()
         assert true <= wrong.error <= 1e4 * true
+        K, wanted = wrong.K(t), right.K(t)
+        apart = np.abs(K - wanted).max() / np.abs(wanted).max()
+        assert apart <= wrong.gain_error
+        if wrong.error < 0.1:
+            assert true <= carried.error < wrong.error
+            assert apart <= carried.gain_error <= wrong.gain_error
 
 
 @pytest.mark.parametrize(
