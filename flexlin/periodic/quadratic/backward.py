@@ -93,7 +93,7 @@ class RiccatiSamples:
 
     def places(self) -> tuple[int, ...]:
         """Where A, S and Q stand, and the numbers from one sample to the next."""
-        return (*place(self.A), *place(self.S), *place(self.Q))
+        return (*locate_samples(self.A), *locate_samples(self.S), *locate_samples(self.Q))
 
     def rate(self, library: ctypes.CDLL) -> float:
         """About the largest spectral radius of the Hamiltonian [[A, -S], [-Q, -A']]."""
@@ -106,7 +106,7 @@ def sample_period(coefficient: MatrixFunction, count: int, period: float, shift:
         return np.ascontiguousarray(coefficient.value, dtype=float)[None]
     series = coefficient.series if isinstance(coefficient, ResolvedMatrix) else None
     if not isinstance(series, FourierSeries) or series.harmonics > FEW_WAVES:
-        return np.ascontiguousarray(take_once(coefficient(period * ((np.arange(count) + shift) / count))))
+        return np.ascontiguousarray(take_once(coefficient(period * ((np.arange(count) + shift) / count))), dtype=float)
     flat = series.coefficients.reshape(len(series.coefficients), -1)
     return (waves_at_nodes(count, series.harmonics, shift) @ flat).reshape(count, *series.coefficients.shape[1:])
 
@@ -117,7 +117,7 @@ def waves_at_nodes(count: int, harmonics: int, shift: float) -> Array:
     return fourier_basis((np.arange(count) + shift) / count, harmonics)
 
 
-def place(samples: Array) -> tuple[int, int]:
+def locate_samples(samples: Array) -> tuple[int, int]:
     """Where samples stand, and the numbers from one to the next; 0 of a constant."""
     return samples.ctypes.data, samples.strides[0] // samples.itemsize if len(samples) > 1 else 0
 
@@ -126,7 +126,7 @@ def weigh_inputs(library: ctypes.CDLL, B: Array, effort: Array) -> Array:
     """Return -B R^-1 B' / 2 of samples of B (N, n, m) and R^-1 (N, m, m), one of each where constant, in rows filled up with zeros."""
     count, n, m = max(len(B), len(effort)), *B.shape[1:]
     S = np.empty((count, n, -(-n // ROW) * ROW))
-    library.weigh_inputs(n, S.shape[2], m, count, *place(B), *place(effort), address(S))
+    library.weigh_inputs(n, S.shape[2], m, count, *locate_samples(B), *locate_samples(effort), address(S))
     return S
 
 
@@ -196,7 +196,7 @@ def bound_gain(library: ctypes.CDLL, samples: RiccatiSamples, X: Array, every: i
     """
     n, m = samples.B.shape[1:]
     found = np.zeros(3)
-    places = (*place(samples.B), *place(samples.effort), *place(samples.N))
+    places = (*locate_samples(samples.B), *locate_samples(samples.effort), *locate_samples(samples.N))
     library.bound_gain(n, m, samples.count, every, *places, address(X), address(found))
     reach, product, gain = found.tolist()
     return reach, product, gain

@@ -10,7 +10,7 @@ from flexlin.checks import Array
 from flexlin.periodic.quadratic.backward import Level, RiccatiSamples, bound_gain, sweep_until_closed
 from flexlin.periodic.quadratic.evidence import weigh
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
-from flexlin.periodic.quadratic.triangle import evaluate, places
+from flexlin.periodic.quadratic.triangle import evaluate_triangle, triangle_places
 
 LEVEL = Level(1, 4, 1e-2)
 REACH = 0.2
@@ -35,9 +35,9 @@ def carry_residual(
     Source: Bittanti, Colaneri, Periodic Systems (2009), ch. 4 (periodic Lyapunov equation).
     """
     count = 16 * int(np.ceil(max(rate * period / REACH, 2 * X.shape[1], LEAST) / 16))
-    samples, where = RiccatiSamples.of(problem, count, period, library), places(len(X))
+    samples, where = RiccatiSamples.of(problem, count, period, library), triangle_places(len(X))
     n = len(where)
-    values = evaluate(X, count).T[:, where]
+    values = evaluate_triangle(X, count).T[:, where]
     W = np.zeros((1, *samples.A.shape[1:]))
     W[0, :, :n] = 0.5 * np.diag(weigh(sizes[where][None], values))
     loop = samples.A + 2 * samples.S @ np.pad(

@@ -9,7 +9,7 @@ from flexlin.periodic.quadratic.carrying import carry_residual
 from flexlin.periodic.quadratic.evidence import ROUNDING
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.quadratic.solution import RiccatiSolution
-from flexlin.periodic.quadratic.triangle import evaluate_between, unfold
+from flexlin.periodic.quadratic.triangle import evaluate_between, unfold_triangle
 
 MOST_SHARE = 0.5
 """Largest r up to which the bound is used."""
@@ -34,15 +34,15 @@ def judge_by_cost(
     With them  |K error|_ij <= k sqrt((R^-1 B' X B R^-1)_ii X_jj),  K = R^-1 (B' X + N').
     Source: Bittanti, Colaneri, De Nicolao, The periodic Riccati equation, in The Riccati Equation (1991), ch. 6 (comparison).
 
-    Parameters: X: amplitudes (`fold`) of its values at N = `count` equally spaced nodes; it is judged half-way between them. rate: the
-    Hamiltonian's spectral radius.
+    Parameters: X: amplitudes (`fold_triangle`) of its values at N = `count` equally spaced nodes; it is judged half-way between them. rate:
+    the Hamiltonian's spectral radius.
     """
     samples = RiccatiSamples.of(problem, count, period, library, 0.5)
     values, slopes = evaluate_between(X, period, count)
     share, residual, size, sizes = find_share(library, samples, values, slopes, 8 * ROUNDING)
     if not share < MOST_SHARE:
         return None
-    k, series = share / (1 - share), unfold(X, period)
+    k, series = share / (1 - share), unfold_triangle(X, period)
     reach, product, gain = bound_gain(library, samples, values, max(1, count // SEEN))
     error, far = k, k * sqrt(reach)
     if error + 8 * ROUNDING > tol > k**2:

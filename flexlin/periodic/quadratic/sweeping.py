@@ -11,7 +11,7 @@ from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.quadratic.resolution import last_harmonic
 from flexlin.periodic.quadratic.running_cost import judge_by_cost
 from flexlin.periodic.quadratic.solution import RiccatiSolution
-from flexlin.periodic.quadratic.triangle import fold_few, unfold
+from flexlin.periodic.quadratic.triangle import fold_few, unfold_triangle
 
 FEWEST, MOST, MOST_ENTRIES = 128, 2**13, 2**22
 """Nodes of a period, and entries of X at all of them."""
@@ -88,14 +88,14 @@ def sweep(
 
     Parameters: turn: the Hamiltonian's spectral radius times a step.
     """
-    levels = [Level(every, order, end) for every, most, end in STARTS if (order := highest(every * turn, most))]
-    last = Level(1, highest(turn, max(ORDERS)), near)
+    levels = [Level(every, order, end) for every, most, end in STARTS if (order := highest_order(every * turn, most))]
+    last = Level(1, highest_order(turn, max(ORDERS)), near)
     begin = None
     if start is not None:
-        begin = unfold(start, period)(fourier_nodes(samples.count, period)[: last.order])
+        begin = unfold_triangle(start, period)(fourier_nodes(samples.count, period)[: last.order])
     return sweep_until_closed(library, samples, period, (*levels, last) if start is None else (last,), begin)
 
 
-def highest(turn: float, most: int) -> int:
+def highest_order(turn: float, most: int) -> int:
     """Return the highest order, up to a given one, that is stable at a step; 0 where none is."""
     return max((order for order, reach in ORDERS.items() if order <= most and turn <= reach), default=0)

@@ -13,7 +13,7 @@ FLOOR = 2e-16
 """Harmonics below this part of the largest entry are rounding."""
 
 
-def fold(values: Array) -> Array:
+def fold_triangle(values: Array) -> Array:
     """Return the amplitudes of values (E, N): harmonics up to N / 3, whose residual shows at N times, and none that are rounding."""
     count = values.shape[1]
     amplitudes = np.fft.rfft(values)[:, : count // 3]
@@ -31,14 +31,14 @@ def fold_few(values: Array, tol: float) -> tuple[Array, int]:
         every //= 2
     while True:
         few = values[:, ::every]
-        amplitudes = fold(few)
+        amplitudes = fold_triangle(few)
         last = np.abs(amplitudes[:, few.shape[1] // 4 :]).max(initial=0.0)
         if every == 1 or last <= tol * np.abs(amplitudes[:, 0]).max():
             return amplitudes, few.shape[1]
         every //= 2
 
 
-def evaluate(amplitudes: Array, count: int) -> Array:
+def evaluate_triangle(amplitudes: Array, count: int) -> Array:
     """Return a function at N equally spaced nodes, at least twice as many as it has amplitudes: (E, N)."""
     spectrum = np.zeros((len(amplitudes), count // 2 + 1), complex)
     spectrum[:, : amplitudes.shape[1]] = amplitudes * (0.5 * count)
@@ -65,14 +65,14 @@ def shift_half(count: int, kept: int) -> tuple[Array, Array]:
     return shift, 2j * np.pi * waves
 
 
-def unfold(amplitudes: Array, period: float) -> FourierSeries:
+def unfold_triangle(amplitudes: Array, period: float) -> FourierSeries:
     """Return the whole matrix as a real Fourier series."""
     parts = np.concatenate([amplitudes.real, -amplitudes.imag[:, 1:]], axis=1)
-    return FourierSeries(parts.T[:, places(len(amplitudes))], period)
+    return FourierSeries(parts.T[:, triangle_places(len(amplitudes))], period)
 
 
 @lru_cache(maxsize=32)
-def places(entries: int) -> Array:
+def triangle_places(entries: int) -> Array:
     """Return where each entry (n, n) of a symmetric matrix stands among those of its lower triangle, row by row."""
     n = int(np.sqrt(2 * entries))
     found, (rows, columns) = np.zeros((n, n), int), np.tril_indices(n)
