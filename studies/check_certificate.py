@@ -57,6 +57,8 @@ def holds(certificate, samples=1025):
 
 
 if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit(__doc__)
     report = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
     for name, loop in {"own": report["floquet"], "open": report["open_loop"], **report["designs"]}.items():
         print(name, loop["verdict"], holds(loop["certificate"]) if loop.get("certificate") else "no certificate")

@@ -11,6 +11,7 @@ import argparse
 import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -29,6 +30,7 @@ from flexlin.periodic.many.transitions import batched_transitions
 from flexlin.periodic.product.balancing import multiply_scaled
 from flexlin.periodic.transition.setting import Setting, factor_period
 
+HEYOKA = find_spec("heyoka") is not None
 ACCURACY = 1e-10
 MODES = (1, 3, 6)
 PATH = "effects.payload.mass"
@@ -129,7 +131,8 @@ def one_run(modes: int, repetitions: int, tols: tuple[float, ...]) -> list[Row]:
         ],
     }
     rows = [cheapest(modes, name, families, error, repetitions) for name, families in programs.items()]
-    return [all_exponents(modes, loop, repetitions), *rows, *by_heyoka(modes, loop, error, repetitions)]
+    theirs = by_heyoka(modes, loop, error, repetitions) if HEYOKA else []
+    return [all_exponents(modes, loop, repetitions), *rows, *theirs]
 
 
 def all_exponents(modes: int, loop: ParametricLoop, repetitions: int) -> Row:
@@ -265,6 +268,8 @@ def scene(modes: int) -> fl.Scene:
 def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, object]:
     """Run the study, print the ratios, write cost_of_accuracy.json; returns rows and ratios."""
     full = size == "full"
+    if not HEYOKA:
+        print('heyoka is not installed and left out; pip install "flexlin[peers]" brings it')
     rows: list[Row] = []
     ratios: dict[str, float] = {}
     for modes in MODES if full else (1,):
@@ -276,7 +281,7 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, objec
                   f" {row.milliseconds / own:9.1f} x{note}")  # fmt: skip
             ratios[f"{row.program}, {modes} modes"] = row.milliseconds / own
         rows += found
-        if modes > MOST_BATCHED:
+        if modes > MOST_BATCHED or not HEYOKA:
             continue
         ours, theirs = batch(modes, 512 if full else 64, 7 if full else 1)
         for row in (ours, theirs):
