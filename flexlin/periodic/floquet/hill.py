@@ -7,14 +7,12 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 
 from flexlin.checks import Array, check_size, whole
-from flexlin.lapack import LAPACK
 from flexlin.periodic.circle import count_turns, measure_distances
 from flexlin.periodic.resolved.uncertainty import couple_uncertainty
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choice import count_waves
+from flexlin.periodic.transition.units import SEEN, find_like_units
 
-SEEN = 97
-"""Times at which the sizes of A's entries are looked at."""
 FIRST = 8
 """Harmonics of the first matrix at the least."""
 MAX_SIZE = 900
@@ -102,9 +100,7 @@ def truncate_hill(system: PeriodicSystem, harmonics: int) -> tuple[Array, Array]
 
 def look_at_entries(system: PeriodicSystem) -> tuple[Array, float]:
     """Powers of two (n,) that make rows and columns of A alike in size, and a bound on what is not known of the balanced A."""
-    t = system.period * np.arange(SEEN) / SEEN
-    size = np.abs(system.resolved(t)).sum(axis=0)
-    scale = np.asarray(LAPACK.dgebal(size, scale=1, permute=0)[3])
+    t, scale = system.period * np.arange(SEEN) / SEEN, find_like_units(system)
     shape = (SEEN, system.n, system.n)
     left, right = np.broadcast_to(np.diag(1 / scale), shape), np.broadcast_to(np.diag(scale), shape)
     unknown = couple_uncertainty(system.resolved, t, left, right)

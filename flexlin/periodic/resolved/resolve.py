@@ -20,6 +20,8 @@ __all__ = ["Discontinuity", "ResolvedMatrix", "resolve"]
 
 CHECKS, FEW = 12289, 200
 """Check points of a function of which nothing is known; and of one whose narrow features are named, where it needs panels."""
+ENDS = np.geomspace(3e-11, 3e-5, 19)
+"""Where such a function is checked too, from either end of the period: a pulse there begins or ends with it."""
 REPEATS = 3
 """Times at which such a function is compared with itself a period later, where it is smooth."""
 STEP = 4.0
@@ -48,9 +50,9 @@ def resolve(
     kink as far as it shows. Noise of A is measured, and agreement beyond it is not asked for.
 
     What no sampler can promise: to see what happens between its samples. A is compared at 12289 times on no regular grid, with gaps below
-    T / 10000: a pulse on at least T / 10000 is seen, a shorter one perhaps. Name it in `features`; then panels and check points lie as
-    close as its width asks. What happens within 1e-11 T of a jump counts as part of the jump. With `complete` you
-    guarantee that every feature of a half-width below T / 200 is named, and fewer times do.
+    T / 10000: a pulse on at least T / 10000 is seen, a shorter one perhaps, unless it begins or ends with the period. Name it in
+    `features`; then panels and check points lie as close as its width asks. What happens within 1e-11 T of a jump counts as part of the
+    jump. With `complete` you guarantee that every feature of a half-width below T / 200 is named, and fewer times do.
 
     Parameters
     ----------
@@ -95,7 +97,8 @@ def resolve(
         raise ArgumentError("a feature has no width", got=pairs[:, 1].tolist(), expected="widths greater than 0")
     sample = Sampler(A, period, least)
     about = [centre + 4 * width * (2 * stratified(64) - 1) for centre, width in pairs]
-    checks = CheckPoints(sample, np.concatenate([period * stratified(FEW if complete else CHECKS), *about]))
+    ends = [] if complete else [period * ENDS, period * (1 - ENDS)]
+    checks = CheckPoints(sample, np.concatenate([period * stratified(FEW if complete else CHECKS), *about, *ends]))
     if repeats and not len(named) and not len(pairs):
         fit = (fit_at_once(sample, tol) if complete else None) or fit_fourier(sample, tol, None if complete else checks)
         if fit is not None:

@@ -13,6 +13,7 @@ from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.gauss import gauss_transitions, second_order_transitions
 from flexlin.periodic.transition.magnus import magnus_transitions
 from flexlin.periodic.transition.radau import radau_transitions
+from flexlin.periodic.transition.units import factor_in_like_units
 
 MAX_SEGMENTS = 20_000
 
@@ -57,7 +58,7 @@ def factor_by_gauss(system: PeriodicSystem, grid: Array, order: int) -> Array:
     if isinstance(resolved, ResolvedCompanion):
         return second_order_transitions(resolved.sample, grid, order // 2)
     try:
-        return gauss_transitions(resolved, grid, order // 2)
+        return factor_in_like_units(system, lambda A: gauss_transitions(A, grid, order // 2))
     except np.linalg.LinAlgError:
         raise NumericalError(
             "the stages of a segment are not determined: it is too long for A(t)",
@@ -67,11 +68,11 @@ def factor_by_gauss(system: PeriodicSystem, grid: Array, order: int) -> Array:
 
 
 def factor_by_magnus(system: PeriodicSystem, grid: Array, order: int) -> Array:
-    return magnus_transitions(system.resolved, grid, order)
+    return factor_in_like_units(system, lambda A: magnus_transitions(A, grid, order))
 
 
 def factor_by_radau(system: PeriodicSystem, grid: Array, order: int) -> Array:
-    return radau_transitions(system.resolved, grid, (order + 1) // 2)
+    return factor_in_like_units(system, lambda A: radau_transitions(A, grid, (order + 1) // 2))
 
 
 METHODS: dict[str, Callable[[PeriodicSystem, Array, int], Array]] = {

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+import flexlin as fl
 from flexlin.errors import ArgumentError
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.resolved.resolve import resolve
@@ -253,3 +254,17 @@ def test_features_beside_breaks_make_no_slivers():
     series = resolve(lambda t: A(np.mod(t, 1)), 1.0, breaks=(0.3,), features=features, complete=True)
     assert np.diff(series.edges).min() > 1e-11
     assert covered(series, A, np.random.default_rng(9), [0.3]) < 1
+
+
+@pytest.mark.parametrize("width", [1e-9, 3e-7, 2e-5])
+@pytest.mark.parametrize("at_the_end", [False, True])
+def test_pulses_that_begin_or_end_with_the_period_are_seen_however_narrow(width, at_the_end):
+    """x' = a(t) x, whose exponent is the mean: a pulse of area one at one end of T = 3, never between two samples."""
+
+    def a(t):
+        phase = np.mod(t, 3.0)
+        inside = phase >= 3.0 - 3.0 * width if at_the_end else phase < 3.0 * width
+        return np.where(inside, 1 / (3.0 * width), -0.5)[:, None, None]
+
+    found = fl.floquet(fl.PeriodicSystem(a, 3.0))
+    assert abs(found.exponents[0].real - (1 / 3 - 0.5 * (1 - width))) <= found.errors[0] < 2e-11 / width + 1e-9
