@@ -6,7 +6,7 @@ from typing import Literal
 
 import casadi as ca
 
-from flexlin.kronecker import derivative
+from flexlin.kronecker.symbolic import derivative
 from flexlin.mechanics.manipulator import Manipulator
 
 Route = Literal["jacobian", "kronecker"]

@@ -27,24 +27,24 @@ from flexlin.answers.margins import Margin
 from flexlin.answers.steady import Response, arm_length, find_response, response_error
 from flexlin.answers.validity import ModelValidity, judge_model
 from flexlin.checks import Array
-from flexlin.control import linear_range
 from flexlin.control.drives import DriveLoad, drive_load
-from flexlin.control.validity import Validity
+from flexlin.control.validity import Validity, linear_range
 from flexlin.errors import InputError, SimulationStopped
 from flexlin.mechanics import Manipulator, build_manipulator
 from flexlin.periodic.floquet.modes import floquet_modes
-from flexlin.periodic.floquet.resonance import Resonance, find_resonances
-from flexlin.periodic.margins import Margins
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.accuracy import Accuracy
 from flexlin.scene.scene import Scene
-from flexlin.simulation import Simulation, simulate
+from flexlin.simulation.result import Simulation
+from flexlin.simulation.run import simulate
 
 if TYPE_CHECKING:
     import xarray
 
-    from flexlin.answers.audit import Audit
+    from flexlin.answers.audit.result import Audit
     from flexlin.answers.nearest.instability import NearestInstability
+    from flexlin.periodic.floquet.resonance import Resonance
+    from flexlin.periodic.margins import Margins
 
 SAMPLES = 257
 """Points of a period in the figures and in report.json, both ends included."""
@@ -77,7 +77,7 @@ class Analysis:
     simulation: Simulation | None
     problems: dict[str, str]
     steps: tuple[Step, ...]
-    resonances: tuple[Resonance, ...] = ()
+    resonances: "tuple[Resonance, ...]" = ()
     audit: "Audit | None" = None
     sensitivity: "xarray.Dataset | None" = None
     elastic: Loop | None = None
@@ -86,7 +86,7 @@ class Analysis:
     sampled: tuple[Loop, ...] = ()
     estimated: tuple[Loop, ...] = ()
     margins: tuple[Margin, ...] = ()
-    endured: Mapping[str, Margins] = field(default_factory=dict)
+    endured: "Mapping[str, Margins]" = field(default_factory=dict)
     nearest: "NearestInstability | None" = None
 
     def validity(self, loop: Loop) -> ModelValidity:
@@ -227,10 +227,12 @@ def design_all(scene: Scene, plant: Linearization, closed: Linearization, t: Arr
 
 def find_causes(
     own: Loop, system: PeriodicSystem, problems: dict[str, str], asked: Accuracy, clock: Clock
-) -> tuple[Resonance, ...]:
+) -> "tuple[Resonance, ...]":
     """The parametric resonances behind an unstable own loop."""
     if own.floquet is None or own.verdict != "unstable":
         return ()
+    from flexlin.periodic.floquet.resonance import find_resonances
+
     result = own.floquet
     found = clock.attempt(
         problems,

@@ -1,6 +1,7 @@
 """At which value of a scene's number the loop becomes unstable, and at which it is stable again."""
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,8 +12,10 @@ from flexlin.errors import ArgumentError
 from flexlin.periodic.boundary.crossings import SAMPLES, Crossing, find_crossings
 from flexlin.periodic.boundary.spectra import Spectra
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.floquet.resonance import Resonance
 from flexlin.summary import represent
+
+if TYPE_CHECKING:
+    from flexlin.periodic.floquet.resonance import Resonance
 
 
 @dataclass(frozen=True)
@@ -192,7 +195,7 @@ def describe_causes(family: Family, point: Array) -> str:
     return describe_cause(causes[0]) if causes else "its growth is too slow to name a resonance"
 
 
-def describe_cause(cause: Resonance) -> str:
+def describe_cause(cause: "Resonance") -> str:
     """The resonance condition in words."""
     a, b = cause.frequencies
     if cause.kind == "average":

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import pi
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,16 +12,6 @@ from flexlin.about.linearization import Linearization
 from flexlin.answers.clock import Clock
 from flexlin.answers.steady import Response, find_response, response_error
 from flexlin.checks import Array
-from flexlin.control import (
-    Design,
-    Estimator,
-    design,
-    linearize_about,
-    output_feedback,
-    periodic_motion,
-    sampled_floquet,
-    scene_sensors,
-)
 from flexlin.control.drives import DriveLoad, drive_load
 from flexlin.periodic.certificate.lyapunov import Certificate
 from flexlin.periodic.floquet.exponents import floquet
@@ -30,6 +21,10 @@ from flexlin.scene.accuracy import Accuracy
 from flexlin.scene.control import DesignTable
 from flexlin.scene.drives import Drives
 from flexlin.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from flexlin.control.designed_loop import Design
+    from flexlin.control.estimator import Estimator
 
 BY_TOL = ("periodic-lqr", "finite-horizon-lqr")
 """Designs whose gain has an error that can be asked for."""
@@ -52,7 +47,7 @@ class Loop:
     kind: str
     floquet: FloquetResult | None
     problem: str = ""
-    design: Design | None = None
+    design: "Design | None" = None
     response: Response | None = None
     certificate: Certificate | None = None
     ends: bool = False
@@ -104,6 +99,9 @@ def name_ending_loops(scene: Scene, plant: Linearization) -> tuple[Loop, Loop]:
 
 def judge_elastic_loop(closed: Linearization, asked: Accuracy, clock: Clock) -> Loop:
     """The scene's own loop, linearized about the periodic motion of the elastic arm in the place of the rigid one."""
+    from flexlin.about.elastic import linearize_about
+    from flexlin.about.periodic_motion import periodic_motion
+
     name, problems = "about elastic motion", dict[str, str]()
     motion = clock.attempt(
         problems,
@@ -119,7 +117,7 @@ def judge_elastic_loop(closed: Linearization, asked: Accuracy, clock: Clock) -> 
 
 
 def judge_loop(
-    name: str, kind: str, step: str, system: PeriodicSystem, asked: Accuracy, clock: Clock, made: Design | None = None
+    name: str, kind: str, step: str, system: PeriodicSystem, asked: Accuracy, clock: Clock, made: "Design | None" = None
 ) -> Loop:
     """Floquet's verdict on a loop, or why there is none."""
     problems: dict[str, str] = {}
@@ -139,6 +137,8 @@ def is_worth_proof(result: FloquetResult) -> bool:
 
 def design_and_judge(plant: Linearization, table: DesignTable, asked: Accuracy, clock: Clock) -> Loop:
     """A designed controller with the verdict on its closed loop."""
+    from flexlin.control.catalogue import design
+
     problems: dict[str, str] = {}
     error_of = (lambda made: float(made.error)) if table.kind in BY_TOL else None
     work = partial(design, plant, table, asked.tol)
@@ -169,9 +169,13 @@ def judge_sampled_loops(
 ) -> tuple[Loop, ...]:
     """The loops with a feedback on the arm's own states once more, their torque sampled, held and late as the scene says."""
     sampling, asked, found = scene.control.sampling, scene.accuracy, list[Loop]()
-    for loop in loops if sampling is not None else ():
+    if sampling is None:
+        return ()
+    from flexlin.periodic.sampled.stability import sampled_floquet
+
+    for loop in loops:
         law = closed.law if loop.design is None else loop.design.law
-        if sampling is None or loop.floquet is None or loop.kind == "open":
+        if loop.floquet is None or loop.kind == "open":
             continue
         name, problems = f"{loop.name}, sampled", dict[str, str]()
         rates = None if law.controller is None else law.controller.rates
@@ -189,6 +193,9 @@ def judge_estimated_loops(scene: Scene, loops: Sequence[Loop], plant: Linearizat
         table, made = tables[loop.name], loop.design
         if table is None or made is None or not plant.motion.periodic:
             continue
+        from flexlin.control.estimator import output_feedback
+        from flexlin.control.sensors import scene_sensors
+
         name, problems, sensors = f"{loop.name}, estimated", dict[str, str](), scene_sensors(scene, plant, table)
         step = f"estimator: {loop.name}"
         estimator = clock.attempt(problems, name, step, asked, partial(sensors.filter, plant, asked.tol), filter_error)
@@ -200,7 +207,7 @@ def judge_estimated_loops(scene: Scene, loops: Sequence[Loop], plant: Linearizat
     return tuple(found)
 
 
-def filter_error(found: Estimator) -> float:
+def filter_error(found: "Estimator") -> float:
     """The relative error of a filter's covariance."""
     return found.error
 

@@ -9,7 +9,6 @@ from flexlin.about.free import KeptGain, ParametricLoop, parametric_loop
 from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
-from flexlin.control import design
 from flexlin.errors import ArgumentError, ModelError, SceneError
 from flexlin.mechanics.chain import build_manipulator
 from flexlin.periodic.system import PeriodicSystem
@@ -50,6 +49,8 @@ class RedesignedLoop:
 
     def system_at(self, point: Array) -> PeriodicSystem:
         """The closed loop at one point (P,)."""
+        from flexlin.control.catalogue import design
+
         return design(self.plant.at(point), self.table, self.tol).closed_loop
 
 
@@ -111,6 +112,8 @@ def choose_loop(scene: Scene, paths: Iterable[str], loop: str = "own", tol: floa
         return plant
     if loop == table.name + REDONE:
         return RedesignedLoop(plant, table, tol)
+    from flexlin.control.catalogue import design
+
     made = design(linearize(build_manipulator(scene), scene.motion), table, tol)
     period = made.closed_loop.period
     rates = None if made.controller is None else made.controller.rates

@@ -2,17 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexlin.about.free import ParametricLoop, loop_of
 from flexlin.about.linearization import Linearization
 from flexlin.answers.loops import choose_loop
-from flexlin.answers.sensitivity import integrate_derivatives
 from flexlin.answers.sweep.axes import check_axes
-from flexlin.answers.sweep.batches import CHUNK_BYTES, Batches, choose_plan, try_plans
-from flexlin.answers.sweep.compiled import CompiledBatches, pays
-from flexlin.answers.sweep.plan import Plan
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, FlexlinError, TimeLimit
 from flexlin.periodic.boundary.spectra import Spectra
@@ -20,11 +17,16 @@ from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.glimpse import glimpse
 from flexlin.periodic.floquet.modes import solve_floquet_modes
-from flexlin.periodic.floquet.resonance import Resonance, find_resonances
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from flexlin.answers.sweep.batches import Batches
+    from flexlin.answers.sweep.compiled import CompiledBatches
+    from flexlin.answers.sweep.plan import Plan
+    from flexlin.periodic.floquet.resonance import Resonance
 
 ROUGH, FINE = 1e-8, 1e-12
 """Wanted errors of the exponents, in 1/s: of the scan, and of the values that are reported."""
@@ -118,8 +120,10 @@ class Family:
         """Exponents (n,) at a point, their errors (n,) and their exact derivatives (P, n); None where those of A are not known."""
         return None
 
-    def resonances(self, point: Array) -> list[Resonance]:
+    def resonances(self, point: Array) -> "list[Resonance]":
         """What drives the unstable exponents at a point, fastest growth first."""
+        from flexlin.periodic.floquet.resonance import find_resonances
+
         system = self.system_at(point)
         found = find_resonances(system, solve_floquet_modes(system, floquet(system, ROUGH), quick=True))
         return sorted(found, key=lambda one: -one.exponent.real)
@@ -130,12 +134,14 @@ class SceneFamily(Family):
     """A loop on a scene's arm whose equations keep the numbers as symbols."""
 
     loop: ParametricLoop | None = None
-    plan: Plan | None = None
-    compiled: CompiledBatches | None = None
+    plan: "Plan | None" = None
+    compiled: "CompiledBatches | None" = None
     alone: bool = False
 
     def compile(self, points: Array, values: int) -> None:
         """Compile the loop where so many values, some of them at points (V, P), are worth it."""
+        from flexlin.answers.sweep.compiled import CompiledBatches, pays
+
         if self.loop is not None and self.loop.kept is None and pays(self.loop, values):
             self.compiled = CompiledBatches.prepare(self.loop, points, ROUGH)
             self.plan = None if self.compiled is None else self.compiled.plan
@@ -149,9 +155,11 @@ class SceneFamily(Family):
         assert self.loop is not None
         if not len(points):
             return self.unknown(points, ROUGH)
-        batches = Batches(self.loop, points, ROUGH, CHUNK_BYTES)
-        if self.prefers_one_by_one(batches):
+        if self.prefers_one_by_one(points):
             return self.one_by_one(points, ROUGH, quick)
+        from flexlin.answers.sweep.batches import CHUNK_BYTES, Batches, choose_plan
+
+        batches = Batches(self.loop, points, ROUGH, CHUNK_BYTES)
         self.plan = self.plan or choose_plan(batches)
         states, narrow = self.loop.states, batches.find_narrow(np.arange(len(points)))
         logs, errors = np.full((len(points), states), np.nan + 0j), np.full((len(points), states), np.inf)
@@ -171,19 +179,21 @@ class SceneFamily(Family):
     def scan(self, points: Array) -> Spectra:
         return self.rough(points, quick=True)
 
-    def prefers_one_by_one(self, batches: Batches) -> bool:
+    def prefers_one_by_one(self, points: Array) -> bool:
         """Whether `floquet` takes less time: for few values of many states, or of a period that a batch divides finely; finds the plan."""
         assert self.loop is not None
-        few = self.plan is None and len(batches.points) <= TOGETHER
+        few = self.plan is None and len(points) <= TOGETHER
         if not self.loop.linearization.complete or not (few or self.loop.states >= LARGE):
             return False
         if few and not self.alone and self.loop.states < MIDDLE:
-            self.plan = try_plans(batches, MANY, MOST)
+            from flexlin.answers.sweep.batches import CHUNK_BYTES, Batches, try_plans
+
+            self.plan = try_plans(Batches(self.loop, points, ROUGH, CHUNK_BYTES), MANY, MOST)
             self.alone = self.plan is None
             return self.alone
         return True
 
-    def together(self, batches: Batches, part: Array, plan: Plan) -> tuple[Array, Array, Array]:
+    def together(self, batches: "Batches", part: Array, plan: "Plan") -> tuple[Array, Array, Array]:
         """Logs and errors (V, n) of a batch, and which of its values are not accurate enough, (V,)."""
         if self.compiled is None:
             logs, errors, reached, _ = batches.batch(part, plan)
@@ -198,6 +208,8 @@ class SceneFamily(Family):
         assert self.loop is not None
         if self.loop.kept is not None:
             return None
+        from flexlin.answers.sensitivity import integrate_derivatives
+
         loop = replace(self.loop, linearization=self.loop.at(point))
         system = loop.linearization.periodic_system()
         modes = solve_floquet_modes(system, floquet(system, self.finest), quick=True)

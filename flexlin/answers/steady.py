@@ -7,12 +7,11 @@ import numpy as np
 from flexlin.about.law import Law
 from flexlin.about.linear import Linearization
 from flexlin.checks import Array
-from flexlin.control.tracking import scene_feedforward
+from flexlin.control.tracking import scene_feedforward, tip_positions
 from flexlin.periodic.controlled import OfPlant
 from flexlin.periodic.response.forced import forced_response
 from flexlin.periodic.response.result import ForcedResponse
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.simulation import tip_positions
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from flexlin.errors import OutputError
 
 if TYPE_CHECKING:
-    from flexlin.scene import Scene
+    from flexlin.scene.scene import Scene
 
 DONE, FAILED, BAD_INPUT, OTHER_VERDICT = 0, 1, 2, 3
 """Exit codes."""
@@ -20,7 +20,7 @@ def loaded(options: argparse.Namespace, usual: float | None = None) -> "Scene":
     """The scene with its overrides, once the output folder has been found usable; `usual`: the limit in s where nobody states one."""
     from flexlin.cli.supervised import send_limits
     from flexlin.files import check_folder
-    from flexlin.scene import load_scene
+    from flexlin.scene.loading import load_scene
     from flexlin.scene.overrides import parse_assignment
 
     if options.out is not None:

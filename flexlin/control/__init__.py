@@ -1,69 +1,60 @@
 """Controllers for a periodic linear system: each design the same interface, each closed loop ready for Floquet's verdict.
 
-What needs a manipulator, and with it CasADi, is loaded when it is first used.
+What is asked for is loaded when it is first used, and CasADi only with what needs a manipulator.
 """
 
 from importlib import import_module
 from typing import Any
 
-from flexlin.control.averaged import averaged_lqr
-from flexlin.control.catalogue import design
-from flexlin.control.designed_loop import Design
-from flexlin.control.estimator import Estimator, kalman_filter, output_feedback
-from flexlin.control.export import gain_schedule, periodic_plant, save, to_control
-from flexlin.control.finite_horizon import finite_horizon_lqr
-from flexlin.control.frozen import frozen_lqr
-from flexlin.control.integral import with_integral_action
-from flexlin.control.pd import pd_feedback
-from flexlin.control.periodic import periodic_lqr
-from flexlin.periodic.sampled.stability import sampled_floquet
-
-_ON_MANIPULATORS = {
+_HOME = {
+    "Design": "flexlin.control.designed_loop",
+    "Estimator": "flexlin.control.estimator",
     "Feedforward": "flexlin.control.tracking",
-    "bending": "flexlin.control.measurement",
-    "joint_angles": "flexlin.control.measurement",
-    "joint_rates": "flexlin.control.measurement",
-    "tip_acceleration": "flexlin.control.measurement",
-    "tip_position": "flexlin.control.measurement",
     "PeriodicMotion": "flexlin.about.periodic_motion",
-    "feedforward": "flexlin.control.tracking",
     "Sensors": "flexlin.control.sensors",
-    "scene_feedback": "flexlin.control.from_scene",
-    "scene_sensors": "flexlin.control.sensors",
+    "averaged_lqr": "flexlin.control.averaged",
+    "bending": "flexlin.control.measurement",
+    "design": "flexlin.control.catalogue",
     "drive_load": "flexlin.control.drives",
     "estimator_source": "flexlin.control.export.c_estimator",
+    "feedforward": "flexlin.control.tracking",
+    "finite_horizon_lqr": "flexlin.control.finite_horizon",
+    "frozen_lqr": "flexlin.control.frozen",
+    "gain_schedule": "flexlin.control.export.python_control",
     "gain_source": "flexlin.control.export.c_gain",
     "horizon_system": "flexlin.control.horizon",
+    "joint_angles": "flexlin.control.measurement",
+    "joint_rates": "flexlin.control.measurement",
+    "kalman_filter": "flexlin.control.estimator",
     "lifted_model": "flexlin.control.export.lifted",
     "linear_range": "flexlin.control.validity",
     "linearization_source": "flexlin.control.export.c_linearization",
     "linearize_about": "flexlin.about.elastic",
-    "physical_weights": "flexlin.control.bryson",
+    "output_feedback": "flexlin.control.estimator",
+    "pd_feedback": "flexlin.control.pd",
+    "periodic_lqr": "flexlin.control.periodic",
     "periodic_motion": "flexlin.about.periodic_motion",
+    "periodic_plant": "flexlin.control.export.python_control",
+    "physical_weights": "flexlin.control.bryson",
+    "sampled_floquet": "flexlin.periodic.sampled.stability",
+    "save": "flexlin.control.export.files",
+    "scene_feedback": "flexlin.control.from_scene",
+    "scene_sensors": "flexlin.control.sensors",
+    "tip_acceleration": "flexlin.control.measurement",
+    "tip_position": "flexlin.control.measurement",
+    "to_control": "flexlin.control.export.python_control",
+    "with_integral_action": "flexlin.control.integral",
 }
+"""Where each public name stands; its module is loaded when it is first used."""
 
-__all__ = [
-    "Design",
-    "Estimator",
-    "averaged_lqr",
-    "design",
-    "finite_horizon_lqr",
-    "frozen_lqr",
-    "gain_schedule",
-    "kalman_filter",
-    "output_feedback",
-    "pd_feedback",
-    "periodic_lqr",
-    "periodic_plant",
-    "sampled_floquet",
-    "save",
-    "to_control",
-    "with_integral_action",
-    *_ON_MANIPULATORS,
-]
+__all__ = sorted(_HOME)
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _ON_MANIPULATORS:
+    if name not in _HOME:
         raise AttributeError(f"module 'flexlin.control' has no attribute {name!r}")
-    return getattr(import_module(_ON_MANIPULATORS[name]), name)
+    return getattr(import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

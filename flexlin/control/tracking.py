@@ -1,20 +1,23 @@
 """Feedforward for tracking: the motion that the elastic arm should make, and the torque that it takes."""
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.about.deviation import Deviation
-from flexlin.about.harmonic_balance import Closing, Unknowns
 from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
-from flexlin.about.periodic_motion import PeriodicMotion, periodic_motion
 from flexlin.arguments import checked, instance
 from flexlin.checks import Array, at_times
 from flexlin.errors import ArgumentError
 from flexlin.summary import represent
+
+if TYPE_CHECKING:
+    from flexlin.about.harmonic_balance import Closing, Unknowns
+    from flexlin.about.periodic_motion import PeriodicMotion
 
 LEAST = 1e-8
 """The smallest error that a scene's feedforward is asked for."""
@@ -54,7 +57,7 @@ class Feedforward:
     """
 
     kind: str
-    motion: PeriodicMotion | None
+    motion: "PeriodicMotion | None"
     lin: Linearization
     tip_error: float
     linear_tip_error: float
@@ -102,12 +105,12 @@ class Feedforward:
         return at_times(self.law.reference, t)
 
 
-def joints_exact(about: Deviation, at: Unknowns) -> ca.SX:
+def joints_exact(about: Deviation, at: "Unknowns") -> ca.SX:
     """The motors' encoders read exactly what they would on the rigid arm."""
     return about.arm.encoders[list(about.driven), :] @ (at.s - at.rigid)
 
 
-def tip_exact(about: Deviation, at: Unknowns) -> ca.SX:
+def tip_exact(about: Deviation, at: "Unknowns") -> ca.SX:
     """Each link's end lies on the line of the rigid link: the chord's cross product with the rigid direction, in m."""
     arm = about.arm
     if arm.points is None:
@@ -124,7 +127,7 @@ def tip_exact(about: Deviation, at: Unknowns) -> ca.SX:
     )
 
 
-CLOSINGS: dict[str, Closing] = {"joint-exact": joints_exact, "tip-exact": tip_exact}
+CLOSINGS: "dict[str, Closing]" = {"joint-exact": joints_exact, "tip-exact": tip_exact}
 KINDS = ("rigid", *CLOSINGS)
 
 
@@ -184,6 +187,8 @@ def feedforward(lin: Linearization, kind: str = "tip-exact", tol: float = 1e-8) 
         raise ArgumentError("there is no such feedforward", got=repr(kind), expected=", ".join(KINDS))
     if not lin.driven:
         raise ArgumentError("nothing to feed forward", got="every joint prescribed", expected="a torque-driven joint")
+    from flexlin.about.periodic_motion import periodic_motion
+
     closing = CLOSINGS.get(kind)
     motion = periodic_motion(lin, closing, tol=tol)
     first = periodic_motion(lin, closing, tol=tol, linear=True)
@@ -204,7 +209,7 @@ def scene_feedforward(lin: Linearization, tol: float = 1e-8) -> Feedforward | No
     return feedforward(lin, control.feedforward, max(tol, LEAST))
 
 
-def tip_distance(lin: Linearization, motion: PeriodicMotion) -> float:
+def tip_distance(lin: Linearization, motion: "PeriodicMotion") -> float:
     """The largest distance of the tip from the rigid motion's tip, in m; nan when the manipulator has no points."""
     t = lin.period * np.arange(512) / 512
     return float(

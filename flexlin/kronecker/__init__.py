@@ -6,27 +6,30 @@ The rules work on NumPy and CasADi matrices alike; CasADi is loaded only by thos
 from importlib import import_module
 from typing import Any
 
-from flexlin.kronecker.algebra import kron, kronecker_power, swap
-from flexlin.kronecker.expansion import bilinear_term, linearization, linearized_product, taylor_sum
-from flexlin.kronecker.rules import chain_rule, inverse_rule, kronecker_rule, product_rule
+_HOME = {
+    "bilinear_term": "flexlin.kronecker.expansion",
+    "chain_rule": "flexlin.kronecker.rules",
+    "derivative": "flexlin.kronecker.symbolic",
+    "inverse_rule": "flexlin.kronecker.rules",
+    "kron": "flexlin.kronecker.algebra",
+    "kronecker_power": "flexlin.kronecker.algebra",
+    "kronecker_rule": "flexlin.kronecker.rules",
+    "linearization": "flexlin.kronecker.expansion",
+    "linearized_product": "flexlin.kronecker.expansion",
+    "product_rule": "flexlin.kronecker.rules",
+    "swap": "flexlin.kronecker.algebra",
+    "taylor_sum": "flexlin.kronecker.expansion",
+}
+"""Where each public name stands; its module is loaded when it is first used."""
 
-__all__ = [
-    "bilinear_term",
-    "chain_rule",
-    "derivative",
-    "inverse_rule",
-    "kron",
-    "kronecker_power",
-    "kronecker_rule",
-    "linearization",
-    "linearized_product",
-    "product_rule",
-    "swap",
-    "taylor_sum",
-]
+__all__ = sorted(_HOME)
 
 
 def __getattr__(name: str) -> Any:
-    if name == "derivative":
-        return import_module("flexlin.kronecker.symbolic").derivative
-    raise AttributeError(f"module 'flexlin.kronecker' has no attribute {name!r}")
+    if name not in _HOME:
+        raise AttributeError(f"module 'flexlin.kronecker' has no attribute {name!r}")
+    return getattr(import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -11,7 +11,6 @@ from flexlin.scene.links import Direction, Link
 from flexlin.scene.loops import list_parents
 from flexlin.scene.scene import Scene
 from flexlin.scene.space import Inertia
-from flexlin.scene.urdf.bodies import rotation_of
 
 AXES: dict[Direction, int] = {"torsion": 0, "z": 1, "y": 2}
 """The axis about which the tip turns when the link deflects."""
@@ -46,6 +45,8 @@ def sum_carried(scene: Scene, index: int, direction: Direction = "y") -> tuple[f
     for k in range(index + 1, len(scene.links)):
         if parents[k] not in tips:
             continue
+        from flexlin.scene.urdf.bodies import rotation_of
+
         link, (R, p) = scene.links[k], tips[parents[k]]
         p, R = p + R @ np.array(link.mount.xyz), R @ rotation_of(link.mount.rpy)
         for body in find_bodies_on_joint(scene, k):

@@ -17,7 +17,6 @@ from flexlin.mechanics.effects.base import Chain
 from flexlin.mechanics.frames import Frame, X, Y, Z, column, is_same, unit
 from flexlin.mechanics.link_shapes import choose_basis
 from flexlin.mechanics.links import BentLink, LinkBasis
-from flexlin.mechanics.loops import close_scene_loops
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.mechanics.parameters import Parameters, given_to_model
 from flexlin.mechanics.points import list_points
@@ -88,7 +87,11 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
     chain = _build_chain(scene.links, effects, basis, at, rate)
     arm = replace(_derive_equations(chain, effects, at, rate, free), coordinates=coordinates, effects=tables)
     arm = _free_motors(arm) if free_motors else arm
-    return close_scene_loops(arm, chain, scene) if scene.loops else arm
+    if not scene.loops:
+        return arm
+    from flexlin.mechanics.loops import close_scene_loops
+
+    return close_scene_loops(arm, chain, scene)
 
 
 def _derive_equations(

@@ -10,11 +10,13 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import real_array
 from flexlin.errors import ModelError
-from flexlin.kronecker import derivative, kron
+from flexlin.kronecker.algebra import kron
+from flexlin.kronecker.symbolic import derivative
 from flexlin.mechanics.followers import ClosedLoops
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.mechanics.parameters import Parameters
-from flexlin.series import implicit_taylor, solve_implicit
+from flexlin.series.implicit import implicit_taylor
+from flexlin.series.solution import solve_implicit
 
 NEWTON_STEPS, FOLLOWING = 4, 2
 """Steps of Newton's method at u, and at each place on the way there."""

@@ -13,7 +13,8 @@ from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError, SingularClosure, ToleranceNotReached
 from flexlin.kronecker.closure import closure_jacobians, refuse_if_large
 from flexlin.mechanics.screws import OpenChain
-from flexlin.series import ImplicitMap, implicit_taylor
+from flexlin.series.implicit import implicit_taylor
+from flexlin.series.implicit_map import ImplicitMap
 
 SINGULAR = 1e-12
 """A closure whose V has a reciprocal condition number below this is called singular."""

@@ -2,7 +2,7 @@
 
 import casadi as ca
 
-from flexlin.kronecker import derivative
+from flexlin.kronecker.symbolic import derivative
 
 
 def derive_coriolis(M: ca.SX, s: ca.SX, s_dot: ca.SX) -> ca.SX:

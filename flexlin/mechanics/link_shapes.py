@@ -17,7 +17,6 @@ from flexlin.mechanics.beam import (
     twisted,
 )
 from flexlin.mechanics.beam.couplings import couple_shapes
-from flexlin.mechanics.carried import find_bodies_on_joint, sum_carried
 from flexlin.mechanics.deflection import PLACES, Basis
 from flexlin.mechanics.effects import effects_of
 from flexlin.mechanics.links import LinkBasis
@@ -97,6 +96,8 @@ def read_disc(scene: Scene, index: int) -> float:
     unloaded = link.mode_shapes != "clamped-loaded" or link.carried is not None
     if unloaded or not link.counts.torsion or link.polar_inertia is None:
         return 0.0
+    from flexlin.mechanics.carried import sum_carried
+
     return sum_carried(scene, index, "torsion")[1] / (link.polar_inertia * link.length)
 
 
@@ -105,6 +106,8 @@ def read_ends(scene: Scene, index: int, direction: Direction = "y") -> Ends:
     link = scene.links[index]
     if not getattr(link.counts, direction):
         return Ends()
+    from flexlin.mechanics.carried import find_bodies_on_joint, sum_carried
+
     mass = link.mass_per_length * link.length
     if link.mode_shapes == "clamped-loaded":
         carried = (

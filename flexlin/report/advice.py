@@ -8,7 +8,7 @@ from flexlin.answers.validity import REPEATABLE
 from flexlin.report.drive_words import comment_on_drives, comment_on_gains
 from flexlin.report.headline import reason
 from flexlin.report.wording import caution, format_quantity, is_dimensionless
-from flexlin.simulation import Simulation
+from flexlin.simulation.result import Simulation
 
 NEAR = 0.2
 """A resonance is named when it is detuned by less than this share of the motion's frequency."""

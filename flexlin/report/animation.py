@@ -23,7 +23,7 @@ from flexlin.report.scenery import (
     scale_length,
 )
 from flexlin.scene.scene import Scene
-from flexlin.simulation import Simulation
+from flexlin.simulation.result import Simulation
 
 FRAMES = 600
 """Pictures at the most: a longer simulation is shown in wider steps."""

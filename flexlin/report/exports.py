@@ -6,7 +6,7 @@ from pathlib import Path
 
 from flexlin.about.linear import Linearization, with_control
 from flexlin.answers.judging import Loop
-from flexlin.control import Estimator, scene_sensors
+from flexlin.control.estimator import Estimator
 from flexlin.control.export.c_estimator import write_estimator
 from flexlin.control.export.c_gain import write_gain
 from flexlin.control.export.c_linearization import write_linearization
@@ -14,6 +14,7 @@ from flexlin.control.export.files import write_system
 from flexlin.control.export.matlab import matlab_script
 from flexlin.control.from_scene import scene_feedback
 from flexlin.control.horizon import horizon_system
+from flexlin.control.sensors import scene_sensors
 from flexlin.control.tracking import scene_feedforward
 from flexlin.errors import InputError
 from flexlin.files import results

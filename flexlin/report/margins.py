@@ -1,15 +1,17 @@
 """What is said of the values at which a loop changes its verdict, and of the gain, phase and delay that it endures."""
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flexlin.answers.critical_values import CriticalValue
 from flexlin.answers.margins import Margin
-from flexlin.answers.nearest.instability import NearestInstability
-from flexlin.periodic.margins import Margins
 from flexlin.report.wording import format_decimal, format_duration
 from flexlin.scene.names import name_number, show_unit
 from flexlin.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from flexlin.answers.nearest.instability import NearestInstability
+    from flexlin.periodic.margins import Margins
 
 DIGITS = 4
 
@@ -44,7 +46,7 @@ def describe_range(scene: Scene, margin: Margin) -> str:
     return f"a {name_number(margin.path)} from {ends} {show_unit(scene, margin.path)}".strip()
 
 
-def describe_nearest(scene: Scene, found: NearestInstability | None) -> str:
+def describe_nearest(scene: Scene, found: "NearestInstability | None") -> str:
     """What the uncertain numbers may do to the loop; empty where nobody asked."""
     if found is None:
         return ""
@@ -81,7 +83,7 @@ def record_margin(margin: Margin) -> dict[str, Any]:
     }
 
 
-def describe_endured(found: Margins | None) -> str:
+def describe_endured(found: "Margins | None") -> str:
     """Gain 0.126 to ∞, phase 48°, delay 2.44 ms; a dash where it is not known."""
     if found is None:
         return "–"
@@ -91,7 +93,7 @@ def describe_endured(found: Margins | None) -> str:
     return f"gain {low} to {high}, phase {phase}, delay {delay}"
 
 
-def record_endured(found: Margins) -> dict[str, Any]:
+def record_endured(found: "Margins") -> dict[str, Any]:
     """The margins of one loop as data that JSON can hold; null where there is no limit. Phase in rad, delay in s."""
     low, high, phase, delay = (one if math.isfinite(one) else None for one in (*found.gain, found.phase, found.delay))
     errors = [one if math.isfinite(one) else None for one in found.errors]

@@ -9,7 +9,7 @@ from flexlin.scene.scene import Scene
 from flexlin.scene.toml_text import write_toml
 
 if TYPE_CHECKING:
-    from flexlin.answers.audit import Audit, Minimal, Row
+    from flexlin.answers.audit.result import Audit, Minimal, Row
 
 
 def minimal_text(audit: "Audit", minimal: "Minimal", command: str = "") -> str:

@@ -12,7 +12,6 @@ import flexlin
 from flexlin.answers.analysis import Analysis
 from flexlin.answers.clock import Step
 from flexlin.answers.judging import Loop
-from flexlin.answers.nearest.instability import record_nearest
 from flexlin.checks import Array
 from flexlin.report.control_words import describe_controller
 from flexlin.report.drive_words import record_load
@@ -24,7 +23,7 @@ from flexlin.scene.scene import Scene
 if TYPE_CHECKING:
     import xarray
 
-    from flexlin.answers.audit import Audit, Minimal, Row
+    from flexlin.answers.audit.result import Audit, Minimal, Row
 
 SCHEMA = 1
 PACKAGES = ("casadi", "control", "numpy", "pydantic", "scipy")
@@ -35,7 +34,11 @@ def record(analysis: Analysis) -> dict[str, Any]:
 
     A number that is not finite (a multiplier beyond 1e308, say) becomes null; its logarithm stands in `log_multipliers`.
     """
-    a = analysis
+    a, nearest = analysis, {}
+    if a.nearest is not None:
+        from flexlin.answers.nearest.instability import record_nearest
+
+        nearest = {"nearest_instability": record_nearest(a.nearest)}
     return {
         "schema": SCHEMA,
         "title": a.scene.title,
@@ -66,7 +69,7 @@ def record(analysis: Analysis) -> dict[str, Any]:
         "linear_range": record_linear_range(a),
         "margins": [record_margin(margin) for margin in a.margins],
         **({"loop_margins": {name: record_endured(one) for name, one in a.endured.items()}} if a.endured else {}),
-        **({} if a.nearest is None else {"nearest_instability": record_nearest(a.nearest)}),
+        **nearest,
         **({} if a.audit is None else {"effects_audit": audit_block(a.audit)}),
         **({} if a.sensitivity is None else {"sensitivity": record_sensitivity(a.sensitivity)}),
         "versions": list_versions(),

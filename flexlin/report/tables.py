@@ -9,7 +9,7 @@ import xarray
 import flexlin
 from flexlin.about.linear import Linearization
 from flexlin.checks import Array, check_size, memory_limit
-from flexlin.control import Design
+from flexlin.control.designed_loop import Design
 from flexlin.files import Results
 from flexlin.files.arrays import write_npz
 from flexlin.scene.scene import Scene

@@ -12,7 +12,6 @@ from flexlin.report.advice import advise
 from flexlin.report.drive_words import drive_line
 from flexlin.report.headline import colour, doubt
 from flexlin.report.margins import describe_margins, describe_nearest
-from flexlin.report.minimal import describe_error
 from flexlin.report.wording import (
     describe_pace,
     format_decimal,
@@ -25,7 +24,8 @@ from flexlin.report.wording import (
 )
 
 if TYPE_CHECKING:
-    from flexlin.answers.audit import Audit, Measure, Row
+    from flexlin.answers.audit.figures import Measure
+    from flexlin.answers.audit.result import Audit, Row
 
 UNKNOWN = ModelValidity("unknown")
 COLOURS = {"stable": "green", "unstable": "red", "undecided": "yellow", "one-way": "yellow", "failed": "red"}
@@ -145,6 +145,8 @@ def minimal_lines(audit: "Audit") -> list[str]:
     """The smallest scene that was found to be enough."""
     if audit.minimal is None:
         return [audit.problem] if audit.problem else []
+    from flexlin.report.minimal import describe_error
+
     found = audit.minimal
     changes = [*(f"drop: {text}" for text in found.dropped), *(f"add: {text}" for text in found.added)]
     size = f"{found.coordinates} coordinates in the place of {audit.base.coordinates}"

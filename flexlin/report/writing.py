@@ -61,7 +61,7 @@ def write_report(
     analysis, asked = analyse(scene, clock, tuple(choose_margins(scene)) if margins is None else ()), scene.accuracy
     analysis = replace(analysis, margins=find_margins(scene, margins, analysis, clock))
     if with_audit:
-        from flexlin.answers.audit import audit
+        from flexlin.answers.audit.comparison import audit
 
         work = partial(audit, scene, progress=progress, tol=asked.tol)
         found = clock.attempt(analysis.problems, "effects audit", "audit of the effects", asked, work)

@@ -1,10 +1,27 @@
 """Taylor maps of explicit and implicit functions to any order, with their error, radius and linear range."""
 
-from flexlin.series.explicit import TaylorMap, taylor
-from flexlin.series.implicit import implicit_taylor
-from flexlin.series.implicit_map import ImplicitMap
-from flexlin.series.radius import Radius
-from flexlin.series.solution import solve_implicit
-from flexlin.series.unroll import c_code
+from importlib import import_module
+from typing import Any
 
-__all__ = ["ImplicitMap", "Radius", "TaylorMap", "c_code", "implicit_taylor", "solve_implicit", "taylor"]
+_HOME = {
+    "ImplicitMap": "flexlin.series.implicit_map",
+    "Radius": "flexlin.series.radius",
+    "TaylorMap": "flexlin.series.explicit",
+    "c_code": "flexlin.series.unroll",
+    "implicit_taylor": "flexlin.series.implicit",
+    "solve_implicit": "flexlin.series.solution",
+    "taylor": "flexlin.series.explicit",
+}
+"""Where each public name stands; its module is loaded when it is first used."""
+
+__all__ = sorted(_HOME)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'flexlin.series' has no attribute {name!r}")
+    return getattr(import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

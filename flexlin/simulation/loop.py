@@ -1,6 +1,7 @@
 """The nonlinear equations of motion under a control law, integrated."""
 
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -8,7 +9,6 @@ from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.errors import SimulationStopped
-from flexlin.simulation.acceleration import Acceleration
 from flexlin.simulation.collocation import Collocation
 from flexlin.simulation.controlled import from_coordinates, to_coordinates, with_controller
 from flexlin.simulation.drive import Drive
@@ -16,9 +16,11 @@ from flexlin.simulation.ending import explain_end, name_largest, smallest_masses
 from flexlin.simulation.equations import Equations, NonlinearEquations
 from flexlin.simulation.friction import Friction, refuse
 from flexlin.simulation.prediction import ROUNDING, with_breaks
-from flexlin.simulation.step_by_step import follow_cut, follow_held, follow_slewing, follow_sticking
 from flexlin.simulation.stepping import stopped
-from flexlin.simulation.table import LawTable
+
+if TYPE_CHECKING:
+    from flexlin.simulation.acceleration import Acceleration
+    from flexlin.simulation.table import LawTable
 
 FARTHEST = 100.0
 """A deviation from the rigid motion, in rad or m, at which a simulation is given up as diverging."""
@@ -209,17 +211,14 @@ class NonlinearLoop:
         """
         z = np.append(start, 0.0)
         self.accept(t[0], z)
+        stepped = any(one is not None for one in (self.drive.sample_time, self.drive.rate, self.friction))
         try:
-            if self.drive.sample_time is not None:
-                return follow_held(self, t, z, rtol), None
-            if self.drive.rate is not None:
-                return follow_slewing(self, t, z, rtol), None
-            if self.friction is not None:
-                return follow_sticking(self, t, z, rtol), None
+            if stepped:
+                return self._stepped(t, z, rtol), None
             try:
                 found = self._collocated(t, start, rtol, stages, linear)
             except TorqueCut:
-                return follow_cut(self, t, z, rtol), None
+                return self._stepped(t, z, rtol), None
         except SimulationStopped as end:
             raise (explain_end(self.lin, end) if end.reached is not None else end) from None
         n, k = self.n, self._law.memory
@@ -227,19 +226,35 @@ class NonlinearLoop:
         z = np.column_stack([from_coordinates(states, n, k), found[:, 2 * (n + k)]])
         return z, from_coordinates(beside, n, k) if linear else None
 
+    def _stepped(self, t: Array, z: Array, rtol: float) -> Array:
+        """Step by step where the torque is held, its rate limited, joints stick, or the torque is cut."""
+        from flexlin.simulation.step_by_step import follow_cut, follow_held, follow_slewing, follow_sticking
+
+        if self.drive.sample_time is not None:
+            return follow_held(self, t, z, rtol)
+        if self.drive.rate is not None:
+            return follow_slewing(self, t, z, rtol)
+        if self.friction is not None:
+            return follow_sticking(self, t, z, rtol)
+        return follow_cut(self, t, z, rtol)
+
     @property
     def states(self) -> int:
         """The number of states 2n + k of arm and controller."""
         return 2 * self.n + self._law.memory
 
     @cached_property
-    def law(self) -> LawTable:
+    def law(self) -> "LawTable":
         """The law as a step-by-step integrator asks for it."""
+        from flexlin.simulation.table import LawTable
+
         return LawTable(self._law, self.lin)
 
     @cached_property
-    def equations(self) -> Acceleration:
+    def equations(self) -> "Acceleration":
         """The equations solved for the acceleration, at one time after another."""
+        from flexlin.simulation.acceleration import Acceleration
+
         return Acceleration(self.lin, self.friction)
 
     @cached_property

@@ -29,7 +29,7 @@ from flexlin.periodic.transition.setting import Setting, factor_period
 from flexlin.scene.links import Link, Modes
 from flexlin.scene.parameters import replace_value
 from flexlin.scene.scene import Scene
-from flexlin.series import taylor
+from flexlin.series.explicit import taylor
 
 TOLS = (1e-9, 1e-6, 1e-10, 1e-4, 1e-8)
 """The default first: it is measured even where there is time for one alone."""

@@ -7,12 +7,12 @@ import numpy as np
 
 from flexlin.about.linear import Linearization, linearize
 from flexlin.checks import Array
+from flexlin.control.tracking import tip_positions
 from flexlin.errors import FlexlinError
 from flexlin.mechanics import build_manipulator
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.fourier import fourier_differentiation
 from flexlin.scene.scene import Scene
-from flexlin.simulation import tip_positions
 from flexlin.summary import represent
 
 PHASES, POINTS, REPEATS = 9, 257, 3

@@ -5,7 +5,7 @@ from flexlin.answers.clock import Clock
 from flexlin.answers.disturbed.noise import NoiseAnswer, answer_noise
 from flexlin.answers.disturbed.respond import DisturbanceAnswer, respond
 from flexlin.answers.disturbed.stated import Kind, state_disturbance
-from flexlin.control import design
+from flexlin.control.catalogue import design
 from flexlin.errors import ArgumentError
 from flexlin.mechanics import build_manipulator
 from flexlin.scene.scene import Scene

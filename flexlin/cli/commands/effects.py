@@ -16,7 +16,7 @@ def run(options: argparse.Namespace) -> int:
 
     with Progress() as progress:
         progress("load the numerical libraries")
-        from flexlin.answers.audit import audit
+        from flexlin.answers.audit.comparison import audit
         from flexlin.answers.budget import Budget
         from flexlin.answers.clock import Clock
         from flexlin.files import results

@@ -19,7 +19,7 @@ def run(options: argparse.Namespace) -> int:
     from flexlin.report.progress import Progress
     from flexlin.report.tables import described, write_dataset
     from flexlin.report.terminal import accuracy_lines, say
-    from flexlin.simulation import check_duration, simulate
+    from flexlin.simulation.run import check_duration, simulate
 
     asked, tol, said = scene.accuracy, scene.accuracy.tol, list[str]()
     with Progress() as progress:
@@ -29,7 +29,7 @@ def run(options: argparse.Namespace) -> int:
         clock.stage("size of the result", asked, lambda: check_duration(closed, options.periods))
         forward = None
         if options.feedforward != "scene":
-            from flexlin.control import feedforward
+            from flexlin.control.tracking import feedforward
 
             forward = clock.stage("feedforward", asked, lambda: feedforward(closed, options.feedforward, tol))
         result = clock.stage(
@@ -39,8 +39,8 @@ def run(options: argparse.Namespace) -> int:
             lambda found: max(found.error, found.linear_error),
         )
         if options.attraction:
-            from flexlin.control import linear_range
-            from flexlin.simulation import region_of_attraction
+            from flexlin.control.validity import linear_range
+            from flexlin.simulation.attraction import region_of_attraction
 
             problems, both = (
                 dict[str, str](),

@@ -9,7 +9,6 @@ from flexlin.periodic.circle import pair_conjugates
 from flexlin.periodic.decoupling.decouple import decouple
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.exponents import decoupled_exponents
-from flexlin.periodic.decoupling.panels import panel_exponents
 from flexlin.periodic.decoupling.steady import decouple_steady
 from flexlin.periodic.decoupling.steady_exponents import find_steady_exponents
 from flexlin.periodic.fourier import FourierSeries
@@ -36,6 +35,8 @@ def solve_decoupled(system: PeriodicSystem, tol: float) -> tuple[Array, Array, D
     """
     coefficients, T = system.resolved, system.period
     if coefficients.breaks:
+        from flexlin.periodic.decoupling.panels import panel_exponents
+
         panels = panel_exponents(coefficients, T, coefficients.breaks)
         if isinstance(panels, Refusal):
             return panels

@@ -14,7 +14,6 @@ from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.floquet.constant import solve_constant
 from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_decoupled, solve_steady
 from flexlin.periodic.floquet.hamiltonian import is_hamiltonian, pair_hamiltonian
-from flexlin.periodic.floquet.hill import hill_spectrum
 from flexlin.periodic.floquet.result import FloquetResult, judge
 from flexlin.periodic.floquet.segmented import SegmentedSpectrum, solve_by_segments
 from flexlin.periodic.system import PeriodicSystem, as_system
@@ -217,6 +216,8 @@ def solve_by_hill(system: PeriodicSystem, tol: float, harmonics: int | None) -> 
 
     Truncations that leave out waves of A(t) agree with each other, and not with A(t): they are held against another method.
     """
+    from flexlin.periodic.floquet.hill import hill_spectrum
+
     spectrum = hill_spectrum(system, tol, harmonics)
     folded = wrap_log(spectrum.exponents * system.period) / system.period
     setting = Setting("hill", spectrum.harmonics, 1, "as asked")

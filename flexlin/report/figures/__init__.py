@@ -6,13 +6,11 @@ from flexlin.answers.analysis import Analysis
 from flexlin.report.figures.arm import draw_arm
 from flexlin.report.figures.coefficients import draw_coefficients
 from flexlin.report.figures.comparison import draw_comparison
-from flexlin.report.figures.effects import draw_effects
 from flexlin.report.figures.exponents import draw_exponents
 from flexlin.report.figures.gains import draw_gains
 from flexlin.report.figures.modes import draw_modes
 from flexlin.report.figures.multipliers import draw_multipliers
 from flexlin.report.figures.response import draw_response
-from flexlin.report.figures.sensitivity import draw_sensitivity
 from flexlin.report.figures.style import Picture
 from flexlin.report.figures.tip import draw_tip
 from flexlin.report.wording import units_of
@@ -35,5 +33,11 @@ def draw_pictures(analysis: Analysis) -> list[Picture]:
     with units_of(analysis):
         drawn = [picture for draw in FIGURES if (picture := draw(analysis)) is not None]
         if analysis.sensitivity is not None:
+            from flexlin.report.figures.sensitivity import draw_sensitivity
+
             drawn.append(draw_sensitivity(analysis.sensitivity))
-    return drawn if analysis.audit is None else [*drawn, draw_effects(analysis.audit)]
+    if analysis.audit is None:
+        return drawn
+    from flexlin.report.figures.effects import draw_effects
+
+    return [*drawn, draw_effects(analysis.audit)]

@@ -7,7 +7,7 @@ from flexlin.checks import Array
 from flexlin.report.advice import agreement, sentence
 from flexlin.report.figures.style import Picture, choose_colour
 from flexlin.report.wording import in_unit, name_coordinate_unit, scale_values, time_label
-from flexlin.simulation import Simulation
+from flexlin.simulation.result import Simulation
 from flexlin.svg import Linear, Panel, Row, draw
 
 TITLE = "Nonlinear against linear"

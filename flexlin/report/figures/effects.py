@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexlin.answers.audit import Audit, Row
+from flexlin.answers.audit.result import Audit, Row
 from flexlin.report.figures.style import Picture
 from flexlin.svg import Logarithmic, Named, Panel, draw
 from flexlin.svg import Row as Line
