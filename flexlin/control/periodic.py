@@ -5,9 +5,10 @@ from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
 from flexlin.control.designed_loop import Design
-from flexlin.control.smooth_gain import smooth_gain
+from flexlin.control.smooth_gain import Series, smooth_gain, transform_gain
 from flexlin.periodic.quadratic.resolution import narrow_places
 from flexlin.periodic.quadratic.riccati import periodic_riccati
+from flexlin.periodic.quadratic.solution import RiccatiSolution
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
 
 SMOOTH = 64
@@ -78,8 +79,7 @@ def periodic_lqr(
     """
     system = as_system(system)
     solution = periodic_riccati(system, Q, R, N, tol)
-    corners = tuple(np.union1d(system.breaks, narrow_places(solution.problem, system.period / SMOOTH)).tolist())
-    gain, apart = smooth_gain(solution.K, corners, solution.edges)
+    gain, apart, corners = represent_gain(solution, system)
     loop = system.feedback(gain, corners)
     return Design(
         name,
@@ -91,3 +91,14 @@ def periodic_lqr(
         solution.problem,
         solution,
     )
+
+
+def represent_gain(solution: RiccatiSolution, system: PeriodicSystem) -> tuple[Series, float, tuple[float, ...]]:
+    """The gain as one series, its deviation from the solution's relative to the largest gain, and the places where it is not smooth."""
+    narrow = narrow_places(solution.problem, system.period / SMOOTH)
+    if not len(system.breaks) and not len(narrow):
+        transformed = transform_gain(solution)
+        if transformed is not None:
+            return *transformed, ()
+    corners = tuple(np.union1d(system.breaks, narrow).tolist())
+    return *smooth_gain(solution.K, corners, solution.edges), corners

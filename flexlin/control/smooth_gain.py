@@ -4,8 +4,10 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_coefficients, panel_times
-from flexlin.periodic.coefficients import MatrixFunction
-from flexlin.periodic.fourier import FourierSeries, fourier_nodes
+from flexlin.periodic.coefficients import Constant, MatrixFunction
+from flexlin.periodic.fourier import FourierSeries, fourier_nodes, real_fourier_coefficients
+from flexlin.periodic.quadratic.solution import RiccatiSolution
+from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.sampling import stratified
 
 COUNTS = (32, 64, 128, 256, 512)
@@ -15,6 +17,10 @@ CHECKS, BETTER = 97, 3.0
 
 WITHIN = np.array([0.13, 0.61])
 """Where in each panel, too."""
+
+EPS = float(np.finfo(float).eps)
+ROUNDED = 16 * EPS
+"""What rounding makes of a gain by two Fourier transforms."""
 
 Series = FourierSeries | ChebyshevPanels
 
@@ -41,6 +47,40 @@ def smooth_gain(K: MatrixFunction, breaks: tuple[float, ...], panels: Array) -> 
             break
         best, least = series, apart
     return best, least
+
+
+def transform_gain(solution: RiccatiSolution) -> tuple[FourierSeries, float] | None:
+    """The gain of a smooth solution as the Fourier series that it is, where B is one too and R and N are constant; else None.
+
+        K = R^-1 (B' X + N'),   as many harmonics as B and X have together
+
+    Returns: the series, and what is left out and rounded, relative to the largest gain.
+    """
+    problem, X = solution.problem, solution.series
+    B = problem.B.series if isinstance(problem.B, ResolvedMatrix) else problem.B
+    if not isinstance(problem.R, Constant) or not isinstance(problem.N, Constant) or not isinstance(X, FourierSeries):
+        return None
+    if isinstance(B, FourierSeries):
+        H, count = X.harmonics + B.harmonics, 2 * (X.harmonics + B.harmonics) + 2
+        inputs = B.at_nodes(count)
+    elif isinstance(B, Constant):
+        H, count, inputs = X.harmonics, 2 * X.harmonics + 2, B.value[None]
+    else:
+        return None
+    forces = np.swapaxes(inputs, 1, 2) @ X.at_nodes(count) + problem.N.value.T
+    values = np.swapaxes(
+        np.linalg.solve(problem.R.value, np.swapaxes(forces, 0, 1).reshape(forces.shape[1], -1)).reshape(
+            forces.shape[1], count, -1
+        ),
+        0,
+        1,
+    )
+    size, parts = float(np.abs(values).max()) or 1.0, real_fourier_coefficients(values)
+    heights = np.abs(parts).max(axis=(1, 2))
+    left = np.append(np.maximum(heights[1 : H + 1], heights[H + 1 :])[::-1].cumsum()[::-1], 0.0)
+    kept = int(np.count_nonzero(left > EPS * size))
+    series = FourierSeries(np.concatenate([parts[: kept + 1], parts[H + 1 : H + 1 + kept]]), X.period)
+    return series, float(left[kept] / size) + ROUNDED
 
 
 def inside(edges: Array, parts: Array) -> Array:

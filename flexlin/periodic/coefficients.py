@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.companion import build_companion, build_input
+from flexlin.periodic.fourier import FourierSeries
 
 MatrixFunction = Callable[[Array], Array]
 """Times (N,) -> (N, rows, columns)."""
@@ -92,7 +93,7 @@ class InputMatrix:
 
 def as_matrix_function(name: str, value: MatrixFunction | ArrayLike) -> MatrixFunction:
     """Let a constant matrix stand where a function of time is wanted."""
-    if callable(value):
+    if callable(value) and not isinstance(value, FourierSeries):
         refuse_signature(name, value)
     return value if callable(value) else Constant(real_array(name, value, (None, None)))
 

@@ -95,6 +95,15 @@ class FourierSeries:
         """The function at its 2 H + 1 equally spaced times."""
         return np.asarray(self(fourier_nodes(len(self.coefficients), self.period)))
 
+    def at_nodes(self, count: int) -> Array:
+        """The function at N equally spaced times, N > 2 H: (N, ...)."""
+        H, flat = self.harmonics, self.coefficients.reshape(len(self.coefficients), -1)
+        spectrum = np.zeros((count // 2 + 1, flat.shape[1]), complex)
+        spectrum[1 : H + 1] = (flat[1 : H + 1] - 1j * flat[H + 1 :]) * (0.5 * count)
+        return np.asarray(
+            (np.fft.irfft(spectrum, count, axis=0) + flat[0]).reshape(count, *self.coefficients.shape[1:])
+        )
+
     @property
     def tail(self) -> float:
         """The size of the two highest harmonics against the largest value: what the series would miss with fewer points."""

@@ -1,7 +1,7 @@
 """The periodic linear system x' = A(t) x + B(t) u, the common currency of the numeric wing."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +20,7 @@ from flexlin.periodic.coefficients import (
     as_matrix_function,
     check_samples,
 )
+from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.resolved.foresight import foresee
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
@@ -252,13 +253,27 @@ class PeriodicSystem:
         if self.B is None:
             raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
         K = as_matrix_function("gain", gain)
-        got = check_samples("gain", K, self.period).shape[1:]
+        known = isinstance(K, FourierSeries)  # at all times
+        got = (
+            K.coefficients.shape[1:]
+            if isinstance(K, FourierSeries)
+            else check_samples("gain", K, self.period).shape[1:]
+        )
         if got != (self.m, self.n):
             raise ArgumentError("the gain does not fit the system", got=got, expected=f"({self.m}, {self.n})")
         second_order = None if self.second_order is None else self.second_order.feedback(K)
-        corners = (*self.breaks, *breaks)
         loop = ClosedLoop(self.A, self.B, K)
+        if known and not len_of(breaks):
+            return self._with(A=loop, second_order=second_order)
+        corners = (*self.breaks, *breaks)
         return PeriodicSystem(loop, self.period, self.B, corners, second_order, self.features, self.complete)
+
+    def _with(self, **changes: object) -> "PeriodicSystem":
+        """The system with other parts that are known to fit."""
+        made = object.__new__(PeriodicSystem)
+        for one in fields(self):
+            object.__setattr__(made, one.name, changes.get(one.name, getattr(self, one.name)))
+        return made
 
 
 def len_of(value: object) -> int:

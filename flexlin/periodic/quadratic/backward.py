@@ -3,7 +3,7 @@
 import ctypes
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.compiler import address, find_kept_library
-from flexlin.periodic.coefficients import Constant, MatrixFunction
+from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.fourier import FourierSeries, fourier_basis
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, take_once
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
@@ -72,20 +72,6 @@ class RiccatiSamples:
     N: Array
     count: int
 
-    @classmethod
-    def of(
-        cls, problem: LinearQuadratic, count: int, period: float, library: ctypes.CDLL, shift: float = 0.0
-    ) -> "RiccatiSamples":
-        """Sample a problem at the nodes, or by a part of a step behind them."""
-        every = (problem.A, problem.B, problem.Q, problem.R, problem.N)
-        A, B, Q, R, N = (sample_period(one, count, period, shift) for one in every)
-        effort = np.linalg.inv(R)
-        if N.any():
-            by_cross = effort @ np.swapaxes(N, 1, 2)
-            A, Q = A - B @ by_cross, Q - N @ by_cross
-        S = weigh_inputs(library, B, effort)
-        return cls(fill_rows(A), S, fill_rows(Q, 0.5), B, effort, N, count)
-
     @property
     def shape(self) -> tuple[int, int, int]:
         """Times, states and numbers in a row."""
@@ -100,26 +86,67 @@ class RiccatiSamples:
         return float(library.find_rate(*self.shape[1:], self.count, *self.places()))
 
 
-def sample_period(coefficient: MatrixFunction, count: int, period: float, shift: float) -> Array:
-    """Return a coefficient at N equally spaced times, the first a part of a step behind 0; once where it is constant."""
-    if isinstance(coefficient, Constant):
-        return np.ascontiguousarray(coefficient.value, dtype=float)[None]
-    series = coefficient.series if isinstance(coefficient, ResolvedMatrix) else None
-    if not isinstance(series, FourierSeries) or series.harmonics > FEW_WAVES:
-        return np.ascontiguousarray(take_once(coefficient(period * ((np.arange(count) + shift) / count))), dtype=float)
-    flat = series.coefficients.reshape(len(series.coefficients), -1)
-    return (waves_at_nodes(count, series.harmonics, shift) @ flat).reshape(count, *series.coefficients.shape[1:])
-
-
 @lru_cache(maxsize=16)
 def waves_at_nodes(count: int, harmonics: int, shift: float) -> Array:
     """Return 1, cosines and sines at such times as columns (N, 2 H + 1)."""
     return fourier_basis((np.arange(count) + shift) / count, harmonics)
 
 
+@dataclass(frozen=True, eq=False)
+class RiccatiSampler:
+    """A problem, to be sampled at equally spaced times of its period; what is constant is made ready once."""
+
+    problem: LinearQuadratic
+    period: float
+    library: ctypes.CDLL
+
+    def sample(self, count: int, shift: float = 0.0) -> RiccatiSamples:
+        """Sample at N times, the first a part of a step behind 0."""
+        A, B, Q, R, N = (self._values(name, count, shift) for name in ("A", "B", "Q", "R", "N"))
+        ready, effort = self._ready, self._ready.get("effort")
+        effort = np.linalg.inv(R) if effort is None else effort
+        if N.any():
+            by_cross = effort @ np.swapaxes(N, 1, 2)
+            A, Q, ready = A - B @ by_cross, Q - N @ by_cross, {}
+        rows = (ready.get("A rows"), ready.get("Q rows"))
+        A, Q = (
+            fill_rows(one, factor) if row is None else row
+            for one, factor, row in zip((A, Q), (1.0, 0.5), rows, strict=True)
+        )
+        return RiccatiSamples(A, weigh_inputs(self.library, B, effort), Q, B, effort, N, count)
+
+    @cached_property
+    def _ready(self) -> dict[str, Array]:
+        """The values of constants, A and Q / 2 in rows, and R^-1, where these are constant."""
+        found = {}
+        for name in ("A", "B", "Q", "R", "N"):
+            one = getattr(self.problem, name)
+            if isinstance(one, Constant):
+                found[name] = np.ascontiguousarray(one.value, dtype=float)[None]
+        if "R" in found:
+            found["effort"] = np.linalg.inv(found["R"])
+        for name, factor in (("A", 1.0), ("Q", 0.5)):
+            if name in found:
+                found[f"{name} rows"] = fill_rows(found[name], factor)
+        return found
+
+    def _values(self, name: str, count: int, shift: float) -> Array:
+        """A coefficient at these times; once where it is constant."""
+        if name in self._ready:
+            return self._ready[name]
+        coefficient = getattr(self.problem, name)
+        series = coefficient.series if isinstance(coefficient, ResolvedMatrix) else None
+        if not isinstance(series, FourierSeries) or series.harmonics > FEW_WAVES:
+            t = self.period * ((np.arange(count) + shift) / count)
+            return np.ascontiguousarray(take_once(coefficient(t)), dtype=float)
+        flat = series.coefficients.reshape(len(series.coefficients), -1)
+        values = waves_at_nodes(count, series.harmonics, shift) @ flat
+        return values.reshape(count, *series.coefficients.shape[1:])
+
+
 def locate_samples(samples: Array) -> tuple[int, int]:
     """Where samples stand, and the numbers from one to the next; 0 of a constant."""
-    return samples.ctypes.data, samples.strides[0] // samples.itemsize if len(samples) > 1 else 0
+    return address(samples), samples[0].size if len(samples) > 1 else 0
 
 
 def weigh_inputs(library: ctypes.CDLL, B: Array, effort: Array) -> Array:

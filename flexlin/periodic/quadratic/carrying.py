@@ -1,15 +1,13 @@
 """What a loop makes of the residual of its Riccati solution: a bound on the error by one Lyapunov equation, swept like Riccati's."""
 
-import ctypes
 from dataclasses import replace
 from math import sqrt
 
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.quadratic.backward import Level, RiccatiSamples, bound_gain, sweep_until_closed
+from flexlin.periodic.quadratic.backward import Level, RiccatiSampler, bound_gain, sweep_until_closed
 from flexlin.periodic.quadratic.evidence import weigh
-from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.quadratic.triangle import evaluate_triangle, triangle_places
 
 LEVEL = Level(1, 4, 1e-2)
@@ -20,9 +18,7 @@ SLACK = 1.1
 """Factor for what the sweeps miss."""
 
 
-def carry_residual(
-    problem: LinearQuadratic, library: ctypes.CDLL, X: Array, sizes: Array, period: float, rate: float
-) -> tuple[float, float] | None:
+def carry_residual(sampler: RiccatiSampler, X: Array, sizes: Array, rate: float) -> tuple[float, float] | None:
     """Bound what a residual F makes of X and of the gain, to first order; None where the sweeps do not close.
 
         -D' = Ac' D + D Ac + W,   -W <= F <= W,   -D <= E <= D,   |E_ij| <= sqrt(D_ii D_jj)
@@ -34,8 +30,8 @@ def carry_residual(
     Returns: the largest entry of D, and the largest sqrt((R^-1 B' D B R^-1)_ii D_jj).
     Source: Bittanti, Colaneri, Periodic Systems (2009), ch. 4 (periodic Lyapunov equation).
     """
-    count = 16 * int(np.ceil(max(rate * period / REACH, 2 * X.shape[1], LEAST) / 16))
-    samples, where = RiccatiSamples.of(problem, count, period, library), triangle_places(len(X))
+    count = 16 * int(np.ceil(max(rate * sampler.period / REACH, 2 * X.shape[1], LEAST) / 16))
+    samples, where = sampler.sample(count), triangle_places(len(X))
     n = len(where)
     values = evaluate_triangle(X, count).T[:, where]
     W = np.zeros((1, *samples.A.shape[1:]))
@@ -44,9 +40,9 @@ def carry_residual(
         values, ((0, 0), (0, samples.S.shape[2] - n), (0, samples.S.shape[2] - n))
     )
     linear = replace(samples, A=loop, S=np.zeros_like(W), Q=W)
-    D = sweep_until_closed(library, linear, period, (LEVEL,), None)
+    D = sweep_until_closed(sampler.library, linear, sampler.period, (LEVEL,), None)
     if D is None:
         return None
     most = float(D[np.diag(where)].max())
-    reach, _, _ = bound_gain(library, linear, D, 1)
+    reach, _, _ = bound_gain(sampler.library, linear, D, 1)
     return SLACK * most, SLACK * sqrt(reach)

@@ -81,6 +81,8 @@ def coefficients(problem: LinearQuadratic) -> list[ResolvedMatrix | ResolvedComp
 
 def narrow_places(problem: LinearQuadratic, longest: float) -> Array:
     """Return times in [0, T) about which a coefficient changes in a time below `longest`."""
+    if all(one.panels == 1 for one in coefficients(problem)):
+        return np.empty(0)
     edges = (np.mod(edges_of_short(one.edges, longest), one.period) for one in coefficients(problem))
     return reduce(np.union1d, edges, np.empty(0))
 

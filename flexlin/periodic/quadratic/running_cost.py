@@ -1,13 +1,11 @@
 """A bound on the error of a Riccati solution from its residual alone: X is a Lyapunov function that decays by the running cost."""
 
-import ctypes
 from math import sqrt
 
 from flexlin.checks import Array
-from flexlin.periodic.quadratic.backward import RiccatiSamples, bound_gain, find_share
+from flexlin.periodic.quadratic.backward import RiccatiSampler, bound_gain, find_share
 from flexlin.periodic.quadratic.carrying import carry_residual
 from flexlin.periodic.quadratic.evidence import ROUNDING
-from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.quadratic.solution import RiccatiSolution
 from flexlin.periodic.quadratic.triangle import evaluate_between, unfold_triangle
 
@@ -17,9 +15,7 @@ SEEN = 32
 """Times at which the sizes of X and of the gain are looked at."""
 
 
-def judge_by_cost(
-    problem: LinearQuadratic, library: ctypes.CDLL, count: int, X: Array, period: float, rate: float, tol: float
-) -> RiccatiSolution | None:
+def judge_by_cost(sampler: RiccatiSampler, count: int, X: Array, rate: float, tol: float) -> RiccatiSolution | None:
     """Put the solution together with a bound on its error; None where its residual is not small against the running cost.
 
         F = X' + A' X + X A - X S X + Q,   C = Q + X S X,   -r C <= F <= r C,   r < 1,   X > 0 at one time
@@ -37,7 +33,7 @@ def judge_by_cost(
     Parameters: X: amplitudes (`fold_triangle`) of its values at N = `count` equally spaced nodes; it is judged half-way between them. rate:
     the Hamiltonian's spectral radius.
     """
-    samples = RiccatiSamples.of(problem, count, period, library, 0.5)
+    samples, period, library = sampler.sample(count, 0.5), sampler.period, sampler.library
     values, slopes = evaluate_between(X, period, count)
     share, residual, size, sizes = find_share(library, samples, values, slopes, 8 * ROUNDING)
     if not share < MOST_SHARE:
@@ -46,11 +42,11 @@ def judge_by_cost(
     reach, product, gain = bound_gain(library, samples, values, max(1, count // SEEN))
     error, far = k, k * sqrt(reach)
     if error + 8 * ROUNDING > tol > k**2:
-        carried = carry_residual(problem, library, X, sizes, period, rate)
+        carried = carry_residual(sampler, X, sizes, rate)
         if carried is not None:
             error, far = min(error, carried[0] / size + k**2), min(far, carried[1] + k**2 * sqrt(reach))
     return RiccatiSolution(
-        problem=problem,
+        problem=sampler.problem,
         horizon=period,
         periodic=True,
         series=series,

@@ -6,7 +6,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.fourier import fourier_nodes
-from flexlin.periodic.quadratic.backward import Level, RiccatiSamples, find_sweeps, sweep_until_closed
+from flexlin.periodic.quadratic.backward import Level, RiccatiSampler, RiccatiSamples, find_sweeps, sweep_until_closed
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.quadratic.resolution import last_harmonic
 from flexlin.periodic.quadratic.running_cost import judge_by_cost
@@ -33,7 +33,7 @@ LAST, LEAST = 2e-4, 2e-13
 """The change of X(T) that ends the sweeps on all nodes, relative to tol X, and relative to X at the least."""
 CLOSER, CLOSEST = 0.05, 5e-14
 """The factor on it for the next try, and what rounding leaves of it."""
-TRIES = 2
+TRIES = 3
 SHARE = 1e-2
 """Part of tol below which the harmonics are that nodes between others would show."""
 LOOKS = 4
@@ -48,7 +48,8 @@ def solve_by_sweeps(problem: LinearQuadratic, period: float, tol: float) -> Ricc
     library, waves = find_sweeps(), last_harmonic(problem, tol)
     if library is None or not waves * WAVES <= MOST:
         return None
-    few = RiccatiSamples.of(problem, LOOKS, period, library)
+    sampler = RiccatiSampler(problem, period, library)
+    few = sampler.sample(LOOKS)
     _, states, width = few.shape
     if states > MOST_STATES:
         return None
@@ -62,13 +63,13 @@ def solve_by_sweeps(problem: LinearQuadratic, period: float, tol: float) -> Ricc
         if not needed <= most:
             return None
         count = round_up(needed)
-        samples = RiccatiSamples.of(problem, count, period, library)
+        samples = sampler.sample(count)
         with np.errstate(all="ignore"):
             values = sweep(library, samples, period, X, turns / count, near)
             if values is None:
                 return None
             X, seen = fold_few(values, SHARE * tol)
-            found = judge_by_cost(problem, library, seen, X, period, rate, tol)
+            found = judge_by_cost(sampler, seen, X, rate, tol)
         if found is None or found.error <= tol:
             return found
         needed, near = max(count + 1, count * (found.error / (AIM * tol)) ** (1 / order)), max(CLOSER * near, CLOSEST)

@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 
 import flexlin as fl
 from flexlin.compiler import find_compiler
-from flexlin.periodic.quadratic.backward import find_sweeps
+from flexlin.periodic.quadratic.backward import RiccatiSampler, find_sweeps
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.quadratic.resolution import resolve_problem
 from flexlin.periodic.quadratic.riccati import periodic_riccati
@@ -111,7 +111,7 @@ def test_bounds_cover_what_is_added_to_the_solution():
     system, Q, R, N = random_problem(5)
     problem, _ = resolve_problem(linear_quadratic(system, Q, R, N), system)
     right = solve_by_sweeps(problem, 2.0, 1e-10)
-    library, rng = find_sweeps(), np.random.default_rng(1)
+    sampler, rng = RiccatiSampler(problem, 2.0, find_sweeps()), np.random.default_rng(1)
     rows = np.tril_indices(system.n)
     for size in (1e-8, 1e-5, 1e-3):
         old, H = right.series.coefficients, right.series.harmonics
@@ -120,8 +120,8 @@ def test_bounds_cover_what_is_added_to_the_solution():
         parts[rng.integers(0, 3)] += size * (change + change.T)
         sines = np.concatenate([0 * parts[:1], parts[H + 1 :]])
         amplitudes = (parts[: H + 1] - 1j * sines)[:, *rows].T
-        wrong = judge_by_cost(problem, library, 512, amplitudes, 2.0, 5.0, 1.0)
-        carried = judge_by_cost(problem, library, 512, amplitudes, 2.0, 5.0, 0.1 * wrong.error) if wrong else None
+        wrong = judge_by_cost(sampler, 512, amplitudes, 5.0, 1.0)
+        carried = judge_by_cost(sampler, 512, amplitudes, 5.0, 0.1 * wrong.error) if wrong else None
         if wrong is None:
             assert size > 1e-5
             continue
