@@ -15,21 +15,22 @@ from flexlin.periodic.quadratic.triangle import fold_few, unfold_triangle
 
 FEWEST, MOST, MOST_ENTRIES = 128, 2**13, 2**22
 """Nodes of a period, and entries of X at all of them."""
-USUAL, SLOW = (20.0, 1.0), 64
-"""Nodes that a problem needs, as seen: the first, and the second times period and spectral radius of the Hamiltonian, by tol^(1 / p) for
-the highest order p. Of the product no more than SLOW counts: what is faster than that hardly shows in X."""
+USUAL, SLOPE, SLOW = 24.0, (0.45, 0.13, 1.0), 64
+"""Nodes that a problem needs, as seen: USUAL, and a slope times period and spectral radius of the Hamiltonian, by tol^(1 / p) for the highest
+order p. The slope begins at the first, grows by the second with each wave of the coefficients, and ends at the third. Of the product no
+more than SLOW counts: what is faster than that hardly shows in X."""
 AIM = 0.3
 """Part of tol at which more nodes aim."""
-ORDERS = {10: 0.075, 8: 0.12, 6: 0.17, 4: 0.36, 3: 0.5}
+ORDERS = {10: 0.075, 8: 0.135, 6: 0.2, 4: 0.36, 3: 0.5}
 """Orders of Adams' method, and the largest product of a step and the Hamiltonian's spectral radius at which each is stable."""
-STARTS = ((8, 4, 1e-2), (4, 4, 1e-2), (2, 6, 1e-4))
+STARTS = ((8, 4, 1e-2), (4, 6, 1e-2), (2, 8, 1e-3))
 """Sweeps start on few nodes: every so many of them; the highest order; and the change of X(T), relative to X, after which more follow."""
-LOWEST = 6
-"""Order on all nodes, at the least."""
+LARGEST = 0.165
+"""The largest such product on all nodes."""
 WAVES = 16
 """Nodes for each wave of the coefficients, at least."""
 MOST_STATES = 24
-LAST, LEAST = 2e-4, 2e-13
+LAST, LEAST = 1e-3, 1e-13
 """The change of X(T) that ends the sweeps on all nodes, relative to tol X, and relative to X at the least."""
 CLOSER, CLOSEST = 0.05, 5e-14
 """The factor on it for the next try, and what rounding leaves of it."""
@@ -56,8 +57,9 @@ def solve_by_sweeps(problem: LinearQuadratic, period: float, tol: float) -> Ricc
     most = min(MOST, MOST_ENTRIES // (states * width))
     rate = few.rate(library)
     order, turns, X = max(ORDERS), rate * period, None
-    least = max(WAVES * waves, turns / ORDERS[LOWEST], FEWEST)
-    needed = min(max(least, (USUAL[0] + USUAL[1] * min(turns, SLOW)) * tol ** (-1 / order)), max(least, most / 2))
+    least = max(WAVES * waves, turns / LARGEST, FEWEST)
+    usual = USUAL + min(SLOPE[0] + SLOPE[1] * waves, SLOPE[2]) * min(turns, SLOW)
+    needed = min(max(least, usual * tol ** (-1 / order)), max(least, most / 2))
     near = max(LAST * tol, LEAST)
     for _ in range(TRIES):
         if not needed <= most:
