@@ -5,7 +5,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_coefficients, panel_times
 from flexlin.periodic.coefficients import Constant, MatrixFunction
-from flexlin.periodic.fourier import FourierSeries, fourier_nodes, real_fourier_coefficients
+from flexlin.periodic.fourier import FourierSeries, fourier_nodes, waves_at_nodes
 from flexlin.periodic.quadratic.solution import RiccatiSolution
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.sampling import stratified
@@ -19,6 +19,8 @@ WITHIN = np.array([0.13, 0.61])
 """Where in each panel, too."""
 
 EPS = float(np.finfo(float).eps)
+MOST_WAVES = 200
+"""Harmonics of a gain that is made in one product."""
 ROUNDED = 16 * EPS
 """What rounding makes of a gain by two Fourier transforms."""
 
@@ -60,27 +62,22 @@ def transform_gain(solution: RiccatiSolution) -> tuple[FourierSeries, float] | N
     B = problem.B.series if isinstance(problem.B, ResolvedMatrix) else problem.B
     if not isinstance(problem.R, Constant) or not isinstance(problem.N, Constant) or not isinstance(X, FourierSeries):
         return None
-    if isinstance(B, FourierSeries):
-        H, count = X.harmonics + B.harmonics, 2 * (X.harmonics + B.harmonics) + 2
-        inputs = B.at_nodes(count)
-    elif isinstance(B, Constant):
-        H, count, inputs = X.harmonics, 2 * X.harmonics + 2, B.value[None]
-    else:
+    if isinstance(B, Constant):
+        B = FourierSeries(B.value[None], X.period)
+    if not isinstance(B, FourierSeries) or X.harmonics + B.harmonics > MOST_WAVES:
         return None
-    forces = np.swapaxes(inputs, 1, 2) @ X.at_nodes(count) + problem.N.value.T
-    values = np.swapaxes(
-        np.linalg.solve(problem.R.value, np.swapaxes(forces, 0, 1).reshape(forces.shape[1], -1)).reshape(
-            forces.shape[1], count, -1
-        ),
-        0,
-        1,
-    )
-    size, parts = float(np.abs(values).max()) or 1.0, real_fourier_coefficients(values)
-    heights = np.abs(parts).max(axis=(1, 2))
+    H = X.harmonics + B.harmonics
+    count, effort = 2 * H + 1, np.linalg.inv(problem.R.value)
+    values = (B.at_nodes(count) @ effort).swapaxes(1, 2) @ X.at_nodes(count) + effort @ problem.N.value.T
+    rest = (values - values[0]).reshape(count, -1)  # constants are not rounded
+    parts = (2 / count) * (waves_at_nodes(count, H).T @ rest)
+    parts[0] *= 0.5
+    size, heights = float(np.abs(values).max()) or 1.0, np.abs(parts).max(axis=1)
     left = np.append(np.maximum(heights[1 : H + 1], heights[H + 1 :])[::-1].cumsum()[::-1], 0.0)
     kept = int(np.count_nonzero(left > EPS * size))
-    series = FourierSeries(np.concatenate([parts[: kept + 1], parts[H + 1 : H + 1 + kept]]), X.period)
-    return series, float(left[kept] / size) + ROUNDED
+    parts[0] += values[0].ravel()
+    parts = np.concatenate([parts[: kept + 1], parts[H + 1 : H + 1 + kept]])
+    return FourierSeries(parts.reshape(-1, *values.shape[1:]), X.period), float(left[kept] / size) + ROUNDED
 
 
 def inside(edges: Array, parts: Array) -> Array:

@@ -53,6 +53,14 @@ def fourier_basis(phase: Array, harmonics: int) -> Array:
 
 
 @lru_cache(maxsize=16)
+def waves_at_nodes(count: int, harmonics: int, half: bool = False) -> Array:
+    """Return the basis at N equally spaced times, or half a step behind them: (N, 2 H + 1), each to rounding, kept for the next call."""
+    turns = np.outer(2 * np.arange(count) + half, np.arange(harmonics + 1)) % (2 * count)
+    angle = np.pi / count * turns
+    return np.concatenate([np.cos(angle), np.sin(angle[:, 1:])], axis=1)
+
+
+@lru_cache(maxsize=16)
 def fourier_differentiation(count: int, period: float) -> Array:
     """Return the matrix that takes values at N equally spaced times to the derivatives of their interpolant there.
 
@@ -96,13 +104,11 @@ class FourierSeries:
         return np.asarray(self(fourier_nodes(len(self.coefficients), self.period)))
 
     def at_nodes(self, count: int) -> Array:
-        """The function at N equally spaced times, N > 2 H: (N, ...)."""
-        H, flat = self.harmonics, self.coefficients.reshape(len(self.coefficients), -1)
-        spectrum = np.zeros((count // 2 + 1, flat.shape[1]), complex)
-        spectrum[1 : H + 1] = (flat[1 : H + 1] - 1j * flat[H + 1 :]) * (0.5 * count)
-        return np.asarray(
-            (np.fft.irfft(spectrum, count, axis=0) + flat[0]).reshape(count, *self.coefficients.shape[1:])
-        )
+        """The function at N equally spaced times: (N, ...)."""
+        flat = self.coefficients.reshape(len(self.coefficients), -1)
+        values = waves_at_nodes(count, self.harmonics)[:, 1:] @ flat[1:]
+        values += flat[0]
+        return np.asarray(values.reshape(count, *self.coefficients.shape[1:]))
 
     @property
     def tail(self) -> float:

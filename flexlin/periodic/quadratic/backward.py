@@ -12,7 +12,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.compiler import address, find_kept_library
 from flexlin.periodic.coefficients import Constant
-from flexlin.periodic.fourier import FourierSeries, fourier_basis
+from flexlin.periodic.fourier import FourierSeries, waves_at_nodes
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, take_once
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 
@@ -86,12 +86,6 @@ class RiccatiSamples:
         return float(library.find_rate(*self.shape[1:], self.count, *self.places()))
 
 
-@lru_cache(maxsize=16)
-def waves_at_nodes(count: int, harmonics: int, shift: float) -> Array:
-    """Return 1, cosines and sines at such times as columns (N, 2 H + 1)."""
-    return fourier_basis((np.arange(count) + shift) / count, harmonics)
-
-
 @dataclass(frozen=True, eq=False)
 class RiccatiSampler:
     """A problem, to be sampled at equally spaced times of its period; what is constant is made ready once."""
@@ -100,9 +94,9 @@ class RiccatiSampler:
     period: float
     library: ctypes.CDLL
 
-    def sample(self, count: int, shift: float = 0.0) -> RiccatiSamples:
-        """Sample at N times, the first a part of a step behind 0."""
-        A, B, Q, R, N = (self._values(name, count, shift) for name in ("A", "B", "Q", "R", "N"))
+    def sample(self, count: int, half: bool = False) -> RiccatiSamples:
+        """Sample at N times, or half a step behind them."""
+        A, B, Q, R, N = (self._values(name, count, half) for name in ("A", "B", "Q", "R", "N"))
         ready, effort = self._ready, self._ready.get("effort")
         effort = np.linalg.inv(R) if effort is None else effort
         if N.any():
@@ -130,17 +124,17 @@ class RiccatiSampler:
                 found[f"{name} rows"] = fill_rows(found[name], factor)
         return found
 
-    def _values(self, name: str, count: int, shift: float) -> Array:
+    def _values(self, name: str, count: int, half: bool) -> Array:
         """A coefficient at these times; once where it is constant."""
         if name in self._ready:
             return self._ready[name]
         coefficient = getattr(self.problem, name)
         series = coefficient.series if isinstance(coefficient, ResolvedMatrix) else None
         if not isinstance(series, FourierSeries) or series.harmonics > FEW_WAVES:
-            t = self.period * ((np.arange(count) + shift) / count)
+            t = self.period * ((np.arange(count) + 0.5 * half) / count)
             return np.ascontiguousarray(take_once(coefficient(t)), dtype=float)
         flat = series.coefficients.reshape(len(series.coefficients), -1)
-        values = waves_at_nodes(count, series.harmonics, shift) @ flat
+        values = waves_at_nodes(count, series.harmonics, half) @ flat
         return values.reshape(count, *series.coefficients.shape[1:])
 
 

@@ -33,7 +33,7 @@ def judge_by_cost(sampler: RiccatiSampler, count: int, X: Array, rate: float, to
     Parameters: X: amplitudes (`fold_triangle`) of its values at N = `count` equally spaced nodes; it is judged half-way between them. rate:
     the Hamiltonian's spectral radius.
     """
-    samples, period, library = sampler.sample(count, 0.5), sampler.period, sampler.library
+    samples, period, library = sampler.sample(count, True), sampler.period, sampler.library
     values, slopes = evaluate_between(X, period, count)
     share, residual, size, sizes = find_share(library, samples, values, slopes, 8 * ROUNDING)
     if not share < MOST_SHARE:

@@ -16,9 +16,9 @@ from flexlin.periodic.quadratic.triangle import fold_few, unfold_triangle
 FEWEST, MOST, MOST_ENTRIES = 128, 2**13, 2**22
 """Nodes of a period, and entries of X at all of them."""
 USUAL, SLOPE, SLOW = 24.0, (0.45, 0.13, 1.0), 64
-"""Nodes that a problem needs, as seen: USUAL, and a slope times period and spectral radius of the Hamiltonian, by tol^(1 / p) for the highest
-order p. The slope begins at the first, grows by the second with each wave of the coefficients, and ends at the third. Of the product no
-more than SLOW counts: what is faster than that hardly shows in X."""
+"""Nodes that a problem needs, as seen: USUAL, and a slope times period and spectral radius of the Hamiltonian, by tol^(1 / p) for the
+highest order p. The slope begins at the first, grows by the second with each wave of the coefficients, and ends at the third. Of the
+product no more than SLOW counts: what is faster than that hardly shows in X."""
 AIM = 0.3
 """Part of tol at which more nodes aim."""
 ORDERS = {10: 0.075, 8: 0.135, 6: 0.2, 4: 0.36, 3: 0.5}
