@@ -1,15 +1,16 @@
 """The coefficients of a periodic system over one period, resolved before anything is integrated."""
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 
 import numpy as np
 
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.chebyshev import ChebyshevPanels
-from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.fourier import FourierSeries, fourier_basis
 from flexlin.periodic.resolved.fitting import fit_at_once
-from flexlin.periodic.resolved.harmonics import EPS, first_times, fit_fourier
+from flexlin.periodic.resolved.harmonics import EPS, FourierFit, first_times, fit_fourier
 from flexlin.periodic.resolved.matrix import Discontinuity, ResolvedMatrix, divided
 from flexlin.periodic.resolved.panels import left_over, panel_error, shown_degree
 from flexlin.periodic.resolved.refining import PanelResolver
@@ -90,6 +91,11 @@ def resolve(
     [(0.0, 'jump'), (1.0002, 'jump')]
     """
     period = positive("period", period)
+    if complete and repeats and not len(breaks) and not len(features):
+        sample = Sampler(A, period, least)
+        at_once = fit_at_once(sample, tol)
+        if at_once is not None:
+            return _as_series(sample, at_once, REPEATS)
     named = _times_in("breaks", np.asarray(breaks, dtype=float), period)
     pairs = real_array("features", np.reshape(np.asarray(features, dtype=float), (-1, 2)))
     _times_in("features", pairs[:, 0], period)
@@ -100,11 +106,9 @@ def resolve(
     ends = [] if complete else [period * ENDS, period * (1 - ENDS)]
     checks = CheckPoints(sample, np.concatenate([period * stratified(FEW if complete else CHECKS), *about, *ends]))
     if repeats and not len(named) and not len(pairs):
-        fit = (fit_at_once(sample, tol) if complete else None) or fit_fourier(sample, tol, None if complete else checks)
+        fit = fit_fourier(sample, tol, None if complete else checks)
         if fit is not None:
-            series = FourierSeries(fit.coefficients.reshape(-1, *_shape(sample)), period)
-            need_repetition(sample, series, period * stratified(REPEATS if complete else 7), fit.allowed)
-            return ResolvedMatrix(series, (), (), fit.error.reshape(_shape(sample)), sample.count)
+            return _as_series(sample, fit, REPEATS if complete else 7)
     return _on_panels(sample, named, pairs, checks, tol, not complete, repeats)
 
 
@@ -116,6 +120,20 @@ def resolve_constant(A: Array, period: float) -> ResolvedMatrix:
 def foresee_times(period: float) -> list[Array]:
     """The times that `resolve` asks for first, of a smooth function whose narrow features are named."""
     return [first_times(period), period * stratified(REPEATS) + period]
+
+
+def _as_series(sample: Sampler, fit: FourierFit, repeats: int) -> ResolvedMatrix:
+    """Judge the period at some times, and collect."""
+    series = FourierSeries(fit.coefficients.reshape(-1, *_shape(sample)), sample.period)
+    phases = _waves(repeats, series.harmonics)
+    need_repetition(sample, lambda t: phases @ fit.coefficients, sample.period * stratified(repeats), fit.allowed)
+    return ResolvedMatrix(series, (), (), fit.error.reshape(_shape(sample)), sample.count)
+
+
+@lru_cache(maxsize=32)
+def _waves(repeats: int, harmonics: int) -> Array:
+    """Cosines and sines at the times at which a function is compared with itself a period later, kept between calls."""
+    return fourier_basis(stratified(repeats), harmonics)
 
 
 def _on_panels(
