@@ -39,6 +39,7 @@ def decouple(
     breaks: tuple[float, ...] = (),
     tol: float = 1e-9,
     uncertainty: Uncertainty | None = None,
+    tries: int = MAX_MERGES,
 ) -> Decoupled | Refusal:
     """Split x' = A(t) x into groups of modes whose eigenvalues stay far apart along the period.
 
@@ -54,6 +55,7 @@ def decouple(
     breaks : times at which A is not smooth; there `panel_exponents` serves.
     tol : wanted error of an exponent, in 1/s up to |lambda| = 1/s and relative beyond.
     uncertainty : times, left and right vectors -> bounds on the couplings by what A is not known by (N, n, n), in 1/s.
+    tries : how often groups are tried at the most, each time with those together that did not part.
 
     Returns
     -------
@@ -91,7 +93,7 @@ def decouple(
                 "the coefficients' harmonics fall off too slowly: a break that is not named, or a narrow feature"
             )
     while True:
-        built = built_on(samples, period, tol)
+        built = built_on(samples, period, tol, tries)
         if isinstance(built, Refusal):
             return built
         between = A(period / count * (np.arange(count) + 0.5))
@@ -101,7 +103,7 @@ def decouple(
         samples, count = interleaved(samples, between), 2 * count
 
 
-def built_on(samples: Array, period: float, tol: float) -> Decoupled | Refusal:
+def built_on(samples: Array, period: float, tol: float, tries: int) -> Decoupled | Refusal:
     """Group, build the frame and make the rounds on one set of nodes, putting modes together that do not part."""
     try:
         modes = follow_modes(samples)
@@ -109,7 +111,7 @@ def built_on(samples: Array, period: float, tol: float) -> Decoupled | Refusal:
         return Refusal("the eigenvectors of A(t) depend on each other at some time")
     apart = np.abs(modes.values[:, :, None] - modes.values[:, None, :]).min(axis=0)
     together = apart < 2 * np.pi / period / ADIABATIC
-    for _ in range(MAX_MERGES):
+    for _ in range(tries):
         columns, groups = grouped_modes(modes, together)
         if len(groups) == 1:
             return Refusal("no eigenvalues of A(t) stand apart from the others along the period")

@@ -72,23 +72,25 @@ def decouple_steady(
             continue
         done, before = part_modes(modes, counts, period, once), modes.groups
         if done is not None:
-            return done
+            return done  # a refusal too: groups of more modes would part no less
         answer = Refusal("the coupling of the modes does not shrink enough")
     return answer
 
 
 def part_modes(
     modes: MeanModes, counts: list[int], period: float, once: Callable[[int, MeanModes], Decoupled | Array | None]
-) -> Decoupled | None:
+) -> Decoupled | Refusal | None:
     """Decouple `once` on more and more nodes; modes that stay coupled by too much on the most are put together, and it is tried again."""
     for count in (*counts, *counts[-1:] * JOINS):
         done = once(count, modes)
         if isinstance(done, Decoupled):
             return done
         if count == counts[-1]:
-            joined = None if done is None or done.max() < 0 else modes.joined(done)
-            if joined is None or not may_be_tame(joined, period):
+            if done is None or done.max() < 0:
                 return None
+            joined = modes.joined(done)
+            if joined is None or not may_be_tame(joined, period):
+                return Refusal("modes that stay coupled grow or decay by much against each other")
             modes = joined
     return None
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.circle import pair_conjugates
-from flexlin.periodic.decoupling.decouple import decouple
+from flexlin.periodic.decoupling.decouple import MAX_MERGES, decouple
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.exponents import decoupled_exponents
 from flexlin.periodic.decoupling.steady import decouple_steady
@@ -28,10 +28,12 @@ def estimate_decoupling_work(n: int, panels: int) -> float:
     return panels * (6000 + NODES * (20 + 6 * n + 0.06 * n**3))
 
 
-def solve_decoupled(system: PeriodicSystem, tol: float) -> tuple[Array, Array, Decoupled | None] | Refusal:
+def solve_decoupled(
+    system: PeriodicSystem, tol: float, tries: int = MAX_MERGES
+) -> tuple[Array, Array, Decoupled | None] | Refusal:
     """Exponents (n,) and errors (n,) in 1/s, inf for enclosed ones, by decoupling; or why that does not serve.
 
-    What was decoupled is handed on, where it was the whole period at once.
+    What was decoupled is handed on, where it was the whole period at once. tries: as of `decouple`.
     """
     coefficients, T = system.resolved, system.period
     if coefficients.breaks:
@@ -41,7 +43,7 @@ def solve_decoupled(system: PeriodicSystem, tol: float) -> tuple[Array, Array, D
         if isinstance(panels, Refusal):
             return panels
         return panels.exponents, hide_enclosed(panels.exponents, panels.errors), None
-    decoupled = decouple(coefficients, T, (), tol, partial(couple_uncertainty, coefficients))
+    decoupled = decouple(coefficients, T, (), tol, partial(couple_uncertainty, coefficients), tries)
     if isinstance(decoupled, Refusal):
         return decoupled
     found = decoupled_exponents(decoupled)

@@ -10,6 +10,7 @@ from flexlin.checks import Array, positive, whole
 from flexlin.errors import TooManySegments
 from flexlin.periodic.assignment import assign
 from flexlin.periodic.circle import measure_distances, pair_conjugates, wrap_log
+from flexlin.periodic.decoupling.decouple import MAX_MERGES
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.floquet.constant import solve_constant
 from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_decoupled, solve_steady
@@ -22,6 +23,8 @@ from flexlin.periodic.transition.setting import MAX_SEGMENTS, Setting, report_to
 
 PATIENCE = 1e6
 """Microseconds of collocation that are spent where decoupling has answered, but not to the wanted accuracy."""
+SURPLUS = 1.25
+"""Decoupling is tried where segments promise so many times its work: groups that do not part at once take longer."""
 ALIKE = 1e-5
 """Exponents that agree within errors as small as this are a double one that rounding splits: segments know it no better."""
 FACTOR_BYTES = 2**27
@@ -156,9 +159,10 @@ def try_decoupling(
     """Exponents by decoupling, where that promises less work than segments and keeps what it promises."""
     panels = len(system.resolved.breaks) + 1
     by_segments = estimate_segment_work(system.n, system.second_order is not None, setting)
-    if estimate_decoupling_work(system.n, panels) > by_segments:
+    tries = by_segments / (SURPLUS * estimate_decoupling_work(system.n, panels))
+    if tries < 1:
         return None
-    found = solve_decoupled(system, tol)
+    found = solve_decoupled(system, tol, int(min(tries, MAX_MERGES)))
     if isinstance(found, Refusal):
         return None
     exponents, errors, decoupled = found
