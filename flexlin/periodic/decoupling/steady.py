@@ -27,7 +27,7 @@ CLOSENESS = (0.25, ADIABATIC)
 """Modes stay together where the basic frequency exceeds this part of the gap between their eigenvalues: first few, then more."""
 PARTED = 0.5
 """Modes whose real parts differ by this part of the basic frequency do not stay together: no harmonic meets their gap."""
-MIXED = 0.2
+MIXED = 0.15
 """Modes of the mean that A(t) mixes by more than this are followed instead."""
 NARROWED = 0.7
 """Where this part of a gap is not sure to be kept by how far two modes go from their means, it is measured at each time."""
