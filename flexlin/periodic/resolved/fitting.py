@@ -21,7 +21,7 @@ def fit_at_once(sample: Sampler, tol: float) -> FourierFit | None:
     library = find_library() if isinstance(sample.function, Foreseen) else None
     if library is None:
         return None
-    count, values = sample.count, sample(first_times(sample.period))
+    count, values = sample.count, sample.unwrapped(first_times(sample.period))
     entries, scale = values.shape[1], sample.least_sizes()
     coefficients, bounds = np.empty((FIRST, entries)), np.empty((2, entries))
     waves, between = tabulate_first()
@@ -39,6 +39,7 @@ def fit_at_once(sample: Sampler, tol: float) -> FourierFit | None:
     if kept < 0:
         sample.count = count
         return None
+    np.maximum(sample.scale, scale, out=sample.scale)
     return FourierFit(coefficients[: 2 * kept + 1], bounds[0], bounds[1])
 
 

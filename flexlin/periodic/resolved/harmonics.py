@@ -70,9 +70,12 @@ def fit_fourier(sample: Sampler, tol: float, checks: CheckPoints | None) -> Four
         count *= 2
 
 
+@lru_cache(maxsize=4)
 def first_times(period: float) -> Array:
-    """The first nodes, and the few check points between them."""
-    return np.concatenate([fourier_nodes(FIRST, period), period * few_phases(FIRST)])
+    """The first nodes, and the few check points between them; kept, since they are asked for more than once."""
+    times = np.concatenate([fourier_nodes(FIRST, period), period * few_phases(FIRST)])
+    times.setflags(write=False)
+    return times
 
 
 def few_phases(count: int) -> Array:
