@@ -18,6 +18,7 @@ SOURCES = (
     "factors",
     "group",
     "group_errors",
+    "accelerations",
 )
 WHOLE, REAL, ADDRESS = ctypes.c_int, ctypes.c_double, ctypes.c_void_p
 ARGUMENTS = {
@@ -26,6 +27,7 @@ ARGUMENTS = {
     "decouple_on_nodes": [WHOLE] * 7 + [REAL] + [ADDRESS] * 13,
     "follow_group": [WHOLE] * 5 + [ADDRESS] * 2 + [REAL] + [WHOLE] * 4 + [ADDRESS] * 4,
     "bound_group": [WHOLE] * 3 + [ADDRESS] * 7,
+    "factor_accelerations": [WHOLE] * 3 + [ADDRESS] * 5,
 }
 """What the functions of the library take."""
 

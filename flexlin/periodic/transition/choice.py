@@ -8,8 +8,10 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.native.library import find_library
 from flexlin.periodic.product.balancing import GROUP_CONDITION
 from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.transition.accelerations import MOST_UNKNOWNS
 from flexlin.periodic.transition.setting import METHODS, ORDERS, Setting
 
 MARGIN = 40.0
@@ -20,6 +22,8 @@ LEAST = 4
 """Segments of a period at the least: on fewer, a method and a better one err alike."""
 WAVES = 3.0
 """Gauss nodes for each harmonic of the coefficients, so that none hides between them."""
+COMPILED = 0.4
+"""The part of the time of NumPy's solves that compiled code takes."""
 PLACES = 96
 """Times at which the eigenvalues of A(t) are looked at."""
 
@@ -90,8 +94,9 @@ def choose_setting(system: PeriodicSystem, tol: float, method: str, order: int |
         spread_out("gauss", 2 * s, gauss_demand(pace, tol, s), reason, rate, segments)
         for s in (STAGES if order is None else [order // 2])
     ]
-    halved = 1 if system.second_order is None else 2
-    return min(plans, key=lambda plan: estimate_gauss_work(plan.order // 2, system.n // halved, plan.segments))
+    second_order = system.second_order is not None
+    unknowns = system.n // 2 if second_order else system.n
+    return min(plans, key=lambda plan: estimate_gauss_work(plan.order // 2, unknowns, plan.segments, second_order))
 
 
 def spread_out(method: str, order: int, demand: Array, reason: str, rate: float, segments: int | None) -> Setting:
@@ -133,16 +138,19 @@ def choose_gauss_step(rate: Array, tol: float, stages: int) -> Array:
     return (tol / MARGIN * np.maximum(1.0, rate) / (rate * c)) ** (0.5 / stages) / rate
 
 
-def estimate_gauss_work(stages: int, unknowns: int, segments: int) -> float:
+def estimate_gauss_work(stages: int, unknowns: int, segments: int, second_order: bool) -> float:
     """Microseconds of the batched solves with s stages of n unknowns each, as measured: overhead, memory and flops of one segment."""
     size = stages * unknowns
-    return 300 + segments * (4 + 0.012 * size**2 + 1.5e-4 * size**3)
+    compiled = second_order and size <= MOST_UNKNOWNS and find_library() is not None
+    return 300 + segments * (4 + 0.012 * size**2 + 1.5e-4 * size**3) * (COMPILED if compiled else 1.0)
 
 
 def estimate_segment_work(n: int, second_order: bool, setting: Setting) -> float:
     """Microseconds of a Gauss setting with its check by two stages more and the sweeps over its factors, as measured, for n states."""
     unknowns = n // 2 if second_order else n
-    both = sum(estimate_gauss_work(setting.order // 2 + extra, unknowns, setting.segments) for extra in (0, 2))
+    both = sum(
+        estimate_gauss_work(setting.order // 2 + extra, unknowns, setting.segments, second_order) for extra in (0, 2)
+    )
     return both + 3 * min(setting.segments, 50 + setting.segments / 4) * (6 + 0.05 * n**2)
 
 

@@ -10,7 +10,8 @@ from flexlin.errors import NumericalError, TooManySegments
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.gauss import gauss_transitions, second_order_transitions
+from flexlin.periodic.transition.accelerations import companion_transitions
+from flexlin.periodic.transition.gauss import gauss_transitions
 from flexlin.periodic.transition.magnus import magnus_transitions
 from flexlin.periodic.transition.radau import radau_transitions
 from flexlin.periodic.transition.units import factor_in_like_units
@@ -56,7 +57,7 @@ def factor_by_gauss(system: PeriodicSystem, grid: Array, order: int) -> Array:
     """
     resolved = system.resolved
     if isinstance(resolved, ResolvedCompanion):
-        return second_order_transitions(resolved.sample, grid, order // 2)
+        return companion_transitions(resolved, grid, order // 2)
     try:
         return factor_in_like_units(system, lambda A: gauss_transitions(A, grid, order // 2))
     except np.linalg.LinAlgError:

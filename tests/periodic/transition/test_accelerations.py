@@ -1,0 +1,72 @@
+"""Compiled transition matrices of second order against NumPy's, on systems that share no code with them."""
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.errors import SingularMassMatrix
+from flexlin.periodic.native.library import find_library
+from flexlin.periodic.transition import accelerations
+from flexlin.periodic.transition.accelerations import companion_transitions
+from flexlin.periodic.transition.gauss import second_order_transitions
+
+pytestmark = pytest.mark.skipif(find_library() is None, reason="there is no C compiler")
+EPS = np.finfo(float).eps
+
+
+def random_arm(seed, n, units):
+    """M, D, K that move by a tenth, stiff and damped, not symmetric, in units of the coordinates (n,); period 1."""
+    rng = np.random.default_rng(seed)
+    root, small = rng.standard_normal((n, n)), 0.05 * rng.standard_normal((3, 2, n, n))
+    fixed = [np.eye(n) + 0.1 * root @ root.T, *(10 ** rng.uniform(0, 1.5, 2)[:, None, None] * (np.eye(n) + 0.1 * root))]
+    fixed[2] = fixed[2] * 10 ** rng.uniform(0, 2)
+
+    def part(k):
+        def of(t):
+            waves = np.stack([np.cos(2 * np.pi * t), np.sin(4 * np.pi * t)], axis=1)
+            values = fixed[k] * (1 + np.einsum("tw,wij->tij", waves, small[k]))
+            return values * units * units[:, None]
+
+        return of
+
+    return fl.PeriodicSystem.from_second_order(part(0), part(1), part(2), 1.0, complete=True)
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 9])
+def test_compiled_code_and_numpy_give_the_same_matrices(n, monkeypatch):
+    """Also where segments do not fill an eight, in several parts, in units of any size, and so long that rows must be exchanged."""
+    for seed, (segments, stages) in enumerate([(1, 9), (8, 4), (37, 7), (3, 10), (100, 2)]):
+        monkeypatch.setattr(accelerations, "BLOCK_BYTES", 24 * stages * n * n * 16)
+        grid = np.sort(np.random.default_rng(seed).uniform(0, 1, segments + 1))
+        units = 10.0 ** np.random.default_rng(seed).uniform(-3, 3, n)
+        found = companion_transitions(random_arm(seed, n, units).resolved, grid, stages)
+        other = second_order_transitions(random_arm(seed, n, np.ones(n)).resolved.sample, grid, stages)
+        scale = np.concatenate([units, units])
+        apart = np.abs(found * (scale[:, None] / scale) - other).max(axis=(1, 2))
+        assert (apart <= 500 * EPS * np.linalg.norm(other, axis=(1, 2))).all(), (seed, apart.max())
+
+
+def test_what_needs_rows_exchanged_is_seen_and_left_to_numpy(monkeypatch):
+    """A pivot that vanishes: h^2 (a a)_11 k = -1, with the residual as the only witness."""
+    left = []
+    collocate = accelerations.collocate_accelerations
+    monkeypatch.setattr(
+        accelerations, "collocate_accelerations", lambda M, *rest: left.append(len(M)) or collocate(M, *rest)
+    )
+    rule = accelerations.gauss(3)
+    stiffness = -1.0 / (rule.a @ rule.a)[0, 0]
+    system = fl.PeriodicSystem.from_second_order([[1.0]], [[0.0]], [[stiffness]], 1.0)
+    grid = np.linspace(0, 1.0, 2)
+    found = companion_transitions(system.resolved, grid, 3)
+    assert left == [1]
+    np.testing.assert_allclose(found, second_order_transitions(system.resolved.sample, grid, 3), rtol=1e-12)
+
+
+def test_a_mass_matrix_that_is_singular_is_named():
+    M = [[1.0, 0.0], [0.0, 0.0]]
+    system = fl.PeriodicSystem.from_second_order(np.eye(2), np.zeros((2, 2)), np.eye(2), 1.0)
+    blocks = system.resolved.blocks
+    blocks.series.coefficients[0, :, :2] = M
+    blocks.series.coefficients[0, :, 4:] = np.diag([1.0, 0.0])
+    with pytest.raises(SingularMassMatrix):
+        companion_transitions(system.resolved, np.linspace(0, 1, 4), 2)
