@@ -3,9 +3,9 @@
 from collections.abc import Callable
 
 import numpy as np
-from scipy.linalg import matrix_balance
 
 from flexlin.checks import Array
+from flexlin.lapack import LAPACK
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.system import PeriodicSystem
 
@@ -21,7 +21,7 @@ def find_like_units(system: PeriodicSystem) -> Array:
     Source: Parlett, Reinsch, Balancing a matrix, Numer. Math. 13 (1969), on the sum of |A(t)|.
     """
     size = np.abs(system.resolved(system.period * np.arange(SEEN) / SEEN)).sum(axis=0)
-    return np.asarray(matrix_balance(size, permute=False, separate=True)[1][0])
+    return np.asarray(LAPACK.dgebal(size, scale=1, permute=0)[3])
 
 
 def factor_in_like_units(system: PeriodicSystem, factor: Callable[[MatrixFunction], Array]) -> Array:
