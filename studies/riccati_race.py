@@ -4,8 +4,8 @@ The shipped single link with two modes, and a satellite that magnetic torquers t
 integrals of its attitude (9 states). Every way reaches the same accuracy in one run. SciPy's methods integrate backwards from X = 0
 until the start is forgotten, each at the cheaper of the two loosest tolerances that reach tol. They are given how long that takes, and
 their right-hand side is machine code for the n (n + 1) / 2 unknowns of the symmetric X, its set-up left out. The solver here makes the
-system and resolves its coefficients anew each time; "flexlin, set up" is the solution alone, as the others have it. The satellite's
-field is known to have no narrow features (`complete`).
+system and resolves its coefficients anew each time; "flexlin, design" is the whole of `periodic_lqr`, with the gain and the closed loop;
+"flexlin, set up" is the solution alone, as the others have it. The satellite's field is known to have no narrow features (`complete`).
 
     python studies/riccati_race.py [--small] [--out DIR]
 """
@@ -142,6 +142,8 @@ def race(contest: Contest, tol: float, methods: tuple[str, ...], repeats: int) -
     X0 = exact.X(np.zeros(1))[0]
     found, seconds = least_time(lambda: periodic_riccati(contest.make(), Q, R, tol=tol), repeats)
     times = {"flexlin": (seconds, error_of(found.X(np.zeros(1))[0], X0))}
+    _, seconds = least_time(lambda: fl.periodic_lqr(contest.make(), Q, R, tol=tol), repeats)
+    times["flexlin, design"] = (seconds, times["flexlin"][1])
     times["flexlin, set up"] = (time_set_up(system, Q, R, tol, repeats), times["flexlin"][1])
     rate = float(fl.floquet(system.feedback(exact.K), tol=1e-6 / system.period).exponents.real.max())
     settle = system.period * np.ceil(np.log(0.1 * tol) / (2 * rate * system.period))

@@ -81,6 +81,13 @@ class RiccatiSamples:
         """Where A, S and Q stand, and the numbers from one sample to the next."""
         return (*locate_samples(self.A), *locate_samples(self.S), *locate_samples(self.Q))
 
+    def rings(self) -> bool:
+        """Whether the fastest eigenvalues of the Hamiltonian are rather imaginary than real: by the sum of their squares."""
+        n = self.A.shape[1]
+        A, S, Q = (one[:, :, :n] for one in (self.A, self.S, self.Q))
+        squares = np.einsum("tij,tji->t", A, A) - 4 * np.einsum("tij,tji->t", S, np.broadcast_to(Q, (len(S), n, n)))
+        return bool(squares.min() < 0)
+
     def rate(self, library: ctypes.CDLL) -> float:
         """About the largest spectral radius of the Hamiltonian [[A, -S], [-Q, -A']]."""
         return float(library.find_rate(*self.shape[1:], self.count, *self.places()))
