@@ -18,6 +18,8 @@ TOGETHER, FARTHEST = 20.0, 300.0
 """The logarithm of what the modes of a group may gain against each other in a period, and of what one mode may gain and lose within it."""
 SMALL, TURNS, SETTLED = 1e-4, 40, 1e-9
 """What is left of the coupling may mix two modes by SMALL; what it does is found to SETTLED of itself in so many turns."""
+INDEPENDENT = 1e6
+"""Modes of a group whose condition number is larger coincide nearly: they are sought with what they share in view."""
 SAME = 1e-6
 """How well the logs of multipliers must agree with those that were asked for."""
 
@@ -72,7 +74,9 @@ def follow_block(decoupled: Decoupled, index: int, group: Group) -> tuple[Array,
     values = B - middle * np.eye(group.size)
     factors = gauss_transitions(lambda t: interpolated(values, period, t), times, STAGES)
     V, known = periodic_vectors(factors, times, exponents - middle, np.zeros(group.size, int), 1)
-    return (exponents, V, np.zeros(V.shape[:2])) if known.all() else None
+    if not known.all() or not np.linalg.cond(V).max() < INDEPENDENT:
+        return None
+    return exponents, V, np.zeros(V.shape[:2])
 
 
 def integrate_circle(values: Array, period: float) -> Array:
