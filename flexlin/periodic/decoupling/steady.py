@@ -29,8 +29,9 @@ PARTED = 0.5
 """Modes whose real parts differ by this part of the basic frequency do not stay together: no harmonic meets their gap."""
 MIXED = 0.15
 """Modes of the mean that A(t) mixes by more than this are followed instead."""
-NARROWED = 0.7
-"""Where this part of a gap is not sure to be kept by how far two modes go from their means, it is measured at each time."""
+NARROWED, CLOSED = 0.7, 1e-3
+"""Where the part NARROWED of a gap is not sure to be kept by how far two modes go from their means, it is measured at each time; where
+the part CLOSED is not, it may close."""
 JOINS = 3
 """How often modes that stay coupled by too much on the most nodes are put together."""
 
@@ -178,7 +179,7 @@ def bound_residual(B: Array, modes: MeanModes, period: float) -> tuple[Array, Ar
     gap = np.where(outside, whole - away[:, None] - away, np.inf)
     i, j = np.nonzero(gap < NARROWED * whole)
     gap[i, j] = np.maximum(gap[i, j], nearest_on_chords(b[:, i] - b[:, j]) - inner[i] - inner[j])
-    if not gap.min() > 0:
+    if not np.all(gap > CLOSED * whole):
         return None
     parted = np.maximum(np.abs(mean.real[:, None] - mean.real) - damped[:, None] - damped, 0)
     oblique = np.divide(gap, parted, out=np.full_like(gap, np.inf), where=outside & (parted > 0))

@@ -54,7 +54,7 @@ static Mode measure_mode(int nodes, double period, const double *x, const double
 
 typedef struct { double size, high, gap, oblique, swing; } Pair;
 
-static const double NARROWED = 0.7; /* as in steady.py */
+static const double NARROWED = 0.7, CLOSED = 1e-3; /* as in steady.py */
 
 /* The sizes of all entries of the generator B and what is known of its diagonal. */
 static void measure_generator(const Shape *s, int blocks, double period, const v8 *B[2], Pair *pairs, Mode *modes) {
@@ -117,7 +117,7 @@ static int separate_modes(int n, int blocks, const int *group, const v8 *B[2], M
       double mean = hypot(a.mean_re - b.mean_re, a.mean_im - b.mean_im);
       p->gap = mean - a.away - b.away;
       if (p->gap < NARROWED * mean) p->gap = fmax(p->gap, find_least_gap(n, blocks, B, i, j) - inner[i] - inner[j]);
-      if (!(p->gap > 0.0)) return 0;
+      if (!(p->gap > CLOSED * mean)) return 0;
       double parted = fabs(a.mean_re - b.mean_re) - a.damped - b.damped;
       if (parted > 0.0) p->oblique = p->gap / parted;
     }
