@@ -62,7 +62,9 @@ def solved(make, tol, monkeypatch):
 def test_compiled_code_and_numpy_find_the_same_coordinates_errors_and_exponents(monkeypatch):
     link = arm(2).periodic_system()
     makes = [lambda: fl.PeriodicSystem(link.A, link.period, None, (), link.second_order, (), True)]
-    makes += [lambda seed=seed: as_system(gentle_system(seed, seed % 2 > 0)) for seed in (0, 3, 5, 16, 17, 18, 19, 28, 55)]
+    makes += [
+        lambda seed=seed: as_system(gentle_system(seed, seed % 2 > 0)) for seed in (0, 3, 5, 16, 17, 18, 19, 28, 55)
+    ]
     served = 0
     for make in makes:
         one, other = solved(make, 1e-8, monkeypatch)
