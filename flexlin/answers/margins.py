@@ -18,12 +18,14 @@ from flexlin.summary import represent
 
 COARSE, COARSEST, THOROUGH = 17, 9, 1025
 """Values of the scan: where nobody asked, the same for loops whose scan would take long, and where a range was chosen."""
-SHORT, LONG = 3e5, 5.5e5
+SHORT, LONG = 3e5, 5.2e5
 """Microseconds of collocation or decoupling beyond which a scan that nobody asked for has fewer values, or is left out."""
 TOL = 1e-6
 """Wanted error of a critical value, as a share of its range."""
 FINE = 1e-9
 """Wanted error of the exponents beside a critical value that nobody asked for, in 1/s: it moves the value by less than is printed."""
+RESOLVED = 2.0
+"""A value that segments serve takes so much more, since its coefficients are resolved first."""
 FACTORS = (0.25, 8.0)
 """Least and largest values of the usual ranges, in the scene's own value."""
 
@@ -114,7 +116,7 @@ def predict_work(own: FloquetResult) -> float:
     """Microseconds that the exponents of a loop take, about."""
     n = len(own.exponents)
     if own.setting.method != "decoupling":
-        return estimate_segment_work(n, isinstance(own.resolved, ResolvedCompanion), own.setting)
+        return RESOLVED * estimate_segment_work(n, isinstance(own.resolved, ResolvedCompanion), own.setting)
     return estimate_decoupling_work(n, 1 if own.resolved is None else len(own.resolved.breaks) + 1)
 
 
