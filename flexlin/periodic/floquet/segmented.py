@@ -103,7 +103,9 @@ def measure_spectrum(
 
     def noise(left: Array, right: Array) -> Array:
         """Couplings by what the coefficients are not known by, over each group."""
-        known = couple_uncertainty(system.resolved, marks[:-1], left / scale, scale[:, None] * right)
+        known = couple_uncertainty(
+            system.resolved, marks[:-1], left / scale, scale[:, None] * right, system.resolved.mean_error(marks)
+        )
         return np.diff(marks)[:, None, None] * known + couple_jumps(system, marks, left / scale, scale[:, None] * right)
 
     begin = None if start is None else np.linalg.qr(start / scale[:, None])[0]

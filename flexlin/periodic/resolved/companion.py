@@ -36,6 +36,10 @@ class ResolvedCompanion:
         """A at times t (N,): (N, 2 n, 2 n). Raises: SingularMassMatrix, naming the time."""
         return build_companion(*self.sample(t), t)
 
+    def mean_error(self, marks: Array) -> Array:
+        """The bound on [M D K] (K, n, 3 n) in the mean over each interval between increasing marks (K + 1,)."""
+        return self.blocks.mean_error(marks)
+
     def mean(self) -> Array:
         """The integral of A over the period, divided by T, by quadrature."""
         edges, T = self.edges, self.period

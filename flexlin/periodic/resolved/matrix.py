@@ -31,7 +31,7 @@ class ResolvedMatrix:
 
     series: the coefficients; breaks: named and found places in [0, T) where A is not smooth; found: those that were not named;
     error (rows, columns): bound on |series(t) - A(t)| over the period, in the units of the entry, measured at the check points;
-    samples: how often A was evaluated.
+    samples: how often A was evaluated; local (P, rows, columns): the same bound on each panel, where it is known.
     """
 
     series: FourierSeries | ChebyshevPanels
@@ -39,6 +39,7 @@ class ResolvedMatrix:
     found: tuple[Discontinuity, ...]
     error: Array
     samples: int
+    local: Array | None = None
 
     def __repr__(self) -> str:
         kind = "harmonics" if isinstance(self.series, FourierSeries) else f"panels of degree {self.degree}"
@@ -94,6 +95,16 @@ class ResolvedMatrix:
     def mean(self) -> Array:
         """The integral of A over the period, divided by T (rows, columns)."""
         return self.series.mean()
+
+    def mean_error(self, marks: Array) -> Array:
+        """The bound in the mean over each interval between increasing marks (K + 1,): (K, rows, columns)."""
+        if self.local is None:
+            return np.broadcast_to(self.error, (len(marks) - 1, *self.shape))
+        whole = np.cumsum(self.local * np.diff(self.edges)[:, None, None], axis=0)
+        panel = np.clip(np.searchsorted(self.edges, marks, side="right") - 1, 0, self.panels - 1)
+        before = np.concatenate([np.zeros((1, *self.shape)), whole])[panel]
+        total = before + self.local[panel] * (marks - self.edges[panel])[:, None, None]
+        return np.asarray(np.maximum(np.diff(total, axis=0) / np.diff(marks)[:, None, None], self.local.min(axis=0)))
 
     def derivative(self) -> "ResolvedMatrix":
         """A'(t) inside the panels; its error: that of A times the rate of the fastest wave or polynomial (Markov's inequality)."""

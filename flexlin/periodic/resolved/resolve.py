@@ -160,9 +160,8 @@ def _on_panels(
     if repeats:
         need_repetition(sample, series, np.concatenate([times, T * stratified(7)]), allowed, rough)
     places = np.union1d(named, [place.time for place in found])
-    return ResolvedMatrix(
-        series, tuple(places.tolist()), found, panel_error(done, sample, tol).reshape(_shape(sample)), sample.count
-    )
+    local = panel_error(done, sample, tol).reshape(-1, *_shape(sample))
+    return ResolvedMatrix(series, tuple(places.tolist()), found, local.max(axis=0), sample.count, local)
 
 
 def first_edges(period: float, named: Array, pairs: Array) -> Array:
