@@ -90,8 +90,10 @@ def left_over(panels: PanelSet, sample: Sampler, tol: float, safety: float = 1.0
 
 
 def panel_error(panels: PanelSet, sample: Sampler, tol: float) -> Array:
-    """Bound on the error of each entry on each panel (Q, E): three times the largest deviation seen, what the last coefficients would add, rounding,
-    and, unless an entry is constant on a panel, what the panel may leave over between its check points.
+    """Bound on the error of each entry on each panel (Q, E).
+
+    Three times the largest deviation seen, what the last coefficients would add, rounding, and, unless an entry is constant on a
+    panel, what the panel may leave over between its check points.
     """
     varies = np.abs(panels.coefficients[:, 1:]).max(axis=1) > 4 * EPS * sample.scale
     tails = np.abs(panels.coefficients[:, -TAIL:]).sum(axis=1)
