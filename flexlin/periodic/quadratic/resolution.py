@@ -18,6 +18,8 @@ from flexlin.periodic.system import PeriodicSystem
 
 MOST_PANELS = 128
 """Panels of equal length, at the most, of which samples of a period show every wave."""
+FEW = 2
+"""Harmonics so few that it does not matter which of them are small."""
 OTHERS = ("B", "Q", "R", "N")
 SEEN = 0.1
 """Harmonics below this part of tol, relative to the largest coefficient, need not be seen."""
@@ -92,6 +94,8 @@ def highest_wave(coefficient: ResolvedMatrix | ResolvedCompanion, tol: float) ->
     series, T = coefficient.series, coefficient.period
     if coefficient.breaks or np.diff(coefficient.edges).min() < T / MOST_PANELS:
         return np.inf
+    if isinstance(series, FourierSeries) and series.harmonics <= FEW:
+        return float(series.harmonics)
     values = None if isinstance(series, FourierSeries) else series(fourier_nodes(16 * MOST_PANELS, T))
     waves = series.coefficients if values is None else real_fourier_coefficients(values)
     H, last = len(waves) // 2, 0

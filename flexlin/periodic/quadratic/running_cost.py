@@ -3,7 +3,7 @@
 from math import sqrt
 
 from flexlin.checks import Array
-from flexlin.periodic.quadratic.backward import RiccatiSampler, bound_gain, find_share
+from flexlin.periodic.quadratic.backward import RiccatiSampler, RiccatiSamples, bound_gain, find_share
 from flexlin.periodic.quadratic.carrying import carry_residual
 from flexlin.periodic.quadratic.evidence import ROUNDING
 from flexlin.periodic.quadratic.solution import RiccatiSolution
@@ -15,7 +15,9 @@ SEEN = 32
 """Times at which the sizes of X and of the gain are looked at."""
 
 
-def judge_by_cost(sampler: RiccatiSampler, count: int, X: Array, rate: float, tol: float) -> RiccatiSolution | None:
+def judge_by_cost(
+    sampler: RiccatiSampler, samples: RiccatiSamples, X: Array, rate: float, tol: float
+) -> RiccatiSolution | None:
     """Put the solution together with a bound on its error; None where its residual is not small against the running cost.
 
         F = X' + A' X + X A - X S X + Q,   C = Q + X S X,   -r C <= F <= r C,   r < 1,   X > 0 at one time
@@ -30,10 +32,10 @@ def judge_by_cost(sampler: RiccatiSampler, count: int, X: Array, rate: float, to
     With them  |K error|_ij <= k sqrt((R^-1 B' X B R^-1)_ii X_jj),  K = R^-1 (B' X + N').
     Source: Bittanti, Colaneri, De Nicolao, The periodic Riccati equation, in The Riccati Equation (1991), ch. 6 (comparison).
 
-    Parameters: X: amplitudes (`fold_triangle`) of its values at N = `count` equally spaced nodes; it is judged half-way between them. rate:
-    the Hamiltonian's spectral radius.
+    Parameters: X: amplitudes (`fold_triangle`) of its values at N equally spaced nodes; samples: half-way between them, where it is judged.
+    rate: the Hamiltonian's spectral radius.
     """
-    samples, period, library = sampler.sample(count, True), sampler.period, sampler.library
+    count, period, library = samples.count, sampler.period, sampler.library
     values, slopes = evaluate_between(X, period, count)
     share, residual, size, sizes = find_share(library, samples, values, slopes, 8 * ROUNDING)
     if not share < MOST_SHARE:

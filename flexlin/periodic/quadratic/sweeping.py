@@ -15,7 +15,7 @@ from flexlin.periodic.quadratic.triangle import fold_few, unfold_triangle
 
 FEWEST, MOST, MOST_ENTRIES = 128, 2**13, 2**22
 """Nodes of a period, and entries of X at all of them."""
-USUAL, SLOPE, SLOW = 24.0, (0.45, 0.13, 1.0), 64
+USUAL, SLOPE, SLOW = 22.5, (0.45, 0.13, 1.0), 64
 """Nodes that a problem needs, as seen: USUAL, and a slope times period and spectral radius of the Hamiltonian, by tol^(1 / p) for the
 highest order p. The slope begins at the first, grows by the second with each wave of the coefficients, and ends at the third. Of the
 product no more than SLOW counts: what is faster than that hardly shows in X."""
@@ -32,7 +32,7 @@ LARGEST = 0.165
 WAVES = 16
 """Nodes for each wave of the coefficients, at least."""
 MOST_STATES = 24
-LAST, LEAST = 1e-3, 1e-13
+LAST, LEAST = 1e-3, 2e-13
 """The change of X(T) that ends the sweeps on all nodes, relative to tol X, and relative to X at the least."""
 CLOSER, CLOSEST = 0.05, 5e-14
 """The factor on it for the next try, and what rounding leaves of it."""
@@ -74,8 +74,9 @@ def solve_by_sweeps(problem: LinearQuadratic, period: float, tol: float) -> Ricc
             values = sweep(library, samples, period, X, turns / count, near)
             if values is None:
                 return None
-            X, seen = fold_few(values, SHARE * tol)
-            found = judge_by_cost(sampler, seen, X, rate, tol)
+            X, every = fold_few(values, SHARE * tol)
+            between = samples.between(every) if every > 1 else sampler.sample(count, True)
+            found = judge_by_cost(sampler, between, X, rate, tol)
         if found is None or found.error <= tol:
             return found
         needed, near = max(count + 1, count * (found.error / (AIM * tol)) ** (1 / order)), max(CLOSER * near, CLOSEST)

@@ -25,7 +25,7 @@ def fold_triangle(values: Array) -> Array:
 
 
 def fold_few(values: Array, tol: float) -> tuple[Array, int]:
-    """Return the amplitudes of values (E, N) by as few of them as show all harmonics above tol, and how many those are."""
+    """Return the amplitudes of values (E, N) by as few of them as show all harmonics above tol: every so many."""
     every = 2 ** max(0, int(np.log2(values.shape[1] / FEWEST)))
     while values.shape[1] % (4 * every):
         every //= 2
@@ -34,7 +34,7 @@ def fold_few(values: Array, tol: float) -> tuple[Array, int]:
         amplitudes = fold_triangle(few)
         last = np.abs(amplitudes[:, few.shape[1] // 4 :]).max(initial=0.0)
         if every == 1 or last <= tol * np.abs(amplitudes[:, 0]).max():
-            return amplitudes, few.shape[1]
+            return amplitudes, every
         every //= 2
 
 

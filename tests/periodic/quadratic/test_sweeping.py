@@ -112,7 +112,7 @@ def test_bounds_cover_what_is_added_to_the_solution():
     problem, _ = resolve_problem(linear_quadratic(system, Q, R, N), system)
     right = solve_by_sweeps(problem, 2.0, 1e-10)
     sampler, rng = RiccatiSampler(problem, 2.0, find_sweeps()), np.random.default_rng(1)
-    rows = np.tril_indices(system.n)
+    rows, between = np.tril_indices(system.n), sampler.sample(512, True)
     for size in (1e-8, 1e-5, 1e-3):
         old, H = right.series.coefficients, right.series.harmonics
         parts = right.series.coefficients.copy()
@@ -120,8 +120,8 @@ def test_bounds_cover_what_is_added_to_the_solution():
         parts[rng.integers(0, 3)] += size * (change + change.T)
         sines = np.concatenate([0 * parts[:1], parts[H + 1 :]])
         amplitudes = (parts[: H + 1] - 1j * sines)[:, *rows].T
-        wrong = judge_by_cost(sampler, 512, amplitudes, 5.0, 1.0)
-        carried = judge_by_cost(sampler, 512, amplitudes, 5.0, 0.1 * wrong.error) if wrong else None
+        wrong = judge_by_cost(sampler, between, amplitudes, 5.0, 1.0)
+        carried = judge_by_cost(sampler, between, amplitudes, 5.0, 0.1 * wrong.error) if wrong else None
         if wrong is None:
             assert size > 1e-5
             continue
