@@ -40,6 +40,11 @@ def need_one_thread() -> None:
         os.environ.update(dict.fromkeys(THREADS[:2], "1"))
 
 
+def leave_out_plugins() -> None:
+    """Keep Pydantic from looking through all installed packages for plugins, unless the user says which to leave out."""
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+
+
 def defer_unused() -> None:
     """Put the loading of unused modules off, in this process: for a program, since a library leaves the import system alone."""
     if not any(isinstance(finder, DeferredFinder) for finder in sys.meta_path):

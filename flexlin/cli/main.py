@@ -18,7 +18,7 @@ from typing import Any
 
 from flexlin import __version__
 from flexlin.cli.commands import COMMANDS
-from flexlin.cli.libraries import collect_rarely, defer_unused, need_one_thread
+from flexlin.cli.libraries import collect_rarely, defer_unused, leave_out_plugins, need_one_thread
 from flexlin.cli.options import OPTIONS
 from flexlin.cli.shared import BAD_INPUT, FAILED
 from flexlin.cli.supervised import INTERRUPTED, NO_MEMORY, PASSED_ON, supervise
@@ -85,6 +85,7 @@ def run_program() -> int:
     sys.excepthook, sys.unraisablehook, warnings.showwarning = report_fault, pass_over, report_warning
     need_one_thread()
     defer_unused()
+    leave_out_plugins()
     collect_rarely()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
