@@ -23,8 +23,6 @@ from flexlin.periodic.transition.setting import MAX_SEGMENTS, Setting, report_to
 
 PATIENCE = 1e6
 """Microseconds of collocation that are spent where decoupling has answered, but not to the wanted accuracy."""
-SURPLUS = 1.25
-"""Decoupling is tried where segments promise so many times its work: groups that do not part at once take longer."""
 ALIKE = 1e-5
 """Exponents that agree within errors as small as this are a double one that rounding splits: segments know it no better."""
 FACTOR_BYTES = 2**27
@@ -159,7 +157,7 @@ def try_decoupling(
     """Exponents by decoupling, where that promises less work than segments and keeps what it promises."""
     panels = len(system.resolved.breaks) + 1
     by_segments = estimate_segment_work(system.n, system.second_order is not None, setting)
-    tries = by_segments / (SURPLUS * estimate_decoupling_work(system.n, panels))
+    tries = by_segments / estimate_decoupling_work(system.n, panels)
     if tries < 1:
         return None
     found = solve_decoupled(system, tol, int(min(tries, MAX_MERGES)))
