@@ -15,14 +15,12 @@ from flexlin.periodic.resolved.matrix import Discontinuity, ResolvedMatrix, divi
 from flexlin.periodic.resolved.panels import left_over, panel_error, shown_degree
 from flexlin.periodic.resolved.refining import PanelResolver
 from flexlin.periodic.resolved.repetition import need_repetition
-from flexlin.periodic.resolved.sampling import CheckPoints, Sampler, graded, stratified
+from flexlin.periodic.resolved.sampling import CheckPoints, Sampler, graded, stratified, usual_phases
 
 __all__ = ["Discontinuity", "ResolvedMatrix", "resolve"]
 
-CHECKS, FEW = 12289, 200
-"""Check points of a function of which nothing is known; and of one whose narrow features are named, where it needs panels."""
-ENDS = np.geomspace(3e-11, 3e-5, 19)
-"""Where such a function is checked too, from either end of the period: a pulse there begins or ends with it."""
+FEW = 200
+"""Check points of a function whose narrow features are named, where it needs panels."""
 REPEATS = 3
 """Times at which such a function is compared with itself a period later, where it is smooth."""
 STEP = 4.0
@@ -103,8 +101,8 @@ def resolve(
         raise ArgumentError("a feature has no width", got=pairs[:, 1].tolist(), expected="widths greater than 0")
     sample = Sampler(A, period, least)
     about = [centre + 4 * width * (2 * stratified(64) - 1) for centre, width in pairs]
-    ends = [] if complete else [period * ENDS, period * (1 - ENDS)]
-    checks = CheckPoints(sample, np.concatenate([period * stratified(FEW if complete else CHECKS), *about, *ends]))
+    phases = stratified(FEW) if complete else usual_phases()
+    checks = CheckPoints(sample, np.concatenate([period * phases, *about]), not complete and not about)
     if repeats and not len(named) and not len(pairs):
         fit = fit_fourier(sample, tol, None if complete else checks)
         if fit is not None:

@@ -7,6 +7,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
+from flexlin.periodic.fourier import fourier_basis
 
 CHUNK = 2**23
 """Bytes of samples that one call of the coefficient may return."""
@@ -14,6 +15,9 @@ KEPT = 2**26
 """Bytes of samples at check points that are kept."""
 FOLDED = 64
 """Rows that are taken as one."""
+CHECKS, ENDS = 12289, np.geomspace(3e-11, 3e-5, 19)
+"""Check points of a function of which nothing is known; and where, from either end of the period, it is checked too: a pulse there begins
+or ends with it."""
 GOLDEN = (np.sqrt(5) - 1) / 2
 
 
@@ -91,10 +95,13 @@ class Sampler:
 
 
 class CheckPoints:
-    """Increasing times in [0, T) at which a representation is compared with A; the samples are kept where memory allows."""
+    """Increasing times in [0, T) at which a representation is compared with A; the samples are kept where memory allows.
 
-    def __init__(self, sample: Sampler, t: Array):
-        self.sample, self._given = sample, t
+    usual: whether they are those of `usual_phases`.
+    """
+
+    def __init__(self, sample: Sampler, t: Array, usual: bool = False):
+        self.sample, self._given, self.usual = sample, t, usual
         self._kept: Array | None = None
 
     @cached_property
@@ -147,6 +154,18 @@ def stratified(count: int, jitter: float = 0.2) -> Array:
     phases = (i + 0.5 + jitter * (np.mod((i + 1) * GOLDEN, 1.0) - 0.5)) / count
     phases.setflags(write=False)
     return phases
+
+
+@lru_cache(maxsize=1)
+def usual_phases() -> Array:
+    """Return increasing phases in (0, 1) at which a function of which nothing is known is checked, closer to the ends of the period."""
+    return np.concatenate([ENDS, stratified(CHECKS), 1 - ENDS[::-1]])
+
+
+@lru_cache(maxsize=3)
+def usual_waves(harmonics: int) -> Array:
+    """Return the cosines and sines there, (N, 2 H), kept between calls."""
+    return np.ascontiguousarray(fourier_basis(usual_phases(), harmonics)[:, 1:])
 
 
 def graded(centres: Sequence[float] | Array, nearest: float, farthest: float, ratio: float) -> Array:
