@@ -68,6 +68,7 @@ def spectrum_motion(
     return motion
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def motion_at(
     same: float, form: PeriodicSchur, factors: Array, better: Array, noise: Couplings | None, counts: Array
 ) -> Motion:
@@ -84,7 +85,6 @@ def motion_at(
     rounding = size * length_left[1:, :, None] * length_right[:-1, None, :] / np.abs(growth)
     if noise is not None:
         rounding += noise(left[:-1], right[:-1])
-    rounding = np.minimum(rounding, UNKNOWN)  # its square stays a number
     rounding = np.maximum(np.sqrt((counts * rounding**2).sum(axis=0)), COHERENT * (counts * rounding).sum(axis=0))
     rounding += form.defect * length_left[0][:, None] * length_right[0]
     shift = np.diagonal(method, axis1=1, axis2=2).sum(axis=0)
@@ -95,7 +95,12 @@ def motion_at(
     by_rounding = (
         np.diagonal(rounding) + bound_pairs(rounding, np.diagonal(rounding), gap, shared) + 4 * EPS * np.abs(form.logs)
     )
-    return Motion(shift, by_method, by_rounding)
+    return Motion(known(shift), known(by_method), known(by_rounding))
+
+
+def known(bound: Array) -> Array:
+    """A bound as a number: UNKNOWN where it left the range of numbers."""
+    return np.minimum(np.nan_to_num(bound, nan=UNKNOWN), UNKNOWN)
 
 
 def bound_pairs(coupling: Array, own: Array, gap: Array, shared: Array) -> Array:

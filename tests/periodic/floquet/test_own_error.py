@@ -76,3 +76,14 @@ def test_the_rounding_of_non_normal_factors_is_covered(seed):
     result = fl.floquet(system)
     apart = match_logs(result.log_multipliers, known * system.period)[1] / system.period
     assert np.all(apart <= result.errors)
+
+
+def test_bounds_beyond_the_range_of_numbers_are_numbers_that_decide_nothing():
+    """Errors were not-a-number here, with a warning of NumPy's, and the verdict "zero to within its error"."""
+    rng, n = np.random.default_rng(16), 6
+    U = np.triu(10 ** rng.uniform(3, 6) * rng.standard_normal((n, n)), 1) - np.diag(10 ** rng.uniform(-1, 1, n))
+    Q = np.linalg.qr(rng.standard_normal((n, n)))[0]
+    C, T = Q @ U @ Q.T, 10 ** rng.uniform(0, 1.5)
+    result = fl.floquet(fl.PeriodicSystem(lambda t: (1 + 0.5 * np.sin(2 * np.pi * t / T))[:, None, None] * C, T))
+    assert np.isfinite(result.errors).all()
+    assert (result.verdict, result.reason[:36]) == ("undecided", "double precision cannot decide: roun")
