@@ -15,13 +15,13 @@ from flexlin.periodic.quadratic.triangle import fold_few, unfold_triangle
 
 FEWEST, MOST, MOST_ENTRIES = 128, 2**13, 2**22
 """Nodes of a period, and entries of X at all of them."""
-USUAL, SLOPE, SLOW = 22.5, (0.45, 0.13, 1.0), 64
+USUAL, SLOPE, SLOW = 22.5, (0.45, 0.13, 1.0), 40
 """Nodes that a problem needs, as seen: USUAL, and a slope times period and spectral radius of the Hamiltonian, by tol^(1 / p) for the
 highest order p. The slope begins at the first, grows by the second with each wave of the coefficients, and ends at the third. Of the
 product no more than SLOW counts: what is faster than that hardly shows in X."""
 AIM = 0.3
 """Part of tol at which more nodes aim."""
-ORDERS = {10: 0.075, 8: 0.135, 6: 0.2, 4: 0.36, 3: 0.5}
+ORDERS = {10: 0.075, 8: 0.15, 6: 0.2, 4: 0.36, 3: 0.5}
 """Orders of Adams' method, and the largest product of a step and the Hamiltonian's spectral radius at which each is stable."""
 STARTS = ((8, 4, 1e-2), (4, 6, 1e-2), (2, 8, 1e-3))
 """Sweeps start on few nodes: every so many of them; the highest order; and the change of X(T), relative to X, after which more follow."""
