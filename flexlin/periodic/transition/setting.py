@@ -109,5 +109,5 @@ def report_too_many(wanted: float, limit: int, tol: float) -> TooManySegments:
         f"tol {tol:.1e} needs about {wanted:.2g} segments of the period",
         got=f"{wanted:.2g}",
         expected=f"at most {limit}",
-        todo="ask for a larger tol, or leave out the fastest modes",
+        todo="ask for a larger tol, leave out the fastest modes, or take coordinates in which A is closer to normal",
     )
