@@ -11,14 +11,14 @@ from flexlin.errors import TooManySegments
 from flexlin.periodic.assignment import assign
 from flexlin.periodic.circle import measure_distances, pair_conjugates, wrap_log
 from flexlin.periodic.decoupling.decouple import MAX_MERGES
-from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
+from flexlin.periodic.decoupling.decoupled import Refusal
 from flexlin.periodic.floquet.constant import solve_constant
 from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_decoupled, solve_steady
 from flexlin.periodic.floquet.hamiltonian import is_hamiltonian, pair_hamiltonian
 from flexlin.periodic.floquet.result import FloquetResult, judge
 from flexlin.periodic.floquet.segmented import SegmentedSpectrum, solve_by_segments
 from flexlin.periodic.system import PeriodicSystem, as_system
-from flexlin.periodic.transition.choice import choose_setting, estimate_segment_work, fall_back
+from flexlin.periodic.transition.choice import choose_setting, estimate_evidence_work, estimate_segment_work, fall_back
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, Setting, report_too_many
 
 PATIENCE = 1e6
@@ -138,23 +138,42 @@ def find_exponents(
     if method == "auto" and not isinstance(steady := solve_steady(system, tol), Refusal):
         return replace(finish(system, *steady[:3], tol, paired=True), decoupled=steady[3])
     setting = choose_setting(system, tol, method, order, None)
-    if method == "auto":
-        answer = try_decoupling(system, setting, tol, limit)
-        if answer is not None:
-            exponents, errors, chosen, decoupled = answer
-            return replace(finish(system, exponents, errors, chosen, tol), decoupled=decoupled)
-        if setting.segments > limit:
-            setting = fall_back(system, tol)
+    answer = answer_by_either if method == "auto" else answer_by_segments
+    return answer(system, setting, tol, limit, by_segments)
+
+
+def answer_by_segments(
+    system: PeriodicSystem, setting: Setting, tol: float, limit: int, by_segments: BySegments
+) -> FloquetResult:
+    """The exponents of the product of the segments' factors.
+
+    Raises: TooManySegments.
+    """
     if setting.segments > limit:
         raise report_too_many(setting.segments, limit, tol)
     spectrum = by_segments(system, setting, tol, limit)
     return finish(system, spectrum.logs / system.period, spectrum.errors / system.period, spectrum.setting, tol)
 
 
-def try_decoupling(
-    system: PeriodicSystem, setting: Setting, tol: float, limit: int
-) -> tuple[Array, Array, Setting, Decoupled | None] | None:
-    """Exponents by decoupling, where that promises less work than segments and keeps what it promises."""
+def answer_by_either(
+    system: PeriodicSystem, setting: Setting, tol: float, limit: int, by_segments: BySegments
+) -> FloquetResult:
+    """The exponents by decoupling where that promises less work, else by segments; by the better one where decoupling misses tol."""
+    decoupled = try_decoupling(system, setting, tol)
+    if decoupled is not None and not (count_missed(decoupled, tol) and is_worth_trying(system, setting, limit)):
+        return decoupled
+    try:
+        possible = setting if setting.segments <= limit else fall_back(system, tol)
+        answer = answer_by_segments(system, possible, tol, limit, by_segments)
+    except TooManySegments:
+        if decoupled is None:
+            raise
+        return decoupled
+    return answer if decoupled is None or count_missed(answer, tol) <= count_missed(decoupled, tol) else decoupled
+
+
+def try_decoupling(system: PeriodicSystem, setting: Setting, tol: float) -> FloquetResult | None:
+    """The exponents by decoupling, where that promises less work than segments, and serves."""
     panels = len(system.resolved.breaks) + 1
     by_segments = estimate_segment_work(system.n, system.second_order is not None, setting)
     tries = by_segments / estimate_decoupling_work(system.n, panels)
@@ -164,13 +183,22 @@ def try_decoupling(
     if isinstance(found, Refusal):
         return None
     exponents, errors, decoupled = found
-    size = np.maximum(1.0, np.abs(exponents))
-    alike = find_coinciding_within(exponents * system.period, errors * system.period) & (errors <= ALIKE * size)
-    reached = np.all((errors <= tol * size) | np.isinf(errors) | alike)
-    if not reached and setting.segments <= limit and by_segments < PATIENCE:
-        return None
     reason = f"eigenvalues of A(t) up to {setting.rate:.3g} 1/s beside a motion of {2 * np.pi / system.period:.3g} 1/s"
-    return exponents, errors, Setting("decoupling", 0, 1, reason, setting.rate), decoupled
+    chosen = Setting("decoupling", 0, 1, reason, setting.rate)
+    return replace(finish(system, exponents, errors, chosen, tol), decoupled=decoupled)
+
+
+def is_worth_trying(system: PeriodicSystem, setting: Setting, limit: int) -> bool:
+    """Whether segments are tried where decoupling has answered, but not to the wanted accuracy."""
+    solution = estimate_segment_work(system.n, system.second_order is not None, setting)
+    return setting.segments <= limit and solution + estimate_evidence_work(system.n, setting.segments) < PATIENCE
+
+
+def count_missed(found: FloquetResult, tol: float) -> int:
+    """How many exponents miss tol; those that are enclosed only do not, nor those that coincide with another one as far as can be known."""
+    size, logs = np.maximum(1.0, np.abs(found.exponents)), found.exponents * found.period
+    alike = find_coinciding_within(logs, found.errors * found.period) & (found.errors <= ALIKE * size)
+    return int(np.sum(~((found.errors <= tol * size) | np.isinf(found.errors) | alike)))
 
 
 def find_coinciding_within(logs: Array, errors: Array) -> Array:

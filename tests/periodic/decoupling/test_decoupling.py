@@ -1,6 +1,7 @@
 """Decoupling: exponents of systems with very fast modes, against exact ones, and refusals where nothing stands apart."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from scipy.linalg import expm
 from scipy.optimize import linear_sum_assignment
 
 import flexlin as fl
+from flexlin.errors import TooManySegments
 from flexlin.periodic.decoupling.decouple import decouple
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.exponents import decoupled_exponents
@@ -15,8 +17,10 @@ from flexlin.periodic.decoupling.grouping import Group, block_mask
 from flexlin.periodic.decoupling.panels import panel_exponents
 from flexlin.periodic.decoupling.superadiabatic import sylvester
 from flexlin.periodic.decoupling.waves import circle_derivative, interpolated, shifted
+from flexlin.periodic.floquet import exponents as routes
 from flexlin.periodic.floquet.decoupled import hide_enclosed
-from studies.scaling import scene_of
+from flexlin.periodic.floquet.segmented import SegmentedSpectrum
+from studies import scaling
 from tests.periodic.rotated import KINDS, Rotated, Turn, Wave, random_system, wave
 
 LINKS = {(2, 2): -1.877841128, (3, 2): -0.4336677909}
@@ -74,11 +78,41 @@ def test_the_fastest_frequency_costs_neither_nodes_nor_digits(fast):
 
 @pytest.mark.parametrize("chain", LINKS)
 def test_a_chain_of_links(chain):
-    scene = scene_of(*chain)
+    scene = scaling.scene_of(*chain)
     system = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control).periodic_system()
     answer = decoupled_exponents(decouple(system.A, system.period, tol=1e-8))
     assert answer.exponents[0].real == pytest.approx(LINKS[chain], rel=2e-10)
     assert (answer.errors <= 1e-8 * np.maximum(1, np.abs(answer.exponents) * 50)).all()
+
+
+def test_a_stiff_chain_keeps_what_decoupling_knows(monkeypatch):
+    """Four fast modes are only enclosed; 5,000 segments would take a hundred times as long and know less of all the others."""
+    monkeypatch.setitem(scaling.LINK, "bending_stiffness", 2000.0)
+    scene = scaling.scene_of(3, 2)
+    system = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control).periodic_system()
+    found = fl.floquet(system, 1e-8)
+    assert found.verdict == "stable"
+    assert found.setting.method == "decoupling"
+    assert np.sum(found.errors > 1e-8 * np.maximum(1, np.abs(found.exponents))) == 4
+
+
+def test_the_worse_of_two_answers_is_not_given(monkeypatch):
+    """Decoupling that misses tol in one mode stands beside segments that miss it in all, and beside segments that do not end."""
+    system = fl.PeriodicSystem(fast_and_slow(1e4), 2.0)
+    good = fl.floquet(system, 1e-8)
+    half = replace(good, errors=np.append(good.errors[:-1], 1e3))
+    monkeypatch.setattr(routes, "solve_steady", lambda *_: Refusal("not asked"))
+    monkeypatch.setattr(routes, "try_decoupling", lambda *_: half)
+    monkeypatch.setattr(routes, "is_worth_trying", lambda *_: True)
+    blind = SegmentedSpectrum(good.log_multipliers, np.full(4, 1e3), np.zeros(4), good.setting, np.eye(4))
+    for endless in (False, True):
+
+        def by_segments(*_, endless=endless):
+            if endless:
+                raise TooManySegments("too many")
+            return blind
+
+        assert routes.find_exponents(system, 1e-8, "auto", None, None, 10**6, by_segments) is half
 
 
 def test_a_constant_system_keeps_its_eigenvalues():
