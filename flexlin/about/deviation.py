@@ -55,9 +55,16 @@ class Deviation:
         return len(self.driven)
 
     def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-        """New symbols of one time: y, y', y'' (n, 1) and the rigid motion's [q; q'; q''] (3 joints, 1)."""
+        """New symbols of one time, y, y', y'' (n, 1), and the rigid motion's [q; q'; q''] (3 joints, 1)."""
         y, rate, acceleration = (ca.SX.sym(name, self.n) for name in ("y", "y1", "y2"))
-        return y, rate, acceleration, ca.SX.sym("angles", 3 * self.arm.joints)
+        return y, rate, acceleration, self.rigid_motion()
+
+    def rigid_motion(self) -> ca.SX:
+        """[q; q'; q''] as expressions of phase and the arm's parameters, or new symbols for a motion that is given by numbers."""
+        motion = self.motion
+        if not isinstance(motion, SymbolicMotion):
+            return ca.SX.sym("angles", 3 * self.arm.joints)
+        return ca.substitute(ca.vertcat(*motion.rates), motion.parameters.symbols, self.arm.parameters.symbols)
 
     def coordinates(self, angles: ca.SX, *deviation: ca.SX) -> list[ca.SX]:
         """s, s', s'' as expressions; `deviation` is y, y', y'', as many as are not zero."""
@@ -76,11 +83,10 @@ class Deviation:
     def function(self, angles: ca.SX, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:
         """A function of `inputs`, the place on the motion, and the free parameters; evaluate it with `evaluate`.
 
-        The place is the phase, or q, q', q'' for a motion that is given by numbers.
+        angles: those of `symbols`. The place is the phase, or q, q', q'' for a motion that is given by numbers.
         """
         motion, p, values = self.motion, self.arm.parameters.symbols, list(outputs.values())
         if isinstance(motion, SymbolicMotion):
-            values = ca.substitute(values, [angles, motion.parameters.symbols], [ca.vertcat(*motion.rates), p])
             place = {"phase": motion.phase}
         else:
             place = dict(zip(("q", "q1", "q2"), ca.vertsplit(angles, self.arm.joints), strict=True))

@@ -54,17 +54,16 @@ def balance(about: Deviation, closing: Closing, controller: Controller | None = 
     """
     arm, kept, driven, n, m = about.arm, list(about.kept), list(about.driven), about.n, about.m
     k = 0 if controller is None else controller.states
-    *moved, angles = about.symbols()
+    y, y_rate, y_acceleration, angles = about.symbols()
+    speed = ca.SX.sym("speed")
     names = (("torque", m), ("z", k), ("offset", m), ("gain", m * (2 * n + k)), ("steer", k))
     torque, z, offset, gain, steer = (ca.SX.sym(name, size) for name, size in names)
-    left, B = about.lift([arm.residual, arm.B[:, driven]], angles, *moved)
-    y, y_rate, y_acceleration = moved
-    s, rigid = about.coordinates(angles, y)[0], about.coordinates(angles)[0]
-    at = Unknowns(y, y_rate, torque, z, offset, ca.reshape(gain, m, 2 * n + k), s, rigid)
+    there, *moved = at_speed(speed, angles, y, y_rate, y_acceleration)
+    left, B = about.lift([arm.residual, arm.B[:, driven]], there, *moved)
+    s, rigid = about.coordinates(there, y)[0], about.coordinates(there)[0]
+    at = Unknowns(y, moved[1], torque, z, offset, ca.reshape(gain, m, 2 * n + k), s, rigid)
     rates = ca.DM(0, 2 * n) if controller is None else ca.DM(controller.rates)
-    F = ca.vertcat((left - B @ torque)[kept], closing(about, at), -rates @ ca.vertcat(y, y_rate, z) - steer)
-    speed = ca.SX.sym("speed")
-    (F,) = ca.substitute([F], [ca.vertcat(angles, *moved)], [at_speed(speed, angles, *moved)])
+    F = ca.vertcat((left - B @ torque)[kept], closing(about, at), -rates @ ca.vertcat(y, moved[1], z) - steer)
     others = ca.vertcat(torque, z)
     outputs = {"F": F} | {
         name: ca.jacobian(F, by) for name, by in (("K", y), ("D", y_rate), ("M", y_acceleration), ("T", others))
@@ -82,10 +81,10 @@ def balance(about: Deviation, closing: Closing, controller: Controller | None = 
     return about.function(angles, named, outputs)
 
 
-def at_speed(speed: ca.SX, angles: ca.SX, y: ca.SX, y_rate: ca.SX, y_acceleration: ca.SX) -> ca.SX:
-    """[angles; y; y'; y''] with all first derivatives times the speed, all second ones times its square."""
+def at_speed(speed: ca.SX, angles: ca.SX, y: ca.SX, y_rate: ca.SX, y_acceleration: ca.SX) -> list[ca.SX]:
+    """[q; q'; q''], y, y', y'' with all first derivatives times the speed, all second ones times its square."""
     q, rate, acceleration = ca.vertsplit(angles, angles.size1() // 3)
-    return ca.vertcat(q, speed * rate, speed**2 * acceleration, y, speed * y_rate, speed**2 * y_acceleration)
+    return [ca.vertcat(q, speed * rate, speed**2 * acceleration), y, speed * y_rate, speed**2 * y_acceleration]
 
 
 @dataclass(frozen=True, eq=False)

@@ -61,11 +61,12 @@ def periodic_riccati(
 
     Notes
     -----
-    Where the Hamiltonian has no fast modes, the equation is swept backwards over the period, Newton's method closes it, and the residual
-    beside the running cost bounds its error. Elsewhere, where X has few harmonics, it is sought as a Fourier series by Newton's method,
-    proved to stabilise, and its residual gives its error. Otherwise each segment's Hamiltonian transition matrix is brought to scattering
-    form; segments combine by the Redheffer star product; the whole period is doubled until H, the cost of 2^k periods with a free end,
-    stops changing. The period map of the Hamiltonian is never formed, so neither fast unstable plants nor long periods overflow.
+    Where the Hamiltonian has no fast modes, the equation is swept backwards over the period, Newton's method closes it, and the
+    residual beside the running cost bounds its error. Elsewhere, or where this leaves K less certain than tol, where X has few
+    harmonics, it is sought as a Fourier series by Newton's method, proved to stabilise, and its residual gives its error. Otherwise
+    each segment's Hamiltonian transition matrix is brought to scattering form; segments combine by the Redheffer star product; the
+    whole period is doubled until H, the cost of 2^k periods with a free end, stops changing. The period map of the Hamiltonian is never
+    formed, so neither fast unstable plants nor long periods overflow.
 
     References
     ----------
@@ -90,9 +91,11 @@ def periodic_riccati(
     problem, edges = resolve_problem(linear_quadratic(system, Q, R, N), system)
     tol = positive("tol", tol)
     swept = solve_by_sweeps(problem, system.period, tol)
-    if swept is not None:
+    if swept is not None and swept.gain_error <= tol:
         return swept
     smooth = solve_by_harmonics(problem, system.period, tol)
+    if swept is not None:
+        return smooth if smooth is not None and smooth.error <= tol and smooth.gain_error < swept.gain_error else swept
     if smooth is not None and smooth.error <= LIMITED * tol:
         return smooth if smooth.error <= tol else name_limit(smooth, "rounding", tol)
     return solve_by_plans(problem, divide_for_waves(problem, edges, tol), None, tol, smooth)
