@@ -57,15 +57,8 @@ def factor_by_gauss(system: PeriodicSystem, grid: Array, order: int) -> Array:
     """
     resolved = system.resolved
     if isinstance(resolved, ResolvedCompanion):
-        return companion_transitions(resolved, grid, order // 2)
-    try:
-        return factor_in_like_units(system, lambda A: gauss_transitions(A, grid, order // 2))
-    except np.linalg.LinAlgError:
-        raise NumericalError(
-            "the stages of a segment are not determined: it is too long for A(t)",
-            got=f"{len(grid) - 1} segments",
-            todo="ask for more segments, or leave method and segments to the solver",
-        ) from None
+        return need_determined(lambda: companion_transitions(resolved, grid, order // 2), grid)
+    return need_determined(lambda: factor_in_like_units(system, lambda A: gauss_transitions(A, grid, order // 2)), grid)
 
 
 def factor_by_magnus(system: PeriodicSystem, grid: Array, order: int) -> Array:
@@ -73,7 +66,24 @@ def factor_by_magnus(system: PeriodicSystem, grid: Array, order: int) -> Array:
 
 
 def factor_by_radau(system: PeriodicSystem, grid: Array, order: int) -> Array:
-    return factor_in_like_units(system, lambda A: radau_transitions(A, grid, (order + 1) // 2))
+    """Radau collocation of odd order.
+
+    Raises: NumericalError where the equations of a segment's stages are singular.
+    """
+    stages = (order + 1) // 2
+    return need_determined(lambda: factor_in_like_units(system, lambda A: radau_transitions(A, grid, stages)), grid)
+
+
+def need_determined(make: Callable[[], Array], grid: Array) -> Array:
+    """Factors by collocation on a grid; NumericalError where a segment is too long for its stages."""
+    try:
+        return make()
+    except np.linalg.LinAlgError:
+        raise NumericalError(
+            "the stages of a segment are not determined: it is too long for A(t)",
+            got=f"{len(grid) - 1} segments",
+            todo="ask for more segments, or leave method and segments to the solver",
+        ) from None
 
 
 METHODS: dict[str, Callable[[PeriodicSystem, Array, int], Array]] = {

@@ -85,8 +85,10 @@ def test_modes_that_all_grow_or_decay_alike(n, growth):
     assert np.all(result.errors < 1e-6)
 
 
-def test_a_fixed_resolution_whose_stages_are_singular_is_refused():
-    case = draw("fixed settings", 991000117)  # found by the jury: 20 segments for multipliers down to exp(-90)
+@pytest.mark.parametrize("seed", [991000117, 7707000084])
+def test_a_fixed_resolution_whose_stages_are_singular_is_refused(seed):
+    """Found by the jury: 20 segments for multipliers down to exp(-90), by Gauss and by Radau."""
+    case = draw("fixed settings", seed)
     with pytest.raises(NumericalError, match="ask for more segments"):
         case.answer()
 
