@@ -33,8 +33,8 @@ WINGS = {
     "about": "bridge",
 }
 GROUND = (
-    "symbolic", "tape", "expressions", "compiler", "lapack", "files", "arguments", "checks", "errors", "text", "summary", "progress",
-    "resources", "plots",
+    "symbolic", "tape", "expressions", "compiler", "lapack", "lazy", "files", "arguments", "checks", "errors", "text", "summary",
+    "progress", "resources", "plots",
 )  # fmt: skip
 """What nearly every room stands on: drawn as the ground, without arrows."""
 WING_WIDTH, DEEPER = 430, 50

@@ -17,7 +17,7 @@ from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.glimpse import glimpse
 from flexlin.periodic.floquet.modes import solve_floquet_modes
-from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.periodic.floquet.result import FloquetResult, find_reached
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
@@ -86,7 +86,8 @@ class Family:
         self.evaluations += len(points)
         found = [self.try_at(point, tol) for point in (points[[0, -1]] if quick and len(points) > 2 else points)]
         if len(found) < len(points):
-            look = glimpse if all(one is not None and is_met(one, tol) for one in found) else floquet
+            met = [one is not None and bool(find_reached(one.exponents, one.errors, tol).all()) for one in found]
+            look = glimpse if all(met) else floquet  # rounding hides nothing then, and the first setting is fine enough
             found[1:1] = [self.try_at(point, tol, look) for point in points[1:-1]]
         known = [one for one in found if one is not None]
         if not known:
@@ -256,11 +257,6 @@ class OneOfSeveral(Family):
         family, placed = self.place(point[None])
         found = family.slopes(placed[0])
         return None if found is None else (*found[:2], found[2][self.index : self.index + 1])
-
-
-def is_met(found: FloquetResult, tol: float) -> bool:
-    """Whether each error is at most tol, relative beyond 1/s: rounding hides nothing then, and the first setting was fine enough."""
-    return bool(np.all(found.errors <= tol * np.maximum(1.0, np.abs(found.exponents))))
 
 
 def make_family(

@@ -3,9 +3,9 @@
 The builder and the manipulator are loaded when they are first used: a scene only needs to know the effects.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from flexlin.lazy import load_lazily
 from flexlin.mechanics.effects import Effect, register_effect
 
 if TYPE_CHECKING:
@@ -14,10 +14,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Effect", "Manipulator", "build_manipulator", "register_effect"]
 
-_HOME = {"build_manipulator": "flexlin.mechanics.chain", "Manipulator": "flexlin.mechanics.manipulator"}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module 'flexlin.mechanics' has no attribute {name!r}")
-    return getattr(import_module(_HOME[name]), name)
+__getattr__ = load_lazily(
+    __name__, {"build_manipulator": "flexlin.mechanics.chain", "Manipulator": "flexlin.mechanics.manipulator"}
+)[0]

@@ -1,14 +1,12 @@
 """Stability over many values of scene parameters. The public names are loaded when they are first used: workers need few of them."""
 
-from importlib import import_module
-from typing import Any
+from flexlin.lazy import load_lazily
 
-_HOME = {"check_values": "axes", "worst_error": "found", "sweep": "run"}
-
-__all__ = sorted(_HOME)
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+__getattr__, __dir__, __all__ = load_lazily(
+    __name__,
+    {
+        "check_values": "flexlin.answers.sweep.axes",
+        "sweep": "flexlin.answers.sweep.run",
+        "worst_error": "flexlin.answers.sweep.found",
+    },
+)

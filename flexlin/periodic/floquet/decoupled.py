@@ -11,6 +11,7 @@ from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.exponents import decoupled_exponents
 from flexlin.periodic.decoupling.steady import decouple_steady
 from flexlin.periodic.decoupling.steady_exponents import find_steady_exponents
+from flexlin.periodic.floquet.result import find_reached
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.native.library import find_library
 from flexlin.periodic.resolved.uncertainty import couple_uncertainty
@@ -71,7 +72,7 @@ def solve_steady(system: PeriodicSystem, tol: float) -> tuple[Array, Array, Sett
     if isinstance(found, Refusal):
         return found
     exponents, errors = found
-    if not np.all(errors <= tol * np.maximum(1.0, np.abs(exponents))):
+    if not find_reached(exponents, errors, tol).all():
         return Refusal("tol is not met")
     rate = float(np.abs(np.einsum("tii->ti", decoupled.generator)).max())
     code = "compiled code" if decoupled.diagonal is not None else "NumPy"

@@ -15,7 +15,7 @@ from flexlin.periodic.decoupling.decoupled import Refusal
 from flexlin.periodic.floquet.constant import solve_constant
 from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_decoupled, solve_steady
 from flexlin.periodic.floquet.hamiltonian import is_hamiltonian, pair_hamiltonian
-from flexlin.periodic.floquet.result import FloquetResult, judge
+from flexlin.periodic.floquet.result import FloquetResult, find_reached, judge
 from flexlin.periodic.floquet.segmented import SegmentedSpectrum, solve_by_segments
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.choice import choose_setting, estimate_evidence_work, estimate_segment_work, fall_back
@@ -198,7 +198,8 @@ def count_missed(found: FloquetResult, tol: float) -> int:
     """How many exponents miss tol; those that are enclosed only do not, nor those that coincide with another one as far as can be known."""
     size, logs = np.maximum(1.0, np.abs(found.exponents)), found.exponents * found.period
     alike = find_coinciding_within(logs, found.errors * found.period) & (found.errors <= ALIKE * size)
-    return int(np.sum(~((found.errors <= tol * size) | np.isinf(found.errors) | alike)))
+    reached = find_reached(found.exponents, found.errors, tol)
+    return int(np.sum(~(reached | np.isinf(found.errors) | alike)))
 
 
 def find_coinciding_within(logs: Array, errors: Array) -> Array:
@@ -253,5 +254,5 @@ def solve_by_hill(system: PeriodicSystem, tol: float, harmonics: int | None) -> 
     setting = Setting("hill", spectrum.harmonics, 1, "as asked")
     if harmonics is not None or not spectrum.covered:
         return judge_beside(system, folded, spectrum.rounding, setting, tol)
-    reached = np.all(spectrum.errors <= np.maximum(tol * np.maximum(1.0, np.abs(folded)), 2 * spectrum.rounding))
-    return judge(folded, spectrum.errors, system.period, setting, tol, coarse=not reached)
+    reached = find_reached(folded, spectrum.errors, tol) | (spectrum.errors <= 2 * spectrum.rounding)
+    return judge(folded, spectrum.errors, system.period, setting, tol, coarse=not reached.all())

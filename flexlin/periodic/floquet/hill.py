@@ -8,6 +8,7 @@ from numpy.polynomial.legendre import leggauss
 
 from flexlin.checks import Array, check_size, whole
 from flexlin.periodic.circle import count_turns, measure_distances
+from flexlin.periodic.floquet.result import find_reached
 from flexlin.periodic.resolved.uncertainty import couple_uncertainty
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choice import count_waves
@@ -61,7 +62,7 @@ def hill_spectrum(system: PeriodicSystem, tol: float, harmonics: int | None = No
     while True:
         moved = measure_distances(fine[0] * system.period, coarse[0] * system.period).min(axis=1) / system.period
         errors = 2 * moved + fine[1]
-        reached = np.all((errors <= tol * np.maximum(1, np.abs(fine[0]))) | (errors <= 2 * fine[1]))
+        reached = np.all(find_reached(fine[0], errors, tol) | (errors <= 2 * fine[1]))
         if reached or harmonics is not None or n * (4 * count + 1) > MAX_SIZE:
             return HillSpectrum(fine[0], errors, count, fine[1], waves <= count // 2)
         count *= 2

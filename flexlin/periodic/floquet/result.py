@@ -196,6 +196,11 @@ def judge(
     return FloquetResult(exponents, errors, period, verdict, status, setting, reason)
 
 
+def find_reached(exponents: Array, errors: Array, tol: float) -> Array:
+    """Which errors (n,) are at most tol, relative beyond 1/s."""
+    return np.asarray(errors <= tol * np.maximum(1.0, np.abs(exponents)))
+
+
 def explain(verdict: str, growth: float, error: float, period: float, tol: float, isolated: bool, coarse: bool) -> str:
     """Why a verdict is undecided, or says less than it seems to; nothing where it is plain."""
     if isolated:
