@@ -41,6 +41,19 @@ def test_a_block_beyond_its_time_is_ended_and_the_alarm_is_gone() -> None:
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
 
 
+def test_an_alarm_within_a_change_of_numpys_error_handling_leaves_none_of_it() -> None:
+    """It may ring between the change and the block that would take it back: every overflow after it would go unsaid."""
+    before = np.geterr()
+
+    def changes() -> None:
+        np.seterr(all="ignore")
+        spin(20.0)
+
+    with pytest.raises(TimeLimit), time_limit("the stage", 0.1):
+        changes()
+    assert np.geterr() == before
+
+
 def test_a_calculation_that_takes_the_alarm_for_a_failed_attempt_is_ended_too() -> None:
     def tries_twice() -> None:
         with suppress(NumericalError):

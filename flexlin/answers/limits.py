@@ -80,7 +80,8 @@ def time_limit(
     """End the block with TimeLimit once it has taken so many seconds of wall time, with TooLarge once it holds so many bytes more.
 
     An alarm of the operating system interrupts the main thread between two instructions of Python, as Ctrl-C does; handler and timer of
-    before are restored. In other threads, and where there is no such alarm, the block is let run to its end. `allowed` says what to do.
+    before are restored, and so is what NumPy does on overflow: the alarm may ring between a change of that and the block that takes it
+    back. In other threads, and where there is no such alarm, the block is let run to its end. `allowed` says what to do.
     """
     allowed = allowed or Allowance(seconds, memory, seconds, memory, seconds)
     if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
@@ -101,7 +102,8 @@ def time_limit(
     handler = signal.signal(signal.SIGALRM, ring)
     before, _ = signal.setitimer(signal.ITIMER_REAL, min(seconds, TICK), min(seconds, TICK))
     try:
-        yield
+        with np.errstate():
+            yield
     except BaseException as error:  # compiled code may hand the alarm on as an error of its own
         if rung and not isinstance(error, TimeLimit | TooLarge):
             raise rung[-1] from error

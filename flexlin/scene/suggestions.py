@@ -1,6 +1,7 @@
 """What a writer probably meant by a value of the wrong kind: a list, or a quantity with a unit."""
 
 import re
+from math import isfinite
 from typing import Any
 
 from flexlin.scene.units import dimension_of, read_quantity
@@ -27,7 +28,7 @@ def suggest(kind: str, value: Any, unit: str | None) -> str:
 
 def suggest_list(value: Any) -> str:
     """A list of the numbers in a text or of a single number: 5,2 may mean [5, 2]."""
-    if isinstance(value, int | float) and not isinstance(value, bool):
+    if isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value):
         return f"; did you mean [{value}]?"
     found = NUMBERS.fullmatch(value) if isinstance(value, str) and len(value) <= LONGEST else None
     if found is None:

@@ -184,6 +184,8 @@ def test_a_refused_value_is_answered_by_what_was_meant(assignment: str, capsys: 
     [
         ("tuple_type", "fast"),
         ("tuple_type", True),
+        ("tuple_type", float("nan")),
+        ("tuple_type", float("-inf")),
         ("float_type", "long"),
         ("float_type", "9" * 10**6),
         ("model_type", "5, 2"),
