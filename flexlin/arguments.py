@@ -18,6 +18,12 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 SYSTEM, MAKER = "PeriodicSystem", "periodic_system"
+ANY_SYSTEM = f"a {SYSTEM}, or what has one"
+HINTS = {
+    "a Scene": "load one: fl.load_scene(name or path)",
+    ANY_SYSTEM: f"make one of A(t) and its period: fl.{SYSTEM}(A, period)",
+}
+"""What to do where a value of another kind was given."""
 """Where a system is meant, a linearization serves that makes one."""
 
 
@@ -75,8 +81,8 @@ def checked(function: Function) -> Function:
 
 
 def hint(kind: Kind) -> str | None:
-    """What to do where a scene is missing, which most often means that its name was given."""
-    return "load one: fl.load_scene(name or path)" if kind.words == "a Scene" else None
+    """What to do where a scene or a system is missing, which most often means that its name, or A(t) itself, was given."""
+    return HINTS.get(kind.words)
 
 
 def shown(value: Any) -> str:
@@ -144,9 +150,7 @@ def plain_kind(annotation: Any, origin: Any, inside: tuple[Any, ...]) -> Kind | 
         has = [name for name in (*vars(annotation), *annotation.__annotations__) if not name.startswith("_")]
         return Kind(f"a {annotation.__name__}", lambda value: all(hasattr(value, name) for name in has))
     if getattr(annotation, "__name__", "") == SYSTEM and isinstance(annotation, type):
-        return Kind(
-            f"a {SYSTEM}, or what has one", lambda v: isinstance(v, annotation) or callable(getattr(v, MAKER, None))
-        )
+        return Kind(ANY_SYSTEM, lambda v: isinstance(v, annotation) or callable(getattr(v, MAKER, None)))
     if isinstance(annotation, type) and annotation not in (object, Any):
         return Kind(f"a {annotation.__name__}", lambda value: isinstance(value, annotation))
     return None

@@ -120,7 +120,7 @@ def check_samples(name: str, function: MatrixFunction, period: float) -> Array:
     Raises: ArgumentError when a value is no array or not finite (naming the time), or when the shape depends on the times.
     """
     t = period * PROBES
-    values = check_finite(name, check_array(name, function(t), t), t)
+    values = check_finite(name, check_array(name, sample_together(name, function, t), t), t)
     alone = check_array(name, function(t[:1]), t[:1])
     if alone.shape[1:] != values.shape[1:]:
         raise ArgumentError(
@@ -129,6 +129,32 @@ def check_samples(name: str, function: MatrixFunction, period: float) -> Array:
             expected="(N, rows, columns) for t of shape (N,)",
         )
     return values
+
+
+def sample_together(name: str, function: MatrixFunction, t: Array) -> Any:
+    """Call a coefficient with several times at once; refuse one that was written for a single time."""
+    try:
+        values = function(t)
+    except (ValueError, TypeError, IndexError):
+        if not takes_one_time(function, t):
+            raise
+    else:
+        if (np.ndim(values) == 3 and len(values) == len(t)) or not takes_one_time(function, t):
+            return values
+    raise ArgumentError(
+        f"{name}(t) takes a single time",
+        got="a matrix for one time, none for each of several",
+        expected=f"({len(t)}, rows, columns) for t of shape ({len(t)},)",
+        todo=f"give lambda times: numpy.array([{name}(t) for t in times]), or let {name} work on all times at once, which is faster",
+    )
+
+
+def takes_one_time(function: MatrixFunction, t: Array) -> bool:
+    """Whether the function gives a matrix for a time that is a number."""
+    try:
+        return np.ndim(function(t[0].item())) == 2
+    except Exception:  # whatever a function makes of what it was not written for
+        return False
 
 
 def check_array(name: str, value: Any, t: Array) -> Array:

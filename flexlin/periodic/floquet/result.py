@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 MARGINAL = 1e-9
 """Growth per basic frequency below which no arm shows whether a motion grows or decays."""
+ROUNDED = 1e-13
+"""Of the largest exponent, or of 1 / T: an error that rounding makes, and that no tol makes smaller."""
 MARGINAL_ADVICE = (
     "add damping, write A in coordinates in which its entries are smaller, or treat the system as marginal "
     "(undamped and rigid-body modes are)"
@@ -173,13 +175,14 @@ def judge(
     if np.any(growth > errors):
         critical = int(np.argmax(growth - errors))
         verdict = "unstable"
-    elif np.all((growth < -errors) | (np.isinf(errors) & (growth < 0))):
+    elif np.isfinite(errors).any() and np.all((growth < -errors) | (np.isinf(errors) & (growth < 0))):
         verdict = "stable"
     else:
         verdict = "undecided"
     facts = f"growth rate {growth[critical]:.6g} +- {errors[critical]:.1e} 1/s by {setting}"
     isolated = undamped and verdict == "undecided" and are_isolated(exponents, errors, period)
-    reason = explain(verdict, float(growth[critical]), float(errors[critical]), period, tol, isolated, coarse)
+    rounded = bool(errors[critical] <= ROUNDED * max(1 / period, float(np.abs(exponents).max())))
+    reason = explain(verdict, float(growth[critical]), float(errors[critical]), period, tol, isolated, coarse, rounded)
     advice = {
         "stable": "every disturbance decays",
         "unstable": "some disturbance grows: change the motion, the speed, the payload or the controller",
@@ -201,7 +204,9 @@ def find_reached(exponents: Array, errors: Array, tol: float) -> Array:
     return np.asarray(errors <= tol * np.maximum(1.0, np.abs(exponents)))
 
 
-def explain(verdict: str, growth: float, error: float, period: float, tol: float, isolated: bool, coarse: bool) -> str:
+def explain(
+    verdict: str, growth: float, error: float, period: float, tol: float, isolated: bool, coarse: bool, rounded: bool
+) -> str:
     """Why a verdict is undecided, or says less than it seems to; nothing where it is plain."""
     if isolated:
         return (
@@ -216,7 +221,7 @@ def explain(verdict: str, growth: float, error: float, period: float, tol: float
             "nearly coincide or the system is far from normal"
         )
     if verdict == "undecided":
-        return "the growth rate is zero to within its error: a smaller tol may decide"
+        return f"the growth rate is zero to within its error{', which rounding makes' if rounded else ': a smaller tol may decide'}"
     if abs(growth) * period < MARGINAL * 2 * np.pi:
         return f"practically marginal: the growth rate is below {MARGINAL:.0e} of the basic frequency"
     return ""

@@ -8,12 +8,15 @@ from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.resolved.locate import Brackets, locate, scan
 from flexlin.periodic.resolved.noise import noise_level
 from flexlin.periodic.resolved.panels import EPS, NODES, TAIL, PanelSet, fitted, groups, left_over, rough_edges
+from flexlin.periodic.resolved.repetition import need_repeatability
 from flexlin.periodic.resolved.sampling import CheckPoints, Sampler, graded, stratified
 
 NARROWEST = 1e-13
 """Width, of the period, below which a panel is not divided any more."""
 MEMORY, MOST_PANELS = 10**8, 4096
 """Bytes that the coefficients may take, and the largest number of panels."""
+MANY_PANELS = 200
+"""Panels from which on it is asked whether A gives the same values twice: noise of its own would be cut to the last bit."""
 OWN_CHECKS, WITNESSES = 17, 4
 """Check points that every panel gets, and how many failed ones a panel remembers."""
 
@@ -100,6 +103,8 @@ class PanelResolver:
         worst = int(width.argmin())
         count = len(self.done.begin) + 2 * len(width)
         most = min(MOST_PANELS, MEMORY // (8 * NODES * len(self.sample.scale)))
+        if count > MANY_PANELS:
+            need_repeatability(self.sample, panels.begin + 0.38 * width)
         if width[worst] > NARROWEST * self.sample.period and count <= most:
             return
         middle = panels.begin[worst] + width[worst] / 2
@@ -107,7 +112,7 @@ class PanelResolver:
             f"A(t) cannot be resolved near t = {middle:.15g} s",
             got=f"{count} panels, the narrowest {width[worst]:.3g} s wide",
             expected=f"at most {most} panels, none below {NARROWEST * self.sample.period:.3g} s",
-            todo="look at A there: is it bounded, does it repeat when called twice? Name jumps in `breaks` and pulses in `features`",
+            todo="look at A there: is it bounded? Name jumps in `breaks` and pulses in `features`",
         )
 
     def rough(self) -> tuple[Array, Array]:

@@ -1,11 +1,11 @@
-"""Does a coefficient repeat with the period that was given?"""
+"""Does a coefficient repeat with the period that was given, and when it is called twice?"""
 
 from collections.abc import Callable
 
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.errors import NotPeriodic
+from flexlin.errors import NotPeriodic, UnresolvedCoefficient
 from flexlin.periodic.chebyshev import chebyshev_coefficients, chebyshev_nodes
 from flexlin.periodic.resolved.sampling import Sampler, stratified
 
@@ -13,6 +13,24 @@ REPEAT = 1e-8
 """Of an entry's size: a period that is given with eight digits passes."""
 AHEAD = 4
 """Periods beyond the first over which a list of pieces must stay smooth."""
+
+
+TWICE = 1e-14
+"""Of an entry's size: what the order of sums may change between two calls."""
+
+
+def need_repeatability(sample: Sampler, t: Array) -> None:
+    """Refuse a coefficient that gives other values when it is called again at the same times t (N,) in [0, T)."""
+    gap = np.abs(sample(t) - sample(t))
+    if np.all(gap <= TWICE * sample.scale):
+        return
+    at, entry = np.unravel_index(int(np.argmax(gap - TWICE * sample.scale)), gap.shape)
+    raise UnresolvedCoefficient(
+        "A(t) is not the same when it is called twice",
+        got=f"values {gap[at, entry]:.3g} apart at t = {t[at]:.15g} s",
+        expected="the same value for the same time",
+        todo="take random numbers and what is counted on from call to call out of A: draw them once, before",
+    )
 
 
 def need_repetition(

@@ -4,6 +4,8 @@ from scipy.special import mathieu_a, mathieu_b
 
 import flexlin as fl
 from flexlin.errors import ArgumentError, NumericalError, TooManySegments
+from flexlin.periodic.floquet.result import judge
+from flexlin.periodic.transition.setting import Setting
 from tests.periodic.random_systems import draw
 from tests.periodic.systems import colaneri, lyapunov_transformed, mathieu, mathieu_second_order, meissner
 
@@ -164,3 +166,21 @@ def test_reasons_of_verdicts_that_say_less_than_they_seem():
     assert "practically marginal" in slow.reason
     assert "practically marginal" in slow.status
     assert fl.floquet(fl.PeriodicSystem(np.diag([-1.0, -2.0]), 1.0)).reason == ""
+    for nothing in (np.zeros((2, 2)), lambda t: np.cos(2 * np.pi * t)[:, None, None]):
+        assert "which rounding makes" in fl.floquet(fl.PeriodicSystem(nothing, 1.0)).reason
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e-160, 1.0, 1e160, 1e300])
+def test_a_constant_system_of_any_size_keeps_its_relative_error(size):
+    damped = np.array([[0.0, 1.0], [-1.0, -0.1]])
+    found = fl.floquet(fl.PeriodicSystem(size * damped, 1e-3))
+    assert found.verdict == "stable"
+    assert found.exponents.real == pytest.approx([-0.05 * size] * 2, rel=1e-13)
+    assert np.all(np.abs(found.exponents.real + 0.05 * size) <= found.errors)
+    assert found.error < 1e-13 * size
+
+
+def test_no_verdict_without_a_single_known_exponent():
+    """All errors were infinite here, and growth rates below zero were read as modes that decay too fast to be resolved."""
+    none = judge(np.array([-1.0, -2.0]), np.full(2, np.inf), 1.0, Setting("gauss", 8, 4, ""), 1e-9)
+    assert none.verdict == "undecided"

@@ -92,6 +92,19 @@ def test_what_cannot_be_followed_is_refused_with_its_place(f, place):
     assert float(str(caught.value).split("t = ")[1].split(" s")[0]) == pytest.approx(place, abs=1e-2)
 
 
+@pytest.mark.parametrize("size", [1.0, 1e-12])
+def test_a_function_that_is_all_noise_is_refused_before_it_is_cut_to_the_last_bit(size):
+    draw, asked = np.random.default_rng(3), []
+
+    def noisy(t):
+        asked.append(len(t))
+        return size * draw.standard_normal(len(t))
+
+    with pytest.raises(UnresolvedCoefficient, match="not the same when it is called twice"):
+        resolve(scalar(noisy), 1.0)
+    assert sum(asked) < 200_000
+
+
 def test_fast_waves_are_not_taken_for_noise():
     with pytest.raises(UnresolvedCoefficient):
         resolve(scalar(lambda t: np.sin(2e6 * np.pi * t)), 1.0)
