@@ -19,14 +19,17 @@ SOURCES = (
     "group",
     "group_errors",
     "accelerations",
+    "checking",
 )
-WHOLE, REAL, ADDRESS = ctypes.c_int, ctypes.c_double, ctypes.c_void_p
+WHOLE, LONG, REAL, ADDRESS = ctypes.c_int, ctypes.c_long, ctypes.c_double, ctypes.c_void_p
 ARGUMENTS = {
     "fit_series": [WHOLE] * 3 + [REAL] + [ADDRESS] * 8,
     "sample_companion": [WHOLE] * 3 + [ADDRESS] * 3,
     "decouple_on_nodes": [WHOLE] * 7 + [REAL] + [ADDRESS] * 13,
     "follow_group": [WHOLE] * 5 + [ADDRESS] * 2 + [REAL] + [WHOLE] * 4 + [ADDRESS] * 4,
     "bound_group": [WHOLE] * 3 + [ADDRESS] * 7,
+    "find_sizes": [LONG, WHOLE] + [ADDRESS] * 2,
+    "compare_series": [LONG] + [WHOLE] * 2 + [ADDRESS] * 5,
     "factor_accelerations": [WHOLE] * 3 + [ADDRESS] * 5,
 }
 """What the functions of the library take."""

@@ -7,13 +7,12 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.fourier import fourier_basis, fourier_nodes, real_fourier_coefficients
+from flexlin.periodic.resolved.comparing import find_deviation
 from flexlin.periodic.resolved.noise import noise_level
-from flexlin.periodic.resolved.sampling import CheckPoints, Sampler, largest_sizes, stratified, usual_waves
+from flexlin.periodic.resolved.sampling import CheckPoints, Sampler, stratified
 
 FIRST, SURE, MOST = 64, 256, 2048
 """Nodes at the start; nodes up to which doubling goes on in any case; and at most."""
-BATCH = 2**17
-"""Bytes of samples that are compared at a time: they stay in the processor's cache."""
 MEMORY = 2**25
 """Bytes that the samples may take."""
 FALL = 30.0
@@ -22,8 +21,6 @@ SIGMAS = 6.0
 """Standard deviations of measured noise that count as agreement."""
 FEW_CHECKS, FEW_FACTOR = 16, 6
 """Check points where narrow features are named, and the multiple of the largest deviation at them that is stated as error."""
-FEW_WAVES = 4
-"""Harmonics up to which cosines and sines at the usual check points are kept: some 900 kB."""
 EPS, TINY = np.finfo(float).eps, 1e-290
 
 
@@ -132,20 +129,11 @@ def _trimmed(coefficients: Array, size: Array, floor: Array) -> Array:
 
 def _deviation(sample: Sampler, coefficients: Array, checks: CheckPoints | None, count: int) -> Array:
     """The largest deviation at check points (E,)."""
-    H, worst = len(coefficients) // 2, np.zeros(coefficients.shape[1])
-    if checks is None:
-        t = sample.period * few_phases(count)
-        fit = coefficients[0] + _few_waves(count, H) @ coefficients[1:]
-        return np.asarray(np.abs(fit - sample(t)).max(axis=0))
-    kept, done = usual_waves(H) if checks.usual and H <= FEW_WAVES else None, 0
-    for t, values in checks.batches(BATCH // (8 * len(worst)) + 1):
-        left = values - coefficients[0]
-        if H:
-            waves = fourier_basis(t / sample.period, H)[:, 1:] if kept is None else kept[done : done + len(t)]
-            left -= waves @ coefficients[1:]
-        np.maximum(worst, largest_sizes(left), out=worst)
-        done += len(t)
-    return worst
+    if checks is not None:
+        return find_deviation(coefficients, checks)
+    t = sample.period * few_phases(count)
+    fit = coefficients[0] + _few_waves(count, len(coefficients) // 2) @ coefficients[1:]
+    return np.asarray(np.abs(fit - sample(t)).max(axis=0))
 
 
 @lru_cache(maxsize=32)

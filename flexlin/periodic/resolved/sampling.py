@@ -7,14 +7,14 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
-from flexlin.periodic.fourier import fourier_basis
+from flexlin.periodic.resolved.sizes import largest_sizes
 
 CHUNK = 2**23
 """Bytes of samples that one call of the coefficient may return."""
 KEPT = 2**26
 """Bytes of samples at check points that are kept."""
-FOLDED = 64
-"""Rows that are taken as one."""
+BATCH = 2**19
+"""Bytes of samples that are compared at a time: they stay in the processor's cache."""
 CHECKS, ENDS = 12289, np.geomspace(3e-11, 3e-5, 19)
 """Check points of a function of which nothing is known; and where, from either end of the period, it is checked too: a pulse there begins
 or ends with it."""
@@ -37,14 +37,16 @@ class Sampler:
         if len(t) and (t.min() < 0 or t.max() >= T):
             t = np.where(t < 0, t + T, t)
             t = np.where(t >= T, t - T, t)
-        values = self.unwrapped(t)
-        if len(values):
-            np.maximum(self.scale, largest_sizes(values), out=self.scale)
-        return values
+        return self.unwrapped(t, inside=True)
 
-    def unwrapped(self, t: Array) -> Array:
-        """Sample at the times as they are."""
-        parts = [self._checked(t[i : i + self.chunk]) for i in range(0, max(len(t), 1), self.chunk)]
+    def unwrapped(self, t: Array, inside: bool = False) -> Array:
+        """Sample at the times as they are; `inside`: all lie in [0, T)."""
+        parts = []
+        for i in range(0, max(len(t), 1), self.chunk):
+            rows, sizes = self._checked(t[i : i + self.chunk])
+            parts.append(rows)
+            if inside:
+                np.maximum(self.scale, sizes, out=self.scale)
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     def least_sizes(self) -> Array:
@@ -56,7 +58,8 @@ class Sampler:
         """How many times go into one call."""
         return 128 if self.shape is None else max(64, CHUNK // (8 * self.shape[0] * self.shape[1]))
 
-    def _checked(self, t: Array) -> Array:
+    def _checked(self, t: Array) -> tuple[Array, Array]:
+        """A at the times (N, E), and the largest size of each entry (E,)."""
         values = np.asarray(self.function(t))
         wanted = "(N, rows, columns)" if self.shape is None else f"(N, {self.shape[0]}, {self.shape[1]})"
         if values.ndim != 3 or len(values) != len(t) or 0 in values.shape or self.shape not in (None, values.shape[1:]):
@@ -71,7 +74,8 @@ class Sampler:
         if values.dtype.kind in "iu":
             self._need_constant(values)
         rows = values.reshape(len(t), values.shape[1] * values.shape[2]).astype(float, copy=False)
-        if not np.isfinite(rows.sum()) and not np.all(np.isfinite(rows)):
+        sizes = largest_sizes(rows) if len(rows) else np.zeros(rows.shape[1])
+        if not np.isfinite(sizes).all():
             first, entry = np.argwhere(~np.isfinite(rows))[0]
             place = tuple(int(i) for i in np.unravel_index(entry, self.shape))
             raise ArgumentError(
@@ -80,7 +84,7 @@ class Sampler:
                 expected="finite numbers over the whole period",
             )
         self.count += len(t)
-        return rows
+        return rows, sizes
 
     def _need_constant(self, values: Array) -> None:
         """Whole numbers that change with time are most often real ones that were cut off on assignment."""
@@ -103,28 +107,28 @@ class CheckPoints:
     def __init__(self, sample: Sampler, t: Array, usual: bool = False):
         self.sample, self._given, self.usual = sample, t, usual
         self._kept: Array | None = None
+        self._asked = False
 
     @cached_property
     def t(self) -> Array:
         """The times."""
+        if self.usual:
+            return self._given
         t = np.mod(self._given, self.sample.period)
         return t if np.all(np.diff(t) > 0) else np.unique(t)
 
-    def batches(self, size: int) -> Iterator[tuple[Array, Array]]:
-        """The times and A there (N, E), in parts of about `size` times."""
-        t = self.t
-        if 8 * len(t) * len(self.sample.scale) > KEPT:
-            for i in range(0, len(t), self.sample.chunk):
-                yield t[i : i + self.sample.chunk], self.sample(t[i : i + self.sample.chunk])
-            return
-        if self._kept is None:
+    def batches(self) -> Iterator[tuple[slice, Array]]:
+        """Parts of the times and A there (N, E), as small as the processor's cache; kept from the second time on."""
+        entries, t = len(self.sample.scale), self.t
+        if self._kept is None and self._asked and self._may_be_kept():
             self._kept = self.sample(t)
-        for i in range(0, len(t), size):
-            yield t[i : i + size], self._kept[i : i + size]
+        self._asked = True
+        for part in (slice(i, i + size) for size in (BATCH // (8 * entries) + 1,) for i in range(0, len(t), size)):
+            yield part, self.sample(t[part]) if self._kept is None else self._kept[part]
 
     def values(self, t: Array) -> Array:
         """A at times t, among them check points: (N, E)."""
-        if 8 * len(self.t) * len(self.sample.scale) > KEPT:
+        if not self._may_be_kept():
             return self.sample(t)
         if self._kept is None:
             self._kept = self.sample(self.t)
@@ -135,16 +139,8 @@ class CheckPoints:
             values[~known] = self.sample(t[~known])
         return values
 
-
-def largest_sizes(rows: Array) -> Array:
-    """Return the largest size in each column of rows (N, E): (E,). Many short rows are first taken as few long ones."""
-    count, columns = rows.shape
-    whole = count // FOLDED * FOLDED
-    if whole > FOLDED and columns < FOLDED and rows.flags.c_contiguous:
-        long = rows[:whole].reshape(-1, FOLDED * columns)
-        folded = np.maximum(long.max(axis=0), -long.min(axis=0)).reshape(FOLDED, columns)
-        rows = np.concatenate([folded, rows[whole:]])
-    return np.asarray(np.maximum(rows.max(axis=0), -rows.min(axis=0)))
+    def _may_be_kept(self) -> bool:
+        return 8 * len(self.t) * len(self.sample.scale) <= KEPT
 
 
 @lru_cache(maxsize=16)
@@ -160,12 +156,6 @@ def stratified(count: int, jitter: float = 0.2) -> Array:
 def usual_phases() -> Array:
     """Return increasing phases in (0, 1) at which a function of which nothing is known is checked, closer to the ends of the period."""
     return np.concatenate([ENDS, stratified(CHECKS), 1 - ENDS[::-1]])
-
-
-@lru_cache(maxsize=3)
-def usual_waves(harmonics: int) -> Array:
-    """Return the cosines and sines there, (N, 2 H), kept between calls."""
-    return np.ascontiguousarray(fourier_basis(usual_phases(), harmonics)[:, 1:])
 
 
 def graded(centres: Sequence[float] | Array, nearest: float, farthest: float, ratio: float) -> Array:
