@@ -6,7 +6,8 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.control.designed_loop import Design
 from flexlin.control.smooth_gain import Series, smooth_gain, transform_gain
-from flexlin.periodic.quadratic.resolution import narrow_places
+from flexlin.errors import ToleranceNotReached
+from flexlin.periodic.quadratic.resolution import rough_places
 from flexlin.periodic.quadratic.riccati import periodic_riccati
 from flexlin.periodic.quadratic.solution import RiccatiSolution
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
@@ -58,7 +59,7 @@ def periodic_lqr(
     NotStabilizable, NotDetectable
         When a mode that does not decay is not reached by the input, or not seen by the weight.
     ToleranceNotReached
-        When X misses tol by far.
+        When X misses tol by far, or no digit of K is known.
 
     References
     ----------
@@ -80,25 +81,37 @@ def periodic_lqr(
     system = as_system(system)
     solution = periodic_riccati(system, Q, R, N, tol)
     gain, apart, corners = represent_gain(solution, system)
-    loop = system.feedback(gain, corners)
-    return Design(
-        name,
-        "periodic-lqr",
-        gain,
-        loop,
-        float(solution.gain_error + apart),
-        solution.status,
-        solution.problem,
-        solution,
+    loop, error = system.feedback(gain, corners), float(solution.gain_error + apart)
+    status = describe_gain(solution, error, tol)
+    return Design(name, "periodic-lqr", gain, loop, error, status, solution.problem, solution)
+
+
+def describe_gain(solution: RiccatiSolution, error: float, tol: float) -> str:
+    """The solution's status, or what makes the gain less certain than X.
+
+    Raises: ToleranceNotReached where nothing of the gain is known.
+    """
+    if error >= 1:
+        raise ToleranceNotReached(
+            "no digit of the gain is known",
+            got=f"error {solution.error:.1g} of X, {error:.1g} of K = R^-1 (B' X + N')",
+            expected=f"at most {tol:.1g}",
+            todo="bring states, inputs and weights to like sizes: R is small beside B' X B",
+        )
+    if error <= tol or solution.error > tol:
+        return solution.status
+    return (
+        f"X has converged to {solution.error:.1g}, which K = R^-1 (B' X + N') amplifies: error {error:.1g} of the gain "
+        f"above the asked {tol:.1g}; ask for tol={2 * error:.0e}"
     )
 
 
 def represent_gain(solution: RiccatiSolution, system: PeriodicSystem) -> tuple[Series, float, tuple[float, ...]]:
     """The gain as one series, its deviation from the solution's relative to the largest gain, and the places where it is not smooth."""
-    narrow = narrow_places(solution.problem, system.period / SMOOTH)
-    if not len(system.breaks) and not len(narrow):
+    rough = rough_places(solution.problem, system.period / SMOOTH)
+    if not len(system.breaks) and not len(rough):
         transformed = transform_gain(solution)
         if transformed is not None:
             return *transformed, ()
-    corners = tuple(np.union1d(system.breaks, narrow).tolist())
+    corners = tuple(np.union1d(system.breaks, rough).tolist())
     return *smooth_gain(solution.K, corners, solution.edges), corners

@@ -111,6 +111,26 @@ def test_constant_system_gives_the_lqr_of_python_control_in_every_kind():
         assert np.abs(real - np.sort(poles.real)).max() < 1e-7
 
 
+@pytest.mark.parametrize("what", ["B", "R"])
+def test_the_gain_follows_jumps_that_nobody_named(what):
+    """B R^-1 B' is constant, so X is that of python-control's Riccati equation; the gain jumps as B or R does.
+
+    It was one Fourier series, 15 harmonics of a square wave, and "converged".
+    """
+    A, b, T = np.diag([0.5, 0.6]), np.array([[1.0], [0.3]]), 2.0
+    sign = lambda t: np.where(np.mod(t - 0.1234, T) < 0.7, 1.0, -2.0)[:, None, None]  # noqa: E731
+    B = (lambda t: sign(t) * b) if what == "B" else (lambda t: sign(t) ** 2 * b)
+    R = (lambda t: sign(t) ** 2) if what == "B" else (lambda t: sign(t) ** 4)
+    made = periodic_lqr(fl.PeriodicSystem(A, T, B), np.eye(2), R)
+    X = control.lqr(A, b, np.eye(2), np.eye(1))[1]
+    t = np.random.default_rng(7).uniform(0, T, 200)
+    wanted = np.swapaxes(B(t), 1, 2) @ X / R(t)
+    assert np.abs(made.K(t) - wanted).max() <= made.error * np.abs(wanted).max()
+    assert made.error < 1e-8
+    poles = np.linalg.eigvals(A - b @ b.T @ X).real
+    assert np.sort(fl.floquet(made.closed_loop).exponents.real) == pytest.approx(np.sort(poles), abs=1e-7)
+
+
 def test_unstable_loop_costs_without_end():
     weak = pd_feedback(pendulums(damping=-0.05), [0], [0.0], [0.0], problem=DESIGNS[0].problem)
     assert fl.floquet(weak.closed_loop).verdict == "unstable"

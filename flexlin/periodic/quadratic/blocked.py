@@ -5,15 +5,17 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import NotDetectable, NotStabilizable
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
-from flexlin.periodic.quadratic.scattering import Segment, carry_cost_back, transpose
+from flexlin.periodic.quadratic.scattering import Segment, carry_cost_back, combine_in_tree, transpose
 from flexlin.periodic.transition.gauss import gauss_transitions
 
 STAGES = 8
-MAX_PERIODS = 20
+MAX_PERIODS, GROUPS = 20, 64
 LARGEST = 1e100
 """A size that only growth without end reaches."""
 DECAYS, COUPLED = 1e-8, 1e-6
 """A mode whose logarithm over a period lies below -DECAYS decays by itself; a share above COUPLED is never rounding."""
+PLAIN = 1e-3
+"""A share above this is not what makes a problem hard: its square leaves ten digits."""
 
 
 def bound_sizes(problem: LinearQuadratic, horizon: float) -> tuple[float, float]:
@@ -42,11 +44,13 @@ def name_blocked_mode(
     large: the size at which the direction is read off.
     """
     steps = gauss_transitions(lambda t: problem.reduced(t)[0], marks, STAGES)
+    grouped, counts = unite_neighbours(segments)
     if unreached:
-        backward, steps, size = segments[::-1], transpose(steps)[::-1], periods.H
+        backward, counts, steps, size = grouped[::-1], counts[::-1], transpose(steps)[::-1], periods.H
     else:
-        backward, size = Segment(transpose(segments.F), segments.H, segments.G), periods.G
-    vector, place = find_main_direction(backward, size, large)
+        backward, size = Segment(transpose(grouped.F), grouped.H, grouped.G), periods.G
+    vector, passed = find_main_direction(backward, size, large)
+    place = int(counts[:passed].sum())
     growth = 0.0
     for step in np.roll(steps, -place, axis=0):
         vector = step @ vector
@@ -60,10 +64,18 @@ def name_blocked_mode(
     kind = NotStabilizable if unreached else NotDetectable
     what = "reached by the input" if unreached else "seen by the weight Q"
     if growth < -DECAYS or coupling > rounding:
+        todo = "bring states, inputs and weights to like sizes, ask for a larger tol, or leave out the fastest modes"
+        if coupling > PLAIN:
+            sizes = [float(np.abs(part).max()) for part in problem.reduced(marks[:-1])]
+            return kind(
+                "the problem's coefficients lie too far apart to be computed with",
+                got="|A| = {:.2g}, |B R^-1 B'| = {:.2g}, |Q| = {:.2g} (less what N takes)".format(*sizes),
+                todo=todo,
+            )
         return kind(
             f"a mode is {what} too weakly to be computed with",
-            got=f"{got}; its share is {coupling:.1g}, and rounding makes up to {rounding:.1g}",
-            todo="bring states, inputs and weights to like sizes, ask for a larger tol, or leave out the fastest modes",
+            got=f"{got}; its share is {coupling:.1g}, and what it needs grows as the share's inverse square",
+            todo=todo,
         )
     return kind(
         f"a mode that does not decay {'cannot be reached by the input' if unreached else 'is not seen by the weight Q'}",
@@ -108,6 +120,16 @@ def measure_coupling(
         p = step @ p
         p = p / (np.linalg.norm(p) or 1.0)
     return share, min(COUPLED, 1e2 * len(p) * np.finfo(float).eps * condition)
+
+
+def unite_neighbours(segments: Segment) -> tuple[Segment, Array]:
+    """Combine neighbours until few segments are left, and count how many make each: a direction needs no more."""
+    counts = np.ones(len(segments), dtype=int)
+    for level in combine_in_tree(segments):
+        if len(level) <= GROUPS:
+            break
+        counts = np.add.reduceat(counts, np.arange(0, len(counts), 2))
+    return level, counts
 
 
 def find_main_direction(backward: Segment, size: Array, large: float) -> tuple[Array, int]:

@@ -81,12 +81,12 @@ def coefficients(problem: LinearQuadratic) -> list[ResolvedMatrix | ResolvedComp
     return [one for one in every if isinstance(one, ResolvedMatrix | ResolvedCompanion)]
 
 
-def narrow_places(problem: LinearQuadratic, longest: float) -> Array:
-    """Return times in [0, T) about which a coefficient changes in a time below `longest`."""
+def rough_places(problem: LinearQuadratic, longest: float) -> Array:
+    """Return times in [0, T) at which a coefficient is not smooth, or about which it changes in a time below `longest`."""
     if all(one.panels == 1 for one in coefficients(problem)):
         return np.empty(0)
     edges = (np.mod(edges_of_short(one.edges, longest), one.period) for one in coefficients(problem))
-    return reduce(np.union1d, edges, np.empty(0))
+    return reduce(np.union1d, edges, np.array([place for one in coefficients(problem) for place in one.breaks]))
 
 
 def highest_wave(coefficient: ResolvedMatrix | ResolvedCompanion, tol: float) -> float:

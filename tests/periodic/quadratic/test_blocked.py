@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.errors import NotDetectable, NotStabilizable
+from flexlin.errors import NotDetectable, NotStabilizable, ToleranceNotReached
 from tests.thinned import thin
 
 A = np.array([[0.5, 0.0], [0.3, -1000.0]])
@@ -37,6 +37,25 @@ def test_the_same_holds_for_what_the_weight_sees(share: float) -> None:
     text = "seen by the weight Q too weakly" if share else "is not seen by the weight Q"
     with pytest.raises(NotDetectable, match=text):
         fl.periodic_lqr(system, seen.T @ seen, np.eye(1))
+
+
+@pytest.mark.slow
+def test_weights_that_lie_too_far_apart_are_not_said_to_hide_a_mode() -> None:
+    """Every mode is reached and seen as well as can be: the weight of the input alone is in the way."""
+
+    def A(t):
+        return np.array([[0.0, 1.0], [-1.0, -0.1]]) * (1 + 0.3 * np.cos(2 * np.pi * t))[:, None, None]
+
+    with pytest.raises(NotDetectable, match="lie too far apart") as caught:
+        fl.periodic_lqr(fl.PeriodicSystem(A, 1.0, np.array([[0.0], [1.0]])), np.eye(2), [[1e-30]])
+    assert "|B R^-1 B'| = 1e+30" in str(caught.value)
+
+
+@pytest.mark.parametrize("effort", [1e-30, 1e-100])
+def test_a_gain_of_which_no_digit_is_known_is_refused(effort: float) -> None:
+    system = fl.PeriodicSystem(np.array([[0.0, 1.0], [-1.0, -0.1]]), 1.0, np.array([[0.0], [1.0]]))
+    with pytest.raises(ToleranceNotReached, match="no digit of the gain is known"):
+        fl.periodic_lqr(system, np.eye(2), [[effort]])
 
 
 def test_a_stiff_damped_link_is_reached_at_every_frozen_phase() -> None:
