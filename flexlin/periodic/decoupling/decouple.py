@@ -132,8 +132,11 @@ def tried(
     framed = periodic_frame(modes, groups)
     if framed is None:
         return None
-    T, turning = smooth(framed[0]), framed[1]
-    B = np.linalg.solve(T, A @ T - circle_derivative(T, period))
+    turning = np.repeat(framed[1], [group.size for group in groups])
+    T = smooth(framed[0], turning)
+    B = np.linalg.solve(T, A @ T - circle_derivative(T, period, turning=turning)) - 1j * np.pi / period * np.diag(
+        turning
+    )
     S = sylvester(B, groups)
     share = mixing(S)
     stuck = share > MIXING
@@ -147,14 +150,16 @@ def tried(
         def effect(B: Array, S: Array) -> float:
             return float((pair_effects(B, S, apart, np.abs(B).max(axis=0) * resolved) / allowed).max())
 
-        T, B, S, made = rounds(B, T, S, groups, lambda S: low_harmonics(S, period, apart.gap), effect, MAX_ROUNDS)
+        T, B, S, made = rounds(
+            B, T, S, groups, lambda S: low_harmonics(S, period, apart.gap, turning), effect, MAX_ROUNDS
+        )
         rough = np.abs(high_harmonics(B, period, apart.gap)).max(axis=0)
         stuck = pair_effects(B, S, apart, rough) > 0.1 * allowed + transformation_noise(T, A)
         share = mixing(S)
     if (strongest := share[stuck].max(initial=0.0)) > SETTLED:
         stuck &= share >= WORST * strongest
     none = np.zeros(stuck.shape)
-    return Decoupled(period, np.empty(0), T, T, B, groups, turning, none, none, made), stuck
+    return Decoupled(period, np.empty(0), T, T, B, groups, framed[1], none, none, made), stuck
 
 
 def transformation_noise(T: Array, A: Array) -> Array:
@@ -169,8 +174,9 @@ def checked(
 ) -> tuple[Decoupled, bool]:
     """Evaluate the generator half-way between the nodes too: the denser result, and whether the two sets of nodes agree."""
     period = built.period
-    T = interleaved(built.frame, shifted(built.frame, 0.5))
-    slope = interleaved(circle_derivative(built.frame, period), circle_derivative(built.frame, period, 0.5))
+    turning = np.repeat(built.turning, [group.size for group in built.groups])
+    T = interleaved(built.frame, shifted(built.frame, 0.5, turning))
+    slope = interleaved(*(circle_derivative(built.frame, period, shift, turning) for shift in (0.0, 0.5)))
     A = interleaved(A, between)
     inverse = np.linalg.inv(T)
     inverse += inverse @ (np.eye(T.shape[-1]) - T @ inverse)
