@@ -8,12 +8,11 @@ from flexlin.checks import Array
 from flexlin.control.designed_loop import Design
 from flexlin.control.weights import constant_lqr
 from flexlin.periodic.coefficients import Constant
-from flexlin.periodic.grid import place_edges
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
+from flexlin.periodic.quadratic.resolution import resolve_problem
+from flexlin.periodic.resolved.companion import ResolvedCompanion
+from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
-from flexlin.periodic.transition.gauss import gauss, place_nodes, sample_at
-
-SEGMENTS, STAGES = 16, 8
 
 
 @checked
@@ -76,17 +75,16 @@ def averaged_lqr(
     """
     system = as_system(system)
     problem = linear_quadratic(system, Q, R, N)
-    A, B, state, effort, cross = (
-        mean(system, coefficient) for coefficient in (problem.A, problem.B, problem.Q, problem.R, problem.N)
-    )
+    resolved, _ = resolve_problem(problem, system)
+    A, B, state, effort, cross = map(mean, (resolved.A, resolved.B, resolved.Q, resolved.R, resolved.N))
     K, _ = constant_lqr(A, B, state, effort, cross, "on average")
     gain = Constant(K)
     status = "one constant gain for the averaged coefficients; the verdict is Floquet's"
     return Design(name, "averaged-lqr", gain, system.feedback(gain), 0.0, status, problem)
 
 
-def mean(system: PeriodicSystem, coefficient: MatrixFunction) -> Array:
-    """Average a coefficient over the period by Gauss quadrature between the breaks."""
-    rule, marks = gauss(STAGES), place_edges(system.period, system.breaks, SEGMENTS)
-    values = sample_at(coefficient, place_nodes(marks, rule.c))
-    return np.einsum("k,s,ksij->ij", np.diff(marks), rule.b, values) / system.period
+def mean(coefficient: MatrixFunction) -> Array:
+    """The average of a coefficient over the period; of one that is handed out at all times as it is, itself."""
+    if isinstance(coefficient, ResolvedMatrix | ResolvedCompanion):
+        return coefficient.mean()
+    return np.asarray(coefficient(np.zeros(1))[0])

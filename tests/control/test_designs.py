@@ -131,6 +131,25 @@ def test_the_gain_follows_jumps_that_nobody_named(what):
     assert np.sort(fl.floquet(made.closed_loop).exponents.real) == pytest.approx(np.sort(poles), abs=1e-7)
 
 
+def test_the_average_of_coefficients_that_jump_where_nobody_named_it_is_exact():
+    A, b = np.array([[0.0, 1.0], [-4.0, -0.4]]), np.array([[0.0], [1.0]])
+    jump = lambda t: np.where(np.mod(t - 0.1234, 2.0) < 0.7, 1.0, -0.5)[:, None, None]  # noqa: E731, mean 0.025
+    made = averaged_lqr(fl.PeriodicSystem(lambda t: A * jump(t), 2.0, lambda t: b * jump(t)), np.eye(2), np.eye(1))
+    wanted = control.lqr(0.025 * A, 0.025 * b, np.eye(2), np.eye(1))[0]
+    assert made.K(np.zeros(1))[0] == pytest.approx(wanted, rel=1e-9)
+
+
+def test_a_gain_is_as_certain_as_it_was_asked_where_the_weight_jumps():
+    def Q(t):
+        return np.eye(2) * np.where(np.mod(t - 0.1234, 2.0) < 0.7, 2.5, 1.0)[:, None, None]
+
+    made = periodic_lqr(
+        fl.PeriodicSystem(np.array([[0.0, 1.0], [-4.0, -0.4]]), 2.0, np.array([[0.0], [1.0]])), Q, [[1]]
+    )
+    assert made.status == "converged"
+    assert made.error < 1e-9
+
+
 def test_unstable_loop_costs_without_end():
     weak = pd_feedback(pendulums(damping=-0.05), [0], [0.0], [0.0], problem=DESIGNS[0].problem)
     assert fl.floquet(weak.closed_loop).verdict == "unstable"

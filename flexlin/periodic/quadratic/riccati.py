@@ -1,9 +1,13 @@
 """The periodic Riccati equation by segments in scattering form, combined in a tree and doubled until the cost stands still."""
 
+from contextlib import suppress
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.checks import positive, real_array
+from flexlin.errors import NumericalError
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.quadratic.harmonics import solve_by_harmonics
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
@@ -15,6 +19,8 @@ from flexlin.periodic.system import PeriodicSystem, as_system
 
 LIMITED = 10.0
 """Error of a series, in units of tol, up to which no other way is tried: rounding limits them all."""
+FEW_SEGMENTS = 4000
+"""Segments up to which an X that meets tol is made finer where the gain misses it."""
 
 
 def periodic_riccati(
@@ -98,7 +104,13 @@ def periodic_riccati(
         return smooth if smooth is not None and smooth.error <= tol and smooth.gain_error < swept.gain_error else swept
     if smooth is not None and smooth.error <= LIMITED * tol:
         return smooth if smooth.error <= tol else name_limit(smooth, "rounding", tol)
-    return solve_by_plans(problem, divide_for_waves(problem, edges, tol), None, tol, smooth)
+    parts = divide_for_waves(problem, edges, tol)
+    found = solve_by_plans(problem, parts, None, tol, smooth)
+    if found.error <= tol < found.gain_error and found.segments <= FEW_SEGMENTS:
+        with suppress(NumericalError):
+            finer = solve_by_plans(problem, parts, None, tol**2 / (2 * found.gain_error), found)
+            return replace(finer, status=found.status)
+    return found
 
 
 def finite_horizon_riccati(
