@@ -83,6 +83,24 @@ def test_claims_do_not_exaggerate():
     assert np.median(ratios) < 30
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["kinks not named", "pulses", "jumps not named, smooth between"])
+def test_claims_of_what_is_not_smooth_do_not_exaggerate(kind):
+    """Some 1e4 times the true error when the place of each jump counted as uncertain, and every panel as no better than was asked."""
+    ratios = [r for seed in (6, 8, 9) for r in judged(replace(draw(kind, seed), tol=1e-9)).overestimates]
+    assert np.median(ratios) < 100
+
+
+@pytest.mark.parametrize("tol", [1e-9, 1e-4])
+def test_a_kink_that_nobody_named_is_claimed_as_well_as_it_is_known(tol):
+    """x' = (0.3 - 2 |sin(pi t / T - 1)|) x: the exponent is the mean."""
+    T, start = 3.0, 1.0
+    system = fl.PeriodicSystem(lambda t: (0.3 - 2 * np.abs(np.sin(np.pi * t / T - start)))[:, None, None], T)
+    found = fl.floquet(system, tol)
+    assert abs(found.exponents[0] - (0.3 - 4 / np.pi)) <= found.errors[0] + 2e-16
+    assert found.errors[0] < 3e-14
+
+
 @pytest.mark.parametrize("tol", [1e-9, 1e-4])
 @pytest.mark.parametrize("make", [reference_non_normal, reference_jump, reference_pulse])
 def test_reference_systems(make, tol):

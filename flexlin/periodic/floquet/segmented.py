@@ -20,8 +20,6 @@ SHARED = 0.003
 """Part of the worst mode's error, relative to what is allowed, that every mode is given: a small one may be so by accident."""
 LOST = 1e-2
 """A mode whose error exceeds this part of its size is not followed at all, and says nothing of the others."""
-JUMP = 3e-12
-"""Of the period: how well the place of a jump that nobody named is known."""
 HIDDEN = 1e-3
 """A mode whose log is uncertain by this part of its distance below the largest is known to lie below, and no more."""
 TRACE = 1e-11
@@ -106,7 +104,7 @@ def measure_spectrum(
         known = couple_uncertainty(
             system.resolved, marks[:-1], left / scale, scale[:, None] * right, system.resolved.mean_error(marks)
         )
-        return np.diff(marks)[:, None, None] * known + couple_jumps(system, marks, left / scale, scale[:, None] * right)
+        return np.diff(marks)[:, None, None] * known
 
     begin = None if start is None else np.linalg.qr(start / scale[:, None])[0]
     form = periodic_schur(groups, begin)
@@ -131,17 +129,6 @@ def share_errors(motion: Motion, logs: Array, period: float) -> Motion:
     known = (motion.method < LOST * size) & (motion.method > motion.rounding)
     worst = float((motion.method / size)[known].max(initial=0.0))
     return replace(motion, method=np.maximum(motion.method, SHARED * worst * size))
-
-
-def couple_jumps(system: PeriodicSystem, marks: Array, left: Array, right: Array) -> Array:
-    """Couplings by the uncertain places of the jumps that were found, in the groups that hold them, (K, n, n)."""
-    known = np.zeros(left.shape)
-    for place in system.resolved.found:
-        k = min(max(int(np.searchsorted(marks, place.time, side="right")) - 1, 0), len(left) - 1)
-        known[k] += (
-            JUMP * system.period * np.abs(left[k]) @ np.abs(system.resolved(marks[k : k + 1])[0]) @ np.abs(right[k])
-        )
-    return known
 
 
 def improve_factors(system: PeriodicSystem, setting: Setting, grid: Array) -> Array:

@@ -31,7 +31,8 @@ class ResolvedMatrix:
 
     series: the coefficients; breaks: named and found places in [0, T) where A is not smooth; found: those that were not named;
     error (rows, columns): bound on |series(t) - A(t)| over the period, in the units of the entry, measured at the check points;
-    samples: how often A was evaluated; local (P, rows, columns): the same bound on each panel, where it is known.
+    samples: how often A was evaluated; local (P, rows, columns): bound in the mean over each panel, where it is known;
+    beside (B, rows, columns): bound on its integral close to each of the breaks, in the units of the entry times s.
     """
 
     series: FourierSeries | ChebyshevPanels
@@ -40,6 +41,7 @@ class ResolvedMatrix:
     error: Array
     samples: int
     local: Array | None = None
+    beside: Array | None = None
 
     def __repr__(self) -> str:
         kind = "harmonics" if isinstance(self.series, FourierSeries) else f"panels of degree {self.degree}"
@@ -104,7 +106,11 @@ class ResolvedMatrix:
         panel = np.clip(np.searchsorted(self.edges, marks, side="right") - 1, 0, self.panels - 1)
         before = np.concatenate([np.zeros((1, *self.shape)), whole])[panel]
         total = before + self.local[panel] * (marks - self.edges[panel])[:, None, None]
-        return np.asarray(np.maximum(np.diff(total, axis=0) / np.diff(marks)[:, None, None], self.local.min(axis=0)))
+        whole = np.maximum(np.diff(total, axis=0), np.diff(marks)[:, None, None] * self.local.min(axis=0))
+        if self.beside is not None:
+            holder = np.clip(np.searchsorted(marks, self.breaks, side="right") - 1, 0, len(marks) - 2)
+            np.add.at(whole, holder, self.beside)
+        return np.asarray(whole / np.diff(marks)[:, None, None])
 
     def derivative(self) -> "ResolvedMatrix":
         """A'(t) inside the panels; its error: that of A times the rate of the fastest wave or polynomial (Markov's inequality)."""

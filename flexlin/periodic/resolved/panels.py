@@ -12,8 +12,11 @@ NODES, TAIL = 32, 4
 """Nodes of a panel, and how many of its last coefficients must have vanished."""
 SIGMAS = 6.0
 """Standard deviations of measured noise that count as agreement."""
-SAFETY = 4.0
-"""Multiple of what a panel may leave over at its check points that is stated as error for between them."""
+SAFETY = 3.0
+"""Multiple of the largest deviation seen at the check points of a panel that is stated as error anywhere on it."""
+CANCELLED = 0.5
+"""The part of the mean deviation's size that counts where its sign changes: what oscillates as a polynomial of degree 31 does, or noise,
+hardly moves what varies slowly."""
 ASIDE = 0.01
 """Part of the narrower panel by which two neighbours are continued into each other to see a kink between them."""
 EPS, TINY = np.finfo(float).eps, 1e-290
@@ -21,20 +24,25 @@ EPS, TINY = np.finfo(float).eps, 1e-290
 
 @dataclass
 class PanelSet:
-    """Panels (Q,): edges, coefficients (Q, K, E), deviation of noise and largest deviation at check points (Q, E), checked or not."""
+    """Panels (Q,): edges, coefficients (Q, K, E), deviation of noise (Q, E), what was seen at check points, and whether any were.
+
+    deviation, average, drift (Q, E): the largest size of A less the panel, its mean size, and the size of its mean.
+    """
 
     begin: Array
     end: Array
     coefficients: Array
     noise: Array
     deviation: Array
+    average: Array
+    drift: Array
     checked: Array
 
     @classmethod
     def empty(cls, entries: int) -> "PanelSet":
         """No panels."""
         none, each = np.empty(0), np.empty((0, entries))
-        return cls(none, none, np.empty((0, NODES, entries)), each, each, np.empty(0, dtype=bool))
+        return cls(none, none, np.empty((0, NODES, entries)), each, each, each, each, np.empty(0, dtype=bool))
 
     @property
     def width(self) -> Array:
@@ -71,7 +79,8 @@ def fitted(sample: Sampler, begin: Array, end: Array, noise: Array | None = None
         values = sample(panel_times(begin[part], end[part], NODES).ravel())
         coefficients[part] = chebyshev_coefficients(values.reshape(-1, NODES, entries))
     noise = np.zeros((count, entries)) if noise is None else noise
-    return PanelSet(begin, end, coefficients, noise, np.zeros((count, entries)), np.zeros(count, dtype=bool))
+    deviation, average, drift = np.zeros((3, count, entries))
+    return PanelSet(begin, end, coefficients, noise, deviation, average, drift, np.zeros(count, dtype=bool))
 
 
 def groups(panels: int, entries: int) -> list[slice]:
@@ -80,25 +89,24 @@ def groups(panels: int, entries: int) -> list[slice]:
     return [slice(i, i + size) for i in range(0, panels, size)]
 
 
-def left_over(panels: PanelSet, sample: Sampler, tol: float, safety: float = 1.0) -> Array:
-    """What panels may leave over (Q, E): tol of each entry's size and its noise, both times `safety`, and A' times the rounding of t."""
+def left_over(panels: PanelSet, sample: Sampler, tol: float) -> Array:
+    """What panels may leave over (Q, E): tol of each entry's size, its noise, and A' times the rounding of t."""
     low = np.abs(panels.coefficients[:, : NODES // 2])
     rate = np.einsum("k,qke->qe", np.arange(NODES // 2) ** 2.0, low) * 2 / panels.width[:, None]
     rounding = np.minimum(EPS * sample.period * rate, 1e-6 * sample.scale)
-    agreement = np.maximum(tol * sample.scale + TINY, SIGMAS * panels.noise)
-    return np.asarray(np.maximum(safety * agreement, rounding))
+    return np.asarray(np.maximum(np.maximum(tol * sample.scale + TINY, SIGMAS * panels.noise), rounding))
 
 
-def panel_error(panels: PanelSet, sample: Sampler, tol: float) -> Array:
-    """Bound on the error of each entry on each panel (Q, E).
+def panel_error(panels: PanelSet, degree: int) -> tuple[Array, Array]:
+    """Bounds on the error of each entry on each panel (Q, E): of its size anywhere, and of its integral divided by the panel's length.
 
-    Three times the largest deviation seen, what the last coefficients would add, rounding, and, unless an entry is constant on a
-    panel, what the panel may leave over between its check points.
+    By the deviations seen, coefficients beyond `degree`, and the rounding of one evaluation. What is allowed plays no part: most panels
+    agree far better.
     """
-    varies = np.abs(panels.coefficients[:, 1:]).max(axis=1) > 4 * EPS * sample.scale
-    tails = np.abs(panels.coefficients[:, -TAIL:]).sum(axis=1)
-    each = 3 * panels.deviation + tails + np.where(varies, left_over(panels, sample, tol, SAFETY), 0.0)
-    return np.asarray(each + 4 * EPS * sample.scale)
+    size = np.abs(panels.coefficients)
+    rest = size[:, degree + 1 :].sum(axis=1) + EPS * size.sum(axis=1)
+    tails = size[:, -TAIL:].sum(axis=1)
+    return SAFETY * panels.deviation + tails + rest, panels.drift + CANCELLED * panels.average + rest
 
 
 def shown_degree(panels: PanelSet, scale: Array) -> int:

@@ -175,20 +175,25 @@ class PanelResolver:
         t, owner = t[fresh], owner[fresh]
         panels.checked[:] = True
         series = ChebyshevPanels(np.append(panels.begin, self.sample.period), panels.coefficients[..., None])
-        allowed = 2 * self.allowed(panels)
+        allowed, share = 2 * self.allowed(panels), shares(panels, t, owner)
         bad: list[tuple[Array, Array]] = []
         for i in range(0, len(t), self.sample.chunk):
             some, p = t[i : i + self.sample.chunk], owner[i : i + self.sample.chunk]
             values = self.checks.values(some)
-            apart = np.abs(values - series(some)[..., 0])
+            left = values - series(some)[..., 0]
+            apart = np.abs(left)
             starts = np.flatnonzero(np.diff(p, prepend=-1))
             panels.deviation[p[starts]] = np.maximum(panels.deviation[p[starts]], np.maximum.reduceat(apart, starts))
+            part = share[i : i + len(p), None]
+            panels.average[p[starts]] += np.add.reduceat(part * apart, starts)
+            panels.drift[p[starts]] += np.add.reduceat(part * left, starts)
             wrong = np.flatnonzero(np.any(apart > allowed[p], axis=1))
             size = (apart[wrong] / allowed[p[wrong]]).max(axis=1)
             first = np.lexsort((-size, p[wrong]))
             rank = np.arange(len(first)) - np.searchsorted(p[wrong][first], p[wrong][first])
             keep = wrong[first[rank < WITNESSES]]
             bad.append((some[keep], values[keep]))
+        np.abs(panels.drift, out=panels.drift)
         times = np.concatenate([np.empty(0), *(x for x, _ in bad)])
         self.witness_times = np.concatenate([self.witness_times, times])
         self.witness_values = np.concatenate([self.witness_values, *(y for _, y in bad)])
@@ -205,3 +210,11 @@ class PanelResolver:
         near = np.mod(graded(rough, 1e-11 * T, T / 64, np.pi), T)
         t = np.unique(np.concatenate([self.checks.t, own.ravel(), near]))
         return t[(t >= 0) & (t < T)]
+
+
+def shares(panels: PanelSet, t: Array, owner: Array) -> Array:
+    """The part of its panel for which each of increasing times (N,) stands: half-way to its neighbours, or to the panel's ends."""
+    middle = (t[1:] + t[:-1]) / 2
+    low = np.maximum(np.append(panels.begin[:1], middle)[: len(t)], panels.begin[owner])
+    high = np.minimum(np.append(middle, panels.end[-1:])[: len(t)], panels.end[owner])
+    return np.asarray((high - low) / panels.width[owner])

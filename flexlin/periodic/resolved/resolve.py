@@ -9,6 +9,7 @@ from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.fourier import FourierSeries, fourier_basis
+from flexlin.periodic.resolved.beside import miss_beside
 from flexlin.periodic.resolved.fitting import fit_at_once
 from flexlin.periodic.resolved.harmonics import EPS, FourierFit, first_times, fit_fourier
 from flexlin.periodic.resolved.matrix import Discontinuity, ResolvedMatrix, divided
@@ -157,9 +158,11 @@ def _on_panels(
     times = np.sort(done.begin[narrow] + 0.38 * done.width[narrow])
     if repeats:
         need_repetition(sample, series, np.concatenate([times, T * stratified(7)]), allowed, rough)
-    places = np.union1d(named, [place.time for place in found])
-    local = panel_error(done, sample, tol).reshape(-1, *_shape(sample))
-    return ResolvedMatrix(series, tuple(places.tolist()), found, local.max(axis=0), sample.count, local)
+    anywhere, local = (bound.reshape(-1, *_shape(sample)) for bound in panel_error(done, degree))
+    located = np.array([place.time for place in found])
+    places = np.union1d(named, located)
+    beside = miss_beside(sample, series, places, places if wary else located).reshape(-1, *_shape(sample))
+    return ResolvedMatrix(series, tuple(places.tolist()), found, anywhere.max(axis=0), sample.count, local, beside)
 
 
 def first_edges(period: float, named: Array, pairs: Array) -> Array:
