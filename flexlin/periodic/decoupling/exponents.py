@@ -26,12 +26,12 @@ class DecoupledExponents:
     rounding: Array
 
 
-def decoupled_exponents(decoupled: Decoupled, tame_only: bool = False) -> DecoupledExponents:
+def decoupled_exponents(decoupled: Decoupled, tol: float = 1e-9, tame_only: bool = False) -> DecoupledExponents:
     """Floquet exponents of all groups.
 
     A single mode's exponent is the mean of its generator; the nodes that built the frame and those half-way between them give it
-    once each, and their difference is its error. A larger group is a small system without fast modes, integrated by Gauss collocation:
-    its error is bounded by perturbation theory, from the product itself where its modes grow little against each other
+    once each, and their difference is its error. A larger group is a small system without fast modes, followed by Magnus series to a
+    part of tol: its error is bounded by perturbation theory, from the product itself where its modes grow little against each other
     (`tame_exponents`), elsewhere from the Floquet vectors along it (`group_logs`); with `tame_only` it is infinite there.
     """
     n, period = decoupled.generator.shape[-1], decoupled.period
@@ -45,7 +45,7 @@ def decoupled_exponents(decoupled: Decoupled, tame_only: bool = False) -> Decoup
             values[group.part], parts[:, group.part] = values[mate].conj(), parts[:, mate]
         elif group.size > 1:
             with np.errstate(over="ignore", invalid="ignore"):  # what overflows comes out unresolved and is enclosed
-                values[group.part], parts[0, group.part] = several(decoupled, i, tame_only)
+                values[group.part], parts[0, group.part] = several(decoupled, i, tol, tame_only)
     values = wrap_log(values * period) / period
     order = np.argsort(-values.real, kind="stable")
     discretization, coupling, rounding = parts[:, order]

@@ -13,7 +13,7 @@ from flexlin.periodic.decoupling.exponents import DecoupledExponents
 from flexlin.periodic.decoupling.frames import open_frame
 from flexlin.periodic.decoupling.grouping import Group, follow_modes, grouped_modes
 from flexlin.periodic.decoupling.interval import KEPT, filter_interval, integrate_interval, sample_interval
-from flexlin.periodic.decoupling.several import SAFETY, STAGES, STEP, UNRESOLVED
+from flexlin.periodic.decoupling.several import SAFETY, UNRESOLVED
 from flexlin.periodic.decoupling.superadiabatic import mixing, rounds, sylvester
 from flexlin.periodic.decoupling.waves import apply
 from flexlin.periodic.product.balancing import GROUP_CONDITION
@@ -28,6 +28,8 @@ GAP = 20.0
 MIXED, LEFT = 0.1, 1e-7
 """Modes stay together that a first step would mix by more, or that stay mixed by more after the rounds."""
 MAX_MERGES, MAX_FACTORS = 8, 4000
+STAGES, STEP = 8, 2.0
+"""Gauss stages of a factor, and the largest product of its length and an eigenvalue."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,21 +1,30 @@
 """Exponents of a group of several modes: a small system without fast modes, whose errors follow from left and right Floquet vectors."""
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.assignment import assign
 from flexlin.periodic.circle import pair_conjugates, wrap_angle
 from flexlin.periodic.decoupling.decoupled import Decoupled, as_real
+from flexlin.periodic.decoupling.group_factors import GroupSeries, fit_group
 from flexlin.periodic.decoupling.tame import tame_exponents
-from flexlin.periodic.decoupling.waves import aliasing, interpolated, shifted
+from flexlin.periodic.decoupling.waves import aliasing, shifted
 from flexlin.periodic.product.balancing import balance_factors, count_groupings, multiply_pairs
 from flexlin.periodic.product.eigenvalues import product_logs
 from flexlin.periodic.product.perturbation import COHERENT, spectrum_motion
 from flexlin.periodic.product.schur import periodic_schur
-from flexlin.periodic.transition.gauss import gauss_transitions
 
-STAGES, MORE, STEP = 8, 2, 2.0
-"""Gauss stages, how many more the better factors have that measure their error, and the largest product of a step and an eigenvalue."""
+FINE, COARSE, FINER = 3, 2, 0.25
+"""Parts of a segment that each Magnus series reaches over: the finer ones give the exponents, and the coarser ones the error. That much
+of the difference counts: of order 6 it would be (3 / 2)^6 - 1, a tenth."""
+GROWTH, WANTED, LONGEST = 6e-11, 0.06, 1.0
+"""The error of a log as measured: this times the fastest rate times the period, times the sixth power of the rate times a part's length.
+The part of tol that it may take, and the longest part's product with the rate."""
+LARGEST, AIM = 0.6, 0.2
+"""The part of tol that the method's error may take before the segments are made finer, once, and the part that is then aimed at."""
 FEW, MOST, RESOLVED = 500, 4000, 300.0
 """Larger groups that need more segments than MOST, or than FEW while their modes part by more than exp(RESOLVED) in a period, are
 only enclosed."""
@@ -25,35 +34,47 @@ SAFETY, METHOD = 3.0, 2.0
 """Factors on the coupling's effect and rounding, and on the method's error."""
 SHORT = 10.0
 """Condition number up to which factors are multiplied: the Floquet vectors change little over each product."""
+SPARSE = 4
+"""Rates are sought at every so many nodes."""
 MARK = 0.7
 """The angle by which the members of a complex group are turned, to separate them from their conjugates."""
 
 
-def several(decoupled: Decoupled, index: int, tame_only: bool = False) -> tuple[Array, Array]:
+class Logs(NamedTuple):
+    """Logs of multipliers, and how far they may lie off by the method and for other reasons, (p,) each."""
+
+    logs: Array
+    method: Array
+    rest: Array
+
+
+def several(decoupled: Decoupled, index: int, tol: float = 1e-9, tame_only: bool = False) -> tuple[Array, Array]:
     """The exponents of a larger group, and their errors; with `tame_only` these are infinite where the group is not tame."""
     group, period = decoupled.groups[index], decoupled.period
     values, mean = decoupled.traceless(index)
-    complex_group = group.partner != index
+    real = group.partner == index
     unknown = find_unknown(decoupled, index)
-    tame = None if complex_group else tame_exponents(values, period, unknown)
+    tame = tame_exponents(values, period, unknown) if real else None
     if tame is not None:
         logs, errors = pair_conjugates(*tame)
         return mean + logs / period, errors / period
     if tame_only:
         return np.full(group.size, mean), np.full(group.size, np.inf)
-    segments, spread = group_segments(values, period)
+    segments, spread = group_segments(values, period, mean, tol)
     if segments > MOST or (segments > FEW and spread > RESOLVED):
         return bounded(values, mean, group.size, period)
-    if complex_group:
-        turn = as_real(1j * MARK / period * np.eye(group.size))
-        logs, errors = group_logs(values + turn, period, segments, np.tile(unknown, (2, 2)))
-        logs, errors, missed = members(values, period, segments, logs, errors)
-    else:
-        logs, errors = pair_conjugates(*group_logs(values, period, segments, unknown))
-        missed = 0.0
-    if not errors.max() < UNRESOLVED or missed > MARK / 4:
-        return bounded(values, mean, group.size, period)
-    return mean + logs / period, errors / period
+    follow: Callable[[Array, float, int, Array], Logs | None] = follow_real if real else follow_complex
+    for _ in range(2):
+        found = follow(values, period, segments, unknown)
+        errors = np.full(group.size, np.inf) if found is None else found.method + found.rest
+        if found is None or not errors.max() < UNRESOLVED:
+            return bounded(values, mean, group.size, period)
+        exponents = mean + found.logs / period
+        share = float((found.method / (tol * period * np.maximum(1, np.abs(exponents)))).max())
+        if share < LARGEST:
+            break
+        segments = min(MOST, int(np.ceil(segments * (share / AIM) ** (1 / 6))))
+    return exponents, errors / period
 
 
 def find_unknown(decoupled: Decoupled, index: int) -> Array:
@@ -63,41 +84,78 @@ def find_unknown(decoupled: Decoupled, index: int) -> Array:
     return SAFETY * (decoupled.residual + decoupled.rounding)[part, part] + aliasing(known)
 
 
-def group_logs(values: Array, period: float, segments: int, unknown: Array) -> tuple[Array, Array]:
-    """Logs of the multipliers of w' = values(t) w and how far they may lie off (m,).
+def follow_real(values: Array, period: float, segments: int, unknown: Array) -> Logs:
+    """Logs of the multipliers of a real group without trace, conjugates exactly."""
+    series = fit_balanced(values, period, unknown, 1)
+    plain, better = (series.factor(segments, parts) for parts in (FINE, COARSE))
+    found = group_logs(plain, better, series)
+    logs, errors = pair_conjugates(found.logs, found.method + found.rest)
+    return Logs(logs, found.method, errors - found.method)
+
+
+def follow_complex(values: Array, period: float, segments: int, unknown: Array) -> Logs | None:
+    """The same of a complex group in real form, (2p, 2p), its conjugates left out; None where these cannot be set apart.
+
+    The group is turned by MARK, its conjugates by -MARK: of the logs, its own are those that lie by MARK above others when turned.
+    """
+    p = len(unknown)
+    series = fit_balanced(values, period, np.tile(unknown, (2, 2)), 2)
+    turn = as_real(np.exp(1j * MARK / segments) * np.eye(p))
+    factors = [series.factor(segments, parts) for parts in (FINE, COARSE)]
+    turned = group_logs(turn @ factors[0], turn @ factors[1], series)
+    logs = turned.logs - 1j * MARK
+    apart = logs[:, None] - product_logs(factors[0])
+    miss = np.minimum(np.hypot(apart.real, wrap_angle(apart.imag)), MARK)
+    row, column = np.arange(2 * p), assign(miss)
+    order = np.argsort(miss[row, column], kind="stable")[:p]
+    if miss[row, column][order].max() > MARK / 4:
+        return None
+    return Logs(logs[order], turned.method[order], turned.rest[order])
+
+
+def fit_balanced(values: Array, period: float, unknown: Array, copies: int) -> GroupSeries:
+    """The series of a generator at the nodes, in units of its states that even out rows and columns, alike for all `copies` of these.
+
+    What the nodes half-way between differ by from the interpolant of the others is not known either.
+    """
+    m = values.shape[-1]
+    off = unknown + np.abs(values[1::2] - shifted(values[::2], 0.5)).max(axis=0)
+    size = np.abs(values).reshape(-1, copies, m // copies, copies, m // copies).sum(axis=(1, 3))
+    scale = np.tile(balance_factors(size)[1], copies)
+    return fit_group(values * (scale / scale[:, None]), period, off * (scale / scale[:, None]))
+
+
+def group_logs(plain: Array, better: Array, series: GroupSeries) -> Logs:
+    """Logs of the multipliers of w' = B(t) w from its factors (K, m, m) over equal segments.
 
         |d log mu_i| <= int over the period of  |l_i| dB |r_i|,   l_i r_i = 1
 
-    to first order, for the generator's worst perturbation of the size dB: `unknown`, and what the nodes half-way between differ by from
-    the interpolant of the others. Neighbours and clusters add what they do to each other (`spectrum_motion`).
-
-    Parameters: values (N, m, m), real, at the nodes k T / N, N even; unknown (m, m), in 1/s.
+    to first order, for the generator's worst perturbation dB of the size that is not known, and by what `better` factors change: FINER
+    says how much of that counts. Neighbours and clusters add what they do to each other (`spectrum_motion`).
     """
-    between = values[1::2] - shifted(values[::2], 0.5)
-    size = unknown + np.abs(between).max(axis=0)
-    plain, better = (factor_group(values, period, segments, STAGES + more) for more in (0, MORE))
-    even, scale = balance_factors(plain)
-    groups, rounds = count_groupings(even, SHORT)
-    better, marks = better * (scale / scale[:, None]), np.linspace(0, period, segments + 1)
+    groups, rounds = count_groupings(plain, SHORT)
+    marks = np.linspace(0, series.period, len(plain) + 1)
     for _ in range(rounds):
         better, marks = multiply_pairs(better), np.append(marks[:-1:2], marks[-1])
-    lengths = np.diff(marks)[:, None, None] / (COHERENT * 2.0**rounds)  # so that all of it adds up with one sign
+    lengths = np.diff(marks)[:, None, None] / (COHERENT * FINE * 2.0**rounds)  # so that all of it adds up with one sign
 
     def noise(left: Array, right: Array) -> Array:
-        return lengths * (np.abs(left / scale) @ size @ np.abs(scale[:, None] * right))
+        return lengths * (np.abs(left) @ series.unknown @ np.abs(right))
 
     form = periodic_schur(groups)
-    motion = spectrum_motion(form, groups, better, noise, 2.0**rounds)
+    motion = spectrum_motion(form, groups, better, noise, FINE * 2.0**rounds)
     order = np.argsort(-form.logs.real, kind="stable")
-    return form.logs[order], (METHOD * motion.method + motion.rounding)[order]
+    return Logs(form.logs[order], METHOD * FINER * motion.method[order], motion.rounding[order])
 
 
-def group_segments(values: Array, period: float) -> tuple[int, float]:
-    """Segments that resolve the eigenvalues of the generator and its harmonics, and the spread of the real parts over a period."""
-    eigenvalues = np.linalg.eigvals(values)
+def group_segments(values: Array, period: float, mean: complex, tol: float) -> tuple[int, float]:
+    """Segments on which the factors meet tol and pass over no harmonics, and the spread of the real parts over a period."""
+    eigenvalues = np.linalg.eigvals(values[::SPARSE])
     rate = float(np.abs(eigenvalues).max())
+    allowed = WANTED * tol * max(1.0, float(np.abs(mean + eigenvalues).min()))
+    part = min(LONGEST, (allowed / (GROWTH * max(rate, allowed))) ** (1 / 6))
     spread = float(np.ptp(eigenvalues.real, axis=1).mean()) * period
-    return max(len(values) // 16, int(np.ceil(period * rate / STEP))), spread
+    return max(len(values) // 16, int(np.ceil(period * rate / (FINE * part)))), spread
 
 
 def bounded(values: Array, mean: complex, size: int, period: float) -> tuple[Array, Array]:
@@ -109,22 +167,3 @@ def bounded(values: Array, mean: complex, size: int, period: float) -> tuple[Arr
     even = values * (scale / scale[:, None])
     reach = np.abs(np.linalg.eigvalsh((even + np.swapaxes(even, 1, 2)) / 2)).max(axis=1).mean()
     return np.full(size, mean), np.full(size, float(np.hypot(reach, np.pi / period)))
-
-
-def factor_group(values: Array, period: float, segments: int, stages: int = STAGES) -> Array:
-    """Transition matrices of w' = values(t) w over equal segments of the period."""
-    return gauss_transitions(lambda t: interpolated(values, period, t), np.linspace(0, period, segments + 1), stages)
-
-
-def members(values: Array, period: float, segments: int, turned: Array, errors: Array) -> tuple[Array, Array, float]:
-    """Which logs of a turned complex group in real form are its own and not their conjugates: those that lie by MARK above others.
-
-    Returns: its own logs, turned back, and their errors (p,); how far the worst of them misses the spectrum that is not turned.
-    """
-    logs = turned - 1j * MARK
-    apart = logs[:, None] - product_logs(factor_group(values, period, segments))
-    miss = np.minimum(np.hypot(apart.real, wrap_angle(apart.imag)), MARK)
-    row, column = np.arange(len(miss)), assign(miss)
-    order = np.argsort(miss[row, column], kind="stable")[: len(miss) // 2]
-    own = row[order]
-    return logs[own], errors[own], float(miss[row, column][order].max())

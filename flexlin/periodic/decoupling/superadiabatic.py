@@ -1,13 +1,16 @@
 """Superadiabatic rounds: remove what is left of the coupling between groups of modes, again and again."""
 
 from collections.abc import Callable
+from ctypes import CDLL
 
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.compiler import address
 from flexlin.lapack import complex_schur
 from flexlin.periodic.decoupling.grouping import Group
 from flexlin.periodic.decoupling.waves import KEPT, harmonics
+from flexlin.periodic.native.library import find_library
 
 SLOW_PART = 0.8
 """Harmonics of the coupling below this part of the gap shrink from round to round."""
@@ -44,6 +47,9 @@ def against_scalars(S: Array, B: Array, group: Group, scalars: Array, diagonal: 
     if group.size == 2:
         against_scalars_of_two(S, B, group, scalars, diagonal)
         return
+    if (library := find_library()) is not None and B.flags.c_contiguous:
+        against_scalars_compiled(library, S, B, group, scalars)
+        return
     own = B[:, None, group.part, group.part]
     moved = own - diagonal[:, scalars, None, None] * np.eye(group.size)
     column = np.swapaxes(B[:, group.part][:, :, scalars], 1, 2)[..., None]
@@ -52,6 +58,14 @@ def against_scalars(S: Array, B: Array, group: Group, scalars: Array, diagonal: 
     S[:, group.start : group.stop, scalars] = np.swapaxes(solved, 1, 2)
     row = B[:, scalars][:, :, group.part][..., None]
     S[:, scalars, group.start : group.stop] = np.linalg.solve(np.swapaxes(moved, 2, 3), row)[..., 0]
+
+
+def against_scalars_compiled(library: CDLL, S: Array, B: Array, group: Group, scalars: Array) -> None:
+    """The same by compiled code. Raises: MemoryError."""
+    places, (count, n, _) = scalars.astype(np.intc), B.shape
+    given = address(places), address(B), address(S)
+    if not library.solve_against_scalars(n, count, group.start, group.size, len(places), *given):
+        raise MemoryError("the coupling of a group")
 
 
 def against_scalars_of_two(S: Array, B: Array, group: Group, scalars: Array, diagonal: Array) -> None:

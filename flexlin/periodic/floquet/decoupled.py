@@ -47,7 +47,7 @@ def solve_decoupled(
     decoupled = decouple(coefficients, T, (), tol, partial(couple_uncertainty, coefficients), tries)
     if isinstance(decoupled, Refusal):
         return decoupled
-    found = decoupled_exponents(decoupled)
+    found = decoupled_exponents(decoupled, tol)
     return found.exponents, hide_enclosed(found.exponents, found.errors), decoupled
 
 
@@ -64,7 +64,7 @@ def solve_steady(system: PeriodicSystem, tol: float) -> tuple[Array, Array, Sett
         return decoupled
     library = find_library()
     if library is None or decoupled.diagonal is None:
-        slow = decoupled_exponents(decoupled, tame_only=True)
+        slow = decoupled_exponents(decoupled, tol, tame_only=True)
         logs, uncertain = pair_conjugates(slow.exponents * T, slow.errors * T)
         found: tuple[Array, Array] | Refusal = logs / T, uncertain / T
     else:

@@ -18,6 +18,8 @@ SOURCES = (
     "factors",
     "group",
     "group_errors",
+    "magnus",
+    "sylvester",
     "accelerations",
     "checking",
 )
@@ -30,6 +32,8 @@ ARGUMENTS = {
     "bound_group": [WHOLE] * 3 + [ADDRESS] * 7,
     "find_sizes": [LONG, WHOLE] + [ADDRESS] * 2,
     "compare_series": [LONG] + [WHOLE] * 2 + [ADDRESS] * 5,
+    "factor_magnus": [WHOLE] * 2 + [ADDRESS] + [WHOLE] * 2 + [REAL, ADDRESS],
+    "solve_against_scalars": [WHOLE] * 5 + [ADDRESS] * 3,
     "factor_accelerations": [WHOLE] * 3 + [ADDRESS] * 5,
 }
 """What the functions of the library take."""

@@ -42,10 +42,11 @@ def ratio(log: Array) -> Array:
 
     Modes that grow by more than exp(MOST) against each other are ordered, unless nothing couples them: then a finite number will do.
     """
-    apart = log[..., None, :] - log[..., :, None]
-    upper = np.triu(np.ones(apart.shape[-2:], bool))
-    apart = np.where(upper, apart, 0)
-    return np.where(upper, np.exp(np.minimum(apart.real, MOST) + 1j * apart.imag), 0)
+    size = log.real[..., None, :] - log.real[..., :, None]
+    upper = np.triu(np.ones(size.shape[-2:], bool))
+    size = np.exp(np.where(upper, np.minimum(size, MOST), -np.inf))
+    phase = np.exp(1j * log.imag)
+    return np.asarray(size * phase[..., None, :] * phase.conj()[..., :, None])
 
 
 def suffix_maps(S: Array, log: Array) -> tuple[Array, Array]:

@@ -1,0 +1,62 @@
+"""Transition matrices of a group of modes: compiled code against NumPy's and Gauss collocation, and what their series leaves out."""
+
+import numpy as np
+import pytest
+
+from flexlin.periodic.decoupling import group_factors, superadiabatic
+from flexlin.periodic.decoupling.group_factors import fit_group
+from flexlin.periodic.decoupling.grouping import Group
+from flexlin.periodic.decoupling.superadiabatic import sylvester
+from flexlin.periodic.native.library import find_library
+from flexlin.periodic.transition.gauss import gauss_transitions
+
+PERIOD = 1.7
+
+
+def random_group(seed, m, count=64):
+    """Values of a random non-normal generator with seven harmonics at the nodes."""
+    rng = np.random.default_rng(seed)
+    size = 10.0 ** rng.uniform(-1, 1.5, (m, m))
+    phase = 2 * np.pi * np.arange(count)[:, None, None] / count
+    return sum(size / (1 + k**2) * np.cos(k * phase + rng.uniform(0, 6, (m, m))) for k in range(8))
+
+
+@pytest.mark.parametrize("m", [1, 2, 4, 7])
+def test_factors_agree_with_collocation_and_converge_with_order_six(m, monkeypatch):
+    series = fit_group(random_group(m, m), PERIOD, np.full((m, m), 1e-12))
+    assert len(series.coefficients) == 8
+    best = gauss_transitions(series.sample, np.linspace(0, PERIOD, 41), 12)
+    off = []
+    for parts in (4, 8):
+        compiled = series.factor(40, parts)
+        with monkeypatch.context() as without:
+            without.setattr(group_factors, "find_library", lambda: None)
+            assert np.abs(series.factor(40, parts) - compiled).max() < 1e-12 * np.abs(compiled).max()
+        off.append(np.abs(compiled - best).max())
+    assert m == 1 or 4.5 < np.log2(off[0] / off[1]) < 7.5
+    assert off[1] < 1e-6 * np.abs(best).max()
+
+
+def test_harmonics_are_left_out_only_within_what_is_not_known():
+    values = random_group(5, 3)
+    for unknown in (1e-12, 0.1, 3.0, 1e3):
+        series = fit_group(values, PERIOD, np.full((3, 3), unknown))
+        off = np.abs(series.sample(PERIOD * np.arange(64) / 64) - values).max(axis=0)
+        assert (off <= np.maximum(series.unknown - unknown, 1e-12)).all()
+        assert (series.unknown <= (1 + group_factors.HIDDEN) * unknown).all()
+    assert len(series.coefficients) == 1
+
+
+@pytest.mark.skipif(find_library() is None, reason="no compiler")
+def test_compiled_sylvester_equations_exchange_rows(monkeypatch):
+    """The group's first entry is the single mode's own: elimination in the given order would divide by zero."""
+    rng = np.random.default_rng(8)
+    for p, count in ((3, 9), (6, 16), (21, 8)):
+        B = rng.standard_normal((count, p + 2, p + 2)) + 1j * rng.standard_normal((count, p + 2, p + 2))
+        B[:, 0, 0] = B[:, p, p]
+        B[1:, 1, 1] = B[1:, p + 1, p + 1]
+        groups = (Group(0, p, 0), Group(p, p + 1, 1), Group(p + 1, p + 2, 2))
+        S = sylvester(B, groups)
+        with monkeypatch.context() as without:
+            without.setattr(superadiabatic, "find_library", lambda: None)
+            assert np.abs(sylvester(B, groups) - S).max() < 1e-10 * np.abs(S).max()
