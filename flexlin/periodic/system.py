@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import positive, real_array
 from flexlin.errors import ArgumentError
+from flexlin.periodic.coefficients import PROBES as COEFFICIENT_PROBES
 from flexlin.periodic.coefficients import (
     ClosedLoop,
     Constant,
@@ -165,6 +166,19 @@ class PeriodicSystem:
         least = weigh_entries(source(probes))
         return ResolvedCompanion(resolve(source, *named, complete=self.complete, least=least))
 
+    @cached_property
+    def resolved_input(self) -> ResolvedMatrix:
+        """B(t) as series that agree with it everywhere: all that integrates under an input reads them.
+
+        Raises: ArgumentError where there is no input; NotPeriodic, UnresolvedCoefficient, ArgumentError as `resolve`.
+        """
+        if self.B is None:
+            raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
+        source = sampled_once(self.B, self)
+        if not varies(source, self.period):
+            return resolve_constant(self.B(np.zeros(1))[0], self.period)
+        return resolve(source, self.period, self.breaks, self.features, complete=self.complete)
+
     @classmethod
     @checked
     def from_second_order(
@@ -274,6 +288,18 @@ class PeriodicSystem:
         for one in fields(self):
             object.__setattr__(made, one.name, changes.get(one.name, getattr(self, one.name)))
         return made
+
+
+def varies(source: MatrixFunction, period: float) -> bool:
+    """Whether a coefficient is more than one matrix that is handed out at all times."""
+    return not isinstance(source, Constant) and bool(source(period * COEFFICIENT_PROBES).strides[0] != 0)
+
+
+def sampled_once(source: MatrixFunction, system: PeriodicSystem) -> MatrixFunction:
+    """The coefficient with its values at the times that will be asked for first, where there is nothing narrow about it."""
+    if isinstance(source, Constant) or not system.complete or system.breaks or system.features:
+        return source
+    return foresee(source, system.n**2, [*foresee_times(system.period), system.period * COEFFICIENT_PROBES])
 
 
 def len_of(value: object) -> int:

@@ -85,7 +85,8 @@ def h2_norm(system: PeriodicSystem, C: MatrixFunction | ArrayLike, tol: float = 
     >>> print(f"{fl.h2_norm(system, [[1.0, 0.0]]).value:.6f}")
     1.000000
     """
-    B, output = check_ports(system, C)
+    output = check_ports(system, C)[1]
+    B = system.resolved_input
 
     def weight(t: Array) -> Array:
         values = output(t)
@@ -100,7 +101,7 @@ def h2_norm(system: PeriodicSystem, C: MatrixFunction | ArrayLike, tol: float = 
             [product, (np.abs(reached).sum(axis=1) ** 2).sum(axis=1), np.abs(solution.X(t)).max(axis=(1, 2))]
         )
 
-    (square, size, largest), quadrature = mean_of_parts(power, solution.edges)
+    (square, size, largest), quadrature = mean_of_parts(power, np.union1d(solution.edges, B.edges))
     value = float(np.sqrt(max(square, 0.0)))
     doubt = solution.error * largest * size + quadrature
     return H2Norm(value, float(doubt / (2 * value) if value**2 > doubt else np.sqrt(abs(square) + doubt)))

@@ -6,15 +6,14 @@ from functools import reduce
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.coefficients import PROBES, Constant, MatrixFunction
+from flexlin.periodic.coefficients import Constant, MatrixFunction
 from flexlin.periodic.fourier import FourierSeries, fourier_nodes, real_fourier_coefficients
 from flexlin.periodic.grid import edges_of_short
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.resolved.companion import ResolvedCompanion
-from flexlin.periodic.resolved.foresight import foresee
 from flexlin.periodic.resolved.matrix import WAVES, ResolvedMatrix, divided
-from flexlin.periodic.resolved.resolve import foresee_times, resolve
-from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.resolved.resolve import resolve
+from flexlin.periodic.system import PeriodicSystem, sampled_once, varies
 
 MOST_PANELS = 128
 """Panels of equal length, at the most, of which samples of a period show every wave."""
@@ -31,19 +30,21 @@ def resolve_problem(problem: LinearQuadratic, system: PeriodicSystem) -> tuple[L
     found: dict[str, MatrixFunction] = {"A": Constant(state.mean()) if state.constant else state}
     edges = system.resolved.edges
     for name in OTHERS:
-        source = sampled_once(getattr(problem, name), system)
-        if varies(source, system):
-            series = resolve(source, system.period, system.breaks, system.features, complete=system.complete)
+        series = resolve_coefficient(getattr(problem, name), system)
+        if series is not None:
             found[name] = Constant(series.mean()) if series.constant else series
             edges = edges if np.array_equal(edges, series.edges) else np.union1d(edges, series.edges)
     return replace(problem, **found), edges
 
 
-def sampled_once(source: MatrixFunction, system: PeriodicSystem) -> MatrixFunction:
-    """The coefficient with its values at the times that will be asked for first, where there is nothing narrow about it."""
-    if isinstance(source, Constant) or not system.complete or system.breaks or system.features:
-        return source
-    return foresee(source, system.n**2, [*foresee_times(system.period), system.period * PROBES])
+def resolve_coefficient(given: MatrixFunction, system: PeriodicSystem) -> ResolvedMatrix | None:
+    """A coefficient as series that agree with it everywhere, nothing where it does not vary; the system keeps those of its own input."""
+    if given is system.B:
+        return system.resolved_input
+    source = sampled_once(given, system)
+    if not varies(source, system.period):
+        return None
+    return resolve(source, system.period, system.breaks, system.features, complete=system.complete)
 
 
 def find_edges(problem: LinearQuadratic, system: PeriodicSystem) -> Array:
@@ -53,14 +54,9 @@ def find_edges(problem: LinearQuadratic, system: PeriodicSystem) -> Array:
     panels = (
         resolve(source, system.period, sorted(corners), system.features, complete=system.complete, repeats=False).edges
         for source in sources
-        if varies(source, system)
+        if varies(source, system.period)
     )
     return reduce(np.union1d, panels, np.array([*sorted(corners), system.period]))
-
-
-def varies(source: MatrixFunction, system: PeriodicSystem) -> bool:
-    """Whether a coefficient is more than one matrix that is handed out at all times."""
-    return not isinstance(source, Constant) and bool(source(system.period * PROBES).strides[0] != 0)
 
 
 def divide_for_waves(problem: LinearQuadratic, edges: Array, tol: float) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, TooManySegments
 from flexlin.periodic.coefficients import MatrixFunction
-from flexlin.periodic.grid import edges_of_short
+from flexlin.periodic.grid import divide_segments, edges_of_short
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choice import choose_gauss_step, measure_pace
 from flexlin.periodic.transition.exponential import exponentiate
@@ -15,6 +15,8 @@ from flexlin.periodic.transition.gauss import gauss_transitions
 
 STAGES = 6
 """Gauss stages between samples; two more show the error."""
+PARTS = 4
+"""Steps, at the least, over a panel of the coefficients: it may hold more waves than the stages of one follow."""
 MOST_STEPS = 400_000
 
 
@@ -104,14 +106,14 @@ def with_controller_states(plant: HeldPlant, rates: Array, step: float) -> HeldP
 
 def sections(system: PeriodicSystem, begin: Array, end: Array, tol: float, stages: int) -> Array:
     """Transition matrices (N, n + m, n + m) of the augmented system from begin (N,) to end (N,), all of one length."""
-    assert system.B is not None
     edges = divide(system, begin, end, tol)
+    augmented = Augmented(system.resolved, system.resolved_input, system.period)
     count = edges.shape[1] - 1
     together = np.concatenate([edges[:, :-1].ravel(), edges[-1:, -1]])
     if np.all(edges[1:, 0] == edges[:-1, -1]):
-        steps = gauss_transitions(Augmented(system.A, system.B, system.period), together, stages)
+        steps = gauss_transitions(augmented, together, stages)
     else:  # gaps between the sections are integrated too and left out
-        flat = gauss_transitions(Augmented(system.A, system.B, system.period), edges.ravel(), stages)
+        flat = gauss_transitions(augmented, edges.ravel(), stages)
         keep = np.arange(len(edges) * (count + 1) - 1) % (count + 1) != count
         steps = flat[keep]
     parts = steps.reshape(len(edges), count, *steps.shape[1:])
@@ -122,7 +124,7 @@ def sections(system: PeriodicSystem, begin: Array, end: Array, tol: float, stage
 
 
 def divide(system: PeriodicSystem, begin: Array, end: Array, tol: float) -> Array:
-    """Edges (N, c + 1) of steps inside sections, short enough for tol; none holds a corner of A or passes over a shorter panel of A."""
+    """Edges (N, c + 1) of steps inside sections, short enough for tol; none passes over a corner or a part of a panel of A or B."""
     T = system.period
     longest = float(choose_gauss_step(measure_pace(system).rate.max(keepdims=True), tol, STAGES).min())
     width = float((end - begin).max())
@@ -132,8 +134,10 @@ def divide(system: PeriodicSystem, begin: Array, end: Array, tol: float) -> Arra
             "the sampled loop takes too many steps", got=count * len(begin), expected=f"at most {MOST_STEPS}"
         )
     edges = begin[:, None] + (end - begin)[:, None] * np.arange(count + 1) / count
-    short = edges_of_short(system.resolved.edges, width / count)
-    corners = np.union1d(system.resolved.breaks, np.mod(short, T))
+    resolved = (system.resolved, system.resolved_input)
+    panels = (divide_segments(one.edges, PARTS) for one in resolved if one.panels > 1)
+    short = [np.mod(edges_of_short(edges, width / count), T) for edges in panels]
+    corners = np.unique(np.concatenate([*short, *(one.breaks for one in resolved)]))
     if len(corners):
         turns = np.floor((begin[:, None] - corners) / T) + 1
         inner = np.clip(corners + turns * T, begin[:, None], end[:, None])
