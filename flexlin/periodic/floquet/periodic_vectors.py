@@ -6,7 +6,7 @@ from flexlin.checks import Array
 from flexlin.periodic.product.cyclic import cyclic_system
 
 NULL = 1e-5
-"""A singular value below this part of the largest belongs to the null space."""
+"""A singular value below this part of the matrices whose sum it belongs to is that of a null vector."""
 FARTHEST = 300.0
 """The logarithm of what a mode may lose or gain over factors that are taken together: doubles hold its square."""
 
@@ -45,6 +45,7 @@ def multiply_within(factors: Array, together: int) -> Array:
 
 def find_null_modes(G: Array, ranks: Array) -> tuple[Array, Array]:
     """Null vectors (K, n, m) of the cyclic systems of G (m, K, n, n), members of a cluster take different ones; and which exist (m,)."""
-    x, sigma = cyclic_system(G).null_vectors(int(ranks.max()) + 1)
-    modes = [x[i, :, :, rank if sigma[i, rank] < NULL * sigma[i, -1] else 0] for i, rank in enumerate(ranks)]
-    return np.stack(modes, axis=-1), sigma[:, 0] < NULL * sigma[:, -1]
+    system = cyclic_system(G)
+    x, sigma = system.null_vectors(int(ranks.max()) + 1)
+    modes = [x[i, :, :, rank if sigma[i, rank] < NULL * system.size[i] else 0] for i, rank in enumerate(ranks)]
+    return np.stack(modes, axis=-1), sigma[:, 0] < NULL * system.size

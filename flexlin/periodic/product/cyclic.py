@@ -32,6 +32,8 @@ class CyclicSystem:
 
     levels: tuple[Halving, ...]
     closure: Array
+    size: Array
+    """Of C and D before they are added (...): what a singular value of their sum counts against."""
 
     def solve(self, g: Array) -> Array:
         """Return x_0 ... x_(K-1) of shape (..., K, n, r) for right sides g of the same shape."""
@@ -84,7 +86,8 @@ def cyclic_system(F: Array) -> CyclicSystem:
     while C.shape[-3] > 1:
         level, C, D = halve_rows(C, D)
         levels.append(level)
-    return CyclicSystem(tuple(levels), (C + D)[..., 0, :, :])
+    C, D = C[..., 0, :, :], D[..., 0, :, :]
+    return CyclicSystem(tuple(levels), C + D, np.linalg.norm(C, axis=(-2, -1)) + np.linalg.norm(D, axis=(-2, -1)))
 
 
 def halve_rows(C: Array, D: Array) -> tuple[Halving, Array, Array]:

@@ -115,3 +115,15 @@ def test_an_unstable_average_is_no_resonance():
     (found,) = find_resonances(system, floquet_modes(system))
     assert found.kind == "average"
     assert "by itself" in str(found)
+
+
+@pytest.mark.parametrize(
+    "D", [-np.eye(1), -np.eye(3), np.diag([-1.0, -1.0, -2.0])], ids=["one", "all alike", "two alike"]
+)
+def test_modes_of_one_state_and_of_coinciding_exponents_have_errors(D):
+    """All singular values vanish there, and were compared with the largest of them: every error was infinite."""
+    system = fl.PeriodicSystem(lambda t: D * (1 + 0.2 * np.cos(np.pi * t))[:, None, None], 2.0)
+    modes = fl.floquet_modes(system)
+    product = np.einsum("tki,tkj->tij", modes.left.conj(), modes.right)
+    assert np.abs(product - np.eye(len(D))).max() < 1e-12
+    assert modes.errors.max() < 1e-11
