@@ -10,7 +10,7 @@ from flexlin.checks import Array
 from flexlin.periodic.decoupling.compiled import Coefficients, SampledPeriod, decouple_compiled, sample_series
 from flexlin.periodic.decoupling.coordinates import Coordinates, find_coordinates
 from flexlin.periodic.decoupling.coupling import combined, nearest_on_chords
-from flexlin.periodic.decoupling.decouple import ADIABATIC, ROUGH, Uncertainty, with_evidence
+from flexlin.periodic.decoupling.decouple import ADIABATIC, ROUGH, WORST, Uncertainty, with_evidence
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.mean_modes import MeanModes, find_mean_modes
 from flexlin.periodic.decoupling.superadiabatic import SLOW_PART
@@ -32,8 +32,9 @@ MIXED = 0.15
 NARROWED, CLOSED = 0.7, 1e-3
 """Where the part NARROWED of a gap is not sure to be kept by how far two modes go from their means, it is measured at each time; where
 the part CLOSED is not, it may close."""
-JOINS = 3
-"""How often modes that stay coupled by too much on the most nodes are put together."""
+JOINS = 4
+"""How often modes that stay coupled by too much on the most nodes are put together, those first whose excess is the part WORST of the
+largest: what hinders these keeps the coupling of others from shrinking too."""
 
 
 def decouple_steady(
@@ -108,7 +109,7 @@ def decouple_on_nodes(
 ) -> Decoupled | Array | None:
     """Decouple on every other of the nodes at which A (N, n, n) is given.
 
-    Where the others do not agree to tol, or the coupling is not small enough: the mode that each stays coupled with by too much (n,), or
+    Where the others do not agree to tol, or the coupling is not small enough: the mode that each of the worst stays coupled with (n,), or
     -1; None where gaps close, or A is not resolved.
     """
     if tail(A[::2]) > ROUGH:
@@ -120,7 +121,10 @@ def decouple_on_nodes(
         return None
     done, slope = in_states(found, modes, period, bounds[0])
     done, agree, parted = with_evidence(done, slope, A, tol, uncertainty)
-    return done if np.all(agree & parted) else np.where(agree & ~parted, bounds[1], -1)
+    if np.all(agree & parted):
+        return done
+    excess = np.where(agree & ~parted, np.diagonal(done.residual) / allowed, 0.0)
+    return np.where((excess > 0) & (excess >= WORST * excess.max()), bounds[1], -1)
 
 
 def may_be_tame(modes: MeanModes, period: float) -> bool:

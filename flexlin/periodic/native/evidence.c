@@ -51,12 +51,16 @@ static double find_tail(int size, int blocks, const Wide *wide, const v8 *A) {
   return worst;
 }
 
+static const double WORST = 0.3; /* as in decouple.py */
+
 typedef struct { double *frame, *inverse, *generator, *residual, *rounding, *mean, *apart; int *partner; } Found;
 
 /* Means (n,) of the generator's diagonal, by how much the nodes and the times between them differ in it, and whether that and what is left
- * of the coupling are small beside tol. Where only the latter is not, `partner` keeps the mode that a mode is coupled with, else -1. */
+ * of the coupling are small beside tol. Where only the latter is not, `partner` keeps the mode that a mode is coupled with if its excess is
+ * the part WORST of the largest, else -1. */
 static int judge_means(int n, int blocks, double tol, const Wide *wide, const Side *sides, const Found *f) {
   int nodes = 8 * blocks, settled = 1;
+  double excess[n], largest = 0.0;
   for (int i = 0; i < n; i++) {
     double x[LONGEST], y[LONGEST], up[LONGEST], down[LONGEST], re[2] = {0, 0}, im[2] = {0, 0}, *mean = f->mean + 2 * i;
     for (int side = 0; side < 2; side++) {
@@ -69,9 +73,12 @@ static int judge_means(int n, int blocks, double tol, const Wide *wide, const Si
     f->apart[i] = fmax(hypot(re[0] - re[1], im[0] - im[1]), find_aliasing(nodes, up, down));
     double allowed = tol * fmax(1.0, hypot(mean[0], mean[1])), noise = 4 * f->rounding[i * (n + 1)];
     int agree = f->apart[i] < 0.1 * allowed + noise, parted = f->residual[i * (n + 1)] < 0.3 * allowed + noise;
-    if (parted || !agree) f->partner[i] = -1;
+    excess[i] = agree && !parted ? f->residual[i * (n + 1)] / allowed : 0.0;
+    largest = fmax(largest, excess[i]);
     settled &= agree && parted;
   }
+  for (int i = 0; i < n; i++)
+    if (!(excess[i] > 0.0 && excess[i] >= WORST * largest)) f->partner[i] = -1;
   return settled;
 }
 
