@@ -1,56 +1,139 @@
-"""Decoupling from the modes of the mean by compiled code: what `decouple_on_nodes` in steady.py does, in one call."""
+"""Exponents of systems whose modes keep their shapes by one call of compiled code: what steady.py and exponents.py compute."""
 
 import ctypes
-from dataclasses import dataclass
 from functools import lru_cache
+from math import log
 
 import numpy as np
 
 from flexlin.checks import Array
 from flexlin.compiler import address
-from flexlin.periodic.companion import build_companion
-from flexlin.periodic.decoupling.coordinates import BEYOND, ENOUGH, EVEN, LEAST, MAX_ROUNDS, NEAR, SHRINK
-from flexlin.periodic.decoupling.decouple import ROUGH, SPARSE
-from flexlin.periodic.decoupling.decoupled import Decoupled, Diagonal
-from flexlin.periodic.decoupling.mean_modes import MeanModes
+from flexlin.lapack import find_routine
+from flexlin.periodic.decoupling import coordinates, mean_modes, steady, tame
+from flexlin.periodic.decoupling.decouple import ROUGH
+from flexlin.periodic.decoupling.decoupled import Decoupled, Diagonal, Refusal
+from flexlin.periodic.decoupling.grouping import Group
+from flexlin.periodic.decoupling.several import SAFETY
 from flexlin.periodic.decoupling.superadiabatic import SLOW_PART
 from flexlin.periodic.decoupling.waves import KEPT, multiplier
-from flexlin.periodic.fourier import FourierSeries, fourier_basis
-from flexlin.periodic.product.perturbation import COHERENT
+from flexlin.periodic.fourier import fourier_basis
+from flexlin.periodic.native.library import find_library
+from flexlin.periodic.product.balancing import GROUP_CONDITION
+from flexlin.periodic.product.perturbation import CANCELLED, CLOSE, COHERENT, FACTOR_ROUNDING
 from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.uncertainty import EPS, ROUNDINGS
+from flexlin.periodic.transition.gauss import gauss
 
 MOST_STATES = 128
 """States that the compiled code serves."""
-UNSETTLED, NO_MEMORY = -3, -4
+NO_MEMORY = 7
+REASONS = {
+    1: "no eigenvalues of the mean of A(t) stand apart, or they coincide, or its eigenvectors depend on each other",
+    2: "A(t) mixes the modes of its mean",
+    3: "modes of one group grow or decay by much against each other",
+    4: "the coupling of the modes does not shrink enough",
+    5: "the modes of a group grow or decay by much against each other",
+    6: "M is singular",
+}
+"""Why the compiled code refuses."""
 Coefficients = ResolvedMatrix | ResolvedCompanion
+Found = tuple[Array, Array, float, Decoupled]
 
 
-@dataclass(frozen=True, eq=False)
-class SampledPeriod:
-    """A (2 N, n, n) at N nodes and half-way between them; of a system of second order [M D K] there, and M^-1 at every SPARSE-th time."""
-
-    A: Array
-    blocks: Array | None = None
-    inverse: Array | None = None
-    whole: bool = False
-    """Whether the compiled code has what it needs."""
+def find_steady_solver(states: int) -> ctypes.CDLL | None:
+    """The library whose `solve_steady` serves so many states; none without a compiler, or where LAPACK cannot be called from C."""
+    return find_library() if states <= MOST_STATES and find_routine("dgeev") else None
 
 
-@dataclass(frozen=True, eq=False)
-class Tables:
-    """Cosines and sines for N nodes, one after another, and how many harmonics and eights of them there are."""
+def solve_compiled(library: ctypes.CDLL, coefficients: Coefficients, tol: float) -> Found | Refusal:
+    """Exponents (n,) in 1/s by falling real part, conjugates exactly, their errors (n,), the fastest rate in 1/s, and what was decoupled.
 
-    most: int
-    width: int
-    wide: int
-    numbers: Array
+    They are those of `decouple_steady` and `decoupled_exponents` where all groups are tame. Raises: MemoryError.
+    """
+    blocks = coefficients.blocks if isinstance(coefficients, ResolvedCompanion) else coefficients
+    rows, period = blocks.shape[0], coefficients.period
+    n = 2 * rows if isinstance(coefficients, ResolvedCompanion) else rows
+    series = np.ascontiguousarray(coefficients.series.coefficients)  # type: ignore[union-attr]
+    harmonics = len(series) // 2
+    counts = [count for count in steady.COUNTS if harmonics < count]
+    if not counts:
+        return Refusal("A(t) has too many harmonics")
+    sizes, numbers = count_sizes(n, rows if n > rows else 0, harmonics, len(counts)), tabulate_numbers().copy()
+    numbers[TOL] = tol
+    nodes, about, places = np.array([counts[0], counts[-1]], np.intc), np.empty(2), np.empty(3 * n, np.intc)
+    out, exponents, errors = np.empty((12 * counts[-1] + 2) * n * n + 3 * n), np.empty(n, complex), np.empty(n)
+    given = [numbers, series, np.ascontiguousarray(blocks.error), *tabulated(counts[0], counts[-1], harmonics)]
+    answer = library.solve_steady(
+        address(sizes),
+        address(nodes),
+        period,
+        find_routine("dgeev"),
+        *map(address, (*given, out, places, exponents, errors, about)),
+    )
+    if answer == NO_MEMORY:
+        raise MemoryError("the coordinates of a period")
+    if answer:
+        return Refusal(REASONS[answer])
+    return exponents, errors, float(about[1]), divide_output(out, places, 2 * int(nodes[0]), period, int(about[0]))
+
+
+def divide_output(out: Array, places: Array, times: int, period: float, rounds: int) -> Decoupled:
+    """What was decoupled, out of the numbers that the compiled code leaves."""
+    n = len(places) // 3
+    size = times * n * n
+    frame, inverse, generator = out[: 6 * size].view(complex).reshape(3, times, n, n)
+    rest = out[6 * size :]
+    residual, rounding = rest[: 2 * n * n].reshape(2, n, n)
+    diagonal = Diagonal(rest[2 * n * n : 2 * n * n + 2 * n].view(complex), rest[2 * n * n + 2 * n : 2 * n * n + 3 * n])
+    labels, partner = places[n : 2 * n].tolist(), places[2 * n :].tolist()
+    starts = [i for i in range(n) if i == 0 or labels[i] != labels[i - 1]]
+    stops = [*starts[1:], n]
+    groups = tuple(Group(a, b, k) for a, b, k in zip(starts, stops, partner, strict=False))
+    at, turning = period / times * np.arange(times), np.zeros(len(groups), bool)
+    return Decoupled(period, at, frame, inverse, generator, groups, turning, residual, rounding, rounds, diagonal)
+
+
+TOL = 12
+"""Where tol stands among the numbers."""
+
+
+@lru_cache(maxsize=1)
+def tabulate_numbers() -> Array:
+    """The limits that the compiled code keeps to, in its order; those of decoupling begin with the ninth."""
+    choice = [
+        *steady.CLOSENESS,
+        steady.PARTED,
+        steady.MIXED,
+        mean_modes.LARGEST,
+        log(GROUP_CONDITION),
+        SAFETY,
+        tame.INDEPENDENT,
+    ]
+    made = [coordinates.ENOUGH, coordinates.SHRINK, SLOW_PART, ROUGH, 0.0, EPS, ROUNDINGS * EPS, COHERENT / 3]
+    near = [coordinates.NEAR, coordinates.BEYOND, coordinates.LEAST, coordinates.EVEN]
+    followed = [tame.STEP, tame.FASTEST, GROUP_CONDITION, tame.SAFETY, CANCELLED, CLOSE, FACTOR_ROUNDING, EPS]
+    return np.array([*choice, *made, *near, *followed])
+
+
+@lru_cache(maxsize=16)
+def count_sizes(n: int, coordinates_behind: int, harmonics: int, counts: int) -> Array:
+    """The whole numbers that the compiled code reads."""
+    most = int(np.ceil(tame.FASTEST / tame.STEP))
+    rounds, joins = coordinates.MAX_ROUNDS, steady.JOINS
+    numbers = [n, coordinates_behind, harmonics, rounds, joins, counts, tame.LEAST, most, tame.STAGES, tame.MORE]
+    return np.array(numbers, np.intc)
+
+
+def tabulated(first: int, second: int, harmonics: int) -> list[Array]:
+    """Waves of the series at the times of both sets of nodes, those of the nodes, and the rules of Gauss."""
+    bases = [tabulate_basis(2 * count, harmonics) for count in (first, second)]
+    return [*bases, tabulate_waves(first), tabulate_waves(second), tabulate_rules()]
 
 
 @lru_cache(maxsize=4)
-def tabulate_waves(count: int) -> Tables:
-    """What the compiled rounds read for N nodes.
+def tabulate_waves(count: int) -> Array:
+    """What the compiled rounds read for N nodes, one after another.
 
     Eights of cosines and sines at each node (N, 8 width), padded; the same by harmonic (most + 1, 2, N); the matrices (3, N, N) to values
     half-way between the nodes, to slopes at the nodes and between them, for the period 2 pi, transposed; all harmonics to N at the nodes
@@ -64,63 +147,17 @@ def tabulate_waves(count: int) -> Tables:
     between = np.array([multiplier(count, 0.5, *kind).T for kind in ((0, 0.5), (1, 0.0), (1, 0.5))])
     angle = np.pi / count * (np.outer(np.arange(2 * count), np.arange(4 * wide)) % (2 * count))
     every = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
-    return Tables(most, width, wide, np.concatenate([part.ravel() for part in (forth, back, between, every)]))
+    return np.concatenate([part.ravel() for part in (forth, back, between, every)])
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=128)
 def tabulate_basis(count: int, harmonics: int) -> Array:
     """The waves of a Fourier series at `count` equidistant times (count, 2 H + 1)."""
     return fourier_basis(np.arange(count) / count, harmonics)
 
 
-def sample_series(library: ctypes.CDLL, coefficients: Coefficients, count: int) -> SampledPeriod:
-    """Sample a system's Fourier series at N nodes and half-way between them. Raises: SingularMassMatrix."""
-    series = coefficients.series
-    assert isinstance(series, FourierSeries)
-    flat = series.coefficients.reshape(len(series.coefficients), -1)
-    values = tabulate_basis(2 * count, series.harmonics)[:, 1:] @ flat[1:]
-    values += flat[0]
-    if isinstance(coefficients, ResolvedMatrix):
-        return SampledPeriod(values.reshape(2 * count, *coefficients.shape), whole=coefficients.shape[0] <= MOST_STATES)
-    n = coefficients.blocks.shape[0]
-    A, inverse = np.empty((2 * count, 2 * n, 2 * n)), np.empty((2 * count // SPARSE, n, n))
-    if not library.sample_companion(n, 2 * count, SPARSE, *map(address, (values, A, inverse))):
-        t = coefficients.period / (2 * count) * np.arange(2 * count)
-        return SampledPeriod(build_companion(*coefficients.split(values.reshape(2 * count, n, 3 * n)), t))
-    return SampledPeriod(A, values, inverse, 2 * n <= MOST_STATES)
-
-
-def decouple_compiled(
-    library: ctypes.CDLL, samples: SampledPeriod, coefficients: Coefficients, modes: MeanModes, tol: float
-) -> Decoupled | Array | None:
-    """As `decouple_on_nodes`, with `couple_uncertainty` for the coefficients. Raises: MemoryError."""
-    A, period = samples.A, coefficients.period
-    nodes, n = len(A), A.shape[-1]
-    blocks = coefficients.blocks if isinstance(coefficients, ResolvedCompanion) else coefficients
-    tables = tabulate_waves(nodes // 2)
-    out, partner = np.empty(3 * 2 * A.size + 2 * n * n + 3 * n), np.empty(n, np.intc)
-    limits = np.array(
-        [ENOUGH, SHRINK, SLOW_PART, ROUGH, tol, EPS, ROUNDINGS * EPS, COHERENT / 3, NEAR, BEYOND, LEAST, EVEN]
-    )
-    second = (
-        (0, 0)
-        if samples.blocks is None or samples.inverse is None
-        else tuple(map(address, (samples.blocks, samples.inverse)))
-    )
-    given = [modes.mate, modes.label, modes.values, modes.right, modes.left, tables.numbers, out, partner]
-    rounds = library.decouple_on_nodes(
-        n, nodes // 16, n // 2 if samples.blocks is not None else 0, MAX_ROUNDS, tables.most, tables.width, tables.wide, 2 * np.pi / period,
-        address(limits), address(A), second[0], address(blocks.error), second[1], *map(address, given),
-    )  # fmt: skip
-    if rounds == NO_MEMORY:
-        raise MemoryError("the coordinates of a period")
-    if rounds < 0:
-        return partner if rounds == UNSETTLED else None
-    frame, inverse, generator = out[: 6 * A.size].view(complex).reshape(3, *A.shape)
-    rest = out[6 * A.size :]
-    residual, rounding = rest[: 2 * n * n].reshape(2, n, n)
-    diagonal = Diagonal(rest[2 * n * n : -n].view(complex), rest[-n:])
-    times, turning = period / nodes * np.arange(nodes), np.zeros(len(modes.groups), bool)
-    return Decoupled(
-        period, times, frame, inverse, generator, modes.groups, turning, residual, rounding, rounds, diagonal
-    )
+@lru_cache(maxsize=1)
+def tabulate_rules() -> Array:
+    """Gauss' rules one after another: c, a, b of each."""
+    rules = [gauss(stages) for stages in (tame.STAGES, tame.STAGES + tame.MORE)]
+    return np.concatenate([part.ravel() for rule in rules for part in (rule.c, rule.a, rule.b)])

@@ -1,13 +1,12 @@
 """Modes whose shapes hardly change over a period: decoupled from the modes of the mean on, which nobody has to follow."""
 
-import ctypes
 from collections.abc import Callable
+from functools import cache
 from math import log
 
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.decoupling.compiled import Coefficients, SampledPeriod, decouple_compiled, sample_series
 from flexlin.periodic.decoupling.coordinates import Coordinates, find_coordinates
 from flexlin.periodic.decoupling.coupling import combined, nearest_on_chords
 from flexlin.periodic.decoupling.decouple import ADIABATIC, ROUGH, WORST, Uncertainty, with_evidence
@@ -15,7 +14,6 @@ from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.mean_modes import MeanModes, find_mean_modes
 from flexlin.periodic.decoupling.superadiabatic import SLOW_PART
 from flexlin.periodic.decoupling.waves import harmonics, tail
-from flexlin.periodic.native.library import find_library
 from flexlin.periodic.product.balancing import GROUP_CONDITION
 from flexlin.periodic.system import MatrixFunction
 
@@ -52,17 +50,16 @@ def decouple_steady(
     counts = [count for count in COUNTS if harmonics < count]
     if not counts:
         return Refusal("A(t) has too many harmonics")
-    library, samples = find_library() if isinstance(A, Coefficients) else None, {}
+
+    @cache
+    def sample(count: int) -> Array:
+        """A at N nodes and half-way between them."""
+        return A(period / (2 * count) * np.arange(2 * count))
 
     def once(count: int, modes: MeanModes) -> Decoupled | Array | None:
-        if count not in samples:
-            samples[count] = sample_times(library, A, period, count)
-        if library is not None and isinstance(A, Coefficients) and samples[count].whole:
-            return decouple_compiled(library, samples[count], A, modes, tol)
-        return decouple_on_nodes(samples[count].A, modes, period, tol, uncertainty)
+        return decouple_on_nodes(sample(count), modes, period, tol, uncertainty)
 
-    samples[counts[0]] = sample_times(library, A, period, counts[0])
-    look = samples[counts[0]].A[:: 2 * counts[0] // LOOK]
+    look = sample(counts[0])[:: 2 * counts[0] // LOOK]
     answer, before = Refusal("A(t) mixes the modes of its mean"), None
     for closeness in CLOSENESS:
         modes = find_mean_modes(look.mean(axis=0), 2 * np.pi / period / closeness, PARTED * 2 * np.pi / period)
@@ -95,13 +92,6 @@ def part_modes(
                 return Refusal("modes that stay coupled grow or decay by much against each other")
             modes = joined
     return None
-
-
-def sample_times(library: ctypes.CDLL | None, A: MatrixFunction, period: float, count: int) -> SampledPeriod:
-    """A at N nodes and half-way between them."""
-    if library is not None and isinstance(A, Coefficients):
-        return sample_series(library, A, count)
-    return SampledPeriod(A(period / (2 * count) * np.arange(2 * count)))
 
 
 def decouple_on_nodes(

@@ -6,14 +6,13 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.circle import pair_conjugates
+from flexlin.periodic.decoupling.compiled import Coefficients, Found, find_steady_solver, solve_compiled
 from flexlin.periodic.decoupling.decouple import MAX_MERGES, decouple
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.exponents import decoupled_exponents
 from flexlin.periodic.decoupling.steady import decouple_steady
-from flexlin.periodic.decoupling.steady_exponents import find_steady_exponents
 from flexlin.periodic.floquet.result import find_reached
 from flexlin.periodic.fourier import FourierSeries
-from flexlin.periodic.native.library import find_library
 from flexlin.periodic.resolved.uncertainty import couple_uncertainty
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.setting import Setting
@@ -56,28 +55,30 @@ def solve_steady(system: PeriodicSystem, tol: float) -> tuple[Array, Array, Sett
 
     It serves only where every error is bounded by perturbation theory and meets tol.
     """
-    coefficients, T = system.resolved, system.period
+    coefficients = system.resolved
     if coefficients.breaks or not isinstance(coefficients.series, FourierSeries):
         return Refusal("A(t) is not one Fourier series")
+    library = find_steady_solver(system.n)
+    found = solve_by_numpy(coefficients, tol) if library is None else solve_compiled(library, coefficients, tol)
+    if isinstance(found, Refusal):
+        return found
+    exponents, errors, rate, decoupled = found
+    if not find_reached(exponents, errors, tol).all():
+        return Refusal("tol is not met")
+    code = "NumPy" if library is None else "compiled code"
+    reason = f"modes that keep their shapes, eigenvalues of A(t) up to {rate:.3g} 1/s, by {code}"
+    return exponents, errors, Setting("decoupling", 0, 1, reason, rate), decoupled
+
+
+def solve_by_numpy(coefficients: Coefficients, tol: float) -> Found | Refusal:
+    """What `solve_compiled` finds, without compiled code."""
+    T = coefficients.period
     decoupled = decouple_steady(coefficients, T, coefficients.degree, tol, partial(couple_uncertainty, coefficients))
     if isinstance(decoupled, Refusal):
         return decoupled
-    library = find_library()
-    if library is None or decoupled.diagonal is None:
-        slow = decoupled_exponents(decoupled, tol, tame_only=True)
-        logs, uncertain = pair_conjugates(slow.exponents * T, slow.errors * T)
-        found: tuple[Array, Array] | Refusal = logs / T, uncertain / T
-    else:
-        found = find_steady_exponents(library, decoupled)
-    if isinstance(found, Refusal):
-        return found
-    exponents, errors = found
-    if not find_reached(exponents, errors, tol).all():
-        return Refusal("tol is not met")
-    rate = float(np.abs(np.einsum("tii->ti", decoupled.generator)).max())
-    code = "compiled code" if decoupled.diagonal is not None else "NumPy"
-    reason = f"modes that keep their shapes, eigenvalues of A(t) up to {rate:.3g} 1/s, by {code}"
-    return exponents, errors, Setting("decoupling", 0, 1, reason, rate), decoupled
+    slow = decoupled_exponents(decoupled, tol, tame_only=True)
+    logs, uncertain = pair_conjugates(slow.exponents * T, slow.errors * T)
+    return logs / T, uncertain / T, float(np.abs(np.einsum("tii->ti", decoupled.generator)).max()), decoupled
 
 
 def hide_enclosed(exponents: Array, errors: Array) -> Array:

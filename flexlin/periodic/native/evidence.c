@@ -2,7 +2,7 @@
  * `decouple_on_nodes` in steady.py. */
 
 /* [M D K] (times, m, 3 m) -> A = [[0, 1], [-M^-1 K, -M^-1 D]] (times, 2 m, 2 m), and M^-1 at every `sparse`th time; 0 where M is singular. */
-int sample_companion(int m, int times, int sparse, const double *blocks, double *A, double *inverse) {
+static int sample_companion(int m, int times, int sparse, const double *blocks, double *A, double *inverse) {
   double M[m * m], right[3 * m * m];
   memset(A, 0, 4L * times * m * m * sizeof(double));
   for (int t = 0; t < times; t++, blocks += 3 * m * m, A += 4 * m * m) {
@@ -142,7 +142,7 @@ static void give_back(int size, int nodes, const Side *sides, const Found *f) {
  * out: frame, inverse and generator (2 nodes, n, n), complex; residual, rounding (n, n); means (n,), complex; apart (n,).
  * partner (n,): where the result is UNSETTLED, the mode that each stays coupled with by too much, or -1.
  * Returns the number of rounds, or what is in the way. */
-int decouple_on_nodes(int n, int blocks, int m, int most_rounds, int most, int width, int wide, double w, const double *limits, const double *A,
+static int decouple_on_nodes(int n, int blocks, int m, int most_rounds, int most, int width, int wide, double w, const double *limits, const double *A,
                       const double *samples, const double *error, const double *mass_inverse, const int *mate, const int *group,
                       const double *values, const double *right, const double *left, const double *tables, double *out, int *partner) {
   int nodes = 8 * blocks, result = ROUGH;

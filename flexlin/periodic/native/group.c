@@ -62,7 +62,7 @@ static void multiply_real(int p, const double *A, const double *B, double *C) {
  *
  * rules: c, a, b of the stages, then of `more` stages beyond; limits: step, fastest, and the largest condition of the products.
  * Returns the number of segments, 0 where the group is not tame, -1 where there is no memory. */
-int follow_group(int n, int start, int p, int blocks, int wide, const double *table, const double *generator, double period, int least, int most,
+static int follow_group(int n, int start, int p, int blocks, int wide, const double *table, const double *generator, double period, int least, int most,
                  int stages, int more, const double *rules, const double *limits, double *out, double *alias) {
   int nodes = 8 * blocks, size = p * p, segments = least, done = 0;
   double *memory = malloc((2L * (nodes + 1) * size + size) * sizeof(double));

@@ -16,7 +16,7 @@ static void multiply_mixed(int p, const z *A, const double *B, int real_first, z
 /* Errors (p,) of logs (p,): `out` as `follow_group` leaves it, vectors and their inverse, what is not known in each segment (p, p).
  *
  * numbers: safety, cancelled, close, roundings of a factor, eps. Returns 0 where there is no memory. */
-int bound_group(int p, int segments, int most, const double *out, const double *unknown, const double *numbers, const double *vectors,
+static int bound_group(int p, int segments, int most, const double *out, const double *unknown, const double *numbers, const double *vectors,
                 const double *rows, const double *logs, double *errors) {
   int size = p * p;
   double *sums = calloc(2L * size, sizeof(double)), *known = sums + size;

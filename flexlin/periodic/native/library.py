@@ -20,16 +20,15 @@ SOURCES = (
     "group_errors",
     "magnus",
     "sylvester",
+    "modes",
+    "steady",
     "accelerations",
     "checking",
 )
 WHOLE, LONG, REAL, ADDRESS = ctypes.c_int, ctypes.c_long, ctypes.c_double, ctypes.c_void_p
 ARGUMENTS = {
     "fit_series": [WHOLE] * 3 + [REAL] + [ADDRESS] * 8,
-    "sample_companion": [WHOLE] * 3 + [ADDRESS] * 3,
-    "decouple_on_nodes": [WHOLE] * 7 + [REAL] + [ADDRESS] * 13,
-    "follow_group": [WHOLE] * 5 + [ADDRESS] * 2 + [REAL] + [WHOLE] * 4 + [ADDRESS] * 4,
-    "bound_group": [WHOLE] * 3 + [ADDRESS] * 7,
+    "solve_steady": [ADDRESS] * 2 + [REAL] + [ADDRESS] * 14,
     "find_sizes": [LONG, WHOLE] + [ADDRESS] * 2,
     "compare_series": [LONG] + [WHOLE] * 2 + [ADDRESS] * 5,
     "factor_magnus": [WHOLE] * 2 + [ADDRESS] + [WHOLE] * 2 + [REAL, ADDRESS],

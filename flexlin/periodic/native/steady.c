@@ -1,0 +1,192 @@
+/* Exponents of a system of which A(t) mixes the modes of its mean by little: the computation of steady.py, tame.py and exponents.py. */
+
+enum { OK = 0, NOT_APART = 1, MIXES = 2, NOT_TAME = 3, COUPLED = 4, WILD = 5, SINGULAR = 6, LACKING = 7 };
+enum { LOOK = 8, COUNTS = 2, SPARSE = 4, MEMORY = 1 << 26 }; /* nodes of a first look; M^-1 at every so many times; bytes of a group */
+
+typedef struct {
+  double closeness[2], parted, mixed, largest, spread, safety, independent;
+  double decoupling[12]; /* limits of `decouple_on_nodes` */
+  double following[3], bounding[5]; /* of `follow_group`, `bound_group` */
+} Numbers;
+
+typedef struct {
+  int n, m, H, most_rounds, joins, counts, nodes[COUNTS], least, most, stages, more;
+  const double *bases[COUNTS], *tables[COUNTS], *series, *error, *rules;
+  double period;
+  Geev *geev;
+  const Numbers *numbers;
+} Problem; /* m: coordinates behind the states, or 0; bases (2 nodes, 2 H + 1): waves of the series (2 H + 1, entries) */
+
+typedef struct { double *A, *blocks, *inverse; } Samples;
+
+static int count_wide(int nodes) { return 2 * ((nodes + 8) / 8); }
+static int count_width(int nodes) { return (nodes / 3 + 4) / 4; }
+
+/* A at N nodes and half-way between them, from the series; of second order by way of [M D K]. */
+static int take_period(const Problem *p, int which, Samples *s) {
+  int times = 2 * p->nodes[which], n = p->n, m = p->m, entries = m ? 3 * m * m : n * n, waves = 2 * p->H;
+  s->A = malloc((long)times * n * n * sizeof(double));
+  s->blocks = m ? malloc((long)times * entries * sizeof(double)) : 0;
+  s->inverse = m ? malloc((long)times / SPARSE * m * m * sizeof(double)) : 0;
+  if (!s->A || (m && (!s->blocks || !s->inverse))) return LACKING;
+  double *values = m ? s->blocks : s->A;
+  for (int t = 0; t < times; t++) {
+    const double *wave = p->bases[which] + (long)t * (waves + 1) + 1;
+    double *row = values + (long)t * entries;
+    for (int e = 0; e < entries; e++) row[e] = 0.0;
+    for (int k = 0; k < waves; k++)
+      for (int e = 0; e < entries; e++) row[e] += wave[k] * p->series[(k + 1L) * entries + e];
+    for (int e = 0; e < entries; e++) row[e] += p->series[e];
+  }
+  return !m || sample_companion(m, times, SPARSE, s->blocks, s->A, s->inverse) ? OK : SINGULAR;
+}
+
+/* Decouple on more and more nodes; modes that stay coupled by too much on the most are put together, and it is tried again.
+ *
+ * out, partner: as of `decouple_on_nodes`; which: the nodes it ended on. Returns the rounds, or minus what is in the way. */
+static int part_modes(const Problem *p, Samples *samples, Modes *m, double *out, int *partner, z *work, int *which) {
+  const Numbers *number = p->numbers;
+  for (int k = 0; k < p->counts + p->joins; k++) {
+    int at = *which = k < p->counts ? k : p->counts - 1, nodes = p->nodes[at], worst = -1;
+    if (!samples[at].A) {
+      int taken = take_period(p, at, samples + at);
+      if (taken != OK) return -taken;
+    }
+    int rounds = decouple_on_nodes(p->n, nodes / 8, p->m, p->most_rounds, nodes / 3, count_width(nodes), count_wide(nodes), 2 * M_PI / p->period,
+                                   number->decoupling, samples[at].A, samples[at].blocks, p->error, samples[at].inverse, m->mate, m->label,
+                                   (double *)m->values, (double *)m->right, (double *)m->left, p->tables[at], out, partner);
+    if (rounds >= 0) return rounds;
+    if (rounds == NO_MEMORY) return -LACKING;
+    if (k < p->counts - 1) continue;
+    for (int i = 0; i < p->n && rounds == UNSETTLED; i++) worst = partner[i] > worst ? partner[i] : worst;
+    if (worst < 0) return -COUPLED;
+    if (!join_modes(m, partner, work) || !may_be_tame(m, p->period, number->spread)) return -NOT_TAME;
+  }
+  return -COUPLED;
+}
+
+/* Find modes of the mean that serve, first in few groups, and decouple them; as `part_modes`. */
+static int decouple_steady(const Problem *p, Samples *samples, Modes *m, double *out, int *partner, z *work, int *which) {
+  int n = p->n, before[n], answer = MIXES, step = 2 * p->nodes[0] / LOOK;
+  double mean[n * n], w = 2 * M_PI / p->period;
+  const Numbers *number = p->numbers;
+  int taken = take_period(p, 0, samples);
+  if (taken != OK) return -taken;
+  for (int i = 0; i < n; i++) before[i] = -1;
+  for (int e = 0; e < n * n; e++) {
+    mean[e] = 0.0;
+    for (int t = 0; t < LOOK; t++) mean[e] += samples[0].A[(long)t * step * n * n + e] / LOOK;
+  }
+  for (int k = 0; k < 2; k++) {
+    if (!find_modes(p->geev, mean, w / number->closeness[k], number->parted * w, number->largest, m, work)) return -NOT_APART;
+    if (!may_be_tame(m, p->period, number->spread)) return -NOT_TAME;
+    if (!memcmp(before, m->label, n * sizeof(int)) || find_mixing(m, 2 * p->nodes[0], step, samples[0].A, work) > number->mixed) continue;
+    memcpy(before, m->label, n * sizeof(int));
+    int rounds = part_modes(p, samples, m, out, partner, work, which);
+    if (rounds != -COUPLED) return rounds;
+    answer = COUPLED;
+  }
+  return -answer;
+}
+
+/* Logs of the multipliers of a real group and their errors, from first on; unknown (n, n): what is not known of the generator. */
+static int find_group(const Problem *p, int nodes, const double *generator, int first, int size, const double *unknown, z *values, double *errors) {
+  const Numbers *number = p->numbers;
+  int wide = count_wide(nodes), square = size * size, segments, done = 0;
+  if (32L * (p->most + 1) * square > MEMORY) return WILD;
+  double *memory = malloc((4L * (p->most + 1) * square + 2 * square + size) * sizeof(double));
+  z *vectors = malloc((4L * square + 2 * size) * sizeof(z)), *rows = vectors + square, *work = rows + square, *own = work + 2 * square, *log = own + size;
+  double *factors = memory, *alias = factors + 4L * (p->most + 1) * square, *part = alias + square, *off = part + square;
+  if (!memory || !vectors) { free(memory); free(vectors); return LACKING; }
+  const double *all = p->tables[nodes == p->nodes[0] ? 0 : 1] + 8L * nodes * count_width(nodes) + 2L * (nodes / 3 + 1) * nodes + 3L * nodes * nodes;
+  segments = follow_group(p->n, first, size, nodes / 8, wide, all, generator, p->period, p->least, p->most, p->stages, p->more, p->rules,
+                          number->following, factors, alias);
+  if (segments > 0) {
+    for (int e = 0; e < square; e++)
+      part[e] = p->period / segments * (number->safety * unknown[(first + e / size) * p->n + first + e % size] + alias[e]);
+    done = find_eigenvectors(p->geev, size, factors + (2L * (p->most + 1) + segments) * square, own, vectors) &&
+           invert_complex(size, vectors, rows, work) && measure_complex(square, vectors) * measure_complex(square, rows) < number->independent;
+  }
+  for (int i = 0; i < size && done; i++) log[i] = clog(own[i]);
+  if (done && !bound_group(size, segments, p->most, factors, part, number->bounding, (double *)vectors, (double *)rows, (double *)log, off)) segments = -1;
+  for (int i = 0; i < size && done; i++) {
+    int mate = i;
+    for (int j = 0; j < size; j++)
+      if (cabs(conj(log[i]) - log[j]) < cabs(conj(log[i]) - log[mate])) mate = j;
+    values[first + i] = log[i];
+    errors[first + i] = fmax(off[i], off[mate]);
+  }
+  free(memory);
+  free(vectors);
+  return segments < 0 ? LACKING : done ? OK : WILD;
+}
+
+/* An imaginary part of a log in (-pi, pi]. */
+static double wrap_angle(double angle) {
+  double near = angle - 2 * M_PI * ceil(angle / (2 * M_PI) - 0.5);
+  return near > M_PI ? near - 2 * M_PI : near <= -M_PI ? near + 2 * M_PI : near;
+}
+
+/* Exponents (n,) by falling real part and their errors (n,) of what was decoupled. */
+static int find_exponents(const Problem *p, int nodes, const Modes *m, const Found *f, z *exponents, double *errors) {
+  int n = p->n, order[n];
+  double off[n], unknown[n * n];
+  z values[n], *mean = (z *)f->mean;
+  for (int e = 0; e < n * n; e++) unknown[e] = f->residual[e] + f->rounding[e];
+  for (int i = 0; i < n; i++) { values[i] = mean[i]; off[i] = f->apart[i] + p->numbers->safety * unknown[i * (n + 1)]; }
+  for (int i = 0, size; i < n; i += size) {
+    for (size = 1; i + size < n && m->label[i + size] == m->label[i]; size++) {}
+    if (size == 1) {
+      if (m->mate[i] > i) off[i] = off[m->mate[i]] = fmax(off[i], off[m->mate[i]]);
+      if (m->mate[i] == i) values[i] = creal(values[i]);
+      continue;
+    }
+    int done = find_group(p, nodes, f->generator, i, size, unknown, values, off);
+    if (done != OK) return done;
+    double middle = 0.0;
+    for (int k = i; k < i + size; k++) middle += creal(mean[k]) / size;
+    for (int k = i; k < i + size; k++) { values[k] = middle + values[k] / p->period; off[k] /= p->period; }
+  }
+  for (int i = 0; i < n; i++) {
+    values[i] = creal(values[i]) + I * wrap_angle(cimag(values[i]) * p->period) / p->period;
+    int k = i;
+    for (; k > 0 && creal(values[order[k - 1]]) < creal(values[i]); k--) order[k] = order[k - 1];
+    order[k] = i;
+  }
+  for (int i = 0; i < n; i++) { exponents[i] = values[order[i]]; errors[i] = off[order[i]]; }
+  return OK;
+}
+
+/* Exponents (n,), complex, and errors (n,) of a Fourier series, by decoupling.
+ *
+ * sizes: n, m, H, most rounds, joins, how many `nodes` there are, least and most segments of a group, stages, and how many more check them;
+ * nodes: and which were taken; out: as of `decouple_on_nodes`, for the most nodes; places (3 n,): mates, groups, partners of groups;
+ * about: the rounds, and the largest entry of the generator's diagonal. Returns what is in the way, or 0. */
+int solve_steady(const int *sizes, int *nodes, double period, void *geev, const double *numbers, const double *series, const double *error,
+                 const double *first_basis, const double *second_basis, const double *first_tables, const double *second_tables, const double *rules,
+                 double *out, int *places, double *exponents, double *errors, double *about) {
+  Problem p = {sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5], {nodes[0], nodes[1]}, sizes[6], sizes[7], sizes[8], sizes[9],
+               {first_basis, second_basis}, {first_tables, second_tables}, series, error, rules, period, (Geev *)geev, (const Numbers *)numbers};
+  int n = p.n, partner[n], which = 0, result = LACKING;
+  Samples samples[COUNTS] = {{0, 0, 0}, {0, 0, 0}};
+  z *memory = malloc((5L * n * n + 2 * n) * sizeof(z)), *work = memory + 2 * n * n + n;
+  char *together = malloc((long)n * n);
+  Modes m = {n, 0, places, places + n, places + 2 * n, memory, memory + n, memory + n + n * n, together};
+  if (memory && together) {
+    int rounds = decouple_steady(&p, samples, &m, out, partner, work, &which);
+    result = rounds < 0 ? -rounds : OK;
+    about[0] = rounds;
+  }
+  nodes[0] = p.nodes[which];
+  if (result == OK) {
+    Found found = divide_output(n, p.nodes[which], out, partner);
+    result = find_exponents(&p, p.nodes[which], &m, &found, (z *)exponents, errors);
+    about[1] = 0.0;
+    for (long t = 0; t < 2 * p.nodes[which]; t++)
+      for (int i = 0; i < n; i++) about[1] = fmax(about[1], cabs(((z *)found.generator)[t * n * n + i * (n + 1)]));
+  }
+  for (int k = 0; k < COUNTS; k++) { free(samples[k].A); free(samples[k].blocks); free(samples[k].inverse); }
+  free(memory);
+  free(together);
+  return result;
+}
