@@ -54,7 +54,7 @@ def solve_compiled(library: ctypes.CDLL, coefficients: Coefficients, tol: float)
     blocks = coefficients.blocks if isinstance(coefficients, ResolvedCompanion) else coefficients
     rows, period = blocks.shape[0], coefficients.period
     n = 2 * rows if isinstance(coefficients, ResolvedCompanion) else rows
-    series = np.ascontiguousarray(coefficients.series.coefficients)  # type: ignore[union-attr]
+    series = np.ascontiguousarray(coefficients.series.coefficients)
     harmonics = len(series) // 2
     counts = [count for count in steady.COUNTS if harmonics < count]
     if not counts:
