@@ -218,13 +218,11 @@ BESIDES = {
 """Heavy libraries that neither a verdict nor a design needs; `control` is 1.2 s, and brings matplotlib; each of SciPy's 0.2 s."""
 COMMANDS_IN_TURN = """
 import sys
-from flexlin.cli.main import entry, main
+from flexlin.cli.main import main, run_program
 main(["list"])
 print(sorted({"numpy", "scipy", "casadi", *%r} & set(sys.modules)))
-try:
-    entry()
-except SystemExit as end:
-    print(sorted(%r & set(sys.modules)), end.code)
+code = run_program()
+print(sorted(%r & set(sys.modules)), code)
 """
 
 

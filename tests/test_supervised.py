@@ -38,6 +38,18 @@ def start(work: str, before: str = "") -> "subprocess.Popen[str]":
 ENDS = {
     "all is said": ("print('done')", 0, "done\n", ""),
     "an exit code of its own": ("sys.exit(3)", 3, "", ""),
+    "something is left for the end": (
+        "import atexit; atexit.register(print, 'closed'); print('done')",
+        0,
+        "done\nclosed\n",
+        "",
+    ),
+    "a thread goes on": (
+        "import threading; threading.Thread(target=lambda: (time.sleep(0.3), print('late'))).start()",
+        0,
+        "late\n",
+        "",
+    ),
     "abort in a library": ("os.abort()", 1, "", "(signal SIGABRT); most often there is not enough memory"),
     "exit in a library": ("os._exit(1)", 1, "", "(exit code 1); most often there is not enough memory"),
     "killed by the system": ("os.kill(os.getpid(), signal.SIGKILL)", 1, "", "(signal SIGKILL); most often"),

@@ -12,8 +12,8 @@ UNUSED = frozenset({"numpy.ctypeslib", "numpy.f2py", "numpy.testing", "numpy.typ
 """SciPy says `from numpy import *`, which loads these: about a tenth of the time until the work begins."""
 
 
-OBJECTS = 20_000
-"""Objects that are made, and not freed, between two looks for cycles among the young ones."""
+OBJECTS = 200_000
+"""Objects that are made, and not freed, between two looks for cycles among the young ones: a report keeps some 70,000."""
 THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 """Variables by which a user says how many threads linear algebra has."""
 
@@ -52,5 +52,5 @@ def defer_unused() -> None:
 
 
 def collect_rarely() -> None:
-    """Look for cycles of dead objects a thirtieth as often as Python does: there are few, and looking took 4 % of a report."""
+    """Look for cycles of dead objects rarely: there are few, and looking as often as Python does took 4 % of a report."""
     gc.set_threshold(OBJECTS, 20, 20)

@@ -4,6 +4,7 @@ Python ends a stage between two instructions. It cannot end a single call of a c
 the process without a word. The parent took its own memory before the work began.
 """
 
+import atexit
 import contextlib
 import math
 import os
@@ -84,7 +85,9 @@ def supervise(work: Callable[[], int]) -> int:
     os.close(reader)
     Channel.writer = writer
     end_with(parent)
-    return run_to_its_end(work)
+    code = run_to_its_end(work)
+    leave(code)
+    return code
 
 
 def read_space() -> float:
@@ -111,6 +114,17 @@ def run_to_its_end(work: Callable[[], int]) -> int:
         code = FAILED
     Channel.send("ended")
     return code
+
+
+def leave(code: int) -> None:
+    """End this process without freeing its objects one by one, a tenth of a report's time; not while threads or a profiler need more."""
+    if threading.active_count() > 1 or sys.getprofile() is not None or sys.gettrace() is not None:
+        return
+    atexit._run_exitfuncs()
+    with contextlib.suppress(OSError, ValueError):
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
 
 
 def end_with(parent: int) -> None:

@@ -1,5 +1,6 @@
 """One run of the command line in a process of its own: what it said, what it took, how it ended."""
 
+import atexit
 import os
 import resource
 import select
@@ -70,6 +71,7 @@ def resident(which: int = 1) -> int:
 def begin(arguments: Sequence[str], writer: int, space: int | None) -> None:
     """The child's part: it never returns."""
     code = 99
+    atexit._clear()  # what is left for the end of the tests is not the child's
     try:
         os.dup2(writer, 1)
         os.dup2(writer, 2)
