@@ -192,8 +192,7 @@ class Collocation:
             places = self._equations.places(np.array([at.t + INSIDE * self._period]))
             y, v, w = at.x[None, :n], at.x[None, n:], np.zeros((1, n))
             F = self._equations.residual(places, y, v, w)[0][0]
-            slopes = self._equations.slopes(places, y, v, w) or places.linear
-            at.before = -np.linalg.solve(slopes[0][0], F)
+            at.before = -np.linalg.solve(self._equations.mass(places, y)[0], F)
             if at.linear is not None:
                 at.linear.behind_break(places)
         return at.before

@@ -73,6 +73,13 @@ class ControlledEquations:
         of_states = w[:, n:] - np.concatenate([y[:, :n], v], axis=1) @ rates.T - at.force[:, n:]
         return np.concatenate([F, of_states], axis=1), power
 
+    def mass(self, at: Places, y: Array) -> Array:
+        """That of the arm; rates z' stand alone."""
+        n, k = self._n, self._controller.states
+        wide = np.zeros((len(y), n + k, n + k))
+        wide[:, :n, :n], wide[:, n:, n:] = self._arm.mass(at, y[:, :n]), np.eye(k)
+        return wide
+
     def slopes(self, at: Places, y: Array, v: Array, w: Array) -> Matrices | None:
         """Derivatives where the arm is, with the input matrix of the rigid motion; none where those of the arm are the linear ones."""
         assert isinstance(at, ControlledPlaces)

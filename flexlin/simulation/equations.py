@@ -47,6 +47,9 @@ class Equations(Protocol):
     def residual(self, at: Places, y: Array, v: Array, w: Array) -> tuple[Array, Array]:
         """F (N, n), and the power (N,) that goes into the arm."""
 
+    def mass(self, at: Places, y: Array) -> Array:
+        """dF/dy'' (N, n, n), for much less work than all slopes."""
+
     def slopes(self, at: Places, y: Array, v: Array, w: Array) -> Matrices | None:
         """dF/dy'', dF/dy', dF/dy (N, n, n) there; None where those of y = 0 are exact."""
 
@@ -79,6 +82,10 @@ class LinearEquations:
         F = (M @ w[..., None] + D @ v[..., None] + K @ y[..., None])[..., 0] - at.force
         return F, np.zeros(len(at.t))
 
+    def mass(self, at: Places, y: Array) -> Array:
+        """M of the rigid motion, wherever the arm is."""
+        return at.linear[0]
+
     def slopes(self, at: Places, y: Array, v: Array, w: Array) -> Matrices | None:
         """The linear equations are their own."""
         return None
@@ -99,6 +106,11 @@ class NonlinearEquations(LinearEquations):
         """M s'' + C s' + g + d - B torque in the coordinates kept."""
         F, power = self.lin.about.evaluate(self._residual, at.t, y, v, w, at.torque(y, v))
         return F[:, :, 0], power[:, 0, 0]
+
+    def mass(self, at: Places, y: Array) -> Array:
+        """M at s = s_R + y, in the coordinates kept."""
+        kept = list(self.lin.kept)
+        return self.lin.about.of_arm("M", at.t, y)[:, kept][:, :, kept]
 
     def slopes(self, at: Places, y: Array, v: Array, w: Array) -> Matrices | None:
         """Exact derivatives, the gain's part included."""
