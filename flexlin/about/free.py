@@ -2,15 +2,14 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
 from flexlin import symbolic
-from flexlin.about.compensator import write_compensator
 from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
-from flexlin.about.scene_law import kept_columns
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.chain import build_manipulator
@@ -70,17 +69,20 @@ class ParametricLoop:
 
     A controller's k states z are the rates of k further coordinates, behind the arm's n. These are ignorable: their columns of K are zero,
     so nothing depends on them, and x = [y; y'; z] leaves them out.
-    `matrices`: (phase, p) -> M, D, K, or (phase, p, gain) where a designed gain is kept; `inputs` makes its arguments.
     `duration`: p -> T in s.
     """
 
     paths: tuple[str, ...]
     linearization: Linearization
-    matrices: ca.Function
     duration: ca.Function
     kept: KeptGain | None = None
 
     __repr__ = represent
+
+    @cached_property
+    def matrices(self) -> ca.Function:
+        """(phase, p) -> M, D, K, or (phase, p, gain) where a designed gain is kept; `inputs` makes its arguments."""
+        return closed_matrices(self.linearization) if self.kept is None else kept_matrices(self.linearization, self.kept)
 
     @property
     def nominal(self) -> Array:
@@ -141,13 +143,16 @@ class ParametricLoop:
 
     def with_gain(self, kept: KeptGain) -> "ParametricLoop":
         """The loop u = -K(phase) [y; y'; z] on this arm. Assumes that this is the arm without feedback."""
-        lin = self.linearization
-        gain = ca.SX.sym("gain", lin.about.m, 2 * lin.n + kept.memory)
-        phase, p = lin.coefficients.sx_in()
-        rates = ca.SX(0, 2 * lin.n) if kept.rates is None else ca.SX(kept.rates)
-        closed = close_loop(lin, phase, p, gain, rates)
-        inputs, names = [phase, p, ca.vec(gain)], ["phase", "p", "gain"]
-        return replace(self, matrices=ca.Function("loop", inputs, closed, names, ["M", "D", "K"]), kept=kept)
+        return replace(self, kept=kept)
+
+
+def kept_matrices(lin: Linearization, kept: KeptGain) -> ca.Function:
+    """(phase, p, gain) -> M, D, K of an arm without feedback under a gain."""
+    gain = ca.SX.sym("gain", lin.about.m, 2 * lin.n + kept.memory)
+    phase, p = lin.coefficients.sx_in()
+    rates = ca.SX(0, 2 * lin.n) if kept.rates is None else ca.SX(kept.rates)
+    closed = close_loop(lin, phase, p, gain, rates)
+    return ca.Function("loop", [phase, p, ca.vec(gain)], closed, ["phase", "p", "gain"], ["M", "D", "K"])
 
 
 def close_loop(lin: Linearization, phase: ca.SX, p: ca.SX, gain: ca.SX, rates: ca.SX) -> list[ca.SX]:
@@ -165,12 +170,11 @@ def close_loop(lin: Linearization, phase: ca.SX, p: ca.SX, gain: ca.SX, rates: c
 
 def closed_matrices(lin: Linearization) -> ca.Function:
     """(phase, p) -> M, D, K of a linearization, whose own D and K hold what answers at once; the controller's states go behind."""
-    if lin.controller is None or lin.control is None:
+    if lin.controller is None or lin.feedback is None:
         return selected(lin.coefficients, ("M", "D", "K"))
     phase, p = lin.coefficients.sx_in()
-    gain, rates = kept_columns(lin.about, write_compensator(lin.about, lin.control))
+    gain, rates, _ = lin.feedback.function.call([p])
     gain[:, : 2 * lin.n] = 0
-    gain, rates = ca.substitute([gain, rates], [lin.arm.parameters.symbols], [p])
     return ca.Function("loop", [phase, p], close_loop(lin, phase, p, gain, rates), ["phase", "p"], ["M", "D", "K"])
 
 
@@ -199,4 +203,4 @@ def loop_of(lin: Linearization) -> ParametricLoop:
         raise ArgumentError("parameters need a periodic motion that is an expression", got=repr(lin.motion))
     motion = lin.motion
     duration = ca.Function("duration", [motion.parameters.symbols], [ca.densify(motion.duration)], ["p"], ["T"])
-    return ParametricLoop(lin.arm.parameters.paths, lin, closed_matrices(lin), duration)
+    return ParametricLoop(lin.arm.parameters.paths, lin, duration)

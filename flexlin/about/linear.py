@@ -8,7 +8,7 @@ import numpy as np
 from flexlin.about.deviation import Deviation
 from flexlin.about.linearization import Linearization
 from flexlin.about.routes import ROUTES, Matrices, Route
-from flexlin.about.scene_law import feedback_expressions
+from flexlin.about.scene_law import Feedback
 from flexlin.about.second_order import Coefficients
 from flexlin.arguments import checked, instance
 from flexlin.errors import ArgumentError, ModelError, MotionError
@@ -89,9 +89,9 @@ def linearize(
         from flexlin.about.closing import refuse_open_loops  # takes long to load, and few arms need it
 
         refuse_open_loops(about)
-    lin = Linearization(about, coefficients(about, ROUTES[route](arm), control), route, control)
+    lin = Linearization(about, coefficients(about, ROUTES[route](arm)), route)
     need_finite(lin)
-    return lin
+    return lin if control is None else with_control(lin, control)
 
 
 def with_control(plant: Linearization, control: Control) -> Linearization:
@@ -99,20 +99,13 @@ def with_control(plant: Linearization, control: Control) -> Linearization:
 
     Raises: ArgumentError for gains that do not fit; ModelError when a coefficient is not finite along the motion.
     """
-    found = plant.coefficients
-    inputs, names = found.sx_in(), found.name_out()
-    known = dict(zip(names, found.call(inputs), strict=True))
-    values = add_control(plant.about, control, known, inputs[-1])
-    dense = [ca.densify(values[name]) for name in names]
-    closed = replace(
-        plant, coefficients=ca.Function(found.name(), inputs, dense, found.name_in(), names), control=control
-    )
+    closed = replace(plant, control=control, feedback=Feedback.of(plant.about, control))
     need_finite(closed, phases=1)  # the arm was looked at already
     return closed
 
 
-def coefficients(about: Deviation, matrices: Matrices, control: Control | None) -> ca.Function:
-    """All coefficients along the rigid motion, rows and columns of y only, with the scene's loop closed if there is one.
+def coefficients(about: Deviation, matrices: Matrices) -> ca.Function:
+    """All coefficients of the arm along the rigid motion, rows and columns of y only.
 
     tau = (E' B)^-1 E' (M s_R'' + C s_R' + g + d),   E: the columns of the driven joints
     """
@@ -122,17 +115,7 @@ def coefficients(about: Deviation, matrices: Matrices, control: Control | None) 
     inputs = B[:, driven]
     tau, M, D, K = rigid_torque(about, left, inputs), M[kept, kept], D[kept, kept], K[kept, kept]
     values = {"M": M, "D": D, "K": K, "h": -left[kept], "B": inputs[kept, :], "tau": tau}
-    if control is not None:
-        values = add_control(about, control, values, arm.parameters.symbols)
     return about.function(angles, {}, values)
-
-
-def add_control(about: Deviation, control: Control, plant: dict[str, ca.SX], p: ca.SX) -> dict[str, ca.SX]:
-    """The coefficients of the loop, D + B K_d, K + B K_p, h + B tau, from those of the arm; p: the free parameters in them."""
-    gains = ca.substitute(list(feedback_expressions(about, control)), [about.arm.parameters.symbols], [p])
-    (kp, kd), B = (gain[:, list(about.kept)] for gain in gains), plant["B"]
-    h = plant["h"] if control.feedforward == "none" else plant["h"] + B @ plant["tau"]
-    return {**plant, "D": plant["D"] + B @ kd, "K": plant["K"] + B @ kp, "h": h}
 
 
 def rigid_torque(about: Deviation, left: ca.SX, inputs: ca.SX) -> ca.SX:

@@ -3,12 +3,13 @@
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import casadi as ca
 import numpy as np
 
 from flexlin.about.dead_points import keeps_clear, moves_followers
 from flexlin.about.law import Controller, Law
 from flexlin.about.routes import Route
-from flexlin.about.scene_law import scene_law
+from flexlin.about.scene_law import Feedback, scene_law
 from flexlin.about.second_order import SecondOrderEquations
 from flexlin.checks import Array, times
 from flexlin.errors import MotionError
@@ -37,12 +38,14 @@ class Linearization(SecondOrderEquations):
     ----------
     about : Deviation
         The deviation y in which the equations are written.
-    coefficients : casadi.Function
-        Place on the motion and free parameters -> M, D, K, h, B, tau.
+    of_arm : casadi.Function
+        Place on the motion and free parameters -> M, D, K, h, B, tau of the arm without a loop.
     route : {"jacobian", "kronecker"}
         How they were derived.
     control : Control or None
         The scene's control, when its loop is closed.
+    feedback : Feedback or None
+        Its feedback, as a function of the free parameters.
     clear : bool or None
         Whether the closed loops of its links are known to keep clear of dead points; None where it is to be found.
 
@@ -59,6 +62,7 @@ class Linearization(SecondOrderEquations):
 
     route: Route
     control: Control | None = None
+    feedback: Feedback | None = None
     clear: bool | None = None
 
     __repr__ = represent
@@ -120,17 +124,13 @@ class Linearization(SecondOrderEquations):
         """
         about, motion = self.about, self.motion
         assert isinstance(motion, SymbolicMotion)
-        parameters = replace(self.arm.parameters, values=values)
-        moved = replace(
-            motion,
-            period=period,
-            breaks=tuple(period * t / motion.period for t in motion.breaks),
-            parameters=replace(motion.parameters, values=values),
-        )
         followed = self.arm.loops is not None and not moves_followers(about)
-        arm = replace(self.arm, parameters=parameters)
+        arm = replace(self.arm, parameters=replace(self.arm.parameters, values=values))
         clear = self._keeps_clear if followed else None
-        return replace(self, about=replace(about, arm=arm, motion=moved), clear=clear)
+        moved = replace(self, about=replace(about, arm=arm, motion=motion.at_numbers(values, period)), clear=clear)
+        if "coefficients" in vars(self):
+            vars(moved)["coefficients"] = self.coefficients
+        return moved
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -148,15 +148,38 @@ class Linearization(SecondOrderEquations):
                 tables = replace_value(tables, path.removeprefix("effects."), float(value))
         return effects_of(tables)
 
-    @property
+    @cached_property
+    def coefficients(self) -> ca.Function:
+        """Place on the motion and free parameters -> M, D, K, h, B, tau, with what the loop adds."""
+        found, names = self.of_arm, self.of_arm.name_out()
+        if self.feedback is None and not self.feeds_forward:
+            return found
+        inputs = found.sx_in()
+        values = dict(zip(names, found.call(inputs), strict=True))
+        if self.feedback is not None:
+            values |= self.feedback.close(values, inputs[-1])
+        if self.feeds_forward:
+            values["h"] += values["B"] @ values["tau"]
+        return ca.Function(found.name(), inputs, [ca.densify(values[name]) for name in names], found.name_in(), names)
+
+    @cached_property
     def closed_by(self) -> Law:
         """The law that the linear equations hold: the scene's, or no torque at all where they were made without one."""
-        return scene_law(self.about, self.control, self.feedforward)
+        return scene_law(self.about, self.control, self.feedforward, self.feedback)
 
     @property
     def law(self) -> Law:
         """The law that runs on the arm unless another is given: the scene's, or the torque of the rigid motion alone."""
-        return scene_law(self.about, self.control or Control(), self.feedforward)
+        return self.closed_by if self.control else scene_law(self.about, Control(), self.feedforward, None)
+
+    @cached_property
+    def direct_gain(self) -> Array | None:
+        gain = self.closed_by.gain(np.zeros(1))[0, :, : 2 * self.n]
+        return np.array(gain) if gain.any() else None
+
+    @property
+    def feeds_forward(self) -> bool:
+        return self.closed_by.feedforward == "rigid"
 
     @cached_property
     def controller(self) -> Controller | None:
@@ -268,8 +291,9 @@ class Linearization(SecondOrderEquations):
         SingularMassMatrix
             When M cannot be inverted.
         """
-        M, h = self.about.evaluate(self._forces, times(t))
-        return self._with_controller(build_input(M, h, t))[:, :, 0]
+        M, h, *driven = self.about.evaluate(self._forces, times(t))
+        forced = h + driven[0] @ driven[1] if driven else h
+        return self._with_controller(build_input(M, forced, t))[:, :, 0]
 
     def _with_controller(self, columns: Array) -> Array:
         """Columns (N, 2n, p) of the arm's states, with zeros for those of the controller."""

@@ -31,10 +31,23 @@ class Coefficients:
 
 @dataclass(frozen=True, eq=False)
 class SecondOrderEquations:
-    """The equations M_L y'' + D_L y' + K_L y = h_L + B_L u of the deviation y, with all coefficients in one CasADi function."""
+    """The equations M_L y'' + D_L y' + K_L y = h_L + B_L u of the deviation y; those of the arm alone are one CasADi function.
+
+    A loop adds B gain to [K_L, D_L] and the torque of the rigid motion to h_L, in numbers: no loop needs a function of its own.
+    """
 
     about: Deviation
-    coefficients: ca.Function
+    of_arm: ca.Function
+
+    @property
+    def direct_gain(self) -> Array | None:
+        """What of a loop's feedback answers [y; y'] at once, (m, 2n); none where nothing does."""
+        return None
+
+    @property
+    def feeds_forward(self) -> bool:
+        """Whether h_L holds the torque of the rigid motion."""
+        return False
 
     @property
     def arm(self) -> Manipulator:
@@ -94,8 +107,14 @@ class SecondOrderEquations:
         Coefficients
             M, D, K (N, n, n), h (N, n), B (N, n, m) and the torque of the rigid motion tau (N, m).
         """
-        M, D, K, h, B, tau = self.about.evaluate(self.coefficients, times(t))
-        return Coefficients(M, D, K, h[:, :, 0], B, tau[:, :, 0])
+        M, D, K, h, B, tau = self.about.evaluate(self.of_arm, times(t))
+        forced = h + B @ tau if self.feeds_forward else h
+        return Coefficients(M, *self._answered(D, K, B), forced[:, :, 0], B, tau[:, :, 0])
+
+    def _answered(self, D: Array, K: Array, B: Array) -> tuple[Array, Array]:
+        """D and K of the loop, from those of the arm."""
+        gain, n = self.direct_gain, self.n
+        return (D, K) if gain is None else (D + B @ gain[:, n:], K + B @ gain[:, :n])
 
     def M(self, t: ArrayLike) -> Array:
         """Return the mass matrix, Eq (65).
@@ -200,8 +219,8 @@ class SecondOrderEquations:
         tuple of array, each of shape (N, n, n)
             M, D, K.
         """
-        M, D, K = self.about.evaluate(self._equations, times(t))
-        return M, D, K
+        M, D, K, *B = self.about.evaluate(self._equations, times(t))
+        return M, *(self._answered(D, K, *B) if B else (D, K))
 
     def mass_and_input(self, t: Array) -> tuple[Array, Array]:
         """Return M and B without the rest.
@@ -223,16 +242,16 @@ class SecondOrderEquations:
 
     @cached_property
     def _equations(self) -> Part:
-        return Part(self.coefficients, ("M", "D", "K"))
+        return Part(self.of_arm, ("M", "D", "K") if self.direct_gain is None else ("M", "D", "K", "B"))
 
     @cached_property
     def _inputs(self) -> Part:
-        return Part(self.coefficients, ("M", "B"))
+        return Part(self.of_arm, ("M", "B"))
 
     @cached_property
     def _forces(self) -> Part:
-        return Part(self.coefficients, ("M", "h"))
+        return Part(self.of_arm, ("M", "h", "B", "tau") if self.feeds_forward else ("M", "h"))
 
     @cached_property
     def _torque(self) -> Part:
-        return Part(self.coefficients, ("tau",))
+        return Part(self.of_arm, ("tau",))

@@ -12,8 +12,8 @@ UNUSED = frozenset({"numpy.ctypeslib", "numpy.f2py", "numpy.testing", "numpy.typ
 """SciPy says `from numpy import *`, which loads these: about a tenth of the time until the work begins."""
 
 
-OBJECTS = 200_000
-"""Objects that are made, and not freed, between two looks for cycles among the young ones: a report keeps some 70,000."""
+LOADING, OBJECTS = 200_000, 20_000
+"""Objects that are made, and not freed, between two looks for cycles among the young ones: while libraries are loaded, and later."""
 THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 """Variables by which a user says how many threads linear algebra has."""
 
@@ -52,5 +52,12 @@ def defer_unused() -> None:
 
 
 def collect_rarely() -> None:
-    """Look for cycles of dead objects rarely: there are few, and looking as often as Python does took 4 % of a report."""
-    gc.set_threshold(OBJECTS, 20, 20)
+    """Put off looking for cycles of dead objects while libraries are loaded: they make many objects, and all stay."""
+    gc.set_threshold(LOADING, 20, 20)
+
+
+def keep_loaded() -> None:
+    """Never look again at what was loaded, and for cycles a thirtieth as often as Python does, in a program that put it off."""
+    if gc.get_threshold()[0] == LOADING:
+        gc.freeze()
+        gc.set_threshold(OBJECTS, 20, 20)

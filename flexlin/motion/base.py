@@ -1,7 +1,7 @@
 """Basic motions: the angles of the joints as functions of the phase t/T, with exact rates."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import casadi as ca
@@ -128,6 +128,26 @@ class SymbolicMotion(Expressions, Motion):
         return ca.Function(
             "motion", [self.phase, self.parameters.symbols], list(self.rates), ["phase", "p"], ["q", "q1", "q2"]
         )
+
+    def at_numbers(self, values: Array, period: float) -> "SymbolicMotion":
+        """Return the same motion with other values of its free numbers.
+
+        Parameters
+        ----------
+        values : array, shape (P,)
+            The values of `parameters`.
+        period : float
+            The period that they make, in s.
+
+        Returns
+        -------
+        SymbolicMotion
+            The motion, with nothing derived anew.
+        """
+        breaks = tuple(period * t / self.period for t in self.breaks)
+        moved = replace(self, period=period, breaks=breaks, parameters=replace(self.parameters, values=values))
+        vars(moved).update(rates=self.rates, _function=self._function)
+        return moved
 
     def sample(self, t: Array) -> Angles:
         """Return angles, rates and accelerations.
