@@ -75,10 +75,16 @@ class Deviation:
         return [ca.densify(part) for part in parts]
 
     def lift(self, expressions: Iterable[ca.SX], angles: ca.SX, *deviation: ca.SX) -> list[ca.SX]:
-        """Expressions of s, s', s'' as expressions of y, y', y'' (as many as are not zero) and of the angles."""
+        """Expressions of s, s', s'' as expressions of y, y', y'' (as many as are not zero) and of the angles.
+
+        Where loops are closed, symbols of the joints that follow become what these joints do there.
+        """
         arm = self.arm
-        full = ca.vertcat(arm.s, arm.s_dot, arm.s_ddot)
-        return list(ca.substitute(list(expressions), [full], [ca.vertcat(*self.coordinates(angles, *deviation))]))
+        known, at = [ca.vertcat(arm.s, arm.s_dot, arm.s_ddot)], [ca.vertcat(*self.coordinates(angles, *deviation))]
+        if arm.loops is not None:
+            (followers,) = ca.substitute([arm.loops.followers], known, at)
+            known, at = [*known, arm.loops.v], [*at, followers]
+        return list(ca.substitute(list(expressions), known, at))
 
     def function(self, angles: ca.SX, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:
         """A function of `inputs`, the place on the motion, and the free parameters; evaluate it with `evaluate`.

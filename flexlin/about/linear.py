@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlin.about.deviation import Deviation
 from flexlin.about.linearization import Linearization
-from flexlin.about.routes import ROUTES, Matrices, Route
+from flexlin.about.routes import ROUTES, Matrices, Route, left_side
 from flexlin.about.scene_law import Feedback
 from flexlin.about.second_order import Coefficients
 from flexlin.arguments import checked, instance
@@ -111,7 +111,7 @@ def coefficients(about: Deviation, matrices: Matrices) -> ca.Function:
     """
     arm, kept, driven = about.arm, list(about.kept), list(about.driven)
     *_, angles = about.symbols()
-    M, D, K, left, B = about.lift([*matrices, arm.residual, arm.B], angles)
+    M, D, K, left, B = about.lift([*matrices, left_side(arm), arm.B], angles)
     inputs = B[:, driven]
     tau, M, D, K = rigid_torque(about, left, inputs), M[kept, kept], D[kept, kept], K[kept, kept]
     values = {"M": M, "D": D, "K": K, "h": -left[kept], "B": inputs[kept, :], "tau": tau}

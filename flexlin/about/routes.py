@@ -13,9 +13,14 @@ Route = Literal["jacobian", "kronecker"]
 Matrices = tuple[ca.SX, ca.SX, ca.SX]
 
 
+def left_side(arm: Manipulator) -> ca.SX:
+    """The residual M s'' + C s' + g + d; where loops are closed, with the symbols v of the joints that follow."""
+    return arm.residual if arm.loops is None else arm.loops.residual
+
+
 def by_jacobian(arm: Manipulator) -> tuple[ca.SX, ca.SX, ca.SX]:
     """M_L, D_L, K_L as Jacobians of the residual by s'', s' and s."""
-    jacobian = partial(ca.jacobian, arm.residual)
+    jacobian = partial(ca.jacobian, left_side(arm))
     K = jacobian(arm.s) if arm.loops is None else arm.loops.slope(arm.s)
     return jacobian(arm.s_ddot), jacobian(arm.s_dot), K
 

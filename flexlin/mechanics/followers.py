@@ -24,9 +24,8 @@ class ClosedLoops(Expressions):
     rotation: ca.SX | None = None
 
     def slope(self, s: ca.SX) -> ca.SX:
-        """The residual's Jacobian by s, (n, n), by the chain rule: far shorter than one through the steps that find v(u)."""
-        whole = ca.jacobian(self.residual, s) + ca.jacobian(self.residual, self.v) @ self.slopes
-        return ca.substitute(whole, self.v, self.followers)
+        """The residual's Jacobian by s, (n, n), with the symbols v, by the chain rule: far shorter than through the steps that find v(u)."""
+        return ca.jacobian(self.residual, s) + ca.jacobian(self.residual, self.v) @ self.slopes
 
     def newton_step(self) -> ca.SX:
         """V^-1 f (k, 1), V = D_v f, by u and the symbols v."""
