@@ -14,6 +14,8 @@ STRIDE = 8
 """Samples from one whose eigenvalues are computed in any case to the next."""
 BESIDE, CLOSE = 0.01, 1e-9
 """Share of the range of largest eigenvalues in which neighbours are solved too; relative distance of a bound above all."""
+NEAR = 1e-3
+"""Relative distance of a bound that need not be close."""
 SHARE = 0.05
 """Share of the margin that the bound between samples may cost."""
 LEAST = 1e-12
@@ -75,18 +77,19 @@ def bound_margin(edges: Array, A: Array, X: Array, unknown: float, count: int) -
     bends = [h**2 / 8 * bend(one).max() for one in (R, flat(X))]
     u = np.linspace(-1.0, 1.0, count)
     values, size = sum_terms(A, X, slope, u), evaluate(X, u)
-    least, most = -largest_eigenvalue(-size) - bends[1], largest_eigenvalue(size) + bends[1]
+    eye = np.broadcast_to(np.eye(size.shape[-1]), size.shape)
+    least, most = (bound_ratio(part, eye, NEAR) + bends[1] for part in (-size, size))
+    least = -least
     if not least > 0:
         return Proof(-np.inf, 0.0), np.inf
     largest_A = float(np.linalg.norm(evaluate(A, u), axis=(-2, -1)).max())
     rounding = ROUNDINGS * len(A[0, 0]) * EPS * (2 * largest_A * most + float(np.abs(evaluate(slope, u)).max()))
     known = 2 * unknown * most + rounding
-    ratios, unit = whiten(values, size)
-    first = largest_eigenvalue(ratios + known * unit)
-    mu = largest_eigenvalue(ratios + (known + bends[0] + max(-first, 0.0) * bends[1]) * unit)
+    some = slice(None, None, STRIDE)
+    first = float(largest_ratios(values[:, some] + known * eye[:, some], size[:, some]).max())  # not above that of all
+    mu = bound_ratio(values + (known + bends[0] + max(-first, 0.0) * bends[1]) * eye, size)
     ends = evaluate(X, np.array([-1.0, 1.0]))
-    grown, _ = whiten(ends[:, 0], np.roll(ends[:, 1], 1, axis=0))
-    paid = np.log(np.maximum(np.linalg.eigvalsh(grown).max(axis=-1), 1.0))
+    paid = np.log(np.maximum(largest_ratios(ends[:, 0], np.roll(ends[:, 1], 1, axis=0)), 1.0))
     margin = -mu - float(paid.sum()) / float(edges[-1])
     return Proof(margin, max(margin, 0.0) / 2 * float(np.sqrt(least / most))), mu - first
 
@@ -113,28 +116,34 @@ def bend(coefficients: Array) -> Array:
     return np.linalg.norm(coefficients, axis=2) @ (k**2 * (k**2 - 1.0) / 3)
 
 
-def whiten(R: Array, X: Array) -> tuple[Array, Array]:
-    """L^-1 R L^-T and L^-1 L^-T with L L' = X > 0, at each sample."""
+def largest_ratios(R: Array, X: Array) -> Array:
+    """The largest eigenvalue of L^-1 R L^-T with L L' = X > 0, at each sample: the least mu with R <= mu X."""
     inverse = np.linalg.inv(np.linalg.cholesky(X))
-    turned = np.swapaxes(inverse, -1, -2)
-    return inverse @ R @ turned, inverse @ turned
+    return np.linalg.eigvalsh(inverse @ R @ np.swapaxes(inverse, -1, -2))[..., -1]
 
 
-def largest_eigenvalue(samples: Array) -> float:
-    """An upper bound on the eigenvalues of all samples (P, U, n, n) of symmetric matrices, hardly above the largest.
+def bound_ratio(R: Array, X: Array, above: float = 0.0) -> float:
+    """An upper bound mu, R <= mu X at all samples (P, U, n, n), hardly above the least, or above it by the share `above`.
 
-    Every eighth sample is solved, and those beside the largest; that no other one exceeds the bound is proved by its Cholesky factors,
-    which take a tenth of the time of its eigenvalues.
+    Every eighth sample is solved, and those beside the largest; that no other one exceeds the bound is proved by the Cholesky factors of
+    mu X - R, which take a tenth of the time of its eigenvalues.
     """
-    count, n = samples.shape[1:3]
-    known = np.linalg.eigvalsh(samples[:, ::STRIDE])[..., -1]
+    count = R.shape[1]
+    known = largest_ratios(R[:, ::STRIDE], X[:, ::STRIDE])
     most = known.max()
+    if above and is_bound(float(most + above * abs(most)), R, X):
+        return float(most + above * abs(most))
     panel, high = np.nonzero(known >= most - BESIDE * (most - known.min()))
     beside = np.clip(STRIDE * high[:, None] + np.arange(1 - STRIDE, STRIDE), 0, count - 1)
-    most = np.linalg.eigvalsh(samples[panel[:, None], beside])[..., -1].max()
+    most = largest_ratios(R[panel[:, None], beside], X[panel[:, None], beside]).max()
     bound = float(most + CLOSE * abs(most))
+    return bound if is_bound(bound, R, X) else float(largest_ratios(R, X).max())
+
+
+def is_bound(mu: float, R: Array, X: Array) -> bool:
+    """Whether mu X - R is positive definite at every sample."""
     try:
-        np.linalg.cholesky(bound * np.eye(n) - samples)
+        np.linalg.cholesky(mu * X - R)
     except np.linalg.LinAlgError:
-        return float(np.linalg.eigvalsh(samples).max())
-    return bound
+        return False
+    return True
