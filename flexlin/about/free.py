@@ -82,7 +82,9 @@ class ParametricLoop:
     @cached_property
     def matrices(self) -> ca.Function:
         """(phase, p) -> M, D, K, or (phase, p, gain) where a designed gain is kept; `inputs` makes its arguments."""
-        return closed_matrices(self.linearization) if self.kept is None else kept_matrices(self.linearization, self.kept)
+        return (
+            closed_matrices(self.linearization) if self.kept is None else kept_matrices(self.linearization, self.kept)
+        )
 
     @property
     def nominal(self) -> Array:

@@ -18,8 +18,8 @@ ACCURACY = {"tol": "tol", "limit_seconds": "seconds", "limit_memory": "memory"}
 
 def loaded(options: argparse.Namespace, usual: float | None = None) -> "Scene":
     """The scene with its overrides, once the output folder has been found usable; `usual`: the limit in s where nobody states one."""
-    from flexlin.cli.supervised import send_limits
     from flexlin.cli.libraries import keep_loaded
+    from flexlin.cli.supervised import send_limits
     from flexlin.files import check_folder
     from flexlin.scene.loading import load_scene
     from flexlin.scene.overrides import parse_assignment

@@ -24,7 +24,7 @@ class ClosedLoops(Expressions):
     rotation: ca.SX | None = None
 
     def slope(self, s: ca.SX) -> ca.SX:
-        """The residual's Jacobian by s, (n, n), with the symbols v, by the chain rule: far shorter than through the steps that find v(u)."""
+        """The residual's Jacobian by s, (n, n), with the symbols v: by the chain rule far shorter than through the steps that find v(u)."""
         return ca.jacobian(self.residual, s) + ca.jacobian(self.residual, self.v) @ self.slopes
 
     def newton_step(self) -> ca.SX:

@@ -1,12 +1,13 @@
 """report.json: the truth of a report, versioned by its `schema`; complex numbers as [re, im], SI units and radians."""
 
-import json
+import sys
 from dataclasses import asdict
 from importlib.metadata import version
 from platform import platform, python_version
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pydantic_core
 
 import flexlin
 from flexlin.answers.analysis import Analysis
@@ -89,11 +90,17 @@ def step_block(step: Step) -> dict[str, Any]:
 
 
 def to_json(data: dict[str, Any]) -> str:
-    """The text of report.json: a line for each of its first keys, since indentation would take longer than all else of a long one."""
-    lines = (
-        f" {json.dumps(key)}: {json.dumps(value, allow_nan=False, ensure_ascii=False)}" for key, value in data.items()
-    )
+    """The text of report.json: a line for each of its first keys, since indentation would take longer than all else of a long one.
+
+    By Pydantic's own writer, which prints numbers, with every digit, ten times as fast as Python; what is no number becomes null.
+    """
+    lines = (f" {write_json(key)}: {write_json(value)}" for key, value in data.items())
     return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def write_json(value: Any) -> str:
+    """One value in a line."""
+    return pydantic_core.to_json(value, inf_nan_mode="null").decode()
 
 
 def effects(scene: Scene) -> dict[str, Any]:
@@ -255,8 +262,13 @@ def record_sensitivity(data: "xarray.Dataset") -> dict[str, Any]:
 
 def list_versions() -> dict[str, str]:
     """Versions of flexlin, Python and the packages that made the numbers."""
-    packages = {package: version(package) for package in PACKAGES}
+    packages = {package: version_of(package) for package in PACKAGES}
     return {"flexlin": flexlin.__version__, "python": python_version(), "platform": platform(), **packages}
+
+
+def version_of(package: str) -> str:
+    """The version of a package, by the package itself where it is loaded: to read its metadata takes 4 ms."""
+    return str(getattr(sys.modules.get(package), "__version__", None) or version(package))
 
 
 def record_numbers(array: Array) -> Any:
