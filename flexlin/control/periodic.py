@@ -1,15 +1,18 @@
 """The optimal periodic state feedback."""
 
+from contextlib import suppress
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
 from flexlin.control.designed_loop import Design
 from flexlin.control.smooth_gain import Series, smooth_gain, transform_gain
-from flexlin.errors import ToleranceNotReached
+from flexlin.errors import NumericalError, ToleranceNotReached
 from flexlin.periodic.quadratic.resolution import rough_places
 from flexlin.periodic.quadratic.riccati import periodic_riccati
 from flexlin.periodic.quadratic.solution import RiccatiSolution
+from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
 
 SMOOTH = 64
@@ -80,7 +83,7 @@ def periodic_lqr(
     """
     system = as_system(system)
     solution = periodic_riccati(system, Q, R, N, tol)
-    gain, apart, corners = represent_gain(solution, system)
+    gain, apart, corners = represent_gain(solution, system, tol)
     loop, error = system.feedback(gain, corners), float(solution.gain_error + apart)
     status = describe_gain(solution, error, tol)
     return Design(name, "periodic-lqr", gain, loop, error, status, solution.problem, solution)
@@ -106,12 +109,25 @@ def describe_gain(solution: RiccatiSolution, error: float, tol: float) -> str:
     )
 
 
-def represent_gain(solution: RiccatiSolution, system: PeriodicSystem) -> tuple[Series, float, tuple[float, ...]]:
-    """The gain as one series, its deviation from the solution's relative to the largest gain, and the places where it is not smooth."""
+def represent_gain(
+    solution: RiccatiSolution, system: PeriodicSystem, tol: float
+) -> tuple[Series, float, tuple[float, ...]]:
+    """The gain as one series, its deviation from the solution's relative to the largest gain, and the places where it is not smooth.
+
+    Where no short series follows it, as behind a boundary layer of cheap control, it is resolved like any coefficient.
+    """
     rough = rough_places(solution.problem, system.period / SMOOTH)
     if not len(system.breaks) and not len(rough):
         transformed = transform_gain(solution)
         if transformed is not None:
             return *transformed, ()
     corners = tuple(np.union1d(system.breaks, rough).tolist())
-    return *smooth_gain(solution.K, corners, solution.edges), corners
+    series, apart = smooth_gain(solution.K, corners, solution.edges)
+    if apart <= max(tol, solution.gain_error):
+        return series, apart, corners
+    with suppress(NumericalError):
+        found = resolve(solution.K, system.period, corners)
+        size = np.abs(found.series.coefficients).max()
+        if found.error.max() < apart * size:
+            return found.series, float(found.error.max() / size), found.breaks
+    return series, apart, corners

@@ -94,8 +94,8 @@ class RiccatiSamples:
         """Whether the fastest eigenvalues of the Hamiltonian are rather imaginary than real: by the sum of their squares."""
         n = self.A.shape[1]
         A, S, Q = (one[:, :, :n] for one in (self.A, self.S, self.Q))
-        squares = np.einsum("tij,tji->t", A, A) - 4 * np.einsum("tij,tji->t", S, np.broadcast_to(Q, (len(S), n, n)))
-        return bool(squares.min() < 0)
+        coupled = np.einsum("tij,tji->t", *np.broadcast_arrays(S, Q))
+        return bool((np.einsum("tij,tji->t", A, A) - 4 * coupled).min() < 0)
 
     def rate(self, library: ctypes.CDLL) -> float:
         """About the largest spectral radius of the Hamiltonian [[A, -S], [-Q, -A']]."""

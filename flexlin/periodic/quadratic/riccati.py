@@ -19,7 +19,7 @@ from flexlin.periodic.system import PeriodicSystem, as_system
 
 LIMITED = 10.0
 """Error of a series, in units of tol, up to which no other way is tried: rounding limits them all."""
-FEW_SEGMENTS = 4000
+FEW_SEGMENTS = 1000
 """Segments up to which an X that meets tol is made finer where the gain misses it."""
 
 
