@@ -7,6 +7,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.chebyshev import chebyshev_basis, chebyshev_coefficients, panel_times
 from flexlin.periodic.resolved.sampling import CHUNK, Sampler
+from flexlin.periodic.resolved.sizes import largest_sizes
 
 NODES, TAIL = 32, 4
 """Nodes of a panel, and how many of its last coefficients must have vanished."""
@@ -65,10 +66,28 @@ class PanelSet:
         missed = np.zeros(len(self.begin), dtype=bool)
         for panel in np.unique(owner[inside]):
             rows = inside[owner[inside] == panel]
-            u = (2 * times[rows] - self.begin[panel] - self.end[panel]) / self.width[panel]
-            apart = np.abs(chebyshev_basis(u, NODES) @ self.coefficients[panel] - values[rows])
-            missed[panel] = np.any(apart > 2 * allowed[panel])
+            missed[panel] = np.any(np.abs(self.evaluate(panel, times[rows]) - values[rows]) > 2 * allowed[panel])
         return missed
+
+    def evaluate(self, panel: int, times: Array) -> Array:
+        """One panel's polynomials at times inside it (W, E)."""
+        begin, end = self.begin[panel], self.end[panel]
+        count = 1 + int(np.flatnonzero(self.coefficients[panel].any(axis=1)).max(initial=0))
+        basis = chebyshev_basis(((times - begin) - (end - times)) / (end - begin), count)
+        return np.asarray(basis @ self.coefficients[panel, :count])
+
+    def compare(self, panel: int, times: Array, values: Array, shares: Array, allowed: Array) -> Array:
+        """Note how far a panel is from values (W, E) at times inside it, each for a share of it; return that in parts of `allowed` (W,).
+
+        Where it is nowhere beyond, no numbers are returned.
+        """
+        left = values - self.evaluate(panel, times)
+        size = largest_sizes(left)
+        np.maximum(self.deviation[panel], size, out=self.deviation[panel])
+        self.drift[panel] += shares @ left
+        np.abs(left, out=left)
+        self.average[panel] += shares @ left
+        return np.empty(0) if np.all(size <= allowed) else (left / allowed).max(axis=1)
 
 
 def fitted(sample: Sampler, begin: Array, end: Array, noise: Array | None = None) -> PanelSet:

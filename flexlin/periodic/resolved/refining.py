@@ -1,10 +1,11 @@
 """The refinement of panels over a period: divided, cut where the coefficient is not smooth, checked off the nodes."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import UnresolvedCoefficient
-from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.resolved.locate import Brackets, locate, scan
 from flexlin.periodic.resolved.noise import noise_level
 from flexlin.periodic.resolved.panels import EPS, NODES, TAIL, PanelSet, fitted, groups, left_over, rough_edges
@@ -174,25 +175,17 @@ class PanelResolver:
         fresh = ~panels.checked[owner]
         t, owner = t[fresh], owner[fresh]
         panels.checked[:] = True
-        series = ChebyshevPanels(np.append(panels.begin, self.sample.period), panels.coefficients[..., None])
         allowed, share = 2 * self.allowed(panels), shares(panels, t, owner)
         bad: list[tuple[Array, Array]] = []
         for i in range(0, len(t), self.sample.chunk):
-            some, p = t[i : i + self.sample.chunk], owner[i : i + self.sample.chunk]
-            values = self.checks.values(some)
-            left = values - series(some)[..., 0]
-            apart = np.abs(left)
-            starts = np.flatnonzero(np.diff(p, prepend=-1))
-            panels.deviation[p[starts]] = np.maximum(panels.deviation[p[starts]], np.maximum.reduceat(apart, starts))
-            part = share[i : i + len(p), None]
-            panels.average[p[starts]] += np.add.reduceat(part * apart, starts)
-            panels.drift[p[starts]] += np.add.reduceat(part * left, starts)
-            wrong = np.flatnonzero(np.any(apart > allowed[p], axis=1))
-            size = (apart[wrong] / allowed[p[wrong]]).max(axis=1)
-            first = np.lexsort((-size, p[wrong]))
-            rank = np.arange(len(first)) - np.searchsorted(p[wrong][first], p[wrong][first])
-            keep = wrong[first[rank < WITNESSES]]
-            bad.append((some[keep], values[keep]))
+            part = slice(i, i + self.sample.chunk)
+            some, stands, values = t[part], share[part], self.checks.values(t[part])
+            starts = np.flatnonzero(np.diff(owner[part], prepend=-1))
+            for a, b in pairwise([*starts.tolist(), len(some)]):
+                panel = int(owner[part][a])
+                apart = panels.compare(panel, some[a:b], values[a:b], stands[a:b], allowed[panel])
+                keep = a + np.argsort(-apart, kind="stable")[:WITNESSES][: np.count_nonzero(apart > 1)]
+                bad.append((some[keep], values[keep]))
         np.abs(panels.drift, out=panels.drift)
         times = np.concatenate([np.empty(0), *(x for x, _ in bad)])
         self.witness_times = np.concatenate([self.witness_times, times])
