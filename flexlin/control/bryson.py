@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from flexlin.arguments import checked
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.coordinates import Coordinate
-from flexlin.periodic.coefficients import Constant
+from flexlin.periodic.coefficients import Constant, has_nothing_narrow
 from flexlin.periodic.system import MatrixFunction
 from flexlin.scene.units import in_si, spread
 from flexlin.scene.weights import RATE, Weights
@@ -29,6 +29,8 @@ class WeightWithTip:
     fixed: Array
     tip: MatrixFunction
     size: float
+
+    complete: ClassVar[bool] = True
 
     def __call__(self, t: Array) -> Array:
         C = self.tip(t) / self.size
@@ -47,6 +49,10 @@ class Widened:
         out = np.zeros((len(t), Q.shape[1] + k, Q.shape[1] + k))
         out[:, : Q.shape[1], : Q.shape[1]], out[:, Q.shape[1] :, Q.shape[1] :] = Q, self.more
         return out
+
+    @property
+    def complete(self) -> bool:
+        return has_nothing_narrow(self.weight)
 
 
 @checked

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from flexlin.about.law import Controller, Law
 from flexlin.checks import Array, at_times, real_array, whole
 from flexlin.errors import ArgumentError, DesignError, NotStabilizable
-from flexlin.periodic.coefficients import Constant
+from flexlin.periodic.coefficients import Constant, has_nothing_narrow
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.quadratic.riccati import RiccatiSolution, periodic_lyapunov
 from flexlin.periodic.response.result import label_states
@@ -46,6 +46,12 @@ class RunningCost:
         mixed = problem.N(t) @ K
         weight = problem.Q(t) + np.swapaxes(K, 1, 2) @ problem.R(t) @ K - mixed - np.swapaxes(mixed, 1, 2)
         return 0.5 * (weight + np.swapaxes(weight, 1, 2))
+
+    @property
+    def complete(self) -> bool:
+        """Whether what it is made of has nothing narrow of its own."""
+        parts = (self.K, self.problem.Q, self.problem.R, self.problem.N)
+        return all(map(has_nothing_narrow, parts))
 
 
 @dataclass(frozen=True, eq=False)

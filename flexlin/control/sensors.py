@@ -1,6 +1,7 @@
 """The sensors and the noise of a scene's estimator, and the filter made of them."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -22,6 +23,8 @@ class Stacked:
 
     parts: tuple[MatrixFunction, ...]
 
+    complete: ClassVar[bool] = True
+
     def __call__(self, t: Array) -> Array:
         return np.concatenate([part(t) for part in self.parts], axis=1)
 
@@ -32,6 +35,8 @@ class Excitation:
 
     B: MatrixFunction
     S: Array
+
+    complete: ClassVar[bool] = True
 
     def __call__(self, t: Array) -> Array:
         B = self.B(t)

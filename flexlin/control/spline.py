@@ -1,6 +1,7 @@
 """A periodic cubic spline through values at equally spaced times."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -18,6 +19,7 @@ class PeriodicSpline:
     values: Array
     slopes: Array
     period: float
+    complete: ClassVar[bool] = True
 
     @classmethod
     def through(cls, values: Array, period: float) -> "PeriodicSpline":

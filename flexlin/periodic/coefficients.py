@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError
+from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.companion import build_companion, build_input
 from flexlin.periodic.fourier import FourierSeries
 
@@ -30,6 +31,25 @@ class Constant:
 
     def __call__(self, t: Array) -> Array:
         return np.broadcast_to(self.value, (len(t), *self.value.shape))
+
+
+MOST_KNOWN = 100
+"""Harmonics, or nodes over a panel, of a series in which nothing is narrower than T / 200."""
+
+
+def has_nothing_narrow(coefficient: Callable[..., Any]) -> bool:
+    """Whether a coefficient changes fast at the breaks and features of its system alone, where these are complete.
+
+    So it is with constants, with series of few waves, and with functions of the motion that say so: `complete` is true. Any other may
+    hold a pulse of its own, and is looked at everywhere.
+    """
+    if isinstance(coefficient, Constant):
+        return True
+    if isinstance(coefficient, FourierSeries):
+        return coefficient.harmonics <= MOST_KNOWN
+    if isinstance(coefficient, ChebyshevPanels):
+        return coefficient.coefficients.shape[1] <= MOST_KNOWN
+    return bool(getattr(coefficient, "complete", False))
 
 
 @dataclass(frozen=True)

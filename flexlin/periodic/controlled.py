@@ -1,6 +1,7 @@
 """A system with a controller that has states of its own, as one linear periodic system."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -39,11 +40,16 @@ class ExtendedInput:
 
 @dataclass(frozen=True, eq=False)
 class OfPlant:
-    """What acts on the n states of a plant, (N, n or more, ...), in a system of `states` states of which they are the first."""
+    """What acts on the n states of a plant, (N, n or more, ...), in a system of `states` states of which they are the first.
+
+    A function of the motion: it is narrow where the plant's coefficients are.
+    """
 
     function: MatrixFunction
     n: int
     states: int
+
+    complete: ClassVar[bool] = True
 
     def __call__(self, t: Array) -> Array:
         values = self.function(t)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.coefficients import MatrixFunction
+from flexlin.periodic.coefficients import MatrixFunction, has_nothing_narrow
 from flexlin.periodic.resolved.resolve import first_edges
 from flexlin.periodic.system import PeriodicSystem
 
@@ -28,7 +28,8 @@ def dual_system(system: PeriodicSystem, C: MatrixFunction | None = None) -> Peri
     breaks = [(T - t) % T for t in system.breaks]
     features = [((T - t) % T, width) for t, width in system.features]
     B = None if C is None else Backward(C, T)
-    return PeriodicSystem(Backward(system.A, T), T, B, breaks, features=features, complete=system.complete)
+    complete = system.complete and (B is None or B.complete)
+    return PeriodicSystem(Backward(system.A, T), T, B, breaks, features=features, complete=complete)
 
 
 def corners_of(system: PeriodicSystem) -> tuple[float, ...]:
@@ -41,10 +42,14 @@ def corners_of(system: PeriodicSystem) -> tuple[float, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Backward:
-    """t -> coefficient(-t)', taken inside one period."""
+    """t -> coefficient(-t)', taken inside one period; as complete as the coefficient."""
 
     coefficient: MatrixFunction
     period: float
 
     def __call__(self, t: Array) -> Array:
         return np.swapaxes(self.coefficient(np.mod(-t, self.period)), 1, 2)
+
+    @property
+    def complete(self) -> bool:
+        return has_nothing_narrow(self.coefficient)

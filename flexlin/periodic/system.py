@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import positive, real_array
 from flexlin.errors import ArgumentError
+from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.coefficients import PROBES as COEFFICIENT_PROBES
 from flexlin.periodic.coefficients import (
     ClosedLoop,
@@ -20,6 +21,7 @@ from flexlin.periodic.coefficients import (
     StateMatrix,
     as_matrix_function,
     check_samples,
+    has_nothing_narrow,
 )
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.resolved.companion import ResolvedCompanion
@@ -277,10 +279,11 @@ class PeriodicSystem:
             raise ArgumentError("the gain does not fit the system", got=got, expected=f"({self.m}, {self.n})")
         second_order = None if self.second_order is None else self.second_order.feedback(K)
         loop = ClosedLoop(self.A, self.B, K)
+        complete = self.complete and has_nothing_narrow(K)
         if known and not len_of(breaks):
-            return self._with(A=loop, second_order=second_order)
-        corners = (*self.breaks, *breaks)
-        return PeriodicSystem(loop, self.period, self.B, corners, second_order, self.features, self.complete)
+            return self._with(A=loop, second_order=second_order, complete=complete)
+        corners = (*self.breaks, *breaks, *(K.edges[:-1] if isinstance(K, ChebyshevPanels) else ()))
+        return PeriodicSystem(loop, self.period, self.B, corners, second_order, self.features, complete)
 
     def _with(self, **changes: object) -> "PeriodicSystem":
         """The system with other parts that are known to fit."""

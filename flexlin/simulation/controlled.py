@@ -75,9 +75,10 @@ class ControlledEquations:
 
     def mass(self, at: Places, y: Array) -> Array:
         """That of the arm; rates z' stand alone."""
+        assert isinstance(at, ControlledPlaces)
         n, k = self._n, self._controller.states
         wide = np.zeros((len(y), n + k, n + k))
-        wide[:, :n, :n], wide[:, n:, n:] = self._arm.mass(at, y[:, :n]), np.eye(k)
+        wide[:, :n, :n], wide[:, n:, n:] = self._arm.mass(at.of_arm, y[:, :n]), np.eye(k)
         return wide
 
     def slopes(self, at: Places, y: Array, v: Array, w: Array) -> Matrices | None:

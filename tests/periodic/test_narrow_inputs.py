@@ -46,3 +46,41 @@ def test_a_held_input_acts_by_its_pulse(width: float) -> None:
     found = sampled_floquet(pulsed(width), np.array([[gain]]), h)
     assert abs(found.exponents[0].real - np.log(abs(factor)) / T) <= found.errors[0] + 1e-13
     assert found.errors[0] < 1e-9
+
+
+PLANT = fl.PeriodicSystem([[-DECAY]], T, [[1.0]], complete=True)
+"""It promises that nothing of its own is narrow, and says nothing of what others put beside it."""
+PLACES = (0.7171 * T, 0.5555 * T)
+
+
+def pulse(t: np.ndarray, place: float) -> np.ndarray:
+    """A Gaussian pulse of a width of T / 5000 and the area sqrt(pi)."""
+    width = 2e-4 * T
+    return np.exp(-(((np.mod(t, T) - place) / width) ** 2)) / width
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_a_complete_plant_hides_no_pulse_of_the_gain_or_force(place: float) -> None:
+    loop = PLANT.feedback(lambda t: 0.3 * (1 + pulse(t, place))[:, None, None])
+    found = fl.floquet(loop)
+    assert found.exponents[0].real == pytest.approx(-DECAY - 0.3 * (1 + np.sqrt(np.pi) / T), abs=1e-9)
+    response = fl.forced_response(PLANT, lambda t: pulse(t, place)[:, None])
+    decayed = np.exp(-DECAY * (T - place)) * np.sqrt(
+        np.pi
+    )  # of a narrow pulse, from its place to the end of the period
+    assert response(0.0).item() == pytest.approx(decayed / (1 - np.exp(-DECAY * T)), rel=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("place", PLACES)
+def test_a_complete_plant_hides_no_pulse_of_the_weight_or_output(place: float) -> None:
+    """2 a X - X' = Q (R so large that no control is worth it), H2^2 = mean of c^2 / (2 a)."""
+    made = fl.periodic_lqr(PLANT, lambda t: pulse(t, place)[:, None, None], [[1e9]])
+    before = np.exp(-2 * DECAY * place) * np.sqrt(np.pi) / (1 - np.exp(-2 * DECAY * T))
+    assert made.X(np.zeros(1)).item() == pytest.approx(before, rel=1e-6)
+    norm = fl.h2_norm(PLANT, lambda t: pulse(t, place)[:, None, None])
+    assert norm.value == pytest.approx(np.sqrt(np.sqrt(np.pi / 2) / (2e-4 * T) / T / (2 * DECAY)), rel=1e-6)
+    assert fl.hinf_norm(PLANT, lambda t: pulse(t, place)[:, None, None]).value > norm.value
+    estimator = fl.control.kalman_filter(PLANT, [[1e-5]], lambda t: pulse(t, place)[:, None, None], [[1.0]])
+    after = np.exp(-2 * DECAY * (T - place)) * np.sqrt(np.pi) / (1 - np.exp(-2 * DECAY * T))
+    assert estimator.P(np.zeros(1)).item() == pytest.approx(after, rel=1e-6)

@@ -15,6 +15,7 @@ from flexlin.checks import Array
 from flexlin.mechanics import build_manipulator
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion
+from flexlin.periodic.controlled import OfPlant
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.fourier import FourierSeries
@@ -150,7 +151,8 @@ def measure_forced_response(closed: Linearization) -> list[Row]:
     t = closed.period * np.arange(32) / 32
 
     def run(tol: float) -> ForcedResponse:
-        return forced_response(replace(closed).periodic_system(), closed.forcing, tol)
+        system = replace(closed).periodic_system()
+        return forced_response(system, OfPlant(closed.forcing, system.n, system.n), tol)
 
     exact = run(FINE)(t)
     trials = [Trial("forced_response", f"tol {tol:.0e}", partial(run, tol), f"{tol:.0e}") for tol in TOLS]

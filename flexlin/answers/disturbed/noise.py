@@ -1,6 +1,7 @@
 """What torque noise does to a loop in the long run: the root mean square of its deviations over the period."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -51,6 +52,8 @@ class Spread:
 
     B: MatrixFunction
     intensity: float
+
+    complete: ClassVar[bool] = True
 
     def __call__(self, t: Array) -> Array:
         B = self.B(t)

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, positive
 from flexlin.errors import ArgumentError, NotStable, ToleranceNotReached
-from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples
+from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples, has_nothing_narrow
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import solve_modes_at_nodes
 from flexlin.periodic.norms.h2 import check_ports
@@ -186,10 +186,12 @@ def hinf_norm(
     if verdict.verdict != "stable":
         raise NotStable("the norm is infinite or unknown", got=verdict.status, expected="a stable system")
     known = (
-        resolve(one, system.period, system.breaks, system.features, complete=system.complete)
-        for one in (B, output, through)
+        resolve(
+            one, system.period, system.breaks, system.features, complete=system.complete and has_nothing_narrow(one)
+        )
+        for one in (output, through)
     )
-    problem = BoundedReal(system, *known)
+    problem = BoundedReal(system, system.resolved_input, *known)
     t = np.linspace(0.0, system.period, 1025)[:-1]
     direct = float(np.linalg.norm(through(t), 2, axis=(1, 2)).max())
     low, high = bracket_level(problem, direct, float(np.abs(B(t)).max() * np.abs(output(t)).max()))

@@ -6,7 +6,7 @@ from functools import reduce
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.coefficients import Constant, MatrixFunction
+from flexlin.periodic.coefficients import Constant, MatrixFunction, has_nothing_narrow
 from flexlin.periodic.fourier import FourierSeries, fourier_nodes, real_fourier_coefficients
 from flexlin.periodic.grid import edges_of_short
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
@@ -41,20 +41,22 @@ def resolve_coefficient(given: MatrixFunction, system: PeriodicSystem) -> Resolv
     """A coefficient as series that agree with it everywhere, nothing where it does not vary; the system keeps those of its own input."""
     if given is system.B:
         return system.resolved_input
-    source = sampled_once(given, system)
+    complete = system.complete and has_nothing_narrow(given)
+    source = sampled_once(given, system) if complete else given
     if not varies(source, system.period):
         return None
-    return resolve(source, system.period, system.breaks, system.features, complete=system.complete)
+    return resolve(source, system.period, system.breaks, system.features, complete=complete)
 
 
 def find_edges(problem: LinearQuadratic, system: PeriodicSystem) -> Array:
     """Return edges from 0 to T between which polynomials follow every coefficient, which need not repeat."""
-    sources = (getattr(problem, name) for name in ("A", *OTHERS))
+    own, others = (problem.A, problem.B), (problem.Q, problem.R, problem.N)
     corners = {0.0, *system.breaks}
+    named = system.period, sorted(corners), system.features
     panels = (
-        resolve(source, system.period, sorted(corners), system.features, complete=system.complete, repeats=False).edges
-        for source in sources
-        if varies(source, system.period)
+        resolve(one, *named, complete=system.complete and (one in own or has_nothing_narrow(one)), repeats=False).edges
+        for one in (*own, *others)
+        if varies(one, system.period)
     )
     return reduce(np.union1d, panels, np.array([*sorted(corners), system.period]))
 

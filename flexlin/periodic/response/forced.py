@@ -7,7 +7,7 @@ import numpy as np
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array, whole
 from flexlin.errors import ArgumentError, ResonantForcing
-from flexlin.periodic.coefficients import Constant, refuse_signature
+from flexlin.periodic.coefficients import Constant, has_nothing_narrow, refuse_signature
 from flexlin.periodic.grid import edges_of_short, place_edges
 from flexlin.periodic.product.eigenvalues import product_logs
 from flexlin.periodic.product.perturbation import COHERENT
@@ -127,7 +127,7 @@ def find_corners(system: PeriodicSystem, force: VectorFunction, breaks: Array) -
         system.period,
         np.union1d(known, 0.0).tolist(),
         system.features,
-        complete=system.complete,
+        complete=system.complete and has_nothing_narrow(force),
         tol=NARROW,
         repeats=False,
     )
