@@ -6,7 +6,13 @@ from dataclasses import replace
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.decoupling.coupling import group_separation, high_harmonics, pair_effects, residual_effect
+from flexlin.periodic.decoupling.coupling import (
+    group_separation,
+    hidden_effect,
+    high_harmonics,
+    pair_effects,
+    residual_effect,
+)
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.frames import periodic_frame
 from flexlin.periodic.decoupling.grouping import Group, Modes, follow_modes, grouped_modes
@@ -205,5 +211,7 @@ def with_evidence(
     apart = np.maximum(np.abs(means[::2].mean(axis=0) - means[1::2].mean(axis=0)), aliasing(means))
     allowed = tol * np.maximum(1, np.abs(means.mean(axis=0)))
     noise = 4 * np.diagonal(rounding)
+    hidden = hidden_effect(B, done.period, done.groups, rounding)
     parted = np.diagonal(done.residual) < 0.3 * allowed + noise
-    return replace(done, rounding=rounding), apart < 0.1 * allowed + noise, parted
+    parted |= np.diagonal(hidden) > allowed  # more nodes would not help
+    return replace(done, residual=done.residual + hidden, rounding=rounding), apart < 0.1 * allowed + noise, parted

@@ -6,8 +6,9 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.circle import wrap_log
-from flexlin.periodic.decoupling.coupling import group_separation
+from flexlin.periodic.decoupling.coupling import link_modes
 from flexlin.periodic.decoupling.decoupled import Decoupled
+from flexlin.periodic.decoupling.grouping import block_mask, connected
 from flexlin.periodic.decoupling.several import SAFETY, UNRESOLVED, several
 from flexlin.periodic.decoupling.waves import aliasing
 
@@ -34,7 +35,17 @@ def decoupled_exponents(decoupled: Decoupled, tol: float = 1e-9, tame_only: bool
     part of tol: its error is bounded by perturbation theory, from the product itself where its modes grow little against each other
     (`tame_exponents`), elsewhere from the Floquet vectors along it (`group_logs`); with `tame_only` it is infinite there.
     """
-    n, period = decoupled.generator.shape[-1], decoupled.period
+    period = decoupled.period
+    values, parts = exponents_in_place(decoupled, tol, tame_only)
+    values = wrap_log(values * period) / period
+    order = np.argsort(-values.real, kind="stable")
+    discretization, coupling, rounding = parts[:, order]
+    return DecoupledExponents(values[order], parts.sum(axis=0)[order], discretization, coupling, rounding)
+
+
+def exponents_in_place(decoupled: Decoupled, tol: float, tame_only: bool) -> tuple[Array, Array]:
+    """The exponents (n,) in the order of the modes, and the three parts of their errors (3, n)."""
+    n = decoupled.generator.shape[-1]
     values, parts = np.zeros(n, complex), np.zeros((3, n))
     single = [i for i, group in enumerate(decoupled.groups) if group.size == 1 and group.partner >= i]
     places = [decoupled.groups[i].start for i in single]
@@ -46,10 +57,7 @@ def decoupled_exponents(decoupled: Decoupled, tol: float = 1e-9, tame_only: bool
         elif group.size > 1:
             with np.errstate(over="ignore", invalid="ignore"):  # what overflows comes out unresolved and is enclosed
                 values[group.part], parts[0, group.part] = several(decoupled, i, tol, tame_only)
-    values = wrap_log(values * period) / period
-    order = np.argsort(-values.real, kind="stable")
-    discretization, coupling, rounding = parts[:, order]
-    return DecoupledExponents(values[order], parts.sum(axis=0)[order], discretization, coupling, rounding)
+    return values, parts
 
 
 def singles(decoupled: Decoupled, indices: list[int]) -> tuple[Array, Array]:
@@ -65,16 +73,17 @@ def singles(decoupled: Decoupled, indices: list[int]) -> tuple[Array, Array]:
     values = np.where(real, values.real + 1j * np.pi / decoupled.period * decoupled.turning[indices], values)
     apart = np.maximum(np.abs(B[::2].mean(axis=0) - B[1::2].mean(axis=0)), aliasing(B))
     coupling = SAFETY * decoupled.residual[places, places]
-    for i in np.flatnonzero(coupling * decoupled.period > UNRESOLVED).tolist():
-        coupling[i] = min(coupling[i], enclosure(decoupled, places[i]))
+    loose = coupling * decoupled.period > UNRESOLVED
+    if loose.any():
+        coupling[loose] = np.minimum(coupling, enclosures(decoupled)[places])[loose]
     return values, np.array([apart, coupling, SAFETY * decoupled.rounding[places, places]])
 
 
-def enclosure(decoupled: Decoupled, k: int) -> float:
-    """How far the exponent of mode k may lie from its mean when the modes whose damping crosses its own may take its place at any time."""
-    B, groups = decoupled.generator, decoupled.groups
-    apart = group_separation(B, decoupled.period, groups)
-    crossing = apart.outside[k] & np.isinf(apart.oblique[k])
+def enclosures(decoupled: Decoupled) -> Array:
+    """How far the exponent of each mode may lie from its mean, (n,), when modes that are linked may take each other's place at any time."""
+    B, groups, period = decoupled.generator, decoupled.groups, decoupled.period
+    member = connected(link_modes(B, period, groups, decoupled.rounding) | block_mask(groups))
     real = np.concatenate([np.linalg.eigvals(B[:, g.part, g.part]).real for g in groups], axis=1)
-    reach = np.abs(real - B[:, k, k].real[:, None])[:, crossing].max(axis=1, initial=0.0).mean()
-    return float(np.hypot(reach, np.pi / decoupled.period))
+    reach = np.abs(real[:, :, None] - np.einsum("tii->ti", B).real[:, None, :])
+    most = np.where(member[:, None] == member, reach, 0).max(axis=1)
+    return np.hypot(most.mean(axis=0), np.pi / period)

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.assignment import assign
-from flexlin.periodic.circle import pair_conjugates, wrap_angle
+from flexlin.periodic.circle import pair_conjugates, wrap_angle, wrap_log
 from flexlin.periodic.decoupling.decoupled import Decoupled, as_real
 from flexlin.periodic.decoupling.group_factors import GroupSeries, fit_group
 from flexlin.periodic.decoupling.tame import tame_exponents
@@ -24,7 +24,7 @@ GROWTH, WANTED, LONGEST = 6e-11, 0.06, 1.0
 """The error of a log as measured: this times the fastest rate times the period, times the sixth power of the rate times a part's length.
 The part of tol that it may take, and the longest part's product with the rate."""
 LARGEST, AIM = 0.6, 0.2
-"""The part of tol that the method's error may take before the segments are made finer, once, and the part that is then aimed at."""
+"""The part of tol that the method's error may take before segments are made finer, twice at the most, and the part then aimed at."""
 FEW, MOST, RESOLVED = 500, 4000, 300.0
 """Larger groups that need more segments than MOST, or than FEW while their modes part by more than exp(RESOLVED) in a period, are
 only enclosed."""
@@ -64,13 +64,14 @@ def several(decoupled: Decoupled, index: int, tol: float = 1e-9, tame_only: bool
     if segments > MOST or (segments > FEW and spread > RESOLVED):
         return bounded(values, mean, group.size, period)
     follow: Callable[[Array, float, int, Array], Logs | None] = follow_real if real else follow_complex
-    for _ in range(2):
+    for _ in range(3):
         found = follow(values, period, segments, unknown)
         errors = np.full(group.size, np.inf) if found is None else found.method + found.rest
         if found is None or not errors.max() < UNRESOLVED:
             return bounded(values, mean, group.size, period)
         exponents = mean + found.logs / period
-        share = float((found.method / (tol * period * np.maximum(1, np.abs(exponents)))).max())
+        folded = np.abs(mean.real + wrap_log(found.logs) / period)
+        share = float((found.method / (tol * period * np.maximum(1, folded))).max())
         if share < LARGEST:
             break
         segments = min(MOST, int(np.ceil(segments * (share / AIM) ** (1 / 6))))
@@ -152,18 +153,39 @@ def group_segments(values: Array, period: float, mean: complex, tol: float) -> t
     """Segments on which the factors meet tol and pass over no harmonics, and the spread of the real parts over a period."""
     eigenvalues = np.linalg.eigvals(values[::SPARSE])
     rate = float(np.abs(eigenvalues).max())
-    allowed = WANTED * tol * max(1.0, float(np.abs(mean + eigenvalues).min()))
+    allowed = WANTED * tol * max(1.0, float(np.abs((mean + eigenvalues).real).min()))
     part = min(LONGEST, (allowed / (GROWTH * max(rate, allowed))) ** (1 / 6))
     spread = float(np.ptp(eigenvalues.real, axis=1).mean()) * period
     return max(len(values) // 16, int(np.ceil(period * rate / (FINE * part)))), spread
 
 
 def bounded(values: Array, mean: complex, size: int, period: float) -> tuple[Array, Array]:
-    """Enclose the exponents of a group by the numerical range of its generator: real parts up to the mean of max eig (B + B') / 2.
+    """Enclose the exponents of a group by the numerical range of its generator, w = S v, S diagonal or eigenvectors at the nodes.
+
+        d log |v| / dt <= max eig (S^-1 B S + its transpose) / 2,   |v| grows by |S_(k+1)^-1 S_k| from one node's coordinates to the next
 
     Source: Coppel (1965), Stability and Asymptotic Behavior of Differential Equations, III.2 (Lozinskii's logarithmic norm).
     """
     scale = balance_factors(values)[1]
     even = values * (scale / scale[:, None])
-    reach = np.abs(np.linalg.eigvalsh((even + np.swapaxes(even, 1, 2)) / 2)).max(axis=1).mean()
+    reach = min(logarithmic_norm(even, period), logarithmic_norm(even, period, np.linalg.eig(even)[1]))
     return np.full(size, mean), np.full(size, float(np.hypot(reach, np.pi / period)))
+
+
+def logarithmic_norm(values: Array, period: float, vectors: Array | None = None) -> float:
+    """A bound on the size of the real parts of all exponents, from the coordinates of `vectors` (N, m, m) at the nodes if there are any."""
+    if vectors is None:
+        return float(np.abs(np.linalg.eigvalsh((values + np.swapaxes(values, 1, 2)) / 2)).max(axis=1).mean())
+    try:
+        inverse = np.linalg.inv(vectors)
+    except np.linalg.LinAlgError:
+        return np.inf
+    turned = np.roll(inverse, -1, axis=0) @ vectors
+    ends = []
+    for B in (values, np.roll(values, -1, axis=0)):
+        own = inverse @ B @ vectors
+        ends.append(np.abs(np.linalg.eigvalsh((own + np.conj(np.swapaxes(own, 1, 2))) / 2)).max(axis=1))
+    crossed = np.log(
+        np.maximum(np.linalg.norm(turned, 2, axis=(1, 2)), np.linalg.norm(np.linalg.inv(turned), 2, axis=(1, 2)))
+    )
+    return float(np.maximum(*ends).mean() + crossed.sum() / period)

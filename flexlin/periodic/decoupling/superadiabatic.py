@@ -36,7 +36,7 @@ def sylvester(B: Array, groups: tuple[Group, ...]) -> Array:
             against_scalars(S, B, group, np.flatnonzero(scalar), diagonal)
             for other in groups:
                 if other.size > 1 and other is not group:
-                    S[:, group.part, other.part] = block(B, group, other)
+                    between_groups(S, B, group, other)
     return S
 
 
@@ -77,6 +77,17 @@ def against_scalars_of_two(S: Array, B: Array, group: Group, scalars: Array, dia
     up, low, left, right = B[:, i, scalars], B[:, j, scalars], B[:, scalars, i], B[:, scalars, j]
     S[:, i, scalars], S[:, j, scalars] = (b * low - d * up) / determinant, (c * up - a * low) / determinant
     S[:, scalars, i], S[:, scalars, j] = (d * left - c * right) / determinant, (a * right - b * left) / determinant
+
+
+def between_groups(S: Array, B: Array, group: Group, other: Group) -> None:
+    """The block between two larger groups. Raises: MemoryError."""
+    library, small = find_library(), group.size * other.size <= SMALL
+    if library is None or not small or not B.flags.c_contiguous:
+        S[:, group.part, other.part] = block(B, group, other)
+        return
+    given = group.start, group.size, other.start, other.size, address(B), address(S)
+    if not library.solve_between_groups(B.shape[-1], len(B), *given):
+        raise MemoryError("the coupling of two groups")
 
 
 def block(B: Array, group: Group, other: Group) -> Array:

@@ -7,9 +7,11 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.circle import pair_conjugates
 from flexlin.periodic.decoupling.compiled import Coefficients, Found, find_steady_solver, solve_compiled
+from flexlin.periodic.decoupling.coupling import hidden_effect, is_still
 from flexlin.periodic.decoupling.decouple import MAX_MERGES, decouple
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.exponents import decoupled_exponents
+from flexlin.periodic.decoupling.several import SAFETY
 from flexlin.periodic.decoupling.steady import decouple_steady
 from flexlin.periodic.floquet.result import find_reached
 from flexlin.periodic.fourier import FourierSeries
@@ -63,6 +65,11 @@ def solve_steady(system: PeriodicSystem, tol: float) -> tuple[Array, Array, Sett
     if isinstance(found, Refusal):
         return found
     exponents, errors, rate, decoupled = found
+    if not is_still(decoupled.generator, decoupled.period):
+        hidden = np.diagonal(hidden_effect(decoupled.generator, decoupled.period, decoupled.groups, decoupled.rounding))
+        means = np.einsum("tii->ti", decoupled.generator).real.mean(axis=0)
+        share = float((hidden / np.maximum(1.0, np.abs(means))).max())
+        errors = errors + SAFETY * share * np.maximum(1.0, np.abs(exponents))
     if not find_reached(exponents, errors, tol).all():
         return Refusal("tol is not met")
     code = "NumPy" if library is None else "compiled code"

@@ -33,6 +33,7 @@ ARGUMENTS = {
     "compare_series": [LONG] + [WHOLE] * 2 + [ADDRESS] * 5,
     "factor_magnus": [WHOLE] * 2 + [ADDRESS] + [WHOLE] * 2 + [REAL, ADDRESS],
     "solve_against_scalars": [WHOLE] * 5 + [ADDRESS] * 3,
+    "solve_between_groups": [WHOLE] * 6 + [ADDRESS] * 2,
     "factor_accelerations": [WHOLE] * 3 + [ADDRESS] * 5,
 }
 """What the functions of the library take."""

@@ -125,3 +125,51 @@ int solve_against_scalars(int n, int times, int start, int p, int count, const i
   free(order);
   return 1;
 }
+
+/* S (times, n, n) between two groups of p modes from `first` on and q from `second` on: (B_ii (x) 1 - 1 (x) B_jj') s_ij = -b_ij. 0: no memory. */
+int solve_between_groups(int n, int times, int first, int p, int second, int q, const double *B, double *S) {
+  int m = p * q;
+  long size = (long)m * m;
+  v8 *memory = aligned_alloc(64, (2 * size + 2 * m) * sizeof(v8));
+  int *order = malloc(m * sizeof(int));
+  if (!memory || !order) { free(memory); free(order); return 0; }
+  Factors f = {m, memory, memory + size, memory + 2 * size, memory + 2 * size + m, order};
+  for (int t = 0; t < times; t += 8) {
+    int many = times - t < 8 ? times - t : 8;
+    for (long e = 0; e < 2 * size; e++) memory[e] = splat(0.0);
+    for (int l = 0; l < 8; l++) {
+      const double *at = B + 2L * (t + (l < many ? l : many - 1)) * n * n;
+      for (int i = 0; i < p; i++)
+        for (int j = 0; j < q; j++) {
+          for (int k = 0; k < p; k++) {
+            const double *entry = at + 2L * ((first + i) * n + first + k);
+            f.re[(i * q + j) * m + k * q + j][l] += entry[0];
+            f.im[(i * q + j) * m + k * q + j][l] += entry[1];
+          }
+          for (int k = 0; k < q; k++) {
+            const double *entry = at + 2L * ((second + k) * n + second + j);
+            f.re[(i * q + j) * m + i * q + k][l] -= entry[0];
+            f.im[(i * q + j) * m + i * q + k][l] -= entry[1];
+          }
+        }
+    }
+    for (int i = 0; i < m; i++) order[i] = i;
+    factor_eight_alike(&f);
+    for (int l = 0; l < 8; l++)
+      for (int i = 0; i < m; i++) {
+        const double *entry = B + 2L * ((long)(t + (l < many ? l : many - 1)) * n * n + (first + order[i] / q) * n + second + order[i] % q);
+        f.x[i][l] = -entry[0];
+        f.y[i][l] = -entry[1];
+      }
+    solve_eight_alike(&f, 0);
+    for (int l = 0; l < many; l++)
+      for (int i = 0; i < m; i++) {
+        double *to = S + 2L * ((long)(t + l) * n * n + (first + i / q) * n + second + i % q);
+        to[0] = f.x[i][l];
+        to[1] = f.y[i][l];
+      }
+  }
+  free(memory);
+  free(order);
+  return 1;
+}

@@ -1,0 +1,66 @@
+"""Modes that take turns in being damped less: which one a multiplier follows cannot be seen, and may not be claimed.
+
+w'' = q(t) w with q a polynomial in exp(i t): only one sign of harmonics, so the exponents are +-sqrt(q_0) exactly, whatever the eigenvalues
++-sqrt(q(t)) do on the way (Berry, Uzdin, J. Phys. A 44 (2011), 435303).
+Where roots of q lie inside the unit circle, their means are others.
+"""
+
+import numpy as np
+import pytest
+from scipy.optimize import linear_sum_assignment
+
+from flexlin.periodic.decoupling.coupling import catch_up
+from flexlin.periodic.decoupling.decouple import decouple
+from flexlin.periodic.decoupling.decoupled import Refusal, as_real
+from flexlin.periodic.decoupling.exponents import decoupled_exponents
+from flexlin.periodic.decoupling.grouping import Group
+
+PERIOD = 2 * np.pi
+
+
+def cycling(rate, roots):
+    """w' = (20 i r - 3 r + [0, r; r q, 0]) w in real form, q = prod (exp(i t) - root), and its exponents."""
+    height = 20 * rate * max(1.0, np.prod([1 + abs(root) for root in roots]))
+
+    def A(t):
+        q = np.prod([np.exp(1j * np.asarray(t)) - root for root in roots], axis=0)
+        B = np.zeros((len(q), 2, 2), complex)
+        B[:, 0, 1], B[:, 1, 0] = rate, rate * q
+        return as_real(B + (1j * height - 3 * rate) * np.eye(2))
+
+    split = rate * np.sqrt(complex(np.prod([-root for root in roots])))
+    own = 1j * height - 3 * rate + np.array([split, -split])
+    return A, np.concatenate([own, own.conj()])
+
+
+def misses(found, exponents, errors):
+    """How far each exponent lies off against its error, by the best matching, modulo i."""
+    apart = found[:, None] - exponents
+    off = np.hypot(apart.real, np.remainder(apart.imag + 0.5, 1) - 0.5)
+    row, column = linear_sum_assignment(np.minimum(off / errors[:, None], 1e9))
+    return (off / errors[:, None])[row, column]
+
+
+@pytest.mark.parametrize(
+    "roots", [(0.2, 0.5j), (0.3, -0.3), (0.1, 0.15), (-0.5, 0.2j, 1.6), (3.0, -3.0), (2.0,), (0.3,)]
+)
+@pytest.mark.parametrize("rate", [6.0, 60.0, 600.0])
+def test_means_of_followed_modes_are_not_claimed_where_others_may_be_followed(roots, rate):
+    A, exponents = cycling(rate, roots)
+    decoupled = decouple(A, PERIOD, tol=1e-8)
+    if isinstance(decoupled, Refusal):
+        return
+    answer = decoupled_exponents(decoupled)
+    assert (misses(answer.exponents, exponents, answer.errors) <= 1).all()
+    assert (answer.exponents.real + answer.errors < 0).all()  # enclosed well enough for a verdict
+
+
+def test_modes_catch_up_by_what_they_fell_behind():
+    """The difference of damping is 1 + 3 cos t: it stays negative while cos t < -1 / 3."""
+    t = PERIOD * np.arange(512) / 512
+    B = np.zeros((512, 2, 2), complex)
+    B[:, 1, 1] = -1 - 3 * np.cos(t)
+    turn = np.arccos(-1 / 3)
+    behind = 2 * (3 * np.sin(turn) - (np.pi - turn))
+    found = catch_up(B, PERIOD, (Group(0, 1, 0), Group(1, 2, 1)))
+    assert found[0, 1] == found[1, 0] == pytest.approx(np.expm1(behind / 2), rel=1e-2)
