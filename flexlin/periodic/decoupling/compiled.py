@@ -18,7 +18,6 @@ from flexlin.periodic.decoupling.superadiabatic import SLOW_PART
 from flexlin.periodic.decoupling.waves import KEPT, multiplier
 from flexlin.periodic.fourier import fourier_basis
 from flexlin.periodic.native.library import find_library
-from flexlin.periodic.product.balancing import GROUP_CONDITION
 from flexlin.periodic.product.perturbation import CANCELLED, CLOSE, COHERENT, FACTOR_ROUNDING
 from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
@@ -94,25 +93,18 @@ def divide_output(out: Array, places: Array, times: int, period: float, rounds: 
     return Decoupled(period, at, frame, inverse, generator, groups, turning, residual, rounding, rounds, diagonal)
 
 
-TOL = 12
+TOL = 11
 """Where tol stands among the numbers."""
 
 
 @lru_cache(maxsize=1)
 def tabulate_numbers() -> Array:
-    """The limits that the compiled code keeps to, in its order; those of decoupling begin with the ninth."""
-    choice = [
-        *steady.CLOSENESS,
-        steady.PARTED,
-        steady.MIXED,
-        mean_modes.LARGEST,
-        log(GROUP_CONDITION),
-        SAFETY,
-        tame.INDEPENDENT,
-    ]
+    """The limits that the compiled code keeps to, in its order; those of decoupling begin with the eighth."""
+    growth = log(tame.LARGEST_GROWTH)
+    choice = [*steady.CLOSENESS, steady.PARTED, steady.MIXED, mean_modes.LARGEST, growth, SAFETY]
     made = [coordinates.ENOUGH, coordinates.SHRINK, SLOW_PART, ROUGH, 0.0, EPS, ROUNDINGS * EPS, COHERENT / 3]
     near = [coordinates.NEAR, coordinates.BEYOND, coordinates.LEAST, coordinates.EVEN]
-    followed = [tame.STEP, tame.FASTEST, GROUP_CONDITION, tame.SAFETY, CANCELLED, CLOSE, FACTOR_ROUNDING, EPS]
+    followed = [tame.STEP, tame.FASTEST, tame.SAFETY, CANCELLED, CLOSE, FACTOR_ROUNDING, EPS, tame.INDEPENDENT, growth]
     return np.array([*choice, *made, *near, *followed])
 
 

@@ -13,8 +13,8 @@ from flexlin.periodic.decoupling.decouple import ADIABATIC, ROUGH, WORST, Uncert
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.mean_modes import MeanModes, find_mean_modes
 from flexlin.periodic.decoupling.superadiabatic import SLOW_PART
+from flexlin.periodic.decoupling.tame import LARGEST_GROWTH
 from flexlin.periodic.decoupling.waves import harmonics, tail
-from flexlin.periodic.product.balancing import GROUP_CONDITION
 from flexlin.periodic.system import MatrixFunction
 
 COUNTS = (32, 64)
@@ -25,7 +25,7 @@ CLOSENESS = (0.25, ADIABATIC)
 """Modes stay together where the basic frequency exceeds this part of the gap between their eigenvalues: first few, then more."""
 PARTED = 0.5
 """Modes whose real parts differ by this part of the basic frequency do not stay together: no harmonic meets their gap."""
-MIXED = 0.15
+MIXED = 0.3
 """Modes of the mean that A(t) mixes by more than this are followed instead."""
 NARROWED, CLOSED = 0.7, 1e-3
 """Where the part NARROWED of a gap is not sure to be kept by how far two modes go from their means, it is measured at each time; where
@@ -122,7 +122,7 @@ def may_be_tame(modes: MeanModes, period: float) -> bool:
     several = [(i, group) for i, group in enumerate(modes.groups) if group.size > 1]
     growth = [modes.values.real[group.part].tolist() for _, group in several]
     spread = max([(max(each) - min(each)) * period for each in growth], default=0.0)
-    return all(group.partner == i for i, group in several) and spread < log(GROUP_CONDITION)
+    return all(group.partner == i for i, group in several) and spread < log(LARGEST_GROWTH)
 
 
 def mix_at_first(own: Array, modes: MeanModes) -> float:

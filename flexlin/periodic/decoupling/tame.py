@@ -1,4 +1,4 @@
-"""Exponents of a small group whose modes grow and decay by little against each other: from the product of its factors itself."""
+"""Exponents of a small group whose modes do not grow against each other without bounds: from its Floquet vectors along the period."""
 
 from functools import lru_cache
 
@@ -7,7 +7,6 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.circle import measure_distances, wrap_log
 from flexlin.periodic.decoupling.waves import interpolated
-from flexlin.periodic.product.balancing import GROUP_CONDITION
 from flexlin.periodic.product.perturbation import CANCELLED, EPS, FACTOR_ROUNDING, bound_pairs
 from flexlin.periodic.transition.gauss import collocate, gauss, place_nodes
 
@@ -20,15 +19,21 @@ LEAST = 8
 SAFETY = 2.0
 """Factor on the factors' error, which is measured against better ones."""
 INDEPENDENT = 1e3
-"""Eigenvectors of the product with a larger condition number belong to multipliers that nearly coincide: they are not served here."""
+"""Floquet vectors with a larger condition number belong to multipliers that nearly coincide: they are not served here."""
+LARGEST_GROWTH = 1e9
+"""Modes that grow against each other by more over a period are not served: their product would hold no vector of the weaker."""
 
 
 def tame_exponents(values: Array, period: float, unknown: Array) -> tuple[Array, Array] | None:
-    """Logs of the multipliers of w' = values(t) w and their errors (p,); None where the product is not well conditioned.
+    """Logs of the multipliers of w' = values(t) w and their errors (p,); None where its Floquet vectors are not well conditioned.
 
-        d log mu_i = sum_k (R_(k+1)^-1 dF_k R_k)_ii,   R_k = F_(k-1) ... F_0 R,   R the eigenvectors of the whole product
+        F_k R_k = R_(k+1) G_k,   log mu_i = sum_k log g_k,i + log c_ii,   C = R_0^-1 R_K
 
-    dF_k: what factors with more stages change, rounding, and `unknown` over the length of a segment. Pairs i, j add their second order.
+        d log mu_i = sum_k (R_(k+1)^-1 dF_k R_k)_ii / g_k,i
+
+    R_0: the eigenvectors of the whole product, G_k diagonal so that all columns have length 1; the product holds a weak mode's vector to
+    rounding, but not its multiplier, and what the others add to it on the way shows in C. dF_k: what factors with more stages change,
+    rounding, and `unknown` over the length of a segment. Pairs i, j add their second order.
 
     Parameters: values (N, p, p), real, at the nodes k T / N; unknown (p, p): bound on what is not known of them, in 1/s.
     """
@@ -39,29 +44,50 @@ def tame_exponents(values: Array, period: float, unknown: Array) -> tuple[Array,
     h = period / segments
     try:
         F, better = (factor_tame(values, h, segments, STAGES + more) for more in (0, MORE))
-        products = np.empty((segments + 1, p, p))
-        products[0] = np.eye(p)
-        for k, factor in enumerate(F):
-            products[k + 1] = factor @ products[k]
-        back = np.linalg.inv(products)
-        multipliers, vectors = np.linalg.eig(products[-1])
-        rows = np.linalg.inv(vectors)
+        multipliers, R, G = follow_vectors(F)
+        L = np.linalg.inv(R)
     except np.linalg.LinAlgError:
         return None
-    if not (measure_size(products) * measure_size(back)).max() < GROUP_CONDITION:
+    if not (measure_size(R) * measure_size(L)).max() < INDEPENDENT * p:
         return None
-    if not measure_size(vectors) * measure_size(rows) < INDEPENDENT:
+    closure, lengths = L[0] @ R[-1], np.log(G)
+    if not np.ptp(lengths.sum(axis=0)) < np.log(LARGEST_GROWTH):
         return None
-    logs = np.log(multipliers.astype(complex))
-    R, L = products[:-1] @ vectors, rows @ back[1:]
-    step = L @ (better - F) @ R
+    logs = with_conjugates(lengths.sum(axis=0) + np.log(np.diagonal(closure)), multipliers)
+    step = L[1:] @ (better - F) @ R[:-1] / G[:, :, None]
     rounding = FACTOR_ROUNDING * EPS * measure_size(F)[:, None, None]
-    known = (np.abs(L) @ (h * unknown + rounding) @ np.abs(R)).sum(axis=0)
+    known = (np.abs(L[1:]) @ (h * unknown + rounding) @ np.abs(R[:-1]) / G[:, :, None]).sum(axis=0)
     size = np.abs(step).sum(axis=0)
     own = SAFETY * np.maximum(np.abs(np.diagonal(step.sum(axis=0))), CANCELLED * np.diagonal(size)) + np.diagonal(known)
+    own += FACTOR_ROUNDING * EPS * np.diagonal(np.abs(L[0]) @ np.abs(R[-1]))
     gap = measure_distances(logs, logs)
-    errors = own + bound_pairs(size + known, own, gap, np.zeros((p, p))) + 4 * EPS * np.abs(logs)
-    return wrap_log(logs), errors
+    pairs = bound_pairs(size + known + np.abs(closure), own, gap, np.zeros((p, p)))
+    return wrap_log(logs), own + pairs + 4 * EPS * np.abs(logs)
+
+
+def follow_vectors(F: Array) -> tuple[Array, Array, Array]:
+    """Eigenvalues (p,) of the product of factors (K, p, p), its eigenvectors along it, of length 1 (K + 1, p, p), and their growth (K, p).
+
+    Raises: LinAlgError where they are not found.
+    """
+    whole = F[0]
+    for factor in F[1:]:
+        whole = factor @ whole
+    R, G = np.empty((len(F) + 1, *whole.shape), complex), np.empty(F.shape[:2])
+    multipliers, R[0] = np.linalg.eig(whole)
+    for k, factor in enumerate(F):
+        R[k + 1] = factor @ R[k]
+        G[k] = np.sqrt((np.abs(R[k + 1]) ** 2).sum(axis=0))
+        R[k + 1] /= G[k]
+    return multipliers, R, G
+
+
+def with_conjugates(logs: Array, multipliers: Array) -> Array:
+    """Logs (p,) that are conjugate, or those of real numbers, exactly where the multipliers are; pairs stand side by side."""
+    real, below = multipliers.imag == 0, np.flatnonzero(multipliers.imag < 0)
+    logs = np.where(real, logs.real + np.pi * 1j * (multipliers.real < 0), logs)
+    logs[below] = logs[below - 1].conj()
+    return logs
 
 
 def measure_size(matrices: Array) -> Array:

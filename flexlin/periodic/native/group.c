@@ -57,17 +57,17 @@ static void multiply_real(int p, const double *A, const double *B, double *C) {
     }
 }
 
-/* Factors of a group over at most `most` equal segments, better ones, their products and the inverses of these, each (most + 1, p, p) in
- * `out`, and what is not known of the generator (p, p).
+/* Factors of a group over at most `most` equal segments and better ones, each (most + 1, p, p) in `out`; their product after them, and what
+ * is not known of the generator (p, p).
  *
- * rules: c, a, b of the stages, then of `more` stages beyond; limits: step, fastest, and the largest condition of the products.
- * Returns the number of segments, 0 where the group is not tame, -1 where there is no memory. */
+ * rules: c, a, b of the stages, then of `more` stages beyond; limits: step and fastest.
+ * Returns the number of segments, 0 where the group is too fast for so many, -1 where there is no memory. */
 static int follow_group(int n, int start, int p, int blocks, int wide, const double *table, const double *generator, double period, int least, int most,
-                 int stages, int more, const double *rules, const double *limits, double *out, double *alias) {
+                        int stages, int more, const double *rules, const double *limits, double *out, double *alias) {
   int nodes = 8 * blocks, size = p * p, segments = least, done = 0;
   double *memory = malloc((2L * (nodes + 1) * size + size) * sizeof(double));
   if (!memory) return -1;
-  double *series = memory, *work = series + 2L * (nodes + 1) * size, largest = 0.0;
+  double *series = memory, *work = series + 2L * (nodes + 1) * size;
   Wide all = {wide, table};
   double rate = take_series(n, start, p, blocks, &all, generator, series, alias) * period;
   if (rate < limits[1]) {
@@ -76,20 +76,15 @@ static int follow_group(int n, int start, int p, int blocks, int wide, const dou
     done = segments <= most;
   }
   long whole = (most + 1L) * size;
-  double *products = out + 2 * whole, *back = out + 3 * whole;
+  double *product = out + 2 * whole;
   int highest = find_highest(size, nodes, series);
   for (int pass = 0, s = stages; pass < 2 && done == 1; rules += 2 * s + s * s, pass++, s += more)
     done = factor_group(p, highest, series, segments, s, period / segments, rules, out + pass * whole);
-  for (int k = 0; k <= segments && done == 1; k++) {
-    if (k) multiply_real(p, out + (k - 1) * size, products + (k - 1) * size, products + k * size);
-    else for (int e = 0; e < size; e++) products[e] = e % (p + 1) == 0;
-    memcpy(work, products + k * size, size * sizeof(double));
-    for (int e = 0; e < size; e++) back[k * size + e] = e % (p + 1) == 0;
-    done = eliminate(p, p, work, back + k * size);
-    double condition = measure_size(size, products + k * size) * measure_size(size, back + k * size);
-    largest = condition <= largest ? largest : condition;
+  if (done == 1) memcpy(product, out, size * sizeof(double));
+  for (int k = 1; k < segments && done == 1; k++) {
+    multiply_real(p, out + k * size, product, work);
+    memcpy(product, work, size * sizeof(double));
   }
   free(memory);
-  if (done < 0) return -1;
-  return done && largest < limits[2] ? segments : 0;
+  return done < 0 ? -1 : done ? segments : 0;
 }

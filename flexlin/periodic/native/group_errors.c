@@ -1,65 +1,93 @@
-/* How far the logs of a group's multipliers may be off: first order, and what pairs do to each other, as in tame.py. */
-#include <complex.h>
+/* Logs of a group's multipliers and how far they may be off, by its Floquet vectors along the period, as in tame.py. */
 
-typedef double complex z;
-
-/* C = A B, (p, p): complex A and real B, or the other way round. */
-static void multiply_mixed(int p, const z *A, const double *B, int real_first, z *C) {
+/* C = A B, (p, p): real A and complex B. */
+static void multiply_mixed(int p, const double *A, const z *B, z *C) {
   for (int i = 0; i < p; i++)
     for (int j = 0; j < p; j++) {
       z sum = 0.0;
-      for (int k = 0; k < p; k++) sum += real_first ? B[i * p + k] * A[k * p + j] : A[i * p + k] * B[k * p + j];
+      for (int k = 0; k < p; k++) sum += A[i * p + k] * B[k * p + j];
       C[i * p + j] = sum;
     }
 }
 
-/* Errors (p,) of logs (p,): `out` as `follow_group` leaves it, vectors and their inverse, what is not known in each segment (p, p).
- *
- * numbers: safety, cancelled, close, roundings of a factor, eps. Returns 0 where there is no memory. */
-static int bound_group(int p, int segments, int most, const double *out, const double *unknown, const double *numbers, const double *vectors,
-                const double *rows, const double *logs, double *errors) {
-  int size = p * p;
-  double *sums = calloc(2L * size, sizeof(double)), *known = sums + size;
-  z *work = malloc((5L * size + p) * sizeof(z)), *R = work + size, *L = R + size, *half = L + size, *step = half + size, *motion = step + size;
-  if (!sums || !work) { free(sums); free(work); return 0; }
-  long whole = (most + 1L) * size;
-  const z *V = (const z *)vectors, *W = (const z *)rows, *log = (const z *)logs;
-  for (int i = 0; i < p; i++) motion[i] = 0.0;
-  for (int k = 0; k < segments; k++) {
-    const double *F = out + (long)k * size, *better = F + whole;
-    double change[size], rounding = numbers[3] * numbers[4] * measure_size(size, F);
-    for (int e = 0; e < size; e++) change[e] = better[e] - F[e];
-    multiply_mixed(p, V, F + 2 * whole, 1, R);
-    multiply_mixed(p, W, F + 3 * whole + size, 0, L);
-    multiply_mixed(p, R, change, 1, half);
-    for (int i = 0; i < p; i++)
-      for (int j = 0; j < p; j++) {
-        z sum = 0.0;
-        double modulus = 0.0;
-        for (int l = 0; l < p; l++) {
-          double inner = 0.0;
-          for (int q = 0; q < p; q++) inner += (unknown[l * p + q] + rounding) * cabs(R[q * p + j]);
-          sum += L[i * p + l] * half[l * p + j];
-          modulus += cabs(L[i * p + l]) * inner;
-        }
-        sums[i * p + j] += cabs(sum);
-        known[i * p + j] += modulus;
-        if (i == j) motion[i] += sum;
-      }
+/* Columns of length 1, (p, p), and the lengths (p,) that they had. */
+static void shorten_columns(int p, z *R, double *lengths) {
+  for (int j = 0; j < p; j++) {
+    double square = 0.0;
+    for (int i = 0; i < p; i++) square += creal(R[i * p + j]) * creal(R[i * p + j]) + cimag(R[i * p + j]) * cimag(R[i * p + j]);
+    lengths[j] = sqrt(square);
+    for (int i = 0; i < p; i++) R[i * p + j] /= lengths[j];
   }
-  double own[p];
-  for (int i = 0; i < p; i++) own[i] = numbers[0] * fmax(cabs(motion[i]), numbers[1] * sums[i * (p + 1)]) + known[i * (p + 1)];
-  for (int i = 0; i < p; i++) {
-    errors[i] = own[i] + 4 * numbers[4] * cabs(log[i]);
+}
+
+/* |A| |B| |C| over growth (p,) of the rows, added to sum (p, p); B real. */
+static void add_moduli(int p, const z *A, const double *B, double more, const z *C, const double *growth, double *sum) {
+  double inner[p * p];
+  for (int i = 0; i < p; i++)
+    for (int j = 0; j < p; j++) {
+      inner[i * p + j] = 0.0;
+      for (int k = 0; k < p; k++) inner[i * p + j] += (B[i * p + k] + more) * cabs(C[k * p + j]);
+    }
+  for (int i = 0; i < p; i++)
+    for (int j = 0; j < p; j++)
+      for (int k = 0; k < p; k++) sum[i * p + j] += cabs(A[i * p + k]) * inner[k * p + j] / growth[i];
+}
+
+/* What pairs of logs do to each other beyond first order is added to the errors (p,), own (p,) the first order; as `bound_pairs`. */
+static void add_pairs(int p, double close, const z *logs, const double *coupling, const double *own, double *errors) {
+  for (int i = 0; i < p; i++)
     for (int j = 0; j < p; j++) {
       if (j == i) continue;
-      double turn = cimag(log[i] - log[j]);
-      double gap = fmax(hypot(creal(log[i] - log[j]), turn - 2 * M_PI * round(turn / (2 * M_PI))) - own[i] - own[j], 0.0);
-      double product = (sums[i * p + j] + known[i * p + j]) * (sums[j * p + i] + known[j * p + i]), both = sqrt(product);
-      errors[i] += both > numbers[2] * gap ? 2 * both : product / fmax(gap, both + 2.2e-308);
+      double turn = cimag(logs[i] - logs[j]);
+      double gap = fmax(hypot(creal(logs[i] - logs[j]), turn - 2 * M_PI * round(turn / (2 * M_PI))) - own[i] - own[j], 0.0);
+      double product = coupling[i * p + j] * coupling[j * p + i], both = sqrt(product);
+      errors[i] += both > close * gap ? 2 * both : product / fmax(gap, both + 2.2e-308);
     }
+}
+
+/* Logs (p,) of the multipliers and their errors (p,): factors as `follow_group` leaves them, the eigenvectors of their product, and what is
+ * not known in each segment (p, p).
+ *
+ * numbers: safety, cancelled, close, roundings of a factor, eps, independent, and the logarithm of the largest growth.
+ * Returns 1, 0 where the vectors are not independent or grow too much against each other, -1 where there is no memory. */
+static int bound_group(int p, int segments, int most, const double *factors, const double *unknown, const double *numbers, const z *vectors, z *logs,
+                       double *errors) {
+  int size = p * p, good = 1;
+  double *sums = calloc(2L * size + 4 * p, sizeof(double)), *known = sums + size, *growth = known + size, *one = growth + p, *length = one + p, *own = length + p;
+  z *work = malloc((7L * size + 2 * p) * sizeof(z)), *R = work + 2 * size, *L = R + size, *first = L + size, *next = first + size, *half = next + size;
+  z *motion = half + size;
+  if (!sums || !work) { free(sums); free(work); return -1; }
+  for (int i = 0; i < p; i++) { motion[i] = 0.0; one[i] = 1.0; }
+  memcpy(R, vectors, size * sizeof(z));
+  good = invert_complex(p, R, first, work) && measure_complex(size, R) * measure_complex(size, first) < numbers[5] * p;
+  for (int k = 0; k < segments && good; k++) {
+    const double *F = factors + (long)k * size, *better = F + (most + 1L) * size;
+    double change[size];
+    for (int e = 0; e < size; e++) change[e] = better[e] - F[e];
+    multiply_mixed(p, F, R, next);
+    shorten_columns(p, next, growth);
+    good = invert_complex(p, next, L, work) && measure_complex(size, next) * measure_complex(size, L) < numbers[5] * p;
+    add_moduli(p, L, unknown, numbers[3] * numbers[4] * measure_size(size, F), R, growth, known);
+    multiply_mixed(p, change, R, half);
+    multiply_complex(p, L, half, work);
+    for (int e = 0; e < size; e++) sums[e] += cabs(work[e]) / growth[e / p];
+    for (int i = 0; i < p; i++) { motion[i] += work[i * (p + 1)] / growth[i]; length[i] += log(growth[i]); }
+    memcpy(R, next, size * sizeof(z));
   }
+  multiply_complex(p, first, R, next); /* the closure */
+  double low = INFINITY, high = -INFINITY;
+  for (int i = 0; i < p; i++) {
+    double last = 0.0;
+    for (int k = 0; k < p; k++) last += cabs(first[i * p + k]) * cabs(R[k * p + i]);
+    logs[i] = length[i] + clog(next[i * (p + 1)]);
+    own[i] = numbers[0] * fmax(cabs(motion[i]), numbers[1] * sums[i * (p + 1)]) + known[i * (p + 1)] + numbers[3] * numbers[4] * last;
+    errors[i] = own[i] + 4 * numbers[4] * cabs(logs[i]);
+    low = fmin(low, length[i]);
+    high = fmax(high, length[i]);
+  }
+  for (int e = 0; e < size; e++) sums[e] += known[e] + cabs(next[e]);
+  add_pairs(p, numbers[2], logs, sums, own, errors);
   free(sums);
   free(work);
-  return 1;
+  return good && high - low < numbers[6];
 }

@@ -17,6 +17,7 @@ SOURCES = (
     "evidence",
     "factors",
     "group",
+    "complex",
     "group_errors",
     "magnus",
     "sylvester",

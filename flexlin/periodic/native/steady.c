@@ -4,9 +4,9 @@ enum { OK = 0, NOT_APART = 1, MIXES = 2, NOT_TAME = 3, COUPLED = 4, WILD = 5, SI
 enum { LOOK = 8, COUNTS = 2, SPARSE = 4, MEMORY = 1 << 26 }; /* nodes of a first look; M^-1 at every so many times; bytes of a group */
 
 typedef struct {
-  double closeness[2], parted, mixed, largest, spread, safety, independent;
+  double closeness[2], parted, mixed, largest, spread, safety;
   double decoupling[12]; /* limits of `decouple_on_nodes` */
-  double following[3], bounding[5]; /* of `follow_group`, `bound_group` */
+  double following[2], bounding[7]; /* of `follow_group`, `bound_group` */
 } Numbers;
 
 typedef struct {
@@ -93,10 +93,10 @@ static int decouple_steady(const Problem *p, Samples *samples, Modes *m, double 
 static int find_group(const Problem *p, int nodes, const double *generator, int first, int size, const double *unknown, z *values, double *errors) {
   const Numbers *number = p->numbers;
   int wide = count_wide(nodes), square = size * size, segments, done = 0;
-  if (32L * (p->most + 1) * square > MEMORY) return WILD;
-  double *memory = malloc((4L * (p->most + 1) * square + 2 * square + size) * sizeof(double));
-  z *vectors = malloc((4L * square + 2 * size) * sizeof(z)), *rows = vectors + square, *work = rows + square, *own = work + 2 * square, *log = own + size;
-  double *factors = memory, *alias = factors + 4L * (p->most + 1) * square, *part = alias + square, *off = part + square;
+  if (16L * (p->most + 1) * square > MEMORY) return WILD;
+  double *memory = malloc((2L * (p->most + 1) * square + 3 * square + size) * sizeof(double));
+  z *vectors = malloc((square + 2L * size) * sizeof(z)), *own = vectors + square, *log = own + size;
+  double *factors = memory, *product = factors + 2L * (p->most + 1) * square, *alias = product + square, *part = alias + square, *off = part + square;
   if (!memory || !vectors) { free(memory); free(vectors); return LACKING; }
   const double *all = p->tables[nodes == p->nodes[0] ? 0 : 1] + 8L * nodes * count_width(nodes) + 2L * (nodes / 3 + 1) * nodes + 3L * nodes * nodes;
   segments = follow_group(p->n, first, size, nodes / 8, wide, all, generator, p->period, p->least, p->most, p->stages, p->more, p->rules,
@@ -104,12 +104,14 @@ static int find_group(const Problem *p, int nodes, const double *generator, int 
   if (segments > 0) {
     for (int e = 0; e < square; e++)
       part[e] = p->period / segments * (number->safety * unknown[(first + e / size) * p->n + first + e % size] + alias[e]);
-    done = find_eigenvectors(p->geev, size, factors + (2L * (p->most + 1) + segments) * square, own, vectors) &&
-           invert_complex(size, vectors, rows, work) && measure_complex(square, vectors) * measure_complex(square, rows) < number->independent;
+    done = find_eigenvectors(p->geev, size, product, own, vectors);
+    if (done) done = bound_group(size, segments, p->most, factors, part, number->bounding, vectors, log, off);
+    if (done < 0) segments = -1;
   }
-  for (int i = 0; i < size && done; i++) log[i] = clog(own[i]);
-  if (done && !bound_group(size, segments, p->most, factors, part, number->bounding, (double *)vectors, (double *)rows, (double *)log, off)) segments = -1;
-  for (int i = 0; i < size && done; i++) {
+  for (int i = 0; i < size && done > 0; i++) /* conjugates exactly, as the multipliers are */
+    if (cimag(own[i]) < 0.0) log[i] = conj(log[i - 1]);
+    else if (cimag(own[i]) == 0.0) log[i] = creal(log[i]) + I * (creal(own[i]) < 0.0 ? M_PI : 0.0);
+  for (int i = 0; i < size && done > 0; i++) {
     int mate = i;
     for (int j = 0; j < size; j++)
       if (cabs(conj(log[i]) - log[j]) < cabs(conj(log[i]) - log[mate])) mate = j;
@@ -118,7 +120,7 @@ static int find_group(const Problem *p, int nodes, const double *generator, int 
   }
   free(memory);
   free(vectors);
-  return segments < 0 ? LACKING : done ? OK : WILD;
+  return segments < 0 ? LACKING : done > 0 ? OK : WILD;
 }
 
 /* An imaginary part of a log in (-pi, pi]. */
