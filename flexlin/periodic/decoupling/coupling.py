@@ -1,21 +1,14 @@
 """What the coupling that is left between groups of modes does to the exponents."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.decoupling.grouping import Group, block_mask
 from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, sylvester
-from flexlin.periodic.decoupling.waves import circle_derivative, harmonics
-
-STILL = 8.0
-"""Modes that grow by less than exp(STILL) against each other within a period do not bring out what is hidden."""
-LARGEST = 400.0
-"""Growths beyond exp(LARGEST) count as that: neither says anything."""
-LINKED = 1e-3
-"""Modes whose multipliers are moved less by each other do not take each other's place."""
+from flexlin.periodic.decoupling.waves import harmonics
 
 
 @dataclass(frozen=True)
@@ -31,9 +24,29 @@ class Separation:
     outside: Array
 
 
+@dataclass(frozen=True, eq=False)
+class Coupled:
+    """A generator B (N, n, n) with its groups, how far these stay apart, and S of the Sylvester equations, when these are read."""
+
+    B: Array
+    period: float
+    groups: tuple[Group, ...]
+
+    @cached_property
+    def apart(self) -> Separation:
+        return group_separation(self.B, self.period, self.groups)
+
+    @cached_property
+    def S(self) -> Array:
+        return sylvester(self.B, self.groups)
+
+
 def group_separation(B: Array, period: float, groups: tuple[Group, ...]) -> Separation:
     """The separations of the groups from the eigenvalues of the diagonal blocks of B (N, n, n)."""
-    values = np.concatenate([np.linalg.eigvals(B[:, g.part, g.part]) for g in groups], axis=1)
+    values = np.einsum("tii->ti", B).copy()
+    for g in groups:
+        if g.size > 1:
+            values[:, g.part] = np.linalg.eigvals(B[:, g.part, g.part])
     starts, size = np.array([g.start for g in groups]), [g.size for g in groups]
 
     def least(pairs: Array) -> Array:
@@ -74,7 +87,7 @@ def combined(second: Array, first: Array, oblique: Array, swing: Array) -> Array
     return np.minimum(by_damping, second / (1 - SLOW_PART) + first * swing)
 
 
-def residual_effect(B: Array, period: float, groups: tuple[Group, ...]) -> Array:
+def residual_effect(coupled: Coupled) -> Array:
     """Bound the generator that the coupling adds to each diagonal block when the other modes are eliminated, entry by entry (n, n).
 
         d B_kl ~ sum over j outside of  R_kj S_jl,   S of the Sylvester equations
@@ -85,87 +98,17 @@ def residual_effect(B: Array, period: float, groups: tuple[Group, ...]) -> Array
 
     Source: Coppel, Dichotomies in Stability Theory (1978), for the first; Yakubovich, Starzhinskii (1975), IV, for the second.
     """
-    apart = group_separation(B, period, groups)
-    S = sylvester(B, groups)
-    R = np.where(apart.outside, B, 0)
-    X, Z = np.abs(R).max(axis=0), np.abs(S).max(axis=0)
-    rough = np.abs(high_harmonics(R, period, apart.crossing)).max(axis=0)
+    apart = coupled.apart
+    R = np.where(apart.outside, coupled.B, 0)
+    X, Z = np.abs(R).max(axis=0), np.abs(coupled.S).max(axis=0)
+    rough = np.abs(high_harmonics(R, coupled.period, apart.crossing)).max(axis=0)
     total = np.zeros_like(X)
-    for g in groups:
+    for g in coupled.groups:
         second = np.einsum("kj,jl->kjl", X[g.part], Z[:, g.part])
         first = np.sqrt(np.einsum("kj,jl->kjl", rough[g.part], rough[:, g.part]))
         both = combined(second, first, apart.oblique[g.part, :, None], apart.swing[g.part, :, None])
         total[g.part, g.part] = np.where(apart.outside[g.part, :, None], both, 0).sum(axis=1)
     return total
-
-
-def hidden_effect(B: Array, period: float, groups: tuple[Group, ...], rounding: Array) -> Array:
-    """Bound what couplings that no round can take away add to each diagonal block, entry by entry (n, n), where damping crosses.
-
-        d lambda_i ~ c^2 / max(|lambda_i - lambda_j|, c),   c^2 = F_ij F_ji exp(g_ij)
-
-    A mode that falls behind another by exp(g) and catches up again follows the other one in between, if as little as exp(-g / 2) of it
-    goes over and comes back, however smooth A is.
-
-    Parameters: rounding (n, n): of the entries of B (N, n, n), in 1/s.
-    Source: Berry, Uzdin, Slow non-Hermitian cycling, J. Phys. A 44 (2011), 435303.
-    """
-    total = np.zeros(rounding.shape)
-    if is_still(B, period):
-        return total
-    F, caught_up = hidden_couplings(B, period, groups, rounding), catch_up(B, period, groups)
-    logs, single = (
-        np.einsum("tii->ti", B).mean(axis=0) * period,
-        np.repeat(*np.array([[g.size] * 2 for g in groups]).T) == 1,
-    )
-    gap = np.where(single[:, None] & single, measure_distances(logs, logs) / period, 0)
-    for g in groups:
-        size = np.sqrt(np.einsum("kj,jl->kjl", F[g.part], F[:, g.part])) * caught_up[g.part, :, None]
-        share = size / np.maximum(np.maximum(gap[g.part, :, None], size), np.finfo(float).tiny)
-        total[g.part, g.part] = (size * share).sum(axis=1)
-    return total
-
-
-def link_modes(B: Array, period: float, groups: tuple[Group, ...], rounding: Array) -> Array:
-    """Pairs of modes (n, n) of which one may go over to the other and come back, as far as anybody can see."""
-    apart = group_separation(B, period, groups)
-    rough = np.abs(high_harmonics(B, period, apart.crossing)).max(axis=0)
-    with np.errstate(invalid="ignore"):
-        seen = np.sqrt(rough * rough.T) * apart.swing
-    F, caught_up = hidden_couplings(B, period, groups, rounding), catch_up(B, period, groups)
-    linked = np.maximum(seen, np.sqrt(F * F.T) * caught_up) * period > LINKED
-    return np.asarray(linked & apart.outside & np.isinf(apart.oblique))
-
-
-def is_still(B: Array, period: float) -> bool:
-    """Whether no two modes grow by much against each other within the period."""
-    real = B.reshape(len(B), -1)[:, :: B.shape[-1] + 1].real
-    run = np.cumsum(real - real.mean(axis=0), axis=0)
-    return bool(np.sort(run.max(axis=0) - run.min(axis=0))[-2:].sum() * period / len(B) < STILL)
-
-
-def hidden_couplings(B: Array, period: float, groups: tuple[Group, ...], rounding: Array) -> Array:
-    """F = R exp(-1 / r) + rounding (n, n) of modes whose damping crosses: rounds that shrink the coupling R by r end there.
-
-    Source: Berry, Histories of adiabatic quantum transitions, Proc. R. Soc. A 429 (1990).
-    """
-    apart = group_separation(B, period, groups)
-    crossing = apart.outside & np.isinf(apart.oblique)
-    left, moved = np.abs(B).max(axis=0), np.abs(circle_derivative(sylvester(B, groups), period)).max(axis=0)
-    shrunk = np.exp(-left / np.maximum(moved, 1e-3 * left + np.finfo(float).tiny))
-    return np.where(crossing, left * shrunk + rounding, 0)
-
-
-def catch_up(B: Array, period: float, groups: tuple[Group, ...]) -> Array:
-    """exp(g / 2) - 1 with the largest growth g of one mode against another one that grows more over a whole period, (n, n); groups by their
-    means."""
-    real, size = np.einsum("tii->ti", B).real, [g.size for g in groups]
-    mean = np.repeat(np.add.reduceat(real, [g.start for g in groups], axis=1) / size, size, axis=1)
-    behind = mean[:, :, None] - mean[:, None, :]
-    behind *= -np.sign(behind.mean(axis=0))
-    run = np.cumsum(np.concatenate([behind, behind]), axis=0) * period / len(B)
-    growth = (run - np.minimum.accumulate(run, axis=0)).max(axis=0)
-    return np.asarray(np.expm1(np.minimum(growth, LARGEST) / 2))
 
 
 def high_harmonics(R: Array, period: float, gap: Array) -> Array:

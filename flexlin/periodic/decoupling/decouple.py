@@ -7,8 +7,8 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.decoupling.coupling import (
+    Coupled,
     group_separation,
-    hidden_effect,
     high_harmonics,
     pair_effects,
     residual_effect,
@@ -16,6 +16,7 @@ from flexlin.periodic.decoupling.coupling import (
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.frames import periodic_frame
 from flexlin.periodic.decoupling.grouping import Group, Modes, follow_modes, grouped_modes
+from flexlin.periodic.decoupling.hidden import hidden_effect
 from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, low_harmonics, mixing, rounds, sylvester
 from flexlin.periodic.decoupling.waves import aliasing, circle_derivative, interleaved, shifted, smooth, tail
 from flexlin.periodic.product.perturbation import COHERENT
@@ -189,29 +190,30 @@ def checked(
     B = inverse @ (A @ T - slope)
     times = period / len(A) * np.arange(len(A))
     done = replace(built, times=times, frame=T, inverse=inverse, generator=B)
-    residual = residual_effect(B, period, built.groups)
-    done, agree, parted = with_evidence(replace(done, residual=residual), slope, A, tol, uncertainty)
+    coupled = Coupled(B, period, built.groups)
+    done = replace(done, residual=residual_effect(coupled))
+    done, agree, parted = with_evidence(done, coupled, slope, A, tol, uncertainty)
     return done, bool(np.all(agree & parted))
 
 
 def with_evidence(
-    done: Decoupled, slope: Array, A: Array, tol: float, uncertainty: Uncertainty | None
+    done: Decoupled, coupled: Coupled, slope: Array, A: Array, tol: float, uncertainty: Uncertainty | None
 ) -> tuple[Decoupled, Array, Array]:
     """State what rounding is left beside the coupling; and of which modes the nodes and those half-way between them agree (n,), and the
     coupling is small enough (n,).
 
-    Parameters: slope, A (N, n, n): the frame's slope and the coefficients at the times of `done`.
+    Parameters: coupled: the generator; slope, A (N, n, n): the frame's slope and the coefficients at the times of `done`.
     """
     some = slice(None, None, SPARSE)
-    T, inverse, B = done.frame[some], done.inverse[some], done.generator
+    T, inverse = done.frame[some], done.inverse[some]
     rounding = EPS * (np.abs(inverse) @ (np.abs(A[some]) @ np.abs(T) + np.abs(slope[some]))).mean(axis=0)
     if uncertainty is not None:
         rounding = rounding + COHERENT / 3 * uncertainty(done.times[some], inverse, T).mean(axis=0)
-    means = np.einsum("tii->ti", B)
+    means = np.einsum("tii->ti", done.generator)
     apart = np.maximum(np.abs(means[::2].mean(axis=0) - means[1::2].mean(axis=0)), aliasing(means))
     allowed = tol * np.maximum(1, np.abs(means.mean(axis=0)))
     noise = 4 * np.diagonal(rounding)
-    hidden = hidden_effect(B, done.period, done.groups, rounding)
+    hidden = hidden_effect(coupled, rounding)
     parted = np.diagonal(done.residual) < 0.3 * allowed + noise
     parted |= np.diagonal(hidden) > allowed  # more nodes would not help
     return replace(done, residual=done.residual + hidden, rounding=rounding), apart < 0.1 * allowed + noise, parted

@@ -82,6 +82,8 @@ def start_basis(modes: Modes, groups: tuple[Group, ...], node: int) -> Array:
 
 def closed(H: Array, real: bool) -> tuple[Array, bool] | None:
     """The logarithm that takes the turn H out of a basis, and whether the basis turns over; None where none does."""
+    if len(H) == 1:
+        return close_single(complex(H[0, 0]), real)
     for sign in (1, -1):
         L = logarithm(sign * H.real if real else H)
         if L is None:
@@ -91,6 +93,15 @@ def closed(H: Array, real: bool) -> tuple[Array, bool] | None:
         if np.abs(L.imag).max() <= 1e-8 * max(1.0, np.abs(L).max()):
             return (L.real + 0j, False) if sign == 1 else (L.real + 1j * np.pi * np.eye(len(H)), True)
     return None
+
+
+def close_single(H: complex, real: bool) -> tuple[Array, bool] | None:
+    """The same for a single mode."""
+    turns = real and H.real < 0
+    value = -H.real if turns else H.real if real else H
+    if not 0 < abs(value) < np.inf:
+        return None
+    return np.array([[np.log(complex(value)) + 1j * np.pi * turns]]), turns
 
 
 def logarithm(H: Array) -> Array | None:

@@ -20,9 +20,9 @@ from flexlin.periodic.product.schur import periodic_schur
 FINE, COARSE, FINER = 3, 2, 0.25
 """Parts of a segment that each Magnus series reaches over: the finer ones give the exponents, and the coarser ones the error. That much
 of the difference counts: of order 6 it would be (3 / 2)^6 - 1, a tenth."""
-GROWTH, WANTED, LONGEST = 6e-11, 0.06, 1.0
+GROWTH, WANTED, LONGEST, WAVES = 1e-10, 0.06, 1.0, 10
 """The error of a log as measured: this times the fastest rate times the period, times the sixth power of the rate times a part's length.
-The part of tol that it may take, and the longest part's product with the rate."""
+The part of tol that it may take, the longest part's product with the rate, and how many times the basic frequency adds to the rate."""
 LARGEST, AIM = 0.6, 0.2
 """The part of tol that the method's error may take before segments are made finer, twice at the most, and the part then aimed at."""
 FEW, MOST, RESOLVED = 500, 4000, 300.0
@@ -152,7 +152,7 @@ def group_logs(plain: Array, better: Array, series: GroupSeries) -> Logs:
 def group_segments(values: Array, period: float, mean: complex, tol: float) -> tuple[int, float]:
     """Segments on which the factors meet tol and pass over no harmonics, and the spread of the real parts over a period."""
     eigenvalues = np.linalg.eigvals(values[::SPARSE])
-    rate = float(np.abs(eigenvalues).max())
+    rate = float(np.abs(eigenvalues).max()) + WAVES * 2 * np.pi / period
     allowed = WANTED * tol * max(1.0, float(np.abs((mean + eigenvalues).real).min()))
     part = min(LONGEST, (allowed / (GROWTH * max(rate, allowed))) ** (1 / 6))
     spread = float(np.ptp(eigenvalues.real, axis=1).mean()) * period

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.decoupling.coordinates import Coordinates, find_coordinates
-from flexlin.periodic.decoupling.coupling import combined, nearest_on_chords
+from flexlin.periodic.decoupling.coupling import Coupled, combined, nearest_on_chords
 from flexlin.periodic.decoupling.decouple import ADIABATIC, ROUGH, WORST, Uncertainty, with_evidence
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.mean_modes import MeanModes, find_mean_modes
@@ -110,7 +110,8 @@ def decouple_on_nodes(
     if bounds is None:
         return None
     done, slope = in_states(found, modes, period, bounds[0])
-    done, agree, parted = with_evidence(done, slope, A, tol, uncertainty)
+    coupled = Coupled(done.generator, period, done.groups)
+    done, agree, parted = with_evidence(done, coupled, slope, A, tol, uncertainty)
     if np.all(agree & parted):
         return done
     excess = np.where(agree & ~parted, np.diagonal(done.residual) / allowed, 0.0)

@@ -7,10 +7,11 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.circle import pair_conjugates
 from flexlin.periodic.decoupling.compiled import Coefficients, Found, find_steady_solver, solve_compiled
-from flexlin.periodic.decoupling.coupling import hidden_effect, is_still
+from flexlin.periodic.decoupling.coupling import Coupled
 from flexlin.periodic.decoupling.decouple import MAX_MERGES, decouple
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.exponents import decoupled_exponents
+from flexlin.periodic.decoupling.hidden import hidden_effect, is_still
 from flexlin.periodic.decoupling.several import SAFETY
 from flexlin.periodic.decoupling.steady import decouple_steady
 from flexlin.periodic.floquet.result import find_reached
@@ -68,11 +69,14 @@ def solve_steady(system: PeriodicSystem, tol: float) -> tuple[Array, Array, Sett
         if isinstance(found, Refusal):
             return found
         exponents, errors, rate, decoupled = found
-        errors = errors + claim_hidden(decoupled, exponents)
+        hidden = claim_hidden(decoupled, exponents)
+        errors = errors + hidden
         if find_reached(exponents, errors, tol).all():
             code = "NumPy" if library is None else "compiled code"
             reason = f"modes that keep their shapes, eigenvalues of A(t) up to {rate:.3g} 1/s, by {code}"
             return exponents, errors, Setting("decoupling", 0, 1, reason, rate), decoupled
+        if not find_reached(exponents, hidden, tol).all():
+            break
     return Refusal("tol is not met")
 
 
@@ -80,7 +84,8 @@ def claim_hidden(decoupled: Decoupled, exponents: Array) -> Array:
     """What coupling below rounding may do to the exponents (n,) where modes take turns in damping, (n,)."""
     if is_still(decoupled.generator, decoupled.period):
         return np.zeros(len(exponents))
-    hidden = np.diagonal(hidden_effect(decoupled.generator, decoupled.period, decoupled.groups, decoupled.rounding))
+    coupled = Coupled(decoupled.generator, decoupled.period, decoupled.groups)
+    hidden = np.diagonal(hidden_effect(coupled, decoupled.rounding))
     means = np.einsum("tii->ti", decoupled.generator).real.mean(axis=0)
     share = float((hidden / np.maximum(1.0, np.abs(means))).max())
     return SAFETY * share * np.maximum(1.0, np.abs(exponents))

@@ -218,7 +218,8 @@ def finish(
         exponents, errors = logs / system.period, uncertain / system.period
     order = np.lexsort((-exponents.imag, -exponents.real))
     exponents, errors = exponents[order], errors[order]
-    undamped = abs(exponents.real.sum()) <= errors.sum() and is_hamiltonian(system)
+    decays = bool((exponents.real + errors)[np.isfinite(errors)].max(initial=-np.inf) < 0)
+    undamped = not decays and abs(exponents.real.sum()) <= errors.sum() and is_hamiltonian(system)
     if undamped:
         logs, violation = pair_hamiltonian(exponents * system.period)
         exponents, errors = logs / system.period, np.maximum(errors, violation / system.period)

@@ -9,7 +9,7 @@ import pytest
 import flexlin as fl
 from flexlin.periodic.circle import match_logs
 from flexlin.periodic.decoupling.coordinates import find_coordinates
-from flexlin.periodic.decoupling.coupling import residual_effect
+from flexlin.periodic.decoupling.coupling import Coupled, residual_effect
 from flexlin.periodic.decoupling.decoupled import Refusal
 from flexlin.periodic.decoupling.mean_modes import find_mean_modes
 from flexlin.periodic.decoupling.steady import bound_residual, decouple_steady, in_states
@@ -180,7 +180,7 @@ def test_what_is_left_of_the_coupling_is_bounded_as_by_the_equations_of_sylveste
         if found is None or (bounds := bound_residual(found[2].generator, found[1], gentle.period)) is None:
             continue
         done, _ = in_states(found[2], found[1], gentle.period, bounds[0].copy())
-        other = residual_effect(done.generator, gentle.period, done.groups)
+        other = residual_effect(Coupled(done.generator, gentle.period, done.groups))
         assert (np.diagonal(other) <= 2 * np.diagonal(bounds[0]) + 1e-14).all()
 
 
