@@ -173,7 +173,8 @@ def kalman_filter(
             got=reason.got,
             todo="give the mode's states noise in W",
         ) from None
-    return Estimator(system, C, solution, with_matrices(system, system.A, FilterGain(solution)).feedback(C))
+    open_loop = with_matrices(system, system.A, FilterGain(solution), others=(W, V))
+    return Estimator(system, C, solution, open_loop.feedback(C))
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,4 +251,4 @@ def output_feedback(made: Design | Law, estimator: Estimator) -> PeriodicSystem:
         raise ArgumentError(
             "the design and the estimator do not fit", got=(states, system.n), expected="one plant with input"
         )
-    return with_matrices(system, EstimatedLoop(estimator, gain, rates), breaks=breaks)
+    return with_matrices(estimator.closed_loop, EstimatedLoop(estimator, gain, rates), breaks=breaks, others=(gain,))

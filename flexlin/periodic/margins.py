@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive
 from flexlin.errors import ArgumentError, NotStable
-from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples
+from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples, has_nothing_narrow
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.related import with_matrices
 from flexlin.periodic.system import PeriodicSystem, as_system
@@ -124,10 +124,10 @@ def margins(system: PeriodicSystem, gain: MatrixFunction | ArrayLike, tol: float
         return system.feedback(Scaled(K, kappa), breaks)
 
     def with_phase(phi: float) -> PeriodicSystem:
-        return with_matrices(system, Turned(system.A, B, K, phi), breaks=breaks)
+        return with_matrices(nominal, Turned(system.A, B, K, phi), breaks=breaks)
 
     def with_delay(tau: float, order: int = LINE) -> PeriodicSystem:
-        return with_matrices(system, Delayed(system.A, B, K, tau, order), breaks=breaks)
+        return with_matrices(nominal, Delayed(system.A, B, K, tau, order), breaks=breaks)
 
     steps = GAIN_STEP ** np.arange(1, int(np.log(LARGEST_GAIN) / np.log(GAIN_STEP)) + 1)
     down = find_first(with_gain, 1.0, 1 / steps, tol)
@@ -151,6 +151,11 @@ class Scaled:
 
     def __call__(self, t: Array) -> Array:
         return self.kappa * self.K(t)
+
+    @property
+    def complete(self) -> bool:
+        """As the gain is."""
+        return has_nothing_narrow(self.K)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,11 +12,15 @@ from flexlin.periodic.system import PeriodicSystem
 
 
 def with_matrices(
-    system: PeriodicSystem, A: MatrixFunction, B: MatrixFunction | None = None, breaks: Sequence[float] = ()
+    system: PeriodicSystem,
+    A: MatrixFunction,
+    B: MatrixFunction | None = None,
+    breaks: Sequence[float] = (),
+    others: Sequence[MatrixFunction] = (),
 ) -> PeriodicSystem:
     """x' = A(t) x + B(t) u with matrices that are made of those of a system, and perhaps of others with breaks of their own."""
-    corners = (*system.breaks, *breaks)
-    return PeriodicSystem(A, system.period, B, corners, features=system.features, complete=system.complete)
+    corners, complete = (*system.breaks, *breaks), system.complete and all(map(has_nothing_narrow, others))
+    return PeriodicSystem(A, system.period, B, corners, features=system.features, complete=complete)
 
 
 def dual_system(system: PeriodicSystem, C: MatrixFunction | None = None) -> PeriodicSystem:
