@@ -22,6 +22,8 @@ LOST = 1e-2
 """A mode whose error exceeds this part of its size is not followed at all, and says nothing of the others."""
 HIDDEN = 1e-3
 """A mode whose log is uncertain by this part of its distance below the largest is known to lie below, and no more."""
+TURNED, LOOKS = 2.0, 96
+"""Radians by which a mode may turn in a segment of Radau's method, and segments at which the eigenvalues of A(t) are looked at."""
 TRACE = 1e-11
 """Relative error of the mean trace of A that is forgiven."""
 ANOTHER = 1.3
@@ -114,10 +116,25 @@ def measure_spectrum(
     logs, method, rounding = form.logs[order], motion.method[order], motion.rounding[order]
     errors = SAFETY * method + rounding
     if setting.method == "radau":
-        below = logs.real[0] - logs.real
+        below, hidden = logs.real[0] - logs.real, system.period * hidden_growth(system, grid) - logs.real[0]
         errors = np.where((errors > HIDDEN * below) & (below > errors[0]), np.inf, errors)
+        method, errors = (np.append(np.maximum(part[0], hidden), part[1:]) for part in (method, errors))
     errors = errors + liouville_excess(system, logs, errors)
     return SegmentedSpectrum(logs, errors, rounding, setting, scale[:, None] * form.start), method
+
+
+def hidden_growth(system: PeriodicSystem, grid: Array) -> float:
+    """How fast modes grow, in 1/s, that turn too fast for the segments: an L-stable method damps them whatever they do.
+
+    The mean of the largest real part of those eigenvalues of A(t) whose size exceeds TURNED of a segment; -inf where there are none.
+    """
+    k = np.unique(np.linspace(0, len(grid) - 2, LOOKS).astype(int))
+    h = np.diff(grid)[k]
+    values = np.linalg.eigvals(system.resolved(grid[k] + h / 2))
+    turning = np.abs(values) * h[:, None] > TURNED
+    if not turning.any():
+        return -np.inf
+    return float(np.where(turning, values.real, -np.inf).max(axis=1)[turning.any(axis=1)].mean())
 
 
 def share_errors(motion: Motion, logs: Array, period: float) -> Motion:
