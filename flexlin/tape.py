@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.compiler import find_kept_library, pointer
+from flexlin.compiler import address, find_kept_library, pointer
 
 TOGETHER = 32
 """Points that go through an operation together: W of tape.c."""
@@ -71,7 +71,7 @@ class Tape:
 
     def __call__(self, arrays: list[Array], outputs: list[Array]) -> None:
         """Fill the outputs, each (N, columns, rows), from the inputs, each (N, rows)."""
-        given, made = ((ctypes.c_void_p * len(group))(*(a.ctypes.data for a in group)) for group in (arrays, outputs))
+        given, made = ((ctypes.c_void_p * len(group))(*map(address, group)) for group in (arrays, outputs))
         work = np.empty(self.slots * TOGETHER)
         steps, points = ctypes.c_long(len(self.steps)), ctypes.c_long(len(arrays[0]))
         sizes = given, pointer(self.rows), made, pointer(self.sizes)

@@ -11,7 +11,7 @@ from flexlin.compiler import address
 from flexlin.lapack import find_routine
 from flexlin.periodic.decoupling import coordinates, mean_modes, steady, tame
 from flexlin.periodic.decoupling.decouple import ROUGH
-from flexlin.periodic.decoupling.decoupled import Decoupled, Diagonal, Refusal
+from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.grouping import Group
 from flexlin.periodic.decoupling.several import SAFETY
 from flexlin.periodic.decoupling.superadiabatic import SLOW_PART
@@ -60,7 +60,7 @@ def solve_compiled(library: ctypes.CDLL, coefficients: Coefficients, tol: float)
         return Refusal("A(t) has too many harmonics")
     sizes, numbers = count_sizes(n, rows if n > rows else 0, harmonics, len(counts)), tabulate_numbers().copy()
     numbers[TOL] = tol
-    nodes, about, places = np.array([counts[0], counts[-1]], np.intc), np.empty(2), np.empty(3 * n, np.intc)
+    nodes, about, places = np.array([counts[0], counts[-1]], np.intc), np.empty(3), np.empty(3 * n, np.intc)
     out, exponents, errors = np.empty((12 * counts[-1] + 2) * n * n + 3 * n), np.empty(n, complex), np.empty(n)
     given = [numbers, series, np.ascontiguousarray(blocks.error), *tabulated(counts[0], counts[-1], harmonics)]
     answer = library.solve_steady(
@@ -74,23 +74,23 @@ def solve_compiled(library: ctypes.CDLL, coefficients: Coefficients, tol: float)
         raise MemoryError("the coordinates of a period")
     if answer:
         return Refusal(REASONS[answer])
-    return exponents, errors, float(about[1]), divide_output(out, places, 2 * int(nodes[0]), period, int(about[0]))
+    rounds, rate, growth = about.tolist()
+    return exponents, errors, rate, divide_output(out, places, 2 * int(nodes[0]), period, int(rounds), growth)
 
 
-def divide_output(out: Array, places: Array, times: int, period: float, rounds: int) -> Decoupled:
+def divide_output(out: Array, places: Array, times: int, period: float, rounds: int, growth: float) -> Decoupled:
     """What was decoupled, out of the numbers that the compiled code leaves."""
     n = len(places) // 3
     size = times * n * n
     frame, inverse, generator = out[: 6 * size].view(complex).reshape(3, times, n, n)
     rest = out[6 * size :]
     residual, rounding = rest[: 2 * n * n].reshape(2, n, n)
-    diagonal = Diagonal(rest[2 * n * n : 2 * n * n + 2 * n].view(complex), rest[2 * n * n + 2 * n : 2 * n * n + 3 * n])
     labels, partner = places[n : 2 * n].tolist(), places[2 * n :].tolist()
     starts = [i for i in range(n) if i == 0 or labels[i] != labels[i - 1]]
     stops = [*starts[1:], n]
     groups = tuple(Group(a, b, k) for a, b, k in zip(starts, stops, partner, strict=False))
     at, turning = period / times * np.arange(times), np.zeros(len(groups), bool)
-    return Decoupled(period, at, frame, inverse, generator, groups, turning, residual, rounding, rounds, diagonal)
+    return Decoupled(period, at, frame, inverse, generator, groups, turning, residual, rounding, rounds, growth)
 
 
 TOL = 11

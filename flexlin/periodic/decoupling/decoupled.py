@@ -18,14 +18,6 @@ class Refusal:
 
 
 @dataclass(frozen=True, eq=False)
-class Diagonal:
-    """Means (n,) of the generator's diagonal over all nodes, and bounds (n,) on what the nodes do not show of them, in 1/s."""
-
-    means: Array
-    apart: Array
-
-
-@dataclass(frozen=True, eq=False)
 class Decoupled:
     """Coordinates x = T(t) z that split x' = A(t) x into groups of modes.
 
@@ -35,7 +27,7 @@ class Decoupled:
     part in the construction. groups: diagonal blocks; the modes of a group's partner are its complex conjugates. turning (G,):
     real groups whose real basis changes sign after a period; T holds it times exp(-i pi t / T).
     residual (n, n): bound of what elimination of the coupling adds to the blocks; rounding (n, n): of B's entries; in 1/s.
-    diagonal: of the generator, where compiled code has looked at it.
+    growth: by how much two modes may grow against each other within the period, the logarithm, where compiled code has looked.
     """
 
     period: float
@@ -48,7 +40,7 @@ class Decoupled:
     residual: Array
     rounding: Array
     rounds: int
-    diagonal: Diagonal | None = None
+    growth: float | None = None
 
     def __repr__(self) -> str:
         sizes = [group.size for group in self.groups]

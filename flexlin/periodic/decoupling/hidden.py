@@ -28,7 +28,7 @@ def hidden_effect(coupled: Coupled, rounding: Array) -> Array:
     """
     total = np.zeros(rounding.shape)
     B, period, groups = coupled.B, coupled.period, coupled.groups
-    if is_still(B, period):
+    if find_growth(B, period) < STILL:
         return total
     F, caught_up = hidden_couplings(coupled, rounding), catch_up(coupled)
     logs = np.einsum("tii->ti", B).mean(axis=0) * period
@@ -52,11 +52,11 @@ def link_modes(coupled: Coupled, rounding: Array) -> Array:
     return np.asarray(linked & apart.outside & np.isinf(apart.oblique))
 
 
-def is_still(B: Array, period: float) -> bool:
-    """Whether no two modes grow by much against each other within the period."""
+def find_growth(B: Array, period: float) -> float:
+    """The logarithm by which two modes may grow against each other within the period."""
     real = B.reshape(len(B), -1)[:, :: B.shape[-1] + 1].real
     run = np.cumsum(real - real.mean(axis=0), axis=0)
-    return bool(np.sort(run.max(axis=0) - run.min(axis=0))[-2:].sum() * period / len(B) < STILL)
+    return float(np.sort(run.max(axis=0) - run.min(axis=0))[-2:].sum() * period / len(B))
 
 
 def hidden_couplings(coupled: Coupled, rounding: Array) -> Array:

@@ -11,7 +11,7 @@ from flexlin.periodic.decoupling.coupling import Coupled
 from flexlin.periodic.decoupling.decouple import MAX_MERGES, decouple
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.exponents import decoupled_exponents
-from flexlin.periodic.decoupling.hidden import hidden_effect, is_still
+from flexlin.periodic.decoupling.hidden import STILL, find_growth, hidden_effect
 from flexlin.periodic.decoupling.several import SAFETY
 from flexlin.periodic.decoupling.steady import decouple_steady
 from flexlin.periodic.floquet.result import find_reached
@@ -82,7 +82,8 @@ def solve_steady(system: PeriodicSystem, tol: float) -> tuple[Array, Array, Sett
 
 def claim_hidden(decoupled: Decoupled, exponents: Array) -> Array:
     """What coupling below rounding may do to the exponents (n,) where modes take turns in damping, (n,)."""
-    if is_still(decoupled.generator, decoupled.period):
+    growth = find_growth(decoupled.generator, decoupled.period) if decoupled.growth is None else decoupled.growth
+    if growth < STILL:
         return np.zeros(len(exponents))
     coupled = Coupled(decoupled.generator, decoupled.period, decoupled.groups)
     hidden = np.diagonal(hidden_effect(coupled, decoupled.rounding))

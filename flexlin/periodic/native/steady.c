@@ -159,11 +159,35 @@ static int find_exponents(const Problem *p, int nodes, const Modes *m, const Fou
   return OK;
 }
 
+/* The largest entry of the diagonal of a generator (times, n, n), and how far two of its real parts carry within the period at most. */
+static void look_at_diagonal(int n, int times, const z *generator, double period, double *out) {
+  double largest = 0.0, first = 0.0, second = 0.0;
+  for (int i = 0; i < n; i++) {
+    double mean = 0.0, sum = 0.0, low = INFINITY, high = -INFINITY;
+    for (int t = 0; t < times; t++) {
+      z entry = generator[((long)t * n + i) * n + i];
+      mean += creal(entry) / times;
+      largest = fmax(largest, creal(entry) * creal(entry) + cimag(entry) * cimag(entry));
+    }
+    for (int t = 0; t < times; t++) {
+      sum += creal(generator[((long)t * n + i) * n + i]) - mean;
+      low = fmin(low, sum);
+      high = fmax(high, sum);
+    }
+    double run = (high - low) * period / times;
+    second = fmax(second, fmin(run, first));
+    first = fmax(first, run);
+  }
+  out[0] = sqrt(largest);
+  out[1] = first + second;
+}
+
 /* Exponents (n,), complex, and errors (n,) of a Fourier series, by decoupling.
  *
  * sizes: n, m, H, most rounds, joins, how many `nodes` there are, least and most segments of a group, stages, and how many more check them;
  * nodes: and which were taken; out: as of `decouple_on_nodes`, for the most nodes; places (3 n,): mates, groups, partners of groups;
- * about: the rounds, and the largest entry of the generator's diagonal. Returns what is in the way, or 0. */
+ * about: the rounds, the largest entry of the generator's diagonal, and by how much two modes may grow against each other within the period.
+ * Returns what is in the way, or 0. */
 int solve_steady(const int *sizes, int *nodes, double period, void *geev, const double *numbers, const double *series, const double *error,
                  const double *first_basis, const double *second_basis, const double *first_tables, const double *second_tables, const double *rules,
                  double *out, int *places, double *exponents, double *errors, double *about) {
@@ -183,9 +207,7 @@ int solve_steady(const int *sizes, int *nodes, double period, void *geev, const 
   if (result == OK) {
     Found found = divide_output(n, p.nodes[which], out, partner);
     result = find_exponents(&p, p.nodes[which], &m, &found, (z *)exponents, errors);
-    about[1] = 0.0;
-    for (long t = 0; t < 2 * p.nodes[which]; t++)
-      for (int i = 0; i < n; i++) about[1] = fmax(about[1], cabs(((z *)found.generator)[t * n * n + i * (n + 1)]));
+    look_at_diagonal(n, 2 * p.nodes[which], (z *)found.generator, period, about + 1);
   }
   for (int k = 0; k < COUNTS; k++) { free(samples[k].A); free(samples[k].blocks); free(samples[k].inverse); }
   free(memory);
