@@ -114,12 +114,7 @@ class SecondOrderEquations:
     def _answered(self, D: Array, K: Array, B: Array) -> tuple[Array, Array]:
         """D and K of the loop, from those of the arm."""
         gain, n = self.direct_gain, self.n
-        if gain is None:
-            return D, K
-        back = (B.reshape(-1, B.shape[-1]) @ gain).reshape(
-            *B.shape[:-1], -1
-        )  # as one product: many small ones take longer
-        return D + back[..., n:], K + back[..., :n]
+        return (D, K) if gain is None else (D + B @ gain[:, n:], K + B @ gain[:, :n])
 
     def M(self, t: ArrayLike) -> Array:
         """Return the mass matrix, Eq (65).

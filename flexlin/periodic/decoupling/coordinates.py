@@ -20,13 +20,17 @@ MAX_ROUNDS = 12
 
 @dataclass(frozen=True, eq=False)
 class Coordinates:
-    """w = P(t) z at nodes k T / N: P, P', P^-1 and the generator P^-1 (A P - P'), each (N, n, n), complex; the rounds that were made."""
+    """w = P(t) z at nodes k T / N: P, P', P^-1 and the generator P^-1 (A P - P'), each (N, n, n), complex; the rounds that were made.
+
+    resonance (n, n): the effect of what is left of each pair since it resonates, against what is allowed.
+    """
 
     P: Array
     slope: Array
     inverse: Array
     generator: Array
     rounds: int
+    resonance: Array
 
 
 def find_coordinates(own: Array, modes: MeanModes, period: float, allowed: Array) -> Coordinates:
@@ -47,7 +51,7 @@ def find_coordinates(own: Array, modes: MeanModes, period: float, allowed: Array
     P = np.broadcast_to(np.eye(n, dtype=complex), B.shape)
     best, least, made = P, np.inf, 0
     while True:
-        S, slope, worst = step_once(B, modes.outside, frequency, allowed)
+        S, slope, worst, resonance = step_once(B, modes.outside, frequency, allowed)
         if not worst < SHRINK * least:
             made -= 1
             break
@@ -60,7 +64,7 @@ def find_coordinates(own: Array, modes: MeanModes, period: float, allowed: Array
     slope = interleaved(circle_derivative(best, period), circle_derivative(best, period, 0.5))
     inverse = np.linalg.inv(P)
     inverse += inverse @ (np.eye(n) - P @ inverse)
-    return Coordinates(P, slope, inverse, inverse @ (own @ P - slope), made)
+    return Coordinates(P, slope, inverse, inverse @ (own @ P - slope), made, resonance)
 
 
 def limit_nearness(B: Array, b: Array, outside: Array, w: float) -> Array:
@@ -71,19 +75,20 @@ def limit_nearness(B: Array, b: Array, outside: Array, w: float) -> Array:
     return np.asarray(nearest)
 
 
-def step_once(B: Array, outside: Array, frequency: Array, allowed: Array) -> tuple[Array, Array, float]:
-    """S and S' at the nodes, and the largest effect of the coupling on a mode against what is allowed."""
+def step_once(B: Array, outside: Array, frequency: Array, allowed: Array) -> tuple[Array, Array, float, Array]:
+    """S and S' at the nodes, the largest effect of the coupling on a mode against what is allowed, and that of resonances (n, n)."""
     count, diagonal = len(B), np.einsum("tii->ti", B)
     b = diagonal.mean(axis=0)
     gap, now = b[:, None] - b, diagonal[:, :, None] - diagonal[:, None]
     even = outside & (np.abs(now).min(axis=0) > EVEN * np.abs(gap))
     divisor = 1j * frequency - gap
-    kept = outside & (np.abs(divisor) > limit_nearness(B, b, outside, frequency[1, 0, 0]))
-    kept &= (np.abs(harmonics(count)) <= KEPT * count)[:, None, None]
+    low = outside & (np.abs(harmonics(count)) <= KEPT * count)[:, None, None]
+    kept = low & (np.abs(divisor) > limit_nearness(B, b, outside, frequency[1, 0, 0]))
     spectrum = np.fft.fft(B * np.where(even, gap / np.where(even, now, 1), 1), axis=0)
-    left = (np.abs(spectrum / count) ** 2 * (outside & ~kept)).sum(axis=0)
+    square = np.abs(spectrum / count) ** 2
+    left, stuck = (square * (outside & ~kept)).sum(axis=0), (square * (low & ~kept)).sum(axis=0)
     spectrum = np.where(kept, spectrum / np.where(kept, divisor, 1), 0)
     S, slope = np.fft.ifft(spectrum, axis=0), np.fft.ifft(1j * frequency * spectrum, axis=0)
     size = np.abs(S).max(axis=0)
     effect = np.abs(gap) * size * size.T + (left * left.T) ** 0.25
-    return S, slope, float((effect / allowed[:, None]).max())
+    return S, slope, float((effect / allowed[:, None]).max()), (stuck * stuck.T) ** 0.25 / allowed[:, None]

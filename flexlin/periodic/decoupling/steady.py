@@ -1,6 +1,7 @@
 """Modes whose shapes hardly change over a period: decoupled from the modes of the mean on, which nobody has to follow."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
 from math import log
 
@@ -30,9 +31,19 @@ MIXED = 0.3
 NARROWED, CLOSED = 0.7, 1e-3
 """Where the part NARROWED of a gap is not sure to be kept by how far two modes go from their means, it is measured at each time; where
 the part CLOSED is not, it may close."""
+HOPELESS = 3.0
+"""Modes that a harmonic brings into resonance are put together at once where its effect exceeds what is allowed by this factor."""
 JOINS = 4
 """How often modes that stay coupled by too much on the most nodes are put together, those first whose excess is the part WORST of the
 largest: what hinders these keeps the coupling of others from shrinking too."""
+
+
+@dataclass(frozen=True)
+class Coupled:
+    """The mode that each of the worst modes stays coupled with, -1 for the others (n,); and whether they resonate: no more nodes help then."""
+
+    partner: Array
+    resonant: bool
 
 
 def decouple_steady(
@@ -56,7 +67,7 @@ def decouple_steady(
         """A at N nodes and half-way between them."""
         return A(period / (2 * count) * np.arange(2 * count))
 
-    def once(count: int, modes: MeanModes) -> Decoupled | Array | None:
+    def once(count: int, modes: MeanModes) -> Decoupled | Coupled | None:
         return decouple_on_nodes(sample(count), modes, period, tol, uncertainty)
 
     look = sample(counts[0])[:: 2 * counts[0] // LOOK]
@@ -77,35 +88,39 @@ def decouple_steady(
 
 
 def part_modes(
-    modes: MeanModes, counts: list[int], period: float, once: Callable[[int, MeanModes], Decoupled | Array | None]
+    modes: MeanModes, counts: list[int], period: float, once: Callable[[int, MeanModes], Decoupled | Coupled | None]
 ) -> Decoupled | Refusal | None:
-    """Decouple `once` on more and more nodes; modes that stay coupled by too much on the most are put together, and it is tried again."""
-    for count in (*counts, *counts[-1:] * JOINS):
-        done = once(count, modes)
+    """Decouple `once` on more nodes where it takes these; modes that resonate, or stay coupled on the most nodes, are put together."""
+    at = joins = 0
+    while True:
+        done = once(counts[at], modes)
         if isinstance(done, Decoupled):
             return done
-        if count == counts[-1]:
-            if done is None or done.max() < 0:
-                return None
-            joined = modes.joined(done)
-            if joined is None or not may_be_tame(joined, period):
-                return Refusal("modes that stay coupled grow or decay by much against each other")
-            modes = joined
-    return None
+        if at < len(counts) - 1 and not (done is not None and done.resonant):
+            at += 1
+            continue
+        if done is None or done.partner.max() < 0 or joins == JOINS:
+            return None
+        joined, joins = modes.joined(done.partner), joins + 1
+        if joined is None or not may_be_tame(joined, period):
+            return Refusal("modes that stay coupled grow or decay by much against each other")
+        modes = joined
 
 
 def decouple_on_nodes(
     A: Array, modes: MeanModes, period: float, tol: float, uncertainty: Uncertainty | None
-) -> Decoupled | Array | None:
+) -> Decoupled | Coupled | None:
     """Decouple on every other of the nodes at which A (N, n, n) is given.
 
-    Where the others do not agree to tol, or the coupling is not small enough: the mode that each of the worst stays coupled with (n,), or
-    -1; None where gaps close, or A is not resolved.
+    Where the others do not agree to tol, or the coupling is not small enough: which modes stay coupled most; None where gaps close, or A is
+    not resolved.
     """
     if tail(A[::2]) > ROUGH:
         return None
     allowed = tol * np.maximum(1, np.abs(modes.values))
     found = find_coordinates(modes.left @ A @ modes.right, modes, period, allowed)
+    if found.resonance.max() > HOPELESS:
+        return find_coupled(found.resonance.max(axis=1), found.resonance.argmax(axis=1), True)
     bounds = bound_residual(found.generator, modes, period)
     if bounds is None:
         return None
@@ -114,8 +129,12 @@ def decouple_on_nodes(
     done, agree, parted = with_evidence(done, coupled, slope, A, tol, uncertainty)
     if np.all(agree & parted):
         return done
-    excess = np.where(agree & ~parted, np.diagonal(done.residual) / allowed, 0.0)
-    return np.where((excess > 0) & (excess >= WORST * excess.max()), bounds[1], -1)
+    return find_coupled(np.where(agree & ~parted, np.diagonal(done.residual) / allowed, 0.0), bounds[1], False)
+
+
+def find_coupled(excess: Array, partner: Array, resonant: bool) -> Coupled:
+    """Those whose coupling exceeds what is allowed by at least the part WORST of the largest."""
+    return Coupled(np.where((excess > 0) & (excess >= WORST * excess.max()), partner, -1), resonant)
 
 
 def may_be_tame(modes: MeanModes, period: float) -> bool:

@@ -51,8 +51,6 @@ static double find_tail(int size, int blocks, const Wide *wide, const v8 *A) {
   return worst;
 }
 
-static const double WORST = 0.3; /* as in decouple.py */
-
 typedef struct { double *frame, *inverse, *generator, *residual, *rounding, *mean, *apart; int *partner; } Found;
 
 /* Means (n,) of the generator's diagonal, by how much the nodes and the times between them differ in it, and whether that and what is left
@@ -90,7 +88,7 @@ typedef struct { v8 *memory, *real, *work; double *numbers, *effects, *allowed; 
 static int take_room(int n, int m, int blocks, Room *r) {
   long size = (long)n * n, whole = 2 * size * blocks, least = 12 * size + 3L * m * m;
   r->memory = aligned_alloc(64, (11 * whole + 2 * (whole > least ? whole : least) + 64) * sizeof(v8));
-  r->numbers = malloc(size * (sizeof(Pair) + 2 * sizeof(double)) + n * sizeof(double));
+  r->numbers = malloc(size * (sizeof(Pair) + 3 * sizeof(double)) + n * sizeof(double));
   if (!r->memory || !r->numbers) return 0;
   v8 *at = r->real = r->memory;
   at += whole;
@@ -98,7 +96,7 @@ static int take_room(int n, int m, int blocks, Room *r) {
   r->work = at;
   r->pairs = (Pair *)r->numbers;
   r->effects = (double *)(r->pairs + size);
-  r->allowed = r->effects + 2 * size;
+  r->allowed = r->effects + 3 * size;
   return 1;
 }
 
@@ -140,7 +138,7 @@ static void give_back(int size, int nodes, const Side *sides, const Found *f) {
  * limits: enough, shrink, slow, rough, tol, a rounding, what is not known of an entry, the part of it that adds up, how near, and how even; tables: cosines
  * and sines (nodes, 8 width), (most + 1, 2, nodes), the three matrices of `tabulate_waves`, and (2 nodes, 8 wide) of all harmonics.
  * out: frame, inverse and generator (2 nodes, n, n), complex; residual, rounding (n, n); means (n,), complex; apart (n,).
- * partner (n,): where the result is UNSETTLED, the mode that each stays coupled with by too much, or -1.
+ * partner (n,): where the result is UNSETTLED or RESONANT, the mode that each stays coupled with by too much, or -1.
  * Returns the number of rounds, or what is in the way. */
 static int decouple_on_nodes(int n, int blocks, int m, int most_rounds, int most, int width, int wide, double w, const double *limits, const double *A,
                       const double *samples, const double *error, const double *mass_inverse, const int *mate, const int *group,
@@ -159,8 +157,8 @@ static int decouple_on_nodes(int n, int blocks, int m, int most_rounds, int most
   for (int i = 0; i < n; i++) { partner[i] = -1; r.allowed[i] = tol * fmax(1.0, hypot(values[2 * i], values[2 * i + 1])); }
   take_samples(&s, blocks, A, right, left, &r);
   if (!(find_tail(n * n, blocks, &full, r.real) > limits[3])) {
-    result = find_coordinates(&s, &f, &ends, group, r.allowed, r.sides, r.sides + 1, r.work, r.effects);
-    if (result < 0 || !bound_residual(&s, blocks, w, limits[2], &full, group, B, r.pairs, found.residual, partner)) result = CLOSE;
+    result = find_coordinates(&s, &f, &ends, group, r.allowed, r.sides, r.sides + 1, r.work, r.effects, partner);
+    if (result != RESONANT && (result < 0 || !bound_residual(&s, blocks, w, limits[2], &full, group, B, r.pairs, found.residual, partner))) result = CLOSE;
   }
   if (result >= 0) {
     take_to_states(&s, blocks, group, right, left, r.sides, r.work, found.residual);

@@ -3,11 +3,11 @@ enum { WIDEST = 8 }; /* v8 of cosines and sines of 64 nodes, up to a third of th
 
 /* One step S of an entry: S_k = R_k / (i k w - gap) for the harmonics k <= most whose divisor is large enough, and its slope.
  *
- * returns the root mean square of what is left of R; largest: of |S|. */
+ * returns the root mean square of what is left of R; largest: of |S|; stuck: the root mean square of what is left for its divisor. */
 static double take_step(int blocks, int most, int width, const double *forth, const double *back, double w, double gap_re, double gap_im,
-                        double least, const double *x, const double *y, v8 *re, v8 *im, v8 *slope_re, v8 *slope_im, double *largest) {
+                        double least, const double *x, const double *y, v8 *re, v8 *im, v8 *slope_re, v8 *slope_im, double *largest, double *stuck) {
   int nodes = 8 * blocks;
-  double left = 0.0;
+  double left = 0.0, near = 0.0;
   v8 fr[WIDEST], fi[WIDEST];
   transform(nodes, width, 8 * width, forth, x, y, fr, fi);
   for (int t = 0; t < nodes; t++) left += (x[t] * x[t] + y[t] * y[t]) / nodes;
@@ -23,7 +23,10 @@ static double take_step(int blocks, int most, int width, const double *forth, co
         left -= hr * hr + hi * hi;
         pr[side] = (hr * er + hi * ei) / size;
         pi[side] = (hi * er - hr * ei) / size;
-      } else pr[side] = pi[side] = 0.0;
+      } else {
+        near += hr * hr + hi * hi;
+        pr[side] = pi[side] = 0.0;
+      }
     }
     if (k == 0) pr[1] = pi[1] = 0.0;
     /* p exp(i phi) + q exp(-i phi) = (p + q) cos phi + i (p - q) sin phi */
@@ -42,6 +45,7 @@ static double take_step(int blocks, int most, int width, const double *forth, co
     for (int l = 0; l < 8; l++) most_square = square[l] > most_square ? square[l] : most_square;
   }
   *largest = sqrt(most_square);
+  *stuck = sqrt(near);
   return sqrt(left > 0.0 ? left : 0.0);
 }
 
@@ -92,9 +96,11 @@ static void follow_gap(const Waves *f, int n, const v8 *B, int i, int j, double 
   }
 }
 
-/* Step and slope for all pairs outside of the groups, from B; returns the largest effect of what is coupled against what is allowed. */
+/* Step and slope for all pairs outside of the groups, from B; returns the largest effect of what is coupled against what is allowed.
+ *
+ * stuck (n, n): how much of each pair is in resonance. */
 static double take_steps(const Shape *s, const Waves *f, const int *group, const double *allowed, const v8 *B, v8 *step, v8 *slope,
-                         double *left, double *largest) {
+                         double *left, double *largest, double *stuck) {
   int n = s->n, size = n * n, blocks = f->blocks;
   double mean_re[n], mean_im[n], away[n], worst = 0.0;
   for (int i = 0; i < n; i++) {
@@ -110,12 +116,13 @@ static double take_steps(const Shape *s, const Waves *f, const int *group, const
     int i = s->leader[q];
     for (int j = 0; j < n; j++) {
       v8 re[8], im[8], dre[8], dim[8];
-      double rest = 0.0, most = 0.0, gr = mean_re[i] - mean_re[j], gi = mean_im[i] - mean_im[j];
+      double rest = 0.0, most = 0.0, near = 0.0, gr = mean_re[i] - mean_re[j], gi = mean_im[i] - mean_im[j];
       if (group[i] != group[j]) {
         double x[64], y[64];
         take_entry(size, blocks, B, i * n + j, x, y);
         follow_gap(f, n, B, i, j, gr, gi, x, y);
-        rest = take_step(blocks, f->most, f->width, f->forth, f->back, f->w, gr, gi, find_nearest(f, hypot(gr, gi), away[i] + away[j]), x, y, re, im, dre, dim, &most);
+        rest = take_step(blocks, f->most, f->width, f->forth, f->back, f->w, gr, gi, find_nearest(f, hypot(gr, gi), away[i] + away[j]), x, y, re, im, dre, dim, &most,
+                         &near);
       } else
         for (int b = 0; b < blocks; b++) re[b] = im[b] = dre[b] = dim[b] = splat(0.0);
       for (int b = 0; b < blocks; b++) {
@@ -127,6 +134,7 @@ static double take_steps(const Shape *s, const Waves *f, const int *group, const
       int other = s->mate[i] * n + s->mate[j];
       left[i * n + j] = left[other] = rest;
       largest[i * n + j] = largest[other] = most;
+      stuck[i * n + j] = stuck[other] = near;
     }
   }
   for (int b = 0; b < blocks; b++) { mirror(s, step + 2 * size * b); mirror(s, slope + 2 * size * b); }
@@ -174,14 +182,34 @@ static void transform_generator(const Shape *s, const v8 *E, const v8 *P, const 
   mirror(s, B);
 }
 
+static const double WORST = 0.3; /* as in decouple.py */
+static const double HOPELESS = 3.0; /* as in steady.py */
+enum { RESONANT = -5 };
+
+/* Whether pairs are in resonance by much more than is allowed: then the partner of each mode that is so most, -1 for the others. */
+static int find_resonance(int n, const double *allowed, const double *stuck, int *partner) {
+  double excess[n], largest = 0.0;
+  for (int i = 0; i < n; i++) {
+    excess[i] = 0.0;
+    for (int j = 0; j < n; j++) {
+      double effect = sqrt(stuck[i * n + j] * stuck[j * n + i]) / allowed[i];
+      if (effect > excess[i]) { excess[i] = effect; partner[i] = j; }
+    }
+    largest = fmax(largest, excess[i]);
+  }
+  for (int i = 0; i < n && largest > HOPELESS; i++)
+    if (!(excess[i] > 0.0 && excess[i] >= WORST * largest)) partner[i] = -1;
+  return largest > HOPELESS;
+}
+
 typedef struct { v8 *own, *P, *slope, *inverse, *B; } Side; /* of the nodes, or of the times half-way between them */
 typedef struct { double enough, shrink; int most_rounds; } Ends;
 
 /* The coordinates P, their slope, their inverse and the generator at the nodes and between them, from `own` there; work: 3 arrays.
  *
- * returns the number of rounds, -1 where the first step is no number. */
+ * returns the number of rounds, -1 where the first step is no number, RESONANT where modes resonate, `partner` (n,) of those that do so most. */
 static int find_coordinates(const Shape *s, const Waves *f, const Ends *ends, const int *group, const double *allowed, Side *node, Side *between,
-                            v8 *work, double *numbers) {
+                            v8 *work, double *numbers, int *partner) {
   int n = s->n, size = 2 * n * n, blocks = f->blocks, made = 0;
   long whole = (long)size * blocks;
   v8 *B = node->B, *P = between->P, *best = node->P, *step = work, *slope = node->slope, *next = work + whole;
@@ -190,7 +218,7 @@ static int find_coordinates(const Shape *s, const Waves *f, const Ends *ends, co
   for (int b = 0; b < blocks; b++) make_identity(n, P + (long)size * b);
   memcpy(best, P, whole * sizeof(v8));
   for (;; made++) {
-    double worst = take_steps(s, f, group, allowed, B, step, slope, numbers, numbers + n * n);
+    double worst = take_steps(s, f, group, allowed, B, step, slope, numbers, numbers + n * n, numbers + 2 * n * n);
     if (!(worst < ends->shrink * least)) { made--; break; }
     least = worst;
     memcpy(best, P, whole * sizeof(v8));
@@ -206,6 +234,7 @@ static int find_coordinates(const Shape *s, const Waves *f, const Ends *ends, co
       solve(n, step + at, B + at);
     }
   }
+  if (find_resonance(n, allowed, numbers + 2 * n * n, partner)) return RESONANT;
   long table = 64L * blocks * blocks;
   apply(s, blocks, f->between, 1.0, best, P);
   apply(s, blocks, f->between + table, f->w, best, node->slope);

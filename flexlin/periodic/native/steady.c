@@ -41,13 +41,14 @@ static int take_period(const Problem *p, int which, Samples *s) {
   return !m || sample_companion(m, times, SPARSE, s->blocks, s->A, s->inverse) ? OK : SINGULAR;
 }
 
-/* Decouple on more and more nodes; modes that stay coupled by too much on the most are put together, and it is tried again.
+/* Decouple on more nodes where it takes these; modes that resonate, or stay coupled by too much on the most nodes, are put together.
  *
  * out, partner: as of `decouple_on_nodes`; which: the nodes it ended on. Returns the rounds, or minus what is in the way. */
 static int part_modes(const Problem *p, Samples *samples, Modes *m, double *out, int *partner, z *work, int *which) {
   const Numbers *number = p->numbers;
-  for (int k = 0; k < p->counts + p->joins; k++) {
-    int at = *which = k < p->counts ? k : p->counts - 1, nodes = p->nodes[at], worst = -1;
+  for (int at = 0, joins = 0;;) {
+    int nodes = p->nodes[at], worst = -1, last = at == p->counts - 1;
+    *which = at;
     if (!samples[at].A) {
       int taken = take_period(p, at, samples + at);
       if (taken != OK) return -taken;
@@ -57,12 +58,11 @@ static int part_modes(const Problem *p, Samples *samples, Modes *m, double *out,
                                    (double *)m->values, (double *)m->right, (double *)m->left, p->tables[at], out, partner);
     if (rounds >= 0) return rounds;
     if (rounds == NO_MEMORY) return -LACKING;
-    if (k < p->counts - 1) continue;
-    for (int i = 0; i < p->n && rounds == UNSETTLED; i++) worst = partner[i] > worst ? partner[i] : worst;
-    if (worst < 0) return -COUPLED;
+    if (rounds != RESONANT && !last) { at++; continue; }
+    for (int i = 0; i < p->n && (rounds == UNSETTLED || rounds == RESONANT); i++) worst = partner[i] > worst ? partner[i] : worst;
+    if (worst < 0 || joins++ == p->joins) return -COUPLED;
     if (!join_modes(m, partner, work) || !may_be_tame(m, p->period, number->spread)) return -NOT_TAME;
   }
-  return -COUPLED;
 }
 
 /* Find modes of the mean that serve, first in few groups, and decouple them; as `part_modes`. */
