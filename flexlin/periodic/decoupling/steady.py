@@ -39,7 +39,7 @@ largest: what hinders these keeps the coupling of others from shrinking too."""
 
 
 @dataclass(frozen=True)
-class Coupled:
+class Remaining:
     """The mode that each of the worst modes stays coupled with, -1 for the others (n,); and whether they resonate: no more nodes help then."""
 
     partner: Array
@@ -67,7 +67,7 @@ def decouple_steady(
         """A at N nodes and half-way between them."""
         return A(period / (2 * count) * np.arange(2 * count))
 
-    def once(count: int, modes: MeanModes) -> Decoupled | Coupled | None:
+    def once(count: int, modes: MeanModes) -> Decoupled | Remaining | None:
         return decouple_on_nodes(sample(count), modes, period, tol, uncertainty)
 
     look = sample(counts[0])[:: 2 * counts[0] // LOOK]
@@ -88,7 +88,7 @@ def decouple_steady(
 
 
 def part_modes(
-    modes: MeanModes, counts: list[int], period: float, once: Callable[[int, MeanModes], Decoupled | Coupled | None]
+    modes: MeanModes, counts: list[int], period: float, once: Callable[[int, MeanModes], Decoupled | Remaining | None]
 ) -> Decoupled | Refusal | None:
     """Decouple `once` on more nodes where it takes these; modes that resonate, or stay coupled on the most nodes, are put together."""
     at = joins = 0
@@ -109,7 +109,7 @@ def part_modes(
 
 def decouple_on_nodes(
     A: Array, modes: MeanModes, period: float, tol: float, uncertainty: Uncertainty | None
-) -> Decoupled | Coupled | None:
+) -> Decoupled | Remaining | None:
     """Decouple on every other of the nodes at which A (N, n, n) is given.
 
     Where the others do not agree to tol, or the coupling is not small enough: which modes stay coupled most; None where gaps close, or A is
@@ -120,7 +120,7 @@ def decouple_on_nodes(
     allowed = tol * np.maximum(1, np.abs(modes.values))
     found = find_coordinates(modes.left @ A @ modes.right, modes, period, allowed)
     if found.resonance.max() > HOPELESS:
-        return find_coupled(found.resonance.max(axis=1), found.resonance.argmax(axis=1), True)
+        return find_remaining(found.resonance.max(axis=1), found.resonance.argmax(axis=1), True)
     bounds = bound_residual(found.generator, modes, period)
     if bounds is None:
         return None
@@ -129,12 +129,12 @@ def decouple_on_nodes(
     done, agree, parted = with_evidence(done, coupled, slope, A, tol, uncertainty)
     if np.all(agree & parted):
         return done
-    return find_coupled(np.where(agree & ~parted, np.diagonal(done.residual) / allowed, 0.0), bounds[1], False)
+    return find_remaining(np.where(agree & ~parted, np.diagonal(done.residual) / allowed, 0.0), bounds[1], False)
 
 
-def find_coupled(excess: Array, partner: Array, resonant: bool) -> Coupled:
+def find_remaining(excess: Array, partner: Array, resonant: bool) -> Remaining:
     """Those whose coupling exceeds what is allowed by at least the part WORST of the largest."""
-    return Coupled(np.where((excess > 0) & (excess >= WORST * excess.max()), partner, -1), resonant)
+    return Remaining(np.where((excess > 0) & (excess >= WORST * excess.max()), partner, -1), resonant)
 
 
 def may_be_tame(modes: MeanModes, period: float) -> bool:
