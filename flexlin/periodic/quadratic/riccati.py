@@ -10,7 +10,7 @@ from flexlin.checks import positive, real_array
 from flexlin.errors import NumericalError
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.quadratic.harmonics import solve_by_harmonics
-from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
+from flexlin.periodic.quadratic.linear_quadratic import TINY, linear_quadratic
 from flexlin.periodic.quadratic.plans import name_limit, solve_by_plans
 from flexlin.periodic.quadratic.resolution import divide_for_waves, find_edges, resolve_problem
 from flexlin.periodic.quadratic.solution import RiccatiSolution
@@ -21,6 +21,8 @@ LIMITED = 10.0
 """Error of a series, in units of tol, up to which no other way is tried: rounding limits them all."""
 FEW_SEGMENTS = 1000
 """Segments up to which an X that meets tol is made finer where the gain misses it."""
+REACHABLE = 1e-12
+"""The least error of X that is asked for then: rounding ends below it."""
 
 
 def periodic_riccati(
@@ -106,9 +108,10 @@ def periodic_riccati(
         return smooth if smooth.error <= tol else name_limit(smooth, "rounding", tol)
     parts = divide_for_waves(problem, edges, tol)
     found = solve_by_plans(problem, parts, None, tol, smooth)
-    if found.error <= tol < found.gain_error and found.segments <= FEW_SEGMENTS:
+    needed = 0.5 * tol * found.error / max(found.gain_error, TINY)
+    if found.error <= tol < found.gain_error and found.segments <= FEW_SEGMENTS and needed > REACHABLE:
         with suppress(NumericalError):
-            finer = solve_by_plans(problem, parts, None, tol**2 / (2 * found.gain_error), found)
+            finer = solve_by_plans(problem, parts, None, needed, found)
             return replace(finer, status=found.status)
     return found
 
