@@ -40,7 +40,7 @@ largest: what hinders these keeps the coupling of others from shrinking too."""
 
 @dataclass(frozen=True)
 class Remaining:
-    """The mode that each of the worst modes stays coupled with, -1 for the others (n,); whether they resonate: more nodes do not help then."""
+    """The mode that each of the worst modes stays coupled with, -1 for the others (n,); and whether they resonate, on any nodes."""
 
     partner: Array
     resonant: bool
