@@ -1,12 +1,11 @@
 """The systems of the hard cases, and exponents of theirs from elsewhere."""
 
-from itertools import pairwise
-
 import numpy as np
-from scipy.integrate import solve_ivp
 
 import flexlin as fl
+from tests.periodic.chains import TWO_PI, Real
 from tests.periodic.systems import lyapunov_transformed
+from tests.periodic.truths import integrated, panels_of
 
 
 def transformed(exponents, periods=1.0, seed=1):
@@ -75,18 +74,17 @@ def turning_link():
 
 
 def turning_link_exponents():
-    """The same by SciPy: J y'' + (kd + c / eps sech^2(q' / eps)) y' + kp y = 0, J = 1 / 60 kg m^2, q' = pi cos(2 pi t)."""
-    J, kp, kd, c, eps = 0.2 * 0.5**2 / 3, 0.2, 0.001, 0.02, 0.001
+    """The same in extended precision: J y'' + (kd + c / eps sech^2(q' / eps)) y' + kp y = 0, J = 1 / 60 kg m^2, q' = pi cos(2 pi t)."""
+    J, kp, kd, c, eps = (Real(value) for value in ("0.05", "0.2", "0.001", "0.02", "0.001"))
+    J = J / 3
 
-    def rate(t, y):
-        damping = kd + c / eps / np.cosh(np.minimum(abs(np.pi * np.cos(2 * np.pi * t) / eps), 300)) ** 2
-        Y = y.reshape(2, 2)
-        return np.array([Y[1], -(kp * Y[0] + damping * Y[1]) / J]).ravel()
+    def A(t):
+        shape = np.cosh(np.minimum(np.abs(TWO_PI / 2 * np.cos(TWO_PI * t) / eps), Real(300))) ** -2
+        values = np.zeros((len(t), 2, 2), Real)
+        values[:, 0, 1], values[:, 1, 0], values[:, 1, 1] = 1, -kp / J, -(kd + c / eps * shape) / J
+        return values
 
-    y = np.eye(2).ravel()
-    for a, b in pairwise([0, 0.247, 0.253, 0.747, 0.753, 1]):
-        y = solve_ivp(rate, (a, b), y, "DOP853", rtol=1e-12, atol=1e-14, max_step=(b - a) / 200).y[:, -1]
-    return np.log(np.linalg.eigvals(y.reshape(2, 2)).astype(complex))
+    return integrated(A, panels_of(1.0, 20.0, (), [(turn, 0.004, 300) for turn in (0.25, 0.75)]), 1.0).exponents
 
 
 def loop_of(raw):

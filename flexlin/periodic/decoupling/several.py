@@ -14,7 +14,7 @@ from flexlin.periodic.decoupling.tame import tame_exponents
 from flexlin.periodic.decoupling.waves import aliasing, shifted
 from flexlin.periodic.product.balancing import balance_factors, count_groupings, multiply_pairs
 from flexlin.periodic.product.eigenvalues import product_logs
-from flexlin.periodic.product.perturbation import COHERENT, spectrum_motion
+from flexlin.periodic.product.perturbation import spectrum_motion
 from flexlin.periodic.product.schur import periodic_schur
 
 FINE, COARSE, FINER = 3, 2, 0.25
@@ -138,7 +138,7 @@ def group_logs(plain: Array, better: Array, series: GroupSeries) -> Logs:
     marks = np.linspace(0, series.period, len(plain) + 1)
     for _ in range(rounds):
         better, marks = multiply_pairs(better), np.append(marks[:-1:2], marks[-1])
-    lengths = np.diff(marks)[:, None, None] / (COHERENT * FINE * 2.0**rounds)  # so that all of it adds up with one sign
+    lengths = np.diff(marks)[:, None, None]
 
     def noise(left: Array, right: Array) -> Array:
         return lengths * (np.abs(left) @ series.unknown @ np.abs(right))

@@ -10,7 +10,7 @@ from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.product.balancing import balance_factors, count_groupings, multiply_pairs
 from flexlin.periodic.product.perturbation import Motion, spectrum_motion
 from flexlin.periodic.product.schur import periodic_schur
-from flexlin.periodic.resolved.uncertainty import couple_uncertainty
+from flexlin.periodic.resolved.uncertainty import LASTING, couple_uncertainty
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.setting import METHODS, Setting, place_segments, report_too_many
 
@@ -103,9 +103,8 @@ def measure_spectrum(
 
     def noise(left: Array, right: Array) -> Array:
         """Couplings by what the coefficients are not known by, over each group."""
-        known = couple_uncertainty(
-            system.resolved, marks[:-1], left / scale, scale[:, None] * right, system.resolved.mean_error(marks)
-        )
+        left, right, error = left / scale, scale[:, None] * right, system.resolved.mean_error(marks)
+        known = couple_uncertainty(system.resolved, marks[:-1], left, right, error, LASTING)
         return np.diff(marks)[:, None, None] * known
 
     begin = None if start is None else np.linalg.qr(start / scale[:, None])[0]

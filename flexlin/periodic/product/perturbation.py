@@ -11,7 +11,7 @@ from flexlin.periodic.product.eigenvectors import eigenvector_chain
 from flexlin.periodic.product.schur import PeriodicSchur
 
 EPS = float(np.finfo(float).eps)
-FACTOR_ROUNDING = 3.0
+FACTOR_ROUNDING = 1.0
 """Roundings of the largest entry that one factor carries: its own computation, and one product and QR step of the spectrum."""
 
 COHERENT = 0.25
@@ -51,8 +51,8 @@ def spectrum_motion(
     more than sqrt(A_ij A_ji); equal multipliers that share an eigenvector add Elsner's bound for their block.
 
     Parameters: form: of `factors` (K, n, n); better: the same factors by a more accurate method;
-    noise: left and right vectors at the factors' beginnings (K, n, n) -> bounds on further couplings over each factor (K, n, n);
-    counts (K,): how many factors were multiplied into each.
+    noise: left and right vectors at the factors' beginnings (K, n, n) -> bounds on further couplings over each factor (K, n, n), which
+    may all have one sign; counts (K,): how many factors were multiplied into each, with a rounding of its own for each.
     Source: Stewart, Sun, Matrix Perturbation Theory (1990), IV.1.3, V.2; for products Benner, Mehrmann, Xu (2002).
     """
     counted = np.broadcast_to(counts, len(factors))[:, None, None]
@@ -83,10 +83,10 @@ def motion_at(
     length_right, length_left = np.linalg.norm(right, axis=1), np.linalg.norm(left, axis=2)
     size = np.linalg.norm(factors, axis=(1, 2))[:, None, None] * FACTOR_ROUNDING * EPS
     rounding = size * length_left[1:, :, None] * length_right[:-1, None, :] / np.abs(growth)
-    if noise is not None:
-        rounding += noise(left[:-1], right[:-1])
     rounding = np.maximum(np.sqrt((counts * rounding**2).sum(axis=0)), COHERENT * (counts * rounding).sum(axis=0))
     rounding += form.defect * length_left[0][:, None] * length_right[0]
+    if noise is not None:
+        rounding += noise(left[:-1], right[:-1]).sum(axis=0)
     shift = np.diagonal(method, axis1=1, axis2=2).sum(axis=0)
     gap = measure_distances(form.logs, form.logs)
     couplings = np.abs(method).sum(axis=0)

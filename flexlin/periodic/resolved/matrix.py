@@ -13,6 +13,8 @@ from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_coefficients, 
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.resolved.panels import NODES
 
+IN_THE_MEAN = 0.25
+"""The part of a Fourier series' error that its mean over an interval may have: the error is three times the largest deviation, and more."""
 WAVES = 3.0
 """Harmonics of a Fourier series for each panel of degree NODES - 1 that replaces it."""
 
@@ -101,7 +103,7 @@ class ResolvedMatrix:
     def mean_error(self, marks: Array) -> Array:
         """The bound in the mean over each interval between increasing marks (K + 1,): (K, rows, columns)."""
         if self.local is None:
-            return np.broadcast_to(self.error, (len(marks) - 1, *self.shape))
+            return np.broadcast_to(IN_THE_MEAN * self.error, (len(marks) - 1, *self.shape))
         whole = np.cumsum(self.local * np.diff(self.edges)[:, None, None], axis=0)
         panel = np.clip(np.searchsorted(self.edges, marks, side="right") - 1, 0, self.panels - 1)
         before = np.concatenate([np.zeros((1, *self.shape)), whole])[panel]

@@ -15,9 +15,6 @@ SIGMAS = 6.0
 """Standard deviations of measured noise that count as agreement."""
 SAFETY = 3.0
 """Multiple of the largest deviation seen at the check points of a panel that is stated as error anywhere on it."""
-CANCELLED = 0.5
-"""The part of the mean deviation's size that counts where its sign changes: what oscillates as a polynomial of degree 31 does, or noise,
-hardly moves what varies slowly."""
 ASIDE = 0.01
 """Part of the narrower panel by which two neighbours are continued into each other to see a kink between them."""
 EPS, TINY = np.finfo(float).eps, 1e-290
@@ -119,13 +116,13 @@ def left_over(panels: PanelSet, sample: Sampler, tol: float) -> Array:
 def panel_error(panels: PanelSet, degree: int) -> tuple[Array, Array]:
     """Bounds on the error of each entry on each panel (Q, E): of its size anywhere, and of its integral divided by the panel's length.
 
-    By the deviations seen, coefficients beyond `degree`, and the rounding of one evaluation. What is allowed plays no part: most panels
-    agree far better.
+    By the deviations seen and the coefficients beyond `degree`. What is allowed plays no part: most panels agree far better. The mean
+    size of the deviation counts beside its mean, for the times at which the panel is read, which are rounded as those of the samples.
     """
     size = np.abs(panels.coefficients)
-    rest = size[:, degree + 1 :].sum(axis=1) + EPS * size.sum(axis=1)
-    tails = size[:, -TAIL:].sum(axis=1)
-    return SAFETY * panels.deviation + tails + rest, panels.drift + CANCELLED * panels.average + rest
+    beyond, tails = size[:, degree + 1 :].sum(axis=1), size[:, -TAIL:].sum(axis=1)
+    anywhere = SAFETY * panels.deviation + tails + beyond + EPS * size.sum(axis=1)
+    return anywhere, panels.drift + panels.average + beyond
 
 
 def shown_degree(panels: PanelSet, scale: Array) -> int:
