@@ -83,7 +83,7 @@ def propose_plans(problem: LinearQuadratic, edges: Array, end: Array | None, tol
             break
         with suppress(NumericalError):
             trial = place_edges(horizon, edges, panels)
-            solved = solve_on_panels(trial, problem, end, 0, tol)
+            solved = solve_on_panels(trial, problem, end, 0, tol, named=False)
             if solved[0].segments * max(solved[0].method_error / tol, 1.0) ** (1 / MAGNUS_ORDER) < most:
                 yield Plan(trial, 0, most, solved)
                 break
@@ -110,10 +110,16 @@ def follow_plan(plan: Plan, problem: LinearQuadratic, end: Array | None, tol: fl
 
 
 def solve_on_panels(
-    starts: Array, problem: LinearQuadratic, end: Array | None, stages: int = STAGES, tol: float = 0.0
+    starts: Array,
+    problem: LinearQuadratic,
+    end: Array | None,
+    stages: int = STAGES,
+    tol: float = 0.0,
+    named: bool = True,
 ) -> tuple[RiccatiSolution, Array]:
     """Solve on given panels with two accuracies of the segments, and the dense output of the better one.
 
+    named: whether a mode that has no cost is named in the error.
     Returns: the solution, and into how many parts each panel should be split to reach tol.
     """
     at = place_panel_nodes(starts)
@@ -126,8 +132,8 @@ def solve_on_panels(
         check, _ = magnus_segments(problem, marks[::2])
         segments, symmetry = magnus_segments(problem, marks)
         every, order = 2, MAGNUS_ORDER + 1
-    coarse = carry_costs(check, end, problem, marks)
-    fine = carry_costs(segments, end, problem, marks)
+    coarse = carry_costs(check, end, problem, marks, named)
+    fine = carry_costs(segments, end, problem, marks, named)
     X, size = fine.X, float(np.abs(fine.X).max()) or 1.0
     values = X[np.arange(len(starts) - 1)[:, None] * (NODES - 1) + np.arange(NODES)]
     polynomials = interpolate_panels(starts, values, find_slopes(problem, at, values))
