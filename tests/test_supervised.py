@@ -189,3 +189,16 @@ def test_little_memory_from_the_start_ends_in_one_message(space: float, tmp_path
     assert "memory" in run.stderr or "time limit" in run.stderr
     assert "Traceback" not in run.stderr
     assert "fault of flexlin" not in run.stderr
+
+
+@LINUX
+@pytest.mark.parametrize(("words", "closed", "code"), [("list", 1, 0), ("show no-such-scene", 2, 2)])
+def test_a_stream_that_is_closed_stops_nothing(words: str, closed: int, code: int) -> None:
+    run = subprocess.run(
+        ["sh", "-c", f'exec "$0" -m flexlin {words} {closed}>&-', sys.executable],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=Path(__file__).parents[1],
+    )
+    assert (run.returncode, run.stdout, run.stderr) == (code, "", "")

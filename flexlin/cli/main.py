@@ -77,7 +77,15 @@ def with_scene(error: FlexlinError, options: argparse.Namespace) -> str:
 
 def entry() -> None:
     """The program `flexlin`, which says in one line whatever goes wrong."""
+    open_closed_streams()
     sys.exit(supervise(run_program))
+
+
+def open_closed_streams() -> None:
+    """Let what is written to a stream that the caller has closed, as in `flexlin list >&-`, go nowhere."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
 
 
 def run_program() -> int:
