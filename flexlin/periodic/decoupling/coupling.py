@@ -41,12 +41,18 @@ class Coupled:
         return sylvester(self.B, self.groups)
 
 
-def group_separation(B: Array, period: float, groups: tuple[Group, ...]) -> Separation:
-    """The separations of the groups from the eigenvalues of the diagonal blocks of B (N, n, n)."""
+def block_values(B: Array, groups: tuple[Group, ...]) -> Array:
+    """The eigenvalues (N, n) of the diagonal blocks of B (N, n, n)."""
     values = np.einsum("tii->ti", B).copy()
     for g in groups:
         if g.size > 1:
             values[:, g.part] = np.linalg.eigvals(B[:, g.part, g.part])
+    return values
+
+
+def group_separation(B: Array, period: float, groups: tuple[Group, ...]) -> Separation:
+    """The separations of the groups from the eigenvalues of the diagonal blocks of B (N, n, n)."""
+    values = block_values(B, groups)
     starts, size = np.array([g.start for g in groups]), [g.size for g in groups]
 
     def least(pairs: Array) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.circle import wrap_log
-from flexlin.periodic.decoupling.coupling import Coupled
+from flexlin.periodic.decoupling.coupling import Coupled, block_values
 from flexlin.periodic.decoupling.decoupled import Decoupled
 from flexlin.periodic.decoupling.grouping import block_mask, connected
 from flexlin.periodic.decoupling.hidden import link_modes
@@ -84,7 +84,7 @@ def enclosures(decoupled: Decoupled) -> Array:
     """How far the exponent of each mode may lie from its mean, (n,), when modes that are linked may take each other's place at any time."""
     B, groups, period = decoupled.generator, decoupled.groups, decoupled.period
     member = connected(link_modes(Coupled(B, period, groups), decoupled.rounding) | block_mask(groups))
-    real = np.concatenate([np.linalg.eigvals(B[:, g.part, g.part]).real for g in groups], axis=1)
+    real = block_values(B, groups).real
     reach = np.abs(real[:, :, None] - np.einsum("tii->ti", B).real[:, None, :])
     most = np.where(member[:, None] == member, reach, 0).max(axis=1)
     return np.hypot(most.mean(axis=0), np.pi / period)

@@ -25,9 +25,9 @@ GROWTH, WANTED, LONGEST, WAVES = 1e-10, 0.06, 1.0, 10
 The part of tol that it may take, the longest part's product with the rate, and how many times the basic frequency adds to the rate."""
 LARGEST, AIM = 0.6, 0.2
 """The part of tol that the method's error may take before segments are made finer, twice at the most, and the part then aimed at."""
-MOST, RESOLVED, DEAR = 6000, 300.0, 5e6
+FEW, MOST, RESOLVED, DEAR = 500, 6000, 300.0, 5e6
 """Larger groups are only enclosed that need more segments than MOST; or while their modes part by more than exp(RESOLVED) in a period, so
-many that times the third power of the states they exceed DEAR."""
+many that times the third power of the states they exceed DEAR, complex groups more than FEW: their modes mostly take turns then."""
 UNRESOLVED = 0.5
 """Logs of multipliers with larger errors are ill-conditioned beyond measuring; their group is only enclosed."""
 SAFETY, METHOD = 3.0, 2.0
@@ -61,7 +61,8 @@ def several(decoupled: Decoupled, index: int, tol: float = 1e-9, tame_only: bool
     if tame_only:
         return np.full(group.size, mean), np.full(group.size, np.inf)
     segments, spread = group_segments(values, period, mean, tol)
-    if segments > MOST or (spread > RESOLVED and segments * values.shape[-1] ** 3 > DEAR):
+    most = min(MOST, DEAR / group.size**3 if real else FEW) if spread > RESOLVED else MOST
+    if segments > most:
         return bounded(values, mean, group.size, period)
     follow: Callable[[Array, float, int, Array], Logs | None] = follow_real if real else follow_complex
     for _ in range(3):
