@@ -17,7 +17,8 @@ from flexlin.periodic.quadratic.solution import RiccatiSolution
 from flexlin.periodic.quadratic.transport import gauss_segments, magnus_segments
 
 STAGES = 8
-MAX_SEGMENTS = 2**15
+MAX_SEGMENTS, MAX_WORK = 2**15, 2e11
+"""Segments at the most, and the sum over them of the cube of a segment's unknowns: half a minute."""
 ROUNDS = 12
 TRIAL_PANELS = (32, 128)
 MAGNUS_GAIN = 15.0
@@ -45,9 +46,16 @@ def solve_by_plans(
             "the Riccati equation was not solved to the asked accuracy",
             got=f"error {best.error:.2g} with {best.segments} segments",
             expected=f"at most {tol:.2g}",
-            todo="scale the states and weights to similar sizes, declare jumps of A(t) as breaks, or ask for a larger tol",
+            todo="scale the states and weights to similar sizes (a small R makes fast modes), or ask for a larger tol",
         )
-    return name_limit(best, "rounding" if best.segments < MAX_SEGMENTS // 4 else "the number of segments", tol)
+    few = best.segments < afford_segments(problem) // 4
+    return name_limit(best, "rounding" if few else "the number of segments", tol)
+
+
+def afford_segments(problem: LinearQuadratic) -> int:
+    """The most segments of collocation for a problem of its size, whose work is bounded."""
+    unknowns = 2 * STAGES * problem.A(np.zeros(1)).shape[1]
+    return int(min(MAX_SEGMENTS, max(MAX_WORK / unknowns**3, 4 * NODES)))
 
 
 def name_limit(best: RiccatiSolution, why: str, tol: float) -> RiccatiSolution:
@@ -77,7 +85,7 @@ def propose_plans(problem: LinearQuadratic, edges: Array, end: Array | None, tol
     reach = (max(tol, 1e-13) * powers[2 * s] * powers[2 * s + 1] / powers[s] ** 2) ** (1 / (2 * s + 1))
     sampled = problem.hamiltonian(horizon * (np.arange(32) + 0.5) / 32)
     collocated = int(np.ceil(horizon * np.abs(np.linalg.eigvals(sampled)).max() / reach))
-    most = int(min(MAGNUS_GAIN * collocated, MAX_SEGMENTS))
+    most, affordable = int(min(MAGNUS_GAIN * collocated, MAX_SEGMENTS)), afford_segments(problem)
     for panels in TRIAL_PANELS:
         if collocated < 2 * (NODES - 1) * panels:
             break
@@ -87,8 +95,8 @@ def propose_plans(problem: LinearQuadratic, edges: Array, end: Array | None, tol
             if solved[0].segments * max(solved[0].method_error / tol, 1.0) ** (1 / MAGNUS_ORDER) < most:
                 yield Plan(trial, 0, most, solved)
                 break
-    panels = min(-(-collocated // (NODES - 1)), MAX_SEGMENTS // (NODES - 1) // 2)
-    yield Plan(place_edges(horizon, edges, max(panels, 4)), STAGES, MAX_SEGMENTS)
+    panels = min(-(-collocated // (NODES - 1)), affordable // (NODES - 1) // 2)
+    yield Plan(place_edges(horizon, edges, max(panels, 4)), STAGES, affordable)
 
 
 def follow_plan(plan: Plan, problem: LinearQuadratic, end: Array | None, tol: float) -> RiccatiSolution:
