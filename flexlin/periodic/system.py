@@ -65,7 +65,8 @@ class PeriodicSystem:
     features : sequence of (float, float)
         Pairs (time, half-width) in s about which A or B changes fast.
     complete : bool
-        Whether `breaks` and `features` name everything of a half-width below T / 200. You guarantee it; A is then sampled less often.
+        Whether `breaks` and `features` name everything of a half-width below T / 200. You guarantee it; both are then sampled less often.
+        Weights, gains, outputs and forces that stand beside them as functions are looked at everywhere all the same.
 
     Attributes
     ----------

@@ -40,6 +40,7 @@ FOUND = [
     ("non-normal, f(t) C", 18),
     ("non-normal, f(t) C", 13),
     ("multipliers 1e-300 to 1e300", 7707000584),
+    ("kept shapes", 13),
 ]
 MUST_ANSWER = (
     "rotation",

@@ -58,7 +58,17 @@ def exponents_in_place(decoupled: Decoupled, tol: float, tame_only: bool) -> tup
         elif group.size > 1:
             with np.errstate(over="ignore", invalid="ignore"):  # what overflows comes out unresolved and is enclosed
                 values[group.part], parts[0, group.part] = several(decoupled, i, tol, tame_only)
+                if not tame_only and is_linked(decoupled, i):
+                    values[group.part], reach = decoupled.traceless(i)[1], enclosures(decoupled)[group.part].max()
+                    known = parts[0, group.part]
+                    parts[0, group.part] = np.maximum(reach, np.where(np.isfinite(known), known, 0))
     return values, parts
+
+
+def is_linked(decoupled: Decoupled, index: int) -> bool:
+    """Whether a larger group may take the place of others at any time, so that its own equations say nothing of its exponents."""
+    part = decoupled.groups[index].part
+    return bool(SAFETY * decoupled.residual[part, part].max() * decoupled.period > UNRESOLVED)
 
 
 def singles(decoupled: Decoupled, indices: list[int]) -> tuple[Array, Array]:
