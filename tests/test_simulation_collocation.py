@@ -15,7 +15,7 @@ from flexlin.simulation import NonlinearLoop, predict, simulate
 from flexlin.simulation.collocation import Collocation
 from flexlin.simulation.drive import Drive
 from flexlin.simulation.equations import LinearEquations, NonlinearEquations
-from flexlin.simulation.prediction import with_breaks
+from flexlin.simulation.marks import with_breaks
 from flexlin.simulation.sweeps import Start, solve_window
 from flexlin.simulation.window import Grid, Window, between
 from tests.closed_arm import closed
@@ -130,7 +130,7 @@ def steps_of(lin, start, tol=1e-6):
 
     integrator._advance = counted
     t = np.linspace(0.0, 3 * lin.period, 65)
-    integrator.integrate(t, start, with_breaks(t[[0, -1]], lin))
+    integrator.integrate(t, start, with_breaks(t[[0, -1]], lin, np.array(lin.breaks)))
     return counts[-1]
 
 

@@ -32,6 +32,8 @@ EVEN, EXCESS = 10.0, 4.0
 """Periods after which the steps that are needed are foreseen, and how many times too many end the simulation."""
 SHORTEST = 1e-13
 """A step this short against the whole time is no step any more."""
+NEARLY = 1e-3
+"""Steps that leave less than this part of the way to the mark go on to it: rounding could be all that is left."""
 SAFETY = 0.9
 """The next step is this much shorter than the estimate would have it."""
 GROWTH = (0.02, 4.0)
@@ -199,10 +201,10 @@ class Collocation:
 
 
 def next_grid(at: Progress, mark: float, stages: int) -> Grid:
-    """The steps to try next: from `at.h` on, each `at.growth` times the last; shorter by a factor where they would pass the mark."""
+    """The steps to try next: from `at.h` on, each `at.growth` times the last; moved to the mark where they pass or nearly reach it."""
     count = at.count
     edges = np.append(0.0, np.cumsum(at.h * at.growth ** np.arange(count)))
-    if edges[-1] < mark - at.t:
+    if edges[-1] < (1 - NEARLY) * (mark - at.t):
         return Grid(at.t + edges, stages)
     while count > 1 and edges[count // 2] >= mark - at.t:
         count //= 2

@@ -15,7 +15,8 @@ from flexlin.simulation.drive import Drive
 from flexlin.simulation.ending import explain_end, name_largest, smallest_masses
 from flexlin.simulation.equations import Equations, NonlinearEquations
 from flexlin.simulation.friction import Friction, refuse
-from flexlin.simulation.prediction import ROUNDING, with_breaks
+from flexlin.simulation.marks import find_rough_times, with_breaks
+from flexlin.simulation.prediction import ROUNDING
 from flexlin.simulation.stepping import stopped
 
 if TYPE_CHECKING:
@@ -265,9 +266,17 @@ class NonlinearLoop:
         """The equations of the arm under a law without a controller."""
         return NonlinearEquations(self.lin, law)
 
+    def marks(self, t: Array) -> Array:
+        """The first and the last of the times t, and between them all that no step may pass over."""
+        return with_breaks(t[[0, -1]], self.lin, self._rough)
+
+    @cached_property
+    def _rough(self) -> Array:
+        return find_rough_times(self._law, self.lin)
+
     def _collocated(self, t: Array, start: Array, rtol: float, stages: int, linear: bool) -> Array:
         """The smooth loop. Raises: TorqueCut where the drive does not give the torque that is commanded."""
-        marks, limit = with_breaks(t[[0, -1]], self.lin), self.drive.limit
+        marks, limit = self.marks(t), self.drive.limit
 
         def accept(t: Array, x: Array, torque: Array) -> None:
             if limit is not None and np.any(np.abs(torque) > CLOSE * np.array(limit)):

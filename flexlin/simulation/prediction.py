@@ -9,6 +9,7 @@ from flexlin.errors import NumericalError
 from flexlin.simulation.collocation import Collocation
 from flexlin.simulation.controlled import from_coordinates, to_coordinates, with_controller
 from flexlin.simulation.equations import LinearEquations
+from flexlin.simulation.marks import find_rough_times, with_breaks
 
 ROUNDING = 1e-12
 """A tolerance below this is not asked of a run."""
@@ -57,7 +58,8 @@ def predict(lin: Linearization, t: Array, start: Array, law: Law, tol: float) ->
     >>> fine.shape, bool(np.abs(fine - coarse).max() < 1e-8)
     ((3, 4), True)
     """
-    marks, equations = with_breaks(t[[0, -1]], lin), with_controller(LinearEquations(lin, law.direct), law)
+    marks = with_breaks(t[[0, -1]], lin, find_rough_times(law, lin))
+    equations = with_controller(LinearEquations(lin, law.direct), law)
     n, k = lin.n, law.memory
 
     def run(stages: int, share: float) -> Array:
@@ -76,17 +78,3 @@ def distance(fine: Array, coarse: Array) -> float:
     """The largest difference of two resolutions, relative to the largest |x| (at least 1); infinite where one is lost."""
     apart = float(np.abs(fine - coarse).max() / max(1.0, np.abs(fine).max()))
     return apart if np.isfinite(apart) else np.inf
-
-
-def with_breaks(t: Array, lin: Linearization) -> Array:
-    """The times t and every break of the motion between them."""
-    T = lin.period
-    if not lin.breaks:
-        return t
-    rounds = T * np.arange(np.floor(t[-1] / T) + 1) if lin.motion.periodic else np.zeros(1)
-    breaks = np.add.outer(rounds, np.array([*lin.breaks, T])).ravel()
-    inside = breaks[(breaks > t[0]) & (breaks < t[-1])]
-    near = np.abs(inside[:, None] - t[np.clip(np.searchsorted(t, inside)[:, None] + [-1, 0], 0, len(t) - 1)]).min(
-        axis=1
-    )
-    return np.sort(np.concatenate([t, inside[near > 1e-12 * T]]))

@@ -9,12 +9,15 @@ import numpy as np
 from flexlin.about.law import Law, is_constant
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
+from flexlin.simulation.marks import find_rough_times
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
 POINTS = 2048
 """Knots of a tabulated law in one period: a tenth harmonic is met to 1e-9 of its size."""
+KNOTS = 32
+"""Between two rough times, at the least."""
 
 
 class LawTable:
@@ -26,11 +29,12 @@ class LawTable:
         still = [is_constant(part(few)) for part in (law.forward, law.gain, law.reference)]
         self._gain = law.gain(few)[0] if still[1] else None
         self._offset = law.offset(few)[0] if all(still) else None
-        self._gains = tabulated(law.gain, lin) if self._gain is None else None
-        self._offsets = tabulated(law.offset, lin) if self._offset is None else None
+        rough = find_rough_times(law, lin)
+        self._gains = tabulated(law.gain, lin, rough) if self._gain is None else None
+        self._offsets = tabulated(law.offset, lin, rough) if self._offset is None else None
         self.controller, self._steer, self._steers = law.controller, law.steer(law.reference(few))[0], None
         if law.controller is not None and not still[2]:
-            self._steers = tabulated(lambda t: law.steer(law.reference(t)), lin)
+            self._steers = tabulated(lambda t: law.steer(law.reference(t)), lin, rough)
 
     def __call__(self, t: float, x: Array) -> Array:
         """The torque (m,) at one time; after the end of a one-way motion the law stays as it is there."""
@@ -50,14 +54,14 @@ class LawTable:
         return t % self._period if self._periodic else min(t, self._period)
 
 
-def tabulated(f: Callable[[Array], Array], lin: Linearization) -> "PPoly":
-    """A function over one period by cubic splines between the breaks of the motion."""
+def tabulated(f: Callable[[Array], Array], lin: Linearization, rough: Array) -> "PPoly":
+    """A function over one period by cubic splines between the rough times."""
     from scipy.interpolate import CubicSpline, PPoly
 
-    marks = np.unique([0.0, *lin.breaks, lin.period])
+    marks = np.unique([0.0, *rough, lin.period])
     pieces = []
     for begin, end in pairwise(marks):
-        t = np.linspace(begin, end, max(8, int(POINTS * (end - begin) / lin.period)) + 1)
+        t = np.linspace(begin, end, max(KNOTS, int(POINTS * (end - begin) / lin.period)) + 1)
         inside = np.clip(t, begin + 1e-12 * lin.period, end - 1e-12 * lin.period)
         pieces.append(CubicSpline(t, f(inside), axis=0))
     coefficients = np.concatenate([piece.c for piece in pieces], axis=1)
