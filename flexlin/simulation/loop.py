@@ -267,7 +267,23 @@ class NonlinearLoop:
         return NonlinearEquations(self.lin, law)
 
     def marks(self, t: Array) -> Array:
-        """The first and the last of the times t, and between them all that no step may pass over."""
+        """List the times that no step may pass over.
+
+        Parameters
+        ----------
+        t : array, shape (N,)
+            Rising times in s; the first and the last are among the marks.
+
+        Returns
+        -------
+        array, shape (K,)
+            Breaks of the motion, and where the law's gain is not smooth or changes in a short time.
+
+        Raises
+        ------
+        UnresolvedCoefficient, NotPeriodic
+            When the gain cannot be followed.
+        """
         return with_breaks(t[[0, -1]], self.lin, self._rough)
 
     @cached_property
