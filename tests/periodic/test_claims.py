@@ -41,6 +41,7 @@ FOUND = [
     ("non-normal, f(t) C", 13),
     ("multipliers 1e-300 to 1e300", 7707000584),
     ("kept shapes", 13),
+    ("pulses", 9909000648),
 ]
 MUST_ANSWER = (
     "rotation",

@@ -18,6 +18,8 @@ SAFETY = 2.0
 """Factor on the method's error, which is measured against a better method."""
 SHARED = 0.003
 """Part of the worst mode's error, relative to what is allowed, that every mode is given: a small one may be so by accident."""
+BLIND, NARROW = 1e-8, 1 / 64
+"""Part of tol that two methods on the same segments are not believed to see, where panels are narrower than this part of the period."""
 LOST = 1e-2
 """A mode whose error exceeds this part of its size is not followed at all, and says nothing of the others."""
 HIDDEN = 1e-3
@@ -67,12 +69,19 @@ def solve_by_segments(
             continue
         if fixed or excess <= 1:
             noisy = not fixed and bool((method > wanted)[resolved].any()) and setting.segments < max_segments
-            return compare_noise(system, spectrum) if noisy else spectrum
+            return add_blind(compare_noise(system, spectrum) if noisy else spectrum, system, tol)
         finer = np.clip(1.1 * excess ** (1 / setting.order), SHRINK, GROWTH) if np.isfinite(excess) else GROWTH
         count = int(np.ceil(setting.segments * finer))
         if count > max_segments:
             raise report_too_many(count, max_segments, tol)
         setting, start = setting.with_segments(count), spectrum.start
+
+
+def add_blind(spectrum: SegmentedSpectrum, system: PeriodicSystem, tol: float) -> SegmentedSpectrum:
+    """Add to the errors what both methods may miss alike at the ends of narrow panels, where neither has a node."""
+    if np.diff(system.resolved.edges).min() > NARROW * system.period:
+        return spectrum
+    return replace(spectrum, errors=spectrum.errors + BLIND * tol * np.maximum(system.period, np.abs(spectrum.logs)))
 
 
 def compare_noise(system: PeriodicSystem, spectrum: SegmentedSpectrum) -> SegmentedSpectrum:
