@@ -6,6 +6,7 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import Array
 from flexlin.control.designed_loop import Design, Repeated
+from flexlin.control.known_gain import describe_gain
 from flexlin.control.weights import constant_lqr
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.quadratic.riccati import finite_horizon_riccati
@@ -59,7 +60,7 @@ def finite_horizon_lqr(
     NotStabilizable, NotDetectable
         When the problem at the end of the horizon has no solution.
     ToleranceNotReached
-        When X misses tol by far.
+        When X misses tol by far, or no digit of K is known.
 
     References
     ----------
@@ -80,8 +81,9 @@ def finite_horizon_lqr(
     final = cost_at_rest(system, Q, R, N) if end is None else end
     solution = finite_horizon_riccati(system, Q, R, final, N, tol)
     repeated = system.feedback(Repeated(solution.K, system.period), (0.0,))
+    status = describe_gain(solution, solution.gain_error, tol)
     return Design(
-        name, "finite-horizon-lqr", solution.K, repeated, solution.error, solution.status, solution.problem, solution
+        name, "finite-horizon-lqr", solution.K, repeated, solution.gain_error, status, solution.problem, solution
     )
 
 

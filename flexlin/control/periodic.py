@@ -7,8 +7,9 @@ from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
 from flexlin.control.designed_loop import Design
+from flexlin.control.known_gain import describe_gain
 from flexlin.control.smooth_gain import Series, smooth_gain, transform_gain
-from flexlin.errors import NumericalError, ToleranceNotReached
+from flexlin.errors import NumericalError
 from flexlin.periodic.quadratic.resolution import rough_places
 from flexlin.periodic.quadratic.riccati import periodic_riccati
 from flexlin.periodic.quadratic.solution import RiccatiSolution
@@ -83,36 +84,14 @@ def periodic_lqr(
     """
     system = as_system(system)
     solution = periodic_riccati(system, Q, R, N, tol)
-    gain, apart, corners = represent_gain(solution, system, tol)
-    loop, error = system.feedback(gain, corners), float(solution.gain_error + apart)
+    gain, apart = represent_gain(solution, system, tol)
+    error = float(solution.gain_error + apart)
     status = describe_gain(solution, error, tol)
-    return Design(name, "periodic-lqr", gain, loop, error, status, solution.problem, solution)
+    return Design(name, "periodic-lqr", gain, system.feedback(gain), error, status, solution.problem, solution)
 
 
-def describe_gain(solution: RiccatiSolution, error: float, tol: float) -> str:
-    """The solution's status, or what makes the gain less certain than X.
-
-    Raises: ToleranceNotReached where nothing of the gain is known.
-    """
-    if error >= 1:
-        raise ToleranceNotReached(
-            "no digit of the gain is known",
-            got=f"error {solution.error:.1g} of X, {error:.1g} of K = R^-1 (B' X + N')",
-            expected=f"at most {tol:.1g}",
-            todo="bring states, inputs and weights to like sizes: R is small beside B' X B",
-        )
-    if error <= tol or solution.error > tol:
-        return solution.status
-    return (
-        f"X has converged to {solution.error:.1g}, which K = R^-1 (B' X + N') amplifies: error {error:.1g} of the gain "
-        f"above the asked {tol:.1g}; ask for tol={2 * error:.0e}"
-    )
-
-
-def represent_gain(
-    solution: RiccatiSolution, system: PeriodicSystem, tol: float
-) -> tuple[Series, float, tuple[float, ...]]:
-    """The gain as one series, its deviation from the solution's relative to the largest gain, and the places where it is not smooth.
+def represent_gain(solution: RiccatiSolution, system: PeriodicSystem, tol: float) -> tuple[Series, float]:
+    """The gain as one series, and its deviation from the solution's relative to the largest gain.
 
     Where no short series follows it, as behind a boundary layer of cheap control, it is resolved like any coefficient.
     """
@@ -120,14 +99,14 @@ def represent_gain(
     if not len(system.breaks) and not len(rough):
         transformed = transform_gain(solution)
         if transformed is not None:
-            return *transformed, ()
+            return transformed
     corners = tuple(np.union1d(system.breaks, rough).tolist())
     series, apart = smooth_gain(solution.K, corners, solution.edges)
     if apart <= max(tol, solution.gain_error):
-        return series, apart, corners
+        return series, apart
     with suppress(NumericalError):
         found = resolve(solution.K, system.period, corners)
         size = np.abs(found.series.coefficients).max()
         if found.error.max() < apart * size:
-            return found.series, float(found.error.max() / size), found.breaks
-    return series, apart, corners
+            return found.series, float(found.error.max() / size)
+    return series, apart

@@ -266,33 +266,14 @@ class NonlinearLoop:
         """The equations of the arm under a law without a controller."""
         return NonlinearEquations(self.lin, law)
 
-    def marks(self, t: Array) -> Array:
-        """List the times that no step may pass over.
-
-        Parameters
-        ----------
-        t : array, shape (N,)
-            Rising times in s; the first and the last are among the marks.
-
-        Returns
-        -------
-        array, shape (K,)
-            Breaks of the motion, and where the law's gain is not smooth or changes in a short time.
-
-        Raises
-        ------
-        UnresolvedCoefficient, NotPeriodic
-            When the gain cannot be followed.
-        """
-        return with_breaks(t[[0, -1]], self.lin, self._rough)
-
     @cached_property
-    def _rough(self) -> Array:
+    def rough(self) -> Array:
+        """Times in [0, T) that no step passes over: breaks of the motion, and where the law's gain changes fast."""
         return find_rough_times(self._law, self.lin)
 
     def _collocated(self, t: Array, start: Array, rtol: float, stages: int, linear: bool) -> Array:
         """The smooth loop. Raises: TorqueCut where the drive does not give the torque that is commanded."""
-        marks, limit = self.marks(t), self.drive.limit
+        marks, limit = with_breaks(t[[0, -1]], self.lin, self.rough), self.drive.limit
 
         def accept(t: Array, x: Array, torque: Array) -> None:
             if limit is not None and np.any(np.abs(torque) > CLOSE * np.array(limit)):

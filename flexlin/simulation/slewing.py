@@ -7,6 +7,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.simulation.events import Switching
+from flexlin.simulation.marks import with_breaks
 
 if TYPE_CHECKING:
     from flexlin.simulation.loop import NonlinearLoop
@@ -86,7 +87,7 @@ class Slewing(Switching):
         """States (N, len(z)) of the loop and torques (N, m) at times t; the drive begins with what is asked, within its largest torque."""
         m, T = len(self.mode), self.loop.lin.period
         z, out = np.concatenate([z, self.asked(float(t[0]), z)[1]]), np.empty((len(t), len(z) + m))
-        out[0], marks = z, self.loop.marks(t)
+        out[0], marks = z, with_breaks(t[[0, -1]], self.loop.lin, self.loop.rough)
         for begin, end in pairwise(marks):
             inside, first, last = (t > begin) & (t <= end), begin + INSIDE * T, end - INSIDE * T
             times = np.concatenate([[first], np.clip(t[inside], first, last), [last]])

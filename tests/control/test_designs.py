@@ -180,6 +180,15 @@ def test_finite_horizon_ends_with_the_given_cost():
     assert np.allclose(made.X(np.array([np.pi])), end, atol=1e-12)
 
 
+@pytest.mark.parametrize("effort", [1.0, 1e-10])
+def test_the_error_of_a_finite_horizon_is_that_of_its_gain(effort):
+    """It was X's, 4e-11, beside a gain known to 4e-6 and the word "converged"."""
+    plant = fl.PeriodicSystem(np.array([[0.0, 1.0], [-1.0, -0.1]]), 2.0, np.array([[0.0], [1.0]]))
+    made = finite_horizon_lqr(plant, np.eye(2), [[effort]])
+    assert made.error >= made.solution.gain_error
+    assert (made.status == "converged") == (made.error <= 1e-9)
+
+
 def test_periodic_gain_is_the_limit_of_long_horizons():
     end = periodic_lqr(pendulums(), Q, R)
     made = finite_horizon_lqr(pendulums(), Q, R, end=end.X(np.zeros(1))[0])

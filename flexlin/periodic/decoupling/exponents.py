@@ -10,7 +10,7 @@ from flexlin.periodic.decoupling.coupling import Coupled, block_values
 from flexlin.periodic.decoupling.decoupled import Decoupled
 from flexlin.periodic.decoupling.grouping import block_mask, connected
 from flexlin.periodic.decoupling.hidden import link_modes
-from flexlin.periodic.decoupling.several import SAFETY, UNRESOLVED, several
+from flexlin.periodic.decoupling.several import SAFETY, UNRESOLVED, bounded, several
 from flexlin.periodic.decoupling.waves import aliasing
 
 
@@ -57,12 +57,18 @@ def exponents_in_place(decoupled: Decoupled, tol: float, tame_only: bool) -> tup
             values[group.part], parts[:, group.part] = values[mate].conj(), parts[:, mate]
         elif group.size > 1:
             with np.errstate(over="ignore", invalid="ignore"):  # what overflows comes out unresolved and is enclosed
-                values[group.part], parts[0, group.part] = several(decoupled, i, tol, tame_only)
-                if not tame_only and is_linked(decoupled, i):
-                    values[group.part], reach = decoupled.traceless(i)[1], enclosures(decoupled)[group.part].max()
-                    known = parts[0, group.part]
-                    parts[0, group.part] = np.maximum(reach, np.where(np.isfinite(known), known, 0))
+                linked = not tame_only and is_linked(decoupled, i)
+                found = enclose_linked(decoupled, i) if linked else several(decoupled, i, tol, tame_only)
+                values[group.part], parts[0, group.part] = found
     return values, parts
+
+
+def enclose_linked(decoupled: Decoupled, index: int) -> tuple[Array, Array]:
+    """The exponents of a larger group by its mean, enclosed by what it and all that is linked to it may do."""
+    group = decoupled.groups[index]
+    own, mean = decoupled.traceless(index)
+    values, reach = bounded(own, mean, group.size, decoupled.period)
+    return values, np.maximum(reach, enclosures(decoupled)[group.part].max())
 
 
 def is_linked(decoupled: Decoupled, index: int) -> bool:

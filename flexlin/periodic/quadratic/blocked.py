@@ -3,7 +3,7 @@
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.errors import NotDetectable, NotStabilizable
+from flexlin.errors import NotDetectable, NotStabilizable, NumericalError
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.quadratic.scattering import Segment, carry_cost_back, combine_in_tree, transpose
 from flexlin.periodic.transition.gauss import gauss_transitions
@@ -35,7 +35,7 @@ def bound_sizes(problem: LinearQuadratic, horizon: float) -> tuple[float, float]
 
 def name_blocked_mode(
     unreached: bool, segments: Segment, periods: Segment, large: float, problem: LinearQuadratic, marks: Array
-) -> NotStabilizable | NotDetectable:
+) -> NumericalError:
     """Name the mode that no input reaches (or that no weight sees): its exponent's real part and its direction.
 
     The main direction of a growing H is a left Floquet vector of the open loop, that of a growing G a right one; the growth
@@ -67,7 +67,7 @@ def name_blocked_mode(
         todo = "bring states, inputs and weights to like sizes, ask for a larger tol, or leave out the fastest modes"
         if coupling > PLAIN:
             sizes = [float(np.abs(part).max()) for part in problem.reduced(marks[:-1])]
-            return kind(
+            return NumericalError(
                 "the problem's coefficients lie too far apart to be computed with",
                 got="|A| = {:.2g}, |B R^-1 B'| = {:.2g}, |Q| = {:.2g} (less what N takes)".format(*sizes),
                 todo=todo,

@@ -50,12 +50,13 @@ def resolve_coefficient(given: MatrixFunction, system: PeriodicSystem) -> Resolv
 
 def find_edges(problem: LinearQuadratic, system: PeriodicSystem) -> Array:
     """Return edges from 0 to T between which polynomials follow every coefficient, which need not repeat."""
-    own, others = (problem.A, problem.B), (problem.Q, problem.R, problem.N)
+    weights = (problem.Q, problem.R, problem.N)
+    known = [(problem.A, True), (problem.B, True), *((one, has_nothing_narrow(one)) for one in weights)]
     corners = {0.0, *system.breaks}
     named = system.period, sorted(corners), system.features
     panels = (
-        resolve(one, *named, complete=system.complete and (one in own or has_nothing_narrow(one)), repeats=False).edges
-        for one in (*own, *others)
+        resolve(one, *named, complete=system.complete and nothing_narrow, repeats=False).edges
+        for one, nothing_narrow in known
         if varies(one, system.period)
     )
     return reduce(np.union1d, panels, np.array([*sorted(corners), system.period]))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.errors import NotDetectable, NotStabilizable, ToleranceNotReached
+from flexlin.errors import NotDetectable, NotStabilizable, NumericalError, ToleranceNotReached
 from tests.thinned import thin
 
 A = np.array([[0.5, 0.0], [0.3, -1000.0]])
@@ -46,9 +46,18 @@ def test_weights_that_lie_too_far_apart_are_not_said_to_hide_a_mode() -> None:
     def A(t):
         return np.array([[0.0, 1.0], [-1.0, -0.1]]) * (1 + 0.3 * np.cos(2 * np.pi * t))[:, None, None]
 
-    with pytest.raises(NotDetectable, match="lie too far apart") as caught:
+    with pytest.raises(NumericalError, match="lie too far apart") as caught:
         fl.periodic_lqr(fl.PeriodicSystem(A, 1.0, np.array([[0.0], [1.0]])), np.eye(2), [[1e-30]])
     assert "|B R^-1 B'| = 1e+30" in str(caught.value)
+    assert not isinstance(caught.value, NotDetectable | NotStabilizable)
+
+
+def test_noise_that_lies_too_far_apart_is_not_said_to_excite_no_mode() -> None:
+    """An estimator's problem is the dual one: its names for blocked modes stood over this reason too."""
+    plant = fl.PeriodicSystem(np.array([[0.0, 1.0], [-1.0, -0.1]]), 2.0, np.array([[0.0], [1.0]]))
+    with pytest.raises(NumericalError, match="lie too far apart") as caught:
+        fl.control.kalman_filter(plant, [[1.0, 0.0]], np.eye(2), [[1e-40]])
+    assert "excited" not in str(caught.value)
 
 
 @pytest.mark.parametrize("effort", [1e-30, 1e-100])
