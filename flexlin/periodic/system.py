@@ -11,7 +11,6 @@ from flexlin.arguments import checked
 from flexlin.checks import positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.chebyshev import ChebyshevPanels
-from flexlin.periodic.coefficients import PROBES as COEFFICIENT_PROBES
 from flexlin.periodic.coefficients import (
     ClosedLoop,
     Constant,
@@ -24,6 +23,7 @@ from flexlin.periodic.coefficients import (
     has_nothing_narrow,
 )
 from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.ports import resolve_port
 from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.resolved.foresight import foresee
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
@@ -177,10 +177,8 @@ class PeriodicSystem:
         """
         if self.B is None:
             raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
-        source = sampled_once(self.B, self)
-        if not varies(source, self.period):
-            return resolve_constant(self.B(np.zeros(1))[0], self.period)
-        return resolve(source, self.period, self.breaks, self.features, complete=self.complete)
+        found = resolve_port(self.B, self.period, self.breaks, self.features, self.complete, self.n * self.m)
+        return resolve_constant(self.B(np.zeros(1))[0], self.period) if found is None else found
 
     @classmethod
     @checked
@@ -292,18 +290,6 @@ class PeriodicSystem:
         for one in fields(self):
             object.__setattr__(made, one.name, changes.get(one.name, getattr(self, one.name)))
         return made
-
-
-def varies(source: MatrixFunction, period: float) -> bool:
-    """Whether a coefficient is more than one matrix that is handed out at all times."""
-    return not isinstance(source, Constant) and bool(source(period * COEFFICIENT_PROBES).strides[0] != 0)
-
-
-def sampled_once(source: MatrixFunction, system: PeriodicSystem) -> MatrixFunction:
-    """The coefficient with its values at the times that will be asked for first, where there is nothing narrow about it."""
-    if isinstance(source, Constant) or not system.complete or system.breaks or system.features:
-        return source
-    return foresee(source, system.n**2, [*foresee_times(system.period), system.period * COEFFICIENT_PROBES])
 
 
 def len_of(value: object) -> int:

@@ -9,11 +9,12 @@ from flexlin.checks import Array
 from flexlin.periodic.coefficients import Constant, MatrixFunction, has_nothing_narrow
 from flexlin.periodic.fourier import FourierSeries, fourier_nodes, real_fourier_coefficients
 from flexlin.periodic.grid import edges_of_short
+from flexlin.periodic.ports import resolve_port, varies
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.resolved.matrix import WAVES, ResolvedMatrix, divided
 from flexlin.periodic.resolved.resolve import resolve
-from flexlin.periodic.system import PeriodicSystem, sampled_once, varies
+from flexlin.periodic.system import PeriodicSystem
 
 MOST_PANELS = 128
 """Panels of equal length, at the most, of which samples of a period show every wave."""
@@ -30,22 +31,14 @@ def resolve_problem(problem: LinearQuadratic, system: PeriodicSystem) -> tuple[L
     found: dict[str, MatrixFunction] = {"A": Constant(state.mean()) if state.constant else state}
     edges = system.resolved.edges
     for name in OTHERS:
-        series = resolve_coefficient(getattr(problem, name), system)
+        given = getattr(problem, name)
+        complete = system.complete and has_nothing_narrow(given)
+        named = system.period, system.breaks, system.features, complete, system.n**2
+        series = system.resolved_input if given is system.B else resolve_port(given, *named)
         if series is not None:
             found[name] = Constant(series.mean()) if series.constant else series
             edges = edges if np.array_equal(edges, series.edges) else np.union1d(edges, series.edges)
     return replace(problem, **found), edges
-
-
-def resolve_coefficient(given: MatrixFunction, system: PeriodicSystem) -> ResolvedMatrix | None:
-    """A coefficient as series that agree with it everywhere, nothing where it does not vary; the system keeps those of its own input."""
-    if given is system.B:
-        return system.resolved_input
-    complete = system.complete and has_nothing_narrow(given)
-    source = sampled_once(given, system) if complete else given
-    if not varies(source, system.period):
-        return None
-    return resolve(source, system.period, system.breaks, system.features, complete=complete)
 
 
 def find_edges(problem: LinearQuadratic, system: PeriodicSystem) -> Array:
