@@ -189,6 +189,13 @@ def check_array(name: str, value: Any, t: Array) -> Array:
             got=value.shape,
             expected=f"({len(t)}, rows, columns) for t of shape ({len(t)},)",
         )
+    if value.dtype.kind == "f" and value.dtype.itemsize not in (4, 8):
+        raise ArgumentError(
+            f"{name}(t) is of a precision that linear algebra does not take",
+            got=f"numbers of type {value.dtype}",
+            expected="numbers of type float64",
+            todo="return values.astype(float)",
+        )
     return value
 
 

@@ -24,7 +24,9 @@ def place_edges(period: float, breaks: Sequence[float] | Array, segments: int, l
         np.linspace(a, b, max(least, math.ceil(segments * (b - a) / period * (1 - 1e-12))) + 1)[:-1]
         for a, b in pairwise(corners)
     ]
-    return np.concatenate([*pieces, [period]])
+    return np.unique(
+        np.concatenate([*pieces, [period]])
+    )  # breaks one rounding apart leave no room for edges between them
 
 
 def edges_of_short(edges: Array, longest: float) -> Array:

@@ -18,3 +18,9 @@ def test_edges_hit_the_breaks():
 def test_segments_are_a_whole_number(segments):
     with pytest.raises(ArgumentError, match="segments"):
         place_edges(1.0, (), segments)
+
+
+def test_breaks_one_rounding_apart_leave_no_segment_without_length():
+    grid = place_edges(1.0, (0.3, np.nextafter(0.3, 1.0)), 4, least=3)
+    assert np.all(np.diff(grid) > 0)
+    assert {0.3, np.nextafter(0.3, 1.0)} <= set(grid)

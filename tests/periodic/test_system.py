@@ -120,6 +120,7 @@ def hole(t):
         (hole, "t = 0.2917 s"),
         (np.array([[np.inf]]), "finite"),
         (lambda t: 1j * swing(t), "complex"),
+        (lambda t: swing(t).astype(np.float16), "precision"),
         (lambda t: np.full((len(t), 1, 1), "a"), "numeric"),
     ],
 )

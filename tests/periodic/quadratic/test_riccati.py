@@ -141,6 +141,26 @@ def test_finite_horizon_against_scipy():
     assert np.abs(found.X(stops) - X).max() < 1e-9 * np.abs(X).max()
 
 
+@pytest.mark.parametrize("width", [0.0956, 0.11])
+def test_what_the_dense_output_leaves_out_is_in_the_error(width):
+    """z' = u with weights c^2 and 1 costs c tanh(c (T - t)) z^2; x = p(t) z has a narrow place, and a loose tol few panels about it."""
+    horizon, c = 2.0, 0.23
+
+    def p(t):
+        s = np.sin(np.pi * (t / horizon - 0.874)) / (np.pi * width)
+        v = 1 / (1 + s**2)
+        return np.exp(-v), 2 * v**2 * s * np.cos(np.pi * (t / horizon - 0.874)) / (width * horizon)  # p, p' / p
+
+    system = PeriodicSystem(lambda t: p(t)[1][:, None, None], horizon, lambda t: p(t)[0][:, None, None])
+    t = np.linspace(0.0, horizon, 1001)
+    exact = c * np.tanh(c * (horizon - t)) / p(t)[0] ** 2
+    for tol in (1e-4, 1e-5, 1e-6):
+        found = finite_horizon_riccati(system, lambda t: (c / p(t)[0])[:, None, None] ** 2, [[1.0]], [[0.0]], tol=tol)
+        assert np.abs(found.X(t)[:, 0, 0] - exact).max() <= found.error * exact.max(), tol
+        gain = exact * p(t)[0]
+        assert np.abs(found.K(t)[:, 0, 0] - gain).max() <= found.gain_error * gain.max(), tol
+
+
 def test_fast_unstable_arm_does_not_overflow():
     rng = np.random.default_rng(1)
     V = np.linalg.qr(rng.normal(size=(4, 4)))[0]
