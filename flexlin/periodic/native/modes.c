@@ -5,6 +5,22 @@ typedef void Geev(const char *, const char *, const int *, double *, const int *
 typedef struct { int n, groups; int *mate, *label, *partner; z *values, *right, *left; char *together; } Modes;
 /* mate: the conjugate of each mode; label: its group; partner: the group of a group's conjugates; right (n, n): columns; left: rows. */
 
+static Modes take_modes(int n, int *places, z *numbers, char *together) {
+  return (Modes){n, 0, places, places + n, places + 2 * n, numbers, numbers + n, numbers + n + n * n, together};
+}
+
+/* The modes `from`, in the room of `to`. */
+static void copy_modes(const Modes *from, Modes *to) {
+  int n = from->n;
+  to->groups = from->groups;
+  memcpy(to->mate, from->mate, n * sizeof(int));
+  memcpy(to->label, from->label, n * sizeof(int));
+  memcpy(to->partner, from->partner, n * sizeof(int));
+  memcpy(to->values, from->values, n * sizeof(z));
+  memcpy(to->right, from->right, (long)n * n * sizeof(z));
+  memcpy(to->left, from->left, (long)n * n * sizeof(z));
+}
+
 /* Eigenvalues (n,) and vectors as columns of vectors (n, n) of a real matrix (n, n); 0 where they are not found or there is no memory. */
 static int find_eigenvectors(Geev *geev, int n, const double *matrix, z *values, z *vectors) {
   int length = 16 * n, none = 1, info = 1;

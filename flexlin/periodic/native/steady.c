@@ -41,13 +41,25 @@ static int take_period(const Problem *p, int which, Samples *s) {
   return !m || sample_companion(m, times, SPARSE, s->blocks, s->A, s->inverse) ? OK : SINGULAR;
 }
 
-/* Decouple on more nodes where it takes these; modes that resonate, or stay coupled by too much on the most nodes, are put together.
+/* Put modes together that stay coupled by too much, or resonate: as `try_joining` in steady.py; the modes are left as they were where that does
+ * not serve. spare: room for them. */
+static int try_joining(const Problem *p, Modes *m, Modes *spare, const int *partner, z *work) {
+  copy_modes(m, spare);
+  if (join_modes(m, partner, work) && may_be_tame(m, p->period, p->numbers->spread)) return 1;
+  copy_modes(spare, m);
+  return 0;
+}
+
+/* Decouple, with modes put together that resonate or stay coupled by too much; where that does not serve, on more nodes: as in steady.py.
  *
- * out, partner: as of `decouple_on_nodes`; which: the nodes it ended on. Returns the rounds, or minus what is in the way. */
-static int part_modes(const Problem *p, Samples *samples, Modes *m, double *out, int *partner, z *work, int *which) {
+ * rooms: for two sets of modes; out, partner: as of `decouple_on_nodes`; which: the nodes it ended on. Returns the rounds, or minus what is in
+ * the way. */
+static int part_modes(const Problem *p, Samples *samples, Modes *m, Modes *rooms, double *out, int *partner, z *work, int *which) {
   const Numbers *number = p->numbers;
+  Modes *begun = rooms, *spare = rooms + 1;
+  copy_modes(m, begun);
   for (int at = 0, joins = 0;;) {
-    int nodes = p->nodes[at], worst = -1, last = at == p->counts - 1;
+    int nodes = p->nodes[at], coupled = 0;
     *which = at;
     if (!samples[at].A) {
       int taken = take_period(p, at, samples + at);
@@ -58,15 +70,21 @@ static int part_modes(const Problem *p, Samples *samples, Modes *m, double *out,
                                    (double *)m->values, (double *)m->right, (double *)m->left, p->tables[at], out, partner);
     if (rounds >= 0) return rounds;
     if (rounds == NO_MEMORY) return -LACKING;
-    if (rounds != RESONANT && !last) { at++; continue; }
-    for (int i = 0; i < p->n && (rounds == UNSETTLED || rounds == RESONANT); i++) worst = partner[i] > worst ? partner[i] : worst;
-    if (worst < 0 || joins++ == p->joins) return -COUPLED;
-    if (!join_modes(m, partner, work) || !may_be_tame(m, p->period, number->spread)) return -NOT_TAME;
+    for (int i = 0; i < p->n && (rounds == UNSETTLED || rounds == RESONANT); i++) coupled |= partner[i] >= 0;
+    if (coupled && joins < p->joins && try_joining(p, m, spare, partner, work)) {
+      if (rounds == RESONANT) copy_modes(m, begun);
+      joins++;
+      continue;
+    }
+    if (at == p->counts - 1) return coupled && joins < p->joins ? -NOT_TAME : -COUPLED;
+    copy_modes(begun, m);
+    at++;
+    joins = 0;
   }
 }
 
 /* Find modes of the mean that serve, first in few groups, and decouple them; as `part_modes`. */
-static int decouple_steady(const Problem *p, Samples *samples, Modes *m, double *out, int *partner, z *work, int *which) {
+static int decouple_steady(const Problem *p, Samples *samples, Modes *m, Modes *rooms, double *out, int *partner, z *work, int *which) {
   int n = p->n, before[n], answer = MIXES, step = 2 * p->nodes[0] / LOOK;
   double mean[n * n], w = 2 * M_PI / p->period;
   const Numbers *number = p->numbers;
@@ -82,7 +100,7 @@ static int decouple_steady(const Problem *p, Samples *samples, Modes *m, double 
     if (!may_be_tame(m, p->period, number->spread)) return -NOT_TAME;
     if (!memcmp(before, m->label, n * sizeof(int)) || find_mixing(m, 2 * p->nodes[0], step, samples[0].A, work) > number->mixed) continue;
     memcpy(before, m->label, n * sizeof(int));
-    int rounds = part_modes(p, samples, m, out, partner, work, which);
+    int rounds = part_modes(p, samples, m, rooms, out, partner, work, which);
     if (rounds != -COUPLED) return rounds;
     answer = COUPLED;
   }
@@ -195,11 +213,14 @@ int solve_steady(const int *sizes, int *nodes, double period, void *geev, const 
                {first_basis, second_basis}, {first_tables, second_tables}, series, error, rules, period, (Geev *)geev, (const Numbers *)numbers};
   int n = p.n, partner[n], which = 0, result = LACKING;
   Samples samples[COUNTS] = {{0, 0, 0}, {0, 0, 0}};
-  z *memory = malloc((5L * n * n + 2 * n) * sizeof(z)), *work = memory + 2 * n * n + n;
+  long each = 2L * n * n + n;
+  z *memory = malloc((3 * each + 3L * n * n + n) * sizeof(z)), *work = memory + 3 * each;
   char *together = malloc((long)n * n);
-  Modes m = {n, 0, places, places + n, places + 2 * n, memory, memory + n, memory + n + n * n, together};
+  Modes m = take_modes(n, places, memory, together);
   if (memory && together) {
-    int rounds = decouple_steady(&p, samples, &m, out, partner, work, &which);
+    int more[6 * n];
+    Modes rooms[2] = {take_modes(n, more, memory + each, together), take_modes(n, more + 3 * n, memory + 2 * each, together)};
+    int rounds = decouple_steady(&p, samples, &m, rooms, out, partner, work, &which);
     result = rounds < 0 ? -rounds : OK;
     about[0] = rounds;
   }
