@@ -107,7 +107,11 @@ def part_modes(
         elif at < len(counts) - 1:
             at, joins, modes = at + 1, 0, begun
         else:
-            return Refusal("modes that stay coupled grow or decay by much against each other") if left is not None else None
+            return (
+                Refusal("modes that stay coupled grow or decay by much against each other")
+                if left is not None
+                else None
+            )
 
 
 def try_joining(modes: MeanModes, left: Remaining, period: float) -> MeanModes | None:
