@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from flexlin.periodic.coefficients import PROBES, Constant, MatrixFunction
+from flexlin.periodic.resolved.fitting import fit_at_once
 from flexlin.periodic.resolved.foresight import foresee
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.resolve import foresee_times, resolve
@@ -30,4 +31,7 @@ def resolve_port(
         return None
     if complete and not breaks and not features:
         given = foresee(given, entries, [*foresee_times(period), period * PROBES])
-    return resolve(given, period, breaks, features, complete=complete) if varies(given, period) else None
+    if not varies(given, period):
+        return None
+    at_once = fit_at_once(given, period)
+    return resolve(given, period, breaks, features, complete=complete) if at_once is None else at_once

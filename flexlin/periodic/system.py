@@ -25,6 +25,7 @@ from flexlin.periodic.coefficients import (
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.ports import resolve_port
 from flexlin.periodic.resolved.companion import ResolvedCompanion
+from flexlin.periodic.resolved.fitting import fit_at_once
 from flexlin.periodic.resolved.foresight import foresee
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.resolve import foresee_times, resolve, resolve_constant
@@ -164,8 +165,11 @@ class PeriodicSystem:
         entries, probes = self.n**2 if second is None else 3 * (self.n // 2) ** 2, self.period * stratified(PROBES)
         if self.complete and not self.breaks and not self.features:
             source = foresee(source, entries, [*foresee_times(self.period), *([] if second is None else [probes])])
+        at_once = fit_at_once(source, self.period, weighed=second is not None)
         if second is None:
-            return resolve(source, *named, complete=self.complete)
+            return resolve(source, *named, complete=self.complete) if at_once is None else at_once
+        if at_once is not None:
+            return ResolvedCompanion(at_once)
         least = weigh_entries(source(probes))
         return ResolvedCompanion(resolve(source, *named, complete=self.complete, least=least))
 

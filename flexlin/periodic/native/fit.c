@@ -1,5 +1,5 @@
-/* A smooth periodic function by its Fourier series, from its values at equally spaced times, held against values between these: what
- * `fit_fourier` in resolved/harmonics.py finds at its first attempt. */
+/* A smooth periodic function by its Fourier series, from its values at equally spaced times, held against values between these and a period
+ * later: what `resolve` in resolved/resolve.py finds at its first attempt. */
 #include <math.h>
 #include <stdlib.h>
 
@@ -45,16 +45,45 @@ static void find_deviation(int checks, int H, int kept, int entries, const doubl
   }
 }
 
-/* numbers: tol, eps, the least number, and the factor on the largest deviation; scale (entries,): sizes so far, made those of all values.
+/* How small an entry of [M D K] (n, 3 n) may be before rounding of its neighbours hides it: as `weigh_entries` in weights.py; size (n, 3 n): the
+ * largest over some times. */
+static void weigh_entries(int n, double hidden, const double *size, double *least) {
+  for (int i = 0; i < n; i++)
+    for (int j = 0; j < n; j++) {
+      double m = sqrt(size[i * 3 * n + i]) * sqrt(size[j * 3 * n + j]);
+      double k = sqrt(size[i * 3 * n + 2 * n + i]) * sqrt(size[j * 3 * n + 2 * n + j]), all[3] = {m, sqrt(m * k), k};
+      for (int c = 0; c < 3; c++) {
+        double across = fmax(size[j * 3 * n + c * n + i], all[c]);
+        least[i * 3 * n + c * n + j] = across > 0.0 ? hidden * all[c] * (all[c] / across) : 0.0;
+      }
+    }
+}
+
+/* The sizes below which no entry counts, from values (probes, entries) of [M D K] with m coordinates; 0 for others; size (entries,): room. */
+static void find_least(int probes, int entries, int m, double hidden, const double *values, double *size, double *least) {
+  for (int e = 0; e < entries; e++) least[e] = size[e] = 0.0;
+  if (!m) return;
+  for (int t = 0; t < probes; t++)
+    for (int e = 0; e < entries; e++) size[e] = fmax(size[e], fabs(values[(long)t * entries + e]));
+  weigh_entries(m, hidden, size, least);
+}
+
+/* values: at the nodes, at the times between them that check, at some times one period later, and at the probes; sizes: how many there are of
+ * each, entries, and the coordinates behind [M D K] or 0; waves: at the nodes, at the checks and at the later times; numbers: tol, eps, the least
+ * number, the factor on the largest deviation, what a period later may differ by of an entry's size, and HIDDEN of weights.py.
  *
- * coefficients: (2 kept + 1, entries), the mean first, in an array for all harmonics; allowed, error (entries,) after it. Returns how many
- * harmonics are kept, -1 where the series does not agree, -2 where there is no memory. */
-int fit_series(int nodes, int checks, int entries, double factor, const double *values, const double *there, const double *waves,
-               const double *between, const double *numbers, double *scale, double *coefficients, double *bounds) {
+ * coefficients: (2 kept + 1, entries), the mean first, in an array for all harmonics; bounds: allowed, error, sizes of the entries. Returns how
+ * many harmonics are kept, -1 where the series does not agree, -2 where there is no memory. */
+int fit_series(const int *sizes, const double *values, const double *waves, const double *between, const double *later, const double *numbers,
+               double *coefficients, double *bounds) {
+  int nodes = sizes[0], checks = sizes[1], repeats = sizes[2], probes = sizes[3], entries = sizes[4];
+  const double *there = values + (long)nodes * entries, *beyond = there + (long)checks * entries;
+  double factor = numbers[3], *scale = bounds + 2L * entries;
   int H = (nodes - 1) / 2, last = H / 4 > 4 ? H / 4 : 4, kept = 0;
   double *mean = coefficients, *cosines = mean + entries, *allowed = bounds, *error = bounds + entries, tol = numbers[0], eps = numbers[1];
   double *work = malloc(((long)H + 4) * entries * sizeof(double)), *size = work + 4L * entries, *rounding = work + 2L * entries, *tail = work + 3L * entries;
   if (!work) return -2;
+  find_least(probes, entries, sizes[5], numbers[5], beyond + (long)repeats * entries, work, scale);
   for (int t = 0; t < nodes; t++)
     for (int e = 0; e < entries; e++) scale[e] = fmax(scale[e], fabs(values[(long)t * entries + e]));
   transform_values(nodes, entries, values, waves, cosines, mean, work);
@@ -86,6 +115,8 @@ int fit_series(int nodes, int checks, int entries, double factor, const double *
     good &= error[e] <= 2 * allowed[e];
     error[e] = factor * error[e] + tail[e] + rounding[e] + 4 * eps * scale[e];
   }
+  if (good) find_deviation(repeats, H, kept, entries, later, beyond, mean, cosines, work, tail);
+  for (int e = 0; e < entries && good; e++) good &= tail[e] <= numbers[4] * scale[e] + 4 * allowed[e];
   for (long e = 0; e < (long)kept * entries && kept < H; e++) cosines[(long)kept * entries + e] = cosines[(long)H * entries + e];
   free(work);
   return good ? kept : -1;

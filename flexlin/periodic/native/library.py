@@ -28,7 +28,7 @@ SOURCES = (
 )
 WHOLE, LONG, REAL, ADDRESS = ctypes.c_int, ctypes.c_long, ctypes.c_double, ctypes.c_void_p
 ARGUMENTS = {
-    "fit_series": [WHOLE] * 3 + [REAL] + [ADDRESS] * 8,
+    "fit_series": [ADDRESS] * 8,
     "solve_steady": [ADDRESS] * 2 + [REAL] + [ADDRESS] * 14,
     "find_sizes": [LONG, WHOLE] + [ADDRESS] * 2,
     "compare_series": [LONG] + [WHOLE] * 2 + [ADDRESS] * 5,

@@ -1,4 +1,4 @@
-"""A Fourier series at the first attempt, in one call of compiled code."""
+"""A smooth function by its Fourier series, judged to repeat with its period, in one call of compiled code."""
 
 from functools import lru_cache
 
@@ -6,47 +6,51 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.compiler import address
-from flexlin.periodic.fourier import fourier_basis
+from flexlin.periodic.coefficients import MatrixFunction
+from flexlin.periodic.fourier import FourierSeries, fourier_basis
 from flexlin.periodic.native.library import find_library
 from flexlin.periodic.resolved.foresight import Foreseen
-from flexlin.periodic.resolved.harmonics import EPS, FEW_FACTOR, FIRST, TINY, FourierFit, few_phases, first_times
-from flexlin.periodic.resolved.sampling import Sampler
+from flexlin.periodic.resolved.harmonics import EPS, FEW_FACTOR, FIRST, TINY, few_phases
+from flexlin.periodic.resolved.matrix import ResolvedMatrix
+from flexlin.periodic.resolved.repetition import REPEAT
+from flexlin.periodic.resolved.sampling import REPEATS, stratified
+from flexlin.periodic.resolved.weights import HIDDEN
 
 
-def fit_at_once(sample: Sampler, tol: float) -> FourierFit | None:
-    """What `fit_fourier` finds on the first nodes, where few check points suffice and the samples are known; None where they do not agree.
+def fit_at_once(
+    source: MatrixFunction, period: float, tol: float = 1e-13, weighed: bool = False
+) -> ResolvedMatrix | None:
+    """What `resolve` finds of a function whose narrow features are named, where its first nodes suffice; None where it is to be asked.
 
-    Raises: MemoryError.
+    Parameters: source: known at `foresee_times`, and at others behind them; weighed: it is [M D K], and what is known behind them gives
+    the sizes below which no entry counts, as `weigh_entries`. Raises: MemoryError.
     """
-    library = find_library() if isinstance(sample.function, Foreseen) else None
-    if library is None:
+    library = find_library() if isinstance(source, Foreseen) else None
+    if library is None or not isinstance(source, Foreseen) or source.values.dtype != float:
         return None
-    count, values = sample.count, sample.unwrapped(first_times(sample.period))
-    entries, scale = values.shape[1], sample.least_sizes()
-    coefficients, bounds = np.empty((FIRST, entries)), np.empty((2, entries))
-    waves, between = tabulate_first()
-    numbers = np.array([tol, EPS, TINY])
-    given = [np.ascontiguousarray(part) for part in (values[:FIRST], values[FIRST:])]
-    kept = library.fit_series(
-        FIRST,
-        len(between),
-        entries,
-        FEW_FACTOR,
-        *map(address, (*given, waves, between, numbers, scale, coefficients, bounds)),
-    )
+    values, H = np.ascontiguousarray(source.values), (FIRST - 1) // 2
+    samples, rows, columns = values.shape
+    entries, (waves, between, later) = rows * columns, tabulate_first()
+    probes = samples - FIRST - len(between) - len(later)
+    sizes = np.array([FIRST, len(between), len(later), probes, entries, rows if weighed else 0], np.intc)
+    numbers = np.array([tol, EPS, TINY, FEW_FACTOR, REPEAT, HIDDEN])
+    coefficients, bounds = np.empty((2 * H + 1, rows, columns)), np.empty((3, rows, columns))
+    given = (sizes, values, waves, between, later, numbers, coefficients, bounds)
+    kept = library.fit_series(*map(address, given))
     if kept == -2:
         raise MemoryError("the series of a period")
     if kept < 0:
-        sample.count = count
         return None
-    np.maximum(sample.scale, scale, out=sample.scale)
-    return FourierFit(coefficients[: 2 * kept + 1], bounds[0], bounds[1])
+    return ResolvedMatrix(FourierSeries(coefficients[: 2 * kept + 1], period), (), (), bounds[1], samples - probes)
 
 
 @lru_cache(maxsize=1)
-def tabulate_first() -> tuple[Array, Array]:
-    """Cosines and sines of all harmonics at the first nodes, and at the times between them."""
+def tabulate_first() -> tuple[Array, Array, Array]:
+    """Cosines and sines of all harmonics at the first nodes, at the times between them, and at those that are asked a period later."""
     H = (FIRST - 1) // 2
     angle = 2 * np.pi / FIRST * (np.outer(np.arange(FIRST), np.arange(1, H + 1)) % FIRST)
     nodes = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
-    return nodes, np.ascontiguousarray(fourier_basis(few_phases(FIRST), H)[:, 1:])
+    between, later = (
+        np.ascontiguousarray(fourier_basis(phases, H)[:, 1:]) for phases in (few_phases(FIRST), stratified(REPEATS))
+    )
+    return nodes, between, later

@@ -11,15 +11,18 @@ from flexlin.periodic.resolved.sampling import CHUNK
 
 @dataclass(frozen=True, eq=False)
 class Foreseen:
-    """A function of times (N,) -> (N, ...) that knows its values at some arrays of times already."""
+    """A function of times (N,) -> (N, ...) that knows its values at some arrays of times already, one after another in `values`."""
 
     function: Callable[[Array], Array]
-    known: tuple[tuple[Array, Array], ...]
+    parts: tuple[Array, ...]
+    values: Array
 
     def __call__(self, t: Array) -> Array:
-        for times, values in self.known:
+        end = 0
+        for times in self.parts:
+            end += len(times)
             if len(times) == len(t) and (times == t).all():
-                return values
+                return self.values[end - len(times) : end]
         return self.function(t)
 
 
@@ -37,7 +40,4 @@ def foresee(function: Callable[[Array], Array], entries: int, parts: list[Array]
         return function
     if not isinstance(values, np.ndarray) or values.ndim != 3 or len(values) != len(t):
         return function
-    ends = np.cumsum([len(part) for part in parts]).tolist()
-    return Foreseen(
-        function, tuple((part, values[end - len(part) : end]) for part, end in zip(parts, ends, strict=True))
-    )
+    return Foreseen(function, tuple(parts), values)

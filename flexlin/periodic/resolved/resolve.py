@@ -10,20 +10,17 @@ from flexlin.errors import ArgumentError
 from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.fourier import FourierSeries, fourier_basis
 from flexlin.periodic.resolved.beside import miss_beside
-from flexlin.periodic.resolved.fitting import fit_at_once
 from flexlin.periodic.resolved.harmonics import EPS, FourierFit, first_times, fit_fourier
 from flexlin.periodic.resolved.matrix import Discontinuity, ResolvedMatrix, divided
 from flexlin.periodic.resolved.panels import left_over, panel_error, shown_degree
 from flexlin.periodic.resolved.refining import PanelResolver
 from flexlin.periodic.resolved.repetition import need_repetition
-from flexlin.periodic.resolved.sampling import CheckPoints, Sampler, graded, stratified, usual_phases
+from flexlin.periodic.resolved.sampling import REPEATS, CheckPoints, Sampler, graded, stratified, usual_phases
 
 __all__ = ["Discontinuity", "ResolvedMatrix", "resolve"]
 
 FEW = 200
 """Check points of a function whose narrow features are named, where it needs panels."""
-REPEATS = 3
-"""Times at which such a function is compared with itself a period later, where it is smooth."""
 STEP = 4.0
 """Ratio of neighbouring panels about a named feature."""
 CLOSE = 1e-11
@@ -90,11 +87,6 @@ def resolve(
     [(0.0, 'jump'), (1.0002, 'jump')]
     """
     period = positive("period", period)
-    if complete and repeats and not len(breaks) and not len(features):
-        sample = Sampler(A, period, least)
-        at_once = fit_at_once(sample, tol)
-        if at_once is not None:
-            return _as_series(sample, at_once, REPEATS)
     named = _times_in("breaks", np.asarray(breaks, dtype=float), period)
     pairs = real_array("features", np.reshape(np.asarray(features, dtype=float), (-1, 2)))
     _times_in("features", pairs[:, 0], period)

@@ -18,6 +18,8 @@ BATCH = 2**19
 CHECKS, ENDS = 12289, np.geomspace(3e-11, 3e-5, 19)
 """Check points of a function of which nothing is known; and where, from either end of the period, it is checked too: a pulse there begins
 or ends with it."""
+REPEATS = 3
+"""Times at which a smooth function whose narrow features are named is compared with itself a period later."""
 GOLDEN = (np.sqrt(5) - 1) / 2
 
 
