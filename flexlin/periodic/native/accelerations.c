@@ -29,25 +29,6 @@ static void build_equations(const Rule *r, const v8 *blocks, v8 h, v8 *G, v8 *ri
     }
 }
 
-/* X := G^-1 X, (n, columns); G is lost. */
-static void eliminate_eight(int n, int columns, v8 *restrict G, v8 *restrict X) {
-  for (int k = 0; k < n; k++) {
-    v8 over = 1.0 / G[(long)k * n + k], *top = G + (long)k * n, *from = X + (long)k * columns;
-    G[(long)k * n + k] = over;
-    for (int i = k + 1; i < n; i++) {
-      v8 *row = G + (long)i * n, *to = X + (long)i * columns, factor = row[k] * over;
-      for (int j = k + 1; j < n; j++) row[j] -= factor * top[j];
-      for (int c = 0; c < columns; c++) to[c] -= factor * from[c];
-    }
-  }
-  for (int k = n - 1; k >= 0; k--) {
-    v8 *to = X + (long)k * columns, *row = G + (long)k * n;
-    for (int i = k + 1; i < n; i++)
-      for (int c = 0; c < columns; c++) to[c] -= row[i] * X[(long)i * columns + c];
-    for (int c = 0; c < columns; c++) to[c] *= row[k];
-  }
-}
-
 static v8 larger(v8 x, v8 y) {
   for (int l = 0; l < 8; l++) { double size = fabs(y[l]); x[l] = size <= x[l] ? x[l] : size; }
   return x;

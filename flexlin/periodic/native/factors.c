@@ -29,7 +29,7 @@ enum { SAFE = 8 }; /* one over the least pivot with which rows need not be excha
  * (stages + 1) p eights. */
 static int factor_eight(int p, int stages, double h, const v8 *own, int segments, const double *a, const double *b, v8 *work, double *F) {
   int n = stages * p, size = p * p;
-  v8 *G = work, *Y = G + (long)n * n, least = splat(INFINITY);
+  v8 *G = work, *Y = G + (long)n * n;
   for (int i = 0; i < stages; i++)
     for (int r = 0; r < p; r++) {
       v8 *row = G + (long)(i * p + r) * n, *right = Y + (long)(i * p + r) * p;
@@ -38,24 +38,9 @@ static int factor_eight(int p, int stages, double h, const v8 *own, int segments
       row[i * p + r] += 1.0;
       for (int c = 0; c < p; c++) right[c] = splat(c == r);
     }
-  for (int k = 0; k < n; k++) {
-    v8 pivot = G[(long)k * n + k], over = 1.0 / pivot;
-    for (int l = 0; l < 8; l++) least[l] = fabs(pivot[l]) >= least[l] ? least[l] : fabs(pivot[l]);
-    G[(long)k * n + k] = over;
-    for (int i = k + 1; i < n; i++) {
-      v8 factor = G[(long)i * n + k] * over, *row = G + (long)i * n, *top = G + (long)k * n;
-      for (int j = k + 1; j < n; j++) row[j] -= factor * top[j];
-      for (int c = 0; c < p; c++) Y[i * p + c] -= factor * Y[k * p + c];
-    }
-  }
+  v8 least = eliminate_eight(n, p, G, Y);
   for (int l = 0; l < 8; l++)
     if (!(least[l] * SAFE >= 1.0)) return 0;
-  for (int k = n - 1; k >= 0; k--)
-    for (int c = 0; c < p; c++) {
-      v8 x = Y[k * p + c];
-      for (int i = k + 1; i < n; i++) x -= G[(long)k * n + i] * Y[i * p + c];
-      Y[k * p + c] = x * G[(long)k * n + k];
-    }
   for (int r = 0; r < p; r++)
     for (int c = 0; c < p; c++) {
       v8 sum = splat(0.0);

@@ -40,7 +40,7 @@ def test_compiled_code_and_numpy_resolve_alike(weighed):
         one = fitted(values, weighed)
         least = weigh_entries(values(PLACES)) if weighed else 0.0
         other = resolve(values, PERIOD, complete=True, least=least)
-        assert one.degree == other.degree and one.samples == other.samples
+        assert (one.degree, one.samples) == (other.degree, other.samples)
         size = np.abs(other.series.coefficients).max(axis=0)
         assert (np.abs(one.series.coefficients - other.series.coefficients) <= 1e-14 * size).all()
         assert (one.error <= 3 * other.error).all() and (other.error <= 3 * one.error).all()  # mostly rounding
