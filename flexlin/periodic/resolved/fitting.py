@@ -1,12 +1,12 @@
 """A smooth function by its Fourier series, judged to repeat with its period, in one call of compiled code."""
 
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
 
 from flexlin.checks import Array
 from flexlin.compiler import address
-from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.fourier import FourierSeries, fourier_basis
 from flexlin.periodic.native.library import find_library
 from flexlin.periodic.resolved.foresight import Foreseen
@@ -18,7 +18,7 @@ from flexlin.periodic.resolved.weights import HIDDEN
 
 
 def fit_at_once(
-    source: MatrixFunction, period: float, tol: float = 1e-13, weighed: bool = False
+    source: Callable[[Array], Array], period: float, tol: float = 1e-13, weighed: bool = False
 ) -> ResolvedMatrix | None:
     """What `resolve` finds of a function whose narrow features are named, where its first nodes suffice; None where it is to be asked.
 
