@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from flexlin.checks import Array
-from flexlin.errors import NumericalError
+from flexlin.errors import NumericalError, TimeLimit
 
 FLAGS = ("-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-std=gnu11", "-shared", "-fPIC")
 LONGEST = 120.0
@@ -43,9 +43,24 @@ def find_kept_library(*paths: Path) -> ctypes.CDLL | None:
     if find_compiler() is None or find_kept_folder() is None:
         return None
     try:
-        return load_library("\n".join(path.read_text(encoding="utf-8") for path in paths))
+        return load_library(join_files(*paths))
+    except TimeLimit:
+        raise
     except (NumericalError, OSError):
         return None
+
+
+def is_missing(*paths: Path) -> bool:
+    """Whether the library of C files is yet to be compiled, by a compiler that is here, and can be kept."""
+    folder = find_kept_folder()
+    if find_compiler() is None or folder is None:
+        return False
+    return not is_written_by_user_alone(folder / f"{fingerprint(join_files(*paths))}.so")
+
+
+def join_files(*paths: Path) -> str:
+    """The text of files, one after the other."""
+    return "\n".join(path.read_text(encoding="utf-8") for path in paths)
 
 
 def compile_source(source: str, library: Path) -> None:

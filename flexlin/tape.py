@@ -15,6 +15,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.compiler import address, find_kept_library, pointer
 
+FILES = (Path(__file__).with_suffix(".c"),)
 TOGETHER = 32
 """Points that go through an operation together: W of tape.c."""
 WORTH, FIXED = 200, 1e5
@@ -32,7 +33,7 @@ LOOKS = 24
 @lru_cache(maxsize=1)
 def find_library() -> ctypes.CDLL | None:
     """The library of tape.c; none where there is no compiler."""
-    library = find_kept_library(Path(__file__).with_suffix(".c"))
+    library = find_kept_library(*FILES)
     if library is not None:
         library.run_tape.restype = library.keep_outputs.restype = ctypes.c_long
     return library

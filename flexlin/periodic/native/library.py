@@ -26,6 +26,7 @@ SOURCES = (
     "accelerations",
     "checking",
 )
+FILES = tuple(Path(__file__).with_name(f"{name}.c") for name in SOURCES)
 WHOLE, LONG, REAL, ADDRESS = ctypes.c_int, ctypes.c_long, ctypes.c_double, ctypes.c_void_p
 ARGUMENTS = {
     "fit_series": [ADDRESS] * 8,
@@ -43,7 +44,7 @@ ARGUMENTS = {
 @lru_cache(maxsize=1)
 def find_library() -> ctypes.CDLL | None:
     """The library of the sources; none where there is no compiler."""
-    library = find_kept_library(*(Path(__file__).with_name(f"{name}.c") for name in SOURCES))
+    library = find_kept_library(*FILES)
     if library is not None:
         for name, kinds in ARGUMENTS.items():
             getattr(library, name).argtypes = kinds

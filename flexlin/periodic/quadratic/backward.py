@@ -16,6 +16,7 @@ from flexlin.periodic.fourier import FourierSeries, waves_at_nodes
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, take_once
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 
+FILES = tuple(Path(__file__).with_name(name) for name in ("sweeps.c", "running_cost.c"))
 ROW = 4
 """Rows are filled up to a multiple of this."""
 FEW_WAVES = 24
@@ -25,7 +26,7 @@ FEW_WAVES = 24
 @lru_cache(maxsize=1)
 def find_sweeps() -> ctypes.CDLL | None:
     """The library of sweeps.c and running_cost.c; none where there is no compiler."""
-    library = find_kept_library(*(Path(__file__).with_name(name) for name in ("sweeps.c", "running_cost.c")))
+    library = find_kept_library(*FILES)
     if library is not None:
         whole, long, real, where = ctypes.c_int, ctypes.c_long, ctypes.c_double, ctypes.c_void_p
         samples: list[Any] = [where, long] * 3
