@@ -26,15 +26,20 @@ class Separation:
 
 @dataclass(frozen=True, eq=False)
 class Coupled:
-    """A generator B (N, n, n) with its groups, how far these stay apart, and S of the Sylvester equations, when these are read."""
+    """A generator B (N, n, n) with its groups; the eigenvalues of its blocks, how far these stay apart, and S of the Sylvester equations,
+    when these are read."""
 
     B: Array
     period: float
     groups: tuple[Group, ...]
 
     @cached_property
+    def values(self) -> Array:
+        return block_values(self.B, self.groups)
+
+    @cached_property
     def apart(self) -> Separation:
-        return group_separation(self.B, self.period, self.groups)
+        return group_separation(self.values, self.period, self.groups)
 
     @cached_property
     def S(self) -> Array:
@@ -44,15 +49,16 @@ class Coupled:
 def block_values(B: Array, groups: tuple[Group, ...]) -> Array:
     """The eigenvalues (N, n) of the diagonal blocks of B (N, n, n)."""
     values = np.einsum("tii->ti", B).copy()
-    for g in groups:
-        if g.size > 1:
+    for i, g in enumerate(groups):
+        if g.partner < i:
+            values[:, g.part] = values[:, groups[g.partner].part].conj()
+        elif g.size > 1:
             values[:, g.part] = np.linalg.eigvals(B[:, g.part, g.part])
     return values
 
 
-def group_separation(B: Array, period: float, groups: tuple[Group, ...]) -> Separation:
-    """The separations of the groups from the eigenvalues of the diagonal blocks of B (N, n, n)."""
-    values = block_values(B, groups)
+def group_separation(values: Array, period: float, groups: tuple[Group, ...]) -> Separation:
+    """The separations of the groups from the eigenvalues (N, n) of their blocks."""
     starts, size = np.array([g.start for g in groups]), [g.size for g in groups]
 
     def least(pairs: Array) -> Array:
@@ -66,7 +72,7 @@ def group_separation(B: Array, period: float, groups: tuple[Group, ...]) -> Sepa
     above = least((values.real[:, :, None] - values.real[:, None, :]).min(axis=0))
     damping = np.maximum(0, np.maximum(above, above.T))
     mean = np.repeat(np.add.reduceat(values.real, starts, axis=1) / size, size, axis=1)
-    run = np.cumsum(mean - mean.mean(axis=0), axis=0) * period / len(B)
+    run = np.cumsum(mean - mean.mean(axis=0), axis=0) * period / len(values)
     swing = np.ptp(run[:, :, None] - run[:, None, :], axis=0)
     oblique = np.divide(gap, damping, out=np.full_like(gap, np.inf), where=damping > 0)
     return Separation(gap, crossing, oblique, np.exp(np.minimum(swing, 600.0)), ~block_mask(groups))

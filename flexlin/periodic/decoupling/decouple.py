@@ -8,6 +8,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.decoupling.coupling import (
     Coupled,
+    block_values,
     group_separation,
     high_harmonics,
     pair_effects,
@@ -149,7 +150,7 @@ def tried(
     stuck = share > MIXING
     made = 0
     if not stuck.any():
-        apart = group_separation(B, period, groups)
+        apart = group_separation(block_values(B, groups), period, groups)
         apart = replace(apart, swing=np.minimum(apart.swing, LARGEST_SWING))
         resolved = SLOW_PART * apart.gap < np.pi / period * len(A)
         allowed = tol * np.maximum(1, np.abs(modes.values).min(axis=0))[:, None]
@@ -216,4 +217,5 @@ def with_evidence(
     hidden = hidden_effect(coupled, rounding)
     parted = np.diagonal(done.residual) < 0.3 * allowed + noise
     parted |= np.diagonal(hidden) > allowed  # more nodes would not help
-    return replace(done, residual=done.residual + hidden, rounding=rounding), apart < 0.1 * allowed + noise, parted
+    stated = replace(done, residual=done.residual + hidden, rounding=rounding, coupled=coupled)
+    return stated, apart < 0.1 * allowed + noise, parted

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array, times
+from flexlin.periodic.decoupling.coupling import Coupled
 from flexlin.periodic.decoupling.grouping import Group
 from flexlin.periodic.decoupling.waves import interpolated
 from flexlin.periodic.system import PeriodicSystem
@@ -28,6 +29,7 @@ class Decoupled:
     real groups whose real basis changes sign after a period; T holds it times exp(-i pi t / T).
     residual (n, n): bound of what elimination of the coupling adds to the blocks; rounding (n, n): of B's entries; in 1/s.
     growth: by how much two modes may grow against each other within the period, the logarithm, where compiled code has looked.
+    coupled: what was computed of its coupling, where that was looked at.
     """
 
     period: float
@@ -41,6 +43,7 @@ class Decoupled:
     rounding: Array
     rounds: int
     growth: float | None = None
+    coupled: Coupled | None = None
 
     def __repr__(self) -> str:
         sizes = [group.size for group in self.groups]

@@ -1,12 +1,14 @@
 """Floquet exponents of a decoupled system, each with its error."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache, partial
 
 import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.circle import wrap_log
-from flexlin.periodic.decoupling.coupling import Coupled, block_values
+from flexlin.periodic.decoupling.coupling import Coupled
 from flexlin.periodic.decoupling.decoupled import Decoupled
 from flexlin.periodic.decoupling.grouping import block_mask, connected
 from flexlin.periodic.decoupling.hidden import link_modes
@@ -48,9 +50,10 @@ def exponents_in_place(decoupled: Decoupled, tol: float, tame_only: bool) -> tup
     """The exponents (n,) in the order of the modes, and the three parts of their errors (3, n)."""
     n = decoupled.generator.shape[-1]
     values, parts = np.zeros(n, complex), np.zeros((3, n))
+    enclose = cache(partial(enclosures, decoupled))
     single = [i for i, group in enumerate(decoupled.groups) if group.size == 1 and group.partner >= i]
     places = [decoupled.groups[i].start for i in single]
-    values[places], parts[:, places] = singles(decoupled, single)
+    values[places], parts[:, places] = singles(decoupled, single, enclose)
     for i, group in enumerate(decoupled.groups):
         if group.partner < i:
             mate = decoupled.groups[group.partner].part
@@ -58,17 +61,17 @@ def exponents_in_place(decoupled: Decoupled, tol: float, tame_only: bool) -> tup
         elif group.size > 1:
             with np.errstate(over="ignore", invalid="ignore"):  # what overflows comes out unresolved and is enclosed
                 linked = not tame_only and is_linked(decoupled, i)
-                found = enclose_linked(decoupled, i) if linked else several(decoupled, i, tol, tame_only)
+                found = enclose_linked(decoupled, i, enclose()) if linked else several(decoupled, i, tol, tame_only)
                 values[group.part], parts[0, group.part] = found
     return values, parts
 
 
-def enclose_linked(decoupled: Decoupled, index: int) -> tuple[Array, Array]:
-    """The exponents of a larger group by its mean, enclosed by what it and all that is linked to it may do."""
+def enclose_linked(decoupled: Decoupled, index: int, enclosed: Array) -> tuple[Array, Array]:
+    """The exponents of a larger group by its mean, enclosed by what it and all that is linked to it may do (`enclosures`)."""
     group = decoupled.groups[index]
     own, mean = decoupled.traceless(index)
     values, reach = bounded(own, mean, group.size, decoupled.period)
-    return values, np.maximum(reach, enclosures(decoupled)[group.part].max())
+    return values, np.maximum(reach, enclosed[group.part].max())
 
 
 def is_linked(decoupled: Decoupled, index: int) -> bool:
@@ -77,10 +80,10 @@ def is_linked(decoupled: Decoupled, index: int) -> bool:
     return bool(SAFETY * decoupled.residual[part, part].max() * decoupled.period > UNRESOLVED)
 
 
-def singles(decoupled: Decoupled, indices: list[int]) -> tuple[Array, Array]:
+def singles(decoupled: Decoupled, indices: list[int], enclose: Callable[[], Array]) -> tuple[Array, Array]:
     """The exponents (s,) of groups of one, and their three errors (3, s).
 
-    Where the coupling's bound exceeds what the real parts of the coupled modes enclose, the enclosure counts.
+    Where the coupling's bound exceeds what the real parts of the coupled modes `enclose`, the enclosure counts.
     """
     groups = [decoupled.groups[i] for i in indices]
     places = [group.start for group in groups]
@@ -92,15 +95,16 @@ def singles(decoupled: Decoupled, indices: list[int]) -> tuple[Array, Array]:
     coupling = SAFETY * decoupled.residual[places, places]
     loose = coupling * decoupled.period > UNRESOLVED
     if loose.any():
-        coupling[loose] = np.minimum(coupling, enclosures(decoupled)[places])[loose]
+        coupling[loose] = np.minimum(coupling, enclose()[places])[loose]
     return values, np.array([apart, coupling, SAFETY * decoupled.rounding[places, places]])
 
 
 def enclosures(decoupled: Decoupled) -> Array:
     """How far the exponent of each mode may lie from its mean, (n,), when modes that are linked may take each other's place at any time."""
     B, groups, period = decoupled.generator, decoupled.groups, decoupled.period
-    member = connected(link_modes(Coupled(B, period, groups), decoupled.rounding) | block_mask(groups))
-    real = block_values(B, groups).real
+    coupled = decoupled.coupled or Coupled(B, period, groups)
+    member = connected(link_modes(coupled, decoupled.rounding) | block_mask(groups))
+    real = coupled.values.real
     reach = np.abs(real[:, :, None] - np.einsum("tii->ti", B).real[:, None, :])
     most = np.where(member[:, None] == member, reach, 0).max(axis=1)
     return np.hypot(most.mean(axis=0), np.pi / period)
