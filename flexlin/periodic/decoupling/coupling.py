@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.decoupling.grouping import Group, block_mask
 from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, sylvester
 from flexlin.periodic.decoupling.waves import harmonics
@@ -15,12 +16,13 @@ from flexlin.periodic.decoupling.waves import harmonics
 class Separation:
     """How far the groups of each pair of modes stay apart (n, n): least gap of eigenvalues at the nodes, and on the straight lines
     between them too; the gap's ratio to the least difference of real parts of one sign (inf: none); how much one may grow against
-    the other within the period. outside: not in one group."""
+    the other within the period; the distance of their exponents, zero where one is not alone. outside: not in one group."""
 
     gap: Array
     crossing: Array
     oblique: Array
     swing: Array
+    beat: Array
     outside: Array
 
 
@@ -68,14 +70,16 @@ def group_separation(values: Array, period: float, groups: tuple[Group, ...]) ->
     apart = values[:, :, None] - values[:, None, :]
     gap = least(np.abs(apart).min(axis=0))
     single = np.repeat(size, size) == 1
-    crossing = np.where(single[:, None] & single, nearest_on_chords(apart), gap)
+    both, logs = single[:, None] & single, values.mean(axis=0) * period
+    crossing = np.where(both, nearest_on_chords(apart), gap)
+    beat = np.where(both, measure_distances(logs, logs) / period, 0)
     above = least((values.real[:, :, None] - values.real[:, None, :]).min(axis=0))
     damping = np.maximum(0, np.maximum(above, above.T))
     mean = np.repeat(np.add.reduceat(values.real, starts, axis=1) / size, size, axis=1)
     run = np.cumsum(mean - mean.mean(axis=0), axis=0) * period / len(values)
     swing = np.ptp(run[:, :, None] - run[:, None, :], axis=0)
     oblique = np.divide(gap, damping, out=np.full_like(gap, np.inf), where=damping > 0)
-    return Separation(gap, crossing, oblique, np.exp(np.minimum(swing, 600.0)), ~block_mask(groups))
+    return Separation(gap, crossing, oblique, np.exp(np.minimum(swing, 600.0)), beat, ~block_mask(groups))
 
 
 def nearest_on_chords(z: Array) -> Array:
@@ -89,7 +93,20 @@ def nearest_on_chords(z: Array) -> Array:
 def pair_effects(B: Array, S: Array, apart: Separation, rough: Array) -> Array:
     """What the elimination of mode j does to mode i at most (n, n), in 1/s; rough (n, n): the part of B_ij that may meet a resonance."""
     second = np.abs(B).max(axis=0) * np.abs(S).max(axis=0).T
-    return np.where(apart.outside, combined(second, np.sqrt(rough * rough.T), apart.oblique, apart.swing), 0)
+    return np.where(
+        apart.outside, combined(second, np.sqrt(rough * rough.T), apart.oblique, soften_swing(apart, rough)), 0
+    )
+
+
+def soften_swing(apart: Separation, rough: Array) -> Array:
+    """What multiplies the coupling c of two modes in resonance (n, n), so that its effect is that of [[0, c], [c, beat]] at most.
+
+    min(c, 2 c^2 / beat),   c = sqrt(|R_ij R_ji|) swing,   beat the distance of the exponents less what resonances do to either
+    """
+    c = np.where(apart.outside, np.sqrt(rough * rough.T) * apart.swing, 0)
+    reach = c.sum(axis=1)
+    beat = np.maximum(apart.beat - reach[:, None] - reach, 2 * c)
+    return apart.swing * np.divide(2 * c, beat, out=np.ones_like(c), where=beat > 0)
 
 
 def combined(second: Array, first: Array, oblique: Array, swing: Array) -> Array:
@@ -106,7 +123,8 @@ def residual_effect(coupled: Coupled) -> Array:
 
     Where the real parts of two groups stay apart by r, elimination needs no smoothness and costs gap / r more. Elsewhere the
     harmonics of R above SLOW_PART of the gap could meet the modes' beat in resonance: they enter at first order,
-    sqrt(|R_kj R_jl|), times what one mode may grow against the other within the period.
+    c = sqrt(|R_kj R_jl|) times what one mode may grow against the other within the period; of two single modes whose exponents stay
+    apart by more, modulo 2 pi i / T, at second order, as the eigenvalues of [[0, c], [c, beat]].
 
     Source: Coppel, Dichotomies in Stability Theory (1978), for the first; Yakubovich, Starzhinskii (1975), IV, for the second.
     """
@@ -114,18 +132,18 @@ def residual_effect(coupled: Coupled) -> Array:
     R = np.where(apart.outside, coupled.B, 0)
     X, Z = np.abs(R).max(axis=0), np.abs(coupled.S).max(axis=0)
     rough = np.abs(high_harmonics(R, coupled.period, apart.crossing)).max(axis=0)
-    total = np.zeros_like(X)
+    total, swing = np.zeros_like(X), soften_swing(apart, rough)
     for g in coupled.groups:
         second = np.einsum("kj,jl->kjl", X[g.part], Z[:, g.part])
         first = np.sqrt(np.einsum("kj,jl->kjl", rough[g.part], rough[:, g.part]))
-        both = combined(second, first, apart.oblique[g.part, :, None], apart.swing[g.part, :, None])
+        both = combined(second, first, apart.oblique[g.part, :, None], swing[g.part, :, None])
         total[g.part, g.part] = np.where(apart.outside[g.part, :, None], both, 0).sum(axis=1)
     return total
 
 
 def high_harmonics(R: Array, period: float, gap: Array) -> Array:
-    """The part of the coupling whose frequencies lie above SLOW_PART of the gap."""
+    """The part of couplings (N, ...) whose frequencies lie above SLOW_PART of their gaps (...)."""
     frequency = 2 * np.pi / period * np.abs(harmonics(len(R)))
     spectrum = np.fft.fft(R, axis=0)
-    spectrum[frequency[:, None, None] < SLOW_PART * gap] = 0
+    spectrum[frequency.reshape(-1, *[1] * gap.ndim) < SLOW_PART * gap] = 0
     return np.fft.ifft(spectrum, axis=0)

@@ -16,7 +16,14 @@ from flexlin.periodic.decoupling.coupling import (
 )
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.frames import periodic_frame
-from flexlin.periodic.decoupling.grouping import Group, Modes, follow_modes, grouped_modes
+from flexlin.periodic.decoupling.grouping import (
+    Eigenvectors,
+    Group,
+    Modes,
+    find_eigenvectors,
+    follow_modes,
+    grouped_modes,
+)
 from flexlin.periodic.decoupling.hidden import hidden_effect
 from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, low_harmonics, mixing, rounds, sylvester
 from flexlin.periodic.decoupling.waves import aliasing, circle_derivative, interleaved, shifted, smooth, tail
@@ -24,15 +31,19 @@ from flexlin.periodic.product.perturbation import COHERENT
 from flexlin.periodic.system import MatrixFunction
 
 Uncertainty = Callable[[Array, Array, Array], Array]
-FIRST_NODES, MAX_NODES = 64, 256
+FIRST_NODES, MAX_NODES = 32, 256
 ADIABATIC = 0.05
 """Modes stay together where the basic frequency exceeds this part of the gap between their eigenvalues at some time."""
 MIXING = 0.1
 """Modes that a first step would mix by more than this stay together."""
+PART = 0.1
+"""The part of what is allowed that rounds aim at for each pair: the couplings of a group add up, and it may amplify them."""
 LARGEST_SWING = 1e3
 """Modes that may grow against each other by more than this are not put together for that reason: it would not help them."""
 SETTLED, WORST = 1e-3, 0.3
 """While modes are still mixed by more than SETTLED, only those are put together that mix by at least the part WORST of the strongest."""
+HOPELESS = 300.0
+"""On the fewest nodes, modes are put together only where their coupling exceeds what is allowed by this factor: others may part on more."""
 MAX_ROUNDS, MAX_MERGES = 14, 12
 ROUGH = 1e-3
 """Coefficients whose upper harmonics are larger than this part of the largest need more nodes."""
@@ -96,47 +107,72 @@ def decouple(
             return Refusal(f"the coefficients are not resolved by {count} nodes")
         samples = interleaved(samples, A(period / count * (np.arange(count) + 0.5)))
         count, before, roughness = 2 * count, roughness, tail(samples)
-        if roughness > 0.2 * before:
+        if count > 2 * FIRST_NODES and roughness > 0.2 * before:
             return Refusal(
                 "the coefficients' harmonics fall off too slowly: a break that is not named, or a narrow feature"
             )
+    try:
+        return decouple_on_more(A, samples, period, tol, uncertainty, tries)
+    except np.linalg.LinAlgError:
+        return Refusal("the eigenvectors of A(t) depend on each other at some time")
+
+
+def decouple_on_more(
+    A: MatrixFunction, samples: Array, period: float, tol: float, uncertainty: Uncertainty | None, tries: int
+) -> Decoupled | Refusal:
+    """Decouple on nodes at which A is given (N, n, n), and on twice as many until nodes half-way between agree.
+
+    Raises: LinAlgError where the eigenvectors of A(t) depend on each other at a node.
+    """
+    found, joined = find_eigenvectors(samples), np.zeros(samples.shape[1:], bool)
     while True:
-        built = built_on(samples, period, tol, tries)
+        count = len(samples)
+        built = built_on(samples, found, joined, period, tol, tries)
         if isinstance(built, Refusal):
             return built
         between = A(period / count * (np.arange(count) + 0.5))
-        found, settled = checked(built, samples, between, tol, uncertainty)
-        if settled or count == MAX_NODES:
-            return found
-        samples, count = interleaved(samples, between), 2 * count
+        if built is not None:
+            answer, settled = checked(built, samples, between, tol, uncertainty)
+            if settled or count == MAX_NODES:
+                return answer
+        more = find_eigenvectors(between)
+        samples = interleaved(samples, between)
+        found = (interleaved(found[0], more[0]), interleaved(found[1], more[1]), interleaved(found[2], more[2]))
 
 
-def built_on(samples: Array, period: float, tol: float, tries: int) -> Decoupled | Refusal:
-    """Group, build the frame and make the rounds on one set of nodes, putting modes together that do not part."""
-    try:
-        modes = follow_modes(samples)
-    except np.linalg.LinAlgError:
-        return Refusal("the eigenvectors of A(t) depend on each other at some time")
+def built_on(
+    samples: Array, found: Eigenvectors, joined: Array, period: float, tol: float, tries: int
+) -> Decoupled | Refusal | None:
+    """Group, build the frame and make the rounds on one set of nodes, putting modes together that do not part.
+
+    On the fewest nodes, None where more may part what does not; what they would not part is added to `joined` (n, n).
+    """
+    few = len(samples) == FIRST_NODES
+    modes = follow_modes(found)
     apart = np.abs(modes.values[:, :, None] - modes.values[:, None, :]).min(axis=0)
-    together = apart < 2 * np.pi / period / ADIABATIC
+    together = joined | (apart < 2 * np.pi / period / ADIABATIC)
     for _ in range(tries):
         columns, groups = grouped_modes(modes, together)
         if len(groups) == 1:
-            return Refusal("no eigenvalues of A(t) stand apart from the others along the period")
+            return None if few else Refusal("no eigenvalues of A(t) stand apart from the others along the period")
         found = tried(modes.taken(columns), groups, samples, period, tol)
         if found is None:
-            return Refusal("a group's basis has no real continuation around the period")
-        decoupled, stuck = found
+            return None if few else Refusal("a group's basis has no real continuation around the period")
+        decoupled, stuck, excess = found
         if not stuck.any():
             return decoupled
-        together[np.ix_(columns, columns)] |= stuck | stuck.T
+        if few and excess < HOPELESS:
+            return None
+        pairs = np.ix_(columns, columns)
+        together[pairs] |= stuck | stuck.T
+        joined[pairs] |= few & (stuck | stuck.T)
     return Refusal("the coupling between groups of modes does not shrink")
 
 
 def tried(
     modes: Modes, groups: tuple[Group, ...], A: Array, period: float, tol: float
-) -> tuple[Decoupled, Array] | None:
-    """Decouple given groups on the nodes, and the pairs of modes (n, n) whose coupling stays too large."""
+) -> tuple[Decoupled, Array, float] | None:
+    """Decouple given groups on the nodes; the pairs of modes (n, n) whose coupling stays too large, and by which factor at the most."""
     framed = periodic_frame(modes, groups)
     if framed is None:
         return None
@@ -147,27 +183,36 @@ def tried(
     )
     S = sylvester(B, groups)
     share = mixing(S)
-    stuck = share > MIXING
-    made = 0
+    stuck, excess, made = share > MIXING, np.inf, 0
     if not stuck.any():
-        apart = group_separation(block_values(B, groups), period, groups)
-        apart = replace(apart, swing=np.minimum(apart.swing, LARGEST_SWING))
-        resolved = SLOW_PART * apart.gap < np.pi / period * len(A)
         allowed = tol * np.maximum(1, np.abs(modes.values).min(axis=0))[:, None]
-
-        def effect(B: Array, S: Array) -> float:
-            return float((pair_effects(B, S, apart, np.abs(B).max(axis=0) * resolved) / allowed).max())
-
-        T, B, S, made = rounds(
-            B, T, S, groups, lambda S: low_harmonics(S, period, apart.gap, turning), effect, MAX_ROUNDS
-        )
-        rough = np.abs(high_harmonics(B, period, apart.gap)).max(axis=0)
-        stuck = pair_effects(B, S, apart, rough) > 0.1 * allowed + transformation_noise(T, A)
-        share = mixing(S)
+        T, B, S, made, left = part_groups(T, B, S, groups, period, turning, allowed)
+        stuck = left > 0.1 * allowed + transformation_noise(T, A)
+        share, excess = mixing(S), float((left / allowed)[stuck].max(initial=0.0))
     if (strongest := share[stuck].max(initial=0.0)) > SETTLED:
         stuck &= share >= WORST * strongest
     none = np.zeros(stuck.shape)
-    return Decoupled(period, np.empty(0), T, T, B, groups, framed[1], none, none, made), stuck
+    return Decoupled(period, np.empty(0), T, T, B, groups, framed[1], none, none, made), stuck, excess
+
+
+def part_groups(
+    T: Array, B: Array, S: Array, groups: tuple[Group, ...], period: float, turning: Array, allowed: Array
+) -> tuple[Array, Array, Array, int, Array]:
+    """Make the rounds: T, B, S, how many were made, and what the coupling that is left does to each mode by each other one (n, n)."""
+    apart = group_separation(block_values(B, groups) + 1j * np.pi / period * turning, period, groups)
+    apart = replace(apart, swing=np.minimum(apart.swing, LARGEST_SWING))
+    i, j = np.nonzero(apart.outside & (SLOW_PART * apart.gap < np.pi / period * len(B)))
+
+    def measure(B: Array, S: Array) -> Array:
+        rough = np.zeros(apart.gap.shape)
+        rough[i, j] = np.abs(high_harmonics(B[:, i, j], period, apart.gap[i, j])).max(axis=0)
+        return pair_effects(B, S, apart, rough)
+
+    def effect(B: Array, S: Array) -> float:
+        return float((measure(B, S) / (PART * allowed)).max())
+
+    T, B, S, made = rounds(B, T, S, groups, lambda S: low_harmonics(S, period, apart.gap, turning), effect, MAX_ROUNDS)
+    return T, B, S, made, measure(B, S)
 
 
 def transformation_noise(T: Array, A: Array) -> Array:

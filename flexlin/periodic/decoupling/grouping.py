@@ -9,6 +9,8 @@ from flexlin.periodic.assignment import assign
 
 AMBIGUOUS = 0.3
 """Two modes whose vectors share more than this part from one node to the next are not distinguished."""
+Eigenvectors = tuple[Array, Array, Array]
+"""Eigenvalues (N, n), right vectors (N, n, n) as columns and left ones (N, n, n) as rows, at nodes."""
 
 
 @dataclass(frozen=True)
@@ -54,15 +56,19 @@ class Group:
         return slice(self.start, self.stop)
 
 
-def follow_modes(A: Array, closed: bool = True) -> Modes:
-    """Eigenvalues and vectors of A (N, n, n) at the nodes of a closed curve or of an open one, in one order.
+def find_eigenvectors(A: Array) -> Eigenvectors:
+    """Eigenvalues and vectors of A (N, n, n). Raises: LinAlgError where the vectors of a node depend on each other."""
+    values, right = np.linalg.eig(A)
+    right = right.astype(complex)
+    return values.astype(complex), right, np.linalg.inv(right)
+
+
+def follow_modes(found: Eigenvectors, closed: bool = True) -> Modes:
+    """Eigenvalues and vectors at the nodes of a closed curve or of an open one, in one order: that of the first node.
 
     The share |w_i(t_k) v_j(t_k+1) w_j(t_k+1) v_i(t_k)| does not depend on the vectors' lengths; the best matching is taken.
-    Raises: LinAlgError where the vectors of a node depend on each other.
     """
-    values, right = np.linalg.eig(A)
-    values, right = values.astype(complex), right.astype(complex)
-    left = np.linalg.inv(right)
+    values, right, left = found
     share = np.abs((left @ np.roll(right, -1, 0)) * np.swapaxes(np.roll(left, -1, 0) @ right, 1, 2))
     order, near = matched(share, closed)
     values = np.take_along_axis(values, order, 1)

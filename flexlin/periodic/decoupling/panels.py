@@ -11,7 +11,7 @@ from flexlin.periodic.circle import match_logs
 from flexlin.periodic.decoupling.decoupled import Refusal, as_real
 from flexlin.periodic.decoupling.exponents import DecoupledExponents
 from flexlin.periodic.decoupling.frames import open_frame
-from flexlin.periodic.decoupling.grouping import Group, follow_modes, grouped_modes
+from flexlin.periodic.decoupling.grouping import Group, find_eigenvectors, follow_modes, grouped_modes
 from flexlin.periodic.decoupling.interval import KEPT, filter_interval, integrate_interval, sample_interval
 from flexlin.periodic.decoupling.several import SAFETY, UNRESOLVED
 from flexlin.periodic.decoupling.superadiabatic import mixing, rounds, sylvester
@@ -110,7 +110,7 @@ def decouple_panel(A: MatrixFunction, start: float, stop: float, count: int, mos
     half = (stop - start) / 2
     samples = A(start + half * (1 + chebyshev_nodes(count)))
     try:
-        modes = follow_modes(samples, closed=False)
+        modes = follow_modes(find_eigenvectors(samples), closed=False)
     except np.linalg.LinAlgError:
         return Refusal("the eigenvectors of A(t) depend on each other at some time")
     together = np.abs(modes.values[:, :, None] - modes.values[:, None, :]).min(axis=0) < GAP / (stop - start)

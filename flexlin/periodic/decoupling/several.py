@@ -1,6 +1,7 @@
 """Exponents of a group of several modes: a small system without fast modes, whose errors follow from left and right Floquet vectors."""
 
 from collections.abc import Callable
+from math import log
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ from flexlin.periodic.assignment import assign
 from flexlin.periodic.circle import pair_conjugates, wrap_angle, wrap_log
 from flexlin.periodic.decoupling.decoupled import Decoupled, as_real
 from flexlin.periodic.decoupling.group_factors import GroupSeries, fit_group
-from flexlin.periodic.decoupling.tame import tame_exponents
+from flexlin.periodic.decoupling.tame import LARGEST_GROWTH, tame_exponents
 from flexlin.periodic.decoupling.waves import aliasing, shifted
 from flexlin.periodic.product.balancing import balance_factors, count_groupings, multiply_pairs
 from flexlin.periodic.product.eigenvalues import product_logs
@@ -28,6 +29,8 @@ LARGEST, AIM = 0.6, 0.2
 FEW, MOST, RESOLVED, DEAR = 500, 6000, 300.0, 5e6
 """Larger groups are only enclosed that need more segments than MOST; or while their modes part by more than exp(RESOLVED) in a period, so
 many that times the third power of the states they exceed DEAR, complex groups more than FEW: their modes mostly take turns then."""
+WILD = 2 * log(LARGEST_GROWTH)
+"""Modes of which the eigenvalues part by more within a period, in logarithms, are not tame."""
 UNRESOLVED = 0.5
 """Logs of multipliers with larger errors are ill-conditioned beyond measuring; their group is only enclosed."""
 SAFETY, METHOD = 3.0, 2.0
@@ -54,13 +57,13 @@ def several(decoupled: Decoupled, index: int, tol: float = 1e-9, tame_only: bool
     values, mean = decoupled.traceless(index)
     real = group.partner == index
     unknown = find_unknown(decoupled, index)
-    tame = tame_exponents(values, period, unknown) if real else None
+    segments, spread = group_segments(values, period, mean, tol)
+    tame = tame_exponents(values, period, unknown) if real and spread < WILD else None
     if tame is not None:
         logs, errors = pair_conjugates(*tame)
         return mean + logs / period, errors / period
     if tame_only:
         return np.full(group.size, mean), np.full(group.size, np.inf)
-    segments, spread = group_segments(values, period, mean, tol)
     most = min(MOST, DEAR / group.size**3 if real else FEW) if spread > RESOLVED else MOST
     if segments > most:
         return bounded(values, mean, group.size, period)
