@@ -95,7 +95,7 @@ def decouple(
     ...     return A
     >>> decoupled = decouple(A, 2 * np.pi)
     >>> decoupled
-    Decoupled(n=2, groups=[1, 1], nodes=128, rounds=1)
+    Decoupled(n=2, groups=[1, 1], nodes=64, rounds=1)
     """
     if breaks:
         return Refusal("the coefficients have breaks")
@@ -124,10 +124,10 @@ def decouple_on_more(
 
     Raises: LinAlgError where the eigenvectors of A(t) depend on each other at a node.
     """
-    found, joined = find_eigenvectors(samples), np.zeros(samples.shape[1:], bool)
+    vectors, joined = find_eigenvectors(samples), np.zeros(samples.shape[1:], bool)
     while True:
         count = len(samples)
-        built = built_on(samples, found, joined, period, tol, tries)
+        built = built_on(samples, vectors, joined, period, tol, tries)
         if isinstance(built, Refusal):
             return built
         between = A(period / count * (np.arange(count) + 0.5))
@@ -137,18 +137,18 @@ def decouple_on_more(
                 return answer
         more = find_eigenvectors(between)
         samples = interleaved(samples, between)
-        found = (interleaved(found[0], more[0]), interleaved(found[1], more[1]), interleaved(found[2], more[2]))
+        vectors = tuple(interleaved(*each) for each in zip(vectors, more, strict=True))
 
 
 def built_on(
-    samples: Array, found: Eigenvectors, joined: Array, period: float, tol: float, tries: int
+    samples: Array, vectors: Eigenvectors, joined: Array, period: float, tol: float, tries: int
 ) -> Decoupled | Refusal | None:
     """Group, build the frame and make the rounds on one set of nodes, putting modes together that do not part.
 
     On the fewest nodes, None where more may part what does not; what they would not part is added to `joined` (n, n).
     """
     few = len(samples) == FIRST_NODES
-    modes = follow_modes(found)
+    modes = follow_modes(vectors)
     apart = np.abs(modes.values[:, :, None] - modes.values[:, None, :]).min(axis=0)
     together = joined | (apart < 2 * np.pi / period / ADIABATIC)
     for _ in range(tries):

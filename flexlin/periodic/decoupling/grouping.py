@@ -9,7 +9,7 @@ from flexlin.periodic.assignment import assign
 
 AMBIGUOUS = 0.3
 """Two modes whose vectors share more than this part from one node to the next are not distinguished."""
-Eigenvectors = tuple[Array, Array, Array]
+Eigenvectors = tuple[Array, ...]
 """Eigenvalues (N, n), right vectors (N, n, n) as columns and left ones (N, n, n) as rows, at nodes."""
 
 

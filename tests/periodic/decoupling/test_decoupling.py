@@ -10,6 +10,8 @@ from scipy.optimize import linear_sum_assignment
 
 import flexlin as fl
 from flexlin.errors import TooManySegments
+from flexlin.periodic.circle import measure_distances
+from flexlin.periodic.decoupling.coupling import Coupled, residual_effect
 from flexlin.periodic.decoupling.decouple import decouple
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.exponents import decoupled_exponents
@@ -319,3 +321,56 @@ def test_a_group_claims_what_the_worst_signs_of_the_unknown_do(seed):
         apart = np.abs(gap - 1j * w * np.round(gap.imag / w))
         found = apart.argmin(axis=0)
         assert (apart.min(axis=0) <= answer.errors[found]).all()
+
+
+def test_resonances_move_exponents_by_no_more_than_is_bounded():
+    """Two modes that a harmonic brings into resonance, against their multipliers: at first order where they beat slowly, else at second."""
+    rng, t, steps = np.random.default_rng(7), 2 * np.pi * np.arange(64) / 64, 2 * np.pi * (np.arange(400) + 0.5) / 400
+    softer = []
+    for _ in range(20):
+        gap, c = rng.integers(6, 20), 10 ** rng.uniform(-5, -2)
+        mean = np.array([0, 1j * gap + rng.choice([0.0, 0.3]) * (rng.standard_normal(2) @ [1, 1j])])
+        swing, size = 0.3 * rng.standard_normal((2, 2)) @ [1, 1j], c * rng.uniform(0.5, 1, 2)
+
+        def B(t, mean=mean, gap=gap, swing=swing, size=size):
+            values = np.zeros((len(t), 2, 2), complex)
+            values[:, [0, 1], [0, 1]] = mean + swing * np.cos(t)[:, None]
+            values[:, 0, 1], values[:, 1, 0] = size[0] * np.exp(-1j * gap * t), size[1] * np.exp(1j * gap * t)
+            return values
+
+        coupled = Coupled(B(t), 2 * np.pi, (Group(0, 1, 0), Group(1, 2, 1)))
+        phases = np.exp(
+            1j * gap * np.outer(steps, [0, 1])
+        )  # turns with the second mode, so that one factor serves a long step
+        slow = phases.conj()[:, :, None] * B(steps) * phases[:, None, :] - 1j * gap * np.diag([0, 1])
+        whole = np.eye(2)
+        for factor in expm(2 * np.pi / 400 * slow):
+            whole = factor @ whole
+        logs = np.log(np.linalg.eigvals(whole))
+        moved = measure_distances(2 * np.pi * (mean - [0, 1j * gap]), logs).min(axis=1) / (2 * np.pi)
+        bound = np.diagonal(residual_effect(coupled))
+        assert np.all(moved <= 1.05 * bound + 1e-7 * c)
+        softer.append(bound.max() / c)
+    assert min(softer) < 0.02
+    assert max(softer) > 0.3
+
+
+def test_modes_that_part_on_more_nodes_only_are_not_put_together():
+    """A fast turn, x = R(t) z, z' = D z: a few nodes leave a coupling that more take away, so the exponents are those of D."""
+    D = np.diag([-1.0, -1500.0, -3000.0])
+
+    def A(t):
+        angle, rate = 0.2 * np.sin(7 * t), 1.4 * np.cos(7 * t)
+        R, turned = np.zeros((2, len(t), 3, 3))
+        R[:, 2, 2] = 1
+        R[:, 0, 0] = R[:, 1, 1] = np.cos(angle)
+        R[:, 1, 0], R[:, 0, 1] = np.sin(angle), -np.sin(angle)
+        turned[:, 1, 0], turned[:, 0, 1] = rate, -rate
+        return turned + R @ D @ np.swapaxes(R, 1, 2)
+
+    done = decouple(A, 2 * np.pi)
+    assert [group.size for group in done.groups] == [1, 1, 1]
+    assert len(done.times) > 64
+    found = decoupled_exponents(done)
+    assert np.all(np.abs(found.exponents - np.diagonal(D)) <= found.errors + 1e-12)
+    assert found.errors.max() < 1e-9 * 3000

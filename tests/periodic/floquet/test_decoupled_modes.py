@@ -110,7 +110,7 @@ def test_modes_that_coincide_are_right_or_left_to_others(apart, coupling):
     assert sorted(group.size for group in decoupled.groups) == [1, 4]
     exponents = decoupled_exponents(decoupled).exponents
     modes = solve_decoupled_modes(decoupled, exponents)
-    if apart == coupling == 0.0:
-        assert modes is None
+    if modes is None:
+        assert apart == coupling == 0.0
     else:
         assert miss(modes[0], A(decoupled.times), exponents, 2 * np.pi).max() < 1e-12
