@@ -355,22 +355,11 @@ def test_resonances_move_exponents_by_no_more_than_is_bounded():
     assert max(softer) > 0.3
 
 
-def test_modes_that_part_on_more_nodes_only_are_not_put_together():
-    """A fast turn, x = R(t) z, z' = D z: a few nodes leave a coupling that more take away, so the exponents are those of D."""
-    D = np.diag([-1.0, -1500.0, -3000.0])
-
-    def A(t):
-        angle, rate = 0.2 * np.sin(7 * t), 1.4 * np.cos(7 * t)
-        R, turned = np.zeros((2, len(t), 3, 3))
-        R[:, 2, 2] = 1
-        R[:, 0, 0] = R[:, 1, 1] = np.cos(angle)
-        R[:, 1, 0], R[:, 0, 1] = np.sin(angle), -np.sin(angle)
-        turned[:, 1, 0], turned[:, 0, 1] = rate, -rate
-        return turned + R @ D @ np.swapaxes(R, 1, 2)
-
-    done = decouple(A, 2 * np.pi)
-    assert [group.size for group in done.groups] == [1, 1, 1]
-    assert len(done.times) > 64
-    found = decoupled_exponents(done)
-    assert np.all(np.abs(found.exponents - np.diagonal(D)) <= found.errors + 1e-12)
-    assert found.errors.max() < 1e-9 * 3000
+def test_modes_that_part_on_more_nodes_only_are_not_put_together(monkeypatch):
+    """Two fast pairs of a stiff chain turn too fast for 32 nodes: there they would be one group, enclosed by what its modes part by."""
+    monkeypatch.setitem(scaling.LINK, "bending_stiffness", 2000.0)
+    scene = scaling.scene_of(2, 3)
+    system = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control).periodic_system()
+    done = decouple(system.resolved, system.period, tol=1e-8)
+    assert sorted(group.size for group in done.groups) == [1] * 12 + [4]
+    assert len(done.times) == 128
