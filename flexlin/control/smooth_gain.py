@@ -15,8 +15,8 @@ COUNTS = (32, 64, 128, 256, 512)
 CHECKS, BETTER = 97, 3.0
 """Times at which series and gain are compared, and the factor by which more nodes must come nearer to be worth it."""
 
-WITHIN = np.array([0.13, 0.61])
-"""Where in each panel, too."""
+WITHIN = np.array([0.003, 0.03, 0.13, 0.25, 0.39, 0.51, 0.61, 0.74, 0.87, 0.96, 0.993])
+"""Where in each panel, too: a gain that rounding moves has corners where its polynomials meet."""
 
 EPS = float(np.finfo(float).eps)
 MOST_WAVES = 200
