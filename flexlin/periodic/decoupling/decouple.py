@@ -26,8 +26,17 @@ from flexlin.periodic.decoupling.grouping import (
 )
 from flexlin.periodic.decoupling.hidden import hidden_effect
 from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, low_harmonics, mixing, rounds, sylvester
-from flexlin.periodic.decoupling.waves import aliasing, circle_derivative, interleaved, shifted, smooth, tail
+from flexlin.periodic.decoupling.waves import (
+    aliasing,
+    circle_derivative,
+    interleaved,
+    interpolated,
+    shifted,
+    smooth,
+    tail,
+)
 from flexlin.periodic.product.perturbation import COHERENT
+from flexlin.periodic.resolved.sampling import stratified
 from flexlin.periodic.system import MatrixFunction
 
 Uncertainty = Callable[[Array, Array, Array], Array]
@@ -49,6 +58,8 @@ ROUGH = 1e-3
 """Coefficients whose upper harmonics are larger than this part of the largest need more nodes."""
 SPARSE = 4
 """Means of rounding are taken at every so many nodes: it changes slowly."""
+STRAY, HIDDEN, ROUNDED = 16, 10.0, 1e-13
+"""Times on no grid at which A(t) is held against its nodes, and the factor, of what is seen and of an entry's size, that it may differ by."""
 EPS = float(np.finfo(float).eps)
 
 
@@ -111,16 +122,25 @@ def decouple(
             return Refusal(
                 "the coefficients' harmonics fall off too slowly: a break that is not named, or a narrow feature"
             )
+    between = A(period / count * (np.arange(count) + 0.5))
+    if hides_waves(A, period, samples, between):
+        return Refusal("the coefficients have harmonics that equidistant nodes take for others")
     try:
-        return decouple_on_more(A, samples, period, tol, uncertainty, tries)
+        return decouple_on_more(A, samples, between, period, tol, uncertainty, tries)
     except np.linalg.LinAlgError:
         return Refusal("the eigenvectors of A(t) depend on each other at some time")
 
 
 def decouple_on_more(
-    A: MatrixFunction, samples: Array, period: float, tol: float, uncertainty: Uncertainty | None, tries: int
+    A: MatrixFunction,
+    samples: Array,
+    between: Array,
+    period: float,
+    tol: float,
+    uncertainty: Uncertainty | None,
+    tries: int,
 ) -> Decoupled | Refusal:
-    """Decouple on nodes at which A is given (N, n, n), and on twice as many until nodes half-way between agree.
+    """Decouple on nodes at which A is given (N, n, n), as it is half-way between them, and on twice as many until both agree.
 
     Raises: LinAlgError where the eigenvectors of A(t) depend on each other at a node.
     """
@@ -130,7 +150,6 @@ def decouple_on_more(
         built = built_on(samples, vectors, joined, period, tol, tries)
         if isinstance(built, Refusal):
             return built
-        between = A(period / count * (np.arange(count) + 0.5))
         if built is not None:
             answer, settled = checked(built, samples, between, tol, uncertainty)
             if settled or count == MAX_NODES:
@@ -138,6 +157,19 @@ def decouple_on_more(
         more = find_eigenvectors(between)
         samples = interleaved(samples, between)
         vectors = tuple(interleaved(*each) for each in zip(vectors, more, strict=True))
+        between = A(period / len(samples) * (np.arange(len(samples)) + 0.5))
+
+
+def hides_waves(A: MatrixFunction, period: float, samples: Array, between: Array) -> bool:
+    """Whether A(t) departs, at times on no grid, from the series through its nodes by more than it does half-way between these.
+
+    N nodes and those half-way take a harmonic k for k - 2 m N, so they agree on a wave that is not there: only other times show it.
+    """
+    both = interleaved(samples, between)
+    t = period * stratified(STRAY)
+    apart = np.abs(interpolated(both, period, t) - A(t)).max(axis=0)
+    seen, size = np.abs(shifted(samples, 0.5) - between).max(axis=0), np.abs(both).max(axis=0)
+    return bool(np.any(apart > HIDDEN * (seen + ROUNDED * size) + EPS * size.max()))
 
 
 def built_on(

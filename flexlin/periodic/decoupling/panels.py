@@ -28,6 +28,8 @@ GAP = 20.0
 MIXED, LEFT = 0.1, 1e-7
 """Modes stay together that a first step would mix by more, or that stay mixed by more after the rounds."""
 MAX_MERGES, MAX_FACTORS = 8, 4000
+DOUBTFUL = 1e-2
+"""Error of a log beyond which it counts as unresolved beside others that are."""
 STAGES, STEP = 8, 2.0
 """Gauss stages of a factor, and the largest product of its length and an eigenvalue."""
 
@@ -99,6 +101,8 @@ def product_exponents(panels: list[tuple[Panel, Panel]], counts: list[int], peri
     moved = match_logs(logs, product_logs(np.concatenate(check)))[1]
     parts = np.array([SAFETY * moved, np.zeros(len(moved)), 2 * rounding])
     hopeless = ~(parts.sum(axis=0) < UNRESOLVED)
+    if hopeless.any():  # the two constructions are far apart: that a log moves by less may be chance
+        hopeless = ~(parts.sum(axis=0) < DOUBTFUL)
     widest = np.pi + float(np.sum([real_spread(fine) for fine, _ in panels]))
     parts[0, hopeless] = np.maximum(parts[0, hopeless], widest)
     parts /= period

@@ -188,6 +188,25 @@ def test_the_coupling_shrinks_with_the_rounds():
     assert max(sizes) < 1e-11
 
 
+@pytest.mark.parametrize("turns", [128, 129, 247])
+def test_harmonics_that_the_nodes_take_for_others_are_seen(turns):
+    """A plane that turns 129 times has the harmonic 258, which 64, 128 and 256 nodes take for 2: real exponents came out as pairs."""
+    w, spin = 2 * np.pi * turns, np.array([[0.0, -1.0], [1.0, 0.0]])
+
+    def A(t):
+        R = np.cos(w * t)[:, None, None] * np.eye(2) + np.sin(w * t)[:, None, None] * spin
+        values = np.zeros((len(t), 3, 3))
+        values[:, :2, :2] = w * spin + R @ np.array([[-0.5, 2.0], [0.0, -3.0]]) @ np.swapaxes(R, 1, 2)
+        values[:, 2, 2] = -1.2
+        return values
+
+    answer = decouple(A, 1.0)
+    assert isinstance(answer, Refusal)
+    assert "take for others" in answer.reason
+    found = fl.floquet(fl.PeriodicSystem(A, 1.0))
+    assert np.abs(np.sort(found.exponents) - [-3.0, -1.2, -0.5]).max() < found.error < 1e-8
+
+
 @pytest.mark.parametrize(
     ("A", "words"),
     [
