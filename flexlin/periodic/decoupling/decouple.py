@@ -59,7 +59,7 @@ ROUGH = 1e-3
 SPARSE = 4
 """Means of rounding are taken at every so many nodes: it changes slowly."""
 STRAY, HIDDEN, ROUNDED = 16, 10.0, 1e-13
-"""Times on no grid at which A(t) is held against its nodes, and the factor, of what is seen and of an entry's size, that it may differ by."""
+"""Times on no grid at which A(t) is held against its nodes, and by what factor it may differ by more than is seen, or than rounding."""
 EPS = float(np.finfo(float).eps)
 
 
