@@ -135,10 +135,12 @@ def refuse_signature(name: str, function: Callable[..., Any]) -> None:
 
 
 def check_samples(name: str, function: MatrixFunction, period: float) -> Array:
-    """Sample a coefficient at a few times and return the checked (N, rows, columns).
+    """Sample a coefficient at a few times, a constant at one, and return the checked (N, rows, columns).
 
     Raises: ArgumentError when a value is no array or not finite (naming the time), or when the shape depends on the times.
     """
+    if isinstance(function, Constant):
+        return function.value[None]
     t = period * PROBES
     values = check_finite(name, check_array(name, sample_together(name, function, t), t), t)
     alone = check_array(name, function(t[:1]), t[:1])

@@ -24,14 +24,14 @@ def resolve_port(
 ) -> ResolvedMatrix | None:
     """A coefficient (N, rows, columns) as series that agree with it everywhere; nothing where it does not vary.
 
-    Parameters: breaks, features, complete: as of `resolve`; entries: of its values, about. Where nothing is narrow, the times that will be
-    asked for first are sampled in one call.
+    Parameters: breaks, features, complete: as of `resolve`; entries: of its values, about. The times that will be asked for first are
+    sampled in one call.
     """
     if isinstance(given, Constant):
         return None
-    if complete and not breaks and not features:
+    if not breaks and not features:
         given = foresee(given, entries, [*foresee_times(period), period * PROBES])
     if not varies(given, period):
         return None
-    at_once = fit_at_once(given, period)
+    at_once = fit_at_once(given, period, complete=complete)
     return resolve(given, period, breaks, features, complete=complete) if at_once is None else at_once

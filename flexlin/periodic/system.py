@@ -145,7 +145,7 @@ class PeriodicSystem:
             rows, m = check_samples("B", B, period).shape[1:]
             if rows != n:
                 raise ArgumentError("B has the wrong number of rows", got=rows, expected=str(n))
-        corners = tuple(np.unique(inside).tolist())
+        corners = tuple(np.unique(inside).tolist()) if inside.size else ()
         narrow = tuple(map(tuple, real_array("features", features, (None, 2)).tolist())) if len_of(features) else ()
         checked = {"A": A, "period": period, "B": B, "breaks": corners, "second_order": second_order, "n": n, "m": m}
         checked |= {"features": narrow, "complete": complete}
@@ -163,9 +163,9 @@ class PeriodicSystem:
         second, named = self.second_order, (self.period, self.breaks, self.features)
         source: MatrixFunction = self.A if second is None else second.stacked
         entries, probes = self.n**2 if second is None else 3 * (self.n // 2) ** 2, self.period * stratified(PROBES)
-        if self.complete and not self.breaks and not self.features:
+        if not self.breaks and not self.features:
             source = foresee(source, entries, [*foresee_times(self.period), *([] if second is None else [probes])])
-        at_once = fit_at_once(source, self.period, weighed=second is not None)
+        at_once = fit_at_once(source, self.period, weighed=second is not None, complete=self.complete)
         if second is None:
             return resolve(source, *named, complete=self.complete) if at_once is None else at_once
         if at_once is not None:

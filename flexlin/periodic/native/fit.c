@@ -3,6 +3,8 @@
 #include <math.h>
 #include <stdlib.h>
 
+#define HEARD 4 /* roundings of the largest value below which all harmonics are those of the sums here */
+
 /* Cosine and sine coefficients (H, entries) each of values (nodes, entries) without the first ones, H = (nodes - 1) / 2; waves (nodes, 2 H). */
 static void transform_values(int nodes, int entries, const double *values, const double *waves, double *cosines, double *mean, double *sums) {
   int H = (nodes - 1) / 2;
@@ -101,7 +103,7 @@ int fit_series(const int *sizes, const double *values, const double *waves, cons
       good &= size[(long)k * entries + e] <= allowed[e] / 4;
       tail[e] += 2 * size[(long)k * entries + e];
     }
-    double floor = fmax(2 * eps * scale[e], rounding[e] / 8) + numbers[2], left = 0.0;
+    double floor = fmax(HEARD * eps * scale[e], rounding[e] / 8) + numbers[2], left = 0.0;
     for (int k = H; k > kept; k--) {
       double part = size[(long)(k - 1) * entries + e] / floor;
       left += part * part;

@@ -6,8 +6,9 @@ from math import sqrt
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.quadratic.backward import Level, RiccatiSampler, bound_gain, sweep_until_closed
+from flexlin.periodic.quadratic.backward import Level, reach_inputs, sweep_until_closed
 from flexlin.periodic.quadratic.evidence import weigh
+from flexlin.periodic.quadratic.samples import RiccatiSampler, divide_parts, join_parts
 from flexlin.periodic.quadratic.triangle import evaluate_triangle, triangle_places
 
 LEVEL = Level(1, 4, 1e-2)
@@ -26,23 +27,19 @@ def carry_residual(sampler: RiccatiSampler, X: Array, sizes: Array, rate: float)
     Ac = A - S X is stable (`judge_by_cost`), so a larger right side has a larger solution. The term of second order, E S E <= k^2 X S X
     with -k X <= E <= k X, adds at most k^2 X.
 
-    Parameters: X: amplitudes; sizes (n (n + 1) / 2,): of F's entries at all times; rate: the Hamiltonian's spectral radius.
+    Parameters: X: a series; sizes (n (n + 1) / 2,): of F's entries at all times; rate: the Hamiltonian's spectral radius.
     Returns: the largest entry of D, and the largest sqrt((R^-1 B' D B R^-1)_ii D_jj).
     Source: Bittanti, Colaneri, Periodic Systems (2009), ch. 4 (periodic Lyapunov equation).
     """
-    count = 16 * int(np.ceil(max(rate * sampler.period / REACH, 2 * X.shape[1], LEAST) / 16))
-    samples, where = sampler.sample(count), triangle_places(len(X))
-    n = len(where)
-    values = evaluate_triangle(X, count).T[:, where]
-    W = np.zeros((1, *samples.A.shape[1:]))
-    W[0, :, :n] = 0.5 * np.diag(weigh(sizes[where][None], values))
-    loop = samples.A + 2 * samples.S @ np.pad(
-        values, ((0, 0), (0, samples.S.shape[2] - n), (0, samples.S.shape[2] - n))
-    )
-    linear = replace(samples, A=loop, S=np.zeros_like(W), Q=W)
-    D = sweep_until_closed(sampler.library, linear, sampler.period, (LEVEL,), None)
+    count = 16 * int(np.ceil(max(rate * sampler.period / REACH, len(X), LEAST) / 16))
+    samples, where = sampler.sample(2 * count), triangle_places(X.shape[1])
+    values, B = evaluate_triangle(X, 2 * count)[:, where], samples.B
+    A = join_parts(samples.A if len(samples.A) > 1 else samples.A[:, :, :1]).reshape(-1, *where.shape)
+    loop = A - B @ (samples.effort @ np.swapaxes(B, 1, 2) @ values)
+    W = np.diag(weigh(sizes[where][None], values))[None]
+    linear = replace(samples, A=divide_parts(loop), S=np.zeros_like(samples.S[:1]), Q=divide_parts(W, True))
+    D = sweep_until_closed(sampler.library, linear, sampler.period, (LEVEL,))
     if D is None:
         return None
-    most = float(D[np.diag(where)].max())
-    reach, _, _ = bound_gain(sampler.library, linear, D, 1)
-    return SLACK * most, SLACK * sqrt(reach)
+    most = float(D.values[:, np.diag(where)].max())
+    return SLACK * most, SLACK * sqrt(reach_inputs(sampler.library, linear, D.values))

@@ -112,8 +112,7 @@ def check_weight(name: str, value: MatrixFunction | ArrayLike, shape: tuple[int,
     if shape == (1, 1) and np.ndim(value) == 0 and not callable(value):  # type: ignore[arg-type]
         value = np.reshape(real_array(name, value, ()), (1, 1))
     function = as_matrix_function(name, value)
-    known = function.value[None] if isinstance(function, Constant) else None
-    samples = check_samples(name, function, period) if known is None else known
+    samples = check_samples(name, function, period)
     if samples.shape[1:] != shape:
         raise ArgumentError(f"{name} does not fit the system", got=samples.shape[1:], expected=str(shape))
     turned = np.swapaxes(samples, 1, 2)
@@ -127,7 +126,7 @@ def check_weight(name: str, value: MatrixFunction | ArrayLike, shape: tuple[int,
 
 def check_definite(name: str, weight: Callable[[Array], Array], t: Array, strict: bool) -> None:
     """Refuse a weight with an eigenvalue that is negative (or zero, when strict), naming it, its direction and time."""
-    samples = take_once(weight(t))
+    samples = weight.value[None] if isinstance(weight, Constant) else take_once(weight(t))
     values = np.linalg.eigvalsh(samples)
     floor = 1e-13 * max(np.abs(values).max(), TINY)
     smallest = values[:, 0]

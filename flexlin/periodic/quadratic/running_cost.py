@@ -3,20 +3,19 @@
 from math import sqrt
 
 from flexlin.checks import Array
-from flexlin.periodic.quadratic.backward import RiccatiSampler, RiccatiSamples, bound_gain, find_share
+from flexlin.periodic.quadratic.backward import compare_with_equation
 from flexlin.periodic.quadratic.carrying import carry_residual
 from flexlin.periodic.quadratic.evidence import ROUNDING
+from flexlin.periodic.quadratic.samples import RiccatiSampler, RiccatiSamples
 from flexlin.periodic.quadratic.solution import RiccatiSolution
-from flexlin.periodic.quadratic.triangle import evaluate_between, unfold_triangle
+from flexlin.periodic.quadratic.triangle import unfold_triangle
 
 MOST_SHARE = 0.5
 """Largest r up to which the bound is used."""
-SEEN = 32
-"""Times at which the sizes of X and of the gain are looked at."""
 
 
 def judge_by_cost(
-    sampler: RiccatiSampler, samples: RiccatiSamples, X: Array, rate: float, tol: float
+    sampler: RiccatiSampler, samples: RiccatiSamples, X: Array, every: int, rate: float, tol: float
 ) -> RiccatiSolution | None:
     """Put the solution together with a bound on its error; None where its residual is not small against the running cost.
 
@@ -32,30 +31,30 @@ def judge_by_cost(
     With them  |K error|_ij <= k sqrt((R^-1 B' X B R^-1)_ii X_jj),  K = R^-1 (B' X + N').
     Source: Bittanti, Colaneri, De Nicolao, The periodic Riccati equation, in The Riccati Equation (1991), ch. 6 (comparison).
 
-    Parameters: X: amplitudes (`fold_triangle`) of its values at N equally spaced nodes; samples: half-way between them, where it is judged.
-    rate: the Hamiltonian's spectral radius.
+    Parameters: X: a series (`unfold_triangle`) through every so many nodes, of which each second of the samples is one; rate: the
+    Hamiltonian's spectral radius.
     """
-    count, period, library = samples.count, sampler.period, sampler.library
-    values, slopes = evaluate_between(X, period, count)
-    share, residual, size, sizes = find_share(library, samples, values, slopes, 8 * ROUNDING)
-    if not share < MOST_SHARE:
+    compared = compare_with_equation(sampler.library, samples, sampler.period, X, every, 8 * ROUNDING)
+    if not compared.share < MOST_SHARE:
         return None
-    k, series = share / (1 - share), unfold_triangle(X, period)
-    reach, product, gain = bound_gain(library, samples, values, max(1, count // SEEN))
-    error, far = k, k * sqrt(reach)
+    k, series = compared.share / (1 - compared.share), unfold_triangle(X, sampler.period)
+    error, far = k, k * sqrt(compared.reach)
     if error + 8 * ROUNDING > tol > k**2:
-        carried = carry_residual(sampler, X, sizes, rate)
+        carried = carry_residual(sampler, X, compared.sizes, rate)
         if carried is not None:
-            error, far = min(error, carried[0] / size + k**2), min(far, carried[1] + k**2 * sqrt(reach))
+            error, far = (
+                min(error, carried[0] / compared.size + k**2),
+                min(far, carried[1] + k**2 * sqrt(compared.reach)),
+            )
     return RiccatiSolution(
         problem=sampler.problem,
-        horizon=period,
+        horizon=sampler.period,
         periodic=True,
         series=series,
         error=float(error + 8 * ROUNDING),
-        gain_error=float((far + 8 * ROUNDING * product) / (gain or 1.0)),
+        gain_error=float((far + 8 * ROUNDING * compared.product) / (compared.gain or 1.0)),
         method_error=float(error),
-        residual=residual / (size * max(rate, 1 / period)),
+        residual=compared.residual / (compared.size * max(rate, 1 / sampler.period)),
         symmetry=0.0,
         closure=0.0,
         doublings=0,

@@ -1,17 +1,13 @@
 """The stabilising solution of a smooth problem without fast modes: swept backwards over the period, which Newton's method closes."""
 
-import ctypes
-
 import numpy as np
 
-from flexlin.checks import Array
-from flexlin.periodic.fourier import fourier_nodes
-from flexlin.periodic.quadratic.backward import Level, RiccatiSampler, RiccatiSamples, find_sweeps, sweep_until_closed
+from flexlin.periodic.quadratic.backward import Level, find_sweeps, sweep_until_closed
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.quadratic.resolution import last_harmonic
 from flexlin.periodic.quadratic.running_cost import judge_by_cost
+from flexlin.periodic.quadratic.samples import PARTS, RiccatiSampler
 from flexlin.periodic.quadratic.solution import RiccatiSolution
-from flexlin.periodic.quadratic.triangle import fold_few, unfold_triangle
 
 FEWEST, MOST, MOST_ENTRIES = 128, 2**13, 2**22
 """Nodes of a period, and entries of X at all of them."""
@@ -39,8 +35,6 @@ CLOSER, CLOSEST = 0.05, 5e-14
 TRIES = 3
 SHARE = 1e-2
 """Part of tol below which the harmonics are that nodes between others would show."""
-LOOKS = 4
-"""Times at which the Hamiltonian's eigenvalues are measured."""
 
 
 def solve_by_sweeps(problem: LinearQuadratic, period: float, tol: float) -> RiccatiSolution | None:
@@ -52,11 +46,11 @@ def solve_by_sweeps(problem: LinearQuadratic, period: float, tol: float) -> Ricc
     if library is None or not waves * WAVES <= MOST:
         return None
     sampler = RiccatiSampler(problem, period, library)
-    few = sampler.sample(LOOKS)
-    _, states, width = few.shape
+    few = sampler.sample(PARTS)
+    states = few.n
     if states > MOST_STATES:
         return None
-    most = min(MOST, MOST_ENTRIES // (states * width))
+    most = min(MOST, MOST_ENTRIES // states**2)
     rate = few.rate(library)
     order, turns, X = max(ORDERS), rate * period, None
     if turns > RINGING and few.rings():
@@ -64,44 +58,48 @@ def solve_by_sweeps(problem: LinearQuadratic, period: float, tol: float) -> Ricc
     least = max(WAVES * waves, turns / LARGEST, FEWEST)
     usual = USUAL + min(SLOPE[0] + SLOPE[1] * waves, SLOPE[2]) * min(turns, SLOW)
     needed = min(max(least, usual * tol ** (-1 / order)), max(least, most / 2))
-    near = max(LAST * tol, LEAST)
-    for _ in range(TRIES):
+    near, first = max(LAST * tol, LEAST), needed
+    for attempt in range(TRIES):
         if not needed <= most:
             return None
         count = round_up(needed)
-        samples = sampler.sample(count)
-        with np.errstate(all="ignore"):
-            values = sweep(library, samples, period, X, turns / count, near)
-            if values is None:
+        samples = sampler.sample(2 * count)
+        levels = plan_levels(count, turns / count, near, X is None)
+        swept = sweep_until_closed(library, samples, period, levels, X, SHARE * tol)
+        if swept is None:
+            if X is not None or needed >= 2 * first:
                 return None
-            X, every = fold_few(values, SHARE * tol)
-            between = samples.between(every) if every > 1 else sampler.sample(count, True)
-            found = judge_by_cost(sampler, between, X, rate, tol)
+            needed *= 2
+            continue
+        X = swept.series
+        found = judge_by_cost(sampler, samples, X, swept.every, rate, tol if attempt else np.inf)
         if found is None or found.error <= tol:
             return found
-        needed, near = max(count + 1, count * (found.error / (AIM * tol)) ** (1 / order)), max(CLOSER * near, CLOSEST)
+        needed, near = (
+            max(count + 1, count * (found.error / (AIM * tol)) ** (1 / order)),
+            max(CLOSER**attempt * near, CLOSEST),
+        )
     return None
 
 
 def round_up(needed: float) -> int:
-    """Return a number of nodes, at most an eighth more than needed: one that Fourier transforms like, a multiple of sixteen."""
-    step = max(16, 2 ** int(np.log2(needed)) // 8)
+    """Return a number of nodes, at most an eighth more than needed: one that Fourier transforms like, a multiple of 32."""
+    step = max(32, 2 ** int(np.log2(needed)) // 8)
     return step * int(np.ceil(needed / step))
 
 
-def sweep(
-    library: ctypes.CDLL, samples: RiccatiSamples, period: float, start: Array | None, turn: float, near: float
-) -> Array | None:
-    """Return X at the nodes, lower triangles (n (n + 1) / 2, N); from X = 0, the cost of a finite horizon, or from amplitudes.
+def plan_levels(count: int, turn: float, near: float, cold: bool) -> list[Level]:
+    """Return the levels of sweeps on N nodes: that on all of them, and where nothing is known of X those before it.
 
     Parameters: turn: the Hamiltonian's spectral radius times a step.
     """
-    levels = [Level(every, order, end) for every, most, end in STARTS if (order := highest_order(every * turn, most))]
-    last = Level(1, highest_order(turn, max(ORDERS)), near)
-    begin = None
-    if start is not None:
-        begin = unfold_triangle(start, period)(fourier_nodes(samples.count, period)[: last.order])
-    return sweep_until_closed(library, samples, period, (*levels, last) if start is None else (last,), begin)
+    nodes, last = count // PARTS, Level(1, highest_order(turn, max(ORDERS)), near)
+    starts = [
+        Level(every, order, end)
+        for every, most, end in STARTS
+        if cold and nodes % every == 0 and (order := highest_order(every * turn, min(most, nodes // every)))
+    ]
+    return [*starts, last]
 
 
 def highest_order(turn: float, most: int) -> int:

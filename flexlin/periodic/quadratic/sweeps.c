@@ -1,280 +1,262 @@
-/* The Riccati equation -X' = A' X + X A - X S X + Q swept backwards over a period by Adams' methods: the calls of backward.py.
+/* The Riccati equation -X' = A' X + X A - X S X + Q swept backwards by Adams' methods over four equal parts of a period at once, one in
+ * each number of a vector, and closed by Newton's method: the calls of
+ * backward.py.
  *
- * A matrix is n rows of w numbers, w a multiple of four, zeros behind column n. Samples at K nodes stand one after the other, `step`
- * numbers apart: 0 for a constant; S is given times -1/2, and of Q its half. Node k stands at k h; node K is node 0 of the next period.
+ * A matrix is n x n vectors, a symmetric one its lower triangle, row by row. Of S, which is given times -1/2, rows and columns from `first`
+ * to `last` stand alone: the others are zero. Samples at the nodes of a part stand one after the other, `step` vectors apart: 0 for a
+ * constant. Part l begins at l T / 4; node j of it stands there plus j h.
  */
 #include <math.h>
 #include <string.h>
 
 #define MOST 12     /* the highest order */
-#define SWEEPS 30
+#define SWEEPS 40
 #define FAINT 1e-10  /* changes of X below that do not shrink to RESTING of themselves are rounding */
 #define RESTING 0.3
 #define CLOSED 1e-4 /* what is left of a loop that has forgotten */
+#define PARTS 4
+#define KNOWN 1e-3  /* a change of X after which the transition matrices are known well enough */
 
 #define INLINE static inline __attribute__((always_inline))
 
 typedef double v4 __attribute__((vector_size(32), aligned(8)));
-typedef struct { const double *at; long step; } Samples;
+typedef struct { const v4 *at; long step; } Samples;
+typedef struct { long n, first, last, nodes; Samples A, S, Q; } Equation;
 
 static inline v4 splat(double x) { return (v4){x, x, x, x}; }
 
-static inline v4 at(const double *x) { return *(const v4 *)x; }
+static inline long triangle(long n) { return n * (n + 1) / 2; }
 
-static inline void put(double *to, v4 x) { *(v4 *)to = x; }
+/* What the parts that lie so many further on hold. */
+INLINE v4 turn(v4 x, int by) {
+  return by == 1 ? (v4){x[1], x[2], x[3], x[0]} : by == 2 ? (v4){x[2], x[3], x[0], x[1]} : x;
+}
 
-/* C = C0 + A B, C apart from A and B: two rows and eight columns at a time. No C0: 0. */
-INLINE void multiply_eight(int n, int w, const double *restrict C0, const double *restrict A,
-                                                                const double *restrict B, double *restrict C) {
-  for (int i = 0; i < n; i += 2) {
-    const double *a = A + i * w, *b = i + 1 < n ? a + w : a;
-    for (int j = 0; j < w; j += 8) {
-      v4 r0 = splat(0.0), r1 = r0, s0 = r0, s1 = r0;
-      const double *column = B + j, *c = C0 ? C0 + i * w + j : A, *d = i + 1 < n ? c + w : c;
-      if (C0) r0 = *(const v4 *)c, s0 = *(const v4 *)d;
-      if (j + 4 < w) {
-        if (C0) r1 = *(const v4 *)(c + 4), s1 = *(const v4 *)(d + 4);
-        for (int k = 0; k < n; k++, column += w) {
-          v4 x = splat(a[k]), y = splat(b[k]), u = *(const v4 *)column, v = *(const v4 *)(column + 4);
-          r0 += x * u; r1 += x * v; s0 += y * u; s1 += y * v;
-        }
-        *(v4 *)(C + i * w + j + 4) = r1;
-        if (i + 1 < n) *(v4 *)(C + (i + 1) * w + j + 4) = s1;
-      } else {
-        for (int k = 0; k < n; k++, column += w) {
-          v4 u = *(const v4 *)column;
-          r0 += splat(a[k]) * u; s0 += splat(b[k]) * u;
-        }
-      }
-      *(v4 *)(C + i * w + j) = r0;
-      if (i + 1 < n) *(v4 *)(C + (i + 1) * w + j) = s0;
+/* C = C0 + A B for a few rows and columns: rows of A `a` vectors apart, those of B, C0 and C n. */
+INLINE void multiply_block(int rows, int columns, int inner, int a, int n, const v4 *C0, const v4 *A, const v4 *B, v4 *restrict C) {
+  v4 sum[2][4];
+  for (int i = 0; i < rows; i++)
+    for (int j = 0; j < columns; j++) sum[i][j] = C0 ? C0[i * n + j] : splat(0.0);
+  for (int k = 0; k < inner; k++)
+    for (int i = 0; i < rows; i++)
+      for (int j = 0; j < columns; j++) sum[i][j] += A[i * a + k] * B[k * n + j];
+  for (int i = 0; i < rows; i++)
+    for (int j = 0; j < columns; j++) C[i * n + j] = sum[i][j];
+}
+
+/* C = C0 + A B for A of rows x inner, C apart from the others. No C0: 0. */
+static void multiply_onto(int rows, int inner, int n, const v4 *C0, const v4 *A, const v4 *B, v4 *restrict C) {
+  for (int i = 0; i < rows; i += 2) {
+    const v4 *from = A + i * inner;
+    for (int j = 0; j < n;) {
+      const v4 *c = C0 ? C0 + i * n + j : 0;
+      v4 *to = C + i * n + j;
+#define BLOCK(columns) (i + 1 < rows ? multiply_block(2, columns, inner, inner, n, c, from, B + j, to) \
+                                     : multiply_block(1, columns, inner, inner, n, c, from, B + j, to))
+      if (j + 4 <= n) BLOCK(4), j += 4;
+      else if (j + 2 <= n) BLOCK(2), j += 2;
+      else BLOCK(1), j += 1;
     }
   }
 }
 
-/* The same for rows of twelve, three at a time; the last ones are done twice where n is no multiple. */
-INLINE void multiply_twelve(int n, const double *restrict C0, const double *restrict A,
-                                                                  const double *restrict B, double *restrict C) {
-  const int w = 12;
-  for (int first = 0; first < n; first += 3) {
-    int i = first + 3 <= n ? first : n - 3;
-    const double *a = A + i * w, *c = C0 ? C0 + i * w : A;
-    double *to = C + i * w;
-    v4 r0 = splat(0.0), r1 = r0, r2 = r0, s0 = r0, s1 = r0, s2 = r0, t0 = r0, t1 = r0, t2 = r0;
-    if (C0) {
-      r0 = at(c + 0); r1 = at(c + 4); r2 = at(c + 8);
-      s0 = at(c + 12); s1 = at(c + 16); s2 = at(c + 20);
-      t0 = at(c + 24); t1 = at(c + 28); t2 = at(c + 32);
-    }
-    for (int k = 0; k < n; k++) {
-      const double *row = B + k * w;
-      v4 u0 = at(row), u1 = at(row + 4), u2 = at(row + 8), x = splat(a[k]), y = splat(a[w + k]), z = splat(a[2 * w + k]);
-      r0 += x * u0; r1 += x * u1; r2 += x * u2;
-      s0 += y * u0; s1 += y * u1; s2 += y * u2;
-      t0 += z * u0; t1 += z * u1; t2 += z * u2;
-    }
-    put(to + 0, r0); put(to + 4, r1); put(to + 8, r2);
-    put(to + 12, s0); put(to + 16, s1); put(to + 20, s2);
-    put(to + 24, t0); put(to + 28, t1); put(to + 32, t2);
-  }
-}
+static void multiply(int n, const v4 *A, const v4 *B, v4 *restrict C) { multiply_onto(n, n, n, 0, A, B, C); }
 
-INLINE void multiply_onto(int n, int w, const double *restrict C0, const double *restrict A,
-                                                                const double *restrict B, double *restrict C) {
-  if (w == 12) multiply_twelve(n, C0, A, B, C);
-  else multiply_eight(n, w, C0, A, B, C);
-}
-
-INLINE void multiply(int n, int w, const double *A, const double *B, double *restrict C) { multiply_onto(n, w, 0, A, B, C); }
-
-/* rate = -X'; half = A - S X / 2. S: times -1/2; Q: its half. */
-INLINE void riccati(int n, int w, const double *A, const double *S, const double *Q, const double *X, double *restrict rate, double *restrict half) {
-  double P[n * w];
-  multiply_onto(n, w, A, S, X, half);
-  multiply_onto(n, w, Q, X, half, P);
+/* A' B. */
+static void multiply_turned(int n, const v4 *A, const v4 *B, v4 *restrict C) {
+  v4 turned[n * n];
   for (int i = 0; i < n; i++)
-    for (int j = 0; j <= i; j++) rate[i * w + j] = rate[j * w + i] = P[i * w + j] + P[j * w + i];
+    for (int j = 0; j < n; j++) turned[j * n + i] = A[i * n + j];
+  multiply(n, turned, B, C);
 }
 
-/* rate at y + d of the rate at y, loop A - S y; what is of second order in the corrector's small d is left out. */
-INLINE void correct_rate(int n, int w, const double *loop, const double *d, double *restrict rate) {
-  double P[n * w];
-  multiply(n, w, d, loop, P);
+static void unfold(int n, const v4 *X, v4 *restrict full) {
   for (int i = 0; i < n; i++)
-    for (int j = 0; j <= i; j++) rate[i * w + j] = rate[j * w + i] = rate[i * w + j] + P[i * w + j] + P[j * w + i];
+    for (int j = 0; j <= i; j++) full[i * n + j] = full[j * n + i] = *X++;
 }
 
-/* Phi exp(h M) to second order; no Phi: of 1. */
-INLINE void carry(int n, int w, double h, const double *M, const double *Phi, double *restrict next) {
-  int z = n * w;
-  double step[z], turn[z];
+/* M + M', with what stands there already. */
+static void add_symmetric(int n, const v4 *M, v4 *restrict sum) {
+  for (int i = 0; i < n; i++)
+    for (int j = 0; j <= i; j++) *sum++ += M[i * n + j] + M[j * n + i];
+}
+
+/* A + S X, S of the states that are acted on. */
+static void add_inputs(const Equation *is, const v4 *A, const v4 *S, const v4 *X, v4 *restrict M) {
+  int n = is->n, first = is->first * n, some = is->last - is->first;
+  memcpy(M, A, n * n * sizeof(v4));
+  multiply_onto(some, some, n, A + first, S, X + first, M + first);
+}
+
+/* rate = -X' at node j; half = A - S X / 2. */
+static void riccati(const Equation *is, long j, const v4 *X, v4 *restrict rate, v4 *restrict half) {
+  int n = is->n;
+  v4 full[n * n], product[n * n];
+  unfold(n, X, full);
+  add_inputs(is, is->A.at + j * is->A.step, is->S.at + j * is->S.step, full, half);
+  multiply(n, full, half, product);
+  memcpy(rate, is->Q.at + j * is->Q.step, triangle(n) * sizeof(v4));
+  add_symmetric(n, product, rate);
+}
+
+/* Phi exp(h M) to fourth order; no Phi: of 1. */
+static void carry(int n, double h, const v4 *M, const v4 *Phi, v4 *restrict next) {
+  int z = n * n;
+  v4 step[z], square[z], higher[z], grown[z];
   for (int i = 0; i < z; i++) step[i] = h * M[i];
-  multiply(n, w, step, step, turn);
-  for (int i = 0; i < z; i++) turn[i] = step[i] + 0.5 * turn[i];
-  for (int i = 0; i < n; i++) turn[i * w + i] += 1.0;
-  if (Phi) multiply(n, w, Phi, turn, next);
-  else memcpy(next, turn, sizeof turn);
+  multiply_onto(n, n, n, 0, step, step, square);
+  for (int i = 0; i < z; i++) higher[i] = step[i] * (1.0 / 6.0) + square[i] * (1.0 / 24.0), step[i] += 0.5 * square[i];
+  multiply_onto(n, n, n, step, square, higher, grown);
+  for (int i = 0; i < n; i++) grown[i * n + i] += 1.0;
+  if (Phi) multiply_onto(n, n, n, 0, Phi, grown, next);
+  else memcpy(next, grown, sizeof grown);
 }
 
-/* X at the nodes K - 1 ... 1 and, as `end`, at 0; X at the nodes 0 ... p - 1 continues it behind T. K is even. weights: p of Adams'
- * explicit method, then p of his implicit one. transition[k]: Phi(T, t_k), k < p, of the loop A - S X, by the midpoint's rule over pairs of
- * steps, and half a pair for odd k. */
-INLINE void sweep(int n, int w, long K, int p, double h, const double *weights, const double *A, long a, const double *S, long s, const double *Q,
-           long q, double *X, double *end, double *transition) {
-  int z = n * w;
-  const double *explicit = weights, *implicit = weights + p, *Phi = 0;
-  double rates[MOST * z], half[z], x[z], y[z], known[z], pair[2][z];
-  memset(rates, 0, sizeof rates);
-  for (long k = p - 1; k >= 0; k--) riccati(n, w, A + k * a, S + k * s, Q + k * q, X + k * z, rates + (K + k) % p * z, half);
-  memcpy(x, X, sizeof x);
-  for (long k = K - 1; k >= 0; k--) {
-    const double *A_k = A + k * a, *S_k = S + k * s, *Q_k = Q + k * q, *F[MOST];
-    double *rate = rates + k % p * z;
-    for (int j = 0; j < p; j++) F[j] = rates + (k + 1 + j) % p * z;
-    for (int i = 0; i < z; i += 4) {
-      v4 u = explicit[p - 1] * *(const v4 *)(F[p - 1] + i), v = splat(0.0), start = *(const v4 *)(x + i);
-      for (int j = 0; j < p - 1; j++) {
-        v4 f = *(const v4 *)(F[j] + i);
-        u += explicit[j] * f;
-        v += implicit[j + 1] * f;
-      }
-      *(v4 *)(y + i) = start + h * u;
-      *(v4 *)(known + i) = start + h * v;
+/* Adams' explicit sum, and of his implicit one what is known, of the rates F, for `many` numbers at once. */
+INLINE void add_rates(int many, int p, double h, const double *weights, const v4 *const *F, long e, const v4 *x, v4 *y, v4 *known) {
+  v4 u[4], v[4];
+  for (int i = 0; i < many; i++) u[i] = weights[p - 1] * F[p - 1][e + i], v[i] = splat(0.0);
+  for (int j = 0; j < p - 1; j++)
+    for (int i = 0; i < many; i++) {
+      v4 f = F[j][e + i];
+      u[i] += weights[j] * f;
+      v[i] += weights[p + j + 1] * f;
     }
-    riccati(n, w, A_k, S_k, Q_k, y, rate, half);
-    for (int i = 0; i < z; i++) {
-      x[i] = known[i] + h * implicit[0] * rate[i];
-      y[i] = x[i] - y[i];
-      half[i] = 2 * half[i] - A_k[i];
+  for (int i = 0; i < many; i++) y[e + i] = x[e + i] + h * u[i], known[e + i] = x[e + i] + h * v[i];
+}
+
+/* X at all `nodes` nodes of each part, every `step`-th that is sampled, from X at the first p of the part behind it; start: where each
+ * begins. weights: p of Adams' explicit method, then p of his implicit one. transition[j], where asked for: Phi from node j to the part's
+ * end, j < p, of the loop A - S X, by the midpoint's rule over pairs of steps, and the trapezium's over half a
+ * pair for odd j. */
+static void sweep(const Equation *is, long nodes, long step, int p, double h, const double *weights, v4 *X, v4 *start, v4 *transition) {
+  int n = is->n, z = n * n, E = triangle(n);
+  v4 rates[p * E], half[z], x[E], y[E], known[E], apart[z], product[z], behind[z], pair[2][z], *Phi = 0;
+  for (long i = p - 1; i >= 0; i--) {
+    riccati(is, i * step, X + i * E, y, half);
+    for (int e = 0; e < E; e++) rates[(nodes + i) % p * E + e] = turn(y[e], 1);
+  }
+  for (int e = 0; e < E; e++) x[e] = start[e] = turn(X[e], 1);
+  for (long j = nodes - 1; j >= 0; j--) {
+    const v4 *A = is->A.at + j * step * is->A.step, *F[MOST];
+    v4 *rate = rates + j % p * E;
+    for (int i = 0; i < p; i++) F[i] = rates + (j + 1 + i) % p * E;
+    int e = 0;
+    for (; e + 4 <= E; e += 4) add_rates(4, p, h, weights, F, e, x, y, known);
+    for (; e < E; e++) add_rates(1, p, h, weights, F, e, x, y, known);
+    riccati(is, j * step, y, rate, half);
+    for (e = 0; e < E; e++) {
+      x[e] = known[e] + h * weights[p] * rate[e];
+      y[e] = x[e] - y[e];
     }
-    correct_rate(n, w, half, y, rate);
-    memcpy(k ? X + k * z : end, x, sizeof x);
-    if (k % 2) {
-      double *next = pair[k / 2 % 2];
-      if (k < p) carry(n, w, h, half, Phi, transition + k * z);
-      carry(n, w, 2 * h, half, Phi, next);
-      if (k <= p) memcpy(transition + (k - 1) * z, next, sizeof half);
-      Phi = next;
+    for (int i = 0; i < z; i++) half[i] = 2 * half[i] - A[i];
+    unfold(n, y, apart);
+    multiply(n, apart, half, product);
+    add_symmetric(n, product, rate); /* what is of second order in the corrector's small step is left out */
+    memcpy(X + j * E, x, sizeof x);
+    if (transition && j % 2 == 0) memcpy(behind, half, sizeof half);
+    if (!transition || (j % 2 == 0 && j + 1 < nodes)) continue;
+    v4 *next = pair[j / 2 % 2];
+    if (j < p) {
+      for (int i = 0; i < z; i++) apart[i] = 0.5 * (half[i] + behind[i]);
+      carry(n, h, apart, Phi, transition + j * z);
     }
+    if (j % 2 == 0) carry(n, h, half, Phi, next); /* the last of an odd number of nodes */
+    else {
+      carry(n, 2 * h, half, Phi, next);
+      if (j <= p) memcpy(transition + (j - 1) * z, next, sizeof half);
+    }
+    Phi = next;
   }
 }
 
-/* A' B, n x n in rows of w. */
-static void multiply_left(int n, int w, const double *A, const double *B, double *restrict C) {
-  double turned[n * w];
-  memset(turned, 0, sizeof turned);
-  for (int i = 0; i < n; i++)
-    for (int j = 0; j < n; j++) turned[j * w + i] = A[i * w + j];
-  multiply(n, w, turned, B, C);
-}
-
-/* The largest size; NaN where one is not finite. */
-static double largest(int z, const double *A) {
+/* The largest size; no number where one is not finite. */
+static double largest(int z, const v4 *A) {
   double size = 0.0, broken = 0.0;
-  for (int i = 0; i < z; i++) {
-    size = fmax(size, fabs(A[i]));
-    broken += A[i] - A[i];
-  }
+  for (int i = 0; i < z; i++)
+    for (int l = 0; l < 4; l++) {
+      size = fmax(size, fabs(A[i][l]));
+      broken += A[i][l] - A[i][l];
+    }
   return size + broken;
 }
 
-/* E = Phi' E Phi + gap by doubling, to about what Phi is known; gap is lost. False where the loop does not forget. */
-static int close_period(int n, int w, double *gap, const double *Phi, double *E) {
-  int z = n * w;
-  double power[z], product[z], more[z];
-  memcpy(power, Phi, sizeof power);
-  memcpy(E, gap, sizeof power);
-  for (int k = 0; k < 40; k++) {
-    multiply(n, w, E, power, product);
-    multiply_left(n, w, power, product, more);
+/* What the ends of all parts must change by: E_l = gap_l + Phi' E Phi of the part behind, by doubling, to about what Phi is known. Phi is
+ * lost. False where the loop does not forget. */
+static int close_parts(int n, const v4 *gap, v4 *Phi, v4 *E) {
+  int z = n * n;
+  v4 behind[z], product[z], more[z];
+  for (int i = 0; i < z; i++) Phi[i] = turn(Phi[i], 1);
+  memcpy(E, gap, sizeof more);
+  for (int k = 0; k < 42; k++) {
+    int parts = k < 2 ? k + 1 : 0; /* from four on it is the part itself, whole periods later */
+    for (int i = 0; i < z; i++) behind[i] = turn(E[i], parts);
+    multiply(n, behind, Phi, product);
+    multiply_turned(n, Phi, product, more);
     for (int i = 0; i < z; i++) E[i] += more[i];
     double size = largest(z, E);
     if (!isfinite(size)) return 0;
-    if (largest(z, more) <= CLOSED * size) return 1;
-    multiply(n, w, power, power, product);
-    memcpy(power, product, sizeof power);
+    if (k > 1 && largest(z, more) <= CLOSED * size) return 1;
+    for (int i = 0; i < z; i++) behind[i] = turn(Phi[i], parts);
+    multiply(n, behind, Phi, product);
+    memcpy(Phi, product, sizeof product);
   }
   return 0;
 }
 
-/* The largest |E_ij| / sqrt(X_ii X_jj). */
-static double compare(int n, int w, const double *E, const double *X) {
+/* The largest |E_ij| / sqrt(X_ii X_jj); X: its triangle. */
+static double compare(int n, const v4 *E, const v4 *X) {
   double most = 0.0;
   for (int i = 0; i < n; i++)
-    for (int j = 0; j <= i; j++) {
-      double size = fabs(X[i * w + i] * X[j * w + j]), square = E[i * w + j] * E[i * w + j];
-      if (square > most * size) most = size > 0.0 ? square / size : INFINITY;
-    }
+    for (int j = 0; j <= i; j++)
+      for (int l = 0; l < 4; l++) {
+        double size = fabs(X[triangle(i) + i][l] * X[triangle(j) + j][l]), square = E[i * n + j][l] * E[i * n + j][l];
+        if (square > most * size) most = size > 0.0 ? square / size : INFINITY;
+      }
   return sqrt(most);
 }
 
-/* Sweep from X at the first p nodes, and close the period by Newton's method, until X(T) changes by less than `near` of X, or no
- * less than before: the sweeps it took, 0 where it does not settle. A loop that does not forget is swept on. */
-INLINE int close_by_newton(int n, int w, long K, int p, double h, const double *weights, const double *A,
-                                                                 long a, const double *S, long s, const double *Q, long q, double *X,
-                                                                 double near) {
-  int z = n * w;
-  double end[z], gap[z], E[z], product[z], transition[MOST * z], last = INFINITY;
+/* Sweep from X at the first p nodes of each part, and join the parts by Newton's method, until their ends change by less than `near` of X,
+ * or no less than before: the sweeps it took, 0 where it does not settle. Parts that do not forget are swept on, and all for some sweeps
+ * `before`: each adds a part to the horizon whose cost X is. */
+static int close_by_newton(const Equation *is, long nodes, long step, int p, double h, const double *weights, v4 *X, int before,
+                           double near) {
+  int n = is->n, z = n * n, E = triangle(n);
+  v4 start[E], gap[z], change[z], Phi[z], product[z], more[z], ends[E], transition[p * z];
+  double last = INFINITY;
   for (int k = 1; k <= SWEEPS; k++) {
-    sweep(n, w, K, p, h, weights, A, a, S, s, Q, q, X, end, transition);
-    for (int i = 0; i < z; i++) gap[i] = end[i] - X[i];
-    memcpy(X, end, sizeof end);
+    sweep(is, nodes, step, p, h, weights, X, start, k >= before && last > KNOWN ? transition : 0);
+    for (int e = 0; e < E; e++) ends[e] = turn(X[e], 1) - start[e];
+    unfold(n, ends, gap);
     if (!isfinite(largest(z, gap))) return 0;
-    if (!close_period(n, w, gap, transition, E)) continue;
-    for (int j = 0; j < p; j++) {
-      multiply(n, w, E, transition + j * z, product);
-      multiply_left(n, w, transition + j * z, product, gap);
-      for (int i = 0; i < z; i++) X[j * z + i] += gap[i];
+    if (k < before) continue;
+    memcpy(Phi, transition, sizeof Phi);
+    if (!close_parts(n, gap, Phi, change)) {
+      last = INFINITY;
+      continue;
     }
-    double moved = compare(n, w, E, X);
+    double moved = compare(n, change, start);
+    for (int j = 0; j < p; j++) {
+      multiply(n, change, transition + j * z, product);
+      multiply_turned(n, transition + j * z, product, more);
+      for (int i = 0, e = j * E; i < n; i++)
+        for (int l = 0; l <= i; l++) X[e++] += 0.5 * (more[i * n + l] + more[l * n + i]);
+    }
     if (moved <= near || (moved <= FAINT && moved > RESTING * last)) return k;
     last = moved;
   }
   return 0;
 }
 
-/* A copy of the code for each usual width: the compiler then knows how many numbers there are in a row. */
-static int close_on_nodes(int n, int w, long K, int p, double h, const double *weights, const double *A, long a, const double *S, long s,
-                          const double *Q, long q, double *X, double near) {
-#define CLOSE(w) close_by_newton(n, w, K, p, h, weights, A, a, S, s, Q, q, X, near)
-  return w == 8 ? CLOSE(8) : w == 12 ? CLOSE(12) : CLOSE(w);
-}
-
-/* Values (p, z) at 0, 1, ... to those (many, z) at 0, 1 / parts, ... of the polynomial through them. */
-static void place_first(int z, int p, int many, double parts, const double *values, double *X) {
+/* Values (p, E) at 0, 1, ... to those (many, E) at 0, 1 / parts, ... of the polynomial through them. */
+static void place_first(int E, int p, int many, double parts, const v4 *values, v4 *X) {
   for (int i = 0; i < many; i++) {
-    for (int e = 0; e < z; e++) X[i * z + e] = 0.0;
+    for (int e = 0; e < E; e++) X[i * E + e] = splat(0.0);
     for (int j = 0; j < p; j++) {
       double weight = 1.0;
       for (int k = 0; k < p; k++)
         if (k != j) weight *= (i / parts - k) / (j - k);
-      for (int e = 0; e < z; e++) X[i * z + e] += weight * values[j * z + e];
+      for (int e = 0; e < E; e++) X[i * E + e] += weight * values[j * E + e];
     }
   }
-}
-
-/* The periodic solution on K nodes by sweeps on ever more of them: steps, orders, ends: of each level every so many nodes, the order of
- * Adams' method, and the change of X(T) that is small enough; weights: one level after the other. X at the first nodes, as many as the
- * first order, to start from, in room for all; packed: (n (n + 1) / 2, K), the lower triangle row by row. A level that does not close
- * is left out. Returns how often a period was swept, 0 where the last level does not close. */
-int sweep_until_closed(int n, int w, long K, double T, int levels, const int *steps, const int *orders, const double *ends,
-                       const double *weights, const double *A, long a, const double *S, long s, const double *Q, long q, double *X,
-                       double *packed) {
-  int z = n * w, last = 0, total = 0, found = 0;
-  double begin[MOST * z];
-  memcpy(begin, X, orders[0] * z * sizeof(double));
-  for (int i = 0; i < levels; weights += 2 * orders[i++]) {
-    int step = steps[i], p = orders[i], from = last ? orders[last - 1] : orders[0], before = last ? steps[last - 1] : step;
-    place_first(z, from, p, (double)before / step, begin, X);
-    found = close_on_nodes(n, w, K / step, p, T * step / K, weights, A, a * step, S, s * step, Q, q * step, X, ends[i]);
-    total += found;
-    if (!found) continue;
-    memcpy(begin, X, p * z * sizeof(double));
-    last = i + 1;
-  }
-  if (!found) return 0;
-  for (long k = 0; k < K; k++)
-    for (int i = 0, e = 0; i < n; i++)
-      for (int j = 0; j <= i; j++) packed[K * e++ + k] = X[k * z + i * w + j];
-  return total;
 }

@@ -9,21 +9,23 @@ from flexlin.checks import Array
 from flexlin.compiler import address
 from flexlin.periodic.fourier import FourierSeries, fourier_basis
 from flexlin.periodic.native.library import find_library
+from flexlin.periodic.resolved.comparing import find_deviation
 from flexlin.periodic.resolved.foresight import Foreseen
-from flexlin.periodic.resolved.harmonics import EPS, FEW_FACTOR, FIRST, TINY, few_phases
+from flexlin.periodic.resolved.harmonics import EPS, FACTOR, FEW_FACTOR, FIRST, TINY, few_phases, first_times
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.repetition import REPEAT
-from flexlin.periodic.resolved.sampling import REPEATS, stratified
+from flexlin.periodic.resolved.sampling import REPEATS, CheckPoints, Sampler, stratified, usual_phases
 from flexlin.periodic.resolved.weights import HIDDEN
 
 
 def fit_at_once(
-    source: Callable[[Array], Array], period: float, tol: float = 1e-13, weighed: bool = False
+    source: Callable[[Array], Array], period: float, tol: float = 1e-13, weighed: bool = False, complete: bool = True
 ) -> ResolvedMatrix | None:
-    """What `resolve` finds of a function whose narrow features are named, where its first nodes suffice; None where it is to be asked.
+    """What `resolve` finds of a function that its first nodes follow; None where it is to be asked.
 
-    Parameters: source: known at `foresee_times`, and at others behind them; weighed: it is [M D K], and what is known behind them gives
-    the sizes below which no entry counts, as `weigh_entries`. Raises: MemoryError.
+    Parameters: complete: whether its narrow features are named; without that it is looked at everywhere; source: known at `foresee_times`,
+    and at others behind them; weighed: it is [M D K], and what is known behind them gives the sizes below which no entry counts, as
+    `weigh_entries`. Raises: MemoryError, and what `Sampler` raises.
     """
     library = find_library() if isinstance(source, Foreseen) else None
     if library is None or not isinstance(source, Foreseen) or source.values.dtype != float:
@@ -33,7 +35,7 @@ def fit_at_once(
     entries, (waves, between, later) = rows * columns, tabulate_first()
     probes = samples - FIRST - len(between) - len(later)
     sizes = np.array([FIRST, len(between), len(later), probes, entries, rows if weighed else 0], np.intc)
-    numbers = np.array([tol, EPS, TINY, FEW_FACTOR, REPEAT, HIDDEN])
+    numbers = np.array([tol, EPS, TINY, FEW_FACTOR if complete else 0.0, REPEAT, HIDDEN])
     coefficients, bounds = np.empty((2 * H + 1, rows, columns)), np.empty((3, rows, columns))
     given = (sizes, values, waves, between, later, numbers, coefficients, bounds)
     kept = library.fit_series(*map(address, given))
@@ -41,7 +43,17 @@ def fit_at_once(
         raise MemoryError("the series of a period")
     if kept < 0:
         return None
-    return ResolvedMatrix(FourierSeries(coefficients[: 2 * kept + 1], period), (), (), bounds[1], samples - probes)
+    series, asked = coefficients[: 2 * kept + 1], samples - probes
+    if not complete:
+        sample = Sampler(source, period)
+        sample(first_times(period))
+        checks = CheckPoints(sample, period * usual_phases(), True)
+        deviation = find_deviation(series.reshape(-1, entries), checks).reshape(rows, columns)
+        if not (deviation <= 2 * bounds[0]).all():
+            return None
+        bounds[1] += FACTOR * deviation
+        asked += sample.count - len(first_times(period))
+    return ResolvedMatrix(FourierSeries(series, period), (), (), bounds[1], asked)
 
 
 @lru_cache(maxsize=1)

@@ -21,6 +21,8 @@ SIGMAS = 6.0
 """Standard deviations of measured noise that count as agreement."""
 FEW_CHECKS, FEW_FACTOR = 16, 6
 """Check points where narrow features are named, and the multiple of the largest deviation at them that is stated as error."""
+FACTOR = 3
+"""That multiple where a function is looked at everywhere."""
 EPS, TINY = np.finfo(float).eps, 1e-290
 
 
@@ -59,7 +61,7 @@ def fit_fourier(sample: Sampler, tol: float, checks: CheckPoints | None) -> Four
                 allowed = _allowed(sample.scale, size, tol, noise)
                 agrees = bool((deviation <= 2 * allowed).all())
             if agrees:
-                deviation *= FEW_FACTOR if checks is None else 3
+                deviation *= FEW_FACTOR if checks is None else FACTOR
                 return FourierFit(trimmed, allowed, _error(deviation, size, sample.scale))
         last, worst = worst, largest
         if count >= MOST or 2 * values.nbytes > MEMORY or (count >= SURE and (worst > last / FALL or worst <= 1)):

@@ -83,8 +83,8 @@ class ResolvedMatrix:
     @property
     def constant(self) -> bool:
         """Whether A does not depend on t: then `mean()` is the matrix."""
-        if self.degree:
-            return False
+        if self.degree or isinstance(self.series, FourierSeries):
+            return not self.degree
         values = self.series.coefficients.reshape(-1, *self.shape)
         return bool(np.all(values == values[0]))
 

@@ -18,8 +18,8 @@ BATCH = 2**19
 CHECKS, ENDS = 12289, np.geomspace(3e-11, 3e-5, 19)
 """Check points of a function of which nothing is known; and where, from either end of the period, it is checked too: a pulse there begins
 or ends with it."""
-REPEATS = 3
-"""Times at which a smooth function whose narrow features are named is compared with itself a period later."""
+REPEATS = 5
+"""Times at which a smooth function is compared with itself a period later."""
 GOLDEN = (np.sqrt(5) - 1) / 2
 
 
@@ -53,7 +53,8 @@ class Sampler:
 
     def least_sizes(self) -> Array:
         """A copy of the sizes (E,) below which no entry counts."""
-        return np.broadcast_to(self.least, self.shape or (0, 0)).ravel().astype(float)
+        rows, columns = self.shape or (0, 0)
+        return np.ravel(self.least) + np.zeros(rows * columns)
 
     @property
     def chunk(self) -> int:
@@ -72,7 +73,7 @@ class Sampler:
             raise ArgumentError("A(t) is not real", got=f"numbers of type {values.dtype}", expected="real numbers")
         if self.shape is None:
             self.shape = (values.shape[1], values.shape[2])
-            self.scale = np.broadcast_to(self.least, values.shape[1:]).ravel().copy()
+            self.scale = self.least_sizes()
         if values.dtype.kind in "iu":
             self._need_constant(values)
         rows = values.reshape(len(t), values.shape[1] * values.shape[2]).astype(float, copy=False)

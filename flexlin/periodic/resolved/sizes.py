@@ -18,5 +18,5 @@ def largest_sizes(rows: Array) -> Array:
         if not library.find_sizes(*rows.shape, address(rows), address(sizes)):
             raise MemoryError("the sizes of samples")
         return sizes
-    sizes = np.maximum(rows.max(axis=0), -rows.min(axis=0))
+    sizes = np.abs(rows).max(axis=0)
     return sizes if np.isfinite(sizes).all() else np.full_like(sizes, np.nan)

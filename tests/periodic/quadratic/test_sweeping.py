@@ -6,11 +6,12 @@ from scipy.integrate import solve_ivp
 
 import flexlin as fl
 from flexlin.compiler import find_compiler
-from flexlin.periodic.quadratic.backward import RiccatiSampler, find_sweeps
+from flexlin.periodic.quadratic.backward import find_sweeps
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.quadratic.resolution import resolve_problem
 from flexlin.periodic.quadratic.riccati import periodic_riccati
 from flexlin.periodic.quadratic.running_cost import judge_by_cost
+from flexlin.periodic.quadratic.samples import RiccatiSampler
 from flexlin.periodic.quadratic.sweeping import solve_by_sweeps
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
@@ -112,16 +113,15 @@ def test_bounds_cover_what_is_added_to_the_solution():
     problem, _ = resolve_problem(linear_quadratic(system, Q, R, N), system)
     right = solve_by_sweeps(problem, 2.0, 1e-10)
     sampler, rng = RiccatiSampler(problem, 2.0, find_sweeps()), np.random.default_rng(1)
-    rows, between = np.tril_indices(system.n), sampler.sample(512, True)
+    rows, samples = np.tril_indices(system.n), sampler.sample(1024)
     for size in (1e-8, 1e-5, 1e-3):
-        old, H = right.series.coefficients, right.series.harmonics
+        old = right.series.coefficients
         parts = right.series.coefficients.copy()
         change = rng.standard_normal((system.n, system.n)) * np.sqrt(np.outer(np.diag(old[0]), np.diag(old[0])))
         parts[rng.integers(0, 3)] += size * (change + change.T)
-        sines = np.concatenate([0 * parts[:1], parts[H + 1 :]])
-        amplitudes = (parts[: H + 1] - 1j * sines)[:, *rows].T
-        wrong = judge_by_cost(sampler, between, amplitudes, 5.0, 1.0)
-        carried = judge_by_cost(sampler, between, amplitudes, 5.0, 0.1 * wrong.error) if wrong else None
+        series = np.ascontiguousarray(parts[:, *rows])
+        wrong = judge_by_cost(sampler, samples, series, 1, 5.0, 1.0)
+        carried = judge_by_cost(sampler, samples, series, 1, 5.0, 0.1 * wrong.error) if wrong else None
         if wrong is None:
             assert size > 1e-5
             continue
