@@ -47,6 +47,8 @@ INSIDE = 1e-13
 
 Accept = Callable[[Array, Array, Array], None]
 """Looks at times (N,) and states (N, 2n) that were reached, and the torque (.., m) at the stages before; raises if they must not be."""
+Hurries = Callable[[Grid, Path], Array]
+"""How many times too long each step (K,) of a window is for what it passes."""
 
 
 @dataclass
@@ -94,9 +96,17 @@ class Collocation:
     Source: Hairer, Wanner, Solving ODEs II, IV.8.
     """
 
-    def __init__(self, equations: Equations, period: float, stages: int, tol: float, accept: Accept | None = None):
+    def __init__(
+        self,
+        equations: Equations,
+        period: float,
+        stages: int,
+        tol: float,
+        accept: Accept | None = None,
+        hurries: Hurries | None = None,
+    ):
         self._equations, self._period, self._stages, self._tol = equations, period, stages, tol
-        self._accept = accept or (lambda t, x, torque: None)
+        self._accept, self._hurries = accept or (lambda t, x, torque: None), hurries
 
     def integrate(self, t: Array, start: Array, marks: Array, linear: bool = False) -> Array:
         """States and work (N, 2n + 1) at times t; marks (K,), from the first to the last time, are edges of steps.
@@ -157,7 +167,10 @@ class Collocation:
         if at.linear is not None:
             beside, missed = at.linear.on(solved.rigid, solved.at, ABSOLUTE)
             estimate = np.maximum(estimate, missed.max(axis=1))
-        good = adapt(at, grid, estimate / (ESTIMATE * self._tol), most)
+        ratio = estimate / (ESTIMATE * self._tol)
+        if self._hurries is not None:
+            ratio = np.maximum(ratio, self._hurries(grid, solved.path) ** (grid.stages + 1))
+        good = adapt(at, grid, ratio, most)
         if not good:
             return None
         if at.behind:

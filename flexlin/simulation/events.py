@@ -82,9 +82,13 @@ class Switching(ABC):
                     message = solver.step()
                     if solver.status == "failed":
                         raise stopped(now, str(message), z[: 2 * self.loop.n])
+                    dense = solver.dense_output()
+                    if self.loop.skips(now, solver.t, dense):
+                        first = SHORTENED * (solver.t - now)
+                        break
                     self.loop.accept(solver.t, solver.y)
                     now, z = solver.t, solver.y.copy()
-                    yield z, now, solver.dense_output()
+                    yield z, now, dense
             except TrialLeftRange as reason:
                 first = SHORTENED * min(first or end - now, end - now)
                 if first <= SHORTEST * (end - now):

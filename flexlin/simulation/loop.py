@@ -1,5 +1,6 @@
 """The nonlinear equations of motion under a control law, integrated."""
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,7 @@ from flexlin.simulation.drive import Drive
 from flexlin.simulation.ending import explain_end, name_largest, smallest_masses
 from flexlin.simulation.equations import Equations, NonlinearEquations
 from flexlin.simulation.friction import Friction, refuse
+from flexlin.simulation.layers import Layers
 from flexlin.simulation.marks import find_rough_times, with_breaks
 from flexlin.simulation.prediction import ROUNDING
 from flexlin.simulation.stepping import stopped
@@ -268,8 +270,30 @@ class NonlinearLoop:
 
     @cached_property
     def rough(self) -> Array:
-        """Times in [0, T) that no step passes over: breaks of the motion, and where the law's gain changes fast."""
+        """Times in [0, T) that no step passes over: breaks and narrow features of the motion, and where the law changes fast."""
         return find_rough_times(self._law, self.lin)
+
+    @cached_property
+    def _layers(self) -> Layers | None:
+        """Where resisting forces saturate; joints that stick are found by events."""
+        return Layers.of(self.lin.about) if self.friction is None else None
+
+    def skips(self, begin: float, end: float, dense: Callable[[Array], Array]) -> bool:
+        """Return whether a step of an integrator passed a thin layer of rates without seeing it.
+
+        Parameters
+        ----------
+        begin, end : float
+            Times in s.
+        dense : function
+            Times (N,) between -> states [y; y'; ...], one in each column.
+
+        Returns
+        -------
+        bool
+            True where the step has to be shorter.
+        """
+        return self._layers is not None and self._layers.of_step(begin, end, dense) > 1
 
     def _collocated(self, t: Array, start: Array, rtol: float, stages: int, linear: bool) -> Array:
         """The smooth loop. Raises: TorqueCut where the drive does not give the torque that is commanded."""
@@ -282,7 +306,8 @@ class NonlinearLoop:
                 self.accept(now, state)
             self._check_mass(t, x)
 
-        integrator = Collocation(self._collocation, self.lin.period, stages, max(rtol, ROUNDING), accept)
+        hurries = None if self._layers is None else self._layers.hurries
+        integrator = Collocation(self._collocation, self.lin.period, stages, max(rtol, ROUNDING), accept, hurries)
         return integrator.integrate(t, to_coordinates(start, self.n), marks, linear)
 
     def _check_mass(self, t: Array, x: Array) -> None:

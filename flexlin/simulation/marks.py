@@ -1,17 +1,31 @@
-"""Times that no step of an integrator passes over: breaks of the motion, and where a law's gain changes fast."""
+"""Times that no step of an integrator passes over: breaks and narrow features of the motion, and where a law changes fast."""
+
+from dataclasses import dataclass
 
 import numpy as np
 
-from flexlin.about.law import Law
+from flexlin.about.law import Law, VectorFunction
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.periodic.chebyshev import ChebyshevPanels
-from flexlin.periodic.coefficients import has_nothing_narrow
+from flexlin.periodic.coefficients import MatrixFunction, has_nothing_narrow
 from flexlin.periodic.grid import edges_of_short
-from flexlin.periodic.resolved.resolve import resolve
+from flexlin.periodic.resolved.resolve import first_edges, resolve
 
+INSIDE = 1e-12
+"""How far beside a break of the motion steps taken one by one begin and end, in periods."""
 SHORT = 64
-"""Of the period: panels of a gain that are shorter begin and end with a step."""
+"""Of the period: panels that are shorter begin and end with a step."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A vector function of time (N,) -> (N, k) as a matrix of one column."""
+
+    vector: VectorFunction
+
+    def __call__(self, t: Array) -> Array:
+        return self.vector(t)[:, :, None]
 
 
 def with_breaks(t: Array, lin: Linearization, rough: Array) -> Array:
@@ -29,18 +43,40 @@ def with_breaks(t: Array, lin: Linearization, rough: Array) -> Array:
 
 
 def find_rough_times(law: Law, lin: Linearization) -> Array:
-    """Breaks of the motion, and times at which the gain is not smooth or about which it changes in a short time, in [0, T)."""
-    return np.union1d(np.array(lin.breaks), find_edges_of_gain(law, lin))
+    """Times in [0, T): breaks of the motion, panels about its narrow features, and what the law adds.
+
+    Raises: UnresolvedCoefficient, NotPeriodic as `resolve`.
+    """
+    own = (part for part in (law.forward, law.reference) if not (is_rigid(part) or has_nothing_narrow(part)))
+    edges = [find_edges(law.gain, lin), *(find_edges(Column(part), lin) for part in own)]
+    return np.unique(np.concatenate([np.array(lin.breaks, dtype=float), find_edges_of_motion(lin), *edges]))
 
 
-def find_edges_of_gain(law: Law, lin: Linearization) -> Array:
-    """What the gain adds to the breaks of the motion. Raises: UnresolvedCoefficient, NotPeriodic as `resolve`."""
-    gain, T = law.gain, lin.period
-    if isinstance(gain, ChebyshevPanels):
-        return gain.edges[:-1]
-    if has_nothing_narrow(gain):
+def find_edges_of_motion(lin: Linearization) -> Array:
+    """Times in [0, T) about which the linear equations change in a short time: named ones, or where these may not be all, what is found."""
+    T = lin.period
+    if lin.complete:
+        edges = first_edges(T, np.array(lin.breaks, dtype=float), np.reshape(lin.features, (-1, 2)))
+        return np.mod(edges_of_short(edges, T / SHORT), T)
+    if not lin.motion.periodic:
+        return find_edges(lin.state_matrix, lin)
+    found = lin.periodic_system().resolved
+    return np.union1d(found.breaks, np.mod(edges_of_short(found.edges, T / SHORT), T))
+
+
+def is_rigid(part: VectorFunction) -> bool:
+    """Whether a torque is that of the rigid motion, which changes fast where the motion says so."""
+    return isinstance(getattr(part, "__self__", None), Linearization)
+
+
+def find_edges(part: MatrixFunction, lin: Linearization) -> Array:
+    """Times in [0, T) at which a law's part is not smooth, and about which it changes in a short time. Raises: as `resolve`."""
+    T = lin.period
+    if isinstance(part, ChebyshevPanels):
+        return part.edges[:-1]
+    if has_nothing_narrow(part):
         return np.empty(0)
     periodic = lin.motion.periodic
     breaks = sorted({*lin.breaks, *([] if periodic else [0.0])})
-    found = resolve(gain, T, breaks, lin.features, repeats=periodic)
+    found = resolve(part, T, breaks, lin.features, repeats=periodic)
     return np.union1d(found.breaks, np.mod(edges_of_short(found.edges, T / SHORT), T))

@@ -7,15 +7,13 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.simulation.events import Switching
-from flexlin.simulation.marks import with_breaks
+from flexlin.simulation.marks import INSIDE, with_breaks
 
 if TYPE_CHECKING:
     from flexlin.simulation.loop import NonlinearLoop
 
 STEP = 1e-6
 """Half of the step, in periods, of the difference that is the rate at which the asked torque changes."""
-INSIDE = 1e-12
-"""How far beside a break of the motion it is looked at, in periods."""
 JUMP = 1e-9
 """A torque further from what is asked than this share of it has not caught up."""
 

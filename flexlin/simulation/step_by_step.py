@@ -1,12 +1,14 @@
 """Loops whose torque the drive cuts or holds: corners in time would spoil the order of collocation, so steps are taken one by one."""
 
 from functools import partial
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.sampled.hold import hold_controller
+from flexlin.simulation.marks import INSIDE, with_breaks
 from flexlin.simulation.slewing import Slewing
 from flexlin.simulation.stepping import march
 from flexlin.simulation.sticking import Sticking
@@ -26,10 +28,16 @@ def follow_cut(loop: "NonlinearLoop", t: Array, z: Array, rtol: float) -> Array:
         given = loop.drive.saturated(asked)
         return loop.rate(now, z, given, loop.law.rate(now, z[:-1], asked - given))
 
-    def make(now: float, z: Array, first: float | None) -> "LSODA":
-        return LSODA(follow, now, z, t[-1], first_step=first, rtol=rtol, atol=rtol * 1e-2)
+    def make(now: float, z: Array, first: float | None, end: float) -> "LSODA":
+        return LSODA(follow, now, z, end, first_step=first, rtol=rtol, atol=rtol * 1e-2)
 
-    return np.concatenate([z[None], march(make, z, t[0], t[-1], t[1:], loop.accept)[1]])
+    out, marks, aside = [z[None]], with_breaks(t[[0, -1]], loop.lin, loop.rough), INSIDE * loop.lin.period
+    for begin, end in pairwise(marks):
+        first, last, stops = begin + aside, end - aside, t[(t > begin) & (t <= end)]
+        stops = np.clip(stops, first, last)
+        z, values = march(partial(make, end=last), z, first, last, stops, loop.accept, loop.skips)
+        out.append(values)
+    return np.concatenate(out)
 
 
 def follow_sticking(loop: "NonlinearLoop", t: Array, z: Array, rtol: float) -> Array:
@@ -72,7 +80,7 @@ def follow_held(loop: "NonlinearLoop", t: Array, z: Array, rtol: float) -> Array
             if until > now:
                 stops = t[(t > now) & (t <= until + 1e-12 * step)]
                 make = partial(explicit, loop, torque=torque, end=until, rtol=rtol)
-                z, values = march(make, z, now, until, stops, loop.accept, first=until - now)
+                z, values = march(make, z, now, until, stops, loop.accept, loop.skips, first=until - now)
                 out[done : done + len(stops)] = values
                 done, now = done + len(stops), until
             torque = later

@@ -11,6 +11,9 @@ from flexlin.errors import SimulationStopped
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolver
 
+Skips = Callable[[float, float, Callable[[Array], Array]], bool]
+"""Begin and end of a step, and its polynomial times (N,) -> states (n, N): whether it passed over something unseen."""
+
 SHORTENED = 0.1
 """What is left of a step after a trial that left the range."""
 SHORTEST = 1e-13
@@ -28,11 +31,13 @@ def march(
     end: float,
     stops: Array,
     accept: Callable[[float, Array], None],
+    skips: Skips,
     first: float | None = None,
 ) -> tuple[Array, Array]:
     """Integrate from `begin` to `end`: the state there, and the states (N, n) at the stops (N,), begin < stops <= end.
 
-    Parameters: make: (t, z, first step or None) -> solver; accept: looks at each accepted state, and raises if it must not be.
+    Parameters: make: (t, z, first step or None) -> solver; accept: looks at each accepted state, and raises if it must not be; skips:
+    whether a step passed over something, and has to be shorter.
     Raises: SimulationStopped when no step is short enough, naming the last accepted time.
     """
     slack, values = 1e-12 * (end - begin), np.empty((len(stops), len(z)))
@@ -50,6 +55,9 @@ def march(
             continue
         if solver.status == "failed":
             raise stopped(now, message, z[:-1])
+        if skips(now, solver.t, solver.dense_output()):
+            first, solver = SHORTENED * (solver.t - now), None
+            continue
         accept(solver.t, solver.y)
         inside = (stops > now) & (stops <= solver.t + slack)
         if inside.any():

@@ -9,15 +9,15 @@ import numpy as np
 from flexlin.about.law import Law, is_constant
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
-from flexlin.simulation.marks import find_rough_times
+from flexlin.simulation.marks import INSIDE, find_rough_times
 
 if TYPE_CHECKING:
-    from scipy.interpolate import PPoly
+    from scipy.interpolate import CubicSpline, PPoly
 
-POINTS = 2048
-"""Knots of a tabulated law in one period: a tenth harmonic is met to 1e-9 of its size."""
-KNOTS = 32
-"""Between two rough times, at the least."""
+KNOTS, MOST_KNOTS = 32, 2**13
+"""Between two rough times, at the least and at the most."""
+MET = 1e-11
+"""Of the law's largest value: what splines may miss midway between their knots."""
 
 
 class LawTable:
@@ -56,13 +56,27 @@ class LawTable:
 
 def tabulated(f: Callable[[Array], Array], lin: Linearization, rough: Array) -> "PPoly":
     """A function over one period by cubic splines between the rough times."""
-    from scipy.interpolate import CubicSpline, PPoly
+    from scipy.interpolate import PPoly
 
     marks = np.unique([0.0, *rough, lin.period])
-    pieces = []
-    for begin, end in pairwise(marks):
-        t = np.linspace(begin, end, max(KNOTS, int(POINTS * (end - begin) / lin.period)) + 1)
-        inside = np.clip(t, begin + 1e-12 * lin.period, end - 1e-12 * lin.period)
-        pieces.append(CubicSpline(t, f(inside), axis=0))
+    scale = float(np.abs(f(lin.period * (np.arange(KNOTS) + 0.5) / KNOTS)).max())
+    pieces = [spline(f, begin, end, INSIDE * lin.period, MET * scale) for begin, end in pairwise(marks)]
     coefficients = np.concatenate([piece.c for piece in pieces], axis=1)
     return PPoly(coefficients, np.concatenate([*[piece.x[:-1] for piece in pieces], marks[-1:]]))
+
+
+def spline(f: Callable[[Array], Array], begin: float, end: float, aside: float, tol: float) -> "CubicSpline":
+    """A cubic spline with knots doubled until it meets the function midway between them; looked at no nearer to its ends than `aside`."""
+    from scipy.interpolate import CubicSpline
+
+    count = KNOTS
+    t = np.linspace(begin, end, count + 1)
+    values = f(np.clip(t, begin + aside, end - aside))
+    while True:
+        found, between = CubicSpline(t, values, axis=0), (t[1:] + t[:-1]) / 2
+        there = f(between)
+        if np.abs(found(between) - there).max() <= tol or count >= MOST_KNOTS:
+            return found
+        count *= 2
+        values = np.insert(values, np.arange(1, len(t)), there, axis=0)
+        t = np.insert(t, np.arange(1, len(t)), between)
