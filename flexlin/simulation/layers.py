@@ -14,6 +14,8 @@ THICK = 5.0
 """Arguments beyond which a saturating function changes little: 1 - tanh(5) is 1e-4."""
 SEEN = 2.0
 """Change of an argument between neighbouring samples from which a step's own error estimate sees the layer."""
+MANY = 2000
+"""Operations of a resisting force from which it holds the steps that find the joints that follow; with symbols for these it is short."""
 PARTS = np.linspace(0.0, 1.0, 9)
 """Of a step: where the arguments are looked at."""
 
@@ -38,9 +40,8 @@ class Layers:
     def of(cls, about: Deviation) -> "Layers | None":
         """Those of an arm; None where it has none."""
         arm = about.arm
-        if arm.damping.is_zero():
-            return None
-        found = saturating_arguments(arm.damping if arm.loops is None else arm.loops.residual)
+        short = arm.loops is None or arm.functions["damping"].n_instructions() <= MANY
+        found = saturating_arguments(arm.damping if arm.loops is None or short else arm.loops.residual)
         return cls(about, found) if found else None
 
     def hurry(self, t: Array, y: Array, rate: Array) -> Array:
