@@ -127,3 +127,67 @@ long keep_outputs(long steps, const Step *code, const int *wanted, char *live, S
     memmove(kept, kept + left, (size_t)(steps - left) * sizeof *kept);
     return steps - left;
 }
+
+static int reads(int op) { return op == 44 || op == 45 ? 0 : op == 46 ? 1 : 2; }
+
+/* Compute what is computed more than once only once: CasADi makes a new sine wherever one is written or differentiated. Values are
+   numbered by their steps, then get slots anew. code: steps, changed; found: mask + 1 times -1; value: slots numbers; last: steps times
+   -1; place, empty: steps numbers each. Returns how many steps are left; *slots: how many slots they need. */
+long share_steps(long steps, Step *code, long mask, int *found, int *value, int *last, int *place, int *empty, int *slots)
+{
+    long count = 0, left = 0;
+    for (long k = 0; k < steps; k++) {
+        Step s = code[k];
+        const int to = s.to, many = reads(s.op);
+        if (many > 0)
+            s.a = value[s.a];
+        if (s.op == 46) {
+            code[count++] = s;
+            continue;
+        }
+        if (many == 2)
+            s.b = value[s.b];
+        if ((s.op == 1 || s.op == 3) && s.b < s.a) { /* sums and products: either order */
+            const int a = s.a;
+            s.a = s.b;
+            s.b = a;
+        }
+        const unsigned long long mixed = s.op * 0x9E3779B97F4A7C15ull ^ (unsigned)s.a * 0xC2B2AE3D27D4EB4Full
+                                         ^ (unsigned)s.b * 0x165667B19E3779F9ull;
+        long at = (long)(mixed >> 32 & (unsigned long)mask);
+        while (found[at] >= 0 && (code[found[at]].op != s.op || code[found[at]].a != s.a || code[found[at]].b != s.b))
+            at = (at + 1) & mask;
+        if (found[at] < 0) {
+            found[at] = (int)count;
+            code[count++] = s;
+        }
+        value[to] = found[at];
+    }
+    for (long k = 0; k < count; k++) {
+        if (reads(code[k].op) > 0)
+            last[code[k].a] = (int)k;
+        if (reads(code[k].op) > 1)
+            last[code[k].b] = (int)k;
+    }
+    int used = 0, top = 0;
+    for (long k = 0; k < count; k++) {
+        Step s = code[k];
+        const int a = s.a, b = s.b, many = reads(s.op);
+        if (many > 0 && last[a] == k)
+            empty[top++] = place[a];
+        if (many > 1 && b != a && last[b] == k)
+            empty[top++] = place[b];
+        if (many > 0)
+            s.a = place[a];
+        if (many > 1)
+            s.b = place[b];
+        if (s.op != 46) {
+            if (last[k] < 0)
+                continue;
+            s.to = place[k] = top ? empty[--top] : used++;
+        }
+        code[left++] = s;
+    }
+    *slots = used;
+    return left;
+}

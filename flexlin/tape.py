@@ -35,7 +35,8 @@ def find_library() -> ctypes.CDLL | None:
     """The library of tape.c; none where there is no compiler."""
     library = find_kept_library(*FILES)
     if library is not None:
-        library.run_tape.restype = library.keep_outputs.restype = ctypes.c_long
+        for function in (library.run_tape, library.keep_outputs, library.share_steps):
+            function.restype = ctypes.c_long
     return library
 
 
@@ -60,6 +61,7 @@ class Tape:
         steps, slots = read_steps(function), int(function.sz_w())
         if steps is None or not is_sound(steps, rows, sizes, slots):
             return None
+        steps, slots = share_steps(library, steps, slots)
         return cls(library, steps, rows, sizes, slots)
 
     def keep(self, outputs: tuple[int, ...]) -> "Tape":
@@ -118,6 +120,18 @@ def read_steps(function: ca.Function) -> Array | None:
         return None
     halves = np.frombuffer(text[place : place + 32 * count].encode("ascii"), dtype=np.uint8) - ord("a")
     return (halves[0::2] | halves[1::2] << 4).view("<i4").reshape(count, 4).astype(np.int32)
+
+
+def share_steps(library: ctypes.CDLL, steps: Array, slots: int) -> tuple[Array, int]:
+    """The same operations, each value computed once, and how many slots they need."""
+    count, shared = len(steps), steps.copy()
+    table = 2 ** (2 * count).bit_length()
+    found, last = (np.full(size, -1, dtype=np.int32) for size in (table, count))
+    value, place, empty = (np.empty(size, dtype=np.int32) for size in (slots, count, count))
+    needed = ctypes.c_int()
+    sizes = ctypes.c_long(count), pointer(shared), ctypes.c_long(table - 1)
+    left = library.share_steps(*sizes, *map(pointer, (found, value, last, place, empty)), ctypes.byref(needed))
+    return shared[:left].copy(), needed.value
 
 
 def sample_steps(count: int) -> list[int]:

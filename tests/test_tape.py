@@ -69,6 +69,32 @@ def test_random_functions_give_the_same_bits(seed: int) -> None:
 
 
 @needs_compiler
+@pytest.mark.parametrize("seed", range(6))
+def test_what_is_written_often_is_computed_once(seed: int) -> None:
+    """Against value numbering by a dictionary: as many steps, the same bits; signs of zeros are told apart."""
+    rng, x = np.random.default_rng(seed), ca.SX.sym("x", 2)
+    known = [*ca.vertsplit(x), ca.SX(0.0), ca.SX(-0.0), ca.SX(np.nan), ca.SX(2.5)]
+    names, made_before = [str(k) for k in range(len(known))], {}
+    for _ in range(400):
+        i, j = rng.integers(len(known), size=2)
+        which = rng.integers(4)
+        known.append([ca.sin, ca.atan, ca.fmin, ca.atan2][which](*[known[i], known[j]][: 1 if which < 2 else 2]))
+        key = (which, names[i], names[j] if which > 1 else "")
+        names.append(made_before.setdefault(key, f"made {len(made_before)}"))
+    function = ca.Function("twice", [x], [ca.vertcat(*known)])
+    made, arrays = tape.Tape.of(function), [rng.normal(size=(70, 2))]
+    assert made is not None
+    computed = int((~np.isin(made.steps[:, 0], (tape.CONST, tape.INPUT, tape.OUTPUT))).sum())
+    assert computed <= len(made_before)
+    assert computed < 0.8 * 400
+    right, found = symbolic.call_casadi(function, arrays)[0], run(made, function, arrays)[0]
+    np.testing.assert_array_equal(found, right)
+    np.testing.assert_array_equal(np.signbit(found[right == 0]), np.signbit(right[right == 0]))
+    few = made.keep((0,))
+    np.testing.assert_array_equal(run(few, function, arrays)[0], right)
+
+
+@needs_compiler
 def test_many_points_take_the_tape_and_few_do_not() -> None:
     function = random_function(99)
     arrays = np.random.default_rng(0).normal(size=(50, 3)), np.ones((50, 2)), np.zeros((50, 0))
