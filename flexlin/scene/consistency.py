@@ -1,6 +1,5 @@
 """What one table of a scene demands of another; checked on the raw data, so that all errors come at once."""
 
-import difflib
 import re
 from collections.abc import Iterator
 from typing import Any
@@ -12,7 +11,7 @@ from flexlin.scene.effects import RawArm, effect_contradictions, known_effects, 
 from flexlin.scene.link_rules import driven, link_contradictions, mode_counts, moves
 from flexlin.scene.loop_rules import loop_contradictions
 from flexlin.scene.weights import Weights
-from flexlin.text import printable
+from flexlin.text import hint_at, printable
 
 COORDINATE = re.compile(r"(q|w|theta|phi|beta)\w*\d(_rate)?")
 """What names of coordinates of a chain, and of their rates, look like."""
@@ -132,8 +131,7 @@ def _weighted(raw: dict[str, Any]) -> Iterator[Problem]:
         weights = design.get("weights") if raw.get("model") is None else None
         for key in weights if isinstance(weights, dict) else ():
             if key not in groups and not COORDINATE.fullmatch(str(key)):
-                close = difflib.get_close_matches(str(key), groups, n=1)
-                hint = f"; did you mean {close[0]!r}?" if close else ""
+                hint = hint_at(str(key), groups)
                 expected = f"one of {', '.join(groups)}, or a coordinate such as q1, w11, w11_rate{hint}"
                 yield Problem(f"designs.{i}.weights.{printable(key)}", "an unknown key", expected)
 

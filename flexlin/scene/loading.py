@@ -1,6 +1,5 @@
 """From a TOML file or a built-in name to a checked scene."""
 
-import difflib
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,7 +18,7 @@ from flexlin.scene.problems import schema_problems
 from flexlin.scene.scene import Scene
 from flexlin.scene.toml import parse_toml
 from flexlin.scene.uncertainty import uncertainty_problems
-from flexlin.text import printable
+from flexlin.text import hint_at, printable
 
 LARGEST_FILE = 2**20
 """Bytes of a scene file."""
@@ -181,9 +180,7 @@ def _find(source: str | Path) -> Path:
             return path
     except OSError:  # part of the name is too long, or its folder may not be searched
         pass
-    close = difflib.get_close_matches(name, scenes, n=1)
-    hint = f"; did you mean {close[0]!r}?" if close else ""
-    expected = f"a TOML file, or one of {', '.join(sorted(scenes))}{hint}"
+    expected = f"a TOML file, or one of {', '.join(sorted(scenes))}{hint_at(name, scenes)}"
     raise SceneError(printable(name), [Problem("file", "no such file or built-in scene", expected)])
 
 

@@ -1,7 +1,6 @@
 """Dotted overrides: `effects.payload.mass=0.3` on the command line, {"effects.payload.mass": 0.3} in Python."""
 
 import copy
-import difflib
 import tomllib
 from collections.abc import Mapping
 from typing import Any
@@ -10,7 +9,7 @@ from flexlin.errors import ArgumentError, Problem
 from flexlin.scene.effects import known_effects
 from flexlin.scene.parameters import PARAMETERS, whole_path
 from flexlin.scene.toml import DEEPEST, parse_toml
-from flexlin.text import printable
+from flexlin.text import hint_at, printable
 
 OFF = "off"
 MOST = 4
@@ -115,8 +114,7 @@ def _place(tree: Any, path: list[str], value: Any) -> tuple[str, str] | None:
     elif path[:1] == ["effects"] and len(path) == 2 and value == OFF:
         known = known_effects()
         if last not in known:
-            close = difflib.get_close_matches(last, known, n=1)
-            return "an unknown key", f"one of {', '.join(known)}" + (f"; did you mean {close[0]!r}?" if close else "")
+            return "an unknown key", f"one of {', '.join(known)}{hint_at(last, known)}"
         tree.pop(last, None)
     else:
         tree[last] = value

@@ -1,6 +1,5 @@
 """What the schema complains about, said as key, got, expected, in the words of the file's writer."""
 
-import difflib
 from collections.abc import Iterator, Sequence
 from typing import Any, get_args
 
@@ -10,7 +9,7 @@ from flexlin.errors import Problem
 from flexlin.scene.base import Table
 from flexlin.scene.effects import Effects, effects_table
 from flexlin.scene.suggestions import suggest
-from flexlin.text import printable
+from flexlin.text import hint_at, printable
 
 WORDS = {
     "missing": "a value: this key is required",
@@ -90,9 +89,7 @@ def _known_keys(schema: type[BaseModel], location: Sequence[Any]) -> str:
     """The keys that a table may hold, the likeliest first."""
     tables = _tables(schema, location)
     keys = sorted({field.alias or name for table in tables for name, field in table.model_fields.items()})
-    close = difflib.get_close_matches(str(location[-1]), keys, n=1)
-    hint = f"; did you mean {close[0]!r}?" if close else ""
-    return f"one of {', '.join(keys)}{hint}" if keys else "an empty table"
+    return f"one of {', '.join(keys)}{hint_at(str(location[-1]), keys)}" if keys else "an empty table"
 
 
 def _tables(schema: type[BaseModel], location: Sequence[Any]) -> list[type[BaseModel]]:

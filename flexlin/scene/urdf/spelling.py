@@ -1,10 +1,9 @@
 """What the elements that are read may hold: a word that is misspelt, or that stands where none may, is refused with its line."""
 
-import difflib
 from collections.abc import Iterable
 
 from flexlin.scene.urdf.elements import LONGEST, Element
-from flexlin.text import printable
+from flexlin.text import hint_at, printable
 
 CHILDREN = {
     "robot": ("link", "joint"),
@@ -57,7 +56,6 @@ def check_spelling(element: Element) -> None:
 
 def check_word(element: Element, got: str, word: str, known: Iterable[str], inside: str) -> None:
     """Refuse a word that is not read where nothing else may stand, or that looks like one that is read."""
-    close = difflib.get_close_matches(word, known, n=1, cutoff=ALIKE)
-    if inside in CLOSED or close:
-        hint = f"; did you mean {close[0]!r}?" if close else ""
+    hint = hint_at(word, known, ALIKE)
+    if inside in CLOSED or hint:
         raise element.refuse(f"{got} in <{inside}>", f"{', '.join(known) or 'nothing'}{hint}")
