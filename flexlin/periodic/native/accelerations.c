@@ -1,7 +1,7 @@
 /* Transition matrices of M y'' + D y' + K y = 0 by Gauss collocation in the accelerations, eight segments at a time: the computation of
- * `collocate_accelerations` in gauss.py, without exchanging rows. What that may lose shows in the residual. */
+ * `collocate_accelerations` in gauss.py, without exchanging rows. What that may lose shows in the residual, and is won back by it once. */
 
-enum { ACCURATE = 64 }; /* roundings that the residual may be off by, against the largest of its terms */
+enum { ACCURATE = 64 }; /* roundings that the residual may be off by */
 
 typedef struct { int m, stages; const double *c, *a, *square, *b; } Rule; /* square: a a */
 
@@ -34,8 +34,14 @@ static v8 larger(v8 x, v8 y) {
   return x;
 }
 
-/* Whether M_i w_i + h D_i sum_j a_ij w_j + h^2 K_i sum_j (a a)_ij w_j = right_i up to rounding, for each of the eight; work: 2 m columns. */
-static v8 measure_accuracy(const Rule *r, const v8 *blocks, v8 h, const v8 *w, v8 *work) {
+static v8 absolute(v8 x) {
+  for (int l = 0; l < 8; l++) x[l] = fabs(x[l]);
+  return x;
+}
+
+/* left: what M_i w_i + h D_i sum_j a_ij w_j + h^2 K_i sum_j (a a)_ij w_j misses of right_i, for each of the eight; work: 2 m columns.
+ * Returns the most, in roundings of the largest term. */
+static v8 measure_accuracy(const Rule *r, const v8 *blocks, v8 h, const v8 *w, v8 *work, v8 *left) {
   int m = r->m, s = r->stages, columns = 2 * m;
   v8 worst = splat(0.0), size = splat(0.0), *rates = work, *places = work + m * columns;
   for (int i = 0; i < s; i++) {
@@ -58,12 +64,32 @@ static v8 measure_accuracy(const Rule *r, const v8 *blocks, v8 h, const v8 *w, v
           y += D[q] * rates[q * columns + c];
           z += K[q] * places[q * columns + c];
         }
-        worst = larger(worst, x + y + z);
+        worst = larger(worst, left[(i * m + p) * columns + c] = x + y + z);
         size = larger(larger(larger(size, x), y), z);
       }
     }
   }
-  return worst / (ACCURATE * 2.3e-16 * size + 1e-300);
+  return worst / (2.3e-16 * size + 1e-300);
+}
+
+/* The most of what is left, in roundings of sum_j |G_ij| |w_j| + |right_i|, all that a computation without exact sums can ask for.
+ * Source: Higham, Accuracy and Stability of Numerical Algorithms, Theorem 7.3 (Oettli, Prager). */
+static v8 measure_backward_error(int n, int columns, const v8 *G, const v8 *right, const v8 *w, const v8 *left) {
+  v8 worst = splat(0.0);
+  for (int i = 0; i < n; i++)
+    for (int c = 0; c < columns; c++) {
+      v8 size = absolute(right[i * columns + c]);
+      for (int j = 0; j < n; j++) size += absolute(G[(long)i * n + j] * w[j * columns + c]);
+      worst = larger(worst, left[i * columns + c] / (2.3e-16 * size + 1e-300));
+    }
+  return worst;
+}
+
+/* Whether one of the first is not right to rounding. */
+static int any_lost(v8 off, int count) {
+  for (int l = 0; l < count; l++)
+    if (!(off[l] <= ACCURATE)) return 1;
+  return 0;
 }
 
 /* Phi = [1, h; 0, 1] + [h^2 sum b_i (1 - c_i) w_i; h sum b_i w_i] of one of the eight, back in its own coordinates. */
@@ -87,9 +113,9 @@ static void combine_stages(const Rule *r, int l, double h, const v8 *w, const do
 int factor_accelerations(int m, int stages, int segments, const double *blocks, const double *lengths, const double *tableau, double *Phi, int *good) {
   long n = (long)stages * m, columns = 2 * m;
   Rule r = {m, stages, tableau, tableau + stages, tableau + stages + stages * stages, tableau + stages + 2 * stages * stages};
-  v8 *memory = aligned_alloc(64, (3 * m * n + n * n + n * columns + 2 * m * columns) * sizeof(v8));
+  v8 *memory = aligned_alloc(64, (3 * m * n + n * n + 3 * n * columns + 2 * m * columns) * sizeof(v8));
   if (!memory) return 0;
-  v8 *own = memory, *G = own + 3 * m * n, *w = G + n * n, *work = w + n * columns;
+  v8 *own = memory, *G = own + 3 * m * n, *w = G + n * n, *left = w + n * columns, *right = left + n * columns, *work = right + n * columns;
   for (int k = 0; k < segments; k += 8) {
     int count = segments - k < 8 ? segments - k : 8;
     const double *from = blocks + 3 * m * n * k;
@@ -100,10 +126,17 @@ int factor_accelerations(int m, int stages, int segments, const double *blocks, 
     gather_blocks(&r, count, from, d, own);
     build_equations(&r, own, h, G, w);
     eliminate_eight(n, columns, G, w);
-    v8 off = measure_accuracy(&r, own, h, w, work);
+    v8 off = measure_accuracy(&r, own, h, w, work, left);
+    if (any_lost(off, count)) {
+      solve_eight(n, columns, G, left);
+      for (int e = 0; e < n * columns; e++) w[e] -= left[e];
+      measure_accuracy(&r, own, h, w, work, left);
+      build_equations(&r, own, h, G, right);
+      off = measure_backward_error(n, columns, G, right, w, left);
+    }
     for (int l = 0; l < count; l++) {
       combine_stages(&r, l, h[l], w, d, Phi + (k + l) * columns * columns);
-      good[k + l] = off[l] <= 1.0;
+      good[k + l] = off[l] <= ACCURATE;
     }
   }
   free(memory);

@@ -33,7 +33,18 @@ static inline void subtract_rows(int count, const v8 *f, const v8 *top, long str
   for (int j = 0; j < count; j++) row[j] = row[j] - f[0] * top[j] - f[1] * top[stride + j] - f[2] * top[2 * stride + j] - f[3] * top[3 * stride + j];
 }
 
-/* X := G^-1 X, (n, columns), of eight systems at once, without exchanging rows; G is lost. Returns the least sizes of the pivots. */
+/* X := U^-1 X of what `eliminate_eight` leaves of G. */
+static void substitute_back(int n, int columns, const v8 *G, v8 *X) {
+  for (int k = n - 1; k >= 0; k--) {
+    v8 *to = X + (long)k * columns;
+    const v8 *row = G + (long)k * n;
+    for (int i = k + 1; i < n; i++)
+      for (int c = 0; c < columns; c++) to[c] -= row[i] * X[(long)i * columns + c];
+    for (int c = 0; c < columns; c++) to[c] *= row[k];
+  }
+}
+
+/* X := G^-1 X, (n, columns), of eight systems at once, without exchanging rows; G becomes its factors. Returns the least sizes of the pivots. */
 static v8 eliminate_eight(int n, int columns, v8 *restrict G, v8 *restrict X) {
   v8 least = splat(INFINITY);
   for (int first = 0; first < n; first += TOGETHER) {
@@ -59,11 +70,18 @@ static v8 eliminate_eight(int n, int columns, v8 *restrict G, v8 *restrict X) {
       subtract_rows(columns, factor, X + (long)first * columns, columns, X + (long)i * columns);
     }
   }
-  for (int k = n - 1; k >= 0; k--) {
-    v8 *to = X + (long)k * columns, *row = G + (long)k * n;
-    for (int i = k + 1; i < n; i++)
-      for (int c = 0; c < columns; c++) to[c] -= row[i] * X[(long)i * columns + c];
-    for (int c = 0; c < columns; c++) to[c] *= row[k];
-  }
+  substitute_back(n, columns, G, X);
   return least;
+}
+
+/* X := G^-1 X for further right sides, by the factors that `eliminate_eight` leaves: 1 / u on the diagonal, l u below it. */
+static void solve_eight(int n, int columns, const v8 *G, v8 *X) {
+  for (int i = 1; i < n; i++) {
+    v8 *to = X + (long)i * columns;
+    for (int k = 0; k < i; k++) {
+      v8 factor = G[(long)i * n + k] * G[(long)k * n + k];
+      for (int c = 0; c < columns; c++) to[c] -= factor * X[(long)k * columns + c];
+    }
+  }
+  substitute_back(n, columns, G, X);
 }
