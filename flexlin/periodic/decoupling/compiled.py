@@ -1,4 +1,4 @@
-"""Exponents of systems whose modes keep their shapes by one call of compiled code: what steady.py and exponents.py compute."""
+"""Exponents of smooth systems by one call of compiled code: what whole.py, or steady.py and exponents.py compute."""
 
 import ctypes
 from functools import lru_cache
@@ -9,7 +9,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.compiler import address
 from flexlin.lapack import find_routine
-from flexlin.periodic.decoupling import coordinates, mean_modes, steady, tame
+from flexlin.periodic.decoupling import coordinates, mean_modes, steady, tame, whole
 from flexlin.periodic.decoupling.decouple import ROUGH
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.grouping import Group
@@ -20,8 +20,10 @@ from flexlin.periodic.fourier import fourier_basis
 from flexlin.periodic.native.library import find_library
 from flexlin.periodic.product.perturbation import CANCELLED, CLOSE, COHERENT, FACTOR_ROUNDING
 from flexlin.periodic.resolved.companion import ResolvedCompanion
-from flexlin.periodic.resolved.matrix import ResolvedMatrix
+from flexlin.periodic.resolved.matrix import IN_THE_MEAN, ResolvedMatrix
 from flexlin.periodic.resolved.uncertainty import EPS, ROUNDINGS
+from flexlin.periodic.transition.accelerations import tabulate_rule
+from flexlin.periodic.transition.choice import MARGIN, WAVES, gauss_constant
 from flexlin.periodic.transition.gauss import gauss
 
 MOST_STATES = 128
@@ -37,7 +39,9 @@ REASONS = {
 }
 """Why the compiled code refuses."""
 Coefficients = ResolvedMatrix | ResolvedCompanion
-Found = tuple[Array, Array, float, Decoupled]
+Found = tuple[Array, Array, float, Decoupled | int]
+"""Exponents (n,) in 1/s, conjugates exactly, their errors (n,), the fastest rate in 1/s, and what was decoupled, or how many segments of the
+whole were taken."""
 
 
 def find_steady_solver(states: int) -> ctypes.CDLL | None:
@@ -46,9 +50,9 @@ def find_steady_solver(states: int) -> ctypes.CDLL | None:
 
 
 def solve_compiled(library: ctypes.CDLL, coefficients: Coefficients, tol: float) -> Found | Refusal:
-    """Exponents (n,) in 1/s by falling real part, conjugates exactly, their errors (n,), the fastest rate in 1/s, and what was decoupled.
+    """The exponents by falling real part, with what belongs to them, by few segments of the whole or by decoupling.
 
-    They are those of `decouple_steady` and `decoupled_exponents` where all groups are tame. Raises: MemoryError.
+    They are those of `whole_exponents`, or of `decouple_steady` and `decoupled_exponents` where all groups are tame. Raises: MemoryError.
     """
     blocks = coefficients.blocks if isinstance(coefficients, ResolvedCompanion) else coefficients
     rows, period = blocks.shape[0], coefficients.period
@@ -58,13 +62,14 @@ def solve_compiled(library: ctypes.CDLL, coefficients: Coefficients, tol: float)
     counts = [count for count in steady.COUNTS if harmonics < count]
     if not counts:
         return Refusal("A(t) has too many harmonics")
-    sizes, numbers = count_sizes(n, rows if n > rows else 0, harmonics, len(counts)), tabulate_numbers().copy()
+    sizes = count_sizes(n, rows if n > rows else 0, harmonics, len(counts))
+    limits, numbers = np.array([*sizes, whole.FIRST, whole.MOST], np.intc), tabulate_numbers().copy()
     numbers[TOL] = tol
     nodes, about, places = np.array([counts[0], counts[-1]], np.intc), np.empty(3), np.empty(3 * n, np.intc)
     out, exponents, errors = np.empty((12 * counts[-1] + 2) * n * n + 3 * n), np.empty(n, complex), np.empty(n)
     given = [numbers, series, np.ascontiguousarray(blocks.error), *tabulated(counts[0], counts[-1], harmonics)]
     answer = library.solve_steady(
-        address(sizes),
+        address(limits),
         address(nodes),
         period,
         find_routine("dgeev"),
@@ -75,6 +80,8 @@ def solve_compiled(library: ctypes.CDLL, coefficients: Coefficients, tol: float)
     if answer:
         return Refusal(REASONS[answer])
     rounds, rate, growth = about.tolist()
+    if rounds < 0:
+        return exponents, errors, rate, -int(rounds)
     return exponents, errors, rate, divide_output(out, places, 2 * int(nodes[0]), period, int(rounds), growth)
 
 
@@ -105,22 +112,24 @@ def tabulate_numbers() -> Array:
     made = [coordinates.ENOUGH, coordinates.SHRINK, SLOW_PART, ROUGH, 0.0, EPS, ROUNDINGS * EPS, COHERENT / 3]
     near = [coordinates.NEAR, coordinates.BEYOND, coordinates.LEAST, coordinates.EVEN]
     followed = [tame.STEP, tame.FASTEST, tame.SAFETY, CANCELLED, CLOSE, FACTOR_ROUNDING, EPS, tame.INDEPENDENT, growth]
-    return np.array([*choice, *made, *near, *followed])
+    stages, constant = tame.STAGES, gauss_constant(tame.STAGES)
+    segments = [IN_THE_MEAN, MARGIN * constant, 2 * stages, WAVES / stages, whole.FINER]
+    return np.array([*choice, *made, *near, *followed, *segments])
 
 
 @lru_cache(maxsize=16)
-def count_sizes(n: int, coordinates_behind: int, harmonics: int, counts: int) -> Array:
+def count_sizes(n: int, coordinates_behind: int, harmonics: int, counts: int) -> tuple[int, ...]:
     """The whole numbers that the compiled code reads."""
     most = int(np.ceil(tame.FASTEST / tame.STEP))
     rounds, joins = coordinates.MAX_ROUNDS, steady.JOINS
     numbers = [n, coordinates_behind, harmonics, rounds, joins, counts, tame.LEAST, most, tame.STAGES, tame.MORE]
-    return np.array(numbers, np.intc)
+    return tuple(map(int, numbers))
 
 
 def tabulated(first: int, second: int, harmonics: int) -> list[Array]:
-    """Waves of the series at the times of both sets of nodes, those of the nodes, and the rules of Gauss."""
+    """Waves of the series at the times of both sets of nodes, those of the nodes, and the rules of Gauss in both forms."""
     bases = [tabulate_basis(2 * count, harmonics) for count in (first, second)]
-    return [*bases, tabulate_waves(first), tabulate_waves(second), tabulate_rules()]
+    return [*bases, tabulate_waves(first), tabulate_waves(second), tabulate_rules(), tabulate_tableaus()]
 
 
 @lru_cache(maxsize=4)
@@ -153,3 +162,9 @@ def tabulate_rules() -> Array:
     """Gauss' rules one after another: c, a, b of each."""
     rules = [gauss(stages) for stages in (tame.STAGES, tame.STAGES + tame.MORE)]
     return np.concatenate([part.ravel() for rule in rules for part in (rule.c, rule.a, rule.b)])
+
+
+@lru_cache(maxsize=1)
+def tabulate_tableaus() -> Array:
+    """The same for accelerations: c, a, a a, b of each."""
+    return np.concatenate([tabulate_rule(tame.STAGES), tabulate_rule(tame.STAGES + tame.MORE)])

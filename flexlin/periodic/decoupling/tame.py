@@ -37,13 +37,27 @@ def tame_exponents(values: Array, period: float, unknown: Array) -> tuple[Array,
 
     Parameters: values (N, p, p), real, at the nodes k T / N; unknown (p, p): bound on what is not known of them, in 1/s.
     """
-    p, rate = values.shape[-1], float(measure_size(values).max())
+    rate = float(measure_size(values).max())
     if not rate * period < FASTEST:
         return None
     segments = max(LEAST, int(np.ceil(period * rate / STEP)))
     h = period / segments
     try:
         F, better = (factor_tame(values, h, segments, STAGES + more) for more in (0, MORE))
+    except np.linalg.LinAlgError:
+        return None
+    found = bound_factors(F, better, h * unknown)
+    return None if found is None else (wrap_log(found[0]), found[1])
+
+
+def bound_factors(F: Array, better: Array, unknown: Array) -> tuple[Array, Array] | None:
+    """Logs of the multipliers of a product of factors (K, p, p), and their errors (p,), as `tame_exponents`; None where it does not serve.
+
+    Parameters: better: the same factors with more stages; unknown (p, p) or (K, p, p): bound on what is not known of a factor's generator,
+    times the factor's length.
+    """
+    p = F.shape[-1]
+    try:
         multipliers, R, G = follow_vectors(F)
         L = np.linalg.inv(R)
     except np.linalg.LinAlgError:
@@ -56,13 +70,13 @@ def tame_exponents(values: Array, period: float, unknown: Array) -> tuple[Array,
     logs = with_conjugates(lengths.sum(axis=0) + np.log(np.diagonal(closure)), multipliers)
     step = L[1:] @ (better - F) @ R[:-1] / G[:, :, None]
     rounding = FACTOR_ROUNDING * EPS * measure_size(F)[:, None, None]
-    known = (np.abs(L[1:]) @ (h * unknown + rounding) @ np.abs(R[:-1]) / G[:, :, None]).sum(axis=0)
+    known = (np.abs(L[1:]) @ (unknown + rounding) @ np.abs(R[:-1]) / G[:, :, None]).sum(axis=0)
     size = np.abs(step).sum(axis=0)
     own = SAFETY * np.maximum(np.abs(np.diagonal(step.sum(axis=0))), CANCELLED * np.diagonal(size)) + np.diagonal(known)
     own += FACTOR_ROUNDING * EPS * np.diagonal(np.abs(L[0]) @ np.abs(R[-1]))
     gap = measure_distances(logs, logs)
     pairs = bound_pairs(size + known + np.abs(closure), own, gap, np.zeros((p, p)))
-    return wrap_log(logs), own + pairs + 4 * EPS * np.abs(logs)
+    return logs, own + pairs + 4 * EPS * np.abs(logs)
 
 
 def follow_vectors(F: Array) -> tuple[Array, Array, Array]:

@@ -6,6 +6,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.circle import pair_conjugates
+from flexlin.periodic.decoupling import whole
 from flexlin.periodic.decoupling.compiled import Coefficients, Found, find_steady_solver, solve_compiled
 from flexlin.periodic.decoupling.coupling import Coupled
 from flexlin.periodic.decoupling.decouple import MAX_MERGES, decouple
@@ -13,7 +14,8 @@ from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.exponents import decoupled_exponents
 from flexlin.periodic.decoupling.hidden import STILL, find_growth, hidden_effect
 from flexlin.periodic.decoupling.several import SAFETY
-from flexlin.periodic.decoupling.steady import decouple_steady
+from flexlin.periodic.decoupling.steady import LOOK, decouple_steady
+from flexlin.periodic.decoupling.tame import STAGES
 from flexlin.periodic.floquet.result import find_reached
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.resolved.uncertainty import couple_uncertainty
@@ -55,26 +57,30 @@ def solve_decoupled(
     return found.exponents, hide_enclosed(found.exponents, found.errors), decoupled
 
 
-def solve_steady(system: PeriodicSystem, tol: float) -> tuple[Array, Array, Setting, Decoupled] | Refusal:
-    """Exponents, conjugates exactly, and errors by decoupling where A(t) mixes the modes of its mean by little, or why that does not serve.
+def solve_steady(system: PeriodicSystem, tol: float) -> tuple[Array, Array, Setting, Decoupled | None] | Refusal:
+    """Exponents, conjugates exactly, and errors of a smooth system by one call of compiled code, or why that does not serve.
 
-    It serves only where every error is bounded by perturbation theory and meets tol.
+    By few segments of the whole, or by decoupling where A(t) mixes the modes of its mean by little. It serves only where every error is bounded
+    by perturbation theory and meets tol.
     """
     coefficients = system.resolved
     if coefficients.breaks or not isinstance(coefficients.series, FourierSeries):
         return Refusal("A(t) is not one Fourier series")
     library = find_steady_solver(system.n)
+    code = "NumPy" if library is None else "compiled code"
     for aim in (tol, AGAIN * tol):
         found = solve_by_numpy(coefficients, aim) if library is None else solve_compiled(library, coefficients, aim)
         if isinstance(found, Refusal):
             return found
-        exponents, errors, rate, decoupled = found
-        hidden = claim_hidden(decoupled, exponents)
+        exponents, errors, rate, way = found
+        if isinstance(way, int):
+            reason = f"few do for tol {tol:.0e} with eigenvalues of the mean of A(t) up to {rate:.3g} 1/s, by {code}"
+            return exponents, errors, Setting("gauss", 2 * STAGES, way, reason, rate), None
+        hidden = claim_hidden(way, exponents)
         errors = errors + hidden
         if find_reached(exponents, errors, tol).all():
-            code = "NumPy" if library is None else "compiled code"
             reason = f"modes that keep their shapes, eigenvalues of A(t) up to {rate:.3g} 1/s, by {code}"
-            return exponents, errors, Setting("decoupling", 0, 1, reason, rate), decoupled
+            return exponents, errors, Setting("decoupling", 0, 1, reason, rate), way
         if not find_reached(exponents, hidden, tol).all():
             break
     return Refusal("tol is not met")
@@ -94,13 +100,22 @@ def claim_hidden(decoupled: Decoupled, exponents: Array) -> Array:
 
 def solve_by_numpy(coefficients: Coefficients, tol: float) -> Found | Refusal:
     """What `solve_compiled` finds, without compiled code."""
-    T = coefficients.period
-    decoupled = decouple_steady(coefficients, T, coefficients.degree, tol, partial(couple_uncertainty, coefficients))
-    if isinstance(decoupled, Refusal):
-        return decoupled
-    slow = decoupled_exponents(decoupled, tol, tame_only=True)
-    logs, uncertain = pair_conjugates(slow.exponents * T, slow.errors * T)
-    return logs / T, uncertain / T, float(np.abs(np.einsum("tii->ti", decoupled.generator)).max()), decoupled
+    T, H = coefficients.period, coefficients.degree
+    values = np.linalg.eigvals(coefficients(T / LOOK * np.arange(LOOK)).mean(axis=0))
+    rate = float(np.abs(values).max())
+    if (found := whole.whole_exponents(coefficients, values, tol, whole.FIRST)) is not None:
+        return found[0], found[1], rate, found[2]
+    decoupled = decouple_steady(coefficients, T, H, tol, partial(couple_uncertainty, coefficients))
+    if not isinstance(decoupled, Refusal):
+        slow = decoupled_exponents(decoupled, tol, tame_only=True)
+        if np.isfinite(slow.errors).all():
+            logs, uncertain = pair_conjugates(slow.exponents * T, slow.errors * T)
+            fastest = float(np.abs(np.einsum("tii->ti", decoupled.generator)).max())
+            return logs / T, uncertain / T, fastest, decoupled
+        decoupled = Refusal("the modes of a group grow or decay by much against each other")
+    if (found := whole.whole_exponents(coefficients, values, tol, whole.MOST)) is not None:
+        return found[0], found[1], rate, found[2]
+    return decoupled
 
 
 def hide_enclosed(exponents: Array, errors: Array) -> Array:

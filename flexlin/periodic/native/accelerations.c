@@ -85,10 +85,10 @@ static v8 measure_backward_error(int n, int columns, const v8 *G, const v8 *righ
   return worst;
 }
 
-/* Whether one of the first is not right to rounding. */
-static int any_lost(v8 off, int count) {
+/* Whether one of the first misses more than so many roundings. */
+static int any_lost(v8 off, int count, double most) {
   for (int l = 0; l < count; l++)
-    if (!(off[l] <= ACCURATE)) return 1;
+    if (!(off[l] <= most)) return 1;
   return 0;
 }
 
@@ -108,37 +108,61 @@ static void combine_stages(const Rule *r, int l, double h, const v8 *w, const do
     }
 }
 
+/* Where eight segments are made: blocks of the stages, their equations, solutions, what these miss, right sides, and work. */
+typedef struct { v8 *memory, *blocks, *G, *w, *left, *right, *work; } Bench;
+
+static int take_bench(int m, int stages, Bench *to) {
+  long n = (long)stages * m, columns = 2 * m;
+  to->memory = aligned_alloc(64, (3 * m * n + n * n + 3 * n * columns + 2 * m * columns) * sizeof(v8));
+  to->blocks = to->memory;
+  to->G = to->blocks + 3 * m * n;
+  to->w = to->G + n * n;
+  to->left = to->w + n * columns;
+  to->right = to->left + n * columns;
+  to->work = to->right + n * columns;
+  return to->memory != 0;
+}
+
+/* Transition matrices (count, 2 m, 2 m) of up to eight segments from the blocks on the bench, in units d, refined once where they miss more than so
+ * many roundings; returns how many they miss. */
+static v8 factor_together(const Rule *r, int count, v8 h, const double *d, double most, const Bench *at, double *Phi) {
+  int columns = 2 * r->m, n = r->stages * r->m;
+  build_equations(r, at->blocks, h, at->G, at->w);
+  eliminate_eight(n, columns, at->G, at->w);
+  v8 off = measure_accuracy(r, at->blocks, h, at->w, at->work, at->left);
+  if (any_lost(off, count, most)) {
+    solve_eight(n, columns, at->G, at->left);
+    for (int e = 0; e < n * columns; e++) at->w[e] -= at->left[e];
+    measure_accuracy(r, at->blocks, h, at->w, at->work, at->left);
+    build_equations(r, at->blocks, h, at->G, at->right);
+    off = measure_backward_error(n, columns, at->G, at->right, at->w, at->left);
+  }
+  for (int l = 0; l < count; l++) combine_stages(r, l, h[l], at->w, d, Phi + l * columns * columns);
+  return off;
+}
+
+/* Units in which the inertias M (m, m), rows `stride` apart, are near 1: powers of two, which round nothing. */
+static void choose_units(int m, int stride, const double *M, double *d) {
+  for (int p = 0; p < m; p++) d[p] = exp2(-round(0.5 * log2(fabs(M[p * stride + p]))));
+}
+
 /* Transition matrices (segments, 2 m, 2 m) from [M D K] at all stages (segments, stages, m, 3 m) and lengths h; tableau: c, a, a a, b;
  * good (segments,): whether each is right to rounding. Returns 0 where there is no memory. */
 int factor_accelerations(int m, int stages, int segments, const double *blocks, const double *lengths, const double *tableau, double *Phi, int *good) {
-  long n = (long)stages * m, columns = 2 * m;
   Rule r = {m, stages, tableau, tableau + stages, tableau + stages + stages * stages, tableau + stages + 2 * stages * stages};
-  v8 *memory = aligned_alloc(64, (3 * m * n + n * n + 3 * n * columns + 2 * m * columns) * sizeof(v8));
-  if (!memory) return 0;
-  v8 *own = memory, *G = own + 3 * m * n, *w = G + n * n, *left = w + n * columns, *right = left + n * columns, *work = right + n * columns;
+  Bench bench;
+  if (!take_bench(m, stages, &bench)) return 0;
   for (int k = 0; k < segments; k += 8) {
     int count = segments - k < 8 ? segments - k : 8;
-    const double *from = blocks + 3 * m * n * k;
+    const double *from = blocks + 3L * m * m * stages * k;
     double d[m];
     v8 h;
-    for (int p = 0; p < m; p++) d[p] = exp2(-round(0.5 * log2(fabs(from[p * 3 * m + p])))); /* a power of two, which rounds nothing */
+    choose_units(m, 3 * m, from, d);
     for (int l = 0; l < 8; l++) h[l] = lengths[k + (l < count ? l : count - 1)];
-    gather_blocks(&r, count, from, d, own);
-    build_equations(&r, own, h, G, w);
-    eliminate_eight(n, columns, G, w);
-    v8 off = measure_accuracy(&r, own, h, w, work, left);
-    if (any_lost(off, count)) {
-      solve_eight(n, columns, G, left);
-      for (int e = 0; e < n * columns; e++) w[e] -= left[e];
-      measure_accuracy(&r, own, h, w, work, left);
-      build_equations(&r, own, h, G, right);
-      off = measure_backward_error(n, columns, G, right, w, left);
-    }
-    for (int l = 0; l < count; l++) {
-      combine_stages(&r, l, h[l], w, d, Phi + (k + l) * columns * columns);
-      good[k + l] = off[l] <= ACCURATE;
-    }
+    gather_blocks(&r, count, from, d, bench.blocks);
+    v8 off = factor_together(&r, count, h, d, ACCURATE, &bench, Phi + 4L * m * m * k);
+    for (int l = 0; l < count; l++) good[k + l] = off[l] <= ACCURATE;
   }
-  free(memory);
+  free(bench.memory);
   return 1;
 }

@@ -46,12 +46,12 @@ static void add_pairs(int p, double close, const z *logs, const double *coupling
 }
 
 /* Logs (p,) of the multipliers and their errors (p,): factors as `follow_group` leaves them, the eigenvectors of their product, and what is
- * not known in each segment (p, p).
+ * not known in each segment (p, p), `apart` numbers from one segment's to the next.
  *
  * numbers: safety, cancelled, close, roundings of a factor, eps, independent, and the logarithm of the largest growth.
  * Returns 1, 0 where the vectors are not independent or grow too much against each other, -1 where there is no memory. */
-static int bound_group(int p, int segments, int most, const double *factors, const double *unknown, const double *numbers, const z *vectors, z *logs,
-                       double *errors) {
+static int bound_group(int p, int segments, int most, const double *factors, const double *unknown, long apart, const double *numbers, const z *vectors,
+                       z *logs, double *errors) {
   int size = p * p, good = 1;
   double *sums = calloc(2L * size + 4 * p, sizeof(double)), *known = sums + size, *growth = known + size, *one = growth + p, *length = one + p, *own = length + p;
   z *work = malloc((7L * size + 2 * p) * sizeof(z)), *R = work + 2 * size, *L = R + size, *first = L + size, *next = first + size, *half = next + size;
@@ -67,7 +67,7 @@ static int bound_group(int p, int segments, int most, const double *factors, con
     multiply_mixed(p, F, R, next);
     shorten_columns(p, next, growth);
     good = invert_complex(p, next, L, work) && measure_complex(size, next) * measure_complex(size, L) < numbers[5] * p;
-    add_moduli(p, L, unknown, numbers[3] * numbers[4] * measure_size(size, F), R, growth, known);
+    add_moduli(p, L, unknown + k * apart, numbers[3] * numbers[4] * measure_size(size, F), R, growth, known);
     multiply_mixed(p, change, R, half);
     multiply_complex(p, L, half, work);
     for (int e = 0; e < size; e++) sums[e] += cabs(work[e]) / growth[e / p];

@@ -85,10 +85,10 @@ static void reorder_modes(Modes *m, const int *columns, z *work) {
   memcpy(m->values, values, n * sizeof(z));
 }
 
-/* The modes of a mean (n, n), together where closer than `closest`, and than `parted` in their real parts; 0 where they do not serve. */
-static int find_modes(Geev *geev, const double *mean, double closest, double parted, double largest, Modes *m, z *work) {
+/* Group modes, of which eigenvalues and right vectors are there: together where closer than `closest`, and than `parted` in their real parts; 0 where
+ * they do not serve. */
+static int group_modes(double closest, double parted, double largest, Modes *m, z *work) {
   int n = m->n, columns[n], all = 1;
-  if (!find_eigenvectors(geev, n, mean, m->values, m->right)) return 0;
   for (int i = 0; i < n; i++) {
     double least = INFINITY;
     for (int j = 0; j < n; j++) {

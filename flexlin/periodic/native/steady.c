@@ -1,22 +1,5 @@
 /* Exponents of a system of which A(t) mixes the modes of its mean by little: the computation of steady.py, tame.py and exponents.py. */
 
-enum { OK = 0, NOT_APART = 1, MIXES = 2, NOT_TAME = 3, COUPLED = 4, WILD = 5, SINGULAR = 6, LACKING = 7 };
-enum { LOOK = 8, COUNTS = 2, SPARSE = 4, MEMORY = 1 << 26 }; /* nodes of a first look; M^-1 at every so many times; bytes of a group */
-
-typedef struct {
-  double closeness[2], parted, mixed, largest, spread, safety;
-  double decoupling[12]; /* limits of `decouple_on_nodes` */
-  double following[2], bounding[7]; /* of `follow_group`, `bound_group` */
-} Numbers;
-
-typedef struct {
-  int n, m, H, most_rounds, joins, counts, nodes[COUNTS], least, most, stages, more;
-  const double *bases[COUNTS], *tables[COUNTS], *series, *error, *rules;
-  double period;
-  Geev *geev;
-  const Numbers *numbers;
-} Problem; /* m: coordinates behind the states, or 0; bases (2 nodes, 2 H + 1): waves of the series (2 H + 1, entries) */
-
 typedef struct { double *A, *blocks, *inverse; } Samples;
 
 static int count_wide(int nodes) { return 2 * ((nodes + 8) / 8); }
@@ -83,20 +66,27 @@ static int part_modes(const Problem *p, Samples *samples, Modes *m, Modes *rooms
   }
 }
 
-/* Find modes of the mean that serve, first in few groups, and decouple them; as `part_modes`. */
-static int decouple_steady(const Problem *p, Samples *samples, Modes *m, Modes *rooms, double *out, int *partner, z *work, int *which) {
-  int n = p->n, before[n], answer = MIXES, step = 2 * p->nodes[0] / LOOK;
-  double mean[n * n], w = 2 * M_PI / p->period;
-  const Numbers *number = p->numbers;
-  int taken = take_period(p, 0, samples);
-  if (taken != OK) return -taken;
-  for (int i = 0; i < n; i++) before[i] = -1;
-  for (int e = 0; e < n * n; e++) {
+/* Eigenvalues and right vectors of the mean of A at a few nodes. */
+static int look_at_mean(const Problem *p, Samples *samples, Modes *m) {
+  int n = p->n, step = 2 * p->nodes[0] / LOOK, taken = take_period(p, 0, samples);
+  double mean[n * n];
+  for (int e = 0; e < n * n && taken == OK; e++) {
     mean[e] = 0.0;
     for (int t = 0; t < LOOK; t++) mean[e] += samples[0].A[(long)t * step * n * n + e] / LOOK;
   }
+  return taken != OK ? taken : find_eigenvectors(p->geev, n, mean, m->values, m->right) ? OK : NOT_APART;
+}
+
+/* Group the modes of the mean, first in few groups, and decouple them; as `part_modes`. rooms: for three sets of modes. */
+static int decouple_steady(const Problem *p, Samples *samples, Modes *m, Modes *rooms, double *out, int *partner, z *work, int *which) {
+  int n = p->n, before[n], answer = MIXES, step = 2 * p->nodes[0] / LOOK;
+  double w = 2 * M_PI / p->period;
+  const Numbers *number = p->numbers;
+  copy_modes(m, rooms + 2);
+  for (int i = 0; i < n; i++) before[i] = -1;
   for (int k = 0; k < 2; k++) {
-    if (!find_modes(p->geev, mean, w / number->closeness[k], number->parted * w, number->largest, m, work)) return -NOT_APART;
+    copy_modes(rooms + 2, m);
+    if (!group_modes(w / number->closeness[k], number->parted * w, number->largest, m, work)) return -NOT_APART;
     if (!may_be_tame(m, p->period, number->spread)) return -NOT_TAME;
     if (!memcmp(before, m->label, n * sizeof(int)) || find_mixing(m, 2 * p->nodes[0], step, samples[0].A, work) > number->mixed) continue;
     memcpy(before, m->label, n * sizeof(int));
@@ -123,33 +113,18 @@ static int find_group(const Problem *p, int nodes, const double *generator, int 
     for (int e = 0; e < square; e++)
       part[e] = p->period / segments * (number->safety * unknown[(first + e / size) * p->n + first + e % size] + alias[e]);
     done = find_eigenvectors(p->geev, size, product, own, vectors);
-    if (done) done = bound_group(size, segments, p->most, factors, part, number->bounding, vectors, log, off);
+    if (done) done = bound_group(size, segments, p->most, factors, part, 0, number->bounding, vectors, log, off);
     if (done < 0) segments = -1;
   }
-  for (int i = 0; i < size && done > 0; i++) /* conjugates exactly, as the multipliers are */
-    if (cimag(own[i]) < 0.0) log[i] = conj(log[i - 1]);
-    else if (cimag(own[i]) == 0.0) log[i] = creal(log[i]) + I * (creal(own[i]) < 0.0 ? M_PI : 0.0);
-  for (int i = 0; i < size && done > 0; i++) {
-    int mate = i;
-    for (int j = 0; j < size; j++)
-      if (cabs(conj(log[i]) - log[j]) < cabs(conj(log[i]) - log[mate])) mate = j;
-    values[first + i] = log[i];
-    errors[first + i] = fmax(off[i], off[mate]);
-  }
+  if (done > 0) settle_conjugates(size, own, log, off, values + first, errors + first);
   free(memory);
   free(vectors);
   return segments < 0 ? LACKING : done > 0 ? OK : WILD;
 }
 
-/* An imaginary part of a log in (-pi, pi]. */
-static double wrap_angle(double angle) {
-  double near = angle - 2 * M_PI * ceil(angle / (2 * M_PI) - 0.5);
-  return near > M_PI ? near - 2 * M_PI : near <= -M_PI ? near + 2 * M_PI : near;
-}
-
 /* Exponents (n,) by falling real part and their errors (n,) of what was decoupled. */
 static int find_exponents(const Problem *p, int nodes, const Modes *m, const Found *f, z *exponents, double *errors) {
-  int n = p->n, order[n];
+  int n = p->n;
   double off[n], unknown[n * n];
   z values[n], *mean = (z *)f->mean;
   for (int e = 0; e < n * n; e++) unknown[e] = f->residual[e] + f->rounding[e];
@@ -167,13 +142,7 @@ static int find_exponents(const Problem *p, int nodes, const Modes *m, const Fou
     for (int k = i; k < i + size; k++) middle += creal(mean[k]) / size;
     for (int k = i; k < i + size; k++) { values[k] = middle + values[k] / p->period; off[k] /= p->period; }
   }
-  for (int i = 0; i < n; i++) {
-    values[i] = creal(values[i]) + I * wrap_angle(cimag(values[i]) * p->period) / p->period;
-    int k = i;
-    for (; k > 0 && creal(values[order[k - 1]]) < creal(values[i]); k--) order[k] = order[k - 1];
-    order[k] = i;
-  }
-  for (int i = 0; i < n; i++) { exponents[i] = values[order[i]]; errors[i] = off[order[i]]; }
+  sort_exponents(n, p->period, values, off, exponents, errors);
   return OK;
 }
 
@@ -200,35 +169,51 @@ static void look_at_diagonal(int n, int times, const z *generator, double period
   out[1] = first + second;
 }
 
-/* Exponents (n,), complex, and errors (n,) of a Fourier series, by decoupling.
+/* Exponents (n,) and errors by decoupling; nodes: the nodes taken; about: as of `solve_steady`. */
+static int solve_decoupled(const Problem *p, Samples *samples, Modes *m, Modes *rooms, z *work, int *nodes, double *out, z *exponents, double *errors,
+                           double *about) {
+  int n = p->n, partner[n], which = 0, rounds = decouple_steady(p, samples, m, rooms, out, partner, work, &which);
+  about[0] = rounds;
+  nodes[0] = p->nodes[which];
+  if (rounds < 0) return -rounds;
+  Found found = divide_output(n, nodes[0], out, partner);
+  look_at_diagonal(n, 2 * nodes[0], (z *)found.generator, p->period, about + 1);
+  return find_exponents(p, nodes[0], m, &found, exponents, errors);
+}
+
+/* Exponents (n,), complex, and errors (n,) of a Fourier series: of the whole where few segments do, else by decoupling.
  *
- * sizes: n, m, H, most rounds, joins, how many `nodes` there are, least and most segments of a group, stages, and how many more check them;
- * nodes: and which were taken; out: as of `decouple_on_nodes`, for the most nodes; places (3 n,): mates, groups, partners of groups;
- * about: the rounds, the largest entry of the generator's diagonal, and by how much two modes may grow against each other within the period.
- * Returns what is in the way, or 0. */
+ * sizes: n, m, H, most rounds, joins, how many `nodes` there are, least and most segments of a group, stages, and how many more check them, most
+ * segments of the whole before decoupling and after it; nodes: and which were taken; out: as of `decouple_on_nodes`, for the most nodes; places
+ * (3 n,): mates, groups, partners of groups; about: the rounds, or minus the segments of the whole; the fastest rate; and by how much two modes
+ * may grow against each other within the period. Returns what is in the way, or 0. */
 int solve_steady(const int *sizes, int *nodes, double period, void *geev, const double *numbers, const double *series, const double *error,
                  const double *first_basis, const double *second_basis, const double *first_tables, const double *second_tables, const double *rules,
-                 double *out, int *places, double *exponents, double *errors, double *about) {
-  Problem p = {sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5], {nodes[0], nodes[1]}, sizes[6], sizes[7], sizes[8], sizes[9],
-               {first_basis, second_basis}, {first_tables, second_tables}, series, error, rules, period, (Geev *)geev, (const Numbers *)numbers};
-  int n = p.n, partner[n], which = 0, result = LACKING;
-  Samples samples[COUNTS] = {{0, 0, 0}, {0, 0, 0}};
+                 const double *tableaus, double *out, int *places, double *exponents, double *errors, double *about) {
+  Problem p = {sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5], {nodes[0], nodes[1]}, sizes[6], sizes[7], sizes[8], sizes[9], sizes[10],
+               sizes[11], {first_basis, second_basis}, {first_tables, second_tables}, series, error, rules, tableaus, period, (Geev *)geev,
+               (const Numbers *)numbers};
+  int n = p.n, more[9 * n], segments = 0, result = LACKING;
   long each = 2L * n * n + n;
-  z *memory = malloc((3 * each + 3L * n * n + n) * sizeof(z)), *work = memory + 3 * each;
+  Samples samples[COUNTS] = {{0, 0, 0}, {0, 0, 0}};
+  z *memory = malloc((4 * each + 3L * n * n + 2 * n) * sizeof(z)), *work = memory + 4 * each, *mean = work + 3 * n * n + n;
   char *together = malloc((long)n * n);
-  Modes m = take_modes(n, places, memory, together);
   if (memory && together) {
-    int more[6 * n];
-    Modes rooms[2] = {take_modes(n, more, memory + each, together), take_modes(n, more + 3 * n, memory + 2 * each, together)};
-    int rounds = decouple_steady(&p, samples, &m, rooms, out, partner, work, &which);
-    result = rounds < 0 ? -rounds : OK;
-    about[0] = rounds;
-  }
-  nodes[0] = p.nodes[which];
-  if (result == OK) {
-    Found found = divide_output(n, p.nodes[which], out, partner);
-    result = find_exponents(&p, p.nodes[which], &m, &found, (z *)exponents, errors);
-    look_at_diagonal(n, 2 * p.nodes[which], (z *)found.generator, period, about + 1);
+    Modes m = take_modes(n, places, memory, together), rooms[3];
+    for (int k = 0; k < 3; k++) rooms[k] = take_modes(n, more + 3 * k * n, memory + (k + 1) * each, together);
+    result = look_at_mean(&p, samples, &m);
+    if (result == OK) {
+      memcpy(mean, m.values, n * sizeof(z));
+      int whole = find_whole(&p, mean, p.first_whole, (z *)exponents, errors, &segments);
+      if (whole == WILD) result = solve_decoupled(&p, samples, &m, rooms, work, nodes, out, (z *)exponents, errors, about);
+      if (result >= NOT_APART && result <= WILD) whole = find_whole(&p, mean, p.most_whole, (z *)exponents, errors, &segments);
+      if (whole != WILD) {
+        result = whole;
+        about[0] = -segments;
+        about[1] = about[2] = 0.0;
+        for (int i = 0; i < n; i++) about[1] = fmax(about[1], cabs(mean[i]));
+      }
+    }
   }
   for (int k = 0; k < COUNTS; k++) { free(samples[k].A); free(samples[k].blocks); free(samples[k].inverse); }
   free(memory);

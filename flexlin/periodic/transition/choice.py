@@ -134,8 +134,13 @@ def separate_modes(pace: Pace) -> Array:
 
 def choose_gauss_step(rate: Array, tol: float, stages: int) -> Array:
     """The step at which s Gauss stages reach tol / MARGIN on the eigenvalue `rate`."""
-    c = math.factorial(stages) ** 2 / (math.factorial(2 * stages) * math.factorial(2 * stages + 1))
+    c = gauss_constant(stages)
     return (tol / MARGIN * np.maximum(1.0, rate) / (rate * c)) ** (0.5 / stages) / rate
+
+
+def gauss_constant(stages: int) -> float:
+    """The constant c in the error of s Gauss stages."""
+    return math.factorial(stages) ** 2 / (math.factorial(2 * stages) * math.factorial(2 * stages + 1))
 
 
 def estimate_gauss_work(stages: int, unknowns: int, segments: int, second_order: bool) -> float:

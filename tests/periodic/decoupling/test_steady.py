@@ -8,6 +8,7 @@ import pytest
 
 import flexlin as fl
 from flexlin.periodic.circle import match_logs
+from flexlin.periodic.decoupling import whole
 from flexlin.periodic.decoupling.coordinates import find_coordinates
 from flexlin.periodic.decoupling.coupling import Coupled, residual_effect
 from flexlin.periodic.decoupling.decoupled import Refusal
@@ -20,7 +21,15 @@ from flexlin.periodic.resolved import fitting
 from tests.periodic.decoupling.test_decoupling import misses
 from tests.periodic.gentle import gentle_system, lively_system
 
+pytestmark = pytest.mark.usefixtures("by_decoupling_alone")
 compiled = pytest.mark.skipif(find_library() is None, reason="there is no C compiler")
+
+
+@pytest.fixture
+def by_decoupling_alone(monkeypatch):
+    """Not by few segments of the whole period."""
+    monkeypatch.setattr(whole, "FIRST", 0)
+    monkeypatch.setattr(whole, "MOST", 0)
 
 
 def without_compiler(monkeypatch):
