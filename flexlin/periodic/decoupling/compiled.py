@@ -40,19 +40,20 @@ REASONS = {
 """Why the compiled code refuses."""
 Coefficients = ResolvedMatrix | ResolvedCompanion
 Found = tuple[Array, Array, float, Decoupled | int]
-"""Exponents (n,) in 1/s, conjugates exactly, their errors (n,), the fastest rate in 1/s, and what was decoupled, or how many segments of the
-whole were taken."""
+"""Exponents (n,) in 1/s, conjugates exactly, their errors (n,), the fastest rate in 1/s, and what was decoupled, or how many segments of
+the whole were taken."""
 
 
 def find_steady_solver(states: int) -> ctypes.CDLL | None:
-    """The library whose `solve_steady` serves so many states; none without a compiler, or where LAPACK cannot be called from C."""
+    """The library whose `solve_at_once` serves so many states; none without a compiler, or where LAPACK cannot be called from C."""
     return find_library() if states <= MOST_STATES and find_routine("dgeev") else None
 
 
-def solve_compiled(library: ctypes.CDLL, coefficients: Coefficients, tol: float) -> Found | Refusal:
+def solve_compiled(library: ctypes.CDLL, coefficients: Coefficients, tol: float, limit: int) -> Found | Refusal:
     """The exponents by falling real part, with what belongs to them, by few segments of the whole or by decoupling.
 
-    They are those of `whole_exponents`, or of `decouple_steady` and `decoupled_exponents` where all groups are tame. Raises: MemoryError.
+    They are those of `whole_exponents` with `limit` segments at most, or of `decouple_steady` and `decoupled_exponents` where all groups
+    are tame. Raises: MemoryError.
     """
     blocks = coefficients.blocks if isinstance(coefficients, ResolvedCompanion) else coefficients
     rows, period = blocks.shape[0], coefficients.period
@@ -63,12 +64,13 @@ def solve_compiled(library: ctypes.CDLL, coefficients: Coefficients, tol: float)
     if not counts:
         return Refusal("A(t) has too many harmonics")
     sizes = count_sizes(n, rows if n > rows else 0, harmonics, len(counts))
-    limits, numbers = np.array([*sizes, whole.FIRST, whole.MOST], np.intc), tabulate_numbers().copy()
+    limits = np.array([*sizes, min(whole.FIRST, limit), min(whole.MOST, limit)], np.intc)
+    numbers = tabulate_numbers().copy()
     numbers[TOL] = tol
     nodes, about, places = np.array([counts[0], counts[-1]], np.intc), np.empty(3), np.empty(3 * n, np.intc)
     out, exponents, errors = np.empty((12 * counts[-1] + 2) * n * n + 3 * n), np.empty(n, complex), np.empty(n)
     given = [numbers, series, np.ascontiguousarray(blocks.error), *tabulated(counts[0], counts[-1], harmonics)]
-    answer = library.solve_steady(
+    answer = library.solve_at_once(
         address(limits),
         address(nodes),
         period,

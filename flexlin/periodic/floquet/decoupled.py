@@ -20,7 +20,7 @@ from flexlin.periodic.floquet.result import find_reached
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.resolved.uncertainty import couple_uncertainty
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.setting import Setting
+from flexlin.periodic.transition.setting import MAX_SEGMENTS, Setting
 
 ENCLOSED = 0.1
 """An exponent that is known only to this part of its size, and to lie below the others, counts as unresolved."""
@@ -57,11 +57,13 @@ def solve_decoupled(
     return found.exponents, hide_enclosed(found.exponents, found.errors), decoupled
 
 
-def solve_steady(system: PeriodicSystem, tol: float) -> tuple[Array, Array, Setting, Decoupled | None] | Refusal:
+def solve_at_once(
+    system: PeriodicSystem, tol: float, limit: int = MAX_SEGMENTS
+) -> tuple[Array, Array, Setting, Decoupled | None] | Refusal:
     """Exponents, conjugates exactly, and errors of a smooth system by one call of compiled code, or why that does not serve.
 
-    By few segments of the whole, or by decoupling where A(t) mixes the modes of its mean by little. It serves only where every error is bounded
-    by perturbation theory and meets tol.
+    By few segments of the whole, `limit` at most, or by decoupling where A(t) mixes the modes of its mean by little. It serves only where every
+    error is bounded by perturbation theory and meets tol.
     """
     coefficients = system.resolved
     if coefficients.breaks or not isinstance(coefficients.series, FourierSeries):
@@ -69,7 +71,8 @@ def solve_steady(system: PeriodicSystem, tol: float) -> tuple[Array, Array, Sett
     library = find_steady_solver(system.n)
     code = "NumPy" if library is None else "compiled code"
     for aim in (tol, AGAIN * tol):
-        found = solve_by_numpy(coefficients, aim) if library is None else solve_compiled(library, coefficients, aim)
+        given = coefficients, aim, limit
+        found = solve_by_numpy(*given) if library is None else solve_compiled(library, *given)
         if isinstance(found, Refusal):
             return found
         exponents, errors, rate, way = found
@@ -98,12 +101,12 @@ def claim_hidden(decoupled: Decoupled, exponents: Array) -> Array:
     return SAFETY * share * np.maximum(1.0, np.abs(exponents))
 
 
-def solve_by_numpy(coefficients: Coefficients, tol: float) -> Found | Refusal:
+def solve_by_numpy(coefficients: Coefficients, tol: float, limit: int) -> Found | Refusal:
     """What `solve_compiled` finds, without compiled code."""
     T, H = coefficients.period, coefficients.degree
     values = np.linalg.eigvals(coefficients(T / LOOK * np.arange(LOOK)).mean(axis=0))
     rate = float(np.abs(values).max())
-    if (found := whole.whole_exponents(coefficients, values, tol, whole.FIRST)) is not None:
+    if (found := whole.whole_exponents(coefficients, values, tol, min(whole.FIRST, limit))) is not None:
         return found[0], found[1], rate, found[2]
     decoupled = decouple_steady(coefficients, T, H, tol, partial(couple_uncertainty, coefficients))
     if not isinstance(decoupled, Refusal):
@@ -113,7 +116,7 @@ def solve_by_numpy(coefficients: Coefficients, tol: float) -> Found | Refusal:
             fastest = float(np.abs(np.einsum("tii->ti", decoupled.generator)).max())
             return logs / T, uncertain / T, fastest, decoupled
         decoupled = Refusal("the modes of a group grow or decay by much against each other")
-    if (found := whole.whole_exponents(coefficients, values, tol, whole.MOST)) is not None:
+    if (found := whole.whole_exponents(coefficients, values, tol, min(whole.MOST, limit))) is not None:
         return found[0], found[1], rate, found[2]
     return decoupled
 

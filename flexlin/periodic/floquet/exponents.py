@@ -13,7 +13,7 @@ from flexlin.periodic.circle import measure_distances, pair_conjugates, wrap_log
 from flexlin.periodic.decoupling.decouple import MAX_MERGES
 from flexlin.periodic.decoupling.decoupled import Refusal
 from flexlin.periodic.floquet.constant import solve_constant
-from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_decoupled, solve_steady
+from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_decoupled, solve_at_once
 from flexlin.periodic.floquet.hamiltonian import is_hamiltonian, pair_hamiltonian
 from flexlin.periodic.floquet.result import FloquetResult, find_reached, judge
 from flexlin.periodic.floquet.segmented import SegmentedSpectrum, solve_by_segments
@@ -135,7 +135,8 @@ def find_exponents(
         )
     if segments is not None:
         return judge_fixed(system, choose_setting(system, tol, method, order, segments), tol)
-    if method == "auto" and not isinstance(steady := solve_steady(system, tol), Refusal):
+    free = method == "auto" and order is None
+    if free and not isinstance(steady := solve_at_once(system, tol, limit), Refusal):
         return replace(finish(system, *steady[:3], tol, paired=True), decoupled=steady[3])
     setting = choose_setting(system, tol, method, order, None)
     answer = answer_by_either if method == "auto" else answer_by_segments

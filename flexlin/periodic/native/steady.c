@@ -169,7 +169,7 @@ static void look_at_diagonal(int n, int times, const z *generator, double period
   out[1] = first + second;
 }
 
-/* Exponents (n,) and errors by decoupling; nodes: the nodes taken; about: as of `solve_steady`. */
+/* Exponents (n,) and errors by decoupling; nodes: the nodes taken; about: as of `solve_at_once`. */
 static int solve_decoupled(const Problem *p, Samples *samples, Modes *m, Modes *rooms, z *work, int *nodes, double *out, z *exponents, double *errors,
                            double *about) {
   int n = p->n, partner[n], which = 0, rounds = decouple_steady(p, samples, m, rooms, out, partner, work, &which);
@@ -187,7 +187,7 @@ static int solve_decoupled(const Problem *p, Samples *samples, Modes *m, Modes *
  * segments of the whole before decoupling and after it; nodes: and which were taken; out: as of `decouple_on_nodes`, for the most nodes; places
  * (3 n,): mates, groups, partners of groups; about: the rounds, or minus the segments of the whole; the fastest rate; and by how much two modes
  * may grow against each other within the period. Returns what is in the way, or 0. */
-int solve_steady(const int *sizes, int *nodes, double period, void *geev, const double *numbers, const double *series, const double *error,
+int solve_at_once(const int *sizes, int *nodes, double period, void *geev, const double *numbers, const double *series, const double *error,
                  const double *first_basis, const double *second_basis, const double *first_tables, const double *second_tables, const double *rules,
                  const double *tableaus, double *out, int *places, double *exponents, double *errors, double *about) {
   Problem p = {sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5], {nodes[0], nodes[1]}, sizes[6], sizes[7], sizes[8], sizes[9], sizes[10],

@@ -15,7 +15,7 @@ from flexlin.periodic.decoupling.decoupled import Refusal
 from flexlin.periodic.decoupling.mean_modes import find_mean_modes
 from flexlin.periodic.decoupling.steady import bound_residual, decouple_steady, in_states
 from flexlin.periodic.floquet import decoupled as floquet_decoupled
-from flexlin.periodic.floquet.decoupled import solve_steady
+from flexlin.periodic.floquet.decoupled import solve_at_once
 from flexlin.periodic.native.library import find_library
 from flexlin.periodic.resolved import fitting
 from tests.periodic.decoupling.test_decoupling import misses
@@ -56,10 +56,10 @@ def arm(modes, changes=None):
 
 def solved(make, tol, monkeypatch):
     """By compiled code, then by NumPy."""
-    first = solve_steady(make(), tol)
+    first = solve_at_once(make(), tol)
     with monkeypatch.context() as patch:
         without_compiler(patch)
-        return first, solve_steady(make(), tol)
+        return first, solve_at_once(make(), tol)
 
 
 @compiled
@@ -142,7 +142,7 @@ def check_claims(systems):
     served = 0
     for k, gentle in enumerate(systems):
         tol = 10.0 ** -(4 + k % 7)
-        found = solve_steady(as_system(gentle), tol)
+        found = solve_at_once(as_system(gentle), tol)
         if isinstance(found, Refusal):
             continue
         served += 1
@@ -221,7 +221,7 @@ def waving(harmonic, fast=900.0):
     ids=["slow", "nodding modes", "many harmonics", "defective", "jump", "corner"],
 )
 def test_what_it_does_not_serve(A, words):
-    refusal = solve_steady(fl.PeriodicSystem(A, 1.0), 1e-9)
+    refusal = solve_at_once(fl.PeriodicSystem(A, 1.0), 1e-9)
     assert isinstance(refusal, Refusal)
     assert any(word in refusal.reason for word in words.split("|")), refusal.reason
     assert "keep their shapes" not in str(fl.floquet(fl.PeriodicSystem(A, 1.0)).setting)
@@ -249,7 +249,7 @@ def test_modes_of_a_loop_with_integral_action_are_not_followed_together(monkeypa
 
 def test_a_tolerance_that_rounding_forbids_is_refused():
     gentle = next(g for g in map(gentle_system, range(20)) if g.n > 4)
-    assert isinstance(solve_steady(as_system(gentle), 1e-16), Refusal)
+    assert isinstance(solve_at_once(as_system(gentle), 1e-16), Refusal)
 
 
 def test_a_first_look_at_eight_times_hides_nothing():
