@@ -62,8 +62,8 @@ def solve_at_once(
 ) -> tuple[Array, Array, Setting, Decoupled | None] | Refusal:
     """Exponents, conjugates exactly, and errors of a smooth system by one call of compiled code, or why that does not serve.
 
-    By few segments of the whole, `limit` at most, or by decoupling where A(t) mixes the modes of its mean by little. It serves only where every
-    error is bounded by perturbation theory and meets tol.
+    By few segments of the whole, `limit` at most, or by decoupling where A(t) mixes the modes of its mean by little. It serves only where
+    every error is bounded by perturbation theory and meets tol.
     """
     coefficients = system.resolved
     if coefficients.breaks or not isinstance(coefficients.series, FourierSeries):

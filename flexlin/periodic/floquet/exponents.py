@@ -13,7 +13,7 @@ from flexlin.periodic.circle import measure_distances, pair_conjugates, wrap_log
 from flexlin.periodic.decoupling.decouple import MAX_MERGES
 from flexlin.periodic.decoupling.decoupled import Refusal
 from flexlin.periodic.floquet.constant import solve_constant
-from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_decoupled, solve_at_once
+from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_at_once, solve_decoupled
 from flexlin.periodic.floquet.hamiltonian import is_hamiltonian, pair_hamiltonian
 from flexlin.periodic.floquet.result import FloquetResult, find_reached, judge
 from flexlin.periodic.floquet.segmented import SegmentedSpectrum, solve_by_segments
