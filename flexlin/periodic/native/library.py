@@ -21,6 +21,7 @@ SOURCES = (
     "group_errors",
     "magnus",
     "sylvester",
+    "sweep",
     "modes",
     "accelerations",
     "whole",
@@ -37,6 +38,7 @@ ARGUMENTS = {
     "factor_magnus": [WHOLE] * 2 + [ADDRESS] + [WHOLE] * 2 + [REAL, ADDRESS],
     "solve_against_scalars": [WHOLE] * 5 + [ADDRESS] * 3,
     "solve_between_groups": [WHOLE] * 6 + [ADDRESS] * 2,
+    "sweep_factors": [WHOLE] * 3 + [ADDRESS] * 3,
     "factor_accelerations": [WHOLE] * 3 + [ADDRESS] * 5,
 }
 """What the functions of the library take."""

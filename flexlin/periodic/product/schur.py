@@ -6,12 +6,14 @@ from itertools import pairwise
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.lapack import LAPACK, complex_schur
+from flexlin.lapack import complex_schur
 from flexlin.periodic.circle import wrap_log
-from flexlin.periodic.product.sweeps import CLEAN, TINY, find_clusters, sum_log_moduli, triangularize
+from flexlin.periodic.product.sweeps import CLEAN, TINY, find_clusters, sum_log_moduli, sweep_factors, triangularize
 
 DEAD = 1e-120
 """A mode that shrinks by this against the others in one factor counts as no smaller."""
+SLACK = 8.0
+"""Cuts that were clean in the sweeps may be less so by this in the last one, which goes over all factors: what is dropped is said."""
 DISORDER = 5.0
 """Logs of moduli may rise by this much from one mode to the next: they lie in one cluster then."""
 
@@ -63,7 +65,7 @@ def periodic_schur(factors: Array, start: Array | None = None) -> PeriodicSchur:
     Q, R = ordered_bases(factors, np.eye(n) if start is None else start)
     Q0 = Q[0]
     W = Q[0].T @ Q[-1]
-    cuts, coupling, _ = find_clusters(W, R, CLEAN * n)
+    cuts, coupling, _ = find_clusters(W, R, SLACK * CLEAN * n)
     U, turn, T, dropped = np.zeros(Q.shape, complex), np.ones(n, complex), R.astype(complex), 0.0
     for a, b in pairwise(cuts):
         part = slice(a, b)
@@ -86,22 +88,11 @@ def without_zeros(T: Array) -> Array:
 
 def ordered_bases(factors: Array, start: Array) -> tuple[Array, Array]:
     """Sweep to convergence; where a start in an invariant subspace left the moduli out of order, once more from a turned one."""
-    Q, R = chain_of_bases(factors, triangularize(factors, start, CLEAN)[3])
+    Q, R = sweep_factors(factors, triangularize(factors, start, CLEAN)[3], keep=True)
     if np.any(np.diff(sum_log_moduli(R)) > DISORDER):
         turned = np.linalg.qr(np.random.default_rng(1931).standard_normal(start.shape))[0]
-        Q, R = chain_of_bases(factors, triangularize(factors, Q[0] @ turned, CLEAN)[3])
+        Q, R = sweep_factors(factors, triangularize(factors, Q[0] @ turned, CLEAN)[3], keep=True)
     return Q, R
-
-
-def chain_of_bases(factors: Array, Q0: Array) -> tuple[Array, Array]:
-    """One sweep F_k Q_k = Q_(k+1) R_k that keeps all Q_k (K + 1, n, n)."""
-    Q, R = np.empty((len(factors) + 1, *factors.shape[1:])), np.empty_like(factors)
-    Q[0] = Q0
-    for k, factor in enumerate(factors):
-        packed, tau, _, _ = LAPACK.dgeqrf(factor @ Q[k], overwrite_a=1)
-        R[k] = packed
-        Q[k + 1] = LAPACK.dorgqr(packed, tau, overwrite_a=1)[0]
-    return Q, np.triu(R)
 
 
 def triangular_bases(B: Array, W: Array) -> tuple[Array, Array, float]:

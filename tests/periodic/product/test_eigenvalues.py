@@ -4,6 +4,7 @@ import pytest
 from flexlin.periodic.circle import match_logs
 from flexlin.periodic.product.balancing import multiply_scaled
 from flexlin.periodic.product.eigenvalues import product_logs, solve_product
+from flexlin.periodic.product.sweeps import sweep_by_lapack, sweep_factors
 
 
 def framed(blocks, rng):
@@ -60,13 +61,15 @@ def test_a_defective_pair_reports_its_rounding(rng):
     assert rounding.max() < 1e-6
 
 
-def test_ill_conditioned_factors_leave_no_false_cluster(rng):
+@pytest.mark.parametrize("seed", [1, 11, 36])
+def test_ill_conditioned_factors_leave_no_false_cluster(seed):
     """Factors of condition up to 1e8 in unrelated frames: the logs agree with those of the QR diagonals after many sweeps."""
+    rng = np.random.default_rng(seed)
     frames = np.linalg.qr(rng.standard_normal((2, 60, 12, 12)))[0]
     F = frames[0] @ (np.exp(rng.normal(0, 2.5, (60, 12)))[:, :, None] * frames[1])
     logs = product_logs(F)
     Q, size = np.eye(12), np.zeros(12)
-    for _ in range(4):
+    for _ in range(6):
         size[:] = 0
         for factor in F:
             Q, R = np.linalg.qr(factor @ Q)
@@ -78,3 +81,16 @@ def test_rescaled_product():
     P, scale = multiply_scaled(np.tile(1e200 * np.eye(2), (7, 1, 1)))
     np.testing.assert_allclose(P, np.eye(2))
     assert abs(scale - 1400 * np.log(10)) < 1e-9
+
+
+@pytest.mark.parametrize("count", [1, 6])
+@pytest.mark.parametrize("n", [1, 2, 5, 12])
+def test_compiled_sweeps_are_those_of_lapack(rng, n, count):
+    """Also where columns vanish: the same signs, bases that are orthogonal, and factors that are met."""
+    F = rng.standard_normal((count, n, n))
+    F[0, :, 0] = 0
+    start = np.linalg.qr(rng.standard_normal((n, n)))[0]
+    for keep in (True, False):
+        (Q, R), (P, S) = (sweep(F, start, keep) for sweep in (sweep_factors, sweep_by_lapack))
+        np.testing.assert_allclose(Q, P, atol=1e-12)
+        np.testing.assert_allclose(R, S, atol=1e-12)
