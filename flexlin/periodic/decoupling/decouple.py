@@ -270,17 +270,19 @@ def checked(
     done = replace(built, times=times, frame=T, inverse=inverse, generator=B)
     coupled = Coupled(B, period, built.groups)
     done = replace(done, residual=residual_effect(coupled))
-    done, agree, parted = with_evidence(done, coupled, slope, A, tol, uncertainty)
+    allowed = tol * np.maximum(1, np.abs(np.einsum("tii->ti", B).mean(axis=0)))
+    done, agree, parted = with_evidence(done, coupled, slope, A, allowed, uncertainty)
     return done, bool(np.all(agree & parted))
 
 
 def with_evidence(
-    done: Decoupled, coupled: Coupled, slope: Array, A: Array, tol: float, uncertainty: Uncertainty | None
+    done: Decoupled, coupled: Coupled, slope: Array, A: Array, allowed: Array, uncertainty: Uncertainty | None
 ) -> tuple[Decoupled, Array, Array]:
     """State what rounding is left beside the coupling; and of which modes the nodes and those half-way between them agree (n,), and the
     coupling is small enough (n,).
 
-    Parameters: coupled: the generator; slope, A (N, n, n): the frame's slope and the coefficients at the times of `done`.
+    Parameters: coupled: the generator; slope, A (N, n, n): the frame's slope and the coefficients at the times of `done`; allowed (n,): error
+    of each exponent, in 1/s.
     """
     some = slice(None, None, SPARSE)
     T, inverse = done.frame[some], done.inverse[some]
@@ -289,7 +291,6 @@ def with_evidence(
         rounding = rounding + COHERENT / 3 * uncertainty(done.times[some], inverse, T).mean(axis=0)
     means = np.einsum("tii->ti", done.generator)
     apart = np.maximum(np.abs(means[::2].mean(axis=0) - means[1::2].mean(axis=0)), aliasing(means))
-    allowed = tol * np.maximum(1, np.abs(means.mean(axis=0)))
     noise = 4 * np.diagonal(rounding)
     hidden = hidden_effect(coupled, rounding)
     parted = np.diagonal(done.residual) < 0.3 * allowed + noise

@@ -130,7 +130,9 @@ def decouple_on_nodes(
     """
     if tail(A[::2]) > ROUGH:
         return None
-    allowed = tol * np.maximum(1, np.abs(modes.values))
+    allowed = tol * np.maximum(
+        1, np.abs(modes.values.real)
+    )  # what is asked of exponents whose imaginary parts are folded
     found = find_coordinates(modes.left @ A @ modes.right, modes, period, allowed)
     if found.resonance.max() > HOPELESS:
         return find_remaining(found.resonance.max(axis=1), found.resonance.argmax(axis=1), True)
@@ -139,7 +141,8 @@ def decouple_on_nodes(
         return None
     done, slope = in_states(found, modes, period, bounds[0])
     coupled = Coupled(done.generator, period, done.groups)
-    done, agree, parted = with_evidence(done, coupled, slope, A, tol, uncertainty)
+    reached = tol * np.maximum(1, np.abs(np.einsum("tii->ti", done.generator).real.mean(axis=0)))
+    done, agree, parted = with_evidence(done, coupled, slope, A, reached, uncertainty)
     if np.all(agree & parted):
         return done
     return find_remaining(np.where(agree & ~parted, np.diagonal(done.residual) / allowed, 0.0), bounds[1], False)

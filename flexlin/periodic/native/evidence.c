@@ -69,7 +69,7 @@ static int judge_means(int n, int blocks, double tol, const Wide *wide, const Si
     mean[0] = (re[0] + re[1]) / 2;
     mean[1] = (im[0] + im[1]) / 2;
     f->apart[i] = fmax(hypot(re[0] - re[1], im[0] - im[1]), find_aliasing(nodes, up, down));
-    double allowed = tol * fmax(1.0, hypot(mean[0], mean[1])), noise = 4 * f->rounding[i * (n + 1)];
+    double allowed = tol * fmax(1.0, fabs(mean[0])), noise = 4 * f->rounding[i * (n + 1)];
     int agree = f->apart[i] < 0.1 * allowed + noise, parted = f->residual[i * (n + 1)] < 0.3 * allowed + noise;
     excess[i] = agree && !parted ? f->residual[i * (n + 1)] / allowed : 0.0;
     largest = fmax(largest, excess[i]);
@@ -154,7 +154,7 @@ static int decouple_on_nodes(int n, int blocks, int m, int most_rounds, int most
   Ends ends = {limits[0], limits[1], most_rounds};
   Unknown u = {m, samples, error, mass_inverse, limits[5], limits[6], limits[7]};
   const v8 *B[2] = {r.sides[0].B, r.sides[1].B};
-  for (int i = 0; i < n; i++) { partner[i] = -1; r.allowed[i] = tol * fmax(1.0, hypot(values[2 * i], values[2 * i + 1])); }
+  for (int i = 0; i < n; i++) { partner[i] = -1; r.allowed[i] = tol * fmax(1.0, fabs(values[2 * i])); }
   take_samples(&s, blocks, A, right, left, &r);
   if (!(find_tail(n * n, blocks, &full, r.real) > limits[3])) {
     result = find_coordinates(&s, &f, &ends, group, r.allowed, r.sides, r.sides + 1, r.work, r.effects, partner);

@@ -8,12 +8,21 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.lapack import complex_schur
 from flexlin.periodic.circle import wrap_log
-from flexlin.periodic.product.sweeps import CLEAN, TINY, find_clusters, sum_log_moduli, sweep_factors, triangularize
+from flexlin.periodic.product.sweeps import (
+    CLEAN,
+    SPREAD,
+    TINY,
+    find_clusters,
+    sum_log_moduli,
+    sweep_factors,
+    triangularize,
+)
 
 DEAD = 1e-120
 """A mode that shrinks by this against the others in one factor counts as no smaller."""
-SLACK = 8.0
-"""Cuts that were clean in the sweeps may be less so by this in the last one, which goes over all factors: what is dropped is said."""
+WIDE, SLACK = 2 * SPREAD, 8.0
+"""Where logs of moduli inside one cluster differ by more than WIDE, cuts may be less clean by SLACK than they were in the sweeps: the last one
+goes over all factors, and what is dropped is said."""
 DISORDER = 5.0
 """Logs of moduli may rise by this much from one mode to the next: they lie in one cluster then."""
 
@@ -65,7 +74,9 @@ def periodic_schur(factors: Array, start: Array | None = None) -> PeriodicSchur:
     Q, R = ordered_bases(factors, np.eye(n) if start is None else start)
     Q0 = Q[0]
     W = Q[0].T @ Q[-1]
-    cuts, coupling, _ = find_clusters(W, R, SLACK * CLEAN * n)
+    cuts, coupling, spread = find_clusters(W, R, CLEAN * n)
+    if spread > WIDE:
+        cuts, coupling, _ = find_clusters(W, R, SLACK * CLEAN * n)
     U, turn, T, dropped = np.zeros(Q.shape, complex), np.ones(n, complex), R.astype(complex), 0.0
     for a, b in pairwise(cuts):
         part = slice(a, b)
