@@ -281,8 +281,8 @@ def with_evidence(
     """State what rounding is left beside the coupling; and of which modes the nodes and those half-way between them agree (n,), and the
     coupling is small enough (n,).
 
-    Parameters: coupled: the generator; slope, A (N, n, n): the frame's slope and the coefficients at the times of `done`; allowed (n,): error
-    of each exponent, in 1/s.
+    Parameters: coupled: the generator; slope, A (N, n, n): the frame's slope and the coefficients at the times of `done`;
+    allowed (n,): error of each exponent, in 1/s.
     """
     some = slice(None, None, SPARSE)
     T, inverse = done.frame[some], done.inverse[some]

@@ -21,8 +21,8 @@ from flexlin.periodic.product.sweeps import (
 DEAD = 1e-120
 """A mode that shrinks by this against the others in one factor counts as no smaller."""
 WIDE, SLACK = 2 * SPREAD, 8.0
-"""Where logs of moduli inside one cluster differ by more than WIDE, cuts may be less clean by SLACK than they were in the sweeps: the last one
-goes over all factors, and what is dropped is said."""
+"""Where logs of moduli inside one cluster differ by more than WIDE, cuts may be less clean by SLACK than they were in the sweeps:
+the last one goes over all factors, and what is dropped is said."""
 DISORDER = 5.0
 """Logs of moduli may rise by this much from one mode to the next: they lie in one cluster then."""
 
