@@ -11,12 +11,16 @@ from flexlin.about.deviation import Deviation
 from flexlin.about.law import Controller, Law
 from flexlin.checks import Array
 from flexlin.errors import NumericalError
-from flexlin.periodic.fourier import fourier_differentiation
+from flexlin.periodic.fourier import FourierSeries, fourier_differentiation
 
 NEWTON_STEPS = 25
 SETTLED, ROUNDED, LEAVES = 1e-11, 1e-6, 10.0
 """A step this small against |y| ends Newton's method; one this small does where steps shrink no further. From a known
 solution nearby, one this many times as large as the smallest so far leads away."""
+
+
+SMALL = 1e-6
+"""Deviations below this, in rad or m, count as that large: those of a rigid arm are rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +124,14 @@ class Solver:
         motion = z[:, :n], first @ z[:, :n], second @ z[:, :n], z[:, n:]
         return self.about.evaluate(self.equations, t, *motion, *law, np.full((len(t), 1), speed))
 
+    def left(self, t: Array, series: FourierSeries) -> Array:
+        """F (N, n + m + k) but for z' of a motion [y, torque, z] at any times t (N,)."""
+        n, (values, first, second) = self.about.n, (series(t, order) for order in range(3))
+        gain = np.swapaxes(self.law.gain(t), 1, 2).reshape(len(t), -1)
+        law = self.law.offset(t), gain, self.law.steer(self.law.reference(t))
+        motion = values[:, :n], first[:, :n], second[:, :n], values[:, n:]
+        return self.about.evaluate(self.equations, t, *motion, *law, np.ones((len(t), 1)))[0][:, :, 0]
+
     def residual(self, z: Array, speed: float) -> tuple[Array, Array]:
         """F (N, n + m + k) and its Jacobian, square."""
         n, size, k, (first, second) = self.about.n, self.size, self.law.memory, self.derivatives
@@ -146,7 +158,7 @@ class Solver:
                 z, moved = self.step(z, speed)
             except NumericalError:
                 return None
-            share = moved / max(float(np.abs(z[:, :n]).max()), 1e-12)
+            share = moved / size_of(z[:, :n])
             if share <= SETTLED or (share <= ROUNDED and share >= 0.5 * last):
                 return z, share
             if not np.all(np.abs(z) < 1e8) or (start is not None and share > LEAVES * best):
@@ -175,6 +187,11 @@ class Solver:
         sign = np.linalg.slogdet(leading)[0]
         changed = np.flatnonzero(sign != sign[0])
         return float(self.given[0][changed[0]]) if len(changed) else None
+
+
+def size_of(y: Array) -> float:
+    """What errors of a deviation (N, n) are relative to, and steps towards it."""
+    return max(float(np.abs(y).max()), SMALL)
 
 
 def lost(got: str, todo: str = "slow the motion down, lower its amplitude or stiffen the feedback") -> NumericalError:

@@ -5,13 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexlin.about.between_points import miss_between
 from flexlin.about.continuation import continue_in_speed, describe_singular, explain_loss
-from flexlin.about.harmonic_balance import Closing, Solver, Unknowns, balance, by_law, lost
+from flexlin.about.harmonic_balance import Closing, Solver, Unknowns, balance, by_law, lost, size_of
 from flexlin.about.law import Law
+from flexlin.about.layers import Layers
 from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked, instance
 from flexlin.checks import Array, at_times, positive
-from flexlin.errors import MotionError, ToleranceNotReached
+from flexlin.errors import MotionError, NumericalError, ToleranceNotReached
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.system import MatrixFunction
 from flexlin.summary import represent
@@ -19,6 +21,7 @@ from flexlin.summary import represent
 __all__ = ["Closing", "PeriodicMotion", "Unknowns", "periodic_motion"]
 
 POINTS = (33, 65, 129, 257, 513)
+SOFTER = "let friction saturate at a larger rate (effects.coulomb_friction.rate), or simulate the arm until its motion repeats"
 ENOUGH = 257
 """Points on which a motion is given up whose closing determines no torque somewhere."""
 
@@ -38,7 +41,8 @@ class PeriodicMotion:
     torque : FourierSeries
         The torque (N, m) that drives it, in N m.
     error : float
-        Difference to the solution on half as many points, relative to the largest |y|.
+        Difference to the solution on half as many points, relative to the largest |y| (at least 1e-6); where friction changes its sign
+        between the points, at least what that would move.
     status : str
         What to make of it.
     controller : FourierSeries or None
@@ -149,7 +153,8 @@ def periodic_motion(
     y and torque are trigonometric polynomials; the equations hold at N equally spaced times (Newton's method on all at once).
     As a boundary value problem it does not mind unstable modes, of the plant or of its zeros. Where Newton's method finds no motion for a
     closing condition, it is followed in speed from the arm at rest; if that ends too, the error names the speed and the reason.
-    Assumes a smooth motion: at a jump of q''' the series converges slowly, which the error shows.
+    Assumes a smooth motion: at a jump of q''' the series converges slowly, which the error shows. So it does where friction changes its
+    sign in less time than lies between two points.
 
     Parameters
     ----------
@@ -201,14 +206,21 @@ def periodic_motion(
     law = law if gain is None else law.with_gain(gain)
     law = law if closing is None else law.direct
     equations = balance(lin.about, closing or by_law, law.controller)
-    before: FourierSeries | None = None
+    before, layers = None, None if linear else Layers.of(lin.about)
     for points in POINTS:
         solver = Solver(lin.about, equations, law, points)
-        values, left = find_values(solver, closing is not None, linear, before)
+        try:
+            values, left = find_values(solver, closing is not None, linear, before)
+        except NumericalError:
+            if layers is None or before is None:
+                raise
+            raise lost(f"{points} points are too few for the time in which friction changes its sign", SOFTER) from None
         parts = np.split(values, [lin.n, lin.n + lin.about.m], axis=1)
         y, torque, z = (FourierSeries.through(part, lin.period) for part in parts)
         if before is not None:
             error = max(distance(y, before), left)
+            if layers is not None and (error <= tol or points == POINTS[-1]):
+                error = max(error, miss_between(solver, layers, values))
             if error <= tol:
                 return PeriodicMotion(lin, y, torque, error, f"converged on {points} points", z)
         before = FourierSeries.through(values, lin.period)
@@ -251,5 +263,4 @@ def distance(y: FourierSeries, coarse: FourierSeries) -> float:
     """The largest difference to a coarser solution, relative to the largest |y|; only the coordinates that y has count."""
     points, n = y.values.shape
     t = y.period * np.arange(2 * points) / (2 * points)
-    size = np.abs(y.values).max() or 1.0
-    return float(np.abs(y(t) - coarse(t)[:, :n]).max() / size)
+    return float(np.abs(y(t) - coarse(t)[:, :n]).max() / size_of(y.values))

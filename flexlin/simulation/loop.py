@@ -1,12 +1,13 @@
 """The nonlinear equations of motion under a control law, integrated."""
 
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexlin.about.law import Law
+from flexlin.about.layers import Layers
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.errors import SimulationStopped
@@ -16,7 +17,7 @@ from flexlin.simulation.drive import Drive
 from flexlin.simulation.ending import explain_end, name_largest, smallest_masses
 from flexlin.simulation.equations import Equations, NonlinearEquations
 from flexlin.simulation.friction import Friction, refuse
-from flexlin.simulation.layers import Layers
+from flexlin.simulation.layers import hurries, hurry_of_step
 from flexlin.simulation.marks import find_rough_times, with_breaks
 from flexlin.simulation.prediction import ROUNDING
 from flexlin.simulation.stepping import stopped
@@ -293,7 +294,7 @@ class NonlinearLoop:
         bool
             True where the step has to be shorter.
         """
-        return self._layers is not None and self._layers.of_step(begin, end, dense) > 1
+        return self._layers is not None and hurry_of_step(self._layers, begin, end, dense) > 1
 
     def _collocated(self, t: Array, start: Array, rtol: float, stages: int, linear: bool) -> Array:
         """The smooth loop. Raises: TorqueCut where the drive does not give the torque that is commanded."""
@@ -306,8 +307,8 @@ class NonlinearLoop:
                 self.accept(now, state)
             self._check_mass(t, x)
 
-        hurries = None if self._layers is None else self._layers.hurries
-        integrator = Collocation(self._collocation, self.lin.period, stages, max(rtol, ROUNDING), accept, hurries)
+        watched = None if self._layers is None else partial(hurries, self._layers)
+        integrator = Collocation(self._collocation, self.lin.period, stages, max(rtol, ROUNDING), accept, watched)
         return integrator.integrate(t, to_coordinates(start, self.n), marks, linear)
 
     def _check_mass(self, t: Array, x: Array) -> None:
