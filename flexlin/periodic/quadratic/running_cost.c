@@ -80,6 +80,7 @@ static double measure(int n, const v4 *L, v4 *F, v4 *work) {
  * sizes. seen: the largest entries of F and of X, and the largest size of each entry of F with its rounding (E). */
 static double find_share(const Equation *is, long offset, long stride, const v4 *X, const v4 *slopes, double unit, double *seen) {
   int n = is->n, z = n * n, E = triangle(n), some = is->last - is->first;
+  int positive = 1;
   double share = 0.0, hidden = 0.0;
   v4 room[7 * z], *x = room, *XA = x + z, *P = XA + z, *XSX = P + z, *F = XSX + z, *C = F + z, *sizes = C + z;
   v4 size_x = splat(0.0), size_F[E], noise[E];
@@ -100,8 +101,8 @@ static double find_share(const Equation *is, long offset, long stride, const v4 
         size_F[e] = larger_four(size_F[e], absolute(F[ik]));
         size_x = larger_four(size_x, absolute(X[j * E + e]));
       }
-    if (!invert_root(n, C)) return INFINITY;
-    share = fmax(share, measure(n, C, F, P));
+    positive = positive && invert_root(n, C);
+    if (positive) share = fmax(share, measure(n, C, F, P));
     if (!isfinite(share)) return INFINITY;
     if (j % SOME) continue;
     for (int i = 0; i < z; i++) x[i] = absolute(x[i]), F[i] = absolute(A[i]);
@@ -112,20 +113,20 @@ static double find_share(const Equation *is, long offset, long stride, const v4 
       for (int k = 0; k <= i; k++, e++) {
         int ik = i * n + k;
         F[ik] = unit * (absolute(rate[e]) + XA[ik] + XA[k * n + i] + 2.0 * XSX[ik] + absolute(Q[e]));
-        C[ik] = absolute(C[ik]);
+        C[ik] = positive ? absolute(C[ik]) : splat(0.0);
         noise[e] = larger_four(noise[e], F[ik]);
       }
     hidden = fmax(hidden, measure(n, C, F, P));
   }
   unfold(n, X, C);
-  if (!invert_root(n, C)) return INFINITY;
+  positive = positive && invert_root(n, C);
   seen[0] = 0.0;
   seen[1] = greatest(size_x);
   for (int e = 0; e < E; e++) {
     seen[0] = larger(seen[0], greatest(size_F[e]));
     seen[2 + e] = greatest(size_F[e]) + greatest(noise[e]);
   }
-  return isfinite(hidden) ? share + hidden : INFINITY;
+  return positive && isfinite(hidden) ? share + hidden : INFINITY;
 }
 
 /* -1/2 B W B' of the states from `first` on, at the nodes of each part; B (K, n, m), b numbers apart, W (m, m) symmetric, v numbers apart. */

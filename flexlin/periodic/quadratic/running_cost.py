@@ -2,6 +2,8 @@
 
 from math import sqrt
 
+import numpy as np
+
 from flexlin.checks import Array
 from flexlin.periodic.quadratic.backward import compare_with_equation
 from flexlin.periodic.quadratic.carrying import carry_residual
@@ -17,7 +19,7 @@ MOST_SHARE = 0.5
 def judge_by_cost(
     sampler: RiccatiSampler, samples: RiccatiSamples, X: Array, every: int, rate: float, tol: float
 ) -> RiccatiSolution | None:
-    """Put the solution together with a bound on its error; None where its residual is not small against the running cost.
+    """Put the solution together with a bound on its error; None where its residual proves none.
 
         F = X' + A' X + X A - X S X + Q,   C = Q + X S X,   -r C <= F <= r C,   r < 1,   X > 0 at one time
 
@@ -26,8 +28,8 @@ def judge_by_cost(
 
         |E_ij| <= k sqrt(X_ii X_jj),   k = r / (1 - r)
 
-    Where that misses tol, what the loop makes of F is looked at (`carry_residual`). Assumes that F is smooth between the times at which it
-    is compared with C.
+    Where that misses tol, or C is singular, what the loop makes of F is looked at (`carry_residual`). Assumes that F is smooth between the
+    times at which it is looked at.
     With them  |K error|_ij <= k sqrt((R^-1 B' X B R^-1)_ii X_jj),  K = R^-1 (B' X + N').
     Source: Bittanti, Colaneri, De Nicolao, The periodic Riccati equation, in The Riccati Equation (1991), ch. 6 (comparison).
 
@@ -35,24 +37,22 @@ def judge_by_cost(
     Hamiltonian's spectral radius.
     """
     compared = compare_with_equation(sampler.library, samples, sampler.period, X, every, 8 * ROUNDING)
-    if not compared.share < MOST_SHARE:
-        return None
-    k, series = compared.share / (1 - compared.share), unfold_triangle(X, sampler.period)
+    k = compared.share / (1 - compared.share) if compared.share < MOST_SHARE else np.inf
+    gain, series = compared.gain or 1.0, unfold_triangle(X, sampler.period)
     error, far = k, k * sqrt(compared.reach)
-    if error + 8 * ROUNDING > tol > k**2:
+    if k == np.inf or max(error, far / gain) + 8 * ROUNDING > tol:
         carried = carry_residual(sampler, X, compared.sizes, rate)
         if carried is not None:
-            error, far = (
-                min(error, carried[0] / compared.size + k**2),
-                min(far, carried[1] + k**2 * sqrt(compared.reach)),
-            )
+            error, far = min(error, carried[0] / compared.size), min(far, carried[1])
+    if error == np.inf:
+        return None
     return RiccatiSolution(
         problem=sampler.problem,
         horizon=sampler.period,
         periodic=True,
         series=series,
         error=float(error + 8 * ROUNDING),
-        gain_error=float((far + 8 * ROUNDING * compared.product) / (compared.gain or 1.0)),
+        gain_error=float((far + 8 * ROUNDING * compared.product) / gain),
         method_error=float(error),
         residual=compared.residual / (compared.size * max(rate, 1 / sampler.period)),
         symmetry=0.0,

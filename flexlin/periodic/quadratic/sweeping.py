@@ -59,27 +59,29 @@ def solve_by_sweeps(problem: LinearQuadratic, period: float, tol: float) -> Ricc
     usual = USUAL + min(SLOPE[0] + SLOPE[1] * waves, SLOPE[2]) * min(turns, SLOW)
     needed = min(max(least, usual * tol ** (-1 / order)), max(least, most / 2))
     near, first = max(LAST * tol, LEAST), needed
+    found = None
     for attempt in range(TRIES):
         if not needed <= most:
-            return None
+            break
         count = round_up(needed)
         samples = sampler.sample(2 * count)
         levels = plan_levels(count, turns / count, near, X is None)
         swept = sweep_until_closed(library, samples, period, levels, X, SHARE * tol)
         if swept is None:
             if X is not None or needed >= 2 * first:
-                return None
+                break
             needed *= 2
             continue
         X = swept.series
         found = judge_by_cost(sampler, samples, X, swept.every, rate, tol if attempt else np.inf)
-        if found is None or found.error <= tol:
+        if found is None:
+            break
+        missed = max(found.error, found.gain_error) / tol
+        if missed <= 1:
             return found
-        needed, near = (
-            max(count + 1, count * (found.error / (AIM * tol)) ** (1 / order)),
-            max(CLOSER**attempt * near, CLOSEST),
-        )
-    return None
+        needed = max(count + 1, count * (missed / AIM) ** (1 / order))
+        near = max(CLOSER**attempt * near, CLOSEST)
+    return found if found is not None and found.error <= tol else None
 
 
 def round_up(needed: float) -> int:
