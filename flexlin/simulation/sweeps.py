@@ -68,9 +68,9 @@ def solve_window(
         if not np.isfinite(F).all():
             return None
         if slow + newton > 1:
-            window = Window(grid, *(equations.slopes(at, *path.stages) or at.linear))
+            window = Window(grid, *(equations.slopes(at, *path.stages) or at.linear), often=False)
         elif slow or newton:
-            window = Window(grid, *shifted_by_steps(equations, at, path))
+            window = Window(grid, *shifted_by_steps(equations, at, path), often=False)
         path, step = window.corrected(path, start, F)
         change = float(np.abs(step / scale).max())
         left = change / last if last > 0 else 0.0
@@ -79,7 +79,8 @@ def solve_window(
         if settled(change, left if sweep else np.inf, tol):
             power = equations.residual(at, *path.stages)[1].reshape(grid.count, -1)
             torque = at.torque(path.stages[0], path.stages[1]).reshape(grid.count, grid.stages, -1)
-            return Solved(window, path, power, torque, sweep + 1, at, first if rigid else Window(grid, *at.linear))
+            linear = first if rigid else Window(grid, *at.linear, often=False)
+            return Solved(window, path, power, torque, sweep + 1, at, linear)
         if sweep > 1 and left > GROWN:
             return None
         last, slow = change, slow + 1 if sweep > 0 and left >= SLOW else slow * newton

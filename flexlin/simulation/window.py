@@ -82,22 +82,43 @@ class Grid:
 
 
 class Window:
-    """The linear equations M w + D v + K y = -F on a grid, collocated in the accelerations w, and factored.
+    """The linear equations M w + D v + K y = -F on a grid, collocated in the accelerations w.
 
-    M, D, K: (K s, n, n) at the stages. Source: Hairer, Norsett, Wanner, Solving ODEs I, II.14; Solving ODEs II, IV.8.
+    M, D, K: (K s, n, n) at the stages; often: whether they are solved for several F, which pays for the inverse.
+    Source: Hairer, Norsett, Wanner, Solving ODEs I, II.14; Solving ODEs II, IV.8.
     """
 
-    def __init__(self, grid: Grid, M: Array, D: Array, K: Array):
+    def __init__(self, grid: Grid, M: Array, D: Array, K: Array, often: bool = True):
         shape = (grid.count, grid.stages, *M.shape[1:])
         self.grid, self.M, self.D, self.K = grid, M.reshape(shape), D.reshape(shape), K.reshape(shape)
         rule, h, n = grid.rule, grid.h[:, None, None, None], M.shape[-1]
-        self._inverse = np.linalg.inv(stage_matrix(self.M, h * self.D, h * h * self.K, rule))
+        self._left = stage_matrix(self.M, h * self.D, h * h * self.K, rule)
+        self._inverse = np.linalg.inv(self._left) if often else None
         right = np.concatenate([self.K, self.D + h * rule.c[:, None, None] * self.K], axis=-1)
-        self._by_start = -self._inverse @ right.reshape(grid.count, -1, 2 * n)
-        self._transition = self._ends(self._by_start.reshape(*shape[:2], n, 2 * n))
-        diagonal = np.arange(2 * n)
-        self._transition[:, diagonal, diagonal] += 1
-        self._transition[:, diagonal[:n], diagonal[n:]] += grid.h[:, None]
+        self._right = right.reshape(grid.count, -1, 2 * n)
+        self._by_start: Array | None = None
+
+    def _solve(self, F: Array) -> tuple[Array, Array]:
+        """The accelerations (K, s n, 1) that F (K, s n, 1) asks for where a step begins at rest, and (K, s n, 2n) by its start."""
+        if self._inverse is not None:
+            if self._by_start is None:
+                self._by_start = -(self._inverse @ self._right)
+            return -(self._inverse @ F), self._by_start
+        if self._by_start is not None:
+            return -np.linalg.solve(self._left, F), self._by_start
+        both = -np.linalg.solve(self._left, np.concatenate([self._right, F], axis=-1))
+        self._by_start = both[..., :-1]
+        return both[..., -1:], self._by_start
+
+    @cached_property
+    def _transition(self) -> Array:
+        """The transition matrices (K, 2n, 2n) of the steps."""
+        assert self._by_start is not None
+        n, diagonal = self.M.shape[-1], np.arange(2 * self.M.shape[-1])
+        Phi = self._ends(self._by_start.reshape(*self.M.shape[:3], 2 * n))
+        Phi[:, diagonal, diagonal] += 1
+        Phi[:, diagonal[:n], diagonal[n:]] += self.grid.h[:, None]
+        return Phi
 
     def _ends(self, w: Array) -> Array:
         """What accelerations (K, s, n, ...) of the stages add to the states at the end of each step, (K, 2n, ...)."""
@@ -110,13 +131,13 @@ class Window:
     def corrected(self, path: Path, start: Array, F: Array) -> tuple[Path, Array]:
         """A Newton step from a path whose residuals are F (K s, n) to one that begins at `start`; and the change of x (K + 1, 2n)."""
         count, n = self.grid.count, F.shape[-1]
-        free = -(self._inverse @ F.reshape(count, -1, 1))
+        free, by_start = self._solve(F.reshape(count, -1, 1))
         added = self._ends(free.reshape(count, -1, n))
         step = np.empty((count + 1, 2 * n))
         step[0] = start - path.x[0]
         for k in range(count):
             step[k + 1] = self._transition[k] @ step[k] + added[k]
-        w = path.w + (free + self._by_start @ step[:-1, :, None]).reshape(path.w.shape)
+        w = path.w + (free + by_start @ step[:-1, :, None]).reshape(path.w.shape)
         return self.grid.path(path.x + step, w), step
 
     def local_errors(self, path: Path, before: Array) -> Array:
