@@ -22,5 +22,7 @@ def find_loop_margins(a: Analysis, clock: Clock) -> dict[str, Margins]:
         broken = plant if law.controller is None else extend_system(plant, law.controller.rates)
         name = f"margins: {loop.name}"
         one = clock.attempt(a.problems, name, name, a.scene.accuracy, partial(margins, broken, law.gain))
+        if one is not None and one.reason:
+            a.problems[name] = f"some of the {name}: {one.reason}"
         found |= {} if one is None else {loop.name: one}
     return found

@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive
-from flexlin.errors import ArgumentError, NotStable
+from flexlin.errors import ArgumentError, NotStable, NumericalError, TimeLimit
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples, has_nothing_narrow
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.related import with_matrices
@@ -24,6 +25,8 @@ LINE = 8
 """Order of the delay line, [7/8] Pade; an order more by four shows the error."""
 LOOSE = 1e-7
 """Wanted error of exponents in the search, in 1/s up to 1/s and relative beyond."""
+MOST = 4000
+"""Segments of a period at the most: a search asks for dozens of verdicts, and each would take seconds beyond."""
 WIDEN, TRIES = 4.0, 12
 """Factor and number of steps by which an interval about a margin grows until its ends have a verdict."""
 
@@ -44,6 +47,8 @@ class Margins:
         Time in s from the command to the torque; inf where none is found.
     errors : tuple of float
         Of the lower gain, the upper gain, the phase and the delay, in their units: on either side at this distance the verdict is decided.
+    reason : str
+        Why margins are not a number: some perturbed loop on the way has no verdict. Empty where all are known.
 
     Examples
     --------
@@ -59,6 +64,7 @@ class Margins:
     phase: float
     delay: float
     errors: tuple[float, float, float, float]
+    reason: str = ""
 
     __repr__ = represent
 
@@ -129,17 +135,25 @@ def margins(system: PeriodicSystem, gain: MatrixFunction | ArrayLike, tol: float
     def with_delay(tau: float, order: int = LINE) -> PeriodicSystem:
         return with_matrices(nominal, Delayed(system.A, B, K, tau, order), breaks=breaks)
 
+    def find_delay() -> tuple[float, float]:
+        delay, error = find_first(with_delay, 0.0, list_delays(nominal), tol)
+        if np.isinf(delay):
+            return delay, error
+        finer, reach = find_near(lambda tau: with_delay(tau, LINE + 4), delay, max(error, tol * delay), tol)
+        return finer, reach + abs(finer - delay)
+
     steps = GAIN_STEP ** np.arange(1, int(np.log(LARGEST_GAIN) / np.log(GAIN_STEP)) + 1)
-    down = find_first(with_gain, 1.0, 1 / steps, tol)
-    up = find_first(with_gain, 1.0, steps, tol)
     angles = np.append(np.arange(PHASE_STEP, np.pi - PHASE_STEP / 2, PHASE_STEP), np.pi)
-    phase = find_first(with_phase, 0.0, angles, tol)
-    delay, error = find_first(with_delay, 0.0, list_delays(nominal), tol)
-    if np.isfinite(delay):
-        finer = find_near(lambda tau: with_delay(tau, LINE + 4), delay, max(error, tol * delay), tol)
-        delay, error = finer[0], finer[1] + abs(finer[0] - delay)
-    low = (0.0, 0.0) if np.isinf(down[0]) else down
-    return Margins((low[0], up[0]), phase[0], delay, (low[1], up[1], phase[1], error))
+    searches: list[Callable[[], tuple[float, float]]] = [
+        partial(find_first, with_gain, 1.0, 1 / steps, tol),
+        partial(find_first, with_gain, 1.0, steps, tol),
+        partial(find_first, with_phase, 0.0, angles, tol),
+        find_delay,
+    ]
+    reasons: list[str] = []
+    (low, below), (high, above), (phase, turned), (delay, late) = (find_if_known(one, reasons) for one in searches)
+    gain = 0.0 if np.isinf(low) else low, high
+    return Margins(gain, phase, delay, (below, above, turned, late), "; ".join(dict.fromkeys(reasons)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,6 +214,17 @@ class Delayed:
         return out
 
 
+def find_if_known(search: Callable[[], tuple[float, float]], reasons: list[str]) -> tuple[float, float]:
+    """A margin and its error; not a number, with a reason more, where a loop on the way has no verdict. Raises: TimeLimit."""
+    try:
+        return search()
+    except TimeLimit:
+        raise
+    except NumericalError as error:
+        reasons.append(str(error))
+        return np.nan, np.nan
+
+
 def list_delays(loop: PeriodicSystem) -> Array:
     """Rising delays, from a part of the fastest time of A(t) to several of the slowest."""
     t = loop.period * np.arange(33) / 33
@@ -215,20 +240,25 @@ def find_first(make: Perturbed, start: float, values: Iterable[float], tol: floa
 
     before = start
     for value in values:
-        if floquet(make(float(value)), LOOSE).exponents[0].real > 0:
+        if find_growth(make(float(value))) > 0:
             root = brentq(
-                lambda p: floquet(make(p), LOOSE).exponents[0].real, before, value, xtol=tol * abs(value) / 4, rtol=1e-14
+                lambda p: find_growth(make(p)), before, value, xtol=tol * abs(value) / 4, rtol=1e-14
             ) if before != start else solve_from(make, start, float(value), tol)  # fmt: skip
             return find_near(make, float(root), tol * abs(root) / 2, tol)
         before = float(value)
     return np.inf, 0.0
 
 
+def find_growth(loop: PeriodicSystem) -> float:
+    """The largest real part of the exponents, in 1/s. Raises: TooManySegments, beyond MOST."""
+    return float(floquet(loop, LOOSE, max_segments=MOST).exponents[0].real)
+
+
 def solve_from(make: Perturbed, stable: float, unstable: float, tol: float) -> float:
     """The change between a start that is known to be stable, where the perturbed loop need not exist, and an unstable value."""
     while abs(unstable - stable) > tol * abs(unstable) / 4:
         middle = (stable + unstable) / 2
-        growing = floquet(make(middle), LOOSE).exponents[0].real > 0
+        growing = find_growth(make(middle)) > 0
         stable, unstable = (stable, middle) if growing else (middle, unstable)
     return (stable + unstable) / 2
 
@@ -236,7 +266,7 @@ def solve_from(make: Perturbed, stable: float, unstable: float, tol: float) -> f
 def find_near(make: Perturbed, value: float, reach: float, tol: float) -> tuple[float, float]:
     """The middle and half width of an interval about a value, at whose ends the verdicts are decided and differ."""
     for _ in range(TRIES):
-        verdicts = {floquet(make(value + side * reach), LOOSE).verdict for side in (-1, 1)}
+        verdicts = {floquet(make(value + side * reach), LOOSE, max_segments=MOST).verdict for side in (-1, 1)}
         if verdicts == {"stable", "unstable"}:
             return value, reach
         reach *= WIDEN

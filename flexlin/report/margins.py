@@ -1,6 +1,7 @@
 """What is said of the values at which a loop changes its verdict, and of the gain, phase and delay that it endures."""
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from flexlin.answers.critical_values import CriticalValue
@@ -84,17 +85,22 @@ def record_margin(margin: Margin) -> dict[str, Any]:
 
 
 def describe_endured(found: "Margins | None") -> str:
-    """Gain 0.126 to ∞, phase 48°, delay 2.44 ms; a dash where it is not known."""
+    """Gain 0.126 to ∞, phase 48°, delay 2.44 ms; a dash where nothing is known."""
     if found is None:
         return "–"
-    low, high = (format_decimal(one, 3) if math.isfinite(one) else "∞" for one in found.gain)
-    phase = f"{format_decimal(math.degrees(found.phase), 3)}°" if math.isfinite(found.phase) else "any"
-    delay = format_duration(found.delay) if math.isfinite(found.delay) else "any"
-    return f"gain {low} to {high}, phase {phase}, delay {delay}"
+
+    def say(value: float, how: Callable[[float], str], unlimited: str) -> str:
+        return how(value) if math.isfinite(value) else "unknown" if math.isnan(value) else unlimited
+
+    low, high = (say(one, lambda factor: format_decimal(factor, 3), "∞") for one in found.gain)
+    phase = say(found.phase, lambda angle: f"{format_decimal(math.degrees(angle), 3)}°", "any")
+    return f"gain {low} to {high}, phase {phase}, delay {say(found.delay, format_duration, 'any')}"
 
 
 def record_endured(found: "Margins") -> dict[str, Any]:
-    """The margins of one loop as data that JSON can hold; null where there is no limit. Phase in rad, delay in s."""
+    """The margins of one loop as data that JSON can hold; null where there is no limit, or `reason` says
+    why it is not known. Phase in rad, delay in s."""
     low, high, phase, delay = (one if math.isfinite(one) else None for one in (*found.gain, found.phase, found.delay))
     errors = [one if math.isfinite(one) else None for one in found.errors]
-    return {"gain": [low, high], "phase": phase, "delay": delay, "errors": errors}
+    reason = {"reason": found.reason} if found.reason else {}
+    return {"gain": [low, high], "phase": phase, "delay": delay, "errors": errors, **reason}

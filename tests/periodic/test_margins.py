@@ -7,7 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flexlin as fl
-from flexlin.errors import ArgumentError, NotStable
+from flexlin.errors import ArgumentError, NotStable, TimeLimit, TooManySegments
+from flexlin.periodic import margins as search
 
 T = 2.0
 B = np.array([[0.0], [1.0]])
@@ -145,3 +146,32 @@ def test_a_narrow_pulse_is_in_every_perturbed_loop(named):
 
     assert spectral_radius(phase) == pytest.approx(1.0, abs=1e-5)
     assert spectral_radius(phase - 0.01) < 1 < spectral_radius(phase + 0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("states", "lost", "kept"), [(10, "delay", "phase"), (4, "phase", "delay")])
+def test_a_margin_whose_loops_have_no_verdict_is_said_to_be_unknown(states, lost, kept, found, monkeypatch):
+    """Loops with a delay line have 10 states here, turned ones 4; the margins that are known stay as they are."""
+    growth = search.find_growth
+
+    def refuse(loop):
+        if loop.n == states:
+            raise TooManySegments("tol 1e-7 needs too many segments")
+        return growth(loop)
+
+    monkeypatch.setattr(search, "find_growth", refuse)
+    some = fl.margins(PLANT, many(K))
+    assert some.gain == found.gain
+    assert np.isnan(getattr(some, lost))
+    assert getattr(some, kept) == getattr(found, kept)
+    assert some.reason == "tol 1e-7 needs too many segments"
+    assert not found.reason
+
+
+def test_a_limit_of_time_ends_the_search(monkeypatch):
+    def late(loop):
+        raise TimeLimit("margins: stopped at the time limit")
+
+    monkeypatch.setattr(search, "find_growth", late)
+    with pytest.raises(TimeLimit):
+        fl.margins(PLANT, many(K))

@@ -21,6 +21,15 @@ def test_margins_in_words_and_as_data():
     }  # fmt: skip
 
 
+def test_a_margin_that_is_unknown_is_not_said_to_be_without_limit():
+    found = Margins(
+        (0.1, math.inf), math.pi / 3, math.nan, (1e-9, 0.0, 1e-7, math.nan), "tol 1e-7 needs too many segments"
+    )
+    assert describe_endured(found) == "gain 0.1 to ∞, phase 60°, delay unknown"
+    assert record_endured(found)["reason"] == found.reason
+    assert record_endured(found)["delay"] is None
+
+
 @pytest.mark.slow
 def test_the_own_loop_of_an_arm_has_margins_and_the_open_one_has_none():
     scene = fl.load_scene("single-link", {"links.0.modes": 0}).model_copy(update={"designs": ()})
