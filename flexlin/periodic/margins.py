@@ -240,16 +240,16 @@ def find_first(make: Perturbed, start: float, values: Iterable[float], tol: floa
 
     before = start
     for value in values:
-        if find_growth(make(float(value))) > 0:
+        if judge_growth(make(float(value))) > 0:
             root = brentq(
-                lambda p: find_growth(make(p)), before, value, xtol=tol * abs(value) / 4, rtol=1e-14
+                lambda p: judge_growth(make(p)), before, value, xtol=tol * abs(value) / 4, rtol=1e-14
             ) if before != start else solve_from(make, start, float(value), tol)  # fmt: skip
             return find_near(make, float(root), tol * abs(root) / 2, tol)
         before = float(value)
     return np.inf, 0.0
 
 
-def find_growth(loop: PeriodicSystem) -> float:
+def judge_growth(loop: PeriodicSystem) -> float:
     """The largest real part of the exponents, in 1/s. Raises: TooManySegments, beyond MOST."""
     return float(floquet(loop, LOOSE, max_segments=MOST).exponents[0].real)
 
@@ -258,7 +258,7 @@ def solve_from(make: Perturbed, stable: float, unstable: float, tol: float) -> f
     """The change between a start that is known to be stable, where the perturbed loop need not exist, and an unstable value."""
     while abs(unstable - stable) > tol * abs(unstable) / 4:
         middle = (stable + unstable) / 2
-        growing = find_growth(make(middle)) > 0
+        growing = judge_growth(make(middle)) > 0
         stable, unstable = (stable, middle) if growing else (middle, unstable)
     return (stable + unstable) / 2
 

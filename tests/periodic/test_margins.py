@@ -152,14 +152,14 @@ def test_a_narrow_pulse_is_in_every_perturbed_loop(named):
 @pytest.mark.parametrize(("states", "lost", "kept"), [(10, "delay", "phase"), (4, "phase", "delay")])
 def test_a_margin_whose_loops_have_no_verdict_is_said_to_be_unknown(states, lost, kept, found, monkeypatch):
     """Loops with a delay line have 10 states here, turned ones 4; the margins that are known stay as they are."""
-    growth = search.find_growth
+    growth = search.judge_growth
 
     def refuse(loop):
         if loop.n == states:
             raise TooManySegments("tol 1e-7 needs too many segments")
         return growth(loop)
 
-    monkeypatch.setattr(search, "find_growth", refuse)
+    monkeypatch.setattr(search, "judge_growth", refuse)
     some = fl.margins(PLANT, many(K))
     assert some.gain == found.gain
     assert np.isnan(getattr(some, lost))
@@ -172,6 +172,6 @@ def test_a_limit_of_time_ends_the_search(monkeypatch):
     def late(loop):
         raise TimeLimit("margins: stopped at the time limit")
 
-    monkeypatch.setattr(search, "find_growth", late)
+    monkeypatch.setattr(search, "judge_growth", late)
     with pytest.raises(TimeLimit):
         fl.margins(PLANT, many(K))
