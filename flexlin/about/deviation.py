@@ -104,7 +104,7 @@ class Deviation:
         """The arguments that functions take after their own inputs at times (N,): the place on the motion, and the parameters."""
         motion, values = self.motion, self.arm.parameters.values
         where = [motion.phase_of(t)[:, None]] if isinstance(motion, SymbolicMotion) else list(motion.sample(t))
-        return [*where, np.broadcast_to(values, (len(t), len(values)))]
+        return [*where, np.full((len(t), len(values)), values)]
 
     def place_at(self, t: float) -> list[Array]:
         """The same at one time, for functions that are called at one time after another."""

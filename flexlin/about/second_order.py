@@ -114,7 +114,10 @@ class SecondOrderEquations:
     def _answered(self, D: Array, K: Array, B: Array) -> tuple[Array, Array]:
         """D and K of the loop, from those of the arm."""
         gain, n = self.direct_gain, self.n
-        return (D, K) if gain is None else (D + B @ gain[:, n:], K + B @ gain[:, :n])
+        if gain is None:
+            return D, K
+        loop = B @ gain
+        return D + loop[..., n:], K + loop[..., :n]
 
     def M(self, t: ArrayLike) -> Array:
         """Return the mass matrix, Eq (65).

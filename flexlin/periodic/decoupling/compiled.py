@@ -1,6 +1,7 @@
 """Exponents of smooth systems by one call of compiled code: what whole.py, or steady.py and exponents.py compute."""
 
 import ctypes
+from dataclasses import dataclass
 from functools import lru_cache
 from math import log
 
@@ -69,13 +70,16 @@ def solve_compiled(library: ctypes.CDLL, coefficients: Coefficients, tol: float,
     numbers[TOL] = tol
     nodes, about, places = np.array([counts[0], counts[-1]], np.intc), np.empty(3), np.empty(3 * n, np.intc)
     out, exponents, errors = np.empty((12 * counts[-1] + 2) * n * n + 3 * n), np.empty(n, complex), np.empty(n)
-    given = [numbers, series, np.ascontiguousarray(blocks.error), *tabulated(counts[0], counts[-1], harmonics)]
+    given: list[Array] = [numbers, series, np.ascontiguousarray(blocks.error)]
+    kept = tabulated(counts[0], counts[-1], harmonics)
     answer = library.solve_at_once(
         address(limits),
         address(nodes),
         period,
         find_routine("dgeev"),
-        *map(address, (*given, out, places, exponents, errors, about)),
+        *map(address, given),
+        *kept.addresses,
+        *map(address, (out, places, exponents, errors, about)),
     )
     if answer == NO_MEMORY:
         raise MemoryError("the coordinates of a period")
@@ -128,10 +132,21 @@ def count_sizes(n: int, coordinates_behind: int, harmonics: int, counts: int) ->
     return tuple(map(int, numbers))
 
 
-def tabulated(first: int, second: int, harmonics: int) -> list[Array]:
+@dataclass(frozen=True)
+class Kept:
+    """Arrays that are made once, and where they stand."""
+
+    arrays: tuple[Array, ...]
+    addresses: tuple[int, ...]
+
+
+@lru_cache(maxsize=64)
+def tabulated(first: int, second: int, harmonics: int) -> Kept:
     """Waves of the series at the times of both sets of nodes, those of the nodes, and the rules of Gauss in both forms."""
     bases = [tabulate_basis(2 * count, harmonics) for count in (first, second)]
-    return [*bases, tabulate_waves(first), tabulate_waves(second), tabulate_rules(), tabulate_tableaus()]
+    waves, rules = (tabulate_waves(first), tabulate_waves(second)), (tabulate_rules(), tabulate_tableaus())
+    arrays = (*bases, *waves, *rules)
+    return Kept(arrays, tuple(address(one) for one in arrays))
 
 
 @lru_cache(maxsize=4)

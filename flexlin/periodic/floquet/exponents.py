@@ -11,7 +11,7 @@ from flexlin.errors import TooManySegments
 from flexlin.periodic.assignment import assign
 from flexlin.periodic.circle import measure_distances, pair_conjugates, wrap_log
 from flexlin.periodic.decoupling.decouple import MAX_MERGES
-from flexlin.periodic.decoupling.decoupled import Refusal
+from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.floquet.constant import solve_constant
 from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_at_once, solve_decoupled
 from flexlin.periodic.floquet.hamiltonian import is_hamiltonian, pair_hamiltonian
@@ -137,7 +137,7 @@ def find_exponents(
         return judge_fixed(system, choose_setting(system, tol, method, order, segments), tol)
     free = method == "auto" and order is None
     if free and not isinstance(steady := solve_at_once(system, tol, limit), Refusal):
-        return replace(finish(system, *steady[:3], tol, paired=True), decoupled=steady[3])
+        return finish(system, *steady[:3], tol, steady[3], paired=True)
     setting = choose_setting(system, tol, method, order, None)
     answer = answer_by_either if method == "auto" else answer_by_segments
     return answer(system, setting, tol, limit, by_segments)
@@ -186,7 +186,7 @@ def try_decoupling(system: PeriodicSystem, setting: Setting, tol: float) -> Floq
     exponents, errors, decoupled = found
     reason = f"eigenvalues of A(t) up to {setting.rate:.3g} 1/s beside a motion of {2 * np.pi / system.period:.3g} 1/s"
     chosen = Setting("decoupling", 0, 1, reason, setting.rate)
-    return replace(finish(system, exponents, errors, chosen, tol), decoupled=decoupled)
+    return finish(system, exponents, errors, chosen, tol, decoupled)
 
 
 def is_worth_trying(system: PeriodicSystem, setting: Setting, limit: int) -> bool:
@@ -211,7 +211,13 @@ def find_coinciding_within(logs: Array, errors: Array) -> Array:
 
 
 def finish(
-    system: PeriodicSystem, exponents: Array, errors: Array, setting: Setting, tol: float, paired: bool = False
+    system: PeriodicSystem,
+    exponents: Array,
+    errors: Array,
+    setting: Setting,
+    tol: float,
+    decoupled: Decoupled | None = None,
+    paired: bool = False,
 ) -> FloquetResult:
     """Pair conjugate exponents (unless they are `paired`), and those of an undamped system, exactly, and give the verdict."""
     if not paired:
@@ -219,12 +225,12 @@ def finish(
         exponents, errors = logs / system.period, uncertain / system.period
     order = np.lexsort((-exponents.imag, -exponents.real))
     exponents, errors = exponents[order], errors[order]
-    decays = bool((exponents.real + errors)[np.isfinite(errors)].max(initial=-np.inf) < 0)
+    decays = all(g + e < 0 or e == np.inf for g, e in zip(exponents.real.tolist(), errors.tolist(), strict=True))
     undamped = not decays and abs(exponents.real.sum()) <= errors.sum() and is_hamiltonian(system)
     if undamped:
         logs, violation = pair_hamiltonian(exponents * system.period)
         exponents, errors = logs / system.period, np.maximum(errors, violation / system.period)
-    return judge(exponents, errors, system.period, setting, tol, undamped)
+    return judge(exponents, errors, system.period, setting, tol, undamped, decoupled=decoupled)
 
 
 def judge_fixed(system: PeriodicSystem, setting: Setting, tol: float) -> FloquetResult:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from importlib import import_module
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -165,38 +166,45 @@ def judge(
     tol: float,
     undamped: bool = False,
     coarse: bool = False,
+    decoupled: Decoupled | None = None,
 ) -> FloquetResult:
     """Give the verdict: undecided when an exponent's distance to the imaginary axis is below its error.
 
-    undamped: the system is Hamiltonian; coarse: the resolution makes the errors, and another one makes smaller ones.
+    undamped: the system is Hamiltonian; coarse: the resolution makes the errors, and another one makes smaller ones; decoupled: what the
+    exponents were found in, to be kept.
     """
-    growth = exponents.real
-    critical = int(np.argmax(growth + np.where(np.isinf(errors), -np.inf, errors)))
-    if np.any(growth > errors):
-        critical = int(np.argmax(growth - errors))
+    values, growth, off = (
+        exponents.tolist(),
+        exponents.real.tolist(),
+        errors.tolist(),
+    )  # a few numbers, faster than arrays
+    both, modes = list(zip(growth, off, strict=True)), range(len(off))
+    critical = max(modes, key=lambda i: -inf if off[i] == inf else growth[i] + off[i])
+    if any(g > e for g, e in both):
+        critical = max(modes, key=lambda i: growth[i] - off[i])
         verdict = "unstable"
-    elif np.isfinite(errors).any() and np.all((growth < -errors) | (np.isinf(errors) & (growth < 0))):
+    elif min(off) < inf and all(g < -e or (e == inf and g < 0) for g, e in both):
         verdict = "stable"
     else:
         verdict = "undecided"
-    facts = f"growth rate {growth[critical]:.6g} +- {errors[critical]:.1e} 1/s by {setting}"
+    facts = f"growth rate {growth[critical]:.6g} +- {off[critical]:.1e} 1/s by {setting}"
     isolated = undamped and verdict == "undecided" and are_isolated(exponents, errors, period)
-    rounded = bool(errors[critical] <= ROUNDED * max(1 / period, float(np.abs(exponents).max())))
-    reason = explain(verdict, float(growth[critical]), float(errors[critical]), period, tol, isolated, coarse, rounded)
+    rounded = off[critical] <= ROUNDED * max(1 / period, max(map(abs, values)))
+    reason = explain(verdict, growth[critical], off[critical], period, tol, isolated, coarse, rounded)
     advice = {
         "stable": "every disturbance decays",
         "unstable": "some disturbance grows: change the motion, the speed, the payload or the controller",
         "undecided": UNRESOLVED if reason == TOO_COARSE else MARGINAL_ADVICE,
     }[verdict]
     advice = f"{reason}; {advice}" if reason else advice
-    hidden = int(np.isinf(errors).sum())
+    hidden = off.count(inf)
     if hidden:
         advice += f"; {hidden} exponents decay too fast to be resolved and are only known to lie below the others"
-    missed = bool(np.any((errors > tol * np.maximum(1, np.abs(exponents))) & np.isfinite(errors)))
+    missed = any(e != inf and e > tol * max(1.0, abs(value)) for value, e in zip(values, off, strict=True))
     allows = "the resolution allows" if coarse else "rounding and the resolution allow"
     limit = f"; tol {tol:.0e} was not reached, the error above is what {allows}" if missed else ""
     status = f"{verdict}: {facts}; {advice}{limit}"
-    return FloquetResult(exponents, errors, period, verdict, status, setting, reason)
+    return FloquetResult(exponents, errors, period, verdict, status, setting, reason, None, decoupled)
 
 
 def find_reached(exponents: Array, errors: Array, tol: float) -> Array:
