@@ -71,15 +71,15 @@ def solve_compiled(library: ctypes.CDLL, coefficients: Coefficients, tol: float,
     nodes, about, places = np.array([counts[0], counts[-1]], np.intc), np.empty(3), np.empty(3 * n, np.intc)
     out, exponents, errors = np.empty((12 * counts[-1] + 2) * n * n + 3 * n), np.empty(n, complex), np.empty(n)
     given: list[Array] = [numbers, series, np.ascontiguousarray(blocks.error)]
-    kept = tabulated(counts[0], counts[-1], harmonics)
+    made: list[Array] = [out, places, exponents, errors, about]
     answer = library.solve_at_once(
         address(limits),
         address(nodes),
         period,
         find_routine("dgeev"),
         *map(address, given),
-        *kept.addresses,
-        *map(address, (out, places, exponents, errors, about)),
+        *tabulated(counts[0], counts[-1], harmonics).addresses,
+        *map(address, made),
     )
     if answer == NO_MEMORY:
         raise MemoryError("the coordinates of a period")
