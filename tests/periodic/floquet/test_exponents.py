@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 from scipy.special import mathieu_a, mathieu_b
 
 import flexlin as fl
@@ -178,6 +179,18 @@ def test_a_constant_system_of_any_size_keeps_its_relative_error(size):
     assert found.exponents.real == pytest.approx([-0.05 * size] * 2, rel=1e-13)
     assert np.all(np.abs(found.exponents.real + 0.05 * size) <= found.errors)
     assert found.error < 1e-13 * size
+
+
+def test_modes_that_radau_cannot_follow_are_not_said_to_decay_faster_than_those_it_can():
+    """A fast mode that hardly decays, but faster than the slowest one: that it does is all that is known of it."""
+    fast, slow = np.array([[-0.01, 3e3], [-3e3, -0.01]]), np.array([[-4.0, 0.3], [0.0, -1e-4]])
+    A = block_diag(fast, slow)
+    system = fl.PeriodicSystem(lambda t: A * (1 + 1e-3 * np.cos(t))[:, None, None], 2 * np.pi)
+    result = fl.floquet(system, 1e-4, method="radau")
+    bound = (result.exponents.real + result.errors)[np.isfinite(result.errors)].max()
+    assert -0.01 < bound < 0
+    assert np.isinf(result.errors).any()
+    assert f"only known to lie below {bound:.3g} 1/s" in result.status
 
 
 def test_no_verdict_without_a_single_known_exponent():
