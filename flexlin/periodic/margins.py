@@ -44,7 +44,7 @@ class Margins:
     phase : float
         Angle phi in rad with K -> exp(i phi) K; inf where none up to pi is found.
     delay : float
-        Time in s from the command to the torque; inf where none is found.
+        Time in s from the command to the torque; inf where none is found up to 20 periods, or slowest times of A(t) if these are longer.
     errors : tuple of float
         Of the lower gain, the upper gain, the phase and the delay, in their units: on either side at this distance the verdict is decided.
     reason : str
