@@ -38,6 +38,8 @@ SAFETY = 0.9
 """The next step is this much shorter than the estimate would have it."""
 GROWTH = (0.02, 4.0)
 """By how much the next step may be shorter or longer."""
+FURTHER = 1.3
+"""How much further windows reach, one after another, behind one whose sweeps did not settle."""
 LONGEST = 5.0
 """How much longer the last step of a window may be than its first."""
 RINGING = 1.15
@@ -57,8 +59,8 @@ class Progress:
 
     t, x, work: what was reached; before: the acceleration there, None behind a break; behind, first: whether
     a break was just passed, and the step that held behind the last one; largest: of each state so far; h, count: the
-    step and how many of them come next; begin: how the sweeps begin, since deviations of size `far`; linear: the linear
-    answer, where it is wanted too.
+    step and how many of them come next; begin: how the sweeps begin, since deviations of size `far`; reach: the longest
+    window since one that did not settle; linear: the linear answer, where it is wanted too.
     """
 
     t: float
@@ -72,6 +74,7 @@ class Progress:
     first: float = np.inf
     begin: Start = Start.RIGID
     far: float = 0.0
+    reach: float = np.inf
     steps: int = 0
     growth: float = 1.0
     linear: LinearPath | None = None
@@ -83,10 +86,18 @@ class Progress:
         self.count, self.growth = (min(2 * FEW, most), RINGING) if known else (min(FEW, most), 1.0)
 
     def shorten(self, grid: Grid) -> None:
-        """A window that did not settle: fewer steps, or where they are few already shorter ones."""
+        """A window that did not settle: fewer steps, or where they are few already shorter ones; later windows reach hardly further."""
         few = grid.count <= FEW
         self.growth, self.h = 1.0, float(grid.h[0]) / (4 if few else 1)
         self.count = grid.count if few else grid.count // 4
+        self.reach = float(grid.h.sum()) / 2
+
+    def keep_within_reach(self) -> None:
+        """Behind a window that settled: the next one reaches a little further at the most than those since one that did not."""
+        self.reach *= FURTHER
+        while self.count > 1 and self.count * self.h > self.reach:
+            self.count //= 2
+        self.h = min(self.h, self.reach)
 
 
 class Collocation:
@@ -171,6 +182,7 @@ class Collocation:
         if self._hurries is not None:
             ratio = np.maximum(ratio, self._hurries(grid, solved.path) ** (grid.stages + 1))
         good = adapt(at, grid, ratio, most)
+        at.keep_within_reach()
         if not good:
             return None
         if at.behind:

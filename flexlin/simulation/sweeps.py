@@ -45,7 +45,7 @@ class Start(IntEnum):
     SHIFTED = 1
     """At rest in the state reached; the slopes of the rigid motion, all shifted by what they differ in that state."""
     NEWTON = 2
-    """The same with slopes new in each sweep, exact ones once that is slow."""
+    """On with the rates of the state reached, with slopes new in each sweep, exact ones once that is slow."""
 
 
 def solve_window(
@@ -59,7 +59,8 @@ def solve_window(
     times = np.minimum(grid.times, grid.edges[1:, None] - inside).ravel()
     at = equations.places(times)
     rigid = begin is Start.RIGID
-    path, last, slow, newton = grid.rest(np.zeros(n) if rigid else start[:n]), np.inf, 0, begin is Start.NEWTON
+    last, slow, newton = np.inf, 0, begin is Start.NEWTON
+    path = grid.coasting(start) if newton else grid.rest(np.zeros(n) if rigid else start[:n])
     window = first = Window(
         grid, *(at.linear if rigid else shifted(equations, at, grid.edges[0] + inside, start, before))
     )

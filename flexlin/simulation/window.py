@@ -80,6 +80,13 @@ class Grid:
         zeros = np.zeros((self.count, self.stages, len(y)))
         return self.path(np.tile(np.append(y, np.zeros(len(y))), (self.count + 1, 1)), zeros)
 
+    def coasting(self, x: Array) -> Path:
+        """The arm that goes on from a state (2n,) with the rates it has."""
+        n = len(x) // 2
+        edges = np.tile(x, (self.count + 1, 1))
+        edges[:, :n] += np.outer(self.edges - self.edges[0], x[n:])
+        return self.path(edges, np.zeros((self.count, self.stages, n)))
+
 
 class Window:
     """The linear equations M w + D v + K y = -F on a grid, collocated in the accelerations w.
