@@ -230,7 +230,7 @@ def test_steps_that_cannot_suffice_are_foreseen_and_fewer_periods_are_the_advice
 
 @pytest.mark.slow
 def test_stiff_friction_on_light_links_takes_few_windows(monkeypatch):
-    """Newton's method begins with the rates that the arm has, and windows that it could not settle are not tried again: 106 where 753 were."""
+    """Newton's method begins with the rates that the arm has, and keeps to what it could settle: 106 windows are tried where 753 were."""
     tried = []
 
     def counted(*arguments):
