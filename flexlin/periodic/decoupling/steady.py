@@ -31,8 +31,9 @@ MIXED = 0.3
 NARROWED, CLOSED = 0.7, 1e-3
 """Where the part NARROWED of a gap is not sure to be kept by how far two modes go from their means, it is measured at each time; where
 the part CLOSED is not, it may close."""
-HOPELESS = 3.0
-"""Modes that a harmonic brings into resonance are put together at once where its effect exceeds what is allowed by this factor."""
+HOPELESS, LASTING = 3.0, 100.0
+"""Modes that a harmonic brings into resonance are put together at once where its effect exceeds what is allowed by the factor HOPELESS, and
+stay so on more nodes; as do others that are coupled by the factor LASTING too much."""
 JOINS = 4
 """How often modes that stay coupled by too much are put together, those first whose excess is the part WORST of the largest: what hinders
 these keeps the coupling of others from shrinking too. That takes less time than twice the nodes, which mostly do not part them either."""
@@ -40,10 +41,10 @@ these keeps the coupling of others from shrinking too. That takes less time than
 
 @dataclass(frozen=True)
 class Remaining:
-    """The mode that each of the worst modes stays coupled with, -1 for the others (n,); and whether they resonate, on any nodes."""
+    """The mode that each of the worst modes stays coupled with, -1 for the others (n,); and whether they do so on any nodes."""
 
     partner: Array
-    resonant: bool
+    lasting: bool
 
 
 def decouple_steady(
@@ -92,7 +93,7 @@ def part_modes(
 ) -> Decoupled | Refusal | None:
     """Decouple `once`, with modes put together that resonate or stay coupled by too much; where that does not serve, on more nodes.
 
-    There they begin anew, but for those that resonate.
+    There they begin anew, but for those that resonate, or are coupled by so much that more nodes would not part them.
     """
     at = joins = 0
     begun = modes
@@ -103,7 +104,7 @@ def part_modes(
         left = done if done is not None and done.partner.max() >= 0 and joins < JOINS else None
         joined = None if left is None else try_joining(modes, left, period)
         if left is not None and joined is not None:
-            modes, joins, begun = joined, joins + 1, joined if left.resonant else begun
+            modes, joins, begun = joined, joins + 1, joined if left.lasting else begun
         elif at < len(counts) - 1:
             at, joins, modes = at + 1, 0, begun
         else:
@@ -130,9 +131,7 @@ def decouple_on_nodes(
     """
     if tail(A[::2]) > ROUGH:
         return None
-    allowed = tol * np.maximum(
-        1, np.abs(modes.values.real)
-    )  # what is asked of exponents whose imaginary parts are folded
+    allowed = tol * np.maximum(1, np.abs(modes.values.real))  # imaginary parts of exponents are folded
     found = find_coordinates(modes.left @ A @ modes.right, modes, period, allowed)
     if found.resonance.max() > HOPELESS:
         return find_remaining(found.resonance.max(axis=1), found.resonance.argmax(axis=1), True)
@@ -145,12 +144,13 @@ def decouple_on_nodes(
     done, agree, parted = with_evidence(done, coupled, slope, A, reached, uncertainty)
     if np.all(agree & parted):
         return done
-    return find_remaining(np.where(agree & ~parted, np.diagonal(done.residual) / allowed, 0.0), bounds[1], False)
+    excess = np.where(agree & ~parted, np.diagonal(done.residual) / reached, 0.0)
+    return find_remaining(excess, bounds[1], bool(excess.max() > LASTING))
 
 
-def find_remaining(excess: Array, partner: Array, resonant: bool) -> Remaining:
+def find_remaining(excess: Array, partner: Array, lasting: bool) -> Remaining:
     """Those whose coupling exceeds what is allowed by at least the part WORST of the largest."""
-    return Remaining(np.where((excess > 0) & (excess >= WORST * excess.max()), partner, -1), resonant)
+    return Remaining(np.where((excess > 0) & (excess >= WORST * excess.max()), partner, -1), lasting)
 
 
 def may_be_tame(modes: MeanModes, period: float) -> bool:

@@ -53,9 +53,13 @@ static double find_tail(int size, int blocks, const Wide *wide, const v8 *A) {
 
 typedef struct { double *frame, *inverse, *generator, *residual, *rounding, *mean, *apart; int *partner; } Found;
 
+static const double LASTING = 100.0; /* as in steady.py */
+
 /* Means (n,) of the generator's diagonal, by how much the nodes and the times between them differ in it, and whether that and what is left
  * of the coupling are small beside tol. Where only the latter is not, `partner` keeps the mode that a mode is coupled with if its excess is
- * the part WORST of the largest, else -1. */
+ * the part WORST of the largest, else -1.
+ *
+ * Returns 1 where both are small, 0 where not, -1 where a coupling is so large that more nodes would not part its modes. */
 static int judge_means(int n, int blocks, double tol, const Wide *wide, const Side *sides, const Found *f) {
   int nodes = 8 * blocks, settled = 1;
   double excess[n], largest = 0.0;
@@ -77,7 +81,7 @@ static int judge_means(int n, int blocks, double tol, const Wide *wide, const Si
   }
   for (int i = 0; i < n; i++)
     if (!(excess[i] > 0.0 && excess[i] >= WORST * largest)) f->partner[i] = -1;
-  return settled;
+  return settled ? 1 : largest > LASTING ? -1 : 0;
 }
 
 enum { ROUGH = -1, CLOSE = -2, UNSETTLED = -3, NO_MEMORY = -4 };
@@ -138,7 +142,7 @@ static void give_back(int size, int nodes, const Side *sides, const Found *f) {
  * limits: enough, shrink, slow, rough, tol, a rounding, what is not known of an entry, the part of it that adds up, how near, and how even; tables: cosines
  * and sines (nodes, 8 width), (most + 1, 2, nodes), the three matrices of `tabulate_waves`, and (2 nodes, 8 wide) of all harmonics.
  * out: frame, inverse and generator (2 nodes, n, n), complex; residual, rounding (n, n); means (n,), complex; apart (n,).
- * partner (n,): where the result is UNSETTLED or RESONANT, the mode that each stays coupled with by too much, or -1.
+ * partner (n,): where the result is UNSETTLED, or RESONANT (on more nodes too), the mode that each stays coupled with by too much, or -1.
  * Returns the number of rounds, or what is in the way. */
 static int decouple_on_nodes(int n, int blocks, int m, int most_rounds, int most, int width, int wide, double w, const double *limits, const double *A,
                       const double *samples, const double *error, const double *mass_inverse, const int *mate, const int *group,
@@ -163,7 +167,8 @@ static int decouple_on_nodes(int n, int blocks, int m, int most_rounds, int most
   if (result >= 0) {
     take_to_states(&s, blocks, group, right, left, r.sides, r.work, found.residual);
     find_rounding(n, blocks, &u, r.real, r.sides, r.work, found.rounding);
-    if (!judge_means(n, blocks, tol, &full, r.sides, &found)) result = UNSETTLED;
+    int settled = judge_means(n, blocks, tol, &full, r.sides, &found);
+    if (settled < 1) result = settled ? RESONANT : UNSETTLED;
   }
   if (result >= 0) give_back(n * n, nodes, r.sides, &found);
   free(r.memory);
