@@ -26,13 +26,13 @@ ENCLOSED = 0.1
 """An exponent that is known only to this part of its size, and to lie below the others, counts as unresolved."""
 AGAIN = 0.1
 """The part of tol that is aimed at where the first attempt misses tol: the coupling was small enough for rates, not for exponents."""
-NODES = 128
-"""Nodes of a period on which a system is decoupled, those that check included."""
+NODES, FIRST = 128, 64
+"""Nodes of a panel on which a system is decoupled, and of a period without breaks at first, those that check included."""
 
 
 def estimate_decoupling_work(n: int, panels: int) -> float:
     """Microseconds to decouple n states, as measured: overhead, and eigenvectors and products at every node; for each panel."""
-    return panels * (6000 + NODES * (20 + 6 * n + 0.06 * n**3))
+    return panels * (6000 + (NODES if panels > 1 else FIRST) * (20 + 6 * n + 0.06 * n**3))
 
 
 def solve_decoupled(
