@@ -105,7 +105,7 @@ def part_modes(
         joined = None if left is None else try_joining(modes, left, period)
         if left is not None and joined is not None:
             modes, joins, begun = joined, joins + 1, joined if left.lasting else begun
-        elif at < len(counts) - 1:
+        elif at < len(counts) - 1 and not (left is not None and left.lasting):
             at, joins, modes = at + 1, 0, begun
         else:
             return (

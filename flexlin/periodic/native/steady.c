@@ -59,7 +59,8 @@ static int part_modes(const Problem *p, Samples *samples, Modes *m, Modes *rooms
       joins++;
       continue;
     }
-    if (at == p->counts - 1) return coupled && joins < p->joins ? -NOT_TAME : -COUPLED;
+    int untame = coupled && joins < p->joins;
+    if (at == p->counts - 1 || (untame && rounds == RESONANT)) return untame ? -NOT_TAME : -COUPLED;
     copy_modes(begun, m);
     at++;
     joins = 0;
