@@ -37,6 +37,8 @@ stay so on more nodes; as do others that are coupled by the factor LASTING too m
 JOINS = 4
 """How often modes that stay coupled by too much are put together, those first whose excess is the part WORST of the largest: what hinders
 these keeps the coupling of others from shrinking too. That takes less time than twice the nodes, which mostly do not part them either."""
+FEW_STATES = 10
+"""With so few states, more nodes are tried even where these seldom part modes that are coupled by so much: it costs little."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +107,7 @@ def part_modes(
         joined = None if left is None else try_joining(modes, left, period)
         if left is not None and joined is not None:
             modes, joins, begun = joined, joins + 1, joined if left.lasting else begun
-        elif at < len(counts) - 1 and not (left is not None and left.lasting):
+        elif at < len(counts) - 1 and not (left is not None and left.lasting and len(modes.values) > FEW_STATES):
             at, joins, modes = at + 1, 0, begun
         else:
             return (

@@ -33,6 +33,8 @@ static int try_joining(const Problem *p, Modes *m, Modes *spare, const int *part
   return 0;
 }
 
+enum { FEW_STATES = 10 }; /* as in steady.py */
+
 /* Decouple, with modes put together that resonate or stay coupled by too much; where that does not serve, on more nodes: as in steady.py.
  *
  * rooms: for two sets of modes; out, partner: as of `decouple_on_nodes`; which: the nodes it ended on. Returns the rounds, or minus what is in
@@ -60,7 +62,7 @@ static int part_modes(const Problem *p, Samples *samples, Modes *m, Modes *rooms
       continue;
     }
     int untame = coupled && joins < p->joins;
-    if (at == p->counts - 1 || (untame && rounds == RESONANT)) return untame ? -NOT_TAME : -COUPLED;
+    if (at == p->counts - 1 || (untame && rounds == RESONANT && p->n > FEW_STATES)) return untame ? -NOT_TAME : -COUPLED;
     copy_modes(begun, m);
     at++;
     joins = 0;
