@@ -6,7 +6,7 @@ import numpy as np
 from flexlin.about.deviation import Deviation
 from flexlin.checks import Array
 
-SATURATING = (ca.OP_TANH, ca.OP_ERF, ca.OP_ATAN)
+SATURATING = (ca.OP_TANH, ca.OP_ERF, ca.OP_ATAN, ca.OP_EXP)
 THICK = 5.0
 """Arguments beyond which a saturating function changes little: 1 - tanh(5) is 1e-4."""
 SEEN = 2.0
@@ -16,7 +16,7 @@ MANY = 2000
 
 
 class Layers:
-    """The arguments of tanh, erf and atan in the resisting forces, along a motion: a layer is passed where one goes through zero.
+    """The arguments of tanh, erf, atan and exp in the resisting forces, along a motion: a layer is passed where one is about zero.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class Layers:
 
 
 def saturating_arguments(expression: ca.SX) -> list[ca.SX]:
-    """What tanh, erf and atan are taken of in an expression, each argument once."""
+    """What tanh, erf, atan and exp are taken of in an expression, each argument once."""
     found: dict[int, ca.SX] = {}
     seen: set[int] = set()
     left = [expression.nz[i] for i in range(expression.nnz())]
