@@ -5,7 +5,8 @@ integrals of its attitude (9 states). Every way reaches the same accuracy in one
 until the start is forgotten, each at the cheaper of the two loosest tolerances that reach tol. They are given how long that takes, and
 their right-hand side is machine code for the n (n + 1) / 2 unknowns of the symmetric X, its set-up left out. The solver here makes the
 system and resolves its coefficients anew each time; "flexlin, design" is the whole of `periodic_lqr`, with the gain and the closed loop;
-"flexlin, set up" is the solution alone, as the others have it. The satellite's field is known to have no narrow features (`complete`).
+"flexlin, set up" is the solution alone, as the others have it. The satellite's field is known to have no narrow features (`complete`);
+"flexlin, unknown" is given A and B as plain functions, and looks at them everywhere.
 
     python studies/riccati_race.py [--small] [--out DIR]
 """
@@ -144,6 +145,8 @@ def race(contest: Contest, tol: float, methods: tuple[str, ...], repeats: int) -
     times = {"flexlin": (seconds, error_of(found.X(np.zeros(1))[0], X0))}
     _, seconds = least_time(lambda: fl.periodic_lqr(contest.make(), Q, R, tol=tol), repeats)
     times["flexlin, design"] = (seconds, times["flexlin"][1])
+    _, seconds = least_time(lambda: periodic_riccati(unknown(contest.make()), Q, R, tol=tol), repeats)
+    times["flexlin, unknown"] = (seconds, times["flexlin"][1])
     times["flexlin, set up"] = (time_set_up(system, Q, R, tol, repeats), times["flexlin"][1])
     rate = float(fl.floquet(system.feedback(exact.K), tol=1e-6 / system.period).exponents.real.max())
     settle = system.period * np.ceil(np.log(0.1 * tol) / (2 * rate * system.period))
@@ -158,6 +161,11 @@ def race(contest: Contest, tol: float, methods: tuple[str, ...], repeats: int) -
         reached = [run for run in runs if run[1] <= tol]
         times[method] = min(reached) if reached else min(runs, key=lambda run: run[1])
     return times
+
+
+def unknown(system: fl.PeriodicSystem) -> fl.PeriodicSystem:
+    """The same A(t) and B(t) as plain functions, of which nothing else is known."""
+    return fl.PeriodicSystem(system.A, system.period, system.B)
 
 
 def time_set_up(system: fl.PeriodicSystem, Q: np.ndarray, R: np.ndarray, tol: float, repeats: int) -> float:
