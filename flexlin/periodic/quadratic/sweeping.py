@@ -33,6 +33,8 @@ LAST, LEAST = 1e-3, 2e-13
 CLOSER, CLOSEST = 0.05, 5e-14
 """The factor on it for the next try, and what rounding leaves of it."""
 TRIES = 3
+FINER = 4
+"""Times as many nodes at the most as are tried where sweeps do not settle."""
 SHARE = 1e-2
 """Part of tol below which the harmonics are that nodes between others would show."""
 
@@ -68,7 +70,7 @@ def solve_by_sweeps(problem: LinearQuadratic, period: float, tol: float) -> Ricc
         levels = plan_levels(count, turns / count, near, X is None)
         swept = sweep_until_closed(library, samples, period, levels, X, SHARE * tol)
         if swept is None:
-            if X is not None or needed >= 2 * first:
+            if X is not None or needed >= FINER * first:
                 break
             needed *= 2
             continue
