@@ -115,7 +115,7 @@ def compare(modes: int, number: int, seed: int, rounds: int) -> Row:
     return Row(modes, number, 1e3 * min(here), 1e3 * min(theirs), tol, found.setting.method, miss)
 
 
-def main(size: str = "full", seed: int = 0, out: str | Path = "out/studies") -> list[Row]:
+def compare_all(size: str = "full", seed: int = 0, out: str | Path = "out/studies") -> list[Row]:
     """Run the study, print a line for each link and how many hold, write random_links.json."""
     count, rounds, rows = (20, 6, []) if size == "full" else (1, 1, [])
     for modes in ASKED if size == "full" else (1,):
@@ -144,4 +144,4 @@ if __name__ == "__main__":
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", default="out/studies", help="folder for the record")
     options = parser.parse_args()
-    main(options.size, options.seed, options.out)
+    compare_all(options.size, options.seed, options.out)
