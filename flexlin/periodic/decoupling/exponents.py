@@ -12,7 +12,7 @@ from flexlin.periodic.decoupling.coupling import Coupled
 from flexlin.periodic.decoupling.decoupled import Decoupled
 from flexlin.periodic.decoupling.grouping import block_mask, connected
 from flexlin.periodic.decoupling.hidden import link_modes
-from flexlin.periodic.decoupling.several import SAFETY, UNRESOLVED, bounded, several
+from flexlin.periodic.decoupling.several import SAFETY, UNRESOLVED, bound_growth, several
 from flexlin.periodic.decoupling.waves import aliasing
 
 
@@ -66,12 +66,14 @@ def exponents_in_place(decoupled: Decoupled, tol: float, tame_only: bool) -> tup
     return values, parts
 
 
-def enclose_linked(decoupled: Decoupled, index: int, enclosed: Array) -> tuple[Array, Array]:
-    """The exponents of a larger group by its mean, enclosed by what it and all that is linked to it may do (`enclosures`)."""
-    group = decoupled.groups[index]
+def enclose_linked(decoupled: Decoupled, index: int, enclosed: tuple[Array, Array]) -> tuple[Array, Array]:
+    """The exponents of a larger group, enclosed by what it and all that is linked to it may do (`enclosures`)."""
+    part, period = decoupled.groups[index].part, decoupled.period
     own, mean = decoupled.traceless(index)
-    values, reach = bounded(own, mean, group.size, decoupled.period)
-    return values, np.maximum(reach, enclosed[group.part].max())
+    low, high = bound_growth(own, period)
+    low, high = min(mean.real + low, enclosed[0][part].min()), max(mean.real + high, enclosed[1][part].max())
+    values = np.full(part.stop - part.start, (low + high) / 2 + 1j * mean.imag)
+    return values, np.full(len(values), np.hypot((high - low) / 2, np.pi / period))
 
 
 def is_linked(decoupled: Decoupled, index: int) -> bool:
@@ -80,7 +82,9 @@ def is_linked(decoupled: Decoupled, index: int) -> bool:
     return bool(SAFETY * decoupled.residual[part, part].max() * decoupled.period > UNRESOLVED)
 
 
-def singles(decoupled: Decoupled, indices: list[int], enclose: Callable[[], Array]) -> tuple[Array, Array]:
+def singles(
+    decoupled: Decoupled, indices: list[int], enclose: Callable[[], tuple[Array, Array]]
+) -> tuple[Array, Array]:
     """The exponents (s,) of groups of one, and their three errors (3, s).
 
     Where the coupling's bound exceeds what the real parts of the coupled modes `enclose`, the enclosure counts.
@@ -95,16 +99,20 @@ def singles(decoupled: Decoupled, indices: list[int], enclose: Callable[[], Arra
     coupling = SAFETY * decoupled.residual[places, places]
     loose = coupling * decoupled.period > UNRESOLVED
     if loose.any():
-        coupling[loose] = np.minimum(coupling, enclose()[places])[loose]
+        low, high = (each[places] for each in enclose())
+        reach = np.hypot(np.maximum(high - values.real, values.real - low), np.pi / decoupled.period)
+        coupling[loose] = np.minimum(coupling, reach)[loose]
     return values, np.array([apart, coupling, SAFETY * decoupled.rounding[places, places]])
 
 
-def enclosures(decoupled: Decoupled) -> Array:
-    """How far the exponent of each mode may lie from its mean, (n,), when modes that are linked may take each other's place at any time."""
+def enclosures(decoupled: Decoupled) -> tuple[Array, Array]:
+    """Bounds from below and above on the real part of each exponent (n,): the means of the least and the largest of modes that are linked.
+
+    Those may take each other's place at any time.
+    """
     B, groups, period = decoupled.generator, decoupled.groups, decoupled.period
     coupled = decoupled.coupled or Coupled(B, period, groups)
     member = connected(link_modes(coupled, decoupled.rounding) | block_mask(groups))
-    real = coupled.values.real
-    reach = np.abs(real[:, :, None] - np.einsum("tii->ti", B).real[:, None, :])
-    most = np.where(member[:, None] == member, reach, 0).max(axis=1)
-    return np.hypot(most.mean(axis=0), np.pi / period)
+    linked, real = member[:, None] == member, coupled.values.real[:, :, None]
+    low, high = np.where(linked, real, np.inf).min(axis=1), np.where(linked, real, -np.inf).max(axis=1)
+    return low.mean(axis=0), high.mean(axis=0)

@@ -164,32 +164,43 @@ def group_segments(values: Array, period: float, mean: complex, tol: float) -> t
 
 
 def bounded(values: Array, mean: complex, size: int, period: float) -> tuple[Array, Array]:
-    """Enclose the exponents of a group by the numerical range of its generator, w = S v, S diagonal or eigenvectors at the nodes.
-
-        d log |v| / dt <= max eig (S^-1 B S + its transpose) / 2,   |v| grows by |S_(k+1)^-1 S_k| from one node's coordinates to the next
+    """Enclose the exponents of a group by the numerical range of its generator, from above and from below: middle and half width.
 
     Source: Coppel (1965), Stability and Asymptotic Behavior of Differential Equations, III.2 (Lozinskii's logarithmic norm).
     """
+    low, high = bound_growth(values, period)
+    return np.full(size, mean + (low + high) / 2), np.full(size, float(np.hypot((high - low) / 2, np.pi / period)))
+
+
+def bound_growth(values: Array, period: float) -> tuple[float, float]:
+    """Bounds on the real parts of all exponents of w' = B w (N, m, m), w = S v, S diagonal or eigenvectors at the nodes.
+
+        min eig H <= d log |v| / dt <= max eig H,   H = (S^-1 B S + its transpose) / 2
+
+    |v| grows by |S_(k+1)^-1 S_k| from one node's coordinates to the next.
+    """
     scale = balance_factors(values)[1]
     even = values * (scale / scale[:, None])
-    reach = min(logarithmic_norm(even, period), logarithmic_norm(even, period, np.linalg.eig(even)[1]))
-    return np.full(size, mean), np.full(size, float(np.hypot(reach, np.pi / period)))
+    plain, turned = (logarithmic_norms(even, period, vectors) for vectors in (None, np.linalg.eig(even)[1]))
+    return max(plain[0], turned[0]), min(plain[1], turned[1])
 
 
-def logarithmic_norm(values: Array, period: float, vectors: Array | None = None) -> float:
-    """A bound on the size of the real parts of all exponents, from the coordinates of `vectors` (N, m, m) at the nodes if there are any."""
+def logarithmic_norms(values: Array, period: float, vectors: Array | None = None) -> tuple[float, float]:
+    """Bounds on the real parts of all exponents, from the coordinates of `vectors` (N, m, m) at the nodes if there are any."""
     if vectors is None:
-        return float(np.abs(np.linalg.eigvalsh((values + np.swapaxes(values, 1, 2)) / 2)).max(axis=1).mean())
+        plain = np.linalg.eigvalsh((values + np.swapaxes(values, 1, 2)) / 2)
+        return float(plain[:, 0].mean()), float(plain[:, -1].mean())
     try:
         inverse = np.linalg.inv(vectors)
     except np.linalg.LinAlgError:
-        return np.inf
+        return -np.inf, np.inf
     turned = np.roll(inverse, -1, axis=0) @ vectors
     ends = []
     for B in (values, np.roll(values, -1, axis=0)):
         own = inverse @ B @ vectors
-        ends.append(np.abs(np.linalg.eigvalsh((own + np.conj(np.swapaxes(own, 1, 2))) / 2)).max(axis=1))
+        ends.append(np.linalg.eigvalsh((own + np.conj(np.swapaxes(own, 1, 2))) / 2))
     crossed = np.log(
         np.maximum(np.linalg.norm(turned, 2, axis=(1, 2)), np.linalg.norm(np.linalg.inv(turned), 2, axis=(1, 2)))
     )
-    return float(np.maximum(*ends).mean() + crossed.sum() / period)
+    more, (low, high) = crossed.sum() / period, (np.minimum(*ends)[:, 0].mean(), np.maximum(*ends)[:, -1].mean())
+    return float(low - more), float(high + more)

@@ -17,6 +17,7 @@ from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.exponents import decoupled_exponents
 from flexlin.periodic.decoupling.grouping import Group, block_mask
 from flexlin.periodic.decoupling.panels import panel_exponents
+from flexlin.periodic.decoupling.several import bound_growth
 from flexlin.periodic.decoupling.superadiabatic import sylvester
 from flexlin.periodic.decoupling.waves import circle_derivative, interpolated, shifted
 from flexlin.periodic.floquet import exponents as routes
@@ -382,3 +383,20 @@ def test_modes_that_part_on_more_nodes_only_are_not_put_together(monkeypatch):
     done = decouple(system.resolved, system.period, tol=1e-8)
     assert sorted(group.size for group in done.groups) == [1] * 12 + [4]
     assert len(done.times) == 128
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_growth_is_bounded_from_both_sides(seed):
+    """A group that decays at every time is known to decay, however unlike its modes are: the bounds are not symmetric about its mean."""
+    rng = np.random.default_rng(seed)
+    mean, waves = -np.diag([1.0, 3.0, 40.0]) + 0.3 * rng.standard_normal((3, 3)), 0.2 * rng.standard_normal((2, 3, 3))
+
+    def B(t):
+        return mean + np.cos(t)[:, None, None] * waves[0] + np.sin(2 * t)[:, None, None] * waves[1]
+
+    low, high = bound_growth(B(2 * np.pi * np.arange(128) / 128), 2 * np.pi)
+    real = fl.floquet(fl.PeriodicSystem(B, 2 * np.pi)).exponents.real
+    assert low <= real.min()
+    assert real.max() <= high
+    assert high < real.max() + 2
+    assert low > real.min() - 4
