@@ -193,9 +193,26 @@ def hinf_norm(
     )
     problem = BoundedReal(system, system.resolved_input, *known)
     t = np.linspace(0.0, system.period, 1025)[:-1]
-    direct = float(np.linalg.norm(through(t), 2, axis=(1, 2)).max())
+    direct = find_direct_gain(problem.D)
     low, high = bracket_level(problem, direct, float(np.abs(B(t)).max() * np.abs(output(t)).max()))
     return extrapolate_level(problem, low, high, tol) if high > 0 else HinfNorm(0.0, 0.0, 0.0)
+
+
+def find_direct_gain(D: ResolvedMatrix) -> float:
+    """The largest singular value of D(t), sought in every panel and then about the largest that was seen, closer and closer.
+
+    No level below it has a Hamiltonian system.
+    """
+    if D.constant:
+        return float(np.linalg.norm(D.mean(), 2))
+    edges = np.union1d(D.edges, np.linspace(0.0, D.period, 65))
+    t = (edges[:-1, None] + np.diff(edges)[:, None] * np.linspace(0.0, 1.0, 17)[:-1]).ravel()
+    best, step = 0.0, float(np.diff(edges).max()) / 16
+    for _ in range(8):
+        sizes = np.linalg.norm(D(np.mod(t, D.period)), 2, axis=(1, 2))
+        best, middle = max(best, float(sizes.max())), t[sizes.argmax()]
+        t, step = middle + step * np.linspace(-1.0, 1.0, 33), step / 8
+    return best
 
 
 def bracket_level(problem: BoundedReal, direct: float, size: float) -> tuple[float, float]:

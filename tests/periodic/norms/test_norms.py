@@ -8,6 +8,8 @@ from scipy.optimize import minimize_scalar
 import flexlin as fl
 from flexlin.about.linear import linearize
 from flexlin.errors import ArgumentError, NotStabilizable, NotStable
+from flexlin.periodic.norms.hinf import find_direct_gain
+from flexlin.periodic.resolved.resolve import resolve
 
 A0, B0, C0 = np.array([[-1.0, -0.5], [-3.0, -5.0]]), np.array([[3.0], [1.0]]), np.array([[1.0, 2.0]])
 
@@ -144,3 +146,19 @@ def test_wrong_and_unstable_systems_are_refused():
         fl.h2_norm(fl.PeriodicSystem([[-0.1]], 1.0), [[1.0]])
     assert fl.hinf_norm(stable, [[0.0]]).value == 0
     assert fl.hinf_norm(stable, [[0.0]], [[2.0]]).value == pytest.approx(2.0, rel=1e-6)
+
+
+def narrow_feedthrough(t):
+    return (1 + 5 * np.exp(-(((t - 0.3017) / 2e-4) ** 2)))[:, None, None]
+
+
+def test_the_peak_of_a_narrow_feedthrough_is_found():
+    assert find_direct_gain(resolve(narrow_feedthrough, 1.0)) == pytest.approx(6.0, rel=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tol", [1e-2, 1e-9])
+def test_a_norm_that_a_narrow_feedthrough_makes(tol):
+    """Levels between the feedthrough's samples and its peak ended in a bare LinAlgError, or in doubts about A."""
+    found = fl.hinf_norm(fl.PeriodicSystem([[-1.0]], 1.0, B=[[1.0]]), [[1e-3]], narrow_feedthrough, tol=tol)
+    assert abs(found.value - 6.0) <= found.error <= tol * found.value
