@@ -21,6 +21,8 @@ ROUGH, FINE = 1e-7, 1e-10
 """Wanted errors of the exponents, in 1/s: in the bisection, and where the level is extrapolated."""
 NEGATIVE = 1e-3
 """How far below zero an eigenvalue of X may lie by rounding, in units in which X has a diagonal of ones."""
+NEAREST = 1e-9
+"""How far above the feedthrough's own gain the lowest level lies of which a Hamiltonian system is made."""
 STEPS = 200
 COARSE = 1e-3
 """Relative width of the bracket from which the level is extrapolated."""
@@ -195,7 +197,7 @@ def hinf_norm(
     t = np.linspace(0.0, system.period, 1025)[:-1]
     direct = find_direct_gain(problem.D)
     low, high = bracket_level(problem, direct, float(np.abs(B(t)).max() * np.abs(output(t)).max()))
-    return extrapolate_level(problem, low, high, tol) if high > 0 else HinfNorm(0.0, 0.0, 0.0)
+    return extrapolate_level(problem, low, high, tol, direct) if high > 0 else HinfNorm(0.0, 0.0, 0.0)
 
 
 def find_direct_gain(D: ResolvedMatrix) -> float:
@@ -217,7 +219,7 @@ def find_direct_gain(D: ResolvedMatrix) -> float:
 
 def bracket_level(problem: BoundedReal, direct: float, size: float) -> tuple[float, float]:
     """Levels below and above the norm, COARSE apart; the feedthrough's own gain is the least level."""
-    floor = direct * (1 + 1e-9)
+    floor = direct * (1 + NEAREST)
     if size == 0:
         return direct, floor
     rate = max(float(np.linalg.norm(problem.system.resolved.mean(), 2)), 1 / problem.system.period)
@@ -238,10 +240,10 @@ def bracket_level(problem: BoundedReal, direct: float, size: float) -> tuple[flo
     while high - low > COARSE * high and high > 1e-14 * size / rate:
         middle = (low + high) / 2 if low > high / 4 else high / 2 if not low else float(np.sqrt(low * high))
         low, high = (low, middle) if problem.exceeds(middle) else (middle, high)
-    return low, high
+    return direct if low == floor else low, high
 
 
-def extrapolate_level(problem: BoundedReal, low: float, high: float, tol: float) -> HinfNorm:
+def extrapolate_level(problem: BoundedReal, low: float, high: float, tol: float, direct: float) -> HinfNorm:
     """The level at which the squared real part vanishes, by a parabola through three levels above, again from closer by.
 
     The error: the distance to the straight line through the two nearest, and what the exponents' errors do. It is confirmed: levels that
@@ -264,9 +266,10 @@ def extrapolate_level(problem: BoundedReal, low: float, high: float, tol: float)
         if error <= tol * center:
             break
     apart = max(error, CONFIRMED * center)
-    if error < high - low and problem.exceeds(center + apart, FINE) and not problem.exceeds(center - apart, FINE):
+    least, most = center - apart, center + apart
+    if error < high - low and problem.exceeds(most, FINE) and (least <= direct or not problem.exceeds(least, FINE)):
         return HinfNorm(float(center), float(error), frequency)
-    while high - low > max(tol, 1e-12) * high:
+    while high - low > max(tol, 1e-12) * high and (low + high) / 2 > direct * (1 + NEAREST):
         middle = (low + high) / 2
         low, high = (low, middle) if problem.exceeds(middle, FINE) else (middle, high)
     return HinfNorm((low + high) / 2, high - low, problem.nearest(high)[2])
