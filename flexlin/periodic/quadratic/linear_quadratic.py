@@ -13,6 +13,8 @@ from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_matrix_fu
 
 SAMPLES = 64
 """Times of a period at which the weights are checked before anything is solved."""
+WITHIN = np.array([0.2, 0.5, 0.8])
+"""Where in each panel they are looked at again."""
 TINY = float(np.finfo(float).tiny)
 
 
@@ -98,13 +100,23 @@ def linear_quadratic(
         for name, value, shape in (("Q", Q, (n, n)), ("R", R, (m, m)), ("N", cross, (n, m)))
     ]
     problem = LinearQuadratic(system.A, system.B, *weights)
-    t = system.period * np.arange(SAMPLES) / SAMPLES
+    check_weights(problem, system.period * np.arange(SAMPLES) / SAMPLES)
+    return problem
+
+
+def check_weights(problem: LinearQuadratic, t: Array) -> None:
+    """Refuse weights of which R is not positive definite at all times, or Q - N R^-1 N' is indefinite."""
     check_definite("R", problem.R, t, strict=True)
-    if N is None:
+    if isinstance(problem.N, Constant) and not problem.N.value.any():
         check_definite("Q", problem.Q, t, strict=False)
     else:
         check_definite("Q - N R^-1 N'", lambda times: problem.reduced(times)[2], t, strict=False)
-    return problem
+
+
+def check_between(problem: LinearQuadratic, edges: Array) -> None:
+    """The same inside each of several panels: a weight may lose its sign in a pulse between the samples."""
+    if len(edges) > 2:
+        check_weights(problem, (edges[:-1, None] + np.diff(edges)[:, None] * WITHIN).ravel())
 
 
 def check_weight(name: str, value: MatrixFunction | ArrayLike, shape: tuple[int, int], period: float) -> MatrixFunction:

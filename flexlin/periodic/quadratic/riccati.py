@@ -10,7 +10,7 @@ from flexlin.checks import positive, real_array
 from flexlin.errors import NumericalError
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.quadratic.harmonics import solve_by_harmonics
-from flexlin.periodic.quadratic.linear_quadratic import TINY, linear_quadratic
+from flexlin.periodic.quadratic.linear_quadratic import TINY, check_between, linear_quadratic
 from flexlin.periodic.quadratic.plans import name_limit, solve_by_plans
 from flexlin.periodic.quadratic.resolution import divide_for_waves, find_edges, resolve_problem
 from flexlin.periodic.quadratic.solution import RiccatiSolution
@@ -96,7 +96,9 @@ def periodic_riccati(
     True
     """
     system = as_system(system)
-    problem, edges = resolve_problem(linear_quadratic(system, Q, R, N), system)
+    posed = linear_quadratic(system, Q, R, N)
+    problem, edges = resolve_problem(posed, system)
+    check_between(posed, edges)
     tol = positive("tol", tol)
     swept = solve_by_sweeps(problem, system.period, tol)
     if swept is not None and swept.gain_error <= tol:
@@ -173,7 +175,9 @@ def finite_horizon_riccati(
     system = as_system(system)
     end = real_array("end", end, (system.n, system.n))
     problem = linear_quadratic(system, Q, R, N)
-    return solve_by_plans(problem, find_edges(problem, system), end, positive("tol", tol))
+    edges = find_edges(problem, system)
+    check_between(problem, edges)
+    return solve_by_plans(problem, edges, end, positive("tol", tol))
 
 
 def periodic_lyapunov(system: PeriodicSystem, Q: MatrixFunction | ArrayLike, tol: float = 1e-9) -> RiccatiSolution:

@@ -2,6 +2,7 @@
 
 import decimal
 import tracemalloc
+from functools import partial
 
 import control
 import numpy as np
@@ -139,6 +140,17 @@ def test_finite_horizon_against_scipy():
     found = finite_horizon_riccati(rotated(), np.eye(2), np.eye(1), end, tol=1e-10)
     stops, X = backward(found.problem, end, 0.0, np.pi, [0.0, 0.5, 2.0, 3.0, np.pi])
     assert np.abs(found.X(stops) - X).max() < 1e-9 * np.abs(X).max()
+
+
+@pytest.mark.parametrize("solve", [periodic_riccati, partial(finite_horizon_riccati, end=[[0.0]])])
+@pytest.mark.parametrize("name", ["Q", "R"])
+def test_weights_that_lose_their_sign_in_a_narrow_pulse_are_refused(name, solve):
+    """Between the first samples: what was said then was that the accuracy is not reached."""
+    plant = PeriodicSystem([[1.0]], 1.0, [[1.0]])
+    weights = {"Q": np.eye(1), "R": np.eye(1)}
+    weights[name] = lambda t: (1 - 2 * np.exp(-(((t - 0.3047) / 1e-3) ** 2)))[:, None, None]
+    with pytest.raises(ArgumentError, match=f"{name} is .*definite"):
+        solve(plant, **weights)
 
 
 @pytest.mark.parametrize("width", [0.0956, 0.11])
