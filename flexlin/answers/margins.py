@@ -18,7 +18,7 @@ from flexlin.summary import represent
 
 COARSE, COARSEST, THOROUGH = 17, 9, 1025
 """Values of the scan: where nobody asked, the same for loops whose scan would take long, and where a range was chosen."""
-SHORT, LONG = 3e5, 5.2e5
+SHORT, LONG = 3e5, 3.1e5
 """Microseconds of collocation or decoupling beyond which a scan that nobody asked for has fewer values, or is left out."""
 TOL = 1e-6
 """Wanted error of a critical value, as a share of its range."""
