@@ -1,4 +1,4 @@
-"""Exponents of a whole system from few factors of its period, where its modes grow and decay by little against each other."""
+"""Exponents of a system of second order from few factors of its period, where its modes grow and decay by little against each other."""
 
 import math
 
@@ -9,26 +9,24 @@ from flexlin.periodic.circle import pair_conjugates, wrap_log
 from flexlin.periodic.decoupling.tame import LARGEST_GROWTH, LEAST, MORE, STAGES, bound_factors
 from flexlin.periodic.product.balancing import balance_factors
 from flexlin.periodic.resolved.companion import ResolvedCompanion
-from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.uncertainty import LASTING, couple_uncertainty
 from flexlin.periodic.transition.choice import WAVES, choose_gauss_step
-from flexlin.periodic.transition.gauss import gauss_transitions, second_order_transitions
+from flexlin.periodic.transition.gauss import second_order_transitions
 
 FIRST, MOST = 20, 128
 """Segments up to which this is tried before decoupling, which takes longer then; and after it."""
 FINER = 1.5
 """How many times the segments the second try takes: the eigenvalues of the mean may be slower than those of A(t)."""
 
-Coefficients = ResolvedMatrix | ResolvedCompanion
-
 
 def whole_exponents(
-    coefficients: Coefficients, values: Array, tol: float, most: int
+    coefficients: ResolvedCompanion, values: Array, tol: float, most: int
 ) -> tuple[Array, Array, int] | None:
     """Exponents (n,), conjugates exactly, their errors (n,) and the segments taken; None where that does not serve, or misses tol.
 
     The factors by Gauss' rule, their Floquet vectors and what a better rule, rounding and the series change of them, as in `bound_factors`.
 
+    Systems of first order are left to segments, of which as many are taken as tol needs and no more: their errors exaggerate less.
     Parameters: values (n,): eigenvalues of the mean of A(t); most: segments that are tried. Assumes one Fourier series.
     """
     T = coefficients.period
@@ -55,11 +53,11 @@ def count_segments(values: Array, period: float, harmonics: int, tol: float) -> 
     return max(LEAST, math.ceil(steps), math.ceil(WAVES * harmonics / STAGES))
 
 
-def follow_whole(coefficients: Coefficients, segments: int) -> tuple[Array, Array] | None:
+def follow_whole(coefficients: ResolvedCompanion, segments: int) -> tuple[Array, Array] | None:
     """Logs of the multipliers (n,) and their errors (n,), in units of the states in which rows and columns are even."""
     edges = np.linspace(0.0, coefficients.period, segments + 1)
     try:
-        F, better = (factor_whole(coefficients, edges, STAGES + more) for more in (0, MORE))
+        F, better = (second_order_transitions(coefficients.sample, edges, STAGES + more) for more in (0, MORE))
     except np.linalg.LinAlgError:
         return None
     even, scale = balance_factors(F)
@@ -67,12 +65,3 @@ def follow_whole(coefficients: Coefficients, segments: int) -> tuple[Array, Arra
     error = coefficients.mean_error(edges)
     unknown = couple_uncertainty(coefficients, (edges[1:] + edges[:-1]) / 2, to, back, error, LASTING)
     return bound_factors(even, better * (scale / scale[:, None]), unknown * coefficients.period / segments)
-
-
-def factor_whole(coefficients: Coefficients, edges: Array, stages: int) -> Array:
-    """Transition matrices (K, n, n) by Gauss collocation. Raises: LinAlgError, SingularMassMatrix."""
-    if isinstance(coefficients, ResolvedCompanion):
-        return second_order_transitions(coefficients.sample, edges, stages)
-    units = balance_factors(coefficients(edges[:-1]))[1]
-    turn = units / units[:, None]  # exchanging rows loses digits where states have unlike units
-    return gauss_transitions(lambda t: coefficients(t) * turn, edges, stages) / turn

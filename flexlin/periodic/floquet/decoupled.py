@@ -18,6 +18,7 @@ from flexlin.periodic.decoupling.steady import LOOK, decouple_steady
 from flexlin.periodic.decoupling.tame import STAGES
 from flexlin.periodic.floquet.result import find_reached
 from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.resolved.uncertainty import couple_uncertainty
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, Setting
@@ -106,7 +107,8 @@ def solve_by_numpy(coefficients: Coefficients, tol: float, limit: int) -> Found 
     T, H = coefficients.period, coefficients.degree
     values = np.linalg.eigvals(coefficients(T / LOOK * np.arange(LOOK)).mean(axis=0))
     rate = float(np.abs(values).max())
-    if (found := whole.whole_exponents(coefficients, values, tol, min(whole.FIRST, limit))) is not None:
+    second = coefficients if isinstance(coefficients, ResolvedCompanion) else None
+    if second and (found := whole.whole_exponents(second, values, tol, min(whole.FIRST, limit))) is not None:
         return found[0], found[1], rate, found[2]
     decoupled = decouple_steady(coefficients, T, H, tol, partial(couple_uncertainty, coefficients))
     if not isinstance(decoupled, Refusal):
@@ -116,7 +118,7 @@ def solve_by_numpy(coefficients: Coefficients, tol: float, limit: int) -> Found 
             fastest = float(np.abs(np.einsum("tii->ti", decoupled.generator)).max())
             return logs / T, uncertain / T, fastest, decoupled
         decoupled = Refusal("the modes of a group grow or decay by much against each other")
-    if (found := whole.whole_exponents(coefficients, values, tol, min(whole.MOST, limit))) is not None:
+    if second and (found := whole.whole_exponents(second, values, tol, min(whole.MOST, limit))) is not None:
         return found[0], found[1], rate, found[2]
     return decoupled
 

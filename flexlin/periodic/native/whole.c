@@ -1,4 +1,4 @@
-/* Exponents of a whole system from few factors of its period: the computation of whole.py. */
+/* Exponents of a whole system of second order from few factors of its period: the computation of whole.py. */
 enum { OK = 0, NOT_APART = 1, MIXES = 2, NOT_TAME = 3, COUPLED = 4, WILD = 5, SINGULAR = 6, LACKING = 7 };
 enum { LOOK = 8, COUNTS = 2, SPARSE = 4, MEMORY = 1 << 26 }; /* nodes of a first look; M^-1 at every so many times; bytes of a group */
 
@@ -103,11 +103,11 @@ static void even_units(int n, double *sizes, double *units) {
   }
 }
 
-/* What is not known of A in each segment, times its length h, in the units given, (segments, n, n); [M D K] or A at the middles of eight segments in
+/* What is not known of A in each segment, times its length h, in the units given, (segments, n, n); [M D K] at the middles of eight segments in
  * `values`. 0 where M is singular. */
 static int bound_unknown(const Problem *p, const double *pairs, int segments, const double *units, v8 *values, double *unknown) {
-  int n = p->n, m = p->m, entries = m ? 3 * m * m : n * n;
-  double middle = 0.5, h = p->period / segments, eps = p->numbers->bounding[4], known[entries], own[entries], M[m * m + 1], right[3 * m * m + 1];
+  int n = p->n, m = p->m, entries = 3 * m * m;
+  double middle = 0.5, h = p->period / segments, eps = p->numbers->bounding[4], known[entries], own[entries], M[m * m], right[3 * m * m];
   memset(unknown, 0, (long)segments * n * n * sizeof(double));
   for (int k = 0; k < segments; k++, unknown += n * n) {
     if (k % 8 == 0) evaluate_series(entries, p->H, pairs, k, segments, 1, &middle, values);
@@ -115,7 +115,6 @@ static int bound_unknown(const Problem *p, const double *pairs, int segments, co
       own[e] = values[e][k % 8];
       known[e] = eps * fabs(own[e]) + p->numbers->series_in_the_mean * p->error[e];
     }
-    for (int e = 0; e < n * n && !m; e++) unknown[e] = known[e];
     for (int i = 0; i < m; i++)
       for (int j = 0; j < m; j++) { /* M^-1 [K D 1] */
         M[i * m + j] = own[i * 3 * m + j];
@@ -123,7 +122,7 @@ static int bound_unknown(const Problem *p, const double *pairs, int segments, co
         right[i * 3 * m + m + j] = own[i * 3 * m + m + j];
         right[i * 3 * m + 2 * m + j] = i == j;
       }
-    if (m && !eliminate(m, 3 * m, M, right)) return 0;
+    if (!eliminate(m, 3 * m, M, right)) return 0;
     for (int q = 0; q < m; q++)
       for (int c = 0; c < 2 * m; c++) { /* |dM| |M^-1 [K D]| + |[dK dD]| */
         double sum = known[q * 3 * m + (c < m ? 2 * m + c : c)];
@@ -139,11 +138,9 @@ static int bound_unknown(const Problem *p, const double *pairs, int segments, co
 static int factor_evenly(const Problem *p, const double *pairs, int segments, double *factors, double *units) {
   int n = p->n, size = n * n, done = 1;
   double sizes[size];
-  const double *rules = p->rules, *tableau = p->tableaus;
-  for (int pass = 0, s = p->stages; pass < 2 && done == 1; rules += 2 * s + s * s, tableau += 2 * s + 2 * s * s, pass++, s += p->more) {
-    double *F = factors + (long)pass * segments * size, h = p->period / segments;
-    done = p->m ? factor_period(p->m, p->H, pairs, segments, s, h, tableau, F) : factor_group(n, p->H, pairs, segments, s, h, rules, F);
-  }
+  const double *tableau = p->tableaus;
+  for (int pass = 0, s = p->stages; pass < 2 && done == 1; tableau += 2 * s + 2 * s * s, pass++, s += p->more)
+    done = factor_period(p->m, p->H, pairs, segments, s, p->period / segments, tableau, factors + (long)pass * segments * size);
   for (int e = 0; e < size; e++) sizes[e] = 0.0;
   for (long e = 0; e < (long)segments * size && done == 1; e++) sizes[e % size] += fabs(factors[e]);
   even_units(n, sizes, units);
@@ -168,7 +165,7 @@ static int follow_whole(const Problem *p, const double *pairs, int segments, z *
   double *memory = malloc(((3L * segments + 2) * size + 3L * n) * sizeof(double)), *unknown = memory + 2L * segments * size;
   double *product = unknown + (long)segments * size, *work = product + size, *units = work + size, *off = units + n, *both = off + n;
   z *vectors = malloc((size + 3L * n) * sizeof(z)), *own = vectors + size, *logs = own + n, *values = logs + n;
-  v8 *middles = aligned_alloc(64, (long)(p->m ? 3 * p->m * p->m : size) * sizeof(v8));
+  v8 *middles = aligned_alloc(64, 3L * p->m * p->m * sizeof(v8));
   int done = memory && vectors && middles ? factor_evenly(p, pairs, segments, memory, units) : -1;
   if (done == 1) done = bound_unknown(p, pairs, segments, units, middles, unknown);
   if (done == 1) {
@@ -187,10 +184,10 @@ static int follow_whole(const Problem *p, const double *pairs, int segments, z *
   return done < 0 ? LACKING : done ? OK : WILD;
 }
 
-/* Exponents (n,) by falling real part and their errors (n,) to tol, where at most so many segments do, given eigenvalues of the mean of A (n,);
+/* Exponents (n,) of a system of second order by falling real part and their errors (n,) to tol, where at most so many segments do, given eigenvalues of the mean of A (n,);
  * segments: that were taken. OK, WILD where that does not serve, or LACKING. */
 static int find_whole(const Problem *p, const z *mean, int most, z *exponents, double *errors, int *segments) {
-  int n = p->n, entries = p->m ? 3 * p->m * p->m : n * n, result = WILD;
+  int n = p->n, entries = 3 * p->m * p->m, result = WILD;
   double rate = 2 * M_PI / p->period, low = INFINITY, high = -INFINITY, tol = p->numbers->decoupling[4];
   const double *step = p->numbers->step; /* error of a step, stages twice, waves for each stage, and how much finer the second try is */
   for (int i = 0; i < n; i++) {
@@ -200,7 +197,7 @@ static int find_whole(const Problem *p, const z *mean, int most, z *exponents, d
   }
   double wanted = p->period * rate / pow(tol * fmax(1.0, rate) / (rate * step[0]), 1.0 / step[1]);
   wanted = fmax(fmax(p->least, ceil(wanted)), ceil(step[2] * p->H));
-  if (!(wanted <= most && (high - low) * p->period < p->numbers->bounding[6])) return WILD;
+  if (!(p->m && wanted <= most && (high - low) * p->period < p->numbers->bounding[6])) return WILD;
   double *pairs = malloc((2L * p->H + 2) * entries * sizeof(double));
   if (!pairs) return LACKING;
   pair_waves(p->H, entries, p->series, pairs);
