@@ -58,8 +58,9 @@ ROUGH = 1e-3
 """Coefficients whose upper harmonics are larger than this part of the largest need more nodes."""
 SPARSE = 4
 """Means of rounding are taken at every so many nodes: it changes slowly."""
-STRAY, HIDDEN, ROUNDED = 16, 10.0, 1e-13
-"""Times on no grid at which A(t) is held against its nodes, and by what factor it may differ by more than is seen, or than rounding."""
+STRAY, HIDDEN, ROUNDED, NEARER, LARGE = 16, 10.0, 1e-13, 0.3, 1e-8
+"""Times on no grid at which A(t) is held against its nodes; by what factor it may differ by more than is seen, or than rounding; what twice
+the nodes leave of what is seen, at the most, of waves larger than a part of their entry."""
 EPS = float(np.finfo(float).eps)
 
 
@@ -123,8 +124,6 @@ def decouple(
                 "the coefficients' harmonics fall off too slowly: a break that is not named, or a narrow feature"
             )
     between = A(period / count * (np.arange(count) + 0.5))
-    if hides_waves(A, period, samples, between):
-        return Refusal("the coefficients have harmonics that equidistant nodes take for others")
     try:
         return decouple_on_more(A, samples, between, period, tol, uncertainty, tries)
     except np.linalg.LinAlgError:
@@ -147,6 +146,8 @@ def decouple_on_more(
     vectors, joined = find_eigenvectors(samples), np.zeros(samples.shape[1:], bool)
     while True:
         count = len(samples)
+        if hides_waves(A, period, samples, between):
+            return Refusal("the coefficients have harmonics that equidistant nodes take for others")
         built = built_on(samples, vectors, joined, period, tol, tries)
         if isinstance(built, Refusal):
             return built
@@ -154,8 +155,7 @@ def decouple_on_more(
             answer, settled = checked(built, samples, between, tol, uncertainty)
             if settled or count == MAX_NODES:
                 return answer
-        more = find_eigenvectors(between)
-        samples = interleaved(samples, between)
+        samples, more = interleaved(samples, between), find_eigenvectors(between)
         vectors = tuple(interleaved(*each) for each in zip(vectors, more, strict=True))
         between = A(period / len(samples) * (np.arange(len(samples)) + 0.5))
 
@@ -163,13 +163,14 @@ def decouple_on_more(
 def hides_waves(A: MatrixFunction, period: float, samples: Array, between: Array) -> bool:
     """Whether A(t) departs, at times on no grid, from the series through its nodes by more than it does half-way between these.
 
-    N nodes and those half-way take a harmonic k for k - 2 m N, so they agree on a wave that is not there: only other times show it.
+    N nodes and those half-way take a harmonic k for k - 2 m N and agree on it. One that neither set holds, so that twice the nodes come
+    no nearer to it, may meet a gap in resonance.
     """
-    both = interleaved(samples, between)
-    t = period * stratified(STRAY)
+    both, t = interleaved(samples, between), period * stratified(STRAY)
     apart = np.abs(interpolated(both, period, t) - A(t)).max(axis=0)
     seen, size = np.abs(shifted(samples, 0.5) - between).max(axis=0), np.abs(both).max(axis=0)
-    return bool(np.any(apart > HIDDEN * (seen + ROUNDED * size) + EPS * size.max()))
+    wave = apart > HIDDEN * (seen + ROUNDED * size) + EPS * size.max()
+    return bool(np.any(wave | (apart > np.maximum(NEARER * seen, LARGE * size) + HIDDEN * ROUNDED * size.max())))
 
 
 def built_on(
