@@ -45,4 +45,4 @@ def test_riccati_race(study, pictures, tmp_path):
     times = study("riccati_race").main(size="small", out=tmp_path)
     assert set(times) == {"link, rigid", "satellite, 6 states"}
     assert all(error < 1e-3 for found in times.values() for _, error in found.values())
-    assert len(pictures["riccati_race.svg"].axes[0].patches) == 12
+    assert len(pictures["riccati_race.svg"].axes[0].patches) == 14

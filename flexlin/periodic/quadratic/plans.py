@@ -103,15 +103,21 @@ def propose_plans(problem: LinearQuadratic, edges: Array, end: Array | None, tol
 
 
 def follow_plan(plan: Plan, problem: LinearQuadratic, end: Array | None, tol: float) -> RiccatiSolution:
-    """Refine the plan's panels until the error is below tol or stops falling; the best answer on the way."""
+    """Refine the plan's panels until the error is below tol or stops falling; the best answer on the way.
+
+    Once it may stay as it is: half of a panel with a steep end is as hard to follow as the whole.
+    """
     starts, solved = plan.starts, plan.solved
     best: RiccatiSolution | None = None
+    stayed = False
     for _ in range(ROUNDS):
         solution, parts = solved or solve_on_panels(starts, problem, end, plan.stages, tol)
         solved = None
-        if best is not None and solution.error > 0.9 * best.error:
+        stays = best is not None and solution.error > 0.9 * best.error
+        best = solution if best is None or solution.error < best.error else best
+        if stays and stayed:
             return best
-        best = solution
+        stayed = stays
         finer = split_panels(starts, parts)
         if best.error <= tol or len(finer) == len(starts) or (len(finer) - 1) * (NODES - 1) > plan.most:
             return best
