@@ -12,7 +12,7 @@ import flexlin as fl
 from flexlin.about.between_points import miss_between
 from flexlin.about.harmonic_balance import Solver, balance, by_law
 from flexlin.about.layers import Layers, saturating_arguments
-from flexlin.errors import NumericalError
+from flexlin.errors import NumericalError, SimulationStopped
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.simulation import Drive
 
@@ -185,3 +185,15 @@ def test_a_rigid_arm_has_a_periodic_motion_too() -> None:
     motion = fl.control.periodic_motion(lin)
     assert motion.error < 1e-8
     assert np.abs(motion(np.linspace(0, 2, 9))).max() < 1e-12
+
+
+@pytest.mark.parametrize("drive", [{}, {"limit": (100.0,)}, {"rate": (1e9,)}])
+def test_a_force_that_jumps_ends_the_run_in_words(drive: dict[str, tuple[float, ...]]) -> None:
+    """An argument that jumps is passed by every step, however short: steps were tried without end."""
+    q, q1 = ca.SX.sym("q"), ca.SX.sym("q1")
+    force = ca.tanh(3 * ca.sign(q1))
+    arm = fl.Manipulator.from_matrices(q, q1, ca.SX(0.5), ca.SX(0), ca.SX(0), damping=force, names=["q"])
+    scene = fl.load_scene("single-link")
+    lin = fl.linearize(arm, scene.motion, scene.control)
+    with pytest.raises(SimulationStopped, match="no step is short enough"):
+        fl.simulate(lin, periods=0.5, initial=np.array([0.03, -0.05]), tol=1e-5, drive=Drive(**drive))

@@ -63,7 +63,7 @@ def test_a_rate_beside_sampling_is_refused_by_its_key():
 
 def test_events_that_never_end_end_the_run():
     class Flutter(Switching):
-        loop = SimpleNamespace(n=1, accept=lambda t, z: None, skips=lambda begin, end, dense: False)
+        loop = SimpleNamespace(n=1, accept=lambda t, z: None, layers=None)
 
         def derivative(self, t, z):
             return -z

@@ -5,7 +5,7 @@ import numpy as np
 from flexlin.about.harmonic_balance import Solver, size_of
 from flexlin.about.layers import THICK, Layers
 from flexlin.checks import Array
-from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.fourier import FourierSeries, fourier_basis, waves_at_nodes
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.resolved.sampling import graded
 
@@ -33,6 +33,12 @@ def find_passages(layers: Layers, y: FourierSeries, points: int) -> Array:
     return np.mod(np.concatenate(edges), T)
 
 
+def passes_unseen(layers: Layers, motion: FourierSeries, points: int) -> bool:
+    """Whether a motion [y, ...] passes through a layer in less time than lies between so many points."""
+    t, n = motion.period * np.arange(points + 1) / points, layers.about.n
+    return bool(layers.hurry(t[None], motion(t)[None, :, :n], motion(t, 1)[None, :, :n])[0] > 1)
+
+
 def miss_between(solver: Solver, layers: Layers, values: Array) -> float:
     """How far y moves, to first order and relative to its size, when the equations hold for their Fourier coefficients instead.
 
@@ -47,8 +53,9 @@ def miss_between(solver: Solver, layers: Layers, values: Array) -> float:
     t, weights = (edges[:-1, None] + h * (nodes + 1) / 2).ravel(), (h * weights / 2).ravel()
     left = solver.left(t, series)
     left[:, left.shape[1] - k :] += series(t, 1)[:, left.shape[1] - k :]
-    angle = np.pi * (T * np.arange(N)[:, None] / N - t) / T
-    projected = (np.sin(N * angle) / np.sin(angle) / T) @ (weights[:, None] * left)
+    onto = 2 * fourier_basis(t / T, N // 2).T @ (weights[:, None] * left) / T
+    onto[0] /= 2
+    projected = waves_at_nodes(N, N // 2) @ onto
     jacobian = solver.residual(values, 1.0)[1]
     moved = np.linalg.solve(jacobian, projected.ravel()).reshape(values.shape)[:, :n]
     return float(np.abs(moved).max() / size_of(values[:, :n]))

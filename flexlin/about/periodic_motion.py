@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.about.between_points import miss_between
+from flexlin.about.between_points import miss_between, passes_unseen
 from flexlin.about.continuation import continue_in_speed, describe_singular, explain_loss
 from flexlin.about.harmonic_balance import Closing, Solver, Unknowns, balance, by_law, lost, size_of
 from flexlin.about.law import Law
@@ -212,7 +212,7 @@ def periodic_motion(
         try:
             values, left = find_values(solver, closing is not None, linear, before)
         except NumericalError:
-            if layers is None or before is None:
+            if layers is None or before is None or not passes_unseen(layers, before, points):
                 raise
             raise lost(f"{points} points are too few for the time in which friction changes its sign", SOFTER) from None
         parts = np.split(values, [lin.n, lin.n + lin.about.m], axis=1)

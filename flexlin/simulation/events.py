@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.simulation.stepping import SHORTENED, SHORTEST, TrialLeftRange, stopped
+from flexlin.simulation.layers import skips_layer
+from flexlin.simulation.stepping import UNSEEN, TrialLeftRange, shorten, stopped
 
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolver
@@ -83,16 +84,14 @@ class Switching(ABC):
                     if solver.status == "failed":
                         raise stopped(now, str(message), z[: 2 * self.loop.n])
                     dense = solver.dense_output()
-                    if self.loop.skips(now, solver.t, dense):
-                        first = SHORTENED * (solver.t - now)
+                    if skips_layer(self.loop.layers, now, solver.t, dense):
+                        first = shorten(solver.t - now, end - now, now, UNSEEN, z[: 2 * self.loop.n])
                         break
                     self.loop.accept(solver.t, solver.y)
                     now, z = solver.t, solver.y.copy()
                     yield z, now, dense
             except TrialLeftRange as reason:
-                first = SHORTENED * min(first or end - now, end - now)
-                if first <= SHORTEST * (end - now):
-                    raise stopped(now, f"no step is short enough: {reason}", z[: 2 * self.loop.n]) from None
+                first = shorten(min(first or end - now, end - now), end - now, now, str(reason), z[: 2 * self.loop.n])
 
     def first_event(self, begin: float, end: float, dense: Callable[[float], Array]) -> tuple[float, int] | None:
         """The first time in a step at which a guard reaches zero, and its joint."""

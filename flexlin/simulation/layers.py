@@ -19,8 +19,10 @@ def hurries(layers: Layers, grid: Grid, path: Path) -> Array:
     return layers.hurry(t, x[..., :n], x[..., x.shape[-1] // 2 :][..., :n])
 
 
-def hurry_of_step(layers: Layers, begin: float, end: float, dense: Callable[[Array], Array]) -> float:
-    """The same for one step of an integrator with states [y; y'; ...] (.., N) between."""
+def skips_layer(layers: Layers | None, begin: float, end: float, dense: Callable[[Array], Array]) -> bool:
+    """Whether one step of an integrator with states [y; y'; ...] (.., N) between passed a layer too fast to see it."""
+    if layers is None:
+        return False
     t, n = begin + (end - begin) * PARTS, layers.about.n
     x = dense(t).T
-    return float(layers.hurry(t[None], x[None, :, :n], x[None, :, n : 2 * n])[0])
+    return bool(layers.hurry(t[None], x[None, :, :n], x[None, :, n : 2 * n])[0] > 1)

@@ -1,6 +1,5 @@
 """The nonlinear equations of motion under a control law, integrated."""
 
-from collections.abc import Callable
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
@@ -17,7 +16,7 @@ from flexlin.simulation.drive import Drive
 from flexlin.simulation.ending import explain_end, name_largest, smallest_masses
 from flexlin.simulation.equations import Equations, NonlinearEquations
 from flexlin.simulation.friction import Friction, refuse
-from flexlin.simulation.layers import hurries, hurry_of_step
+from flexlin.simulation.layers import hurries
 from flexlin.simulation.marks import find_rough_times, with_breaks
 from flexlin.simulation.prediction import ROUNDING
 from flexlin.simulation.stepping import stopped
@@ -275,26 +274,9 @@ class NonlinearLoop:
         return find_rough_times(self._law, self.lin)
 
     @cached_property
-    def _layers(self) -> Layers | None:
+    def layers(self) -> Layers | None:
         """Where resisting forces saturate; joints that stick are found by events."""
         return Layers.of(self.lin.about) if self.friction is None else None
-
-    def skips(self, begin: float, end: float, dense: Callable[[Array], Array]) -> bool:
-        """Return whether a step of an integrator passed a thin layer of rates without seeing it.
-
-        Parameters
-        ----------
-        begin, end : float
-            Times in s.
-        dense : function
-            Times (N,) between -> states [y; y'; ...], one in each column.
-
-        Returns
-        -------
-        bool
-            True where the step has to be shorter.
-        """
-        return self._layers is not None and hurry_of_step(self._layers, begin, end, dense) > 1
 
     def _collocated(self, t: Array, start: Array, rtol: float, stages: int, linear: bool) -> Array:
         """The smooth loop. Raises: TorqueCut where the drive does not give the torque that is commanded."""
@@ -307,7 +289,7 @@ class NonlinearLoop:
                 self.accept(now, state)
             self._check_mass(t, x)
 
-        watched = None if self._layers is None else partial(hurries, self._layers)
+        watched = None if self.layers is None else partial(hurries, self.layers)
         integrator = Collocation(self._collocation, self.lin.period, stages, max(rtol, ROUNDING), accept, watched)
         return integrator.integrate(t, to_coordinates(start, self.n), marks, linear)
 

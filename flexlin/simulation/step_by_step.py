@@ -8,6 +8,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.sampled.hold import hold_controller
+from flexlin.simulation.layers import skips_layer
 from flexlin.simulation.marks import INSIDE, with_breaks
 from flexlin.simulation.slewing import Slewing
 from flexlin.simulation.stepping import march
@@ -35,7 +36,9 @@ def follow_cut(loop: "NonlinearLoop", t: Array, z: Array, rtol: float) -> Array:
     for begin, end in pairwise(marks):
         first, last, stops = begin + aside, end - aside, t[(t > begin) & (t <= end)]
         stops = np.clip(stops, first, last)
-        z, values = march(partial(make, end=last), z, first, last, stops, loop.accept, loop.skips)
+        z, values = march(
+            partial(make, end=last), z, first, last, stops, loop.accept, partial(skips_layer, loop.layers)
+        )
         out.append(values)
     return np.concatenate(out)
 
@@ -80,7 +83,9 @@ def follow_held(loop: "NonlinearLoop", t: Array, z: Array, rtol: float) -> Array
             if until > now:
                 stops = t[(t > now) & (t <= until + 1e-12 * step)]
                 make = partial(explicit, loop, torque=torque, end=until, rtol=rtol)
-                z, values = march(make, z, now, until, stops, loop.accept, loop.skips, first=until - now)
+                z, values = march(
+                    make, z, now, until, stops, loop.accept, partial(skips_layer, loop.layers), first=until - now
+                )
                 out[done : done + len(stops)] = values
                 done, now = done + len(stops), until
             torque = later

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 Skips = Callable[[float, float, Callable[[Array], Array]], bool]
 """Begin and end of a step, and its polynomial times (N,) -> states (n, N): whether it passed over something unseen."""
 
+UNSEEN = "each passes over a force that saturates within a smaller rate"
 SHORTENED = 0.1
 """What is left of a step after a trial that left the range."""
 SHORTEST = 1e-13
@@ -48,15 +49,13 @@ def march(
             solver = solver or make(now, z, first)
             message = solver.step()
         except TrialLeftRange as reason:
-            step, solver = SHORTENED * step, None
-            if step <= SHORTEST * (end - begin):
-                raise stopped(now, f"no step is short enough: a trial beyond it fails ({reason})", z[:-1]) from None
-            first = min(step, end - now)
+            step = shorten(step, end - begin, now, f"a trial beyond it fails ({reason})", z[:-1])
+            first, solver = min(step, end - now), None
             continue
         if solver.status == "failed":
             raise stopped(now, message, z[:-1])
         if skips(now, solver.t, solver.dense_output()):
-            first, solver = SHORTENED * (solver.t - now), None
+            first, solver = shorten(solver.t - now, end - begin, now, UNSEEN, z[:-1]), None
             continue
         accept(solver.t, solver.y)
         inside = (stops > now) & (stops <= solver.t + slack)
@@ -64,6 +63,13 @@ def march(
             values[inside] = solver.dense_output()(np.minimum(stops[inside], solver.t)).T
         step, now, z = solver.t - now, solver.t, solver.y
     return z, values
+
+
+def shorten(step: float, whole: float, now: float, why: str, reached: Array) -> float:
+    """What is tried after a step that failed. Raises: SimulationStopped where that is no step any more against the whole time."""
+    if SHORTENED * step <= SHORTEST * whole:
+        raise stopped(now, f"no step is short enough: {why}", reached) from None
+    return SHORTENED * step
 
 
 GENTLER = "slow the motion down, stiffen the links or raise the gains; or simulate fewer periods"
