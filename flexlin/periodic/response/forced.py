@@ -150,7 +150,7 @@ def refine_response(
     Returns: the solution, the smallest singular value of its closure, how far the two are apart, and the size of the response.
     """
     first = max(LEAST, limits[0] // COARSE)
-    count, previous, misses = first, None, list[float]()
+    count, previous, misses, best = first, None, list[float](), None
     while count <= limits[1]:
         grid = place_edges(system.period, corners, count, -(-count // first))
         solution, sigma, Phi = solve_periodic(system, force, grid, rule)
@@ -167,8 +167,11 @@ def refine_response(
             if missed <= (tol - rounding) * scale or missed <= 2 * rounding * scale:
                 return solution, sigma, float(missed + rounding * scale), scale
             misses.append(missed)
-            if stagnant(misses):
-                return solution, sigma, float(STAGNANT * max(misses[-LEVELS:]) + rounding * scale), scale
+            if missed == min(misses):
+                best = solution, sigma, scale, rounding, len(misses)
+            if best is not None and stagnant(misses):
+                solution, sigma, scale, rounding, at = best
+                return solution, sigma, float(STAGNANT * max(misses[at - 1 : at + 1]) + rounding * scale), scale
             wanted = len(previous.start) * (MARGIN * missed / (tol * scale)) ** (1 / (len(rule.c) + 1))
         previous, count = solution, int(np.ceil(np.clip(wanted, GROWTH[0] * count, GROWTH[1] * count)))
     raise report_too_many(count, limits[1], tol)
