@@ -10,9 +10,10 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.compiler import address
 from flexlin.lapack import find_routine
-from flexlin.periodic.decoupling import coordinates, mean_modes, steady, tame, whole
+from flexlin.periodic.decoupling import coordinates, group_factors, mean_modes, steady, tame, whole
 from flexlin.periodic.decoupling.decouple import ROUGH
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
+from flexlin.periodic.decoupling.group_factors import COARSE, FINE, FINER, METHOD
 from flexlin.periodic.decoupling.grouping import Group
 from flexlin.periodic.decoupling.several import SAFETY
 from flexlin.periodic.decoupling.superadiabatic import SLOW_PART
@@ -25,7 +26,6 @@ from flexlin.periodic.resolved.matrix import IN_THE_MEAN, ResolvedMatrix
 from flexlin.periodic.resolved.uncertainty import EPS, ROUNDINGS
 from flexlin.periodic.transition.accelerations import tabulate_rule
 from flexlin.periodic.transition.choice import MARGIN, WAVES, gauss_constant
-from flexlin.periodic.transition.gauss import gauss
 
 MOST_STATES = 128
 """States that the compiled code serves."""
@@ -106,29 +106,29 @@ def divide_output(out: Array, places: Array, times: int, period: float, rounds: 
     return Decoupled(period, at, frame, inverse, generator, groups, turning, residual, rounding, rounds, growth)
 
 
-TOL = 11
+TOL = 12
 """Where tol stands among the numbers."""
 
 
 @lru_cache(maxsize=1)
 def tabulate_numbers() -> Array:
-    """The limits that the compiled code keeps to, in its order; those of decoupling begin with the eighth."""
+    """The limits that the compiled code keeps to, in its order; those of decoupling begin with the ninth."""
     growth = log(tame.LARGEST_GROWTH)
-    choice = [*steady.CLOSENESS, steady.PARTED, steady.MIXED, mean_modes.LARGEST, growth, SAFETY]
+    choice = [*steady.CLOSENESS, steady.PARTED, steady.MIXED, mean_modes.LARGEST, growth, SAFETY, group_factors.HIDDEN]
     made = [coordinates.ENOUGH, coordinates.SHRINK, SLOW_PART, ROUGH, 0.0, EPS, ROUNDINGS * EPS, COHERENT / 3]
     near = [coordinates.NEAR, coordinates.BEYOND, coordinates.LEAST, coordinates.EVEN]
-    followed = [tame.STEP, tame.FASTEST, tame.SAFETY, CANCELLED, CLOSE, FACTOR_ROUNDING, EPS, tame.INDEPENDENT, growth]
-    stages, constant = tame.STAGES, gauss_constant(tame.STAGES)
-    segments = [IN_THE_MEAN, MARGIN * constant, 2 * stages, WAVES / stages, whole.FINER]
+    parts = [tame.GROWTH, tame.WAVES, tame.AIM, tame.LARGEST, tame.TRIES, FINE, COARSE, METHOD * FINER]
+    followed = [tame.STEP, tame.FASTEST, *parts, CANCELLED, CLOSE, FACTOR_ROUNDING, EPS, tame.INDEPENDENT, growth]
+    stages, constant = whole.STAGES, gauss_constant(whole.STAGES)
+    segments = [IN_THE_MEAN, whole.SAFETY, MARGIN * constant, 2 * stages, WAVES / stages, whole.FINER]
     return np.array([*choice, *made, *near, *followed, *segments])
 
 
 @lru_cache(maxsize=16)
 def count_sizes(n: int, coordinates_behind: int, harmonics: int, counts: int) -> tuple[int, ...]:
     """The whole numbers that the compiled code reads."""
-    most = int(np.ceil(tame.FASTEST / tame.STEP))
     rounds, joins = coordinates.MAX_ROUNDS, steady.JOINS
-    numbers = [n, coordinates_behind, harmonics, rounds, joins, counts, tame.LEAST, most, tame.STAGES, tame.MORE]
+    numbers = [n, coordinates_behind, harmonics, rounds, joins, counts, whole.LEAST, whole.STAGES, whole.MORE]
     return tuple(map(int, numbers))
 
 
@@ -142,10 +142,9 @@ class Kept:
 
 @lru_cache(maxsize=64)
 def tabulated(first: int, second: int, harmonics: int) -> Kept:
-    """Waves of the series at the times of both sets of nodes, those of the nodes, and the rules of Gauss in both forms."""
+    """Waves of the series at the times of both sets of nodes, those of the nodes, and the rules of Gauss for accelerations."""
     bases = [tabulate_basis(2 * count, harmonics) for count in (first, second)]
-    waves, rules = (tabulate_waves(first), tabulate_waves(second)), (tabulate_rules(), tabulate_tableaus())
-    arrays = (*bases, *waves, *rules)
+    arrays = (*bases, tabulate_waves(first), tabulate_waves(second), tabulate_tableaus())
     return Kept(arrays, tuple(address(one) for one in arrays))
 
 
@@ -175,13 +174,6 @@ def tabulate_basis(count: int, harmonics: int) -> Array:
 
 
 @lru_cache(maxsize=1)
-def tabulate_rules() -> Array:
-    """Gauss' rules one after another: c, a, b of each."""
-    rules = [gauss(stages) for stages in (tame.STAGES, tame.STAGES + tame.MORE)]
-    return np.concatenate([part.ravel() for rule in rules for part in (rule.c, rule.a, rule.b)])
-
-
-@lru_cache(maxsize=1)
 def tabulate_tableaus() -> Array:
-    """The same for accelerations: c, a, a a, b of each."""
-    return np.concatenate([tabulate_rule(tame.STAGES), tabulate_rule(tame.STAGES + tame.MORE)])
+    """Gauss' rules for accelerations one after another: c, a, a a, b of each."""
+    return np.concatenate([tabulate_rule(whole.STAGES), tabulate_rule(whole.STAGES + whole.MORE)])

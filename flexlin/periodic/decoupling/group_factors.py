@@ -10,6 +10,9 @@ from flexlin.periodic.fourier import fourier_waves
 from flexlin.periodic.native.library import find_library
 from flexlin.periodic.transition.magnus import magnus_transitions
 
+FINE, COARSE, FINER, METHOD = 3, 2, 0.25, 2.0
+"""Parts of a segment that each Magnus series reaches over: the finer ones give the exponents, and the coarser ones the error. FINER of the
+difference counts, METHOD times: of order 6 it would be 1 in (3 / 2)^6 - 1, a tenth."""
 HIDDEN = 0.1
 """Harmonics are left out while they add up to less than this part of what is not known anyway."""
 

@@ -10,7 +10,7 @@ from flexlin.checks import Array
 from flexlin.periodic.assignment import assign
 from flexlin.periodic.circle import pair_conjugates, wrap_angle, wrap_log
 from flexlin.periodic.decoupling.decoupled import Decoupled, as_real
-from flexlin.periodic.decoupling.group_factors import GroupSeries, fit_group
+from flexlin.periodic.decoupling.group_factors import COARSE, FINE, FINER, METHOD, GroupSeries, fit_group
 from flexlin.periodic.decoupling.tame import LARGEST_GROWTH, tame_exponents
 from flexlin.periodic.decoupling.waves import aliasing, shifted
 from flexlin.periodic.product.balancing import balance_factors, count_groupings, multiply_pairs
@@ -18,9 +18,6 @@ from flexlin.periodic.product.eigenvalues import product_logs
 from flexlin.periodic.product.perturbation import spectrum_motion
 from flexlin.periodic.product.schur import periodic_schur
 
-FINE, COARSE, FINER = 3, 2, 0.25
-"""Parts of a segment that each Magnus series reaches over: the finer ones give the exponents, and the coarser ones the error. That much
-of the difference counts: of order 6 it would be (3 / 2)^6 - 1, a tenth."""
 GROWTH, WANTED, LONGEST, WAVES = 1e-10, 0.06, 1.0, 10
 """The error of a log as measured: this times the fastest rate times the period, times the sixth power of the rate times a part's length.
 The part of tol that it may take, the longest part's product with the rate, and how many times the basic frequency adds to the rate."""
@@ -33,8 +30,8 @@ WILD = 2 * log(LARGEST_GROWTH)
 """Modes of which the eigenvalues part by more within a period, in logarithms, are not tame."""
 UNRESOLVED = 0.5
 """Logs of multipliers with larger errors are ill-conditioned beyond measuring; their group is only enclosed."""
-SAFETY, METHOD = 3.0, 2.0
-"""Factors on the coupling's effect and rounding, and on the method's error."""
+SAFETY = 3.0
+"""Factor on the coupling's effect and rounding."""
 SHORT = 10.0
 """Condition number up to which factors are multiplied: the Floquet vectors change little over each product."""
 SPARSE = 4
@@ -58,7 +55,8 @@ def several(decoupled: Decoupled, index: int, tol: float = 1e-9, tame_only: bool
     real = group.partner == index
     unknown = find_unknown(decoupled, index)
     segments, spread = group_segments(values, period, mean, tol)
-    tame = tame_exponents(values, period, unknown) if real and spread < WILD else None
+    allowed = tol * period * max(1.0, abs(mean.real))
+    tame = tame_exponents(values, period, unknown, allowed) if real and spread < WILD else None
     if tame is not None:
         logs, errors = pair_conjugates(*tame)
         return mean + logs / period, errors / period

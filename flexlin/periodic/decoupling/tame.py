@@ -1,30 +1,28 @@
 """Exponents of a small group whose modes do not grow against each other without bounds: from its Floquet vectors along the period."""
 
-from functools import lru_cache
-
 import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.circle import measure_distances, wrap_log
-from flexlin.periodic.decoupling.waves import interpolated
+from flexlin.periodic.decoupling.group_factors import COARSE, FINE, FINER, METHOD, fit_group
 from flexlin.periodic.product.perturbation import CANCELLED, EPS, FACTOR_ROUNDING, bound_pairs
-from flexlin.periodic.transition.gauss import collocate, gauss, place_nodes
 
-STAGES, MORE = 8, 2
-"""Gauss stages of the factors, and how many more the better ones have that measure their error."""
 STEP, FASTEST = 3.0, 600.0
-"""The largest product of a segment's length and the norm of the generator, and of the period and it: a segment then errs by 1e-14."""
-LEAST = 8
-"""Segments of a period at the least."""
-SAFETY = 2.0
-"""Factor on the factors' error, which is measured against better ones."""
+"""The largest product of a segment's length and the norm of the generator, and of the period and it."""
+TOGETHER = 8
+"""Segments come in so many: compiled code makes them together."""
+GROWTH, WAVES = 5e-11, 5.0
+"""The error of a log as measured: this times the rate times the period, times the sixth power of the rate times a part's length; the rate
+is the norm of the generator, and the basic frequency so many times."""
+AIM, LARGEST, TRIES = 0.1, 0.3, 3
+"""The part of what is allowed that parts aim at, and beyond which they are made finer, until so many were tried."""
 INDEPENDENT = 1e3
 """Floquet vectors with a larger condition number belong to multipliers that nearly coincide: they are not served here."""
 LARGEST_GROWTH = 1e9
 """Modes that grow against each other by more over a period are not served: their product would hold no vector of the weaker."""
 
 
-def tame_exponents(values: Array, period: float, unknown: Array) -> tuple[Array, Array] | None:
+def tame_exponents(values: Array, period: float, unknown: Array, allowed: float) -> tuple[Array, Array] | None:
     """Logs of the multipliers of w' = values(t) w and their errors (p,); None where its Floquet vectors are not well conditioned.
 
         F_k R_k = R_(k+1) G_k,   log mu_i = sum_k log g_k,i + log c_ii,   C = R_0^-1 R_K
@@ -32,29 +30,39 @@ def tame_exponents(values: Array, period: float, unknown: Array) -> tuple[Array,
         d log mu_i = sum_k (R_(k+1)^-1 dF_k R_k)_ii / g_k,i
 
     R_0: the eigenvectors of the whole product, G_k diagonal so that all columns have length 1; the product holds a weak mode's vector to
-    rounding, but not its multiplier, and what the others add to it on the way shows in C. dF_k: what factors with more stages change,
-    rounding, and `unknown` over the length of a segment. Pairs i, j add their second order.
+    rounding, but not its multiplier, and what the others add to it on the way shows in C. dF_k: what Magnus series on longer parts change,
+    rounding, and what is not known over the length of a segment. Pairs i, j add their second order.
 
-    Parameters: values (N, p, p), real, at the nodes k T / N; unknown (p, p): bound on what is not known of them, in 1/s.
+    Parameters: values (N, p, p), real, at the nodes k T / N; unknown (p, p): bound on what is not known of them, in 1/s; allowed: error of
+    a log.
     """
-    rate = float(measure_size(values).max())
-    if not rate * period < FASTEST:
+    norm = float(measure_size(values).max())
+    if not norm * period < FASTEST:
         return None
-    segments = max(LEAST, int(np.ceil(period * rate / STEP)))
-    h = period / segments
-    try:
-        F, better = (factor_tame(values, h, segments, STAGES + more) for more in (0, MORE))
-    except np.linalg.LinAlgError:
-        return None
-    found = bound_factors(F, better, h * unknown)
+    segments = TOGETHER * max(1, int(np.ceil(period * norm / STEP / TOGETHER)))
+    turns = period * norm + 2 * np.pi * WAVES
+    series = fit_group(values, period, unknown)
+    wanted, found = turns * (GROWTH * turns / (AIM * allowed)) ** (1 / 6), None
+    for _ in range(TRIES):
+        parts = max(1, int(np.ceil(wanted / (FINE * segments))))
+        F, coarse = (series.factor(segments, count * parts) for count in (FINE, COARSE))
+        found = bound_factors(F, coarse, period / segments * series.unknown, METHOD * FINER, FINE * parts)
+        share = 0.0 if found is None else float(found[2].max()) / allowed
+        if share < LARGEST:
+            break
+        wanted = FINE * parts * segments * (share / AIM) ** (1 / 6)
     return None if found is None else (wrap_log(found[0]), found[1])
 
 
-def bound_factors(F: Array, better: Array, unknown: Array) -> tuple[Array, Array] | None:
-    """Logs of the multipliers of a product of factors (K, p, p), and their errors (p,), as `tame_exponents`; None where it does not serve.
+def bound_factors(
+    F: Array, other: Array, unknown: Array, share: float, roundings: int = 1
+) -> tuple[Array, Array, Array] | None:
+    """Logs of the multipliers of a product of factors (K, p, p), their errors (p,), and the method's part in these; as `tame_exponents`.
 
-    Parameters: better: the same factors with more stages; unknown (p, p) or (K, p, p): bound on what is not known of a factor's generator,
-    times the factor's length.
+    None where it does not serve.
+
+    Parameters: other: the same factors, more or less accurate, and which share of the difference counts; unknown (p, p) or (K, p, p):
+    bound on what is not known of a factor's generator, times the factor's length; roundings: products behind a factor.
     """
     p = F.shape[-1]
     try:
@@ -68,15 +76,15 @@ def bound_factors(F: Array, better: Array, unknown: Array) -> tuple[Array, Array
     if not np.ptp(lengths.sum(axis=0)) < np.log(LARGEST_GROWTH):
         return None
     logs = with_conjugates(lengths.sum(axis=0) + np.log(np.diagonal(closure)), multipliers)
-    step = L[1:] @ (better - F) @ R[:-1] / G[:, :, None]
-    rounding = FACTOR_ROUNDING * EPS * measure_size(F)[:, None, None]
+    step = L[1:] @ (other - F) @ R[:-1] / G[:, :, None]
+    rounding = roundings * FACTOR_ROUNDING * EPS * measure_size(F)[:, None, None]
     known = (np.abs(L[1:]) @ (unknown + rounding) @ np.abs(R[:-1]) / G[:, :, None]).sum(axis=0)
     size = np.abs(step).sum(axis=0)
-    own = SAFETY * np.maximum(np.abs(np.diagonal(step.sum(axis=0))), CANCELLED * np.diagonal(size)) + np.diagonal(known)
-    own += FACTOR_ROUNDING * EPS * np.diagonal(np.abs(L[0]) @ np.abs(R[-1]))
+    method = share * np.maximum(np.abs(np.diagonal(step.sum(axis=0))), CANCELLED * np.diagonal(size))
+    own = method + np.diagonal(known) + FACTOR_ROUNDING * EPS * np.diagonal(np.abs(L[0]) @ np.abs(R[-1]))
     gap = measure_distances(logs, logs)
     pairs = bound_pairs(size + known + np.abs(closure), own, gap, np.zeros((p, p)))
-    return logs, own + pairs + 4 * EPS * np.abs(logs)
+    return logs, own + pairs + 4 * EPS * np.abs(logs), method
 
 
 def follow_vectors(F: Array) -> tuple[Array, Array, Array]:
@@ -107,18 +115,3 @@ def with_conjugates(logs: Array, multipliers: Array) -> Array:
 def measure_size(matrices: Array) -> Array:
     """Frobenius' norms (...) of matrices (..., p, p)."""
     return np.sqrt((np.abs(matrices) ** 2).sum(axis=(-2, -1)))
-
-
-def factor_tame(values: Array, h: float, segments: int, stages: int) -> Array:
-    """Transition matrices (K, p, p) over equal segments of length h by Gauss collocation."""
-    p, rule = values.shape[-1], gauss(stages)
-    samples = (interpolate_nodes(len(values), segments, stages) @ values.reshape(len(values), -1)).reshape(
-        segments, stages, p, p
-    )
-    return collocate(samples, np.full(segments, h), rule)
-
-
-@lru_cache(maxsize=32)
-def interpolate_nodes(count: int, segments: int, stages: int) -> Array:
-    """The matrix from values at equidistant nodes of a period to those at the stages of all segments."""
-    return interpolated(np.eye(count), 1.0, place_nodes(np.linspace(0, 1, segments + 1), gauss(stages).c).ravel())

@@ -6,13 +6,19 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.circle import pair_conjugates, wrap_log
-from flexlin.periodic.decoupling.tame import LARGEST_GROWTH, LEAST, MORE, STAGES, bound_factors
+from flexlin.periodic.decoupling.tame import LARGEST_GROWTH, bound_factors
 from flexlin.periodic.product.balancing import balance_factors
 from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.resolved.uncertainty import LASTING, couple_uncertainty
 from flexlin.periodic.transition.choice import WAVES, choose_gauss_step
 from flexlin.periodic.transition.gauss import second_order_transitions
 
+STAGES, MORE = 8, 2
+"""Gauss stages of the factors, and how many more the better ones have that measure their error."""
+SAFETY = 2.0
+"""Factor on the factors' error, which is measured against better ones."""
+LEAST = 8
+"""Segments of a period at the least."""
 FIRST, MOST = 20, 128
 """Segments up to which this is tried before decoupling, which takes longer then; and after it."""
 FINER = 1.5
@@ -64,4 +70,5 @@ def follow_whole(coefficients: ResolvedCompanion, segments: int) -> tuple[Array,
     to, back = (np.broadcast_to(np.diag(each), F.shape) for each in (1 / scale, scale))
     error = coefficients.mean_error(edges)
     unknown = couple_uncertainty(coefficients, (edges[1:] + edges[:-1]) / 2, to, back, error, LASTING)
-    return bound_factors(even, better * (scale / scale[:, None]), unknown * coefficients.period / segments)
+    found = bound_factors(even, better * (scale / scale[:, None]), unknown * coefficients.period / segments, SAFETY)
+    return None if found is None else found[:2]

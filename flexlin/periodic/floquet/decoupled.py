@@ -15,7 +15,6 @@ from flexlin.periodic.decoupling.exponents import decoupled_exponents
 from flexlin.periodic.decoupling.hidden import STILL, find_growth, hidden_effect
 from flexlin.periodic.decoupling.several import SAFETY
 from flexlin.periodic.decoupling.steady import LOOK, decouple_steady
-from flexlin.periodic.decoupling.tame import STAGES
 from flexlin.periodic.floquet.result import find_reached
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.resolved.companion import ResolvedCompanion
@@ -79,7 +78,7 @@ def solve_at_once(
         exponents, errors, rate, way = found
         if isinstance(way, int):
             reason = f"few do for tol {tol:.0e} with eigenvalues of the mean of A(t) up to {rate:.3g} 1/s, by {code}"
-            return exponents, errors, Setting("gauss", 2 * STAGES, way, reason, rate), None
+            return exponents, errors, Setting("gauss", 2 * whole.STAGES, way, reason, rate), None
         hidden = claim_hidden(way, exponents)
         errors = errors + hidden
         if find_reached(exponents, errors, tol).all():

@@ -32,14 +32,22 @@ static double take_series(int n, int start, int p, int blocks, const Wide *wide,
   return sqrt(largest);
 }
 
-/* The highest harmonic that is more than rounding. */
-static int find_highest(int size, int highest, const double *series) {
-  double largest = 0.0;
-  for (int e = 0; e < (2 * highest + 2) * size; e++) largest = fmax(largest, fabs(series[e]));
-  for (; highest > 0; highest--)
-    for (int e = 2 * highest * size; e < (2 * highest + 2) * size; e++)
-      if (!(fabs(series[e]) <= 1e-17 * largest)) return highest;
-  return 0;
+/* The highest harmonic that is kept: those above it add up to less than the part `hidden` of what is not known of every entry, unknown (p, p), to
+ * which they are added. As `fit_group` in group_factors.py. */
+static int find_highest(int size, int highest, const double *series, double hidden, double *unknown) {
+  double beyond[size], next[size];
+  for (int e = 0; e < size; e++) beyond[e] = 0.0;
+  for (; highest > 0; highest--) {
+    int hide = 1;
+    for (int e = 0; e < size; e++) {
+      next[e] = beyond[e] + hypot(series[2 * highest * size + e], series[(2 * highest + 1) * size + e]);
+      hide &= next[e] <= hidden * unknown[e];
+    }
+    if (!hide) break;
+    memcpy(beyond, next, size * sizeof(double));
+  }
+  for (int e = 0; e < size; e++) unknown[e] += beyond[e];
+  return highest;
 }
 
 static double measure_size(int size, const double *A) {
@@ -57,34 +65,22 @@ static void multiply_real(int p, const double *A, const double *B, double *C) {
     }
 }
 
-/* Factors of a group over at most `most` equal segments and better ones, each (most + 1, p, p) in `out`; their product after them, and what
- * is not known of the generator (p, p).
- *
- * rules: c, a, b of the stages, then of `more` stages beyond; limits: step and fastest.
- * Returns the number of segments, 0 where the group is too fast for so many, -1 where there is no memory. */
-static int follow_group(int n, int start, int p, int blocks, int wide, const double *table, const double *generator, double period, int least, int most,
-                        int stages, int more, const double *rules, const double *limits, double *out, double *alias) {
-  int nodes = 8 * blocks, size = p * p, segments = least, done = 0;
-  double *memory = malloc((2L * (nodes + 1) * size + size) * sizeof(double));
-  if (!memory) return -1;
-  double *series = memory, *work = series + 2L * (nodes + 1) * size;
-  Wide all = {wide, table};
-  double rate = take_series(n, start, p, blocks, &all, generator, series, alias) * period;
-  if (rate < limits[1]) {
-    double wanted = ceil(rate / limits[0]);
-    segments = wanted > least ? (int)wanted : least;
-    done = segments <= most;
-  }
-  long whole = (most + 1L) * size;
-  double *product = out + 2 * whole;
-  int highest = find_highest(size, nodes, series);
-  for (int pass = 0, s = stages; pass < 2 && done == 1; rules += 2 * s + s * s, pass++, s += more)
-    done = factor_group(p, highest, series, segments, s, period / segments, rules, out + pass * whole);
-  if (done == 1) memcpy(product, out, size * sizeof(double));
-  for (int k = 1; k < segments && done == 1; k++) {
-    multiply_real(p, out + k * size, product, work);
+/* Segments (a multiple of 8) in which a group turns by less than `step`, 0 where it is faster than `fastest`; norm: of its generator. */
+static int count_group_segments(double norm, double period, const double *limits) {
+  return norm * period < limits[1] ? 8 * (int)fmax(1.0, ceil(norm * period / limits[0] / 8)) : 0;
+}
+
+/* Factors of a group over equal segments, of `fine` times so many parts each, the same of `coarse` times as many, and the product of the first, each
+ * (p, p). 0 where there is no memory. */
+static int follow_group(int p, int highest, const double *series, double period, int segments, int parts, const double *limits, double *out) {
+  int size = p * p;
+  double *product = out + 2L * segments * size, work[size];
+  for (int pass = 0; pass < 2; pass++)
+    if (!factor_magnus(p, highest, series, segments, (int)limits[7 + pass] * parts, period, out + (long)pass * segments * size)) return 0;
+  memcpy(product, out, size * sizeof(double));
+  for (int k = 1; k < segments; k++) {
+    multiply_real(p, out + (long)k * size, product, work);
     memcpy(product, work, size * sizeof(double));
   }
-  free(memory);
-  return done < 0 ? -1 : done ? segments : 0;
+  return 1;
 }

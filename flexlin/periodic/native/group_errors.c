@@ -1,5 +1,7 @@
 /* Logs of a group's multipliers and how far they may be off, by its Floquet vectors along the period, as in tame.py. */
 
+static double measure_modulus(z x) { return sqrt(creal(x) * creal(x) + cimag(x) * cimag(x)); }
+
 /* C = A B, (p, p): real A and complex B. */
 static void multiply_mixed(int p, const double *A, const z *B, z *C) {
   for (int i = 0; i < p; i++)
@@ -20,17 +22,18 @@ static void shorten_columns(int p, z *R, double *lengths) {
   }
 }
 
-/* |A| |B| |C| over growth (p,) of the rows, added to sum (p, p); B real. */
+/* |A| (B + more) |C| over growth (p,) of the rows, added to sum (p, p); B real. */
 static void add_moduli(int p, const z *A, const double *B, double more, const z *C, const double *growth, double *sum) {
-  double inner[p * p];
+  double inner[p * p], moduli[p * p];
+  for (int e = 0; e < p * p; e++) { moduli[e] = measure_modulus(C[e]); inner[e] = 0.0; }
   for (int i = 0; i < p; i++)
-    for (int j = 0; j < p; j++) {
-      inner[i * p + j] = 0.0;
-      for (int k = 0; k < p; k++) inner[i * p + j] += (B[i * p + k] + more) * cabs(C[k * p + j]);
+    for (int k = 0; k < p; k++)
+      for (int j = 0; j < p; j++) inner[i * p + j] += (B[i * p + k] + more) * moduli[k * p + j];
+  for (int i = 0; i < p; i++)
+    for (int k = 0; k < p; k++) {
+      double factor = measure_modulus(A[i * p + k]) / growth[i];
+      for (int j = 0; j < p; j++) sum[i * p + j] += factor * inner[k * p + j];
     }
-  for (int i = 0; i < p; i++)
-    for (int j = 0; j < p; j++)
-      for (int k = 0; k < p; k++) sum[i * p + j] += cabs(A[i * p + k]) * inner[k * p + j] / growth[i];
 }
 
 /* What pairs of logs do to each other beyond first order is added to the errors (p,), own (p,) the first order; as `bound_pairs`. */
@@ -45,13 +48,14 @@ static void add_pairs(int p, double close, const z *logs, const double *coupling
     }
 }
 
-/* Logs (p,) of the multipliers and their errors (p,): factors as `follow_group` leaves them, the eigenvectors of their product, and what is
- * not known in each segment (p, p), `apart` numbers from one segment's to the next.
+/* Logs (p,) of the multipliers and their errors (p,), and the largest that is the method's: factors (2, segments, p, p), the second more or less
+ * accurate, which share of the difference counts, the eigenvectors of the product of the first, and what is not known in each segment (p, p),
+ * `apart` numbers from one segment's to the next; roundings: products behind a factor.
  *
- * numbers: safety, cancelled, close, roundings of a factor, eps, independent, and the logarithm of the largest growth.
+ * numbers: cancelled, close, roundings of a factor, eps, independent, and the logarithm of the largest growth.
  * Returns 1, 0 where the vectors are not independent or grow too much against each other, -1 where there is no memory. */
-static int bound_group(int p, int segments, int most, const double *factors, const double *unknown, long apart, const double *numbers, const z *vectors,
-                       z *logs, double *errors) {
+static int bound_group(int p, int segments, const double *factors, double share, int roundings, const double *unknown, long apart,
+                       const double *numbers, const z *vectors, z *logs, double *errors, double *method) {
   int size = p * p, good = 1;
   double *sums = calloc(2L * size + 4 * p, sizeof(double)), *known = sums + size, *growth = known + size, *one = growth + p, *length = one + p, *own = length + p;
   z *work = malloc((7L * size + 2 * p) * sizeof(z)), *R = work + 2 * size, *L = R + size, *first = L + size, *next = first + size, *half = next + size;
@@ -59,35 +63,38 @@ static int bound_group(int p, int segments, int most, const double *factors, con
   if (!sums || !work) { free(sums); free(work); return -1; }
   for (int i = 0; i < p; i++) { motion[i] = 0.0; one[i] = 1.0; }
   memcpy(R, vectors, size * sizeof(z));
-  good = invert_complex(p, R, first, work) && measure_complex(size, R) * measure_complex(size, first) < numbers[5] * p;
+  good = invert_complex(p, R, first, work) && measure_complex(size, R) * measure_complex(size, first) < numbers[4] * p;
   for (int k = 0; k < segments && good; k++) {
-    const double *F = factors + (long)k * size, *better = F + (most + 1L) * size;
+    const double *F = factors + (long)k * size, *better = F + (long)segments * size;
     double change[size];
     for (int e = 0; e < size; e++) change[e] = better[e] - F[e];
     multiply_mixed(p, F, R, next);
     shorten_columns(p, next, growth);
-    good = invert_complex(p, next, L, work) && measure_complex(size, next) * measure_complex(size, L) < numbers[5] * p;
-    add_moduli(p, L, unknown + k * apart, numbers[3] * numbers[4] * measure_size(size, F), R, growth, known);
+    good = invert_complex(p, next, L, work) && measure_complex(size, next) * measure_complex(size, L) < numbers[4] * p;
+    add_moduli(p, L, unknown + k * apart, roundings * numbers[2] * numbers[3] * measure_size(size, F), R, growth, known);
     multiply_mixed(p, change, R, half);
     multiply_complex(p, L, half, work);
-    for (int e = 0; e < size; e++) sums[e] += cabs(work[e]) / growth[e / p];
+    for (int e = 0; e < size; e++) sums[e] += measure_modulus(work[e]) / growth[e / p];
     for (int i = 0; i < p; i++) { motion[i] += work[i * (p + 1)] / growth[i]; length[i] += log(growth[i]); }
     memcpy(R, next, size * sizeof(z));
   }
   multiply_complex(p, first, R, next); /* the closure */
   double low = INFINITY, high = -INFINITY;
+  *method = 0.0;
   for (int i = 0; i < p; i++) {
     double last = 0.0;
     for (int k = 0; k < p; k++) last += cabs(first[i * p + k]) * cabs(R[k * p + i]);
     logs[i] = length[i] + clog(next[i * (p + 1)]);
-    own[i] = numbers[0] * fmax(cabs(motion[i]), numbers[1] * sums[i * (p + 1)]) + known[i * (p + 1)] + numbers[3] * numbers[4] * last;
-    errors[i] = own[i] + 4 * numbers[4] * cabs(logs[i]);
+    double off = share * fmax(cabs(motion[i]), numbers[0] * sums[i * (p + 1)]);
+    *method = off <= *method ? *method : off;
+    own[i] = off + known[i * (p + 1)] + numbers[2] * numbers[3] * last;
+    errors[i] = own[i] + 4 * numbers[3] * cabs(logs[i]);
     low = fmin(low, length[i]);
     high = fmax(high, length[i]);
   }
   for (int e = 0; e < size; e++) sums[e] += known[e] + cabs(next[e]);
-  add_pairs(p, numbers[2], logs, sums, own, errors);
+  add_pairs(p, numbers[1], logs, sums, own, errors);
   free(sums);
   free(work);
-  return good && high - low < numbers[6];
+  return good && high - low < numbers[5];
 }

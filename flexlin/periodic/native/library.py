@@ -16,10 +16,10 @@ SOURCES = (
     "rounding",
     "evidence",
     "factors",
+    "magnus",
     "group",
     "complex",
     "group_errors",
-    "magnus",
     "sylvester",
     "sweep",
     "modes",
@@ -32,7 +32,7 @@ FILES = tuple(Path(__file__).with_name(f"{name}.c") for name in SOURCES)
 WHOLE, LONG, REAL, ADDRESS = ctypes.c_int, ctypes.c_long, ctypes.c_double, ctypes.c_void_p
 ARGUMENTS = {
     "fit_series": [ADDRESS] * 8,
-    "solve_at_once": [ADDRESS] * 2 + [REAL] + [ADDRESS] * 15,
+    "solve_at_once": [ADDRESS] * 2 + [REAL] + [ADDRESS] * 14,
     "find_sizes": [LONG, WHOLE] + [ADDRESS] * 2,
     "compare_series": [LONG] + [WHOLE] * 2 + [ADDRESS] * 5,
     "factor_magnus": [WHOLE] * 2 + [ADDRESS] + [WHOLE] * 2 + [REAL, ADDRESS],

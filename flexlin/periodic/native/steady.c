@@ -100,29 +100,48 @@ static int decouple_steady(const Problem *p, Samples *samples, Modes *m, Modes *
   return -answer;
 }
 
-/* Logs of the multipliers of a real group and their errors, from first on; unknown (n, n): what is not known of the generator. */
-static int find_group(const Problem *p, int nodes, const double *generator, int first, int size, const double *unknown, z *values, double *errors) {
-  const Numbers *number = p->numbers;
-  int wide = count_wide(nodes), square = size * size, segments, done = 0;
-  if (16L * (p->most + 1) * square > MEMORY) return WILD;
-  double *memory = malloc((2L * (p->most + 1) * square + 3 * square + size) * sizeof(double));
-  z *vectors = malloc((square + 2L * size) * sizeof(z)), *own = vectors + square, *log = own + size;
-  double *factors = memory, *product = factors + 2L * (p->most + 1) * square, *alias = product + square, *part = alias + square, *off = part + square;
-  if (!memory || !vectors) { free(memory); free(vectors); return LACKING; }
-  const double *all = p->tables[nodes == p->nodes[0] ? 0 : 1] + 8L * nodes * count_width(nodes) + 2L * (nodes / 3 + 1) * nodes + 3L * nodes * nodes;
-  segments = follow_group(p->n, first, size, nodes / 8, wide, all, generator, p->period, p->least, p->most, p->stages, p->more, p->rules,
-                          number->following, factors, alias);
-  if (segments > 0) {
-    for (int e = 0; e < square; e++)
-      part[e] = p->period / segments * (number->safety * unknown[(first + e / size) * p->n + first + e % size] + alias[e]);
-    done = find_eigenvectors(p->geev, size, product, own, vectors);
-    if (done) done = bound_group(size, segments, p->most, factors, part, 0, number->bounding, vectors, log, off);
-    if (done < 0) segments = -1;
+/* Logs (p,) of the multipliers of a group and their errors (p,), by Magnus series as finely as `allowed` asks: as `tame_exponents`. norm: of the
+ * generator; unknown (p, p): what is not known of it. OK, WILD or LACKING. */
+static int follow_tame(const Problem *p, int size, int highest, const double *series, double norm, const double *unknown, double allowed, z *values,
+                       double *errors) {
+  const double *limits = p->numbers->following; /* step, fastest, growth, waves, aim, largest, tries, fine, coarse, share */
+  int segments = count_group_segments(norm, p->period, limits), square = size * size, done = -1;
+  if (!segments || 16L * segments * square > MEMORY) return WILD;
+  double method, part[square], turns = p->period * norm + 2 * M_PI * limits[3];
+  double wanted = turns * pow(limits[2] * turns / (limits[4] * allowed), 1.0 / 6.0);
+  double *factors = malloc((2L * segments + 1) * square * sizeof(double)), *product = factors + 2L * segments * square;
+  z *vectors = malloc((square + size) * sizeof(z)), *own = vectors + square;
+  for (int e = 0; e < square; e++) part[e] = p->period / segments * unknown[e];
+  for (int again = 0; again < limits[6] && factors && vectors; again++) {
+    int parts = (int)fmax(1.0, ceil(wanted / (limits[7] * segments)));
+    done = follow_group(size, highest, series, p->period, segments, parts, limits, factors) ? find_eigenvectors(p->geev, size, product, own, vectors) : -1;
+    if (done == 1)
+      done = bound_group(size, segments, factors, limits[9], (int)limits[7] * parts, part, 0, p->numbers->bounding, vectors, values, errors, &method);
+    if (done != 1 || method < limits[5] * allowed) break;
+    wanted = limits[7] * parts * segments * pow(method / (limits[4] * allowed), 1.0 / 6.0);
   }
-  if (done > 0) settle_conjugates(size, own, log, off, values + first, errors + first);
-  free(memory);
+  if (done == 1) settle_conjugates(size, own, values, errors);
+  free(factors);
   free(vectors);
-  return segments < 0 ? LACKING : done > 0 ? OK : WILD;
+  return done < 0 ? LACKING : done ? OK : WILD;
+}
+
+/* Logs of the multipliers of a real group and their errors, from first on; unknown (n, n): what is not known of the generator; middle: the mean of its
+ * real parts. */
+static int find_group(const Problem *p, int nodes, const double *generator, int first, int size, const double *unknown, double middle, z *values,
+                      double *errors) {
+  int wide = count_wide(nodes), square = size * size;
+  const double *all = p->tables[nodes == p->nodes[0] ? 0 : 1] + 8L * nodes * count_width(nodes) + 2L * (nodes / 3 + 1) * nodes + 3L * nodes * nodes;
+  double *series = malloc((2L * (nodes + 1) + 1) * square * sizeof(double)), *own = series + 2L * (nodes + 1) * square;
+  if (!series) return LACKING;
+  Wide full = {wide, all};
+  double norm = take_series(p->n, first, size, nodes / 8, &full, generator, series, own);
+  for (int e = 0; e < square; e++) own[e] += p->numbers->safety * unknown[(first + e / size) * p->n + first + e % size];
+  int highest = find_highest(square, nodes, series, p->numbers->hidden, own);
+  double allowed = p->numbers->decoupling[4] * p->period * fmax(1.0, fabs(middle));
+  int done = follow_tame(p, size, highest, series, norm, own, allowed, values + first, errors + first);
+  free(series);
+  return done;
 }
 
 /* Exponents (n,) by falling real part and their errors (n,) of what was decoupled. */
@@ -139,10 +158,10 @@ static int find_exponents(const Problem *p, int nodes, const Modes *m, const Fou
       if (m->mate[i] == i) values[i] = creal(values[i]);
       continue;
     }
-    int done = find_group(p, nodes, f->generator, i, size, unknown, values, off);
-    if (done != OK) return done;
     double middle = 0.0;
     for (int k = i; k < i + size; k++) middle += creal(mean[k]) / size;
+    int done = find_group(p, nodes, f->generator, i, size, unknown, middle, values, off);
+    if (done != OK) return done;
     for (int k = i; k < i + size; k++) { values[k] = middle + values[k] / p->period; off[k] /= p->period; }
   }
   sort_exponents(n, p->period, values, off, exponents, errors);
@@ -186,15 +205,15 @@ static int solve_decoupled(const Problem *p, Samples *samples, Modes *m, Modes *
 
 /* Exponents (n,), complex, and errors (n,) of a Fourier series: of the whole where few segments do, else by decoupling.
  *
- * sizes: n, m, H, most rounds, joins, how many `nodes` there are, least and most segments of a group, stages, and how many more check them, most
- * segments of the whole before decoupling and after it; nodes: and which were taken; out: as of `decouple_on_nodes`, for the most nodes; places
+ * sizes: n, m, H, most rounds, joins, how many `nodes` there are; of the whole: least segments, stages, how many more check them, most segments
+ * before decoupling and after it; nodes: and which were taken; out: as of `decouple_on_nodes`, for the most nodes; places
  * (3 n,): mates, groups, partners of groups; about: the rounds, or minus the segments of the whole; the fastest rate; and by how much two modes
  * may grow against each other within the period. Returns what is in the way, or 0. */
 int solve_at_once(const int *sizes, int *nodes, double period, void *geev, const double *numbers, const double *series, const double *error,
-                 const double *first_basis, const double *second_basis, const double *first_tables, const double *second_tables, const double *rules,
-                 const double *tableaus, double *out, int *places, double *exponents, double *errors, double *about) {
-  Problem p = {sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5], {nodes[0], nodes[1]}, sizes[6], sizes[7], sizes[8], sizes[9], sizes[10],
-               sizes[11], {first_basis, second_basis}, {first_tables, second_tables}, series, error, rules, tableaus, period, (Geev *)geev,
+                 const double *first_basis, const double *second_basis, const double *first_tables, const double *second_tables, const double *tableaus,
+                 double *out, int *places, double *exponents, double *errors, double *about) {
+  Problem p = {sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5], {nodes[0], nodes[1]}, sizes[6], sizes[7], sizes[8], sizes[9],
+               sizes[10], {first_basis, second_basis}, {first_tables, second_tables}, series, error, tableaus, period, (Geev *)geev,
                (const Numbers *)numbers};
   int n = p.n, more[9 * n], segments = 0, result = LACKING;
   long each = 2L * n * n + n;

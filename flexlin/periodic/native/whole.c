@@ -3,24 +3,26 @@ enum { OK = 0, NOT_APART = 1, MIXES = 2, NOT_TAME = 3, COUPLED = 4, WILD = 5, SI
 enum { LOOK = 8, COUNTS = 2, SPARSE = 4, MEMORY = 1 << 26 }; /* nodes of a first look; M^-1 at every so many times; bytes of a group */
 
 typedef struct {
-  double closeness[2], parted, mixed, largest, spread, safety;
+  double closeness[2], parted, mixed, largest, spread, safety, hidden;
   double decoupling[12]; /* limits of `decouple_on_nodes` */
-  double following[2], bounding[7]; /* of `follow_group`, `bound_group` */
-  double series_in_the_mean, step[4]; /* of `bound_unknown`, `count_segments` */
+  double following[10], bounding[6]; /* of `follow_group`, `bound_group` */
+  double series_in_the_mean, sure, step[4]; /* of `bound_unknown`, `bound_group`, `count_segments` */
 } Numbers;
 
 typedef struct {
-  int n, m, H, most_rounds, joins, counts, nodes[COUNTS], least, most, stages, more, first_whole, most_whole;
-  const double *bases[COUNTS], *tables[COUNTS], *series, *error, *rules, *tableaus;
+  int n, m, H, most_rounds, joins, counts, nodes[COUNTS], least, stages, more, first_whole, most_whole;
+  const double *bases[COUNTS], *tables[COUNTS], *series, *error, *tableaus;
   double period;
   Geev *geev;
   const Numbers *numbers;
-} Problem; /* m: coordinates behind the states, or 0; bases (2 nodes, 2 H + 1): waves of the series (2 H + 1, entries); rules: c, a, b of
- * the stages, then of `more` beyond; tableaus: c, a, a a, b of both */
+} Problem; /* m: coordinates behind the states, or 0; bases (2 nodes, 2 H + 1): waves of the series (2 H + 1, entries); tableaus: c, a, a a, b
+ * of the stages, then of `more` beyond */
 
 
-/* Logs (size,) that are conjugate or real exactly where the multipliers are, and errors that conjugates share. */
-static void settle_conjugates(int size, const z *multipliers, z *logs, const double *off, z *values, double *errors) {
+/* Logs (size,) made conjugate or real exactly where the multipliers are, and errors that conjugates share. */
+static void settle_conjugates(int size, const z *multipliers, z *logs, double *errors) {
+  double off[size];
+  memcpy(off, errors, size * sizeof(double));
   for (int i = 0; i < size; i++)
     if (cimag(multipliers[i]) < 0.0) logs[i] = conj(logs[i - 1]);
     else if (cimag(multipliers[i]) == 0.0) logs[i] = creal(logs[i]) + I * (creal(multipliers[i]) < 0.0 ? M_PI : 0.0);
@@ -28,7 +30,6 @@ static void settle_conjugates(int size, const z *multipliers, z *logs, const dou
     int mate = i;
     for (int j = 0; j < size; j++)
       if (cabs(conj(logs[i]) - logs[j]) < cabs(conj(logs[i]) - logs[mate])) mate = j;
-    values[i] = logs[i];
     errors[i] = fmax(off[i], off[mate]);
   }
 }
@@ -107,7 +108,7 @@ static void even_units(int n, double *sizes, double *units) {
  * `values`. 0 where M is singular. */
 static int bound_unknown(const Problem *p, const double *pairs, int segments, const double *units, v8 *values, double *unknown) {
   int n = p->n, m = p->m, entries = 3 * m * m;
-  double middle = 0.5, h = p->period / segments, eps = p->numbers->bounding[4], known[entries], own[entries], M[m * m], right[3 * m * m];
+  double middle = 0.5, h = p->period / segments, eps = p->numbers->bounding[3], known[entries], own[entries], M[m * m], right[3 * m * m];
   memset(unknown, 0, (long)segments * n * n * sizeof(double));
   for (int k = 0; k < segments; k++, unknown += n * n) {
     if (k % 8 == 0) evaluate_series(entries, p->H, pairs, k, segments, 1, &middle, values);
@@ -162,9 +163,9 @@ static void multiply_factors(int n, int segments, const double *factors, double 
 /* Exponents (n,) and errors by so many segments; OK, WILD where that does not serve, or LACKING. */
 static int follow_whole(const Problem *p, const double *pairs, int segments, z *exponents, double *errors) {
   int n = p->n, size = n * n;
-  double *memory = malloc(((3L * segments + 2) * size + 3L * n) * sizeof(double)), *unknown = memory + 2L * segments * size;
-  double *product = unknown + (long)segments * size, *work = product + size, *units = work + size, *off = units + n, *both = off + n;
-  z *vectors = malloc((size + 3L * n) * sizeof(z)), *own = vectors + size, *logs = own + n, *values = logs + n;
+  double method, *memory = malloc(((3L * segments + 2) * size + 2L * n) * sizeof(double)), *unknown = memory + 2L * segments * size;
+  double *product = unknown + (long)segments * size, *work = product + size, *units = work + size, *off = units + n;
+  z *vectors = malloc((size + 2L * n) * sizeof(z)), *own = vectors + size, *logs = own + n;
   v8 *middles = aligned_alloc(64, 3L * p->m * p->m * sizeof(v8));
   int done = memory && vectors && middles ? factor_evenly(p, pairs, segments, memory, units) : -1;
   if (done == 1) done = bound_unknown(p, pairs, segments, units, middles, unknown);
@@ -172,11 +173,11 @@ static int follow_whole(const Problem *p, const double *pairs, int segments, z *
     multiply_factors(n, segments, memory, product, work);
     done = find_eigenvectors(p->geev, n, product, own, vectors);
   }
-  if (done == 1) done = bound_group(n, segments, segments - 1, memory, unknown, size, p->numbers->bounding, vectors, logs, off);
+  if (done == 1) done = bound_group(n, segments, memory, p->numbers->sure, 1, unknown, size, p->numbers->bounding, vectors, logs, off, &method);
   if (done == 1) {
-    settle_conjugates(n, own, logs, off, values, both);
-    for (int i = 0; i < n; i++) { values[i] /= p->period; both[i] /= p->period; }
-    sort_exponents(n, p->period, values, both, exponents, errors);
+    settle_conjugates(n, own, logs, off);
+    for (int i = 0; i < n; i++) { logs[i] /= p->period; off[i] /= p->period; }
+    sort_exponents(n, p->period, logs, off, exponents, errors);
   }
   free(memory);
   free(vectors);
@@ -197,7 +198,7 @@ static int find_whole(const Problem *p, const z *mean, int most, z *exponents, d
   }
   double wanted = p->period * rate / pow(tol * fmax(1.0, rate) / (rate * step[0]), 1.0 / step[1]);
   wanted = fmax(fmax(p->least, ceil(wanted)), ceil(step[2] * p->H));
-  if (!(p->m && wanted <= most && (high - low) * p->period < p->numbers->bounding[6])) return WILD;
+  if (!(p->m && wanted <= most && (high - low) * p->period < p->numbers->bounding[5])) return WILD;
   double *pairs = malloc((2L * p->H + 2) * entries * sizeof(double));
   if (!pairs) return LACKING;
   pair_waves(p->H, entries, p->series, pairs);
