@@ -116,12 +116,13 @@ def tabulate_numbers() -> Array:
     growth = log(tame.LARGEST_GROWTH)
     choice = [*steady.CLOSENESS, steady.PARTED, steady.MIXED, mean_modes.LARGEST, growth, SAFETY, group_factors.HIDDEN]
     made = [coordinates.ENOUGH, coordinates.SHRINK, SLOW_PART, ROUGH, 0.0, EPS, ROUNDINGS * EPS, COHERENT / 3]
-    near = [coordinates.NEAR, coordinates.BEYOND, coordinates.LEAST, coordinates.EVEN]
+    near = [coordinates.NEAR, coordinates.BEYOND, coordinates.LEAST]
+    even = [coordinates.EVEN, coordinates.FAST, coordinates.OPEN]
     parts = [tame.GROWTH, tame.WAVES, tame.AIM, tame.LARGEST, tame.TRIES, FINE, COARSE, METHOD * FINER]
     followed = [tame.STEP, tame.FASTEST, *parts, CANCELLED, CLOSE, FACTOR_ROUNDING, EPS, tame.INDEPENDENT, growth]
     stages, constant = whole.STAGES, gauss_constant(whole.STAGES)
     segments = [IN_THE_MEAN, whole.SAFETY, MARGIN * constant, 2 * stages, WAVES / stages, whole.FINER]
-    return np.array([*choice, *made, *near, *followed, *segments])
+    return np.array([*choice, *made, *near, *even, *followed, *segments])
 
 
 @lru_cache(maxsize=16)

@@ -11,8 +11,9 @@ from flexlin.periodic.decoupling.waves import KEPT, circle_derivative, harmonics
 NEAR, BEYOND, LEAST = 0.2, 0.2, 0.05
 """A harmonic whose frequency comes closer to the gap of two eigenvalues stays, since it would not shrink: closer than NEAR of the gap, than
 BEYOND times what the two deviate from their means, and than LEAST of the basic frequency where they deviate by less."""
-EVEN = 0.8
-"""Two modes whose eigenvalues stay farther apart than this part of the mean of their gap are parted by the gap of each time."""
+EVEN, FAST, OPEN = 0.8, 20.0, 0.2
+"""Two modes are parted by the gap of each time where their eigenvalues stay farther apart than the part EVEN of its mean; or than the part
+OPEN of it and FAST times the basic frequency: what is left is as small as the rate of change over the gap, however uneven this is."""
 ENOUGH, SHRINK = 2e-3, 0.8
 """Rounds end when the coupling's effect is this part of what is allowed, or shrinks by less than this factor."""
 MAX_ROUNDS = 12
@@ -40,8 +41,8 @@ def find_coordinates(own: Array, modes: MeanModes, period: float, allowed: Array
 
         S_ij,k = R_ij,k / (i k w - g),   R the coupling between groups times g / g(t),   g the mean of g(t) = b_i - b_j on the diagonal,
 
-    where the divisor is large enough; it solves S' = g(t) S + R where R is slow beside g or g(t) is constant. Where g(t) varies by much, R
-    is the coupling itself, and what is left is smaller by how much.
+    where the divisor is large enough; it solves S' = g(t) S + R where R is slow beside g or g(t) is constant. Where g(t) is slow and varies
+    by much, R is the coupling itself, and what is left is smaller by how much.
 
     Parameters: own (N, n, n): generator in the modes of the mean; every other node builds P, the others check; allowed (n,) in 1/s.
     Source: averaging to high order: Sanders, Verhulst, Murdock, Averaging Methods in Nonlinear Dynamical Systems (2007), ch. 3.
@@ -75,12 +76,17 @@ def limit_nearness(B: Array, b: Array, outside: Array, w: float) -> Array:
     return np.asarray(nearest)
 
 
+def keeps_apart(least: Array, mean: Array, w: float) -> Array:
+    """Which pairs of modes (n, n) are parted by the gap of each time: its least and mean sizes, w the basic frequency."""
+    return np.asarray((least > EVEN * mean) | ((least > OPEN * mean) & (least > FAST * w)))
+
+
 def step_once(B: Array, outside: Array, frequency: Array, allowed: Array) -> tuple[Array, Array, float, Array]:
     """S and S' at the nodes, the largest effect of the coupling on a mode against what is allowed, and that of resonances (n, n)."""
     count, diagonal = len(B), np.einsum("tii->ti", B)
     b = diagonal.mean(axis=0)
     gap, now = b[:, None] - b, diagonal[:, :, None] - diagonal[:, None]
-    even = outside & (np.abs(now).min(axis=0) > EVEN * np.abs(gap))
+    even = outside & keeps_apart(np.abs(now).min(axis=0), np.abs(gap), frequency[1, 0, 0])
     divisor = 1j * frequency - gap
     low = outside & (np.abs(harmonics(count)) <= KEPT * count)[:, None, None]
     kept = low & (np.abs(divisor) > limit_nearness(B, b, outside, frequency[1, 0, 0]))

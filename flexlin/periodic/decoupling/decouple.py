@@ -1,67 +1,22 @@
 """Decouple the fast modes of a periodic linear system from the slow ones."""
 
-from collections.abc import Callable
-from dataclasses import replace
-
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.decoupling.coupling import (
-    Coupled,
-    block_values,
-    group_separation,
-    high_harmonics,
-    pair_effects,
-    residual_effect,
-)
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
-from flexlin.periodic.decoupling.frames import periodic_frame
-from flexlin.periodic.decoupling.grouping import (
-    Eigenvectors,
-    Group,
-    Modes,
-    find_eigenvectors,
-    follow_modes,
-    grouped_modes,
-)
-from flexlin.periodic.decoupling.hidden import hidden_effect
-from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, low_harmonics, mixing, rounds, sylvester
-from flexlin.periodic.decoupling.waves import (
-    aliasing,
-    circle_derivative,
-    interleaved,
-    interpolated,
-    shifted,
-    smooth,
-    tail,
-)
-from flexlin.periodic.product.perturbation import COHERENT
+from flexlin.periodic.decoupling.evidence import EPS, Uncertainty, checked
+from flexlin.periodic.decoupling.grouping import find_eigenvectors
+from flexlin.periodic.decoupling.parting import MAX_MERGES, Parted, built_on, part_frame
+from flexlin.periodic.decoupling.waves import interleaved, interpolated, shifted, tail
 from flexlin.periodic.resolved.sampling import stratified
 from flexlin.periodic.system import MatrixFunction
 
-Uncertainty = Callable[[Array, Array, Array], Array]
 FIRST_NODES, MAX_NODES = 32, 256
-ADIABATIC = 0.05
-"""Modes stay together where the basic frequency exceeds this part of the gap between their eigenvalues at some time."""
-MIXING = 0.1
-"""Modes that a first step would mix by more than this stay together."""
-PART = 0.1
-"""The part of what is allowed that rounds aim at for each pair: the couplings of a group add up, and it may amplify them."""
-LARGEST_SWING = 1e3
-"""Modes that may grow against each other by more than this are not put together for that reason: it would not help them."""
-SETTLED, WORST = 1e-3, 0.3
-"""While modes are still mixed by more than SETTLED, only those are put together that mix by at least the part WORST of the strongest."""
-HOPELESS = 300.0
-"""On the fewest nodes, modes are put together only where their coupling exceeds what is allowed by this factor: others may part on more."""
-MAX_ROUNDS, MAX_MERGES = 14, 12
 ROUGH = 1e-3
 """Coefficients whose upper harmonics are larger than this part of the largest need more nodes."""
-SPARSE = 4
-"""Means of rounding are taken at every so many nodes: it changes slowly."""
 STRAY, HIDDEN, ROUNDED, NEARER, LARGE = 16, 10.0, 1e-13, 0.3, 1e-8
 """Times on no grid at which A(t) is held against its nodes; by what factor it may differ by more than is seen, or than rounding; what twice
 the nodes leave of what is seen, at the most, of waves larger than a part of their entry."""
-EPS = float(np.finfo(float).eps)
 
 
 def decouple(
@@ -141,22 +96,26 @@ def decouple_on_more(
 ) -> Decoupled | Refusal:
     """Decouple on nodes at which A is given (N, n, n), as it is half-way between them, and on twice as many until both agree.
 
+    These go on from what the fewer ones reached, where that parts; else they begin anew, from the eigenvectors of A(t).
     Raises: LinAlgError where the eigenvectors of A(t) depend on each other at a node.
     """
-    vectors, joined = find_eigenvectors(samples), np.zeros(samples.shape[1:], bool)
+    joined, before = np.zeros(samples.shape[1:], bool), None
     while True:
         count = len(samples)
         if hides_waves(A, period, samples, between):
             return Refusal("the coefficients have harmonics that equidistant nodes take for others")
-        built = built_on(samples, vectors, joined, period, tol, tries)
-        if isinstance(built, Refusal):
-            return built
-        if built is not None:
-            answer, settled = checked(built, samples, between, tol, uncertainty)
+        going = None if before is None else part_frame(before.frame.doubled(), samples, period, tol)
+        parted: Parted | Refusal | None = going
+        if going is None or going.stuck.any():
+            few = count == FIRST_NODES
+            parted = built_on(samples, find_eigenvectors(samples), joined, period, tol, tries, few)
+        if isinstance(parted, Refusal):
+            return parted
+        if parted is not None and not parted.stuck.any():
+            answer, settled = checked(parted.decoupled, samples, between, tol, uncertainty)
             if settled or count == MAX_NODES:
                 return answer
-        samples, more = interleaved(samples, between), find_eigenvectors(between)
-        vectors = tuple(interleaved(*each) for each in zip(vectors, more, strict=True))
+        before, samples = parted, interleaved(samples, between)
         between = A(period / len(samples) * (np.arange(len(samples)) + 0.5))
 
 
@@ -171,130 +130,3 @@ def hides_waves(A: MatrixFunction, period: float, samples: Array, between: Array
     seen, size = np.abs(shifted(samples, 0.5) - between).max(axis=0), np.abs(both).max(axis=0)
     wave = apart > HIDDEN * (seen + ROUNDED * size) + EPS * size.max()
     return bool(np.any(wave | (apart > np.maximum(NEARER * seen, LARGE * size) + HIDDEN * ROUNDED * size.max())))
-
-
-def built_on(
-    samples: Array, vectors: Eigenvectors, joined: Array, period: float, tol: float, tries: int
-) -> Decoupled | Refusal | None:
-    """Group, build the frame and make the rounds on one set of nodes, putting modes together that do not part.
-
-    On the fewest nodes, None where more may part what does not; what they would not part is added to `joined` (n, n).
-    """
-    few = len(samples) == FIRST_NODES
-    modes = follow_modes(vectors)
-    apart = np.abs(modes.values[:, :, None] - modes.values[:, None, :]).min(axis=0)
-    together = joined | (apart < 2 * np.pi / period / ADIABATIC)
-    for _ in range(tries):
-        columns, groups = grouped_modes(modes, together)
-        if len(groups) == 1:
-            return None if few else Refusal("no eigenvalues of A(t) stand apart from the others along the period")
-        found = tried(modes.taken(columns), groups, samples, period, tol)
-        if found is None:
-            return None if few else Refusal("a group's basis has no real continuation around the period")
-        decoupled, stuck, excess = found
-        if not stuck.any():
-            return decoupled
-        if few and excess < HOPELESS:
-            return None
-        pairs = np.ix_(columns, columns)
-        together[pairs] |= stuck | stuck.T
-        joined[pairs] |= few & (stuck | stuck.T)
-    return Refusal("the coupling between groups of modes does not shrink")
-
-
-def tried(
-    modes: Modes, groups: tuple[Group, ...], A: Array, period: float, tol: float
-) -> tuple[Decoupled, Array, float] | None:
-    """Decouple given groups on the nodes; the pairs of modes (n, n) whose coupling stays too large, and by which factor at the most."""
-    framed = periodic_frame(modes, groups)
-    if framed is None:
-        return None
-    turning = np.repeat(framed[1], [group.size for group in groups])
-    T = smooth(framed[0], turning)
-    B = np.linalg.solve(T, A @ T - circle_derivative(T, period, turning=turning)) - 1j * np.pi / period * np.diag(
-        turning
-    )
-    S = sylvester(B, groups)
-    share = mixing(S)
-    stuck, excess, made = share > MIXING, np.inf, 0
-    if not stuck.any():
-        allowed = tol * np.maximum(1, np.abs(modes.values).min(axis=0))[:, None]
-        T, B, S, made, left = part_groups(T, B, S, groups, period, turning, allowed)
-        stuck = left > 0.1 * allowed + transformation_noise(T, A)
-        share, excess = mixing(S), float((left / allowed)[stuck].max(initial=0.0))
-    if (strongest := share[stuck].max(initial=0.0)) > SETTLED:
-        stuck &= share >= WORST * strongest
-    none = np.zeros(stuck.shape)
-    return Decoupled(period, np.empty(0), T, T, B, groups, framed[1], none, none, made), stuck, excess
-
-
-def part_groups(
-    T: Array, B: Array, S: Array, groups: tuple[Group, ...], period: float, turning: Array, allowed: Array
-) -> tuple[Array, Array, Array, int, Array]:
-    """Make the rounds: T, B, S, how many were made, and what the coupling that is left does to each mode by each other one (n, n)."""
-    apart = group_separation(block_values(B, groups) + 1j * np.pi / period * turning, period, groups)
-    apart = replace(apart, swing=np.minimum(apart.swing, LARGEST_SWING))
-    i, j = np.nonzero(apart.outside & (SLOW_PART * apart.gap < np.pi / period * len(B)))
-
-    def measure(B: Array, S: Array) -> Array:
-        rough = np.zeros(apart.gap.shape)
-        rough[i, j] = np.abs(high_harmonics(B[:, i, j], period, apart.gap[i, j])).max(axis=0)
-        return pair_effects(B, S, apart, rough)
-
-    def effect(B: Array, S: Array) -> float:
-        return float((measure(B, S) / (PART * allowed)).max())
-
-    T, B, S, made = rounds(B, T, S, groups, lambda S: low_harmonics(S, period, apart.gap, turning), effect, MAX_ROUNDS)
-    return T, B, S, made, measure(B, S)
-
-
-def transformation_noise(T: Array, A: Array) -> Array:
-    """Rounding of T^-1 A T, entry by entry (n, n)."""
-    size = np.abs(np.linalg.inv(T)) @ (np.abs(A) @ np.abs(T))
-    rounding = 30 * EPS * size.max(axis=0)
-    return np.sqrt(rounding * rounding.T)
-
-
-def checked(
-    built: Decoupled, A: Array, between: Array, tol: float, uncertainty: Uncertainty | None
-) -> tuple[Decoupled, bool]:
-    """Evaluate the generator half-way between the nodes too: the denser result, and whether the two sets of nodes agree."""
-    period = built.period
-    turning = np.repeat(built.turning, [group.size for group in built.groups])
-    T = interleaved(built.frame, shifted(built.frame, 0.5, turning))
-    slope = interleaved(*(circle_derivative(built.frame, period, shift, turning) for shift in (0.0, 0.5)))
-    A = interleaved(A, between)
-    inverse = np.linalg.inv(T)
-    inverse += inverse @ (np.eye(T.shape[-1]) - T @ inverse)
-    B = inverse @ (A @ T - slope)
-    times = period / len(A) * np.arange(len(A))
-    done = replace(built, times=times, frame=T, inverse=inverse, generator=B)
-    coupled = Coupled(B, period, built.groups)
-    done = replace(done, residual=residual_effect(coupled))
-    allowed = tol * np.maximum(1, np.abs(np.einsum("tii->ti", B).mean(axis=0)))
-    done, agree, parted = with_evidence(done, coupled, slope, A, allowed, uncertainty)
-    return done, bool(np.all(agree & parted))
-
-
-def with_evidence(
-    done: Decoupled, coupled: Coupled, slope: Array, A: Array, allowed: Array, uncertainty: Uncertainty | None
-) -> tuple[Decoupled, Array, Array]:
-    """State what rounding is left beside the coupling; and of which modes the nodes and those half-way between them agree (n,), and the
-    coupling is small enough (n,).
-
-    Parameters: coupled: the generator; slope, A (N, n, n): the frame's slope and the coefficients at the times of `done`;
-    allowed (n,): error of each exponent, in 1/s.
-    """
-    some = slice(None, None, SPARSE)
-    T, inverse = done.frame[some], done.inverse[some]
-    rounding = EPS * (np.abs(inverse) @ (np.abs(A[some]) @ np.abs(T) + np.abs(slope[some]))).mean(axis=0)
-    if uncertainty is not None:
-        rounding = rounding + COHERENT / 3 * uncertainty(done.times[some], inverse, T).mean(axis=0)
-    means = np.einsum("tii->ti", done.generator)
-    apart = np.maximum(np.abs(means[::2].mean(axis=0) - means[1::2].mean(axis=0)), aliasing(means))
-    noise = 4 * np.diagonal(rounding)
-    hidden = hidden_effect(coupled, rounding)
-    parted = np.diagonal(done.residual) < 0.3 * allowed + noise
-    parted |= np.diagonal(hidden) > allowed  # more nodes would not help
-    stated = replace(done, residual=done.residual + hidden, rounding=rounding, coupled=coupled)
-    return stated, apart < 0.1 * allowed + noise, parted

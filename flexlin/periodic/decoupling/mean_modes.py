@@ -10,7 +10,7 @@ from flexlin.periodic.decoupling.decoupled import Refusal
 from flexlin.periodic.decoupling.grouping import Group
 
 LARGEST = 1e7
-"""Eigenvectors of the mean with a larger condition number are none to build on."""
+"""Eigenvectors of the mean with a larger condition number, in the best units of the states, are none to build on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ def find_mean_modes(mean: Array, closest: float, parted: float = np.inf) -> Mean
         left += (np.eye(len(right)) - left @ right) @ left  # right to its last digits however unlike the units are
     except np.linalg.LinAlgError:
         return Refusal("the eigenvectors of the mean of A(t) depend on each other")
-    if not (np.vdot(left, left).real * np.vdot(right, right).real) ** 0.5 < LARGEST:
+    if not np.linalg.norm(np.abs(left) @ np.abs(right)) < LARGEST:  # whatever the units of the states
         return Refusal("the eigenvectors of the mean of A(t) depend on each other")
     place = {column: i for i, column in enumerate(columns)}
     mate = np.array([place[mates[column]] for column in columns], dtype=np.intc)

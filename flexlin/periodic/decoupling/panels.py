@@ -133,7 +133,7 @@ def decouple_panel(A: MatrixFunction, start: float, stop: float, count: int, mos
                 S,
                 groups,
                 lambda S: (apply(smooth, S), apply(slope, S) / half),
-                lambda B, S: 1e12 * float(np.sqrt(np.abs(S).max(axis=0) * np.abs(S).max(axis=0).T).max()),
+                lambda B, S: 1e12 * mixing(S),
                 most,
             )
             share = mixing(S)

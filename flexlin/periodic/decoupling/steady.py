@@ -10,9 +10,11 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.decoupling.coordinates import Coordinates, find_coordinates
 from flexlin.periodic.decoupling.coupling import Coupled, combined, nearest_on_chords
-from flexlin.periodic.decoupling.decouple import ADIABATIC, ROUGH, WORST, Uncertainty, with_evidence
+from flexlin.periodic.decoupling.decouple import ROUGH
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
+from flexlin.periodic.decoupling.evidence import Uncertainty, with_evidence
 from flexlin.periodic.decoupling.mean_modes import MeanModes, find_mean_modes
+from flexlin.periodic.decoupling.parting import ADIABATIC, WORST
 from flexlin.periodic.decoupling.superadiabatic import SLOW_PART
 from flexlin.periodic.decoupling.tame import LARGEST_GROWTH
 from flexlin.periodic.decoupling.waves import harmonics, tail
@@ -26,7 +28,7 @@ CLOSENESS = (0.25, ADIABATIC)
 """Modes stay together where the basic frequency exceeds this part of the gap between their eigenvalues: first few, then more."""
 PARTED = 0.5
 """Modes whose real parts differ by this part of the basic frequency do not stay together: no harmonic meets their gap."""
-MIXED = 0.3
+MIXED = 0.35
 """Modes of the mean that A(t) mixes by more than this are followed instead."""
 NARROWED, CLOSED = 0.7, 1e-3
 """Where the part NARROWED of a gap is not sure to be kept by how far two modes go from their means, it is measured at each time; where
@@ -37,7 +39,7 @@ stay so on more nodes; as do others that are coupled by the factor LASTING too m
 JOINS = 4
 """How often modes that stay coupled by too much are put together, those first whose excess is the part WORST of the largest: what hinders
 these keeps the coupling of others from shrinking too. That takes less time than twice the nodes, which mostly do not part them either."""
-FEW_STATES = 10
+FEW_STATES = 16
 """With so few states, more nodes are tried even where these seldom part modes that are coupled by so much: it costs little."""
 
 

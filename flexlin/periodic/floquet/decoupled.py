@@ -1,5 +1,6 @@
 """Floquet exponents of systems with fast modes: decoupled first, where that is cheaper than following every oscillation."""
 
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -9,10 +10,11 @@ from flexlin.periodic.circle import pair_conjugates
 from flexlin.periodic.decoupling import whole
 from flexlin.periodic.decoupling.compiled import Coefficients, Found, find_steady_solver, solve_compiled
 from flexlin.periodic.decoupling.coupling import Coupled
-from flexlin.periodic.decoupling.decouple import MAX_MERGES, decouple
+from flexlin.periodic.decoupling.decouple import decouple
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.exponents import decoupled_exponents
 from flexlin.periodic.decoupling.hidden import STILL, find_growth, hidden_effect
+from flexlin.periodic.decoupling.parting import MAX_MERGES
 from flexlin.periodic.decoupling.several import SAFETY
 from flexlin.periodic.decoupling.steady import LOOK, decouple_steady
 from flexlin.periodic.floquet.result import find_reached
@@ -28,6 +30,17 @@ AGAIN = 0.1
 """The part of tol that is aimed at where the first attempt misses tol: the coupling was small enough for rates, not for exponents."""
 NODES, FIRST = 128, 64
 """Nodes of a panel on which a system is decoupled, and of a period without breaks at first, those that check included."""
+
+
+AtOnce = tuple[Array, Array, Setting, Decoupled | None]
+"""Exponents (n,), errors (n,), how they were computed, and what was decoupled."""
+
+
+@dataclass(frozen=True)
+class HiddenMiss(Refusal):
+    """Why tol is not met, and the answer all the same where no other nodes or groups would make it better."""
+
+    answer: AtOnce | None
 
 
 def estimate_decoupling_work(n: int, panels: int) -> float:
@@ -57,9 +70,7 @@ def solve_decoupled(
     return found.exponents, hide_enclosed(found.exponents, found.errors), decoupled
 
 
-def solve_at_once(
-    system: PeriodicSystem, tol: float, limit: int = MAX_SEGMENTS
-) -> tuple[Array, Array, Setting, Decoupled | None] | Refusal:
+def solve_at_once(system: PeriodicSystem, tol: float, limit: int = MAX_SEGMENTS) -> AtOnce | Refusal:
     """Exponents, conjugates exactly, and errors of a smooth system by one call of compiled code, or why that does not serve.
 
     By few segments of the whole, `limit` at most, or by decoupling where A(t) mixes the modes of its mean by little. It serves only where
@@ -79,26 +90,39 @@ def solve_at_once(
         if isinstance(way, int):
             reason = f"few do for tol {tol:.0e} with eigenvalues of the mean of A(t) up to {rate:.3g} 1/s, by {code}"
             return exponents, errors, Setting("gauss", 2 * whole.STAGES, way, reason, rate), None
-        hidden = claim_hidden(way, exponents)
-        errors = errors + hidden
-        if find_reached(exponents, errors, tol).all():
-            reason = f"modes that keep their shapes, eigenvalues of A(t) up to {rate:.3g} 1/s, by {code}"
-            return exponents, errors, Setting("decoupling", 0, 1, reason, rate), way
-        if not find_reached(exponents, hidden, tol).all():
-            break
+        hidden = find_hidden(way)
+        if library is not None and hidden is not None:
+            exponents, errors = add_hidden(way, hidden, tol)
+        reason = f"modes that keep their shapes, eigenvalues of A(t) up to {rate:.3g} 1/s, by {code}"
+        answer = exponents, errors, Setting("decoupling", 0, 1, reason, rate), way
+        missed = int(np.sum(~find_reached(exponents, errors, tol)))
+        if not missed:
+            return answer
+        if hidden is not None and (beyond := count_beyond(way, hidden, tol)):
+            return HiddenMiss("rounding hides what it takes to meet tol", answer if missed <= beyond else None)
     return Refusal("tol is not met")
 
 
-def claim_hidden(decoupled: Decoupled, exponents: Array) -> Array:
-    """What coupling below rounding may do to the exponents (n,) where modes take turns in damping, (n,)."""
+def find_hidden(decoupled: Decoupled) -> Array | None:
+    """What coupling below rounding may add to the generator, entry by entry (n, n); None where no modes take turns in damping."""
     growth = find_growth(decoupled.generator, decoupled.period) if decoupled.growth is None else decoupled.growth
     if growth < STILL:
-        return np.zeros(len(exponents))
-    coupled = Coupled(decoupled.generator, decoupled.period, decoupled.groups)
-    hidden = np.diagonal(hidden_effect(coupled, decoupled.rounding))
-    means = np.einsum("tii->ti", decoupled.generator).real.mean(axis=0)
-    share = float((hidden / np.maximum(1.0, np.abs(means))).max())
-    return SAFETY * share * np.maximum(1.0, np.abs(exponents))
+        return None
+    coupled = decoupled.coupled or Coupled(decoupled.generator, decoupled.period, decoupled.groups)
+    return hidden_effect(coupled, decoupled.rounding)
+
+
+def add_hidden(decoupled: Decoupled, hidden: Array, tol: float) -> tuple[Array, Array]:
+    """The exponents, conjugates exactly, and their errors with what is hidden, which the compiled code leaves out."""
+    found = decoupled_exponents(replace(decoupled, residual=decoupled.residual + hidden), tol, tame_only=True)
+    logs, errors = pair_conjugates(found.exponents * decoupled.period, found.errors * decoupled.period)
+    return logs / decoupled.period, errors / decoupled.period
+
+
+def count_beyond(decoupled: Decoupled, hidden: Array, tol: float) -> int:
+    """How many modes miss tol because of what is hidden: no other nodes or groups take it away."""
+    means = np.abs(np.einsum("tii->ti", decoupled.generator).real.mean(axis=0))
+    return int(np.sum(SAFETY * np.diagonal(hidden) > tol * np.maximum(1.0, means)))
 
 
 def solve_by_numpy(coefficients: Coefficients, tol: float, limit: int) -> Found | Refusal:

@@ -85,6 +85,21 @@ static void reorder_modes(Modes *m, const int *columns, z *work) {
   memcpy(m->values, values, n * sizeof(z));
 }
 
+/* The root of the sum of squares of |left| |right|, which no units of the states change. */
+static double measure_condition(int n, const z *left, const z *right) {
+  double sum = 0.0;
+  for (int i = 0; i < n; i++) {
+    double row[n];
+    for (int j = 0; j < n; j++) row[j] = 0.0;
+    for (int k = 0; k < n; k++) {
+      double size = cabs(left[i * n + k]);
+      for (int j = 0; j < n; j++) row[j] += size * cabs(right[k * n + j]);
+    }
+    for (int j = 0; j < n; j++) sum += row[j] * row[j];
+  }
+  return sqrt(sum);
+}
+
 /* Group modes, of which eigenvalues and right vectors are there: together where closer than `closest`, and than `parted` in their real parts; 0 where
  * they do not serve. */
 static int group_modes(double closest, double parted, double largest, Modes *m, z *work) {
@@ -104,7 +119,7 @@ static int group_modes(double closest, double parted, double largest, Modes *m, 
   if (all) return 0;
   group_neighbours(m, columns);
   if (m->groups == 1 || !invert_complex(n, m->right, m->left, work)) return 0;
-  if (!(measure_complex(n * n, m->right) * measure_complex(n * n, m->left) < largest)) return 0;
+  if (!(measure_condition(n, m->left, m->right) < largest)) return 0;
   reorder_modes(m, columns, work);
   return 1;
 }

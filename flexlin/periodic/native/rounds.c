@@ -75,10 +75,15 @@ static void measure_deviations(int n, int blocks, const int *group, const v8 *B,
   }
 }
 
-/* R gap / g(t), g the difference of the modes' entries on the diagonal and gap its mean, where g stays near it: then S = -R / g for what is slow. */
+/* Whether two modes are parted by the gap of each time: as `keeps_apart` in coordinates.py. */
+static int keeps_apart(const Waves *f, double least, double mean) {
+  return least > f->near[3] * mean || (least > f->near[5] * mean && least > f->near[4] * f->w);
+}
+
+/* R gap / g(t), g the difference of the modes' entries on the diagonal and gap its mean: then S = -R / g for what is slow. */
 static void follow_gap(const Waves *f, int n, const v8 *B, int i, int j, double gr, double gi, double *x, double *y) {
   int size = n * n, blocks = f->blocks;
-  double least = INFINITY, square = gr * gr + gi * gi, even = f->near[3];
+  double least = INFINITY;
   v8 dr[8], di[8], over[8];
   for (int b = 0; b < blocks; b++) {
     const v8 *D = B + 2L * size * b;
@@ -87,7 +92,7 @@ static void follow_gap(const Waves *f, int n, const v8 *B, int i, int j, double 
     over[b] = dr[b] * dr[b] + di[b] * di[b];
     for (int l = 0; l < 8; l++) least = over[b][l] >= least ? least : over[b][l];
   }
-  if (!(least > even * even * square)) return;
+  if (!keeps_apart(f, sqrt(least), hypot(gr, gi))) return;
   for (int b = 0; b < blocks; b++) {
     v8 re = (gr * dr[b] + gi * di[b]) / over[b], im = (gi * dr[b] - gr * di[b]) / over[b];
     v8 a = *(u8 *)(x + 8 * b), c = *(u8 *)(y + 8 * b);

@@ -33,7 +33,7 @@ static int try_joining(const Problem *p, Modes *m, Modes *spare, const int *part
   return 0;
 }
 
-enum { FEW_STATES = 10 }; /* as in steady.py */
+enum { FEW_STATES = 16 }; /* as in steady.py */
 
 /* Decouple, with modes put together that resonate or stay coupled by too much; where that does not serve, on more nodes: as in steady.py.
  *

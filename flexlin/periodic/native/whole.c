@@ -4,7 +4,7 @@ enum { LOOK = 8, COUNTS = 2, SPARSE = 4, MEMORY = 1 << 26 }; /* nodes of a first
 
 typedef struct {
   double closeness[2], parted, mixed, largest, spread, safety, hidden;
-  double decoupling[12]; /* limits of `decouple_on_nodes` */
+  double decoupling[14]; /* limits of `decouple_on_nodes` */
   double following[10], bounding[6]; /* of `follow_group`, `bound_group` */
   double series_in_the_mean, sure, step[4]; /* of `bound_unknown`, `bound_group`, `count_segments` */
 } Numbers;

@@ -1,0 +1,147 @@
+"""Part groups of modes on given nodes: group, build the frame, make the rounds, and put together what does not part."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.periodic.decoupling.coupling import block_values, group_separation, high_harmonics, pair_effects
+from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
+from flexlin.periodic.decoupling.frames import periodic_frame
+from flexlin.periodic.decoupling.grouping import Eigenvectors, Group, Modes, follow_modes, grouped_modes
+from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, low_harmonics, mixing, rounds, sylvester
+from flexlin.periodic.decoupling.waves import circle_derivative, interleaved, shifted, smooth
+
+ADIABATIC = 0.05
+"""Modes stay together where the basic frequency exceeds this part of the gap between their eigenvalues at some time."""
+MIXING = 0.1
+"""Modes that a first step would mix by more than this stay together."""
+PART = 0.1
+"""The part of what is allowed that rounds aim at for each pair: the couplings of a group add up, and it may amplify them."""
+LARGEST_SWING = 1e3
+"""Modes that may grow against each other by more than this are not put together for that reason: it would not help them."""
+SETTLED, WORST = 1e-3, 0.3
+"""While modes are still mixed by more than SETTLED, only those are put together that mix by at least the part WORST of the strongest."""
+HOPELESS = 300.0
+"""On the fewest nodes, modes are put together only where their coupling exceeds what is allowed by this factor: others may part on more."""
+MAX_ROUNDS, MAX_MERGES = 14, 12
+EPS = float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Groups of modes, a basis T (N, n, n) of their subspaces, the groups that turn over (G,), the least size of each eigenvalue (n,)."""
+
+    groups: tuple[Group, ...]
+    T: Array
+    turning: Array
+    size: Array
+
+    @property
+    def turned(self) -> Array:
+        """The columns that turn over (n,)."""
+        return np.repeat(self.turning, [group.size for group in self.groups])
+
+    def doubled(self) -> "Frame":
+        """The same on twice the nodes."""
+        return replace(self, T=interleaved(self.T, shifted(self.T, 0.5, self.turned)))
+
+
+@dataclass(frozen=True)
+class Parted:
+    """What the rounds reached from a frame: the pairs of modes (n, n) whose coupling stays too large, and by which factor at the most."""
+
+    decoupled: Decoupled
+    stuck: Array
+    excess: float
+    size: Array
+
+    @property
+    def frame(self) -> Frame:
+        return Frame(self.decoupled.groups, self.decoupled.frame, self.decoupled.turning, self.size)
+
+
+def built_on(
+    samples: Array, vectors: Eigenvectors, joined: Array, period: float, tol: float, tries: int, few: bool
+) -> Parted | Refusal | None:
+    """Group, build the frame and make the rounds on one set of nodes, putting modes together that do not part.
+
+    On the fewest nodes, `few`, what more nodes may part is handed back as it is, or None where no frame was found; what they would not
+    part is added to `joined` (n, n).
+    """
+    modes = follow_modes(vectors)
+    apart = np.abs(modes.values[:, :, None] - modes.values[:, None, :]).min(axis=0)
+    together = joined | (apart < 2 * np.pi / period / ADIABATIC)
+    for _ in range(tries):
+        columns, groups = grouped_modes(modes, together)
+        if len(groups) == 1:
+            return None if few else Refusal("no eigenvalues of A(t) stand apart from the others along the period")
+        found = tried(modes.taken(columns), groups, samples, period, tol)
+        if found is None:
+            return None if few else Refusal("a group's basis has no real continuation around the period")
+        stuck = found.stuck
+        if not stuck.any() or (few and found.excess < HOPELESS):
+            return found
+        pairs = np.ix_(columns, columns)
+        together[pairs] |= stuck | stuck.T
+        joined[pairs] |= few & (stuck | stuck.T)
+    return Refusal("the coupling between groups of modes does not shrink")
+
+
+def tried(modes: Modes, groups: tuple[Group, ...], A: Array, period: float, tol: float) -> Parted | None:
+    """Decouple given groups on the nodes; None where they have no frame."""
+    framed = periodic_frame(modes, groups)
+    if framed is None:
+        return None
+    turned = np.repeat(framed[1], [group.size for group in groups])
+    return part_frame(
+        Frame(groups, smooth(framed[0], turned), framed[1], np.abs(modes.values).min(axis=0)), A, period, tol
+    )
+
+
+def part_frame(frame: Frame, A: Array, period: float, tol: float) -> Parted:
+    """Make the rounds from a frame on its nodes, where no first step would mix modes by much."""
+    T, groups, turning = frame.T, frame.groups, frame.turned
+    B = np.linalg.solve(T, A @ T - circle_derivative(T, period, turning=turning)) - 1j * np.pi / period * np.diag(
+        turning
+    )
+    S = sylvester(B, groups)
+    share = mixing(S)
+    stuck, excess, made = share > MIXING, np.inf, 0
+    if not stuck.any():
+        allowed = tol * np.maximum(1, frame.size)[:, None]
+        T, B, S, made, left = part_groups(T, B, S, groups, period, turning, allowed)
+        stuck = left > 0.1 * allowed + transformation_noise(T, A)
+        share, excess = mixing(S), float((left / allowed)[stuck].max(initial=0.0))
+    if (strongest := share[stuck].max(initial=0.0)) > SETTLED:
+        stuck &= share >= WORST * strongest
+    none = np.zeros(stuck.shape)
+    parted = Decoupled(period, np.empty(0), T, T, B, groups, frame.turning, none, none, made)
+    return Parted(parted, stuck, excess, frame.size)
+
+
+def part_groups(
+    T: Array, B: Array, S: Array, groups: tuple[Group, ...], period: float, turning: Array, allowed: Array
+) -> tuple[Array, Array, Array, int, Array]:
+    """Make the rounds: T, B, S, how many were made, and what the coupling that is left does to each mode by each other one (n, n)."""
+    apart = group_separation(block_values(B, groups) + 1j * np.pi / period * turning, period, groups)
+    apart = replace(apart, swing=np.minimum(apart.swing, LARGEST_SWING))
+    i, j = np.nonzero(apart.outside & (SLOW_PART * apart.gap < np.pi / period * len(B)))
+
+    def measure(B: Array, S: Array) -> Array:
+        rough = np.zeros(apart.gap.shape)
+        rough[i, j] = np.abs(high_harmonics(B[:, i, j], period, apart.gap[i, j])).max(axis=0)
+        return pair_effects(B, S, apart, rough)
+
+    def effect(B: Array, S: Array) -> Array:
+        return measure(B, S) / (PART * allowed)
+
+    T, B, S, made = rounds(B, T, S, groups, lambda S: low_harmonics(S, period, apart.gap, turning), effect, MAX_ROUNDS)
+    return T, B, S, made, measure(B, S)
+
+
+def transformation_noise(T: Array, A: Array) -> Array:
+    """Rounding of T^-1 A T, entry by entry (n, n)."""
+    size = np.abs(np.linalg.inv(T)) @ (np.abs(A) @ np.abs(T))
+    rounding = 30 * EPS * size.max(axis=0)
+    return np.sqrt(rounding * rounding.T)
