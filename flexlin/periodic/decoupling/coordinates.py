@@ -11,7 +11,7 @@ from flexlin.periodic.decoupling.waves import KEPT, circle_derivative, harmonics
 NEAR, BEYOND, LEAST = 0.2, 0.2, 0.05
 """A harmonic whose frequency comes closer to the gap of two eigenvalues stays, since it would not shrink: closer than NEAR of the gap, than
 BEYOND times what the two deviate from their means, and than LEAST of the basic frequency where they deviate by less."""
-EVEN, FAST, OPEN = 0.8, 20.0, 0.2
+EVEN, FAST, OPEN = 0.8, 30.0, 0.2
 """Two modes are parted by the gap of each time where their eigenvalues stay farther apart than the part EVEN of its mean; or than the part
 OPEN of it and FAST times the basic frequency: what is left is as small as the rate of change over the gap, however uneven this is."""
 ENOUGH, SHRINK = 2e-3, 0.8

@@ -9,7 +9,10 @@ from flexlin.checks import Array
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.decoupling.grouping import Group, block_mask
 from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, sylvester
-from flexlin.periodic.decoupling.waves import harmonics
+from flexlin.periodic.decoupling.waves import circle_derivative, harmonics
+
+LARGEST = 400.0
+"""Growths beyond exp(LARGEST) count as that: neither says anything."""
 
 
 @dataclass(frozen=True)
@@ -28,8 +31,8 @@ class Separation:
 
 @dataclass(frozen=True, eq=False)
 class Coupled:
-    """A generator B (N, n, n) with its groups; the eigenvalues of its blocks, how far these stay apart, and S of the Sylvester equations,
-    when these are read."""
+    """A generator B (N, n, n) with its groups; the eigenvalues of its blocks, how far these stay apart, S of the Sylvester equations, and
+    more, when these are read."""
 
     B: Array
     period: float
@@ -46,6 +49,28 @@ class Coupled:
     @cached_property
     def S(self) -> Array:
         return sylvester(self.B, self.groups)
+
+    @cached_property
+    def size(self) -> Array:
+        """The largest size of each entry (n, n)."""
+        return np.abs(self.B).max(axis=0)
+
+    @cached_property
+    def moved(self) -> Array:
+        """How fast S changes at the most, entry by entry (n, n)."""
+        return np.abs(circle_derivative(self.S, self.period)).max(axis=0)
+
+    @cached_property
+    def catch_up(self) -> Array:
+        """exp(g / 2) - 1 with the largest growth g of one mode against another one that grows more over a whole period, (n, n); groups by
+        their means."""
+        real, size = np.einsum("tii->ti", self.B).real, [g.size for g in self.groups]
+        mean = np.repeat(np.add.reduceat(real, [g.start for g in self.groups], axis=1) / size, size, axis=1)
+        behind = mean[:, :, None] - mean[:, None, :]
+        behind *= -np.sign(behind.mean(axis=0))
+        run = np.cumsum(np.concatenate([behind, behind]), axis=0) * self.period / len(self.B)
+        growth = (run - np.minimum.accumulate(run, axis=0)).max(axis=0)
+        return np.asarray(np.expm1(np.minimum(growth, LARGEST) / 2))
 
 
 def block_values(B: Array, groups: tuple[Group, ...]) -> Array:

@@ -5,12 +5,9 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.decoupling.coupling import Coupled, high_harmonics
-from flexlin.periodic.decoupling.waves import circle_derivative
 
 STILL = 8.0
 """Modes that grow by less than exp(STILL) against each other within a period do not bring out what is hidden."""
-LARGEST = 400.0
-"""Growths beyond exp(LARGEST) count as that: neither says anything."""
 LINKED = 1e-3
 """Modes whose multipliers are moved less by each other do not take each other's place."""
 
@@ -30,7 +27,7 @@ def hidden_effect(coupled: Coupled, rounding: Array) -> Array:
     B, period, groups = coupled.B, coupled.period, coupled.groups
     if find_growth(B, period) < STILL:
         return total
-    F, caught_up = hidden_couplings(coupled, rounding), catch_up(coupled)
+    F, caught_up = hidden_couplings(coupled, rounding), coupled.catch_up
     logs = np.einsum("tii->ti", B).mean(axis=0) * period
     single = np.concatenate([np.full(g.size, g.size == 1) for g in groups])
     gap = np.where(single[:, None] & single, measure_distances(logs, logs) / period, 0)
@@ -48,7 +45,7 @@ def link_modes(coupled: Coupled, rounding: Array) -> Array:
     with np.errstate(invalid="ignore"):
         seen = np.sqrt(rough * rough.T) * apart.swing
     F = hidden_couplings(coupled, rounding)
-    linked = np.maximum(seen, np.sqrt(F * F.T) * catch_up(coupled)) * coupled.period > LINKED
+    linked = np.maximum(seen, np.sqrt(F * F.T) * coupled.catch_up) * coupled.period > LINKED
     return np.asarray(linked & apart.outside & np.isinf(apart.oblique))
 
 
@@ -65,19 +62,5 @@ def hidden_couplings(coupled: Coupled, rounding: Array) -> Array:
     Source: Berry, Histories of adiabatic quantum transitions, Proc. R. Soc. A 429 (1990).
     """
     crossing = coupled.apart.outside & np.isinf(coupled.apart.oblique)
-    left, moved = np.abs(coupled.B).max(axis=0), np.abs(circle_derivative(coupled.S, coupled.period)).max(axis=0)
-    shrunk = np.exp(-left / np.maximum(moved, 1e-3 * left + np.finfo(float).tiny))
-    return np.where(crossing, left * shrunk + rounding, 0)
-
-
-def catch_up(coupled: Coupled) -> Array:
-    """exp(g / 2) - 1 with the largest growth g of one mode against another one that grows more over a whole period, (n, n); groups by their
-    means."""
-    B, period, groups = coupled.B, coupled.period, coupled.groups
-    real, size = np.einsum("tii->ti", B).real, [g.size for g in groups]
-    mean = np.repeat(np.add.reduceat(real, [g.start for g in groups], axis=1) / size, size, axis=1)
-    behind = mean[:, :, None] - mean[:, None, :]
-    behind *= -np.sign(behind.mean(axis=0))
-    run = np.cumsum(np.concatenate([behind, behind]), axis=0) * period / len(B)
-    growth = (run - np.minimum.accumulate(run, axis=0)).max(axis=0)
-    return np.asarray(np.expm1(np.minimum(growth, LARGEST) / 2))
+    shrunk = np.exp(-coupled.size / np.maximum(coupled.moved, 1e-3 * coupled.size + np.finfo(float).tiny))
+    return np.where(crossing, coupled.size * shrunk + rounding, 0)

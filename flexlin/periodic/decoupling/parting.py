@@ -7,6 +7,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.decoupling.coupling import block_values, group_separation, high_harmonics, pair_effects
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
+from flexlin.periodic.decoupling.evidence import EPS, SPARSE
 from flexlin.periodic.decoupling.frames import periodic_frame
 from flexlin.periodic.decoupling.grouping import Eigenvectors, Group, Modes, follow_modes, grouped_modes
 from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, low_harmonics, mixing, rounds, sylvester
@@ -25,7 +26,6 @@ SETTLED, WORST = 1e-3, 0.3
 HOPELESS = 300.0
 """On the fewest nodes, modes are put together only where their coupling exceeds what is allowed by this factor: others may part on more."""
 MAX_ROUNDS, MAX_MERGES = 14, 12
-EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,8 @@ def part_groups(
 
 
 def transformation_noise(T: Array, A: Array) -> Array:
-    """Rounding of T^-1 A T, entry by entry (n, n)."""
+    """Rounding of T^-1 A T, entry by entry (n, n); looked at where evidence looks at it."""
+    T, A = T[::SPARSE], A[::SPARSE]
     size = np.abs(np.linalg.inv(T)) @ (np.abs(A) @ np.abs(T))
     rounding = 30 * EPS * size.max(axis=0)
     return np.sqrt(rounding * rounding.T)
