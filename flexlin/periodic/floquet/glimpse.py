@@ -11,9 +11,10 @@ from flexlin.periodic.product.balancing import balance_factors, group_factors
 from flexlin.periodic.product.schur import periodic_schur
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, METHODS, Setting, place_segments
+from flexlin.periodic.transition.stretching import count_roundings
 
 FAR = 100.0
-"""A log of a multiplier this many times its promised error away from the axis is on its side of it."""
+"""A log of a multiplier this many times its promised error away from the axis is on its side of it; roundings of a factor beyond doubt."""
 LEAST = 1e-2
 """So is none that is nearer to the axis than this, whatever the setting promises."""
 
@@ -33,13 +34,15 @@ def glimpse_by_segments(system: PeriodicSystem, setting: Setting, tol: float, ma
 
     Raises: TooManySegments.
     """
-    factors = METHODS[setting.method](system, place_segments(system, setting), setting.order)
+    grid = place_segments(system, setting)
+    factors = METHODS[setting.method](system, grid, setting.order)
     even, scale = balance_factors(factors)
     form = periodic_schur(group_factors(even))
     logs = form.logs[np.argsort(-form.logs.real, kind="stable")]
     promised = tol * np.maximum(system.period, np.abs(logs))
     open_ = np.maximum(FAR * promised, LEAST)
     decided = bool(np.all(logs.real < -open_) or np.any(logs.real > open_))
-    if setting.method != "gauss" or not decided or liouville_excess(system, logs, promised) > 0:
+    rounded = float(count_roundings(system.resolved, grid, even, scale).max()) > FAR
+    if setting.method != "gauss" or not decided or rounded or liouville_excess(system, logs, promised) > 0:
         return solve_by_segments(system, setting, tol, max_segments)
     return SegmentedSpectrum(logs, promised, np.zeros(len(logs)), setting, scale[:, None] * form.start)

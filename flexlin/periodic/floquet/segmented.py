@@ -13,6 +13,7 @@ from flexlin.periodic.product.schur import periodic_schur
 from flexlin.periodic.resolved.uncertainty import LASTING, couple_uncertainty
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.setting import METHODS, Setting, place_segments, report_too_many
+from flexlin.periodic.transition.stretching import count_roundings
 
 SAFETY = 2.0
 """Factor on the method's error, which is measured against a better method."""
@@ -30,6 +31,8 @@ TRACE = 1e-11
 """Relative error of the mean trace of A that is forgiven."""
 ANOTHER = 1.3
 """How many times the segments give an independent rounding."""
+HELPED, MANY = 0.7, 4096
+"""Where rounding alone makes segments shorter: the part of it that half as long ones leave at the most, and how many there may be."""
 GROWTH, SHRINK = 4.0, 1.25
 """Bounds on how much finer the next resolution is."""
 
@@ -38,7 +41,7 @@ GROWTH, SHRINK = 4.0, 1.25
 class SegmentedSpectrum:
     """Logs of the multipliers (n,) by falling real part, their errors (n,), inf where unresolved, and rounding's part in these.
 
-    start (n, n): the bases of the slowest modes, from which a finer resolution begins.
+    start (n, n): the bases of the slowest modes, from which a finer resolution begins; stretched: shorter segments would round less.
     """
 
     logs: Array
@@ -46,6 +49,7 @@ class SegmentedSpectrum:
     rounding: Array
     setting: Setting
     start: Array
+    stretched: bool = False
 
 
 def solve_by_segments(
@@ -58,7 +62,7 @@ def solve_by_segments(
     Parameters: tol: wanted error of an exponent, relative beyond 1/s; fixed: take the setting as it is.
     Raises: TooManySegments.
     """
-    start = None
+    start, before = None, np.inf
     while True:
         spectrum, method = measure_spectrum(system, setting, start)
         wanted = tol * np.maximum(system.period, np.abs(spectrum.logs)) / SAFETY
@@ -66,6 +70,11 @@ def solve_by_segments(
         excess = float((method / np.maximum(wanted, spectrum.rounding))[resolved].max(initial=0.0))
         if start is None and (spectrum.rounding > wanted)[resolved].any():
             start = spectrum.start
+            continue
+        rounded = float((spectrum.rounding / wanted)[resolved].max(initial=0.0))
+        twice = 2 * setting.segments
+        if 1 < rounded < HELPED * before and spectrum.stretched and not fixed and twice <= min(max_segments, MANY):
+            setting, start, before = setting.with_segments(twice), spectrum.start, rounded
             continue
         if fixed or excess <= 1:
             noisy = not fixed and bool((method > wanted)[resolved].any()) and setting.segments < max_segments
@@ -104,6 +113,7 @@ def measure_spectrum(
     grid = place_segments(system, setting)
     plain = METHODS[setting.method](system, grid, setting.order)
     even, scale = balance_factors(plain)
+    roundings = count_roundings(system.resolved, grid, even, scale)
     turn = scale / scale[:, None]
     groups, rounds = count_groupings(even)
     better, marks = improve_factors(system, setting, grid) * turn, grid
@@ -118,7 +128,8 @@ def measure_spectrum(
 
     begin = None if start is None else np.linalg.qr(start / scale[:, None])[0]
     form = periodic_schur(groups, begin)
-    motion = spectrum_motion(form, groups, better, noise, 2.0**rounds)
+    counts = np.add.reduceat(roundings, np.arange(0, len(roundings), 2**rounds))
+    motion = spectrum_motion(form, groups, better, noise, counts)
     motion = share_errors(motion, form.logs, system.period)
     order = np.argsort(-form.logs.real, kind="stable")
     logs, method, rounding = form.logs[order], motion.method[order], motion.rounding[order]
@@ -128,7 +139,8 @@ def measure_spectrum(
         errors = np.where((errors > HIDDEN * below) & (below > errors[0]), np.inf, errors)
         method, errors = (np.append(np.maximum(part[0], hidden), part[1:]) for part in (method, errors))
     errors = errors + liouville_excess(system, logs, errors)
-    return SegmentedSpectrum(logs, errors, rounding, setting, scale[:, None] * form.start), method
+    stretched = bool((roundings > 1).any())
+    return SegmentedSpectrum(logs, errors, rounding, setting, scale[:, None] * form.start, stretched), method
 
 
 def hidden_growth(system: PeriodicSystem, grid: Array) -> float:

@@ -21,6 +21,7 @@ from flexlin.periodic.transition.gauss import Tableau, gauss
 from flexlin.periodic.transition.radau import radau
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, report_too_many
 
+EPS = float(np.finfo(float).eps)
 ROUNDINGS, RESONANT = 4.0, 100.0
 """Roundings that the periodicity condition amplifies; a response that loses this factor beyond tol counts as resonant."""
 STIFF = 1024
@@ -154,7 +155,7 @@ def refine_response(
     while count <= limits[1]:
         grid = place_edges(system.period, corners, count, -(-count // first))
         solution, sigma, Phi = solve_periodic(system, force, grid, rule)
-        rounding = ROUNDINGS * np.finfo(float).eps / max(sigma, np.finfo(float).tiny)
+        rounding = ROUNDINGS * EPS / max(sigma, np.finfo(float).tiny)
         if solution is None or rounding > RESONANT * max(tol, 1e-10):
             if count >= limits[0]:
                 raise report_resonance(Phi, sigma)
@@ -163,15 +164,16 @@ def refine_response(
         wanted = 0.0
         if previous is not None:
             scale = max(1.0, float(np.abs(solution.start).max()))
-            missed = measure_difference(solution, previous)
-            if missed <= (tol - rounding) * scale or missed <= 2 * rounding * scale:
-                return solution, sigma, float(missed + rounding * scale), scale
+            missed, rounded = measure_difference(solution, previous), measure_rounding(solution, sigma, Phi)
+            if missed + rounded <= tol * scale or missed <= 2 * rounding * scale:
+                return solution, sigma, missed + rounded, scale
             misses.append(missed)
             if missed == min(misses):
-                best = solution, sigma, scale, rounding, len(misses)
+                best = solution, sigma, scale, rounded, len(misses)
             if best is not None and stagnant(misses):
-                solution, sigma, scale, rounding, at = best
-                return solution, sigma, float(STAGNANT * max(misses[at - 1 : at + 1]) + rounding * scale), scale
+                solution, sigma, scale, rounded, at = best
+                missed = max(misses[at - 1 : at + 1])
+                return solution, sigma, max(STAGNANT * missed, missed + rounded), scale
             wanted = len(previous.start) * (MARGIN * missed / (tol * scale)) ** (1 / (len(rule.c) + 1))
         previous, count = solution, int(np.ceil(np.clip(wanted, GROWTH[0] * count, GROWTH[1] * count)))
     raise report_too_many(count, limits[1], tol)
@@ -213,6 +215,17 @@ def measure_difference(fine: PiecewiseSolution, coarse: PiecewiseSolution) -> fl
     grid = coarse.edges
     t = np.concatenate([grid[:-1], *(grid[:-1] + p * np.diff(grid) for p in PROBES)])
     return float(np.abs(fine(t) - coarse(t)).max())
+
+
+def measure_rounding(solution: PiecewiseSolution, sigma: float, Phi: Array) -> float:
+    """What rounding moves: states carried over a segment, amplified by the closure, and the gaps between segments that should close.
+
+    A mode that grows fast multiplies a rounding of the state before it: the next state is right, the polynomial that leads there is not.
+    """
+    carried = float((np.abs(Phi) @ np.abs(solution.start)[:, :, None]).max())
+    ends = solution.start + np.diff(solution.edges)[:, None] * solution.slope[:, 0]
+    gaps = float(np.abs(ends - np.roll(solution.start, -1, axis=0)).max())
+    return ROUNDINGS * EPS * max(1.0, carried) / sigma + gaps
 
 
 def report_resonance(Phi: Array, sigma: float) -> ResonantForcing:

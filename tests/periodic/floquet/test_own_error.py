@@ -78,6 +78,16 @@ def test_the_rounding_of_non_normal_factors_is_covered(seed):
     assert np.all(apart <= result.errors)
 
 
+@pytest.mark.parametrize("seed", [412, 440, 608, 673])
+def test_the_rounding_of_stretched_segments_is_covered(seed):
+    """Where h |A| is far above h |lambda| the stages cancel: these were missed by 3.5 to 5.8 times their error."""
+    system, known = switched_triangular(seed)
+    result = fl.floquet(system, tol=1e-4)
+    apart = match_logs(result.log_multipliers, known * system.period)[1] / system.period
+    assert np.all(apart <= result.errors)
+    assert result.error < 1e-2
+
+
 def test_bounds_beyond_the_range_of_numbers_are_numbers_that_decide_nothing():
     """Errors were not-a-number here, with a warning of NumPy's, and the verdict "zero to within its error"."""
     rng, n = np.random.default_rng(16), 6

@@ -108,3 +108,23 @@ def test_second_order_systems_answer_as_their_state_equations_do(stiffness, rng)
     for system in (second, fl.PeriodicSystem(second.A, T)):
         response = fl.forced_response(system, force, tol=1e-9)
         assert np.abs(response(t) - exact(t)).max() <= response.error <= 2e-9 + 500 * np.finfo(float).eps * stiffness
+
+
+@pytest.mark.parametrize("seed", [15, 34, 95, 105])
+def test_rounding_that_fast_growing_modes_multiply_is_covered(seed):
+    """The states at the edges are right to the last digit; the polynomials between them missed by 3 to 20 times the error."""
+    rng, w = np.random.default_rng(seed), 2 * np.pi
+    n = int(rng.integers(1, 4))
+    A, amplitude = 10 ** rng.uniform(1, 2.5) * rng.standard_normal((n, n)), rng.standard_normal((2, n))
+
+    def exact(t):
+        return np.sin(w * t)[:, None] * amplitude[0] + np.cos(2 * w * t)[:, None] * amplitude[1]
+
+    def force(t):
+        slope = np.cos(w * t)[:, None] * amplitude[0] - 2 * np.sin(2 * w * t)[:, None] * amplitude[1]
+        return w * slope - exact(t) @ A.T
+
+    t = np.linspace(0.0, 1.0, 501)
+    for tol in (1e-5, 1e-8, 1e-10):
+        response = fl.forced_response(fl.PeriodicSystem(A, 1.0), force, tol=tol)
+        assert np.abs(response(t) - exact(t)).max() <= response.error <= 3 * tol
