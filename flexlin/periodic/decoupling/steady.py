@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from math import log
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from flexlin.periodic.decoupling.evidence import Uncertainty, with_evidence
 from flexlin.periodic.decoupling.mean_modes import MeanModes, find_mean_modes
 from flexlin.periodic.decoupling.parting import ADIABATIC, WORST
 from flexlin.periodic.decoupling.superadiabatic import SLOW_PART
-from flexlin.periodic.decoupling.tame import LARGEST_GROWTH
+from flexlin.periodic.decoupling.tame import are_in_bands
 from flexlin.periodic.decoupling.waves import harmonics, tail
 from flexlin.periodic.system import MatrixFunction
 
@@ -158,11 +157,9 @@ def find_remaining(excess: Array, partner: Array, lasting: bool) -> Remaining:
 
 
 def may_be_tame(modes: MeanModes, period: float) -> bool:
-    """Whether the groups are ones of which perturbation theory says all: real, and of modes that stay together over a period."""
+    """Whether the groups are ones of which perturbation theory says all: real, and of modes that can be followed over a period."""
     several = [(i, group) for i, group in enumerate(modes.groups) if group.size > 1]
-    growth = [modes.values.real[group.part].tolist() for _, group in several]
-    spread = max([(max(each) - min(each)) * period for each in growth], default=0.0)
-    return all(group.partner == i for i, group in several) and spread < log(LARGEST_GROWTH)
+    return all(group.partner == i and are_in_bands(modes.values.real[group.part] * period) for i, group in several)
 
 
 def mix_at_first(own: Array, modes: MeanModes) -> float:

@@ -19,7 +19,8 @@ AIM, LARGEST, TRIES = 0.1, 0.3, 3
 INDEPENDENT = 1e3
 """Floquet vectors with a larger condition number belong to multipliers that nearly coincide: they are not served here."""
 LARGEST_GROWTH = 1e9
-"""Modes that grow against each other by more over a period are not served: their product would hold no vector of the weaker."""
+"""Modes are followed in two bands, those that grow most forward and the others backward. Of one that grows against another of its band by more
+over a period, the product would hold no vector."""
 
 
 def tame_exponents(values: Array, period: float, unknown: Array, allowed: float) -> tuple[Array, Array] | None:
@@ -73,7 +74,7 @@ def bound_factors(
     if not (measure_size(R) * measure_size(L)).max() < INDEPENDENT * p:
         return None
     closure, lengths = L[0] @ R[-1], np.log(G)
-    if not np.ptp(lengths.sum(axis=0)) < np.log(LARGEST_GROWTH):
+    if not are_in_bands(lengths.sum(axis=0)):
         return None
     logs = with_conjugates(lengths.sum(axis=0) + np.log(np.diagonal(closure)), multipliers)
     step = L[1:] @ (other - F) @ R[:-1] / G[:, :, None]
@@ -87,21 +88,51 @@ def bound_factors(
     return logs, own + pairs + 4 * EPS * np.abs(logs), method
 
 
+def are_in_bands(growth: Array) -> bool:
+    """Whether modes stand in two bands of their growth over a period (n,), as a logarithm, each narrow enough to be followed."""
+    low, high, width = growth.min(), growth.max(), np.log(LARGEST_GROWTH)
+    return bool(((growth - low < width) | (high - growth < width)).all())
+
+
 def follow_vectors(F: Array) -> tuple[Array, Array, Array]:
     """Eigenvalues (p,) of the product of factors (K, p, p), its eigenvectors along it, of length 1 (K + 1, p, p), and their growth (K, p).
 
-    Raises: LinAlgError where they are not found.
+    Those of modes that the product holds are followed forward; those that are too weak for it are the strong ones of the inverse, and
+    followed backward. Of their eigenvalues the angles alone are right. Raises: LinAlgError where they are not found.
     """
+    multipliers, start = np.linalg.eig(multiply_scaled(F))
+    top = np.abs(multipliers) * LARGEST_GROWTH > np.abs(multipliers).max()
+    R, G = np.empty((len(F) + 1, *start.shape), complex), np.empty(F.shape[:2])
+    if not top.all():
+        inverse = np.linalg.inv(F)
+        values, vectors = np.linalg.eig(multiply_scaled(inverse[::-1]))
+        order = np.argsort(-np.abs(values), kind="stable")[: np.count_nonzero(~top)]
+        multipliers = np.concatenate([multipliers[top], values[order]])
+        if values[order].imag.sum() != 0:
+            raise np.linalg.LinAlgError("a pair would be torn apart")
+        start, back = np.concatenate([start[:, top], vectors[:, order].conj()], axis=1), vectors[:, order].conj()
+        R[-1, :, -back.shape[1] :] = back
+        for k in range(len(F) - 1, -1, -1):
+            back = inverse[k] @ back
+            back /= np.sqrt((np.abs(back) ** 2).sum(axis=0))
+            R[k, :, -back.shape[1] :] = back
+        start[:, -back.shape[1] :] = back
+    strong = np.count_nonzero(top)
+    R[0] = start
+    for k, factor in enumerate(F):
+        more = factor @ R[k]
+        G[k] = np.sqrt((np.abs(more) ** 2).sum(axis=0))
+        R[k + 1, :, :strong] = (more / G[k])[:, :strong]
+    return multipliers, R, G
+
+
+def multiply_scaled(F: Array) -> Array:
+    """The product of factors (K, p, p), the first of them first, but for its size."""
     whole = F[0]
     for factor in F[1:]:
         whole = factor @ whole
-    R, G = np.empty((len(F) + 1, *whole.shape), complex), np.empty(F.shape[:2])
-    multipliers, R[0] = np.linalg.eig(whole)
-    for k, factor in enumerate(F):
-        R[k + 1] = factor @ R[k]
-        G[k] = np.sqrt((np.abs(R[k + 1]) ** 2).sum(axis=0))
-        R[k + 1] /= G[k]
-    return multipliers, R, G
+        whole = whole / np.sqrt((whole**2).sum())
+    return whole
 
 
 def with_conjugates(logs: Array, multipliers: Array) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.circle import pair_conjugates, wrap_log
-from flexlin.periodic.decoupling.tame import LARGEST_GROWTH, bound_factors
+from flexlin.periodic.decoupling.tame import are_in_bands, bound_factors
 from flexlin.periodic.product.balancing import balance_factors
 from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.resolved.uncertainty import LASTING, couple_uncertainty
@@ -37,7 +37,7 @@ def whole_exponents(
     """
     T = coefficients.period
     segments = count_segments(values, T, coefficients.degree, tol)
-    if not np.ptp(values.real) * T < math.log(LARGEST_GROWTH):
+    if not are_in_bands(values.real * T):
         return None
     for _ in range(2):
         if segments > most:

@@ -70,17 +70,19 @@ static int count_group_segments(double norm, double period, const double *limits
   return norm * period < limits[1] ? 8 * (int)fmax(1.0, ceil(norm * period / limits[0] / 8)) : 0;
 }
 
-/* Factors of a group over equal segments, of `fine` times so many parts each, the same of `coarse` times as many, and the product of the first, each
- * (p, p). 0 where there is no memory. */
+/* Factors (p, p) of a group over equal segments, of `fine` times so many parts each, and the same of `coarse` times as many. 0 where there is no
+ * memory. */
 static int follow_group(int p, int highest, const double *series, double period, int segments, int parts, const double *limits, double *out) {
-  int size = p * p;
-  double *product = out + 2L * segments * size, work[size];
   for (int pass = 0; pass < 2; pass++)
-    if (!factor_magnus(p, highest, series, segments, (int)limits[7 + pass] * parts, period, out + (long)pass * segments * size)) return 0;
-  memcpy(product, out, size * sizeof(double));
-  for (int k = 1; k < segments; k++) {
-    multiply_real(p, out + (long)k * size, product, work);
-    memcpy(product, work, size * sizeof(double));
-  }
+    if (!factor_magnus(p, highest, series, segments, (int)limits[7 + pass] * parts, period, out + (long)pass * segments * p * p)) return 0;
+  return 1;
+}
+
+/* Whether modes stand in two bands of their growth (n,), each narrower than `width`. */
+static int are_in_bands(int n, const double *growth, double width) {
+  double low = INFINITY, high = -INFINITY;
+  for (int i = 0; i < n; i++) { low = fmin(low, growth[i]); high = fmax(high, growth[i]); }
+  for (int i = 0; i < n; i++)
+    if (!(growth[i] - low < width || high - growth[i] < width)) return 0;
   return 1;
 }

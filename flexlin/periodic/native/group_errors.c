@@ -49,13 +49,14 @@ static void add_pairs(int p, double close, const z *logs, const double *coupling
 }
 
 /* Logs (p,) of the multipliers and their errors (p,), and the largest that is the method's: factors (2, segments, p, p), the second more or less
- * accurate, which share of the difference counts, the eigenvectors of the product of the first, and what is not known in each segment (p, p),
- * `apart` numbers from one segment's to the next; roundings: products behind a factor.
+ * accurate, which share of the difference counts, the vectors at the beginning, and at the ends of all segments those behind the first `strong`
+ * ones, which are followed; what is not known in each segment (p, p), `apart` numbers from one segment's to the next; roundings: products behind a
+ * factor.
  *
  * numbers: cancelled, close, roundings of a factor, eps, independent, and the logarithm of the largest growth.
  * Returns 1, 0 where the vectors are not independent or grow too much against each other, -1 where there is no memory. */
 static int bound_group(int p, int segments, const double *factors, double share, int roundings, const double *unknown, long apart,
-                       const double *numbers, const z *vectors, z *logs, double *errors, double *method) {
+                       const double *numbers, const z *vectors, const z *back, int strong, z *logs, double *errors, double *method) {
   int size = p * p, good = 1;
   double *sums = calloc(2L * size + 4 * p, sizeof(double)), *known = sums + size, *growth = known + size, *one = growth + p, *length = one + p, *own = length + p;
   z *work = malloc((7L * size + 2 * p) * sizeof(z)), *R = work + 2 * size, *L = R + size, *first = L + size, *next = first + size, *half = next + size;
@@ -70,6 +71,8 @@ static int bound_group(int p, int segments, const double *factors, double share,
     for (int e = 0; e < size; e++) change[e] = better[e] - F[e];
     multiply_mixed(p, F, R, next);
     shorten_columns(p, next, growth);
+    for (int e = 0; e < size; e++)
+      if (e % p >= strong) next[e] = back[(long)k * size + e];
     good = invert_complex(p, next, L, work) && measure_complex(size, next) * measure_complex(size, L) < numbers[4] * p;
     add_moduli(p, L, unknown + k * apart, roundings * numbers[2] * numbers[3] * measure_size(size, F), R, growth, known);
     multiply_mixed(p, change, R, half);
@@ -79,7 +82,6 @@ static int bound_group(int p, int segments, const double *factors, double share,
     memcpy(R, next, size * sizeof(z));
   }
   multiply_complex(p, first, R, next); /* the closure */
-  double low = INFINITY, high = -INFINITY;
   *method = 0.0;
   for (int i = 0; i < p; i++) {
     double last = 0.0;
@@ -89,12 +91,11 @@ static int bound_group(int p, int segments, const double *factors, double share,
     *method = off <= *method ? *method : off;
     own[i] = off + known[i * (p + 1)] + numbers[2] * numbers[3] * last;
     errors[i] = own[i] + 4 * numbers[3] * cabs(logs[i]);
-    low = fmin(low, length[i]);
-    high = fmax(high, length[i]);
   }
   for (int e = 0; e < size; e++) sums[e] += known[e] + cabs(next[e]);
   add_pairs(p, numbers[1], logs, sums, own, errors);
+  good = good && are_in_bands(p, length, numbers[5]);
   free(sums);
   free(work);
-  return good && high - low < numbers[5];
+  return good;
 }

@@ -139,19 +139,13 @@ static int join_modes(Modes *m, const int *partner, z *work) {
   return 1;
 }
 
-/* Whether perturbation theory says all of the groups: real ones, of modes that part by less than `most` over a period. */
+/* Whether perturbation theory says all of the groups: real ones, of modes that can be followed over a period. */
 static int may_be_tame(const Modes *m, double period, double most) {
-  double low[m->n], high[m->n];
-  int size[m->n];
-  for (int g = 0; g < m->groups; g++) { low[g] = INFINITY; high[g] = -INFINITY; size[g] = 0; }
-  for (int i = 0; i < m->n; i++) {
-    int g = m->label[i];
-    low[g] = fmin(low[g], creal(m->values[i]));
-    high[g] = fmax(high[g], creal(m->values[i]));
-    size[g]++;
+  double growth[m->n];
+  for (int i = 0, size; i < m->n; i += size) {
+    for (size = 0; i + size < m->n && m->label[i + size] == m->label[i]; size++) growth[size] = creal(m->values[i + size]) * period;
+    if (size > 1 && (m->partner[m->label[i]] != m->label[i] || !are_in_bands(size, growth, most))) return 0;
   }
-  for (int g = 0; g < m->groups; g++)
-    if (size[g] > 1 && (m->partner[g] != g || !((high[g] - low[g]) * period < most))) return 0;
   return 1;
 }
 

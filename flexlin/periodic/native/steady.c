@@ -105,18 +105,20 @@ static int decouple_steady(const Problem *p, Samples *samples, Modes *m, Modes *
 static int follow_tame(const Problem *p, int size, int highest, const double *series, double norm, const double *unknown, double allowed, z *values,
                        double *errors) {
   const double *limits = p->numbers->following; /* step, fastest, growth, waves, aim, largest, tries, fine, coarse, share */
-  int segments = count_group_segments(norm, p->period, limits), square = size * size, done = -1;
+  int segments = count_group_segments(norm, p->period, limits), square = size * size, strong, done = -1;
   if (!segments || 16L * segments * square > MEMORY) return WILD;
   double method, part[square], turns = p->period * norm + 2 * M_PI * limits[3];
   double wanted = turns * pow(limits[2] * turns / (limits[4] * allowed), 1.0 / 6.0);
-  double *factors = malloc((2L * segments + 1) * square * sizeof(double)), *product = factors + 2L * segments * square;
-  z *vectors = malloc((square + size) * sizeof(z)), *own = vectors + square;
+  double *factors = malloc(2L * segments * square * sizeof(double));
+  z *vectors = malloc(((segments + 1L) * square + size) * sizeof(z)), *back = vectors + square, *own = back + (long)segments * square;
   for (int e = 0; e < square; e++) part[e] = p->period / segments * unknown[e];
   for (int again = 0; again < limits[6] && factors && vectors; again++) {
     int parts = (int)fmax(1.0, ceil(wanted / (limits[7] * segments)));
-    done = follow_group(size, highest, series, p->period, segments, parts, limits, factors) ? find_eigenvectors(p->geev, size, product, own, vectors) : -1;
+    done = follow_group(size, highest, series, p->period, segments, parts, limits, factors) ? 1 : -1;
+    if (done == 1) done = find_bands(p->geev, size, segments, factors, exp(p->numbers->spread), own, vectors, back, &strong);
     if (done == 1)
-      done = bound_group(size, segments, factors, limits[9], (int)limits[7] * parts, part, 0, p->numbers->bounding, vectors, values, errors, &method);
+      done = bound_group(size, segments, factors, limits[9], (int)limits[7] * parts, part, 0, p->numbers->bounding, vectors, back, strong,
+                         values, errors, &method);
     if (done != 1 || method < limits[5] * allowed) break;
     wanted = limits[7] * parts * segments * pow(method / (limits[4] * allowed), 1.0 / 6.0);
   }

@@ -149,31 +149,18 @@ static int factor_evenly(const Problem *p, const double *pairs, int segments, do
   return done;
 }
 
-/* The product of factors (segments, n, n) but for its size. */
-static void multiply_factors(int n, int segments, const double *factors, double *product, double *work) {
-  int size = n * n;
-  memcpy(product, factors, size * sizeof(double));
-  for (int k = 1; k < segments; k++) {
-    multiply_real(n, factors + (long)k * size, product, work);
-    double over = 1.0 / fmax(measure_size(size, work), 1e-290);
-    for (int e = 0; e < size; e++) product[e] = over * work[e];
-  }
-}
-
 /* Exponents (n,) and errors by so many segments; OK, WILD where that does not serve, or LACKING. */
 static int follow_whole(const Problem *p, const double *pairs, int segments, z *exponents, double *errors) {
-  int n = p->n, size = n * n;
-  double method, *memory = malloc(((3L * segments + 2) * size + 2L * n) * sizeof(double)), *unknown = memory + 2L * segments * size;
-  double *product = unknown + (long)segments * size, *work = product + size, *units = work + size, *off = units + n;
-  z *vectors = malloc((size + 2L * n) * sizeof(z)), *own = vectors + size, *logs = own + n;
+  int n = p->n, size = n * n, strong;
+  double method, *memory = malloc((3L * segments * size + 2L * n) * sizeof(double)), *unknown = memory + 2L * segments * size;
+  double *units = unknown + (long)segments * size, *off = units + n;
+  z *vectors = malloc(((segments + 1L) * size + 2L * n) * sizeof(z)), *back = vectors + size, *own = back + (long)segments * size, *logs = own + n;
   v8 *middles = aligned_alloc(64, 3L * p->m * p->m * sizeof(v8));
   int done = memory && vectors && middles ? factor_evenly(p, pairs, segments, memory, units) : -1;
   if (done == 1) done = bound_unknown(p, pairs, segments, units, middles, unknown);
-  if (done == 1) {
-    multiply_factors(n, segments, memory, product, work);
-    done = find_eigenvectors(p->geev, n, product, own, vectors);
-  }
-  if (done == 1) done = bound_group(n, segments, memory, p->numbers->sure, 1, unknown, size, p->numbers->bounding, vectors, logs, off, &method);
+  if (done == 1) done = find_bands(p->geev, n, segments, memory, exp(p->numbers->spread), own, vectors, back, &strong);
+  if (done == 1)
+    done = bound_group(n, segments, memory, p->numbers->sure, 1, unknown, size, p->numbers->bounding, vectors, back, strong, logs, off, &method);
   if (done == 1) {
     settle_conjugates(n, own, logs, off);
     for (int i = 0; i < n; i++) { logs[i] /= p->period; off[i] /= p->period; }
@@ -189,16 +176,15 @@ static int follow_whole(const Problem *p, const double *pairs, int segments, z *
  * segments: that were taken. OK, WILD where that does not serve, or LACKING. */
 static int find_whole(const Problem *p, const z *mean, int most, z *exponents, double *errors, int *segments) {
   int n = p->n, entries = 3 * p->m * p->m, result = WILD;
-  double rate = 2 * M_PI / p->period, low = INFINITY, high = -INFINITY, tol = p->numbers->decoupling[4];
+  double rate = 2 * M_PI / p->period, growth[n], tol = p->numbers->decoupling[4];
   const double *step = p->numbers->step; /* error of a step, stages twice, waves for each stage, and how much finer the second try is */
   for (int i = 0; i < n; i++) {
     rate = fmax(rate, cabs(mean[i]));
-    low = fmin(low, creal(mean[i]));
-    high = fmax(high, creal(mean[i]));
+    growth[i] = creal(mean[i]) * p->period;
   }
   double wanted = p->period * rate / pow(tol * fmax(1.0, rate) / (rate * step[0]), 1.0 / step[1]);
   wanted = fmax(fmax(p->least, ceil(wanted)), ceil(step[2] * p->H));
-  if (!(p->m && wanted <= most && (high - low) * p->period < p->numbers->bounding[5])) return WILD;
+  if (!(p->m && wanted <= most && are_in_bands(n, growth, p->numbers->spread))) return WILD;
   double *pairs = malloc((2L * p->H + 2) * entries * sizeof(double));
   if (!pairs) return LACKING;
   pair_waves(p->H, entries, p->series, pairs);

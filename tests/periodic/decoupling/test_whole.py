@@ -76,10 +76,28 @@ def test_no_exponent_is_further_off_than_its_error(compiler, monkeypatch):
     assert served >= (10 if compiler else 3)
 
 
-def test_modes_that_grow_against_each_other_by_too_much_and_systems_of_first_order_are_left_to_others():
+def test_modes_that_grow_by_three_measures_and_systems_of_first_order_are_left_to_others():
     wave = lambda t: 0.2 * np.sin(2 * np.pi * t)[:, None, None]  # noqa: E731
-    stiff = fl.PeriodicSystem.from_second_order(lambda t: np.eye(1) + wave(t), [[40.0]], [[1.0]], 1.0)
+    stiff = fl.PeriodicSystem.from_second_order(lambda t: np.eye(2) + wave(t), np.diag([40.0, 90.0]), np.eye(2), 1.0)
     first = fl.PeriodicSystem(lambda t: np.array([[-1.0, 1.0], [-1.0, -1.0]]) + wave(t), 1.0)
     for system in (stiff, first):
         found = solve_at_once(system, 1e-9)
         assert isinstance(found, Refusal) or found[2].method != "gauss"
+
+
+@pytest.mark.parametrize("compiler", [True, False])
+@pytest.mark.parametrize("damping", [30.0, 60.0])
+def test_a_mode_that_decays_much_faster_than_the_others_is_followed_backward(compiler, damping, monkeypatch):
+    if not compiler:
+        monkeypatch.setattr(floquet_decoupled, "find_steady_solver", lambda states: None)
+    wave = lambda t: np.sin(2 * np.pi * t)[:, None, None] * np.array([[0.2, 0.1], [0.1, -0.3]])  # noqa: E731
+    system = fl.PeriodicSystem.from_second_order(
+        lambda t: np.eye(2) + wave(t), np.diag([damping, 1.0]), lambda t: 20 * np.eye(2) + 9 * wave(t), 1.0, complete=True
+    )
+    exponents, errors, setting, _ = solve_at_once(system, 1e-9)
+    assert setting.method == "gauss"
+    assert np.ptp(exponents.real) > 24
+    other = fl.floquet(system, 1e-13, method="gauss", order=12)
+    partner, apart = match_logs(exponents, other.exponents)
+    assert (apart <= errors + other.errors[partner]).all()
+    assert (errors <= 1e-9 * np.maximum(1, np.abs(exponents))).all()
