@@ -17,6 +17,8 @@ OPEN of it and FAST times the basic frequency: what is left is as small as the r
 ENOUGH, SHRINK = 2e-3, 0.8
 """Rounds end when the coupling's effect is this part of what is allowed, or shrinks by less than this factor."""
 MAX_ROUNDS = 12
+EVIDENT = 10.0
+"""Rounds end too where a resonance's effect exceeds what is allowed by this factor: no round takes it away."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +55,7 @@ def find_coordinates(own: Array, modes: MeanModes, period: float, allowed: Array
     best, least, made = P, np.inf, 0
     while True:
         S, slope, worst, resonance = step_once(B, modes.outside, frequency, allowed)
-        if not worst < SHRINK * least:
+        if resonance.max() > EVIDENT or not worst < SHRINK * least:
             made -= 1
             break
         best, least = P, worst

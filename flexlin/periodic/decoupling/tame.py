@@ -19,8 +19,8 @@ AIM, LARGEST, TRIES = 0.1, 0.3, 3
 INDEPENDENT = 1e3
 """Floquet vectors with a larger condition number belong to multipliers that nearly coincide: they are not served here."""
 LARGEST_GROWTH = 1e9
-"""Modes are followed in two bands, those that grow most forward and the others backward. Of one that grows against another of its band by more
-over a period, the product would hold no vector."""
+"""Modes are followed in two bands, those that grow most forward and the others backward. Of one that grows against another of its band by
+more over a period, the product would hold no vector."""
 
 
 def tame_exponents(values: Array, period: float, unknown: Array, allowed: float) -> tuple[Array, Array] | None:

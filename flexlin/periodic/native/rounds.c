@@ -188,11 +188,11 @@ static void transform_generator(const Shape *s, const v8 *E, const v8 *P, const 
 }
 
 static const double WORST = 0.3; /* as in decouple.py */
-static const double HOPELESS = 3.0; /* as in steady.py */
+static const double HOPELESS = 3.0, EVIDENT = 10.0; /* as in steady.py and coordinates.py */
 enum { RESONANT = -5 };
 
-/* Whether pairs are in resonance by much more than is allowed: then the partner of each mode that is so most, -1 for the others. */
-static int find_resonance(int n, const double *allowed, const double *stuck, int *partner) {
+/* Whether pairs are in resonance by `most` times more than is allowed: then the partner of each mode that is so most, -1 for the others. */
+static int find_resonance(int n, const double *allowed, const double *stuck, double most, int *partner) {
   double excess[n], largest = 0.0;
   for (int i = 0; i < n; i++) {
     excess[i] = 0.0;
@@ -202,9 +202,9 @@ static int find_resonance(int n, const double *allowed, const double *stuck, int
     }
     largest = fmax(largest, excess[i]);
   }
-  for (int i = 0; i < n && largest > HOPELESS; i++)
+  for (int i = 0; i < n && largest > most; i++)
     if (!(excess[i] > 0.0 && excess[i] >= WORST * largest)) partner[i] = -1;
-  return largest > HOPELESS;
+  return largest > most;
 }
 
 typedef struct { v8 *own, *P, *slope, *inverse, *B; } Side; /* of the nodes, or of the times half-way between them */
@@ -224,6 +224,7 @@ static int find_coordinates(const Shape *s, const Waves *f, const Ends *ends, co
   memcpy(best, P, whole * sizeof(v8));
   for (;; made++) {
     double worst = take_steps(s, f, group, allowed, B, step, slope, numbers, numbers + n * n, numbers + 2 * n * n);
+    if (find_resonance(n, allowed, numbers + 2 * n * n, EVIDENT, partner)) return RESONANT;
     if (!(worst < ends->shrink * least)) { made--; break; }
     least = worst;
     memcpy(best, P, whole * sizeof(v8));
@@ -239,7 +240,7 @@ static int find_coordinates(const Shape *s, const Waves *f, const Ends *ends, co
       solve(n, step + at, B + at);
     }
   }
-  if (find_resonance(n, allowed, numbers + 2 * n * n, partner)) return RESONANT;
+  if (find_resonance(n, allowed, numbers + 2 * n * n, HOPELESS, partner)) return RESONANT;
   long table = 64L * blocks * blocks;
   apply(s, blocks, f->between, 1.0, best, P);
   apply(s, blocks, f->between + table, f->w, best, node->slope);

@@ -9,8 +9,8 @@ PERIOD = 0.9
 
 
 def turned_group(seed, pairs, damped=0, beyond=0.0, count=128):
-    """Values of P' P^-1 + P C P^-1 at the nodes, P(t) periodic, and log exp(C T) of the constant C: pairs of modes that decay, some of which
-    do so faster."""
+    """Values of P' P^-1 + P C P^-1 at the nodes, P(t) periodic, and log exp(C T) of the constant C: pairs of modes that decay, some by
+    `beyond` faster."""
     rng = np.random.default_rng(seed)
     t, w, n = PERIOD * np.arange(count) / count, 2 * np.pi / PERIOD, 2 * pairs
     rates, turns = rng.uniform(-6, -0.1, pairs), w * rng.uniform(0.1, 9.0, pairs)
@@ -41,7 +41,7 @@ def test_groups_are_followed_as_finely_as_is_asked(pairs, allowed):
             assert np.abs(apart).min(axis=0).max() > 1e-11  # no more is done than is asked for
 
 
-@pytest.mark.parametrize("damped, beyond", [(1, 60.0), (1, 200.0), (2, 120.0)])
+@pytest.mark.parametrize(("damped", "beyond"), [(1, 60.0), (1, 200.0), (2, 120.0)])
 def test_modes_in_two_bands_of_growth_are_followed_however_far_these_lie_apart(damped, beyond):
     """Their product holds nothing of the weaker band: exp(-60) and less of the stronger."""
     for seed in range(8):

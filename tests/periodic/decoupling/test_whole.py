@@ -92,7 +92,11 @@ def test_a_mode_that_decays_much_faster_than_the_others_is_followed_backward(com
         monkeypatch.setattr(floquet_decoupled, "find_steady_solver", lambda states: None)
     wave = lambda t: np.sin(2 * np.pi * t)[:, None, None] * np.array([[0.2, 0.1], [0.1, -0.3]])  # noqa: E731
     system = fl.PeriodicSystem.from_second_order(
-        lambda t: np.eye(2) + wave(t), np.diag([damping, 1.0]), lambda t: 20 * np.eye(2) + 9 * wave(t), 1.0, complete=True
+        lambda t: np.eye(2) + wave(t),
+        np.diag([damping, 1.0]),
+        lambda t: 20 * np.eye(2) + 9 * wave(t),
+        1.0,
+        complete=True,
     )
     exponents, errors, setting, _ = solve_at_once(system, 1e-9)
     assert setting.method == "gauss"
