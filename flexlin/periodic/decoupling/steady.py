@@ -35,9 +35,9 @@ the part CLOSED is not, it may close."""
 HOPELESS, LASTING = 3.0, 100.0
 """Modes that a harmonic brings into resonance are put together at once where its effect exceeds what is allowed by the factor HOPELESS, and
 stay so on more nodes; as do others that are coupled by the factor LASTING too much."""
-JOINS = 4
-"""How often modes that stay coupled by too much are put together, those first whose excess is the part WORST of the largest: what hinders
-these keeps the coupling of others from shrinking too. That takes less time than twice the nodes, which mostly do not part them either."""
+JOINS = 1
+"""How often on one set of nodes modes that stay coupled by too much are put together, those first whose excess is the part WORST of the
+largest: what hinders these keeps the coupling of others from shrinking too. A second time seldom takes less than twice the nodes."""
 FEW_STATES = 16
 """With so few states, more nodes are tried even where these seldom part modes that are coupled by so much: it costs little."""
 

@@ -15,7 +15,7 @@ from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.exponents import decoupled_exponents
 from flexlin.periodic.decoupling.hidden import STILL, find_growth, hidden_effect
 from flexlin.periodic.decoupling.parting import MAX_MERGES
-from flexlin.periodic.decoupling.several import SAFETY
+from flexlin.periodic.decoupling.several import SAFETY, UNRESOLVED
 from flexlin.periodic.decoupling.steady import LOOK, decouple_steady
 from flexlin.periodic.floquet.result import find_reached
 from flexlin.periodic.fourier import FourierSeries
@@ -38,7 +38,7 @@ AtOnce = tuple[Array, Array, Setting, Decoupled | None]
 
 @dataclass(frozen=True)
 class HiddenMiss(Refusal):
-    """Why tol is not met, and the answer all the same where no other nodes or groups would make it better."""
+    """Why tol is not met, and the answer all the same where it says what leads, and no other nodes or groups would make it better."""
 
     answer: AtOnce | None
 
@@ -99,7 +99,8 @@ def solve_at_once(system: PeriodicSystem, tol: float, limit: int = MAX_SEGMENTS)
         if not missed:
             return answer
         if hidden is not None and (beyond := count_beyond(way, hidden, tol)):
-            return HiddenMiss("rounding hides what it takes to meet tol", answer if missed <= beyond else None)
+            known = missed <= beyond and leads_known(exponents, errors, coefficients.period)
+            return HiddenMiss("rounding hides what it takes to meet tol", answer if known else None)
     return Refusal("tol is not met")
 
 
@@ -113,10 +114,19 @@ def find_hidden(decoupled: Decoupled) -> Array | None:
 
 
 def add_hidden(decoupled: Decoupled, hidden: Array, tol: float) -> tuple[Array, Array]:
-    """The exponents, conjugates exactly, and their errors with what is hidden, which the compiled code leaves out."""
+    """The exponents, conjugates exactly, and their errors with what is hidden, which compiled code leaves out; inf for enclosed ones."""
     found = decoupled_exponents(replace(decoupled, residual=decoupled.residual + hidden), tol, tame_only=True)
     logs, errors = pair_conjugates(found.exponents * decoupled.period, found.errors * decoupled.period)
-    return logs / decoupled.period, errors / decoupled.period
+    return logs / decoupled.period, hide_enclosed(logs / decoupled.period, errors / decoupled.period)
+
+
+def leads_known(exponents: Array, errors: Array, period: float) -> bool:
+    """Whether all exponents that are not resolved (n,) decay faster than one that is."""
+    unresolved = ~(errors * period < UNRESOLVED) & np.isfinite(errors)
+    known = errors * period < UNRESOLVED
+    if not unresolved.any():
+        return True
+    return bool(known.any() and (exponents.real + errors)[unresolved].max() < exponents.real[known].max())
 
 
 def count_beyond(decoupled: Decoupled, hidden: Array, tol: float) -> int:

@@ -10,6 +10,7 @@ from flexlin.periodic.decoupling.decoupled import Refusal
 from flexlin.periodic.floquet import decoupled as routes
 from flexlin.periodic.floquet import exponents as floquet_exponents
 from flexlin.periodic.native.library import find_library
+from tests.periodic.gentle import gentle_system
 
 T = 2.0
 
@@ -113,3 +114,13 @@ def test_what_rounding_hides_is_not_sought_a_second_time(monkeypatch):
     assert found.setting.method == "decoupling"
     assert found.verdict == "stable"
     check_claim((found.exponents, found.errors), system.exponents)
+
+
+def test_where_the_leading_modes_are_hidden_other_ways_are_tried(monkeypatch):
+    """Their enclosure by the frame of followed modes is six times as narrow."""
+    prepare(monkeypatch, True)
+    gentle = gentle_system(10)
+    missed = routes.solve_at_once(fl.PeriodicSystem(gentle, gentle.period, complete=True), 1e-4)
+    assert isinstance(missed, routes.HiddenMiss)
+    assert missed.answer is None
+    assert fl.floquet(fl.PeriodicSystem(gentle, gentle.period, complete=True), 1e-4).error < 10
