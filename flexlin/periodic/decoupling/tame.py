@@ -5,6 +5,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.circle import measure_distances, wrap_log
 from flexlin.periodic.decoupling.group_factors import COARSE, FINE, FINER, METHOD, fit_group
+from flexlin.periodic.product.balancing import multiply_scaled
 from flexlin.periodic.product.perturbation import CANCELLED, EPS, FACTOR_ROUNDING, bound_pairs
 
 STEP, FASTEST = 3.0, 600.0
@@ -100,12 +101,12 @@ def follow_vectors(F: Array) -> tuple[Array, Array, Array]:
     Those of modes that the product holds are followed forward; those that are too weak for it are the strong ones of the inverse, and
     followed backward. Of their eigenvalues the angles alone are right. Raises: LinAlgError where they are not found.
     """
-    multipliers, start = np.linalg.eig(multiply_scaled(F))
+    multipliers, start = np.linalg.eig(multiply_scaled(F)[0])
     top = np.abs(multipliers) * LARGEST_GROWTH > np.abs(multipliers).max()
     R, G = np.empty((len(F) + 1, *start.shape), complex), np.empty(F.shape[:2])
     if not top.all():
         inverse = np.linalg.inv(F)
-        values, vectors = np.linalg.eig(multiply_scaled(inverse[::-1]))
+        values, vectors = np.linalg.eig(multiply_scaled(inverse[::-1])[0])
         order = np.argsort(-np.abs(values), kind="stable")[: np.count_nonzero(~top)]
         multipliers = np.concatenate([multipliers[top], values[order]])
         if values[order].imag.sum() != 0:
@@ -124,15 +125,6 @@ def follow_vectors(F: Array) -> tuple[Array, Array, Array]:
         G[k] = np.sqrt((np.abs(more) ** 2).sum(axis=0))
         R[k + 1, :, :strong] = (more / G[k])[:, :strong]
     return multipliers, R, G
-
-
-def multiply_scaled(F: Array) -> Array:
-    """The product of factors (K, p, p), the first of them first, but for its size."""
-    whole = F[0]
-    for factor in F[1:]:
-        whole = factor @ whole
-        whole = whole / np.sqrt((whole**2).sum())
-    return whole
 
 
 def with_conjugates(logs: Array, multipliers: Array) -> Array:
