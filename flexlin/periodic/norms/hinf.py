@@ -23,6 +23,8 @@ NEGATIVE = 1e-3
 """How far below zero an eigenvalue of X may lie by rounding, in units in which X has a diagonal of ones."""
 NEAREST = 1e-9
 """How far above the feedthrough's own gain the lowest level lies of which a Hamiltonian system is made."""
+NEAR = 0.01
+"""Part of the distance to the circle to which modes are known, so that none is taken for its counterpart."""
 STEPS = 200
 COARSE = 1e-3
 """Relative width of the bracket from which the level is extrapolated."""
@@ -114,7 +116,7 @@ class BoundedReal:
         if not np.all(np.abs(found.exponents.real) > 2 * np.where(np.isfinite(found.errors), found.errors, 0.0)):
             return False
         n = self.system.n
-        coarse = floquet(system, COARSE)
+        coarse = floquet(system, min(COARSE, NEAR * float(np.abs(found.exponents.real).min())))
         right = solve_modes_at_nodes(system, coarse, quick=True).right[:, :, np.argsort(coarse.exponents.real)[:n]]
         with np.errstate(all="ignore"):
             X = np.linalg.solve(np.swapaxes(right[:, :n], 1, 2), np.swapaxes(right[:, n:], 1, 2)).real

@@ -162,3 +162,15 @@ def test_a_norm_that_a_narrow_feedthrough_makes(tol):
     """Levels between the feedthrough's samples and its peak ended in a bare LinAlgError, or in doubts about A."""
     found = fl.hinf_norm(fl.PeriodicSystem([[-1.0]], 1.0, B=[[1.0]]), [[1e-3]], narrow_feedthrough, tol=tol)
     assert abs(found.value - 6.0) <= found.error <= max(tol, 2e-9) * found.value
+
+
+def test_a_level_just_above_the_norm_is_found_there():
+    """Modes 1e-4 apart were taken for each other where they were known to 1e-3: the norm was missed by 2,500 times its error."""
+    rng = np.random.default_rng(3)
+    A = -np.diag(10 ** rng.uniform(-1.5, 0, 3))
+    A[0, 1], A[1, 0] = -0.5, 30.0
+    B, C = rng.normal(size=(3, 2)), rng.normal(size=(1, 3))
+    system, output = rotated(A, B, C, 1.2566)
+    known = constant_peak(A, B, C, 0.0)[0]
+    norm = fl.hinf_norm(system, output)
+    assert abs(norm.value - known) <= norm.error <= 1e-8 * known
