@@ -7,6 +7,8 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.resolved.sampling import GOLDEN, Sampler
 
+RARE = 1e-11
+"""Noise that some times have and others have not: roundings of a computed function, which jump where it pivots in another order."""
 POINTS, ORDERS = 16, (5, 6)
 SPACING = 0.9713e-5
 """Of the panel: a function that the panel nearly resolves changes by less than 1e-16 of itself in a fifth difference."""
@@ -35,5 +37,5 @@ def noise_level(sample: Sampler, begin: Array, end: Array, spots: int = 2) -> Ar
         levels.append(np.sqrt(gamma * (np.diff(values, k, axis=2) ** 2).mean(axis=2)))
     faint = FAINT * sample.scale.max()
     quiet, loud = (extreme(np.maximum(*levels), axis=1) * size for extreme in (np.min, np.max))
-    level = np.where(loud <= faint, loud, quiet)
+    level = np.where(loud <= np.maximum(RARE * sample.scale, faint), loud, quiet)
     return np.asarray(np.where(level <= np.maximum(LOUD * sample.scale, faint), level, 0.0))

@@ -186,6 +186,20 @@ def test_rounding_that_comes_and_goes_is_not_chased(size, power):
     assert series.error.max() < 1e-13
 
 
+@pytest.mark.parametrize("part", [0.01, 0.03])
+def test_rounding_that_few_times_have_is_not_chased(part):
+    """An inverse of condition 1e6 that pivots in another order at a few times: such an A was refused, cut to the last bit."""
+
+    def rare(t):
+        return np.mod(1e9 * t, 1.618) < 1.618 * part
+
+    A = scalar(lambda t: (0.5 * np.cos(t) - 1) * (1 + 1e-12 * rare(t)))
+    series = resolve(A, SMOOTH)
+    assert covered(series, A, np.random.default_rng(2)) < 1
+    assert series.error.max() < 2e-11
+    assert series.panels < 1000
+
+
 def test_single_precision_is_noise():
     true = scalar(np.cos)
     series = resolve(lambda t: true(t).astype(np.float32), SMOOTH)
