@@ -24,6 +24,8 @@ from flexlin.periodic.transition.setting import MAX_SEGMENTS, report_too_many
 EPS = float(np.finfo(float).eps)
 ROUNDINGS, RESONANT = 4.0, 100.0
 """Roundings that the periodicity condition amplifies; a response that loses this factor beyond tol counts as resonant."""
+NEARBY = 0.05
+"""Distance of a multiplier's log from 0 up to which it is the reason why a response is large."""
 STIFF = 1024
 """Segments of Gauss collocation beyond which Radau IIA is taken: its smooth solution does not feel modes that are fast and damped."""
 COARSE, LEAST = 4, 16
@@ -229,11 +231,18 @@ def measure_rounding(solution: PiecewiseSolution, sigma: float, Phi: Array) -> f
 
 
 def report_resonance(Phi: Array, sigma: float) -> ResonantForcing:
-    """Name the multiplier nearest to 1."""
+    """Name the multiplier nearest to 1; where that is none, states of other sizes make the condition singular."""
     logs = product_logs(Phi)
     nearest = logs[np.argmin(np.abs(logs))]
+    got = f"the multiplier {np.exp(nearest):.12g} with the periodicity condition's smallest singular value {sigma:.1e}"
+    if abs(nearest) > NEARBY:
+        return ResonantForcing(
+            "rounding hides the periodic response, although no multiplier is near 1",
+            got=got,
+            todo="take units in which the states are of like size, coordinates in which A is closer to normal, or a larger tol",
+        )
     return ResonantForcing(
         "1 is (nearly) a Floquet multiplier, so the periodic response is not bounded or not unique",
-        got=f"the multiplier {np.exp(nearest):.12g} with the periodicity condition's smallest singular value {sigma:.1e}",
+        got=got,
         todo="fix the free rigid motion by feedback, add damping, or move the forcing's frequency",
     )

@@ -60,6 +60,14 @@ def test_resonance_names_the_multiplier():
         fl.forced_response(fl.PeriodicSystem(colaneri, 2 * np.pi), [0.0, 1.0])
 
 
+def test_units_far_apart_are_not_called_a_resonance():
+    """Both multipliers are below 0.4; the states are 1e11 times apart in size."""
+    system = fl.PeriodicSystem([[-1.0, 1e11], [0.0, -2.0]], 1.0)
+    with pytest.raises(ResonantForcing, match="no multiplier is near 1") as caught:
+        fl.forced_response(system, [1.0, 1.0])
+    assert "units" in str(caught.value)
+
+
 def test_near_resonance_keeps_what_rounding_allows():
     """x' = -1e-5 x + 1 has x = 1e5."""
     response = fl.forced_response(fl.PeriodicSystem(np.array([[-1e-5]]), 1.0), [1.0], tol=1e-9)
