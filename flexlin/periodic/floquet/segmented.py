@@ -25,8 +25,10 @@ LOST = 1e-2
 """A mode whose error exceeds this part of its size is not followed at all, and says nothing of the others."""
 HIDDEN = 1e-3
 """A mode whose log is uncertain by this part of its distance below the largest is known to lie below, and no more."""
-TURNED, LOOKS = 2.0, 96
+TURNED, LOOKS = 2.0, 256
 """Radians by which a mode may turn in a segment of Radau's method, and segments at which the eigenvalues of A(t) are looked at."""
+NEXT = 1e-5
+"""Of the period: the time over which the change of a mode's shape is seen."""
 TRACE = 1e-11
 """Relative error of the mean trace of A that is forgiven."""
 ANOTHER = 1.3
@@ -146,15 +148,26 @@ def measure_spectrum(
 def hidden_growth(system: PeriodicSystem, grid: Array) -> float:
     """How fast modes grow, in 1/s, that turn too fast for the segments: an L-stable method damps them whatever they do.
 
-    The mean of the largest real part of those eigenvalues of A(t) whose size exceeds TURNED of a segment; -inf where there are none.
+        growth = Re lambda - Re l' r',   |r| = 1,   l' r = 1
+
+    The mean in time of the largest over those eigenvalues of A(t) whose size exceeds TURNED of a segment, with what every other look
+    says less; -inf where there are none. The second term is what a mode gains by the change of its shape.
     """
-    k = np.unique(np.linspace(0, len(grid) - 2, LOOKS).astype(int))
-    h = np.diff(grid)[k]
-    values = np.linalg.eigvals(system.resolved(grid[k] + h / 2))
+    t = system.period * (np.arange(LOOKS) + 0.5) / LOOKS
+    h = np.diff(grid)[np.searchsorted(grid, t, side="right") - 1]
+    later = NEXT * system.period
+    values, right = np.linalg.eig(system.resolved(t))
     turning = np.abs(values) * h[:, None] > TURNED
     if not turning.any():
         return -np.inf
-    return float(np.where(turning, values.real, -np.inf).max(axis=1)[turning.any(axis=1)].mean())
+    after, turned = np.linalg.eig(system.resolved(t + later))
+    partner = np.abs(values[:, :, None] - after[:, None]).argmin(axis=2)
+    same = np.take_along_axis(turned, partner[:, None], axis=2)
+    with np.errstate(divide="ignore"):
+        change = np.log(np.abs(np.einsum("tij,tji->ti", np.linalg.inv(right), same))) / later
+    growth = np.where(turning, values.real - change, -np.inf).max(axis=1)
+    means = [float(part[np.isfinite(part)].mean()) for part in (growth[::2], growth[1::2]) if np.isfinite(part).any()]
+    return max(means) + (max(means) - min(means))
 
 
 def share_errors(motion: Motion, logs: Array, period: float) -> Motion:

@@ -5,6 +5,9 @@ import pytest
 
 import flexlin as fl
 from flexlin.errors import TooManySegments
+from flexlin.periodic.floquet.segmented import hidden_growth
+from tests.periodic.judge import judged
+from tests.periodic.random_systems import draw
 
 T = 2.0
 
@@ -32,3 +35,12 @@ def test_no_mode_is_thought_away(growth: float, turning: float, segments: int | 
     except TooManySegments:
         return
     assert found.verdict == "undecided" or abs(found.exponents[0].real - growth) <= found.errors[0]
+
+
+def test_growth_by_the_change_of_a_shape_counts():
+    """Unequal segments, and eigenvectors that turn: a fast pair that grows by 0.11 1/s was held to decay by 0.12 1/s."""
+    case = draw("kept shapes", 77003000077)
+    system = case.system()
+    growth = hidden_growth(system, np.linspace(0.0, system.period, 4001))
+    assert abs(growth - case.exponents.real.max()) < 1e-3
+    assert judged(case).worst <= 1
