@@ -164,7 +164,7 @@ def hidden_growth(system: PeriodicSystem, grid: Array) -> float:
     partner = np.abs(values[:, :, None] - after[:, None]).argmin(axis=2)
     same = np.take_along_axis(turned, partner[:, None], axis=2)
     with np.errstate(divide="ignore"):
-        change = np.log(np.abs(np.einsum("tij,tji->ti", np.linalg.inv(right), same))) / later
+        change = np.log(np.abs(np.einsum("tij,tji->ti", np.linalg.pinv(right), same))) / later
     growth = np.where(turning, values.real - change, -np.inf).max(axis=1)
     means = [float(part[np.isfinite(part)].mean()) for part in (growth[::2], growth[1::2]) if np.isfinite(part).any()]
     return max(means) + (max(means) - min(means))
