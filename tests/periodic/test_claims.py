@@ -71,6 +71,12 @@ def test_claims_hold(kind, seed):
     assert not (outcome.refusal and kind in MUST_ANSWER)
 
 
+@pytest.mark.parametrize("seed", [77004000014, pytest.param(77004000067, marks=pytest.mark.slow)])
+def test_better_factors_that_err_too_do_not_hide_what_has_split_a_chain(seed):
+    """Three equal multipliers are split three times as far as they move: claims of what better factors change alone were missed twice."""
+    check(judged(draw("jordan", seed)))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "seed"), FOUND)
 def test_claims_hold_where_an_engine_has_failed(kind, seed):

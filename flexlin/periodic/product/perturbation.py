@@ -27,6 +27,8 @@ ALONE = 0.01
 CLOSE = 0.1
 """Couplings above this part of a gap move the pair by about their own size: m multipliers of a split chain have 1 / (2 m sin(pi / m))."""
 
+DOUBTED = 2.0
+"""How many times the method's coupling counts where it is asked what has split a pair: better factors err too."""
 
 Couplings = Callable[[Array, Array], Array]
 
@@ -91,7 +93,7 @@ def motion_at(
     gap = measure_distances(form.logs, form.logs)
     couplings = np.abs(method).sum(axis=0)
     by_method = np.maximum(np.abs(shift), CANCELLED * np.diagonal(couplings))
-    by_method += bound_pairs(couplings, np.abs(shift), gap, shared)
+    by_method += bound_pairs(couplings, np.abs(shift), gap, shared, DOUBTED * couplings + rounding)
     by_rounding = (
         np.diagonal(rounding) + bound_pairs(rounding, np.diagonal(rounding), gap, shared) + 4 * EPS * np.abs(form.logs)
     )
@@ -103,18 +105,25 @@ def known(bound: Array) -> Array:
     return np.minimum(np.nan_to_num(bound, nan=UNKNOWN), UNKNOWN)
 
 
-def bound_pairs(coupling: Array, own: Array, gap: Array, shared: Array) -> Array:
+def bound_pairs(coupling: Array, own: Array, gap: Array, shared: Array, whole: Array | None = None) -> Array:
     """What pairs of eigenvalues do to each other beyond first order, (n,).
 
     Parameters: coupling (n, n): of the perturbation in the eigenvectors' coordinates; own (n,): first-order motions, which may
-    close gaps; gap (n, n): distances of the eigenvalues; shared (n, n): couplings left between equal ones.
+    close gaps; gap (n, n): distances of the eigenvalues; shared (n, n): couplings left between equal ones; whole (n, n): all that may have
+    split a pair, where that is more than the coupling.
     """
     gap = np.maximum(gap - own[:, None] - own, 0.0)
+    size = pair_size(coupling)
+    splitting = size if whole is None else pair_size(whole)
+    pairs = np.where(splitting > CLOSE * gap, 2 * splitting, size**2 / np.maximum(gap, size + np.finfo(float).tiny))
+    return pairs.sum(axis=1) + bound_shared(coupling, np.abs(shared))
+
+
+def pair_size(coupling: Array) -> Array:
+    """sqrt(A_ij A_ji) of each pair (n, n), zero on the diagonal."""
     product = coupling * coupling.T
     np.fill_diagonal(product, 0.0)
-    size = np.sqrt(product)
-    pairs = np.where(size > CLOSE * gap, 2 * size, product / np.maximum(gap, size + np.finfo(float).tiny))
-    return pairs.sum(axis=1) + bound_shared(coupling, np.abs(shared))
+    return np.asarray(np.sqrt(product))
 
 
 def bound_shared(coupling: Array, shared: Array) -> Array:
