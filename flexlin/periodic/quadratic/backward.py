@@ -1,4 +1,4 @@
-"""Compiled sweeps of the Riccati equation backwards over the parts of a period: the calls of sweeps.c, spectrum.c and running_cost.c."""
+"""Compiled solutions of the Riccati equation over the four parts of a period: the calls of the C files beside this one."""
 
 import ctypes
 from collections.abc import Sequence
@@ -14,19 +14,24 @@ from flexlin.checks import Array
 from flexlin.compiler import address, find_kept_library
 from flexlin.periodic.quadratic.samples import PARTS, RiccatiSamples
 
-FILES = tuple(Path(__file__).with_name(f"{name}.c") for name in ("sweeps", "spectrum", "running_cost"))
+FILES = tuple(
+    Path(__file__).with_name(f"{name}.c") for name in ("sweeps", "spectrum", "coarse", "correction", "running_cost")
+)
 SEEN = 32
 """Times at which the sizes of X and of the gain are looked at."""
 
 
 @lru_cache(maxsize=1)
 def find_sweeps() -> ctypes.CDLL | None:
-    """The library of sweeps.c, spectrum.c and running_cost.c; none where there is no compiler."""
+    """The library of these files; none where there is no compiler."""
     library = find_kept_library(*FILES)
     if library is not None:
         whole, long, real, where = ctypes.c_int, ctypes.c_long, ctypes.c_double, ctypes.c_void_p
         ports: list[Any] = [where, long] * 3
         library.sweep_until_closed.argtypes = [where, real, whole, *[where] * 4, whole, where, real, *[where] * 3]
+        library.correct_until_closed.argtypes = [where, real, real, real, whole, where, real, where, where, where]
+        library.evaluate_residual.argtypes = [where, real, whole, *[where] * 4]
+        library.solve_lyapunov.argtypes = [where, real, real, where, whole, where, where]
         library.compare_with_equation.argtypes = [where, long, real, whole, where, real, long, whole, *ports, where]
         library.bound_gain.argtypes = [where, long, long, long, whole, *ports, where, where]
         library.weigh_inputs.argtypes = [whole, whole, whole, long, *ports[:4], where]
@@ -111,6 +116,50 @@ def sweep_until_closed(
     if not library.sweep_until_closed(samples.place, period, *plan, *begin, tol or 0.0, *out):
         return None
     return Swept(X, series[: 2 * shape[0] + 1], int(shape[1]))
+
+
+def correct_until_closed(
+    library: ctypes.CDLL,
+    samples: RiccatiSamples,
+    period: float,
+    rate: float,
+    near: float,
+    start: Array | None = None,
+    tol: float = 0.0,
+) -> Swept | None:
+    """Find X by Newton's method on its series, whose steps are solved by exponentials of the loop and correct each other.
+
+    Parameters: rate: the Hamiltonian's spectral radius; near: the change of X, relative to X, after which it ends; the others as of
+    `sweep_until_closed`.
+    Returns: None where the steps do not settle.
+    """
+    entries, nodes = samples.n * (samples.n + 1) // 2, samples.count // (2 * PARTS)
+    X, series, shape = np.empty((nodes, entries, PARTS)), np.empty((8 * nodes // 3 + 1, entries)), np.zeros(2, np.int64)
+    begin = (0, None) if start is None else (len(start) // 2, address(start))
+    out = (tol, address(X), address(series), address(shape))
+    if not library.correct_until_closed(samples.place, period, rate, near, *begin, *out):
+        return None
+    return Swept(X, series[: 2 * shape[0] + 1], int(shape[1]))
+
+
+def evaluate_residual(library: ctypes.CDLL, samples: RiccatiSamples, period: float, series: Array) -> Array:
+    """Return X, X' and X' + A' X + X A - X S X + Q of a series at every second sample: (3, N / 8, n (n + 1) / 2, 4)."""
+    found = np.empty((3, samples.count // (2 * PARTS), series.shape[1], PARTS))
+    if not library.evaluate_residual(samples.place, period, len(series) // 2, address(series), *map(address, found)):
+        raise MemoryError
+    return found
+
+
+def solve_loop_lyapunov(
+    library: ctypes.CDLL, samples: RiccatiSamples, period: float, near: float, X: Array, right: Array
+) -> Array | None:
+    """Solve -D' = Ac' D + D Ac + F for several F, Ac the loop of X; all of shape (., N / 8, n (n + 1) / 2, 4), at every second sample.
+
+    near: change of D, relative to itself. Returns: None where the steps do not settle.
+    """
+    D = np.empty_like(right)
+    places = (address(X), len(right), address(right), address(D))
+    return D if library.solve_lyapunov(samples.place, period, near, *places) else None
 
 
 @dataclass(frozen=True, eq=False)

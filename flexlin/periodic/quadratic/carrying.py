@@ -1,4 +1,4 @@
-"""What a loop makes of the residual of its Riccati solution: a bound on the error by one Lyapunov equation, swept like Riccati's."""
+"""What a loop makes of the residual of its Riccati solution: a bound on the error by one Lyapunov equation, solved like Riccati's."""
 
 from dataclasses import replace
 from math import sqrt
@@ -6,7 +6,13 @@ from math import sqrt
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.quadratic.backward import Level, compare_with_equation, reach_inputs, sweep_until_closed
+from flexlin.periodic.quadratic.backward import (
+    Level,
+    compare_with_equation,
+    correct_until_closed,
+    reach_inputs,
+    sweep_until_closed,
+)
 from flexlin.periodic.quadratic.evidence import ROUNDING, weigh
 from flexlin.periodic.quadratic.samples import RiccatiSampler, divide_parts, join_parts
 from flexlin.periodic.quadratic.triangle import evaluate_triangle, triangle_places
@@ -14,6 +20,8 @@ from flexlin.periodic.quadratic.triangle import evaluate_triangle, triangle_plac
 LEVEL = Level(1, 6, 1e-4)
 REACH = 0.1
 """The largest product of a step and the Hamiltonian's spectral radius here."""
+FASTEST = 60
+"""The largest product of period and spectral radius of which sweeps are cheaper than corrections."""
 LEAST = 96
 MOST_SHARE, MOST_CURVED = 0.5, 0.2
 """Largest share of W that D's own residual may be, and largest q."""
@@ -22,11 +30,11 @@ SEEN = 1e-3
 
 
 def carry_residual(sampler: RiccatiSampler, X: Array, sizes: Array, rate: float) -> tuple[float, float] | None:
-    """Bound what a residual F makes of X and of the gain; None where the sweeps do not close, or D proves nothing.
+    """Bound what a residual F makes of X and of the gain; None where it is not solved, or D proves nothing.
 
         -D' = Ac' D + D Ac + W + G,   Ac = A - S X,   -W <= F <= W,   -r W <= G <= r W,   D > 0 at one time
 
-    G is what the sweeps leave over of D's own equation. With D1 = D / (1 - r), by Lyapunov's theorem the loop Ac is stable. An error E of X
+    G is what is left over of D's own equation. With D1 = D / (1 - r), by Lyapunov's theorem the loop Ac is stable. An error E of X
     obeys Lyapunov's equation with the right side F - E S E; with q = max tr(S D1) tr(W^-1 D1) < 1/4 the map from E to its solution keeps
 
         -k D1 <= E <= k D1,   |E_ij| <= k sqrt(D1_ii D1_jj),   k = 2 / (1 + sqrt(1 - 4 q))
@@ -36,7 +44,8 @@ def carry_residual(sampler: RiccatiSampler, X: Array, sizes: Array, rate: float)
     Source: Bittanti, Colaneri, Periodic Systems (2009), ch. 4 (periodic Lyapunov equation and inequality).
     """
     library, period = sampler.library, sampler.period
-    count = 32 * int(np.ceil(max(rate * period / REACH, len(X), LEAST) / 32))
+    fast = rate * period > FASTEST
+    count = 32 * int(np.ceil(max(2 * len(X) if fast else max(rate * period / REACH, len(X)), LEAST) / 32))
     samples, where = sampler.sample(2 * count), triangle_places(X.shape[1])
     values, B = evaluate_triangle(X, 2 * count)[:, where], samples.B
     A = join_parts(samples.A if len(samples.A) > 1 else samples.A[:, :, :1]).reshape(-1, *where.shape)
@@ -45,7 +54,10 @@ def carry_residual(sampler: RiccatiSampler, X: Array, sizes: Array, rate: float)
     linear = replace(
         samples, A=divide_parts(loop), S=np.zeros_like(samples.S[:1]), Q=divide_parts(np.diag(W)[None], True)
     )
-    D = sweep_until_closed(library, linear, period, (LEVEL,), tol=SEEN)
+    if fast:
+        D = correct_until_closed(library, linear, period, rate, LEVEL.end, tol=SEEN)
+    else:
+        D = sweep_until_closed(library, linear, period, (LEVEL,), tol=SEEN)
     if D is None:
         return None
     share = compare_with_equation(library, linear, period, D.series, D.every, 8 * ROUNDING).share

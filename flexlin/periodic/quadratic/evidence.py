@@ -63,19 +63,25 @@ def find_error(problem: LinearQuadratic, X: FourierSeries, loop: Array, count: i
     if not is_stable_by_cost(values, weigh(sizes, values), S, Q):
         prove_stable(X, loop, sizes, finer, S)
     lyapunov = CollocatedLyapunov(finer, T, values)
-    signs = np.random.default_rng(PROBE).choice([-1.0, 1.0], (2, len(t), *values.shape[1:]))
-    signs[0] = signs[0, 0]
-    roundings = [draw_rounding(A, S, Q, values, rate, sign) for sign in signs]
+    roundings = draw_roundings(A, S, Q, values, rate)
     parts = [lyapunov.solve(F, CARRYING, 10 * CARRYING) for F in (residual, *roundings)]
-    if np.abs(parts[0]).max() > max(np.abs(part).max() for part in parts[1:]) and find_tail(parts[0]) > UNRESOLVED:
-        parts[0] *= HIDDEN
     to_gain = np.linalg.solve(problem.R(t), transpose(problem.B(t)))
-    size, gain = float(np.abs(values).max()) or 1.0, float(np.abs(problem.gain(t, values)).max()) or 1.0
-    product = 8 * ROUNDING * float((np.abs(to_gain) @ np.abs(values)).max())
+    return weigh_parts(parts, values, residual, to_gain, problem.gain(t, values))
+
+
+def weigh_parts(parts: list[Array], X: Array, residual: Array, to_gain: Array, gain: Array) -> Evidence:
+    """Return what the parts of E say: that of the residual as it was computed, then those of what it might be rounded by.
+
+    to_gain: R^-1 B'. All (N, ., .) at the same times.
+    """
+    if np.abs(parts[0]).max() > max(np.abs(part).max() for part in parts[1:]) and find_tail(parts[0]) > UNRESOLVED:
+        parts = [HIDDEN * parts[0], *parts[1:]]
+    size, height = float(np.abs(X).max()) or 1.0, float(np.abs(gain).max()) or 1.0
+    product = 8 * ROUNDING * float((np.abs(to_gain) @ np.abs(X)).max())
     return Evidence(
         SAFETY * add_up(parts) / size + 8 * ROUNDING,
         SAFETY * float(np.abs(parts[0]).max()) / size,
-        (SAFETY * add_up([to_gain @ E for E in parts]) + product) / gain,
+        (SAFETY * add_up([to_gain @ E for E in parts]) + product) / height,
         float(np.abs(residual).max()),
     )
 
@@ -96,6 +102,13 @@ def sum_sizes(A: Array, S: Array, Q: Array, X: Array, rate: Array) -> Array:
     """Return |X'| + |X| |A| + |A|' |X| + |X| |S| |X| + |Q|, entry by entry."""
     X, product = np.abs(X), np.abs(X) @ np.abs(A)
     return np.asarray(np.abs(rate) + product + transpose(product) + X @ np.abs(S) @ X + np.abs(Q))
+
+
+def draw_roundings(A: Array, S: Array, Q: Array, X: Array, rate: Array) -> list[Array]:
+    """Return what rounding may make of the residual, with signs that are the same at all times, and with signs that change."""
+    signs = np.random.default_rng(PROBE).choice([-1.0, 1.0], (2, *X.shape))
+    signs[0] = signs[0, 0]
+    return [draw_rounding(A, S, Q, X, rate, sign) for sign in signs]
 
 
 def draw_rounding(A: Array, S: Array, Q: Array, X: Array, rate: Array, signs: Array) -> Array:

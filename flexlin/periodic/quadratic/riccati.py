@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from flexlin.checks import positive, real_array
 from flexlin.errors import NumericalError
 from flexlin.periodic.coefficients import MatrixFunction
+from flexlin.periodic.quadratic.correcting import solve_by_corrections
 from flexlin.periodic.quadratic.harmonics import solve_by_harmonics
 from flexlin.periodic.quadratic.linear_quadratic import TINY, check_between, linear_quadratic
 from flexlin.periodic.quadratic.plans import name_limit, solve_by_plans
@@ -71,7 +72,8 @@ def periodic_riccati(
     -----
     Where the Hamiltonian has no fast modes, the equation is swept backwards over the period, Newton's method closes it, and the
     residual beside the running cost bounds its error. Elsewhere, or where this leaves K less certain than tol, where X has few
-    harmonics, it is sought as a Fourier series by Newton's method, proved to stabilise, and its residual gives its error. Otherwise
+    harmonics, it is sought as a Fourier series by Newton's method, whose steps compiled exponentials of the loop solve, or GMRES; it is
+    proved to stabilise, and its residual gives its error. Otherwise
     each segment's Hamiltonian transition matrix is brought to scattering form; segments combine by the Redheffer star product; the
     whole period is doubled until H, the cost of 2^k periods with a free end, stops changing. The period map of the Hamiltonian is never
     formed, so neither fast unstable plants nor long periods overflow.
@@ -103,7 +105,9 @@ def periodic_riccati(
     swept = solve_by_sweeps(problem, system.period, tol)
     if swept is not None and swept.gain_error <= tol:
         return swept
-    smooth = solve_by_harmonics(problem, system.period, tol)
+    smooth = solve_by_corrections(problem, system.period, tol)
+    if smooth is None or smooth.error > LIMITED * tol:
+        smooth = solve_by_harmonics(problem, system.period, tol)
     if swept is not None:
         return smooth if smooth is not None and smooth.error <= tol and smooth.gain_error < swept.gain_error else swept
     if smooth is not None and smooth.error <= LIMITED * tol:

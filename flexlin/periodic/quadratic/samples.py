@@ -58,6 +58,21 @@ class RiccatiSamples:
         """The number of inputs; where B, R^-1 and N stand, and the numbers from one time to the next."""
         return self.B.shape[2], *locate_samples(self.B), *locate_samples(self.effort), *locate_samples(self.N)
 
+    def every_second(self) -> tuple[Array, Array, Array]:
+        """Ar, B R^-1 B' and Qr (N / 2, n, n) at every second time; once where they are constant."""
+        n, (first, last) = self.n, self.acted
+        A, S, Q = (join_parts(one[::2]) if len(one) > 1 else one[:, :, 0] for one in (self.A, self.S, self.Q))
+        whole = np.zeros((len(S), n, n))
+        whole[:, first:last, first:last] = -2 * S.reshape(-1, last - first, last - first)
+        return A.reshape(-1, n, n), whole, Q[:, triangle_places(Q.shape[1])]
+
+    def to_gain(self) -> tuple[Array, Array]:
+        """R^-1 B' and R^-1 N' (N / 2, m, n) at every second time."""
+        B, effort, N = (one[::2] if len(one) > 1 else one for one in (self.B, self.effort, self.N))
+        both = (effort @ np.swapaxes(one, 1, 2) for one in (B, N))
+        by_B, by_N = (np.broadcast_to(one, (self.count // 2, *one.shape[1:])) for one in both)
+        return by_B, by_N
+
     def rings(self) -> bool:
         """Whether the fastest eigenvalues of the Hamiltonian are rather imaginary than real: by the sum of their squares."""
         n, (first, last) = self.n, self.acted

@@ -21,8 +21,10 @@ ORDERS = {10: 0.075, 8: 0.15, 6: 0.2, 4: 0.36, 3: 0.5}
 """Orders of Adams' method, and the largest product of a step and the Hamiltonian's spectral radius at which each is stable."""
 STARTS = ((8, 4, 1e-2), (4, 6, 1e-2), (2, 8, 1e-3))
 """Sweeps start on few nodes: every so many of them; the highest order; and the change of X(T), relative to X, after which more follow."""
-RINGING = 130
+RINGING = 60
 """Largest product of period and spectral radius at which eigenvalues may be imaginary: X keeps the rounding of modes that hardly decay."""
+FASTEST = 300
+"""The largest such product at all: X is cheaper by corrections there."""
 LARGEST = 0.165
 """The largest such product on all nodes."""
 WAVES = 16
@@ -55,7 +57,7 @@ def solve_by_sweeps(problem: LinearQuadratic, period: float, tol: float) -> Ricc
     most = min(MOST, MOST_ENTRIES // states**2)
     rate = few.rate(library)
     order, turns, X = max(ORDERS), rate * period, None
-    if turns > RINGING and few.rings():
+    if turns > FASTEST or (turns > RINGING and few.rings()):
         return None
     least = max(WAVES * waves, turns / LARGEST, FEWEST)
     usual = USUAL + min(SLOPE[0] + SLOPE[1] * waves, SLOPE[2]) * min(turns, SLOW)

@@ -1,0 +1,124 @@
+"""Periodic Riccati equations with fast modes: corrected series against integration by SciPy, which shares nothing with them."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import flexlin as fl
+from flexlin.periodic.quadratic.backward import correct_until_closed, find_sweeps, solve_loop_lyapunov
+from flexlin.periodic.quadratic.correcting import solve_by_corrections
+from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, linear_quadratic
+from flexlin.periodic.quadratic.resolution import resolve_problem
+from flexlin.periodic.quadratic.riccati import periodic_riccati
+from flexlin.periodic.quadratic.samples import RiccatiSampler, divide_parts, join_parts
+from flexlin.periodic.quadratic.triangle import evaluate_triangle, triangle_places
+from tests.thinned import thin
+
+pytestmark = pytest.mark.skipif(find_sweeps() is None, reason="no C compiler")
+T = 2.0
+
+
+def draw(seed: int) -> tuple[fl.PeriodicSystem, np.ndarray, np.ndarray]:
+    """Three coupled oscillators, slow to fast, whose stiffness swings, a force that turns; cheap and dear control."""
+    g = np.random.default_rng(seed)
+    rates = np.array([1.0, g.uniform(4, 10), 10 ** g.uniform(1.5, 2.3)])
+    mean, swing = np.diag(rates**2), 0.2 * rates[:, None] * g.uniform(-1, 1, (3, 3)) * rates
+    force, turn, phase = g.normal(size=(3, 2)), g.normal(size=(3, 2)), g.uniform(0, 2 * np.pi)
+
+    def A(t: np.ndarray) -> np.ndarray:
+        values = np.zeros((len(t), 6, 6))
+        values[:, :3, 3:] = np.eye(3)
+        values[:, 3:, :3] = -mean - swing * np.cos(2 * np.pi * t / T + phase)[:, None, None]
+        values[:, 3:, 3:] = -0.1 * np.diag(rates)
+        return values
+
+    def B(t: np.ndarray) -> np.ndarray:
+        values = np.zeros((len(t), 6, 2))
+        values[:, 3:] = force + turn * np.sin(2 * np.pi * t / T)[:, None, None]
+        return values
+
+    Q = np.diag(np.concatenate([g.uniform(0.5, 2, 3), 10 ** g.uniform(-4, 0, 3)]))
+    return fl.PeriodicSystem(A, T, B, complete=True), Q, 10 ** g.uniform(-5, 0) * np.eye(2)
+
+
+def integrate(
+    system: fl.PeriodicSystem, Q: np.ndarray, R: np.ndarray, start: np.ndarray, times: np.ndarray
+) -> np.ndarray:
+    """X at decreasing times, backwards from a cost at the end of the period until it repeats."""
+    n, effort = len(Q), np.linalg.inv(R)
+
+    def rate(s: float, x: np.ndarray) -> np.ndarray:
+        A, B = system.A(np.array([-s]))[0], system.B(np.array([-s]))[0]
+        X = x.reshape(n, n)
+        half = X @ A
+        return (half + half.T - X @ B @ effort @ B.T @ X + Q).ravel()
+
+    heights = np.sqrt(np.diag(start))
+    options = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13 * np.outer(heights, heights).ravel()}
+    x = start.ravel()
+    for _ in range(30):
+        last, x = x, solve_ivp(rate, (-T, 0.0), x, **options).y[:, -1]
+        if np.abs(x - last).max() <= 1e-12 * np.abs(x).max():
+            break
+    return solve_ivp(rate, (-T, -times[-1]), x, t_eval=-times, **options).y.T.reshape(-1, n, n)
+
+
+def resolved(system: fl.PeriodicSystem, Q: np.ndarray, R: np.ndarray) -> LinearQuadratic:
+    return resolve_problem(linear_quadratic(system, Q, R), system)[0]
+
+
+@pytest.mark.parametrize("seed", thin(range(12), 3))
+def test_the_error_and_that_of_the_gain_hold_between_the_nodes(seed: int) -> None:
+    system, Q, R = draw(seed)
+    problem = resolved(system, Q, R)
+    found = solve_by_corrections(problem, T, 1e-9)
+    assert found is not None
+    assert found.error <= 1e-9
+    times = np.sort(T * np.random.default_rng(seed).random(7))[::-1]
+    X = integrate(system, Q, R, found.X(0.0), times)
+    assert np.abs(found.X(times) - X).max() <= (found.error + 1e-11) * np.abs(X).max()
+    K = problem.gain(times, X)
+    assert np.abs(found.K(times) - K).max() <= (found.gain_error + 1e-10) * np.abs(K).max()
+
+
+def test_cheap_control_of_a_turning_field_is_no_longer_limited_by_rounding() -> None:
+    """A satellite's torques act across the field alone: where control is cheap, segments lost seven digits of the gain."""
+    w = 1e-3
+    A = np.zeros((6, 6))
+    A[:3, 3:], A[3:, :3], A[3, 5], A[5, 3] = np.eye(3), -(w**2) * np.diag([2.0, 1.5, 0.5]), w, -w
+
+    def B(t: np.ndarray) -> np.ndarray:
+        values = np.zeros((len(t), 6, 3))
+        b = np.stack([np.cos(w * t), np.full(len(t), -0.6), 2 * np.sin(w * t)], axis=1) * 1e-7
+        for i, j, sign in ((0, 1, 1), (1, 2, 1), (2, 0, 1), (1, 0, -1), (2, 1, -1), (0, 2, -1)):
+            values[:, 3 + i, j] = sign * b[:, 3 - i - j]
+        return values
+
+    system = fl.PeriodicSystem(A, 2 * np.pi / w, B, complete=True)
+    solution = periodic_riccati(system, np.diag([1.0, 1, 1, 1e6, 1e6, 1e6]), 1e-7 * np.eye(3), tol=1e-10)
+    assert solution.error <= 1e-10
+    assert solution.gain_error <= 1e-9
+
+
+@pytest.mark.parametrize("seed", thin(range(4)))
+def test_the_lyapunov_equation_of_a_loop_is_solved(seed: int) -> None:
+    """D is given as a series; the right side is what it misses."""
+    library, (system, Q, R) = find_sweeps(), draw(seed)
+    assert library is not None
+    sampler = RiccatiSampler(resolved(system, Q, R), T, library)
+    samples = sampler.sample(512)
+    swept = correct_until_closed(library, samples, T, samples.rate(library), 1e-12)
+    assert swept is not None
+    g, entries = np.random.default_rng(seed), 21
+    series = np.concatenate([g.normal(size=(5, entries)), g.normal(size=(4, entries))])
+    where, waves = triangle_places(entries), 2 * np.pi / T * np.arange(1, 5)[:, None]
+    slopes = np.concatenate([np.zeros((1, entries)), waves * series[5:], -waves * series[1:5]])
+    X, D, rate = (evaluate_triangle(one, 256)[:, where] for one in (swept.series, series, slopes))
+    A, S, _ = samples.every_second()
+    product = D @ (A - S @ X)
+    right = divide_parts(-(rate + product + np.swapaxes(product, 1, 2)), True)[None]
+    solved = solve_loop_lyapunov(library, samples, T, 1e-10, divide_parts(X, True), right)
+    assert solved is not None
+    heights = np.sqrt(np.diagonal(X, axis1=1, axis2=2).max(axis=0))
+    miss = np.abs(join_parts(solved[0])[:, where] - D) / np.outer(heights, heights)
+    assert miss.max() <= 1e-6 * np.abs(D / np.outer(heights, heights)).max()
