@@ -26,6 +26,7 @@ from scipy.integrate import odeint, solve_ivp
 import flexlin as fl
 from flexlin.answers.peers.compiled import compile_function
 from flexlin.answers.peers.right_hand_sides import FastRate
+from flexlin.periodic.quadratic.correcting import solve_by_corrections
 from flexlin.periodic.quadratic.harmonics import solve_by_harmonics
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.quadratic.resolution import resolve_problem
@@ -176,7 +177,8 @@ def time_set_up(system: fl.PeriodicSystem, Q: np.ndarray, R: np.ndarray, tol: fl
     problem, _ = resolve_problem(linear_quadratic(ready, Q, R), ready)
 
     def solve() -> object:
-        return solve_by_sweeps(problem, system.period, tol) or solve_by_harmonics(problem, system.period, tol)
+        ways = (solve_by_sweeps, solve_by_corrections, solve_by_harmonics)
+        return next((found for way in ways if (found := way(problem, system.period, tol))), None)
 
     return least_time(solve, repeats)[1]
 

@@ -22,16 +22,16 @@ from flexlin.periodic.quadratic.solution import RiccatiSolution
 from flexlin.periodic.quadratic.sweeping import round_up
 from flexlin.periodic.quadratic.triangle import lower_triangle, triangle_places
 
-FEWEST, MOST, MOST_WORK = 64, 2**11, 1.5e6
+FEWEST, MOST, MOST_WORK = 64, 2**11, 2.2e6
 """Nodes of a period, and their number times the cube of that of the states."""
 WAVES = 4
 """Nodes for each wave of the coefficients, at least."""
 MOST_STATES, TRIES = 24, 5
-GROWTH = (1.25, 4.0)
+GROWTH = (1.5, 4.0)
 """The least and the largest factor by which nodes are added."""
 LAST, LEAST = 1e-3, 1e-13
 """The change of X that ends Newton's method, relative to tol X, and relative to X at the least."""
-HIGHEST, SEEN = 0.75, 0.03
+HIGHEST, SEEN = 0.75, 0.1
 """The part of the waves behind which none may be larger than this part of tol."""
 SHARE = 1e-2
 """Part of tol below which the harmonics are that nodes between others would show."""
@@ -77,7 +77,8 @@ def solve_by_corrections(problem: LinearQuadratic, period: float, tol: float) ->
             if best is not None and found.error > BETTER * best.error:
                 break
             best = found
-            if best.error <= tol and best.gain_error <= ROUNDED * tol:
+            rounded = best.method_error <= BETTER * best.error
+            if rounded or (best.error <= tol and best.gain_error <= ROUNDED * tol):
                 break
         count = round_up(count * min(max(growth, GROWTH[0]), GROWTH[1]))
     return best
