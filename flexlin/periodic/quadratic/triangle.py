@@ -19,7 +19,7 @@ def evaluate_triangle(series: Array, count: int) -> Array:
 
 def unfold_triangle(series: Array, period: float) -> FourierSeries:
     """Return the whole matrix as a Fourier series."""
-    return FourierSeries(series[:, triangle_places(series.shape[1])], period)
+    return FourierSeries(np.take(series, triangle_places(series.shape[1]), axis=1), period)
 
 
 @lru_cache(maxsize=32)
