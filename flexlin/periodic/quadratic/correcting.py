@@ -26,7 +26,7 @@ FEWEST, MOST, MOST_WORK = 64, 2**11, 2.2e6
 """Nodes of a period, and their number times the cube of that of the states."""
 WAVES = 4
 """Nodes for each wave of the coefficients, at least."""
-MOST_STATES, TRIES = 24, 5
+MOST_STATES, TRIES = 24, 8
 GROWTH = (1.5, 4.0)
 """The least and the largest factor by which nodes are added."""
 LAST, LEAST = 1e-3, 1e-13
@@ -68,10 +68,8 @@ def solve_by_corrections(problem: LinearQuadratic, period: float, tol: float) ->
         X, growth = swept.series, count_missing_waves(swept.series, count // 3 - 1, tol)
         if is_out_of_reach(problem, period, X):
             break
-        if growth <= 1:
-            found = judge_by_cost(sampler, samples, X, swept.every, rate, np.inf)
-            if found is None:
-                break
+        found = judge_by_cost(sampler, samples, X, swept.every, rate, np.inf) if growth <= 1 else None
+        if found is not None:
             if max(found.error, found.gain_error) > tol and found.error < PROOF:
                 found = carry_through_loop(sampler, X, found)
             if best is not None and found.error > BETTER * best.error:

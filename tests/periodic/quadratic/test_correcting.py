@@ -12,6 +12,7 @@ from flexlin.periodic.quadratic.resolution import resolve_problem
 from flexlin.periodic.quadratic.riccati import periodic_riccati
 from flexlin.periodic.quadratic.samples import RiccatiSampler, divide_parts, join_parts
 from flexlin.periodic.quadratic.triangle import evaluate_triangle, triangle_places
+from studies import scaling
 from tests.thinned import thin
 
 pytestmark = pytest.mark.skipif(find_sweeps() is None, reason="no C compiler")
@@ -122,3 +123,16 @@ def test_the_lyapunov_equation_of_a_loop_is_solved(seed: int) -> None:
     heights = np.sqrt(np.diagonal(X, axis1=1, axis2=2).max(axis=0))
     miss = np.abs(join_parts(solved[0])[:, where] - D) / np.outer(heights, heights)
     assert miss.max() <= 1e-6 * np.abs(D / np.outer(heights, heights)).max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("Q", "R"), [(1.0, 100.0), (10.0, 0.01)])
+def test_a_chain_of_flexible_links_is_solved_by_corrections_whatever_its_weights(Q: float, R: float) -> None:
+    """Three links with two modes each: finer nodes are tried where few prove nothing, and where Newton's method settles on many alone."""
+    scene = scaling.scene_of(3, 2)
+    plant = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    loose, tight = (fl.periodic_lqr(plant, Q=Q * np.eye(18), R=R * np.eye(3), tol=tol).solution for tol in (1e-6, 1e-8))
+    t = np.linspace(0.0, plant.period, 101)
+    K = tight.K(t)
+    assert loose.gain_error < 1e-6
+    assert np.abs(loose.K(t) - K).max() <= (loose.gain_error + tight.gain_error) * np.abs(K).max()
