@@ -22,7 +22,7 @@ from flexlin.periodic.quadratic.solution import RiccatiSolution
 from flexlin.periodic.quadratic.sweeping import round_up
 from flexlin.periodic.quadratic.triangle import lower_triangle, triangle_places
 
-FEWEST, MOST, MOST_WORK = 64, 2**11, 2.2e6
+FEWEST, MOST, MOST_WORK = 64, 2**12, 1.2e7
 """Nodes of a period, and their number times the cube of that of the states."""
 WAVES = 4
 """Nodes for each wave of the coefficients, at least."""
