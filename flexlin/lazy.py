@@ -1,8 +1,10 @@
-"""Packages whose public names are loaded when they are first used."""
+"""What is done when it is first asked for: public names that are loaded, attributes that are computed."""
 
 from collections.abc import Callable, Mapping
 from importlib import import_module
-from typing import Any
+from typing import Any, Generic, TypeVar, overload
+
+Value = TypeVar("Value")
 
 
 def load_lazily(
@@ -17,3 +19,26 @@ def load_lazily(
         return getattr(import_module(home[name]), name)
 
     return load, lambda: names, names
+
+
+class lazy(Generic[Value]):  # noqa: N801 - read as a word before a method, like property
+    """A method without arguments that becomes an attribute when it is first read.
+
+    Unlike `functools.cached_property` of Python 3.11 it holds no lock while it computes: a process that is forked meanwhile would
+    inherit the lock, held by a thread that it does not have, and wait for ever. Threads that come at the same time compute it each, and
+    all get the first one's value. Like that one it stands in the instance's `__dict__`, so it pickles with the instance.
+    """
+
+    def __init__(self, compute: Callable[[Any], Value]):
+        self.compute, self.name = compute, compute.__name__
+        self.__doc__ = compute.__doc__
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> "lazy[Value]": ...
+    @overload
+    def __get__(self, instance: object, owner: type | None = None) -> Value: ...
+    def __get__(self, instance: object | None, owner: type | None = None) -> "lazy[Value] | Value":
+        if instance is None:
+            return self
+        value: Value = instance.__dict__.setdefault(self.name, self.compute(instance))
+        return value

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -12,6 +11,7 @@ from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
+from flexlin.lazy import lazy
 from flexlin.mechanics.chain import build_manipulator
 from flexlin.motion import SymbolicMotion
 from flexlin.periodic.controlled import extend_system
@@ -79,7 +79,7 @@ class ParametricLoop:
 
     __repr__ = represent
 
-    @cached_property
+    @lazy
     def matrices(self) -> ca.Function:
         """(phase, p) -> M, D, K, or (phase, p, gain) where a designed gain is kept; `inputs` makes its arguments."""
         return (

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -11,6 +10,7 @@ from flexlin.about.deviation import Deviation
 from flexlin.about.law import Controller, Law
 from flexlin.checks import Array
 from flexlin.errors import NumericalError
+from flexlin.lazy import lazy
 from flexlin.periodic.fourier import FourierSeries, fourier_differentiation
 
 NEWTON_STEPS = 25
@@ -105,14 +105,14 @@ class Solver:
         """The number n + m + k of unknowns at one time."""
         return self.about.n + self.about.m + self.law.memory
 
-    @cached_property
+    @lazy
     def given(self) -> tuple[Array, Array, Array, Array]:
         """The times; offset, gain and steer of the law there."""
         t = self.about.motion.period * np.arange(self.points) / self.points
         gain = np.swapaxes(self.law.gain(t), 1, 2).reshape(self.points, -1)
         return t, self.law.offset(t), gain, self.law.steer(self.law.reference(t))
 
-    @cached_property
+    @lazy
     def derivatives(self) -> tuple[Array, Array]:
         """The matrices (N, N) of the first and second derivative."""
         first = fourier_differentiation(self.points, self.about.motion.period)

@@ -1,7 +1,6 @@
 """The bridge: a manipulator linearized along its rigid basic motion, M_L y'' + D_L y' + K_L y = h_L + B_L u."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -13,6 +12,7 @@ from flexlin.about.scene_law import Feedback, scene_law
 from flexlin.about.second_order import SecondOrderEquations
 from flexlin.checks import Array, times
 from flexlin.errors import MotionError
+from flexlin.lazy import lazy
 from flexlin.mechanics.effects import Effect, effects_of
 from flexlin.mechanics.effects.narrow import Features
 from flexlin.motion import SymbolicMotion
@@ -93,7 +93,7 @@ class Linearization(SecondOrderEquations):
         """Whether an effect in the arm may have features, for some values of its numbers."""
         return any(type(effect).features is not Effect.features for effect in self._effects or ())
 
-    @cached_property
+    @lazy
     def complete(self) -> bool:
         """Whether breaks and features name everything in the coefficients that is narrower than T/200."""
         effects = self._effects
@@ -101,7 +101,7 @@ class Linearization(SecondOrderEquations):
             return False
         return self.arm.loops is None or (not self.may_be_narrow and self._keeps_clear)
 
-    @cached_property
+    @lazy
     def _keeps_clear(self) -> bool:
         return keeps_clear(self.about) if self.clear is None else self.clear
 
@@ -148,7 +148,7 @@ class Linearization(SecondOrderEquations):
                 tables = replace_value(tables, path.removeprefix("effects."), float(value))
         return effects_of(tables)
 
-    @cached_property
+    @lazy
     def coefficients(self) -> ca.Function:
         """Place on the motion and free parameters -> M, D, K, h, B, tau, with what the loop adds."""
         found, names = self.of_arm, self.of_arm.name_out()
@@ -162,7 +162,7 @@ class Linearization(SecondOrderEquations):
             values["h"] += values["B"] @ values["tau"]
         return ca.Function(found.name(), inputs, [ca.densify(values[name]) for name in names], found.name_in(), names)
 
-    @cached_property
+    @lazy
     def closed_by(self) -> Law:
         """The law that the linear equations hold: the scene's, or no torque at all where they were made without one."""
         return scene_law(self.about, self.control, self.feedforward, self.feedback)
@@ -172,7 +172,7 @@ class Linearization(SecondOrderEquations):
         """The law that runs on the arm unless another is given: the scene's, or the torque of the rigid motion alone."""
         return self.closed_by if self.control else scene_law(self.about, Control(), self.feedforward, None)
 
-    @cached_property
+    @lazy
     def direct_gain(self) -> Array | None:
         gain = self.closed_by.gain(np.zeros(1))[0, :, : 2 * self.n]
         return np.array(gain) if gain.any() else None
@@ -181,12 +181,12 @@ class Linearization(SecondOrderEquations):
     def feeds_forward(self) -> bool:
         return self.closed_by.feedforward == "rigid"
 
-    @cached_property
+    @lazy
     def controller(self) -> Controller | None:
         """What the loop remembers, if it is closed and remembers anything."""
         return self.closed_by.controller
 
-    @cached_property
+    @lazy
     def _gain_of_states(self) -> Array:
         """The gain (m, k) on the controller's states, which is constant."""
         return np.array(self.closed_by.gain(np.zeros(1))[0, :, 2 * self.n :])
@@ -218,7 +218,7 @@ class Linearization(SecondOrderEquations):
             )
         return self._periodic_system
 
-    @cached_property
+    @lazy
     def _periodic_system(self) -> PeriodicSystem:
         """Made once, so that its coefficients are resolved once."""
         force, B = (self.B, self.input_matrix) if self.about.m else (None, None)

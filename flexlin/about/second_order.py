@@ -1,13 +1,13 @@
 """The coefficients of M y'' + D y' + K y = h + B u along a motion, as functions of time."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import casadi as ca
 from numpy.typing import ArrayLike
 
 from flexlin.about.deviation import Deviation
 from flexlin.checks import Array, at_times, times
+from flexlin.lazy import lazy
 from flexlin.mechanics.coordinates import Coordinate
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion
@@ -243,18 +243,18 @@ class SecondOrderEquations:
         M, B = self.about.evaluate(self._inputs, times(t))
         return M, B
 
-    @cached_property
+    @lazy
     def _equations(self) -> Part:
         return Part(self.of_arm, ("M", "D", "K") if self.direct_gain is None else ("M", "D", "K", "B"))
 
-    @cached_property
+    @lazy
     def _inputs(self) -> Part:
         return Part(self.of_arm, ("M", "B"))
 
-    @cached_property
+    @lazy
     def _forces(self) -> Part:
         return Part(self.of_arm, ("M", "h", "B", "tau") if self.feeds_forward else ("M", "h"))
 
-    @cached_property
+    @lazy
     def _torque(self) -> Part:
         return Part(self.of_arm, ("tau",))

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import ArrayLike
 from flexlin.about.law import Controller, Law
 from flexlin.checks import Array, at_times, real_array, whole
 from flexlin.errors import ArgumentError, DesignError, NotStabilizable
+from flexlin.lazy import lazy
 from flexlin.periodic.coefficients import Constant, has_nothing_narrow
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.quadratic.riccati import RiccatiSolution, periodic_lyapunov
@@ -156,7 +156,7 @@ class Design(Shown):
         arm = n - (0 if self.controller is None else self.controller.states)
         return Law("none", Constant(np.zeros(m)), self.K, Constant(np.zeros(arm)), self.controller)
 
-    @cached_property
+    @lazy
     def value(self) -> RiccatiSolution:
         """The cost matrix of this loop: of the Riccati equation when K is optimal, else of the closed loop's Lyapunov equation.
 

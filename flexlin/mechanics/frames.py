@@ -4,10 +4,11 @@ Every vector and matrix keeps structural zeros: an arm whose axes are parallel h
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import casadi as ca
+
+from flexlin.lazy import lazy
 
 ROUNDING = 1e-15
 """Cosines and sines of fixed angles that are smaller are zero: pi/2 is no floating-point number."""
@@ -34,7 +35,7 @@ class Frame:
         """The base, at rest."""
         return cls(ca.SX.eye(3), Z, ca.SX(0), ca.SX(3, 1), ca.SX(3, 1), ca.SX(3, 1))
 
-    @cached_property
+    @lazy
     def rotation(self) -> ca.SX:
         """R (3, 3), from this frame's axes to the world's."""
         return self.before @ rotation_about(self.axis, self.angle)

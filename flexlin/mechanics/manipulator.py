@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import casadi as ca
 
 from flexlin.expressions import Expressions
+from flexlin.lazy import lazy
 from flexlin.mechanics.coordinates import Coordinate
 from flexlin.mechanics.coriolis import derive_coriolis
 from flexlin.mechanics.driving import describe_driving
@@ -111,12 +111,12 @@ class Manipulator(Expressions):
         """What the motors' encoders read, (joints, n): angles = encoders s."""
         return ca.SX.eye(self.n)[list(self.drives), :] if self.measured is None else self.measured
 
-    @cached_property
+    @lazy
     def C(self) -> ca.SX:
         """The matrix of centrifugal and Coriolis forces, from M unless the user gave one."""
         return derive_coriolis(self.M, self.s, self.s_dot) if self.coriolis is None else self.coriolis
 
-    @cached_property
+    @lazy
     def functions(self) -> NamedFunctions:
         """CasADi functions of s, s_dot, s_ddot as needed, and p: M, C, g, damping, residual; points and energy if known."""
         return name_functions(self)

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from flexlin import symbolic
 from flexlin.checks import Array
 from flexlin.expressions import Expressions
+from flexlin.lazy import lazy
 from flexlin.mechanics.parameters import Parameters
 from flexlin.summary import represent
 
@@ -116,14 +116,14 @@ class SymbolicMotion(Expressions, Motion):
 
     __repr__ = represent
 
-    @cached_property
+    @lazy
     def rates(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         """q, q', q'' as expressions of the phase and the parameters."""
         first = ca.jacobian(self.angles, self.phase)
         second = ca.jacobian(first, self.phase)
         return ca.densify(self.angles), ca.densify(first / self.duration), ca.densify(second / self.duration**2)
 
-    @cached_property
+    @lazy
     def _function(self) -> ca.Function:
         return ca.Function(
             "motion", [self.phase, self.parameters.symbols], list(self.rates), ["phase", "p"], ["q", "q1", "q2"]

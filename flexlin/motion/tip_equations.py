@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -11,6 +10,7 @@ from flexlin import symbolic
 from flexlin.checks import Array
 from flexlin.errors import MotionError
 from flexlin.expressions import Expressions
+from flexlin.lazy import lazy
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion.pose_path import PosePath
 
@@ -54,18 +54,18 @@ class TipEquations(Expressions):
         """The number of coordinates y: those of z that are no multipliers."""
         return self.size - self.c.numel() if self.redundant else self.size
 
-    @cached_property
+    @lazy
     def slope(self) -> ca.SX:
         """dF/dz, (k, k)."""
         return ca.densify(ca.jacobian(self.F, self.z))
 
-    @cached_property
+    @lazy
     def first(self) -> ca.Function:
         """z, phase -> F, dF/dz, dF/dphase."""
         along = ca.densify(ca.jacobian(self.F, self.phase))
         return ca.Function("first", [self.z, self.phase], [ca.densify(self.F), self.slope, along])
 
-    @cached_property
+    @lazy
     def second(self) -> ca.Function:
         """z, dz/dphase, phase -> what d2F/dphase2 has beside dF/dz d2z/dphase2."""
         rate = ca.SX.sym("rate", self.size)
@@ -74,7 +74,7 @@ class TipEquations(Expressions):
             "second", [self.z, rate, self.phase], [ca.densify(ca.jtimes(ca.jtimes(self.F, where, way), where, way))]
         )
 
-    @cached_property
+    @lazy
     def task(self) -> ca.Function:
         """z, phase -> c, dc/dy and what is negative where the tip stands upside down."""
         y = self.z[: self.coordinates]

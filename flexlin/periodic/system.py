@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,6 +9,7 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import positive, real_array
 from flexlin.errors import ArgumentError
+from flexlin.lazy import lazy
 from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.coefficients import (
     ClosedLoop,
@@ -152,7 +152,7 @@ class PeriodicSystem:
         for name, value in checked.items():
             object.__setattr__(self, name, value)
 
-    @cached_property
+    @lazy
     def resolved(self) -> ResolvedMatrix | ResolvedCompanion:
         """A(t) as series that agree with it everywhere; it is sampled for them once, and all integration reads them.
 
@@ -173,7 +173,7 @@ class PeriodicSystem:
         least = weigh_entries(source(probes))
         return ResolvedCompanion(resolve(source, *named, complete=self.complete, least=least))
 
-    @cached_property
+    @lazy
     def resolved_input(self) -> ResolvedMatrix:
         """B(t) as series that agree with it everywhere: all that integrates under an input reads them.
 

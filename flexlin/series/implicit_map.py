@@ -1,7 +1,6 @@
 """The Taylor map of an implicit function, which knows how far it may be trusted."""
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -10,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError, ToleranceNotReached
+from flexlin.lazy import lazy
 from flexlin.series.engine import expand_implicit
 from flexlin.series.indices import shared_indices
 from flexlin.series.newton import closure_and_jacobian, newton, newton_step
@@ -230,7 +230,7 @@ class ImplicitMap:
         du = ca.SX.sym("du", len(self.u0))
         return ca.Function("taylor", [du], [self.polynomial.expression(du)], ["du"], ["v"])
 
-    @cached_property
+    @lazy
     def moving(self) -> ca.Function:
         """The whole computation unrolled: a casadi.Function (u0, v0, du) -> v for any point of evaluation near this one."""
         _, V = closure_and_jacobian(self.tape, self.u0[None, :], self.v0[None, :])

@@ -1,7 +1,7 @@
 """Multi-indices of a truncated power series: each monomial once, ordered by degree."""
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from math import comb
 from typing import Any
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from flexlin.checks import Array, check_size
 from flexlin.errors import ArgumentError
+from flexlin.lazy import lazy
 
 UNDIVIDED = 4
 """Up to so many variables, the monomials of a degree stand in one row."""
@@ -55,7 +56,7 @@ class Indices:
         """Return how many monomials have degree k."""
         return int(self.start[k + 1] - self.start[k])
 
-    @cached_property
+    @lazy
     def tabulated(self) -> bool:
         """Whether products are few enough to be listed one by one."""
         return self.n <= UNDIVIDED or comb(2 * self.n + self.order, self.order) <= TABLES
@@ -72,7 +73,7 @@ class Indices:
             self.layouts[k] = [(end - m * n, end, (m, n)) for end, (m, n) in zip(ends, shapes, strict=True)]
         return self.layouts[k]
 
-    @cached_property
+    @lazy
     def powers(self) -> Array:
         """alpha itself for each monomial (size, n)."""
         rows = [self.powers_of(k) for k in range(self.order + 1)]
@@ -119,12 +120,12 @@ class Indices:
                 places[where] = before[d] + rows * self.tail.width(k - d) + columns
         return places
 
-    @cached_property
+    @lazy
     def degrees(self) -> Array:
         """|alpha| for each monomial (size,)."""
         return np.repeat(np.arange(self.order + 1), np.diff(self.start))
 
-    @cached_property
+    @lazy
     def factorials(self) -> Array:
         """alpha! for each monomial (size,)."""
         return np.cumprod(np.maximum(1, np.arange(self.order + 1.0)))[self.powers].prod(axis=1)
@@ -175,12 +176,12 @@ class Indices:
                 begin = end
         return values
 
-    @cached_property
+    @lazy
     def last(self) -> Array:
         """The last factor of each monomial (size,), 0 for the constant."""
         return self.n - 1 - np.argmax(self.powers[:, ::-1] > 0, axis=1) if self.order else np.zeros(1, dtype=np.intp)
 
-    @cached_property
+    @lazy
     def parent(self) -> Array:
         """The place of each monomial without its last factor (size,)."""
         places = [np.zeros(1, dtype=np.intp)]

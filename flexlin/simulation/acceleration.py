@@ -1,13 +1,12 @@
 """The nonlinear equations solved for the acceleration at one time, with joints that stick."""
 
-from functools import cached_property
-
 import numpy as np
 
 from flexlin import symbolic
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.lapack import LAPACK
+from flexlin.lazy import lazy
 from flexlin.simulation.equations import deviation_equations
 from flexlin.simulation.friction import Friction
 from flexlin.simulation.stepping import TrialLeftRange
@@ -19,7 +18,7 @@ class Acceleration:
     def __init__(self, lin: Linearization, friction: Friction | None):
         self.about, self.friction, self._kept, self._n = lin.about, friction, list(lin.kept), lin.n
 
-    @cached_property
+    @lazy
     def _equations(self) -> symbolic.Pointwise:
         return symbolic.Pointwise(deviation_equations(self.about))
 

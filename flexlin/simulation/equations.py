@@ -1,7 +1,6 @@
 """The equations of the closed loop at many times at once: the nonlinear ones, and their linear part."""
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Protocol
 
 import casadi as ca
@@ -11,6 +10,7 @@ from flexlin.about.deviation import Deviation
 from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
+from flexlin.lazy import lazy
 
 Matrices = tuple[Array, Array, Array]
 
@@ -98,7 +98,7 @@ class NonlinearEquations(LinearEquations):
         super().__init__(lin, law)
         self._residual = loop_residual(lin.about)
 
-    @cached_property
+    @lazy
     def _slopes(self) -> ca.Function:
         return loop_slopes(self.lin.about)
 

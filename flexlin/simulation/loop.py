@@ -1,6 +1,6 @@
 """The nonlinear equations of motion under a control law, integrated."""
 
-from functools import cached_property, partial
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +10,7 @@ from flexlin.about.layers import Layers
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.errors import SimulationStopped
+from flexlin.lazy import lazy
 from flexlin.simulation.collocation import Collocation
 from flexlin.simulation.controlled import from_coordinates, to_coordinates, with_controller
 from flexlin.simulation.drive import Drive
@@ -246,21 +247,21 @@ class NonlinearLoop:
         """The number of states 2n + k of arm and controller."""
         return 2 * self.n + self._law.memory
 
-    @cached_property
+    @lazy
     def law(self) -> "LawTable":
         """The law as a step-by-step integrator asks for it."""
         from flexlin.simulation.table import LawTable
 
         return LawTable(self._law, self.lin)
 
-    @cached_property
+    @lazy
     def equations(self) -> "Acceleration":
         """The equations solved for the acceleration, at one time after another."""
         from flexlin.simulation.acceleration import Acceleration
 
         return Acceleration(self.lin, self.friction)
 
-    @cached_property
+    @lazy
     def _collocation(self) -> Equations:
         return with_controller(self._equations_under(self._law.direct), self._law)
 
@@ -268,12 +269,12 @@ class NonlinearLoop:
         """The equations of the arm under a law without a controller."""
         return NonlinearEquations(self.lin, law)
 
-    @cached_property
+    @lazy
     def rough(self) -> Array:
         """Times in [0, T) that no step passes over: breaks and narrow features of the motion, and where the law changes fast."""
         return find_rough_times(self._law, self.lin)
 
-    @cached_property
+    @lazy
     def layers(self) -> Layers | None:
         """Where resisting forces saturate; joints that stick are found by events."""
         return Layers.of(self.lin.about) if self.friction is None else None

@@ -1,11 +1,11 @@
 """A window of time: several collocation steps at once, whose linear equations are factored in one batch."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.lazy import lazy
 from flexlin.periodic.transition.gauss import Tableau
 from flexlin.periodic.transition.radau import radau
 
@@ -117,7 +117,7 @@ class Window:
         self._by_start = both[..., :-1]
         return both[..., -1:], self._by_start
 
-    @cached_property
+    @lazy
     def _transition(self) -> Array:
         """The transition matrices (K, 2n, 2n) of the steps."""
         assert self._by_start is not None
@@ -163,7 +163,7 @@ class Window:
         rates = np.linalg.solve(M + g * D + g * g * K, g * (M @ a - g * (K @ v)))
         return np.concatenate([g * (rates + v), rates], axis=1)[..., 0]
 
-    @cached_property
+    @lazy
     def _to_start(self) -> Array:
         """The stages' Lagrange polynomials at the beginning of the step, (s,)."""
         c = self.grid.rule.c

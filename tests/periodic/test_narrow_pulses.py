@@ -4,7 +4,6 @@ Their standard deviations lie between T/400 and T/18,000, their places anywhere.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -14,6 +13,7 @@ from scipy.linalg import schur
 
 import flexlin as fl
 from flexlin.control import kalman_filter, output_feedback, periodic_lqr, sampled_floquet
+from flexlin.lazy import lazy
 from flexlin.periodic.quadratic.riccati import finite_horizon_riccati, periodic_lyapunov, periodic_riccati
 
 SIGMAS = np.array([-8.0, -4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0, 8.0])
@@ -59,7 +59,7 @@ class Pulsed:
         features = [(self.place, self.width)] if named else ()
         return fl.PeriodicSystem(self.A, self.period, B=self.B, features=features, complete=named)
 
-    @cached_property
+    @lazy
     def pieces(self) -> np.ndarray:
         """Edges from 0 to T with the pulse between its own."""
         about = (self.place + self.width * SIGMAS[:, None] + self.period * np.array([-1.0, 0.0, 1.0])).ravel()

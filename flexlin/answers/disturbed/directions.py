@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -12,6 +11,7 @@ from flexlin.answers.disturbed.stated import Disturbance
 from flexlin.checks import Array
 from flexlin.control.measurement import tip_position
 from flexlin.errors import ArgumentError
+from flexlin.lazy import lazy
 from flexlin.periodic.companion import build_input
 
 AXES = "xyz"
@@ -43,11 +43,11 @@ class Directions:
         """The generalized force of 1 N at the tip in the linear equations, (N, n)."""
         return np.einsum("td,tdn->tn", self.unit(t), self._slopes(t)[:, :, : self.lin.n])
 
-    @cached_property
+    @lazy
     def _slopes(self) -> Callable[[Array], Array]:
         return tip_position(self.lin)
 
-    @cached_property
+    @lazy
     def exact(self) -> ca.Function:
         """The generalized force of 1 N along e at the deflected tip, as a function of y and the place on the motion; evaluate with e."""
         about = self.lin.about

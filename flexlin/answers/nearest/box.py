@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 
@@ -10,6 +9,7 @@ from flexlin.answers.spectra import Family, Source, make_family
 from flexlin.answers.sweep.axes import check_axes
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, InputError
+from flexlin.lazy import lazy
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.scene.scene import Scene
@@ -34,7 +34,7 @@ class Box:
     most: Array
     known: dict[bytes, FloquetResult] = field(default_factory=dict)
 
-    @cached_property
+    @lazy
     def furthest(self) -> float:
         """The largest multiple that is tried."""
         return float(self.most.max())

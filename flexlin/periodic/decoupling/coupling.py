@@ -1,11 +1,11 @@
 """What the coupling that is left between groups of modes does to the exponents."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.lazy import lazy
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.decoupling.grouping import Group, block_mask
 from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, sylvester
@@ -38,29 +38,29 @@ class Coupled:
     period: float
     groups: tuple[Group, ...]
 
-    @cached_property
+    @lazy
     def values(self) -> Array:
         return block_values(self.B, self.groups)
 
-    @cached_property
+    @lazy
     def apart(self) -> Separation:
         return group_separation(self.values, self.period, self.groups)
 
-    @cached_property
+    @lazy
     def S(self) -> Array:
         return sylvester(self.B, self.groups)
 
-    @cached_property
+    @lazy
     def size(self) -> Array:
         """The largest size of each entry (n, n)."""
         return np.abs(self.B).max(axis=0)
 
-    @cached_property
+    @lazy
     def moved(self) -> Array:
         """How fast S changes at the most, entry by entry (n, n)."""
         return np.abs(circle_derivative(self.S, self.period)).max(axis=0)
 
-    @cached_property
+    @lazy
     def catch_up(self) -> Array:
         """exp(g / 2) - 1 with the largest growth g of one mode against another one that grows more over a whole period, (n, n); groups by
         their means."""

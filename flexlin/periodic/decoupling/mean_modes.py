@@ -1,11 +1,11 @@
 """The modes of the mean of A(t): where they serve all along the period, no mode has to be followed."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.lazy import lazy
 from flexlin.periodic.decoupling.decoupled import Refusal
 from flexlin.periodic.decoupling.grouping import Group
 
@@ -26,12 +26,12 @@ class MeanModes:
     mate: Array
     groups: tuple[Group, ...]
 
-    @cached_property
+    @lazy
     def label(self) -> Array:
         """The number of each mode's group (n,)."""
         return np.array([i for i, group in enumerate(self.groups) for _ in range(group.size)], dtype=np.intc)
 
-    @cached_property
+    @lazy
     def outside(self) -> Array:
         """Pairs of modes that are not in one group (n, n)."""
         return np.asarray(self.label[:, None] != self.label)

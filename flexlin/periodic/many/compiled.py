@@ -3,7 +3,6 @@
 import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from importlib.resources import files
 from math import factorial
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.compiler import load_library, pointer
+from flexlin.lazy import lazy
 from flexlin.periodic.grid import divide_segments, place_edges
 from flexlin.periodic.many.extrapolation import MULTIPLES, find_gains
 from flexlin.periodic.transition.gauss import gauss, place_nodes
@@ -53,7 +53,7 @@ class CompiledKernel:
         """The number of states: coordinates that are not ignorable, and all rates."""
         return 2 * self.coordinates - self.memory
 
-    @cached_property
+    @lazy
     def library(self) -> ctypes.CDLL:
         """The compiled code. Raises: NumericalError where it cannot be compiled."""
         return load_library(self.source)
@@ -125,7 +125,7 @@ class CompiledKernel:
             ]
         return self.tables[key]
 
-    @cached_property
+    @lazy
     def tables(self) -> dict[tuple[int, int], list[Array]]:
         """Of `tabulate`."""
         return {}

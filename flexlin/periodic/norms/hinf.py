@@ -1,13 +1,13 @@
 """The H-infinity norm of a periodic system: the level at which a Hamiltonian system's multipliers leave the unit circle."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, positive
 from flexlin.errors import ArgumentError, NotStable, ToleranceNotReached
+from flexlin.lazy import lazy
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples, has_nothing_narrow
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import solve_modes_at_nodes
@@ -76,7 +76,7 @@ class BoundedReal:
     C: ResolvedMatrix
     D: ResolvedMatrix
 
-    @cached_property
+    @lazy
     def breaks(self) -> tuple[float, ...]:
         """Edges of all panels of the coefficients, so that nothing narrow between them is overlooked; none where all are smooth."""
         every = (self.system.resolved, self.B, self.C, self.D)

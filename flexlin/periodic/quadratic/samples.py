@@ -2,12 +2,12 @@
 
 import ctypes
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from flexlin.checks import Array
 from flexlin.compiler import address
+from flexlin.lazy import lazy
 from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.fourier import FourierSeries, fourier_nodes, waves_at_nodes
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, take_once
@@ -43,12 +43,12 @@ class RiccatiSamples:
         """The number of states."""
         return int(self.B.shape[1])
 
-    @cached_property
+    @lazy
     def place(self) -> int:
         """Where sweeps.c finds all this, as an `Equation`."""
         return address(self._equation)
 
-    @cached_property
+    @lazy
     def _equation(self) -> Array:
         parts = [(address(one), len(one[0]) if len(one) > 1 else 0) for one in (self.A, self.S, self.Q)]
         return np.array([self.n, *self.acted, self.count // PARTS, *(number for part in parts for number in part)])
@@ -110,7 +110,7 @@ class RiccatiSampler:
             Q = divide_parts(self._values("Q", count) - N @ by_cross, True)
         return RiccatiSamples(A, self._weigh_inputs(B, effort), Q, B, effort, N, count, self._acted)
 
-    @cached_property
+    @lazy
     def _ready(self) -> dict[str, Array]:
         """The values of constants, A and Q divided, and R^-1, where these are constant; a key where there is no cross term."""
         found = {}
@@ -127,7 +127,7 @@ class RiccatiSampler:
                 found[f"{name} divided"] = divide_parts(found[name], name == "Q")
         return found
 
-    @cached_property
+    @lazy
     def _acted(self) -> tuple[int, int]:
         """The first state that inputs act on, and the one behind the last."""
         B = self.problem.B

@@ -1,12 +1,13 @@
 """A coefficient as the resolution sees it: checked, counted, in bounded batches; and the times at which it is checked."""
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
+from flexlin.lazy import lazy
 from flexlin.periodic.resolved.sizes import largest_sizes
 
 CHUNK = 2**23
@@ -112,7 +113,7 @@ class CheckPoints:
         self._kept: Array | None = None
         self._asked = False
 
-    @cached_property
+    @lazy
     def t(self) -> Array:
         """The times."""
         if self.usual:
