@@ -26,7 +26,6 @@ from tests.thinned import thin
 
 METHODS = (
     "gauss 8",
-    "magnus 4",
     "radau 5",
     "floquet, hill",
     "SciPy DOP853",

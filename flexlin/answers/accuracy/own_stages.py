@@ -38,7 +38,7 @@ FINE, FINEST = 1e-11, 1e-12
 REFERENCE = 24
 """Order of the references, on twice the segments that the engine would take for FINEST."""
 SEGMENTS = (4, 8, 16, 32, 64, 128, 256)
-METHODS = {"gauss": (4, 8, 12, 16, 20), "magnus": (4, 6), "radau": (5, 9)}
+METHODS = {"gauss": (4, 8, 12, 16, 20), "radau": (5, 9)}
 HARMONICS = (2, 4, 8, 16, 32)
 LARGEST = 1024
 """Segments times stages of a trial of collocation: more are not tried."""
@@ -86,7 +86,7 @@ def measure_transition_matrices(system: PeriodicSystem, exact: Array) -> list[Ro
                 yield Trial(f"{setting.method} {setting.order}", name, run, f"{tol:.0e}")
         for method, orders in METHODS.items():
             for order in orders:
-                for count in (k for k in SEGMENTS if k * order <= 2 * LARGEST or method == "magnus"):
+                for count in (k for k in SEGMENTS if k * order <= 2 * LARGEST):
                     setting = Setting(method, order, count, "")
                     yield Trial(f"{method} {order}", f"{count} segments", partial(multiply_period, system, setting))
 
@@ -118,7 +118,7 @@ def measure_exponents(closed: Linearization, exact: Array) -> list[Row]:
             name, detail = f"tol {tol:.0e}", lambda found: name_setting(found.setting)
             yield Trial("floquet, auto", name, partial(run, tol, "auto"), f"{tol:.0e}", detail=detail)
         for tol in TOLS:
-            for method in ("gauss", "magnus", "hill"):
+            for method in ("gauss", "hill"):
                 yield Trial(f"floquet, {method}", f"tol {tol:.0e}", partial(run, tol, method))
 
     return measure_trials("exponents", trials(), lambda found: compare_exponents(found.exponents, exact, closed.period))

@@ -64,7 +64,7 @@ def floquet(
     tol : float
         Wanted error of an exponent, in 1/s up to |lambda| = 1/s and relative beyond.
     method : str
-        auto, gauss, magnus, radau or hill.
+        auto, gauss, radau or hill.
     order : int, optional
         Order of the method; number of harmonics for hill, which are kept as segments are.
     segments : int, optional

@@ -178,12 +178,12 @@ def factor_at_nodes(system: PeriodicSystem, result: FloquetResult) -> tuple[Arra
     if setting.segments > MODES_SEGMENTS:
         setting = choose_setting(system, MODES_TOL, "radau", None, None)
     grid = place_segments(system, setting)
-    rule = gauss(max(4, setting.order // 2))
+    stages = max(4, setting.order // 2)
+    rule = gauss(stages)
     h = np.diff(grid)[:, None]
     times = np.append((grid[:-1, None] + h * np.append(0.0, rule.c)).ravel(), system.period)
     weights = (h / system.period * np.append(0.0, rule.b)).ravel()
-    order = setting.order if setting.method == "magnus" else 2 * max(4, len(rule.c) // 2)
-    return times, weights, METHODS[setting.method](system, times, order), len(rule.c) + 1
+    return times, weights, METHODS[setting.method](system, times, 2 * max(4, stages // 2)), stages + 1
 
 
 def find_coinciding(logs: Array) -> Array:

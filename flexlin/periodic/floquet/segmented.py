@@ -184,12 +184,8 @@ def share_errors(motion: Motion, logs: Array, period: float) -> Motion:
 
 
 def improve_factors(system: PeriodicSystem, setting: Setting, grid: Array) -> Array:
-    """The same factors by a better method that shares no node: two stages more, Magnus of order 6, or half the steps."""
-    factor = METHODS[setting.method]
-    if setting.method == "magnus" and setting.order == 6:
-        halves = np.sort(np.concatenate([grid, (grid[1:] + grid[:-1]) / 2]))
-        return multiply_pairs(factor(system, halves, setting.order))
-    return factor(system, grid, setting.order + (2 if setting.method == "magnus" else 4))
+    """The same factors by two stages more, which share no node."""
+    return METHODS[setting.method](system, grid, setting.order + 4)
 
 
 def liouville_excess(system: PeriodicSystem, logs: Array, errors: Array) -> float:

@@ -84,8 +84,6 @@ def choose_setting(system: PeriodicSystem, tol: float, method: str, order: int |
         raise ArgumentError(f"{name} has no such order", got=order, expected=", ".join(map(str, ORDERS[name])))
     pace = measure_pace(system, 0.01 * tol)
     rate = float(pace.rate.max())
-    if method == "magnus":
-        return spread_out("magnus", order or 6, magnus_demand(pace), "as asked", rate, segments)
     if method == "radau":
         return spread_out("radau", order or 9, radau_demand(pace), "as asked", rate, segments)
     eigenvalues = f"eigenvalues of A(t) up to {rate:.3g} 1/s"
@@ -110,13 +108,6 @@ def gauss_demand(pace: Pace, tol: float, stages: int) -> Array:
     steps = pace.length / choose_gauss_step(pace.rate, tol, stages)
     return np.maximum.reduce(
         [steps, separate_modes(pace), WAVES * pace.waves / stages, np.full(len(steps), max(1.0, LEAST / len(steps)))]
-    )
-
-
-def magnus_demand(pace: Pace) -> Array:
-    """Segments that separate modes and follow the coefficients, whatever the fastest eigenvalue, (P,)."""
-    return np.maximum.reduce(
-        [2 * separate_modes(pace), pace.rate * pace.length / 30, pace.waves, np.full(len(pace.rate), 4.0)]
     )
 
 

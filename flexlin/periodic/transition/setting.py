@@ -12,7 +12,6 @@ from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.accelerations import companion_transitions
 from flexlin.periodic.transition.gauss import gauss_transitions
-from flexlin.periodic.transition.magnus import magnus_transitions
 from flexlin.periodic.transition.radau import radau_transitions
 from flexlin.periodic.transition.units import factor_in_like_units
 
@@ -61,10 +60,6 @@ def factor_by_gauss(system: PeriodicSystem, grid: Array, order: int) -> Array:
     return need_determined(lambda: factor_in_like_units(system, lambda A: gauss_transitions(A, grid, order // 2)), grid)
 
 
-def factor_by_magnus(system: PeriodicSystem, grid: Array, order: int) -> Array:
-    return factor_in_like_units(system, lambda A: magnus_transitions(A, grid, order))
-
-
 def factor_by_radau(system: PeriodicSystem, grid: Array, order: int) -> Array:
     """Radau collocation of odd order.
 
@@ -88,11 +83,10 @@ def need_determined(make: Callable[[], Array], grid: Array) -> Array:
 
 METHODS: dict[str, Callable[[PeriodicSystem, Array, int], Array]] = {
     "gauss": factor_by_gauss,
-    "magnus": factor_by_magnus,
     "radau": factor_by_radau,
 }
 """Each: (system, edges, order) -> transition matrices (K, n, n)."""
-ORDERS = {"gauss": range(2, 65, 2), "magnus": (4, 6), "radau": range(1, 32, 2)}
+ORDERS = {"gauss": range(2, 65, 2), "radau": range(1, 32, 2)}
 
 
 def place_segments(system: PeriodicSystem, setting: Setting) -> Array:

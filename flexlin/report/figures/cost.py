@@ -14,7 +14,7 @@ UNSEEN = 1e-17
 """An error of exactly zero is drawn here."""
 ROOM, CLOSE, ABOVE = 5.0, 3.0, 1.12
 """Factors: room at the ends of the errors, errors of marks that share a label, and how far above a mark it stands."""
-OWN = ("gauss", "magnus", "radau", "hill")
+OWN = ("gauss", "radau", "hill")
 OUTSIDE = ("DOP853", "LSODA", "cvodes", "heyoka", "Radau")
 """Families of methods with a colour of their own in every panel."""
 

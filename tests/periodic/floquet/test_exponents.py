@@ -7,6 +7,7 @@ import flexlin as fl
 from flexlin.errors import ArgumentError, NumericalError, TooManySegments
 from flexlin.periodic.floquet.result import judge
 from flexlin.periodic.transition.setting import Setting
+from tests.periodic.judge import judged
 from tests.periodic.random_systems import draw
 from tests.periodic.systems import colaneri, lyapunov_transformed, mathieu, mathieu_second_order, meissner
 
@@ -89,11 +90,19 @@ def test_modes_that_all_grow_or_decay_alike(n, growth):
 
 
 @pytest.mark.parametrize("seed", [991000117, 7707000084])
-def test_a_fixed_resolution_whose_stages_are_singular_is_refused(seed):
-    """Found by the jury: 20 segments for multipliers down to exp(-90), by Gauss and by Radau."""
-    case = draw("fixed settings", seed)
+def test_a_fixed_resolution_whose_stages_are_singular_is_refused_or_admits_it(seed):
+    """Found by the jury: 20 segments for multipliers down to exp(-90), by Gauss and by Radau. Whether the stages are exactly singular is
+    decided by the last bit of their factors, so some machines refuse where others answer, with errors beyond any use."""
+    outcome = judged(draw("fixed settings", seed))
+    assert outcome.refusal == "NumericalError" or (outcome.verdict == "undecided" and 0.0 < outcome.worst <= 1.0)
+    assert not outcome.crash
+
+
+def test_stages_that_are_exactly_singular_are_refused():
+    """x' = 2 x over one segment of 1 s: one stage, 1 - h a / 2 = 0, in any arithmetic."""
+    system = fl.PeriodicSystem(lambda t: np.full((len(t), 1, 1), 2.0) + 0.0 * np.cos(2 * np.pi * t)[:, None, None], 1.0)
     with pytest.raises(NumericalError, match="ask for more segments"):
-        case.answer()
+        fl.floquet(system, method="gauss", order=2, segments=1)
 
 
 def test_constant_system_and_the_range_of_imaginary_parts():
