@@ -11,20 +11,21 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from flexlin import __version__
 from flexlin.cli.commands import COMMANDS
-from flexlin.cli.libraries import collect_rarely, defer_unused, leave_out_plugins, need_one_thread
 from flexlin.cli.options import OPTIONS
 from flexlin.cli.shared import BAD_INPUT, FAILED
-from flexlin.cli.supervised import INTERRUPTED, NO_MEMORY, PASSED_ON, supervise
+from flexlin.cli.supervised import INTERRUPTED, NO_MEMORY, PASSED_ON, Channel, is_supervised, supervise
 from flexlin.errors import FlexlinError, InputError, OutputError, SceneError, TooLarge
 from flexlin.errors.root import lacks_memory
 
+THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
+"""Variables by which a user says how many threads linear algebra has."""
 AGAIN = 1.0
 """Seconds within which requests to end the program count as one: a terminal, and `timeout`, send theirs to all processes."""
 
@@ -78,7 +79,29 @@ def with_scene(error: FlexlinError, options: argparse.Namespace) -> str:
 def entry() -> None:
     """The program `flexlin`, which says in one line whatever goes wrong."""
     open_closed_streams()
-    sys.exit(supervise(run_program))
+    if is_supervised():
+        sys.exit(run_to_its_end(run_program))
+    path = (
+        [] if sys.path[0] in ("", os.getcwd()) else ["-P"]
+    )  # a module in the folder of a scene is none of the program's
+    sys.exit(supervise([sys.executable, *path, "-m", "flexlin", *sys.argv[1:]]))
+
+
+def run_to_its_end(work: Callable[[], int]) -> int:
+    """Do the work and let the parent know that nothing is left to say; without memory for a message, the parent has one."""
+    try:
+        code = work()
+    except SystemExit:
+        Channel.send("ended")
+        raise
+    except BaseException as fault:
+        try:
+            report_fault(type(fault), fault, fault.__traceback__)
+        except BaseException:
+            return FAILED
+        code = FAILED
+    Channel.send("ended")
+    return code
 
 
 def open_closed_streams() -> None:
@@ -90,11 +113,8 @@ def open_closed_streams() -> None:
 
 def run_program() -> int:
     """Run the command that the program was called with: a fault of flexlin itself is one line too, with exit code 1."""
-    sys.excepthook, sys.unraisablehook, warnings.showwarning = report_fault, pass_over, report_warning
+    sys.unraisablehook, warnings.showwarning = pass_over, report_warning
     need_one_thread()
-    defer_unused()
-    leave_out_plugins()
-    collect_rarely()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal that knows no ± gets a question mark
@@ -110,6 +130,15 @@ def run_program() -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = FAILED
     return code
+
+
+def need_one_thread() -> None:
+    """Let linear algebra use one thread, unless the user says how many: with a few dozen rows threads wait for each other.
+
+    It must be said before NumPy is loaded.
+    """
+    if not any(name in os.environ for name in THREADS):
+        os.environ.update(dict.fromkeys(THREADS, "1"))
 
 
 def report_warning(

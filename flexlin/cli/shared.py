@@ -21,7 +21,6 @@ ACCURACY = {"tol": "tol", "limit_seconds": "seconds", "limit_memory": "memory"}
 
 def loaded(options: argparse.Namespace, usual: float | None = None) -> "Scene":
     """The scene with its overrides, once the output folder has been found usable; `usual`: the limit in s where nobody states one."""
-    from flexlin.cli.libraries import keep_loaded
     from flexlin.cli.supervised import send_limits
     from flexlin.files import check_folder
     from flexlin.scene.loading import load_scene
@@ -41,7 +40,6 @@ def loaded(options: argparse.Namespace, usual: float | None = None) -> "Scene":
     if options.out is None:
         options.out = Path("out") / Path(options.scene).stem
         check_folder(options.out)
-    keep_loaded()
     return scene
 
 

@@ -1,28 +1,28 @@
 """The work in a process of its own, watched by its parent: whatever becomes of it, there is a message, and it ends within its limits.
 
 Python ends a stage between two instructions. It cannot end a single call of a compiled library, and a library that finds no memory may end
-the process without a word. The parent took its own memory before the work began.
+the process without a word. The parent loads no library, and only waits.
 """
 
-import atexit
 import contextlib
 import math
 import os
 import select
 import signal
+import subprocess
 import sys
-import threading
 import time
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from flexlin.cli.shared import BAD_INPUT, FAILED
 from flexlin.resources import BYTES, SECONDS, read_resident
 
 if TYPE_CHECKING:
     from flexlin.scene.accuracy import Accuracy
 
+FAILED, BAD_INPUT = 1, 2
+"""Exit codes where the work has none of its own."""
 TICK = 0.1
 """Seconds between two looks at the memory of the work."""
 ENDING = 1.5
@@ -34,6 +34,8 @@ LEAST_SPACE = 2.5e8
 PASSED_ON = (signal.SIGINT, signal.SIGTERM)
 INTERRUPTED = "interrupted; no file was left half-written"
 NO_MEMORY = "there is not enough memory; ask for less at once"
+CHANNEL = "FLEXLIN_CHANNEL"
+"""The variable that tells the work where its parent listens: a descriptor, and the parent's number."""
 
 
 class Channel:
@@ -55,39 +57,39 @@ def send_limits(begun: float, asked: "Accuracy") -> None:
     Channel.send("limits", begun + end, asked.seconds, asked.memory)
 
 
-def supervise(work: Callable[[], int]) -> int:
-    """Do the work, which prints its own messages, and return its exit code; on Linux in a process of its own.
+def is_supervised() -> bool:
+    """Whether this process is the work, which ends with its parent, or has to do it unwatched."""
+    told = os.environ.pop(CHANNEL, None)
+    if told is not None:
+        Channel.writer, parent = map(int, told.split())
+        os.set_inheritable(Channel.writer, False)
+        end_with(parent)
+    return told is not None or sys.platform != "linux"
 
-    Where that process is ended by something else, or goes on beyond its limits, its parent says so.
+
+def supervise(work: Sequence[str]) -> int:
+    """Run a program that prints its own messages, and return its exit code.
+
+    Where it is ended by something else, or goes on beyond its limits, say so.
     """
-    if sys.platform != "linux" or threading.active_count() > 1:
-        return work()
     if (space := read_space()) < LEAST_SPACE:
         print(
             f"flexlin: {NO_MEMORY}; got {space / 1e6:.0f} MB of address space, expected {LEAST_SPACE / 1e6:.0f} MB: raise ulimit -v",
             file=sys.stderr,
         )
         return BAD_INPUT
-    parent, (reader, writer) = os.getpid(), os.pipe()
+    reader, writer = os.pipe()
     watch = Watch(reader)
-    handlers = {number: signal.signal(number, watch.pass_on) for number in PASSED_ON}
+    for number in PASSED_ON:
+        signal.signal(number, watch.pass_on)
+    told = {**os.environ, CHANNEL: f"{writer} {os.getpid()}"}
     try:
-        watch.child = os.fork()
-    except OSError:  # no room for a second process
-        watch.child = -1
-    if watch.child > 0:
-        os.close(writer)
-        os._exit(watch.wait())  # what follows, the work's process does
-    for number, handler in handlers.items():
-        signal.signal(number, handler)
-    if watch.child < 0:
-        return work()
-    os.close(reader)
-    Channel.writer = writer
-    end_with(parent)
-    code = run_to_its_end(work)
-    leave(code)
-    return code
+        watch.work = subprocess.Popen(work, env=told, pass_fds=(writer,))
+    except OSError as error:
+        print(f"flexlin: the work cannot be started: {error.strerror}", file=sys.stderr)
+        return FAILED
+    os.close(writer)
+    return watch.wait()
 
 
 def read_space() -> float:
@@ -98,35 +100,6 @@ def read_space() -> float:
     return math.inf if space == resource.RLIM_INFINITY else float(space)
 
 
-def run_to_its_end(work: Callable[[], int]) -> int:
-    """Do the work and let the parent know that nothing is left to say."""
-    try:
-        code = work()
-    except SystemExit:
-        Channel.send("ended")
-        raise
-    except BaseException as fault:
-        try:
-            sys.excepthook(type(fault), fault, fault.__traceback__)
-            sys.stderr.flush()
-        except BaseException:  # no memory even for a message: the parent has some
-            os._exit(FAILED)
-        code = FAILED
-    Channel.send("ended")
-    return code
-
-
-def leave(code: int) -> None:
-    """End this process without freeing its objects one by one, a tenth of a report's time; not while threads or a profiler need more."""
-    if threading.active_count() > 1 or sys.getprofile() is not None or sys.gettrace() is not None:
-        return
-    atexit._run_exitfuncs()
-    with contextlib.suppress(OSError, ValueError):
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(code)
-
-
 def end_with(parent: int) -> None:
     """Have this process killed when its parent is."""
     with contextlib.suppress(ImportError, OSError, AttributeError, MemoryError):
@@ -134,7 +107,7 @@ def end_with(parent: int) -> None:
 
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
     if os.getppid() != parent:
-        os._exit(FAILED)
+        sys.exit(FAILED)
 
 
 @dataclass
@@ -142,7 +115,7 @@ class Watch:
     """The parent's side: `deadline` by `time.perf_counter`, `seconds` and `memory` as the user knows them; the usual ones at first."""
 
     reader: int
-    child: int = 0
+    work: "subprocess.Popen[bytes] | None" = None
     seconds: float = SECONDS
     memory: float = BYTES
     deadline: float = field(default_factory=lambda: time.perf_counter() + SECONDS)
@@ -152,32 +125,25 @@ class Watch:
     def pass_on(self, number: int, _: object) -> None:
         """Hand a request to end the program on to the work."""
         self.interrupted = True
-        if self.child > 0:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(self.child, number)
+        if self.work is not None:
+            self.work.send_signal(number)
 
     def wait(self) -> int:
         """Wait for the work, keep its limits, and return its exit code."""
-        open_ends, why = {self.open_end(), self.reader}, ""
-        while True:
-            ready = select.select(list(open_ends), [], [], TICK)[0]
-            if self.reader in ready and not self.listen():
-                open_ends.discard(self.reader)
-            done, status = os.waitpid(self.child, os.WNOHANG)
-            if done:
-                break
-            why = why or self.excess()
+        assert self.work is not None
+        why, open_ = "", True
+        while (code := self.work.poll()) is None:
+            if open_:
+                select.select([self.reader], [], [], TICK)
+                open_ = self.listen()
+            else:  # it has ended, or closed what it was given
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    self.work.wait(TICK)
+            why = why or self.excess(self.work.pid)
             if why:
-                os.kill(self.child, signal.SIGKILL)
+                self.work.kill()
         self.listen()
-        return self.judge(os.waitstatus_to_exitcode(status), why)
-
-    def open_end(self) -> int:
-        """What can be read once the work has ended: a descriptor of it; the reader where there is none (old kernels, containers)."""
-        try:
-            return os.pidfd_open(self.child)
-        except (AttributeError, OSError):
-            return self.reader
+        return self.judge(code, why)
 
     def listen(self) -> bool:
         """Take in what the work has sent; False once nothing more can come."""
@@ -191,7 +157,7 @@ class Watch:
             self.ended |= kind == "ended"
         return bool(said)
 
-    def excess(self) -> str:
+    def excess(self, work: int) -> str:
         """Why the work must be ended now; empty where it need not."""
         if self.ended:
             return ""
@@ -200,7 +166,7 @@ class Watch:
                 f"stopped at the time limit of {self.seconds:g} s, which it did not keep by itself; "
                 f"allow more time (--limit-seconds above {self.seconds:g}, or seconds in the scene's [accuracy])"
             )
-        if read_resident(self.child) > BEYOND * self.memory + LIBRARIES:
+        if read_resident(work) > BEYOND * self.memory + LIBRARIES:
             return (
                 f"stopped at the limit of memory of {self.memory:g} bytes, which it did not keep by itself; "
                 f"allow more (--limit-memory above {self.memory:g}, or memory in the scene's [accuracy])"
