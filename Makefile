@@ -42,7 +42,6 @@ links: $(STAMP)
 
 figures: $(STAMP)
 	$(BIN)/python docs/figures.py
-	$(BIN)/python docs/draw_house.py
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

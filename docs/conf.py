@@ -56,11 +56,13 @@ copybutton_prompt_is_regexp = True
 
 
 def setup(app):
-    """Fill in the reference tables before a page is parsed; show equations of docstrings as they are written."""
+    """Draw what is drawn from the code; fill in the reference tables before a page is parsed; show equations of docstrings as they are written."""
+    from draw_house import draw
     from gallery import write_gallery
     from reference_tables import fill
 
     write_gallery()
+    draw()
     app.connect("source-read", lambda app, name, source: source.__setitem__(0, fill(source[0])))
     app.connect("autodoc-process-docstring", lambda *event: quote_equations(event[-1]), priority=400)
 

@@ -1,12 +1,10 @@
 """Draws docs/house.svg: the rooms of flexlin, their sizes, and who imports whom, read from the code and from the import contract.
 
-python docs/draw_house.py            write the picture
-python docs/draw_house.py --check    exit code 1 where it is not the committed one
+The build of the site draws it; `python docs/draw_house.py` does so alone.
 """
 
 import ast
 import re
-import sys
 import textwrap
 import tomllib
 from collections import Counter
@@ -229,14 +227,10 @@ def picture() -> str:
     return "\n".join(parts) + "\n"
 
 
-def main() -> int:
-    """Write the picture, or check it."""
-    fresh = picture()
-    if "--check" in sys.argv[1:]:
-        return int(not PICTURE.exists() or PICTURE.read_text(encoding="utf-8") != fresh)
-    PICTURE.write_text(fresh, encoding="utf-8")
-    return 0
+def draw() -> None:
+    """Write the picture beside the pages."""
+    PICTURE.write_text(picture(), encoding="utf-8")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    draw()
