@@ -56,7 +56,7 @@ copybutton_prompt_is_regexp = True
 
 
 def setup(app):
-    """Draw what is drawn from the code; fill in the reference tables before a page is parsed; show equations of docstrings as they are written."""
+    """Draw what the code says of itself; fill in the reference tables of each page; show equations of docstrings as they are written."""
     from draw_house import draw
     from gallery import write_gallery
     from reference_tables import fill
