@@ -1,8 +1,6 @@
 """LAPACK as SciPy wraps it, without the rest of `scipy.linalg`, which takes as long to load as all of NumPy."""
 
-import ctypes
 import sys
-from functools import cache
 from importlib.machinery import PathFinder
 from importlib.util import module_from_spec
 from pathlib import Path
@@ -34,17 +32,6 @@ def find_lapack() -> Any:
 
 
 LAPACK = find_lapack()
-
-
-@cache
-def find_routine(name: str) -> int:
-    """Where a routine of LAPACK itself stands, for compiled code that calls it with 32-bit integers; 0 where SciPy does not say."""
-    capsule = getattr(getattr(LAPACK, name), "_cpointer", None)
-    if capsule is None:
-        return 0
-    get = ctypes.pythonapi.PyCapsule_GetPointer
-    get.restype, get.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
-    return int(get(capsule, None) or 0)
 
 
 def complex_schur(A: Array) -> tuple[Array, Array]:

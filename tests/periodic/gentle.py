@@ -1,4 +1,4 @@
-"""Periodic systems with known exponents whose modes hardly change their shapes: what decoupling from the modes of the mean serves."""
+"""Periodic systems with known exponents whose modes hardly change their shapes, or whose fast gaps vary by much."""
 
 from dataclasses import dataclass
 
@@ -22,6 +22,28 @@ def kept_shapes(rng):
     gentle, tol = draw_gentle(rng, bool(rng.random() < 0.5)), tol_of(rng)
     case = known(gentle, gentle.period, gentle.exponents, tol)
     return SlowCase(**vars(case))
+
+
+@kind("waving shapes")
+def waving_shapes(rng):
+    lively, tol = draw_lively(rng), tol_of(rng)
+    return SlowCase(**vars(known(lively, lively.period, lively.exponents, tol)))
+
+
+@kind("uneven gaps")
+def uneven_gaps(rng):
+    """A slow pair and two that are up to 1500 times as fast as the motion, whose gap varies by much."""
+    period, tol = float(10 ** rng.uniform(-1, 1)), tol_of(rng)
+    w, modes = 2 * np.pi / period, []
+    for rate, share in ((rng.uniform(1, 5), 0.0), (rng.uniform(50, 400), 0.1), (rng.uniform(300, 1500), 0.4)):
+        damping = rate * w * 10 ** rng.uniform(-3, -1)
+        modes.append([wave(rng, -damping, 0.3 * damping, 2), wave(rng, rate * w, share * rate * w, 1)])
+    turns = [
+        Turn(*map(int, rng.choice(6, 2, replace=False)), rng.random() < 0.6, wave(rng, rng.uniform(-1, 1), 0.03, 1))
+        for _ in range(6)
+    ]
+    system = Rotated(period, modes, turns)
+    return SlowCase(**vars(known(system, period, system.exponents, tol)))
 
 
 def gentle_system(seed, near_resonance=False):
@@ -57,9 +79,8 @@ def draw_gentle(rng, near_resonance):
     return Rotated(period, modes, turns)
 
 
-def lively_system(seed):
+def draw_lively(rng):
     """2 to 10 states, rates from a third of the basic frequency on, some apart by their damping alone, mixed by larger waves."""
-    rng = np.random.default_rng([77, seed])
     period = float(10 ** rng.uniform(-1, 1))
     w, modes, states, n = 2 * np.pi / period, [], 0, int(rng.integers(2, 11))
     while states < n:

@@ -22,6 +22,8 @@ COUNTS = {
     "kinks not named": 500,
     "stiff": 500,
     "kept shapes": 1000,
+    "waving shapes": 500,
+    "uneven gaps": 300,
     "non-normal constant": 1000,
     "non-normal, f(t) C": 300,
     "non-normal rotated": 400,

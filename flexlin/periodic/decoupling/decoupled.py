@@ -28,7 +28,6 @@ class Decoupled:
     part in the construction. groups: diagonal blocks; the modes of a group's partner are its complex conjugates. turning (G,):
     real groups whose real basis changes sign after a period; T holds it times exp(-i pi t / T).
     residual (n, n): bound of what elimination of the coupling adds to the blocks; rounding (n, n): of B's entries; in 1/s.
-    growth: by how much two modes may grow against each other within the period, the logarithm, where compiled code has looked.
     coupled: what was computed of its coupling, where that was looked at.
     """
 
@@ -42,7 +41,6 @@ class Decoupled:
     residual: Array
     rounding: Array
     rounds: int
-    growth: float | None = None
     coupled: Coupled | None = None
 
     def __repr__(self) -> str:

@@ -30,23 +30,23 @@ class DecoupledExponents:
     rounding: Array
 
 
-def decoupled_exponents(decoupled: Decoupled, tol: float = 1e-9, tame_only: bool = False) -> DecoupledExponents:
+def decoupled_exponents(decoupled: Decoupled, tol: float = 1e-9) -> DecoupledExponents:
     """Floquet exponents of all groups.
 
     A single mode's exponent is the mean of its generator; the nodes that built the frame and those half-way between them give it
     once each, and their difference is its error. A larger group is a small system without fast modes, followed by Magnus series to a
     part of tol: its error is bounded by perturbation theory, from the product itself where its modes grow little against each other
-    (`tame_exponents`), elsewhere from the Floquet vectors along it (`group_logs`); with `tame_only` it is infinite there.
+    (`tame_exponents`), elsewhere from the Floquet vectors along it (`group_logs`).
     """
     period = decoupled.period
-    values, parts = exponents_in_place(decoupled, tol, tame_only)
+    values, parts = exponents_in_place(decoupled, tol)
     values = wrap_log(values * period) / period
     order = np.argsort(-values.real, kind="stable")
     discretization, coupling, rounding = parts[:, order]
     return DecoupledExponents(values[order], parts.sum(axis=0)[order], discretization, coupling, rounding)
 
 
-def exponents_in_place(decoupled: Decoupled, tol: float, tame_only: bool) -> tuple[Array, Array]:
+def exponents_in_place(decoupled: Decoupled, tol: float) -> tuple[Array, Array]:
     """The exponents (n,) in the order of the modes, and the three parts of their errors (3, n)."""
     n = decoupled.generator.shape[-1]
     values, parts = np.zeros(n, complex), np.zeros((3, n))
@@ -60,8 +60,8 @@ def exponents_in_place(decoupled: Decoupled, tol: float, tame_only: bool) -> tup
             values[group.part], parts[:, group.part] = values[mate].conj(), parts[:, mate]
         elif group.size > 1:
             with np.errstate(over="ignore", invalid="ignore"):  # what overflows comes out unresolved and is enclosed
-                linked = not tame_only and is_linked(decoupled, i)
-                found = enclose_linked(decoupled, i, enclose()) if linked else several(decoupled, i, tol, tame_only)
+                linked = is_linked(decoupled, i)
+                found = enclose_linked(decoupled, i, enclose()) if linked else several(decoupled, i, tol)
                 values[group.part], parts[0, group.part] = found
     return values, parts
 

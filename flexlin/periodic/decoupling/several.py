@@ -48,8 +48,8 @@ class Logs(NamedTuple):
     rest: Array
 
 
-def several(decoupled: Decoupled, index: int, tol: float = 1e-9, tame_only: bool = False) -> tuple[Array, Array]:
-    """The exponents of a larger group, and their errors; with `tame_only` these are infinite where the group is not tame."""
+def several(decoupled: Decoupled, index: int, tol: float = 1e-9) -> tuple[Array, Array]:
+    """The exponents of a larger group, and their errors."""
     group, period = decoupled.groups[index], decoupled.period
     values, mean = decoupled.traceless(index)
     real = group.partner == index
@@ -60,8 +60,6 @@ def several(decoupled: Decoupled, index: int, tol: float = 1e-9, tame_only: bool
     if tame is not None:
         logs, errors = pair_conjugates(*tame)
         return mean + logs / period, errors / period
-    if tame_only:
-        return np.full(group.size, mean), np.full(group.size, np.inf)
     most = min(MOST, DEAR / group.size**3 if real else FEW) if spread > RESOLVED else MOST
     if segments > most:
         return bounded(values, mean, group.size, period)

@@ -13,13 +13,7 @@ from flexlin.periodic.circle import measure_distances, pair_conjugates, wrap_log
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.parting import MAX_MERGES
 from flexlin.periodic.floquet.constant import solve_constant
-from flexlin.periodic.floquet.decoupled import (
-    AtOnce,
-    HiddenMiss,
-    estimate_decoupling_work,
-    solve_at_once,
-    solve_decoupled,
-)
+from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_decoupled
 from flexlin.periodic.floquet.hamiltonian import is_hamiltonian, pair_hamiltonian
 from flexlin.periodic.floquet.result import FloquetResult, find_reached, judge
 from flexlin.periodic.floquet.segmented import SegmentedSpectrum, solve_by_segments
@@ -141,23 +135,10 @@ def find_exponents(
         )
     if segments is not None:
         return judge_fixed(system, choose_setting(system, tol, method, order, segments), tol)
-    missed = None
-    if method == "auto" and order is None:
-        found = solve_at_once(system, tol, limit)
-        if not isinstance(found, Refusal):
-            return finish_at_once(system, found, tol)
-        if isinstance(found, HiddenMiss) and found.answer is not None:
-            missed = finish_at_once(system, found.answer, tol)
     setting = choose_setting(system, tol, method, order, None)
     if method != "auto":
         return answer_by_segments(system, setting, tol, limit, by_segments)
-    return answer_by_either(system, setting, tol, limit, by_segments, missed)
-
-
-def finish_at_once(system: PeriodicSystem, found: AtOnce, tol: float) -> FloquetResult:
-    """What `solve_at_once` finds, with its verdict."""
-    exponents, errors, setting, decoupled = found
-    return finish(system, exponents, errors, setting, tol, decoupled, paired=True)
+    return answer_by_either(system, setting, tol, limit, by_segments)
 
 
 def answer_by_segments(
@@ -179,13 +160,9 @@ def answer_by_either(
     tol: float,
     limit: int,
     by_segments: BySegments,
-    missed: FloquetResult | None,
 ) -> FloquetResult:
-    """The exponents by decoupling where that promises less work, else by segments; by the better one where decoupling misses tol.
-
-    missed: what decoupling has found already, all but what rounding hides.
-    """
-    decoupled = missed if missed is not None else try_decoupling(system, setting, tol)
+    """The exponents by decoupling where that promises less work, else by segments; by the better one where decoupling misses tol."""
+    decoupled = try_decoupling(system, setting, tol)
     if decoupled is not None and not (count_missed(decoupled, tol) and is_worth_trying(system, setting, limit)):
         return decoupled
     try:
@@ -242,12 +219,10 @@ def finish(
     setting: Setting,
     tol: float,
     decoupled: Decoupled | None = None,
-    paired: bool = False,
 ) -> FloquetResult:
-    """Pair conjugate exponents (unless they are `paired`), and those of an undamped system, exactly, and give the verdict."""
-    if not paired:
-        logs, uncertain = pair_conjugates(exponents * system.period, errors * system.period)
-        exponents, errors = logs / system.period, uncertain / system.period
+    """Pair conjugate exponents, and those of an undamped system, exactly, and give the verdict."""
+    logs, uncertain = pair_conjugates(exponents * system.period, errors * system.period)
+    exponents, errors = logs / system.period, uncertain / system.period
     order = np.lexsort((-exponents.imag, -exponents.real))
     exponents, errors = exponents[order], errors[order]
     decays = all(g + e < 0 or e == np.inf for g, e in zip(exponents.real.tolist(), errors.tolist(), strict=True))

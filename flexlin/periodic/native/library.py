@@ -8,32 +8,19 @@ from flexlin.compiler import find_kept_library
 
 SOURCES = (
     "fit",
-    "blocks",
+    "vectors",
     "elimination",
-    "rounds",
-    "residual",
-    "states",
-    "rounding",
-    "evidence",
     "factors",
     "magnus",
-    "group",
-    "complex",
     "sylvester",
     "sweep",
-    "modes",
-    "bands",
-    "group_errors",
     "accelerations",
-    "whole",
-    "steady",
     "checking",
 )
 FILES = tuple(Path(__file__).with_name(f"{name}.c") for name in SOURCES)
 WHOLE, LONG, REAL, ADDRESS = ctypes.c_int, ctypes.c_long, ctypes.c_double, ctypes.c_void_p
 ARGUMENTS = {
     "fit_series": [ADDRESS] * 8,
-    "solve_at_once": [ADDRESS] * 2 + [REAL] + [ADDRESS] * 14,
     "find_sizes": [LONG, WHOLE] + [ADDRESS] * 2,
     "compare_series": [LONG] + [WHOLE] * 2 + [ADDRESS] * 5,
     "factor_magnus": [WHOLE] * 2 + [ADDRESS] + [WHOLE] * 2 + [REAL, ADDRESS],

@@ -106,7 +106,6 @@ def test_the_worse_of_two_answers_is_not_given(monkeypatch):
     system = fl.PeriodicSystem(fast_and_slow(1e4), 2.0)
     good = fl.floquet(system, 1e-8)
     half = replace(good, errors=np.append(good.errors[:-1], 1e3))
-    monkeypatch.setattr(routes, "solve_at_once", lambda *_: Refusal("not asked"))
     monkeypatch.setattr(routes, "try_decoupling", lambda *_: half)
     monkeypatch.setattr(routes, "is_worth_trying", lambda *_: True)
     blind = SegmentedSpectrum(good.log_multipliers, np.full(4, 1e3), np.zeros(4), good.setting, np.eye(4))

@@ -3,6 +3,7 @@ import pytest
 
 import flexlin as fl
 from flexlin.periodic.decoupling.decouple import decouple
+from flexlin.periodic.decoupling.decoupled import Refusal
 from flexlin.periodic.decoupling.exponents import decoupled_exponents
 from flexlin.periodic.floquet.decoupled_modes import solve_decoupled_modes
 from flexlin.periodic.floquet.modes import solve_modes_at_nodes
@@ -41,20 +42,22 @@ def miss(vectors, A, exponents, period):
 @pytest.mark.parametrize("near_resonance", [False, True])
 def test_columns_of_the_frame_solve_the_equation_and_its_adjoint(near_resonance):
     served = 0
-    for seed in range(46, 52):
+    for seed in range(46, 62):
         case = gentle_system(seed, near_resonance)
-        system = fl.PeriodicSystem(case, case.period, complete=True)
-        found = fl.floquet(system)
-        modes = None if found.decoupled is None else solve_decoupled_modes(found.decoupled, found.exponents)
+        done = decouple(case, case.period)
+        if isinstance(done, Refusal):
+            continue
+        found = decoupled_exponents(done)
+        modes = solve_decoupled_modes(done, found.exponents)
         if modes is None:
             continue
         served += 1
-        (right, left), A = modes, case(found.decoupled.times)
+        (right, left), A = modes, case(done.times)
         assert miss(right, A, found.exponents, case.period).max() < 1e-8, seed
         assert miss(left, -np.swapaxes(A, 1, 2), -found.exponents.conj(), case.period).max() < 1e-8, seed
         gram = np.einsum("tki,tkj->tij", left.conj(), right)
         size = np.linalg.norm(left, axis=1)[:, :, None] * np.linalg.norm(right, axis=1)[:, None]
-        assert (np.abs(gram - np.eye(system.n)) / np.maximum(1, size)).max() < 1e-12
+        assert (np.abs(gram - np.eye(case.n)) / np.maximum(1, size)).max() < 1e-12
     assert served >= 2
 
 

@@ -1,0 +1,49 @@
+"""Random systems of second order in unlike units, and modes that decay much faster than the others: claims against another method."""
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.periodic.circle import match_logs
+
+
+def wavy(rng, shape, decay):
+    """A random function of the period 1 with a few harmonics."""
+    mean, waves = rng.normal(size=shape), rng.normal(size=(2, 4, *shape)) * decay ** np.arange(4)[:, None, None]
+
+    def values(t):
+        angle = 2 * np.pi * np.outer(t, np.arange(1, 5))
+        return mean + np.tensordot(np.cos(angle), waves[0], 1) + np.tensordot(np.sin(angle), waves[1], 1)
+
+    return values
+
+
+def second_order(seed):
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 4))
+    parts, units = [wavy(rng, (n, n), 0.4) for _ in range(3)], 10.0 ** rng.integers(-4, 4, n)
+    fixed = np.array([5 * np.eye(n), np.eye(n), 30 * np.eye(n)])
+
+    def part(k):
+        return lambda t: (fixed[k] + 0.3 * parts[k](t)) * units * units[:, None]
+
+    return fl.PeriodicSystem.from_second_order(part(0), part(1), part(2), 1.0, complete=True)
+
+
+def damped_fast(damping):
+    wave = lambda t: np.sin(2 * np.pi * t)[:, None, None] * np.array([[0.2, 0.1], [0.1, -0.3]])  # noqa: E731
+    mass, stiffness = (lambda t: np.eye(2) + wave(t)), (lambda t: 20 * np.eye(2) + 9 * wave(t))
+    return fl.PeriodicSystem.from_second_order(mass, np.diag([damping, 1.0]), stiffness, 1.0, complete=True)
+
+
+@pytest.mark.parametrize(
+    ("system", "tol"),
+    [pytest.param(second_order(seed), 10.0 ** -(5 + seed % 6), id=str(seed)) for seed in range(20, 32)]
+    + [pytest.param(damped_fast(damping), 1e-9, id=f"damping {damping}") for damping in (30.0, 60.0)],
+)
+def test_no_exponent_is_further_off_than_its_error(system, tol):
+    """Against segments of another order at a smaller tol."""
+    found, other = fl.floquet(system, tol), fl.floquet(system, 1e-13, method="gauss", order=12)
+    partner, apart = match_logs(found.exponents, other.exponents)
+    assert (apart <= found.errors + other.errors[partner]).all()
+    assert (found.errors <= tol * np.maximum(1, np.abs(found.exponents))).all()
