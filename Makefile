@@ -7,7 +7,6 @@
 #   make docs     builds the documentation into build/site; runs its pages, warnings are errors
 #   make links    asks every link of the documentation that leads to another site (needs the network)
 # After changes of dependencies, make lock (with uv) pins them with their hashes: nothing else is ever installed.
-# After changes that move figures, make figures writes the generated parts of docs/ anew.
 PYTHON ?= python3
 BIN := .venv/bin
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
@@ -17,7 +16,7 @@ export OPENBLAS_NUM_THREADS = 1
 # What one test process has compiled, the others and the commands that they start read.
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: report test slow peers docs links figures lint lock clean
+.PHONY: report test slow peers docs links lint lock clean
 
 report: $(STAMP)
 	$(BIN)/flexlin report single-link --out out/single-link
@@ -39,9 +38,6 @@ docs: $(STAMP)
 links: $(STAMP)
 	$(PIP) --require-hashes -r requirements/docs.txt
 	$(BIN)/sphinx-build -b linkcheck -q -D nb_execution_mode=off -d build/linktrees docs build/links
-
-figures: $(STAMP)
-	$(BIN)/python docs/figures.py
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

@@ -58,8 +58,8 @@ copybutton_prompt_is_regexp = True
 def setup(app):
     """Draw what the code says of itself; fill in the reference tables of each page; show equations of docstrings as they are written."""
     from draw_house import draw
+    from figures import fill
     from gallery import write_gallery
-    from reference_tables import fill
 
     write_gallery()
     draw()

@@ -1,10 +1,8 @@
-"""Writes what the pages of docs/ show in figures, so that no number in them is typed by hand.
+"""What the pages of docs/ show in figures, so that no number in them is typed by hand.
 
-A block between `<!-- generated: NAME -->` and `<!-- end -->` is the output of one function. Cheap blocks are computed anew here; those
+A mark `<!-- built: NAME -->` of a page becomes the output of one function when the site is built. Cheap blocks are computed anew; those
 that take minutes, or are times, are rendered by recorded_blocks.py from docs/measured/NAME.json with date and machine.
 
-    python docs/figures.py                    write all blocks anew
-    python docs/figures.py --check            say which blocks differ, exit code 1 if one does
     python docs/figures.py --measure NAME ... run studies in full and keep their results in docs/measured (minutes, needs flexlin[peers])
     python docs/figures.py --pictures         draw the small pictures of docs/studies.md
 """
@@ -21,11 +19,12 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import recorded_blocks as recorded
 from records import DOCS, MEASURES, STUDIES, measure
+from reference_tables import commands, scene
 from tables import table
 from thumbnails import PICTURES, draw_pictures
 
 ROOT = DOCS.parent
-BLOCK = re.compile(r"(<!-- generated: ([\w-]+) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+MARK = re.compile(r"<!-- built: ([\w-]+) -->")
 
 
 def hard_cases() -> str:
@@ -101,6 +100,8 @@ def licences() -> str:
 
 
 BLOCKS: dict[str, Callable[[], str]] = {
+    "commands": commands,
+    "scene": scene,
     "hard-cases": hard_cases,
     "cost-of-accuracy": recorded.cost_of_accuracy,
     "taylor-cost": recorded.taylor_cost,
@@ -118,20 +119,14 @@ BLOCKS: dict[str, Callable[[], str]] = {
 }
 
 
-def rendered(text: str, only: set[str] | None = None) -> str:
-    """A page with its blocks (those of these names) made anew."""
-
-    def fresh(match: re.Match[str]) -> str:
-        name = match[2]
-        return match[0] if only is not None and name not in only else f"{match[1]}{BLOCKS[name]()}\n{match[4]}"
-
-    return BLOCK.sub(fresh, text)
+def fill(text: str) -> str:
+    """A page's source with its blocks in their places."""
+    return MARK.sub(lambda match: BLOCKS[match[1]](), text)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Write, check, measure or draw."""
+def main(arguments: list[str] | None = None) -> None:
+    """Measure or draw."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--check", action="store_true")
     parser.add_argument("--measure", nargs="+", choices=MEASURES, default=[])
     parser.add_argument("--pictures", nargs="*", choices=[path.stem for path in STUDIES.glob("*.py")])
     options = parser.parse_args(arguments)
@@ -139,18 +134,7 @@ def main(arguments: list[str] | None = None) -> int:
         measure(name)
     if options.pictures is not None:
         draw_pictures(options.pictures or sorted(path.stem for path in STUDIES.glob("*.py")))
-        return 0
-    stale = []
-    for page in sorted(DOCS.glob("*.md")):
-        text = page.read_text(encoding="utf-8")
-        fresh = rendered(text)
-        if fresh != text:
-            stale.append(page.name)
-            if not options.check:
-                page.write_text(fresh, encoding="utf-8")
-    print(f"{'differ' if options.check else 'written'}: {', '.join(stale) or 'none'}")
-    return int(options.check and bool(stale))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -1,4 +1,4 @@
-"""The licences of what flexlin stands on, from the packages' own metadata, for docs/licences.md; `docs/figures.py` writes the page."""
+"""The licences of what flexlin stands on, from the packages' own metadata, for docs/licences.md; the build of the site writes the table."""
 
 import re
 import tomllib

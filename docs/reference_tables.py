@@ -1,13 +1,10 @@
 """The reference pages' tables, made from the code when the site is built: commands from their parser, scenes from their schema."""
 
 import argparse
-import re
 from typing import Any
 
 from flexlin.cli.main import parser
 from flexlin.scene.json_schema import scene_schema
-
-MARK = re.compile(r"<!-- built: (\w+) -->")
 
 
 def table(head: list[str], rows: list[list[str]]) -> str:
@@ -97,11 +94,3 @@ def kind(entry: dict[str, Any]) -> str:
             *limits,
         ]
     )
-
-
-BUILT = {"commands": commands, "scene": scene}
-
-
-def fill(text: str) -> str:
-    """A page's source with its tables in their places."""
-    return MARK.sub(lambda match: BUILT[match[1]](), text)

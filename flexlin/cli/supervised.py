@@ -35,7 +35,7 @@ PASSED_ON = (signal.SIGINT, signal.SIGTERM)
 INTERRUPTED = "interrupted; no file was left half-written"
 NO_MEMORY = "there is not enough memory; ask for less at once"
 CHANNEL = "FLEXLIN_CHANNEL"
-"""The variable that tells the work where its parent listens: a descriptor, and the parent's number."""
+"""The variable that says where the parent of the work listens: a descriptor, and the parent's number."""
 
 
 class Channel:
@@ -59,12 +59,12 @@ def send_limits(begun: float, asked: "Accuracy") -> None:
 
 def is_supervised() -> bool:
     """Whether this process is the work, which ends with its parent, or has to do it unwatched."""
-    told = os.environ.pop(CHANNEL, None)
-    if told is not None:
-        Channel.writer, parent = map(int, told.split())
+    given = os.environ.pop(CHANNEL, None)
+    if given is not None:
+        Channel.writer, parent = map(int, given.split())
         os.set_inheritable(Channel.writer, False)
         end_with(parent)
-    return told is not None or sys.platform != "linux"
+    return given is not None or sys.platform != "linux"
 
 
 def supervise(work: Sequence[str]) -> int:
@@ -82,9 +82,9 @@ def supervise(work: Sequence[str]) -> int:
     watch = Watch(reader)
     for number in PASSED_ON:
         signal.signal(number, watch.pass_on)
-    told = {**os.environ, CHANNEL: f"{writer} {os.getpid()}"}
+    given = {**os.environ, CHANNEL: f"{writer} {os.getpid()}"}
     try:
-        watch.work = subprocess.Popen(work, env=told, pass_fds=(writer,))
+        watch.work = subprocess.Popen(work, env=given, pass_fds=(writer,))
     except OSError as error:
         print(f"flexlin: the work cannot be started: {error.strerror}", file=sys.stderr)
         return FAILED
