@@ -27,11 +27,9 @@ import flexlin as fl
 from flexlin.answers.peers.compiled import compile_function
 from flexlin.answers.peers.right_hand_sides import FastRate
 from flexlin.periodic.quadratic.correcting import solve_by_corrections
-from flexlin.periodic.quadratic.harmonics import solve_by_harmonics
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.quadratic.resolution import resolve_problem
 from flexlin.periodic.quadratic.riccati import periodic_riccati
-from flexlin.periodic.quadratic.sweeping import solve_by_sweeps
 from flexlin.periodic.resolved.resolve import resolve
 from flexlin.symbolic import selected
 
@@ -176,11 +174,7 @@ def time_set_up(system: fl.PeriodicSystem, Q: np.ndarray, R: np.ndarray, tol: fl
     ready = fl.PeriodicSystem(system.resolved, system.period, series, complete=True)
     problem, _ = resolve_problem(linear_quadratic(ready, Q, R), ready)
 
-    def solve() -> object:
-        ways = (solve_by_sweeps, solve_by_corrections, solve_by_harmonics)
-        return next((found for way in ways if (found := way(problem, system.period, tol))), None)
-
-    return least_time(solve, repeats)[1]
+    return least_time(lambda: solve_by_corrections(problem, system.period, tol), repeats)[1]
 
 
 def least_time(call: Callable[[], Any], repeats: int) -> tuple[Any, float]:

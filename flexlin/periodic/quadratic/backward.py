@@ -1,9 +1,7 @@
 """Compiled solutions of the Riccati equation over the four parts of a period: the calls of the C files beside this one."""
 
 import ctypes
-from collections.abc import Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -28,7 +26,6 @@ def find_sweeps() -> ctypes.CDLL | None:
     if library is not None:
         whole, long, real, where = ctypes.c_int, ctypes.c_long, ctypes.c_double, ctypes.c_void_p
         ports: list[Any] = [where, long] * 3
-        library.sweep_until_closed.argtypes = [where, real, whole, *[where] * 4, whole, where, real, *[where] * 3]
         library.correct_until_closed.argtypes = [where, real, real, real, whole, where, real, where, where, where]
         library.evaluate_residual.argtypes = [where, real, whole, *[where] * 4]
         library.solve_lyapunov.argtypes = [where, real, real, where, whole, where, where]
@@ -38,34 +35,6 @@ def find_sweeps() -> ctypes.CDLL | None:
         library.find_rate.argtypes = [where]
         library.compare_with_equation.restype = library.find_rate.restype = real
     return library
-
-
-@lru_cache(maxsize=8)
-def adams_weights(order: int) -> Array:
-    """Return the weights of Adams' explicit and implicit method of an order p, (2 p,), the newest rate first.
-
-    Integrals over [0, 1] of Lagrange's polynomials through the nodes 0, -1, ... and 1, 0, -1, ...
-    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I (1993), III.1.
-    """
-    weights = []
-    for first in (0, 1):
-        nodes = [first - j for j in range(order)]
-        for node in nodes:
-            polynomial = [Fraction(1)]
-            for other in (one for one in nodes if one != node):
-                higher, lower = [Fraction(0), *polynomial], [*polynomial, Fraction(0)]
-                polynomial = [(a - other * b) / (node - other) for a, b in zip(higher, lower, strict=True)]
-            weights.append(float(sum(c / (i + 1) for i, c in enumerate(polynomial))))
-    return np.array(weights)
-
-
-@dataclass(frozen=True)
-class Level:
-    """Sweeps on every `step`-th node by Adams' method of an order, until X changes by less than `end` of itself where parts meet."""
-
-    step: int
-    order: int
-    end: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,44 +49,6 @@ class Swept:
     every: int
 
 
-def sweep_until_closed(
-    library: ctypes.CDLL,
-    samples: RiccatiSamples,
-    period: float,
-    levels: Sequence[Level],
-    start: Array | None = None,
-    tol: float | None = None,
-) -> Swept | None:
-    """Sweep X back over four parts of the period at once, by Adams' predictor and corrector, until they join.
-
-    A sweep maps X at the end of part l to X at its beginning; with Phi_l its loop's transition matrix, Newton's method adds to the ends
-
-        E_l = Phi_m' E_m Phi_m + gap_l,   m = l + 1, the part behind,   gap_l = X(begin of m) - X(end of l)
-
-    A level ends after an E below its share of X. Loops that do not forget are swept on: the cost of a longer horizon has a better one.
-    Parameters: levels: on every second sample, and fewer; start: a series that is close to the solution; none: zero; tol: of the
-    series, where one is asked for: waves below this part of the mean need not be seen.
-    Returns: None where the last level does not close.
-    Source: Hewer, IEEE Trans. Automat. Control 16 (1971) 382; for E: Smith, SIAM J. Appl. Math. 16 (1968) 198.
-    """
-    entries, nodes = samples.n * (samples.n + 1) // 2, samples.count // (2 * PARTS)
-    X, series, shape = np.empty((nodes, entries, PARTS)), np.empty((8 * nodes // 3 + 1, entries)), np.zeros(2, np.int64)
-    whole = np.array([[one.step for one in levels], [one.order for one in levels]], np.int32)
-    numbers = np.concatenate([[one.end for one in levels], *(adams_weights(one.order) for one in levels)])
-    plan = (
-        len(levels),
-        address(whole),
-        address(whole) + 4 * len(levels),
-        address(numbers),
-        address(numbers[len(levels) :]),
-    )
-    begin = (0, None) if start is None else (len(start) // 2, address(start))
-    out = (address(X), None if tol is None else address(series), address(shape))
-    if not library.sweep_until_closed(samples.place, period, *plan, *begin, tol or 0.0, *out):
-        return None
-    return Swept(X, series[: 2 * shape[0] + 1], int(shape[1]))
-
-
 def correct_until_closed(
     library: ctypes.CDLL,
     samples: RiccatiSamples,
@@ -129,8 +60,8 @@ def correct_until_closed(
 ) -> Swept | None:
     """Find X by Newton's method on its series, whose steps are solved by exponentials of the loop and correct each other.
 
-    Parameters: rate: the Hamiltonian's spectral radius; near: the change of X, relative to X, after which it ends; the others as of
-    `sweep_until_closed`.
+    Parameters: rate: the Hamiltonian's spectral radius; near: the change of X, relative to X, after which it ends; start: a series that
+    is close to the solution; none: zero; tol: of the series: waves below this part of the mean need not be seen.
     Returns: None where the steps do not settle.
     """
     entries, nodes = samples.n * (samples.n + 1) // 2, samples.count // (2 * PARTS)

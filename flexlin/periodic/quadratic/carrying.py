@@ -6,23 +6,13 @@ from math import sqrt
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.quadratic.backward import (
-    Level,
-    compare_with_equation,
-    correct_until_closed,
-    reach_inputs,
-    sweep_until_closed,
-)
+from flexlin.periodic.quadratic.backward import compare_with_equation, correct_until_closed, reach_inputs
 from flexlin.periodic.quadratic.evidence import ROUNDING, weigh
 from flexlin.periodic.quadratic.samples import RiccatiSampler, divide_parts, join_parts
 from flexlin.periodic.quadratic.triangle import evaluate_triangle, triangle_places
 
-LEVEL = Level(1, 6, 1e-4)
-REACH = 0.1
-"""The largest product of a step and the Hamiltonian's spectral radius here."""
-FASTEST = 60
-"""The largest product of period and spectral radius of which sweeps are cheaper than corrections."""
-LEAST = 96
+LEAST, CLOSE = 96, 1e-4
+"""Nodes at the least, and the change of D, relative to itself, with which it is known."""
 MOST_SHARE, MOST_CURVED = 0.5, 0.2
 """Largest share of W that D's own residual may be, and largest q."""
 SEEN = 1e-3
@@ -44,8 +34,7 @@ def carry_residual(sampler: RiccatiSampler, X: Array, sizes: Array, rate: float)
     Source: Bittanti, Colaneri, Periodic Systems (2009), ch. 4 (periodic Lyapunov equation and inequality).
     """
     library, period = sampler.library, sampler.period
-    fast = rate * period > FASTEST
-    count = 32 * int(np.ceil(max(2 * len(X) if fast else max(rate * period / REACH, len(X)), LEAST) / 32))
+    count = 32 * int(np.ceil(max(2 * len(X), LEAST) / 32))
     samples, where = sampler.sample(2 * count), triangle_places(X.shape[1])
     values, B = evaluate_triangle(X, 2 * count)[:, where], samples.B
     A = join_parts(samples.A if len(samples.A) > 1 else samples.A[:, :, :1]).reshape(-1, *where.shape)
@@ -54,10 +43,7 @@ def carry_residual(sampler: RiccatiSampler, X: Array, sizes: Array, rate: float)
     linear = replace(
         samples, A=divide_parts(loop), S=np.zeros_like(samples.S[:1]), Q=divide_parts(np.diag(W)[None], True)
     )
-    if fast:
-        D = correct_until_closed(library, linear, period, rate, LEVEL.end, tol=SEEN)
-    else:
-        D = sweep_until_closed(library, linear, period, (LEVEL,), tol=SEEN)
+    D = correct_until_closed(library, linear, period, rate, CLOSE, tol=SEEN)
     if D is None:
         return None
     share = compare_with_equation(library, linear, period, D.series, D.every, 8 * ROUNDING).share

@@ -10,12 +10,10 @@ from flexlin.checks import positive, real_array
 from flexlin.errors import NumericalError
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.quadratic.correcting import solve_by_corrections
-from flexlin.periodic.quadratic.harmonics import solve_by_harmonics
 from flexlin.periodic.quadratic.linear_quadratic import TINY, check_between, linear_quadratic
 from flexlin.periodic.quadratic.plans import name_limit, solve_by_plans
 from flexlin.periodic.quadratic.resolution import divide_for_waves, find_edges, resolve_problem
 from flexlin.periodic.quadratic.solution import RiccatiSolution
-from flexlin.periodic.quadratic.sweeping import solve_by_sweeps
 from flexlin.periodic.system import PeriodicSystem, as_system
 
 LIMITED = 10.0
@@ -70,10 +68,8 @@ def periodic_riccati(
 
     Notes
     -----
-    Where the Hamiltonian has no fast modes, the equation is swept backwards over the period, Newton's method closes it, and the
-    residual beside the running cost bounds its error. Elsewhere, or where this leaves K less certain than tol, where X has few
-    harmonics, it is sought as a Fourier series by Newton's method, whose steps compiled exponentials of the loop solve, or GMRES; it is
-    proved to stabilise, and its residual gives its error. Otherwise
+    Where the coefficients are smooth, X is sought as a Fourier series by Newton's method, whose steps compiled exponentials of the loop
+    solve; it is proved to stabilise, and its residual gives its error. Otherwise
     each segment's Hamiltonian transition matrix is brought to scattering form; segments combine by the Redheffer star product; the
     whole period is doubled until H, the cost of 2^k periods with a free end, stops changing. The period map of the Hamiltonian is never
     formed, so neither fast unstable plants nor long periods overflow.
@@ -102,14 +98,7 @@ def periodic_riccati(
     problem, edges = resolve_problem(posed, system)
     check_between(posed, edges)
     tol = positive("tol", tol)
-    swept = solve_by_sweeps(problem, system.period, tol)
-    if swept is not None and swept.gain_error <= tol:
-        return swept
     smooth = solve_by_corrections(problem, system.period, tol)
-    if smooth is None or smooth.error > LIMITED * tol:
-        smooth = solve_by_harmonics(problem, system.period, tol)
-    if swept is not None:
-        return smooth if smooth is not None and smooth.error <= tol and smooth.gain_error < swept.gain_error else swept
     if smooth is not None and smooth.error <= LIMITED * tol:
         return smooth if smooth.error <= tol else name_limit(smooth, "rounding", tol)
     parts = divide_for_waves(problem, edges, tol)

@@ -141,35 +141,3 @@ static int fold(int E, long nodes, double tol, const v4 *X, double *series, long
     return keep;
   }
 }
-
-/* The periodic solution on every second node by sweeps on ever more of them: steps, orders, ends: of each level every so many of these, the
- * order of Adams' method, and the change of X that is small enough; weights: one level after the other. A level that does not close is left
- * out. It begins with zero, or with a series (2 H + 1, E) that is close to the solution.
- *
- * X (nodes / 2, E): the solution. series: where asked for, what `fold` makes of it, given tol; shape: its H, and every so many nodes. Returns
- * 0 where the last level does not close, or there is no memory. */
-int sweep_until_closed(const Equation *is, double T, int levels, const int *steps, const int *orders, const double *ends, const double *weights,
-                       int start, const double *close, double tol, v4 *X, double *series, long *shape) {
-  long E = triangle(is->n), nodes = is->nodes / 2;
-  int last = 0, found = 0;
-  v4 begin[MOST * E];
-  memset(begin, 0, sizeof begin);
-  if (close) {
-    v8 *work;
-    double *cosines = find_room(4 * nodes, &work);
-    if (!cosines) return 0;
-    evaluate(E, 4 * nodes, orders[0], 0, T, start, cosines, close, work, begin, 0);
-    free(cosines);
-  }
-  for (int i = 0; i < levels; weights += 2 * orders[i++]) {
-    int step = steps[i], p = orders[i], from = last ? orders[last - 1] : orders[0], before = last ? steps[last - 1] : step;
-    place_first(E, from, p, (double)before / step, begin, X);
-    found = close_by_newton(is, nodes / step, 2 * step, p, T * step / (4 * nodes), weights, X, last || close ? 0 : PARTS, ends[i]);
-    if (!found) continue;
-    memcpy(begin, X, p * E * sizeof(v4));
-    last = i + 1;
-  }
-  if (!found || !series) return found;
-  shape[0] = fold(E, nodes, tol, X, series, shape + 1);
-  return shape[0] >= 0;
-}
