@@ -1,7 +1,8 @@
-# Two commands do all set-up on a machine with Python 3.11, its venv module and make:
+# Two commands do all set-up on a machine with Python 3.11, its venv module, a C compiler and make:
 #   make report   runs the single-link stability report
 #   make test     checks style, types and imports, and runs the quick tests
 #   make slow     runs the other tests: random juries, whole reports, killed processes, pages in a browser
+# After changes of C files, make core builds flexlin/_core anew (make test does); make wheel packs what users install, into dist.
 # Others need more packages:
 #   make peers    compares with Pinocchio, heyoka and daceypy
 #   make docs     builds the documentation into build/site; runs its pages, warnings are errors
@@ -16,28 +17,34 @@ export OPENBLAS_NUM_THREADS = 1
 # What one test process has compiled, the others and the commands that they start read.
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: report test slow peers docs links lint lock clean
+.PHONY: report test core wheel slow peers docs links lint lock clean
 
-report: $(STAMP)
+report: core
 	$(BIN)/flexlin report single-link --out out/single-link
 
-test: lint
+test: lint core
 	$(BIN)/python -m pytest -n 2 --dist loadgroup -m "not slow"
 
-slow: $(STAMP)
+slow: core
 	$(BIN)/python -m pytest -n 2 --dist loadgroup -m slow
 
-peers: $(STAMP)
+peers: core
 	$(PIP) --require-hashes -r requirements/peers.txt
 	$(BIN)/python -m pytest -m peers
 
-docs: $(STAMP)
+docs: core
 	$(PIP) --require-hashes -r requirements/docs.txt
 	$(BIN)/sphinx-build -b html -W --keep-going -q -j 2 -d build/doctrees docs build/site
 
 links: $(STAMP)
 	$(PIP) --require-hashes -r requirements/docs.txt
 	$(BIN)/sphinx-build -b linkcheck -q -D nb_execution_mode=off -d build/linktrees docs build/links
+
+core: $(STAMP)
+	$(BIN)/cmake --build build/core
+
+wheel: core
+	$(BIN)/python -m hatchling build -t wheel -d dist
 
 lint: $(STAMP)
 	$(BIN)/ruff check .
@@ -59,4 +66,4 @@ lock:
 	$(LOCK) --extra docs --extra plot --extra cluster -c requirements/lock.txt -o requirements/docs.txt
 
 clean:
-	rm -rf .venv build dist out
+	rm -rf .venv build dist out flexlin/_core/built

@@ -3,19 +3,16 @@
 CasADi's own virtual machine carries out one operation on one point at a time, at some 4 ns; together they take about a tenth.
 """
 
-import ctypes
 import struct
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
 
+from flexlin._core import addresses, declare
 from flexlin.checks import Array
-from flexlin.compiler import address, find_kept_library, pointer
 
-FILES = (Path(__file__).with_suffix(".c"),)
 TOGETHER = 32
 """Points that go through an operation together: W of tape.c."""
 WORTH, FIXED = 200, 1e5
@@ -30,21 +27,25 @@ LOOKS = 24
 """Operations by which it is checked that they were read right."""
 
 
-@lru_cache(maxsize=1)
-def find_library() -> ctypes.CDLL | None:
-    """The library of tape.c; none where there is no compiler."""
-    library = find_kept_library(*FILES)
-    if library is not None:
-        for function in (library.run_tape, library.keep_outputs, library.share_steps):
-            function.restype = ctypes.c_long
-    return library
+RUN = declare(
+    "long run_tape(long steps, const Step *code, long points, const double *const *in, const long *rows, double *const *out, "
+    "const long *sizes, double *work)",
+    lambda steps, *_: ((steps, 4), None, None, None),
+)
+KEEP = declare(
+    "long keep_outputs(long steps, const Step *code, const int *wanted, char *live, Step *kept)",
+    lambda steps, *_: ((steps, 4), None, None, (steps, 4)),
+)
+SHARE = declare(
+    "long share_steps(long steps, Step *code, long mask, int *found, int *value, int *last, int *place, int *empty, int *slots)",
+    lambda steps, code, mask, *_: ((steps, 4), mask + 1, None, steps, steps, steps, 1),
+)
 
 
 @dataclass(frozen=True, eq=False)
 class Tape:
     """The operations of a function: steps (K, 4) of int32, the sizes of inputs and outputs, and how many numbers are kept at a time."""
 
-    library: ctypes.CDLL
     steps: Array
     rows: Array
     sizes: Array
@@ -53,32 +54,28 @@ class Tape:
     @classmethod
     def of(cls, function: ca.Function) -> "Tape | None":
         """The tape of a function of dense inputs and outputs; None where it cannot be read, or holds an unknown operation."""
-        library = find_library()
-        if library is None or function.class_name() != "SXFunction" or not 0 < function.n_instructions() <= LARGEST:
+        if function.class_name() != "SXFunction" or not 0 < function.n_instructions() <= LARGEST:
             return None
         rows = np.array([function.numel_in(i) for i in range(function.n_in())], dtype=np.int64)
         sizes = np.array([function.numel_out(i) for i in range(function.n_out())], dtype=np.int64)
         steps, slots = read_steps(function), int(function.sz_w())
         if steps is None or not is_sound(steps, rows, sizes, slots):
             return None
-        steps, slots = share_steps(library, steps, slots)
-        return cls(library, steps, rows, sizes, slots)
+        steps, slots = share_steps(steps, slots)
+        return cls(steps, rows, sizes, slots)
 
     def keep(self, outputs: tuple[int, ...]) -> "Tape":
         """The tape of some of the outputs, without the operations that only the others need."""
         wanted, kept = np.zeros(len(self.sizes), dtype=np.int32), np.empty_like(self.steps)
         wanted[list(outputs)] = np.arange(1, len(outputs) + 1)
-        live, count = np.zeros(self.slots, dtype=np.int8), ctypes.c_long(len(self.steps))
-        left = self.library.keep_outputs(count, *map(pointer, (self.steps, wanted, live, kept)))
+        left = KEEP(len(self.steps), self.steps, wanted, np.zeros(self.slots, dtype=np.int8), kept)
         return replace(self, steps=kept[:left].copy(), sizes=self.sizes[list(outputs)])
 
     def __call__(self, arrays: list[Array], outputs: list[Array]) -> None:
         """Fill the outputs, each (N, columns, rows), from the inputs, each (N, rows)."""
-        given, made = ((ctypes.c_void_p * len(group))(*map(address, group)) for group in (arrays, outputs))
+        read, written = addresses(arrays), addresses(outputs, written=True)
         work = np.empty(self.slots * TOGETHER)
-        steps, points = ctypes.c_long(len(self.steps)), ctypes.c_long(len(arrays[0]))
-        sizes = given, pointer(self.rows), made, pointer(self.sizes)
-        self.library.run_tape(steps, pointer(self.steps), points, *sizes, pointer(work))
+        RUN(len(self.steps), self.steps, len(arrays[0]), read, self.rows, written, self.sizes, work)
 
 
 @dataclass
@@ -122,16 +119,15 @@ def read_steps(function: ca.Function) -> Array | None:
     return (halves[0::2] | halves[1::2] << 4).view("<i4").reshape(count, 4).astype(np.int32)
 
 
-def share_steps(library: ctypes.CDLL, steps: Array, slots: int) -> tuple[Array, int]:
+def share_steps(steps: Array, slots: int) -> tuple[Array, int]:
     """The same operations, each value computed once, and how many slots they need."""
     count, shared = len(steps), steps.copy()
     table = 2 ** (2 * count).bit_length()
     found, last = (np.full(size, -1, dtype=np.int32) for size in (table, count))
     value, place, empty = (np.empty(size, dtype=np.int32) for size in (slots, count, count))
-    needed = ctypes.c_int()
-    sizes = ctypes.c_long(count), pointer(shared), ctypes.c_long(table - 1)
-    left = library.share_steps(*sizes, *map(pointer, (found, value, last, place, empty)), ctypes.byref(needed))
-    return shared[:left].copy(), needed.value
+    needed = np.empty(1, dtype=np.int32)
+    left = SHARE(count, shared, table - 1, found, value, last, place, empty, needed)
+    return shared[:left].copy(), int(needed[0])
 
 
 def sample_steps(count: int) -> list[int]:

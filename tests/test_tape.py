@@ -1,15 +1,13 @@
 """Functions that many points go through, in compiled code: the same numbers as CasADi's own, to the last bit, or CasADi's own."""
 
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
 
-from flexlin import compiler, symbolic, tape
+from flexlin import symbolic, tape
 
-needs_compiler = pytest.mark.skipif(tape.find_library() is None, reason="no C compiler, or nowhere to keep a library")
 UNARY = [
     *(ca.exp, ca.log, ca.sqrt, ca.sin, ca.cos, ca.tan, ca.asin, ca.acos, ca.atan, ca.floor, ca.ceil, ca.fabs, ca.sign),
     *(ca.sinh, ca.cosh, ca.tanh, ca.asinh, ca.acosh, ca.atanh, ca.log1p, ca.expm1),
@@ -42,7 +40,6 @@ def run(made: tape.Tape, function: ca.Function, arrays: list[np.ndarray]) -> lis
     return [output.transpose(0, 2, 1) for output in outputs]
 
 
-@needs_compiler
 def test_each_operation_gives_the_same_bits() -> None:
     x, y = ca.SX.sym("x"), ca.SX.sym("y")
     hard = [np.nan, np.inf, -np.inf, 0.0, -0.0, 1.0, -1.0, 2.5, -2.5, 1e-310, 1e308, 0.3]
@@ -56,7 +53,6 @@ def test_each_operation_gives_the_same_bits() -> None:
         np.testing.assert_array_equal(np.signbit(found[right == 0]), np.signbit(right[right == 0]), str(expression))
 
 
-@needs_compiler
 @pytest.mark.parametrize("seed", range(12))
 def test_random_functions_give_the_same_bits(seed: int) -> None:
     function, rng = random_function(seed), np.random.default_rng(seed)
@@ -68,7 +64,6 @@ def test_random_functions_give_the_same_bits(seed: int) -> None:
             np.testing.assert_array_equal(found, right)
 
 
-@needs_compiler
 @pytest.mark.parametrize("seed", range(6))
 def test_what_is_written_often_is_computed_once(seed: int) -> None:
     """Against value numbering by a dictionary: as many steps, the same bits; signs of zeros are told apart."""
@@ -94,7 +89,6 @@ def test_what_is_written_often_is_computed_once(seed: int) -> None:
     np.testing.assert_array_equal(run(few, function, arrays)[0], right)
 
 
-@needs_compiler
 def test_many_points_take_the_tape_and_few_do_not() -> None:
     function = random_function(99)
     arrays = np.random.default_rng(0).normal(size=(50, 3)), np.ones((50, 2)), np.zeros((50, 0))
@@ -106,7 +100,6 @@ def test_many_points_take_the_tape_and_few_do_not() -> None:
         np.testing.assert_array_equal(many, np.tile(one, (40, 1, 1)))
 
 
-@needs_compiler
 @pytest.mark.parametrize("seed", range(4))
 def test_some_of_the_outputs_need_some_of_the_operations(seed: int) -> None:
     function, rng = random_function(seed), np.random.default_rng(seed)
@@ -122,7 +115,6 @@ def test_some_of_the_outputs_need_some_of_the_operations(seed: int) -> None:
             np.testing.assert_array_equal(found, right[i])
 
 
-@needs_compiler
 def test_one_reading_serves_a_function_and_its_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     function, reads = random_function(41), []
     monkeypatch.setattr(tape, "read_steps", lambda f, read=tape.read_steps: reads.append(f) or read(f))
@@ -138,8 +130,8 @@ def test_one_reading_serves_a_function_and_its_parts(monkeypatch: pytest.MonkeyP
     np.testing.assert_array_equal(few[0], right[0][:2])
 
 
-def test_parts_without_a_compiler_are_functions_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tape, "find_library", lambda: None)
+def test_parts_without_a_tape_are_functions_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tape.Tape, "of", lambda function: None)
     function = random_function(43)
     part = symbolic.Part(function, tuple(function.name_out()[i] for i in (2, 0)))
     arrays = [np.random.default_rng(0).normal(size=(900, k)) for k in (3, 2, 0)]
@@ -161,11 +153,8 @@ def test_what_cannot_be_read_is_left_to_casadi(monkeypatch: pytest.MonkeyPatch) 
     np.testing.assert_array_equal(symbolic.evaluate(whole[1], *arrays)[0], exact)
     monkeypatch.setattr(ca.Function, "serialize", lambda self: "abc" * 1000)
     assert tape.Tape.of(whole[0]) is None
-    monkeypatch.setattr(tape, "find_library", lambda: None)
-    assert tape.Tape.of(whole[0]) is None
 
 
-@needs_compiler
 def test_operations_that_were_read_wrong_are_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
     """A slot out of range is seen at once, another operation by the first points."""
     function = random_function(5)
@@ -187,7 +176,6 @@ def test_operations_that_were_read_wrong_are_not_used(monkeypatch: pytest.Monkey
         np.testing.assert_array_equal(one, right)
 
 
-@needs_compiler
 def test_threads_do_not_share_their_numbers() -> None:
     function = random_function(7)
     made, rng = tape.Tape.of(function), np.random.default_rng(7)
@@ -198,15 +186,3 @@ def test_threads_do_not_share_their_numbers() -> None:
         for right, found in zip(alone, pool.map(lambda arrays: run(made, function, arrays), every), strict=True):
             for one, other in zip(right, found, strict=True):
                 np.testing.assert_array_equal(one, other)
-
-
-def test_no_compiler_no_library(monkeypatch: pytest.MonkeyPatch) -> None:
-    path = Path(tape.__file__).with_suffix(".c")
-    monkeypatch.setattr(compiler, "find_compiler", lambda: None)
-    assert compiler.find_kept_library.__wrapped__(path) is None
-    monkeypatch.undo()
-    monkeypatch.setattr(compiler, "find_kept_folder", lambda: None)
-    assert compiler.find_kept_library.__wrapped__(path) is None
-    monkeypatch.undo()
-    monkeypatch.setattr(tape, "find_kept_library", lambda *_: None)
-    assert tape.find_library.__wrapped__() is None

@@ -3,12 +3,11 @@
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from flexlin import tape
 from flexlin.compiler import find_kept_library, is_missing
 from flexlin.periodic.native import library
 from flexlin.periodic.quadratic import backward
 
-KERNELS = (library.FILES, backward.FILES, tape.FILES)
+KERNELS = (library.FILES, backward.FILES)
 """The C files of each library."""
 
 

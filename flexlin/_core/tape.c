@@ -1,7 +1,6 @@
 /* A list of scalar operations carried out for many points at once: W of them go through each operation together. */
 
-#include <math.h>
-#include <string.h>
+#include "core.h"
 
 enum { W = 32 };
 
@@ -19,7 +18,7 @@ typedef struct {
 
 /* code: steps; in[k]: points x rows[k]; out[k]: points x sizes[k]; work: slots x W numbers. Returns 0, or the number of a step
    whose operation is not known. */
-long run_tape(long steps, const Step *code, long points, const double *const *in, const long *rows, double *const *out,
+CALLED long run_tape(long steps, const Step *code, long points, const double *const *in, const long *rows, double *const *out,
               const long *sizes, double *work)
 {
     for (long first = 0; first < points; first += W) {
@@ -105,7 +104,7 @@ long run_tape(long steps, const Step *code, long points, const double *const *in
 
 /* Keep the steps that lead to some outputs: kept gets these, with wanted[i] - 1 in the place of output i; live: slots zeros.
    Returns how many there are. */
-long keep_outputs(long steps, const Step *code, const int *wanted, char *live, Step *kept)
+CALLED long keep_outputs(long steps, const Step *code, const int *wanted, char *live, Step *kept)
 {
     long left = steps;
     for (long k = steps - 1; k >= 0; k--) {
@@ -133,7 +132,7 @@ static int reads(int op) { return op == 44 || op == 45 ? 0 : op == 46 ? 1 : 2; }
 /* Compute what is computed more than once only once: CasADi makes a new sine wherever one is written or differentiated. Values are
    numbered by their steps, then get slots anew. code: steps, changed; found: mask + 1 times -1; value: slots numbers; last: steps times
    -1; place, empty: steps numbers each. Returns how many steps are left; *slots: how many slots they need. */
-long share_steps(long steps, Step *code, long mask, int *found, int *value, int *last, int *place, int *empty, int *slots)
+CALLED long share_steps(long steps, Step *code, long mask, int *found, int *value, int *last, int *place, int *empty, int *slots)
 {
     long count = 0, left = 0;
     for (long k = 0; k < steps; k++) {

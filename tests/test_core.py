@@ -1,0 +1,100 @@
+"""The compiled core: its functions are what Python takes them for, and what does not fit is refused before C sees it."""
+
+import importlib
+import os
+import pkgutil
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import flexlin
+from flexlin import _core
+
+KEEP = "long keep_outputs(long steps, const Step *code, const int *wanted, char *live, Step *kept)"
+
+
+def find_prototypes() -> set[str]:
+    """The prototypes of all functions that the C sources offer to Python, one line each."""
+    sources = [path.read_text(encoding="utf-8") for path in sorted(_core.BUILT.parent.rglob("*.c"))]
+    found = (one for text in sources for one in re.findall(r"^CALLED ([^{;]*?)\s*\{", text, flags=re.MULTILINE))
+    return {re.sub(r"\s+", " ", one) for one in found}
+
+
+def test_prototypes_are_those_of_the_sources() -> None:
+    for module in pkgutil.walk_packages(flexlin.__path__, "flexlin."):
+        if not module.name.endswith("__main__"):
+            importlib.import_module(module.name)
+    written = find_prototypes()
+    assert len(written) > 3
+    assert written - {"int find_level(void)"} == set(_core.DECLARED)
+
+
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        (1, np.zeros((2, 4))),  # another type
+        (1, np.zeros((4, 2), np.intc).T),  # not in C order
+        (1, np.zeros((3, 4), np.intc)),  # another shape
+        (1, np.zeros(8, np.intc)),
+        (3, np.broadcast_to(np.zeros((), np.int8), 2)),  # not to be written
+        (1, None),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused(place: int, value: np.ndarray | None) -> None:
+    function = _core.Function(KEEP, lambda steps, *_: ((steps, 4), None, None, (steps, 4)), ())
+    arguments = [2, np.zeros((2, 4), np.intc), np.ones(1, np.intc), np.zeros(2, np.int8), np.zeros((2, 4), np.intc)]
+    assert function(*arguments) == 0
+    arguments[place] = value
+    with pytest.raises((TypeError, AttributeError)):
+        function(*arguments)
+
+
+def test_an_array_may_be_none_where_that_is_said() -> None:
+    function = _core.Function(KEEP, None, ("code", "kept"))
+    assert function(0, None, np.zeros(1, np.intc), np.zeros(1, np.int8), None) == 0
+
+
+@pytest.mark.parametrize(
+    "text", ["long keep_outputs(steps)", "keep_outputs(long steps)", "int no_such_function(int n)"]
+)
+def test_what_is_no_function_of_the_core_is_not_declared(text: str) -> None:
+    with pytest.raises((ValueError, AttributeError)):
+        _core.declare(text)
+
+
+def variants() -> list[str]:
+    """The variants that were built and that this processor runs."""
+    level = _core.LIBRARY.find_level()
+    built = {path.stem for path in _core.BUILT.glob("*.so")}
+    return sorted(built & {"baseline", *(name for needs, name in _core.VARIANTS.items() if needs <= level)})
+
+
+def test_each_variant_gives_the_same_answer() -> None:
+    code = (
+        "import flexlin as fl; from flexlin import _core; s = fl.load_scene('single-link')\n"
+        "r = fl.floquet(fl.linearize(fl.build_manipulator(s), s.motion, s.control).periodic_system())\n"
+        "print(_core.VARIANT, r.verdict, r.error, *sorted(r.exponents.real))"
+    )
+    found = {}
+    for variant in variants():
+        environment = {**os.environ, "FLEXLIN_CORE": variant}
+        said = subprocess.run([sys.executable, "-c", code], env=environment, check=True, capture_output=True, text=True)
+        name, verdict, *numbers = said.stdout.split()
+        assert name == variant
+        found[variant] = verdict, *map(float, numbers)
+    verdict, error, *rates = found["baseline"]
+    for other, most, *others in found.values():
+        assert other == verdict
+        np.testing.assert_allclose(others, rates, rtol=0, atol=error + most)
+
+
+def test_a_library_that_is_not_there_is_said_plainly() -> None:
+    environment = {**os.environ, "FLEXLIN_CORE": "other"}
+    said = subprocess.run(
+        [sys.executable, "-c", "import flexlin._core"], env=environment, capture_output=True, text=True
+    )
+    assert said.returncode == 1
+    assert "make core" in said.stderr.splitlines()[-1]
