@@ -1,19 +1,23 @@
 """All curves in a rectangle of two parameters at which a periodic system becomes unstable."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.boundary.follow import Vertices, place_cubic
-from flexlin.periodic.boundary.links import list_chains
+from flexlin.periodic.boundary.follow import EXACT, STEP, Vertices, find_directions, place_cubic, refine_pieces
+from flexlin.periodic.boundary.lattice import find_islands, find_nodes, link_nodes, spread
 from flexlin.periodic.boundary.spectra import Spectra, SpectraFunction, count_resting, drop_resting
-from flexlin.periodic.boundary.trace import SMALLEST, Box, Trace, trace_box
+from flexlin.periodic.boundary.tips import Tip, find_tip
 
-CELLS = 32
-"""Cells of the lattice on either side."""
+CELLS, INNER = 32, 4
+"""Cells of the lattice on either side, and of a cell that is divided again."""
 MOST = 400
 """Points on one cubic."""
+SMALLEST = 2e-3
+"""Boxes smaller than this part of the ranges are searched for a tongue's tip before they are divided."""
+JOINED = 1e-2
+"""Of a box's size: crossings of its border this close, found from inside and from outside, are one."""
 
 
 @dataclass(frozen=True)
@@ -24,6 +28,80 @@ class Curve:
     errors: Array
     closed: bool
     inside: Array
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Vertices of the boundary; for each the one that follows (-1: none), and how far the boundary lay off the cubic between them."""
+
+    vertices: Vertices
+    follower: Array
+    off: Array
+
+    def passes(self, node: int, last: int) -> list[int]:
+        """The vertices from one node to before another, as far as they are joined."""
+        passed = list[int]()
+        while node not in (-1, last):
+            passed.append(node)
+            node = int(self.follower[node])
+        return passed
+
+    def is_followed(self, node: int, last: int) -> bool:
+        """Whether every piece from one node to another has met the boundary."""
+        passed = self.passes(node, last)
+        return self.follower[passed[-1]] == last and bool(np.isfinite(self.off[passed]).all())
+
+
+@dataclass(frozen=True)
+class Tracer:
+    """What follows the boundary through boxes: spectra, wanted distance, and whether tongues between lattice points are looked for."""
+
+    function: SpectraFunction
+    tol: float
+    narrow: bool
+
+    def trace(self, low: Array, high: Array, cells: int) -> Trace:
+        """Follow the boundary through a box of the unit square; parts that could not be followed are left out.
+
+        Crossings of lattice lines are linked through the cells and joined by cubics.
+        """
+        xs, ys = (np.linspace(a, b, cells + 1) for a, b in zip(low, high, strict=True))
+        spectra, whole = self.function(spread(xs, ys)), low.max() == 0.0 and high.min() == 1.0
+        if whole:
+            xs, ys, spectra = find_islands(xs, ys, spectra, self.function)
+        nodes, entered, left = find_nodes(xs, ys, spectra, self.function, self.tol / EXACT, self.narrow)
+        size = float((high - low).max())
+        step = STEP * min(1.0, CELLS * size)
+        directions = find_directions(nodes.points, nodes.angles, nodes.undamped, self.function, step)
+        nodes = replace(nodes, directions=directions)
+        following = link_nodes(nodes, entered, left, size / cells)
+        linked = np.flatnonzero(following >= 0)
+        pairs = np.stack([linked, following[linked]], axis=1)
+        trace = Trace(*refine_pieces(nodes, pairs, self.function, self.tol, step))
+        broken = [node for node, last in pairs.tolist() if not trace.is_followed(node, last)]
+        for i, j in np.unique(entered[broken], axis=0) if broken else ():
+            through = pairs[(entered[pairs[:, 0]] == (i, j)).all(axis=1)]
+            trace = self.divide(trace, through, np.array([xs[i], ys[j]]), np.array([xs[i + 1], ys[j + 1]]))
+        return trace
+
+    def divide(self, trace: Trace, pairs: Array, low: Array, high: Array) -> Trace:
+        """Join the pairs (P, 2) of nodes on a cell's border anew: through a tongue's tip in it, or on a lattice of its own.
+
+        In a cell as small as the wanted error they are joined straight.
+        """
+        follower, off, size = trace.follower.copy(), trace.off.copy(), float((high - low).max())
+        for node, last in pairs.tolist():
+            follower[trace.passes(node, last)] = -1
+        if size <= self.tol * EXACT / 2:
+            follower[pairs[:, 0]], off[pairs[:, 0]] = pairs[:, 1], size
+            return Trace(trace.vertices, follower, off)
+        trace = Trace(trace.vertices, follower, off)
+        if size <= SMALLEST:
+            first = trace.vertices.at(pairs[:1, 0])
+            tip = find_tip(low, high, first.angles, first.undamped, self.function, self.tol)
+            if tip is not None:
+                return join_through(trace, pairs, tip)
+        return join_traces(trace, self.trace(low, high, INNER), pairs, JOINED * size)
 
 
 def find_curves(function: SpectraFunction, tol: float, cells: int = CELLS, constant: bool = False) -> list[Curve]:
@@ -44,12 +122,67 @@ def find_curves(function: SpectraFunction, tol: float, cells: int = CELLS, const
     def moving(points: Array) -> Spectra:
         return drop_resting(function(points), resting)
 
-    trace = trace_box(Box((0.0, 0.0), (1.0, 1.0), cells), moving, tol, not constant)
-    curves = [draw_curve(chain, closed, trace, tol) for chain, closed in list_chains(trace.follower)]
+    trace = Tracer(moving, tol, not constant).trace(np.zeros(2), np.ones(2), cells)
+    curves = [draw_curve(chain, trace, tol) for chain in list_chains(trace.follower)]
     return [curve for curve in curves if np.ptp(curve.points, axis=0).max() > SMALLEST]
 
 
-def draw_curve(chain: Array, closed: bool, trace: Trace, tol: float) -> Curve:
+def join_through(trace: Trace, pairs: Array, tip: Tip) -> Trace:
+    """The trace with each pair (P, 2) of nodes joined by two parabolas that end in a tip; each counts as wrong by what it bends."""
+    count, size = len(trace.follower), len(pairs)
+    ends = trace.vertices.at(pairs.T.ravel())  # where the boundary comes from, then where it goes to
+    chord = (tip.point - ends.points) * np.repeat([1.0, -1.0], size)[:, None]
+    length = np.linalg.norm(chord, axis=1)
+    unit = chord / np.maximum(length, np.finfo(float).tiny)[:, None]
+    bends = length * np.linalg.norm(unit - ends.directions, axis=1) ** 2
+    more = replace(
+        ends,
+        points=np.tile(tip.point, (2 * size, 1)),
+        directions=2 * unit - ends.directions,
+        errors=np.full(2 * size, tip.error),
+        inside=np.full((2 * size, 2), np.nan),
+    )
+    arrive, leave = count + np.arange(size), count + size + np.arange(size)
+    follower, off = np.concatenate([trace.follower, leave, pairs[:, 1]]), np.append(trace.off, 0.0 * bends)
+    follower[pairs[:, 0]] = arrive
+    off[pairs[:, 0]], off[leave] = bends[:size], bends[size:]
+    return Trace(trace.vertices.beside(more), follower, off)
+
+
+def join_traces(outer: Trace, inner: Trace, pairs: Array, near: float) -> Trace:
+    """Both traces, joined where the ends of the inner one lie on the outer one's nodes."""
+    count = len(outer.follower)
+    follower = np.concatenate([outer.follower, np.where(inner.follower >= 0, inner.follower + count, -1)])
+    off, points = np.concatenate([outer.off, inner.off]), inner.vertices.points
+    starts, ends = np.setdiff1d(np.arange(len(points)), inner.follower), np.flatnonzero(inner.follower < 0)
+    off[[*pairs[:, 0], *(count + ends)]] = 0.0
+    for column, others in enumerate((starts, ends)):
+        for node in pairs[:, column] if len(others) else ():
+            apart = np.linalg.norm(points[others] - outer.vertices.points[node], axis=1)
+            partner = count + others[apart.argmin()]
+            if apart.min() <= near:
+                one, next_ = (node, partner) if column == 0 else (partner, node)
+                follower[one] = next_
+    return Trace(outer.vertices.beside(inner.vertices), follower, off)
+
+
+def list_chains(follower: Array) -> list[Array]:
+    """The curves as vertices in order; a closed one ends where it begins."""
+    first = np.setdiff1d(np.arange(len(follower)), follower)
+    seen = np.zeros(len(follower), dtype=bool)
+    chains = []
+    for start in (*first, *range(len(follower))):
+        chain, node = list[int](), int(start)
+        while node >= 0 and not seen[node]:
+            seen[node] = True
+            chain.append(node)
+            node = int(follower[node])
+        if chain:
+            chains.append(np.array([*chain, node] if node == chain[0] else chain))
+    return [chain for chain in chains if len(chain) > 1]
+
+
+def draw_curve(chain: Array, trace: Trace, tol: float) -> Curve:
     """Points on the cubics, as close as the wanted error asks of a polyline; errors of the vertices and of the cubics together."""
     first, second = trace.vertices.at(chain[:-1]), trace.vertices.at(chain[1:])
     counts = count_points(first, second, tol)
@@ -60,14 +193,15 @@ def draw_curve(chain: Array, closed: bool, trace: Trace, tol: float) -> Curve:
         between = np.where(np.arange(count) > 0, 2 * trace.off[chain[k]] + tol / 4, 0.0)
         errors.append(np.maximum(first.errors[k], second.errors[k]) + between)
     corners = np.concatenate([*points, second.points[-1:]]), np.concatenate([*errors, second.errors[-1:]])
-    inside = trace.inside[chain][np.isfinite(trace.inside[chain][:, 0])]
-    return Curve(np.clip(corners[0], 0.0, 1.0), corners[1], closed, inside[len(inside) // 2])
+    inside = trace.vertices.inside[chain]
+    inside = inside[np.isfinite(inside[:, 0])]
+    return Curve(np.clip(corners[0], 0.0, 1.0), corners[1], bool(chain[0] == chain[-1]), inside[len(inside) // 2])
 
 
 def count_points(first: Vertices, second: Vertices, tol: float) -> Array:
     """How many chords each cubic needs, so that none is farther from it than tol / 4."""
     chord = second.points - first.points
     length = np.linalg.norm(chord, axis=1)
-    unit = chord / np.maximum(length, 1e-300)[:, None]
+    unit = chord / np.maximum(length, np.finfo(float).tiny)[:, None]
     turn = np.linalg.norm(first.directions - unit, axis=1) + np.linalg.norm(second.directions - unit, axis=1)
     return np.where(length > 0, np.clip(np.ceil(np.sqrt(turn * length / (2 * tol))), 1, MOST), 1).astype(int)

@@ -1,6 +1,5 @@
 """The boundary between two of its points: cubic pieces, halved until the boundary's own middle agrees with them."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,27 +14,38 @@ STEP = 3e-5
 Exact derivatives cost 170 to 400 times as much as four values of the compiled kernel (13 times with 12 states), and turn it by 1e-5 rad
 at the most.
 """
-FIRST, WIDER, FARTHEST, TRIES = 1e-4, 8.0, 1.5, 6
-"""How far from a piece's middle the boundary is looked for, in lengths of the piece: at first, by which factor farther, at the most."""
-DEEPEST = 40
+EXACT = 8.0
+"""Points of the boundary are placed to this part of the wanted error; also how many times farther from a piece's middle each next look
+for the boundary goes."""
 BLURRED = 30.0
 """Pieces shorter than this many errors of their ends are not halved: what bends them is rounding."""
+FARTHEST, DEEPEST = 1.5, 40
+"""How far from a piece's middle the boundary is looked for, in lengths of the piece, and how often pieces are halved at the most."""
 
 
 @dataclass(frozen=True)
 class Vertices:
     """Points (V, 2) of the boundary in the unit square: direction (V, 2) with the unstable side on the left, error (V,), and the margin
-    by which they were found: angle of the growing multiplier and whether it is undamped."""
+    by which they were found: angle of the growing multiplier and whether it is undamped; an unstable point nearby (V, 2), not a
+    number where none is known."""
 
     points: Array
     directions: Array
     errors: Array
     angles: Array
     undamped: Array
+    inside: Array
 
     def at(self, which: Array) -> "Vertices":
         """Some of the vertices."""
-        return Vertices(*(getattr(self, name)[which] for name in Vertices.__annotations__))
+        return Vertices(*(one[which] for one in self.columns()))
+
+    def beside(self, more: "Vertices") -> "Vertices":
+        """These vertices and more behind them."""
+        return Vertices(*(np.concatenate(pair) for pair in zip(self.columns(), more.columns(), strict=True)))
+
+    def columns(self) -> list[Array]:
+        return [getattr(self, name) for name in Vertices.__annotations__]
 
 
 def find_directions(
@@ -46,29 +56,13 @@ def find_directions(
     places = np.clip(points[None] + moves[:, None], 0.0, 1.0)
     spectra = function(places.reshape(-1, 2))
     margin = measure_margins(spectra, np.tile(undamped, 4), np.tile(angles, 4))[0].reshape(4, -1)
-    gradient = np.stack(
-        [
-            (margin[0] - margin[1]) / (places[0, :, 0] - places[1, :, 0]),
-            (margin[2] - margin[3]) / (places[2, :, 1] - places[3, :, 1]),
-        ],
-        axis=1,
-    )
-    tangents = np.stack([gradient[:, 1], -gradient[:, 0]], axis=1)
-    return np.asarray(tangents / np.maximum(np.linalg.norm(gradient, axis=1), 1e-300)[:, None])
-
-
-def cubic_middle(first: Vertices, second: Vertices) -> tuple[Array, Array, Array]:
-    """Middle (V, 2) of the cubics through two vertices with their directions, normals there towards the unstable side, and chords (V,)."""
-    chord = second.points - first.points
-    length = np.linalg.norm(chord, axis=1)
-    middle = (first.points + second.points) / 2 + length[:, None] / 8 * (first.directions - second.directions)
-    along = 1.5 * chord - length[:, None] / 4 * (first.directions + second.directions)
-    along /= np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]
-    return middle, np.stack([-along[:, 1], along[:, 0]], axis=1), length
+    across = (margin[0] - margin[1]) / (places[0, :, 0] - places[1, :, 0])
+    up = (margin[2] - margin[3]) / (places[2, :, 1] - places[3, :, 1])
+    return np.stack([up, -across], axis=1) / np.maximum(np.hypot(across, up), np.finfo(float).tiny)[:, None]
 
 
 def place_cubic(first: Vertices, second: Vertices, share: Array) -> Array:
-    """Points (V, S, 2) at shares (S,) of the cubics."""
+    """Points (V, S, 2) at shares (S,) of the cubics through two vertices with their directions."""
     length = np.linalg.norm(second.points - first.points, axis=1)[:, None, None]
     s = share[None, :, None]
     return np.asarray(
@@ -83,25 +77,36 @@ def find_middles(
 ) -> tuple[Vertices, Array, Array]:
     """Points of the boundary on the normals of the cubics' middles, how far off they lie (V,), infinite where none was met, and the
     margin's slopes there (V,)."""
-    middle, normal, length = cubic_middle(first, second)
+    length = np.linalg.norm(second.points - first.points, axis=1)
+    middle = place_cubic(first, second, np.array([0.5]))[:, 0]
+    along = 6 * (second.points - first.points) - length[:, None] * (first.directions + second.directions)
+    normal = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    normal /= np.maximum(np.linalg.norm(along, axis=1), np.finfo(float).tiny)[:, None]
     undamped, angles = first.undamped & second.undamped, mean_angles(first.angles, second.angles)
 
     def margin(which: Array, offsets: Array) -> tuple[Array, Array]:
         places = np.clip(middle[which] + offsets[:, None] * normal[which], 0.0, 1.0)
         return measure_margins(function(places), undamped[which], angles[which])
 
-    start = enclose_boundary(lambda which, x: margin(which, x)[0], length)
-    met = np.flatnonzero(start.at_a * start.at_b <= 0)
-    chosen = SignedEnds(start.a[met], start.b[met], start.at_a[met], start.at_b[met])
-    ends = solve_brackets(lambda k, x: margin(met[k], x)[0], chosen, accuracy)
-    offset, error, slope = np.full(len(middle), np.inf), np.zeros(len(middle)), np.full(len(middle), 1e-300)
-    offset[met] = ends.best
+    every = np.arange(len(middle))
+    here, outer = margin(every, 0.0 * length)[0], np.zeros(len(middle))
+    there, offset = here.copy(), FARTHEST * EXACT**-4
+    while offset <= FARTHEST:  # the margin's sign says on which side the boundary lies
+        which = np.flatnonzero((here != 0) & (np.sign(there) == np.sign(here)))
+        outer[which] = -np.sign(here[which]) * offset * length[which]
+        there[which] = margin(which, outer[which])[0] if len(which) else 0.0
+        offset *= EXACT
+    met = np.flatnonzero(here * there <= 0)
+    start = SignedEnds(np.zeros(len(met)), outer[met], here[met], there[met])
+    ends = solve_brackets(lambda k, x: margin(met[k], x)[0], start, accuracy)
+    off, error, slope = np.full(len(middle), np.inf), np.zeros(len(middle)), np.full(len(middle), np.finfo(float).tiny)
     left, uncertain = margin(met, ends.best)
-    reach = np.maximum(np.abs(chosen.b - chosen.a), 1e-300)
-    slope[met] = np.maximum(np.abs(chosen.at_b - chosen.at_a) / reach, 1e-300)
+    reach = np.maximum(start.width, np.finfo(float).tiny)
+    slope[met] = np.maximum(np.abs(there - here)[met] / reach, np.finfo(float).tiny)
     error[met] = np.minimum((np.abs(left) + uncertain) / slope[met], reach) + ends.width / 2
-    points = np.clip(middle + np.where(np.isfinite(offset), offset, 0.0)[:, None] * normal, 0.0, 1.0)
-    return Vertices(points, np.zeros_like(points), error, angles, undamped), np.abs(offset), slope
+    off[met], middle[met] = np.abs(ends.best), middle[met] + ends.best[:, None] * normal[met]
+    points, unknown = np.clip(middle, 0.0, 1.0), np.full(middle.shape, np.nan)
+    return Vertices(points, np.zeros(points.shape), error, angles, undamped, unknown), off, slope
 
 
 def measure_quarters(
@@ -123,23 +128,6 @@ def mean_angles(first: Array, second: Array) -> Array:
     return np.where(np.abs(together) > 0.5, np.angle(together), first)
 
 
-def enclose_boundary(margin: Callable[[Array, Array], Array], length: Array) -> SignedEnds:
-    """Offsets from the middles between which the margin changes sign, towards the side that the middle's own sign says.
-
-    Parameters: margin: (indices, offsets) -> margins; length (V,): of the pieces. Where no change is met, both ends have one sign.
-    """
-    here = margin(np.arange(len(length)), np.zeros(len(length)))
-    outer, there, searching = np.zeros(len(length)), here.copy(), here != 0
-    for k in range(TRIES):
-        which = np.flatnonzero(searching)
-        if not len(which):
-            break
-        outer[which] = -np.sign(here[which]) * min(FIRST * WIDER**k, FARTHEST) * length[which]
-        there[which] = margin(which, outer[which])
-        searching[which] = np.sign(there[which]) == np.sign(here[which])
-    return SignedEnds(np.zeros(len(length)), outer, here, there)
-
-
 def refine_pieces(
     vertices: Vertices, pairs: Array, function: SpectraFunction, tol: float, step: float
 ) -> tuple[Vertices, Array, Array]:
@@ -147,32 +135,24 @@ def refine_pieces(
 
     Returns: all vertices; for each the one that follows it, -1 where none does, and how far the boundary lay off; inf: it was not met.
     """
-    links: list[tuple[Array, Array]] = []
+    follower, distance = np.full(len(vertices.points), -1), np.zeros(len(vertices.points))
     for _ in range(DEEPEST):
         if not len(pairs):
             break
         first, second = vertices.at(pairs[:, 0]), vertices.at(pairs[:, 1])
-        found, off, slope = find_middles(first, second, function, tol / 8)
+        found, off, slope = find_middles(first, second, function, tol / EXACT)
         length = np.linalg.norm(second.points - first.points, axis=1)
         short = length <= np.maximum(tol, BLURRED * np.maximum(first.errors, second.errors))
         near = np.flatnonzero((off <= tol / 2) & ~short)
-        off[near] = np.maximum(
-            off[near], measure_quarters(first.at(near), second.at(near), found.at(near), slope[near], function)
-        )
+        quarters = measure_quarters(first.at(near), second.at(near), found.at(near), slope[near], function)
+        off[near] = np.maximum(off[near], quarters)
         done = (off <= tol / 2) | short | ~np.isfinite(off)
-        links.append((pairs[done], np.where(short, np.minimum(off, length), off)[done]))
-        new = found.at(~done)
+        follower[pairs[done, 0]] = pairs[done, 1]
+        distance[pairs[done, 0]] = np.where(short, np.minimum(off, length), off)[done]
+        new, halved = found.at(~done), pairs[~done]
         directions = find_directions(new.points, new.angles, new.undamped, function, step)
         fresh = np.arange(len(vertices.points), len(vertices.points) + len(new.points))
-        vertices = join_vertices(vertices, replace(new, directions=directions))
-        halved = pairs[~done]
+        vertices = vertices.beside(replace(new, directions=directions))
+        follower, distance = np.append(follower, 0 * fresh - 1), np.append(distance, 0.0 * fresh)
         pairs = np.concatenate([np.stack([halved[:, 0], fresh], axis=1), np.stack([fresh, halved[:, 1]], axis=1)])
-    follower, distance = np.full(len(vertices.points), -1), np.zeros(len(vertices.points))
-    for some, off in links:
-        follower[some[:, 0]], distance[some[:, 0]] = some[:, 1], off
     return vertices, follower, distance
-
-
-def join_vertices(some: Vertices, more: Vertices) -> Vertices:
-    """Both sets, one behind the other."""
-    return Vertices(*(np.concatenate([getattr(some, name), getattr(more, name)]) for name in Vertices.__annotations__))

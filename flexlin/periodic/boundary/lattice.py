@@ -1,163 +1,116 @@
-"""Spectra on the lines of a lattice over two parameters, and the points at which the boundary crosses these lines."""
-
-from dataclasses import dataclass
+"""A lattice over two parameters: islands between its points, where the boundary crosses its lines, and which crossing follows which."""
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from flexlin.checks import Array
-from flexlin.periodic.boundary.narrow import (
-    Slopes,
-    climb_peaks,
-    find_strips,
-    list_end_peaks,
-    list_slopes,
-    list_strips,
-)
-from flexlin.periodic.boundary.roots import SignedEnds, solve_brackets
-from flexlin.periodic.boundary.spectra import Spectra, SpectraFunction, measure_margins
+from flexlin.periodic.boundary.follow import Vertices
+from flexlin.periodic.boundary.lines import Scan, add_quiet_strips, add_tongues, list_changes, solve_changes
+from flexlin.periodic.boundary.spectra import Spectra, SpectraFunction
+
+ROUNDS = 4
+"""How often a peak is looked at more closely, at nine points of a square a third as large each time."""
+SHORT = 0.1
+"""Weight of a link's length, in cells, against its turning."""
 
 
-@dataclass(frozen=True)
-class Line:
-    """One line of the lattice: axis 0 runs along x at fixed y, axis 1 the other way; values (V,) along it, and spectra there."""
-
-    axis: int
-    index: int
-    place: float
-    values: Array
-    spectra: Spectra
-
-    def points(self, values: Array) -> Array:
-        """Points (V, 2) of the line."""
-        columns = (values, np.full(len(values), self.place))
-        return np.stack(columns if self.axis == 0 else columns[::-1], axis=1)
+def spread(xs: Array, ys: Array) -> Array:
+    """The points (V, 2) of a lattice, x running slower."""
+    return np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
-@dataclass(frozen=True)
-class Nodes:
-    """Points (V, 2) of the boundary on lines of a lattice.
+def find_islands(xs: Array, ys: Array, spectra: Spectra, function: SpectraFunction) -> tuple[Array, Array, Spectra]:
+    """The lattice with a line through each island that no point of it met.
 
-    axis, line, cell: which line, and between which two of its lattice points; rising: whether the unstable side has the larger
-    coordinate; angle of the multiplier that leaves the circle there; undamped: kind of margin; inside (V, 2): an unstable point nearby;
-    error (V,): along the line, as a share of the range.
+    Each local maximum of the growth rate among stable points, and each local minimum among unstable ones, is climbed by
+    the best of nine points on a shrinking square.
     """
+    shape = (len(xs), len(ys))
+    growth, verdicts = spectra.logs.real.max(axis=1).reshape(shape), spectra.verdicts.reshape(shape)
+    at = np.argwhere(find_peaks(growth, verdicts))
+    if not len(at):
+        return xs, ys, spectra
+    way, places = -verdicts[tuple(at.T)], np.stack([xs[at[:, 0]], ys[at[:, 1]]], axis=1)
+    step = np.array([xs[1] - xs[0], ys[1] - ys[0]])
+    square = spread(*2 * [np.array([-1.0, 0.0, 1.0])])
+    found, every = np.zeros(len(at), dtype=bool), np.arange(len(at))
+    for _ in range(ROUNDS):
+        step = step / 3
+        tried = np.clip(places[:, None] + square * step, 0.0, 1.0)
+        result = function(tried.reshape(-1, 2))
+        best = np.nanargmax(way[:, None] * result.logs.real.max(axis=1).reshape(len(at), -1), axis=1)
+        places = np.where(found[:, None], places, tried[every, best])
+        found |= result.verdicts.reshape(len(at), -1)[every, best] == way
+    wide, tall = np.union1d(xs, places[found, 0]), np.union1d(ys, places[found, 1])
+    known = (np.isin(wide, xs)[:, None] & np.isin(tall, ys)).ravel()
+    every = np.empty(len(known), dtype=int)
+    every[known], every[~known] = np.arange(known.sum()), known.sum() + np.arange((~known).sum())
+    return wide, tall, spectra.beside(function(spread(wide, tall)[~known])).at(every)
 
-    points: Array
-    axis: Array
-    line: Array
-    cell: Array
-    rising: Array
-    angle: Array
-    undamped: Array
-    inside: Array
-    error: Array
 
-    def __len__(self) -> int:
-        return len(self.points)
+def find_peaks(growth: Array, verdicts: Array) -> Array:
+    """Which points decay while all around decays faster, or grow while all around grows faster, by half as much as they do or more."""
+    around = [
+        np.lib.stride_tricks.sliding_window_view(np.pad(one, 1, mode="edge"), (3, 3)) for one in (growth, verdicts)
+    ]
+    least, most = around[0].min(axis=(2, 3)), around[0].max(axis=(2, 3))
+    alike = (around[1] == verdicts[..., None, None]).all(axis=(2, 3))
+    lifted = np.abs(growth) <= 2 * np.maximum(most - growth, growth - least)
+    return alike & lifted & np.where(verdicts < 0, growth >= most, (verdicts > 0) & (growth <= least))
 
 
-def lay_lines(xs: Array, ys: Array, spectra: Spectra) -> list[Line]:
-    """The lines of a lattice with spectra at its points, x running slower."""
-    shape = (len(xs), len(ys), -1)
-    logs, errors = spectra.logs.reshape(shape), spectra.errors.reshape(shape)
-    along = [Line(0, j, y, xs, Spectra(logs[:, j], errors[:, j])) for j, y in enumerate(ys)]
-    return along + [Line(1, i, x, ys, Spectra(logs[i], errors[i])) for i, x in enumerate(xs)]
+def find_nodes(
+    xs: Array, ys: Array, spectra: Spectra, function: SpectraFunction, accuracy: float, narrow: bool
+) -> tuple[Vertices, Array, Array]:
+    """Every crossing of the boundary with the lines of a lattice, still without directions; the cell (V, 2) that the boundary enters at
+    each one, and the cell that it leaves, -1 outside the lattice.
 
+    With the unstable side on the left, a crossing of a line along x whose unstable side is at larger x runs towards smaller y,
+    one of a line along y whose unstable side is at larger y towards larger x.
+    Parameters: narrow: whether to look for tongues between lattice points.
+    """
+    shape = np.array([len(xs), len(ys)])
 
-def add_narrow_tongues(lines: list[Line], function: SpectraFunction, accuracy: float) -> list[Line]:
-    """The lines with further points in tongues that pass between two of their points; all lines are searched together."""
-    ends = [list_end_peaks(line.values, line.spectra) for line in lines]
-    lines = insert_values(lines, ends, function)
-    slopes = [list_slopes(line.values, line.spectra) for line in lines]
-    owner = np.repeat(np.arange(len(lines)), [len(one.column) for one in slopes])
-    every = Slopes(
-        *(np.concatenate([getattr(one, name) for one in slopes], axis=-1) for name in Slopes.__annotations__)
+    def place(line: Array, values: Array) -> Array:
+        """Lines along x, one for each y, and then those along y."""
+        along, other = line < shape[1], np.concatenate([ys, xs])[line]
+        return np.stack([np.where(along, values, other), np.where(along, other, values)], axis=1)
+
+    index = np.arange(shape.prod()).reshape(shape)
+    line = np.concatenate(
+        [np.repeat(np.arange(shape[1]), shape[0]), shape[1] + np.repeat(np.arange(shape[0]), shape[1])]
     )
-
-    def at(which: Array, values: Array) -> Spectra:
-        return function(place_on_lines(lines, owner[which], values))
-
-    peaks = climb_peaks(every, at, accuracy)
-    more = [np.unique(peaks.points[peaks.unstable & (owner == k)]) for k in range(len(lines))]
-    return insert_values(lines, more, function)
-
-
-def add_quiet_strips(lines: list[Line], function: SpectraFunction, accuracy: float) -> list[Line]:
-    """The lines with further points in quiet strips between two tongues that lie in neighbouring points."""
-    strips = [list_strips(line.values, line.spectra) for line in lines]
-    owner = np.repeat(np.arange(len(lines)), [len(one[0]) for one in strips])
-    if not len(owner):
-        return lines
-    first, second, before, after = (np.concatenate([one[k] for one in strips]) for k in range(4))
-
-    def at(which: Array, values: Array) -> Spectra:
-        return function(place_on_lines(lines, owner[which], values))
-
-    quiet = find_strips(first, second, (before, after), at, accuracy)
-    more = [np.unique(quiet[np.isfinite(quiet) & (owner == k)]) for k in range(len(lines))]
-    return insert_values(lines, more, function)
+    known = spectra.at(np.concatenate([index.T.ravel(), index.ravel()]))
+    values = np.concatenate([np.tile(xs, shape[1]), np.tile(ys, shape[0])])
+    scan = add_quiet_strips(Scan(line, values, known, lambda k, x: function(place(k, x))), accuracy)
+    found = list_changes(add_tongues(scan, accuracy)[0] if narrow else scan)
+    zeros = solve_changes(found, scan.at, accuracy)
+    points, inside = place(found.line, zeros.values), place(found.line, found.unstable)
+    nodes = Vertices(points, np.zeros(points.shape), zeros.errors, found.angles, found.undamped, inside)
+    along, middle = found.line < shape[1], place(found.line, found.between)
+    cell = np.stack([np.searchsorted(xs, middle[:, 0]), np.searchsorted(ys, middle[:, 1])], axis=1)
+    ahead = cell - np.stack([along, ~along], axis=1)
+    behind = cell - 1
+    forward = (along != (found.unstable > found.quiet))[:, None]
+    cells = [np.where(forward, ahead, behind), np.where(forward, behind, ahead)]
+    entered, left = (np.where(np.all((one >= 0) & (one < shape - 1), axis=1)[:, None], one, -1) for one in cells)
+    return nodes, entered, left
 
 
-def place_on_lines(lines: list[Line], owner: Array, values: Array) -> Array:
-    """Points (V, 2) at values on the lines `owner` (V,)."""
-    axis, place = np.array([line.axis for line in lines]), np.array([line.place for line in lines])
-    first = np.where(axis[owner] == 0, values, place[owner])
-    return np.stack([first, np.where(axis[owner] == 0, place[owner], values)], axis=1)
+def link_nodes(nodes: Vertices, entered: Array, left: Array, size: float) -> Array:
+    """The node that follows each one (V,), -1 where the boundary leaves the range.
 
-
-def insert_values(lines: list[Line], more: list[Array], function: SpectraFunction) -> list[Line]:
-    """The lines with further values and the spectra there."""
-    if not any(len(values) for values in more):
-        return lines
-    extra = function(np.concatenate([line.points(values) for line, values in zip(lines, more, strict=True)]))
-    first, result = 0, []
-    for line, values in zip(lines, more, strict=True):
-        part = slice(first, first + len(values))
-        together = np.concatenate([line.values, values])
-        order = np.argsort(together, kind="stable")
-        logs = np.concatenate([line.spectra.logs, extra.logs[part]])[order]
-        errors = np.concatenate([line.spectra.errors, extra.errors[part]])[order]
-        result.append(Line(line.axis, line.index, line.place, together[order], Spectra(logs, errors)))
-        first += len(values)
-    return result
-
-
-def find_nodes(lines: list[Line], xs: Array, ys: Array, function: SpectraFunction, accuracy: float) -> Nodes:
-    """Every crossing of the boundary with the lines, all narrowed together."""
-    found = [list_changes(line) for line in lines]
-    owner = np.repeat(np.arange(len(lines)), [len(one[0]) for one in found])
-    quiet, unstable, angle, undamped = (np.concatenate([one[k] for one in found]) for k in range(4))
-
-    def margin(which: Array, values: Array) -> tuple[Array, Array]:
-        spectra = function(place_on_lines(lines, owner[which], values))
-        return measure_margins(spectra, undamped[which], angle[which])
-
-    every = np.arange(len(owner))
-    at_quiet, at_unstable = margin(every, quiet)[0], margin(every, unstable)[0]
-    start = SignedEnds(quiet, unstable, np.minimum(at_quiet, -1e-300), np.maximum(at_unstable, 1e-300))
-    ends = solve_brackets(lambda which, x: margin(which, x)[0], start, accuracy)
-    value, slope = ends.best, np.abs(at_unstable - at_quiet) / np.abs(unstable - quiet)
-    left, uncertain = margin(every, value)
-    error = np.minimum((np.abs(left) + uncertain) / slope, np.abs(unstable - quiet)) + ends.width / 2
-    axis = np.array([line.axis for line in lines])[owner]
-    marks = [xs if line.axis == 0 else ys for line in lines]
-    cell = np.array(
-        [np.searchsorted(marks[k], (a + b) / 2) - 1 for k, a, b in zip(owner, quiet, unstable, strict=True)]
-    )
-    index = np.array([line.index for line in lines])[owner]
-    inside = place_on_lines(lines, owner, unstable)
-    points = place_on_lines(lines, owner, value)
-    return Nodes(points, axis, index, cell.astype(int), unstable > quiet, angle, undamped, inside, error)
-
-
-def list_changes(line: Line) -> tuple[Array, Array, Array, Array]:
-    """Quiet and unstable end of every change of verdict along a line, angle of the growing multiplier, and whether it is undamped."""
-    verdicts = line.spectra.verdicts
-    known = line.spectra.known
-    edges = np.flatnonzero(((verdicts[1:] > 0) != (verdicts[:-1] > 0)) & known[1:] & known[:-1])
-    rising = verdicts[edges + 1] > 0
-    quiet, unstable = np.where(rising, edges, edges + 1), np.where(rising, edges + 1, edges)
-    beyond = np.clip(quiet + np.where(rising, -1, 1), 0, len(verdicts) - 1)
-    undamped = (verdicts[quiet] == 0) & (verdicts[beyond] >= 0)
-    angle = line.spectra.logs.imag[np.arange(len(verdicts)), line.spectra.leading][unstable]
-    return line.values[quiet], line.values[unstable], angle, undamped
+    Where several pieces of the boundary pass through one cell, those links are taken that turn least, and then the short ones.
+    Parameters: entered, left (V, 2): cells; size: of a cell.
+    """
+    follower = np.full(len(entered), -1)
+    for cell in np.unique(entered[entered[:, 0] >= 0], axis=0):
+        coming, going = (np.flatnonzero((cells == cell).all(axis=1)) for cells in (entered, left))
+        chord = nodes.points[going][None] - nodes.points[coming][:, None]
+        length = np.linalg.norm(chord, axis=2)
+        unit = chord / np.maximum(length, np.finfo(float).tiny)[..., None]
+        ahead = np.einsum("ik,ijk->ij", nodes.directions[coming], unit)
+        after = np.einsum("jk,ijk->ij", nodes.directions[going], unit)
+        rows, columns = linear_sum_assignment(SHORT * length / size - ahead - after)
+        follower[coming[rows]] = going[columns]
+    return follower

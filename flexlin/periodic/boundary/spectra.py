@@ -42,6 +42,10 @@ class Spectra:
         """The spectra of some of the systems."""
         return Spectra(self.logs[which], self.errors[which])
 
+    def beside(self, more: "Spectra") -> "Spectra":
+        """These spectra and more behind them."""
+        return Spectra(np.concatenate([self.logs, more.logs]), np.concatenate([self.errors, more.errors]))
+
 
 SpectraFunction = Callable[[Array], Spectra]
 """Points (V, P) of the parameters -> spectra."""

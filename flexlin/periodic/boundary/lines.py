@@ -1,0 +1,275 @@
+"""Scans along one line or many through the space of parameters: tongues between two values, and where the verdict changes."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.periodic.boundary.roots import SignedEnds, solve_brackets
+from flexlin.periodic.boundary.spectra import Spectra, measure_margins, measure_meetings
+
+CLIMB = 14
+"""Steps towards a peak; a parabola through three values of a smooth function needs about six."""
+REACH = 2.0
+"""A pair whose decay over a period exceeds its motion across a cell by this factor is not lifted to growth inside the cell alone."""
+UNLIKE = 0.5
+"""Angles of multipliers that differ by more belong to different tongues."""
+NEAR = 2
+"""Undecided values beside a boundary that belong to the crossing; more of them are a system without damping."""
+ROOT = float(np.sqrt(np.finfo(float).eps))
+
+LinesFunction = Callable[[Array, Array], Spectra]
+"""Lines (W,) and values (W,) along them -> spectra."""
+
+
+@dataclass(frozen=True)
+class Scan:
+    """Spectra at values (V,) along lines (V,), line by line and in rising order along each; `at` computes more of them."""
+
+    line: Array
+    values: Array
+    spectra: Spectra
+    at: LinesFunction
+
+    @property
+    def joined(self) -> Array:
+        """Which values lie on one line with the next, (V - 1,)."""
+        return self.line[1:] == self.line[:-1]
+
+    def with_values(self, line: Array, values: Array) -> "Scan":
+        """The scan with further values in their places."""
+        if not len(values):
+            return self
+        line, values = np.unique(np.stack([line.astype(float), values]), axis=1)
+        line = line.astype(int)
+        lines, every = np.concatenate([self.line, line]), np.concatenate([self.values, values])
+        order = np.lexsort((every, lines))
+        spectra = self.spectra.beside(self.at(line, values)).at(order)
+        return Scan(lines[order], every[order], spectra, self.at)
+
+
+@dataclass(frozen=True)
+class Peaks:
+    """Highest places of functions between two neighbours (V,): line and value, and whether it is unstable there.
+
+    gap: distance of the logs of the two multipliers that meet, as small as it gets; bend: -D''/2 there, >= 0; conjugate: whether
+    a multiplier meets its own conjugate, at angle 0 or pi; error: of the logs there.
+    """
+
+    line: Array
+    values: Array
+    unstable: Array
+    gap: Array
+    bend: Array
+    conjugate: Array
+    error: Array
+
+
+@dataclass(frozen=True)
+class Changes:
+    """Values on a line (V,) with unlike verdicts: the quiet and the unstable end, a place between the two neighbours among whose cells
+    the verdict changes, angle of the growing multiplier, kind of margin."""
+
+    line: Array
+    quiet: Array
+    unstable: Array
+    between: Array
+    angles: Array
+    undamped: Array
+
+
+@dataclass(frozen=True)
+class Zeros:
+    """Where the margin of each change passes zero, with its error and the margin's slope, (V,)."""
+
+    values: Array
+    errors: Array
+    slopes: Array
+
+
+def nowhere(spectra: Spectra) -> Array:
+    """No cell of a scan is settled, (V - 1,)."""
+    return np.zeros(len(spectra.logs) - 1, dtype=bool)
+
+
+def add_tongues(scan: Scan, accuracy: float, settles: Callable[[Spectra], Array] = nowhere) -> tuple[Scan, Peaks]:
+    """The scan with further values in tongues between two of its own, and all peaks that were climbed.
+
+    Parameters: accuracy: of the place of a peak; settles: spectra (V,) -> cells (V - 1,) in which none is looked for.
+    """
+    settled = settles(scan.spectra)
+    if not (settled[0] and settled[-1]):
+        scan = scan.with_values(*list_end_peaks(scan))
+        settled = settles(scan.spectra)
+    peaks = climb_peaks(scan, accuracy, settled)
+    return scan.with_values(peaks.line[peaks.unstable], peaks.values[peaks.unstable]), peaks
+
+
+def measure_heights(spectra: Spectra) -> Array:
+    """Functions that peak where a tongue may hide, (V, J + 1): D of each pair of neighbours, and the largest growth."""
+    meetings, _ = measure_meetings(spectra)
+    return np.concatenate([meetings, spectra.logs.real.max(axis=1, keepdims=True)], axis=1)
+
+
+def list_end_peaks(scan: Scan) -> tuple[Array, Array]:
+    """Line and value inside the first and the last cell of each where a parabola through three values has its top."""
+    first = np.flatnonzero(np.append(True, ~scan.joined))
+    last = np.append(first[1:], len(scan.line)) - 1
+    lines, values = [], []
+    for three, cell in ((first + np.arange(3)[:, None], 0), (last + np.arange(-2, 1)[:, None], 1)):
+        x = scan.values[three][..., None]
+        top = fit_parabola(x, measure_heights(scan.spectra.at(three.ravel())).reshape(*three.shape, -1))[0]
+        step = ROOT * (x[2] - x[0])
+        owner, column = np.nonzero((top > x[cell] + step) & (top < x[cell + 1] - step))
+        lines.append(scan.line[first[owner]])
+        values.append(top[owner, column])
+    return np.concatenate(lines), np.concatenate(values)
+
+
+def list_peaks(scan: Scan, heights: Array, settled: Array) -> tuple[Array, Array]:
+    """Index and column of each inner maximum between quiet neighbours that could rise to growth, in a cell that is not settled."""
+    quiet, open_ = scan.spectra.verdicts <= 0, scan.joined & ~settled
+    inner = quiet[1:-1] & quiet[:-2] & quiet[2:] & scan.joined[1:] & scan.joined[:-1] & (open_[1:] | open_[:-1])
+    before, here, after = heights[:-2], heights[1:-1], heights[2:]
+    top = (here >= before) & (here >= after) & ((here > before) | (here > after))
+    drop = np.maximum(here - np.minimum(before, after), 0.0)
+    largest = scan.spectra.logs.real.max(axis=1, keepdims=True)
+    growth = np.concatenate([measure_meetings(scan.spectra)[1], largest], axis=1)[1:-1]
+    near = -growth <= REACH * np.concatenate([np.sqrt(drop[:, :-1]), drop[:, -1:]], axis=1)
+    index, column = np.nonzero(inner[:, None] & top & near)
+    return index + 1, column
+
+
+def climb_peaks(scan: Scan, accuracy: float, settled: Array) -> Peaks:
+    """Climb by parabolas through three values, until a system is unstable or two multipliers have met.
+
+    Source: Brent, Algorithms for Minimization without Derivatives (1973), ch. 5: successive parabolic interpolation.
+    """
+    heights = measure_heights(scan.spectra)
+    index, column = list_peaks(scan, heights, settled)
+    three, line = index + np.arange(-1, 2)[:, None], scan.line[index]
+    x, f, error = scan.values[three], heights[three, column], widest_error(scan.spectra)[index]
+    unstable, climbing = np.zeros(len(index), dtype=bool), np.ones(len(index), dtype=bool)
+    bend = np.maximum(-fit_parabola(x, f)[1], 0.0)
+    for _ in range(CLIMB):
+        which = np.flatnonzero(climbing)
+        if not len(which):
+            break
+        new = place_top(x[:, which], f[:, which])
+        found = scan.at(line[which], new)
+        value = measure_heights(found)[np.arange(len(which)), column[which]]
+        error[which], unstable[which] = widest_error(found), found.verdicts > 0
+        moved = np.abs(new - x[1, which])
+        x[:, which], f[:, which] = enclose_peak(x[:, which], f[:, which], new, value)
+        x[1, which] = np.where(unstable[which], new, x[1, which])
+        met = np.abs(f[1, which]) <= error[which] ** 2
+        climbing[which] = ~unstable[which] & (moved > accuracy) & ~met
+    conjugate = (column == 0) | (column == heights.shape[1] - 2)
+    return Peaks(line, x[1], unstable, 2 * np.sqrt(np.maximum(-f[1], 0.0)), bend, conjugate, error)
+
+
+def widest_error(spectra: Spectra) -> Array:
+    """The largest finite error of each spectrum, (V,)."""
+    return np.asarray(np.max(np.where(np.isfinite(spectra.errors), spectra.errors, 0.0), axis=1))
+
+
+def fit_parabola(x: Array, f: Array) -> tuple[Array, Array]:
+    """Where the parabola through three points (3, V) has its extremum, not finite for a straight line; and its square's coefficient."""
+    first, second = (f[1] - f[0]) / (x[1] - x[0]), (f[2] - f[1]) / (x[2] - x[1])
+    bend = (second - first) / (x[2] - x[0])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(x[1] - (first + bend * (x[1] - x[0])) / (2 * bend)), np.asarray(bend)
+
+
+def place_top(x: Array, f: Array) -> Array:
+    """The top of the parabola through three points (3, V) about a peak; inside them, and off the middle one."""
+    left, right, top = x[1] - x[0], x[2] - x[1], fit_parabola(x, f)[0]
+    golden = (3 - np.sqrt(5)) / 2
+    wide = np.where(left > right, x[1] - golden * left, x[1] + golden * right)
+    inside = np.isfinite(top) & (top > x[0]) & (top < x[2]) & (top != x[1])
+    return np.where(inside, top, wide)
+
+
+def enclose_peak(x: Array, f: Array, new: Array, value: Array) -> tuple[Array, Array]:
+    """The three of four points (3, V) about the highest."""
+    four, heights = np.concatenate([x, new[None]]), np.concatenate([f, value[None]])
+    order = np.argsort(four, axis=0, kind="stable")
+    four, heights = np.take_along_axis(four, order, axis=0), np.take_along_axis(heights, order, axis=0)
+    rows = np.clip(heights.argmax(axis=0), 1, 2) + np.arange(-1, 2)[:, None]
+    return np.take_along_axis(four, rows, axis=0), np.take_along_axis(heights, rows, axis=0)
+
+
+def add_quiet_strips(scan: Scan, accuracy: float) -> Scan:
+    """The scan with a quiet value between two unstable neighbours whose growing multipliers stand at unlike angles, where there is one.
+
+    Zero of the squared growth, taken as positive where the growing multiplier stands nearer to the first one's angle; none where one
+    tongue goes over into the next.
+    """
+    angle = np.abs(scan.spectra.logs.imag[np.arange(len(scan.line)), scan.spectra.leading])
+    unstable = scan.spectra.verdicts > 0
+    index = np.flatnonzero(unstable[1:] & unstable[:-1] & scan.joined & (np.abs(np.diff(angle)) > UNLIKE))
+
+    def signed(which: Array, values: Array) -> Array:
+        found, cell = scan.at(scan.line[index[which]], values), index[which]
+        lead = found.logs[np.arange(len(which)), found.leading]
+        place = np.abs(lead.imag)
+        nearer = np.abs(place - angle[cell]) <= np.abs(place - angle[cell + 1])
+        return np.where(found.verdicts > 0, np.where(nearer, 1.0, -1.0) * lead.real**2, 0.0)
+
+    every, a, b = np.arange(len(index)), scan.values[index], scan.values[index + 1]
+    ends = solve_brackets(signed, SignedEnds(a, b, signed(every, a), signed(every, b)), accuracy)
+    quiet = (ends.at_a == 0) | (ends.at_b == 0)
+    return scan.with_values(scan.line[index[quiet]], np.where(ends.at_a == 0, ends.a, ends.b)[quiet])
+
+
+def list_changes(scan: Scan) -> Changes:
+    """The pairs of neighbours between which instability begins or ends; undecided values beside a stable one are stepped over."""
+    verdicts, known = scan.spectra.verdicts, scan.spectra.known
+    edges = np.flatnonzero(scan.joined & ((verdicts[1:] > 0) != (verdicts[:-1] > 0)) & known[1:] & known[:-1])
+    rising = verdicts[edges + 1] > 0
+    quiet, unstable = np.where(rising, edges, edges + 1), np.where(rising, edges + 1, edges)
+    stable, between = verdicts[quiet] < 0, (scan.values[edges] + scan.values[edges + 1]) / 2
+    for _ in range(NEAR):
+        beyond = np.clip(quiet + np.where(rising, -1, 1), 0, len(verdicts) - 1)
+        move = ~stable & (verdicts[quiet] == 0) & (verdicts[beyond] < 0) & (scan.line[beyond] == scan.line[quiet])
+        quiet, stable = np.where(move, beyond, quiet), stable | move
+    angles = scan.spectra.logs.imag[np.arange(len(verdicts)), scan.spectra.leading][unstable]
+    return Changes(scan.line[unstable], scan.values[quiet], scan.values[unstable], between, angles, ~stable)
+
+
+def solve_changes(
+    found: Changes, at: LinesFunction, accuracy: float, guess: Array | None = None, reach: float = 0.0
+) -> Zeros:
+    """Narrow every change to `accuracy` by a function that is smooth through the boundary.
+
+    The slope is the mean one of a bracket; of one about a guess the smaller one from the zero to both ends, as a narrow tongue bends the
+    margin inside.
+    Parameters: guess, reach: zeros by cheaper spectra, and how far beside them the signs are asked for first.
+    """
+
+    def margin(which: Array, values: Array) -> tuple[Array, Array]:
+        return measure_margins(at(found.line[which], values), found.undamped[which], found.angles[which])
+
+    every = np.arange(len(found.line))
+    a, b = found.quiet.copy(), found.unstable.copy()
+    if guess is not None:
+        step = np.sign(b - a) * np.minimum(reach, np.minimum(np.abs(guess - a), np.abs(guess - b)))
+        a, b = guess - step, guess + step
+    at_a, at_b = margin(every, a)[0], margin(every, b)[0]
+    wrong = np.flatnonzero((at_a >= 0) | (at_b <= 0))
+    if guess is not None and len(wrong):
+        a[wrong], b[wrong] = found.quiet[wrong], found.unstable[wrong]
+        at_a[wrong], at_b[wrong] = margin(wrong, a[wrong])[0], margin(wrong, b[wrong])[0]
+    tiny = np.finfo(float).tiny
+    start = SignedEnds(a, b, np.minimum(at_a, -tiny), np.maximum(at_b, tiny))
+    ends = solve_brackets(lambda which, x: margin(which, x)[0], start, accuracy)
+    left, uncertain = margin(every, ends.best)
+    if guess is None:
+        slope, rest = np.abs(at_b - at_a) / np.abs(b - a), ends.width / 2
+    else:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slopes = np.array([at_a / (a - ends.best), at_b / (b - ends.best)]) * np.sign(b - a)
+        slope, rest = np.nanmin(np.where(slopes > 0, slopes, np.inf), axis=0), 2 * np.spacing(np.abs(ends.best))
+    error = np.minimum((np.abs(left) + uncertain) / slope, np.abs(found.unstable - found.quiet))
+    return Zeros(ends.best, error + rest, slope)
