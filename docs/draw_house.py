@@ -30,10 +30,14 @@ WINGS = {
     **dict.fromkeys(["kronecker", "periodic"], "numeric"),
     "about": "bridge",
 }
-GROUND = (
-    "symbolic", "tape", "expressions", "compiler", "lapack", "lazy", "files", "arguments", "checks", "errors", "text", "summary",
-    "progress", "resources", "plots",
-)  # fmt: skip
+GROUND = tuple(
+    name
+    for name in (
+        *("symbolic", "program", "tape", "expressions", "plots", "_core", "compiler", "lapack", "lazy", "files"),
+        *("arguments", "checks", "errors", "text", "summary", "progress", "resources"),
+    )
+    if (PACKAGE / name).is_dir() or (PACKAGE / name).with_suffix(".py").exists()
+)
 """What nearly every room stands on: drawn as the ground, without arrows."""
 WING_WIDTH, DEEPER = 430, 50
 """Pixels: of the numeric wing, whose rooms are shown one by one, and by which its row is higher than the others."""
@@ -121,7 +125,7 @@ def house() -> tuple[dict[str, Room], int]:
                 height += 2 * ROW + DEEPER
                 y -= 2 * ROW
             colour = COLOURS[WINGS.get(name, "above")]
-            rooms[name] = Room(name, CENTRES[name] - width / 2, y, width, height, colour)
+            rooms[name] = Room(name, CENTRES.get(name, 600) - width / 2, y, width, height, colour)
     return rooms, len(rows)
 
 

@@ -22,12 +22,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from outside.heyoka_taylor import HeyokaTransitions
+from outside.jax_batch import prepare_jax
 
 import flexlin as fl
 from flexlin import compiler
 from flexlin.about.free import ParametricLoop, parametric_loop
-from flexlin.answers.peers import HeyokaTransitions
-from flexlin.answers.peers.vectorised import prepare_jax
 from flexlin.answers.sweep.batches import NumpyBatches, prepare_coefficients
 from flexlin.answers.sweep.cluster import Cluster
 from flexlin.answers.sweep.compiled import CompiledBatches

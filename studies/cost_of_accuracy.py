@@ -17,11 +17,14 @@ from time import process_time
 from typing import Any
 
 import numpy as np
+from outside.compiled import compile_product
+from outside.cvodes import prepare_cvodes
+from outside.heyoka_taylor import HeyokaTransitions, import_heyoka
 
 import flexlin as fl
 from flexlin.about.free import ParametricLoop, parametric_loop
+from flexlin.answers.accuracy.scipy_methods import prepare_rate, prepare_scipy
 from flexlin.answers.accuracy.trial import compare_exponents
-from flexlin.answers.peers import HeyokaTransitions, import_heyoka, prepare_cvodes, prepare_rate, prepare_scipy
 from flexlin.answers.sweep import sweep
 from flexlin.answers.sweep.batches import prepare_coefficients
 from flexlin.answers.sweep.plan import Plan
@@ -118,7 +121,7 @@ def one_run(modes: int, repetitions: int, tols: tuple[float, ...]) -> list[Row]:
             f"gauss {order} on {k}": lambda k=k: transition(system, Setting("gauss", order, k, "")) for k in SEGMENTS
         }
 
-    rate = prepare_rate(loop, loop.nominal)
+    rate = prepare_rate(compile_product(loop), loop.nominal)
     programs = {
         FACTORS: [here(order) for order in ORDERS],
         **{

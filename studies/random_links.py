@@ -17,10 +17,11 @@ from pathlib import Path
 from time import process_time
 
 import numpy as np
+from outside.compiled import compile_product
 
 import flexlin as fl
 from flexlin.about.free import ParametricLoop, parametric_loop
-from flexlin.answers.peers import prepare_rate, prepare_scipy
+from flexlin.answers.accuracy.scipy_methods import prepare_rate, prepare_scipy
 from flexlin.checks import Array
 from flexlin.periodic.circle import match_logs
 from flexlin.periodic.product.balancing import multiply_scaled
@@ -90,7 +91,7 @@ def prepare_peer(loop: ParametricLoop) -> tuple[Callable[[], Array], float]:
     P, log_scale = multiply_scaled(
         factor_period(loop.linearization.periodic_system(), Setting("gauss", 20, 1200, ""))[1]
     )
-    exact, rate = P * np.exp(log_scale), prepare_rate(loop, loop.nominal)
+    exact, rate = P * np.exp(log_scale), prepare_rate(compile_product(loop), loop.nominal)
     for tol in TOLS:
         run = prepare_scipy(loop, "DOP853", tol, rate=rate)
         if np.abs(run() - exact).max() <= ACCURACY * np.abs(exact).max():

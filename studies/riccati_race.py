@@ -21,11 +21,11 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from outside.compiled import compile_function
 from scipy.integrate import odeint, solve_ivp
 
 import flexlin as fl
-from flexlin.answers.peers.compiled import compile_function
-from flexlin.answers.peers.right_hand_sides import FastRate
+from flexlin.answers.accuracy.scipy_methods import FastRate
 from flexlin.periodic.quadratic.correcting import solve_by_corrections
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.quadratic.resolution import resolve_problem

@@ -54,7 +54,7 @@ def list_settings(result: CostResult) -> Iterator[tuple[str, str, str, Row]]:
     for method in dict.fromkeys(row.method for row in outside):
         mine = sorted((row for row in outside if row.method == method), key=lambda row: row.error)
         for row in islice(mine, 2):
-            yield "(other programs)", "", f"{row.method}, {row.setting}", row
+            yield "(SciPy)", "", f"{row.method}, {row.setting}", row
 
 
 def cost_table(result: CostResult) -> str:

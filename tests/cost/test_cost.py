@@ -1,7 +1,6 @@
 """The figures of cost: every stage is there, errors fall as settings get finer, and the cheapest is the cheapest."""
 
 import json
-import shutil
 import time
 from dataclasses import replace
 
@@ -13,11 +12,10 @@ from flexlin.about.free import parametric_loop
 from flexlin.answers.accuracy import CostResult, Row, cost
 from flexlin.answers.accuracy import own_stages as own
 from flexlin.answers.accuracy.own_stages import name_setting
+from flexlin.answers.accuracy.scipy_methods import derive_product, prepare_rate, prepare_scipy
 from flexlin.answers.accuracy.trial import Trial, compare_exponents, measure_trials
-from flexlin.answers.peers import import_heyoka, prepare_cvodes, prepare_rate, prepare_scipy
-from flexlin.answers.peers.right_hand_sides import compile_product
 from flexlin.cli.main import main
-from flexlin.errors import ArgumentError, InputError
+from flexlin.errors import InputError
 from flexlin.periodic.transition.setting import Setting
 from flexlin.report.costing import summarise_cost
 from flexlin.report.figures.cost import draw_choices, name_family, style_family
@@ -30,8 +28,6 @@ METHODS = (
     "floquet, hill",
     "SciPy DOP853",
     "SciPy LSODA",
-    "CasADi cvodes",
-    "heyoka",
     "SciPy Radau",
 )
 
@@ -112,38 +108,23 @@ def test_cheapest_in_a_table_made_by_hand():
     assert found.cheapest("exponents", 1e-9) is None
 
 
-COMPILER = bool(shutil.which("gcc") or shutil.which("cc"))
-OUTSIDE = {
-    "DOP853": lambda loop: prepare_scipy(loop, "DOP853", 1e-9),
-    "LSODA": lambda loop: prepare_scipy(loop, "LSODA", 1e-11),
-    "Radau": lambda loop: prepare_scipy(loop, "Radau", 1e-7),
-    "cvodes, Adams": lambda loop: prepare_cvodes(loop, 1e-9),
-    "cvodes, BDF": lambda loop: prepare_cvodes(loop, 1e-9, stiff=True),
-}
+OUTSIDE = {"DOP853": 1e-9, "LSODA": 1e-11, "Radau": 1e-7}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("compiler", [True, False])
-@pytest.mark.parametrize("name", OUTSIDE)
-def test_outside_programs_integrate_the_same_equations(scene, name, compiler, monkeypatch):
-    """With machine code, and without a compiler; two columns swapped, or a buffer overwritten, would be found out."""
-    if not compiler:
-        monkeypatch.setattr("shutil.which", lambda name: None)
+@pytest.mark.parametrize("method", OUTSIDE)
+def test_scipy_integrates_the_same_equations(scene, method):
+    """Two columns swapped, or a buffer overwritten, would be found out."""
     loop = parametric_loop(scene, ["effects.payload.mass"])
     exact = own.multiply_period(loop.linearization.periodic_system(), Setting("gauss", 20, 64, ""))
-    assert compile_product(loop).is_a("External") == (compiler and COMPILER)
-    assert np.abs(OUTSIDE[name](loop)() - exact).max() < 1e-5 * np.abs(exact).max()
+    found = prepare_scipy(loop, method, OUTSIDE[method])()
+    assert np.abs(found - exact).max() < 1e-5 * np.abs(exact).max()
 
 
-def test_heyoka_is_named_where_it_is_missing():
-    with pytest.raises(ArgumentError, match="peers"):
-        import_heyoka("no_such_module_heyoka")
-
-
-def test_each_call_of_a_compiled_right_hand_side_returns_its_own_array(scene):
+def test_each_call_of_a_right_hand_side_returns_its_own_array(scene):
     """Integrators keep the last slope while they ask for the next."""
     loop = parametric_loop(scene, ["effects.payload.mass"])
-    rate, x = prepare_rate(loop, loop.nominal), np.random.default_rng(1).standard_normal((4, 4))
+    rate, x = prepare_rate(derive_product(loop), loop.nominal), np.random.default_rng(1).standard_normal((4, 4))
     first = rate(0.1, x.T.ravel())
     kept = first.copy()
     rate(0.6, 2 * x.T.ravel())

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 STUDIES = Path(__file__).parents[2] / "studies"
+sys.path.append(str(STUDIES))  # as for a script that is run there
 
 
 def load(name: str) -> ModuleType:

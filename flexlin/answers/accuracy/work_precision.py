@@ -5,8 +5,8 @@ from time import perf_counter
 
 from flexlin.about.linear import linearize
 from flexlin.answers.accuracy import own_stages as own
-from flexlin.answers.accuracy.outside import measure_outside_methods
 from flexlin.answers.accuracy.result import CostResult, Row
+from flexlin.answers.accuracy.scipy_methods import measure_scipy_methods
 from flexlin.answers.accuracy.trial import STAGE_SECONDS, compare_arrays
 from flexlin.answers.limits import time_limit
 from flexlin.arguments import checked, instance
@@ -31,7 +31,7 @@ def cost(scene: Scene, *, peers: bool = True) -> CostResult:
     scene : Scene
         A scene with a periodic motion.
     peers : bool
-        Measure SciPy, CasADi cvodes and (where installed) heyoka on the transition matrices too.
+        Measure SciPy's integrators on the transition matrices too.
 
     Returns
     -------
@@ -94,9 +94,9 @@ def cost(scene: Scene, *, peers: bool = True) -> CostResult:
     left = start + total - perf_counter()
     if peers and isinstance(closed.motion, SymbolicMotion) and left > 0:
         try:
-            with time_limit("other programs", left + 2 * STAGE_SECONDS), part(1 - 1 / last, 1.0):
-                found, missing = measure_outside_methods(scene, exact)
+            with time_limit("SciPy", left + 2 * STAGE_SECONDS), part(1 - 1 / last, 1.0):
+                found, missing = measure_scipy_methods(scene, exact)
             rows, notes = rows + found, notes + missing
         except FlexlinError as error:
-            notes.append(f"other programs left out: {error.what}")
+            notes.append(f"SciPy left out: {error.what}")
     return CostResult(scene.title, tuple(rows), max(compare_arrays(check, exact), 1e-15), tuple(notes)).marked()

@@ -3,9 +3,13 @@
 import shutil
 import subprocess
 import tempfile
+from functools import lru_cache
 from pathlib import Path
 
 import casadi as ca
+
+from flexlin.about.free import ParametricLoop
+from flexlin.answers.accuracy.scipy_methods import derive_product
 
 
 def compile_function(function: ca.Function) -> ca.Function | None:
@@ -20,3 +24,10 @@ def compile_function(function: ca.Function) -> ca.Function | None:
         source, library = code.generate(f"{folder}/"), str(Path(folder) / f"{function.name()}.so")
         subprocess.run([compiler, "-O2", "-w", "-shared", "-fPIC", source, "-o", library], check=True)
         return ca.external(function.name(), library)
+
+
+@lru_cache(maxsize=4)
+def compile_product(loop: ParametricLoop) -> ca.Function:
+    """(phase, columns of X, p) -> the columns of T A X as machine code where there is a compiler, kept for all tolerances."""
+    product = derive_product(loop)
+    return compile_function(product) or product

@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 
 from flexlin.about.free import ParametricLoop
-from flexlin.answers.peers.right_hand_sides import derive_state_matrix
+from flexlin.answers.accuracy.scipy_methods import derive_state_matrix
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 

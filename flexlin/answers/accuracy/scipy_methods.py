@@ -1,0 +1,134 @@
+"""The same transition matrices by SciPy's integrators: X' = T A X with CasADi's functions as the right-hand side."""
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from scipy.integrate import odeint, solve_ivp
+from scipy.sparse import csc_array
+
+from flexlin import symbolic
+from flexlin.about.free import ParametricLoop, parametric_loop
+from flexlin.answers.accuracy.result import Row
+from flexlin.answers.accuracy.trial import Trial, compare_arrays, measure_trials
+from flexlin.checks import Array
+from flexlin.scene.scene import Scene
+
+TOLS, RADAU_TOLS = (1e-5, 1e-7, 1e-9, 1e-11, 1e-13), (1e-4, 1e-6, 1e-8)
+LEAST = 3e-14
+"""The smallest relative tolerance that SciPy takes."""
+Rate = Callable[[float, Array], Array]
+"""(phase, columns of X one after another (n n,)) -> the columns of T A X."""
+Transition = Callable[[], Array]
+"""-> the transition matrix of one period (n, n), with the set-up behind it."""
+
+
+def measure_scipy_methods(scene: Scene, exact: Array) -> tuple[list[Row], list[str]]:
+    """DOP853, LSODA and Radau at several tolerances, set-up left out; a note where they have no rows."""
+    loop = parametric_loop(scene, ())
+    if loop.linearization.controller is not None:
+        return [], ["SciPy has no rows: the loop has integrals or filters, and is no system of second order"]
+    rate = prepare_rate(derive_product(loop), loop.nominal)
+
+    def trials() -> Iterator[Trial]:
+        for method, tols in (("DOP853", TOLS), ("LSODA", TOLS), ("Radau", RADAU_TOLS)):
+            for tol in tols:
+                run = prepare_scipy(loop, method, tol, rate=rate)
+                yield Trial(f"SciPy {method}", f"tol {tol:.0e}", run, outside=True)
+
+    return measure_trials("transition matrices", trials(), lambda P: compare_arrays(P, exact)), []
+
+
+def prepare_scipy(
+    loop: ParametricLoop, method: str, tol: float, p: Array | None = None, rate: Rate | None = None
+) -> Transition:
+    """SciPy on all columns at once: DOP853 or Radau by solve_ivp, LSODA by odeint, whose loop over the steps is compiled.
+
+    The columns stand one after another, so the Jacobian is block diagonal: banded for LSODA, sparse for Radau.
+    Parameters: p: values of the free numbers, the scene's own by default; rate: the right-hand side, CasADi's own by default.
+    """
+    values = loop.nominal if p is None else p
+    n = loop.states
+    f = prepare_rate(derive_product(loop), values) if rate is None else rate
+    start = np.eye(n).ravel()
+    if method == "LSODA":
+        return partial(integrate_by_odeint, f, start, tol)
+    jac = (
+        partial(arrange_jacobian, symbolic.Pointwise(derive_state_matrix(loop)), values) if method == "Radau" else None
+    )
+    extra: dict[str, Any] = {} if jac is None else {"jac": jac}
+
+    def transition() -> Array:
+        found = solve_ivp(f, (0.0, 1.0), start, method, rtol=max(tol, LEAST), atol=tol, t_eval=(1.0,), **extra)
+        if not found.success:
+            raise RuntimeError(found.message)
+        return np.asarray(found.y[:, -1].reshape(n, n).T)
+
+    return transition
+
+
+def integrate_by_odeint(rate: Rate, start: Array, tol: float) -> Array:
+    """LSODA over one period."""
+    n = round(np.sqrt(len(start)))
+    options = {"rtol": max(tol, LEAST), "atol": tol, "ml": n - 1, "mu": n - 1, "mxstep": 10**7, "full_output": True}
+    found, info = odeint(rate, start, (0.0, 1.0), tfirst=True, **options)
+    if info["message"] != "Integration successful.":
+        raise RuntimeError(info["message"])
+    return np.asarray(found[-1].reshape(n, n).T)
+
+
+def arrange_jacobian(A: symbolic.Pointwise, p: Array, phase: float, x: Array) -> csc_array:
+    """T A once for each column of X, as one sparse matrix."""
+    block = A(np.array([phase]), p)[0].T
+    n = len(block)
+    rows = (np.arange(n) + n * np.arange(n)[:, None]).repeat(n, axis=0).ravel()
+    return csc_array((np.tile(block.ravel(), n), rows, n * np.arange(n * n + 1)), shape=(n * n, n * n))
+
+
+def derive_state_matrix(loop: ParametricLoop) -> ca.Function:
+    """(phase, p) -> T A = T [0 I 0; -M^-1 [K, D]] as one expression, ignorable coordinates left out, time in units of the period."""
+    phase, p = loop.matrices.sx_in()
+    M, D, K = loop.matrices(phase, p)
+    n = loop.coordinates - loop.memory
+    lower = ca.ldl_solve(ca.horzcat(K[:, :n], D), *ca.ldl(ca.sparsify(M)))
+    A = ca.vertcat(ca.horzcat(ca.SX.zeros(n, n), ca.SX.eye(n), ca.SX.zeros(n, loop.memory)), -lower)
+    return ca.Function("state_matrix", [phase, p], [ca.densify(loop.duration(p) * A)], ["phase", "p"], ["A"])
+
+
+def derive_product(loop: ParametricLoop) -> ca.Function:
+    """(phase, columns of X, p) -> the columns of T A X, zeros of A left out of the product."""
+    A = derive_state_matrix(loop)
+    phase, p = A.sx_in()
+    X = ca.SX.sym("X", A.size1_out(0), A.size1_out(0))
+    product = ca.densify(ca.vec(ca.sparsify(A(phase, p)) @ X))
+    return ca.Function("product", [phase, ca.vec(X), p], [product], ["phase", "X", "p"], ["rate"])
+
+
+def prepare_rate(product: ca.Function, p: Array) -> Rate:
+    """A product (phase, X, p) -> T A X for integrators that call Python."""
+    return FastRate(product, p)
+
+
+class FastRate:
+    """(t, x, p) -> x' at fixed p through buffers that are laid out once.
+
+    Each call returns an array of its own: integrators keep the last one.
+    """
+
+    def __init__(self, function: ca.Function, p: Array):
+        self._function = function  # which must live as long as its buffers
+        self._t, self._x, self._parameters = np.zeros(1), np.zeros(function.numel_in(1)), np.array(p, dtype=float)
+        self._out = np.zeros(function.numel_out(0))
+        self._buffer, self._trigger = self._function.buffer()
+        for i, array in enumerate((self._t, self._x, self._parameters)):
+            if array.size:
+                self._buffer.set_arg(i, array.data)
+        self._buffer.set_res(0, self._out.data)
+
+    def __call__(self, t: float, x: Array) -> Array:
+        self._t[0] = t
+        self._x[:] = x
+        self._trigger()
+        return self._out.copy()
