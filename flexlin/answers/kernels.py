@@ -4,10 +4,9 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from flexlin.compiler import find_kept_library, is_missing
-from flexlin.periodic.native import library
 from flexlin.periodic.quadratic import backward
 
-KERNELS = (library.FILES, backward.FILES)
+KERNELS = (backward.FILES,)
 """The C files of each library."""
 
 

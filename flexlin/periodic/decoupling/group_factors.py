@@ -1,20 +1,23 @@
-"""Transition matrices of a group of modes over parts of a period, by compiled code where there is a compiler."""
+"""Transition matrices of a group of modes over parts of a period."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from flexlin._core import declare
 from flexlin.checks import Array
-from flexlin.compiler import address
 from flexlin.periodic.fourier import fourier_waves
-from flexlin.periodic.native.library import find_library
-from flexlin.periodic.transition.magnus import magnus_transitions
 
 FINE, COARSE, FINER, METHOD = 3, 2, 0.25, 2.0
 """Parts of a segment that each Magnus series reaches over: the finer ones give the exponents, and the coarser ones the error. FINER of the
 difference counts, METHOD times: of order 6 it would be 1 in (3 / 2)^6 - 1, a tenth."""
 HIDDEN = 0.1
 """Harmonics are left out while they add up to less than this part of what is not known anyway."""
+
+FACTOR = declare(
+    "int factor_magnus(int n, int highest, const double *series, int segments, int parts, double period, double *F)",
+    lambda n, highest, series, segments, *_: ((highest + 1, 2, n, n), (segments, n, n)),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,18 +37,11 @@ class GroupSeries:
     def factor(self, segments: int, parts: int) -> Array:
         """Transition matrices (segments, m, m) over equal segments, each by Magnus series of order 6 on so many parts.
 
-        Raises: MemoryError, ToleranceNotReached.
+        Raises: MemoryError.
         """
-        library, m = find_library(), len(self.unknown)
-        if library is None:
-            factors = magnus_transitions(self.sample, np.linspace(0, self.period, segments * parts + 1), 6)
-            product = factors[::parts]
-            for k in range(1, parts):
-                product = factors[k::parts] @ product
-            return product
+        m = len(self.unknown)
         F = np.empty((segments, m, m))
-        highest, given = len(self.coefficients) - 1, address(self.coefficients)
-        if not library.factor_magnus(m, highest, given, segments, parts, self.period, address(F)):
+        if not FACTOR(m, len(self.coefficients) - 1, self.coefficients, segments, parts, self.period, F):
             raise MemoryError("the transition matrices of a group")
         return F
 

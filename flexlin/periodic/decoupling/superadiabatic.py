@@ -1,21 +1,29 @@
 """Superadiabatic rounds: remove what is left of the coupling between groups of modes, again and again."""
 
 from collections.abc import Callable
-from ctypes import CDLL
 
 import numpy as np
 
+from flexlin._core import declare
 from flexlin.checks import Array
-from flexlin.compiler import address
 from flexlin.lapack import complex_schur
 from flexlin.periodic.decoupling.grouping import Group
 from flexlin.periodic.decoupling.waves import KEPT, harmonics
-from flexlin.periodic.native.library import find_library
 
 SLOW_PART = 0.8
 """Harmonics of the coupling below this part of the gap shrink from round to round."""
 SMALL = 24
 """Entries of a block up to which one linear system takes less time than Schur forms."""
+AGAINST_SCALARS = declare(
+    "int solve_against_scalars(int n, int times, int start, int p, int count, const int *scalars, "
+    "const double complex *matrices, double complex *solution)",
+    lambda n, times, start, p, count, *_: ((count,), (times, n, n), (times, n, n)),
+)
+BETWEEN_GROUPS = declare(
+    "int solve_between_groups(int n, int times, int first, int p, int second, int q, "
+    "const double complex *matrices, double complex *solution)",
+    lambda n, times, *_: ((times, n, n), (times, n, n)),
+)
 ENOUGH, SLOW = 0.01, 0.8
 """Rounds end when the coupling's effect is this part of what is allowed, or shrinks by less than this factor."""
 
@@ -25,6 +33,7 @@ def sylvester(B: Array, groups: tuple[Group, ...]) -> Array:
 
     Source: Bartels, Stewart, Solution of the matrix equation AX + XB = C, Comm. ACM 15 (1972).
     """
+    B = np.ascontiguousarray(B)
     S = np.zeros_like(B)
     diagonal = np.einsum("tii->ti", B)
     scalar = np.repeat([group.size == 1 for group in groups], [group.size for group in groups])
@@ -41,30 +50,14 @@ def sylvester(B: Array, groups: tuple[Group, ...]) -> Array:
 
 
 def against_scalars(S: Array, B: Array, group: Group, scalars: Array, diagonal: Array) -> None:
-    """The blocks between one group and all single modes: (B_gg - b) s = -r and (B_gg' - b) s' = r'."""
+    """The blocks between one group and all single modes: (B_gg - b) s = -r and (B_gg' - b) s' = r'. Raises: MemoryError."""
     if not len(scalars):
         return
     if group.size == 2:
         against_scalars_of_two(S, B, group, scalars, diagonal)
         return
-    if (library := find_library()) is not None and B.flags.c_contiguous:
-        against_scalars_compiled(library, S, B, group, scalars)
-        return
-    own = B[:, None, group.part, group.part]
-    moved = own - diagonal[:, scalars, None, None] * np.eye(group.size)
-    column = np.swapaxes(B[:, group.part][:, :, scalars], 1, 2)[..., None]
-    S[:, group.part, scalars[:, None]] = 0
-    solved = -np.linalg.solve(moved, column)[..., 0]
-    S[:, group.start : group.stop, scalars] = np.swapaxes(solved, 1, 2)
-    row = B[:, scalars][:, :, group.part][..., None]
-    S[:, scalars, group.start : group.stop] = np.linalg.solve(np.swapaxes(moved, 2, 3), row)[..., 0]
-
-
-def against_scalars_compiled(library: CDLL, S: Array, B: Array, group: Group, scalars: Array) -> None:
-    """The same by compiled code. Raises: MemoryError."""
     places, (count, n, _) = scalars.astype(np.intc), B.shape
-    given = address(places), address(B), address(S)
-    if not library.solve_against_scalars(n, count, group.start, group.size, len(places), *given):
+    if not AGAINST_SCALARS(n, count, group.start, group.size, len(places), places, B, S):
         raise MemoryError("the coupling of a group")
 
 
@@ -81,19 +74,14 @@ def against_scalars_of_two(S: Array, B: Array, group: Group, scalars: Array, dia
 
 def between_groups(S: Array, B: Array, group: Group, other: Group) -> None:
     """The block between two larger groups. Raises: MemoryError."""
-    library, small = find_library(), group.size * other.size <= SMALL
-    if library is None or not small or not B.flags.c_contiguous:
+    if group.size * other.size > SMALL:
         S[:, group.part, other.part] = block(B, group, other)
-        return
-    given = group.start, group.size, other.start, other.size, address(B), address(S)
-    if not library.solve_between_groups(B.shape[-1], len(B), *given):
+    elif not BETWEEN_GROUPS(B.shape[-1], len(B), group.start, group.size, other.start, other.size, B, S):
         raise MemoryError("the coupling of two groups")
 
 
 def block(B: Array, group: Group, other: Group) -> Array:
-    """Solve one block at once where it is small, else column by column from the complex Schur form of the smaller diagonal block."""
-    if group.size * other.size <= SMALL:
-        return block_at_once(B, group, other)
+    """Solve one block column by column from the complex Schur form of the smaller diagonal block."""
     if other.size > group.size:
         turned = -np.swapaxes(B, 1, 2)
         return -np.swapaxes(block(turned, other, group), 1, 2)
@@ -105,15 +93,6 @@ def block(B: Array, group: Group, other: Group) -> Array:
         column = right[:, :, k] + (Y[:, :, :k] @ R[:, :k, k, None])[..., 0]
         Y[:, :, k] = np.linalg.solve(own - R[:, k, k, None, None] * np.eye(group.size), column[..., None])[..., 0]
     return Y @ np.conj(np.swapaxes(Q, 1, 2))
-
-
-def block_at_once(B: Array, group: Group, other: Group) -> Array:
-    """The same by the linear system of all entries: (B_ii (x) 1 - 1 (x) B_jj') s_ij = -b_ij, row by row."""
-    p, q = group.size, other.size
-    first, second = B[:, group.part, group.part], B[:, other.part, other.part]
-    system = np.einsum("tik,jl->tijkl", first, np.eye(q)) - np.einsum("ik,tlj->tijkl", np.eye(p), second)
-    right = -B[:, group.part, other.part].reshape(-1, p * q, 1)
-    return np.linalg.solve(system.reshape(-1, p * q, p * q), right).reshape(-1, p, q)
 
 
 def mixing(S: Array) -> Array:

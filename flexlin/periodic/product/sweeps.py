@@ -4,10 +4,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from flexlin._core import declare
 from flexlin.checks import Array
-from flexlin.compiler import address
-from flexlin.lapack import LAPACK
-from flexlin.periodic.native.library import find_library
 from flexlin.periodic.product.balancing import multiply_pairs
 
 CLEAN = 1e-14
@@ -18,6 +16,10 @@ MIN_SWEEPS, MAX_SWEEPS, MAX_WORK = 12, 400, 8_000_000
 """Bounds on the sweeps, and on n^2 times the number of QR factorizations in all of them together."""
 FULL_SWEEPS, GRADED = 2, 200.0
 """Sweeps over all factors before triangular ones are multiplied together, and the range of logs of a product's diagonal."""
+SWEEP = declare(
+    "void sweep_factors(int n, int count, int all, const double *factors, double *Q, double *R)",
+    lambda n, count, every, *_: ((count, n, n), (count + 1 if every else 2, n, n), (count, n, n)),
+)
 EPS, TINY = float(np.finfo(float).eps), float(np.finfo(float).tiny)
 
 
@@ -54,26 +56,11 @@ def group_triangular(R: Array) -> Array:
 
 def sweep_factors(factors: Array, Q: Array, keep: bool = False) -> tuple[Array, Array]:
     """One sweep F_k Q_k = Q_(k+1) R_k; returns Q_K, or all Q_k (K + 1, n, n) where they are to be kept, and all R_k (K, n, n)."""
-    library = find_library()
-    if library is None:
-        return sweep_by_lapack(factors, Q, keep)
     (count, n, _), factors = factors.shape, np.ascontiguousarray(factors)
     bases, R = np.empty((count + 1 if keep else 2, n, n)), np.empty_like(factors)
     bases[0] = Q
-    library.sweep_factors(n, count, keep, address(factors), address(bases), address(R))
+    SWEEP(n, count, keep, factors, bases, R)
     return (bases if keep else bases[count % 2]), R
-
-
-def sweep_by_lapack(factors: Array, Q: Array, keep: bool = False) -> tuple[Array, Array]:
-    """The same without compiled code."""
-    R, bases = np.empty_like(factors), [Q]
-    for k, factor in enumerate(factors):
-        packed, tau, _, _ = LAPACK.dgeqrf(factor @ Q, overwrite_a=1)
-        R[k] = packed
-        Q = LAPACK.dorgqr(packed, tau, overwrite_a=1)[0]
-        if keep:
-            bases.append(Q)
-    return (np.array(bases) if keep else Q), np.triu(R)
 
 
 def find_clusters(W: Array, R: Array, clean: float) -> tuple[list[int], float, float]:

@@ -1,15 +1,19 @@
-"""How far a Fourier series is from its function at the check points: eight times at once by compiled code."""
+"""How far a Fourier series is from its function at the check points: eight times at once."""
 
 from functools import lru_cache
 
 import numpy as np
 
+from flexlin._core import declare
 from flexlin.checks import Array
-from flexlin.compiler import address
 from flexlin.periodic.fourier import fourier_basis
-from flexlin.periodic.native.library import find_library
 from flexlin.periodic.resolved.sampling import CheckPoints, usual_phases
-from flexlin.periodic.resolved.sizes import largest_sizes
+
+COMPARE = declare(
+    "int compare_series(long count, int entries, int H, const double *cosines, const double *sines, const double *coefficients, "
+    "const double *values, double *worst)",
+    lambda count, entries, H, *_: ((count,), (count,), (2 * H + 1, entries), (count, entries), (entries,)),
+)
 
 
 def find_deviation(coefficients: Array, checks: CheckPoints) -> Array:
@@ -17,16 +21,11 @@ def find_deviation(coefficients: Array, checks: CheckPoints) -> Array:
 
     Raises: MemoryError.
     """
-    library, H = find_library(), len(coefficients) // 2
     worst = np.zeros(coefficients.shape[1])
     coefficients = np.ascontiguousarray(coefficients)
     for part, values in checks.batches():
-        if library is None:
-            left = values - coefficients[0] - fourier_basis(usual_phases()[part], H)[:, 1:] @ coefficients[1:]
-            np.maximum(worst, largest_sizes(left), out=worst)
-            continue
         given = (*first_waves()[:, part], coefficients, np.ascontiguousarray(values), worst)
-        if not library.compare_series(len(values), len(worst), H, *map(address, given)):
+        if not COMPARE(len(values), len(worst), len(coefficients) // 2, *given):
             raise MemoryError("the series of a period")
     return worst
 

@@ -5,10 +5,9 @@ from functools import lru_cache
 
 import numpy as np
 
+from flexlin._core import declare
 from flexlin.checks import Array
-from flexlin.compiler import address
 from flexlin.periodic.fourier import FourierSeries, fourier_basis
-from flexlin.periodic.native.library import find_library
 from flexlin.periodic.resolved.comparing import find_deviation
 from flexlin.periodic.resolved.foresight import Foreseen
 from flexlin.periodic.resolved.harmonics import EPS, FACTOR, FEW_FACTOR, FIRST, TINY, few_phases, first_times
@@ -16,6 +15,27 @@ from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.repetition import REPEAT
 from flexlin.periodic.resolved.sampling import REPEATS, CheckPoints, Sampler, stratified, usual_phases
 from flexlin.periodic.resolved.weights import HIDDEN
+
+
+def size_arguments(sizes: Array, *_: Array) -> tuple[int, ...]:
+    """How many numbers the arrays of `fit_series` hold."""
+    nodes, checks, repeats, probes, entries, _ = sizes.tolist()
+    waves = (nodes - 1) // 2 * 2
+    return (
+        6,
+        (nodes + checks + repeats + probes) * entries,
+        *(waves * k for k in (nodes, checks, repeats)),
+        6,
+        (waves + 1) * entries,
+        3 * entries,
+    )
+
+
+FIT = declare(
+    "int fit_series(const int *sizes, const double *values, const double *waves, const double *between, const double *later, "
+    "const double *numbers, double *coefficients, double *bounds)",
+    size_arguments,
+)
 
 
 def fit_at_once(
@@ -27,8 +47,7 @@ def fit_at_once(
     and at others behind them; weighed: it is [M D K], and what is known behind them gives the sizes below which no entry counts, as
     `weigh_entries`. Raises: MemoryError, and what `Sampler` raises.
     """
-    library = find_library() if isinstance(source, Foreseen) else None
-    if library is None or not isinstance(source, Foreseen) or source.values.dtype != float:
+    if not isinstance(source, Foreseen) or source.values.dtype != float:
         return None
     values, H = np.ascontiguousarray(source.values), (FIRST - 1) // 2
     samples, rows, columns = values.shape
@@ -37,8 +56,7 @@ def fit_at_once(
     sizes = np.array([FIRST, len(between), len(later), probes, entries, rows if weighed else 0], np.intc)
     numbers = np.array([tol, EPS, TINY, FEW_FACTOR if complete else 0.0, REPEAT, HIDDEN])
     coefficients, bounds = np.empty((2 * H + 1, rows, columns)), np.empty((3, rows, columns))
-    given = (sizes, values, waves, between, later, numbers, coefficients, bounds)
-    kept = library.fit_series(*map(address, given))
+    kept = FIT(sizes, values, waves, between, later, numbers, coefficients, bounds)
     if kept == -2:
         raise MemoryError("the series of a period")
     if kept < 0:

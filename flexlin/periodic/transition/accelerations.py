@@ -4,9 +4,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from flexlin._core import declare
 from flexlin.checks import Array
-from flexlin.compiler import address
-from flexlin.periodic.native.library import find_library
 from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.transition.gauss import (
     collocate_accelerations,
@@ -20,12 +19,17 @@ MOST_UNKNOWNS = 100
 """Stages times coordinates up to which the compiled code serves; LAPACK is as fast beyond."""
 BLOCK_BYTES = 2**24
 """Samples that are taken at a time."""
+FACTOR = declare(
+    "int factor_accelerations(int m, int stages, int segments, const double *blocks, const double *lengths, const double *tableau, "
+    "double *Phi, int *good)",
+    lambda m, s, K, *_: ((K, s, m, 3 * m), (K,), 2 * s * (s + 1), (K, 2 * m, 2 * m), (K,)),
+)
 
 
 def companion_transitions(coefficients: ResolvedCompanion, edges: Array, stages: int) -> Array:
     """As `second_order_transitions`, (K, 2n, 2n). Raises: SingularMassMatrix, MemoryError."""
-    library, n = find_library(), coefficients.blocks.shape[0]
-    if library is None or stages * n > MOST_UNKNOWNS:
+    n = coefficients.blocks.shape[0]
+    if stages * n > MOST_UNKNOWNS:
         return second_order_transitions(coefficients.sample, edges, stages)
     h, t = np.diff(edges), place_nodes(edges, gauss(stages).c)
     Phi, good = np.empty((len(h), 2 * n, 2 * n)), np.empty(len(h), np.intc)
@@ -33,8 +37,7 @@ def companion_transitions(coefficients: ResolvedCompanion, edges: Array, stages:
     for i in range(0, len(h), size):
         part = slice(i, i + size)
         blocks = np.ascontiguousarray(fold_samples(coefficients.blocks(t[part].ravel()), t[part]))
-        given = [blocks, h[part], tabulate_rule(stages), Phi[part], good[part]]
-        if not library.factor_accelerations(n, stages, len(blocks), *map(address, given)):
+        if not FACTOR(n, stages, len(blocks), blocks, h[part], tabulate_rule(stages), Phi[part], good[part]):
             raise MemoryError("the stages of a segment")
         lost = np.flatnonzero(good[part] == 0)
         if len(lost):

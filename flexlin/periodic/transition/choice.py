@@ -8,7 +8,6 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.fourier import FourierSeries
-from flexlin.periodic.native.library import find_library
 from flexlin.periodic.product.balancing import GROUP_CONDITION
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.accelerations import MOST_UNKNOWNS
@@ -137,7 +136,7 @@ def gauss_constant(stages: int) -> float:
 def estimate_gauss_work(stages: int, unknowns: int, segments: int, second_order: bool) -> float:
     """Microseconds of the batched solves with s stages of n unknowns each, as measured: overhead, memory and flops of one segment."""
     size = stages * unknowns
-    compiled = second_order and size <= MOST_UNKNOWNS and find_library() is not None
+    compiled = second_order and size <= MOST_UNKNOWNS
     return 300 + segments * (4 + 0.012 * size**2 + 1.5e-4 * size**3) * (COMPILED if compiled else 1.0)
 
 

@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
+import scipy.linalg
 
 from flexlin.periodic.circle import match_logs
 from flexlin.periodic.product.balancing import multiply_scaled
 from flexlin.periodic.product.eigenvalues import product_logs, solve_product
-from flexlin.periodic.product.sweeps import sweep_by_lapack, sweep_factors
+from flexlin.periodic.product.sweeps import sweep_factors
 
 
 def framed(blocks, rng):
@@ -81,6 +82,15 @@ def test_rescaled_product():
     P, scale = multiply_scaled(np.tile(1e200 * np.eye(2), (7, 1, 1)))
     np.testing.assert_allclose(P, np.eye(2))
     assert abs(scale - 1400 * np.log(10)) < 1e-9
+
+
+def sweep_by_lapack(factors, Q, keep):
+    """All R_k, and all Q_k or the last, of F_k Q_k = Q_(k+1) R_k."""
+    R, bases = np.empty_like(factors), [Q]
+    for k, factor in enumerate(factors):
+        Q, R[k] = scipy.linalg.qr(factor @ Q)
+        bases.append(Q)
+    return (np.array(bases) if keep else Q), R
 
 
 @pytest.mark.parametrize("count", [1, 6])

@@ -1,4 +1,4 @@
-"""Deviations of series and sizes of samples, by compiled code and by NumPy, against sums written out."""
+"""Deviations of series and sizes of samples, against sums written out."""
 
 import numpy as np
 import pytest
@@ -7,19 +7,10 @@ from flexlin.periodic.resolved import comparing, sampling, sizes
 from flexlin.periodic.resolved.sampling import CheckPoints, Sampler, usual_phases
 
 
-@pytest.fixture(params=["compiled", "NumPy"])
-def way(request, monkeypatch):
-    if request.param == "NumPy":
-        for module in (comparing, sizes):
-            monkeypatch.setattr(module, "find_library", lambda: None)
-    elif sizes.find_library() is None:
-        pytest.skip("there is no C compiler")
-
-
 @pytest.mark.parametrize(
     ("rows", "columns", "harmonics"), [(1, 1, 0), (1, 7, 3), (2, 4, 1), (3, 3, 40), (1, 17, 2), (5, 5, 1)]
 )
-def test_the_largest_deviation_wherever_it_is(way, monkeypatch, rows, columns, harmonics):
+def test_the_largest_deviation_wherever_it_is(monkeypatch, rows, columns, harmonics):
     rng = np.random.default_rng([rows, columns])
     entries, T, count = rows * columns, 3.7, len(usual_phases())
     series = rng.standard_normal((2 * harmonics + 1, entries)) * (rng.random(entries) < 0.5)
@@ -45,7 +36,7 @@ def test_the_largest_deviation_wherever_it_is(way, monkeypatch, rows, columns, h
 
 
 @pytest.mark.parametrize("columns", [1, 3, 8, 21])
-def test_the_largest_sizes_and_what_is_no_number(way, columns):
+def test_the_largest_sizes_and_what_is_no_number(columns):
     rng = np.random.default_rng(columns)
     rows = rng.standard_normal((8192 // columns + 5, columns)) * 10.0 ** rng.uniform(-300, 300, columns)
     np.testing.assert_array_equal(sizes.largest_sizes(rows), np.abs(rows).max(axis=0))

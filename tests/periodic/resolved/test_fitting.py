@@ -4,13 +4,11 @@ import numpy as np
 import pytest
 
 from flexlin.errors import NotPeriodic
-from flexlin.periodic.native.library import find_library
 from flexlin.periodic.resolved.fitting import fit_at_once
 from flexlin.periodic.resolved.foresight import foresee
 from flexlin.periodic.resolved.resolve import foresee_times, resolve
 from flexlin.periodic.resolved.weights import weigh_entries
 
-pytestmark = pytest.mark.skipif(find_library() is None, reason="there is no C compiler")
 PERIOD, PLACES = 0.7, np.linspace(0.01, 0.69, 16)
 
 

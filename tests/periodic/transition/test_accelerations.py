@@ -6,12 +6,10 @@ import pytest
 
 import flexlin as fl
 from flexlin.errors import SingularMassMatrix
-from flexlin.periodic.native.library import find_library
 from flexlin.periodic.transition import accelerations
 from flexlin.periodic.transition.accelerations import companion_transitions
 from flexlin.periodic.transition.gauss import second_order_transitions
 
-pytestmark = pytest.mark.skipif(find_library() is None, reason="there is no C compiler")
 EPS = np.finfo(float).eps
 
 

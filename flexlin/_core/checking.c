@@ -1,7 +1,8 @@
 /* The largest sizes of many samples, and the largest deviation of a Fourier series from them: what a check of a resolution looks at. */
+#include "lanes.h"
 
 /* out (entries,): the largest sizes of rows (count, entries), no numbers where a sample is none. Returns 0 where there is no memory. */
-int find_sizes(long count, int entries, const double *rows, double *out) {
+CALLED int find_sizes(long count, int entries, const double *rows, double *out) {
   v8 *sizes = aligned_alloc(64, entries * sizeof(v8)), none = splat(0.0);
   if (!sizes) return 0;
   for (int e = 0; e < entries; e++) sizes[e] = splat(0.0);
@@ -68,7 +69,7 @@ static void take_eights(int count, int entries, int wide, const double *from, v8
 
 /* worst (entries,): made the largest deviation of a series, coefficients (2 H + 1, entries), from values (count, entries) at times where
  * the first waves are cosines, sines (count,). Returns 0 where there is no memory. */
-int compare_series(long count, int entries, int H, const double *cosines, const double *sines, const double *coefficients, const double *values,
+CALLED int compare_series(long count, int entries, int H, const double *cosines, const double *sines, const double *coefficients, const double *values,
                    double *worst) {
   int wide = (entries + 7) / 8, moving[wide];
   v8 *memory = aligned_alloc(64, ((2L * H + 2) * wide + 2 * H + entries + 1) * sizeof(v8));

@@ -1,7 +1,6 @@
 /* A smooth periodic function by its Fourier series, from its values at equally spaced times, held against values between these and a period
  * later: what `resolve` in resolved/resolve.py finds at its first attempt. */
-#include <math.h>
-#include <stdlib.h>
+#include "core.h"
 
 #define HEARD 4 /* roundings of the largest value below which all harmonics are those of the sums here */
 
@@ -76,7 +75,7 @@ static void find_least(int probes, int entries, int m, double hidden, const doub
  *
  * coefficients: (2 kept + 1, entries), the mean first, in an array for all harmonics; bounds: allowed, error, sizes of the entries. Returns how
  * many harmonics are kept, -1 where the series does not agree, -2 where there is no memory. */
-int fit_series(const int *sizes, const double *values, const double *waves, const double *between, const double *later, const double *numbers,
+CALLED int fit_series(const int *sizes, const double *values, const double *waves, const double *between, const double *later, const double *numbers,
                double *coefficients, double *bounds) {
   int nodes = sizes[0], checks = sizes[1], repeats = sizes[2], probes = sizes[3], entries = sizes[4];
   const double *there = values + (long)nodes * entries, *beyond = there + (long)checks * entries;

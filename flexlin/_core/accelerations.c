@@ -1,5 +1,6 @@
 /* Transition matrices of M y'' + D y' + K y = 0 by Gauss collocation in the accelerations, eight segments at a time: the computation of
  * `collocate_accelerations` in gauss.py, without exchanging rows. What that may lose shows in the residual, and is won back by it once. */
+#include "elimination.h"
 
 enum { ACCURATE = 64 }; /* roundings that the residual may be off by */
 
@@ -27,16 +28,6 @@ static void build_equations(const Rule *r, const v8 *blocks, v8 h, v8 *G, v8 *ri
       }
       for (int q = 0; q < m; q++) { y[q] = -K[q]; y[m + q] = -D[q] - h * r->c[i] * K[q]; }
     }
-}
-
-static v8 larger(v8 x, v8 y) {
-  for (int l = 0; l < 8; l++) { double size = fabs(y[l]); x[l] = size <= x[l] ? x[l] : size; }
-  return x;
-}
-
-static v8 absolute(v8 x) {
-  for (int l = 0; l < 8; l++) x[l] = fabs(x[l]);
-  return x;
 }
 
 /* left: what M_i w_i + h D_i sum_j a_ij w_j + h^2 K_i sum_j (a a)_ij w_j misses of right_i, for each of the eight; work: 2 m columns.
@@ -148,7 +139,7 @@ static void choose_units(int m, int stride, const double *M, double *d) {
 
 /* Transition matrices (segments, 2 m, 2 m) from [M D K] at all stages (segments, stages, m, 3 m) and lengths h; tableau: c, a, a a, b;
  * good (segments,): whether each is right to rounding. Returns 0 where there is no memory. */
-int factor_accelerations(int m, int stages, int segments, const double *blocks, const double *lengths, const double *tableau, double *Phi, int *good) {
+CALLED int factor_accelerations(int m, int stages, int segments, const double *blocks, const double *lengths, const double *tableau, double *Phi, int *good) {
   Rule r = {m, stages, tableau, tableau + stages, tableau + stages + stages * stages, tableau + stages + 2 * stages * stages};
   Bench bench;
   if (!take_bench(m, stages, &bench)) return 0;

@@ -1,4 +1,5 @@
-/* One sweep of orthogonal iteration over many factors: the computation of `sweep_factors` in sweeps.py, LAPACK's signs included. */
+/* One sweep of orthogonal iteration over many factors, with LAPACK's signs. */
+#include "core.h"
 
 /* C = A B (n, n). */
 static void multiply_rows(int n, const double *restrict A, const double *restrict B, double *restrict C) {
@@ -55,7 +56,7 @@ static void factor_orthogonal(int n, double *A, double *Q, double *work) {
 }
 
 /* F_k Q_k = Q_(k+1) R_k for factors (count, n, n): all R_k, and all Q_k (count + 1, n, n), or the first and then the last in turns (2, n, n). */
-void sweep_factors(int n, int count, int all, const double *factors, double *Q, double *R) {
+CALLED void sweep_factors(int n, int count, int all, const double *factors, double *Q, double *R) {
   double work[2 * n];
   long size = (long)n * n;
   for (int k = 0; k < count; k++) {

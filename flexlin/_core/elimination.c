@@ -1,4 +1,5 @@
-/* Linear systems of eight segments at once. */
+/* Eight real linear systems at once, without exchanging rows. */
+#include "elimination.h"
 
 enum { TOGETHER = 4 }; /* pivots that a row is freed of at once: it is read and written once for all of them */
 
@@ -19,7 +20,7 @@ static void substitute_back(int n, int columns, const v8 *G, v8 *X) {
 }
 
 /* X := G^-1 X, (n, columns), of eight systems at once, without exchanging rows; G becomes its factors. Returns the least sizes of the pivots. */
-static v8 eliminate_eight(int n, int columns, v8 *restrict G, v8 *restrict X) {
+v8 eliminate_eight(int n, int columns, v8 *restrict G, v8 *restrict X) {
   v8 least = splat(INFINITY);
   for (int first = 0; first < n; first += TOGETHER) {
     int past = first + TOGETHER < n ? first + TOGETHER : n;
@@ -49,7 +50,7 @@ static v8 eliminate_eight(int n, int columns, v8 *restrict G, v8 *restrict X) {
 }
 
 /* X := G^-1 X for further right sides, by the factors that `eliminate_eight` leaves: 1 / u on the diagonal, l u below it. */
-static void solve_eight(int n, int columns, const v8 *G, v8 *X) {
+void solve_eight(int n, int columns, const v8 *G, v8 *X) {
   for (int i = 1; i < n; i++) {
     v8 *to = X + (long)i * columns;
     for (int k = 0; k < i; k++) {

@@ -1,4 +1,7 @@
 /* The blocks of a Sylvester equation between a group of modes and single ones, eight times at once: `against_scalars` in superadiabatic.py. */
+#include <complex.h>
+
+#include "lanes.h"
 
 typedef struct { int p; v8 *re, *im, *x, *y; int *order; } Factors; /* L U of p x p in rows by `order`; x, y: a right side */
 
@@ -76,7 +79,9 @@ static void solve_eight_alike(Factors *f, int transposed) {
 }
 
 /* S (times, n, n), between the modes start ... start + p - 1 and each of `count` scalars, from B (times, n, n), complex. 0: no memory. */
-int solve_against_scalars(int n, int times, int start, int p, int count, const int *scalars, const double *B, double *S) {
+CALLED int solve_against_scalars(int n, int times, int start, int p, int count, const int *scalars, const double complex *matrices, double complex *solution) {
+  const double *B = (const double *)matrices;
+  double *S = (double *)solution;
   long size = (long)p * p;
   v8 *memory = aligned_alloc(64, (4 * size + 2 * p) * sizeof(v8)), *own = memory + 2 * size;
   int *order = malloc(p * sizeof(int));
@@ -127,7 +132,9 @@ int solve_against_scalars(int n, int times, int start, int p, int count, const i
 }
 
 /* S (times, n, n) between two groups of p modes from `first` on and q from `second` on: (B_ii (x) 1 - 1 (x) B_jj') s_ij = -b_ij. 0: no memory. */
-int solve_between_groups(int n, int times, int first, int p, int second, int q, const double *B, double *S) {
+CALLED int solve_between_groups(int n, int times, int first, int p, int second, int q, const double complex *matrices, double complex *solution) {
+  const double *B = (const double *)matrices;
+  double *S = (double *)solution;
   int m = p * q;
   long size = (long)m * m;
   v8 *memory = aligned_alloc(64, (2 * size + 2 * m) * sizeof(v8));

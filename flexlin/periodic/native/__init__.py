@@ -1,1 +1,0 @@
-"""Compiled code of the numeric wing: C sources, and the library made of them."""
