@@ -14,7 +14,7 @@ _HOME = {
     "load_scene": "flexlin.scene",
     "parse_scene": "flexlin.scene",
     "scenes": "flexlin.scene",
-    "scene_from_urdf": "flexlin.scene.urdf",
+    "scene_from_urdf": "flexlin.scene.loading",
     "Scene": "flexlin.scene",
     "build_manipulator": "flexlin.mechanics",
     "Manipulator": "flexlin.mechanics",

@@ -1,7 +1,9 @@
 """The house: every room of flexlin stands in the contract that imports point downward."""
 
+import ast
 import re
 import tomllib
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -40,3 +42,24 @@ def test_every_room_of_the_numeric_wing_stands_in_a_layer():
 def test_every_answer_stands_in_a_layer():
     layers = named(contract("answers build on each other without a circle")["layers"])
     assert sorted(layers) == sorted(rooms(ROOT / "flexlin" / "answers"))
+
+
+def imported(path: Path, modules: set[str]) -> set[str]:
+    """The modules of flexlin that a file imports anywhere, also inside functions and for type checkers."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            found |= {one if (one := f"{node.module}.{alias.name}") in modules else node.module for alias in node.names}
+        elif isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+    return found & modules
+
+
+def test_no_module_imports_itself_by_way_of_others():
+    """lint-imports looks at rooms; this looks inside them. A circle is named by graphlib's error."""
+    files = {path: ".".join(path.relative_to(ROOT).with_suffix("").parts) for path in (ROOT / "flexlin").rglob("*.py")}
+    names = {path: name.removesuffix(".__init__") for path, name in files.items()}
+    modules = set(names.values())
+    graph = {name: imported(path, modules) - {name} for path, name in names.items()}
+    order = list(TopologicalSorter(graph).static_order())
+    assert len(order) == len(modules) > 200

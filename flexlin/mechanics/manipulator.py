@@ -1,6 +1,6 @@
 """The equations of motion of a manipulator, M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import casadi as ca
@@ -12,7 +12,7 @@ from flexlin.mechanics.coriolis import derive_coriolis
 from flexlin.mechanics.driving import describe_driving
 from flexlin.mechanics.followers import ClosedLoops
 from flexlin.mechanics.lagrange import derive_lagrange_equations
-from flexlin.mechanics.named_functions import NamedFunctions, name_functions
+from flexlin.mechanics.named_functions import NamedFunctions
 from flexlin.mechanics.parameters import Parameters, parameters_at_hand
 from flexlin.mechanics.validation import check_coordinates, check_shapes, check_symbols, need_quadratic, validate
 from flexlin.scene.effects import Effects
@@ -297,3 +297,31 @@ class Manipulator(Expressions):
             need_quadratic(T, s, s_dot, parameters)
             validate(arm)
         return arm
+
+
+def name_functions(arm: Manipulator) -> NamedFunctions:
+    """Functions of s, s_dot, s_ddot as needed, and p: M, C, g, damping, residual; more if known."""
+    p = arm.parameters.symbols
+    at, moving = {"s": arm.s, "p": p}, {"s": arm.s, "s_dot": arm.s_dot, "p": p}
+    accelerated = {"s": arm.s, "s_dot": arm.s_dot, "s_ddot": arm.s_ddot, "p": p}
+    table: dict[str, tuple[dict[str, ca.SX], Callable[[], ca.SX]]] = {
+        "M": (at, lambda: arm.M),
+        "C": (moving, lambda: arm.C),
+        "g": (at, lambda: arm.g),
+        "damping": (moving, lambda: arm.damping),
+        "residual": (accelerated, lambda: arm.residual),
+    }
+    if arm.energy is not None:
+        table["energy"] = (moving, lambda: arm.energy)
+    if arm.points is not None:
+        table["points"] = (at, lambda: arm.points)
+    if arm.axes is not None:
+        table["axes"] = (at, lambda: arm.axes)
+    if arm.rotation is not None:
+        table["rotation"] = (at, lambda: arm.rotation)
+    if arm.loops is not None:
+        loops, following = arm.loops, {"s": arm.s, "v": arm.loops.v, "p": p}
+        table["followers"] = (at, lambda: loops.followers)
+        table["closing"] = (following, lambda: ca.jacobian(loops.gap, loops.v))
+        table["newton_step"] = (following, loops.newton_step)
+    return NamedFunctions(table)

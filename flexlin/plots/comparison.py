@@ -8,8 +8,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
-from flexlin.plots.draw import open_axes
-from flexlin.plots.view import Series, Shown, View
+from flexlin.plots.view import Series, Shown, View, open_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,12 +1,28 @@
-"""The description of a result: its words and curves. It is made of numbers alone, so that every room may use it."""
+"""The description of a result, its words and curves, and the three ways to show it: in lines, as a card of a notebook, in matplotlib.
 
+No other file of flexlin imports matplotlib.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass
+from html import escape
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from flexlin.checks import Array
+from flexlin.errors import ArgumentError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+WIDTH, HEIGHT, MARGIN = 260.0, 120.0, 6.0
+MOST_POINTS, MOST_SERIES, MOST_FACTS = 120, 8, 6
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#aa4499", "#e69f00", "#56b4e9")
+"""Distinguishable with every kind of colour blindness. Source: Okabe, Ito (2002), Color Universal Design; purple from Tol (2021)."""
+SHADES = {"stable": "#00734f", "unstable": "#b03a00", "undecided": "#8a5a00"}
+FEW = 12
+"""Curves that a legend names."""
 
 
 @dataclass(frozen=True)
@@ -71,12 +87,109 @@ class Shown:
         ArgumentError
             When matplotlib is not installed, or `ax` is something else.
         """
-        from flexlin.plots.draw import draw_view
-
         return draw_view(self._view(), ax, style)
 
     def _repr_html_(self) -> str:
         """The card of a notebook."""
-        from flexlin.plots.card import make_card
-
         return make_card(self._view())
+
+
+def make_card(view: View) -> str:
+    """The view as HTML that needs nothing else."""
+    shade = SHADES.get(view.verdict.partition(",")[0], "inherit")
+    verdict = f' <b style="color:{shade}">{escape(view.verdict)}</b>' if view.verdict else ""
+    facts = "".join(f"<div>{escape(fact)}</div>" for fact in view.facts[:MOST_FACTS])
+    words = (
+        f'<div style="max-width:42em"><b>{escape(view.title)}</b>{verdict}<div style="opacity:.8">{facts}</div></div>'
+    )
+    return f'<div style="display:flex;gap:1.2em;align-items:flex-start">{words}{draw_small(view)}</div>'
+
+
+def draw_small(view: View) -> str:
+    """The curves as a small SVG, without numbers on its axes; nothing where there is no finite one."""
+    shown = [(i, thin(series)) for i, series in enumerate(view.series[:MOST_SERIES])]
+    shown = [(i, series) for i, series in shown if len(series.x)]
+    if not shown:
+        return ""
+    x, y = (np.concatenate([getattr(series, axis) for _, series in shown]) for axis in ("x", "y"))
+    place_x, place_y = scale(x, MARGIN, WIDTH - MARGIN, view.zero), scale(y, HEIGHT - MARGIN, MARGIN)
+    marks = [
+        draw_series(series, place_x(series.x), place_y(series.y), COLOURS[i % len(COLOURS)]) for i, series in shown
+    ]
+    border = ""
+    if view.zero:
+        at = place_x(np.zeros(1))[0]
+        border = f'<path d="M{at:.1f} 0V{HEIGHT:g}" stroke="currentColor" stroke-opacity=".4" stroke-dasharray="3 3"/>'
+    label = escape(f"{view.y_label} over {view.x_label}")
+    return (
+        f'<figure style="margin:0"><svg width="{WIDTH:g}" height="{HEIGHT:g}" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" fill="none" '
+        f'role="img" aria-label="{label}">{border}{"".join(marks)}</svg>'
+        f'<figcaption style="font-size:.8em;opacity:.7">{label}</figcaption></figure>'
+    )
+
+
+def thin(series: Series) -> Series:
+    """At most MOST_POINTS of the finite points, equally spaced among them."""
+    finite = np.flatnonzero(np.isfinite(series.x) & np.isfinite(series.y))
+    if len(finite) > MOST_POINTS:
+        finite = finite[np.linspace(0, len(finite) - 1, MOST_POINTS).astype(int)]
+    return Series(series.name, np.asarray(series.x)[finite], np.asarray(series.y)[finite], series.style)
+
+
+def scale(values: Array, low: float, high: float, with_zero: bool = False) -> Callable[[Array], Array]:
+    """A function from values to pixels that brings the smallest to `low` and the largest to `high`."""
+    ends = np.append(values, 0.0) if with_zero else values
+    first, span = float(ends.min()), float(np.ptp(ends)) or 1.0
+    return lambda wanted: low + (high - low) * (wanted - first) / span
+
+
+def draw_series(series: Series, x: Array, y: Array, colour: str) -> str:
+    """One curve, with its name where one points at it."""
+    name = f"<title>{escape(series.name)}</title>"
+    if series.style == "dots":
+        return "".join(
+            f'<circle cx="{a:.1f}" cy="{b:.1f}" r="3" fill="{colour}">{name}</circle>'
+            for a, b in zip(x, y, strict=True)
+        )
+    dash = ' stroke-dasharray="5 3"' if series.style == "dashed" else ""
+    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+    return f'<polyline points="{points}" stroke="{colour}" stroke-width="1.5"{dash}>{name}</polyline>'
+
+
+def draw_view(view: View, ax: "Axes | None", style: dict[str, Any]) -> "Axes":
+    """Draw a view into axes, or into those of a new figure."""
+    axes = open_axes(ax)
+    kinds = {"line": {}, "dashed": {"linestyle": "--"}, "dots": {"linestyle": "none", "marker": "o"}}
+    for i, series in enumerate(view.series):
+        how: dict[str, Any] = {"color": COLOURS[i % len(COLOURS)], **kinds[series.style], **style}
+        axes.plot(series.x, series.y, label=series.name, **how)
+    if view.zero:
+        axes.axvline(0.0, color="0.5", linestyle=":", linewidth=1.0)
+    axes.set_xlabel(view.x_label)
+    axes.set_ylabel(view.y_label)
+    axes.set_title(f"{view.title}: {view.verdict}" if view.verdict else view.title)
+    if 1 < len(view.series) <= FEW:
+        axes.legend()
+    return axes
+
+
+def open_axes(ax: "Axes | None") -> "Axes":
+    """The axes that were given, or those of a new figure.
+
+    Raises: ArgumentError where matplotlib is missing, or what was given are no axes.
+    """
+    if ax is not None:
+        if not hasattr(ax, "plot") or not hasattr(ax, "set_xlabel"):
+            raise ArgumentError(
+                "ax is of another kind", got=repr(ax)[:80], expected="matplotlib axes, or None for a new figure"
+            )
+        return ax
+    try:
+        from matplotlib import pyplot
+    except ImportError:
+        raise ArgumentError(
+            "drawing needs matplotlib",
+            got="no such package",
+            todo="pip install 'flexlin[plot]', or read the numbers: to_xarray()",
+        ) from None
+    return pyplot.subplots()[1]

@@ -191,3 +191,43 @@ def _read(path: Path) -> dict[str, Any]:
         raise SceneError(printable(path), [Problem("file", "tables in tables without end", SHALLOW)]) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
         raise SceneError(printable(path), [Problem("file", printable(error), "a readable TOML file")]) from None
+
+
+def scene_from_urdf(path: str | Path, base: str | None = None, tip: str | None = None) -> Scene:
+    """Make a scene of a chain of a robot from its URDF file.
+
+    Joints, axes, origins, inertias, damping, friction and mimicked joints are read; fixed joints are merged, links that hang on the chain
+    by fixed joints are added to it, and the arm ends at the tip's frame. Gravity points along -z of the base. Limits of torque and speed
+    become those of the drives, where every joint has them. Each joint stands still, at 0 or in the middle of its limits where these
+    leave 0 out; give the scene a motion.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; no mesh and no other file is read.
+    base, tip : str, optional
+        Names of the first and the last link; by default the root, and the only end of the tree behind a joint that moves.
+
+    Returns
+    -------
+    Scene
+        A frozen, checked scene; its `source` says what was read and what not.
+
+    Raises
+    ------
+    SceneError
+        Naming the line where the file is at fault.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> from flexlin.scene.library import models_folder
+    >>> scene = fl.scene_from_urdf(models_folder() / "manutec-r3.urdf")
+    >>> len(scene.links), scene.links[1].name
+    (6, 'axis_2')
+    """
+    from flexlin.scene.urdf.convert import scene_tables
+    from flexlin.scene.urdf.robot import read_robot
+
+    robot = read_robot(path)
+    return parse_scene(scene_tables(robot, base, tip), str(path))

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.simulation.controlled_arm import ControlledArm
 from flexlin.simulation.layers import skips_layer
 from flexlin.simulation.stepping import UNSEEN, TrialLeftRange, shorten, stopped
 
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolver
 
-    from flexlin.simulation.loop import NonlinearLoop
 
 PROBES = (0.25, 0.5, 0.75, 1.0)
 """Parts of a step at which the guards are looked at."""
@@ -25,7 +25,7 @@ MOST_EVENTS, MOST_AT_ONCE = 20_000, 20
 class Switching(ABC):
     """A loop whose equations change with its modes; the first states of z are those of the loop."""
 
-    loop: "NonlinearLoop"
+    loop: ControlledArm
 
     @abstractmethod
     def derivative(self, t: float, z: Array) -> Array:

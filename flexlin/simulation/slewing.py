@@ -1,16 +1,13 @@
 """A drive whose torque changes at a limited rate: it follows what is asked while it can, and goes at the limit until it has caught up."""
 
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.simulation.controlled_arm import ControlledArm
 from flexlin.simulation.events import Switching
 from flexlin.simulation.marks import INSIDE, with_breaks
-
-if TYPE_CHECKING:
-    from flexlin.simulation.loop import NonlinearLoop
 
 STEP = 1e-6
 """Half of the step, in periods, of the difference that is the rate at which the asked torque changes."""
@@ -24,7 +21,7 @@ class Slewing(Switching):
     mode 0: torque = asked, as long as |asked'| <= limit;   else torque = g, g' = mode limit, until g = asked
     """
 
-    def __init__(self, loop: "NonlinearLoop", limit: Array):
+    def __init__(self, loop: ControlledArm, limit: Array):
         self.loop, self.limit, self.mode = loop, limit, np.zeros(len(limit))
 
     def asked(self, t: float, z: Array) -> tuple[Array, Array]:

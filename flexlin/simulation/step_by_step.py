@@ -8,6 +8,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.sampled.hold import hold_controller
+from flexlin.simulation.controlled_arm import ControlledArm
 from flexlin.simulation.layers import skips_layer
 from flexlin.simulation.marks import INSIDE, with_breaks
 from flexlin.simulation.slewing import Slewing
@@ -17,10 +18,8 @@ from flexlin.simulation.sticking import Sticking
 if TYPE_CHECKING:
     from scipy.integrate import DOP853, LSODA
 
-    from flexlin.simulation.loop import NonlinearLoop
 
-
-def follow_cut(loop: "NonlinearLoop", t: Array, z: Array, rtol: float) -> Array:
+def follow_cut(loop: ControlledArm, t: Array, z: Array, rtol: float) -> Array:
     """States (N, 2n + k + 1) of a loop whose torque is cut, by a multistep method, which bears corners."""
     from scipy.integrate import LSODA
 
@@ -43,7 +42,7 @@ def follow_cut(loop: "NonlinearLoop", t: Array, z: Array, rtol: float) -> Array:
     return np.concatenate(out)
 
 
-def follow_sticking(loop: "NonlinearLoop", t: Array, z: Array, rtol: float) -> Array:
+def follow_sticking(loop: ControlledArm, t: Array, z: Array, rtol: float) -> Array:
     """States (N, 2n + k + 1) of a loop whose joints stick and slide, from event to event; the loop's `events` are set."""
 
     def torque(now: float, z: Array) -> tuple[Array, Array]:
@@ -57,13 +56,13 @@ def follow_sticking(loop: "NonlinearLoop", t: Array, z: Array, rtol: float) -> A
     return out
 
 
-def follow_slewing(loop: "NonlinearLoop", t: Array, z: Array, rtol: float) -> Array:
+def follow_slewing(loop: ControlledArm, t: Array, z: Array, rtol: float) -> Array:
     """States (N, 2n + k + 1) of a loop whose drive changes its torque at a limited rate; the loop's `given` torques are set."""
     out, loop.given = Slewing(loop, np.array(loop.drive.rate)).run(t, z, rtol)
     return out
 
 
-def follow_held(loop: "NonlinearLoop", t: Array, z: Array, rtol: float) -> Array:
+def follow_held(loop: ControlledArm, t: Array, z: Array, rtol: float) -> Array:
     """States (N, 2n + k + 1) from instant to instant at which the torque changes, sampling measured `delay` before.
 
     The controller's own states move from sample to sample, as what was measured and asked at the first of them has it.
@@ -94,9 +93,7 @@ def follow_held(loop: "NonlinearLoop", t: Array, z: Array, rtol: float) -> Array
     return out
 
 
-def explicit(
-    loop: "NonlinearLoop", t: float, z: Array, first: float, torque: Array, end: float, rtol: float
-) -> "DOP853":
+def explicit(loop: ControlledArm, t: float, z: Array, first: float, torque: Array, end: float, rtol: float) -> "DOP853":
     """An integrator under a constant torque."""
     from scipy.integrate import DOP853
 

@@ -2,16 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.simulation.controlled_arm import ControlledArm
 from flexlin.simulation.events import Switching
 from flexlin.simulation.friction import Friction
-
-if TYPE_CHECKING:
-    from flexlin.simulation.loop import NonlinearLoop
 
 Torque = Callable[[float, Array], tuple[Array, Array]]
 """Time and state -> the torque that the drive gives, and the rates of the controller's states."""
@@ -23,7 +20,7 @@ SLACK = 1e-9
 class Sticking(Switching):
     """The joints' modes `slip`: 0 where one sticks, else the direction in which it slides; `events`: time, joint, and what it does then."""
 
-    loop: "NonlinearLoop"
+    loop: ControlledArm
     torque: Torque
     slip: Array = field(default_factory=lambda: np.zeros(0))
     events: list[tuple[float, str, str]] = field(default_factory=list)

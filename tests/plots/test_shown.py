@@ -11,8 +11,7 @@ import pytest
 import flexlin as fl
 from flexlin.control import pd_feedback
 from flexlin.errors import ArgumentError
-from flexlin.plots.card import MOST_POINTS, make_card
-from flexlin.plots.view import Series, Shown, View
+from flexlin.plots.view import MOST_POINTS, Series, Shown, View, make_card
 from tests.public_results import arm_results, stability_results
 
 matplotlib = pytest.importorskip("matplotlib")

@@ -2,18 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from flexlin.scene.urdf.bodies import Array, Mass, angles_of, as_numbers, rotation_of
 from flexlin.scene.urdf.chain import choose_chain
 from flexlin.scene.urdf.following import Rule, trace_rules
-from flexlin.scene.urdf.robot import Robot, UrdfJoint, UrdfLink, read_robot
-
-if TYPE_CHECKING:
-    from flexlin.scene.scene import Scene
+from flexlin.scene.urdf.robot import Robot, UrdfJoint, UrdfLink
 
 GRAVITY = {"acceleration": 9.81, "direction": [0.0, 0.0, -1.0]}
 
@@ -30,45 +26,6 @@ class ChainTables:
     free: list[UrdfJoint]
     effects: dict[str, Any]
     notes: list[str]
-
-
-def scene_from_urdf(path: str | Path, base: str | None = None, tip: str | None = None) -> "Scene":
-    """Make a scene of a chain of a robot from its URDF file.
-
-    Joints, axes, origins, inertias, damping, friction and mimicked joints are read; fixed joints are merged, links that hang on the chain
-    by fixed joints are added to it, and the arm ends at the tip's frame. Gravity points along -z of the base. Limits of torque and speed
-    become those of the drives, where every joint has them. Each joint stands still, at 0 or in the middle of its limits where these
-    leave 0 out; give the scene a motion.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file; no mesh and no other file is read.
-    base, tip : str, optional
-        Names of the first and the last link; by default the root, and the only end of the tree behind a joint that moves.
-
-    Returns
-    -------
-    Scene
-        A frozen, checked scene; its `source` says what was read and what not.
-
-    Raises
-    ------
-    SceneError
-        Naming the line where the file is at fault.
-
-    Examples
-    --------
-    >>> import flexlin as fl
-    >>> from flexlin.scene.library import models_folder
-    >>> scene = fl.scene_from_urdf(models_folder() / "manutec-r3.urdf")
-    >>> len(scene.links), scene.links[1].name
-    (6, 'axis_2')
-    """
-    from flexlin.scene.loading import parse_scene
-
-    robot = read_robot(path)
-    return parse_scene(scene_tables(robot, base, tip), str(path))
 
 
 def scene_tables(robot: Robot, base: str | None = None, tip: str | None = None) -> dict[str, Any]:

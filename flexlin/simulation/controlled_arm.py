@@ -1,0 +1,182 @@
+"""The nonlinear arm under a control law and its drive: torques and rates at one time after another."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexlin.about.law import Law
+from flexlin.about.layers import Layers
+from flexlin.about.linearization import Linearization
+from flexlin.checks import Array
+from flexlin.errors import SimulationStopped
+from flexlin.lazy import lazy
+from flexlin.simulation.drive import Drive
+from flexlin.simulation.ending import name_largest
+from flexlin.simulation.friction import Friction, refuse
+from flexlin.simulation.marks import find_rough_times
+
+if TYPE_CHECKING:
+    from flexlin.simulation.acceleration import Acceleration
+    from flexlin.simulation.table import LawTable
+
+FARTHEST = 100.0
+"""A deviation from the rigid motion, in rad or m, at which a simulation is given up as diverging."""
+MOST_CALLS = 1_000_000
+"""Evaluations of the equations after which a simulation is given up."""
+
+
+class ControlledArm:
+    """The nonlinear equations in the deviation x = [y; y'] from the rigid motion; the last state is the work done on the arm.
+
+        M y'' = B torque - (M s_R'' + C s' + g + d),   work' = s' (M s'' + C s' + g)
+
+    The k states z of a law's controller, where it has any, follow those of the arm: x = [y; y'; z].
+
+    Parameters
+    ----------
+    lin : Linearization
+        The arm and its motion.
+    law : Law
+        What commands the torque.
+    drive : Drive, optional
+        Saturation, sampling and delay.
+    """
+
+    def __init__(self, lin: Linearization, law: Law, drive: Drive | None = None):
+        self.lin, self._law = lin, law
+        self.about, self.drive, self.n = lin.about, drive or Drive(), lin.n
+        self._kept = list(lin.kept)
+        self.friction, self.events = Friction.of(lin), tuple[tuple[float, str, str], ...]()
+        if self.friction is not None and self.drive.sample_time is not None:
+            raise refuse("a sampled drive, [control.sampling]", "a drive that is not sampled")
+        if self.friction is not None and self.drive.rate is not None:
+            raise refuse("a drive of limited rate, [control.saturation] rate", "a drive that follows at once")
+        self.given: Array | None = None
+        self._calls = 0
+
+    def command(self, t: float, x: Array) -> Array:
+        """Return the torque that the motors give for a state at one time.
+
+        Parameters
+        ----------
+        t : float
+            Time in s.
+        x : array, shape (2n + k,)
+            State [y; y'; z].
+
+        Returns
+        -------
+        array, shape (m,)
+            The torque, in N m.
+        """
+        return self.drive.saturated(self.law(t, x))
+
+    def commands(self, t: Array, x: Array) -> Array:
+        """Return the torques that the motors give at many times.
+
+        Parameters
+        ----------
+        t : array, shape (N,)
+            Times in s.
+        x : array, shape (N, 2n + k)
+            States [y; y'; z].
+
+        Returns
+        -------
+        array, shape (N, m)
+            Torques in N m (forces in N).
+        """
+        now = t % self.lin.period if self.lin.motion.periodic else np.minimum(t, self.lin.period)
+        return self.drive.saturated(self._law.torque(now, x))
+
+    def rate(
+        self, t: float, z: Array, torque: Array, remembered: Array | None = None, slip: Array | None = None
+    ) -> Array:
+        """Return the rate of z = [y; y'; controller; work] under a torque.
+
+        Parameters
+        ----------
+        t : float
+            Time in s.
+        z : array, shape (2n + k + 1,)
+            State, with the work in J.
+        torque : array, shape (m,)
+            The torque, in N m.
+        remembered : array, shape (k,), optional
+            The rates of the controller's states; zero by default.
+        slip : array, shape (p,), optional
+            Of joints that stick, 0 where one does and else the sign of its rate; by default their friction is the smooth one.
+
+        Returns
+        -------
+        array, shape (2n + k + 1,)
+            z'.
+
+        Raises
+        ------
+        TrialLeftRange
+            Where the mass matrix is not positive definite: an integrator's trial may come there, an arm does not.
+        """
+        self._calls += 1
+        if self._calls > MOST_CALLS:
+            raise self._lost(f"{MOST_CALLS} evaluations of the equations", t)
+        x, still = z[: 2 * self.n], np.zeros(self._law.memory)
+        acceleration, _, power = self.equations.solve(t, x, torque, slip)
+        return np.concatenate([x[self.n :], acceleration, still if remembered is None else remembered, [power]])
+
+    def accept(self, t: float, z: Array) -> None:
+        """Look at a state that was reached.
+
+        Parameters
+        ----------
+        t : float
+            Time in s.
+        z : array
+            State; the first n are y.
+
+        Raises
+        ------
+        SimulationStopped
+            When the loop diverges.
+        """
+        deviation = np.abs(z[: self.n])
+        if not deviation.max(initial=0.0) < FARTHEST:
+            raise self._lost(f"a state {name_largest(self.lin, deviation)} off the rigid motion", t, far=True)
+
+    @property
+    def states(self) -> int:
+        """The number of states 2n + k of arm and controller."""
+        return 2 * self.n + self._law.memory
+
+    @lazy
+    def law(self) -> "LawTable":
+        """The law as a step-by-step integrator asks for it."""
+        from flexlin.simulation.table import LawTable
+
+        return LawTable(self._law, self.lin)
+
+    @lazy
+    def equations(self) -> "Acceleration":
+        """The equations solved for the acceleration, at one time after another."""
+        from flexlin.simulation.acceleration import Acceleration
+
+        return Acceleration(self.lin, self.friction)
+
+    @lazy
+    def rough(self) -> Array:
+        """Times in [0, T) that no step passes over: breaks and narrow features of the motion, and where the law changes fast."""
+        return find_rough_times(self._law, self.lin)
+
+    @lazy
+    def layers(self) -> Layers | None:
+        """Where resisting forces saturate; joints that stick are found by events."""
+        return Layers.of(self.lin.about) if self.friction is None else None
+
+    def _lost(self, got: str, t: float, far: bool = False) -> SimulationStopped:
+        return SimulationStopped(
+            f"the nonlinear simulation makes no headway at t = {t:.4g} s",
+            got=got,
+            todo="the loop diverges or is very stiff: lower the gains, slow the motion down, or simulate fewer periods",
+            t=t,
+            left_range=far,
+        )
