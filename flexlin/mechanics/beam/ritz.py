@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import eigh
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
-from flexlin.lapack import symmetric_pencil
 from flexlin.mechanics.beam.bases import HermiteElements, Polynomials, ShearedPolynomials
 from flexlin.mechanics.beam.integrals import ShapeIntegrals, shape_integrals
 from flexlin.mechanics.beam.profile import Profile
@@ -119,7 +119,7 @@ def reduce_by_modes(
     turn = coupling / rotation if base == "pinned" else np.zeros(basis.n)
     M = M - np.outer(turn, turn) * rotation
     # flexibilities: the large ones are the slow modes and keep their digits, though M may be singular
-    flexibility, vectors = symmetric_pencil(M, k.bending + (section.shear or 0.0) * k.shear)
+    flexibility, vectors = eigh(M, k.bending + (section.shear or 0.0) * k.shear)
     c = vectors[:, ::-1][:, :n].T
     own = k.gram - np.outer(turn, k.mode_moment) - np.outer(k.mode_moment, turn) + k.second * np.outer(turn, turn)
     c = c / np.sqrt(np.diag(c @ own @ c.T))[:, None]

@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import eigh
 
 from flexlin.checks import Array
-from flexlin.lapack import symmetric_pencil
 from flexlin.mechanics.beam.bases import Polynomials, legendre_series
 from flexlin.mechanics.beam.integrals import shape_integrals
 from flexlin.mechanics.beam.profile import Profile
@@ -37,7 +37,7 @@ def twisted(n: int, stiffness: Profile | None = None, tip_inertia: float = 0.0) 
     """
     basis = TwistPolynomials(n)
     k = shape_integrals(basis, None, stiffness)
-    squares, vectors = symmetric_pencil(k.bending, k.rotations + tip_inertia * np.outer(k.tip_slope, k.tip_slope))
+    squares, vectors = eigh(k.bending, k.rotations + tip_inertia * np.outer(k.tip_slope, k.tip_slope))
     c = vectors.T
     c = c / np.sqrt(np.einsum("ij,jk,ik->i", c, k.rotations, c))[:, None]
     shapes = ReducedShapes(np.maximum(squares, 0.0) ** 0.25, basis, c, np.zeros(n))
