@@ -1,6 +1,7 @@
 """A Lyapunov certificate of stability, and how one is issued for a loop that Floquet calls stable."""
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,15 +10,19 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, NotCertified, NumericalError
-from flexlin.periodic.certificate.candidates import propose
-from flexlin.periodic.certificate.panels import CommonPanels, represent_on_panels
-from flexlin.periodic.certificate.proof import Proof, prove
+from flexlin.periodic.certificate.proof import LEAST, CommonPanels, Proof, Resolved, prove, represent_on_panels
 from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.periodic.quadratic.riccati import periodic_lyapunov
+from flexlin.periodic.quadratic.scattering import symmetrize
+from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
 
 GOOD = 0.75
-"""Share of twice the decay, which no margin exceeds, at which no further candidate is tried."""
+"""Share of twice the decay, which no margin exceeds, at which no other weights are tried."""
+SHIFT = 0.9
+"""Share of the decay that the Lyapunov equation is asked to prove."""
+EQUATION_TOL = 1e-7
 CLAIMED = 1 - 1e-6
 """What is claimed of what was proved, so that another program's rounding does not matter."""
 
@@ -40,7 +45,7 @@ class Certificate:
     tolerates : float
         The inequality survives every change of A(t) whose spectral norm, in the units of A, stays below this.
     source : str
-        Where X comes from: decoupled modes, Floquet modes, eigenvectors of A(t), or a Lyapunov equation.
+        Where X comes from: a Lyapunov equation.
 
     Examples
     --------
@@ -107,24 +112,60 @@ def certify(result: FloquetResult) -> Certificate:
     """
     if result.verdict != "stable":
         raise NotCertified(f"the loop is {result.verdict}", got=result.status, expected="a stable loop")
-    if result.resolved is None:
+    resolved = result.resolved
+    if resolved is None:
         raise ArgumentError("the result does not know its loop", expected="a result of fl.floquet")
-    decay, tried = -float(result.exponents.real.max()), []
-    best: tuple[Proof, CommonPanels, str] | None = None
-    for name, compute, most in propose(result, result.resolved):
+    tried, found = list[str](), list[tuple[Proof, CommonPanels]]()
+    for name, weights in list_weights(result, resolved).items():
         try:
-            panels = represent_on_panels(result.resolved, compute(), most)
-            found = prove(panels)
+            panels = represent_on_panels(resolved, solve_equation(result, resolved, weights))
+            proof = prove(panels)
         except (NumericalError, np.linalg.LinAlgError) as error:
             tried.append(f"{name}: {error}")
             continue
-        tried.append(
-            f"{name}: {found.margin:.3g} 1/s" if np.isfinite(found.margin) else f"{name}: none beyond rounding"
-        )
-        if found.margin > 0 and (best is None or found.margin > best[0].margin):
-            best = found, panels, name
-        if found.margin > GOOD * 2 * decay:
+        said = f"{proof.margin:.3g} 1/s" if np.isfinite(proof.margin) else "none beyond rounding"
+        tried.append(f"{name}: {said}")
+        found.append((proof, panels))
+        if proof.margin > GOOD * 2 * -float(result.exponents.real.max()):
             break
-    if best is None:
+    proven = [one for one in found if one[0].margin > 0]
+    if not proven:
         raise NotCertified("no X(t) that was tried proves the stability", got="; ".join(tried))
-    return Certificate(best[1], CLAIMED * best[0].margin, CLAIMED * best[0].tolerates, best[2])
+    proof, panels = max(proven, key=lambda one: one[0].margin)
+    return Certificate(panels, CLAIMED * proof.margin, CLAIMED * proof.tolerates, "Lyapunov equation")
+
+
+def find_shift(result: FloquetResult) -> float:
+    """What the Lyapunov equation is asked to prove, in 1/s."""
+    return -SHIFT * float((result.exponents.real + np.where(np.isinf(result.errors), 0, result.errors)).max())
+
+
+def list_weights(result: FloquetResult, resolved: Resolved) -> dict[str, Array]:
+    """Weights Q (n, n) of the Lyapunov equation, by name; no choice of them is wrong, and the proof judges.
+
+    By the left eigenvectors q_i of the mean of A, Q = sum_i 2 (r_i - s) q_i q_i^H with r_i the decay of each mode: where A is constant
+    X = sum_i q_i q_i^H, which proves all of the decay. By the units of the states: where the eigenvectors are nearly dependent.
+    """
+    mean, shift = resolved.mean(), find_shift(result)
+    values, vectors = np.linalg.eig(mean)
+    weights = {}
+    if np.linalg.matrix_rank(vectors) == len(mean):
+        rates = np.maximum(-values.real - shift, shift * (1 / SHIFT - 1))
+        rows = np.linalg.inv(vectors)
+        weights["modes of the mean"] = 2 * symmetrize(((rows.conj().T * rates) @ rows).real)
+    sizes = np.abs(mean)
+    units = np.sqrt(sizes.sum(axis=1) / np.maximum(sizes.sum(axis=0), np.finfo(float).tiny))
+    return weights | {"units of the states": np.diag(1 / np.maximum(units, LEAST) ** 2)}
+
+
+def solve_equation(result: FloquetResult, resolved: Resolved, Q: Array) -> Callable[[Array], Array]:
+    """X(t) of -X' = (A + s)' X + X (A + s) + Q with s just below the decay: X' + A' X + X A = -Q - 2 s X.
+
+    Raises: NumericalError where the decay is so slow against the fastest mode that the error of X hides it.
+    """
+    shift, hidden = find_shift(result), EQUATION_TOL * float(np.abs(np.linalg.eigvals(resolved.mean())).max())
+    if shift < hidden:
+        raise NumericalError("the loop decays too slowly", got=f"{shift:.3g} 1/s", expected=f"above {hidden:.3g} 1/s")
+    edges, moved = resolved.edges[:-1].tolist() if resolved.panels > 1 else (), shift * np.eye(len(Q))
+    faster = PeriodicSystem(lambda t: resolved(t) + moved, resolved.period, breaks=edges, complete=True)
+    return periodic_lyapunov(faster, Q, EQUATION_TOL).X

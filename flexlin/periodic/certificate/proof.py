@@ -1,29 +1,45 @@
-"""The Lyapunov inequality over a whole period: values at samples, and between them a bound from the coefficients."""
+"""A(t) and X(t) as polynomials on common panels, and the Lyapunov inequality over a whole period: values at samples, and between them a
+bound from the coefficients."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.certificate.panels import CommonPanels
-from flexlin.periodic.chebyshev import chebyshev_basis, chebyshev_coefficients, chebyshev_nodes
+from flexlin.errors import ToleranceNotReached
+from flexlin.periodic.chebyshev import chebyshev_basis, chebyshev_coefficients, chebyshev_nodes, panel_times
+from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.resolved.companion import ResolvedCompanion
+from flexlin.periodic.resolved.matrix import WAVES, ResolvedMatrix, divided
 
-SAMPLES = (65, 257, 1025)
-"""Equally spaced samples of a panel, ends included, that are tried."""
-STRIDE = 8
-"""Samples from one whose eigenvalues are computed in any case to the next."""
-BESIDE, CLOSE = 0.01, 1e-9
-"""Share of the range of largest eigenvalues in which neighbours are solved too; relative distance of a bound above all."""
-NEAR = 1e-3
-"""Relative distance of a bound that need not be close."""
+NODES, TAIL, MOST = 32, 4, 512
+"""Nodes of a panel, how many of its last coefficients must have vanished, and panels of a period at the most."""
+KNOWN, SHAPED = 1e-11, 1e-6
+"""How small the last coefficients of A and of X must be, relative to their largest values."""
+LEAST = 1e-8
+"""Coefficients of X that are left out, in units in which X has a diagonal of ones."""
+SAMPLES, ROUNDS, STRIDE = 65, 3, 8
+"""Equally spaced samples of a panel, ends included; how often they may be four times as many; eigenvalues are computed at every eighth."""
 SHARE = 0.05
 """Share of the margin that the bound between samples may cost."""
-LEAST = 1e-12
+CLOSE = 1e-6
+"""Relative distance of a bound above the eigenvalues that were computed, ten times as large until it bounds the others too."""
+TOLERATED = 1e-12
 """Of the margin: what a certificate must tolerate, or it says more of rounding than of the loop."""
-SKEWED = 1e6
-"""Condition of L, in units in which X has a diagonal of ones, beyond which rounding may say anything."""
 ROUNDINGS = 8.0
 EPS = float(np.finfo(float).eps)
+Resolved = ResolvedMatrix | ResolvedCompanion
+
+
+@dataclass(frozen=True)
+class CommonPanels:
+    """Edges (P + 1,) from 0 to T, Chebyshev coefficients of A and X (P, K, n, n), and a bound on the error of A's entries (n, n)."""
+
+    edges: Array
+    A: Array
+    X: Array
+    error: Array
 
 
 @dataclass(frozen=True)
@@ -32,6 +48,80 @@ class Proof:
 
     margin: float
     tolerates: float
+
+
+def represent_on_panels(resolved: Resolved, X: Callable[[Array], Array]) -> CommonPanels:
+    """Interpolate A and X on panels that are halved until both are followed; what was followed is not looked at again.
+
+    Raises: ToleranceNotReached when that takes more panels than MOST, and more than the period begins with.
+    """
+    longest = WAVES * resolved.period / max(resolved.degree, 1)
+    edges = resolved.edges
+    if isinstance(resolved.series, FourierSeries):
+        edges = divided(edges, min(longest, resolved.period))
+    begin, end, unknown = edges[:-1], edges[1:], error_of(resolved).ravel()
+    followed, most = list[tuple[Array, Array, Array]](), max(MOST, len(begin))
+    sizes = [np.zeros(1), np.zeros(1)]
+    while len(begin):
+        if len(begin) + sum(len(start) for start, _, _ in followed) > most:
+            raise ToleranceNotReached("A and X were not followed by polynomials", got=f"more than {most} panels")
+        t = panel_times(begin, end, NODES)
+        parts = [f(t.ravel()).reshape(*t.shape, -1) for f in (resolved, X)]
+        sizes = [np.maximum(old, np.abs(values).max(axis=(0, 1))) for old, values in zip(sizes, parts, strict=True)]
+        A, shape = (chebyshev_coefficients(values) for values in parts)
+        last = [np.abs(one[:, -TAIL:]).max(axis=1) for one in (A, shape)]
+        rough = np.any(last[0] > np.maximum(KNOWN * sizes[0], unknown), axis=1) | np.any(
+            last[1] > SHAPED * sizes[1], axis=1
+        )
+        followed.append((begin[~rough], A[~rough], shape[~rough]))
+        begin, end = begin[rough], end[rough]
+        begin, end = np.concatenate([begin, (begin + end) / 2]), np.concatenate([(begin + end) / 2, end])
+    starts, A, shape = (np.concatenate(each) for each in zip(*followed, strict=True))
+    order = np.argsort(starts)
+    return assemble(resolved, np.append(starts[order], edges[-1]), A[order], shape[order])
+
+
+def assemble(resolved: Resolved, edges: Array, A: Array, X: Array) -> CommonPanels:
+    """Put panels together; A's error: that of its representation, what the panels add between their nodes, and rounding."""
+    n = round(A.shape[-1] ** 0.5)
+    A, X = (one.reshape(*one.shape[:2], n, n) for one in (A, X))
+    X = (X + np.swapaxes(X, -1, -2)) / 2
+    u = np.linspace(-1.0, 1.0, 2 * NODES + 1)[1:-1]
+    t = (edges[:-1, None] + edges[1:, None]) / 2 + np.diff(edges)[:, None] / 2 * u
+    apart = np.abs(resolved(t.ravel()).reshape(*t.shape, n, n) - evaluate(A, u))
+    between = 3 * apart.max(axis=(0, 1)) + np.abs(A[:, -TAIL:]).sum(axis=1).max(axis=0)
+    units = np.sqrt(np.abs(X[..., range(n), range(n)]).sum(axis=1).max(axis=0))
+    error = error_of(resolved) + between + ROUNDINGS * EPS * np.abs(A).sum(axis=1).max(axis=0)
+    kept = trimmed(A, error / NODES)
+    error = error + np.abs(A[:, kept.shape[1] :]).sum(axis=1).max(axis=0)
+    error = np.where(np.any(A, axis=(0, 1)), error, 0.0)
+    return CommonPanels(edges, kept, trimmed(X, LEAST * np.outer(units, units)), error)
+
+
+def error_of(resolved: Resolved) -> Array:
+    """A bound on the error of A's representation (n, n); of second order:
+
+        |dA| <= 1.5 |M^-1| (|dM| |M^-1 K| + |dK|)   and with D in the place of K,
+
+    at 257 times, with half as much again for between them.
+    """
+    if isinstance(resolved, ResolvedMatrix):
+        return resolved.error
+    t = resolved.period * np.arange(257) / 257
+    M, D, K = resolved.sample(t)
+    dM, dD, dK = resolved.split(resolved.blocks.error)
+    inverse = np.abs(np.linalg.inv(M))
+    sides = [
+        (inverse @ (dM @ np.abs(np.linalg.solve(M, one)) + error)).max(axis=0) for one, error in ((K, dK), (D, dD))
+    ]
+    lower = 1.5 * np.concatenate(sides, axis=1)
+    return np.concatenate([np.zeros_like(lower), lower])
+
+
+def trimmed(coefficients: Array, least: Array) -> Array:
+    """Coefficients without the highest ones, where those are at most `least` (n, n) on every panel."""
+    counts = np.flatnonzero(np.any(np.abs(coefficients) > least, axis=(0, 2, 3)))
+    return coefficients[:, : int(counts.max(initial=0)) + 1]
 
 
 def prove(panels: CommonPanels) -> Proof:
@@ -43,55 +133,47 @@ def prove(panels: CommonPanels) -> Proof:
 
     holds at the samples, and between two of them because a matrix polynomial p lies within h^2/8 max |p''| of its chord, where
     |p''| <= sum_k |c_k| k^2 (k^2 - 1) / 3 (Markov). Where X grows from one panel to the next, the growth is paid from the margin.
+    Rounding of the change of coordinates grows with the condition of L in units in which X has a diagonal of ones.
     """
-    L = np.linalg.cholesky(mean_of(panels))
-    if np.linalg.cond(L / np.sqrt((L**2).sum(axis=1))[:, None]) > SKEWED:
-        return Proof(-np.inf, 0.0)
-    A = L.T @ panels.A @ np.linalg.inv(L.T)
+    even = np.arange(0, panels.X.shape[1], 2)
+    share = np.diff(panels.edges) / panels.edges[-1]
+    L = np.linalg.cholesky(np.einsum("p,k,pkij->ij", share, 1 / (1 - even**2.0), panels.X[:, ::2]))
+    back = np.linalg.inv(L.T)
+    A = L.T @ panels.A @ back
     X = np.linalg.solve(L, np.swapaxes(np.linalg.solve(L, panels.X), -1, -2))
-    unknown = np.linalg.norm(np.abs(L.T) @ panels.error @ np.abs(np.linalg.inv(L.T)))
-    best = Proof(-np.inf, 0.0)
-    for count in SAMPLES:
-        found, lost = bound_margin(panels.edges, A, X, float(unknown), count)
-        best = max(best, found, key=lambda one: one.margin)
+    unknown = float(np.linalg.norm(np.abs(L.T) @ panels.error @ np.abs(back)))
+    rounding = ROUNDINGS * len(L) * EPS * float(np.linalg.cond(L / np.sqrt((L**2).sum(axis=1))[:, None]))
+    best, count = Proof(-np.inf, 0.0), SAMPLES
+    for _ in range(ROUNDS):
+        found, lost = bound_margin(panels.edges, A, X, unknown, rounding, count)
+        best, count = max(best, found, key=lambda one: one.margin), 4 * count - 3
         if lost <= SHARE * max(found.margin, 0.0) or found.margin + lost <= 0 or found.margin == -np.inf:
             break
     tolerates = best.tolerates / float(np.linalg.cond(L))
-    return Proof(best.margin, tolerates) if tolerates > LEAST * best.margin else Proof(-np.inf, 0.0)
+    return Proof(best.margin, tolerates) if tolerates > TOLERATED * best.margin else Proof(-np.inf, 0.0)
 
 
-def mean_of(panels: CommonPanels) -> Array:
-    """The mean of X over the period (n, n)."""
-    even = np.arange(0, panels.X.shape[1], 2)
-    share = np.diff(panels.edges) / panels.edges[-1]
-    return np.einsum("p,k,pkij->ij", share, 1 / (1 - even**2.0), panels.X[:, ::2])
-
-
-def bound_margin(edges: Array, A: Array, X: Array, unknown: float, count: int) -> tuple[Proof, float]:
+def bound_margin(edges: Array, A: Array, X: Array, unknown: float, rounding: float, count: int) -> tuple[Proof, float]:
     """Return the margin proved with so many samples a panel, and what the bound between samples costs."""
     half = np.diff(edges)[:, None, None, None] / 2
     slope = np.polynomial.chebyshev.chebder(X, axis=1) / half if X.shape[1] > 1 else np.zeros_like(X)
-    degree = A.shape[1] + X.shape[1] - 1
-    R = chebyshev_coefficients(flat(sum_terms(A, X, slope, chebyshev_nodes(degree))))
-    h = 2.0 / (count - 1)
-    bends = [h**2 / 8 * bend(one).max() for one in (R, flat(X))]
+    R = chebyshev_coefficients(flat(sum_terms(A, X, slope, chebyshev_nodes(A.shape[1] + X.shape[1] - 1))))
     u = np.linspace(-1.0, 1.0, count)
+    bends = [float(bend(one).max()) * (u[1] - u[0]) ** 2 / 8 for one in (R, flat(X))]
     values, size = sum_terms(A, X, slope, u), evaluate(X, u)
     eye = np.broadcast_to(np.eye(size.shape[-1]), size.shape)
-    least, most = (bound_ratio(part, eye, NEAR) + bends[1] for part in (-size, size))
-    least = -least
-    if not least > 0:
+    low, high = (bound_ratio(part, eye) + bends[1] for part in (-size, size))
+    if not low < 0:
         return Proof(-np.inf, 0.0), np.inf
     largest_A = float(np.linalg.norm(evaluate(A, u), axis=(-2, -1)).max())
-    rounding = ROUNDINGS * len(A[0, 0]) * EPS * (2 * largest_A * most + float(np.abs(evaluate(slope, u)).max()))
-    known = 2 * unknown * most + rounding
+    known = 2 * unknown * high + rounding * (2 * largest_A * high + float(np.abs(evaluate(slope, u)).max()))
     some = slice(None, None, STRIDE)
     first = float(largest_ratios(values[:, some] + known * eye[:, some], size[:, some]).max())  # not above that of all
     mu = bound_ratio(values + (known + bends[0] + max(-first, 0.0) * bends[1]) * eye, size)
     ends = evaluate(X, np.array([-1.0, 1.0]))
     paid = np.log(np.maximum(largest_ratios(ends[:, 0], np.roll(ends[:, 1], 1, axis=0)), 1.0))
     margin = -mu - float(paid.sum()) / float(edges[-1])
-    return Proof(margin, max(margin, 0.0) / 2 * float(np.sqrt(least / most))), mu - first
+    return Proof(margin, max(margin, 0.0) / 2 * float(np.sqrt(-low / high))), mu - first
 
 
 def sum_terms(A: Array, X: Array, slope: Array, u: Array) -> Array:
@@ -122,22 +204,17 @@ def largest_ratios(R: Array, X: Array) -> Array:
     return np.linalg.eigvalsh(inverse @ R @ np.swapaxes(inverse, -1, -2))[..., -1]
 
 
-def bound_ratio(R: Array, X: Array, above: float = 0.0) -> float:
-    """An upper bound mu, R <= mu X at all samples (P, U, n, n), hardly above the least, or above it by the share `above`.
+def bound_ratio(R: Array, X: Array) -> float:
+    """An upper bound mu, R <= mu X at all samples (P, U, n, n), hardly above the least.
 
-    Every eighth sample is solved, and those beside the largest; that no other one exceeds the bound is proved by the Cholesky factors of
-    mu X - R, which take a tenth of the time of its eigenvalues.
+    Every eighth sample is solved; that no other one exceeds the bound is proved by the Cholesky factors of mu X - R, which take a tenth
+    of the time of its eigenvalues.
     """
-    count = R.shape[1]
-    known = largest_ratios(R[:, ::STRIDE], X[:, ::STRIDE])
-    most = known.max()
-    if above and is_bound(float(most + above * abs(most)), R, X):
-        return float(most + above * abs(most))
-    panel, high = np.nonzero(known >= most - BESIDE * (most - known.min()))
-    beside = np.clip(STRIDE * high[:, None] + np.arange(1 - STRIDE, STRIDE), 0, count - 1)
-    most = largest_ratios(R[panel[:, None], beside], X[panel[:, None], beside]).max()
-    bound = float(most + CLOSE * abs(most))
-    return bound if is_bound(bound, R, X) else float(largest_ratios(R, X).max())
+    most = float(largest_ratios(R[:, ::STRIDE], X[:, ::STRIDE]).max())
+    above = CLOSE * abs(most) + np.finfo(float).tiny
+    while not is_bound(most + above, R, X):
+        above *= 10
+    return most + above
 
 
 def is_bound(mu: float, R: Array, X: Array) -> bool:
