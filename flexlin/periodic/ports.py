@@ -3,10 +3,8 @@
 from collections.abc import Sequence
 
 from flexlin.periodic.coefficients import PROBES, Constant, MatrixFunction
-from flexlin.periodic.resolved.fitting import fit_at_once
-from flexlin.periodic.resolved.foresight import foresee
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
-from flexlin.periodic.resolved.resolve import foresee_times, resolve
+from flexlin.periodic.resolved.resolve import resolve
 
 
 def varies(source: MatrixFunction, period: float) -> bool:
@@ -20,18 +18,11 @@ def resolve_port(
     breaks: Sequence[float],
     features: Sequence[tuple[float, float]],
     complete: bool,
-    entries: int,
 ) -> ResolvedMatrix | None:
     """A coefficient (N, rows, columns) as series that agree with it everywhere; nothing where it does not vary.
 
-    Parameters: breaks, features, complete: as of `resolve`; entries: of its values, about. The times that will be asked for first are
-    sampled in one call.
+    Parameters: breaks, features, complete: as of `resolve`.
     """
-    if isinstance(given, Constant):
-        return None
-    if not breaks and not features:
-        given = foresee(given, entries, [*foresee_times(period), period * PROBES])
     if not varies(given, period):
         return None
-    at_once = fit_at_once(given, period, complete=complete)
-    return resolve(given, period, breaks, features, complete=complete) if at_once is None else at_once
+    return resolve(given, period, breaks, features, complete=complete)

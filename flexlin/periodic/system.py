@@ -24,18 +24,11 @@ from flexlin.periodic.coefficients import (
 )
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.ports import resolve_port
-from flexlin.periodic.resolved.companion import ResolvedCompanion
-from flexlin.periodic.resolved.fitting import fit_at_once
-from flexlin.periodic.resolved.foresight import foresee
+from flexlin.periodic.resolved.companion import ResolvedCompanion, weigh_entries
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
-from flexlin.periodic.resolved.resolve import foresee_times, resolve, resolve_constant
-from flexlin.periodic.resolved.sampling import stratified
-from flexlin.periodic.resolved.weights import weigh_entries
+from flexlin.periodic.resolved.resolve import resolve, resolve_constant
 from flexlin.periodic.second_order import SecondOrder
 from flexlin.summary import represent
-
-PROBES = 16
-"""Times at which the sizes of M, D and K are looked at first."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +40,7 @@ class PeriodicSystem:
     Before anything is integrated, A is sampled and represented by series that agree with it between the samples, to about 1e-13 of the
     size of each entry. Jumps and kinks that `breaks` does not name are looked for and found. It pickles when its functions do.
 
-    What no sampler can promise: to see what happens between its samples. A is compared with its series at 12289 times on no regular
+    What no sampler can promise: to see what happens between its samples. A is compared with its series at 10240 times on no regular
     grid, with gaps below T / 10000: a pulse on at least T / 10000 is seen, a shorter one perhaps. Name it in `features`. What happens
     within 1e-11 T of a jump counts as part of the jump.
 
@@ -160,18 +153,12 @@ class PeriodicSystem:
         """
         if isinstance(self.A, Constant) and not self.breaks and not self.features:
             return resolve_constant(self.A.value, self.period)
-        second, named = self.second_order, (self.period, self.breaks, self.features)
-        source: MatrixFunction = self.A if second is None else second.stacked
-        entries, probes = self.n**2 if second is None else 3 * (self.n // 2) ** 2, self.period * stratified(PROBES)
-        if not self.breaks and not self.features:
-            source = foresee(source, entries, [*foresee_times(self.period), *([] if second is None else [probes])])
-        at_once = fit_at_once(source, self.period, weighed=second is not None, complete=self.complete)
-        if second is None:
-            return resolve(source, *named, complete=self.complete) if at_once is None else at_once
-        if at_once is not None:
-            return ResolvedCompanion(at_once)
-        least = weigh_entries(source(probes))
-        return ResolvedCompanion(resolve(source, *named, complete=self.complete, least=least))
+        named = (self.period, self.breaks, self.features)
+        if self.second_order is None:
+            return resolve(self.A, *named, complete=self.complete)
+        return ResolvedCompanion(
+            resolve(self.second_order.stacked, *named, complete=self.complete, least=weigh_entries)
+        )
 
     @lazy
     def resolved_input(self) -> ResolvedMatrix:
@@ -181,7 +168,7 @@ class PeriodicSystem:
         """
         if self.B is None:
             raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
-        found = resolve_port(self.B, self.period, self.breaks, self.features, self.complete, self.n * self.m)
+        found = resolve_port(self.B, self.period, self.breaks, self.features, self.complete)
         return resolve_constant(self.B(np.zeros(1))[0], self.period) if found is None else found
 
     @classmethod

@@ -33,7 +33,7 @@ def resolve_problem(problem: LinearQuadratic, system: PeriodicSystem) -> tuple[L
     for name in OTHERS:
         given = getattr(problem, name)
         complete = system.complete and has_nothing_narrow(given)
-        named = system.period, system.breaks, system.features, complete, system.n**2
+        named = system.period, system.breaks, system.features, complete
         series = system.resolved_input if given is system.B else resolve_port(given, *named)
         if series is not None:
             found[name] = Constant(series.mean()) if series.constant else series

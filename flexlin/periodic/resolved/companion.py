@@ -9,9 +9,10 @@ from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.companion import build_companion
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.resolved.matrix import Discontinuity, ResolvedMatrix
+from flexlin.periodic.resolved.panels import NODES
 
-MEAN_NODES = 24
-"""Gauss nodes of a panel, and an eighth of the equally spaced times of a Fourier series, in the mean of A."""
+HIDDEN = 1e-3
+"""An entry is resolved to 1e-13 of this share of its weight, or of its own size where that is larger: no worse than rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,9 +45,9 @@ class ResolvedCompanion:
         """The integral of A over the period, divided by T, by quadrature."""
         edges, T = self.edges, self.period
         if isinstance(self.series, FourierSeries):
-            count = 8 * max(MEAN_NODES, self.degree)
+            count = 8 * max(NODES, self.degree)
             return np.asarray(self(T * np.arange(count) / count).mean(axis=0))
-        x, w = np.polynomial.legendre.leggauss(MEAN_NODES)
+        x, w = np.polynomial.legendre.leggauss(NODES)
         h = np.diff(edges)[:, None]
         t = (edges[:-1, None] + h * (x + 1) / 2).ravel()
         return np.einsum("t,tij->ij", (h * w / (2 * T)).ravel(), self(t))
@@ -95,3 +96,22 @@ class ResolvedCompanion:
     def samples(self) -> int:
         """How often M, D, K were evaluated."""
         return self.blocks.samples
+
+
+def weigh_entries(blocks: Array) -> Array:
+    """Sizes (n, 3 n) below which the entries of [M D K], sampled as (N, n, 3 n), need not be known to many digits.
+
+        M_ij ~ sqrt(M_ii M_jj),   K_ij ~ sqrt(K_ii K_jj),   D_ij ~ sqrt(M_ij K_ij)
+
+    A change of 1e-16 of these is what rounding of the diagonals makes (in coordinates scaled to the same inertia). What two expressions
+    cancel to, where an entry ought to be zero, is noise; its digits are not followed. An entry counts for more where the one across the
+    diagonal is large, since exponents depend on their product.
+    """
+    n = blocks.shape[1]
+    size = np.abs(blocks).max(axis=0).reshape(n, 3, n)
+    inertia, stiffness = np.sqrt(size[:, 0].diagonal()), np.sqrt(size[:, 2].diagonal())
+    m, k = inertia[:, None] * inertia, stiffness[:, None] * stiffness
+    weight = np.stack([m, np.sqrt(m * k), k], axis=1)
+    across = np.maximum(size.transpose(2, 1, 0), weight)
+    share = np.divide(weight, across, out=np.zeros_like(weight), where=across > 0)
+    return (HIDDEN * weight * share).reshape(n, 3 * n)

@@ -5,19 +5,17 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.chebyshev import chebyshev_basis, chebyshev_coefficients, panel_times
-from flexlin.periodic.resolved.sampling import CHUNK, Sampler
-from flexlin.periodic.resolved.sizes import largest_sizes
+from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_basis, chebyshev_coefficients, panel_times
+from flexlin.periodic.resolved.sampling import EPS, NEAR, SIGMAS, TINY, Sampler
 
 NODES, TAIL = 32, 4
 """Nodes of a panel, and how many of its last coefficients must have vanished."""
-SIGMAS = 6.0
-"""Standard deviations of measured noise that count as agreement."""
 SAFETY = 3.0
 """Multiple of the largest deviation seen at the check points of a panel that is stated as error anywhere on it."""
 ASIDE = 0.01
 """Part of the narrower panel by which two neighbours are continued into each other to see a kink between them."""
-EPS, TINY = np.finfo(float).eps, 1e-290
+MOST_PANELS, TOGETHER = 4096, 64
+"""The largest number of panels, and how many are fitted at a time."""
 
 
 @dataclass
@@ -79,10 +77,10 @@ class PanelSet:
         Where it is nowhere beyond, no numbers are returned.
         """
         left = values - self.evaluate(panel, times)
-        size = largest_sizes(left)
-        np.maximum(self.deviation[panel], size, out=self.deviation[panel])
         self.drift[panel] += shares @ left
         np.abs(left, out=left)
+        size = left.max(axis=0)
+        np.maximum(self.deviation[panel], size, out=self.deviation[panel])
         self.average[panel] += shares @ left
         return np.empty(0) if np.all(size <= allowed) else (left / allowed).max(axis=1)
 
@@ -91,7 +89,7 @@ def fitted(sample: Sampler, begin: Array, end: Array, noise: Array | None = None
     """Sample panels and interpolate."""
     count, entries = len(begin), len(sample.scale)
     coefficients = np.empty((count, NODES, entries))
-    for part in groups(count, entries):
+    for part in groups(count):
         values = sample(panel_times(begin[part], end[part], NODES).ravel())
         coefficients[part] = chebyshev_coefficients(values.reshape(-1, NODES, entries))
     noise = np.zeros((count, entries)) if noise is None else noise
@@ -99,10 +97,9 @@ def fitted(sample: Sampler, begin: Array, end: Array, noise: Array | None = None
     return PanelSet(begin, end, coefficients, noise, deviation, average, drift, np.zeros(count, dtype=bool))
 
 
-def groups(panels: int, entries: int) -> list[slice]:
-    """Divide panels into groups whose samples, at 2 NODES times each, fit into a chunk."""
-    size = max(1, CHUNK // (16 * NODES * entries))
-    return [slice(i, i + size) for i in range(0, panels, size)]
+def groups(panels: int) -> list[slice]:
+    """Divide panels into groups that are worked on together."""
+    return [slice(i, i + TOGETHER) for i in range(0, panels, TOGETHER)]
 
 
 def left_over(panels: PanelSet, sample: Sampler, tol: float) -> Array:
@@ -148,3 +145,26 @@ def rough_edges(panels: PanelSet, sample: Sampler, tol: float) -> tuple[Array, A
     jump = apart[:, 0] > 8
     which = np.flatnonzero(jump | (apart[:, 1:].max(axis=1) > 300))
     return panels.begin[which], jump[which]
+
+
+def miss_beside(sample: Sampler, series: ChebyshevPanels, places: Array, looked_at: Array) -> Array:
+    """Bound the integral of |A - series| within 1e-11 T of each place (B,), for each entry: (B, E); zero beside those not looked at.
+
+        |A(t+) - A(t-)| d_0 / 2   +   sum over both sides and k of   (d_k - d_(k-1)) max(|A - series|(t +- d_k), |A - series|(t +- d_(k-1)))
+
+    with d_0 the last bit of t. A jump that is off by d costs its height times d; a kink half of d^2 times the jump of its slope.
+    """
+    missed = np.zeros((len(places), series.coefficients[0, 0].size))
+    which = np.isin(places, looked_at)
+    edges = places[which]
+    if not len(edges):
+        return missed
+    T = sample.period
+    away = np.maximum(np.spacing(edges), EPS * T / 8)[:, None] * 2.0 ** np.arange(int(np.log2(8 * NEAR / EPS)) + 2)
+    t = np.mod(edges[:, None, None] + away[:, None] * np.array([[-1.0], [1.0]]), T)
+    apart = np.abs(sample(t.ravel()) - series(t.ravel()).reshape(t.size, -1)).reshape(*t.shape, -1)
+    nearer = np.concatenate([apart[:, :, :1], apart[:, :, :-1]], axis=2)
+    width = np.diff(away, axis=1, prepend=0.0)
+    jump = np.abs(series(edges) - series(edges, left=True)).reshape(len(edges), -1)
+    missed[which] = away[:, :1] / 2 * jump + np.einsum("bk,bske->be", width, np.maximum(apart, nearer))
+    return missed

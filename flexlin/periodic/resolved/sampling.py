@@ -1,33 +1,47 @@
-"""A coefficient as the resolution sees it: checked, counted, in bounded batches; and the times at which it is checked."""
+"""One counted door to the user's function: checked, in chunks that stay in the processor's cache; and the times at which it is asked."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
+from math import factorial
 
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.errors import ArgumentError
-from flexlin.lazy import lazy
-from flexlin.periodic.resolved.sizes import largest_sizes
+from flexlin.errors import ArgumentError, NotPeriodic, UnresolvedCoefficient
+from flexlin.periodic.chebyshev import chebyshev_coefficients, chebyshev_nodes
 
-CHUNK = 2**23
-"""Bytes of samples that one call of the coefficient may return."""
-KEPT = 2**26
-"""Bytes of samples at check points that are kept."""
-BATCH = 2**19
-"""Bytes of samples that are compared at a time: they stay in the processor's cache."""
-CHECKS, ENDS = 12289, np.geomspace(3e-11, 3e-5, 19)
-"""Check points of a function of which nothing is known; and where, from either end of the period, it is checked too: a pulse there begins
-or ends with it."""
-REPEATS = 5
-"""Times at which a smooth function is compared with itself a period later."""
-GOLDEN = (np.sqrt(5) - 1) / 2
+EPS = float(np.finfo(float).eps)
+TINY = float(np.finfo(float).tiny) / EPS
+CACHED = 250_000
+"""Bytes of samples that one call of the coefficient may return: with what it needs on the way they stay in the processor's cache."""
+BLOCKS, WITHIN = 128, 80
+"""The times of a search: blocks of a period, and times in each, at the same places in all: gaps stay below T / 10000."""
+NEAR = 1e-11
+"""Of the period: what happens closer to a jump counts as part of it, and edges closer to another are left out."""
+NAMED = 200
+"""With `complete`, what is narrower than T / NAMED is named."""
+SIGMAS = 6.0
+"""Standard deviations of measured noise that count as agreement."""
+POINTS, ORDER = 16, 5
+"""Times of a place at which noise is measured, and the least order of their differences."""
+LOUD, RARE = 1e-3, 1e-11
+"""Noise above LOUD of an entry's size is none, but a motion that was not followed. Below RARE it may be at some times and not at others:
+roundings of a computed function, which jump where it pivots in another order."""
+SPACING = float(np.cbrt(EPS))
+"""Of the panel: a function that the panel nearly resolves changes by less than rounding in a fifth difference."""
+REPEAT = 1e-8
+"""Of an entry's size: a period that is given with eight digits passes."""
+AHEAD = 4
+"""Periods beyond the first over which a list of pieces must stay smooth."""
+
+Least = float | Array | Callable[[Array], Array]
+"""The size of the entries below which none counts: one number, (rows, columns), or a function of first samples (N, rows, columns)."""
 
 
 class Sampler:
     """A(t) on [0, T) as rows (N, E), E = rows * columns, how often it was called, each entry's largest size so far, at least `least`."""
 
-    def __init__(self, function: Callable[[Array], Array], period: float, least: float | Array = 0.0):
+    def __init__(self, function: Callable[[Array], Array], period: float, least: Least = 0.0):
         self.function, self.period, self.least = function, period, least
         self.count = 0
         self.shape: tuple[int, int] | None = None
@@ -40,31 +54,61 @@ class Sampler:
         if len(t) and (t.min() < 0 or t.max() >= T):
             t = np.where(t < 0, t + T, t)
             t = np.where(t >= T, t - T, t)
-        return self.unwrapped(t, inside=True)
+        rows = self.unwrapped(t)
+        self.weigh(rows)
+        return rows
 
-    def unwrapped(self, t: Array, inside: bool = False) -> Array:
-        """Sample at the times as they are; `inside`: all lie in [0, T)."""
-        parts = []
-        for i in range(0, max(len(t), 1), self.chunk):
-            rows, sizes = self._checked(t[i : i + self.chunk])
-            parts.append(rows)
-            if inside:
-                np.maximum(self.scale, sizes, out=self.scale)
+    def unwrapped(self, t: Array) -> Array:
+        """Sample at the times as they are, which tells nothing of the sizes within the period."""
+        parts, first = [], 0
+        while first < len(t) or not parts:
+            part = t[first : first + self.chunk]
+            parts.append(self._checked(part))
+            first += len(part)
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
-    def least_sizes(self) -> Array:
-        """A copy of the sizes (E,) below which no entry counts."""
-        rows, columns = self.shape or (0, 0)
-        return np.ravel(self.least) + np.zeros(rows * columns)
+    def weigh(self, rows: Array) -> None:
+        """Take note of the sizes of samples in [0, T)."""
+        np.maximum(self.scale, np.abs(rows).max(axis=0, initial=0.0), out=self.scale)
+
+    def contract(self, t: Array, weights: Array) -> Array:
+        """The sum of A's entries, each times its weight (E,), at times in [0, T): (N,); no numbers or infinite where A is."""
+        heard = np.empty(len(t))
+        for first in range(0, len(t), self.chunk):
+            part = t[first : first + self.chunk]
+            values = self.function(part)
+            plain = type(values) is np.ndarray and values.dtype == float and values.shape == (len(part), *self._shape)
+            rows = values.reshape(len(part), -1) if plain else self._rows(np.asarray(values), part)
+            with np.errstate(over="ignore", invalid="ignore"):
+                np.matmul(rows, weights, out=heard[first : first + len(part)])
+        self.count += len(t)
+        return heard
 
     @property
     def chunk(self) -> int:
-        """How many times go into one call."""
-        return 128 if self.shape is None else max(64, CHUNK // (8 * self.shape[0] * self.shape[1]))
+        """How many times go into one call: at first a few hundred."""
+        return 2 * BLOCKS if self.shape is None else max(POINTS, CACHED // (8 * self.shape[0] * self.shape[1]))
 
-    def _checked(self, t: Array) -> tuple[Array, Array]:
-        """A at the times (N, E), and the largest size of each entry (E,)."""
-        values = np.asarray(self.function(t))
+    @property
+    def _shape(self) -> tuple[int, int]:
+        return self.shape or (0, 0)
+
+    def _checked(self, t: Array) -> Array:
+        """A at the times (N, E), finite."""
+        rows = self._rows(np.asarray(self.function(t)), t)
+        if not np.isfinite(rows).all():
+            first, entry = np.argwhere(~np.isfinite(rows))[0]
+            place = tuple(int(i) for i in np.unravel_index(entry, self._shape))
+            raise ArgumentError(
+                f"A(t) is not finite at t = {t[first]:.17g} s",
+                got=f"{rows[first, entry]} in entry {place}",
+                expected="finite numbers over the whole period",
+            )
+        self.count += len(t)
+        return rows
+
+    def _rows(self, values: Array, t: Array) -> Array:
+        """What A gave at the times, as rows of floats."""
         wanted = "(N, rows, columns)" if self.shape is None else f"(N, {self.shape[0]}, {self.shape[1]})"
         if values.ndim != 3 or len(values) != len(t) or 0 in values.shape or self.shape not in (None, values.shape[1:]):
             raise ArgumentError(
@@ -74,21 +118,11 @@ class Sampler:
             raise ArgumentError("A(t) is not real", got=f"numbers of type {values.dtype}", expected="real numbers")
         if self.shape is None:
             self.shape = (values.shape[1], values.shape[2])
-            self.scale = self.least_sizes()
+            least = self.least(values[t < self.period]) if callable(self.least) else self.least
+            self.scale = np.ravel(least) + np.zeros(values[0].size)
         if values.dtype.kind in "iu":
             self._need_constant(values)
-        rows = values.reshape(len(t), values.shape[1] * values.shape[2]).astype(float, copy=False)
-        sizes = largest_sizes(rows) if len(rows) else np.zeros(rows.shape[1])
-        if not np.isfinite(sizes).all():
-            first, entry = np.argwhere(~np.isfinite(rows))[0]
-            place = tuple(int(i) for i in np.unravel_index(entry, self.shape))
-            raise ArgumentError(
-                f"A(t) is not finite at t = {t[first]:.17g} s",
-                got=f"{rows[first, entry]} in entry {place}",
-                expected="finite numbers over the whole period",
-            )
-        self.count += len(t)
-        return rows, sizes
+        return values.reshape(len(t), values.shape[1] * values.shape[2]).astype(float, copy=False)
 
     def _need_constant(self, values: Array) -> None:
         """Whole numbers that change with time are most often real ones that were cut off on assignment."""
@@ -102,64 +136,32 @@ class Sampler:
             )
 
 
-class CheckPoints:
-    """Increasing times in [0, T) at which a representation is compared with A; the samples are kept where memory allows.
-
-    usual: whether they are those of `usual_phases`.
-    """
-
-    def __init__(self, sample: Sampler, t: Array, usual: bool = False):
-        self.sample, self._given, self.usual = sample, t, usual
-        self._kept: Array | None = None
-        self._asked = False
-
-    @lazy
-    def t(self) -> Array:
-        """The times."""
-        if self.usual:
-            return self._given
-        t = np.mod(self._given, self.sample.period)
-        return t if np.all(np.diff(t) > 0) else np.unique(t)
-
-    def batches(self) -> Iterator[tuple[slice, Array]]:
-        """Parts of the times and A there (N, E), as small as the processor's cache; kept from the second time on."""
-        entries, t = len(self.sample.scale), self.t
-        if self._kept is None and self._asked and self._may_be_kept():
-            self._kept = self.sample(t)
-        self._asked = True
-        for part in (slice(i, i + size) for size in (BATCH // (8 * entries) + 1,) for i in range(0, len(t), size)):
-            yield part, self.sample(t[part]) if self._kept is None else self._kept[part]
-
-    def values(self, t: Array) -> Array:
-        """A at times t, among them check points: (N, E)."""
-        if not self._may_be_kept():
-            return self.sample(t)
-        if self._kept is None:
-            self._kept = self.sample(self.t)
-        place = np.clip(np.searchsorted(self.t, t), 0, len(self.t) - 1)
-        known = self.t[place] == t
-        values = self._kept[place]
-        if not known.all():
-            values[~known] = self.sample(t[~known])
-        return values
-
-    def _may_be_kept(self) -> bool:
-        return 8 * len(self.t) * len(self.sample.scale) <= KEPT
+def golden(i: Array) -> Array:
+    """The golden sequence: no few of its numbers in (0, 1) lie close together."""
+    return np.mod(i * (np.sqrt(5) - 1) / 2, 1.0)
 
 
 @lru_cache(maxsize=16)
 def stratified(count: int, jitter: float = 0.2) -> Array:
     """Return one phase in each of `count` equal cells of (0, 1), off the middle by the golden sequence; gaps below (1 + jitter) / count."""
     i = np.arange(count)
-    phases = (i + 0.5 + jitter * (np.mod((i + 1) * GOLDEN, 1.0) - 0.5)) / count
+    phases = (i + 0.5 + jitter * (golden(i + 1) - 0.5)) / count
     phases.setflags(write=False)
     return phases
 
 
 @lru_cache(maxsize=1)
-def usual_phases() -> Array:
-    """Return increasing phases in (0, 1) at which a function of which nothing is known is checked, closer to the ends of the period."""
-    return np.concatenate([ENDS, stratified(CHECKS), 1 - ENDS[::-1]])
+def search_phases() -> Array:
+    """Increasing phases (BLOCKS * WITHIN,) at which a function of which nothing is known is looked at, on no regular grid."""
+    phases = np.add.outer(np.arange(BLOCKS), stratified(WITHIN, 0.03)).ravel() / BLOCKS
+    phases.setflags(write=False)
+    return phases
+
+
+@lru_cache(maxsize=1)
+def end_phases() -> Array:
+    """Phases ever closer to the ends of the period: a pulse there begins or ends with it."""
+    return np.mod(graded([0.0], NEAR, 1 / (BLOCKS * WITHIN), np.pi), 1.0)
 
 
 def graded(centres: Sequence[float] | Array, nearest: float, farthest: float, ratio: float) -> Array:
@@ -167,3 +169,104 @@ def graded(centres: Sequence[float] | Array, nearest: float, farthest: float, ra
     steps = int(np.ceil(np.log(farthest / nearest) / np.log(ratio))) + 1
     distances = nearest * ratio ** np.arange(max(steps, 1))
     return np.add.outer(np.asarray(centres, dtype=float), np.concatenate([-distances, distances])).ravel()
+
+
+def noise_level(sample: Sampler, begin: Array, end: Array) -> Array:
+    """Estimate the standard deviation of the noise of A on panels (P,), for each entry: (P, E).
+
+        sigma_k^2 = (k!)^2 / (2 k)!  mean (Delta^k f)^2
+
+    The larger of two orders k, on the quieter of two places of the panel, so that a jump at one of them is not taken for noise. What
+    is rounding of the largest entry at all of them comes and goes: there the louder place counts.
+    Source: Moré and Wild, Estimating computational noise, SIAM J. Sci. Comput. 33 (2011), Eq. (2.4).
+    """
+    where = 0.1 + 0.8 * golden(1 + np.arange(2) + 0.37 * np.arange(len(begin))[:, None])
+    width = (end - begin)[:, None]
+    t = (begin[:, None] + where * width)[:, :, None] + SPACING * width[:, :, None] * np.arange(POINTS)
+    size = np.where(sample.scale > 0, sample.scale, 1.0)
+    values = sample(t.ravel()).reshape(*t.shape, -1) / size
+    levels = []
+    for k in (ORDER, ORDER + 1):
+        gamma = factorial(k) ** 2 / factorial(2 * k)
+        levels.append(np.sqrt(gamma * (np.diff(values, k, axis=2) ** 2).mean(axis=2)))
+    faint = 2 ** (ORDER + 4) * EPS * sample.scale.max()
+    quiet, loud = (extreme(np.maximum(*levels), axis=1) * size for extreme in (np.min, np.max))
+    level = np.where(loud <= np.maximum(RARE * sample.scale, faint), loud, quiet)
+    return np.asarray(np.where(level <= np.maximum(LOUD * sample.scale, faint), level, 0.0))
+
+
+def need_repeatability(sample: Sampler, t: Array, tol: float) -> None:
+    """Refuse a coefficient that gives other values when it is called again at the same times t (N,) in [0, T)."""
+    excess = np.abs(sample(t) - sample(t)) - tol * sample.scale
+    at, entry = np.unravel_index(int(np.argmax(excess)), excess.shape)
+    if excess[at, entry] <= 0:
+        return
+    raise UnresolvedCoefficient(
+        "A(t) is not the same when it is called twice",
+        got=f"values {excess[at, entry]:.3g} apart at t = {t[at]:.15g} s",
+        expected="the same value for the same time",
+        todo="take random numbers and what is counted on from call to call out of A: draw them once, before",
+    )
+
+
+def need_repetition(
+    sample: Sampler, here: Array, beyond: Array | None, t: Array, allowed: Array, rough: Sequence[float] | Array = ()
+) -> None:
+    """Refuse a coefficient that goes on after T as something else than itself.
+
+    The rule: |A(t + T) - A(t)| must stay below 1e-8 of each entry's size (or its noise). Three kinds of function are let off, because
+    they are written for one period and say nothing about times beyond it. (1) One that raises or is not finite there. (2) A list
+    of pieces without modulo, such as `A1 if t < 1.0002 else A2` on [0, 2): it jumps or has a kink strictly inside (0, T) and
+    nowhere in (T, 5 T), where its last piece merely goes on. (3) One whose periodic continuation is smooth at T, and which from T on
+    is constant or repeats with T: a pulse written without modulo. A function that is smooth inside the period and goes on otherwise,
+    or that jumps inside and again beyond, was given another period.
+
+    Parameters: here, beyond: A at times t (N,) in (0, T), as resolved, and a period later as it is: (N, E), nothing for the first kind;
+    allowed (E,): deviations that do not count; rough: places in [0, T) at which A is not smooth, 0 for the wrap.
+    Raises: NotPeriodic.
+    """
+    if beyond is None:
+        return
+    gap, T = np.abs(beyond - here), sample.period
+    limit = REPEAT * sample.scale + 4 * allowed
+    if (gap <= limit).all():
+        return
+    if (np.any(np.asarray(rough) > 0) and _goes_on(sample)) or (0.0 not in rough and _settles(sample, t, limit)):
+        return
+    at, entry = np.unravel_index(int((gap / limit).argmax()), gap.shape)
+    rows, columns = np.unravel_index(int(entry), sample.shape or (1, 1))
+    relative = gap[at, entry] / max(sample.scale[entry], np.finfo(float).tiny)
+    raise NotPeriodic(
+        f"A(t) does not repeat with the period T = {T:.15g} s",
+        got=f"|A(t + T) - A(t)| = {gap[at, entry]:.3g} at t = {t[at]:.6g} s in entry ({rows}, {columns}), {relative:.3g} of its size",
+        expected=f"at most {REPEAT:g} of its size",
+        todo="give the period of A; if A is written for 0 <= t < T only, take t modulo T in it",
+    )
+
+
+def look_beyond(sample: Sampler, t: Array) -> Array | None:
+    """A at times t, which may lie beyond the period (N, E); nothing where it raises or is not finite."""
+    try:
+        return sample.unwrapped(t)
+    except (ValueError, IndexError, ArithmeticError):
+        return None
+
+
+def _goes_on(sample: Sampler) -> bool:
+    """Whether A is one smooth piece on (T, 5 T)."""
+    for count in 1 + 2 ** np.array([6, 8, 10]):
+        values = look_beyond(sample, sample.period * (1 + AHEAD * (1 + chebyshev_nodes(count)) / 2))
+        if values is None:
+            return True
+        tail = np.abs(chebyshev_coefficients(values[None])[0, -max(4, count // 16) :]).max(axis=0)
+        if np.all(tail <= REPEAT * np.maximum(sample.scale, np.abs(values).max(axis=0))):
+            return True
+    return False
+
+
+def _settles(sample: Sampler, t: Array, limit: Array) -> bool:
+    """Whether A repeats with T from T on, up to a limit (E,): at the times t and at many others, for four periods."""
+    T = sample.period
+    times = np.concatenate([t, T * stratified(1024)])
+    first = sample.unwrapped(times + T)
+    return all(np.all(np.abs(sample.unwrapped(times + k * T) - first) <= limit) for k in range(2, AHEAD + 1))

@@ -1,34 +1,55 @@
-"""The refinement of panels over a period: divided, cut where the coefficient is not smooth, checked off the nodes."""
+"""The search for the panels of a period: divided, cut where the coefficient is not smooth, checked off the nodes.
 
+Places where a coefficient is not smooth are found by bisection between the polynomials on their two sides.
+"""
+
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import UnresolvedCoefficient
-from flexlin.periodic.resolved.locate import Brackets, locate, scan
-from flexlin.periodic.resolved.noise import noise_level
-from flexlin.periodic.resolved.panels import EPS, NODES, TAIL, PanelSet, fitted, groups, left_over, rough_edges
-from flexlin.periodic.resolved.repetition import need_repeatability
-from flexlin.periodic.resolved.sampling import CheckPoints, Sampler, graded, stratified
+from flexlin.periodic.chebyshev import chebyshev_basis, chebyshev_nodes, chebyshev_transform
+from flexlin.periodic.resolved.panels import (
+    MOST_PANELS,
+    NODES,
+    TAIL,
+    PanelSet,
+    fitted,
+    groups,
+    left_over,
+    rough_edges,
+)
+from flexlin.periodic.resolved.sampling import (
+    EPS,
+    NAMED,
+    NEAR,
+    Sampler,
+    graded,
+    need_repeatability,
+    noise_level,
+    stratified,
+)
 
+STENCIL = 8
+"""Nodes of the polynomial on either side of a place, which is as long as half as many brackets."""
 NARROWEST = 1e-13
 """Width, of the period, below which a panel is not divided any more."""
-MEMORY, MOST_PANELS = 10**8, 4096
-"""Bytes that the coefficients may take, and the largest number of panels."""
-MANY_PANELS = 200
-"""Panels from which on it is asked whether A gives the same values twice: noise of its own would be cut to the last bit."""
-OWN_CHECKS, WITNESSES = 17, 4
-"""Check points that every panel gets, and how many failed ones a panel remembers."""
+MEMORY = 100_000_000
+"""Bytes that the coefficients of all panels may take."""
+SHORTEST = 1e-9
+"""Shortest stencil, of the period: it stays longer than the bracket, so rounding is not amplified."""
 
 
 class PanelResolver:
     """The state of the refinement: resolved panels, the edges found, and the check points that once failed.
 
-    Parameters: edges to start from; named: the breaks among them; wary: whether to look for other jumps close to each edge.
+    Parameters: edges to start from; named: the breaks among them; checks: times in [0, T) at which panels are held against A; wary: whether
+    to look for other jumps close to each edge.
     """
 
-    def __init__(self, sample: Sampler, tol: float, edges: Array, named: Array, checks: CheckPoints, wary: bool):
+    def __init__(self, sample: Sampler, tol: float, edges: Array, named: Array, checks: Array, wary: bool):
         self.sample, self.tol, self.checks = sample, tol, checks
         self.named, self.wary = named, wary
         self.settled: set[float] = set(named.tolist())
@@ -68,7 +89,7 @@ class PanelResolver:
         """Accept panels that are at their noise; cut the others where they are not smooth, or in the middle."""
         if not len(panels.begin):
             return panels
-        for part in groups(len(panels.begin), len(self.sample.scale)):
+        for part in groups(len(panels.begin)):
             measured = noise_level(self.sample, panels.begin[part], panels.end[part])
             panels.noise[part] = np.maximum(panels.noise[part], measured)
         good = self.resolved(panels)
@@ -77,7 +98,7 @@ class PanelResolver:
         if not len(panels.begin):
             return panels
         self.need_room(panels)
-        parts = groups(len(panels.begin), len(self.sample.scale))
+        parts = groups(len(panels.begin))
         cuts = np.concatenate([self.cuts(panels.some(part)) for part in parts])
         begin = np.stack([panels.begin, cuts], axis=1).ravel()
         end = np.stack([cuts, panels.end], axis=1).ravel()
@@ -104,8 +125,8 @@ class PanelResolver:
         worst = int(width.argmin())
         count = len(self.done.begin) + 2 * len(width)
         most = min(MOST_PANELS, MEMORY // (8 * NODES * len(self.sample.scale)))
-        if count > MANY_PANELS:
-            need_repeatability(self.sample, panels.begin + 0.38 * width)
+        if count > NAMED:  # noise of its own would be cut to the last bit
+            need_repeatability(self.sample, panels.begin + 0.38 * width, self.tol)
         if width[worst] > NARROWEST * self.sample.period and count <= most:
             return
         middle = panels.begin[worst] + width[worst] / 2
@@ -179,12 +200,12 @@ class PanelResolver:
         bad: list[tuple[Array, Array]] = []
         for i in range(0, len(t), self.sample.chunk):
             part = slice(i, i + self.sample.chunk)
-            some, stands, values = t[part], share[part], self.checks.values(t[part])
+            some, stands, values = t[part], share[part], self.sample(t[part])
             starts = np.flatnonzero(np.diff(owner[part], prepend=-1))
             for a, b in pairwise([*starts.tolist(), len(some)]):
                 panel = int(owner[part][a])
                 apart = panels.compare(panel, some[a:b], values[a:b], stands[a:b], allowed[panel])
-                keep = a + np.argsort(-apart, kind="stable")[:WITNESSES][: np.count_nonzero(apart > 1)]
+                keep = a + np.argsort(-apart, kind="stable")[:TAIL][: np.count_nonzero(apart > 1)]
                 bad.append((some[keep], values[keep]))
         np.abs(panels.drift, out=panels.drift)
         times = np.concatenate([np.empty(0), *(x for x, _ in bad)])
@@ -198,10 +219,10 @@ class PanelResolver:
     def check_times(self) -> Array:
         """The given check points, some in every panel, and some ever closer to each edge where A is not smooth."""
         panels, T = self.done, self.sample.period
-        own = panels.begin[:, None] + panels.width[:, None] * stratified(OWN_CHECKS, 0.5)
+        own = panels.begin[:, None] + panels.width[:, None] * stratified(NODES // 2, 0.5)
         rough = np.union1d(self.rough()[0], self.named) if self.wary else self.named[:0]
-        near = np.mod(graded(rough, 1e-11 * T, T / 64, np.pi), T)
-        t = np.unique(np.concatenate([self.checks.t, own.ravel(), near]))
+        near = np.mod(graded(rough, NEAR * T, T / 64, np.pi), T)
+        t = np.unique(np.concatenate([self.checks, own.ravel(), near]))
         return t[(t >= 0) & (t < T)]
 
 
@@ -211,3 +232,84 @@ def shares(panels: PanelSet, t: Array, owner: Array) -> Array:
     low = np.maximum(np.append(panels.begin[:1], middle)[: len(t)], panels.begin[owner])
     high = np.minimum(np.append(middle, panels.end[-1:])[: len(t)], panels.end[owner])
     return np.asarray((high - low) / panels.width[owner])
+
+
+@dataclass
+class Brackets:
+    """Intervals (low, high), each with a place where A is not smooth, inside rooms (floor, roof) where it is smooth otherwise."""
+
+    low: Array
+    high: Array
+    floor: Array
+    roof: Array
+
+    def some(self, which: Array) -> "Brackets":
+        """A part of them."""
+        return Brackets(self.low[which], self.high[which], self.floor[which], self.roof[which])
+
+
+def scan(sample: Sampler, begin: Array, end: Array, allowed: Array) -> tuple[Brackets, Array]:
+    """Bracket the roughest window of each panel by its fourth difference; and whether there is room for stencils beside it (P,)."""
+    width = end - begin
+    t = begin[:, None] + width[:, None] * (np.arange(2 * NODES) + 0.5) / (2 * NODES)
+    values = sample(t.ravel()).reshape(len(begin), 2 * NODES, -1)
+    rough = (np.abs(np.diff(values, TAIL, axis=1)) / allowed[:, None]).max(axis=2)
+    first = rough.argmax(axis=1)
+    rows = np.arange(len(begin))
+    low, high = t[rows, first], t[rows, first + TAIL]
+    room = np.minimum(low - begin, end - high) >= (high - low) / 2
+    return Brackets(low, high, begin, end), room & (rough[rows, first] > 1)
+
+
+def locate(sample: Sampler, brackets: Brackets, allowed: Array) -> tuple[Array, Array]:
+    """Narrow brackets (Q,) until the two sides agree to `allowed` (Q, E) across them, or they end at neighbouring floats.
+
+    p_- and p_+ interpolate A on stencils below and above the bracket. Among the parts of the bracket the cut s is taken at which
+
+        sum_(i < s) |A - p_-|(x_i) + sum_(i >= s) |A - p_+|(x_i)
+
+    is least, so a jump is followed to the last bit, and a kink until it no longer shows. A function that is smooth ends early.
+    Returns: the first time of the upper side (Q,) and the width of the last bracket (Q,).
+    """
+    place, width = brackets.high.copy(), brackets.high - brackets.low
+    open_ = np.arange(len(place))
+    while len(open_):
+        part = brackets.some(open_)
+        cut, apart = _cut(sample, part, allowed[open_])
+        brackets.low[open_], brackets.high[open_] = cut
+        width[open_] = cut[1] - cut[0]
+        narrow = width[open_] <= 1.01 * np.spacing(np.abs(cut[1]))
+        stuck = width[open_] >= part.high - part.low
+        done = narrow | stuck | ~apart
+        place[open_] = np.where(narrow | apart, cut[1], (cut[0] + cut[1]) / 2)
+        open_ = open_[~done]
+    return place, width
+
+
+def _cut(sample: Sampler, part: Brackets, allowed: Array) -> tuple[tuple[Array, Array], Array]:
+    """One step: the new brackets, and whether the sides were still apart across the old ones."""
+    low, high, span = part.low, part.high, part.high - part.low
+    reach = np.maximum(STENCIL / 2 * span, SHORTEST * sample.period)
+    below, above = np.minimum(reach, low - part.floor), np.minimum(reach, part.roof - high)
+    inner = low[:, None] + span[:, None] * np.arange(1, 2 * STENCIL) / (2 * STENCIL)
+    u = chebyshev_nodes(STENCIL)
+    left, right = low[:, None] + below[:, None] * (u - 1) / 2, high[:, None] + above[:, None] * (u + 1) / 2
+    t = np.concatenate([left, right, inner], axis=1)
+    values = sample(t.ravel()).reshape(*t.shape, -1) / allowed[:, None]
+    line = np.concatenate([low[:, None], inner, high[:, None]], axis=1)
+    before = _extrapolated(values[:, :STENCIL], 2 * (line - low[:, None]) / below[:, None] + 1)
+    after = _extrapolated(values[:, STENCIL : 2 * STENCIL], 2 * (line - high[:, None]) / above[:, None] - 1)
+    inside = values[:, 2 * STENCIL :]
+    to_left = np.abs(inside - before[:, 1:-1]).sum(axis=2)
+    to_right = np.abs(inside - after[:, 1:-1]).sum(axis=2)
+    zero = np.zeros((len(low), 1))
+    cost = np.hstack([zero, to_left.cumsum(axis=1)]) + np.hstack([to_right[:, ::-1].cumsum(axis=1)[:, ::-1], zero])
+    s, rows = cost.argmin(axis=1), np.arange(len(low))
+    growth = chebyshev_basis(1 + 2 * span / np.minimum(below, above), STENCIL)[:, -1]
+    apart = np.abs(before - after).max(axis=(1, 2)) > 4 + 0.02 * growth
+    return (line[rows, s], line[rows, s + 1]), apart
+
+
+def _extrapolated(values: Array, u: Array) -> Array:
+    """The interpolants of values (Q, STENCIL, E) at u (Q, L): (Q, L, E)."""
+    return chebyshev_basis(u, STENCIL) @ (chebyshev_transform(STENCIL) @ values)

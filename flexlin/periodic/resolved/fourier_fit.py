@@ -1,0 +1,196 @@
+"""A smooth coefficient by its Fourier series: doubled until the last harmonics vanish, checked off the nodes, searched for pulses."""
+
+from functools import lru_cache
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.periodic.fourier import fourier_basis, fourier_nodes, fourier_waves, real_fourier_coefficients
+from flexlin.periodic.resolved.sampling import (
+    BLOCKS,
+    EPS,
+    SIGMAS,
+    TINY,
+    WITHIN,
+    Sampler,
+    end_phases,
+    look_beyond,
+    need_repetition,
+    noise_level,
+    search_phases,
+    stratified,
+)
+
+FIRST, SURE, MOST = 128, 256, 1024
+"""Nodes at the start, which lie closer than T / 100; nodes up to which doubling goes on in any case; and at most."""
+CHECKS, REPEATS = 16, 5
+"""Times off the nodes at which the series is held against A; and at which A is held against itself a period later."""
+FACTOR = 6
+"""Multiple of the largest deviation seen that is stated as error."""
+
+
+class FourierFit:
+    """A by its Fourier series: coefficients (2 H + 1, E), what may be left over and the bound on the error of each entry (E,).
+
+    Parameters: tol: of each entry's size; wary: whether A may hold pulses that nobody named.
+    """
+
+    coefficients: Array
+    error: Array
+
+    def __init__(self, sample: Sampler, tol: float, wary: bool):
+        self.sample, self.tol, self.wary = sample, tol, wary
+        self.noise: Array | None = None
+
+    def run(self) -> bool:
+        """Double the nodes until the series agrees; False where panels serve better. Raises: NotPeriodic."""
+        sample, T, worst = self.sample, self.sample.period, np.inf
+        values, beyond = self.sample_first()
+        while True:
+            size = self.transform(values)
+            excess = _last(size).max(axis=0) / (self.allowed / 4)
+            if excess.max() > 1 and self.noise is None and _flat(size[:, excess > 1]):
+                self.measure_noise()
+                continue
+            if excess.max() <= 1 and self.agrees():
+                self.error = (
+                    FACTOR * self.deviation + 2 * _last(size).sum(axis=0) + self.rounding + 4 * EPS * sample.scale
+                )
+                here = self.coefficients[0] + _waves(REPEATS, len(self.coefficients) // 2) @ self.coefficients[1:]
+                need_repetition(sample, here, beyond, T * stratified(REPEATS), self.allowed)
+                return True
+            last, worst, count = worst, float(excess.max()), len(values)
+            fall = min(worst / max(last, TINY), 1.0)
+            ahead = worst * fall ** (2 * (MOST / count - 1))  # where the harmonics go on to fall as they did
+            if count >= MOST or (count >= SURE and not ahead <= 1 < worst):
+                return False
+            between = sample(fourier_nodes(count, T) + T / (2 * count))
+            values = np.stack([values, between], axis=1).reshape(2 * count, -1)
+
+    def sample_first(self) -> tuple[Array, Array | None]:
+        """A at the first nodes, and at some times a period later; in one call, since a small one costs as much as a hundred times in it."""
+        sample, T = self.sample, self.sample.period
+        rows = look_beyond(sample, first_times(T))
+        here = sample(first_times(T)[:-REPEATS]) if rows is None else rows[:-REPEATS]
+        sample.weigh(here)
+        self.phases, self.there = stratified(CHECKS), here[FIRST:]
+        return here[:FIRST], None if rows is None else rows[-REPEATS:]
+
+    def transform(self, values: Array) -> Array:
+        """Take the coefficients from values at nodes; the amplitude of each harmonic (H, E)."""
+        self.full = real_fourier_coefficients(values)
+        H = len(self.full) // 2
+        self.size = np.hypot(self.full[1 : H + 1], self.full[H + 1 :])
+        self.rounding = (
+            2 * np.pi * EPS * (np.arange(1, H + 1.0) @ self.size)
+        )  # the largest rate of A times the rounding of t = T
+        return self.size
+
+    @property
+    def allowed(self) -> Array:
+        """What may be left over (E,): tol of each entry's size, noise, and A' times the rounding of t."""
+        scale = self.sample.scale
+        allowed = np.maximum(self.tol * scale + TINY, np.minimum(self.rounding, 1e-6 * scale))
+        return allowed if self.noise is None else np.maximum(allowed, SIGMAS * self.noise)
+
+    def measure_noise(self) -> None:
+        """Estimate the noise of each entry, from both halves of the period."""
+        half = self.sample.period * np.array([0.0, 0.5, 1.0])
+        self.noise = noise_level(self.sample, half[:-1], half[1:]).max(axis=0)
+
+    def agrees(self) -> bool:
+        """Whether the series is as near to A as it may be where it was looked at, and wherever A is loudest beside it."""
+        self.trim()
+        self.deviation = self.apart(self.phases, self.there)
+        searched = not self.wary
+        while True:
+            good = bool((self.deviation <= 2 * self.allowed).all())
+            if good and searched:
+                return True
+            if good:
+                self.search()
+                searched = True
+            elif self.noise is None:
+                self.measure_noise()
+            else:
+                return False
+
+    def trim(self) -> None:
+        """Drop the last harmonics whose root of the sum of squares is rounding or noise in every entry."""
+        floor = np.maximum(2 * EPS * self.sample.scale, self.rounding / 8)
+        floor = floor if self.noise is None else np.maximum(floor, 1.5 * self.noise)
+        left = ((self.size[::-1] / (floor + TINY)) ** 2).cumsum(axis=0)[::-1]
+        H, kept = len(self.size), int(np.count_nonzero((left > 1).any(axis=1)))
+        self.coefficients = np.concatenate([self.full[: kept + 1], self.full[H + 1 : H + 1 + kept]])
+
+    def apart(self, phases: Array, there: Array) -> Array:
+        """The largest deviation of each entry from A at some phases, (E,)."""
+        H = len(self.coefficients) // 2
+        waves = _waves(CHECKS, H) if phases is stratified(CHECKS) else fourier_basis(phases, H)[:, 1:]
+        return np.abs(there - self.coefficients[0] - waves @ self.coefficients[1:]).max(axis=0)
+
+    def search(self) -> None:
+        """Find the times at which A is furthest from the series, and hold it against these there.
+
+        At each of many times one sum of all entries is compared, sum_e w_e A_e(t), with weights that make the deviations seen so far,
+        which are mostly rounding, of the same size: no entry hides below another. They are drawn at random, so no pattern of
+        entries cancels in the sum but with probability zero.
+        """
+        sample, T, c = self.sample, self.sample.period, self.coefficients
+        weights = _draw(c.shape[1]) / (np.maximum(self.deviation, EPS * sample.scale) + TINY)
+        heard = sample.contract(T * search_phases(), weights)
+        with np.errstate(over="ignore", invalid="ignore"):
+            apart = np.abs(heard - _evaluate_search(c @ weights))
+        loudest = np.argpartition(apart, -CHECKS)[-CHECKS:]  # what is no number comes last too
+        phases = np.concatenate([search_phases()[loudest], end_phases()])
+        there = sample(T * phases)
+        self.deviation = np.maximum(self.deviation, self.apart(phases, there))
+        self.phases, self.there = np.append(self.phases, phases), np.concatenate([self.there, there])
+
+
+def _last(size: Array) -> Array:
+    """The last quarter of the harmonics."""
+    return size[-(len(size) // 4) :]
+
+
+def _flat(size: Array) -> bool:
+    """Whether some entry's last harmonics have stopped falling: noise, a narrow feature, or a place that is not smooth."""
+    quarter = len(size) // 4
+    return bool(np.any(np.median(size[-quarter:], axis=0) >= 0.1 * np.median(size[-2 * quarter : -quarter], axis=0)))
+
+
+@lru_cache(maxsize=4)
+def first_times(period: float) -> Array:
+    """The first nodes, the check points between them, and the times a period later."""
+    later = period * stratified(REPEATS) + period
+    times = np.concatenate([fourier_nodes(FIRST, period), period * stratified(CHECKS), later])
+    times.setflags(write=False)
+    return times
+
+
+@lru_cache(maxsize=64)
+def _waves(count: int, harmonics: int) -> Array:
+    """Cosines and sines at a few stratified phases, kept between calls."""
+    return np.ascontiguousarray(fourier_basis(stratified(count), harmonics)[:, 1:])
+
+
+@lru_cache(maxsize=16)
+def _draw(entries: int) -> Array:
+    """A weight of each entry, of size 1 to 2 and either sign; always the same ones, so that answers repeat."""
+    rng = np.random.default_rng(entries)
+    return rng.uniform(1, 2, entries) * rng.choice([-1.0, 1.0], entries)
+
+
+@lru_cache(maxsize=16)
+def _search_waves(harmonics: int) -> tuple[Array, Array]:
+    """Waves at the beginnings of the blocks, (BLOCKS, 2 H): cosines and sines, and complex ones within a block, (H, WITHIN)."""
+    outer = fourier_waves(np.arange(BLOCKS) / BLOCKS, harmonics)
+    return np.concatenate([outer.real, -outer.imag], axis=1), fourier_waves(search_phases()[:WITHIN], harmonics).T
+
+
+def _evaluate_search(series: Array) -> Array:
+    """A scalar series (2 H + 1,) at `search_phases`: the waves of a block turn those within it, so it takes one product of matrices."""
+    H = len(series) // 2
+    outer, inner = _search_waves(H)
+    turned = (series[1 : H + 1] - 1j * series[H + 1 :])[:, None] * inner
+    return (outer @ np.concatenate([turned.real, turned.imag])).ravel() + series[0]
