@@ -60,7 +60,8 @@ class Sampler:
 
     def unwrapped(self, t: Array) -> Array:
         """Sample at the times as they are, which tells nothing of the sizes within the period."""
-        parts, first = [], 0
+        parts: list[Array] = []
+        first = 0
         while first < len(t) or not parts:
             part = t[first : first + self.chunk]
             parts.append(self._checked(part))
