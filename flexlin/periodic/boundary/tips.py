@@ -58,7 +58,7 @@ def find_tip(
         for side in sides:
             point, bend = find_critical(margin, side)
             if np.abs(point).max() <= BEYOND and bend > 0:
-                left = abs(float(evaluate(margin, point)))
+                left = abs(float(value_of(margin, point)))
                 apart = np.sqrt(2 * (left + rounding + tail) / bend) * (high - low).max() / 2
                 place = np.clip((low + high) / 2 + point * (high - low) / 2, 0.0, 1.0)
                 close.append(Tip(place, float(apart), left + tail <= BLURRED * rounding))
@@ -76,15 +76,15 @@ def find_critical(margin: Array, side: tuple[int, int] | None) -> tuple[Array, f
     bends = [[chebyshev.chebder(slope, axis=axis) for axis in range(2)] for slope in slopes]
     grid = np.linspace(-1, 1, GRID)
     points = spread(*(grid if axis in free or side is None else np.array([float(side[1])]) for axis in range(2)))
-    steep = np.hypot.reduce([evaluate(slopes[axis], points) for axis in free])
+    steep = np.hypot.reduce([value_of(slopes[axis], points) for axis in free])
     point, hessian = points[steep.argmin()].copy(), np.zeros((len(free), len(free)))
     for _ in range(STEPS):
-        gradient = np.array([evaluate(slopes[axis], point) for axis in free])
-        hessian = np.array([[evaluate(bends[i][j], point) for i in free] for j in free])
+        gradient = np.array([value_of(slopes[axis], point) for axis in free])
+        hessian = np.array([[value_of(bends[i][j], point) for i in free] for j in free])
         point[free] = np.clip(point[free] + np.linalg.lstsq(hessian, -gradient, rcond=FLAT)[0], -2.0, 2.0)
     return point, float(np.abs(np.linalg.eigvalsh(hessian)).max())
 
 
-def evaluate(polynomial: Array, points: Array) -> Array:
+def value_of(polynomial: Array, points: Array) -> Array:
     """A polynomial of both coordinates at points (..., 2)."""
     return np.asarray(chebyshev.chebval2d(points[..., 0], points[..., 1], polynomial))
