@@ -13,10 +13,8 @@ from flexlin.periodic.decoupling.decoupled import Decoupled, as_real
 from flexlin.periodic.decoupling.group_factors import COARSE, FINE, FINER, METHOD, GroupSeries, fit_group
 from flexlin.periodic.decoupling.tame import LARGEST_GROWTH, tame_exponents
 from flexlin.periodic.decoupling.waves import aliasing, shifted
-from flexlin.periodic.product.balancing import balance_factors, count_groupings, multiply_pairs
-from flexlin.periodic.product.eigenvalues import product_logs
-from flexlin.periodic.product.perturbation import spectrum_motion
-from flexlin.periodic.product.schur import periodic_schur
+from flexlin.periodic.product.balancing import balance_factors
+from flexlin.periodic.product.spectrum import Unknown, find_spectrum, product_logs
 
 GROWTH, WANTED, LONGEST, WAVES = 1e-10, 0.06, 1.0, 10
 """The error of a log as measured: this times the fastest rate times the period, times the sixth power of the rate times a part's length.
@@ -132,21 +130,11 @@ def group_logs(plain: Array, better: Array, series: GroupSeries) -> Logs:
         |d log mu_i| <= int over the period of  |l_i| dB |r_i|,   l_i r_i = 1
 
     to first order, for the generator's worst perturbation dB of the size that is not known, and by what `better` factors change: FINER
-    says how much of that counts. Neighbours and clusters add what they do to each other (`spectrum_motion`).
+    says how much of that counts. Neighbours and clusters add what they do to each other (`find_spectrum`).
     """
-    groups, rounds = count_groupings(plain, SHORT)
-    marks = np.linspace(0, series.period, len(plain) + 1)
-    for _ in range(rounds):
-        better, marks = multiply_pairs(better), np.append(marks[:-1:2], marks[-1])
-    lengths = np.diff(marks)[:, None, None]
-
-    def noise(left: Array, right: Array) -> Array:
-        return lengths * (np.abs(left) @ series.unknown @ np.abs(right))
-
-    form = periodic_schur(groups)
-    motion = spectrum_motion(form, groups, better, noise, FINE * 2.0**rounds)
-    order = np.argsort(-form.logs.real, kind="stable")
-    return Logs(form.logs[order], METHOD * FINER * motion.method[order], motion.rounding[order])
+    unknown = np.broadcast_to(series.period / len(plain) * series.unknown, plain.shape)
+    found = find_spectrum(plain, better, Unknown(unknown), each=FINE, limit=SHORT)
+    return Logs(found.logs, METHOD * FINER * found.method, found.rounding)
 
 
 def group_segments(values: Array, period: float, mean: complex, tol: float) -> tuple[int, float]:

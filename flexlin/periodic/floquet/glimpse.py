@@ -6,12 +6,10 @@ import numpy as np
 
 from flexlin.periodic.floquet.exponents import FACTOR_BYTES, find_exponents
 from flexlin.periodic.floquet.result import FloquetResult
-from flexlin.periodic.floquet.segmented import SegmentedSpectrum, liouville_excess, solve_by_segments
-from flexlin.periodic.product.balancing import balance_factors, group_factors
-from flexlin.periodic.product.schur import periodic_schur
+from flexlin.periodic.floquet.segmented import SegmentedSpectrum, liouville_excess, look_at_segments, solve_by_segments
+from flexlin.periodic.product.spectrum import find_spectrum
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, METHODS, Setting, place_segments
-from flexlin.periodic.transition.stretching import count_roundings
 
 FAR = 100.0
 """A log of a multiplier this many times its promised error away from the axis is on its side of it; roundings of a factor beyond doubt."""
@@ -36,13 +34,11 @@ def glimpse_by_segments(system: PeriodicSystem, setting: Setting, tol: float, ma
     """
     grid = place_segments(system, setting)
     factors = METHODS[setting.method](system, grid, setting.order)
-    even, scale = balance_factors(factors)
-    form = periodic_schur(group_factors(even))
-    logs = form.logs[np.argsort(-form.logs.real, kind="stable")]
+    found = find_spectrum(factors, middles=look_at_segments(system.resolved, grid)[0])
+    logs = found.logs
     promised = tol * np.maximum(system.period, np.abs(logs))
     open_ = np.maximum(FAR * promised, LEAST)
     decided = bool(np.all(logs.real < -open_) or np.any(logs.real > open_))
-    rounded = float(count_roundings(system.resolved, grid, even, scale).max()) > FAR
-    if setting.method != "gauss" or not decided or rounded or liouville_excess(system, logs, promised) > 0:
+    if setting.method != "gauss" or not decided or found.stretched or liouville_excess(system, logs, promised) > 0:
         return solve_by_segments(system, setting, tol, max_segments)
-    return SegmentedSpectrum(logs, promised, np.zeros(len(logs)), setting, scale[:, None] * form.start)
+    return SegmentedSpectrum(logs, promised, np.zeros(len(logs)), setting, found.start)

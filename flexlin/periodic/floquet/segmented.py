@@ -7,13 +7,13 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.assignment import assign
 from flexlin.periodic.circle import measure_distances
-from flexlin.periodic.product.balancing import balance_factors, count_groupings, multiply_pairs
-from flexlin.periodic.product.perturbation import Motion, spectrum_motion
-from flexlin.periodic.product.schur import periodic_schur
-from flexlin.periodic.resolved.uncertainty import LASTING, couple_uncertainty
+from flexlin.periodic.companion import build_companion
+from flexlin.periodic.product.spectrum import ProductSpectrum, Unknown, find_spectrum
+from flexlin.periodic.resolved.companion import ResolvedCompanion
+from flexlin.periodic.resolved.matrix import ResolvedMatrix
+from flexlin.periodic.resolved.uncertainty import EPS, LASTING
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.setting import METHODS, Setting, place_segments, report_too_many
-from flexlin.periodic.transition.stretching import count_roundings
 
 SAFETY = 2.0
 """Factor on the method's error, which is measured against a better method."""
@@ -113,38 +113,41 @@ def measure_spectrum(
 ) -> tuple[SegmentedSpectrum, Array]:
     """The exponents at one resolution, and the method's part of their errors (n,)."""
     grid = place_segments(system, setting)
-    plain = METHODS[setting.method](system, grid, setting.order)
-    even, scale = balance_factors(plain)
-    roundings = np.ones(len(plain))
-    if setting.method != "radau":  # which damps what is fast: its stages do not cancel
-        roundings = count_roundings(system.resolved, grid, even, scale)
-    turn = scale / scale[:, None]
-    groups, rounds = count_groupings(even)
-    better, marks = improve_factors(system, setting, grid) * turn, grid
-    for _ in range(rounds):
-        better, marks = multiply_pairs(better), np.append(marks[:-1:2], marks[-1])
-
-    def noise(left: Array, right: Array) -> Array:
-        """Couplings by what the coefficients are not known by, over each group."""
-        left, right, error = left / scale, scale[:, None] * right, system.resolved.mean_error(marks)
-        known = couple_uncertainty(system.resolved, marks[:-1], left, right, error, LASTING)
-        return np.diff(marks)[:, None, None] * known
-
-    begin = None if start is None else np.linalg.qr(start / scale[:, None])[0]
-    form = periodic_schur(groups, begin)
-    counts = np.add.reduceat(roundings, np.arange(0, len(roundings), 2**rounds))
-    motion = spectrum_motion(form, groups, better, noise, counts)
-    motion = share_errors(motion, form.logs, system.period)
-    order = np.argsort(-form.logs.real, kind="stable")
-    logs, method, rounding = form.logs[order], motion.method[order], motion.rounding[order]
+    factor = METHODS[setting.method]
+    plain, better = factor(system, grid, setting.order), factor(system, grid, setting.order + 4)  # no node in common
+    middles, unknown = look_at_segments(system.resolved, grid)
+    damped = setting.method == "radau"  # what is fast is damped: the stages do not cancel
+    found = find_spectrum(plain, better, unknown, start=start, middles=None if damped else middles)
+    logs, rounding = found.logs, found.rounding
+    method = share_errors(found, system.period)
     errors = SAFETY * method + rounding
-    if setting.method == "radau":
+    if damped:
         below, hidden = logs.real[0] - logs.real, system.period * hidden_growth(system, grid) - logs.real[0]
         errors = np.where((errors > HIDDEN * below) & (below > errors[0]), np.inf, errors)
         method, errors = (np.append(np.maximum(part[0], hidden), part[1:]) for part in (method, errors))
     errors = errors + liouville_excess(system, logs, errors)
-    stretched = bool((roundings > 1).any())
-    return SegmentedSpectrum(logs, errors, rounding, setting, scale[:, None] * form.start, stretched), method
+    return SegmentedSpectrum(logs, errors, rounding, setting, found.start, found.stretched), method
+
+
+def look_at_segments(resolved: ResolvedMatrix | ResolvedCompanion, grid: Array) -> tuple[Array, Unknown]:
+    """h A in the middle of each segment (K, n, n), and what is not known over it: roundings of coefficients and the error of their series.
+
+    Of a second-order system with vectors [y; v]:  left M^-1 (dM z + dD v + dK y),  z = M^-1 (K y + D v).
+    """
+    h, K = np.diff(grid), len(grid) - 1
+    t, lengths = np.concatenate([grid[:-1], grid[:-1] + h / 2]), h[:, None, None]
+    if not isinstance(resolved, ResolvedCompanion):
+        A = resolved(t)
+        return lengths * A[K:], Unknown(lengths * (LASTING * EPS * np.abs(A[:K]) + resolved.mean_error(grid)))
+    blocks = resolved.blocks(t)
+    A = build_companion(*resolved.split(blocks), t)
+    m = blocks.shape[1]
+    left, right = np.zeros((K, 2 * m, m)), np.zeros((K, 3 * m, 2 * m))
+    left[:, m:] = np.linalg.inv(blocks[:K, :, :m])
+    right[:, :m] = -A[:K, m:]
+    right[:, m : 2 * m, m:] = right[:, 2 * m :, :m] = np.eye(m)
+    size = lengths * (LASTING * EPS * np.abs(blocks[:K]) + resolved.mean_error(grid))
+    return lengths * A[K:], Unknown(size, left, right)
 
 
 def hidden_growth(system: PeriodicSystem, grid: Array) -> float:
@@ -172,20 +175,15 @@ def hidden_growth(system: PeriodicSystem, grid: Array) -> float:
     return max(means) + (max(means) - min(means))
 
 
-def share_errors(motion: Motion, logs: Array, period: float) -> Motion:
-    """Give every mode at least a part of the worst mode's error by the method, each relative to max(T, |log|).
+def share_errors(found: ProductSpectrum, period: float) -> Array:
+    """The errors of the logs by the method (n,): every mode has at least a part of the worst mode's, each relative to max(T, |log|).
 
     A mode whose rounding exceeds its error by the method says nothing of the others: what moves it is rounding too.
     """
-    size = np.maximum(period, np.abs(logs))
-    known = (motion.method < LOST * size) & (motion.method > motion.rounding)
-    worst = float((motion.method / size)[known].max(initial=0.0))
-    return replace(motion, method=np.maximum(motion.method, SHARED * worst * size))
-
-
-def improve_factors(system: PeriodicSystem, setting: Setting, grid: Array) -> Array:
-    """The same factors by two stages more, which share no node."""
-    return METHODS[setting.method](system, grid, setting.order + 4)
+    size = np.maximum(period, np.abs(found.logs))
+    known = (found.method < LOST * size) & (found.method > found.rounding)
+    worst = float((found.method / size)[known].max(initial=0.0))
+    return np.maximum(found.method, SHARED * worst * size)
 
 
 def liouville_excess(system: PeriodicSystem, logs: Array, errors: Array) -> float:

@@ -10,9 +10,7 @@ from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples
 from flexlin.periodic.floquet.result import FloquetResult, judge
-from flexlin.periodic.product.balancing import balance_factors, count_groupings, multiply_pairs
-from flexlin.periodic.product.perturbation import spectrum_motion
-from flexlin.periodic.product.schur import periodic_schur
+from flexlin.periodic.product.spectrum import find_spectrum
 from flexlin.periodic.sampled.commensurate import Round, find_rounds
 from flexlin.periodic.sampled.hold import STAGES, hold_plant, with_controller_states
 from flexlin.periodic.system import PeriodicSystem
@@ -118,15 +116,7 @@ def solve_round(
         plant = hold_plant(system, turn.samples, turn.periods, delay, tol, stages)
         plant = plant if rates is None else with_controller_states(plant, rates, step)
         loops.append(plant.closed_by(K(np.mod(plant.instants, system.period))))
-    even, scale = balance_factors(loops[0])
-    groups, rounds = count_groupings(even)
-    better = loops[1] * (scale / scale[:, None])
-    for _ in range(rounds):
-        better = multiply_pairs(better)
-    form = periodic_schur(groups)
-    motion = spectrum_motion(form, groups, better, None, 2.0**rounds)
-    errors = SAFETY * motion.method + motion.rounding
-    order = np.argsort(-form.logs.real, kind="stable")
-    logs, errors = form.logs[order], errors[order]
-    below = logs.real[0] - logs.real
-    return RoundSpectrum(logs, np.where((errors > HIDDEN * below) & (below > errors[0]), np.inf, errors))
+    found = find_spectrum(loops[0], loops[1])
+    errors = SAFETY * found.method + found.rounding
+    below = found.logs.real[0] - found.logs.real
+    return RoundSpectrum(found.logs, np.where((errors > HIDDEN * below) & (below > errors[0]), np.inf, errors))

@@ -1,11 +1,10 @@
 import numpy as np
 import pytest
-import scipy.linalg
 
+from flexlin.errors import NumericalError
 from flexlin.periodic.circle import match_logs
 from flexlin.periodic.product.balancing import multiply_scaled
-from flexlin.periodic.product.eigenvalues import product_logs, solve_product
-from flexlin.periodic.product.sweeps import sweep_factors
+from flexlin.periodic.product.spectrum import Unknown, find_spectrum, periodic_schur, product_logs, solve_product
 
 
 def framed(blocks, rng):
@@ -84,23 +83,47 @@ def test_rescaled_product():
     assert abs(scale - 1400 * np.log(10)) < 1e-9
 
 
-def sweep_by_lapack(factors, Q, keep):
-    """All R_k, and all Q_k or the last, of F_k Q_k = Q_(k+1) R_k."""
-    R, bases = np.empty_like(factors), [Q]
-    for k, factor in enumerate(factors):
-        Q, R[k] = scipy.linalg.qr(factor @ Q)
-        bases.append(Q)
-    return (np.array(bases) if keep else Q), R
-
-
-@pytest.mark.parametrize("count", [1, 6])
+@pytest.mark.parametrize("count", [2, 6])
 @pytest.mark.parametrize("n", [1, 2, 5, 12])
-def test_compiled_sweeps_are_those_of_lapack(rng, n, count):
-    """Also where columns vanish: the same signs, bases that are orthogonal, and factors that are met."""
+def test_factors_whose_columns_vanish_have_a_schur_form(rng, n, count):
     F = rng.standard_normal((count, n, n))
     F[0, :, 0] = 0
-    start = np.linalg.qr(rng.standard_normal((n, n)))[0]
-    for keep in (True, False):
-        (Q, R), (P, S) = (sweep(F, start, keep) for sweep in (sweep_factors, sweep_by_lapack))
-        np.testing.assert_allclose(Q, P, atol=1e-12)
-        np.testing.assert_allclose(R, S, atol=1e-12)
+    form = periodic_schur(F)
+    np.testing.assert_allclose(
+        np.conj(np.swapaxes(form.Q, 1, 2)) @ form.Q, np.tile(np.eye(n), (count + 1, 1, 1)), atol=1e-13
+    )
+    np.testing.assert_allclose(form.Q[1:] @ form.T, F @ form.Q[:-1], atol=1e-12)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_factors_that_are_no_numbers_are_refused(value):
+    F = np.tile(np.eye(3), (4, 1, 1))
+    F[2, 1, 0] = value
+    with pytest.raises(NumericalError, match="range of numbers"):
+        product_logs(F)
+
+
+@pytest.mark.parametrize("limit", [0.0, 1000.0])
+@pytest.mark.parametrize("count", [1, 7, 40])
+def test_unknown_couplings_are_those_of_the_vectors(rng, count, limit):
+    """|L left| size |right R| summed over the factors, and linear in the size: what stands before each factor, in units of the states."""
+    F = framed(np.triu(0.2 * rng.standard_normal((count, 4, 4)), 1) + np.diag(np.exp([0.2, 0.1, 0.0, -0.2])), rng)
+    size, left, right = (
+        rng.random((count, 2, 3)),
+        rng.standard_normal((count, 4, 2)),
+        rng.standard_normal((count, 3, 4)),
+    )
+    none = find_spectrum(F, limit=limit).rounding
+    both = [
+        find_spectrum(F, None, Unknown(part * size, left, right), limit=limit).rounding - none for part in (1e-9, 2e-9)
+    ]
+    np.testing.assert_allclose(both[1], 2 * both[0], rtol=1e-3)
+    if limit == 0.0 and count > 1:
+        values, R = np.linalg.eig(np.linalg.multi_dot(F[::-1]))
+        noise = np.zeros(4)
+        for k in range(count):
+            L = np.linalg.inv(R)
+            noise += np.einsum("ia,aj,ji->i", np.abs(L @ left[k]), 1e-9 * size[k], np.abs(right[k] @ R))
+            R = F[k] @ R
+        order = np.argsort(-np.log(np.abs(values)), kind="stable")
+        np.testing.assert_allclose(both[0], noise[order], rtol=1e-4)

@@ -1,0 +1,290 @@
+/* How far perturbations of the factors move the logs of a product's eigenvalues: first order by left and right vectors, and what clusters add.
+ * Sources: Stewart, Sun, Matrix Perturbation Theory (1990), IV.1.3, V.2; for products Benner, Mehrmann, Xu (2002). */
+#include "motion.h"
+
+static const double COHERENT = 0.25; /* the part of the rounding errors that may add up with one sign */
+static const double CANCELLED = 0.3; /* the part of the factors' errors that counts even where their sum cancels */
+static const double UNKNOWN = 1e100; /* a bound that says nothing: a number, since infinity stands for what decays too fast to be resolved */
+static const double SAME[] = {1e-6, 1e-3, 0.1}; /* of ratios of multipliers that count as equal; wider ones where a perturbation is larger than gaps */
+static const double ALONE = 0.01; /* an eigenvalue that moves by less than this part of the distance to its neighbour is in no block */
+static const double CLOSE = 0.1; /* couplings above this part of a gap move the pair by about their own size: of m multipliers of a split chain
+                                  * by 1 / (2 m sin(pi / m)) */
+static const double DOUBTED = 2.0; /* how many times the method's coupling counts where it is asked what has split a pair: better factors err too */
+static const double MOST = 300.0;  /* logarithm of the largest ratio of growths that differs from larger ones */
+
+/* exp(log_i - log_j). */
+static cpx find_ratio(cpx i, cpx j) {
+  double size = exp(fmin(i.re - j.re, MOST)), angle = i.im - j.im;
+  return (cpx){size * cos(angle), size * sin(angle)};
+}
+
+/* X := N^-1 (X o r) for upper triangular X, N = T / diag(t), r_ji = t_i / t_j: one factor back. ratios (n). */
+static void step_back(int n, const cpx *T, cpx *X) {
+  for (int j = n - 1; j >= 0; j--) {
+    cpx t = T[j * n + j];
+    for (int i = j; i < n; i++) X[j * n + i] = i == j ? X[j * n + i] : c_times(X[j * n + i], c_over(T[i * n + i], t));
+    for (int l = j + 1; l < n; l++) {
+      cpx a = c_over(T[j * n + l], t);
+      if (a.re == 0.0 && a.im == 0.0) continue;
+      for (int i = l; i < n; i++) {
+        cpx x = c_times(a, X[l * n + i]);
+        X[j * n + i].re -= x.re;
+        X[j * n + i].im -= x.im;
+      }
+    }
+  }
+}
+
+/* X unit upper triangular with X = S (X o r) for the whole period; entries between multipliers whose ratio is 1 up to `same` stay zero, and what
+ * couples these is left in N. */
+static void close_period(int n, double same, const cpx *S, const cpx *total, cpx *X, cpx *N) {
+  for (int e = 0; e < n * n; e++) { X[e] = (cpx){e % (n + 1) == 0, 0.0}; N[e] = (cpx){0.0, 0.0}; }
+  for (int i = 0; i < n; i++)
+    for (int j = i - 1; j >= 0; j--) {
+      cpx r = find_ratio(total[i], total[j]), own = {1.0 - r.re, -r.im}, sum = S[j * n + i];
+      for (int l = j + 1; l < i; l++) {
+        cpx x = c_times(S[j * n + l], c_times(find_ratio(total[i], total[l]), X[l * n + i]));
+        sum.re += x.re;
+        sum.im += x.im;
+      }
+      if (c_abs(own) < same) N[j * n + i] = sum;
+      else X[j * n + i] = c_over(sum, own);
+    }
+}
+
+/* L = X^-1 Q^H for unit upper triangular X. */
+static void find_left(int n, const cpx *X, const cpx *Q, cpx *L) {
+  for (int i = n - 1; i >= 0; i--) {
+    for (int j = 0; j < n; j++) L[i * n + j] = c_conj(Q[j * n + i]);
+    for (int k = i + 1; k < n; k++) {
+      cpx x = X[i * n + k];
+      if (x.re == 0.0 && x.im == 0.0) continue;
+      for (int j = 0; j < n; j++) {
+        cpx y = c_times(x, L[k * n + j]);
+        L[i * n + j].re -= y.re;
+        L[i * n + j].im -= y.im;
+      }
+    }
+  }
+}
+
+/* C = A B, A complex (n, m), B real (m, p). */
+static void multiply_mixed(int n, int m, int p, const cpx *A, const double *B, cpx *C) {
+  for (int i = 0; i < n; i++) {
+    cpx *row = C + (long)i * p;
+    for (int j = 0; j < p; j++) row[j] = (cpx){0.0, 0.0};
+    for (int k = 0; k < m; k++) {
+      cpx a = A[(long)i * m + k];
+      for (int j = 0; j < p; j++) { row[j].re += a.re * B[(long)k * p + j]; row[j].im += a.im * B[(long)k * p + j]; }
+    }
+  }
+}
+
+/* C = A B, A real (m, n), B complex (n, n). */
+static void multiply_real_left(int m, int n, const double *A, const cpx *B, cpx *C) {
+  for (int i = 0; i < m; i++) {
+    cpx *row = C + (long)i * n;
+    for (int j = 0; j < n; j++) row[j] = (cpx){0.0, 0.0};
+    for (int k = 0; k < n; k++) {
+      double a = A[(long)i * n + k];
+      for (int j = 0; j < n; j++) { row[j].re += a * B[(long)k * n + j].re; row[j].im += a * B[(long)k * n + j].im; }
+    }
+  }
+}
+
+/* Lengths of the rows, or of the columns, of A (n, n). */
+static void find_lengths(int n, const cpx *A, int columns, double *lengths) {
+  for (int i = 0; i < n; i++) {
+    double sum = 0.0;
+    for (int j = 0; j < n; j++) {
+      double size = c_size(A[columns ? j * n + i : i * n + j]);
+      sum += size * size;
+    }
+    lengths[i] = sqrt(sum);
+  }
+}
+
+/* What is summed over the factors: method (n, n) of moduli, shift (n,), rounding (n, n) of squares and of sizes, noise (n, n). */
+typedef struct { double *method, *squares, *sizes, *noise, *own, *rows, *columns; cpx *shift, *X, *R, *L, *S, *N, *work; } Sums;
+
+/* Bounds on the couplings |L G| E |H R| by what is not known over factor k, in coordinates of the unscaled states. */
+static void add_noise(int n, int k, const Noise *given, const double *scale, const Sums *s) {
+  int p = given->p, q = given->q;
+  cpx *left = s->work, *turned = left + (long)n * (n + p), *right = turned, *out = right + (long)n * n;
+  double *sums = (double *)(out + (long)q * n);
+  for (int e = 0; e < n * n; e++) {
+    double units = scale ? scale[e % n] : 1.0, other = scale ? scale[e / n] : 1.0;
+    left[e] = (cpx){s->L[e].re / units, s->L[e].im / units};
+    right[e] = (cpx){s->R[e].re * other, s->R[e].im * other};
+  }
+  if (given->left) {
+    multiply_mixed(n, n, p, left, given->left + (long)k * n * p, left + n * n);
+    left += n * n;
+  }
+  if (given->right) {
+    multiply_real_left(q, n, given->right + (long)k * q * n, right, out);
+    right = out;
+  }
+  const double *E = given->size + (long)k * p * q;
+  for (int i = 0; i < n; i++) {
+    for (int b = 0; b < q; b++) sums[b] = 0.0;
+    for (int a = 0; a < p; a++) {
+      double size = c_size(left[i * p + a]);
+      for (int b = 0; b < q; b++) sums[b] += size * E[a * q + b];
+    }
+    for (int b = 0; b < q; b++)
+      for (int j = 0; j < n; j++) s->noise[i * n + j] += sums[b] * c_size(right[b * n + j]);
+  }
+}
+
+/* What factor k adds: `better` less it, and its rounding, between the left vectors behind it and the right ones before it. */
+static void add_factor(int n, int k, const Form *f, const double *factor, const double *better, double count, const Sums *s) {
+  const cpx *T = f->T + (long)k * n * n;
+  double size = 0.0, *rows = s->rows;
+  for (int e = 0; e < n * n; e++) size += factor[e] * factor[e];
+  size = sqrt(size) * EPS;
+  if (better) {
+    double *change = (double *)s->work;
+    cpx *moved = s->work + (long)n * n, *all = moved + (long)n * n;
+    for (int e = 0; e < n * n; e++) change[e] = better[e] - factor[e];
+    multiply_real_left(n, n, change, s->R, moved);
+    multiply_complex(n, s->L, moved, all);
+    for (int i = 0; i < n; i++)
+      for (int j = 0; j < n; j++) {
+        cpx x = c_over(all[i * n + j], T[i * n + i]);
+        s->method[i * n + j] += c_size(x);
+        if (i == j) { s->shift[i].re += x.re; s->shift[i].im += x.im; }
+      }
+  }
+  find_lengths(n, s->L, 0, rows);
+  find_lengths(n, s->R, 1, s->columns);
+  for (int i = 0; i < n; i++) {
+    double part = size * rows[i] / c_abs(T[i * n + i]);
+    for (int j = 0; j < n; j++) {
+      double x = part * s->columns[j];
+      s->sizes[i * n + j] += count * x;
+      s->squares[i * n + j] += count * x * x;
+    }
+  }
+}
+
+/* Carry the eigenvectors backwards through all factors and sum what each adds. Returns 0 where modes that are not ordered by their growth grow
+ * too far apart on the way for eigenvectors in double precision. */
+static int sum_factors(double same, const Form *f, const double *factors, const double *better, const double *counts, const Noise *noise,
+                       const double *scale, const Sums *s) {
+  int n = f->n, count = f->count;
+  long size = (long)n * n;
+  for (long e = 0; e < size; e++) {
+    s->method[e] = s->squares[e] = s->sizes[e] = s->noise[e] = 0.0;
+    s->X[e] = (cpx){e % (n + 1) == 0, 0.0};
+  }
+  for (int i = 0; i < n; i++) s->shift[i] = (cpx){0.0, 0.0};
+  for (int k = count - 1; k >= 0; k--) step_back(n, f->T + k * size, s->X);
+  for (long e = 0; e < size; e++) {
+    if (!isfinite(s->X[e].re) || !isfinite(s->X[e].im)) return 0;
+    s->S[e] = s->X[e];
+  }
+  close_period(n, same, s->S, f->logs, s->X, s->N);
+  for (int j = 0; j < n; j++)
+    for (int i = j + 1; i < n; i++) s->X[j * n + i] = c_times(s->X[j * n + i], c_over(f->turn[i], f->turn[j]));
+  find_left(n, s->X, f->Q + count * size, s->L);
+  for (int k = count - 1; k >= 0; k--) {
+    step_back(n, f->T + k * size, s->X);
+    multiply_complex(n, f->Q + k * size, s->X, s->R);
+    add_factor(n, k, f, factors + k * size, better ? better + k * size : NULL, counts[k], s);
+    find_left(n, s->X, f->Q + k * size, s->L);
+    if (noise) add_noise(n, k, noise, scale, s);
+  }
+  find_lengths(n, s->L, 0, s->rows);
+  for (int i = 0; i < n; i++)
+    for (int j = 0; j < n; j++) {
+      double *to = s->sizes + i * n + j;
+      *to = fmax(sqrt(s->squares[i * n + j]), COHERENT * *to) + f->defect * s->rows[i] * s->columns[j] + s->noise[i * n + j];
+    }
+  return 1;
+}
+
+static double find_distance(cpx a, cpx b) { return hypot(a.re - b.re, wrap_angle(a.im - b.im)); }
+
+/* Elsner's bound (|N| + |E|)^(1 - 1/m) |E|^(1/m) for each block of m multipliers that N couples. */
+static double bound_shared(int n, int i, const double *coupling, const cpx *N) {
+  double worst = 0.0;
+  for (int row = 0; row < n; row++) { /* the block of a row: itself and what it is coupled to */
+#define LINKED(a) ((a) == row || c_size(N[row * n + (a)]) + c_size(N[(a) * n + row]) > 0.0)
+    int members = 0;
+    double E = 0.0, shared = 0.0;
+    if (!LINKED(i)) continue;
+    for (int a = 0; a < n; a++) {
+      if (!LINKED(a)) continue;
+      members++;
+      for (int b = 0; b < n; b++)
+        if (LINKED(b)) {
+          double x = coupling[a * n + b], y = c_size(N[a * n + b]);
+          E += x * x;
+          shared += y * y;
+        }
+    }
+    E = sqrt(E);
+    if (members > 1) worst = fmax(worst, pow(sqrt(shared) + E, 1.0 - 1.0 / members) * pow(E, 1.0 / members));
+  }
+#undef LINKED
+  return worst;
+}
+
+/* What pairs of eigenvalues do to eigenvalue i beyond first order: A_ij A_ji / gap, but never more than twice its root; own: first-order motions,
+ * which may close gaps; whole: all that may have split a pair. */
+static double bound_pairs(int n, int i, const Form *f, const double *coupling, const double *own, const double *whole, const cpx *N) {
+  double sum = 0.0;
+  for (int j = 0; j < n; j++) {
+    if (j == i) continue;
+    double gap = find_distance(f->logs[i], f->logs[j]) - own[i] - own[j];
+    double size = sqrt(coupling[i * n + j] * coupling[j * n + i]), splitting = sqrt(whole[i * n + j] * whole[j * n + i]);
+    gap = gap > 0.0 || isnan(gap) ? gap : 0.0;
+    sum += splitting > CLOSE * gap ? 2.0 * splitting : size * size / fmax(gap, size + TINY);
+  }
+  return sum + bound_shared(n, i, coupling, N);
+}
+
+static double known(double bound) { return bound < UNKNOWN ? bound : UNKNOWN; }
+
+/* Bounds on the motion of each log, (n,), when multipliers whose ratio is 1 up to `same` are left in one block. */
+static void bound_at(double same, const Form *f, const double *factors, const double *better, const double *counts, const Noise *noise,
+                     const double *scale, const Sums *s, cpx *shift, double *method, double *rounding) {
+  int n = f->n, found = sum_factors(same, f, factors, better, counts, noise, scale, s);
+  double *own = s->own, *whole = s->squares;
+  for (int i = 0; i < n; i++) shift[i] = found ? s->shift[i] : (cpx){0.0, 0.0};
+  if (found)
+    for (int e = 0; e < n * n; e++) whole[e] = DOUBTED * s->method[e] + s->sizes[e];
+  for (int i = 0; i < n; i++) own[i] = c_abs(shift[i]);
+  for (int i = 0; i < n; i++)
+    method[i] = found ? known(fmax(own[i], CANCELLED * s->method[i * n + i]) + bound_pairs(n, i, f, s->method, own, whole, s->N)) : UNKNOWN;
+  for (int i = 0; i < n; i++) own[i] = s->sizes[i * n + i];
+  for (int i = 0; i < n; i++)
+    rounding[i] = found ? known(own[i] + bound_pairs(n, i, f, s->sizes, own, s->sizes, s->N) + 4 * EPS * c_abs(f->logs[i])) : UNKNOWN;
+}
+
+/* Bounds on the motion of each log: by better factors (or none), and by rounding, of which each factor carries `counts`. */
+int bound_motion(const Form *f, const double *factors, const double *better, const double *counts, const Noise *noise, const double *scale,
+                 cpx *shift, double *method, double *rounding) {
+  int n = f->n, levels = sizeof SAME / sizeof *SAME;
+  long size = (long)n * n, room = noise ? size + (long)n * noise->p + size + (long)noise->q * (n + 1) : 0;
+  double *memory = malloc((4 * size + 5L * n) * sizeof(double)), *other = memory ? memory + 4 * size + 3L * n : NULL;
+  cpx *space = malloc((5 * size + 2 * n + (room > 3 * size ? room : 3 * size)) * sizeof(cpx));
+  if (!memory || !space) { free(memory); free(space); return NO_MEMORY; }
+  Sums s = {memory, memory + size, memory + 2 * size, memory + 3 * size, memory + 4 * size, memory + 4 * size + n, memory + 4 * size + 2 * n,
+            space, space + 2 * n, space + 2 * n + size, space + 2 * n + 2 * size, space + 2 * n + 3 * size, space + 2 * n + 4 * size,
+            space + 2 * n + 5 * size};
+  bound_at(SAME[0], f, factors, better, counts, noise, scale, &s, shift, method, rounding);
+  for (int level = 1; level < levels; level++) {
+    int alone = 1;
+    for (int i = 0; i < n; i++)
+      for (int j = 0; j < n; j++)
+        if (i != j && !(method[i] + rounding[i] < ALONE * find_distance(f->logs[i], f->logs[j]))) alone = 0;
+    if (alone) break;
+    bound_at(SAME[level], f, factors, better, counts, noise, scale, &s, space + n, other, other + n);
+    for (int i = 0; i < n; i++) { method[i] = fmin(method[i], other[i]); rounding[i] = fmin(rounding[i], other[n + i]); }
+  }
+  free(memory);
+  free(space);
+  return SOUND;
+}

@@ -1,0 +1,460 @@
+/* The periodic Schur form of a long product: orthogonal iteration from its factors until only clusters of near moduli are left, then the
+ * complex Schur form of each of these. Sources: Bojanczyk, Golub, Van Dooren, SPIE 1770 (1992); Watkins, SIAM Review 47 (2005). */
+#include "product.h"
+
+static const double CLEAN = 1e-14;  /* times n: coupling below a cut between groups of moduli */
+static const double SPREAD = 4.6;   /* of the logs of moduli inside one cluster, which is multiplied out: log 100, so two digits are lost */
+static const double SLACK = 8.0;    /* how much less clean cuts may be in the last sweep, which goes over all factors; what is dropped is said */
+static const double DISORDER = 5.0; /* by which logs of moduli may rise from one mode to the next: they lie in one cluster then */
+static const double GRADED = 200.0; /* of logs of a triangular product's diagonal, up to which factors are multiplied together */
+static const double DEAD = 1e-120;  /* a mode that shrinks by this against the others in one factor counts as no smaller */
+enum { FULL_SWEEPS = 2, MIN_SWEEPS = 12, MAX_SWEEPS = 400, MAX_WORK = 8000000 }; /* over all factors; n^2 times QR factorizations */
+
+/* C = A B (n, n). */
+void multiply_real(int n, const double *restrict A, const double *restrict B, double *restrict C) {
+  for (int i = 0; i < n; i++) {
+    double *row = C + (long)i * n;
+    for (int j = 0; j < n; j++) row[j] = 0.0;
+    for (int k = 0; k < n; k++) {
+      double a = A[(long)i * n + k];
+      const double *b = B + (long)k * n;
+      for (int j = 0; j < n; j++) row[j] += a * b[j];
+    }
+  }
+}
+
+void multiply_complex(int n, const cpx *restrict A, const cpx *restrict B, cpx *restrict C) {
+  for (int i = 0; i < n; i++) {
+    cpx *row = C + (long)i * n;
+    for (int j = 0; j < n; j++) row[j] = (cpx){0.0, 0.0};
+    for (int k = 0; k < n; k++) {
+      cpx a = A[(long)i * n + k];
+      const cpx *b = B + (long)k * n;
+      if (a.re == 0.0 && a.im == 0.0) continue;
+      for (int j = 0; j < n; j++) {
+        row[j].re += a.re * b[j].re - a.im * b[j].im;
+        row[j].im += a.re * b[j].im + a.im * b[j].re;
+      }
+    }
+  }
+}
+
+/* The products F_1 F_0, F_3 F_2, ... in place; an odd last factor stays as it is. Returns how many there are; work (n, n). */
+int multiply_pairs(int n, int count, double *factors, double *work) {
+  long size = (long)n * n;
+  for (int k = 0; k < count / 2; k++) {
+    multiply_real(n, factors + (2 * k + 1) * size, factors + 2 * k * size, work);
+    memcpy(factors + k * size, work, size * sizeof(double));
+  }
+  if (count % 2) memmove(factors + count / 2 * size, factors + (count - 1) * size, size * sizeof(double));
+  return (count + 1) / 2;
+}
+
+/* Rows first ... n - 1 of X, columns `from` on, less tau v (v' X), v_first = 1; v: the column `first` of A below its diagonal. */
+static void reflect(int n, int first, int from, double tau, const double *A, double *X, double *work) {
+  for (int j = from; j < n; j++) work[j] = X[(long)first * n + j];
+  for (int i = first + 1; i < n; i++) {
+    double v = A[(long)i * n + first];
+    const double *row = X + (long)i * n;
+    for (int j = from; j < n; j++) work[j] += v * row[j];
+  }
+  for (int j = from; j < n; j++) { work[j] *= tau; X[(long)first * n + j] -= work[j]; }
+  for (int i = first + 1; i < n; i++) {
+    double v = A[(long)i * n + first], *row = X + (long)i * n;
+    for (int j = from; j < n; j++) row[j] -= v * work[j];
+  }
+}
+
+/* A = Q R (n, n) by Householder's reflections; A becomes R. work (2 n). */
+void make_orthogonal(int n, double *A, double *Q, double *work) {
+  double *tau = work + n;
+  for (int k = 0; k < n; k++) {
+    double largest = 0.0, below = 0.0, alpha = A[(long)k * n + k];
+    for (int i = k + 1; i < n; i++) largest = fmax(largest, fabs(A[(long)i * n + k]));
+    tau[k] = 0.0;
+    if (!(largest > 0.0)) continue;
+    largest = fmax(largest, fabs(alpha));
+    for (int i = k; i < n; i++) {
+      double x = A[(long)i * n + k] / largest;
+      below += x * x;
+    }
+    double beta = -copysign(largest * sqrt(below), alpha), over = 1.0 / (alpha - beta);
+    tau[k] = (beta - alpha) / beta;
+    for (int i = k + 1; i < n; i++) A[(long)i * n + k] *= over;
+    reflect(n, k, k + 1, tau[k], A, A, work);
+    A[(long)k * n + k] = beta;
+  }
+  for (int e = 0; e < n * n; e++) Q[e] = e % (n + 1) == 0;
+  for (int k = n - 1; k >= 0; k--)
+    if (tau[k] != 0.0) reflect(n, k, k, tau[k], A, Q, work);
+  for (int i = 1; i < n; i++)
+    for (int j = 0; j < i; j++) A[(long)i * n + j] = 0.0;
+}
+
+/* F_k Q_k = Q_(k+1) R_k for factors (count, n, n): all R_k, and all Q_k (count + 1, n, n), or the first and then the last in turns (2, n, n).
+ * work (2 n). */
+static void sweep_factors(int n, int count, int all, const double *factors, double *Q, double *R, double *work) {
+  long size = (long)n * n;
+  for (int k = 0; k < count; k++) {
+    double *from = Q + (all ? k : k % 2) * size, *to = Q + (all ? k + 1 : (k + 1) % 2) * size;
+    multiply_real(n, factors + k * size, from, R + k * size);
+    make_orthogonal(n, R + k * size, to, work);
+  }
+}
+
+/* Sums of log |r_ii| (n,) over the factors; a zero counts as the smallest number. */
+static void sum_log_moduli(int n, int count, const double *R, double *sizes) {
+  for (int i = 0; i < n; i++) {
+    sizes[i] = 0.0;
+    for (int k = 0; k < count; k++) sizes[i] += log(fmax(fabs(R[((long)k * n + i) * n + i]), TINY));
+  }
+}
+
+/* C = A' B (n, n). */
+static void multiply_transposed(int n, const double *A, const double *B, double *C) {
+  for (long e = 0; e < (long)n * n; e++) C[e] = 0.0;
+  for (int k = 0; k < n; k++)
+    for (int i = 0; i < n; i++)
+      for (int j = 0; j < n; j++) C[i * n + j] += A[k * n + i] * B[k * n + j];
+}
+
+/* Cut where W is decoupled up to `clean`: cut (n + 1), the coupling that is dropped. Returns the widest spread of log moduli in a cluster. */
+static double find_clusters(int n, const double *W, const double *sizes, double clean, int *cut, double *dropped) {
+  double spread = 0.0, low = sizes[0], high = sizes[0];
+  cut[0] = cut[n] = 1;
+  *dropped = 0.0;
+  for (int i = 1; i < n; i++) {
+    double coupling = 0.0;
+    for (int r = i; r < n; r++)
+      for (int c = 0; c < i; c++) coupling = fmax(coupling, fabs(W[r * n + c]));
+    cut[i] = coupling <= clean;
+    if (cut[i]) *dropped = fmax(*dropped, coupling);
+    low = cut[i] ? sizes[i] : fmin(low, sizes[i]);
+    high = cut[i] ? sizes[i] : fmax(high, sizes[i]);
+    spread = fmax(spread, high - low);
+  }
+  return spread;
+}
+
+/* Multiply neighbouring triangular factors, in place, while the logs of their diagonals stay below GRADED; returns how many are left. */
+static int group_triangular(int n, int count, double *R, double *sizes, double *work) {
+  for (int k = 0; k < count; k++)
+    for (int i = 0; i < n; i++) sizes[k * n + i] = log(fmax(fabs(R[((long)k * n + i) * n + i]), TINY));
+  while (count > 1) {
+    double largest = 0.0;
+    int left = (count + 1) / 2;
+    for (int k = 0; k < left; k++)
+      for (int i = 0; i < n; i++) {
+        sizes[k * n + i] = sizes[2 * k * n + i] + (2 * k + 1 < count ? sizes[(2 * k + 1) * n + i] : 0.0);
+        largest = fmax(largest, fabs(sizes[k * n + i]));
+      }
+    if (!(largest <= GRADED)) break;
+    count = multiply_pairs(n, count, R, work);
+  }
+  return count;
+}
+
+/* Where sweeps work: triangular factors and those that they are multiplied together to, bases in turns, small matrices, logs. */
+typedef struct { double *R, *grouped, *ends, *W, *base, *work, *sizes; int *cut; } Bench;
+
+/* Sweep from the bases Q (n, n) until every cluster is narrow; the width that is accepted rises slowly so that equal gaps end too.
+ *
+ * After FULL_SWEEPS the rows of R are graded: then triangular factors are multiplied together without loss, and the sweeps go on over W and
+ * these few products. */
+static void iterate(int n, int count, const double *factors, double *Q, const Bench *at) {
+  long size = (long)n * n;
+  double dropped;
+  int limit = MAX_SWEEPS, grouped = 0;
+  for (int sweep = 1;; sweep++) {
+    memcpy(at->ends, Q, size * sizeof(double));
+    sweep_factors(n, count, 0, factors, at->ends, at->R, at->work);
+    double *end = at->ends + count % 2 * size;
+    multiply_transposed(n, Q, end, at->W);
+    sum_log_moduli(n, count, at->R, at->sizes);
+    if (find_clusters(n, at->W, at->sizes, CLEAN * n, at->cut, &dropped) <= SPREAD + sweep / 20.0 || sweep >= limit) break;
+    if (sweep == FULL_SWEEPS) {
+      grouped = 1;
+      memcpy(at->base, Q, size * sizeof(double));
+      memcpy(at->grouped, at->R, count * size * sizeof(double));
+      count = group_triangular(n, count, at->grouped, at->sizes, at->work);
+      memcpy(at->grouped + count++ * size, at->W, size * sizeof(double));
+      factors = at->grouped;
+      end = at->W;
+      double work = MAX_WORK / ((double)size * count);
+      limit = work < MIN_SWEEPS ? MIN_SWEEPS : work > MAX_SWEEPS ? MAX_SWEEPS : (int)work;
+    }
+    memcpy(Q, end, size * sizeof(double));
+  }
+  if (grouped) {
+    multiply_real(n, at->base, Q, at->W);
+    memcpy(Q, at->W, size * sizeof(double));
+  }
+}
+
+/* A fixed orthogonal matrix (n, n) in no special position; work (n n + 2 n). */
+static void turn_anyhow(int n, double *Q, double *work) {
+  unsigned long long state = 1931;
+  for (int e = 0; e < n * n; e++) {
+    state = state * 6364136223846793005ULL + 1442695040888963407ULL; /* Knuth's MMIX */
+    work[e] = (double)(state >> 11) * 0x1p-52 - 1.0;
+  }
+  make_orthogonal(n, work, Q, work + n * n);
+}
+
+/* All bases Q (count + 1, n, n) and R (count, n, n) of converged sweeps; where a start in an invariant subspace left the moduli out of order,
+ * once more from a turned one. */
+static void find_bases(int n, int count, const double *factors, double *Q, const Bench *at) {
+  for (int attempt = 0; attempt < 2; attempt++) {
+    iterate(n, count, factors, Q, at);
+    sweep_factors(n, count, 1, factors, Q, at->R, at->work);
+    sum_log_moduli(n, count, at->R, at->sizes);
+    int ordered = 1;
+    for (int i = 1; i < n; i++) ordered &= at->sizes[i] - at->sizes[i - 1] <= DISORDER;
+    if (ordered || attempt) return;
+    turn_anyhow(n, at->base, at->work);
+    multiply_real(n, Q, at->base, at->W);
+    memcpy(Q, at->W, (size_t)n * n * sizeof(double));
+  }
+}
+
+static void transpose(int n, cpx *A) {
+  for (int i = 0; i < n; i++)
+    for (int j = 0; j < i; j++) { cpx x = A[i * n + j]; A[i * n + j] = A[j * n + i]; A[j * n + i] = x; }
+}
+
+/* Z (b, b) unitary with A = Z T Z^H, T upper triangular, of A in rows; A becomes T in rows. Returns whether it was found. work (b (b + 2) + 2). */
+static int find_complex_schur(const Lapack *lapack, int b, cpx *A, cpx *Z, cpx *work) {
+  int none, failed, room = b < 2 ? 2 : b * b;
+  cpx *values = work + room;
+  transpose(b, A);
+  lapack->zgees("V", "N", NULL, &b, A, &b, &none, values, Z, &b, work, &room, (double *)(values + b), NULL, &failed, 1, 1);
+  transpose(b, A);
+  transpose(b, Z);
+  return !failed;
+}
+
+/* The unitary factor of A (b, b), in its place, all in rows; work (b (b + 1)). */
+static void make_unitary(const Lapack *lapack, int b, cpx *A, cpx *work) {
+  int failed, room = b * b;
+  transpose(b, A);
+  lapack->zgeqrf(&b, &b, A, &b, work + room, work, &room, &failed);
+  lapack->zungqr(&b, &b, &b, A, &b, work + room, work, &room, &failed);
+  transpose(b, A);
+}
+
+/* The block of b modes from `first` on of W R_(K-1) ... R_0, multiplied out and scaled. */
+static void multiply_block(int n, int count, int first, int b, const double *W, const double *R, cpx *P, cpx *next, cpx *factor) {
+  for (int k = 0; k <= count; k++) {
+    const double *from = k < count ? R + (long)k * n * n : W;
+    double largest = 0.0;
+    for (int e = 0; e < b * b; e++) factor[e] = (cpx){from[(first + e / b) * n + first + e % b], 0.0};
+    if (k == 0) memcpy(P, factor, (size_t)b * b * sizeof(cpx));
+    else {
+      multiply_complex(b, factor, P, next);
+      memcpy(P, next, (size_t)b * b * sizeof(cpx));
+    }
+    for (int e = 0; e < b * b; e++) largest = fmax(largest, fabs(P[e].re));
+    if (largest > 0.0)
+      for (int e = 0; e < b * b; e++) P[e].re /= largest;
+  }
+}
+
+/* U (n, n) block by block, unitary, such that U^H W R_(K-1) ... R_0 U has upper triangular blocks. Returns whether all were found. */
+static int start_blocks(const Lapack *lapack, const Form *f, const int *cut, const double *W, const double *R, cpx *U, cpx *work) {
+  int n = f->n, found = 1;
+  long size = (long)n * n;
+  for (long e = 0; e < size; e++) U[e] = (cpx){e % (n + 1) == 0, 0.0};
+  for (int first = 0, past = 1; first < n; first = past++) {
+    while (!cut[past]) past++;
+    int b = past - first;
+    if (b == 1) continue;
+    multiply_block(n, f->count, first, b, W, R, work, work + size, work + 2 * size);
+    found &= find_complex_schur(lapack, b, work, work + size, work + 2 * size);
+    for (int e = 0; e < b * b; e++) U[(first + e / b) * n + first + e % b] = work[size + e];
+  }
+  return found;
+}
+
+/* R U for R real, upper triangular. */
+static void multiply_triangular(int n, const double *R, const cpx *U, cpx *to) {
+  for (int i = 0; i < n; i++)
+    for (int j = 0; j < n; j++) {
+      double x = 0.0, y = 0.0;
+      for (int k = i; k < n; k++) { x += R[i * n + k] * U[k * n + j].re; y += R[i * n + k] * U[k * n + j].im; }
+      to[i * n + j] = (cpx){x, y};
+    }
+}
+
+/* to = U^H A. */
+static void multiply_adjoint(int n, const cpx *U, const cpx *A, cpx *to) {
+  for (int e = 0; e < n * n; e++) to[e] = (cpx){0.0, 0.0};
+  for (int k = 0; k < n; k++)
+    for (int i = 0; i < n; i++) {
+      cpx u = c_conj(U[k * n + i]);
+      if (u.re == 0.0 && u.im == 0.0) continue;
+      for (int j = 0; j < n; j++) {
+        to[i * n + j].re += u.re * A[k * n + j].re - u.im * A[k * n + j].im;
+        to[i * n + j].im += u.re * A[k * n + j].im + u.im * A[k * n + j].re;
+      }
+    }
+}
+
+/* Q U for real Q. */
+static void turn_basis(int n, const double *Q, const cpx *U, cpx *to) {
+  for (int i = 0; i < n; i++)
+    for (int j = 0; j < n; j++) {
+      double x = 0.0, y = 0.0;
+      for (int k = 0; k < n; k++) { x += Q[i * n + k] * U[k * n + j].re; y += Q[i * n + k] * U[k * n + j].im; }
+      to[i * n + j] = (cpx){x, y};
+    }
+}
+
+/* Keep the upper triangle of T, and put a small number where a mode has died out to nothing beside the others, so that its log exists. */
+static void complete_triangle(int n, cpx *T) {
+  double largest = 0.0;
+  for (int i = 0; i < n; i++)
+    for (int j = 0; j < n; j++) {
+      if (j < i) T[i * n + j] = (cpx){0.0, 0.0};
+      else largest = fmax(largest, c_abs(T[i * n + j]));
+    }
+  double least = DEAD * fmax(largest, TINY / DEAD);
+  for (int i = 0; i < n; i++)
+    if (!(c_abs(T[i * n + i]) >= least)) T[i * n + i] = (cpx){least, 0.0};
+}
+
+/* T and Q of all factors from their real bases and triangular factors: U_(k+1) T_k = R_k U_k, block by block. work (3 n n). */
+static void carry_blocks(const Lapack *lapack, Form *f, const int *cut, const double *bases, const double *R, cpx *U, cpx *work) {
+  int n = f->n, single = 1;
+  long size = (long)n * n;
+  cpx *RU = work, *block = work + size, *room = block + size;
+  for (int i = 0; i < n; i++) single &= cut[i];
+  turn_basis(n, bases, U, f->Q);
+  for (int k = 0; k < f->count; k++) {
+    const double *Rk = R + k * size;
+    if (single)
+      for (long e = 0; e < size; e++) f->T[k * size + e] = (cpx){Rk[e], 0.0};
+    else {
+      multiply_triangular(n, Rk, U, RU);
+      for (int first = 0, past = 1; first < n; first = past++) {
+        while (!cut[past]) past++;
+        int b = past - first;
+        if (b == 1) continue;
+        for (int e = 0; e < b * b; e++) block[e] = RU[(first + e / b) * n + first + e % b];
+        make_unitary(lapack, b, block, room);
+        for (int e = 0; e < b * b; e++) U[(first + e / b) * n + first + e % b] = block[e];
+      }
+      multiply_adjoint(n, U, RU, f->T + k * size);
+    }
+    complete_triangle(n, f->T + k * size);
+    turn_basis(n, bases + (k + 1) * size, U, f->Q + (k + 1) * size);
+  }
+}
+
+/* turn and defect: how Q_K = Q_0 diag(turn) closes inside every block. */
+static void close_blocks(Form *f, const int *cut, double dropped, cpx *work) {
+  int n = f->n;
+  double missed = 0.0;
+  multiply_adjoint(n, f->Q, f->Q + (long)f->count * n * n, work);
+  for (int first = 0, past = 1; first < n; first = past++) {
+    while (!cut[past]) past++;
+    for (int i = first; i < past; i++) {
+      double size = c_abs(work[i * n + i]);
+      f->turn[i] = size > 0.0 ? (cpx){work[i * n + i].re / size, work[i * n + i].im / size} : (cpx){1.0, 0.0};
+    }
+    for (int i = first; i < past; i++)
+      for (int j = first; j < past; j++) {
+        cpx x = work[i * n + j];
+        missed = fmax(missed, i == j ? c_abs((cpx){x.re - f->turn[i].re, x.im - f->turn[i].im}) : c_abs(x));
+      }
+  }
+  f->defect = dropped + (n > 1 ? missed : 0.0);
+}
+
+/* Into (-pi, pi]. */
+double wrap_angle(double angle) {
+  double near = remainder(angle, 2 * M_PI);
+  return near <= -M_PI ? M_PI : near;
+}
+
+/* x is added to a sum, and what is lost kept beside it. Source: Neumaier, ZAMM 54 (1974) 39. */
+static void add_exactly(double x, double *sum, double *lost) {
+  double next = *sum + x;
+  *lost += fabs(*sum) >= fabs(x) ? (*sum - next) + x : (x - next) + *sum;
+  *sum = next;
+}
+
+/* Add an angle to a sum; half turns are counted. */
+static void add_angle(cpx t, double *sum, double *lost, int *halves) {
+  if (t.im == 0.0) *halves ^= t.re < 0.0;
+  else add_exactly(atan2(t.im, t.re), sum, lost);
+}
+
+static void sum_logs(Form *f) {
+  int n = f->n;
+  for (int i = 0; i < n; i++) {
+    int halves = 0;
+    double size = 0.0, angle = 0.0, lost[2] = {0.0, 0.0};
+    add_angle(f->turn[i], &angle, lost + 1, &halves);
+    for (int k = 0; k < f->count; k++) {
+      cpx t = f->T[((long)k * n + i) * n + i];
+      add_exactly(log(fmax(c_abs(t), TINY)), &size, lost);
+      add_angle(t, &angle, lost + 1, &halves);
+    }
+    f->logs[i] = (cpx){size + lost[0], wrap_angle(angle + lost[1] + (halves ? M_PI : 0.0))};
+  }
+}
+
+/* One matrix: its complex Schur form. */
+static int find_single_form(const Lapack *lapack, const double *factor, Form *f, cpx *work) {
+  int n = f->n;
+  long size = (long)n * n;
+  for (long e = 0; e < size; e++) f->T[e] = (cpx){factor[e], 0.0};
+  if (!find_complex_schur(lapack, n, f->T, f->Q, work)) return NO_SCHUR_FORM;
+  memcpy(f->Q + size, f->Q, size * sizeof(cpx));
+  complete_triangle(n, f->T);
+  for (long e = 0; e < size; e++) f->start[e] = e % (n + 1) == 0;
+  for (int i = 0; i < n; i++) f->turn[i] = (cpx){1.0, 0.0};
+  f->defect = 0.0;
+  sum_logs(f);
+  return SOUND;
+}
+
+/* Bring factors (count, n, n) into periodic Schur form, from bases `start` (n, n) or, where that is none, from those of no system. */
+int find_schur_form(const Lapack *lapack, const double *factors, const double *start, Form *f) {
+  int n = f->n, count = f->count, code = SOUND;
+  long size = (long)n * n;
+  for (long e = 0; e < count * size; e++)
+    if (!isfinite(factors[e])) return NOT_FINITE;
+  double *memory = malloc(((3L * count + 7) * size + (count + 3L) * n) * sizeof(double));
+  cpx *work = malloc((5 * size + 2 * n + 2) * sizeof(cpx)), *U = work ? work + 4 * size + 2 * n + 2 : NULL;
+  int *cut = malloc((n + 1) * sizeof(int));
+  if (!memory || !work || !cut) code = NO_MEMORY;
+  else if (count == 1) code = find_single_form(lapack, factors, f, work);
+  else {
+    double *bases = memory, dropped;
+    Bench at;
+    at.R = bases + (count + 1) * size;
+    at.grouped = at.R + count * size;
+    at.ends = at.grouped + (count + 1) * size;
+    at.W = at.ends + 2 * size;
+    at.base = at.W + size;
+    at.work = at.base + size;
+    at.sizes = at.work + size + 2 * n;
+    at.cut = cut;
+    for (long e = 0; e < size; e++) bases[e] = start ? start[e] : e % (n + 1) == 0;
+    find_bases(n, count, factors, bases, &at);
+    memcpy(f->start, bases, size * sizeof(double));
+    multiply_transposed(n, bases, bases + count * size, at.W);
+    if (find_clusters(n, at.W, at.sizes, CLEAN * n, cut, &dropped) > 2 * SPREAD) find_clusters(n, at.W, at.sizes, SLACK * CLEAN * n, cut, &dropped);
+    if (!start_blocks(lapack, f, cut, at.W, at.R, U, work)) code = NO_SCHUR_FORM;
+    else {
+      carry_blocks(lapack, f, cut, bases, at.R, U, work);
+      close_blocks(f, cut, dropped, work);
+      sum_logs(f);
+    }
+  }
+  free(memory);
+  free(work);
+  free(cut);
+  return code;
+}
