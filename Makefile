@@ -4,7 +4,7 @@
 #   make slow     runs the other tests: random juries, whole reports, killed processes, pages in a browser
 # After changes of C files, make core builds flexlin/_core anew (make test does); make wheel packs what users install, into dist.
 # Others need more packages:
-#   make peers    compares with Pinocchio, heyoka and daceypy
+#   make peers    compares with Pinocchio, heyoka, daceypy and code compiled by numba
 #   make docs     builds the documentation into build/site; runs its pages, warnings are errors
 #   make links    asks every link of the documentation that leads to another site (needs the network)
 # After changes of dependencies, make lock (with uv) pins them with their hashes: nothing else is ever installed.

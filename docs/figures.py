@@ -103,6 +103,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "commands": commands,
     "scene": scene,
     "hard-cases": hard_cases,
+    "compiled-peers": recorded.compiled_peers,
     "cost-of-accuracy": recorded.cost_of_accuracy,
     "taylor-cost": recorded.taylor_cost,
     "taylor-variables": recorded.taylor_variables,

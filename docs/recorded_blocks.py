@@ -1,5 +1,6 @@
 """Blocks of the pages that are rendered from docs/measured: what takes minutes, or is a time."""
 
+import statistics
 from typing import Any
 
 from records import measured, not_measured
@@ -39,6 +40,23 @@ def cost_of_accuracy() -> str:
     return "\n\n".join(
         [when(record), table(head, lines), table(["batch", "modes", "time a value", "error"], batches), all_exponents]
     )
+
+
+def compiled_peers() -> str:
+    """flexlin with its errors beside the fastest settings of peers that numba compiles; medians of a group's systems."""
+    record = measured("compiled_peers")
+    lines, designs = [], []
+    for group in dict.fromkeys(row["group"] for row in record["rows"]):
+        own = [row for row in record["rows"] if row["group"] == group and row["program"] == "flexlin"]
+        if group in record["ratios"]:
+            ratios = [two_digits(record["ratios"][group].get(kind, float("nan"))) for kind in ("Magnus 6", "DOP853")]
+            ratios = ["" if ratio == "nan" else ratio for ratio in ratios]
+            lines.append([group, duration(statistics.median(row["milliseconds"] for row in own)), *ratios])
+        else:
+            designs += [f"{row['case']} {duration(row['milliseconds'])}" for row in own]
+    head = ["system", "flexlin, exponents with errors", "times Magnus 6", "times DOP853"]
+    text = f"`fl.periodic_lqr`, random systems with two harmonics: {', '.join(designs)}."
+    return "\n\n".join([when(record), table(head, lines), text])
 
 
 def taylor_cost() -> str:

@@ -68,8 +68,13 @@ def measure_tuning_grid(out: str) -> dict[str, Any]:
     return {"rows": [{"arm": ", ".join(case), **row} for case, row in found.items()]}
 
 
+def measure_compiled_peers(out: str) -> dict[str, Any]:
+    return import_module("compiled_peers").main("full", out)
+
+
 MEASURES = {
     "charts_speed": measure_charts_speed,
+    "compiled_peers": measure_compiled_peers,
     "cost_of_accuracy": measure_cost_of_accuracy,
     "taylor_cost": measure_taylor_cost,
     "taylor_variables": measure_taylor_variables,

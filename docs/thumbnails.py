@@ -17,6 +17,7 @@ RECORDED: dict[str, Callable[[Any, dict[str, Any], Path], None]] = {
     "cost_of_accuracy": lambda study, record, out: study.draw(
         [study.Row(**row) for row in record["rows"]], out / "x.svg"
     ),
+    "compiled_peers": lambda study, record, out: study.draw(record["ratios"], out / "x.svg"),
     "riccati_race": lambda study, record, out: study.draw(record["times"], out / "x.svg"),
     "charts_speed": lambda study, record, out: study.draw(record, out),
     "taylor_cost": lambda study, record, out: study.draw([study.Cost(**row) for row in record["rows"]], out),
