@@ -77,6 +77,20 @@ class Decoupled:
         return (B.real if group.partner == index else as_real(B)), complex(c.mean())
 
 
+@dataclass(frozen=True)
+class DecoupledExponents:
+    """Exponents (n,) in 1/s by falling real part, imaginary parts in (-pi/T, pi/T], and their errors (n,).
+
+    discretization, coupling, rounding (n,): the parts of the errors; of larger groups all three stand in `discretization`.
+    """
+
+    exponents: Array
+    errors: Array
+    discretization: Array
+    coupling: Array
+    rounding: Array
+
+
 def as_real(B: Array) -> Array:
     """Complex matrices (..., p, p) as real ones [[Re, -Im], [Im, Re]] (..., 2p, 2p)."""
     return np.concatenate(

@@ -8,12 +8,10 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.chebyshev import chebyshev_nodes
 from flexlin.periodic.circle import match_logs
-from flexlin.periodic.decoupling.decoupled import Refusal, as_real
-from flexlin.periodic.decoupling.exponents import DecoupledExponents
+from flexlin.periodic.decoupling.decoupled import DecoupledExponents, Refusal, as_real
 from flexlin.periodic.decoupling.frames import open_frame
 from flexlin.periodic.decoupling.grouping import Group, find_eigenvectors, follow_modes, grouped_modes
 from flexlin.periodic.decoupling.interval import KEPT, filter_interval, integrate_interval, sample_interval
-from flexlin.periodic.decoupling.several import SAFETY, UNRESOLVED
 from flexlin.periodic.decoupling.superadiabatic import mixing, rounds, sylvester
 from flexlin.periodic.decoupling.waves import apply
 from flexlin.periodic.product.balancing import GROUP_CONDITION
@@ -28,6 +26,7 @@ GAP = 20.0
 MIXED, LEFT = 0.1, 1e-7
 """Modes stay together that a first step would mix by more, or that stay mixed by more after the rounds."""
 MAX_MERGES, MAX_FACTORS = 8, 4000
+SAFETY, UNRESOLVED = 3.0, 0.5
 DOUBTFUL = 1e-2
 """Error of a log beyond which it counts as unresolved beside others that are."""
 STAGES, STEP = 8, 2.0

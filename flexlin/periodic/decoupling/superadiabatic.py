@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from flexlin._core import declare
 from flexlin.checks import Array
 from flexlin.lapack import complex_schur
 from flexlin.periodic.decoupling.grouping import Group
@@ -12,83 +11,36 @@ from flexlin.periodic.decoupling.waves import KEPT, harmonics
 
 SLOW_PART = 0.8
 """Harmonics of the coupling below this part of the gap shrink from round to round."""
-SMALL = 24
-"""Entries of a block up to which one linear system takes less time than Schur forms."""
-AGAINST_SCALARS = declare(
-    "int solve_against_scalars(int n, int times, int start, int p, int count, const int *scalars, "
-    "const double complex *matrices, double complex *solution)",
-    lambda n, times, start, p, count, *_: ((count,), (times, n, n), (times, n, n)),
-)
-BETWEEN_GROUPS = declare(
-    "int solve_between_groups(int n, int times, int first, int p, int second, int q, "
-    "const double complex *matrices, double complex *solution)",
-    lambda n, times, *_: ((times, n, n), (times, n, n)),
-)
 ENOUGH, SLOW = 0.01, 0.8
 """Rounds end when the coupling's effect is this part of what is allowed, or shrinks by less than this factor."""
 
 
 def sylvester(B: Array, groups: tuple[Group, ...]) -> Array:
-    """S (N, n, n) with B_ii S_ij - S_ij B_jj = -B_ij between groups i and j, zero inside the groups.
-
-    Source: Bartels, Stewart, Solution of the matrix equation AX + XB = C, Comm. ACM 15 (1972).
-    """
-    B = np.ascontiguousarray(B)
-    S = np.zeros_like(B)
-    diagonal = np.einsum("tii->ti", B)
+    """S (N, n, n) with B_ii S_ij - S_ij B_jj = -B_ij between groups i and j, zero inside the groups."""
+    S, diagonal = np.zeros_like(B), np.einsum("tii->ti", B)
     scalar = np.repeat([group.size == 1 for group in groups], [group.size for group in groups])
     single = scalar[:, None] & scalar & ~np.eye(len(scalar), dtype=bool)
-    apart = diagonal[:, :, None] - diagonal[:, None, :]
-    S[:, single] = -B[:, single] / apart[:, single]
+    S[:, single] = -B[:, single] / (diagonal[:, :, None] - diagonal[:, None, :])[:, single]
     for group in groups:
-        if group.size > 1:
-            against_scalars(S, B, group, np.flatnonzero(scalar), diagonal)
-            for other in groups:
-                if other.size > 1 and other is not group:
-                    between_groups(S, B, group, other)
+        for other in groups:
+            if other is not group and max(group.size, other.size) > 1:
+                S[:, group.part, other.part] = solve_block(B, group, other)
     return S
 
 
-def against_scalars(S: Array, B: Array, group: Group, scalars: Array, diagonal: Array) -> None:
-    """The blocks between one group and all single modes: (B_gg - b) s = -r and (B_gg' - b) s' = r'. Raises: MemoryError."""
-    if not len(scalars):
-        return
-    if group.size == 2:
-        against_scalars_of_two(S, B, group, scalars, diagonal)
-        return
-    places, (count, n, _) = scalars.astype(np.intc), B.shape
-    if not AGAINST_SCALARS(n, count, group.start, group.size, len(places), places, B, S):
-        raise MemoryError("the coupling of a group")
+def solve_block(B: Array, group: Group, other: Group) -> Array:
+    """One block of S (N, p, q), column by column from the complex Schur form of the smaller diagonal block.
 
-
-def against_scalars_of_two(S: Array, B: Array, group: Group, scalars: Array, diagonal: Array) -> None:
-    """The same for two modes, by Cramer's rule: what it loses shows in the coupling that is left."""
-    i, j = group.start, group.start + 1
-    a, d = (diagonal[:, k, None] - diagonal[:, scalars] for k in (i, j))
-    b, c = B[:, i, j, None], B[:, j, i, None]
-    determinant = a * d - b * c
-    up, low, left, right = B[:, i, scalars], B[:, j, scalars], B[:, scalars, i], B[:, scalars, j]
-    S[:, i, scalars], S[:, j, scalars] = (b * low - d * up) / determinant, (c * up - a * low) / determinant
-    S[:, scalars, i], S[:, scalars, j] = (d * left - c * right) / determinant, (a * right - b * left) / determinant
-
-
-def between_groups(S: Array, B: Array, group: Group, other: Group) -> None:
-    """The block between two larger groups. Raises: MemoryError."""
-    if group.size * other.size > SMALL:
-        S[:, group.part, other.part] = block(B, group, other)
-    elif not BETWEEN_GROUPS(B.shape[-1], len(B), group.start, group.size, other.start, other.size, B, S):
-        raise MemoryError("the coupling of two groups")
-
-
-def block(B: Array, group: Group, other: Group) -> Array:
-    """Solve one block column by column from the complex Schur form of the smaller diagonal block."""
+    Source: Bartels, Stewart, Solution of the matrix equation AX + XB = C, Comm. ACM 15 (1972).
+    """
     if other.size > group.size:
         turned = -np.swapaxes(B, 1, 2)
-        return -np.swapaxes(block(turned, other, group), 1, 2)
-    own, Y = B[:, group.part, group.part], np.empty((len(B), group.size, other.size), complex)
-    forms = [complex_schur(its) for its in B[:, other.part, other.part]]
-    R, Q = (np.array(part) for part in zip(*forms, strict=True))
-    right = -B[:, group.part, other.part] @ Q
+        return -np.swapaxes(solve_block(turned, other, group), 1, 2)
+    own, R = B[:, group.part, group.part], B[:, other.part, other.part]
+    Q = np.ones_like(R)
+    if other.size > 1:
+        R, Q = (np.array(part) for part in zip(*map(complex_schur, R), strict=True))
+    right, Y = -B[:, group.part, other.part] @ Q, np.empty((len(B), group.size, other.size), complex)
     for k in range(other.size):
         column = right[:, :, k] + (Y[:, :, :k] @ R[:, :k, k, None])[..., 0]
         Y[:, :, k] = np.linalg.solve(own - R[:, k, k, None, None] * np.eye(group.size), column[..., None])[..., 0]

@@ -1,21 +1,41 @@
 """Floquet exponents of systems with fast modes: decoupled first, where that is cheaper than following every oscillation."""
 
-from functools import partial
+from collections.abc import Callable
+from functools import cache, partial
 
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.errors import NumericalError
+from flexlin.periodic.assignment import assign
+from flexlin.periodic.circle import pair_conjugates, wrap_angle, wrap_log
+from flexlin.periodic.decoupling.coupling import Coupled
 from flexlin.periodic.decoupling.decouple import decouple
-from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
-from flexlin.periodic.decoupling.exponents import decoupled_exponents
+from flexlin.periodic.decoupling.decoupled import Decoupled, DecoupledExponents, Refusal, as_real
+from flexlin.periodic.decoupling.grouping import block_mask, connected
+from flexlin.periodic.decoupling.hidden import link_modes
 from flexlin.periodic.decoupling.parting import MAX_MERGES
+from flexlin.periodic.decoupling.waves import aliasing, shifted
+from flexlin.periodic.floquet.segmented import SegmentedSpectrum, solve_by_segments
+from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.product.balancing import balance_factors
+from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.uncertainty import couple_uncertainty
 from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.transition.choice import choose_setting
 
 ENCLOSED = 0.1
 """An exponent that is known only to this part of its size, and to lie below the others, counts as unresolved."""
 NODES, FIRST = 128, 64
 """Nodes of a panel on which a system is decoupled, and of a period without breaks at first, those that check included."""
+SAFETY = 3.0
+"""Factor on the coupling's effect and rounding."""
+UNRESOLVED = 0.5
+"""Logs of multipliers with larger errors are ill-conditioned beyond measuring; they are only enclosed."""
+MOST = 4000
+"""Groups that need more segments are only enclosed: their modes mostly take turns."""
+MARK = 0.7
+"""The angle by which the members of a complex group are turned, to separate them from their conjugates."""
 
 
 def estimate_decoupling_work(n: int, panels: int) -> float:
@@ -52,3 +72,160 @@ def hide_enclosed(exponents: Array, errors: Array) -> Array:
         return errors
     lowest = float((exponents.real - errors)[known].min())
     return np.where(~known & (exponents.real + errors < lowest), np.inf, errors)
+
+
+def decoupled_exponents(decoupled: Decoupled, tol: float = 1e-9) -> DecoupledExponents:
+    """Floquet exponents of all groups, each with its error.
+
+    A single mode's exponent is the mean of its generator; the nodes that built the frame and those half-way between them give it
+    once each, and their difference is its error. A larger group is a small system without fast modes, left to the engine's segments
+    (`solve_group`); what couples it to others counts as not known of its coefficients.
+    """
+    T, n = decoupled.period, decoupled.generator.shape[-1]
+    values, parts = np.zeros(n, complex), np.zeros((3, n))
+    enclose = cache(partial(enclosures, decoupled))
+    single = [i for i, group in enumerate(decoupled.groups) if group.size == 1 and group.partner >= i]
+    places = [decoupled.groups[i].start for i in single]
+    values[places], parts[:, places] = singles(decoupled, single, enclose)
+    for i, group in enumerate(decoupled.groups):
+        if group.partner < i:
+            mate = decoupled.groups[group.partner].part
+            values[group.part], parts[:, group.part] = values[mate].conj(), parts[:, mate]
+        elif group.size > 1:
+            values[group.part], parts[0, group.part] = solve_group(decoupled, i, tol, enclose)
+    values = wrap_log(values * T) / T
+    order = np.argsort(-values.real, kind="stable")
+    return DecoupledExponents(values[order], parts.sum(axis=0)[order], *parts[:, order])
+
+
+def singles(
+    decoupled: Decoupled, indices: list[int], enclose: Callable[[], tuple[Array, Array]]
+) -> tuple[Array, Array]:
+    """The exponents (s,) of groups of one, and their three errors (3, s).
+
+    Where the coupling's bound exceeds what the real parts of the coupled modes `enclose`, the enclosure counts.
+    """
+    groups = [decoupled.groups[i] for i in indices]
+    places = [group.start for group in groups]
+    B = decoupled.generator[:, places, places]
+    real = np.array([group.partner for group in groups]) == indices
+    values = B.mean(axis=0)
+    values = np.where(real, values.real + 1j * np.pi / decoupled.period * decoupled.turning[indices], values)
+    apart = np.maximum(np.abs(B[::2].mean(axis=0) - B[1::2].mean(axis=0)), aliasing(B))
+    coupling = SAFETY * decoupled.residual[places, places]
+    loose = coupling * decoupled.period > UNRESOLVED
+    if loose.any():
+        low, high = (each[places] for each in enclose())
+        reach = np.hypot(np.maximum(high - values.real, values.real - low), np.pi / decoupled.period)
+        coupling[loose] = np.minimum(coupling, reach)[loose]
+    return values, np.array([apart, coupling, SAFETY * decoupled.rounding[places, places]])
+
+
+def solve_group(
+    decoupled: Decoupled, index: int, tol: float, enclose: Callable[[], tuple[Array, Array]]
+) -> tuple[Array, Array]:
+    """The exponents (p,) of a group of several modes, and their errors: by segments of its small system, or enclosed.
+
+    Where the group may take the place of others at any time its own equations say nothing; then its enclosure is that of all of them.
+    """
+    group, T = decoupled.groups[index], decoupled.period
+    linked = SAFETY * decoupled.residual[group.part, group.part].max() * T > UNRESOLVED
+    found = None if linked else follow_group(decoupled, index, tol)
+    if found is not None and found[1].max() * T < UNRESOLVED:
+        return found
+    own, mean = decoupled.traceless(index)
+    low, high = (mean.real + bound for bound in bound_growth(own, T))
+    if linked:
+        below, above = (each[group.part] for each in enclose())
+        low, high = min(low, below.min()), max(high, above.max())
+    reach = np.hypot((high - low) / 2, np.pi / T)
+    return np.full(group.size, (low + high) / 2 + 1j * mean.imag), np.full(group.size, reach)
+
+
+def follow_group(decoupled: Decoupled, index: int, tol: float = 1e-9) -> tuple[Array, Array] | None:
+    """The exponents (p,) of a group of several modes by segments, and their errors; None where these do not serve.
+
+    A complex group stands there with its conjugates. It is turned by MARK, which turns these by -MARK: of the logs, its own are those that
+    lie by MARK above others when turned.
+    """
+    group, T = decoupled.groups[index], decoupled.period
+    own, mean = decoupled.traceless(index)
+    tol *= max(1.0, abs(mean.real)) / 2  # what is not known of the coefficients has its part too
+    unknown = SAFETY * (decoupled.residual + decoupled.rounding)[group.part, group.part]
+    unknown = unknown + aliasing(decoupled.generator[:, group.part, group.part])
+    try:
+        if group.partner == index:
+            found = solve_series(own, T, unknown, tol)
+            logs, errors = pair_conjugates(found.logs, found.errors)
+            return mean + logs / T, errors / T
+        turn = as_real(1j * MARK / T * np.eye(group.size))
+        both = [solve_series(values, T, np.tile(unknown, (2, 2)), tol) for values in (own + turn, own)]
+    except (NumericalError, np.linalg.LinAlgError):
+        return None
+    logs = both[0].logs - 1j * MARK
+    apart = logs[:, None] - both[1].logs
+    miss = np.minimum(np.hypot(apart.real, wrap_angle(apart.imag)), MARK)
+    miss = miss[np.arange(len(logs)), assign(miss)]
+    order = np.argsort(miss, kind="stable")[: group.size]
+    return (mean + logs[order] / T, both[0].errors[order] / T) if miss[order].max() < MARK / 4 else None
+
+
+def solve_series(values: Array, period: float, unknown: Array, tol: float) -> SegmentedSpectrum:
+    """Logs of the multipliers of w' = B(t) w from the values of B (N, m, m) at the nodes and what is not known of them (m, m).
+
+    Raises: NumericalError, LinAlgError.
+    """
+    off = unknown + np.abs(values[1::2] - shifted(values[::2], 0.5)).max(axis=0)
+    series = FourierSeries.through(values, period)
+    system = PeriodicSystem(series, period)
+    vars(system)["resolved"] = ResolvedMatrix(series, (), (), off, len(values), off[None])
+    return solve_by_segments(system, choose_setting(system, tol, "auto", None, None), tol, MOST)
+
+
+def enclosures(decoupled: Decoupled) -> tuple[Array, Array]:
+    """Bounds from below and above on the real part of each exponent (n,): the means of the least and the largest of modes that are linked.
+
+    Those may take each other's place at any time.
+    """
+    B, groups, period = decoupled.generator, decoupled.groups, decoupled.period
+    coupled = decoupled.coupled or Coupled(B, period, groups)
+    member = connected(link_modes(coupled, decoupled.rounding) | block_mask(groups))
+    linked, real = member[:, None] == member, coupled.values.real[:, :, None]
+    low, high = np.where(linked, real, np.inf).min(axis=1), np.where(linked, real, -np.inf).max(axis=1)
+    return low.mean(axis=0), high.mean(axis=0)
+
+
+def bound_growth(values: Array, period: float) -> tuple[float, float]:
+    """Bounds on the real parts of all exponents of w' = B w (N, m, m), w = S v, S diagonal or eigenvectors at the nodes.
+
+        min eig H <= d log |v| / dt <= max eig H,   H = (S^-1 B S + its transpose) / 2
+
+    |v| grows by |S_(k+1)^-1 S_k| from one node's coordinates to the next.
+
+    Source: Coppel (1965), Stability and Asymptotic Behavior of Differential Equations, III.2 (Lozinskii's logarithmic norm).
+    """
+    scale = balance_factors(values)[1]
+    even = values * (scale / scale[:, None])
+    plain, turned = (logarithmic_norms(even, period, vectors) for vectors in (None, np.linalg.eig(even)[1]))
+    return max(plain[0], turned[0]), min(plain[1], turned[1])
+
+
+def logarithmic_norms(values: Array, period: float, vectors: Array | None = None) -> tuple[float, float]:
+    """Bounds on the real parts of all exponents, from the coordinates of `vectors` (N, m, m) at the nodes if there are any."""
+    if vectors is None:
+        plain = np.linalg.eigvalsh((values + np.swapaxes(values, 1, 2)) / 2)
+        return float(plain[:, 0].mean()), float(plain[:, -1].mean())
+    try:
+        inverse = np.linalg.inv(vectors)
+    except np.linalg.LinAlgError:
+        return -np.inf, np.inf
+    turned = np.roll(inverse, -1, axis=0) @ vectors
+    ends = []
+    for B in (values, np.roll(values, -1, axis=0)):
+        own = inverse @ B @ vectors
+        ends.append(np.linalg.eigvalsh((own + np.conj(np.swapaxes(own, 1, 2))) / 2))
+    crossed = np.log(
+        np.maximum(np.linalg.norm(turned, 2, axis=(1, 2)), np.linalg.norm(np.linalg.inv(turned), 2, axis=(1, 2)))
+    )
+    more, (low, high) = crossed.sum() / period, (np.minimum(*ends)[:, 0].mean(), np.maximum(*ends)[:, -1].mean())
+    return float(low - more), float(high + more)

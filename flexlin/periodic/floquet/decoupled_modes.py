@@ -7,8 +7,8 @@ from flexlin.periodic.assignment import assign
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.decoupling.decoupled import Decoupled
 from flexlin.periodic.decoupling.grouping import Group, block_mask
-from flexlin.periodic.decoupling.several import several
 from flexlin.periodic.decoupling.waves import harmonics, interpolated
+from flexlin.periodic.floquet.decoupled import follow_group
 from flexlin.periodic.floquet.periodic_vectors import periodic_vectors
 from flexlin.periodic.transition.gauss import gauss_transitions
 
@@ -67,7 +67,10 @@ def follow_block(decoupled: Decoupled, index: int, group: Group) -> tuple[Array,
     if group.partner < index:
         found = follow_block(decoupled, group.partner, decoupled.groups[group.partner])
         return None if found is None else (found[0].conj(), found[1].conj(), found[2])
-    exponents, errors = several(decoupled, index)
+    followed = follow_group(decoupled, index)
+    if followed is None:
+        return None
+    exponents, errors = followed
     if not errors.max() * period < SAME or not np.ptp(exponents.real) * period < TOGETHER:
         return None
     middle, times = exponents.mean(), np.append(decoupled.times, period)

@@ -7,7 +7,7 @@ import flexlin as fl
 from flexlin.periodic.circle import match_logs
 from flexlin.periodic.decoupling.decouple import decouple
 from flexlin.periodic.decoupling.decoupled import Refusal
-from flexlin.periodic.decoupling.exponents import decoupled_exponents
+from flexlin.periodic.floquet.decoupled import decoupled_exponents
 from tests.periodic.gentle import gentle_system
 
 T = 2.0

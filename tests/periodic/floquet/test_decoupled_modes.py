@@ -4,7 +4,7 @@ import pytest
 import flexlin as fl
 from flexlin.periodic.decoupling.decouple import decouple
 from flexlin.periodic.decoupling.decoupled import Refusal
-from flexlin.periodic.decoupling.exponents import decoupled_exponents
+from flexlin.periodic.floquet.decoupled import decoupled_exponents
 from flexlin.periodic.floquet.decoupled_modes import solve_decoupled_modes
 from flexlin.periodic.floquet.modes import solve_modes_at_nodes
 from tests.periodic.gentle import gentle_system
