@@ -1,6 +1,7 @@
 # Two commands do all set-up on a machine with Python 3.11, its venv module, a C compiler and make:
 #   make report   runs the single-link stability report
 #   make test     checks style, types and imports, and runs the quick tests
+#   make sanitize runs tests of the numeric wing with every access to memory checked in the compiled core
 #   make slow     runs the other tests: random juries, whole reports, killed processes, pages in a browser
 # After changes of C files, make core builds flexlin/_core anew (make test does); make wheel packs what users install, into dist.
 # Others need more packages:
@@ -12,12 +13,14 @@ PYTHON ?= python3
 BIN := .venv/bin
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
 STAMP := .venv/installed
+CHECKED = tests/test_core.py tests/test_tape.py $(addprefix tests/periodic/,product transition resolved decoupling quadratic many)
+CHECKERS = $(foreach name,libasan.so libstdc++.so.6,$(shell $(or $(CC),cc) -print-file-name=$(name)))
 export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 # What one test process has compiled, the others and the commands that they start read.
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: report test core wheel slow peers docs links lint lock clean
+.PHONY: report test core wheel sanitize slow peers docs links lint lock clean
 
 report: core
 	$(BIN)/flexlin report single-link --out out/single-link
@@ -43,6 +46,11 @@ links: $(STAMP)
 core: $(STAMP)
 	$(BIN)/cmake --build build/core
 
+sanitize: core
+	$(BIN)/cmake -S . -B build/sanitized -G Ninja -DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja -DSANITIZED=ON
+	$(BIN)/cmake --build build/sanitized
+	FLEXLIN_CORE=sanitized ASAN_OPTIONS=detect_leaks=0 LD_PRELOAD="$(CHECKERS)" $(BIN)/python -m pytest -m "not slow" $(CHECKED)
+
 wheel: core
 	$(BIN)/python -m hatchling build -t wheel -d dist
 
@@ -62,6 +70,7 @@ LOCK = uv pip compile --quiet --universal --python-version 3.11 --no-emit-index-
 
 lock:
 	$(LOCK) --extra dev -o requirements/lock.txt
+	$(LOCK) -c requirements/lock.txt -o requirements/run.txt
 	$(LOCK) --extra dev --extra peers -c requirements/lock.txt -o requirements/peers.txt
 	$(LOCK) --extra docs --extra plot --extra cluster -c requirements/lock.txt -o requirements/docs.txt
 

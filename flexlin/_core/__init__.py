@@ -131,9 +131,11 @@ def addresses(arrays: list[Array], written: bool = False) -> ctypes.Array:
 def load() -> tuple[str, ctypes.CDLL]:
     """The variant of the library for this processor, and its name. Raises: ImportError where the library has not been built."""
     try:
-        asked, baseline = os.environ.get("FLEXLIN_CORE"), ctypes.CDLL(str(BUILT / "baseline.so"))
-        variant = asked or VARIANTS.get(baseline.find_level(), "baseline")
-        if not asked and not (BUILT / f"{variant}.so").is_file():
+        if asked := os.environ.get("FLEXLIN_CORE"):
+            return asked, ctypes.CDLL(str(BUILT / f"{asked}.so"))
+        baseline = ctypes.CDLL(str(BUILT / "baseline.so"))
+        variant = VARIANTS.get(baseline.find_level(), "baseline")
+        if not (BUILT / f"{variant}.so").is_file():
             return "baseline", baseline
         return variant, ctypes.CDLL(str(BUILT / f"{variant}.so"))
     except OSError as error:
