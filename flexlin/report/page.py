@@ -1,19 +1,16 @@
 """report.html: one self-contained page, which asks no other file or host for anything."""
 
 from collections.abc import Sequence
-from contextlib import suppress
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, FileSystemBytecodeCache, PackageLoader, StrictUndefined, Template, select_autoescape
-from jinja2.bccache import Bucket
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template, select_autoescape
 
 import flexlin
 from flexlin.answers.analysis import Analysis
 from flexlin.answers.clock import Step
 from flexlin.answers.judging import Loop
-from flexlin.compiler import find_kept_folder
 from flexlin.report.advice import advise, name_condition
 from flexlin.report.control_words import describe_controller
 from flexlin.report.drive_words import drive_cells
@@ -85,23 +82,13 @@ def picture_page(
 @lru_cache(maxsize=1)
 def make_environment() -> Environment:
     """What loads the templates of reports; a name in one that has no value is an error."""
-    kept = find_kept_folder()
     return Environment(
         loader=PackageLoader("flexlin.report"),
         autoescape=select_autoescape(("html.j2",)),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        bytecode_cache=None if kept is None else KeptTemplates(str(kept), f"page-{flexlin.__version__}-%s.cache"),
     )
-
-
-class KeptTemplates(FileSystemBytecodeCache):
-    """Templates as Python code, kept for later processes: to write that code takes longer than to fill a page."""
-
-    def dump_bytecode(self, bucket: Bucket) -> None:
-        with suppress(OSError):
-            super().dump_bytecode(bucket)
 
 
 def load_template(name: str) -> Template:
