@@ -222,11 +222,20 @@ class Linearization(SecondOrderEquations):
     def _periodic_system(self) -> PeriodicSystem:
         """Made once, so that its coefficients are resolved once."""
         force, B = (self.B, self.input_matrix) if self.about.m else (None, None)
-        second_order = SecondOrder(self.M, self.D, self.K, force, self.equations)
-        named = self.features, self.complete
-        if self.controller is not None:
-            return PeriodicSystem(self.state_matrix, self.period, B, self.breaks, None, *named)
-        return PeriodicSystem(self.state_matrix, self.period, B, self.breaks, second_order, *named)
+        second_order = (
+            None if self.controller is not None else SecondOrder(self.M, self.D, self.K, force, self.equations)
+        )
+        return PeriodicSystem.assembled(
+            A=self.state_matrix,
+            period=self.period,
+            B=B,
+            breaks=self.breaks,
+            second_order=second_order,
+            features=self.features,
+            complete=self.complete,
+            n=self.states,
+            m=self.about.m,
+        )
 
     def state_matrix(self, t: Array) -> Array:
         """Return A = [[0, I], [-M^-1 K, -M^-1 D]], with a controller [[A, -[0; M^-1 B] gain_z], [rates]].

@@ -1,7 +1,7 @@
 """The periodic linear system x' = A(t) x + B(t) u, the common currency of the numeric wing."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +12,7 @@ from flexlin.errors import ArgumentError
 from flexlin.lazy import lazy
 from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.coefficients import (
+    PROBES,
     ClosedLoop,
     Constant,
     InputMatrix,
@@ -19,6 +20,7 @@ from flexlin.periodic.coefficients import (
     SecondOrderFunction,
     StateMatrix,
     as_matrix_function,
+    check_finite,
     check_samples,
     has_nothing_narrow,
 )
@@ -29,6 +31,9 @@ from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve, resolve_constant
 from flexlin.periodic.second_order import SecondOrder
 from flexlin.summary import represent
+
+Pairs = tuple[tuple[float, float], ...]
+"""Places and half-widths in s."""
 
 
 @dataclass(frozen=True)
@@ -120,12 +125,7 @@ class PeriodicSystem:
         features: Sequence[tuple[float, float]] = (),
         complete: bool = False,
     ):
-        period = positive("period", period)
-        inside = real_array("breaks", breaks, (None,))
-        if inside.size and (inside.min() < 0 or inside.max() >= period):
-            raise ArgumentError(
-                "breaks lie outside the period", got=inside.tolist(), expected=f"times in [0, {period})"
-            )
+        period, corners, narrow = check_places(period, breaks, features)
         A = as_matrix_function("A", A)
         probe = check_samples("A", A, period)
         if probe.shape[1] != probe.shape[2]:
@@ -138,12 +138,21 @@ class PeriodicSystem:
             rows, m = check_samples("B", B, period).shape[1:]
             if rows != n:
                 raise ArgumentError("B has the wrong number of rows", got=rows, expected=str(n))
-        corners = tuple(np.unique(inside).tolist()) if inside.size else ()
-        narrow = tuple(map(tuple, real_array("features", features, (None, 2)).tolist())) if len_of(features) else ()
-        checked = {"A": A, "period": period, "B": B, "breaks": corners, "second_order": second_order, "n": n, "m": m}
-        checked |= {"features": narrow, "complete": complete}
-        for name, value in checked.items():
-            object.__setattr__(self, name, value)
+        self._take(A, period, B, corners, second_order, narrow, complete, n, m)
+
+    def _take(self, *values: object) -> None:
+        """Hold the values of all fields, in their order."""
+        for one, value in zip(fields(self), values, strict=True):
+            object.__setattr__(self, one.name, value)
+
+    @classmethod
+    def assembled(cls, like: "PeriodicSystem | None" = None, /, **parts: object) -> "PeriodicSystem":
+        """A system of fields that are known to fit, those that are left out as of another system or their defaults: nothing is sampled."""
+        made = object.__new__(cls)
+        start = {"B": None, "breaks": (), "second_order": None, "features": (), "complete": False, "m": 0}
+        known = (start if like is None else {one.name: getattr(like, one.name) for one in fields(like)}) | parts
+        made._take(*(known[one.name] for one in fields(cls)))
+        return made
 
     @lazy
     def resolved(self) -> ResolvedMatrix | ResolvedCompanion:
@@ -219,20 +228,24 @@ class PeriodicSystem:
             When M cannot be inverted.
         """
         M, D, K = (as_matrix_function(name, f) for name, f in (("M", M), ("D", D), ("K", K)))
-        second_order = SecondOrder(M, D, K, None, together)
-        size = check_samples("M", M, positive("period", period)).shape[1:]
+        period, corners, narrow = check_places(period, breaks, features)
+        size = check_samples("M", M, period).shape[1:]
         for name, f in (("D", D), ("K", K)):
             got = check_samples(name, f, period).shape[1:]
             if got != size:
                 raise ArgumentError(f"{name} does not fit M", got=got, expected=str(size))
-
-        A = StateMatrix(second_order.sample)
-        if B is None:
-            return cls(A, period, None, breaks, second_order, features, complete)
-        force = as_matrix_function("B", B)
-        check_samples("B", force, period)
-        force_system = replace(second_order, force=force)
-        return cls(A, period, InputMatrix(M, force), breaks, force_system, features, complete)
+        if size[0] != size[1] or not size[0]:
+            raise ArgumentError("M is not square", got=size, expected="(n, n), at least one coordinate")
+        force = None if B is None else as_matrix_function("B", B)
+        rows, m = (size[0], 0) if force is None else check_samples("B", force, period).shape[1:]
+        if rows != size[0]:
+            raise ArgumentError("B has the wrong number of rows", got=rows, expected=str(size[0]))
+        equations = SecondOrder(M, D, K, force, together)
+        A = StateMatrix(equations.sample)
+        check_finite("A", A(period * PROBES), period * PROBES)
+        parts = {"breaks": corners, "features": narrow, "complete": complete, "n": 2 * size[0], "m": m}
+        input_matrix = None if force is None else InputMatrix(M, force)
+        return cls.assembled(A=A, period=period, B=input_matrix, second_order=equations, **parts)
 
     def feedback(self, gain: MatrixFunction | ArrayLike, breaks: Sequence[float] = ()) -> "PeriodicSystem":
         """Close the loop u = -K(t) x: the system x' = (A - B K) x + B u.
@@ -271,16 +284,24 @@ class PeriodicSystem:
         loop = ClosedLoop(self.A, self.B, K)
         complete = self.complete and has_nothing_narrow(K)
         if known and not len_of(breaks):
-            return self._with(A=loop, second_order=second_order, complete=complete)
+            return PeriodicSystem.assembled(self, A=loop, second_order=second_order, complete=complete)
         corners = (*self.breaks, *breaks, *(K.edges[:-1] if isinstance(K, ChebyshevPanels) else ()))
         return PeriodicSystem(loop, self.period, self.B, corners, second_order, self.features, complete)
 
-    def _with(self, **changes: object) -> "PeriodicSystem":
-        """The system with other parts that are known to fit."""
-        made = object.__new__(PeriodicSystem)
-        for one in fields(self):
-            object.__setattr__(made, one.name, changes.get(one.name, getattr(self, one.name)))
-        return made
+
+def check_places(period: float, breaks: ArrayLike, features: ArrayLike) -> tuple[float, tuple[float, ...], Pairs]:
+    """The period, increasing breaks and pairs (time, width) of features, as they may be.
+
+    Raises: ArgumentError.
+    """
+    period = positive("period", period)
+    if not len_of(breaks) and not len_of(features):
+        return period, (), ()
+    inside = real_array("breaks", breaks, (None,)) if len_of(breaks) else np.empty(0)
+    if inside.size and (inside.min() < 0 or inside.max() >= period):
+        raise ArgumentError("breaks lie outside the period", got=inside.tolist(), expected=f"times in [0, {period})")
+    pairs = real_array("features", features, (None, 2)).tolist() if len_of(features) else []
+    return period, tuple(np.unique(inside).tolist()), tuple((time, width) for time, width in pairs)
 
 
 def len_of(value: object) -> int:

@@ -110,8 +110,7 @@ def weigh_entries(blocks: Array) -> Array:
     n = blocks.shape[1]
     size = np.abs(blocks).max(axis=0).reshape(n, 3, n)
     inertia, stiffness = np.sqrt(size[:, 0].diagonal()), np.sqrt(size[:, 2].diagonal())
-    m, k = inertia[:, None] * inertia, stiffness[:, None] * stiffness
-    weight = np.stack([m, np.sqrt(m * k), k], axis=1)
+    root = np.array([inertia, np.sqrt(inertia * stiffness), stiffness])
+    weight = root.T[:, :, None] * root
     across = np.maximum(size.transpose(2, 1, 0), weight)
-    share = np.divide(weight, across, out=np.zeros_like(weight), where=across > 0)
-    return (HIDDEN * weight * share).reshape(n, 3 * n)
+    return (HIDDEN * weight * (weight / np.where(across > 0, across, 1.0))).reshape(n, 3 * n)

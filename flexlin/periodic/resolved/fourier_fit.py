@@ -77,26 +77,29 @@ class FourierFit:
         return here[:FIRST], None if rows is None else rows[-REPEATS:]
 
     def transform(self, values: Array) -> Array:
-        """Take the coefficients from values at nodes; the amplitude of each harmonic (H, E)."""
+        """Take the coefficients from values at nodes; the size of each harmonic (H, E), at the most."""
         self.full = real_fourier_coefficients(values)
         H = len(self.full) // 2
-        self.size = np.hypot(self.full[1 : H + 1], self.full[H + 1 :])
+        size = np.abs(self.full[1:])
+        self.size = size[:H] + size[H:]
         self.rounding = (
-            2 * np.pi * EPS * (np.arange(1, H + 1.0) @ self.size)
-        )  # the largest rate of A times the rounding of t = T
+            2 * np.pi * EPS * np.arange(1, H + 1)
+        ) @ self.size  # the largest rate of A times the rounding of t = T
+        self.permit()
         return self.size
 
-    @property
-    def allowed(self) -> Array:
-        """What may be left over (E,): tol of each entry's size, noise, and A' times the rounding of t."""
+    def permit(self) -> None:
+        """Say what may be left over (E,): tol of each entry's size, noise, and A' times the rounding of t."""
         scale = self.sample.scale
-        allowed = np.maximum(self.tol * scale + TINY, np.minimum(self.rounding, 1e-6 * scale))
-        return allowed if self.noise is None else np.maximum(allowed, SIGMAS * self.noise)
+        self.allowed = np.maximum(self.tol * scale + TINY, np.minimum(self.rounding, 1e-6 * scale))
+        if self.noise is not None:
+            self.allowed = np.maximum(self.allowed, SIGMAS * self.noise)
 
     def measure_noise(self) -> None:
         """Estimate the noise of each entry, from both halves of the period."""
         half = self.sample.period * np.array([0.0, 0.5, 1.0])
         self.noise = noise_level(self.sample, half[:-1], half[1:]).max(axis=0)
+        self.permit()
 
     def agrees(self) -> bool:
         """Whether the series is as near to A as it may be where it was looked at, and wherever A is loudest beside it."""
@@ -116,11 +119,11 @@ class FourierFit:
                 return False
 
     def trim(self) -> None:
-        """Drop the last harmonics whose root of the sum of squares is rounding or noise in every entry."""
-        floor = np.maximum(2 * EPS * self.sample.scale, self.rounding / 8)
+        """Drop the last harmonics that are rounding or noise in every entry."""
+        floor = np.maximum(2 * EPS * self.sample.scale, self.rounding / 8) + TINY
         floor = floor if self.noise is None else np.maximum(floor, 1.5 * self.noise)
-        left = ((self.size[::-1] / (floor + TINY)) ** 2).cumsum(axis=0)[::-1]
-        H, kept = len(self.size), int(np.count_nonzero((left > 1).any(axis=1)))
+        H, heard = len(self.size), (self.size > floor).any(axis=1)
+        kept = H - int(heard[::-1].argmax()) if heard.any() else 0
         self.coefficients = np.concatenate([self.full[: kept + 1], self.full[H + 1 : H + 1 + kept]])
 
     def apart(self, phases: Array, there: Array) -> Array:

@@ -91,18 +91,18 @@ def resolve(
     [(0.0, 'jump'), (1.0002, 'jump')]
     """
     period = positive("period", period)
-    named = _times_in("breaks", np.asarray(breaks, dtype=float), period)
-    pairs = real_array("features", np.reshape(np.asarray(features, dtype=float), (-1, 2)))
-    _times_in("features", pairs[:, 0], period)
-    if np.any(pairs[:, 1] <= 0):
-        raise ArgumentError("a feature has no width", got=pairs[:, 1].tolist(), expected="widths greater than 0")
     sample = Sampler(A, period, least)
-    if repeats and not len(named) and not len(pairs):
+    if repeats and not len(breaks) and not len(features):
         fit = FourierFit(sample, tol, wary=not complete)
         if fit.run():
             shape = sample.shape or (0, 0)
             series = FourierSeries(fit.coefficients.reshape(-1, *shape), period)
             return ResolvedMatrix(series, (), (), fit.error.reshape(shape), sample.count)
+    named = _times_in("breaks", np.asarray(breaks, dtype=float), period)
+    pairs = real_array("features", np.reshape(np.asarray(features, dtype=float), (-1, 2)))
+    _times_in("features", pairs[:, 0], period)
+    if np.any(pairs[:, 1] <= 0):
+        raise ArgumentError("a feature has no width", got=pairs[:, 1].tolist(), expected="widths greater than 0")
     return _on_panels(sample, named, pairs, tol, not complete, repeats)
 
 

@@ -12,7 +12,7 @@ from flexlin.periodic.chebyshev import chebyshev_coefficients, chebyshev_nodes
 
 EPS = float(np.finfo(float).eps)
 TINY = float(np.finfo(float).tiny) / EPS
-CACHED = 250_000
+CACHED = 500_000
 """Bytes of samples that one call of the coefficient may return: with what it needs on the way they stay in the processor's cache."""
 BLOCKS, WITHIN = 128, 80
 """The times of a search: blocks of a period, and times in each, at the same places in all: gaps stay below T / 10000."""
