@@ -18,6 +18,13 @@ def count(text: str) -> int:
     return number
 
 
+def parse_place(text: str) -> Path:
+    """Read the name of a file or folder that is written."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("got an empty name, expected that of a file or folder")
+    return Path(text)
+
+
 def span(text: str) -> tuple[str, float, float, int | None]:
     """Read KEY=LOW:HIGH or KEY=LOW:HIGH:COUNT."""
     key, _, values = text.partition("=")
@@ -43,7 +50,7 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
         ["--data"],
         {"type": Path, "metavar": "DIR", "help": "folder whose files the scene may name, beside its own (see docs/security.md)"},
     ),
-    "out": (["--out"], {"type": Path, "metavar": "DIR", "help": "folder for the results (default: out/ and the scene's name)"}),
+    "out": (["--out"], {"type": parse_place, "metavar": "DIR", "help": "folder for the results (default: out/ and the scene's name)"}),
     "require": (
         ["--require"],
         {"choices": ["stable", "valid", "linear-stable"],
@@ -120,7 +127,7 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
         ["--periods"], {"dest": "lasting", "type": float, "help": "how long to look (default: until a thousandth is left)"},
     ),
     "robot": (["robot"], {"type": Path, "metavar": "ROBOT.URDF", "help": "a URDF file; no mesh is read"}),
-    "file": (["--out"], {"type": Path, "required": True, "metavar": "FILE.TOML", "help": "the scene to write"}),
+    "file": (["--out"], {"type": parse_place, "required": True, "metavar": "FILE.TOML", "help": "the scene to write"}),
     "base": (["--base"], {"metavar": "LINK", "help": "first link of the chain (default: the root)"}),
     "tip": (["--tip"], {"metavar": "LINK", "help": "last link of the chain (default: the only end)"}),
     "tolerance": (["--tolerance"], {"type": float, "default": 0.01, "help": "relative change that matters (default 0.01)"}),

@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 from flexlin.errors import OutputError
+from flexlin.text import printable
 
 
 def check_folder(folder: Path) -> None:
@@ -11,9 +12,13 @@ def check_folder(folder: Path) -> None:
 
     Raises: OutputError.
     """
-    existing = folder
-    while not existing.exists() and existing != existing.parent:
-        existing = existing.parent
+    try:
+        existing = folder.resolve()
+        while not existing.exists() and existing != existing.parent:
+            existing = existing.parent
+    except (OSError, RuntimeError) as error:  # a name that is too long, a loop of links
+        got = getattr(error, "strerror", None) or "a loop of links"
+        raise OutputError(f"{printable(folder)} cannot be the output folder", got=got, expected="a folder") from None
     if not existing.is_dir():
         raise OutputError(f"{folder} cannot be the output folder", got=f"{existing}, a file", expected="a folder")
     if not os.access(existing, os.W_OK | os.X_OK):

@@ -16,13 +16,14 @@ from flexlin.scene.named_files import place_motion_file
 from flexlin.scene.overrides import SHALLOW, apply_overrides, too_deep
 from flexlin.scene.problems import schema_problems
 from flexlin.scene.scene import Scene
-from flexlin.scene.toml import parse_toml
+from flexlin.scene.toml import list_endless_numbers, parse_toml
 from flexlin.scene.uncertainty import uncertainty_problems
 from flexlin.text import hint_at, printable
 
 LARGEST_FILE = 2**20
 """Bytes of a scene file."""
 LONGEST_NAME = 4096
+IN_RANGE = "a number between -2^63 and 2^63, or one with a decimal point"
 ADDED = {"robot", "joints", "flexible"}
 """Tables of a scene that stand for links from a URDF file, and what is added to them."""
 
@@ -119,6 +120,11 @@ def parse_scene(
     if too_deep(raw) or too_deep(overrides or {}):
         raise SceneError(source, [Problem("scene", "tables in tables without end", SHALLOW)])
     data, problems = apply_overrides(dict(raw), overrides or {})
+    endless = [
+        Problem(printable(path), "a whole number beyond 64 bits", IN_RANGE) for path in list_endless_numbers(data)
+    ]
+    if endless:
+        raise SceneError(source, [*problems, *endless])
     folders = [Path(one) for one in (folder or Path(), data_folder) if one is not None]
     if ADDED & set(data):
         from flexlin.scene.urdf.tables import expand_robot  # a scene without a robot is read without it

@@ -23,6 +23,8 @@ WORDS = {
     "model_attributes_type": "a table",
     "dict_type": "a table",
 }
+MOST = 200
+"""Mistakes of one scene that are described: each may ask for a search among all known keys."""
 LONGEST = 60
 """Characters of a value that are repeated in a message."""
 
@@ -30,7 +32,8 @@ LONGEST = 60
 def schema_problems(schema: type[BaseModel], error: ValidationError) -> list[Problem]:
     """All that pydantic found wrong, one problem a key; of a list that is no number either, only what is wrong in the list."""
     merged: dict[str, Problem] = {}
-    for entry in error.errors(include_url=False):
+    entries = error.errors(include_url=False)
+    for entry in entries[:MOST]:
         if follows_from_another(entry):
             continue
         problem = _problem(schema, entry)
@@ -41,7 +44,12 @@ def schema_problems(schema: type[BaseModel], error: ValidationError) -> list[Pro
             merged[problem.key] = Problem(problem.key, known.got, f"{known.expected} or {problem.expected}")
     steps = [key.split(".") for key in merged]
     parents = {".".join(path[:depth]) for path in steps for depth in range(1, len(path))}
-    return [problem for key, problem in merged.items() if key not in parents]
+    rest = (
+        [Problem("scene", f"{len(entries) - MOST} further mistakes", "those above corrected first")]
+        if len(entries) > MOST
+        else []
+    )
+    return [problem for key, problem in merged.items() if key not in parents] + rest
 
 
 def follows_from_another(entry: Any) -> bool:

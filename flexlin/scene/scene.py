@@ -62,7 +62,7 @@ class Scene(Table):
 
     schema_version: Annotated[Literal[1], Field(alias="schema")]
     """Version of the format: 1."""
-    title: Text
+    title: Annotated[Text, Field(max_length=400)]
     """Title in reports."""
     source: Text = ""
     """Where the numbers come from."""

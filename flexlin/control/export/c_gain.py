@@ -226,7 +226,7 @@ def write_gain(
     ]
     words = {
         "name": name, "guard": name.upper(), "n": n, "m": m, "size": n * m, "period": float(period), "version": flexlin.__version__,
-        "title": f"The design “{made.name}”".replace("*/", "* /").replace("\\", "/"), "forward": chosen.feedforward,
+        "title": f"The design “{made.name}”".replace("*/", "* /").replace("/*", "/ *").replace("\\", "/"), "forward": chosen.feedforward,
         "states": listed(labels.states, labels.state_units), "inputs": listed(labels.inputs, labels.input_units),
         "layout": parts[0].layout, "error": parts[0].error, "torques": parts[1].error, "series": "\n".join(part.source for part in parts),
         "within": WITHIN[not once], "beyond": BEYOND[not once], "arm": n - memory, **words_of_integrals(made, name, n),
