@@ -77,11 +77,11 @@ class FourierFit:
         return here[:FIRST], None if rows is None else rows[-REPEATS:]
 
     def transform(self, values: Array) -> Array:
-        """Take the coefficients from values at nodes; the size of each harmonic (H, E), at the most."""
+        """Take the coefficients from values at nodes; the size of each harmonic (H, E)."""
         self.full = real_fourier_coefficients(values)
         H = len(self.full) // 2
-        size = np.abs(self.full[1:])
-        self.size = size[:H] + size[H:]
+        squares = self.full[1:] ** 2
+        self.size = np.sqrt(squares[:H] + squares[H:])
         self.rounding = (
             2 * np.pi * EPS * np.arange(1, H + 1)
         ) @ self.size  # the largest rate of A times the rounding of t = T
