@@ -2,8 +2,6 @@
  * `collocate_accelerations` in gauss.py, without exchanging rows. What that may lose shows in the residual, and is won back by it once. */
 #include "elimination.h"
 
-enum { ACCURATE = 64 }; /* roundings that the residual may be off by */
-
 typedef struct { int m, stages; const double *c, *a, *square, *b; } Rule; /* square: a a */
 
 /* Blocks [M D K] of the stages (stages, m, 3 m), in coordinates of inertias near 1: times d d'. */
@@ -61,26 +59,6 @@ static v8 measure_accuracy(const Rule *r, const v8 *blocks, v8 h, const v8 *w, v
     }
   }
   return worst / (2.3e-16 * size + 1e-300);
-}
-
-/* The most of what is left, in roundings of sum_j |G_ij| |w_j| + |right_i|, all that a computation without exact sums can ask for.
- * Source: Higham, Accuracy and Stability of Numerical Algorithms, Theorem 7.3 (Oettli, Prager). */
-static v8 measure_backward_error(int n, int columns, const v8 *G, const v8 *right, const v8 *w, const v8 *left) {
-  v8 worst = splat(0.0);
-  for (int i = 0; i < n; i++)
-    for (int c = 0; c < columns; c++) {
-      v8 size = absolute(right[i * columns + c]);
-      for (int j = 0; j < n; j++) size += absolute(G[(long)i * n + j] * w[j * columns + c]);
-      worst = larger(worst, left[i * columns + c] / (2.3e-16 * size + 1e-300));
-    }
-  return worst;
-}
-
-/* Whether one of the first misses more than so many roundings. */
-static int any_lost(v8 off, int count, double most) {
-  for (int l = 0; l < count; l++)
-    if (!(off[l] <= most)) return 1;
-  return 0;
 }
 
 /* Phi = [1, h; 0, 1] + [h^2 sum b_i (1 - c_i) w_i; h sum b_i w_i] of one of the eight, back in its own coordinates. */

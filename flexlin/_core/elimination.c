@@ -19,14 +19,12 @@ static void substitute_back(int n, int columns, const v8 *G, v8 *X) {
   }
 }
 
-/* X := G^-1 X, (n, columns), of eight systems at once, without exchanging rows; G becomes its factors. Returns the least sizes of the pivots. */
-v8 eliminate_eight(int n, int columns, v8 *restrict G, v8 *restrict X) {
-  v8 least = splat(INFINITY);
+/* X := G^-1 X, (n, columns), of eight systems at once, without exchanging rows; G becomes its factors. */
+void eliminate_eight(int n, int columns, v8 *restrict G, v8 *restrict X) {
   for (int first = 0; first < n; first += TOGETHER) {
     int past = first + TOGETHER < n ? first + TOGETHER : n;
     for (int k = first; k < past; k++) {
-      v8 *top = G + (long)k * n, *from = X + (long)k * columns, pivot = top[k], over = 1.0 / pivot;
-      for (int l = 0; l < 8; l++) least[l] = fabs(pivot[l]) >= least[l] ? least[l] : fabs(pivot[l]);
+      v8 *top = G + (long)k * n, *from = X + (long)k * columns, over = 1.0 / top[k];
       top[k] = over;
       for (int i = k + 1; i < past; i++) {
         v8 *row = G + (long)i * n, *to = X + (long)i * columns, factor = row[k] * over;
@@ -46,7 +44,6 @@ v8 eliminate_eight(int n, int columns, v8 *restrict G, v8 *restrict X) {
     }
   }
   substitute_back(n, columns, G, X);
-  return least;
 }
 
 /* X := G^-1 X for further right sides, by the factors that `eliminate_eight` leaves: 1 / u on the diagonal, l u below it. */
@@ -59,4 +56,24 @@ void solve_eight(int n, int columns, const v8 *G, v8 *X) {
     }
   }
   substitute_back(n, columns, G, X);
+}
+
+/* The most of what is left, in roundings of sum_j |G_ij| |w_j| + |right_i|, all that a computation without exact sums can ask for.
+ * Source: Higham, Accuracy and Stability of Numerical Algorithms, Theorem 7.3 (Oettli, Prager). */
+v8 measure_backward_error(int n, int columns, const v8 *G, const v8 *right, const v8 *w, const v8 *left) {
+  v8 worst = splat(0.0);
+  for (int i = 0; i < n; i++)
+    for (int c = 0; c < columns; c++) {
+      v8 size = absolute(right[i * columns + c]);
+      for (int j = 0; j < n; j++) size += absolute(G[(long)i * n + j] * w[j * columns + c]);
+      worst = larger(worst, left[i * columns + c] / (2.3e-16 * size + 1e-300));
+    }
+  return worst;
+}
+
+/* Whether one of the first misses more than so many roundings. */
+int any_lost(v8 off, int count, double most) {
+  for (int l = 0; l < count; l++)
+    if (!(off[l] <= most)) return 1;
+  return 0;
 }

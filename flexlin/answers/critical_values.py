@@ -147,11 +147,8 @@ def search_family(
     def fine(values: Array) -> Spectra:
         return family.fine(values[:, None])
 
-    def scan(values: Array) -> Spectra:
-        return family.scan(values[:, None])
-
     tongues = narrow and not family.is_constant(np.array([(low + high) / 2]))
-    found = find_crossings(rough, fine, low, high, tol, samples, tongues, family.slow, rough if narrow else scan)
+    found = find_crossings(rough, fine, low, high, tol, samples, tongues, family.slow)
     return [describe_crossing(path, crossing, family) for crossing in found]
 
 

@@ -15,9 +15,8 @@ from flexlin.errors import ArgumentError, FlexlinError, TimeLimit
 from flexlin.periodic.boundary.spectra import Spectra
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.floquet.glimpse import glimpse
 from flexlin.periodic.floquet.modes import solve_floquet_modes
-from flexlin.periodic.floquet.result import FloquetResult, find_reached
+from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
@@ -46,8 +45,6 @@ LARGE = 12
 
 Source = Scene | Callable[..., PeriodicSystem]
 """A scene, or a function of one number for each parameter that returns a system."""
-Look = Callable[[PeriodicSystem, float], FloquetResult]
-"""(system, tol) -> its exponents: `floquet`, or `glimpse`."""
 
 
 @dataclass
@@ -73,22 +70,14 @@ class Family:
         """Spectra at points (V, P), to ROUGH."""
         return self.one_by_one(points, ROUGH)
 
-    def scan(self, points: Array) -> Spectra:
-        """As `rough`, for verdicts: the errors of those beyond doubt are promised, and measured at both ends only."""
-        return self.one_by_one(points, ROUGH, quick=True)
-
     def fine(self, points: Array) -> Spectra:
         """Spectra at points (V, P), to `finest` or as rounding allows."""
         return self.one_by_one(points, self.finest)
 
-    def one_by_one(self, points: Array, tol: float, quick: bool = False) -> Spectra:
-        """Each by `floquet`, or, quicker, by `glimpse` between two ends that meet tol; not a number where the equations break."""
+    def one_by_one(self, points: Array, tol: float) -> Spectra:
+        """Each by `floquet`; not a number where the equations break."""
         self.evaluations += len(points)
-        found = [self.try_at(point, tol) for point in (points[[0, -1]] if quick and len(points) > 2 else points)]
-        if len(found) < len(points):
-            met = [one is not None and bool(find_reached(one.exponents, one.errors, tol).all()) for one in found]
-            look = glimpse if all(met) else floquet  # rounding hides nothing then, and the first setting is fine enough
-            found[1:1] = [self.try_at(point, tol, look) for point in points[1:-1]]
+        found = [self.try_at(point, tol) for point in points]
         known = [one for one in found if one is not None]
         if not known:
             return self.unknown(points, tol)
@@ -97,10 +86,10 @@ class Family:
         pairs = [none if one is None else (one.log_multipliers, one.errors * one.period) for one in found]
         return Spectra(np.array([logs for logs, _ in pairs]), np.array([errors for _, errors in pairs]))
 
-    def try_at(self, point: Array, tol: float, look: Look = floquet) -> FloquetResult | None:
+    def try_at(self, point: Array, tol: float) -> FloquetResult | None:
         """The exponents at one point, none where the equations break."""
         try:
-            return look(self.system_at(point), tol)
+            return floquet(self.system_at(point), tol)
         except TimeLimit:
             raise
         except (FlexlinError, np.linalg.LinAlgError):
@@ -151,13 +140,13 @@ class SceneFamily(Family):
     def slow(self) -> bool:
         return self.loop is not None and self.loop.states >= WIDE
 
-    def rough(self, points: Array, quick: bool = False) -> Spectra:
+    def rough(self, points: Array) -> Spectra:
         """Together, as a sweep computes them, where that is accurate enough; else one by one."""
         assert self.loop is not None
         if not len(points):
             return self.unknown(points, ROUGH)
         if self.prefers_one_by_one(points):
-            return self.one_by_one(points, ROUGH, quick)
+            return self.one_by_one(points, ROUGH)
         from flexlin.answers.sweep.batches import CHUNK_BYTES, Batches, choose_plan
 
         batches = Batches(self.loop, points, ROUGH, CHUNK_BYTES)
@@ -176,9 +165,6 @@ class SceneFamily(Family):
             alone = self.one_by_one(points[narrow], ROUGH)
             logs[narrow], errors[narrow] = alone.logs, alone.errors
         return Spectra(logs, errors)
-
-    def scan(self, points: Array) -> Spectra:
-        return self.rough(points, quick=True)
 
     def prefers_one_by_one(self, points: Array) -> bool:
         """Whether `floquet` takes less time: for few values of many states, or of a period that a batch divides finely; finds the plan."""
@@ -248,10 +234,6 @@ class OneOfSeveral(Family):
     def rough(self, points: Array) -> Spectra:
         family, placed = self.place(points)
         return family.rough(placed)
-
-    def scan(self, points: Array) -> Spectra:
-        family, placed = self.place(points)
-        return family.scan(placed)
 
     def slopes(self, point: Array) -> tuple[Array, Array, Array] | None:
         family, placed = self.place(point[None])

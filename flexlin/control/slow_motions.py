@@ -14,7 +14,7 @@ from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.product.balancing import balance_factors
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choice import choose_setting
-from flexlin.periodic.transition.setting import METHODS, place_segments
+from flexlin.periodic.transition.setting import METHODS, factor_by, place_segments
 
 TOLERANCE = 1e-6
 """Error of the exponents, in 1/s, that is enough for a direction."""
@@ -107,7 +107,7 @@ def right_modes(system: PeriodicSystem, result: FloquetResult, which: Array, sam
         (8 + 64 * len(which)) * len(grid) * n * n,
         f"the modes need {len(grid)} transition matrices of order {n}: leave out the fastest modes, or lower the gains behind them",
     )
-    Phi, scale = balance_factors(METHODS[setting.method](system, grid, setting.order))
+    Phi, scale = balance_factors(factor_by(system, grid, setting.method, setting.order))
     ranks = np.tril(find_coinciding(result.log_multipliers), -1).sum(axis=1)[which]
     together = max(1, len(Phi) // GROUPS)
     found, _ = periodic_vectors(Phi, grid, result.exponents[which], ranks, together)

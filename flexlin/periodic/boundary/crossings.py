@@ -53,7 +53,6 @@ def find_crossings(
     samples: int = SAMPLES,
     narrow: bool = True,
     sparse: bool = False,
-    first: SpectraFunction | None = None,
 ) -> list[Crossing]:
     """Every value between low and high at which the largest growth passes zero, in rising order.
 
@@ -62,10 +61,9 @@ def find_crossings(
 
     Parameters: rough, fine: values (V,) -> spectra, cheap and as accurate as can be; tol: wanted error of a value;
     narrow: whether to look for tongues between two values; not where A does not depend on time, and multipliers meet without effect;
-    sparse: whether to leave out values between which the verdict cannot change (`scan_sparsely`); first: values -> spectra of the scan,
-    where its verdicts need not come from `rough`.
+    sparse: whether to leave out values between which the verdict cannot change (`scan_sparsely`).
     """
-    points, spectra = scan_sparsely(first or rough, np.linspace(low, high, samples), CELLS if sparse else samples - 1)
+    points, spectra = scan_sparsely(rough, np.linspace(low, high, samples), CELLS if sparse else samples - 1)
     resting, touching = count_resting(spectra), list[Crossing]()
     if resting == spectra.logs.shape[1]:
         return []

@@ -9,11 +9,13 @@ from numpy.polynomial.legendre import leggauss
 from flexlin.checks import Array, check_size, whole
 from flexlin.periodic.circle import count_turns, measure_distances
 from flexlin.periodic.floquet.result import find_reached
+from flexlin.periodic.product.balancing import balance_factors
 from flexlin.periodic.resolved.uncertainty import couple_uncertainty
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choice import count_waves
-from flexlin.periodic.transition.units import SEEN, find_like_units
 
+SEEN = 97
+"""Times at which the sizes of A's entries are looked at."""
 FIRST = 8
 """Harmonics of the first matrix at the least."""
 MAX_SIZE = 900
@@ -101,7 +103,8 @@ def truncate_hill(system: PeriodicSystem, harmonics: int) -> tuple[Array, Array]
 
 def look_at_entries(system: PeriodicSystem) -> tuple[Array, float]:
     """Powers of two (n,) that make rows and columns of A alike in size, and a bound on what is not known of the balanced A."""
-    t, scale = system.period * np.arange(SEEN) / SEEN, find_like_units(system)
+    t = system.period * np.arange(SEEN) / SEEN
+    scale = balance_factors(system.resolved(t))[1]
     shape = (SEEN, system.n, system.n)
     left, right = np.broadcast_to(np.diag(1 / scale), shape), np.broadcast_to(np.diag(scale), shape)
     unknown = couple_uncertainty(system.resolved, t, left, right)

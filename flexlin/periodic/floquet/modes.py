@@ -15,7 +15,7 @@ from flexlin.periodic.product.balancing import balance_factors
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.choice import choose_setting
 from flexlin.periodic.transition.gauss import gauss
-from flexlin.periodic.transition.setting import METHODS, place_segments
+from flexlin.periodic.transition.setting import METHODS, factor_by, place_segments
 from flexlin.summary import represent
 
 CHUNK_BYTES = 2**25
@@ -183,7 +183,7 @@ def factor_at_nodes(system: PeriodicSystem, result: FloquetResult) -> tuple[Arra
     h = np.diff(grid)[:, None]
     times = np.append((grid[:-1, None] + h * np.append(0.0, rule.c)).ravel(), system.period)
     weights = (h / system.period * np.append(0.0, rule.b)).ravel()
-    return times, weights, METHODS[setting.method](system, times, 2 * max(4, stages // 2)), stages + 1
+    return times, weights, factor_by(system, times, setting.method, 2 * max(4, stages // 2)), stages + 1
 
 
 def find_coinciding(logs: Array) -> Array:

@@ -7,13 +7,9 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.assignment import assign
 from flexlin.periodic.circle import measure_distances
-from flexlin.periodic.companion import build_companion
-from flexlin.periodic.product.spectrum import ProductSpectrum, Unknown, find_spectrum
-from flexlin.periodic.resolved.companion import ResolvedCompanion
-from flexlin.periodic.resolved.matrix import ResolvedMatrix
-from flexlin.periodic.resolved.uncertainty import EPS, LASTING
+from flexlin.periodic.product.spectrum import ProductSpectrum, find_spectrum
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.setting import METHODS, Setting, place_segments, report_too_many
+from flexlin.periodic.transition.setting import Setting, factor_twice, place_segments, report_too_many
 
 SAFETY = 2.0
 """Factor on the method's error, which is measured against a better method."""
@@ -113,9 +109,7 @@ def measure_spectrum(
 ) -> tuple[SegmentedSpectrum, Array]:
     """The exponents at one resolution, and the method's part of their errors (n,)."""
     grid = place_segments(system, setting)
-    factor = METHODS[setting.method]
-    plain, better = factor(system, grid, setting.order), factor(system, grid, setting.order + 4)  # no node in common
-    middles, unknown = look_at_segments(system.resolved, grid)
+    (plain, better), middles, unknown = factor_twice(system, grid, setting)
     damped = setting.method == "radau"  # what is fast is damped: the stages do not cancel
     found = find_spectrum(plain, better, unknown, start=start, middles=None if damped else middles)
     logs, rounding = found.logs, found.rounding
@@ -127,27 +121,6 @@ def measure_spectrum(
         method, errors = (np.append(np.maximum(part[0], hidden), part[1:]) for part in (method, errors))
     errors = errors + liouville_excess(system, logs, errors)
     return SegmentedSpectrum(logs, errors, rounding, setting, found.start, found.stretched), method
-
-
-def look_at_segments(resolved: ResolvedMatrix | ResolvedCompanion, grid: Array) -> tuple[Array, Unknown]:
-    """h A in the middle of each segment (K, n, n), and what is not known over it: roundings of coefficients and the error of their series.
-
-    Of a second-order system with vectors [y; v]:  left M^-1 (dM z + dD v + dK y),  z = M^-1 (K y + D v).
-    """
-    h, K = np.diff(grid), len(grid) - 1
-    t, lengths = np.concatenate([grid[:-1], grid[:-1] + h / 2]), h[:, None, None]
-    if not isinstance(resolved, ResolvedCompanion):
-        A = resolved(t)
-        return lengths * A[K:], Unknown(lengths * (LASTING * EPS * np.abs(A[:K]) + resolved.mean_error(grid)))
-    blocks = resolved.blocks(t)
-    A = build_companion(*resolved.split(blocks), t)
-    m = blocks.shape[1]
-    left, right = np.zeros((K, 2 * m, m)), np.zeros((K, 3 * m, 2 * m))
-    left[:, m:] = np.linalg.inv(blocks[:K, :, :m])
-    right[:, :m] = -A[:K, m:]
-    right[:, m : 2 * m, m:] = right[:, 2 * m :, :m] = np.eye(m)
-    size = lengths * (LASTING * EPS * np.abs(blocks[:K]) + resolved.mean_error(grid))
-    return lengths * A[K:], Unknown(size, left, right)
 
 
 def hidden_growth(system: PeriodicSystem, grid: Array) -> float:

@@ -10,7 +10,7 @@ from flexlin.errors import ArgumentError
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.product.balancing import GROUP_CONDITION
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.accelerations import MOST_UNKNOWNS
+from flexlin.periodic.transition.factors import MOST_UNKNOWNS
 from flexlin.periodic.transition.setting import METHODS, ORDERS, Setting
 
 MARGIN = 40.0

@@ -9,7 +9,7 @@ from numpy.polynomial.legendre import leggauss, legvander
 
 from flexlin.checks import Array
 from flexlin.errors import SingularMassMatrix
-from flexlin.periodic.coefficients import MatrixFunction, SecondOrderFunction, check_finite
+from flexlin.periodic.coefficients import MatrixFunction, check_finite
 
 CHUNK_BYTES = 2**25
 """The stage matrices of one batched solve take at most this many bytes (one segment at the least)."""
@@ -64,27 +64,6 @@ def gauss_transitions(A: MatrixFunction, edges: Array, stages: int) -> Array:
     return collect_chunks(lambda t, k: collocate(sample_at(A, t), h[k], rule), edges, rule)
 
 
-def second_order_transitions(second: SecondOrderFunction, edges: Array, stages: int) -> Array:
-    """Transition matrices of M y'' + D y' + K y = 0 for x = [y; y'], collocated in the accelerations.
-
-        M_i w_i + D_i v_i + K_i y_i = 0,   v_i = v_0 + h sum_j a_ij w_j,   y_i = y_0 + h c_i v_0 + h^2 sum_j (a^2)_ij w_j
-
-    The linear systems have s n unknowns for n coordinates, half of those in x, and M is never inverted.
-
-    Parameters: second: times (N,) -> M, D, K, each (N, n, n); edges: increasing times (K + 1,); stages >= 1.
-    Returns: Phi (K, 2n, 2n).
-    Source: Hairer, Norsett, Wanner, Solving ODEs I, II.14 (Nystrom methods from collocation).
-    """
-    rule = gauss(stages)
-    h = np.diff(edges)
-
-    def part(t: Array, k: slice) -> Array:
-        M, D, K = (fold_samples(values, t) for values in second(t.ravel()))
-        return collocate_accelerations(M, D, K, h[k], rule)
-
-    return collect_chunks(part, edges, rule)
-
-
 def sample_at(A: MatrixFunction, t: Array) -> Array:
     """Sample a coefficient at times of any shape: (..., n, m)."""
     return fold_samples(A(t.ravel()), t)
@@ -118,7 +97,7 @@ def collocate(A: Array, h: Array, rule: Tableau) -> Array:
     right = np.broadcast_to(np.eye(n), (*A.shape[:-3], s, n, n))
     hA = A * h[..., None, None, None]
     Y = solve_stages(hA, rule, right)
-    return np.eye(n) + weigh_stages(hA, rule, Y)
+    return Y[..., -1, :, :] if rule.c[-1] == 1.0 else np.eye(n) + weigh_stages(hA, rule, Y)
 
 
 def weigh_stages(hA: Array, rule: Tableau, Y: Array) -> Array:
@@ -140,7 +119,13 @@ def solve_stages(hA: Array, rule: Tableau, right: Array) -> Array:
 
 
 def collocate_accelerations(M: Array, D: Array, K: Array, h: Array, rule: Tableau) -> Array:
-    """Transition matrices (..., 2n, 2n) from stage samples M, D, K (..., s, n, n) and lengths h (...)."""
+    """Transition matrices (..., 2n, 2n) for x = [y; y'] of M y'' + D y' + K y = 0, collocated in the accelerations.
+
+        M_i w_i + D_i v_i + K_i y_i = 0,   v_i = v_0 + h sum_j a_ij w_j,   y_i = y_0 + h c_i v_0 + h^2 sum_j (a^2)_ij w_j
+
+    The linear systems have s n unknowns for n coordinates, half of those in x, and M is never inverted.
+    Parameters: M, D, K at the stages (..., s, n, n) and lengths h (...). Source: Hairer, Norsett, Wanner, Solving ODEs I, II.14.
+    """
     s, n = K.shape[-3:-1]
     lead, h = K.shape[:-3], h[..., None, None]
     right = np.concatenate([K, D + rule.c[:, None, None] * (h[..., None] * K)], axis=-1)

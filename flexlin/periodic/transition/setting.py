@@ -1,6 +1,7 @@
 """How a period is integrated: method, order and number of segments, and the reason for the choice."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -8,12 +9,11 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import NumericalError, TooManySegments
 from flexlin.periodic.grid import place_edges
-from flexlin.periodic.resolved.companion import ResolvedCompanion
+from flexlin.periodic.product.spectrum import Unknown
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.accelerations import companion_transitions
-from flexlin.periodic.transition.gauss import gauss_transitions
-from flexlin.periodic.transition.radau import radau_transitions
-from flexlin.periodic.transition.units import factor_in_like_units
+from flexlin.periodic.transition.factors import factor_segments, measure_segments
+from flexlin.periodic.transition.gauss import Tableau, gauss
+from flexlin.periodic.transition.radau import radau
 
 MAX_SEGMENTS = 20_000
 
@@ -49,43 +49,11 @@ def count_words(count: int, thing: str) -> str:
     return f"{count} {thing}" if count == 1 else f"{count} {thing}s"
 
 
-def factor_by_gauss(system: PeriodicSystem, grid: Array, order: int) -> Array:
-    """Gauss collocation of even order, in the accelerations where the system is of second order.
-
-    Raises: NumericalError where the equations of a segment's stages are singular.
-    """
-    resolved = system.resolved
-    if isinstance(resolved, ResolvedCompanion):
-        return need_determined(lambda: companion_transitions(resolved, grid, order // 2), grid)
-    return need_determined(lambda: factor_in_like_units(system, lambda A: gauss_transitions(A, grid, order // 2)), grid)
-
-
-def factor_by_radau(system: PeriodicSystem, grid: Array, order: int) -> Array:
-    """Radau collocation of odd order.
-
-    Raises: NumericalError where the equations of a segment's stages are singular.
-    """
-    stages = (order + 1) // 2
-    return need_determined(lambda: factor_in_like_units(system, lambda A: radau_transitions(A, grid, stages)), grid)
-
-
-def need_determined(make: Callable[[], Array], grid: Array) -> Array:
-    """Factors by collocation on a grid; NumericalError where a segment is too long for its stages."""
-    try:
-        return make()
-    except np.linalg.LinAlgError:
-        raise NumericalError(
-            "the stages of a segment are not determined: it is too long for A(t)",
-            got=f"{len(grid) - 1} segments",
-            todo="ask for more segments, or leave method and segments to the solver",
-        ) from None
-
-
-METHODS: dict[str, Callable[[PeriodicSystem, Array, int], Array]] = {
-    "gauss": factor_by_gauss,
-    "radau": factor_by_radau,
+METHODS: dict[str, Callable[[int], Tableau]] = {
+    "gauss": lambda order: gauss(order // 2),
+    "radau": lambda order: radau((order + 1) // 2),
 }
-"""Each: (system, edges, order) -> transition matrices (K, n, n)."""
+"""Each: order -> stages."""
 ORDERS = {"gauss": range(2, 65, 2), "radau": range(1, 32, 2)}
 
 
@@ -101,10 +69,36 @@ def place_segments(system: PeriodicSystem, setting: Setting) -> Array:
     return np.append(inner, corners[-1])
 
 
+def factor_by(system: PeriodicSystem, edges: Array, method: str, order: int) -> Array:
+    """Transition matrices (K, n, n) over the segments between consecutive edges. Raises: NumericalError where stages are singular."""
+    with determined(edges):
+        return factor_segments(system.resolved, edges, METHODS[method](order))
+
+
+def factor_twice(system: PeriodicSystem, edges: Array, setting: Setting) -> tuple[list[Array], Array, Unknown]:
+    """As `measure_segments`, by the setting's method and by two stages more, which share no node. Raises: as `factor_by`."""
+    rule = METHODS[setting.method]
+    with determined(edges):
+        return measure_segments(system.resolved, edges, (rule(setting.order), rule(setting.order + 4)))
+
+
+@contextmanager
+def determined(edges: Array) -> Iterator[None]:
+    """NumericalError where a segment is too long for its stages."""
+    try:
+        yield
+    except np.linalg.LinAlgError:
+        raise NumericalError(
+            "the stages of a segment are not determined: it is too long for A(t)",
+            got=f"{len(edges) - 1} segments",
+            todo="ask for more segments, or leave method and segments to the solver",
+        ) from None
+
+
 def factor_period(system: PeriodicSystem, setting: Setting) -> tuple[Array, Array]:
     """Return the edges (K + 1,) and the transition matrices (K, n, n) of one period."""
     grid = place_segments(system, setting)
-    return grid, METHODS[setting.method](system, grid, setting.order)
+    return grid, factor_by(system, grid, setting.method, setting.order)
 
 
 def report_too_many(wanted: float, limit: int, tol: float) -> TooManySegments:

@@ -6,9 +6,10 @@ import pytest
 
 import flexlin as fl
 from flexlin.errors import SingularMassMatrix
-from flexlin.periodic.transition import accelerations
-from flexlin.periodic.transition.accelerations import companion_transitions
-from flexlin.periodic.transition.gauss import second_order_transitions
+from flexlin.periodic.transition import factors
+from flexlin.periodic.transition.factors import factor_segments
+from flexlin.periodic.transition.gauss import gauss
+from tests.periodic.transition.second_order import second_order_transitions
 
 EPS = np.finfo(float).eps
 
@@ -35,10 +36,10 @@ def random_arm(seed, n, units):
 def test_compiled_code_and_numpy_give_the_same_matrices(n, monkeypatch):
     """Also where segments do not fill an eight, in several parts, in units of any size, and so long that rows must be exchanged."""
     for seed, (segments, stages) in enumerate([(1, 9), (8, 4), (37, 7), (3, 10), (100, 2)]):
-        monkeypatch.setattr(accelerations, "BLOCK_BYTES", 24 * stages * n * n * 16)
+        monkeypatch.setattr(factors, "BLOCK_BYTES", 24 * stages * n * n * 16)
         grid = np.sort(np.random.default_rng(seed).uniform(0, 1, segments + 1))
         units = 10.0 ** np.random.default_rng(seed).uniform(-3, 3, n)
-        found = companion_transitions(random_arm(seed, n, units).resolved, grid, stages)
+        found = factor_segments(random_arm(seed, n, units).resolved, grid, gauss(stages))
         other = second_order_transitions(random_arm(seed, n, np.ones(n)).resolved.sample, grid, stages)
         scale = np.concatenate([units, units])
         apart = np.abs(found * (scale[:, None] / scale) - other).max(axis=(1, 2))
@@ -68,17 +69,15 @@ def exact_transition(M, D, K, rule):
 def test_inertias_far_apart_lose_no_more_than_with_rows_exchanged(seed, monkeypatch):
     """Fast modes of a nearly singular mass matrix: elimination without exchanges alone misses by some hundred roundings in half of them."""
     left, n, rng = [], 2, np.random.default_rng(100 + seed)
-    collocate = accelerations.collocate_accelerations
-    monkeypatch.setattr(
-        accelerations, "collocate_accelerations", lambda M, *rest: left.append(len(M)) or collocate(M, *rest)
-    )
+    collocate = factors.collocate_accelerations
+    monkeypatch.setattr(factors, "collocate_accelerations", lambda M, *rest: left.append(len(M)) or collocate(M, *rest))
     turn, back = (np.linalg.qr(rng.standard_normal((n, n)))[0] for _ in range(2))
     modes, rates = turn * np.array([1.0, 10 ** rng.uniform(-4, -2)]) @ back, rng.uniform(3, 10, n)
     M, D, K = (modes.T @ (part[:, None] * modes) for part in (np.ones(n), 0.1 * rates, rates**2))
     system, edges = fl.PeriodicSystem.from_second_order(M, D, K, 1.0), np.array([0.0, 1.0])
-    found = companion_transitions(system.resolved, edges, 9)[0]
+    found = factor_segments(system.resolved, edges, gauss(9))[0]
     assert not left
-    right = exact_transition(M, D, K, accelerations.gauss(9))
+    right = exact_transition(M, D, K, gauss(9))
     other = second_order_transitions(system.resolved.sample, edges, 9)[0]
     apart, allowed = (np.linalg.norm(one - right, 2) for one in (found, other))
     assert apart <= 4 * allowed + 20 * EPS * np.linalg.norm(right, 2)
@@ -87,15 +86,13 @@ def test_inertias_far_apart_lose_no_more_than_with_rows_exchanged(seed, monkeypa
 def test_what_needs_rows_exchanged_is_seen_and_left_to_numpy(monkeypatch):
     """A pivot that vanishes: h^2 (a a)_11 k = -1, with the residual as the only witness."""
     left = []
-    collocate = accelerations.collocate_accelerations
-    monkeypatch.setattr(
-        accelerations, "collocate_accelerations", lambda M, *rest: left.append(len(M)) or collocate(M, *rest)
-    )
-    rule = accelerations.gauss(3)
+    collocate = factors.collocate_accelerations
+    monkeypatch.setattr(factors, "collocate_accelerations", lambda M, *rest: left.append(len(M)) or collocate(M, *rest))
+    rule = gauss(3)
     stiffness = -1.0 / (rule.a @ rule.a)[0, 0]
     system = fl.PeriodicSystem.from_second_order([[1.0]], [[0.0]], [[stiffness]], 1.0)
     grid = np.linspace(0, 1.0, 2)
-    found = companion_transitions(system.resolved, grid, 3)
+    found = factor_segments(system.resolved, grid, gauss(3))
     assert left == [1]
     np.testing.assert_allclose(found, second_order_transitions(system.resolved.sample, grid, 3), rtol=1e-12)
 
@@ -107,4 +104,4 @@ def test_a_mass_matrix_that_is_singular_is_named():
     blocks.series.coefficients[0, :, :2] = M
     blocks.series.coefficients[0, :, 4:] = np.diag([1.0, 0.0])
     with pytest.raises(SingularMassMatrix):
-        companion_transitions(system.resolved, np.linspace(0, 1, 4), 2)
+        factor_segments(system.resolved, np.linspace(0, 1, 4), gauss(2))

@@ -6,8 +6,9 @@ from flexlin.errors import SingularMassMatrix
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition import gauss as collocation
-from flexlin.periodic.transition.gauss import gauss, gauss_transitions, second_order_transitions
+from flexlin.periodic.transition.gauss import gauss, gauss_transitions
 from tests.periodic.systems import mathieu
+from tests.periodic.transition.second_order import second_order_transitions
 
 
 def product(factors):

@@ -4,7 +4,8 @@ import pytest
 import flexlin as fl
 from flexlin.periodic.grid import place_edges
 from flexlin.periodic.transition.gauss import gauss_transitions
-from flexlin.periodic.transition.radau import radau, radau_transitions
+from flexlin.periodic.transition.radau import radau
+from flexlin.periodic.transition.setting import factor_by
 from tests.periodic.systems import colaneri, mathieu, meissner
 
 
@@ -27,10 +28,13 @@ def test_three_stages_are_hairer_s():
 @pytest.mark.parametrize("stages", [1, 2, 3])
 def test_order_of_convergence(stages):
     A = mathieu(1.3, 0.7)
+    system = fl.PeriodicSystem(A, np.pi)
     exact = np.linalg.multi_dot(gauss_transitions(A, np.linspace(0, np.pi, 21), 10)[::-1])
     count = np.array([16, 32, 64])
     error = [
-        np.abs(np.linalg.multi_dot(radau_transitions(A, np.linspace(0, np.pi, k + 1), stages)[::-1]) - exact).max()
+        np.abs(
+            np.linalg.multi_dot(factor_by(system, np.linspace(0, np.pi, k + 1), "radau", 2 * stages - 1)[::-1]) - exact
+        ).max()
         for k in count
     ]
     assert abs(-np.polyfit(np.log(count), np.log(error), 1)[0] - (2 * stages - 1)) < 0.3
@@ -38,7 +42,8 @@ def test_order_of_convergence(stages):
 
 def test_the_last_stage_stays_before_a_break():
     grid = place_edges(np.pi, (np.pi / 3,), 8)
-    np.testing.assert_allclose(radau_transitions(meissner, grid, 6), gauss_transitions(meissner, grid, 6), atol=1e-11)
+    found = factor_by(fl.PeriodicSystem(meissner, np.pi, breaks=(np.pi / 3,)), grid, "radau", 11)
+    np.testing.assert_allclose(found, gauss_transitions(meissner, grid, 6), atol=1e-11)
 
 
 def test_radau_as_the_method_of_floquet():

@@ -1,0 +1,150 @@
+"""Transition matrices of the segments of a period by collocation, from resolved coefficients: compiled, eight segments at a time."""
+
+from collections.abc import Iterator
+from functools import lru_cache
+
+import numpy as np
+
+from flexlin._core import declare
+from flexlin.checks import Array
+from flexlin.lapack import LAPACK
+from flexlin.periodic.companion import build_companion
+from flexlin.periodic.product.spectrum import Unknown
+from flexlin.periodic.resolved.companion import ResolvedCompanion
+from flexlin.periodic.resolved.matrix import ResolvedMatrix
+from flexlin.periodic.resolved.uncertainty import EPS, LASTING
+from flexlin.periodic.transition.gauss import Tableau, collocate, collocate_accelerations, fold_samples
+
+Resolved = ResolvedMatrix | ResolvedCompanion
+MOST_UNKNOWNS = 100
+"""Stages times unknowns up to which the compiled code serves; LAPACK is as fast beyond."""
+BLOCK_BYTES = 2**24
+"""Samples that are taken at a time."""
+FACTOR_STATES = declare(
+    "int factor_states(int n, int stages, int segments, int stiff, const double *A, const double *lengths, const double *tableau, "
+    "const double *units, double *Phi, int *good)",
+    lambda n, s, K, *_: ((K, s, n, n), (K,), s * (s + 1), (n,), (K, n, n), (K,)),
+)
+FACTOR_ACCELERATIONS = declare(
+    "int factor_accelerations(int m, int stages, int segments, const double *blocks, const double *lengths, const double *tableau, "
+    "double *Phi, int *good)",
+    lambda m, s, K, *_: ((K, s, m, 3 * m), (K,), 2 * s * (s + 1), (K, 2 * m, 2 * m), (K,)),
+)
+
+
+def factor_segments(resolved: Resolved, edges: Array, rule: Tableau) -> Array:
+    """Transition matrices (K, n, n) over the segments between consecutive edges (K + 1,).
+
+    Raises: SingularMassMatrix, MemoryError; LinAlgError where the stages of a segment are not determined.
+    """
+    h = np.diff(edges)
+    parts = [
+        factor(resolved, staged, h[part], rule) for part, (staged,), _ in sample_segments(resolved, edges, (rule,))
+    ]
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def measure_segments(
+    resolved: Resolved, edges: Array, rules: tuple[Tableau, Tableau]
+) -> tuple[list[Array], Array, Unknown]:
+    """Transition matrices (K, n, n) by each of two rules; h A in the middle of each segment (K, n, n); what is not known over it.
+
+    Unknown are roundings of the coefficients and the error of their series. Of a second-order system with vectors [y; v]:
+
+        left M^-1 (dM z + dD v + dK y),   z = M^-1 (K y + D v)
+
+    Raises: as `factor_segments`.
+    """
+    h, made = np.diff(edges), []
+    error = resolved.mean_error(edges)
+    for part, staged, (starts, middles) in sample_segments(resolved, edges, rules, (0.0, 0.5)):
+        lengths = h[part, None, None]
+        size = lengths * (LASTING * EPS * np.abs(starts) + error[part])
+        factors = [factor(resolved, values, h[part], rule) for values, rule in zip(staged, rules, strict=True)]
+        if not isinstance(resolved, ResolvedCompanion):
+            made.append((*factors, lengths * middles, size))
+            continue
+        m, K = starts.shape[1], len(starts)
+        A = build_companion(*resolved.split(np.concatenate([starts, middles])), np.tile(edges[:-1][part], 2))
+        left, right = np.zeros((K, 2 * m, m)), np.zeros((K, 3 * m, 2 * m))
+        left[:, m:] = np.linalg.inv(starts[..., :m])
+        right[:, :m] = -A[:K, m:]
+        right[:, m : 2 * m, m:] = right[:, 2 * m :, :m] = np.eye(m)
+        made.append((*factors, lengths * A[K:], size, left, right))
+    plain, better, middles, *unknown = made[0] if len(made) == 1 else map(np.concatenate, zip(*made, strict=True))
+    return [plain, better], middles, Unknown(*unknown)
+
+
+def sample_segments(
+    resolved: Resolved, edges: Array, rules: tuple[Tableau, ...], looks: tuple[float, ...] = ()
+) -> Iterator[tuple[slice, list[Array], list[Array]]]:
+    """The coefficients, A or [M D K], segment by segment, BLOCK_BYTES at a time: which, at the stages of each rule (k, s, rows, columns),
+    and at parts of each segment (k, rows, columns). A stage at the end of a segment stands just before it, so jumps there do no harm."""
+    series = resolved.blocks if isinstance(resolved, ResolvedCompanion) else resolved
+    nodes = [rule.c for rule in rules] + [np.array([part]) for part in looks]
+    rows, columns = series.shape
+    size = max(8, BLOCK_BYTES // (8 * rows * columns * sum(map(len, nodes))))
+    for i in range(0, len(edges) - 1, size):
+        first, last = edges[i : i + size + 1][:-1, None], edges[i : i + size + 1][1:, None]
+        times = [first + (last - first) * c for c in nodes]
+        for t, rule in zip(times, rules, strict=False):
+            if rule.c[-1] == 1.0:
+                t[:, -1:] = np.nextafter(last, -np.inf)
+        t = np.concatenate([part.ravel() for part in times])
+        values = fold_samples(series(t), t)
+        bounds = np.cumsum([part.size for part in times])[:-1]
+        split = [
+            part.reshape(len(first), len(c), rows, columns)
+            for part, c in zip(np.split(values, bounds), nodes, strict=True)
+        ]
+        yield slice(i, i + size), split[: len(rules)], [part[:, 0] for part in split[len(rules) :]]
+
+
+def factor(resolved: Resolved, values: Array, h: Array, rule: Tableau) -> Array:
+    """Transition matrices (K, n, n) from the coefficients at the stages (K, s, rows, columns) and lengths h (K,)."""
+    if isinstance(resolved, ResolvedCompanion):
+        return factor_accelerations(resolved, values, h, rule)
+    return factor_states(values, h, rule)
+
+
+def factor_accelerations(resolved: ResolvedCompanion, blocks: Array, h: Array, rule: Tableau) -> Array:
+    """From [M D K], with the accelerations as unknowns; what needs rows exchanged is left to LAPACK. Raises: SingularMassMatrix."""
+    K, s, m = blocks.shape[:3]
+    Phi, good = np.empty((K, 2 * m, 2 * m)), np.zeros(K, np.intc)
+    if s * m <= MOST_UNKNOWNS and not FACTOR_ACCELERATIONS(m, s, K, blocks, h, tabulate(rule, True), Phi, good):
+        raise MemoryError("the stages of a segment")
+    lost = np.flatnonzero(good == 0)
+    if len(lost):
+        Phi[lost] = collocate_accelerations(*resolved.split(blocks[lost]), h[lost], rule)
+    return Phi
+
+
+def factor_states(A: Array, h: Array, rule: Tableau) -> Array:
+    """From A, in units in which its rows and columns are of like size, as a solution of linear equations needs them to keep its digits.
+
+    Raises: LinAlgError. Source: Parlett, Reinsch, Balancing a matrix, Numer. Math. 13 (1969), on the sum of |A|.
+    """
+    K, s, n = A.shape[:3]
+    units = np.asarray(LAPACK.dgebal(np.abs(A).sum(axis=(0, 1)), scale=1, permute=0)[3])
+    Phi, good = np.empty((K, n, n)), np.zeros(K, np.intc)
+    stiff = int(rule.c[-1] == 1.0)
+    if s * n <= MOST_UNKNOWNS and not FACTOR_STATES(n, s, K, stiff, A, h, tabulate(rule, False), units, Phi, good):
+        raise MemoryError("the stages of a segment")
+    lost = np.flatnonzero(good == 0)
+    if len(lost):
+        turn = units / units[:, None]
+        Phi[lost] = collocate(A[lost] * turn, h[lost], rule) / turn
+    return Phi
+
+
+def tabulate(rule: Tableau, second_order: bool) -> Array:
+    """A rule in one row, as compiled code takes it: a, b; or c, a, a a, b."""
+    return tabulate_row(rule.c.tobytes(), rule.a.tobytes(), rule.b.tobytes(), second_order)
+
+
+@lru_cache(maxsize=64)
+def tabulate_row(c: bytes, a: bytes, b: bytes, second_order: bool) -> Array:
+    """Of `tabulate`."""
+    rule = Tableau(*map(np.frombuffer, (c, a, b)))
+    square = rule.a.reshape(len(rule.c), -1)
+    return np.concatenate([rule.c, rule.a, (square @ square).ravel(), rule.b] if second_order else [rule.a, rule.b])
