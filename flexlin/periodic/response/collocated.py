@@ -8,23 +8,11 @@ from numpy.polynomial.legendre import legvander
 
 from flexlin.checks import Array, real_array
 from flexlin.periodic.product.cyclic import cyclic_system
-from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.gauss import (
-    CHUNK_BYTES,
-    Tableau,
-    fold_samples,
-    place_nodes,
-    sample_at,
-    solve_accelerations,
-    solve_stages,
-    weigh_stages,
-)
+from flexlin.periodic.transition.gauss import Tableau, collect_chunks, sample_at, solve_stages, weigh_stages
 from flexlin.summary import represent
 
 VectorFunction = Callable[[Array], Array]
-Affine = tuple[Array, Array, Callable[[Array], Array]]
-"""Ends of the segments as Phi x + g (K, n, n), (K, n, 1), and the rates (K, s, n) at the stages as a function of the starts (K, n)."""
 
 
 @dataclass(frozen=True)
@@ -49,88 +37,36 @@ def solve_periodic(
 ) -> tuple[PiecewiseSolution | None, float, Array]:
     """Solve for the states at the edges; returns the solution, the smallest singular value of the closure, and Phi.
 
-    There is no solution where that singular value is one of rounding alone.
+    The force is one more column of A, which a constant state multiplies: z' = [[A, f], [0, 0]] z, z = [x; 1], gives Phi x + g over each
+    segment. There is no solution where the singular value is one of rounding alone.
     """
-    h = np.diff(grid)
-    t = np.minimum(place_nodes(grid, rule.c), np.nextafter(grid[1:], -np.inf)[:, None])
-    force = real_array("f", sample_at(f, t))
-    coefficients = system.resolved
-    if isinstance(coefficients, ResolvedCompanion):
-        Phi, g, rates = collocate_second_order(coefficients, t, h, force, rule)
-    else:
-        Phi, g, rates = collocate_first_order(sample_at(coefficients, t), h, force, rule)
+    n, h, before = system.n, np.diff(grid), np.nextafter(grid[1:], -np.inf)
+
+    def forced(t: Array, k: slice) -> Array:
+        """h [[A, f], [0, 0]] at the stages, before a jump at the end of a segment."""
+        t = np.minimum(t, before[k, None])
+        A, force = sample_at(system.resolved, t), real_array("f", sample_at(f, t))
+        out = np.zeros((*t.shape, n + 1, n + 1))
+        out[..., :n, :n], out[..., :n, n] = A, force
+        return out * h[k, None, None, None]
+
+    def stages(t: Array, k: slice) -> Array:
+        hA = forced(t, k)
+        Y = solve_stages(hA, rule, np.broadcast_to(np.eye(n + 1), hA.shape))
+        end = Y[:, -1] if rule.c[-1] == 1 else np.eye(n + 1) + weigh_stages(hA, rule, Y)
+        return np.concatenate([Y, end[:, None]], axis=1)[..., :n, :]
+
+    Y = collect_chunks(stages, grid, rule)
+    Phi, g = Y[:, -1, :, :n], Y[:, -1, :, n:]
     cyclic = cyclic_system(Phi)
     sigma = float(np.linalg.svd(cyclic.closure, compute_uv=False)[-1])
     if sigma <= 4 * np.finfo(float).eps:
         return None, sigma, Phi
     x = cyclic.solve(g)[..., 0]
-    return PiecewiseSolution(grid, x, invert_legendre(rule) @ rates(x)), sigma, Phi
-
-
-def collocate_first_order(A: Array, h: Array, force: Array, rule: Tableau) -> Affine:
-    """Y_i = x + h sum_j a_ij (A_j Y_j + f_j), for A (K, s, n, n) and f (K, s, n)."""
-    n, h = A.shape[-1], h[:, None, None, None]
-    hA, hf = A * h, force[..., None] * h
-    eye = np.broadcast_to(np.eye(n), A.shape)
-    right = np.concatenate([eye, np.einsum("ij,kjnr->kinr", rule.a, hf)], axis=-1)
-    parts = chunks(len(A), len(rule.c) * n)
-    Y = np.concatenate([solve_stages(hA[k], rule, right[k]) for k in parts])
-    if rule.c[-1] == 1:
-        Phi, g = Y[:, -1, :, :n], Y[:, -1, :, n:]
-    else:
-        step = weigh_stages(hA, rule, Y)
-        Phi, g = np.eye(n) + step[..., :n], step[..., n:] + (rule.b[:, None, None] * hf).sum(axis=1)
-
-    def rates(x: Array) -> Array:
-        stages = (Y[..., :n] @ x[:, None, :, None] + Y[..., n:])[..., 0]
-        return np.linalg.solve(rule.a, stages - x[:, None]) / h[..., 0]
-
-    return Phi, g, rates
-
-
-def collocate_second_order(coefficients: ResolvedCompanion, t: Array, h: Array, force: Array, rule: Tableau) -> Affine:
-    """The same in the accelerations w = v', half as many unknowns: y' = v + f_y, M (w - f_v) + D v + K y = 0.
-
-        v_i = v + h sum_j a_ij w_j,   y_i = y + h c_i v + h sum_j a_ij (f_y + h sum_k a_jk w_k)_j
-
-    Source: Hairer, Norsett, Wanner, Solving ODEs I, II.14 (Nystrom methods from collocation).
-    """
-    s, n, each = len(rule.c), force.shape[-1] // 2, h[:, None, None]
-    shift = each * (rule.a @ force[..., :n])
-    parts, found = chunks(len(t), s * n), []
-    for k in parts:
-        M, D, K = (fold_samples(values, t[k]) for values in coefficients.sample(t[k].ravel()))
-        pushed = M @ force[k, :, n:, None] - K @ shift[k, ..., None]
-        right = np.concatenate([-K, -D - (each[k] * rule.c[:, None])[..., None] * K, pushed], axis=-1)
-        found.append(solve_accelerations(M, D, K, h[k], rule, right))
-    W = np.concatenate(found)
-    flat = W.reshape(len(t), s, -1)
-    ends = [
-        (weights @ flat).reshape(len(t), n, 2 * n + 1) * size
-        for weights, size in ((rule.b @ rule.a, each**2), (rule.b, each))
-    ]
-    ends[0][..., -1] += h[:, None] * (rule.b @ force[..., :n])
-    whole = np.concatenate(ends, axis=1)
-    Phi, diagonal = whole[..., :-1].copy(), np.arange(2 * n)
-    Phi[:, diagonal, diagonal] += 1
-    Phi[:, diagonal[:n], diagonal[n:]] += h[:, None]
-
-    def rates(x: Array) -> Array:
-        w = (W[..., :-1] @ x[:, None, :, None])[..., 0] + W[..., -1]
-        return np.concatenate([x[:, None, n:] + each * (rule.a @ w) + force[..., :n], w], axis=-1)
-
-    return Phi, whole[..., -1:], rates
-
-
-def chunks(segments: int, unknowns: int) -> list[slice]:
-    """The segments, as many at a time as keep their stage matrices within CHUNK_BYTES."""
-    size = max(1, CHUNK_BYTES // (8 * unknowns**2))
-    return [slice(k, k + size) for k in range(0, segments, size)]
-
-
-def invert_legendre(rule: Tableau) -> Array:
-    """The matrix from stage values to coefficients of P_m on [0, 1]."""
-    return np.linalg.inv(legvander(2 * rule.c - 1, len(rule.c) - 1))
+    moved = (Y[:, :-1, :, :n] @ x[:, None, :, None] + Y[:, :-1, :, n:])[..., 0] - x[:, None]
+    legendre = legvander(2 * rule.c - 1, len(rule.c) - 1)
+    slope = np.linalg.solve(rule.a @ legendre, moved) / h[:, None, None]
+    return PiecewiseSolution(grid, x, slope), sigma, Phi
 
 
 def integrate_legendre(theta: Array, count: int) -> Array:

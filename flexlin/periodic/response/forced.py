@@ -17,13 +17,13 @@ from flexlin.periodic.response.collocated import PiecewiseSolution, VectorFuncti
 from flexlin.periodic.response.result import ForcedResponse
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.choice import MARGIN, choose_setting
-from flexlin.periodic.transition.gauss import Tableau, gauss
+from flexlin.periodic.transition.gauss import Tableau, gauss, place_nodes
 from flexlin.periodic.transition.radau import radau
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, report_too_many
 
 EPS = float(np.finfo(float).eps)
-ROUNDINGS, RESONANT = 4.0, 100.0
-"""Roundings that the periodicity condition amplifies; a response that loses this factor beyond tol counts as resonant."""
+SAFETY, RESONANT = 4.0, 100.0
+"""Factor on what rounding and resolutions that come no nearer leave; a response that loses the other factor beyond tol is resonant."""
 NEARBY = 0.05
 """Distance of a multiplier's log from 0 up to which it is the reason why a response is large."""
 STIFF = 1024
@@ -32,12 +32,8 @@ COARSE, LEAST = 4, 16
 """The first segments: of those that would follow the fastest mode, which a smooth force hardly moves; and of a period at the least."""
 GROWTH = (1.3, 2.0)
 """How many times more segments the next resolution has: enough to be evidence, and no more than the last one's error calls for."""
-LEVELS, STAGNANT = 4, 3.0
-"""Resolutions in a row that come no nearer to each other, and the multiple of their largest difference that is stated as error."""
-NARROW = 1e-6
-"""Accuracy to which panels must follow a force for its narrow features to be known."""
-PROBES = np.array([0.13, 0.5, 0.81])
-"""Where inside each segment two resolutions are compared."""
+LEVELS = 4
+"""Resolutions in a row that come no nearer to each other."""
 
 
 @checked
@@ -131,7 +127,7 @@ def find_corners(system: PeriodicSystem, force: VectorFunction, breaks: Array) -
         np.union1d(known, 0.0).tolist(),
         system.features,
         complete=system.complete and has_nothing_narrow(force),
-        tol=NARROW,
+        tol=float(np.sqrt(EPS)),
         repeats=False,
     )
     return np.union1d(
@@ -157,7 +153,7 @@ def refine_response(
     while count <= limits[1]:
         grid = place_edges(system.period, corners, count, -(-count // first))
         solution, sigma, Phi = solve_periodic(system, force, grid, rule)
-        rounding = ROUNDINGS * EPS / max(sigma, np.finfo(float).tiny)
+        rounding = SAFETY * EPS / max(sigma, np.finfo(float).tiny)
         if solution is None or rounding > RESONANT * max(tol, 1e-10):
             if count >= limits[0]:
                 raise report_resonance(Phi, sigma)
@@ -175,7 +171,7 @@ def refine_response(
             if best is not None and stagnant(misses):
                 solution, sigma, scale, rounded, at = best
                 missed = max(misses[at - 1 : at + 1])
-                return solution, sigma, max(STAGNANT * missed, missed + rounded), scale
+                return solution, sigma, max(SAFETY * missed, missed + rounded), scale
             wanted = len(previous.start) * (MARGIN * missed / (tol * scale)) ** (1 / (len(rule.c) + 1))
         previous, count = solution, int(np.ceil(np.clip(wanted, GROWTH[0] * count, GROWTH[1] * count)))
     raise report_too_many(count, limits[1], tol)
@@ -215,7 +211,7 @@ def as_vector_function(f: VectorFunction | Sequence[float], system: PeriodicSyst
 def measure_difference(fine: PiecewiseSolution, coarse: PiecewiseSolution) -> float:
     """The largest difference between two resolutions at the edges and inside the segments."""
     grid = coarse.edges
-    t = np.concatenate([grid[:-1], *(grid[:-1] + p * np.diff(grid) for p in PROBES)])
+    t = np.concatenate([grid[:-1], place_nodes(grid, gauss(3).c).ravel()])
     return float(np.abs(fine(t) - coarse(t)).max())
 
 
@@ -227,7 +223,7 @@ def measure_rounding(solution: PiecewiseSolution, sigma: float, Phi: Array) -> f
     carried = float((np.abs(Phi) @ np.abs(solution.start)[:, :, None]).max())
     ends = solution.start + np.diff(solution.edges)[:, None] * solution.slope[:, 0]
     gaps = float(np.abs(ends - np.roll(solution.start, -1, axis=0)).max())
-    return ROUNDINGS * EPS * max(1.0, carried) / sigma + gaps
+    return SAFETY * EPS * max(1.0, carried) / sigma + gaps
 
 
 def report_resonance(Phi: Array, sigma: float) -> ResonantForcing:
