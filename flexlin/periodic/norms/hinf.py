@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array, positive
 from flexlin.errors import ArgumentError, NotStable, ToleranceNotReached
 from flexlin.lazy import lazy
+from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples, has_nothing_narrow
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import solve_modes_at_nodes
@@ -17,21 +18,20 @@ from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
 
-ROUGH, FINE = 1e-7, 1e-10
-"""Wanted errors of the exponents, in 1/s: in the bisection, and where the level is extrapolated."""
-NEGATIVE = 1e-3
-"""How far below zero an eigenvalue of X may lie by rounding, in units in which X has a diagonal of ones."""
+ACCURATE = 1e-10
+"""Wanted error of the exponents, in 1/s."""
+NEGATIVE, FAINT = 1e-3, 1e-5
+"""How far below zero an eigenvalue of X may lie by rounding, in units in which X has a diagonal of ones; and the least such unit of a
+state, relative to the largest, after the states' own units are evened: what is smaller is rounding of a state that is not seen."""
 NEAREST = 1e-9
 """How far above the feedthrough's own gain the lowest level lies of which a Hamiltonian system is made."""
-NEAR = 0.01
-"""Part of the distance to the circle to which modes are known, so that none is taken for its counterpart."""
+COARSE, NEAR = 1e-3, 0.01
+"""Accuracy to which modes are known at the least, and as a part of the distance to the circle, so that none is its counterpart."""
+MERGED = 1e-6
+"""Distance to the circle, over a period, below which a decaying mode may be taken together with its growing counterpart."""
 STEPS = 200
-COARSE = 1e-3
-"""Relative width of the bracket from which the level is extrapolated."""
-OFFSETS = (4e-3, 2e-3, 1e-3)
-"""Relative distances above the level at which the squared real part is taken for the extrapolation."""
-CONFIRMED = 1e-7
-"""Relative distance on both sides at which the level is confirmed, where its error is not larger."""
+BESIDE = 0.05
+"""Of the way from the level at which the distance is predicted to vanish to the bracket's end: how far beside it the next one is tried."""
 
 
 @dataclass(frozen=True)
@@ -97,34 +97,45 @@ class BoundedReal:
 
         return PeriodicSystem(H, self.system.period, breaks=self.breaks, complete=True)
 
-    def nearest(self, level: float, tol: float = ROUGH) -> tuple[float, float, float]:
-        """The least |Re| of the exponents of H, its error, and the frequency of that exponent in [0, pi/T]."""
-        found = floquet(self.hamiltonian(level), tol)
-        known = np.isfinite(found.errors)
-        size = np.where(known, np.abs(found.exponents.real), np.inf)
-        k = int(np.argmin(size))
-        return float(size[k]), float(found.errors[k]), float(abs(found.exponents[k].imag))
+    def judge(self, level: float) -> tuple[int, float, float]:
+        """On which side of the norm a level lies: 1 above, -1 below, 0 where errors hide it; the least |Re| of the exponents of H, and
+        the frequency of that exponent in [0, pi/T].
 
-    def exceeds(self, level: float, tol: float = ROUGH) -> bool:
-        """Whether the level lies above the norm: no multiplier of H on the unit circle, and X = V2 V1^-1 >= 0 at all times.
-
-        [V1; V2] are the decaying modes of H. Without the second condition a level between two singular values, each of which keeps its
-        distance at all frequencies, would pass.
+        Above: no multiplier lies on the unit circle, and X = V2 V1^-1 >= 0 at all times, [V1; V2] the decaying modes of H. Without the
+        second condition a level between two singular values, each of which keeps its distance at all frequencies, would pass. Below: one
+        lies there, since no other one is near that could be its mirror image in the circle; or X is indefinite.
         """
         system = self.hamiltonian(level)
-        found = floquet(system, tol)
-        if not np.all(np.abs(found.exponents.real) > 2 * np.where(np.isfinite(found.errors), found.errors, 0.0)):
-            return False
+        found = floquet(system, ACCURATE)
+        known = np.isfinite(found.errors)
+        errors, size = np.where(known, found.errors, 0.0), np.where(known, np.abs(found.exponents.real), np.inf)
+        k = int(np.argmin(size))
+        nearest = float(size[k]), float(abs(found.exponents[k].imag))
+        if np.all(size > 2 * errors):
+            return self.judge_solution(system, nearest[0]), *nearest
+        logs = found.log_multipliers
+        apart = measure_distances(logs, logs) / system.period
+        alone = (apart > 2 * (errors + errors[:, None])) | np.eye(len(logs), dtype=bool)
+        return -int(np.any((size <= errors) & alone.all(axis=1))), *nearest
+
+    def judge_solution(self, system: PeriodicSystem, distance: float) -> int:
+        """1 where the decaying modes of H make X >= 0, -1 where X is indefinite by more than it lacks in symmetry, else 0."""
         n = self.system.n
-        coarse = floquet(system, min(COARSE, NEAR * float(np.abs(found.exponents.real).min())))
+        coarse = floquet(system, min(COARSE, NEAR * distance))
         right = solve_modes_at_nodes(system, coarse, quick=True).right[:, :, np.argsort(coarse.exponents.real)[:n]]
         with np.errstate(all="ignore"):
             X = np.linalg.solve(np.swapaxes(right[:, :n], 1, 2), np.swapaxes(right[:, n:], 1, 2)).real
         if not np.isfinite(X).all():
-            return False
-        units = np.sqrt(np.abs(X[:, range(n), range(n)]).max(axis=0)) + np.finfo(float).tiny
+            return 0
+        mean = np.abs(self.system.resolved.mean()) + np.finfo(float).tiny
+        own = np.sqrt(mean.sum(axis=1) / mean.sum(axis=0))
+        units = np.sqrt(np.abs(X[:, range(n), range(n)]).max(axis=0))
+        units = np.maximum(units, FAINT * (units / own).max() * own) + np.finfo(float).tiny
         scaled = X / units / units[:, None]
-        return bool(np.linalg.eigvalsh((scaled + np.swapaxes(scaled, 1, 2)) / 2).min() > -NEGATIVE)
+        turned = np.swapaxes(scaled, 1, 2)
+        least, doubt = float(np.linalg.eigvalsh((scaled + turned) / 2).min()), float(np.abs(scaled - turned).max())
+        told_apart = distance * system.period > MERGED
+        return 1 if least > -NEGATIVE else -int(told_apart and least < -n * doubt - NEGATIVE)
 
 
 def hinf_norm(
@@ -135,10 +146,10 @@ def hinf_norm(
 ) -> HinfNorm:
     """Compute the H-infinity norm of x' = A x + B u, y = C x + D u: the largest |y| / |u| in mean square.
 
-    A level is bracketed by bisection on whether its Hamiltonian system has multipliers on the unit circle, whose product is never
-    formed, and whether its decaying modes make a nonnegative solution of the Riccati equation.
-    Two of them meet at the norm, so the squared distance to the circle is smooth in the level, and its zero is extrapolated.
-    Assumes a stable system.
+    The norm lies between two levels: above, the Hamiltonian system has no multiplier on the unit circle, whose product is never
+    formed, and its decaying modes make a nonnegative solution of the Riccati equation; below, one lies there. Two of them meet at the
+    norm, so the squared distance to the circle is smooth in the level and says where to look next. The error is half of the distance of
+    the two levels. Assumes a stable system.
 
     Parameters
     ----------
@@ -197,9 +208,7 @@ def hinf_norm(
     )
     problem = BoundedReal(system, system.resolved_input, *known)
     t = np.linspace(0.0, system.period, 1025)[:-1]
-    direct = find_direct_gain(problem.D)
-    low, high = bracket_level(problem, direct, float(np.abs(B(t)).max() * np.abs(output(t)).max()))
-    return extrapolate_level(problem, low, high, tol, direct) if high > 0 else HinfNorm(0.0, 0.0, 0.0)
+    return bracket_norm(problem, float(np.abs(B(t)).max() * np.abs(output(t)).max()), tol)
 
 
 def find_direct_gain(D: ResolvedMatrix) -> float:
@@ -219,68 +228,55 @@ def find_direct_gain(D: ResolvedMatrix) -> float:
     return best
 
 
-def bracket_level(problem: BoundedReal, direct: float, size: float) -> tuple[float, float]:
-    """Levels below and above the norm, COARSE apart; the feedthrough's own gain is the least level."""
-    floor = direct * (1 + NEAREST)
-    if size == 0:
-        return direct, floor
-    rate = max(float(np.linalg.norm(problem.system.resolved.mean(), 2)), 1 / problem.system.period)
-    low, high = floor, max(2 * floor, size / rate)
-    for _ in range(STEPS):
-        if problem.exceeds(high):
-            break
-        low, high = high, 2 * high
-    else:
-        raise ToleranceNotReached("no level exceeds the norm", got=f"{high:.3g}", todo="is the system nearly unstable?")
-    for _ in range(STEPS):
-        if low > floor or not low:
-            break
-        middle = max(floor, high / 2)
-        if middle == floor or not problem.exceeds(middle):
-            break
-        high = middle
-    while high - low > COARSE * high and high > 1e-14 * size / rate:
-        middle = (low + high) / 2 if low > high / 4 else high / 2 if not low else float(np.sqrt(low * high))
-        low, high = (low, middle) if problem.exceeds(middle) else (middle, high)
-    return direct if low == floor else low, high
+def bracket_norm(problem: BoundedReal, size: float, tol: float) -> HinfNorm:
+    """The middle of a level below and a level above the norm, as near to each other as tol asks, or as the exponents' errors allow.
 
-
-def extrapolate_level(problem: BoundedReal, low: float, high: float, tol: float, direct: float) -> HinfNorm:
-    """The level at which the squared real part vanishes, by a parabola through three levels above, again from closer by.
-
-    The error: the distance to the straight line through the two nearest, and what the exponents' errors do. It is confirmed: levels that
-    far above exceed the norm, levels that far below do not; where they do not say so, the bracket is the answer.
+    Above the norm the squared distance to the circle is linear in the level; where it is predicted to vanish, levels on both sides are
+    tried. The feedthrough's own gain is the least level.
+    Raises: ToleranceNotReached when no level exceeds the norm.
     """
-    center, frequency, error = high, 0.0, high - low
-    for scale in (1.0, 0.1, 0.01):
-        levels = center * (1 + scale * np.array(OFFSETS))
-        found = [problem.nearest(float(level), FINE) for level in levels]
-        squares, frequency = np.array([size**2 for size, _, _ in found]), found[-1][2]
-        if squares[1] == squares[2] or squares[0] == squares[1] or squares[0] == squares[2]:
+    direct = find_direct_gain(problem.D)
+    if size == 0:
+        return HinfNorm(direct, NEAREST * direct, 0.0)
+    rate = max(float(np.linalg.norm(problem.system.resolved.mean(), 2)), 1 / problem.system.period)
+    low, floor = direct, max(direct * (1 + NEAREST), np.finfo(float).eps ** 0.9 * size / rate)
+    high, frequency, above, hidden = np.inf, 0.0, list[tuple[float, float]](), list[float]()
+    level = max(2 * floor, size / rate)
+    for _ in range(STEPS):
+        side, distance, place = problem.judge(level)
+        if side > 0:
+            high, frequency = level, place
+            above = [*above[-1:], (level, distance**2)]
+        elif side < 0:
+            low = level
+        else:
+            hidden.append(level)
+        hidden = [one for one in hidden if low < one < high]
+        if np.isinf(high):
+            level *= 2
+        elif high - low <= tol * high or high <= floor:
             break
-        line = levels[2] - squares[2] * (levels[1] - levels[2]) / (squares[1] - squares[2])
-        parabola = zero_of_parabola(levels, squares)
-        if not (low <= parabola <= levels[2] and np.isfinite(line)):
-            break
-        slope = (squares[1] - squares[2]) / (levels[1] - levels[2])
-        noise = 2 * found[-1][0] * found[-1][1] / abs(slope)
-        center, error = parabola, 0.1 * abs(parabola - line) + 4 * noise
-        if error <= tol * center:
-            break
-    apart = max(error, CONFIRMED * center)
-    least, most = center - apart, center + apart
-    if error < high - low and problem.exceeds(most, FINE) and (least <= direct or not problem.exceeds(least, FINE)):
-        return HinfNorm(float(center), float(error), frequency)
-    while high - low > max(tol, 1e-12) * high and (low + high) / 2 > direct * (1 + NEAREST):
-        middle = (low + high) / 2
-        low, high = (low, middle) if problem.exceeds(middle, FINE) else (middle, high)
-    return HinfNorm((low + high) / 2, high - low, problem.nearest(high)[2])
+        elif hidden:
+            first, last = min(hidden), max(hidden)
+            level = (low + first) / 2 if first - low > high - last else (last + high) / 2
+            if max(first - low, high - last) <= max(tol * high, BESIDE * (high - low)):
+                break
+        else:
+            level = choose_level(low, high, above, tol, floor)
+    if np.isinf(high):
+        raise ToleranceNotReached(
+            "no level exceeds the norm", got=f"{level:.3g}", todo="is the system nearly unstable?"
+        )
+    return HinfNorm((low + high) / 2, (high - low) / 2, frequency)
 
 
-def zero_of_parabola(x: Array, y: Array) -> float:
-    """The zero of x as a parabola of y (inverse interpolation) through three points."""
-    total = 0.0
-    for i in range(3):
-        others = [j for j in range(3) if j != i]
-        total += x[i] * np.prod([-y[j] / (y[i] - y[j]) for j in others])
-    return float(total)
+def choose_level(low: float, high: float, above: list[tuple[float, float]], tol: float, floor: float) -> float:
+    """The next level to look at between two: beside the predicted norm, or half-way."""
+    if len(above) > 1 and above[0][1] != above[1][1]:
+        (first, far), (second, near) = above
+        zero = second - near * (second - first) / (near - far)
+        reach = max(tol * high / 4, BESIDE * (high - zero))
+        for level in (zero + reach, zero - reach):
+            if max(low, floor) < level < high * (1 - tol / 8):
+                return level
+    return max(floor, (low + high) / 2 if low > high / 4 else high / 4 if low < floor else float(np.sqrt(low * high)))

@@ -174,3 +174,28 @@ def test_a_level_just_above_the_norm_is_found_there():
     known = constant_peak(A, B, C, 0.0)[0]
     norm = fl.hinf_norm(system, output)
     assert abs(norm.value - known) <= norm.error <= 1e-8 * known
+
+
+def unseen(k):
+    """Coordinates that turn, of two oscillators or two relaxations of which the output sees the first one alone."""
+    if k:
+        A = np.zeros((4, 4))
+        A[:2, :2], A[2:, 2:] = [[0.0, 1.0], [-1.0, -0.1]], [[0.0, 1.0], [-3.0, -0.2]]
+        return A, np.array([[0.0, 1.0, 0.0, 1.0]]).T, np.array([[1.0, 0.0, 0.0, 0.0]]), 1 / (0.1 * (1 - 0.0025) ** 0.5)
+    return np.diag([-1.0, -2.0]), np.ones((2, 1)), np.array([[1.0, 0.0]]), 1.0
+
+
+def lightly_damped(c):
+    """s / (s^2 + c s + 2), whose norm is 1 / c."""
+    return np.array([[0.0, 1.0], [-2.0, -c]]), np.array([[0.0], [1.0]]), np.array([[0.0, 1.0]]), 1 / c
+
+
+@pytest.mark.parametrize("period", [0.05, 1.0, 7.0])
+@pytest.mark.parametrize("case", [unseen(0), unseen(1), *map(lightly_damped, (1e-2, 1e-4, 1e-6))])
+def test_no_norm_misses_by_more_than_its_error(case, period):
+    """Where modes lie so near the circle that they cannot be told from their counterparts, the error says so."""
+    A, B, C, exact = case
+    found = fl.hinf_norm(fl.PeriodicSystem(A, period, B=B), C)
+    assert abs(found.value - exact) <= found.error + 1e-9 * exact
+    damping = -np.linalg.eigvals(A).real.max()
+    assert found.error < 1e-6 * exact or damping * period < 1e-4
