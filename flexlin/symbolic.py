@@ -9,14 +9,14 @@ import numpy as np
 
 from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError
-from flexlin.tape import Tape, usage_of
+from flexlin.program import Layout, Program
 
 CHUNK = 65536
 """Points in one mapped call at the most: bounds the memory of a call to CHUNK * (numbers in + numbers out) * 8 bytes."""
 FEW = 3
 """Points below which CasADi's own way takes less time in any case."""
-CHECKED = 3
-"""Points at which a tape has to give what CasADi gives, to the last bit."""
+WORTH, FIXED = 500, 1e5
+"""Points after which the time to read a function's instructions is won back, and more for a few of them: FIXED by their number."""
 
 
 def as_expression(name: str, value: object) -> ca.SX:
@@ -111,56 +111,66 @@ def layout(function: ca.Function) -> tuple[tuple[tuple[str, int], ...], tuple[tu
     return inputs, tuple(function.size_out(i) for i in range(function.n_out()))
 
 
-def call(function: ca.Function | Part, arrays: list[Array]) -> list[Array]:
-    """Run one mapped call; column-major memory is (N, columns, rows) here. A function that many points go through gets a tape."""
-    points = len(arrays[0])
-    if isinstance(function, Part):
-        return call_part(function, arrays)
-    tape = find_tape(function, arrays)
-    if tape is None or points < FEW:
-        return call_casadi(function, arrays)
-    return run_tape(tape, arrays, empty_outputs(function, points))
+@dataclass
+class Usage:
+    """How many points went through a function, and its program once these are worth one."""
 
+    function: ca.Function
+    operations: int
+    points: int = 0
+    program: Program | None = None
+    tried: bool = False
 
-def call_part(part: Part, arrays: list[Array]) -> list[Array]:
-    """By the tape of the whole; a few points go through the whole before it is worth one, since making the part takes longer."""
-    tape, places = find_tape(part.whole, arrays), part.places
-    if tape is not None:
-        outputs = empty_outputs(part.whole, len(arrays[0]))
-        return run_tape(kept_outputs(tape, places), arrays, [outputs[i] for i in places])
-    if usage_of(part.whole).tried:
-        return call_casadi(part.function, arrays)
-    found = call_casadi(part.whole, arrays)
-    return [found[i] for i in places]
-
-
-def run_tape(tape: Tape, arrays: list[Array], outputs: list[Array]) -> list[Array]:
-    """The outputs (N, rows, columns), which the tape fills."""
-    tape(arrays, outputs)
-    return [output.transpose(0, 2, 1) for output in outputs]
-
-
-def find_tape(function: ca.Function, arrays: list[Array]) -> Tape | None:
-    """The tape of a function that so many points more go through, once it is worth one and gives what CasADi gives."""
-    usage = usage_of(function)
-    first, tape = usage.tape is None, usage.find_tape(len(arrays[0]))
-    if tape is not None and first and not agrees(function, tape, [array[:CHECKED] for array in arrays]):
-        usage.tape = None
-    return usage.tape
+    def find_program(self, points: int) -> Program | None:
+        """The program, where the points so far and these are worth one, and the compiled core knows all of its operations."""
+        self.points += points
+        if not self.tried and self.points > WORTH + FIXED / self.operations:
+            self.tried, self.program = True, read_known(self.function)
+        return self.program
 
 
 @lru_cache(maxsize=64)
-def kept_outputs(tape: Tape, outputs: tuple[int, ...]) -> Tape:
-    """The tape of some outputs (kept: a loop is asked at many values)."""
-    return tape.keep(outputs)
+def usage_of(function: ca.Function) -> Usage:
+    """The usage of a function, counted from its first call on."""
+    return Usage(function, max(1, function.n_instructions()))
 
 
-def agrees(function: ca.Function, tape: Tape, arrays: list[Array]) -> bool:
-    """Whether a tape gives what CasADi gives at a few points."""
-    outputs = empty_outputs(function, len(arrays[0]))
-    tape(arrays, outputs)
-    pairs = zip(call_casadi(function, arrays), outputs, strict=True)
-    return all(np.array_equal(right.transpose(0, 2, 1), found, equal_nan=True) for right, found in pairs)
+def read_known(function: ca.Function) -> Program | None:
+    """The program of a function; none where CasADi has to evaluate it: it is none of scalars, calls another, or has a rare operation."""
+    try:
+        program = Program.read(function)
+        lay_out(program, None)(
+            [np.zeros((1, rows)) for rows in program.rows], [np.empty((1, n)) for n in program.sizes]
+        )
+    except ArgumentError:
+        return None
+    return program
+
+
+@lru_cache(maxsize=64)
+def lay_out(program: Program, outputs: tuple[int, ...] | None) -> Layout:
+    """The layout for some outputs (kept: a loop is asked at many values)."""
+    return program.lay_out(outputs)
+
+
+def call(function: ca.Function | Part, arrays: list[Array]) -> list[Array]:
+    """Run one mapped call; column-major memory is (N, columns, rows) here. A function that many points go through becomes a program.
+
+    Of a part few points go through the whole before that, since making the part takes longer.
+    """
+    points = len(arrays[0])
+    whole, places = (function.whole, function.places) if isinstance(function, Part) else (function, None)
+    usage = usage_of(whole)
+    program = usage.find_program(points)
+    if program is not None and (points >= FEW or places is not None):
+        outputs = empty_outputs(whole, points)
+        chosen = outputs if places is None else [outputs[i] for i in places]
+        lay_out(program, places)(arrays, chosen)
+        return [output.transpose(0, 2, 1) for output in chosen]
+    if isinstance(function, Part) and usage.tried:
+        return call_casadi(function.function, arrays)
+    found = call_casadi(whole, arrays)
+    return found if places is None else [found[i] for i in places]
 
 
 def empty_outputs(function: ca.Function, points: int) -> list[Array]:

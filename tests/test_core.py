@@ -13,7 +13,7 @@ import pytest
 import flexlin
 from flexlin import _core
 
-KEEP = "long keep_outputs(long steps, const Step *code, const int *wanted, char *live, Step *kept)"
+NEEDS = "void find_needs(long steps, const Step *code, const int *kinds, int *needs)"
 
 
 def find_prototypes() -> set[str]:
@@ -39,27 +39,26 @@ def test_prototypes_are_those_of_the_sources() -> None:
         (1, np.zeros((4, 2), np.intc).T),  # not in C order
         (1, np.zeros((3, 4), np.intc)),  # another shape
         (1, np.zeros(8, np.intc)),
-        (3, np.broadcast_to(np.zeros((), np.int8), 2)),  # not to be written
+        (3, np.broadcast_to(np.zeros((), np.intc), 2)),  # not to be written
         (1, None),
     ],
 )
 def test_arrays_that_do_not_fit_are_refused(place: int, value: np.ndarray | None) -> None:
-    function = _core.Function(KEEP, lambda steps, *_: ((steps, 4), None, None, (steps, 4)), ())
-    arguments = [2, np.zeros((2, 4), np.intc), np.ones(1, np.intc), np.zeros(2, np.int8), np.zeros((2, 4), np.intc)]
-    assert function(*arguments) == 0
+    function = _core.Function(NEEDS, lambda steps, *_: ((steps, 4), None, steps), ())
+    arguments = [2, np.zeros((2, 4), np.intc), np.ones(1, np.intc), np.zeros(2, np.intc)]
+    function(*arguments)
     arguments[place] = value
     with pytest.raises((TypeError, AttributeError)):
         function(*arguments)
 
 
 def test_an_array_may_be_none_where_that_is_said() -> None:
-    function = _core.Function(KEEP, None, ("code", "kept"))
-    assert function(0, None, np.zeros(1, np.intc), np.zeros(1, np.int8), None) == 0
+    function, needs = _core.Function(NEEDS, None, ("code", "kinds")), np.full(1, 7, np.intc)
+    function(0, None, None, needs)
+    assert needs == 7
 
 
-@pytest.mark.parametrize(
-    "text", ["long keep_outputs(steps)", "keep_outputs(long steps)", "int no_such_function(int n)"]
-)
+@pytest.mark.parametrize("text", ["void find_needs(steps)", "find_needs(long steps)", "int no_such_function(int n)"])
 def test_what_is_no_function_of_the_core_is_not_declared(text: str) -> None:
     with pytest.raises((ValueError, AttributeError)):
         _core.declare(text)

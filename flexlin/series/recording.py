@@ -6,6 +6,7 @@ from typing import Any
 import casadi as ca
 
 from flexlin.errors import ArgumentError
+from flexlin.program import CONST, INPUT, OUTPUT, Program
 from flexlin.series.elementary import apply
 from flexlin.series.tape import Tape
 
@@ -17,22 +18,19 @@ def record(function: ca.Function) -> Tape:
     Returns: the tape.
     Raises: ArgumentError when the function holds a free symbol or an operation that is not analytic.
     """
-    if function.has_free():
-        raise ArgumentError("an expression has free symbols", got=function.get_free(), expected="only the variables")
-    tape = Tape()
-    tape.inputs = [[tape.number() for _ in range(function.nnz_in(i))] for i in range(function.n_in())]
-    tape.outputs = [[-1] * function.nnz_out(i) for i in range(function.n_out())]
-    work: dict[int, int] = {}
-    for k in range(function.n_instructions()):
-        code, source, target = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
-        if code == ca.OP_CONST:
-            work[target[0]] = tape.constant(function.instruction_constant(k))
-        elif code == ca.OP_INPUT:
-            work[target[0]] = tape.inputs[source[0]][source[1]]
-        elif code == ca.OP_OUTPUT:
-            tape.outputs[target[0]][target[1]] = work[source[0]]
+    program, tape = Program.read(function), Tape()
+    tape.inputs = [[tape.number() for _ in range(size)] for size in program.rows]
+    tape.outputs = [[-1] * size for size in program.sizes]
+    nodes, numbers = dict[int, int](), program.numbers
+    for code, k, a, b in program.steps.tolist():
+        if code == CONST:
+            nodes[k] = tape.constant(float(numbers[k]))
+        elif code == INPUT:
+            nodes[k] = tape.inputs[a][b]
+        elif code == OUTPUT:
+            tape.outputs[k][b] = nodes[a]
         else:
-            work[target[0]] = apply(tape, code, [work[i] for i in source])
+            nodes[k] = apply(tape, code, [nodes[a], nodes[b]])
     return tape
 
 

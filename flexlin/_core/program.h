@@ -1,0 +1,12 @@
+/* A recorded program of scalar operations, carried out for WIDE points together: a slot of its memory is a row of WIDE numbers. */
+#ifndef FLEXLIN_PROGRAM_H
+#define FLEXLIN_PROGRAM_H
+
+enum { WIDE = 32 };
+
+typedef struct { int op, to, a, b; } Step; /* CasADi's number of the operation, slots; a constant stands in a, b and has its eight bytes there */
+
+/* Carry out the steps on memory (slots, WIDE). Returns 0, or the number of a step whose operation is not known. */
+long run_steps(long steps, const Step *code, double *memory);
+
+#endif

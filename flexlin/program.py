@@ -1,0 +1,188 @@
+"""A CasADi function read once, through CasADi's own instruction interface, as a list of scalar operations: data, not code.
+
+What reads it: the compiled core, which carries out each operation on 32 points at once (CasADi's virtual machine does it at one point at a
+time, at some 4 ns; here it takes a tenth); the kernel for charts, which parts it by what its values depend on; Taylor series, which
+carry out the operations on power series.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import casadi as ca
+import numpy as np
+
+from flexlin._core import addresses, declare
+from flexlin.checks import Array
+from flexlin.errors import ArgumentError
+
+TOGETHER = 32
+"""Points that go through an operation together: WIDE of program.h."""
+CONST, INPUT, OUTPUT = ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT
+
+NUMBER_VALUES = declare(
+    "long number_values(long steps, Step *code, long mask, int *found, int *value)",
+    lambda steps, code, mask, *_: ((steps, 4), mask + 1, None),
+)
+FIND_NEEDS = declare(
+    "void find_needs(long steps, const Step *code, const int *kinds, int *needs)",
+    lambda steps, *_: ((steps, 4), None, steps),
+)
+LAY_OUT = declare(
+    "long lay_out(long steps, const Step *code, const int *wanted, char *live, int *slot, int first, int *last, int *empty, "
+    "Step *placed, int *slots)",
+    lambda steps, *_: ((steps, 4), None, steps, steps, steps, steps, (steps, 4), 1),
+)
+RUN_PROGRAM = declare(
+    "long run_program(long steps, const Step *code, long points, const double *const *in, const long *rows, double *const *out, "
+    "const long *sizes, double *work)",
+    lambda steps, *_: ((steps, 4), None, None, None),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """The operations of a function in an order in which they can be done; each value is computed once and numbered by its step.
+
+    Parameters: steps (K, 4) of int32: CasADi's number of the operation; the step's own number; the numbers of its operands, twice the
+    same where there is one. A constant has its eight bytes in place of operands, an input its argument and its place there; an output,
+    which is no value, has its own number in place of the step's, then the value, and its place. rows, sizes: numbers of inputs and outputs.
+    CasADi keeps its numbers of operations from release to release: the functions that it writes to files hold them.
+    """
+
+    steps: Array
+    rows: Array
+    sizes: Array
+
+    @classmethod
+    def read(cls, function: ca.Function) -> Self:
+        """Read a function of scalar operations (SX). Raises: ArgumentError where it is none, calls another, or has free symbols."""
+        if function.class_name() != "SXFunction":
+            raise ArgumentError(
+                "the function is not one of scalar operations", got=function.class_name(), expected="SX"
+            )
+        if function.has_free():
+            raise ArgumentError(
+                "an expression has free symbols", got=function.get_free(), expected="only the variables"
+            )
+        every = range(function.n_instructions())
+        steps = np.zeros((len(every), 4), dtype=np.int32)
+        steps[:, 0] = list(map(function.instruction_id, every))
+        if ca.OP_CALL in steps[:, 0]:
+            raise ArgumentError(
+                "the function calls another one", got=function.name(), expected="one that is written out"
+            )
+        sources, targets = (list(map(ask, every)) for ask in (function.instruction_input, function.instruction_output))
+        steps[:, 1] = [target[0] for target in targets]
+        steps[:, 2] = [source[0] if source else 0 for source in sources]
+        steps[:, 3] = [source[-1] if source else 0 for source in sources]
+        results = np.flatnonzero(steps[:, 0] == OUTPUT)
+        steps[results, 3] = [targets[k][1] for k in results]
+        numbers = np.flatnonzero(steps[:, 0] == CONST)
+        steps[numbers, 2:] = to_words(np.array([function.instruction_constant(k) for k in numbers.tolist()]))
+        rows = np.array([function.nnz_in(i) for i in range(function.n_in())], dtype=np.int64)
+        sizes = np.array([function.nnz_out(i) for i in range(function.n_out())], dtype=np.int64)
+        return cls(share_values(steps, function.sz_w()), rows, sizes)
+
+    @property
+    def numbers(self) -> Array:
+        """The numbers of constants, (K,); elsewhere without meaning."""
+        return self.steps[:, 2:].copy().view(float)[:, 0]
+
+    def find_outputs(self) -> list[Array]:
+        """The values of each output, by their places; -1 where an output has none."""
+        found = [np.full(size, -1) for size in self.sizes]
+        for which, values in enumerate(found):
+            mine = self.steps[(self.steps[:, 0] == OUTPUT) & (self.steps[:, 1] == which)]
+            values[mine[:, 3]] = mine[:, 2]
+        return found
+
+    def find_needs(self, kinds: tuple[int, ...]) -> Array:
+        """What each step depends on, (K,): the kinds (sets of bits) of the inputs behind it, joined."""
+        needs = np.empty(len(self.steps), dtype=np.int32)
+        FIND_NEEDS(len(self.steps), self.steps, np.array(kinds, dtype=np.int32), needs)
+        return needs
+
+    def invert_once(self, kinds: tuple[int, ...]) -> Self:
+        """The program with quotients a / b made products a (1 / b) where b depends on fewer kinds of inputs than a / b does."""
+        needs, (code, _, _, below) = self.find_needs(kinds), self.steps.T
+        quotients = np.flatnonzero(code == ca.OP_DIV)
+        quotients = quotients[needs[below[quotients]] != needs[quotients]]
+        place = np.arange(len(code)) + np.searchsorted(quotients, np.arange(len(code)), side="right")
+        steps = np.empty((len(code) + len(quotients), 4), dtype=np.int32)
+        values = code != OUTPUT
+        moved = self.steps.copy()
+        moved[values, 1] = place[values]
+        for column, reading in ((2, ~np.isin(code, (CONST, INPUT))), (3, ~np.isin(code, (CONST, INPUT, OUTPUT)))):
+            moved[reading, column] = place[moved[reading, column]]
+        inverses = np.stack(
+            [np.full(len(quotients), ca.OP_INV), place[quotients] - 1, *2 * [moved[quotients, 3]]], axis=1
+        )
+        moved[quotients, 0], moved[quotients, 3] = ca.OP_MUL, inverses[:, 1]
+        steps[place], steps[place[quotients] - 1] = moved, inverses
+        return replace(self, steps=share_values(steps, len(steps)))
+
+    def lay_out(
+        self,
+        outputs: tuple[int, ...] | None = None,
+        kept: Array | None = None,
+        given: dict[int, int] | None = None,
+        first: int = 0,
+    ) -> "Layout":
+        """The steps that lead to some outputs (all by default) and to the values `kept`, in slots of memory.
+
+        Parameters: given: values that stand in a slot already; first: the first slot that may be used.
+        """
+        count = len(self.steps)
+        wanted, live = np.zeros(len(self.sizes) + 1, dtype=np.int32), np.zeros(count, dtype=np.int8)
+        chosen = list(range(len(self.sizes))) if outputs is None else list(outputs)
+        wanted[chosen] = np.arange(1, len(chosen) + 1)
+        live[kept if kept is not None else []] = 1
+        slot, last = (np.full(count, -1, dtype=np.int32) for _ in range(2))
+        for value, place in (given or {}).items():
+            slot[value] = place
+        empty, needed, placed = np.empty(count, dtype=np.int32), np.empty(1, dtype=np.int32), np.empty_like(self.steps)
+        left = LAY_OUT(count, self.steps, wanted, live, slot, first, last, empty, placed, needed)
+        return Layout(placed[:left].copy(), slot, int(needed[0]), self.rows, self.sizes[chosen])
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Steps whose values stand in slots; `places`: the slot of each value of the program, -1 where it is not computed."""
+
+    steps: Array
+    places: Array
+    slots: int
+    rows: Array
+    sizes: Array
+
+    def __call__(self, arrays: list[Array], outputs: list[Array]) -> None:
+        """Fill the outputs, each (N, size), from the inputs, each (N, rows).
+
+        Raises: ArgumentError for an operation that the core does not know.
+        """
+        read, written = addresses(arrays), addresses(outputs, written=True)
+        work = np.empty(max(1, self.slots) * TOGETHER)
+        points = len(arrays[0]) if arrays else len(outputs[0])
+        unknown = RUN_PROGRAM(len(self.steps), self.steps, points, read, self.rows, written, self.sizes, work)
+        if unknown:
+            raise ArgumentError(
+                "an operation of the expressions is not known here", got=name_of(int(self.steps[unknown - 1, 0]))
+            )
+
+
+def share_values(steps: Array, slots: int) -> Array:
+    """Steps with slots as steps with numbers of values, each value computed once."""
+    count, shared = len(steps), steps.copy()
+    table = 2 ** (2 * count).bit_length()
+    found, value = np.full(table, -1, dtype=np.int32), np.zeros(max(1, slots), dtype=np.int32)
+    return shared[: NUMBER_VALUES(count, shared, table - 1, found, value)].copy()
+
+
+def to_words(numbers: Array) -> Array:
+    """The eight bytes of each number as two whole numbers, (N, 2)."""
+    return numbers.astype(float).view(np.int32).reshape(-1, 2)
+
+
+def name_of(operation: int) -> str:
+    """CasADi's name of an operation."""
+    return next((name for name in dir(ca) if name.startswith("OP_") and getattr(ca, name) == operation), str(operation))

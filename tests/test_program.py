@@ -1,0 +1,269 @@
+"""CasADi functions read as programs: the same numbers as CasADi's own, to the last bit, or CasADi's own."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flexlin import symbolic
+from flexlin.errors import ArgumentError
+from flexlin.program import CONST, INPUT, OUTPUT, Layout, Program, name_of
+
+UNARY = [
+    *(ca.exp, ca.log, ca.sqrt, ca.sin, ca.cos, ca.tan, ca.asin, ca.acos, ca.atan, ca.floor, ca.ceil, ca.fabs, ca.sign),
+    *(ca.sinh, ca.cosh, ca.tanh, ca.asinh, ca.acosh, ca.atanh, ca.log1p, ca.expm1, ca.erf),
+    *(lambda a: -a, lambda a: 1 / a, lambda a: a**2, lambda a: 2 * a, lambda a: a**1.5, ca.logic_not),
+]
+BINARY = [
+    *(ca.fmin, ca.fmax, ca.atan2, ca.hypot, ca.power, ca.logic_or, ca.logic_and, ca.fmod, ca.remainder),
+    *(lambda a, b: a + b, lambda a, b: a - b, lambda a, b: a * b, lambda a, b: a / b),
+    *(lambda a, b: a < b, lambda a, b: a <= b, lambda a, b: a == b, lambda a, b: a != b),
+    *(lambda a, b: ca.if_else(a < b, a, 2 * b), lambda a, b: ca.if_else(a, b, 0)),
+    lambda a, b: ca.if_else(a <= 0, ca.if_else(b > 1, ca.sin(a), -b), ca.if_else(a == b, a / b, a * b)),
+]
+BINARY.append(lambda a, b: ca.copysign(a, ca.fmax(b, -7.5)))  # the sign of what is no number is nobody's
+HARD = [np.nan, np.inf, -np.inf, 0.0, -0.0, 1.0, -1.0, 2.5, -2.5, 1e-310, 1e308, 0.3]
+RARE = {"OP_ERFINV", "OP_PRINTME", "OP_LIFT"}
+"""Operations of scalars that CasADi's expressions can hold and that the compiled core leaves to CasADi."""
+
+
+def grow(known: list[ca.SX], choices: list[tuple[int, int, int]]) -> list[ca.SX]:
+    """Operations on what came before."""
+    every = UNARY + BINARY
+    for which, i, j in choices:
+        operation, a, b = every[which % len(every)], known[-1 - i % len(known)], known[-1 - j % len(known)]
+        known.append(operation(a) if which % len(every) < len(UNARY) else operation(a, b))
+    return known
+
+
+def random_function(seed: int, length: int = 300) -> ca.Function:
+    """Operations of every kind on what came before, what is not a number among them."""
+    rng = np.random.default_rng(seed)
+    x, y = ca.SX.sym("x", 3), ca.SX.sym("y", 2)
+    known = [*ca.vertsplit(x), *ca.vertsplit(y), ca.SX(0.75), ca.SX(rng.normal())]
+    known = grow(known, [tuple(c) for c in rng.integers(0, [1000, 40, 40], (length, 3)).tolist()])
+    shape = ca.reshape(ca.vertcat(*known[-6:]), 2, 3)
+    return ca.Function("random", [x, y, ca.SX(0, 1)], [shape, known[len(known) // 2], ca.densify(ca.SX(2, 1))])
+
+
+def run(made: Layout, function: ca.Function, arrays: list[np.ndarray]) -> list[np.ndarray]:
+    outputs = symbolic.empty_outputs(function, len(arrays[0]))
+    made(arrays, outputs)
+    return [output.transpose(0, 2, 1) for output in outputs]
+
+
+def agree(function: ca.Function, arrays: list[np.ndarray], made: Layout | None = None) -> None:
+    """The same bits as CasADi's, signs of zeros among them."""
+    found = run(made or Program.read(function).lay_out(), function, arrays)
+    for right, one in zip(symbolic.call_casadi(function, arrays), found, strict=True):
+        np.testing.assert_array_equal(one, right)
+        np.testing.assert_array_equal(np.signbit(one[right == 0]), np.signbit(right[right == 0]))
+
+
+def test_each_operation_gives_the_same_bits() -> None:
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    arrays = [grid.ravel()[:, None] for grid in np.meshgrid(HARD, HARD)]
+    for expression in (*(one(x) for one in UNARY), *(two(x, y) for two in BINARY)):
+        agree(ca.Function("one", [x, y], [expression]), arrays)
+
+
+def test_every_operation_of_scalars_is_known_or_left_to_casadi() -> None:
+    """A release of CasADi with another operation, or other numbers of them, is seen here."""
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    tried = set()
+    for expression in (*(one(x) for one in UNARY), *(two(x, y) for two in BINARY), x, ca.SX(0.5)):
+        tried |= set(Program.read(ca.Function("one", [x, y], [expression])).steps[:, 0].tolist())
+    scalars = {code for code in range(101) if is_scalar(code)} | {CONST, INPUT, OUTPUT}
+    assert {name_of(code) for code in scalars - tried} <= RARE | {"OP_ASSIGN"}
+
+
+def is_scalar(code: int) -> bool:
+    """Whether CasADi makes this operation of one or two scalars."""
+    x = ca.SX.sym("x")
+    for make in (lambda: ca.SX.unary(code, x), lambda: ca.SX.binary(code, x, 2 * x)):
+        try:
+            function = ca.Function("f", [x], [make()])
+        except (RuntimeError, NotImplementedError):
+            continue
+        if code in [function.instruction_id(k) for k in range(function.n_instructions())]:
+            return True
+    return False
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_random_functions_give_the_same_bits(seed: int) -> None:
+    function, rng = random_function(seed), np.random.default_rng(seed)
+    made = Program.read(function).lay_out()
+    for points in (1, 31, 32, 33, 100):
+        agree(function, [rng.normal(size=(points, 3)), rng.normal(size=(points, 2)), np.zeros((points, 0))], made)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.tuples(st.integers(0, 999), st.integers(0, 9), st.integers(0, 9)), min_size=1, max_size=60),
+    st.lists(st.sampled_from(HARD) | st.floats(-3, 3), min_size=3, max_size=3),
+    st.floats(allow_nan=True),
+)
+def test_any_graph_gives_the_same_bits(choices, point, constant) -> None:
+    x = ca.SX.sym("x", 3)
+    known = grow([*ca.vertsplit(x), ca.SX(constant)], choices)
+    agree(ca.Function("any", [x], [ca.densify(ca.vertcat(*known))]), [np.array([point])])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_is_written_often_is_computed_once(seed: int) -> None:
+    """Against value numbering by a dictionary: as many steps, the same bits; signs of zeros are told apart."""
+    rng, x = np.random.default_rng(seed), ca.SX.sym("x", 2)
+    known = [*ca.vertsplit(x), ca.SX(0.0), ca.SX(-0.0), ca.SX(np.nan), ca.SX(2.5)]
+    names, made_before = [str(k) for k in range(len(known))], {}
+    for _ in range(400):
+        i, j = rng.integers(len(known), size=2)
+        which = rng.integers(4)
+        known.append([ca.sin, ca.atan, ca.fmin, ca.atan2][which](*[known[i], known[j]][: 1 if which < 2 else 2]))
+        key = (which, names[i], names[j] if which > 1 else "")
+        names.append(made_before.setdefault(key, f"made {len(made_before)}"))
+    function = ca.Function("twice", [x], [ca.vertcat(*known)])
+    program, arrays = Program.read(function), [rng.normal(size=(70, 2))]
+    computed = int((~np.isin(program.steps[:, 0], (CONST, INPUT, OUTPUT))).sum())
+    assert computed <= len(made_before)
+    assert computed < 0.8 * 400
+    agree(function, arrays)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_some_of_the_outputs_need_some_of_the_operations(seed: int) -> None:
+    function, rng = random_function(seed), np.random.default_rng(seed)
+    names = function.name_out()
+    arrays = [rng.normal(size=(70, k)) for k in (3, 2, 0)]
+    right, program = symbolic.call_casadi(function, arrays), Program.read(function)
+    for outputs in ((0,), (2, 1), (1,), (2, 1, 0)):
+        part = symbolic.selected(function, tuple(names[i] for i in outputs))
+        kept = program.lay_out(outputs)
+        assert len(kept.steps) <= part.n_instructions() + 6
+        for i, found in zip(outputs, run(kept, part, arrays), strict=True):
+            np.testing.assert_array_equal(found, right[i])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_program_in_parts_gives_the_same_numbers(seed: int) -> None:
+    """What depends on x alone and on y alone, computed apart and given to the rest; nothing of either is left there."""
+    function, rng = random_function(seed), np.random.default_rng(seed)
+    program = Program.read(function)
+    needs, values = program.find_needs((1, 2, 1)), program.steps[:, 0] != OUTPUT
+    expressions, places = values_of(function, program), program.find_outputs()
+    for k in rng.choice(np.flatnonzero(values), 20, replace=False):
+        free = {symbol.name()[0] for symbol in ca.symvar(expressions[k])}
+        assert needs[k] == ("x" in free) + 2 * ("y" in free)
+    of_one = np.flatnonzero(values & (needs < 3))
+    given_there = {int(k): i for i, k in enumerate(of_one)}
+    rest = program.lay_out(given=given_there, first=len(of_one), kept=np.concatenate(places))
+    assert set(needs[rest.places >= len(of_one)]) <= {3}
+    alone = program.lay_out((), kept=of_one)
+    assert not np.isin(OUTPUT, alone.steps[:, 0])
+    assert len(set(alone.places[of_one])) == len(of_one)
+
+
+def values_of(function: ca.Function, program: Program) -> list[ca.SX]:
+    """Each value of a program as an expression."""
+    inputs, values, numbers = [ca.vertsplit(one) for one in function.sx_in()], [], program.numbers
+    for code, _, a, b in program.steps.tolist():
+        if code == CONST:
+            values.append(ca.SX(numbers[len(values)]))
+        elif code == INPUT:
+            values.append(inputs[a][b])
+        elif code == OUTPUT:
+            values.append(ca.SX(0))
+        else:
+            unary = any(code == known for known in ONE_OPERAND)
+            values.append(ca.SX.unary(code, values[a]) if unary else ca.SX.binary(code, values[a], values[b]))
+    return values
+
+
+ONE_OPERAND = [
+    getattr(ca, f"OP_{name}")
+    for name in (
+        *("ASSIGN", "NEG", "EXP", "LOG", "SQRT", "SQ", "TWICE", "SIN", "COS", "TAN", "ASIN", "ACOS", "ATAN", "NOT", "FLOOR", "CEIL"),
+        *("FABS", "SIGN", "ERF", "INV", "SINH", "COSH", "TANH", "ASINH", "ACOSH", "ATANH", "LOG1P", "EXPM1"),
+    )
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_quotients_by_what_one_input_decides_become_products(seed: int) -> None:
+    function, rng = random_function(seed), np.random.default_rng(seed)
+    program = Program.read(function)
+    other, needs = program.invert_once((1, 2, 1)), program.find_needs((1, 2, 1))
+    code, _, _, below = program.steps.T
+    quotients = code == ca.OP_DIV
+    left = int((quotients & (needs[np.where(quotients, below, 0)] == needs)).sum())
+    assert int((other.steps[:, 0] == ca.OP_DIV).sum()) == left
+    arrays = [rng.normal(size=(70, 3)), rng.normal(size=(70, 2)), np.zeros((70, 0))]
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    plain = ca.Function("plain", [x, y], [(x + y) / y + x / (y * y) + (x * y) / (x - y)])
+    once = Program.read(plain).invert_once((1, 2))
+    assert sorted(once.steps[:, 0].tolist()).count(ca.OP_DIV) == 1
+    pairs = [array[:, :1].copy() for array in arrays[:2]]
+    found, right = run(once.lay_out(), plain, pairs)[0], symbolic.call_casadi(plain, pairs)[0]
+    np.testing.assert_allclose(found, right, rtol=1e-13)
+    assert len(run(other.lay_out(), function, arrays)) == 3
+
+
+def test_many_points_take_the_program_and_few_do_not() -> None:
+    function = random_function(99)
+    arrays = np.random.default_rng(0).normal(size=(50, 3)), np.ones((50, 2)), np.zeros((50, 0))
+    few = symbolic.evaluate(function, *arrays)
+    assert symbolic.usage_of(function).program is None
+    again = symbolic.evaluate(function, *(np.tile(a, (40, 1)) for a in arrays))
+    assert symbolic.usage_of(function).program is not None
+    for one, many in zip(few, again, strict=True):
+        np.testing.assert_array_equal(many, np.tile(one, (40, 1, 1)))
+
+
+def test_one_reading_serves_a_function_and_its_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    function, reads, read = random_function(41), [], Program.read
+    monkeypatch.setattr(Program, "read", lambda f: reads.append(f) or read(f))
+    part = symbolic.Part(function, (function.name_out()[1],))
+    arrays = np.random.default_rng(0).normal(size=(850, 3)), np.ones((850, 2)), np.zeros((850, 0))
+    for _ in range(2):
+        symbolic.evaluate(part, *arrays)
+        symbolic.evaluate(function, *arrays)
+        few = symbolic.evaluate(part, *(array[:2] for array in arrays))
+    assert len(reads) == 1
+    right = symbolic.call_casadi(part.function, list(arrays))
+    np.testing.assert_array_equal(symbolic.evaluate(part, *arrays)[0], right[0])
+    np.testing.assert_array_equal(few[0], right[0][:2])
+
+
+def test_what_cannot_be_read_is_left_to_casadi(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(symbolic, "FIXED", 0)
+    x, matrix = ca.SX.sym("x"), ca.MX.sym("m", 2)
+    inner = ca.Function("inner", [x], [ca.sin(x)], {"never_inline": True})
+    calling = ca.Function("calling", [x], [inner(x) + x])
+    rare = ca.Function("rare", [x], [ca.erfinv(x) + x])
+    for function, why in ((ca.Function("matrices", [matrix], [matrix + 1]), "scalar"), (calling, "calls")):
+        with pytest.raises(ArgumentError, match=why):
+            Program.read(function)
+    arrays = [np.linspace(0.1, 0.9, 2000)[:, None]]
+    with pytest.raises(ArgumentError, match="OP_ERFINV"):
+        run(Program.read(rare).lay_out(), rare, arrays)
+    for function in (rare, calling):
+        for outputs in (function, symbolic.Part(function, tuple(function.name_out()))):
+            exact = symbolic.call_casadi(function, arrays)[0]
+            np.testing.assert_array_equal(symbolic.evaluate(outputs, *arrays)[0], exact)
+            np.testing.assert_array_equal(symbolic.evaluate(outputs, arrays[0][:2])[0], exact[:2])
+        assert symbolic.usage_of(function).tried
+        assert symbolic.usage_of(function).program is None
+
+
+def test_threads_do_not_share_their_numbers() -> None:
+    function = random_function(7)
+    made, rng = Program.read(function).lay_out(), np.random.default_rng(7)
+    every = [[rng.normal(size=(5000, k)) for k in (3, 2, 0)] for _ in range(8)]
+    alone = [run(made, function, arrays) for arrays in every]
+    with ThreadPoolExecutor(4) as pool:
+        for right, found in zip(alone, pool.map(lambda arrays: run(made, function, arrays), every), strict=True):
+            for one, other in zip(right, found, strict=True):
+                np.testing.assert_array_equal(one, other)
