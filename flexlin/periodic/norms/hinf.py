@@ -12,6 +12,7 @@ from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples, has_nothing_narrow
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import solve_modes_at_nodes
+from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.norms.h2 import check_ports
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve
@@ -20,13 +21,11 @@ from flexlin.summary import represent
 
 ACCURATE = 1e-10
 """Wanted error of the exponents, in 1/s."""
-NEGATIVE, FAINT = 1e-3, 1e-5
+NEGATIVE, FAINT = 1e-3, 1e-3
 """How far below zero an eigenvalue of X may lie by rounding, in units in which X has a diagonal of ones; and the least such unit of a
 state, relative to the largest, after the states' own units are evened: what is smaller is rounding of a state that is not seen."""
 NEAREST = 1e-9
 """How far above the feedthrough's own gain the lowest level lies of which a Hamiltonian system is made."""
-COARSE, NEAR = 1e-3, 0.01
-"""Accuracy to which modes are known at the least, and as a part of the distance to the circle, so that none is its counterpart."""
 MERGED = 1e-6
 """Distance to the circle, over a period, below which a decaying mode may be taken together with its growing counterpart."""
 STEPS = 200
@@ -112,17 +111,16 @@ class BoundedReal:
         k = int(np.argmin(size))
         nearest = float(size[k]), float(abs(found.exponents[k].imag))
         if np.all(size > 2 * errors):
-            return self.judge_solution(system, nearest[0]), *nearest
+            return self.judge_solution(system, found), *nearest
         logs = found.log_multipliers
         apart = measure_distances(logs, logs) / system.period
         alone = (apart > 2 * (errors + errors[:, None])) | np.eye(len(logs), dtype=bool)
         return -int(np.any((size <= errors) & alone.all(axis=1))), *nearest
 
-    def judge_solution(self, system: PeriodicSystem, distance: float) -> int:
+    def judge_solution(self, system: PeriodicSystem, found: FloquetResult) -> int:
         """1 where the decaying modes of H make X >= 0, -1 where X is indefinite by more than it lacks in symmetry, else 0."""
         n = self.system.n
-        coarse = floquet(system, min(COARSE, NEAR * distance))
-        right = solve_modes_at_nodes(system, coarse, quick=True).right[:, :, np.argsort(coarse.exponents.real)[:n]]
+        right = solve_modes_at_nodes(system, found, quick=True).right[:, :, np.argsort(found.exponents.real)[:n]]
         with np.errstate(all="ignore"):
             X = np.linalg.solve(np.swapaxes(right[:, :n], 1, 2), np.swapaxes(right[:, n:], 1, 2)).real
         if not np.isfinite(X).all():
@@ -134,7 +132,7 @@ class BoundedReal:
         scaled = X / units / units[:, None]
         turned = np.swapaxes(scaled, 1, 2)
         least, doubt = float(np.linalg.eigvalsh((scaled + turned) / 2).min()), float(np.abs(scaled - turned).max())
-        told_apart = distance * system.period > MERGED
+        told_apart = np.abs(found.exponents.real).min() * system.period > MERGED
         return 1 if least > -NEGATIVE else -int(told_apart and least < -n * doubt - NEGATIVE)
 
 
