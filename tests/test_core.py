@@ -6,6 +6,7 @@ import pkgutil
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -97,3 +98,47 @@ def test_a_library_that_is_not_there_is_said_plainly() -> None:
     )
     assert said.returncode == 1
     assert "make core" in said.stderr.splitlines()[-1]
+
+
+WATCHED = """
+import sys
+from pathlib import Path
+
+seen = []
+
+
+def watch(event, arguments):
+    if event in ("subprocess.Popen", "os.exec", "os.posix_spawn", "os.system", "ctypes.dlopen"):
+        seen.append((event, str(arguments[0])))
+    elif event == "open" and isinstance(arguments[1], str) and set(arguments[1]) & set("wax+"):
+        seen.append((event, str(arguments[0])))
+
+
+sys.addaudithook(watch)
+import numpy as np
+
+import flexlin as fl
+
+scene = fl.load_scene("single-link", {"links.0.modes": 1, "designs": []})
+loop = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control).periodic_system()
+print(fl.floquet(loop).verdict)
+print(fl.floquet(fl.periodic_lqr(loop, np.eye(4), np.eye(1)).closed_loop).verdict)
+values = {"effects.payload.mass": np.linspace(0.0, 0.3, 400)}
+print(*np.unique(fl.sweep(scene, values, workers=1).verdict))
+print(*sorted(set(seen)), sep="\\n")
+"""
+
+
+def test_nothing_is_compiled_or_kept_on_a_users_machine(tmp_path: Path) -> None:
+    """With no program on the path and an empty home: verdicts, a design and a sweep load the library that was built, and no more."""
+    environment = {"HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path), "PATH": "", "PYTHONDONTWRITEBYTECODE": "1"}
+    environment["PYTHONPATH"] = os.pathsep.join(sys.path)
+    run = subprocess.run([sys.executable, "-c", WATCHED], env=environment, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    verdicts, seen = run.stdout.splitlines()[:3], run.stdout.splitlines()[3:]
+    assert verdicts == ["stable", "stable", "stable"]
+    assert seen
+    assert all(
+        line.startswith("('ctypes.dlopen',") and "_core/built/" in line for line in seen if "None" not in line
+    ), seen
+    assert not list(tmp_path.iterdir())
