@@ -5,8 +5,9 @@ time, at some 4 ns; here it takes a tenth); the kernel for charts, which parts i
 carry out the operations on power series.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Self, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -18,6 +19,7 @@ from flexlin.errors import ArgumentError
 TOGETHER = 32
 """Points that go through an operation together: WIDE of program.h."""
 CONST, INPUT, OUTPUT = ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT
+T = TypeVar("T")
 
 NUMBER_VALUES = declare(
     "long number_values(long steps, Step *code, long mask, int *found, int *value)",
@@ -87,6 +89,26 @@ class Program:
     def numbers(self) -> Array:
         """The numbers of constants, (K,); elsewhere without meaning."""
         return self.steps[:, 2:].copy().view(float)[:, 0]
+
+    def carry_out(
+        self, inputs: list[list[T]], constant: Callable[[float], T], apply: Callable[[int, T, T], T]
+    ) -> list[list[T]]:
+        """The outputs over any kind of numbers, such as power series or the expressions of another program.
+
+        Parameters: inputs: the numbers of each input; constant: makes one of a float; apply: carries out CasADi's operation of this number
+        on two operands, twice the same where it has one.
+        """
+        values, outputs = dict[int, T](), [dict[int, T]() for _ in self.sizes]
+        for (code, k, a, b), number in zip(self.steps.tolist(), self.numbers.tolist(), strict=True):
+            if code == CONST:
+                values[k] = constant(number)
+            elif code == INPUT:
+                values[k] = inputs[a][b]
+            elif code == OUTPUT:
+                outputs[k][b] = values[a]
+            else:
+                values[k] = apply(code, values[a], values[b])
+        return [[made[place] for place in range(size)] for made, size in zip(outputs, self.sizes, strict=True)]
 
     def find_outputs(self) -> list[Array]:
         """The values of each output, by their places; -1 where an output has none."""

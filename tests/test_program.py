@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexlin import symbolic
+from flexlin._core import addresses
 from flexlin.errors import ArgumentError
-from flexlin.program import CONST, INPUT, OUTPUT, Layout, Program, name_of
+from flexlin.program import CONST, INPUT, OUTPUT, RUN_PROGRAM, TOGETHER, Layout, Program, name_of
 
 UNARY = [
     *(ca.exp, ca.log, ca.sqrt, ca.sin, ca.cos, ca.tan, ca.asin, ca.acos, ca.atan, ca.floor, ca.ceil, ca.fabs, ca.sign),
@@ -149,37 +150,48 @@ def test_some_of_the_outputs_need_some_of_the_operations(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_program_in_parts_gives_the_same_numbers(seed: int) -> None:
-    """What depends on x alone and on y alone, computed apart and given to the rest; nothing of either is left there."""
+    """What x alone or y alone decides, computed apart and given to the rest, where nothing of it is computed again."""
+    function, rng = random_function(seed), np.random.default_rng(seed)
+    program, arrays = Program.read(function), [rng.normal(size=(TOGETHER, k)) for k in (3, 2, 0)]
+    needs = program.find_needs((1, 2, 1))
+    of_one = np.flatnonzero((program.steps[:, 0] != OUTPUT) & (needs < 3))
+    alone = program.lay_out((), kept=of_one)
+    rest = program.lay_out(given={int(k): i for i, k in enumerate(of_one)}, first=len(of_one))
+    assert not np.isin(OUTPUT, alone.steps[:, 0])
+    assert set(needs[rest.places >= len(of_one)]) <= {3}
+    first, second = (np.zeros((part.slots, TOGETHER)) for part in (alone, rest))
+    outputs = symbolic.empty_outputs(function, TOGETHER)
+    carry_out(alone, arrays, [], first)
+    second[: len(of_one)] = first[alone.places[of_one]]
+    carry_out(rest, arrays, outputs, second)
+    for right, found in zip(symbolic.call_casadi(function, arrays), outputs, strict=True):
+        np.testing.assert_array_equal(found.transpose(0, 2, 1), right)
+
+
+def carry_out(part: Layout, arrays: list[np.ndarray], outputs: list[np.ndarray], memory: np.ndarray) -> None:
+    """A part of a program on memory whose slots may hold numbers already."""
+    read, written = addresses(arrays), addresses(outputs, written=True)
+    assert not RUN_PROGRAM(len(part.steps), part.steps, TOGETHER, read, part.rows, written, part.sizes, memory)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_program_is_carried_out_over_any_kind_of_numbers(seed: int) -> None:
+    """Over sets of names, which say what each output depends on; over expressions, which give the function again."""
     function, rng = random_function(seed), np.random.default_rng(seed)
     program = Program.read(function)
-    needs, values = program.find_needs((1, 2, 1)), program.steps[:, 0] != OUTPUT
-    expressions, places = values_of(function, program), program.find_outputs()
-    for k in rng.choice(np.flatnonzero(values), 20, replace=False):
-        free = {symbol.name()[0] for symbol in ca.symvar(expressions[k])}
-        assert needs[k] == ("x" in free) + 2 * ("y" in free)
-    of_one = np.flatnonzero(values & (needs < 3))
-    given_there = {int(k): i for i, k in enumerate(of_one)}
-    rest = program.lay_out(given=given_there, first=len(of_one), kept=np.concatenate(places))
-    assert set(needs[rest.places >= len(of_one)]) <= {3}
-    alone = program.lay_out((), kept=of_one)
-    assert not np.isin(OUTPUT, alone.steps[:, 0])
-    assert len(set(alone.places[of_one])) == len(of_one)
+    names = program.carry_out([[{"x"}] * 3, [{"y"}] * 2, []], lambda _: set(), lambda _, a, b: a | b)
+    for values, sets in zip(program.find_outputs(), names, strict=True):
+        assert program.find_needs((1, 2, 1))[values].tolist() == [("x" in s) + 2 * ("y" in s) for s in sets]
 
+    def apply(code: int, a: ca.SX, b: ca.SX) -> ca.SX:
+        return ca.SX.unary(code, a) if code in ONE_OPERAND else ca.SX.binary(code, a, b)
 
-def values_of(function: ca.Function, program: Program) -> list[ca.SX]:
-    """Each value of a program as an expression."""
-    inputs, values, numbers = [ca.vertsplit(one) for one in function.sx_in()], [], program.numbers
-    for code, _, a, b in program.steps.tolist():
-        if code == CONST:
-            values.append(ca.SX(numbers[len(values)]))
-        elif code == INPUT:
-            values.append(inputs[a][b])
-        elif code == OUTPUT:
-            values.append(ca.SX(0))
-        else:
-            unary = any(code == known for known in ONE_OPERAND)
-            values.append(ca.SX.unary(code, values[a]) if unary else ca.SX.binary(code, values[a], values[b]))
-    return values
+    symbols = function.sx_in()
+    made = program.carry_out([ca.vertsplit(one) for one in symbols], ca.SX, apply)
+    again = ca.Function("again", symbols, [ca.densify(ca.vertcat(*column)) for column in made])
+    arrays = [rng.normal(size=(20, k)) for k in (3, 2, 0)]
+    for right, found in zip(symbolic.call_casadi(function, arrays), symbolic.call_casadi(again, arrays), strict=True):
+        np.testing.assert_array_equal(found[:, :, 0], right.transpose(0, 2, 1).reshape(20, -1))
 
 
 ONE_OPERAND = [

@@ -6,7 +6,7 @@ from typing import Any
 import casadi as ca
 
 from flexlin.errors import ArgumentError
-from flexlin.program import CONST, INPUT, OUTPUT, Program
+from flexlin.program import Program
 from flexlin.series.elementary import apply
 from flexlin.series.tape import Tape
 
@@ -20,17 +20,7 @@ def record(function: ca.Function) -> Tape:
     """
     program, tape = Program.read(function), Tape()
     tape.inputs = [[tape.number() for _ in range(size)] for size in program.rows]
-    tape.outputs = [[-1] * size for size in program.sizes]
-    nodes, numbers = dict[int, int](), program.numbers
-    for code, k, a, b in program.steps.tolist():
-        if code == CONST:
-            nodes[k] = tape.constant(float(numbers[k]))
-        elif code == INPUT:
-            nodes[k] = tape.inputs[a][b]
-        elif code == OUTPUT:
-            tape.outputs[k][b] = nodes[a]
-        else:
-            nodes[k] = apply(tape, code, [nodes[a], nodes[b]])
+    tape.outputs = program.carry_out(tape.inputs, tape.constant, lambda code, a, b: apply(tape, code, (a, b)))
     return tape
 
 

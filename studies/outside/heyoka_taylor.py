@@ -10,6 +10,7 @@ from flexlin.about.free import ParametricLoop
 from flexlin.answers.accuracy.scipy_methods import derive_state_matrix
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
+from flexlin.program import Program, name_of
 
 
 class HeyokaTransitions:
@@ -75,20 +76,10 @@ def translate(hy: Any, function: ca.Function, inputs: list[list[Any]]) -> list[A
              ca.OP_ASSIGN: lambda a: a}  # fmt: skip
     binary = {ca.OP_ADD: lambda a, b: a + b, ca.OP_SUB: lambda a, b: a - b, ca.OP_MUL: lambda a, b: a * b,
               ca.OP_DIV: lambda a, b: a / b}  # fmt: skip
-    work: dict[int, Any] = {}
-    outputs: list[Any] = [hy.expression(0.0)] * function.numel_out(0)
-    for k in range(function.n_instructions()):
-        code, source, target = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
-        if code == ca.OP_CONST:
-            work[target[0]] = hy.expression(function.instruction_constant(k))
-        elif code == ca.OP_INPUT:
-            work[target[0]] = inputs[source[0]][source[1]]
-        elif code == ca.OP_OUTPUT:
-            outputs[target[1]] = work[source[0]]
-        elif code in unary:
-            work[target[0]] = unary[code](work[source[0]])
-        elif code in binary:
-            work[target[0]] = binary[code](work[source[0]], work[source[1]])
-        else:
-            raise ArgumentError("heyoka has no counterpart of an operation of this scene", got=f"operation {code}")
-    return outputs
+
+    def apply(code: int, a: Any, b: Any) -> Any:
+        if code not in unary and code not in binary:
+            raise ArgumentError("heyoka has no counterpart of an operation of this scene", got=name_of(code))
+        return unary[code](a) if code in unary else binary[code](a, b)
+
+    return Program.read(function).carry_out(inputs, hy.expression, apply)[0]

@@ -9,6 +9,7 @@ import numpy as np
 from flexlin.about.free import ParametricLoop
 from flexlin.answers.accuracy.scipy_methods import derive_state_matrix
 from flexlin.checks import Array
+from flexlin.program import Program
 
 
 def prepare_jax(loop: ParametricLoop, steps: int) -> Callable[[Array], Array]:
@@ -43,20 +44,10 @@ def prepare_jax(loop: ParametricLoop, steps: int) -> Callable[[Array], Array]:
 def evaluate_in_jax(jnp: Any, function: ca.Function, inputs: list[Any]) -> list[Any]:
     """The first output of a CasADi function of scalars, as jax numbers."""
     operations: dict[int, Callable[..., Any]] = {
-        ca.OP_ASSIGN: lambda a: a, ca.OP_NEG: lambda a: -a, ca.OP_SIN: jnp.sin, ca.OP_COS: jnp.cos, ca.OP_SQ: lambda a: a * a,
-        ca.OP_SQRT: jnp.sqrt, ca.OP_TWICE: lambda a: 2.0 * a, ca.OP_INV: lambda a: 1.0 / a, ca.OP_ADD: lambda a, b: a + b,
-        ca.OP_SUB: lambda a, b: a - b, ca.OP_MUL: lambda a, b: a * b, ca.OP_DIV: lambda a, b: a / b,
+        ca.OP_ASSIGN: lambda a, _: a, ca.OP_NEG: lambda a, _: -a, ca.OP_SIN: lambda a, _: jnp.sin(a), ca.OP_COS: lambda a, _: jnp.cos(a),
+        ca.OP_SQ: lambda a, _: a * a, ca.OP_SQRT: lambda a, _: jnp.sqrt(a), ca.OP_TWICE: lambda a, _: 2.0 * a,
+        ca.OP_INV: lambda a, _: 1.0 / a, ca.OP_ADD: lambda a, b: a + b, ca.OP_SUB: lambda a, b: a - b, ca.OP_MUL: lambda a, b: a * b,
+        ca.OP_DIV: lambda a, b: a / b,
     }  # fmt: skip
-    work: dict[int, Any] = {}
-    outputs: list[Any] = [jnp.zeros(())] * function.numel_out(0)
-    for k in range(function.n_instructions()):
-        code, source, target = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
-        if code == ca.OP_CONST:
-            work[target[0]] = function.instruction_constant(k)
-        elif code == ca.OP_INPUT:
-            work[target[0]] = inputs[source[0]][source[1]]
-        elif code == ca.OP_OUTPUT:
-            outputs[target[1]] = jnp.asarray(work[source[0]], dtype=float)
-        else:
-            work[target[0]] = operations[code](*[work[i] for i in source])
-    return outputs
+    outputs = Program.read(function).carry_out(inputs, float, lambda code, a, b: operations[code](a, b))[0]
+    return [jnp.asarray(output, dtype=float) for output in outputs]
