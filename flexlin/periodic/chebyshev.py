@@ -68,6 +68,21 @@ class ChebyshevPanels:
         """The last edge, in s."""
         return float(self.edges[-1])
 
+    @property
+    def degree(self) -> int:
+        """The degree of the panels' polynomials."""
+        return self.coefficients.shape[1] - 1
+
+    @property
+    def constant(self) -> bool:
+        """Whether all panels hold the same constant."""
+        return not self.degree and bool(np.all(self.coefficients == self.coefficients[0]))
+
+    @property
+    def rate(self) -> float:
+        """How much faster than itself the function may change, in 1/s: as a polynomial on the narrowest panel, by Markov's inequality."""
+        return 2 * max(self.degree, 1) ** 2 / float(np.diff(self.edges).min())
+
     def __call__(self, t: ArrayLike, left: bool = False) -> Array:
         """Evaluate at times t (N,), any real: (N, rows, columns), or at one time; at an edge the panel behind it counts, or before it."""
         return at_times(lambda times: self._evaluate(times, left), t)

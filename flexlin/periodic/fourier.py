@@ -94,6 +94,21 @@ class FourierSeries:
         return len(self.coefficients) // 2
 
     @property
+    def degree(self) -> int:
+        """The highest harmonic."""
+        return self.harmonics
+
+    @property
+    def constant(self) -> bool:
+        """Whether nothing but the mean is there."""
+        return not self.harmonics
+
+    @property
+    def rate(self) -> float:
+        """How much faster than itself the function may change, in 1/s: as its fastest wave."""
+        return 2 * np.pi / self.period * max(self.harmonics, 1)
+
+    @property
     def edges(self) -> Array:
         """One panel: the period."""
         return np.array([0.0, self.period])

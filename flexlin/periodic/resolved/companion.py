@@ -5,10 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.companion import build_companion
 from flexlin.periodic.fourier import FourierSeries
-from flexlin.periodic.resolved.matrix import Discontinuity, ResolvedMatrix
+from flexlin.periodic.resolved.matrix import Discontinuity, OfSeries, ResolvedMatrix, Series
 from flexlin.periodic.resolved.panels import NODES
 
 HIDDEN = 1e-3
@@ -16,7 +15,7 @@ HIDDEN = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class ResolvedCompanion:
+class ResolvedCompanion(OfSeries):
     """A(t) = [[0, I], [-M^-1 K, -M^-1 D]] from the series of [M D K].
 
     M is solved for where A is asked for, so the series hold the well-conditioned numbers and not what M^-1 makes of their rounding.
@@ -53,34 +52,9 @@ class ResolvedCompanion:
         return np.einsum("t,tij->ij", (h * w / (2 * T)).ravel(), self(t))
 
     @property
-    def series(self) -> FourierSeries | ChebyshevPanels:
+    def series(self) -> Series:
         """The series of [M D K]."""
         return self.blocks.series
-
-    @property
-    def period(self) -> float:
-        """T in s."""
-        return self.blocks.period
-
-    @property
-    def edges(self) -> Array:
-        """Edges of the panels from 0 to T, (P + 1,)."""
-        return self.blocks.edges
-
-    @property
-    def panels(self) -> int:
-        """The number of panels."""
-        return self.blocks.panels
-
-    @property
-    def degree(self) -> int:
-        """The highest harmonic, or the degree of the panels' polynomials."""
-        return self.blocks.degree
-
-    @property
-    def constant(self) -> bool:
-        """Whether M, D and K do not depend on t."""
-        return self.blocks.constant
 
     @property
     def breaks(self) -> tuple[float, ...]:

@@ -3,16 +3,19 @@
 import math
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.checks import Array, at_times, real_array
+from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_coefficients, panel_times
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.resolved.panels import NODES
 
+Series = FourierSeries | ChebyshevPanels
+"""The one function of time: called with times, it has a period, edges, a degree, a mean and a derivative."""
 IN_THE_MEAN = 0.25
 """The part of a Fourier series' error that its mean over an interval may have: the error is three times the largest deviation, and more."""
 WAVES = 3.0
@@ -27,8 +30,42 @@ class Discontinuity:
     kind: str
 
 
+class OfSeries:
+    """What can be read off the series of something that is resolved."""
+
+    if TYPE_CHECKING:
+
+        @property
+        def series(self) -> Series: ...
+
+    @property
+    def period(self) -> float:
+        """T in s."""
+        return self.series.period
+
+    @property
+    def edges(self) -> Array:
+        """Edges of the panels from 0 to T, (P + 1,); a Fourier series has one panel."""
+        return self.series.edges
+
+    @property
+    def panels(self) -> int:
+        """The number of panels."""
+        return len(self.edges) - 1
+
+    @property
+    def degree(self) -> int:
+        """The highest harmonic of a Fourier series, or the degree of the panels' polynomials."""
+        return self.series.degree
+
+    @property
+    def constant(self) -> bool:
+        """Whether nothing depends on t: then `mean()` is the matrix."""
+        return self.series.constant
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class ResolvedMatrix:
+class ResolvedMatrix(OfSeries):
     """A matrix function A(t) = A(t + T) as one Fourier series, or as one Chebyshev series for each of its panels.
 
     series: the coefficients; breaks: named and found places in [0, T) where A is not smooth; found: those that were not named;
@@ -37,7 +74,7 @@ class ResolvedMatrix:
     beside (B, rows, columns): bound on its integral close to each of the breaks, in the units of the entry times s.
     """
 
-    series: FourierSeries | ChebyshevPanels
+    series: Series
     breaks: tuple[float, ...]
     found: tuple[Discontinuity, ...]
     error: Array
@@ -54,47 +91,16 @@ class ResolvedMatrix:
         )
 
     @property
-    def period(self) -> float:
-        """T in s."""
-        return self.series.period
-
-    @property
     def shape(self) -> tuple[int, int]:
         """Rows and columns."""
         return self.error.shape[0], self.error.shape[1]
-
-    @property
-    def edges(self) -> Array:
-        """Edges of the panels from 0 to T, (P + 1,); a Fourier series has one panel."""
-        return self.series.edges
-
-    @property
-    def panels(self) -> int:
-        """The number of panels."""
-        return len(self.edges) - 1
-
-    @property
-    def degree(self) -> int:
-        """The highest harmonic of a Fourier series, or the degree of the panels' polynomials."""
-        if isinstance(self.series, FourierSeries):
-            return self.series.harmonics
-        return self.series.coefficients.shape[1] - 1
-
-    @property
-    def constant(self) -> bool:
-        """Whether A does not depend on t: then `mean()` is the matrix."""
-        if self.degree or isinstance(self.series, FourierSeries):
-            return not self.degree
-        values = self.series.coefficients.reshape(-1, *self.shape)
-        return bool(np.all(values == values[0]))
 
     def __call__(self, t: ArrayLike, left: bool = False) -> Array:
         """Evaluate at times t (N,), any real: (N, rows, columns), or at one time: (rows, columns).
 
         At an edge the panel behind it counts; with `left` the one before it.
         """
-        series = self.series
-        return at_times(lambda s: series(s, left) if isinstance(series, ChebyshevPanels) else series(s), t)
+        return self.series(t, left=left) if isinstance(self.series, ChebyshevPanels) else self.series(t)
 
     def mean(self) -> Array:
         """The integral of A over the period, divided by T (rows, columns)."""
@@ -116,11 +122,9 @@ class ResolvedMatrix:
 
     def derivative(self) -> "ResolvedMatrix":
         """A'(t) inside the panels; its error: that of A times the rate of the fastest wave or polynomial (Markov's inequality)."""
-        if isinstance(self.series, FourierSeries):
-            rate = 2 * np.pi / self.period * max(self.degree, 1)
-        else:
-            rate = 2 * max(self.degree, 1) ** 2 / float(np.diff(self.edges).min())
-        return ResolvedMatrix(self.series.derivative(), self.breaks, self.found, self.error * rate, self.samples)
+        return ResolvedMatrix(
+            self.series.derivative(), self.breaks, self.found, self.error * self.series.rate, self.samples
+        )
 
     def pieces(self, edges: Array | None = None) -> ChebyshevPanels:
         """Give A as polynomials on panels, which contain the edges given and none of A's edges inside.

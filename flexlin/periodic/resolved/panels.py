@@ -14,8 +14,8 @@ SAFETY = 3.0
 """Multiple of the largest deviation seen at the check points of a panel that is stated as error anywhere on it."""
 ASIDE = 0.01
 """Part of the narrower panel by which two neighbours are continued into each other to see a kink between them."""
-MOST_PANELS, TOGETHER = 4096, 64
-"""The largest number of panels, and how many are fitted at a time."""
+MOST_PANELS = 4096
+"""The largest number of panels."""
 
 
 @dataclass
@@ -54,16 +54,6 @@ class PanelSet:
         order = np.argsort(np.concatenate([self.begin, other.begin]))
         return PanelSet(*(np.concatenate([getattr(self, f.name), getattr(other, f.name)])[order] for f in fields(self)))
 
-    def misses(self, times: Array, values: Array, allowed: Array) -> Array:
-        """Whether a panel is further than 2 `allowed` (Q, E) from the values (W, E) at one of the times (W,) inside it (Q,)."""
-        owner = np.searchsorted(self.begin, times, side="right") - 1
-        inside = np.flatnonzero((owner >= 0) & (times < self.end[owner])) if len(self.begin) else owner[:0]
-        missed = np.zeros(len(self.begin), dtype=bool)
-        for panel in np.unique(owner[inside]):
-            rows = inside[owner[inside] == panel]
-            missed[panel] = np.any(np.abs(self.evaluate(panel, times[rows]) - values[rows]) > 2 * allowed[panel])
-        return missed
-
     def evaluate(self, panel: int, times: Array) -> Array:
         """One panel's polynomials at times inside it (W, E)."""
         begin, end = self.begin[panel], self.end[panel]
@@ -71,35 +61,22 @@ class PanelSet:
         basis = chebyshev_basis(((times - begin) - (end - times)) / (end - begin), count)
         return np.asarray(basis @ self.coefficients[panel, :count])
 
-    def compare(self, panel: int, times: Array, values: Array, shares: Array, allowed: Array) -> Array:
-        """Note how far a panel is from values (W, E) at times inside it, each for a share of it; return that in parts of `allowed` (W,).
-
-        Where it is nowhere beyond, no numbers are returned.
-        """
+    def compare(self, panel: int, times: Array, values: Array, shares: Array) -> None:
+        """Note how far a panel is from values (W, E) at times inside it, each for a share of it."""
         left = values - self.evaluate(panel, times)
         self.drift[panel] += shares @ left
         np.abs(left, out=left)
-        size = left.max(axis=0)
-        np.maximum(self.deviation[panel], size, out=self.deviation[panel])
+        np.maximum(self.deviation[panel], left.max(axis=0), out=self.deviation[panel])
         self.average[panel] += shares @ left
-        return np.empty(0) if np.all(size <= allowed) else (left / allowed).max(axis=1)
 
 
 def fitted(sample: Sampler, begin: Array, end: Array, noise: Array | None = None) -> PanelSet:
     """Sample panels and interpolate."""
     count, entries = len(begin), len(sample.scale)
-    coefficients = np.empty((count, NODES, entries))
-    for part in groups(count):
-        values = sample(panel_times(begin[part], end[part], NODES).ravel())
-        coefficients[part] = chebyshev_coefficients(values.reshape(-1, NODES, entries))
+    values = sample(panel_times(begin, end, NODES).ravel()).reshape(count, NODES, entries)
     noise = np.zeros((count, entries)) if noise is None else noise
     deviation, average, drift = np.zeros((3, count, entries))
-    return PanelSet(begin, end, coefficients, noise, deviation, average, drift, np.zeros(count, dtype=bool))
-
-
-def groups(panels: int) -> list[slice]:
-    """Divide panels into groups that are worked on together."""
-    return [slice(i, i + TOGETHER) for i in range(0, panels, TOGETHER)]
+    return PanelSet(begin, end, chebyshev_coefficients(values), noise, deviation, average, drift, np.zeros(count, bool))
 
 
 def left_over(panels: PanelSet, sample: Sampler, tol: float) -> Array:

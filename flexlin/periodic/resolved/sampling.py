@@ -60,9 +60,11 @@ class Sampler:
 
     def unwrapped(self, t: Array) -> Array:
         """Sample at the times as they are, which tells nothing of the sizes within the period."""
+        if not len(t):
+            return np.empty((0, len(self.scale)))
         parts: list[Array] = []
         first = 0
-        while first < len(t) or not parts:
+        while first < len(t):
             part = t[first : first + self.chunk]
             parts.append(self._checked(part))
             first += len(part)

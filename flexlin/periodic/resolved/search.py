@@ -17,7 +17,6 @@ from flexlin.periodic.resolved.panels import (
     TAIL,
     PanelSet,
     fitted,
-    groups,
     left_over,
     rough_edges,
 )
@@ -43,7 +42,7 @@ SHORTEST = 1e-9
 
 
 class PanelResolver:
-    """The state of the refinement: resolved panels, the edges found, and the check points that once failed.
+    """The state of the refinement: resolved panels, and the edges found.
 
     Parameters: edges to start from; named: the breaks among them; checks: times in [0, T) at which panels are held against A; wary: whether
     to look for other jumps close to each edge.
@@ -53,9 +52,7 @@ class PanelResolver:
         self.sample, self.tol, self.checks = sample, tol, checks
         self.named, self.wary = named, wary
         self.settled: set[float] = set(named.tolist())
-        entries = len(sample.scale)
-        self.done = PanelSet.empty(entries)
-        self.witness_times, self.witness_values = np.empty(0), np.empty((0, entries))
+        self.done = PanelSet.empty(len(sample.scale))
         self.start = edges
         self._rough: tuple[PanelSet, tuple[Array, Array]] | None = None
 
@@ -66,40 +63,32 @@ class PanelResolver:
         """
         todo = fitted(self.sample, self.start[:-1], self.start[1:])
         while len(todo.begin):
-            self.resolve_on_nodes(todo)
+            while len(todo.begin):
+                todo = self.refined(self.accept(todo))
             todo = self.settle_edges()
             if not len(todo.begin):
-                failed = self.check()
-                todo = self.refined(failed) if len(failed.begin) else failed
+                self.check()
+                panels, self.done = self.done, PanelSet.empty(len(self.sample.scale))
+                todo = self.refined(self.accept(panels))
 
-    def resolved(self, panels: PanelSet) -> Array:
-        """Whether the last coefficients of each panel have vanished and its earlier failures are met (Q,)."""
-        allowed = self.allowed(panels)
-        good = np.all(np.abs(panels.coefficients[:, -TAIL:]).max(axis=1) <= allowed / 4, axis=1)
-        return np.asarray(good & ~panels.misses(self.witness_times, self.witness_values, allowed))
-
-    def resolve_on_nodes(self, todo: PanelSet) -> None:
-        """Refine panels until all are resolved."""
-        while len(todo.begin):
-            good = self.resolved(todo)
-            self.done = self.done.joined(todo.some(good))
-            todo = self.refined(todo.some(~good))
+    def accept(self, panels: PanelSet) -> PanelSet:
+        """Keep panels whose last coefficients have vanished, and which are near A where it was looked at; return the others."""
+        allowed = left_over(panels, self.sample, self.tol)
+        last = np.abs(panels.coefficients[:, -TAIL:]).max(axis=1)
+        good = np.all((last <= allowed / 4) & (panels.deviation <= 2 * allowed), axis=1)
+        self.done = self.done.joined(panels.some(good))
+        return panels.some(~good)
 
     def refined(self, panels: PanelSet) -> PanelSet:
         """Accept panels that are at their noise; cut the others where they are not smooth, or in the middle."""
         if not len(panels.begin):
             return panels
-        for part in groups(len(panels.begin)):
-            measured = noise_level(self.sample, panels.begin[part], panels.end[part])
-            panels.noise[part] = np.maximum(panels.noise[part], measured)
-        good = self.resolved(panels)
-        self.done = self.done.joined(panels.some(good))
-        panels = panels.some(~good)
+        panels.noise = np.maximum(panels.noise, noise_level(self.sample, panels.begin, panels.end))
+        panels = self.accept(panels)
         if not len(panels.begin):
             return panels
         self.need_room(panels)
-        parts = groups(len(panels.begin))
-        cuts = np.concatenate([self.cuts(panels.some(part)) for part in parts])
+        cuts = self.cuts(panels)
         begin = np.stack([panels.begin, cuts], axis=1).ravel()
         end = np.stack([cuts, panels.end], axis=1).ravel()
         return fitted(self.sample, begin, end, np.repeat(panels.noise, 2, axis=0))
@@ -108,7 +97,7 @@ class PanelResolver:
         """One place inside each panel (Q,)."""
         width = panels.width
         middle = panels.begin + width / 2
-        allowed = self.allowed(panels)
+        allowed = left_over(panels, self.sample, self.tol)
         brackets, useful = scan(self.sample, panels.begin, panels.end, allowed)
         which = np.flatnonzero(useful & (width > 10 * NARROWEST * self.sample.period))
         place, last = locate(self.sample, brackets.some(which), allowed[which])
@@ -143,78 +132,42 @@ class PanelResolver:
             self._rough = self.done, rough_edges(self.done, self.sample, self.tol)
         return self._rough[1]
 
-    def allowed(self, panels: PanelSet) -> Array:
-        """What panels may leave over (Q, E)."""
-        return left_over(panels, self.sample, self.tol)
-
     def settle_edges(self) -> PanelSet:
-        """Move an edge that only happens to lie near a jump or kink onto it; return the panels to be fitted again."""
+        """Cut panels at a jump or kink that an edge only happens to lie near; return the parts to be fitted."""
         rough, _ = self.rough()
         which = np.flatnonzero(np.isin(self.done.begin, [e for e in rough if float(e) not in self.settled]))
-        if not len(which):
-            return self.done.some(which)
         panels, T = self.done, self.sample.period
         edge, before = panels.begin[which], which - 1
-        ahead, back = panels.end[which] - edge, panels.width[before]
+        ahead, back = panels.width[which], panels.width[before]
         half = np.minimum(ahead, back) / 64
-        allowed = self.allowed(panels)
+        allowed = left_over(panels, self.sample, self.tol)
         brackets = Brackets(edge - half, edge + half, edge - back, edge + ahead)
         place, last = locate(self.sample, brackets, np.maximum(allowed[which], allowed[before]))
-        self.settled.update(edge.tolist())
-        moved = np.abs(place - edge) > np.maximum(last, 4 * EPS * T)
-        place = place[moved]
-        self.settled.update(np.mod(place, T).tolist())
-        return self._shifted(which[moved], place)
+        place = np.mod(place[np.abs(place - edge) > np.maximum(last, 4 * EPS * T)], T)
+        self.settled.update([*edge.tolist(), *place.tolist()])
+        owner = np.searchsorted(panels.begin, place, side="right") - 1
+        inside = np.minimum(place - panels.begin[owner], panels.end[owner] - place) > NARROWEST * T
+        cut = np.isin(np.arange(len(panels.begin)), owner[inside])
+        self.done = panels.some(~cut)
+        begin, end = (np.sort(np.append(edges[cut], place[inside])) for edges in (panels.begin, panels.end))
+        return fitted(self.sample, begin, end)
 
-    def _shifted(self, which: Array, place: Array) -> PanelSet:
-        """Give the panels `which` other left edges; at the period's ends a narrow panel is set in instead."""
-        panels, T = self.done, self.sample.period
-        begin, end = panels.begin.copy(), panels.end.copy()
-        inner = which > 0
-        begin[which[inner]], end[which[inner] - 1] = place[inner], place[inner]
-        touched = np.zeros(len(begin), dtype=bool)
-        touched[which[inner]], touched[which[inner] - 1] = True, True
-        extra: list[tuple[float, float]] = []
-        for x in place[~inner]:
-            p = -1 if x < 0 else 0
-            x = x + T if x < 0 else x
-            touched[p] = True
-            if min(x - begin[p], end[p] - x) > NARROWEST * T:
-                extra.append((float(x), float(end[p])))
-                end[p] = x
-        self.done = panels.some(~touched)
-        starts = np.concatenate([begin[touched], [x for x, _ in extra]])
-        ends = np.concatenate([end[touched], [y for _, y in extra]])
-        order = np.argsort(starts)
-        return fitted(self.sample, starts[order], ends[order]) if len(starts) else panels.some(touched)
-
-    def check(self) -> PanelSet:
-        """Compare with A off the nodes where that has not been done; take out the panels that fail and return them."""
+    def check(self) -> None:
+        """Compare with A off the nodes where that has not been done."""
         panels = self.done
         t = self.check_times()
         owner = np.clip(np.searchsorted(panels.begin, t, side="right") - 1, 0, len(panels.begin) - 1)
         fresh = ~panels.checked[owner]
         t, owner = t[fresh], owner[fresh]
-        panels.checked[:] = True
-        allowed, share = 2 * self.allowed(panels), shares(panels, t, owner)
-        bad: list[tuple[Array, Array]] = []
+        share = shares(panels, t, owner)
         for i in range(0, len(t), self.sample.chunk):
             part = slice(i, i + self.sample.chunk)
-            some, stands, values = t[part], share[part], self.sample(t[part])
+            values = self.sample(t[part])
             starts = np.flatnonzero(np.diff(owner[part], prepend=-1))
-            for a, b in pairwise([*starts.tolist(), len(some)]):
-                panel = int(owner[part][a])
-                apart = panels.compare(panel, some[a:b], values[a:b], stands[a:b], allowed[panel])
-                keep = a + np.argsort(-apart, kind="stable")[:TAIL][: np.count_nonzero(apart > 1)]
-                bad.append((some[keep], values[keep]))
-        np.abs(panels.drift, out=panels.drift)
-        times = np.concatenate([np.empty(0), *(x for x, _ in bad)])
-        self.witness_times = np.concatenate([self.witness_times, times])
-        self.witness_values = np.concatenate([self.witness_values, *(y for _, y in bad)])
-        failed = np.isin(np.arange(len(panels.begin)), np.searchsorted(panels.begin, times, side="right") - 1)
-        if failed.any():
-            self.done = panels.some(~failed)
-        return panels.some(failed)
+            for a, b in pairwise([*starts.tolist(), len(values)]):
+                panels.compare(int(owner[part][a]), t[part][a:b], values[a:b], share[part][a:b])
+        panels.drift[~panels.checked] = np.abs(panels.drift[~panels.checked])
+        panels.checked[:] = True
 
     def check_times(self) -> Array:
         """The given check points, some in every panel, and some ever closer to each edge where A is not smooth."""
