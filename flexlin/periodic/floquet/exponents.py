@@ -1,6 +1,5 @@
 """Floquet exponents of a periodic system, with their own error and a verdict that admits doubt."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -16,20 +15,17 @@ from flexlin.periodic.floquet.constant import solve_constant
 from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_decoupled
 from flexlin.periodic.floquet.hamiltonian import is_hamiltonian, pair_hamiltonian
 from flexlin.periodic.floquet.result import FloquetResult, find_reached, judge
-from flexlin.periodic.floquet.segmented import SegmentedSpectrum, solve_by_segments
+from flexlin.periodic.floquet.segmented import solve_by_segments
 from flexlin.periodic.system import PeriodicSystem, as_system
-from flexlin.periodic.transition.choice import choose_setting, estimate_evidence_work, estimate_segment_work, fall_back
+from flexlin.periodic.transition.choice import choose_setting, estimate_segment_work, fall_back
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, Setting, report_too_many
 
 PATIENCE = 1e6
-"""Microseconds of collocation that are spent where decoupling has answered, but not to the wanted accuracy."""
+"""Thousands of multiplications of collocation that are spent where decoupling has answered, but not to the wanted accuracy."""
 ALIKE = 1e-5
 """Exponents that agree within errors as small as this are a double one that rounding splits: segments know it no better."""
 FACTOR_BYTES = 2**27
 """The transition matrices of a period take at most this many bytes."""
-
-BySegments = Callable[[PeriodicSystem, Setting, float, int], SegmentedSpectrum]
-"""(system, setting, tol, most segments) -> the exponents."""
 
 
 @checked
@@ -117,7 +113,6 @@ def find_exponents(
     order: int | None,
     segments: int | None,
     limit: int,
-    by_segments: BySegments = solve_by_segments,
 ) -> FloquetResult:
     """Choose a way to the exponents and go it."""
     if method == "hill":
@@ -137,37 +132,29 @@ def find_exponents(
         return judge_fixed(system, choose_setting(system, tol, method, order, segments), tol)
     setting = choose_setting(system, tol, method, order, None)
     if method != "auto":
-        return answer_by_segments(system, setting, tol, limit, by_segments)
-    return answer_by_either(system, setting, tol, limit, by_segments)
+        return answer_by_segments(system, setting, tol, limit)
+    return answer_by_either(system, setting, tol, limit)
 
 
-def answer_by_segments(
-    system: PeriodicSystem, setting: Setting, tol: float, limit: int, by_segments: BySegments
-) -> FloquetResult:
+def answer_by_segments(system: PeriodicSystem, setting: Setting, tol: float, limit: int) -> FloquetResult:
     """The exponents of the product of the segments' factors.
 
     Raises: TooManySegments.
     """
     if setting.segments > limit:
         raise report_too_many(setting.segments, limit, tol)
-    spectrum = by_segments(system, setting, tol, limit)
+    spectrum = solve_by_segments(system, setting, tol, limit)
     return finish(system, spectrum.logs / system.period, spectrum.errors / system.period, spectrum.setting, tol)
 
 
-def answer_by_either(
-    system: PeriodicSystem,
-    setting: Setting,
-    tol: float,
-    limit: int,
-    by_segments: BySegments,
-) -> FloquetResult:
+def answer_by_either(system: PeriodicSystem, setting: Setting, tol: float, limit: int) -> FloquetResult:
     """The exponents by decoupling where that promises less work, else by segments; by the better one where decoupling misses tol."""
     decoupled = try_decoupling(system, setting, tol)
     if decoupled is not None and not (count_missed(decoupled, tol) and is_worth_trying(system, setting, limit)):
         return decoupled
     try:
         possible = setting if setting.segments <= limit else fall_back(system, tol)
-        answer = answer_by_segments(system, possible, tol, limit, by_segments)
+        answer = answer_by_segments(system, possible, tol, limit)
     except TooManySegments:
         if decoupled is None:
             raise
@@ -193,8 +180,8 @@ def try_decoupling(system: PeriodicSystem, setting: Setting, tol: float) -> Floq
 
 def is_worth_trying(system: PeriodicSystem, setting: Setting, limit: int) -> bool:
     """Whether segments are tried where decoupling has answered, but not to the wanted accuracy."""
-    solution = estimate_segment_work(system.n, system.second_order is not None, setting)
-    return setting.segments <= limit and solution + estimate_evidence_work(system.n, setting.segments) < PATIENCE
+    work = estimate_segment_work(system.n, system.second_order is not None, setting)
+    return setting.segments <= limit and work < PATIENCE
 
 
 def count_missed(found: FloquetResult, tol: float) -> int:

@@ -183,7 +183,7 @@ def factor_at_nodes(system: PeriodicSystem, result: FloquetResult) -> tuple[Arra
     h = np.diff(grid)[:, None]
     times = np.append((grid[:-1, None] + h * np.append(0.0, rule.c)).ravel(), system.period)
     weights = (h / system.period * np.append(0.0, rule.b)).ravel()
-    return times, weights, factor_by(system, times, setting.method, 2 * max(4, stages // 2)), stages + 1
+    return times, weights, factor_by(system, times, setting.method, 2 * max(4, (stages + 1) // 2)), stages + 1
 
 
 def find_coinciding(logs: Array) -> Array:

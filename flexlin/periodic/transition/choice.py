@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -15,16 +16,16 @@ from flexlin.periodic.transition.setting import METHODS, ORDERS, Setting
 
 MARGIN = 40.0
 """The first guess aims at this part of tol: a sixth more segments cost less than a second try."""
-STAGES = range(4, 11)
+STAGES = np.arange(4, 11)
 """Gauss stages among which the engine chooses."""
-LEAST = 4
-"""Segments of a period at the least: on fewer, a method and a better one err alike."""
+LEAST, LANES = 4, 8
+"""Segments of a period at the least: on fewer, a method and a better one err alike; and how many are made at once."""
 WAVES = 3.0
 """Gauss nodes for each harmonic of the coefficients, so that none hides between them."""
-COMPILED = 0.4
-"""The part of the time of NumPy's solves that compiled code takes."""
-PLACES = 96
-"""Times at which the eigenvalues of A(t) are looked at."""
+VECTORS, BESIDE = 40, 4
+"""Multiplications, times n^3, that carrying left and right vectors through a segment takes; all else counts as so many more states."""
+PLACES = 6
+"""Times of a panel at which the eigenvalues of A(t) are looked at, at the most; of all panels sixteen times as many."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ def measure_pace(system: PeriodicSystem, accuracy: float = 1e-9) -> Pace:
     """Look at the eigenvalues of A(t) on every panel, and at the coefficients' series."""
     resolved = system.resolved
     length = np.diff(resolved.edges)
-    each = max(1, min(16, PLACES // len(length)))
+    each = max(1, min(PLACES, 16 * PLACES // len(length)))
     t = (resolved.edges[:-1, None] + length[:, None] * (np.arange(each) + 0.37) / each).ravel()
     values = np.linalg.eigvals(resolved(t)).reshape(len(length), -1)
     rate = np.maximum(np.abs(values).max(axis=1), 2 * np.pi / system.period)
@@ -85,15 +86,16 @@ def choose_setting(system: PeriodicSystem, tol: float, method: str, order: int |
     rate = float(pace.rate.max())
     if method == "radau":
         return spread_out("radau", order or 9, radau_demand(pace), "as asked", rate, segments)
+    stages = STAGES if order is None else np.array([order // 2])
+    demand = gauss_demand(pace, tol, stages[:, None])
+    counts = np.ceil(demand).sum(axis=1)
+    unknowns = count_unknowns(system)
+    if len(pace.rate) == 1:  # a whole number of lanes costs no more
+        counts = np.where((stages + 2) * unknowns <= MOST_UNKNOWNS, LANES * np.ceil(counts / LANES), counts)
+    best = int(np.argmin(estimate_work(system.n, unknowns, stages, counts)))
     eigenvalues = f"eigenvalues of A(t) up to {rate:.3g} 1/s"
     reason = f"least work for tol {tol:.0e} with {eigenvalues}" if segments is None else f"as asked, with {eigenvalues}"
-    plans = [
-        spread_out("gauss", 2 * s, gauss_demand(pace, tol, s), reason, rate, segments)
-        for s in (STAGES if order is None else [order // 2])
-    ]
-    second_order = system.second_order is not None
-    unknowns = system.n // 2 if second_order else system.n
-    return min(plans, key=lambda plan: estimate_gauss_work(plan.order // 2, unknowns, plan.segments, second_order))
+    return spread_out("gauss", 2 * int(stages[best]), demand[best], reason, rate, segments or int(counts[best]))
 
 
 def spread_out(method: str, order: int, demand: Array, reason: str, rate: float, segments: int | None) -> Setting:
@@ -102,12 +104,11 @@ def spread_out(method: str, order: int, demand: Array, reason: str, rate: float,
     return Setting(method, order, segments or int(np.ceil(demand).sum()), reason, rate, shares)
 
 
-def gauss_demand(pace: Pace, tol: float, stages: int) -> Array:
-    """Segments that each panel needs with s Gauss stages, (P,)."""
+def gauss_demand(pace: Pace, tol: float, stages: Array) -> Array:
+    """Segments that each panel needs with s Gauss stages, (S, P) for stages (S, 1)."""
+    least = np.maximum(separate_modes(pace), max(1.0, LEAST / len(pace.rate)))
     steps = pace.length / choose_gauss_step(pace.rate, tol, stages)
-    return np.maximum.reduce(
-        [steps, separate_modes(pace), WAVES * pace.waves / stages, np.full(len(steps), max(1.0, LEAST / len(steps)))]
-    )
+    return np.maximum(np.maximum(steps, WAVES * pace.waves / stages), least)
 
 
 def radau_demand(pace: Pace) -> Array:
@@ -122,36 +123,35 @@ def separate_modes(pace: Pace) -> Array:
     return pace.length * pace.spread / math.log(GROUP_CONDITION)
 
 
-def choose_gauss_step(rate: Array, tol: float, stages: int) -> Array:
+def choose_gauss_step(rate: Array, tol: float, stages: Array | int) -> Array:
     """The step at which s Gauss stages reach tol / MARGIN on the eigenvalue `rate`."""
-    c = gauss_constant(stages)
-    return (tol / MARGIN * np.maximum(1.0, rate) / (rate * c)) ** (0.5 / stages) / rate
+    s = np.asarray(stages)
+    return np.asarray((tol / MARGIN * np.maximum(1.0, rate) / (rate * gauss_constants()[s])) ** (0.5 / s) / rate)
 
 
-def gauss_constant(stages: int) -> float:
-    """The constant c in the error of s Gauss stages."""
-    return math.factorial(stages) ** 2 / (math.factorial(2 * stages) * math.factorial(2 * stages + 1))
+@cache
+def gauss_constants() -> Array:
+    """The constants c in the error of s Gauss stages, s = 0 ... 32."""
+    f = math.factorial
+    return np.array([f(s) ** 2 / (f(2 * s) * f(2 * s + 1)) for s in range(33)])
 
 
-def estimate_gauss_work(stages: int, unknowns: int, segments: int, second_order: bool) -> float:
-    """Microseconds of the batched solves with s stages of n unknowns each, as measured: overhead, memory and flops of one segment."""
-    size = stages * unknowns
-    compiled = second_order and size <= MOST_UNKNOWNS
-    return 300 + segments * (4 + 0.012 * size**2 + 1.5e-4 * size**3) * (COMPILED if compiled else 1.0)
+def count_unknowns(system: PeriodicSystem) -> int:
+    """Unknowns of each stage: the states, or the accelerations alone."""
+    return system.n // 2 if system.second_order is not None else system.n
+
+
+def estimate_work(n: int, unknowns: int, stages: Array, segments: Array) -> Array:
+    """Thousands of multiplications for n states: elimination for s stages and for two more, and vectors along the product."""
+    sizes = [np.asarray(unknowns * (stages + extra), dtype=float) for extra in (0, 2)]
+    solved = sum(size**2 * (size / 3 + n) for size in sizes)
+    return np.asarray(segments * (solved + VECTORS * (n + BESIDE) ** 3) / 1000)
 
 
 def estimate_segment_work(n: int, second_order: bool, setting: Setting) -> float:
-    """Microseconds of a Gauss setting with its check by two stages more and the sweeps over its factors, as measured, for n states."""
-    unknowns = n // 2 if second_order else n
-    both = sum(
-        estimate_gauss_work(setting.order // 2 + extra, unknowns, setting.segments, second_order) for extra in (0, 2)
-    )
-    return both + 3 * min(setting.segments, 50 + setting.segments / 4) * (6 + 0.05 * n**2)
-
-
-def estimate_evidence_work(n: int, segments: int) -> float:
-    """Microseconds to carry all n Floquet vectors through the segments for the errors, as measured at n = 8 to 18."""
-    return 0.15 * segments * n**3
+    """Thousands of multiplications that a setting takes for n states."""
+    work = estimate_work(n, n // 2 if second_order else n, np.array(setting.order // 2), np.array(setting.segments))
+    return float(work)
 
 
 def fall_back(system: PeriodicSystem, tol: float) -> Setting:

@@ -103,11 +103,20 @@ def sample_segments(
 def factor(resolved: Resolved, values: Array, h: Array, rule: Tableau) -> Array:
     """Transition matrices (K, n, n) from the coefficients at the stages (K, s, rows, columns) and lengths h (K,)."""
     if isinstance(resolved, ResolvedCompanion):
-        return factor_accelerations(resolved, values, h, rule)
-    return factor_states(values, h, rule)
+        return factor_accelerations(values, h, rule)
+    m, odd = divmod(values.shape[-1], 2)
+    if odd or rule.c[-1] == 1.0 or np.any(values[..., :m, :] != np.eye(m, 2 * m, m)):
+        return factor_states(values, h, rule)
+    blocks = np.empty((*values.shape[:2], m, 3 * m))  # x = [y; y']: half the unknowns
+    blocks[..., :m], blocks[..., m : 2 * m], blocks[..., 2 * m :] = (
+        np.eye(m),
+        -values[..., m:, m:],
+        -values[..., m:, :m],
+    )
+    return factor_accelerations(blocks, h, rule)
 
 
-def factor_accelerations(resolved: ResolvedCompanion, blocks: Array, h: Array, rule: Tableau) -> Array:
+def factor_accelerations(blocks: Array, h: Array, rule: Tableau) -> Array:
     """From [M D K], with the accelerations as unknowns; what needs rows exchanged is left to LAPACK. Raises: SingularMassMatrix."""
     K, s, m = blocks.shape[:3]
     Phi, good = np.empty((K, 2 * m, 2 * m)), np.zeros(K, np.intc)
@@ -115,7 +124,8 @@ def factor_accelerations(resolved: ResolvedCompanion, blocks: Array, h: Array, r
         raise MemoryError("the stages of a segment")
     lost = np.flatnonzero(good == 0)
     if len(lost):
-        Phi[lost] = collocate_accelerations(*resolved.split(blocks[lost]), h[lost], rule)
+        M, D, S = np.split(blocks[lost], 3, axis=-1)
+        Phi[lost] = collocate_accelerations(M, D, S, h[lost], rule)
     return Phi
 
 
