@@ -26,7 +26,7 @@ class Decoupled:
 
     times (N,) equidistant; frame T, inverse T^-1 and generator B (N, n, n), complex, values at the times; every other time took no
     part in the construction. groups: diagonal blocks; the modes of a group's partner are its complex conjugates. turning (G,):
-    real groups whose real basis changes sign after a period; T holds it times exp(-i pi t / T).
+    real groups whose basis is complex, since they turn within a period.
     residual (n, n): bound of what elimination of the coupling adds to the blocks; rounding (n, n): of B's entries; in 1/s.
     coupled: what was computed of its coupling, where that was looked at.
     """
@@ -61,7 +61,7 @@ class Decoupled:
 
             w' = (B_g(t) - c(t)) w,   c = trace B_g / p:   exponents of the group = mean c + exponents of w
 
-        A complex group of p modes is written as 2 p real states; its system holds the conjugates of the exponents too.
+        A group of p modes with a complex basis is written as 2 p real states; its system holds the conjugates of the exponents too.
         """
         values, mean = self.traceless(index)
         return PeriodicSystem(lambda t: interpolated(values, self.period, t), self.period), mean
@@ -71,10 +71,14 @@ class Decoupled:
         group = self.groups[index]
         B = self.generator[:, group.part, group.part]
         c = np.trace(B, axis1=1, axis2=2) / group.size
-        if group.partner == index:
-            c = c.real + 1j * np.pi / self.period * self.turning[index]
+        if self.is_real(index):
+            c = c.real
         B = B - c[:, None, None] * np.eye(group.size)
-        return (B.real if group.partner == index else as_real(B)), complex(c.mean())
+        return (B.real if self.is_real(index) else as_real(B)), complex(c.mean())
+
+    def is_real(self, index: int) -> bool:
+        """Whether a group's generator is real."""
+        return self.groups[index].partner == index and not self.turning[index]
 
 
 @dataclass(frozen=True)

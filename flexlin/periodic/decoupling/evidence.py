@@ -23,9 +23,8 @@ def checked(
 ) -> tuple[Decoupled, bool]:
     """Evaluate the generator half-way between the nodes too: the denser result, and whether the two sets of nodes agree."""
     period = built.period
-    turning = np.repeat(built.turning, [group.size for group in built.groups])
-    T = interleaved(built.frame, shifted(built.frame, 0.5, turning))
-    slope = interleaved(*(circle_derivative(built.frame, period, shift, turning) for shift in (0.0, 0.5)))
+    T = interleaved(built.frame, shifted(built.frame, 0.5))
+    slope = interleaved(*(circle_derivative(built.frame, period, shift) for shift in (0.0, 0.5)))
     A = interleaved(A, between)
     inverse = np.linalg.inv(T)
     inverse += inverse @ (np.eye(T.shape[-1]) - T @ inverse)

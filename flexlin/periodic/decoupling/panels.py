@@ -9,7 +9,7 @@ from flexlin.checks import Array
 from flexlin.periodic.chebyshev import chebyshev_nodes
 from flexlin.periodic.circle import match_logs
 from flexlin.periodic.decoupling.decoupled import DecoupledExponents, Refusal, as_real
-from flexlin.periodic.decoupling.frames import open_frame
+from flexlin.periodic.decoupling.frames import find_frame
 from flexlin.periodic.decoupling.grouping import Group, find_eigenvectors, follow_modes, grouped_modes
 from flexlin.periodic.decoupling.interval import KEPT, filter_interval, integrate_interval, sample_interval
 from flexlin.periodic.decoupling.superadiabatic import mixing, rounds, sylvester
@@ -120,7 +120,7 @@ def decouple_panel(A: MatrixFunction, start: float, stop: float, count: int, mos
     smooth, slope = filter_interval(count, KEPT)
     for _ in range(MAX_MERGES):
         columns, groups = grouped_modes(modes, together)
-        T = apply(smooth, open_frame(modes.taken(columns), groups))
+        T = apply(smooth, find_frame(modes.taken(columns), groups, count // 2)[0])
         B = np.linalg.solve(T, samples @ T - apply(slope, T) / half)
         S = sylvester(B, groups)
         made, share = 0, mixing(S)

@@ -8,8 +8,8 @@ from flexlin.checks import Array
 from flexlin.periodic.decoupling.coupling import block_values, group_separation, high_harmonics, pair_effects
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.evidence import EPS, SPARSE
-from flexlin.periodic.decoupling.frames import periodic_frame
-from flexlin.periodic.decoupling.grouping import Eigenvectors, Group, Modes, follow_modes, grouped_modes
+from flexlin.periodic.decoupling.frames import find_frame
+from flexlin.periodic.decoupling.grouping import Eigenvectors, Group, follow_modes, grouped_modes
 from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, low_harmonics, mixing, rounds, sylvester
 from flexlin.periodic.decoupling.waves import circle_derivative, interleaved, shifted, smooth
 
@@ -30,21 +30,17 @@ MAX_ROUNDS, MAX_MERGES = 14, 12
 
 @dataclass(frozen=True)
 class Frame:
-    """Groups of modes, a basis T (N, n, n) of their subspaces, the groups that turn over (G,), the least size of each eigenvalue (n,)."""
+    """Groups of modes, a basis T (N, n, n) of their subspaces, the real groups whose basis is complex (G,), the least size of each
+    eigenvalue (n,)."""
 
     groups: tuple[Group, ...]
     T: Array
     turning: Array
     size: Array
 
-    @property
-    def turned(self) -> Array:
-        """The columns that turn over (n,)."""
-        return np.repeat(self.turning, [group.size for group in self.groups])
-
     def doubled(self) -> "Frame":
         """The same on twice the nodes."""
-        return replace(self, T=interleaved(self.T, shifted(self.T, 0.5, self.turned)))
+        return replace(self, T=interleaved(self.T, shifted(self.T, 0.5)))
 
 
 @dataclass(frozen=True)
@@ -66,8 +62,8 @@ def built_on(
 ) -> Parted | Refusal | None:
     """Group, build the frame and make the rounds on one set of nodes, putting modes together that do not part.
 
-    On the fewest nodes, `few`, what more nodes may part is handed back as it is, or None where no frame was found; what they would not
-    part is added to `joined` (n, n).
+    On the fewest nodes, `few`, what more nodes may part is handed back as it is, or None where all modes are one group; what they would
+    not part is added to `joined` (n, n).
     """
     modes = follow_modes(vectors)
     apart = np.abs(modes.values[:, :, None] - modes.values[:, None, :]).min(axis=0)
@@ -76,9 +72,9 @@ def built_on(
         columns, groups = grouped_modes(modes, together)
         if len(groups) == 1:
             return None if few else Refusal("no eigenvalues of A(t) stand apart from the others along the period")
-        found = tried(modes.taken(columns), groups, samples, period, tol)
-        if found is None:
-            return None if few else Refusal("a group's basis has no real continuation around the period")
+        taken = modes.taken(columns)
+        T, turning = find_frame(taken, groups)
+        found = part_frame(Frame(groups, smooth(T), turning, np.abs(taken.values).min(axis=0)), samples, period, tol)
         stuck = found.stuck
         if not stuck.any() or (few and found.excess < HOPELESS):
             return found
@@ -88,29 +84,16 @@ def built_on(
     return Refusal("the coupling between groups of modes does not shrink")
 
 
-def tried(modes: Modes, groups: tuple[Group, ...], A: Array, period: float, tol: float) -> Parted | None:
-    """Decouple given groups on the nodes; None where they have no frame."""
-    framed = periodic_frame(modes, groups)
-    if framed is None:
-        return None
-    turned = np.repeat(framed[1], [group.size for group in groups])
-    return part_frame(
-        Frame(groups, smooth(framed[0], turned), framed[1], np.abs(modes.values).min(axis=0)), A, period, tol
-    )
-
-
 def part_frame(frame: Frame, A: Array, period: float, tol: float) -> Parted:
     """Make the rounds from a frame on its nodes, where no first step would mix modes by much."""
-    T, groups, turning = frame.T, frame.groups, frame.turned
-    B = np.linalg.solve(T, A @ T - circle_derivative(T, period, turning=turning)) - 1j * np.pi / period * np.diag(
-        turning
-    )
+    T, groups = frame.T, frame.groups
+    B = np.linalg.solve(T, A @ T - circle_derivative(T, period))
     S = sylvester(B, groups)
     share = mixing(S)
     stuck, excess, made = share > MIXING, np.inf, 0
     if not stuck.any():
         allowed = tol * np.maximum(1, frame.size)[:, None]
-        T, B, S, made, left = part_groups(T, B, S, groups, period, turning, allowed)
+        T, B, S, made, left = part_groups(T, B, S, groups, period, allowed)
         stuck = left > 0.1 * allowed + transformation_noise(T, A)
         share, excess = mixing(S), float((left / allowed)[stuck].max(initial=0.0))
     if (strongest := share[stuck].max(initial=0.0)) > SETTLED:
@@ -121,10 +104,10 @@ def part_frame(frame: Frame, A: Array, period: float, tol: float) -> Parted:
 
 
 def part_groups(
-    T: Array, B: Array, S: Array, groups: tuple[Group, ...], period: float, turning: Array, allowed: Array
+    T: Array, B: Array, S: Array, groups: tuple[Group, ...], period: float, allowed: Array
 ) -> tuple[Array, Array, Array, int, Array]:
     """Make the rounds: T, B, S, how many were made, and what the coupling that is left does to each mode by each other one (n, n)."""
-    apart = group_separation(block_values(B, groups) + 1j * np.pi / period * turning, period, groups)
+    apart = group_separation(block_values(B, groups), period, groups)
     apart = replace(apart, swing=np.minimum(apart.swing, LARGEST_SWING))
     i, j = np.nonzero(apart.outside & (SLOW_PART * apart.gap < np.pi / period * len(B)))
 
@@ -136,7 +119,7 @@ def part_groups(
     def effect(B: Array, S: Array) -> Array:
         return measure(B, S) / (PART * allowed)
 
-    T, B, S, made = rounds(B, T, S, groups, lambda S: low_harmonics(S, period, apart.gap, turning), effect, MAX_ROUNDS)
+    T, B, S, made = rounds(B, T, S, groups, lambda S: low_harmonics(S, period, apart.gap), effect, MAX_ROUNDS)
     return T, B, S, made, measure(B, S)
 
 

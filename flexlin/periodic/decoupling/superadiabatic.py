@@ -104,14 +104,9 @@ def take_step(T: Array, B: Array, S: Array, slope: Array, some: Array) -> tuple[
     return T, B
 
 
-def low_harmonics(S: Array, period: float, gap: Array, turning: Array) -> tuple[Array, Array]:
-    """S (N, n, n) cut to the harmonics below SLOW_PART of the gap (n, n) that the nodes hold well, and its derivative.
-
-    turning (n,): modes whose column of T is real but for the factor exp(-i pi t / T). What it makes of S is no part of its frequency:
-    S stays as real as the groups are.
-    """
+def low_harmonics(S: Array, period: float, gap: Array) -> tuple[Array, Array]:
+    """S (N, n, n) cut to the harmonics below SLOW_PART of the gap (n, n) that the nodes hold well, and its derivative."""
     w = 2 * np.pi / period
-    turned = 0.5 * turning
-    frequency = w * (harmonics(len(S))[:, None, None] + turned - turned[:, None])
+    frequency = w * harmonics(len(S))[:, None, None]
     spectrum = np.fft.fft(S, axis=0) * (np.abs(frequency) <= np.minimum(SLOW_PART * gap, KEPT * len(S) * w))
     return np.fft.ifft(spectrum, axis=0), np.fft.ifft(1j * frequency * spectrum, axis=0)

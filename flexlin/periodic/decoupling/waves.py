@@ -40,39 +40,19 @@ def multiplier(count: int, kept: float, power: int, shift: float) -> Array:
     return np.fft.ifft(factor[:, None] * np.fft.fft(np.eye(count), axis=0), axis=0).real
 
 
-@lru_cache(maxsize=64)
-def turning_multiplier(count: int, kept: float, power: int, shift: float) -> Array:
-    """The same, complex, for real functions times exp(-i pi t / T) that change sign after a period.
-
-    Their harmonics come in pairs k, -1 - k, and all are kept or left out in pairs: elsewise the function would not stay real.
-    """
-    k = harmonics(count)
-    factor = (np.abs(k + 0.5) <= kept * count) * (1j * k) ** power * np.exp(2j * np.pi * k * shift / count)
-    return np.fft.ifft(factor[:, None] * np.fft.fft(np.eye(count), axis=0), axis=0)
-
-
-def act(values: Array, turning: Array | None, kept: float, power: int, shift: float) -> Array:
-    """Let a multiplier act on values (N, ..., n); turning (n,): the columns that hold the factor exp(-i pi t / T)."""
-    done = apply(multiplier(len(values), kept, power, shift), values)
-    if turning is not None and turning.any():
-        operator = turning_multiplier(len(values), kept, power, shift)
-        done[..., turning] = np.tensordot(operator, values[..., turning], axes=1)
-    return done
-
-
-def smooth(values: Array, turning: Array | None = None) -> Array:
+def smooth(values: Array) -> Array:
     """Leave out the harmonics beyond KEPT times the number of nodes."""
-    return act(values, turning, KEPT, 0, 0.0)
+    return apply(multiplier(len(values), KEPT, 0, 0.0), values)
 
 
-def circle_derivative(values: Array, period: float, shift: float = 0.0, turning: Array | None = None) -> Array:
+def circle_derivative(values: Array, period: float, shift: float = 0.0) -> Array:
     """The derivative at nodes that are moved by `shift` spacings."""
-    return 2 * np.pi / period * act(values, turning, 0.5, 1, shift)
+    return 2 * np.pi / period * apply(multiplier(len(values), 0.5, 1, shift), values)
 
 
-def shifted(values: Array, shift: float, turning: Array | None = None) -> Array:
+def shifted(values: Array, shift: float) -> Array:
     """The values at nodes that are moved by `shift` spacings."""
-    return act(values, turning, 0.5, 0, shift)
+    return apply(multiplier(len(values), 0.5, 0, shift), values)
 
 
 def interleaved(nodes: Array, between: Array) -> Array:

@@ -110,7 +110,8 @@ def singles(
     B = decoupled.generator[:, places, places]
     real = np.array([group.partner for group in groups]) == indices
     values = B.mean(axis=0)
-    values = np.where(real, values.real + 1j * np.pi / decoupled.period * decoupled.turning[indices], values)
+    half = np.pi / decoupled.period  # a real mode may turn over within the period
+    values = np.where(real, values.real + 1j * half * np.round(values.imag / half), values)
     apart = np.maximum(np.abs(B[::2].mean(axis=0) - B[1::2].mean(axis=0)), aliasing(B))
     coupling = SAFETY * decoupled.residual[places, places]
     loose = coupling * decoupled.period > UNRESOLVED
@@ -145,7 +146,7 @@ def solve_group(
 def follow_group(decoupled: Decoupled, index: int, tol: float = 1e-9) -> tuple[Array, Array] | None:
     """The exponents (p,) of a group of several modes by segments, and their errors; None where these do not serve.
 
-    A complex group stands there with its conjugates. It is turned by MARK, which turns these by -MARK: of the logs, its own are those that
+    A complex one stands there with its conjugates. It is turned by MARK, which turns these by -MARK: of the logs, its own are those that
     lie by MARK above others when turned.
     """
     group, T = decoupled.groups[index], decoupled.period
@@ -154,7 +155,7 @@ def follow_group(decoupled: Decoupled, index: int, tol: float = 1e-9) -> tuple[A
     unknown = SAFETY * (decoupled.residual + decoupled.rounding)[group.part, group.part]
     unknown = unknown + aliasing(decoupled.generator[:, group.part, group.part])
     try:
-        if group.partner == index:
+        if decoupled.is_real(index):
             found = solve_series(own, T, unknown, tol)
             logs, errors = pair_conjugates(found.logs, found.errors)
             return mean + logs / T, errors / T
