@@ -14,12 +14,13 @@ from flexlin.errors import ArgumentError
 from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.companion import build_companion, build_input
 from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.resolved.sampling import NAMED, golden
 
 MatrixFunction = Callable[[Array], Array]
 """Times (N,) -> (N, rows, columns)."""
 SecondOrderFunction = Callable[[Array], tuple[Array, Array, Array]]
 """Times (N,) -> M, D, K, each (N, n, n)."""
-PROBES = np.array([0.0, 0.2917, 0.6281])
+PROBES = golden(np.arange(3))
 """Where in a period a coefficient is looked at before it is used."""
 
 
@@ -33,10 +34,6 @@ class Constant:
         return np.broadcast_to(self.value, (len(t), *self.value.shape))
 
 
-MOST_KNOWN = 100
-"""Harmonics, or nodes over a panel, of a series in which nothing is narrower than T / 200."""
-
-
 def has_nothing_narrow(coefficient: Callable[..., Any]) -> bool:
     """Whether a coefficient changes fast at the breaks and features of its system alone, where these are complete.
 
@@ -46,9 +43,9 @@ def has_nothing_narrow(coefficient: Callable[..., Any]) -> bool:
     if isinstance(coefficient, Constant):
         return True
     if isinstance(coefficient, FourierSeries):
-        return coefficient.harmonics <= MOST_KNOWN
+        return 2 * coefficient.harmonics <= NAMED
     if isinstance(coefficient, ChebyshevPanels):
-        return coefficient.coefficients.shape[1] <= MOST_KNOWN
+        return 2 * coefficient.coefficients.shape[1] <= NAMED
     return bool(getattr(coefficient, "complete", False))
 
 

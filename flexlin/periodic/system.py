@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
-from flexlin.checks import positive, real_array
+from flexlin.checks import positive
 from flexlin.errors import ArgumentError
 from flexlin.lazy import lazy
 from flexlin.periodic.chebyshev import ChebyshevPanels
@@ -28,7 +28,7 @@ from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.ports import resolve_port
 from flexlin.periodic.resolved.companion import ResolvedCompanion, weigh_entries
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
-from flexlin.periodic.resolved.resolve import resolve, resolve_constant
+from flexlin.periodic.resolved.resolve import check_places, resolve, resolve_constant
 from flexlin.periodic.second_order import SecondOrder
 from flexlin.summary import represent
 
@@ -125,7 +125,7 @@ class PeriodicSystem:
         features: Sequence[tuple[float, float]] = (),
         complete: bool = False,
     ):
-        period, corners, narrow = check_places(period, breaks, features)
+        period, corners, narrow = place_corners(period, breaks, features)
         A = as_matrix_function("A", A)
         probe = check_samples("A", A, period)
         if probe.shape[1] != probe.shape[2]:
@@ -228,7 +228,7 @@ class PeriodicSystem:
             When M cannot be inverted.
         """
         M, D, K = (as_matrix_function(name, f) for name, f in (("M", M), ("D", D), ("K", K)))
-        period, corners, narrow = check_places(period, breaks, features)
+        period, corners, narrow = place_corners(period, breaks, features)
         size = check_samples("M", M, period).shape[1:]
         for name, f in (("D", D), ("K", K)):
             got = check_samples(name, f, period).shape[1:]
@@ -289,7 +289,7 @@ class PeriodicSystem:
         return PeriodicSystem(loop, self.period, self.B, corners, second_order, self.features, complete)
 
 
-def check_places(period: float, breaks: ArrayLike, features: ArrayLike) -> tuple[float, tuple[float, ...], Pairs]:
+def place_corners(period: float, breaks: ArrayLike, features: ArrayLike) -> tuple[float, tuple[float, ...], Pairs]:
     """The period, increasing breaks and pairs (time, width) of features, as they may be.
 
     Raises: ArgumentError.
@@ -297,11 +297,8 @@ def check_places(period: float, breaks: ArrayLike, features: ArrayLike) -> tuple
     period = positive("period", period)
     if not len_of(breaks) and not len_of(features):
         return period, (), ()
-    inside = real_array("breaks", breaks, (None,)) if len_of(breaks) else np.empty(0)
-    if inside.size and (inside.min() < 0 or inside.max() >= period):
-        raise ArgumentError("breaks lie outside the period", got=inside.tolist(), expected=f"times in [0, {period})")
-    pairs = real_array("features", features, (None, 2)).tolist() if len_of(features) else []
-    return period, tuple(np.unique(inside).tolist()), tuple((time, width) for time, width in pairs)
+    named, pairs = check_places(period, breaks, features)
+    return period, tuple(named.tolist()), tuple((time, width) for time, width in pairs.tolist())
 
 
 def len_of(value: object) -> int:

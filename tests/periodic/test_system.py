@@ -117,7 +117,7 @@ def hole(t):
         (squeezed, "shape"),
         (growing, "shape"),
         (lambda t: swing(t)[0], "shape"),
-        (hole, "t = 0.2917 s"),
+        (hole, "t = 0.618034 s"),
         (np.array([[np.inf]]), "finite"),
         (lambda t: 1j * swing(t), "complex"),
         (lambda t: swing(t).astype(np.float16), "precision"),

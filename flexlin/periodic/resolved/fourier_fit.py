@@ -21,8 +21,8 @@ from flexlin.periodic.resolved.sampling import (
     stratified,
 )
 
-FIRST, SURE, MOST = 128, 256, 1024
-"""Nodes at the start, which lie closer than T / 100; nodes up to which doubling goes on in any case; and at most."""
+FIRST, MOST = 128, 1024
+"""Nodes at the start, which lie closer than T / 100, and at most; they are doubled once in any case."""
 CHECKS, REPEATS = 16, 5
 """Times off the nodes at which the series is held against A; and at which A is held against itself a period later."""
 FACTOR = 6
@@ -62,7 +62,7 @@ class FourierFit:
             last, worst, count = worst, float(excess.max()), len(values)
             fall = min(worst / max(last, TINY), 1.0)
             ahead = worst * fall ** (2 * (MOST / count - 1))  # where the harmonics go on to fall as they did
-            if count >= MOST or (count >= SURE and not ahead <= 1 < worst):
+            if count >= MOST or (count > FIRST and not ahead <= 1 < worst):
                 return False
             between = sample(fourier_nodes(count, T) + T / (2 * count))
             values = np.stack([values, between], axis=1).reshape(2 * count, -1)

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError
@@ -98,11 +99,7 @@ def resolve(
             shape = sample.shape or (0, 0)
             series = FourierSeries(fit.coefficients.reshape(-1, *shape), period)
             return ResolvedMatrix(series, (), (), fit.error.reshape(shape), sample.count)
-    named = _times_in("breaks", np.asarray(breaks, dtype=float), period)
-    pairs = real_array("features", np.reshape(np.asarray(features, dtype=float), (-1, 2)))
-    _times_in("features", pairs[:, 0], period)
-    if np.any(pairs[:, 1] <= 0):
-        raise ArgumentError("a feature has no width", got=pairs[:, 1].tolist(), expected="widths greater than 0")
+    named, pairs = check_places(period, breaks, features)
     return _on_panels(sample, named, pairs, tol, not complete, repeats)
 
 
@@ -154,11 +151,16 @@ def first_edges(period: float, named: Array, pairs: Array) -> Array:
     return divided(np.union1d(fixed, free), period / GRADE)
 
 
-def _times_in(name: str, times: Array, period: float) -> Array:
-    """Increasing times in [0, T)."""
-    if not times.size:
-        return np.empty(0)
-    inside = np.unique(real_array(name, times.ravel(), (None,)))
-    if inside.size and (inside.min() < 0 or inside.max() >= period):
-        raise ArgumentError(f"{name} lie outside the period", got=inside.tolist(), expected=f"times in [0, {period})")
-    return inside
+def check_places(period: float, breaks: ArrayLike, features: ArrayLike) -> tuple[Array, Array]:
+    """Increasing breaks (B,) and pairs (time, width) of features (F, 2), as they may be.
+
+    Raises: ArgumentError.
+    """
+    named = np.unique(real_array("breaks", breaks, (None,)))
+    pairs = real_array("features", features if np.size(features) else np.empty((0, 2)), (None, 2))
+    for name, t in (("breaks", named), ("features", pairs[:, 0])):
+        if t.size and (t.min() < 0 or t.max() >= period):
+            raise ArgumentError(f"{name} lie outside the period", got=t.tolist(), expected=f"times in [0, {period})")
+    if np.any(pairs[:, 1] <= 0):
+        raise ArgumentError("a feature has no width", got=pairs[:, 1].tolist(), expected="widths greater than 0")
+    return named, pairs
