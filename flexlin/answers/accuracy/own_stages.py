@@ -20,7 +20,7 @@ from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.product.balancing import multiply_scaled
-from flexlin.periodic.product.eigenvalues import product_logs
+from flexlin.periodic.product.spectrum import product_logs
 from flexlin.periodic.quadratic.riccati import RiccatiSolution, periodic_riccati
 from flexlin.periodic.response.forced import forced_response
 from flexlin.periodic.response.result import ForcedResponse

@@ -15,7 +15,7 @@ from flexlin.periodic.decoupling.interval import KEPT, filter_interval, integrat
 from flexlin.periodic.decoupling.superadiabatic import mixing, rounds, sylvester
 from flexlin.periodic.decoupling.waves import apply
 from flexlin.periodic.product.balancing import GROUP_CONDITION
-from flexlin.periodic.product.eigenvalues import product_logs, solve_product
+from flexlin.periodic.product.spectrum import product_logs, solve_product
 from flexlin.periodic.system import MatrixFunction
 from flexlin.periodic.transition.gauss import gauss_transitions
 

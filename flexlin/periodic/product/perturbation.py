@@ -5,13 +5,8 @@ import numpy as np
 from flexlin.checks import Array
 
 EPS = float(np.finfo(float).eps)
-FACTOR_ROUNDING = 1.0
-"""Roundings of the largest entry that one factor carries: its own computation, and one product and QR step of the spectrum."""
-
 COHERENT = 0.25
 """The part of the rounding errors that may add up with one sign."""
-CANCELLED = 0.3
-"""The part of the factors' errors that counts even where their sum cancels."""
 CLOSE = 0.1
 """Couplings above this part of a gap move the pair by about their own size: m multipliers of a split chain have 1 / (2 m sin(pi / m))."""
 SAME = 1e-6
@@ -33,17 +28,15 @@ def separate_triangular(T: Array) -> tuple[Array, Array]:
     return X, np.where(same, T @ X - X * t, 0)
 
 
-def bound_pairs(coupling: Array, own: Array, gap: Array, shared: Array, whole: Array | None = None) -> Array:
+def bound_pairs(coupling: Array, own: Array, gap: Array, shared: Array) -> Array:
     """What pairs of eigenvalues do to each other beyond first order, (n,).
 
     Parameters: coupling (n, n): of the perturbation in the eigenvectors' coordinates; own (n,): first-order motions, which may
-    close gaps; gap (n, n): distances of the eigenvalues; shared (n, n): couplings left between equal ones; whole (n, n): all that may have
-    split a pair, where that is more than the coupling.
+    close gaps; gap (n, n): distances of the eigenvalues; shared (n, n): couplings left between equal ones.
     """
     gap = np.maximum(gap - own[:, None] - own, 0.0)
     size = pair_size(coupling)
-    splitting = size if whole is None else pair_size(whole)
-    pairs = np.where(splitting > CLOSE * gap, 2 * splitting, size**2 / np.maximum(gap, size + np.finfo(float).tiny))
+    pairs = np.where(size > CLOSE * gap, 2 * size, size**2 / np.maximum(gap, size + np.finfo(float).tiny))
     return pairs.sum(axis=1) + bound_shared(coupling, np.abs(shared))
 
 

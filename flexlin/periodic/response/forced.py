@@ -9,8 +9,8 @@ from flexlin.checks import Array, positive, real_array, whole
 from flexlin.errors import ArgumentError, ResonantForcing
 from flexlin.periodic.coefficients import Constant, has_nothing_narrow, refuse_signature
 from flexlin.periodic.grid import edges_of_short, place_edges
-from flexlin.periodic.product.eigenvalues import product_logs
 from flexlin.periodic.product.perturbation import COHERENT
+from flexlin.periodic.product.spectrum import product_logs
 from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.resolved.uncertainty import couple_uncertainty
 from flexlin.periodic.response.collocated import PiecewiseSolution, VectorFunction, solve_periodic

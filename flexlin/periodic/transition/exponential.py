@@ -1,5 +1,8 @@
 """The exponential of a batch of matrices."""
 
+import math
+from functools import cache
+
 import numpy as np
 
 from flexlin.checks import Array
@@ -8,10 +11,13 @@ from flexlin.periodic.product.balancing import balance_factors
 
 THETA = 5.371920351148152
 """Below this 1-norm the Pade approximant of order 13 is exact to working precision (Higham 2005, table 2.3)."""
-PADE = np.array(
-    [64764752532480000, 32382376266240000, 7771770303897600, 1187353796428800, 129060195264000, 10559470521600,
-     670442572800, 33522128640, 1323241920, 40840800, 960960, 16380, 182, 1], dtype=float,
-)  # fmt: skip
+
+
+@cache
+def pade() -> Array:
+    """The numerator of the diagonal Pade approximant of order 13: (26 - k)! / ((13 - k)! k!), k = 0 ... 13."""
+    f = math.factorial
+    return np.array([f(26 - k) // (f(13 - k) * f(k)) for k in range(14)], dtype=float)
 
 
 def exponentiate(X: Array) -> Array:
@@ -27,7 +33,7 @@ def exponentiate(X: Array) -> Array:
     X2 = X @ X
     X4 = X2 @ X2
     X6 = X2 @ X4
-    b, eye = PADE, np.eye(X.shape[-1])
+    b, eye = pade(), np.eye(X.shape[-1])
     U = X @ (X6 @ (b[13] * X6 + b[11] * X4 + b[9] * X2) + b[7] * X6 + b[5] * X4 + b[3] * X2 + b[1] * eye)
     V = X6 @ (b[12] * X6 + b[10] * X4 + b[8] * X2) + b[6] * X6 + b[4] * X4 + b[2] * X2 + b[0] * eye
     E = np.linalg.solve(V - U, V + U)
