@@ -118,6 +118,10 @@ class Program:
             values[mine[:, 3]] = mine[:, 2]
         return found
 
+    def check_known(self) -> None:
+        """Raises: ArgumentError for an operation that the core does not know."""
+        self.lay_out()([np.zeros((1, size)) for size in self.rows], [np.empty((1, size)) for size in self.sizes])
+
     def find_needs(self, kinds: tuple[int, ...]) -> Array:
         """What each step depends on, (K,): the kinds (sets of bits) of the inputs behind it, joined."""
         needs = np.empty(len(self.steps), dtype=np.int32)
@@ -146,7 +150,7 @@ class Program:
     def lay_out(
         self,
         outputs: tuple[int, ...] | None = None,
-        kept: Array | None = None,
+        kept: Array | tuple[int, ...] = (),
         given: dict[int, int] | None = None,
         first: int = 0,
     ) -> "Layout":
@@ -158,7 +162,7 @@ class Program:
         wanted, live = np.zeros(len(self.sizes) + 1, dtype=np.int32), np.zeros(count, dtype=np.int8)
         chosen = list(range(len(self.sizes))) if outputs is None else list(outputs)
         wanted[chosen] = np.arange(1, len(chosen) + 1)
-        live[kept if kept is not None else []] = 1
+        live[np.asarray(kept, dtype=int)] = 1
         slot, last = (np.full(count, -1, dtype=np.int32) for _ in range(2))
         for value, place in (given or {}).items():
             slot[value] = place

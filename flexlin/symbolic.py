@@ -139,9 +139,7 @@ def read_known(function: ca.Function) -> Program | None:
     """The program of a function; none where CasADi has to evaluate it: it is none of scalars, calls another, or has a rare operation."""
     try:
         program = Program.read(function)
-        lay_out(program, None)(
-            [np.zeros((1, rows)) for rows in program.rows], [np.empty((1, n)) for n in program.sizes]
-        )
+        program.check_known()
     except ArgumentError:
         return None
     return program
