@@ -51,11 +51,12 @@ def has_nothing_narrow(coefficient: Callable[..., Any]) -> bool:
 
 @dataclass(frozen=True)
 class ClosedLoop:
-    """A(t) - B(t) K(t)."""
+    """A(t) - B(t) K(t); plant: the system of A and B."""
 
     A: MatrixFunction
     B: MatrixFunction
     K: MatrixFunction
+    plant: Any = None
 
     def __call__(self, t: Array) -> Array:
         return self.A(t) - self.B(t) @ self.K(t)

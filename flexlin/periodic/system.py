@@ -27,7 +27,7 @@ from flexlin.periodic.coefficients import (
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.ports import resolve_port
 from flexlin.periodic.resolved.companion import ResolvedCompanion, weigh_entries
-from flexlin.periodic.resolved.matrix import ResolvedMatrix
+from flexlin.periodic.resolved.matrix import ResolvedMatrix, close_loop
 from flexlin.periodic.resolved.resolve import check_places, resolve, resolve_constant
 from flexlin.periodic.second_order import SecondOrder
 from flexlin.summary import represent
@@ -163,11 +163,23 @@ class PeriodicSystem:
         if isinstance(self.A, Constant) and not self.breaks and not self.features:
             return resolve_constant(self.A.value, self.period)
         named = (self.period, self.breaks, self.features)
+        if isinstance(self.A, ClosedLoop) and self.second_order is None:
+            closed = self._close_series(self.A)
+            if closed is not None:
+                return closed
         if self.second_order is None:
             return resolve(self.A, *named, complete=self.complete)
         return ResolvedCompanion(
             resolve(self.second_order.stacked, *named, complete=self.complete, least=weigh_entries)
         )
+
+    def _close_series(self, loop: ClosedLoop) -> ResolvedMatrix | None:
+        """A(t) of a loop from what its plant has resolved already, where all are Fourier series; the gain is one by itself."""
+        K = FourierSeries(loop.K.value[None], self.period) if isinstance(loop.K, Constant) else loop.K
+        if not isinstance(K, FourierSeries) or K.period != self.period or self.breaks or self.features:
+            return None
+        A, B = loop.plant.resolved, loop.plant.resolved_input
+        return None if isinstance(A, ResolvedCompanion) else close_loop(A, B, K)
 
     @lazy
     def resolved_input(self) -> ResolvedMatrix:
@@ -281,7 +293,7 @@ class PeriodicSystem:
         if got != (self.m, self.n):
             raise ArgumentError("the gain does not fit the system", got=got, expected=f"({self.m}, {self.n})")
         second_order = None if self.second_order is None else self.second_order.feedback(K)
-        loop = ClosedLoop(self.A, self.B, K)
+        loop = ClosedLoop(self.A, self.B, K, self)
         complete = self.complete and has_nothing_narrow(K)
         if known and not len_of(breaks):
             return PeriodicSystem.assembled(self, A=loop, second_order=second_order, complete=complete)

@@ -13,6 +13,7 @@ from flexlin.errors import ArgumentError
 from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_coefficients, panel_times
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.resolved.panels import NODES
+from flexlin.periodic.resolved.sampling import EPS
 
 Series = FourierSeries | ChebyshevPanels
 """The one function of time: called with times, it has a period, edges, a degree, a mean and a derivative."""
@@ -146,6 +147,18 @@ class ResolvedMatrix(OfSeries):
         values = self.series(panel_times(wanted[:-1], wanted[1:], count).ravel())
         flat = chebyshev_coefficients(values.reshape(len(wanted) - 1, count, -1))
         return ChebyshevPanels(wanted, flat.reshape(*flat.shape[:2], *self.shape))
+
+
+def close_loop(A: ResolvedMatrix, B: ResolvedMatrix, K: FourierSeries) -> ResolvedMatrix | None:
+    """A - B K as one Fourier series, with as many harmonics as it has; nothing where one of them is no such series."""
+    if not isinstance(A.series, FourierSeries) or not isinstance(B.series, FourierSeries):
+        return None
+    count = 2 * max(A.degree, B.degree + K.degree) + 1
+    plant, forces, gain = (series.at_nodes(count) for series in (A.series, B.series, K))
+    product, most = forces @ gain, np.abs(gain).max(axis=0)
+    rounding = (4 + np.log2(count)) * EPS * (np.abs(plant).max(axis=0) + np.abs(forces).max(axis=0) @ most)
+    error = A.error + B.error @ most + rounding
+    return ResolvedMatrix(FourierSeries.through(plant - product, A.period), (), (), error, A.samples + B.samples)
 
 
 def divided(edges: Array, longest: float) -> Array:
