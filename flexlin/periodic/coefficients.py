@@ -14,7 +14,7 @@ from flexlin.errors import ArgumentError
 from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.companion import build_companion, build_input
 from flexlin.periodic.fourier import FourierSeries
-from flexlin.periodic.resolved.sampling import NAMED, golden
+from flexlin.periodic.grid import NAMED, golden
 
 MatrixFunction = Callable[[Array], Array]
 """Times (N,) -> (N, rows, columns)."""

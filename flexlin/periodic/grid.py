@@ -1,4 +1,4 @@
-"""Segments of a period: edges that respect the breaks of the coefficients."""
+"""Times of a period: edges of segments that respect the breaks of the coefficients, and what counts as narrow."""
 
 import math
 from collections.abc import Sequence
@@ -7,6 +7,14 @@ from itertools import pairwise
 import numpy as np
 
 from flexlin.checks import Array, whole
+
+NAMED = 200
+"""With `complete`, what is narrower than T / NAMED is named."""
+
+
+def golden(i: Array) -> Array:
+    """The golden sequence: no few of its numbers in (0, 1) lie close together."""
+    return np.mod(i * (np.sqrt(5) - 1) / 2, 1.0)
 
 
 def place_edges(period: float, breaks: Sequence[float] | Array, segments: int, least: int = 1) -> Array:

@@ -9,12 +9,12 @@ from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.grid import NAMED
 from flexlin.periodic.resolved.fourier_fit import REPEATS, FourierFit
 from flexlin.periodic.resolved.matrix import Discontinuity, ResolvedMatrix, divided
 from flexlin.periodic.resolved.panels import left_over, miss_beside, panel_error, shown_degree
 from flexlin.periodic.resolved.sampling import (
     EPS,
-    NAMED,
     NEAR,
     POINTS,
     Least,

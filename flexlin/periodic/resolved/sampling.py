@@ -9,6 +9,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, NotPeriodic, UnresolvedCoefficient
 from flexlin.periodic.chebyshev import chebyshev_coefficients, chebyshev_nodes
+from flexlin.periodic.grid import golden
 
 EPS = float(np.finfo(float).eps)
 TINY = float(np.finfo(float).tiny) / EPS
@@ -18,8 +19,6 @@ BLOCKS, WITHIN = 128, 80
 """The times of a search: blocks of a period, and times in each, at the same places in all: gaps stay below T / 10000."""
 NEAR = 1e-11
 """Of the period: what happens closer to a jump counts as part of it, and edges closer to another are left out."""
-NAMED = 200
-"""With `complete`, what is narrower than T / NAMED is named."""
 SIGMAS = 6.0
 """Standard deviations of measured noise that count as agreement."""
 POINTS, ORDER = 16, 5
@@ -137,11 +136,6 @@ class Sampler:
                 expected="floating-point numbers",
                 todo="fill an array of floats: one of integers cuts off what is assigned to it",
             )
-
-
-def golden(i: Array) -> Array:
-    """The golden sequence: no few of its numbers in (0, 1) lie close together."""
-    return np.mod(i * (np.sqrt(5) - 1) / 2, 1.0)
 
 
 @lru_cache(maxsize=16)

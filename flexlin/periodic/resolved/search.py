@@ -11,6 +11,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import UnresolvedCoefficient
 from flexlin.periodic.chebyshev import chebyshev_basis, chebyshev_nodes, chebyshev_transform
+from flexlin.periodic.grid import NAMED
 from flexlin.periodic.resolved.panels import (
     MOST_PANELS,
     NODES,
@@ -22,7 +23,6 @@ from flexlin.periodic.resolved.panels import (
 )
 from flexlin.periodic.resolved.sampling import (
     EPS,
-    NAMED,
     NEAR,
     Sampler,
     graded,
