@@ -28,18 +28,11 @@ def cost_of_accuracy() -> str:
             line += [duration(row["milliseconds"]) + short, two_digits(row["milliseconds"] / own[mode])]
         lines.append(line)
     head = ["program", *[cell for mode in modes for cell in (f"{mode} mode{'s' * (mode > 1)}", "ratio")]]
-    batches = [
-        [row["program"], str(row["modes"]), duration(row["milliseconds"]), f"{row['error']:.1e}"]
-        for row in rows
-        if "batch" in row["program"]
-    ]
     all_exponents = (
         f"All exponents of the single link (1 mode) to 1e-8 by `fl.sweep`: {record['batch_us']:.0f} us a value, "
         f"largest error found {record['batch_error']:.1e}."
     )
-    return "\n\n".join(
-        [when(record), table(head, lines), table(["batch", "modes", "time a value", "error"], batches), all_exponents]
-    )
+    return "\n\n".join([when(record), table(head, lines), all_exponents])
 
 
 def compiled_peers() -> str:
@@ -92,13 +85,12 @@ def taylor_variables() -> str:
 
 
 def charts_speed() -> str:
-    """Values of stability charts: by C, by NumPy, and by other programs."""
+    """Values of stability charts: here, and by other programs."""
     record = measured("charts_speed")
     lines = [
         [
             row["scene"],
             duration(row["compiled_us"] / 1e3),
-            two_digits(row["numpy_us"] / row["compiled_us"]),
             f"{row['distance_in_tol'] * 1e-8:.0e}",
         ]
         for row in record["rows"]
@@ -106,20 +98,19 @@ def charts_speed() -> str:
     own = record["peers_us"]["flexlin, all exponents"]
     peers = [[name, duration(us / 1e3), two_digits(us / own)] for name, us in record["peers_us"].items()]
     million = record["million"]
-    compiling = max(row["compile_s"] for row in record["rows"])
     text = (
-        f"A million values with one mode on all cores took {million['seconds']:.0f} s by the clock, compiler and loading "
-        f"counted, and {million['memory_mb']:.0f} MB; the machine's load was {million['load']:.1f} meanwhile. Compiling took "
-        f"{compiling:.1f} s at the most. The last column is the largest distance from `floquet` on a random sample."
+        f"A million values with one mode on all cores took {million['seconds']:.0f} s by the clock, loading counted, "
+        f"and {million['memory_mb']:.0f} MB; the machine's load was {million['load']:.1f} meanwhile. "
+        f"The last column is the largest distance from `floquet` on a random sample."
     )
     shares = {name: share for name, share in record["sharing"].items() if not name.endswith(", s")}
     text += (
         f" Shared out, the {record['sharing']['one process, s']:.0f} s of one processor become more by "
         + ", ".join(f"{100 * share:.1f} % ({name})" for name, share in shares.items())
     )
-    text += ". Processes are copies of the one that asks; of the cluster, what it takes when idle is left out."
+    text += ". Of the cluster, what it takes when idle is left out."
     tables = [
-        table(["scene", "a value in C", "NumPy takes times", "distance"], lines),
+        table(["scene", "a value", "distance"], lines),
         table(["1 link, 1 mode", "a value", "ratio"], peers),
     ]
     return "\n\n".join([when(record), *tables, text])

@@ -21,6 +21,7 @@ _HOME = {
     "build_motion": "flexlin.motion",
     "linearize": "flexlin.about.linear",
     "Linearization": "flexlin.about.linear",
+    "PeriodicFamily": "flexlin.about.family",
     "PeriodicSystem": "flexlin.periodic.system",
     "floquet": "flexlin.periodic.floquet.exponents",
     "FloquetResult": "flexlin.periodic.floquet.result",

@@ -1,7 +1,7 @@
 """What does a value of a stability chart cost, here and with other programs, and is every value right?
 
 Payload times frequency at 1e-8, for the single link with one and two modes and for two links with two modes each: microseconds of one
-processor a value by the compiled kernel and by NumPy, each with all exponents and their errors, and the values of a random sample beside
+processor a value by the kernel, with all exponents and their errors, and the values of a random sample beside
 `fl.floquet`. Other programs make only the transition matrix of a period, on the single link with one mode: heyoka's SIMD batch, and
 jax.vmap over the fixed steps of DOP853, both compiled, each at the cheapest setting that reaches 1e-8. The programs take turns, and each
 time is the least of several, so that ratios hold on a machine that does other work. A million values on all cores, by the clock; and what
@@ -14,7 +14,6 @@ import argparse
 import json
 import os
 import resource
-import tempfile
 import time
 from collections.abc import Callable
 from importlib.util import find_spec
@@ -26,17 +25,15 @@ from outside.heyoka_taylor import HeyokaTransitions
 from outside.jax_batch import prepare_jax
 
 import flexlin as fl
-from flexlin import compiler
 from flexlin.about.free import ParametricLoop, parametric_loop
-from flexlin.answers.sweep.batches import NumpyBatches, prepare_coefficients
 from flexlin.answers.sweep.cluster import Cluster
-from flexlin.answers.sweep.compiled import CompiledBatches
 from flexlin.answers.sweep.job import compute_here, prepare_job
-from flexlin.answers.sweep.plan import Plan
 from flexlin.answers.sweep.processes import Processes
 from flexlin.answers.sweep.threads import Threads
+from flexlin.answers.sweep.together import Together
 from flexlin.periodic.circle import measure_distances
-from flexlin.periodic.many.transitions import batched_transitions
+from flexlin.periodic.product.balancing import multiply_scaled
+from flexlin.periodic.transition.setting import Setting, factor_period
 
 TOL = 1e-8
 PAYLOAD, FREQUENCY = "effects.payload.mass", "motion.frequency"
@@ -90,21 +87,17 @@ def judge_sample(loop: ParametricLoop, points: np.ndarray, found: Any, count: in
 
 
 def time_scene(scene: str, values: int, size: str) -> dict[str, Any]:
-    """Microseconds a value by both routes, and the distance from `fl.floquet`."""
+    """Microseconds a value, and the distance from `fl.floquet`."""
     loop, points = grid(scene, values)
-    fast = CompiledBatches.prepare(loop, points, TOL)
-    assert fast is not None, "there is no C compiler"
-    few = points[:: max(1, len(points) // 128)]
-    slow = NumpyBatches.prepare(loop, points, TOL, 2**26)
-    least = race({"c": lambda: fast.compute(points), "numpy": lambda: slow.compute(few)}, ROUNDS[size])
+    fast = Together.prepare(loop, points, TOL)
+    assert fast is not None
+    least = race({"kernel": lambda: fast.compute(points)}, ROUNDS[size])
     found = fast.compute(points)
     return {
         "scene": scene,
         "states": loop.states,
-        "segments": fast.plan.segments,
-        "compile_s": fast.seconds,
-        "compiled_us": 1e6 * least["c"] / len(points),
-        "numpy_us": 1e6 * least["numpy"] / len(few),
+        "segments": fast.segments,
+        "compiled_us": 1e6 * least["kernel"] / len(points),
         "one_by_one": int(found.one_by_one.sum()),
         "distance_in_tol": judge_sample(loop, points, found, SAMPLE[size]),
     }
@@ -115,7 +108,7 @@ def peer_runs(loop: ParametricLoop, points: np.ndarray) -> dict[str, Callable[[]
     runs: dict[str, Callable[[], np.ndarray]] = {}
     T = loop.periods(points)
     units = np.stack([np.r_[np.ones(loop.linearization.n), np.full(loop.linearization.n, t)] for t in T])
-    exact = reference(loop, points)
+    exact = reference(loop, points, units)
     if find_spec("heyoka"):
         for tol in TOLERANCES:
             flow = HeyokaTransitions(loop, tol, 8)
@@ -135,27 +128,22 @@ def peer_runs(loop: ParametricLoop, points: np.ndarray) -> dict[str, Callable[[]
     return runs
 
 
-def reference(loop: ParametricLoop, points: np.ndarray) -> np.ndarray:
-    """Transition matrices (V, n, n), time in periods, by Gauss collocation of order 16."""
-    coefficients = prepare_coefficients(loop, points, loop.periods(points), Plan(64), 1e-11)[0]
-    return batched_transitions(coefficients, 96, 8)
+def reference(loop: ParametricLoop, points: np.ndarray, units: np.ndarray) -> np.ndarray:
+    """Transition matrices (V, n, n) by Gauss collocation of order 16, in `units` (V, n) of the states."""
+    found = [multiply_scaled(factor_period(loop.system_at(point), Setting("gauss", 16, 96, ""))[1]) for point in points]
+    P = np.array([matrix * np.exp(log_scale) for matrix, log_scale in found])
+    return P * units[:, :, None] / units[:, None, :]
 
 
 def time_million() -> dict[str, float]:
-    """1000 x 1000 values of the single link with one mode on all cores, the equations and the compiler counted, in a fresh cache."""
+    """1000 x 1000 values of the single link with one mode on all cores, the equations counted."""
     name, overrides, *ranges = SCENES["1 link, 1 mode"]
     values = {
         path: np.linspace(low, high, 1000) for path, (low, high) in zip((PAYLOAD, FREQUENCY), ranges, strict=True)
     }
-    before = os.environ.get("XDG_CACHE_HOME", str(Path.home() / ".cache"))
-    with tempfile.TemporaryDirectory() as folder:
-        os.environ["XDG_CACHE_HOME"] = folder
-        compiler.cache_folder.cache_clear()
-        begin = time.perf_counter()
-        data = fl.sweep(fl.load_scene(name, overrides), values, TOL, grid=True)
-        seconds = time.perf_counter() - begin
-    os.environ["XDG_CACHE_HOME"] = before
-    compiler.cache_folder.cache_clear()
+    begin = time.perf_counter()
+    data = fl.sweep(fl.load_scene(name, overrides), values, TOL, grid=True)
+    seconds = time.perf_counter() - begin
     own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     return {
         "seconds": seconds,
@@ -209,20 +197,16 @@ def time_sharing(size: str) -> dict[str, float]:
 
 
 def draw(data: dict[str, Any], out: Path) -> None:
-    """Draw the time of a value by each route and each program."""
+    """Draw the time of a value by each program."""
     import matplotlib
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    bars = {
-        f"{row['scene']}, {route}": row[key]
-        for row in data["rows"]
-        for route, key in (("C", "compiled_us"), ("NumPy", "numpy_us"))
-    }
+    bars = {f"{row['scene']}, flexlin": row["compiled_us"] for row in data["rows"]}
     bars |= {f"1 link, 1 mode, {name}": us for name, us in data["peers_us"].items() if not name.startswith("flexlin")}
     figure, axes = plt.subplots(figsize=(9, 0.45 * len(bars) + 1.2))
-    axes.barh(list(bars), list(bars.values()), color=["tab:blue" if ", C" in name else "tab:gray" for name in bars])
+    axes.barh(list(bars), list(bars.values()), color=["tab:blue" if "flexlin" in name else "tab:gray" for name in bars])
     axes.invert_yaxis()
     axes.set(xscale="log", xlabel="processor time of a value in us")
     axes.set_title("A value of a stability chart at 1e-8", loc="left")
@@ -236,14 +220,13 @@ def main(size: str = "full", out: Path | str = "out/studies") -> dict[str, Any]:
     data: dict[str, Any] = {"million": time_million()} if size == "full" else {}  # first: its memory is not yet others'
     data["rows"] = [time_scene(scene, n, size) for scene, n in zip(SCENES, VALUES[size], strict=True) if n]
     loop, points = grid("1 link, 1 mode", BATCHED if size == "full" else 16)
-    fast = CompiledBatches.prepare(loop, points, TOL)
+    fast = Together.prepare(loop, points, TOL)
     assert fast is not None
     runs = {"flexlin, all exponents": lambda: fast.compute(points), **peer_runs(loop, points)}
     data["peers_us"] = {name: 1e6 * s / len(points) for name, s in race(runs, ROUNDS[size]).items()}
     for row in data["rows"]:
         print(
-            f"{row['scene']:22} {row['compiled_us']:8.1f} us a value, NumPy {row['numpy_us'] / row['compiled_us']:5.1f} times as much, "
-            f"largest distance from floquet {row['distance_in_tol']:.2f} tol, compiled in {row['compile_s']:.1f} s"
+            f"{row['scene']:22} {row['compiled_us']:8.1f} us a value, largest distance from floquet {row['distance_in_tol']:.2f} tol"
         )
     own = data["peers_us"]["flexlin, all exponents"]
     for name, us in data["peers_us"].items():

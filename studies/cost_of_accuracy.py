@@ -4,7 +4,7 @@ The single link with its PD loop, 1, 3 and 6 modes, to 1e-10, on one thread: all
 coefficients included; and the transition matrix of one period alone, here and by SciPy, CasADi's cvodes and heyoka, whose right-hand sides
 are compiled. Every program gets the cheapest of its own settings that reaches the accuracy against a common reference, its set-up left out
 except where compilation is counted; the least CPU time of several runs.
-Then batches: microseconds a value for transition matrices beside heyoka's SIMD batch, and for all exponents to 1e-8.
+Then many values: microseconds a value for all exponents to 1e-8.
 """
 
 import argparse
@@ -26,10 +26,7 @@ from flexlin.about.free import ParametricLoop, parametric_loop
 from flexlin.answers.accuracy.scipy_methods import prepare_rate, prepare_scipy
 from flexlin.answers.accuracy.trial import compare_exponents
 from flexlin.answers.sweep import sweep
-from flexlin.answers.sweep.batches import prepare_coefficients
-from flexlin.answers.sweep.plan import Plan
 from flexlin.checks import Array
-from flexlin.periodic.many.transitions import batched_transitions
 from flexlin.periodic.product.balancing import multiply_scaled
 from flexlin.periodic.transition.setting import Setting, factor_period
 
@@ -39,8 +36,6 @@ MODES = (1, 3, 6)
 PATH = "effects.payload.mass"
 WHOLE, FACTORS = "flexlin, all exponents", "flexlin, transition matrix"
 ORDERS, SEGMENTS = (12, 14, 16, 18, 20), (8, 10, 12, 16, 24, 32, 48, 64, 96, 160, 240)
-BATCH_VALUES, MOST_BATCHED = 64, 3
-"""Values of a batch here; modes up to which heyoka's batch compiles in half a minute."""
 FULL_MODE = 70
 """Equations up to which heyoka's full mode is tried: it compiles in half a minute there."""
 LONG = 1000.0
@@ -184,43 +179,6 @@ def forget_compiled_code() -> None:
     state.clear_memcache()
 
 
-def batch(modes: int, values: int, repetitions: int) -> tuple[Row, Row]:
-    """Transition matrices of many payloads, in ms a value: flexlin and heyoka's SIMD batch."""
-    loop = parametric_loop(scene(modes), [PATH])
-    points = np.linspace(0.01, 0.1, values)[:, None]
-    T = loop.periods(points)
-    tries = [(8, 9), (8, 10), (12, 8)] if modes == 1 else [(48, 8), (64, 6), (64, 7)]
-
-    def flexlin(segments: int, stages: int, harmonics: int) -> Array:
-        size, plan = BATCH_VALUES, Plan(64, harmonics)
-        parts = [slice(i, i + size) for i in range(0, values, size)]
-        return np.concatenate(
-            [
-                batched_transitions(prepare_coefficients(loop, points[k], T[k], plan, ACCURACY)[0], segments, stages)
-                for k in parts
-            ]
-        )
-
-    harmonics = prepare_coefficients(loop, points[:8], T[:8], Plan(64), ACCURACY)[2]
-    exact = flexlin(96 if modes == 1 else 160, 10, harmonics)
-    units = np.concatenate([np.ones(loop.linearization.n), np.full(loop.linearization.n, T[0])])
-    simd = max(2, int(import_heyoka().recommended_simd_size()))
-    flow = HeyokaTransitions(loop, 1e-9 if modes == 1 else 1e-11, simd)
-
-    def other() -> Array:
-        return np.concatenate([flow(points[i : i + simd]) for i in range(0, values, simd)]) * units[:, None] / units
-
-    def error(P: Array) -> float:
-        return float(np.abs(P - exact).max() / np.abs(exact).max())
-
-    ours = {f"gauss {2 * s} on {k}": lambda k=k, s=s: flexlin(k, s, harmonics) for k, s in tries}
-    rows = (
-        cheapest(modes, "flexlin, batch", [{name: run} for name, run in ours.items()], error, repetitions),
-        cheapest(modes, f"heyoka, batches of {simd}", [{"SIMD": other}], error, repetitions),
-    )
-    return tuple(Row(**{**asdict(row), "milliseconds": row.milliseconds / values}) for row in rows)  # type: ignore[return-value]
-
-
 def exponents_batch(values: int) -> tuple[float, float, int]:
     """All exponents of the single link with 1 mode to 1e-8: microseconds a value, largest error, and how many went one by one."""
     masses = np.linspace(0.01, 0.2, values)
@@ -240,7 +198,7 @@ def draw(rows: list[Row], path: Path) -> None:
     """Time of one transition matrix for each program, modes side by side; pale where the accuracy is not reached."""
     from matplotlib.figure import Figure
 
-    programs = list(dict.fromkeys(row.program for row in rows if "batch" not in row.program))
+    programs = list(dict.fromkeys(row.program for row in rows))
     modes = sorted({row.modes for row in rows})
     figure = Figure(figsize=(8, 4), layout="constrained")
     axes = figure.subplots()
@@ -284,16 +242,6 @@ def main(size: str = "full", out: str | Path = "out/studies") -> dict[str, objec
                   f" {row.milliseconds / own:9.1f} x{note}")  # fmt: skip
             ratios[f"{row.program}, {modes} modes"] = row.milliseconds / own
         rows += found
-        if modes > MOST_BATCHED or not HEYOKA:
-            continue
-        ours, theirs = batch(modes, 512 if full else 64, 7 if full else 1)
-        for row in (ours, theirs):
-            print(
-                f"{modes} modes  {row.program:26s} {row.setting:18s} {row.error:8.1e} {1e3 * row.milliseconds:10.1f} us a value"
-            )
-        ratios[f"flexlin batch / heyoka batch, {modes} modes"] = ours.milliseconds / theirs.milliseconds
-        print(f"{modes} modes  flexlin's batch takes {ours.milliseconds / theirs.milliseconds:.2f} times heyoka's time")
-        rows += [ours, theirs]
     time, apart, alone = exponents_batch(10_000 if full else 200)
     print(f"all exponents to 1e-8: {time:.0f} us a value, largest error found {apart:.1e}, {alone} one by one")
     Path(out).mkdir(parents=True, exist_ok=True)

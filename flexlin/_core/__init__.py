@@ -13,7 +13,7 @@ the C sources.
 import ctypes
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -109,6 +109,19 @@ def declare(prototype: str, shapes: Callable[..., Any] | None = None, optional: 
     """
     DECLARED[prototype] = Function(prototype, shapes, optional)
     return DECLARED[prototype]
+
+
+def declare_sized(prototype: str, sizes: Iterable[tuple[int, int]]) -> dict[tuple[int, int], Function]:
+    """Declare a function that the library has for each size, by its prototype `kind SIZED(name)(arguments)` in C.
+
+    Parameters: sizes: states and rows, as CMakeLists.txt lists them.
+    """
+    name = re.search(r"SIZED\((\w+)\)", prototype)
+    if name is None:
+        raise ValueError(f"not a prototype of several sizes: {prototype}")
+    found = {size: Function(prototype.replace(name[0], f"{name[1]}_{size[0]}_{size[1]}"), None, ()) for size in sizes}
+    DECLARED[prototype] = next(iter(found.values()))
+    return found
 
 
 def address(array: Array) -> int:

@@ -87,6 +87,20 @@ class ParametricLoop:
         )
 
     @property
+    def may_be_narrow(self) -> bool:
+        """Whether the coefficients may have narrow features at some values."""
+        return self.linearization.may_be_narrow
+
+    @property
+    def is_smooth(self) -> bool:
+        """Whether narrow features are known where they are: an arm's equations name them."""
+        return True
+
+    def is_narrow(self, point: Array) -> bool:
+        """Whether the coefficients have narrow features at one point (P,)."""
+        return bool(self.at(point).features)
+
+    @property
     def nominal(self) -> Array:
         """The scene's own values of the free numbers, (P,)."""
         return self.linearization.arm.parameters.values

@@ -88,10 +88,10 @@ def critical_values(
 
     Parameters
     ----------
-    source : Scene, or function of a float that returns a PeriodicSystem
-        The scene; or the systems themselves, where there is no scene.
+    source : Scene, PeriodicFamily, or function of a float that returns a PeriodicSystem
+        The scene; or the systems themselves, where there is no scene. A family's go through compiled code together.
     path : str
-        Dotted path of the number, such as motion.frequency; for a function, the number's name.
+        Dotted path of the number, such as motion.frequency; for a family or a function, the number's name.
     limits : (float, float)
         Least and largest value, in the number's unit.
     tol : float

@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexlin.about.family import PeriodicFamily
 from flexlin.about.free import ParametricLoop, loop_of
 from flexlin.about.linearization import Linearization
 from flexlin.answers.loops import choose_loop
 from flexlin.answers.sweep.axes import check_axes
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, FlexlinError, TimeLimit
+from flexlin.lazy import lazy
 from flexlin.periodic.boundary.spectra import Spectra
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.floquet.exponents import floquet
@@ -22,29 +24,22 @@ from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from flexlin.answers.sweep.batches import Batches
-    from flexlin.answers.sweep.compiled import CompiledBatches
-    from flexlin.answers.sweep.plan import Plan
+    from flexlin.answers.sweep.together import Together
     from flexlin.periodic.floquet.resonance import Resonance
+    from flexlin.periodic.many.kernel import Logs
 
 ROUGH, FINE = 1e-8, 1e-12
 """Wanted errors of the exponents, in 1/s: of the scan, and of the values that are reported."""
 LOOSE, SQUARED = 3e-5, 3e-9
 """A log of a multiplier this uncertain still serves where two meet, as their squared distance is known that well."""
 
-FINER, SMALL = (1, 4, 16), 4
-"""Segments of a batch, in those that the pilot chose: where multipliers meet, more are needed; for so many states that beats `floquet`."""
+WIDE = 8
+"""A scan one by one of systems with so many states or more leaves out what it can."""
+PILOTS = 64
+"""Points of the ranges at which it is learnt on how many segments spectra are computed together."""
 
-TOGETHER, MIDDLE, WIDE = 25, 6, 8
-"""Up to so many values of a loop with MIDDLE states or more are computed one by one: a batch's pilot alone would take longer; a scan of
-a loop with WIDE states or more leaves out what it can."""
-MANY, MOST = 64, 0.7
-"""So few values with fewer states are computed one by one where a batch of most of them needs more segments than this."""
-LARGE = 12
-"""With so many states or more all values are: scans are sparse, and a batch's fixed number of segments suits few of the values."""
-
-Source = Scene | Callable[..., PeriodicSystem]
-"""A scene, or a function of one number for each parameter that returns a system."""
+Source = Scene | PeriodicFamily | Callable[..., PeriodicSystem]
+"""A scene, a family, or a function of one number for each parameter that returns a system."""
 
 
 @dataclass
@@ -120,76 +115,74 @@ class Family:
 
 
 @dataclass
-class SceneFamily(Family):
-    """A loop on a scene's arm whose equations keep the numbers as symbols."""
+class SymbolicFamily(Family):
+    """Systems whose equations keep the parameters as symbols: `places` says where a point's numbers stand among `source`'s.
 
-    loop: ParametricLoop | None = None
-    plan: "Plan | None" = None
-    compiled: "CompiledBatches | None" = None
-    alone: bool = False
+    `box` (2, P): ends of the ranges.
+    """
 
-    def compile(self, points: Array, values: int) -> None:
-        """Compile the loop where so many values, some of them at points (V, P), are worth it."""
-        from flexlin.answers.sweep.compiled import CompiledBatches, pays
+    source: ParametricLoop | PeriodicFamily | None = None
+    box: Array | None = None
+    places: tuple[int, ...] = ()
 
-        if self.loop is not None and self.loop.kept is None and pays(self.loop, values):
-            self.compiled = CompiledBatches.prepare(self.loop, points, ROUGH)
-            self.plan = None if self.compiled is None else self.compiled.plan
+    @lazy
+    def together(self) -> "Together | None":
+        """What computes many spectra at once, if there is a kernel for them."""
+        from flexlin.answers.sweep.together import Together
+
+        assert self.source is not None
+        assert self.box is not None
+        low, high = self.box
+        shares = np.arange(1, PILOTS + 1)[:, None] * np.sqrt([2, 3, 5, 7, 11, 13, 17, 19])[: len(low)] % 1.0
+        if len(low) > shares.shape[1]:
+            shares = np.random.default_rng(0).random((PILOTS, len(low)))
+        return Together.prepare(self.source, self.place(low + (high - low) * shares), ROUGH)
+
+    def place(self, points: Array) -> Array:
+        """Points as the source takes them."""
+        return points[:, list(self.places)]
 
     @property
     def slow(self) -> bool:
-        return self.loop is not None and self.loop.states >= WIDE
+        return self.source is not None and self.source.states >= WIDE and self.together is None
 
     def rough(self, points: Array) -> Spectra:
         """Together, as a sweep computes them, where that is accurate enough; else one by one."""
-        assert self.loop is not None
         if not len(points):
             return self.unknown(points, ROUGH)
-        if self.prefers_one_by_one(points):
+        if self.together is None:
             return self.one_by_one(points, ROUGH)
-        from flexlin.answers.sweep.batches import CHUNK_BYTES, Batches, choose_plan
-
-        batches = Batches(self.loop, points, ROUGH, CHUNK_BYTES)
-        self.plan = self.plan or choose_plan(batches)
-        states, narrow = self.loop.states, batches.find_narrow(np.arange(len(points)))
+        placed, states = self.place(points), self.together.kernel.model.states
         logs, errors = np.full((len(points), states), np.nan + 0j), np.full((len(points), states), np.inf)
-        left = np.flatnonzero(~narrow)
-        for finer in FINER if states <= SMALL or self.compiled else FINER[:1]:
-            plan = replace(self.plan, segments=finer * self.plan.segments)
-            size = batches.values_in_chunk(plan.segments)
-            for part in [left[i : i + size] for i in range(0, len(left), size)]:
-                logs[part], errors[part], narrow[part] = self.together(batches, part, plan)
-            left = left[narrow[left]]
-        self.evaluations += len(points) - int(narrow.sum())
-        if narrow.any():
-            alone = self.one_by_one(points[narrow], ROUGH)
-            logs[narrow], errors[narrow] = alone.logs, alone.errors
+
+        def enter(which: Array, found: "Logs") -> Array:
+            logs[which], errors[which] = found.logs, found.errors
+            return np.where(serves(found), 0.0, found.misses(ROUGH))
+
+        narrow = self.together.find_narrow(placed)
+        left = np.sort(
+            np.concatenate([self.together.solve(placed, np.flatnonzero(~narrow), enter), np.flatnonzero(narrow)])
+        )
+        self.evaluations += len(points) - len(left)
+        if len(left):
+            alone = self.one_by_one(points[left], ROUGH)
+            logs[left], errors[left] = alone.logs, alone.errors
         return Spectra(logs, errors)
 
-    def prefers_one_by_one(self, points: Array) -> bool:
-        """Whether `floquet` takes less time: for few values of many states, or of a period that a batch divides finely; finds the plan."""
-        assert self.loop is not None
-        few = self.plan is None and len(points) <= TOGETHER
-        if not self.loop.linearization.complete or not (few or self.loop.states >= LARGE):
-            return False
-        if few and not self.alone and self.loop.states < MIDDLE:
-            from flexlin.answers.sweep.batches import CHUNK_BYTES, Batches, try_plans
 
-            self.plan = try_plans(Batches(self.loop, points, ROUGH, CHUNK_BYTES), MANY, MOST)
-            self.alone = self.plan is None
-            return self.alone
-        return True
+def serves(found: "Logs") -> Array:
+    """Which spectra are accurate enough for a scan, (V,): where multipliers lie close together, their squared distance counts."""
+    apart = measure_distances(found.logs.T, found.logs.T) + np.diag(np.ones(found.logs.shape[1]))[..., None]
+    gap, errors = np.minimum(apart.min(axis=1).T, 1.0), found.errors
+    met = ((errors <= LOOSE) & (errors * (gap + errors) <= SQUARED)) | (errors <= ROUGH * np.abs(found.logs))
+    return found.sound & np.asarray(met.all(axis=1))
 
-    def together(self, batches: "Batches", part: Array, plan: "Plan") -> tuple[Array, Array, Array]:
-        """Logs and errors (V, n) of a batch, and which of its values are not accurate enough, (V,)."""
-        if self.compiled is None:
-            logs, errors, reached, _ = batches.batch(part, plan)
-        else:
-            logs, errors, reached = self.compiled.spectra(batches.points[part], plan.segments)
-        apart = measure_distances(logs.T, logs.T) + np.diag(np.ones(logs.shape[1]))[..., None]
-        gap = np.minimum(apart.min(axis=1).T, 1.0)
-        met = ((errors <= LOOSE) & (errors * (gap + errors) <= SQUARED)) | (errors <= ROUGH * np.abs(logs))
-        return logs, errors, ~(reached | met.all(axis=1))
+
+@dataclass
+class SceneFamily(SymbolicFamily):
+    """A loop on a scene's arm whose equations keep the numbers as symbols."""
+
+    loop: ParametricLoop | None = None
 
     def slopes(self, point: Array) -> tuple[Array, Array, Array] | None:
         assert self.loop is not None
@@ -212,9 +205,8 @@ class OneOfSeveral(Family):
 
     @classmethod
     def of(cls, family: SceneFamily, index: int) -> "OneOfSeveral":
-        """The number at a place among the family's; its batches are planned anew."""
-        alone = replace(family, plan=None, alone=False)
-        return cls(family.make, family.own[index : index + 1], finest=family.finest, family=alone, index=index)
+        """The number at a place among the family's."""
+        return cls(family.make, family.own[index : index + 1], finest=family.finest, family=family, index=index)
 
     @property
     def slow(self) -> bool:
@@ -249,15 +241,21 @@ def make_family(
     Raises: ArgumentError for a source of another kind, and for paths that lead to no free number; SceneError for a range that the schema
     refuses.
     """
+    box = np.array(list(ranges.values()), dtype=float).T
     if isinstance(source, Scene):
         check_axes(source, {path: np.array(limits) for path, limits in ranges.items()}, grid=True)
         own = np.array([get_value(source, path) for path in ranges], dtype=float)
         chosen = choose_loop(source, tuple(ranges), loop) if known is None else loop_of(known)
         if isinstance(chosen, ParametricLoop):
-            return SceneFamily(chosen.system_at, own, loop=chosen)
+            places = tuple(range(len(own)))
+            return SceneFamily(chosen.system_at, own, source=chosen, box=box, places=places, loop=chosen)
         return Family(chosen.system_at, own)
+    if isinstance(source, PeriodicFamily):
+        order = source.find_places(ranges, loop)
+        own = np.full(len(order), np.nan)
+        return SymbolicFamily(Placed(source, order), own, source=source, box=box, places=tuple(order))
     if not callable(source):
-        expected = "a scene, or a function of numbers that returns a PeriodicSystem"
+        expected = "a scene, a PeriodicFamily, or a function of numbers that returns a PeriodicSystem"
         raise ArgumentError("the source is of another kind", got=repr(source)[:80], expected=expected)
     if loop != "own":
         raise ArgumentError("a function has one loop", got=repr(loop), expected="own")
@@ -272,3 +270,14 @@ class Positional:
 
     def __call__(self, point: Array) -> PeriodicSystem:
         return self.source(*map(float, point))
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A family as a function of a point whose numbers stand in another order."""
+
+    source: PeriodicFamily
+    places: list[int]
+
+    def __call__(self, point: Array) -> PeriodicSystem:
+        return self.source.system_at(point[self.places])

@@ -77,8 +77,8 @@ def stability_boundary(
 
     Parameters
     ----------
-    source : Scene, or function of two floats that returns a PeriodicSystem
-        The scene; or the systems themselves, where there is no scene.
+    source : Scene, PeriodicFamily, or function of two floats that returns a PeriodicSystem
+        The scene; or the systems themselves, where there is no scene. A family's go through compiled code together.
     ranges : mapping of str to (float, float)
         Two dotted paths with the least and largest value of each, in the numbers' units.
     tol : float

@@ -2,11 +2,8 @@
 
 import pytest
 
-from flexlin.compiler import find_compiler
-
 
 @pytest.mark.slow
-@pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 def test_charts_speed(study, pictures, tmp_path):
     data = study("charts_speed").main(size="small", out=tmp_path)
     assert max(row["distance_in_tol"] for row in data["rows"]) < 1

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexlin.answers.sweep.needs import MISSED, PILOTS, STARTS, choose_margin, learn_needs, pack, try_pilots
-from flexlin.periodic.many.compiled import WIDTH
+from flexlin.periodic.many.kernel import WIDTH, Logs
 
 TOL, PERIOD = 1e-8, 3.0
 """Errors may be as large as tol times the period, which is longer than the logs are large."""
@@ -20,7 +20,8 @@ class MadeUp:
         self.work += segments * -(-len(points) // WIDTH)
         errors = PERIOD * TOL * (self.need(points) / segments) ** 8
         logs = np.stack([np.full(len(points), -1.0 + 2j), np.full(len(points), -1.0 - 2j)], axis=1)
-        return logs, np.stack([errors, errors / 3], axis=1), np.isfinite(errors), np.full(len(points), PERIOD), None
+        periods, work = np.full(len(points), PERIOD), np.full(len(points), segments)
+        return Logs(logs, np.stack([errors, errors / 3], axis=1), np.isfinite(errors), periods, work)
 
 
 @pytest.mark.parametrize("count", [1, 7, 8, 61, 1000])

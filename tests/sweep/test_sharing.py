@@ -17,15 +17,14 @@ from flexlin.answers.sweep.run import keep_in
 from flexlin.errors import ArgumentError, OutputError
 
 SCENE = fl.load_scene("single-link", {"links.0.modes": 1, "designs": []})
-VALUES = {"effects.payload.mass": np.linspace(0.0, 0.3, 12), "control.feedback.kp.0": np.linspace(0.0, 6.0, 6)}
-SMALL = 2**18
-"""Bytes of a batch: a handful of values in each block, so that there are many blocks."""
+VALUES = {"effects.payload.mass": np.linspace(0.0, 0.3, 36), "control.feedback.kp.0": np.linspace(0.0, 6.0, 20)}
+"""So many that there are several blocks."""
 
 
 @pytest.fixture(scope="module")
 def whole():
-    data = fl.sweep(SCENE, VALUES, grid=True, workers=1, chunk_bytes=SMALL)
-    assert data["exponents"].shape == (12, 6, 4)
+    data = fl.sweep(SCENE, VALUES, grid=True, workers=1)
+    assert data["exponents"].shape == (36, 20, 4)
     return data
 
 
@@ -40,7 +39,7 @@ class Deadly:
 
     def __init__(self, work, folder):
         self.work, self.folder = work, folder
-        self.plan, self.block, self.route = work.plan, work.block, work.route
+        self.segments, self.block, self.route = work.segments, work.block, work.route
 
     def compute(self, points):
         for file in sorted(Path(self.folder).iterdir()):
@@ -51,7 +50,7 @@ class Deadly:
 
 @pytest.mark.slow
 def test_two_processes_and_one_that_dies(whole, tmp_path):
-    job = prepare_job(SCENE, VALUES, 1e-8, True, "own", SMALL)
+    job = prepare_job(SCENE, VALUES, 1e-8, True, "own")
     assert len(job.blocks) > 5
     (tmp_path / "once").touch()
     job.work = Deadly(job.work, tmp_path)
@@ -62,7 +61,7 @@ def test_two_processes_and_one_that_dies(whole, tmp_path):
 @pytest.mark.slow
 def test_a_block_that_kills_every_process_is_marked(tmp_path, monkeypatch):
     monkeypatch.setattr("flexlin.answers.sweep.processes.ATTEMPTS", 1)
-    job = prepare_job(SCENE, {"effects.payload.mass": [0.1, 0.2]}, 1e-8, True, "own", SMALL)
+    job = prepare_job(SCENE, {"effects.payload.mass": [0.1, 0.2]}, 1e-8, True, "own")
     for i in range(5):
         (tmp_path / str(i)).touch()
     job.work = Deadly(job.work, tmp_path)
@@ -87,7 +86,7 @@ def test_a_cluster_that_loses_a_worker(whole):
                 killed.append(next(iter(pids.values())))
                 os.kill(killed[0], signal.SIGKILL)
 
-        job = prepare_job(SCENE, VALUES, 1e-8, True, "own", SMALL)
+        job = prepare_job(SCENE, VALUES, 1e-8, True, "own")
         job.watchers.append(kill_one)
         job.run(Cluster(client))
         assert killed
@@ -136,7 +135,7 @@ def test_a_sweep_interrupted_again_and_again_ends_as_an_undisturbed_one(whole, t
     path, rng, left = tmp_path / "chart.zarr", np.random.default_rng(3), []
 
     for _ in range(20):
-        job = prepare_job(SCENE, VALUES, 1e-8, True, "own", SMALL)
+        job = prepare_job(SCENE, VALUES, 1e-8, True, "own")
         keep_in(path, job)
         left.append(len(job.blocks))
         countdown = iter(range(int(rng.integers(0, 3)), -1, -1))
@@ -153,7 +152,7 @@ def test_a_sweep_interrupted_again_and_again_ends_as_an_undisturbed_one(whole, t
         break
     assert len(left) > 4
     assert left == sorted(left, reverse=True)
-    assert_same(fl.sweep(SCENE, VALUES, grid=True, store=path, chunk_bytes=SMALL), whole)
+    assert_same(fl.sweep(SCENE, VALUES, grid=True, store=path), whole)
 
 
 @pytest.mark.slow
@@ -163,12 +162,12 @@ def test_a_killed_process_leaves_a_store_that_goes_on(whole, tmp_path):
     script = (
         ""
         "from tests.sweep.test_sharing import *;"
-        f"job = prepare_job(SCENE, VALUES, 1e-8, True, 'own', SMALL); keep_in({str(path)!r}, job);"
-        "job.watchers.append(lambda start, block: os.kill(os.getpid(), 9) if start > 20 else None); job.run(compute_here)"
+        f"job = prepare_job(SCENE, VALUES, 1e-8, True, 'own'); keep_in({str(path)!r}, job);"
+        "job.watchers.append(lambda start, block: os.kill(os.getpid(), 9) if start > 200 else None); job.run(compute_here)"
     )
     done = subprocess.run([sys.executable, "-c", script], cwd=Path(__file__).parents[2], check=False)
     assert done.returncode == -signal.SIGKILL
-    assert_same(fl.sweep(SCENE, VALUES, grid=True, store=path, chunk_bytes=SMALL), whole)
+    assert_same(fl.sweep(SCENE, VALUES, grid=True, store=path), whole)
 
 
 @pytest.mark.slow
@@ -176,7 +175,7 @@ def test_a_killed_process_leaves_a_store_that_goes_on(whole, tmp_path):
     ("change", "what"),
     [
         ({"scene": {"effects.payload.mass": 0.05}}, "scene"),
-        ({"values": {"effects.payload.mass": np.linspace(0.0, 0.4, 12)}}, "values of effects.payload.mass"),
+        ({"values": {"effects.payload.mass": np.linspace(0.0, 0.4, 36)}}, "values of effects.payload.mass"),
         ({"loop": "open"}, "loop"),
         ({"tol": 1e-7}, "tol"),
         ({"version": "9.9"}, "version of flexlin"),

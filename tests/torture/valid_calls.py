@@ -61,7 +61,6 @@ def scene_calls() -> dict[str, Call]:
                 "values": {"effects.payload.mass": [0.1]},
                 "tol": 1e-4,
                 "grid": False,
-                "chunk_bytes": 2**20,
             },
         ),
         "sensitivity": (fl.sensitivity, {"scene": scene, "paths": ["effects.payload.mass"], "tol": 1e-4}),

@@ -5,7 +5,6 @@ from itertools import pairwise, product
 import numpy as np
 
 from flexlin.answers.nearest.box import Box
-from flexlin.answers.spectra import SceneFamily
 from flexlin.checks import Array
 
 CORNERS, SPREAD, LEVELS = 64, 32, 20
@@ -40,8 +39,6 @@ def scan(box: Box) -> list[tuple[Array, float]]:
     directions = list_directions(box)
     count = FEW if box.family.slow else LEVELS
     levels = box.furthest * np.arange(count + 1) / count
-    if isinstance(box.family, SceneFamily):
-        box.family.compile(box.values(levels[-1] * directions), count * len(directions))
     for before, level in pairwise(levels):
         unstable = directions[box.family.rough(box.values(level * directions)).logs.real.max(axis=1) > 0]
         rays = [d for d in unstable if box.growth(level * d) > 0 > box.growth(before * d)]

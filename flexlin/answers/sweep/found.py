@@ -8,10 +8,12 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import FlexlinError, TimeLimit
+from flexlin.periodic.circle import measure_distances
 
 if TYPE_CHECKING:
     import xarray as xr
 
+    from flexlin.about.family import PeriodicFamily
     from flexlin.periodic.system import PeriodicSystem
     from flexlin.scene.scene import Scene
 
@@ -70,9 +72,11 @@ class Found:
         self.exponents[i], self.error[i], self.period[i] = result.exponents, result.errors.max(), system.period
         self.verdict[i], self.reason[i] = VERDICTS.tolist().index(result.verdict), result.reason[:LONGEST]
 
-    def explain(self) -> None:
-        """Say why the undecided among values that were computed together are so."""
-        self.reason[self.verdict == 0] = WITHIN
+    def agrees(self, other: "Found", i: int) -> bool:
+        """Whether the exponents of a value are the other's, within the errors of both; imaginary parts modulo 2 pi / T."""
+        T, both = self.period[i], self.error[i] + other.error[i]
+        near = measure_distances(self.exponents[i] * T, other.exponents[i] * T).min(axis=1) <= both * T
+        return bool(near.all()) or self.verdict[i] == other.verdict[i] == FAILED
 
     def place(self, start: int, block: "Found") -> None:
         """Enter a block of values that begins at `start`."""
@@ -82,7 +86,7 @@ class Found:
 
 
 def build_dataset(
-    scene: "Scene",
+    scene: "Scene | PeriodicFamily",
     axes: dict[str, Array],
     found: Found,
     shape: tuple[int, ...],

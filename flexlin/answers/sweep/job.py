@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexlin.about.family import PeriodicFamily
 from flexlin.about.free import ParametricLoop
 from flexlin.answers.loops import AnyLoop, choose_loop
-from flexlin.answers.sweep.alone import OneByOne, prefers_one_by_one
+from flexlin.answers.sweep.alone import OneByOne
 from flexlin.answers.sweep.axes import check_axes, check_values, lay_out
-from flexlin.answers.sweep.batches import CHUNK_BYTES, NumpyBatches
-from flexlin.answers.sweep.compiled import CompiledBatches, pays
 from flexlin.answers.sweep.found import MISSING, Found, build_dataset
-from flexlin.answers.sweep.plan import Plan
+from flexlin.answers.sweep.together import Together
 from flexlin.checks import Array, positive, real_array
 from flexlin.progress import advance
 from flexlin.scene.scene import Scene
@@ -37,7 +36,7 @@ class Work(Protocol):
     route: str
 
     @property
-    def plan(self) -> Plan: ...
+    def segments(self) -> int: ...
     @property
     def block(self) -> int: ...
     @property
@@ -49,7 +48,7 @@ class Work(Protocol):
 class Job:
     """One sweep: `points` (V, P), the work, and what is known of each value so far; `done` (V,) says of which."""
 
-    scene: Scene
+    scene: Scene | PeriodicFamily
     axes: dict[str, Array]
     shape: tuple[int, ...]
     dims: tuple[str, ...]
@@ -84,7 +83,7 @@ class Job:
     def dataset(self) -> "xr.Dataset":
         """What is known so far, with names and units; values that are not done have the verdict `missing`."""
         about: dict[str, str | float] = {"loop": self.loop, "tol": self.tol, "route": self.work.route}
-        about["segments"] = self.work.plan.segments
+        about["segments"] = self.work.segments
         return build_dataset(self.scene, self.axes, self.found, self.shape, self.dims, about)
 
 
@@ -95,7 +94,7 @@ def compute_here(job: Job) -> Iterator[tuple[int, Found]]:
 
 
 def prepare_job(
-    scene: Scene, values: Mapping[str, ArrayLike], tol: float, grid: bool, loop: str, chunk_bytes: int = CHUNK_BYTES
+    scene: Scene | PeriodicFamily, values: Mapping[str, ArrayLike], tol: float, grid: bool, loop: str
 ) -> Job:
     """Check what is asked, derive the equations once, and choose how the values are computed; nothing is computed yet.
 
@@ -106,22 +105,22 @@ def prepare_job(
     count = math.prod(map(len, axes.values())) if grid else max(map(len, axes.values()), default=0)
     check_values(count)
     points, shape, dims = lay_out(axes, grid)
-    check_axes(scene, axes, grid)
-    chosen = choose_loop(scene, axes, loop, min(tol, DESIGN_TOL))
+    if isinstance(scene, PeriodicFamily):
+        points = points[:, scene.find_places(axes, loop)]
+        chosen: AnyLoop | PeriodicFamily = scene
+    else:
+        check_axes(scene, axes, grid)
+        chosen = choose_loop(scene, axes, loop, min(tol, DESIGN_TOL))
     check_values(count, chosen.states)
     found = Found.empty(len(points), chosen.states)
     found.verdict[:], found.reason[:] = MISSING, "not computed"
-    work = choose_work(chosen, points, tol, chunk_bytes)
+    work = choose_work(chosen, points, tol)
     return Job(scene, axes, shape, dims, loop, tol, points, work, found, np.zeros(len(points), dtype=bool))
 
 
-def choose_work(loop: AnyLoop, points: Array, tol: float, chunk_bytes: int) -> Work:
-    """What computes the values with the least work, so far as is known before."""
-    if not isinstance(loop, ParametricLoop):
-        return OneByOne(loop, tol)
-    compiled = CompiledBatches.prepare(loop, points, tol) if pays(loop, len(points)) else None
-    if compiled is not None and not compiled.hopeless:
-        return compiled
-    if compiled is not None or prefers_one_by_one(loop, len(points)):
-        return OneByOne(loop, tol)
-    return NumpyBatches.prepare(loop, points, tol, chunk_bytes)
+def choose_work(source: AnyLoop | PeriodicFamily, points: Array, tol: float) -> Work:
+    """The kernel where there is one, else `floquet` at each value."""
+    together = None
+    if isinstance(source, ParametricLoop | PeriodicFamily):
+        together = Together.prepare(source, points, tol)
+    return together or OneByOne(source, tol)

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.many.compiled import WIDTH, CompiledKernel
-from flexlin.periodic.many.extrapolation import measure_spread
+from flexlin.periodic.many.kernel import WIDTH, Kernel, measure_spread
 
 STARTS = (
     4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 16, 18, 20, 22, 24, 26, 28, 32, 36, 40, 44, 48, 52, 56, 64, 72, 80, 88, 96, 104, 112, 128,
@@ -74,7 +73,7 @@ def pack(wanted: Array) -> Iterator[tuple[int, Array]]:
         yield STARTS[rung], order[WIDTH * vectors[0] : WIDTH * (vectors[-1] + 1)]
 
 
-def learn_needs(kernel: CompiledKernel, points: Array, scale: Array, tol: float) -> Needs:
+def learn_needs(kernel: Kernel, points: Array, scale: Array, tol: float) -> Needs:
     """What values spread over the points (V, P) need, and the polynomial through it that makes the least work."""
     count = np.arange(np.clip(len(points) // EACH, FEWEST, PILOTS))
     pilots = points[np.unique((count * 0.6180339887498949 % 1.0 * len(points)).astype(int))]
@@ -96,7 +95,7 @@ def learn_needs(kernel: CompiledKernel, points: Array, scale: Array, tol: float)
     return Needs(low, high, by_log, coefficients.round(DECIMALS), float(wanted.max()), spread)
 
 
-def try_pilots(kernel: CompiledKernel, pilots: Array, scale: Array, tol: float) -> tuple[Array, float]:
+def try_pilots(kernel: Kernel, pilots: Array, scale: Array, tol: float) -> tuple[Array, float]:
     """Segments (V,) on which each pilot just meets tol, infinite where none does, and the spread of the logs of their moduli."""
     needs, spread = np.full(len(pilots), np.inf), -np.inf
     wanted = np.full(len(pilots), float(STARTS[0]))
@@ -106,14 +105,13 @@ def try_pilots(kernel: CompiledKernel, pilots: Array, scale: Array, tol: float) 
         segments = int(wanted[left[0]])
         now = left[wanted[left] <= STEPS[0] * segments]
         segments = int(wanted[now].max())
-        logs, errors, sound, T, _ = kernel.find_logs(pilots[now], segments, scale, tol / 100, np.inf, np.inf, FEW)
-        misses = np.max(errors / (tol * np.maximum(T[:, None], np.abs(logs))), axis=1)
-        misses[~sound | ~np.isfinite(misses)] = np.inf
+        found = kernel.find_logs(pilots[now], segments, scale, tol / 100, np.inf, np.inf, FEW)
+        misses = found.misses(tol)
         growth = misses ** (1 / ORDER)
         met = misses <= 1
         needs[now[met]] = np.maximum(segments * growth[met], segments / STEPS[1])
         if met.any():
-            spread = max(spread, measure_spread(logs[met].T))
+            spread = max(spread, measure_spread(found.logs[met]))
         wanted[now] = np.ceil(segments * np.clip(growth, *STEPS))
         known = needs[np.isfinite(needs)]
         most = min(STARTS[-1], FURTHER * known.max(initial=0.0) if known.size else np.inf)

@@ -8,14 +8,12 @@ import threading
 from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
-from functools import partial
 from queue import SimpleQueue
 from typing import IO, Any
 
-from flexlin.answers.sweep.forked import Copy, can_copy
 from flexlin.answers.sweep.found import FAILED, Found
-from flexlin.answers.sweep.job import Job, Work
-from flexlin.answers.sweep.worker import answer, receive, send
+from flexlin.answers.sweep.job import Job
+from flexlin.answers.sweep.worker import receive, send
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 
@@ -25,25 +23,17 @@ ENDED = "the process that computed it ended, three times"
 
 
 class Worker:
-    """One process: at first a copy of this one where that is possible, and a fresh interpreter after it or where it is not.
+    """One process, started when it is first needed and after it has ended; `work`: pickled."""
 
-    `work`, and as it is sent to an interpreter.
-    """
-
-    def __init__(self, work: Work, pickled: bytes):
-        self._work, self._pickled = work, pickled
-        self._process: Copy | subprocess.Popen[bytes] | None = None
+    def __init__(self, work: bytes):
+        self._work = work
+        self._process: subprocess.Popen[bytes] | None = None
         self._closed = False
 
     @property
     def streams(self) -> list[IO[bytes]]:
         """This side of the streams to the process, if there is one."""
         return [stream for stream in (self._process.stdin, self._process.stdout) if stream] if self._process else []
-
-    def copy(self, others: list[IO[bytes]]) -> None:
-        """Begin as a copy of this process, without the streams of others; if that cannot be, an interpreter is started later."""
-        with suppress(OSError):
-            self._process = Copy(partial(answer, self._work), others)
 
     def compute(self, points: Array) -> Any:
         """A block's answer, or the error that it raised. Raises: EOFError, OSError where the process has ended."""
@@ -61,9 +51,7 @@ class Worker:
         self._end()
 
     def _start(self) -> list[IO[bytes]]:
-        """The streams to a process that can compute."""
-        if isinstance(self._process, Copy) and not self._process.is_well():
-            self._end()
+        """The streams to and from a process that can compute."""
         if self._closed:
             raise EOFError
         if self._process is None:
@@ -72,7 +60,7 @@ class Worker:
             self._process = subprocess.Popen(
                 command, stdin=pipe, stdout=pipe, env=environment(), start_new_session=True
             )
-            send(self.streams[0], self._pickled)
+            send(self.streams[0], self._work)
         return self.streams
 
     def _end(self) -> None:
@@ -99,9 +87,7 @@ class Processes:
             todo = "ask for workers = 1"
             raise ArgumentError("the loop cannot be sent to other processes", got=str(error), todo=todo) from None
         todo_, answers = deque(job.blocks), SimpleQueue[Any]()
-        left, crew = len(todo_), [Worker(job.work, work) for _ in range(min(self.workers, len(todo_)))]
-        for k, worker in enumerate(crew if can_copy() else ()):  # before there are threads
-            worker.copy([stream for other in crew[:k] for stream in other.streams])
+        left, crew = len(todo_), [Worker(work) for _ in range(min(self.workers, len(todo_)))]
         for worker in crew:
             threading.Thread(target=work_off, args=(worker, todo_, job, answers), daemon=True).start()
         try:

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
+from flexlin.about.family import PeriodicFamily
 from flexlin.answers.loops import RebuiltLoop, RedesignedLoop
-from flexlin.answers.sweep.batches import CHUNK_BYTES
 from flexlin.answers.sweep.cluster import Cluster
-from flexlin.answers.sweep.forked import can_copy
 from flexlin.answers.sweep.found import Found
 from flexlin.answers.sweep.job import Job, Work, compute_here, prepare_job
 from flexlin.answers.sweep.processes import Processes
@@ -28,13 +27,13 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-WORTH, LOADED = 0.5, 3.0
-"""Seconds of work from which other processes are started: copies of this one, and fresh ones, which take about one to load."""
+LOADED = 3.0
+"""Seconds of work from which other processes are started, which take about one to load. Results do not depend on it."""
 
 
 @checked
 def sweep(
-    scene: Scene,
+    scene: Scene | PeriodicFamily,
     values: Mapping[str, ArrayLike],
     tol: float = 1e-8,
     *,
@@ -43,7 +42,6 @@ def sweep(
     workers: int | None = None,
     client: Any = None,
     store: str | Path | None = None,
-    chunk_bytes: int = CHUNK_BYTES,
 ) -> "xr.Dataset":
     """Compute the Floquet exponents of a loop on a scene's arm for many values of the scene's numbers.
 
@@ -53,10 +51,10 @@ def sweep(
 
     Parameters
     ----------
-    scene : Scene
-        The scene.
+    scene : Scene or PeriodicFamily
+        The scene, or a family of systems.
     values : mapping of str to array_like, shape (V,)
-        Dotted path -> values; one point of the sweep for each index.
+        Dotted path, or a symbol's name in a family, -> values; one point of the sweep for each index. A family needs all of its symbols.
     tol : float
         Wanted error of an exponent, in 1/s up to |exponent| = 1/s and relative beyond.
     grid : bool
@@ -71,8 +69,6 @@ def sweep(
         A Dask cluster, or its scheduler's address, that does the work in their place.
     store : str or Path, optional
         A Zarr store that keeps finished blocks; where it exists already, the sweep goes on where it stopped.
-    chunk_bytes : int
-        Working memory of a batch of NumPy's, in bytes. A batch holds one value at the least.
 
     Returns
     -------
@@ -90,9 +86,10 @@ def sweep(
 
     Notes
     -----
-    The expressions are derived once. Coefficients are sampled at a few phases and carried to the nodes by their Fourier series;
-    transition matrices and exponents of all values of a batch are found together, with an error from three resolutions. Values on
-    which that error misses tol are computed again one by one by `floquet`. The result takes about 16 n + 60 bytes a value for n states.
+    The expressions are derived once, and compiled code evaluates them for eight values at a time. Transition matrices and exponents of
+    all values of a block are found together, with an error from three resolutions, for second-order systems of up to 6 coordinates and
+    first-order ones of up to 8 states. Values on which that error misses tol, and larger systems, are computed one by one by `floquet`.
+    The result takes about 16 n + 60 bytes a value for n states.
 
     Examples
     --------
@@ -104,9 +101,9 @@ def sweep(
     >>> bool((found["error"] < 1e-6 * abs(found["exponents"]).max("mode")).all())
     True
     """
-    instance("scene", scene, Scene, "load one: fl.load_scene(name or path)")
+    instance("scene", scene, (Scene, PeriodicFamily), "load one: fl.load_scene(name or path)")
     instance("values", values, Mapping, "give dotted paths with their values")
-    job = prepare_job(scene, values, tol, grid, loop, chunk_bytes)
+    job = prepare_job(scene, values, tol, grid, loop)
     if store is not None:
         keep_in(store, job)
     job.run(choose_crew(job, workers, client))
@@ -137,7 +134,7 @@ def choose_crew(
     cores = count_cores()
     if job.work.threaded:
         return Threads(cores)
-    if cores == 1 or not is_portable(job.work) or predict_seconds(job) < (WORTH if can_copy() else LOADED):
+    if cores == 1 or not is_portable(job.work) or predict_seconds(job) < LOADED:
         return compute_here
     return Processes(cores)
 
@@ -159,7 +156,7 @@ def is_portable(work: Work) -> bool:
         pickle.dumps(work)
     except (pickle.PicklingError, AttributeError, TypeError):
         return False
-    loop = getattr(work, "loop", None)
+    loop = getattr(work, "source", None)
     loop = loop.plant if isinstance(loop, RedesignedLoop) else loop
     model = loop.scene.model if isinstance(loop, RebuiltLoop) else None
     return model is None or (models_folder() / f"{model.replace('-', '_')}.py").exists()

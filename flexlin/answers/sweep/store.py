@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import flexlin
+from flexlin.about.family import PeriodicFamily
 from flexlin.answers.sweep.found import LONGEST, VERDICTS, Found
 from flexlin.answers.sweep.job import Job
 from flexlin.errors import ArgumentError, OutputError
@@ -115,19 +116,20 @@ def create(path: Path, job: Job, maker: dict[str, str]) -> None:
 
 def describe(job: Job) -> dict[str, str]:
     """All that decides the numbers of a sweep: two sweeps with the same description have the same results, bit for bit."""
-    plan = job.work.plan
     values = {
         f"values of {name}": f"{len(axis)} from {axis[0]} to {axis[-1]} ({digest(axis.tobytes())})"
         for name, axis in job.axes.items()
     }
     return {
         "version of flexlin": flexlin.__version__,
-        "scene": json.dumps(raw_tables(job.scene), sort_keys=True),
+        "scene": job.scene.text
+        if isinstance(job.scene, PeriodicFamily)
+        else json.dumps(raw_tables(job.scene), sort_keys=True),
         **values,
         "shape": str(job.shape),
         "loop": job.loop,
         "tol": repr(job.tol),
-        "route": f"{job.work.route}, {plan.segments} segments, blocks of {job.work.block}",
+        "route": f"{job.work.route}, {job.work.segments} segments, blocks of {job.work.block}",
     }
 
 

@@ -9,7 +9,7 @@ from scipy.stats import qmc
 
 from flexlin.about.free import ParametricLoop
 from flexlin.answers.sensitivity import integrate_derivatives
-from flexlin.answers.spectra import LARGE, Family, SceneFamily
+from flexlin.answers.spectra import Family, SceneFamily
 from flexlin.answers.tuning.smoothed import Smoothing
 from flexlin.checks import Array
 from flexlin.periodic.floquet.exponents import floquet
@@ -84,8 +84,8 @@ class Worst:
 
     @property
     def batched(self) -> bool:
-        """Whether many scenarios are computed together: of large arms each takes so long that `floquet` is faster alone."""
-        return self.loop is not None and not (self.loop.states >= LARGE and self.loop.linearization.complete)
+        """Whether many scenarios are computed together."""
+        return self.loop is not None and isinstance(self.family, SceneFamily) and self.family.together is not None
 
     def exponents(self, gains: Array, scenarios: Array) -> tuple[Array, Array]:
         """Exponents (S, n), infinite where there are none, and periods (S,) at each scenario; or (G, S, n) for gains (G, P)."""

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from flexlin.answers.spectra import SceneFamily
 from flexlin.answers.tuning.descent import Minimum, descend
 from flexlin.answers.tuning.scenarios import CHECKED, OutOfTimeError, Worst, draw_scenarios, lay_scenarios
 from flexlin.answers.tuning.smoothed import Smoothing
@@ -33,8 +32,6 @@ ALONE = 8
 """How many fewer where scenarios are computed one by one."""
 ROUNDS, WORSE, ADDED = 6, 1e-3, 3
 """Rounds in which the worst scenarios are added, as many at once, while they exceed the others by this share."""
-WORTH = 20_000
-"""About how many spectra a search takes."""
 
 
 def search(problem: Worst, own: Array, ranges: Array, starts: int, steps: int, seed: int) -> tuple[Array, Array]:
@@ -56,9 +53,6 @@ def minimise(problem: Worst, own: Array, ranges: Array, starts: int, steps: int,
     """The gains that the search ends with. Raises: OutOfTimeError."""
     screened = SCREENED if problem.batched else SCREENED // ALONE
     drawn = np.random.default_rng(seed).uniform(-np.pi / 2, np.pi / 2, (screened, len(own)))
-    if isinstance(problem.family, SceneFamily) and problem.batched:
-        scenarios = np.resize(draw_scenarios(ranges, screened, seed), (screened, len(ranges)))
-        problem.family.compile(np.concatenate([[problem.gains(x) for x in drawn], scenarios], axis=1), WORTH)
     sizes = [float(problem.growths(problem.gains(x)).max()) for x in drawn[: screened * (starts > 1)]]
     chosen = [problem.position(np.clip(own, problem.low, problem.high)), *drawn[np.argsort(sizes)[: starts - 1]]]
     levels = LEVELS_TOGETHER if problem.batched else LEVELS

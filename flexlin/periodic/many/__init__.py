@@ -1,4 +1,1 @@
-"""All exponents of many small second-order systems at once, M y'' + D y' + K y = 0: the kernel of `flexlin.answers.sweep`.
-
-Every array keeps the systems on its last axis, so that loops run inside NumPy.
-"""
+"""All Floquet exponents of x' = A(t, p) x at many values of p, eight at a time: the kernel of sweeps and scans."""

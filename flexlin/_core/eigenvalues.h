@@ -1,7 +1,12 @@
 /* Eigenvalues of one small matrix: Hessenberg form by elimination, then Francis' double shifts (EISPACK's elmhes and hqr). */
-enum { MAX_SHIFTS = 60 };
+#ifndef FLEXLIN_EIGENVALUES_H
+#define FLEXLIN_EIGENVALUES_H
 
-static void reduce_hessenberg(int n, double a[STATES][STATES]) {
+#include "vectors.h"
+
+enum { MAX_SHIFTS = 60, EDGE = S < 4 ? 4 : S }; /* the compiler sees steps of larger matrices beside small ones */
+
+static void reduce_hessenberg(int n, double a[EDGE][EDGE]) {
   for (int m = 1; m < n - 1; m++) {
     int pivot = m;
     for (int i = m + 1; i < n; i++)
@@ -21,7 +26,7 @@ static void reduce_hessenberg(int n, double a[STATES][STATES]) {
   }
 }
 
-static int find_eigenvalues(int n, double a[STATES][STATES], double *re, double *im) {
+static int find_eigenvalues(int n, double a[EDGE][EDGE], double *re, double *im) {
   double size = 0.0, t = 0.0, p = 0, q = 0, r = 0, s, w, x, y, z;
   reduce_hessenberg(n, a);
   for (int i = 0; i < n; i++)
@@ -121,3 +126,4 @@ static int find_eigenvalues(int n, double a[STATES][STATES], double *re, double 
   return 1;
 }
 
+#endif

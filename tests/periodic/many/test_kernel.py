@@ -1,0 +1,193 @@
+"""The kernel for many values, against closed forms, SciPy's Mathieu functions, CasADi and the engine for one system."""
+
+import casadi as ca
+import numpy as np
+import pytest
+import scipy.linalg
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import flexlin as fl
+from flexlin.about.kernel_model import make_kernel, record_model
+from flexlin.periodic.circle import measure_distances
+from flexlin.periodic.many.kernel import MULTIPLES, SIZES, Kernel, find_gains, take_phases
+
+T, A, B = ca.SX.sym("t"), ca.SX.sym("a"), ca.SX.sym("b")
+TURN = 2 * np.pi
+
+
+def second_order(D, K, breaks=(), period=1.0):
+    n = ca.SX(K).size1()
+    return fl.PeriodicFamily.from_second_order(ca.SX.eye(n), D, K, T, [A, B], period, breaks=breaks)
+
+
+def solve(family, points, segments=16, accuracy=1e-12, **given):
+    kernel = make_kernel(family)
+    points = np.array(points, dtype=float)
+    return kernel.find_logs(points, segments, kernel.balance(points), accuracy, **given)
+
+
+def test_constant_coefficients_with_moduli_down_to_1e_minus_400():
+    """y'' + (a + b) y' + a b y = 0 has the exponents -a, -b."""
+    points = np.array([[0.5, 2.0], [3.0, 40.0], [900.0, 5.0]])
+    got = solve(second_order(A + B, A * B), points)
+    assert got.sound.all()
+    exact = np.sort(-points, axis=1)
+    assert np.allclose(np.sort(got.logs.real, axis=1), exact, rtol=1e-9, atol=0)
+    assert np.all(np.abs(np.sort(got.logs.real, axis=1) - exact) <= got.errors.max(axis=1, keepdims=True))
+
+
+@pytest.mark.parametrize("full", [False, True])
+def test_mathieus_known_exponent(full):
+    """a = 1, q = 0.2: growth rate 0.099536437275513447 per unit of t, computed independently to 18 digits."""
+    stiffness = A - 2 * B * ca.cos(2 * T)
+    matrix = ca.blockcat([[0, 1], [-stiffness, 0]])
+    family = fl.PeriodicFamily(matrix, T, [A, B], np.pi) if full else second_order(0, stiffness, (), np.pi)
+    got = solve(family, [[1.0, 0.2]], 48)
+    growth = got.logs.real.max() / np.pi
+    assert abs(growth - 0.099536437275513447) < 1e-11
+    assert abs(growth - 0.099536437275513447) <= got.errors.max() / np.pi
+
+
+def test_segments_respect_the_breaks():
+    """Meissner: x'' + (1 - 0.2 psi) x = 0, psi = +1 on the first third of the period pi, then -1: growth 0.04137974466122074514."""
+    stiffness = A - B * ca.if_else(np.pi / 3 > T, 1, -1)
+    got = solve(second_order(0, stiffness, (0.0, np.pi / 3), np.pi), [[1.0, 0.2]], 8)
+    assert abs(got.logs.real.max() / np.pi - 0.04137974466122074514) < 1e-11
+
+
+def random_family(n, full, seed):
+    """Coefficients of two harmonics with decays of all sizes, in two parameters."""
+    rng = np.random.default_rng(seed)
+    wave = [A * ca.cos(TURN * T), B * ca.sin(TURN * T)]
+    if full:
+        decays = np.diag(-rng.uniform(0.5, 40, n))
+        return fl.PeriodicFamily(decays + sum(rng.standard_normal((n, n)) * 3 * w for w in wave), T, [A, B], 1.0)
+    K = np.diag(rng.uniform(1, 400, n)) + sum(rng.standard_normal((n, n)) * 3 * w for w in wave)
+    return second_order(np.diag(rng.uniform(0.1, 30, n)), K)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_every_size_gives_what_floquet_gives(size):
+    """11 values, which fill no vector; errors as stated, on few segments and on many."""
+    states, rows = size
+    family = random_family(rows, states == rows, states)
+    points = np.random.default_rng(1).uniform(0.2, 1.5, (11, 2))
+    coarse, fine = (solve(family, points, segments, 1e-11) for segments in (12, 48))
+    assert coarse.sound.all()
+    assert fine.sound.all()
+    assert np.all(fine.work == 48 * sum(MULTIPLES))
+    for i in (0, 10):
+        exact = fl.floquet(family.at(points[i]), 1e-11)
+        for got in (coarse, fine):
+            apart = measure_distances(got.logs[i], exact.log_multipliers)
+            assert np.all(apart.min(axis=1) <= got.errors[i].max() + exact.error)
+            assert np.all(apart.min(axis=0) <= got.errors[i].max() + exact.error)
+    assert fine.errors.max() < 1e-7
+
+
+@pytest.mark.slow
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10**6), st.sampled_from(SIZES[1:4] + SIZES[6:10]), st.integers(4, 40))
+def test_errors_cover_random_systems(seed, size, segments):
+    family = random_family(size[1], size[0] == size[1], seed)
+    points = np.random.default_rng(seed).uniform(-1.5, 1.5, (8, 2))
+    got = solve(family, points, segments, 1e-10, levels=3)
+    for i in np.flatnonzero(got.misses(1e-6) <= 1)[:2]:
+        exact = fl.floquet(family.at(points[i]), 1e-11)
+        apart = measure_distances(got.logs[i], exact.log_multipliers).min(axis=1)
+        assert np.all(apart <= got.errors[i] + exact.error)
+
+
+def test_a_value_that_overflows_leaves_its_neighbours_alone():
+    family = random_family(3, True, 2)
+    points = np.random.default_rng(3).uniform(0.5, 1.0, (8, 2))
+    alone = solve(family, points)
+    for bad in (1e200, np.inf, np.nan):
+        spoilt = points.copy()
+        spoilt[2] = bad
+        kernel = make_kernel(family)
+        got = kernel.find_logs(spoilt, 16, kernel.balance(points), 1e-12)
+        assert got.sound.tolist() == [i != 2 for i in range(8)]
+        assert np.isinf(got.misses(1e-8)[2])
+        others = [0, 1, 3, 7]
+        assert np.all(np.abs(got.logs[others] - alone.logs[others]) <= alone.errors[others])
+
+
+def test_a_mass_matrix_that_is_not_positive_definite_is_unsound():
+    M = ca.blockcat([[1, A], [A, 1]])
+    family = fl.PeriodicFamily.from_second_order(M, ca.SX.eye(2), 4 * ca.SX.eye(2), T, [A, B], 1.0)
+    got = solve(family, [[0.5, 0.0], [1.5, 0.0], [-0.3, 0.0]])
+    assert got.sound.tolist() == [True, False, True]
+
+
+def test_thousands_of_factors_neither_over_nor_underflow():
+    """2400 factors, none of them grouped, whose clusters are multiplied out: as many as 48 give."""
+    family, points = random_family(2, False, 7), np.random.default_rng(5).uniform(0, 1.5, (8, 2))
+    coarse, fine = (solve(family, points, segments, 1e-10) for segments in (48, 600))
+    assert fine.sound.all()
+    apart = max(measure_distances(a, b).min(axis=1).max() for a, b in zip(coarse.logs, fine.logs, strict=True))
+    assert apart < 1e-7
+
+
+def test_balancing_keeps_the_upper_half_a_multiple_of_the_identity():
+    family = random_family(3, False, 4)
+    scale = make_kernel(family).balance(np.ones((3, 2)))
+    assert np.all(scale[3:] / scale[:3] == scale[3] / scale[0])
+    assert np.all(np.log2(scale) % 1 == 0)
+
+
+@pytest.mark.parametrize("k", range(2, len(MULTIPLES)))
+def test_powers_four_and_six_vanish(k):
+    n = np.array(MULTIPLES[k - 2 : k + 1])
+    first, before, b, a = find_gains(*n)
+    for power in (4, 6):
+        coarse, middle, fine = n ** -float(power)
+        assert fine + b * (fine - middle) + a * (middle - coarse) == pytest.approx(0.0, abs=1e-17)
+    coarse, middle, fine = n**-4.0
+    assert fine + first * (fine - middle) == pytest.approx(0.0, abs=1e-17)
+    assert middle + before * (middle - coarse) == pytest.approx(0.0, abs=1e-17)
+
+
+def test_exponentials_of_full_matrices_far_from_zero():
+    """Constant matrices: the logs are eigenvalues, by scaling and squaring of either polynomial."""
+    rng = np.random.default_rng(8)
+    for size in (1.0, 30.0, 300.0):
+        matrix = rng.standard_normal((4, 4)) * size - 0.5 * size * np.eye(4)
+        got = solve(fl.PeriodicFamily(matrix + 0 * A, T, [A], 1.0), [[1.0]], 8)
+        exact = scipy.linalg.eigvals(matrix)
+        assert got.sound.all()
+        assert np.all(measure_distances(got.logs[0], exact).min(axis=1) <= got.errors[0])
+
+
+def every_operation(phase, p):
+    """One expression each of what the phase, the point, or both decide; all stay where every function is defined."""
+    total = 0
+    for x in (0.3 + 0.2 * ca.sin(TURN * phase), 0.4 + 0.1 * p, 0.5 + 0.05 * p * ca.cos(TURN * phase)):
+        y = 0.7 * x + 0.01
+        total += ca.exp(x) + ca.log(x) + x**1.7 + x**p + ca.sqrt(x) + x * x + 2 * x + ca.sin(40 * x) + ca.cos(900 * x)
+        total += ca.tan(x) + ca.asin(x) + ca.acos(x) + ca.atan(x) + ca.fabs(-x) + ca.sign(x) + ca.erf(x)
+        total += ca.fmin(x, y) + ca.fmax(x, p) + ca.sinh(x) + ca.cosh(x) + ca.tanh(x) + ca.asinh(x) + ca.acosh(1 + x)
+        total += ca.atanh(x) + ca.atan2(x, y) + ca.log1p(x) + ca.expm1(x) + ca.hypot(x, p) + ca.copysign(x, -p)
+        total += ca.floor(x) + ca.ceil(x) + 1 / (1 + p)
+        total += ca.if_else(ca.logic_and(x < p, x <= 3), x, -x) + ca.if_else(ca.logic_or(x != y, x == p), 1, y)
+        total += ca.if_else(ca.logic_not(x > p), x, y) + ca.remainder(x, 0.9 + y) + ca.fmod(x + 3, 1 + p)
+    return total
+
+
+def test_every_operation_means_the_same_as_in_casadi():
+    """Coefficients with all operations, M not diagonal, at 11 phases and 9 values."""
+    phase, p = ca.SX.sym("phase"), ca.SX.sym("p")
+    s = every_operation(phase, p)
+    M = ca.vertcat(ca.horzcat(2 + s**2, 0.3), ca.horzcat(0.3, 1 + p))
+    Z = ca.vertcat(ca.horzcat(5 + s, 0.2, 0.1, s), ca.horzcat(s, 3, -s, p))
+    function = ca.Function("m", [phase, p], [ca.densify(Z.T), ca.densify(M.T), 1 + p / 9])
+    kernel = Kernel(record_model(function, 1), take_phases)
+    points, phases = np.linspace(0.6, 0.9, 9)[:, None], np.linspace(0, 1, 11)
+    found, sound, periods = kernel.sample(points, phases)
+    assert sound.all()
+    assert np.allclose(periods, 1 + points[:, 0] / 9, rtol=1e-15)
+    for i, value in enumerate(points[:, 0]):
+        for k, at in enumerate(phases):
+            Z_, M_, _ = (np.array(one) for one in function(at, value))
+            assert np.allclose(found[i, k], np.linalg.solve(M_.T, Z_.T), rtol=1e-12, atol=1e-13)

@@ -1,0 +1,149 @@
+"""Values that are computed together, beside `floquet`; what is sent to workers, and shared among threads."""
+
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.answers.loops import choose_loop
+from flexlin.answers.sweep.job import prepare_job
+from flexlin.answers.sweep.run import choose_crew
+from flexlin.answers.sweep.threads import Threads
+from flexlin.answers.sweep.together import Together
+from flexlin.periodic.circle import measure_distances
+from tests.thinned import thin
+
+LQR = {
+    "name": "LQR",
+    "kind": "frozen-lqr",
+    "state_weight": [100.0, 100.0, 1.0, 1.0],
+    "input_weight": [0.1],
+    "phases": 5,
+}
+LQI = LQR | {
+    "name": "LQI",
+    "weights": {"joints": "1 deg", "rates": "5 deg/s", "integrals": "0.2 deg s", "input": "0.5 N m"},
+}
+LQI = {key: value for key, value in LQI.items() if key not in ("state_weight", "input_weight")}
+PID = {"kind": "pid", "kp": [3.0], "kd": [0.5], "ki": [2.0]}
+FILTERS = [
+    {"kind": "low-pass", "on": "rates", "cutoff": "35 Hz", "order": 1},
+    {"kind": "notch", "frequency": "4.5 Hz", "damping": 0.3, "gain": 0.2},
+]
+MOVES = {"kind": "point-to-point", "move_time": 0.4, "dwell_time": 0.1, "joints": [{"waypoints": [0.0, 1.0, 0.4]}]}
+LINKS = [{"length": 0.5, "mass_per_length": 0.3, "bending_stiffness": 20.0, "modes": 1}] * 2
+TWO_LINKS = {
+    "schema": 1,
+    "title": "two links",
+    "links": LINKS,
+    "effects": {
+        "gravity": {},
+        "payload": {"mass": 0.1},
+        "modal_damping": {"ratio": 0.02},
+        "hub": {"inertia": [0.05, 0.05]},
+    },
+    "motion": {"kind": "harmonic", "frequency": 0.5, "joints": [{"amplitude": 0.2}, {"mean": 0.5, "amplitude": 0.2}]},
+    "control": {"feedback": {"kind": "pd", "kp": [160.0, 40.0], "kd": [8.0, 2.0]}},
+}
+SINGLE = {"links.0.modes": 1, "designs": [LQR]}
+CASES = {
+    "random": (
+        lambda: fl.load_scene("single-link", SINGLE),
+        "own",
+        {"effects.payload.mass": (0, 0.3), "control.feedback.kd.0": (0, 1)},
+    ),
+    "amplitude": (lambda: fl.load_scene("single-link", SINGLE), "open", {"motion.joints.0.amplitude": (0.1, 3)}),
+    "breaks": (
+        lambda: fl.load_scene("single-link", SINGLE | {"motion": MOVES}),
+        "own",
+        {"effects.payload.mass": (0, 0.3)},
+    ),
+    "kept gain": (lambda: fl.load_scene("single-link", SINGLE), "LQR", {"motion.frequency": (0.3, 2)}),
+    "states of the controller": (
+        lambda: fl.load_scene(
+            "single-link", SINGLE | {"control.feedback": PID, "control.filters": FILTERS, "designs": []}
+        ),
+        "own",
+        {"control.filters.1.frequency": (2, 9), "control.feedback.ki.0": (0.1, 20), "motion.frequency": (0.3, 2)},
+    ),
+    "kept gain with integrals": (
+        lambda: fl.load_scene("single-link", SINGLE | {"designs": [LQI]}),
+        "LQI",
+        {"motion.frequency": (0.3, 2), "effects.payload.mass": (0, 0.3)},
+    ),
+    "two links": (
+        lambda: fl.parse_scene(TWO_LINKS),
+        "own",
+        {"effects.payload.mass": (0, 0.3), "motion.frequency": (0.3, 1)},
+    ),
+    "undamped": (lambda: fl.load_scene("spinning-link"), "own", {"motion.joints.0.rate": (1.5, 4.5)}),
+}
+
+
+@pytest.mark.parametrize("name", thin(list(CASES)))
+def test_the_kernel_agrees_with_floquet_within_its_errors(name):
+    make, word, limits = CASES[name]
+    rng = np.random.default_rng(5)
+    loop = choose_loop(make(), limits, word)
+    points = np.stack([rng.uniform(low, high, 37) for low, high in limits.values()], axis=1)
+    found = Together.prepare(loop, points, 1e-8).compute(points)
+    assert not found.one_by_one.any()
+    assert np.all(found.error <= 1e-8 * np.maximum(1.0, np.abs(found.exponents).max(axis=1)))
+    for i in (0, 17, 36):
+        exact = fl.floquet(loop.system_at(points[i]), 1e-11)
+        apart = measure_distances(found.exponents[i] * exact.period, exact.log_multipliers) / exact.period
+        assert np.all(apart.min(axis=1) <= found.error[i] + exact.error)
+        assert np.all(apart.min(axis=0) <= found.error[i] + exact.error)
+
+
+def test_results_do_not_depend_on_the_blocks_nor_on_pickling():
+    loop = choose_loop(fl.load_scene("single-link", SINGLE), ["effects.payload.mass"])
+    points = np.linspace(0.0, 0.3, 61)[:, None]
+    work = Together.prepare(loop, points, 1e-8)
+    again = pickle.loads(pickle.dumps(work))
+    whole, parts = work.compute(points), [again.compute(points[i : i + 16]) for i in range(0, 61, 16)]
+    assert np.array_equal(whole.exponents, np.concatenate([part.exponents for part in parts]))
+    assert np.array_equal(whole.error, np.concatenate([part.error for part in parts]))
+
+
+@pytest.mark.slow
+def test_a_worker_loads_no_more_than_the_kernel_needs(tmp_path):
+    """SciPy, CasADi and the scene's classes take a worker most of a second; values that are left to `floquet` load them."""
+    loop = choose_loop(fl.load_scene("single-link", SINGLE), ["effects.payload.mass"])
+    points = np.linspace(0.0, 0.3, 24)[:, None]
+    work = Together.prepare(loop, points, 1e-8)
+    (tmp_path / "work").write_bytes(pickle.dumps((work, points)))
+    script = (
+        "import pickle, sys; from flexlin.answers.sweep.task import compute_blocks\n"
+        f"work, points = pickle.load(open({str(tmp_path / 'work')!r}, 'rb')); found = compute_blocks(work, [points])[0]\n"
+        "assert not {'scipy', 'casadi', 'pydantic', 'flexlin.scene', 'flexlin.periodic.system'} & set(sys.modules)\n"
+        f"pickle.dump(found, open({str(tmp_path / 'found')!r}, 'wb'))\n"
+        "points[3] = float('nan'); print(compute_blocks(work, [points])[0].one_by_one.sum())"
+    )
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, cwd=Path(__file__).parents[2], check=True, capture_output=True, text=True)
+    assert np.array_equal(pickle.loads((tmp_path / "found").read_bytes()).exponents, work.compute(points).exponents)
+    assert int(done.stdout) >= 1
+
+
+def test_threads_share_values_and_pass_errors_on(monkeypatch):
+    """Two threads, one: the same bits. A block that raises ends the sweep with its error."""
+    monkeypatch.setattr("flexlin.answers.sweep.together.BLOCK", 8 * 16)
+    values = {"effects.payload.mass": np.linspace(0.0, 0.3, 61)}
+    job = prepare_job(fl.load_scene("single-link", SINGLE), values, 1e-8, False, "own")
+    assert len(job.blocks) == 8
+    assert isinstance(choose_crew(job), Threads)
+    job.run(choose_crew(job, workers=1))
+    alone = job.found.exponents.copy()
+    job.done[:], job.found.exponents[:] = False, np.nan
+    job.run(Threads(2))
+    assert job.done.all()
+    assert np.array_equal(job.found.exponents, alone)
+    job.done[:], job.points[40] = False, np.nan
+    monkeypatch.setattr(Together, "compute", lambda self, points: 1 / int(np.isfinite(points).all()))
+    with pytest.raises(ZeroDivisionError):
+        list(Threads(2)(job))
