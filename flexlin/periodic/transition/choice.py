@@ -14,16 +14,16 @@ from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.factors import MOST_UNKNOWNS
 from flexlin.periodic.transition.setting import METHODS, ORDERS, Setting
 
-MARGIN = 40.0
-"""The first guess aims at this part of tol: a sixth more segments cost less than a second try."""
+MARGIN = 400.0
+"""The first guess aims at this part of tol: a third more segments cost less than a second try."""
 STAGES = np.arange(4, 11)
 """Gauss stages among which the engine chooses."""
 LEAST, LANES = 4, 8
 """Segments of a period at the least: on fewer, a method and a better one err alike; and how many are made at once."""
 WAVES = 3.0
 """Gauss nodes for each harmonic of the coefficients, so that none hides between them."""
-VECTORS, BESIDE = 40, 4
-"""Multiplications, times n^3, that carrying left and right vectors through a segment takes; all else counts as so many more states."""
+VECTORS, BESIDE = 40, 10_000
+"""Multiplications, times n^3, that carrying left and right vectors through a segment takes, and those that all else counts as."""
 PLACES = 6
 """Times of a panel at which the eigenvalues of A(t) are looked at, at the most; of all panels sixteen times as many."""
 
@@ -91,7 +91,7 @@ def choose_setting(system: PeriodicSystem, tol: float, method: str, order: int |
     counts = np.ceil(demand).sum(axis=1)
     unknowns = count_unknowns(system)
     if len(pace.rate) == 1:  # a whole number of lanes costs no more
-        counts = np.where((stages + 2) * unknowns <= MOST_UNKNOWNS, LANES * np.ceil(counts / LANES), counts)
+        counts = np.where(stages * unknowns <= MOST_UNKNOWNS, LANES * np.ceil(counts / LANES), counts)
     best = int(np.argmin(estimate_work(system.n, unknowns, stages, counts)))
     eigenvalues = f"eigenvalues of A(t) up to {rate:.3g} 1/s"
     reason = f"least work for tol {tol:.0e} with {eigenvalues}" if segments is None else f"as asked, with {eigenvalues}"
@@ -137,15 +137,18 @@ def gauss_constants() -> Array:
 
 
 def count_unknowns(system: PeriodicSystem) -> int:
-    """Unknowns of each stage: the states, or the accelerations alone."""
-    return system.n // 2 if system.second_order is not None else system.n
+    """Unknowns of each stage: the states, or the accelerations alone where the equations are, or look like, those of y'' = X y + Y y'."""
+    m, odd = divmod(system.n, 2)
+    if odd or (system.second_order is None and np.any(system.resolved(0.0)[:m] != np.eye(m, 2 * m, m))):
+        return system.n
+    return m
 
 
 def estimate_work(n: int, unknowns: int, stages: Array, segments: Array) -> Array:
     """Thousands of multiplications for n states: elimination for s stages and for two more, and vectors along the product."""
     sizes = [np.asarray(unknowns * (stages + extra), dtype=float) for extra in (0, 2)]
     solved = sum(size**2 * (size / 3 + n) for size in sizes)
-    return np.asarray(segments * (solved + VECTORS * (n + BESIDE) ** 3) / 1000)
+    return np.asarray(segments * (solved + VECTORS * n**3 + BESIDE) / 1000)
 
 
 def estimate_segment_work(n: int, second_order: bool, setting: Setting) -> float:
