@@ -13,8 +13,9 @@ from flexlin.periodic.grid import golden
 
 EPS = float(np.finfo(float).eps)
 TINY = float(np.finfo(float).tiny) / EPS
-CACHED = 500_000
-"""Bytes of samples that one call of the coefficient may return: with what it needs on the way they stay in the processor's cache."""
+CACHED = 100_000
+"""Bytes of samples that one call of the coefficient returns: with what it needs on the way they stay in the processor's cache, and below
+the size (128 kB) from which memory is fetched from the system each time."""
 BLOCKS, WITHIN = 128, 80
 """The times of a search: blocks of a period, and times in each, at the same places in all: gaps stay below T / 10000."""
 NEAR = 1e-11
@@ -83,13 +84,17 @@ class Sampler:
             rows = values.reshape(len(part), -1) if plain else self._rows(np.asarray(values), part)
             with np.errstate(over="ignore", invalid="ignore"):
                 np.matmul(rows, weights, out=heard[first : first + len(part)])
+            del values, rows  # their memory serves the next call
         self.count += len(t)
         return heard
 
     @property
     def chunk(self) -> int:
-        """How many times go into one call: at first a few hundred."""
-        return 2 * BLOCKS if self.shape is None else max(POINTS, CACHED // (8 * self.shape[0] * self.shape[1]))
+        """How many times go into one call: at first a few hundred; of large matrices fewer than that, but enough to be worth a call."""
+        if self.shape is None:
+            return 2 * BLOCKS
+        few = CACHED // (8 * self.shape[0] * self.shape[1])
+        return max(few, min(10 * few, 2 * WITHIN), POINTS)
 
     @property
     def _shape(self) -> tuple[int, int]:
