@@ -33,7 +33,7 @@ WINGS = {
 GROUND = tuple(
     name
     for name in (
-        *("symbolic", "program", "tape", "expressions", "plots", "_core", "compiler", "lapack", "lazy", "files"),
+        *("symbolic", "program", "expressions", "plots", "_core", "compiler", "lapack", "lazy", "files"),
         *("arguments", "checks", "errors", "text", "summary", "progress", "resources"),
     )
     if (PACKAGE / name).is_dir() or (PACKAGE / name).with_suffix(".py").exists()
