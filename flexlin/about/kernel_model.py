@@ -1,19 +1,16 @@
 """The coefficients of a parametric system as data for the kernel, parted into what the phase, the parameters, or both decide."""
 
-from collections.abc import Iterable
-
 import casadi as ca
 import numpy as np
 
 from flexlin.about.family import PeriodicFamily
 from flexlin.about.free import ParametricLoop
-from flexlin.about.instructions import Needs, Program, read_program
-from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.many.kernel import Kernel, Model, take_phases
+from flexlin.program import INPUT, OUTPUT, Program
 
-KNOWN = {*range(44), ca.OP_CONST, ca.OP_LOG1P, ca.OP_EXPM1, ca.OP_HYPOT, ca.OP_REMAINDER}
-"""Operations of program.c, by their numbers in CasADi."""
+PHASE, POINT = 1, 2
+"""What a value depends on, as bits."""
 
 
 def make_kernel(source: ParametricLoop | PeriodicFamily) -> Kernel:
@@ -60,66 +57,29 @@ def record_model(function: ca.Function, phase_inputs: int) -> Model:
 
     Raises: ArgumentError for an operation that the kernel does not know.
     """
-    program, (states, rows) = read_program(function, point=1), function.size_out(0)
-    unknown = {one.code for one in program.instructions} - KNOWN - {ca.OP_INPUT}
-    if unknown:
-        raise ArgumentError(
-            "an operation of the expressions is not known to the kernel", got=f"CasADi operations {sorted(unknown)}"
-        )
-    needs = [one.needs for one in program.instructions]
-    outputs, period = program.outputs[0] + program.outputs[1], program.outputs[2][0]
-    mixed = [i for i, one in enumerate(needs) if one == Needs.BOTH]
-    wanted = {i for k in mixed for i in program.instructions[k].arguments} | set(outputs)
-    of_phase, of_point = (
-        [i for i in sorted(wanted) if needs[i] in kinds] for kinds in ((Needs.PHASE,), (Needs.POINT, Needs.NUMBER))
-    )
-    phase_part, phase_slots, phase_size = place(program, Needs.PHASE, phase_inputs, {}, of_phase)
-    point_part, point_slots, point_size = place(program, Needs.POINT, function.numel_in(1), {}, [*of_point, period])
-    given = {i: k for k, i in enumerate([*of_point, *of_phase])}
-    both, slots, size = place(program, Needs.BOTH, len(given), given, outputs)
+    kinds = tuple(POINT if i == 1 else PHASE for i in range(function.n_in()))
+    program, (states, rows) = Program.read(function).invert_once(kinds), function.size_out(0)
+    program.check_known()
+    code, needs, (Z, M, period) = program.steps[:, 0], program.find_needs(kinds), program.find_outputs()
+    wanted = np.concatenate([Z, M, program.steps[(needs == PHASE | POINT) & (code != OUTPUT), 2:].ravel()])
+    of_phase, of_point = (np.unique(wanted[np.isin(needs[wanted], kind)]) for kind in (PHASE, (POINT, 0)))
+    phase = program.lay_out((), of_phase, place_inputs(program, [i for i in range(len(kinds)) if i != 1]), phase_inputs)
+    point = program.lay_out((), np.append(of_point, period), place_inputs(program, [1]), function.numel_in(1))
+    given = {value: slot for slot, value in enumerate([*of_point.tolist(), *of_phase.tolist()])}
+    both = program.lay_out((), np.append(Z, M), given, len(given))
     return Model(
         states,
         rows,
-        *(phase_part, point_part, both),
-        *(as_slots(phase_slots, of_phase), as_slots(point_slots, of_point), as_slots(slots, outputs)),
+        *(phase.steps, point.steps, both.steps),
+        *(phase.places[of_phase], point.places[of_point], both.places[np.append(Z, M)]),
         phase_inputs,
         function.numel_in(1),
-        point_slots[period],
-        max(phase_size, point_size, size, 1),
+        int(point.places[period[0]]),
+        max(phase.slots, point.slots, both.slots, 1),
     )
 
 
-def as_slots(slots: dict[int, int], values: Iterable[int]) -> Array:
-    """Where values stand."""
-    return np.array([slots[i] for i in values], dtype=np.int32)
-
-
-def place(
-    program: Program, kind: Needs, first: int, given: dict[int, int], kept: list[int]
-) -> tuple[Array, dict[int, int], int]:
-    """The steps (K, 4) of one kind that lead to the values `kept`, where each value stands, and how many slots they need.
-
-    Slots below `first` hold inputs, or the values `given` there; one that nobody reads any more is used again.
-    """
-    instructions, wanted, order = program.instructions, set(kept), []
-    for i in reversed(range(len(instructions))):
-        one = instructions[i]
-        if i in wanted and i not in given and one.needs in (kind, Needs.NUMBER):
-            order.append(i)
-            wanted.update(one.arguments)
-    order.reverse()
-    last = {a: i for i in order for a in instructions[i].arguments}
-    slots, free, size, steps = dict(given), [], first, []
-    for i in order:
-        one = instructions[i]
-        if one.code == ca.OP_INPUT:
-            slots[i] = one.place
-            continue
-        operands = [slots[a] for a in one.arguments]
-        free += [slots[a] for a in set(one.arguments) if last[a] == i and a not in kept and slots[a] >= first]
-        slots[i] = free.pop() if free else size
-        size = max(size, slots[i] + 1)
-        if one.code == ca.OP_CONST:
-            operands = np.array([one.number]).view(np.int32).tolist()
-        steps.append([one.code, slots[i], operands[0], operands[-1]])
-    return np.array(steps, dtype=np.int32).reshape(-1, 4), slots, size
+def place_inputs(program: Program, arguments: list[int]) -> dict[int, int]:
+    """The slots of the values of some arguments, which stand in a row."""
+    starts = dict(zip(arguments, np.cumsum([0, *program.rows[arguments]]).tolist(), strict=False))
+    return {k: starts[a] + b for code, k, a, b in program.steps.tolist() if code == INPUT and a in starts}
