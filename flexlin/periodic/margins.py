@@ -27,10 +27,12 @@ LOOSE = 1e-7
 """Wanted error of exponents in the search, in 1/s up to 1/s and relative beyond."""
 MOST = 4000
 """Segments of a period at the most: a search asks for dozens of verdicts, and each would take seconds beyond."""
-WIDEN, TRIES = 4.0, 12
-"""Factor and number of steps by which an interval about a margin grows until its ends have a verdict."""
+WIDEN = 4.0
+"""Factor by which an interval about a margin grows until its ends have a verdict."""
 
 Perturbed = Callable[[float], PeriodicSystem]
+Start = tuple[float, float]
+"""A value whose loop is the one without change, and the growth rate of that; the perturbed loop itself need not exist there."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +126,7 @@ def margins(system: PeriodicSystem, gain: MatrixFunction | ArrayLike, tol: float
     found = floquet(nominal, LOOSE)
     if found.verdict != "stable":
         raise NotStable(f"the loop is {found.verdict} as it is", got=found.status, expected="a stable loop")
-    breaks = tuple(nominal.resolved.breaks)
+    breaks, decay = tuple(nominal.resolved.breaks), float(found.exponents[0].real)
 
     def with_gain(kappa: float) -> PeriodicSystem:
         return system.feedback(Scaled(K, kappa), breaks)
@@ -136,18 +138,18 @@ def margins(system: PeriodicSystem, gain: MatrixFunction | ArrayLike, tol: float
         return with_matrices(nominal, Delayed(system.A, B, K, tau, order), breaks=breaks)
 
     def find_delay() -> tuple[float, float]:
-        delay, error = find_first(with_delay, 0.0, list_delays(nominal), tol)
+        delay, error = find_first(with_delay, (0.0, decay), list_delays(nominal), tol)
         if np.isinf(delay):
             return delay, error
-        finer, reach = find_near(lambda tau: with_delay(tau, LINE + 4), delay, max(error, tol * delay), tol)
+        finer, reach = find_near(lambda tau: with_delay(tau, LINE + 4), delay, max(error, tol * delay))
         return finer, reach + abs(finer - delay)
 
     steps = GAIN_STEP ** np.arange(1, int(np.log(LARGEST_GAIN) / np.log(GAIN_STEP)) + 1)
     angles = np.append(np.arange(PHASE_STEP, np.pi - PHASE_STEP / 2, PHASE_STEP), np.pi)
     searches: list[Callable[[], tuple[float, float]]] = [
-        partial(find_first, with_gain, 1.0, 1 / steps, tol),
-        partial(find_first, with_gain, 1.0, steps, tol),
-        partial(find_first, with_phase, 0.0, angles, tol),
+        partial(find_first, with_gain, (1.0, decay), 1 / steps, tol),
+        partial(find_first, with_gain, (1.0, decay), steps, tol),
+        partial(find_first, with_phase, (0.0, decay), angles, tol),
         find_delay,
     ]
     reasons: list[str] = []
@@ -234,18 +236,22 @@ def list_delays(loop: PeriodicSystem) -> Array:
     return first * DELAY_STEP ** np.arange(1 + int(np.log(longest / first) / np.log(DELAY_STEP)))
 
 
-def find_first(make: Perturbed, start: float, values: Iterable[float], tol: float) -> tuple[float, float]:
+def find_first(make: Perturbed, start: Start, values: Iterable[float], tol: float) -> tuple[float, float]:
     """The first change of verdict on the way from a stable start over the values, with its error; inf, 0 where there is none."""
     from scipy.optimize import brentq  # takes longer to load than most loops to judge
 
-    before = start
-    for value in values:
-        if judge_growth(make(float(value))) > 0:
-            root = brentq(
-                lambda p: judge_growth(make(p)), before, value, xtol=tol * abs(value) / 4, rtol=1e-14
-            ) if before != start else solve_from(make, start, float(value), tol)  # fmt: skip
-            return find_near(make, float(root), tol * abs(root) / 2, tol)
-        before = float(value)
+    known = dict([start])
+
+    def growth(value: float) -> float:
+        if value not in known:
+            known[value] = judge_growth(make(value))
+        return known[value]
+
+    for value in map(float, values):
+        before = list(known)[-1]
+        if growth(value) > 0:
+            root = float(brentq(growth, before, value, xtol=tol * abs(value) / 4, rtol=1e-14))
+            return find_near(make, root, tol * abs(root) / 2)
     return np.inf, 0.0
 
 
@@ -254,18 +260,9 @@ def judge_growth(loop: PeriodicSystem) -> float:
     return float(floquet(loop, LOOSE, max_segments=MOST).exponents[0].real)
 
 
-def solve_from(make: Perturbed, stable: float, unstable: float, tol: float) -> float:
-    """The change between a start that is known to be stable, where the perturbed loop need not exist, and an unstable value."""
-    while abs(unstable - stable) > tol * abs(unstable) / 4:
-        middle = (stable + unstable) / 2
-        growing = judge_growth(make(middle)) > 0
-        stable, unstable = (stable, middle) if growing else (middle, unstable)
-    return (stable + unstable) / 2
-
-
-def find_near(make: Perturbed, value: float, reach: float, tol: float) -> tuple[float, float]:
+def find_near(make: Perturbed, value: float, reach: float) -> tuple[float, float]:
     """The middle and half width of an interval about a value, at whose ends the verdicts are decided and differ."""
-    for _ in range(TRIES):
+    while reach < abs(value):
         verdicts = {floquet(make(value + side * reach), LOOSE, max_segments=MOST).verdict for side in (-1, 1)}
         if verdicts == {"stable", "unstable"}:
             return value, reach
