@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.boundary.roots import SignedEnds, solve_brackets
+from flexlin.periodic.boundary.roots import SignedEnds, solve_uncertain
 from flexlin.periodic.boundary.spectra import SpectraFunction, measure_margins
 
 STEP = 3e-5
@@ -98,12 +98,11 @@ def find_middles(
         offset *= EXACT
     met = np.flatnonzero(here * there <= 0)
     start = SignedEnds(np.zeros(len(met)), outer[met], here[met], there[met])
-    ends = solve_brackets(lambda k, x: margin(met[k], x)[0], start, accuracy)
+    ends, left = solve_uncertain(lambda k, x: margin(met[k], x), start, accuracy)
     off, error, slope = np.full(len(middle), np.inf), np.zeros(len(middle)), np.full(len(middle), np.finfo(float).tiny)
-    left, uncertain = margin(met, ends.best)
     reach = np.maximum(start.width, np.finfo(float).tiny)
     slope[met] = np.maximum(np.abs(there - here)[met] / reach, np.finfo(float).tiny)
-    error[met] = np.minimum((np.abs(left) + uncertain) / slope[met], reach) + ends.width / 2
+    error[met] = np.minimum(left / slope[met], reach) + ends.width / 2
     off[met], middle[met] = np.abs(ends.best), middle[met] + ends.best[:, None] * normal[met]
     points, unknown = np.clip(middle, 0.0, 1.0), np.full(middle.shape, np.nan)
     return Vertices(points, np.zeros(points.shape), error, angles, undamped, unknown), off, slope

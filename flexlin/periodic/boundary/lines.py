@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.boundary.roots import SignedEnds, solve_brackets
+from flexlin.periodic.boundary.roots import SignedEnds, solve_brackets, solve_uncertain
 from flexlin.periodic.boundary.spectra import Spectra, measure_margins, measure_meetings
 
 CLIMB = 14
@@ -263,13 +263,12 @@ def solve_changes(
         at_a[wrong], at_b[wrong] = margin(wrong, a[wrong])[0], margin(wrong, b[wrong])[0]
     tiny = np.finfo(float).tiny
     start = SignedEnds(a, b, np.minimum(at_a, -tiny), np.maximum(at_b, tiny))
-    ends = solve_brackets(lambda which, x: margin(which, x)[0], start, accuracy)
-    left, uncertain = margin(every, ends.best)
+    ends, left = solve_uncertain(margin, start, accuracy)
     if guess is None:
         slope, rest = np.abs(at_b - at_a) / np.abs(b - a), ends.width / 2
     else:
         with np.errstate(divide="ignore", invalid="ignore"):
             slopes = np.array([at_a / (a - ends.best), at_b / (b - ends.best)]) * np.sign(b - a)
         slope, rest = np.nanmin(np.where(slopes > 0, slopes, np.inf), axis=0), 2 * np.spacing(np.abs(ends.best))
-    error = np.minimum((np.abs(left) + uncertain) / slope, np.abs(found.unstable - found.quiet))
+    error = np.minimum(left / slope, np.abs(found.unstable - found.quiet))
     return Zeros(ends.best, error + rest, slope)

@@ -54,6 +54,25 @@ def solve_brackets(function: Callable[[Array, Array], Array], start: SignedEnds,
     return SignedEnds(a, b, at_a, at_b)
 
 
+def solve_uncertain(
+    function: Callable[[Array, Array], tuple[Array, Array]], start: SignedEnds, accuracy: float
+) -> tuple[SignedEnds, Array]:
+    """As `solve_brackets`, of functions with an error each; also how far from zero the best point's value may be, (V,)."""
+    seen = dict[tuple[int, float], float]()
+
+    def note(which: Array, points: Array) -> Array:
+        values, errors = function(which, points)
+        seen.update(zip(zip(which.tolist(), points.tolist(), strict=True), errors.tolist(), strict=True))
+        return values
+
+    ends = solve_brackets(note, start, accuracy)
+    missing = np.array([k for k, x in enumerate(ends.best.tolist()) if (k, x) not in seen], dtype=int)
+    if len(missing):
+        note(missing, ends.best[missing])
+    left = np.minimum(np.abs(ends.at_a), np.abs(ends.at_b))
+    return ends, left + np.array([seen[key] for key in enumerate(ends.best.tolist())])
+
+
 def choose_steps(x1: Array, x2: Array, x3: Array, f1: Array, f2: Array, f3: Array, limit: Array) -> Array:
     """Where to look next, as a share of the way from x1 to x2; never nearer to an end than a part of the limit."""
     with np.errstate(divide="ignore", invalid="ignore"):

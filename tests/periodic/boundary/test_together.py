@@ -1,0 +1,67 @@
+"""Spectra of many plain systems together: as `floquet` has them one by one, or not said to be accurate."""
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.periodic.boundary.together import find_together
+from flexlin.periodic.circle import match_logs
+from tests.periodic.systems import lyapunov_transformed
+
+
+def mathieu(a, q, damping=0.0):
+    def stiffness(t):
+        return (a - 2 * q * np.cos(2 * t))[:, None, None]
+
+    return fl.PeriodicSystem.from_second_order([[1.0]], [[2 * damping]], stiffness, np.pi)
+
+
+def agree(systems, tol):
+    """How many systems meet tol; each of them lies within both errors of what `floquet` says, and its verdict is the same."""
+    found, reached = find_together(systems, tol)
+    codes = {"stable": -1, "unstable": 1, "undecided": 0}
+    for k in np.flatnonzero(reached):
+        one = fl.floquet(systems[k], 1e-11)
+        partner, apart = match_logs(found.logs[k], one.log_multipliers)
+        known = np.isfinite(one.errors[partner])
+        assert np.all(apart[known] <= (found.errors[k] + one.errors[partner] * one.period)[known])
+        verdict = found.at(np.array([k])).verdicts[0]
+        assert verdict == codes[one.verdict] or verdict == 0
+    return int(reached.sum())
+
+
+def test_tongues_of_mathieus_equation():
+    """Anywhere, on the edges of tongues and a little beside them, with and without damping."""
+    from scipy.special import mathieu_a, mathieu_b
+
+    rng = np.random.default_rng(0)
+    q = 10 ** rng.uniform(-3, 0.5, 12)
+    edges = [float(one(int(rng.integers(1, 5)), value)) for value in q for one in (mathieu_a, mathieu_b)]
+    beside = [edge + rng.choice([-1, 1]) * 10 ** rng.uniform(-9, -3) for edge in edges]
+    systems = [mathieu(a, value) for a, value in zip([*edges, *beside], np.tile(np.repeat(q, 2), 2), strict=True)]
+    systems += [mathieu(a, 0.4, 0.02) for a in rng.uniform(0.1, 12, 12)]
+    assert agree(systems, 1e-5) > 50
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_non_normal_systems(seed):
+    rng = np.random.default_rng(seed)
+    systems = []
+    for _ in range(8):
+        constant = np.diag(rng.uniform(-2, 0.3, 3)) + np.triu(3 * rng.standard_normal((3, 3)), 1)
+        systems.append(fl.PeriodicSystem(lyapunov_transformed(constant, 2.0, 2, rng), np.pi))
+    assert agree(systems, 1e-8) > 5
+
+
+def test_what_the_segments_do_not_follow_is_not_called_accurate():
+    """Fast modes, a jump that nobody named, and multipliers that lie 1e40 apart."""
+
+    def jump(t):
+        return np.where(np.mod(t, 1.0) < 0.4142, -1.0, 0.7)[:, None, None] * np.eye(2)
+
+    fast = fl.PeriodicSystem(np.diag([-1.0, -1e5]), 1.0)
+    apart = fl.PeriodicSystem(
+        lambda t: np.array([[1.0, 5.0], [0.0, -90.0]]) + 0.1 * np.sin(2 * np.pi * t)[:, None, None], 1.0
+    )
+    _, reached = find_together([fast, fl.PeriodicSystem(jump, 1.0), apart], 1e-8)
+    assert not reached.any()
