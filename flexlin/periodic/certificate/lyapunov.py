@@ -10,7 +10,16 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, NotCertified, NumericalError
-from flexlin.periodic.certificate.proof import LEAST, CommonPanels, Proof, Resolved, prove, represent_on_panels
+from flexlin.periodic.certificate.proof import (
+    CLOSE,
+    LEAST,
+    SHAPED,
+    CommonPanels,
+    Proof,
+    Resolved,
+    prove,
+    represent_on_panels,
+)
 from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
@@ -18,13 +27,8 @@ from flexlin.periodic.quadratic.scattering import symmetrize
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
 
-GOOD = 0.75
-"""Share of twice the decay, which no margin exceeds, at which no other weights are tried."""
 SHIFT = 0.9
 """Share of the decay that the Lyapunov equation is asked to prove."""
-EQUATION_TOL = 1e-7
-CLAIMED = 1 - 1e-6
-"""What is claimed of what was proved, so that another program's rounding does not matter."""
 
 
 @dataclass(frozen=True)
@@ -126,13 +130,14 @@ def certify(result: FloquetResult) -> Certificate:
         said = f"{proof.margin:.3g} 1/s" if np.isfinite(proof.margin) else "none beyond rounding"
         tried.append(f"{name}: {said}")
         found.append((proof, panels))
-        if proof.margin > GOOD * 2 * -float(result.exponents.real.max()):
+        if proof.margin > SHIFT * -float(result.exponents.real.max()):  # twice the decay is the most
             break
     proven = [one for one in found if one[0].margin > 0]
     if not proven:
         raise NotCertified("no X(t) that was tried proves the stability", got="; ".join(tried))
     proof, panels = max(proven, key=lambda one: one[0].margin)
-    return Certificate(panels, CLAIMED * proof.margin, CLAIMED * proof.tolerates, "Lyapunov equation")
+    claimed = 1 - CLOSE  # so that another program's rounding does not matter
+    return Certificate(panels, claimed * proof.margin, claimed * proof.tolerates, "Lyapunov equation")
 
 
 def find_shift(result: FloquetResult) -> float:
@@ -163,9 +168,10 @@ def solve_equation(result: FloquetResult, resolved: Resolved, Q: Array) -> Calla
 
     Raises: NumericalError where the decay is so slow against the fastest mode that the error of X hides it.
     """
-    shift, hidden = find_shift(result), EQUATION_TOL * float(np.abs(np.linalg.eigvals(resolved.mean())).max())
+    shift, tol = find_shift(result), SHAPED / 10
+    hidden = tol * float(np.abs(np.linalg.eigvals(resolved.mean())).max())
     if shift < hidden:
         raise NumericalError("the loop decays too slowly", got=f"{shift:.3g} 1/s", expected=f"above {hidden:.3g} 1/s")
     edges, moved = resolved.edges[:-1].tolist() if resolved.panels > 1 else (), shift * np.eye(len(Q))
     faster = PeriodicSystem(lambda t: resolved(t) + moved, resolved.period, breaks=edges, complete=True)
-    return periodic_lyapunov(faster, Q, EQUATION_TOL).X
+    return periodic_lyapunov(faster, Q, tol).X

@@ -17,7 +17,7 @@ NODES, TAIL, MOST = 32, 4, 512
 """Nodes of a panel, how many of its last coefficients must have vanished, and panels of a period at the most."""
 KNOWN, SHAPED = 1e-11, 1e-6
 """How small the last coefficients of A and of X must be, relative to their largest values."""
-LEAST = 1e-8
+LEAST = float(np.sqrt(np.finfo(float).eps))
 """Coefficients of X that are left out, in units in which X has a diagonal of ones."""
 SAMPLES, ROUNDS, STRIDE = 65, 3, 8
 """Equally spaced samples of a panel, ends included; how often they may be four times as many; eigenvalues are computed at every eighth."""
@@ -25,8 +25,6 @@ SHARE = 0.05
 """Share of the margin that the bound between samples may cost."""
 CLOSE = 1e-6
 """Relative distance of a bound above the eigenvalues that were computed, ten times as large until it bounds the others too."""
-TOLERATED = 1e-12
-"""Of the margin: what a certificate must tolerate, or it says more of rounding than of the loop."""
 ROUNDINGS = 8.0
 EPS = float(np.finfo(float).eps)
 Resolved = ResolvedMatrix | ResolvedCompanion
@@ -150,7 +148,8 @@ def prove(panels: CommonPanels) -> Proof:
         if lost <= SHARE * max(found.margin, 0.0) or found.margin + lost <= 0 or found.margin == -np.inf:
             break
     tolerates = best.tolerates / float(np.linalg.cond(L))
-    return Proof(best.margin, tolerates) if tolerates > TOLERATED * best.margin else Proof(-np.inf, 0.0)
+    # a certificate that bears next to no change says more of rounding than of the loop
+    return Proof(best.margin, tolerates) if tolerates > EPS**0.75 * best.margin else Proof(-np.inf, 0.0)
 
 
 def bound_margin(edges: Array, A: Array, X: Array, unknown: float, rounding: float, count: int) -> tuple[Proof, float]:

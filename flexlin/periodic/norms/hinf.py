@@ -21,7 +21,7 @@ from flexlin.summary import represent
 
 ACCURATE = 1e-10
 """Wanted error of the exponents, in 1/s."""
-NEGATIVE, FAINT = 1e-3, 1e-3
+FAINT = 1e-3
 """How far below zero an eigenvalue of X may lie by rounding, in units in which X has a diagonal of ones; and the least such unit of a
 state, relative to the largest, after the states' own units are evened: what is smaller is rounding of a state that is not seen."""
 NEAREST = 1e-9
@@ -133,7 +133,7 @@ class BoundedReal:
         turned = np.swapaxes(scaled, 1, 2)
         least, doubt = float(np.linalg.eigvalsh((scaled + turned) / 2).min()), float(np.abs(scaled - turned).max())
         told_apart = np.abs(found.exponents.real).min() * system.period > MERGED
-        return 1 if least > -NEGATIVE else -int(told_apart and least < -n * doubt - NEGATIVE)
+        return 1 if least > -FAINT else -int(told_apart and least < -n * doubt - FAINT)
 
 
 def hinf_norm(
