@@ -7,7 +7,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.boundary.spectra import Spectra
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.gauss import collocate, gauss, place_nodes
+from flexlin.periodic.transition.gauss import CHUNK_BYTES, collocate, gauss, place_nodes
 
 SEGMENTS = (8, 32, 128)
 """Of a period; systems that miss tol on the first are tried on the next."""
@@ -25,10 +25,11 @@ def find_together(systems: Sequence[PeriodicSystem], tol: float) -> tuple[Spectr
     logs, errors = np.full((len(left), n), np.nan + 0j), np.full((len(left), n), np.inf)
     periods = np.array([one.period for one in systems])
     for segments in SEGMENTS:
-        if len(left):
-            logs[left], errors[left] = solve_on([systems[i] for i in left.tolist()], periods[left], segments)
-            wanted = tol * np.maximum(periods[left, None], np.abs(logs[left]))
-            left = left[~(np.isfinite(errors[left]) & (errors[left] <= wanted)).all(axis=1)]
+        size = max(1, CHUNK_BYTES // (8 * segments * ((STAGES + 1) * n) ** 2))
+        for part in (left[i : i + size] for i in range(0, len(left), size)):
+            logs[part], errors[part] = solve_on([systems[i] for i in part.tolist()], periods[part], segments)
+        wanted = tol * np.maximum(periods[left, None], np.abs(logs[left]))
+        left = left[~(np.isfinite(errors[left]) & (errors[left] <= wanted)).all(axis=1)]
     return Spectra(logs, errors), ~np.isin(np.arange(len(systems)), left)
 
 
