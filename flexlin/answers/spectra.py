@@ -15,6 +15,7 @@ from flexlin.checks import Array
 from flexlin.errors import ArgumentError, FlexlinError, TimeLimit
 from flexlin.lazy import lazy
 from flexlin.periodic.boundary.spectra import Spectra
+from flexlin.periodic.boundary.together import find_together
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import solve_floquet_modes
@@ -233,6 +234,31 @@ class OneOfSeveral(Family):
         return None if found is None else (*found[:2], found[2][self.index : self.index + 1])
 
 
+@dataclass
+class FunctionFamily(Family):
+    """Systems that a function makes; `smooth`: whether those at the ends and in the middle are, once it is known."""
+
+    smooth: bool | None = None
+
+    def rough(self, points: Array) -> Spectra:
+        """Together, where A is smooth and that is accurate enough; else one by one."""
+        try:
+            systems = [self.system_at(point) for point in points]
+            if self.smooth is None and systems:
+                some = [systems[k].resolved for k in (0, len(systems) // 2, -1)]
+                self.smooth = all(one.panels == 1 for one in some)
+            if not self.smooth or len({one.n for one in systems}) != 1:
+                return self.one_by_one(points, ROUGH)
+            found, reached = find_together(systems, ROUGH)
+        except (FlexlinError, np.linalg.LinAlgError):
+            return self.one_by_one(points, ROUGH)
+        self.evaluations += int(reached.sum())
+        if not reached.all():
+            alone = self.one_by_one(points[~reached], ROUGH)
+            found.logs[~reached], found.errors[~reached] = alone.logs, alone.errors
+        return found
+
+
 def make_family(
     source: Source, ranges: dict[str, tuple[float, float]], loop: str, known: Linearization | None = None
 ) -> Family:
@@ -259,7 +285,7 @@ def make_family(
         raise ArgumentError("the source is of another kind", got=repr(source)[:80], expected=expected)
     if loop != "own":
         raise ArgumentError("a function has one loop", got=repr(loop), expected="own")
-    return Family(Positional(source), np.full(len(ranges), np.nan))
+    return FunctionFamily(Positional(source), np.full(len(ranges), np.nan))
 
 
 @dataclass(frozen=True)
