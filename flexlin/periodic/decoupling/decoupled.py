@@ -10,6 +10,11 @@ from flexlin.periodic.decoupling.grouping import Group
 from flexlin.periodic.decoupling.waves import interpolated
 from flexlin.periodic.system import PeriodicSystem
 
+SAFETY = 3.0
+"""Factor on the coupling's effect and rounding."""
+UNRESOLVED = 0.5
+"""Logs of multipliers with larger errors are ill-conditioned beyond measuring; they are only enclosed."""
+
 
 @dataclass(frozen=True)
 class Refusal:

@@ -1,17 +1,18 @@
 """Transition matrices between the breaks of a periodic system, at a cost that does not depend on its fastest frequency."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebder, chebint
 
 from flexlin.checks import Array
-from flexlin.periodic.chebyshev import chebyshev_nodes
+from flexlin.periodic.chebyshev import chebyshev_basis, chebyshev_nodes, chebyshev_transform
 from flexlin.periodic.circle import match_logs
-from flexlin.periodic.decoupling.decoupled import DecoupledExponents, Refusal, as_real
+from flexlin.periodic.decoupling.decoupled import SAFETY, UNRESOLVED, DecoupledExponents, Refusal, as_real
 from flexlin.periodic.decoupling.frames import find_frame
 from flexlin.periodic.decoupling.grouping import Group, find_eigenvectors, follow_modes, grouped_modes
-from flexlin.periodic.decoupling.interval import KEPT, filter_interval, integrate_interval, sample_interval
 from flexlin.periodic.decoupling.superadiabatic import mixing, rounds, sylvester
 from flexlin.periodic.decoupling.waves import apply
 from flexlin.periodic.product.balancing import GROUP_CONDITION
@@ -26,7 +27,8 @@ GAP = 20.0
 MIXED, LEFT = 0.1, 1e-7
 """Modes stay together that a first step would mix by more, or that stay mixed by more after the rounds."""
 MAX_MERGES, MAX_FACTORS = 8, 4000
-SAFETY, UNRESOLVED = 3.0, 0.5
+KEPT = 2 / 3
+"""The part of the Chebyshev coefficients that the filter keeps."""
 DOUBTFUL = 1e-2
 """Error of a log beyond which it counts as unresolved beside others that are."""
 STAGES, STEP = 8, 2.0
@@ -183,3 +185,21 @@ def group_transitions(B: Array, x: Array, half: float) -> Array:
     real = as_real(half * B)
     Phi = gauss_transitions(lambda y: apply(sample_interval(len(B), y), real), x, STAGES)
     return Phi[:, :p, :p] + 1j * Phi[:, p:, :p]
+
+
+def sample_interval(count: int, x: Array) -> Array:
+    """The matrix from values at the nodes to values at x in [-1, 1]."""
+    return chebyshev_basis(x, count) @ chebyshev_transform(count)
+
+
+def integrate_interval(count: int, x: Array) -> Array:
+    """The matrix from values at the nodes to integrals from -1 to x."""
+    return chebyshev_basis(x, count + 1) @ chebint(chebyshev_transform(count), lbnd=-1, axis=0)
+
+
+@lru_cache(maxsize=64)
+def filter_interval(count: int, kept: float) -> tuple[Array, Array]:
+    """The matrices from values at the nodes to filtered values and their derivatives at the nodes."""
+    filtered = chebyshev_transform(count) * (np.arange(count) < kept * count)[:, None]
+    x = chebyshev_nodes(count)
+    return chebyshev_basis(x, count) @ filtered, chebyshev_basis(x, count - 1) @ chebder(filtered, axis=0)

@@ -7,7 +7,6 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.decoupling.coupling import block_values, group_separation, high_harmonics, pair_effects
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
-from flexlin.periodic.decoupling.evidence import EPS, SPARSE
 from flexlin.periodic.decoupling.frames import find_frame
 from flexlin.periodic.decoupling.grouping import Eigenvectors, Group, follow_modes, grouped_modes
 from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, low_harmonics, mixing, rounds, sylvester
@@ -26,6 +25,9 @@ SETTLED, WORST = 1e-3, 0.3
 HOPELESS = 300.0
 """On the fewest nodes, modes are put together only where their coupling exceeds what is allowed by this factor: others may part on more."""
 MAX_ROUNDS, MAX_MERGES = 14, 12
+SPARSE = 4
+"""Means of rounding are taken at every so many nodes: it changes slowly."""
+EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)

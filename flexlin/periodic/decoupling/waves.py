@@ -11,8 +11,7 @@ KEPT = 1 / 3
 """The part of the nodes' harmonics that the filter keeps; the others hold the rounding that differentiation amplifies."""
 
 
-NOTHING = 1e-17
-"""Harmonics below this part of the largest number are left out."""
+EPS = float(np.finfo(float).eps)
 
 
 def apply(operator: Array, values: Array) -> Array:
@@ -69,7 +68,7 @@ def interpolated(values: Array, period: float, t: Array) -> Array:
     H = count // 2
     up, down = spectrum[1 : H + 1], spectrum[: -H - 1 : -1]
     size = np.maximum(np.abs(up).max(axis=1, initial=0.0), np.abs(down).max(axis=1, initial=0.0))
-    K = int(np.flatnonzero(size > NOTHING * np.abs(spectrum).max()).max(initial=-1)) + 1
+    K = int(np.flatnonzero(size > EPS / 16 * np.abs(spectrum).max()).max(initial=-1)) + 1
     waves = fourier_waves(np.asarray(t, float) / period, K)
     found = (spectrum[0] + waves @ up[:K] + waves.conj() @ down[:K]).reshape(len(waves), *values.shape[1:])
     return found if np.iscomplexobj(values) else found.real

@@ -9,11 +9,10 @@ from flexlin.checks import Array
 from flexlin.errors import NumericalError
 from flexlin.periodic.assignment import assign
 from flexlin.periodic.circle import pair_conjugates, wrap_angle, wrap_log
-from flexlin.periodic.decoupling.coupling import Coupled
+from flexlin.periodic.decoupling.coupling import Coupled, link_modes
 from flexlin.periodic.decoupling.decouple import decouple
-from flexlin.periodic.decoupling.decoupled import Decoupled, DecoupledExponents, Refusal, as_real
+from flexlin.periodic.decoupling.decoupled import SAFETY, UNRESOLVED, Decoupled, DecoupledExponents, Refusal, as_real
 from flexlin.periodic.decoupling.grouping import block_mask, connected
-from flexlin.periodic.decoupling.hidden import link_modes
 from flexlin.periodic.decoupling.parting import MAX_MERGES
 from flexlin.periodic.decoupling.waves import aliasing, shifted
 from flexlin.periodic.floquet.segmented import SegmentedSpectrum, solve_by_segments
@@ -28,10 +27,6 @@ ENCLOSED = 0.1
 """An exponent that is known only to this part of its size, and to lie below the others, counts as unresolved."""
 NODES, FIRST = 128, 64
 """Nodes of a panel on which a system is decoupled, and of a period without breaks at first, those that check included."""
-SAFETY = 3.0
-"""Factor on the coupling's effect and rounding."""
-UNRESOLVED = 0.5
-"""Logs of multipliers with larger errors are ill-conditioned beyond measuring; they are only enclosed."""
 MOST = 4000
 """Groups that need more segments are only enclosed: their modes mostly take turns."""
 MARK = 0.7
