@@ -1,6 +1,7 @@
 """What hatchling calls before it packs flexlin: the compiled core is built into flexlin/_core/built, in a checkout as for a wheel."""
 
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -18,9 +19,21 @@ class CoreBuild(BuildHookInterface):
     """CMake and Ninja build the core; a wheel of it serves every Python of its platform."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Build, incrementally where it has been built before."""
-        folder = Path(self.root) / "build" / "core"
-        run([find("cmake"), "-S", self.root, "-B", str(folder), "-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={find('ninja')}"])
+        """Build, incrementally where it has been built before; CMAKE_ARGS are further arguments of CMake."""
+        folder, more = Path(self.root) / "build" / "core", shlex.split(os.environ.get("CMAKE_ARGS", ""))
+        run(
+            [
+                find("cmake"),
+                "-S",
+                self.root,
+                "-B",
+                str(folder),
+                "-G",
+                "Ninja",
+                f"-DCMAKE_MAKE_PROGRAM={find('ninja')}",
+                *more,
+            ]
+        )
         run([find("cmake"), "--build", str(folder)])
         platform = sysconfig.get_platform().replace("-", "_").replace(".", "_")
         build_data["pure_python"] = False
