@@ -21,7 +21,7 @@ from flexlin.periodic.transition.choice import choose_setting, estimate_segment_
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, Setting, report_too_many
 
 PATIENCE = 1e6
-"""Thousands of multiplications of collocation that are spent where decoupling has answered, but not to the wanted accuracy."""
+"""Work of collocation (`estimate_segment_work`) that is spent where decoupling has answered, but not to the wanted accuracy."""
 ALIKE = 1e-5
 """Exponents that agree within errors as small as this are a double one that rounding splits: segments know it no better."""
 FACTOR_BYTES = 2**27

@@ -24,6 +24,8 @@ WAVES = 3.0
 """Gauss nodes for each harmonic of the coefficients, so that none hides between them."""
 VECTORS, BESIDE = 40, 10_000
 """Multiplications, times n^3, that carrying left and right vectors through a segment takes, and those that all else counts as."""
+UNIT = 4000
+"""Multiplications in the unit of work, about a microsecond: beside these counts only that of decoupling asks for a unit."""
 PLACES = 6
 """Times of a panel at which the eigenvalues of A(t) are looked at, at the most; of all panels sixteen times as many."""
 
@@ -139,20 +141,20 @@ def gauss_constants() -> Array:
 def count_unknowns(system: PeriodicSystem) -> int:
     """Unknowns of each stage: the states, or the accelerations alone where the equations are, or look like, those of y'' = X y + Y y'."""
     m, odd = divmod(system.n, 2)
-    if odd or (system.second_order is None and np.any(system.resolved(0.0)[:m] != np.eye(m, 2 * m, m))):
+    if odd or (system.second_order is None and np.any(system.resolved(np.zeros(1))[0, :m] != np.eye(m, 2 * m, m))):
         return system.n
     return m
 
 
 def estimate_work(n: int, unknowns: int, stages: Array, segments: Array) -> Array:
-    """Thousands of multiplications for n states: elimination for s stages and for two more, and vectors along the product."""
+    """The work for n states, in UNIT multiplications: elimination for s stages and for two more, and vectors along the product."""
     sizes = [np.asarray(unknowns * (stages + extra), dtype=float) for extra in (0, 2)]
     solved = sum(size**2 * (size / 3 + n) for size in sizes)
-    return np.asarray(segments * (solved + VECTORS * n**3 + BESIDE) / 1000)
+    return np.asarray(segments * (solved + VECTORS * n**3 + BESIDE) / UNIT)
 
 
 def estimate_segment_work(n: int, second_order: bool, setting: Setting) -> float:
-    """Thousands of multiplications that a setting takes for n states."""
+    """The work of a setting for n states, in UNIT multiplications."""
     work = estimate_work(n, n // 2 if second_order else n, np.array(setting.order // 2), np.array(setting.segments))
     return float(work)
 
