@@ -13,6 +13,7 @@ from flexlin.periodic.circle import match_logs
 from flexlin.periodic.decoupling.decoupled import SAFETY, UNRESOLVED, DecoupledExponents, Refusal, as_real
 from flexlin.periodic.decoupling.frames import find_frame
 from flexlin.periodic.decoupling.grouping import Group, find_eigenvectors, follow_modes, grouped_modes
+from flexlin.periodic.decoupling.parting import MAX_MERGES, MIXING, WORST
 from flexlin.periodic.decoupling.superadiabatic import mixing, rounds, sylvester
 from flexlin.periodic.decoupling.waves import apply
 from flexlin.periodic.product.balancing import GROUP_CONDITION
@@ -24,9 +25,9 @@ NODES, CHECK_NODES = 36, 28
 """Chebyshev nodes a panel, and of the second construction that measures the error of the first."""
 GAP = 20.0
 """Modes stay together where the gap between their eigenvalues times the panel's length falls below this."""
-MIXED, LEFT = 0.1, 1e-7
-"""Modes stay together that a first step would mix by more, or that stay mixed by more after the rounds."""
-MAX_MERGES, MAX_FACTORS = 8, 4000
+LEFT = 1e-7
+"""Modes stay together that stay mixed by more after the rounds."""
+MAX_FACTORS = 4000
 KEPT = 2 / 3
 """The part of the Chebyshev coefficients that the filter keeps."""
 DOUBTFUL = 1e-2
@@ -126,7 +127,7 @@ def decouple_panel(A: MatrixFunction, start: float, stop: float, count: int, mos
         B = np.linalg.solve(T, samples @ T - apply(slope, T) / half)
         S = sylvester(B, groups)
         made, share = 0, mixing(S)
-        stuck = share > MIXED
+        stuck = share > MIXING
         if not stuck.any():
             T, B, S, made = rounds(
                 B,
@@ -141,7 +142,7 @@ def decouple_panel(A: MatrixFunction, start: float, stop: float, count: int, mos
             stuck = share > LEFT
         if not stuck.any():
             return Panel(start, stop, T, B, groups, made, float(share.max()))
-        stuck &= share >= 0.3 * share.max()
+        stuck &= share >= WORST * share.max()
         together[np.ix_(columns, columns)] |= stuck | stuck.T
     return Refusal("the coupling between groups of modes does not shrink")
 

@@ -11,8 +11,8 @@ from flexlin.periodic.decoupling.waves import KEPT, harmonics
 
 SLOW_PART = 0.8
 """Harmonics of the coupling below this part of the gap shrink from round to round."""
-ENOUGH, SLOW = 0.01, 0.8
-"""Rounds end when the coupling's effect is this part of what is allowed, or shrinks by less than this factor."""
+ENOUGH = 0.01
+"""Rounds end when the coupling's effect is this part of what is allowed, or shrinks by less than the slowest harmonics do."""
 
 
 def sylvester(B: Array, groups: tuple[Group, ...]) -> Array:
@@ -75,7 +75,7 @@ def rounds(
     for turn in range(most + 1):
         sizes = effect(B, S)
         size = float(sizes.max())
-        if not size < SLOW * least:
+        if not size < SLOW_PART * least:
             break
         best, least = (T, B, S, turn), size
         if size < ENOUGH or turn == most:

@@ -10,7 +10,7 @@ from flexlin.errors import NumericalError
 from flexlin.periodic.assignment import assign
 from flexlin.periodic.circle import pair_conjugates, wrap_angle, wrap_log
 from flexlin.periodic.decoupling.coupling import Coupled, link_modes
-from flexlin.periodic.decoupling.decouple import decouple
+from flexlin.periodic.decoupling.decouple import FIRST_NODES, decouple
 from flexlin.periodic.decoupling.decoupled import SAFETY, UNRESOLVED, Decoupled, DecoupledExponents, Refusal, as_real
 from flexlin.periodic.decoupling.grouping import block_mask, connected
 from flexlin.periodic.decoupling.parting import MAX_MERGES
@@ -25,8 +25,6 @@ from flexlin.periodic.transition.choice import choose_setting
 
 ENCLOSED = 0.1
 """An exponent that is known only to this part of its size, and to lie below the others, counts as unresolved."""
-NODES, FIRST = 128, 64
-"""Nodes of a panel on which a system is decoupled, and of a period without breaks at first, those that check included."""
 MOST = 4000
 """Groups that need more segments are only enclosed: their modes mostly take turns."""
 MARK = 0.7
@@ -35,7 +33,8 @@ MARK = 0.7
 
 def estimate_decoupling_work(n: int, panels: int) -> float:
     """Microseconds to decouple n states, as measured: overhead, and eigenvectors and products at every node; for each panel."""
-    return panels * (6000 + (NODES if panels > 1 else FIRST) * (20 + 6 * n + 0.06 * n**3))
+    nodes = (4 if panels > 1 else 2) * FIRST_NODES  # those that check included
+    return panels * (6000 + nodes * (20 + 6 * n + 0.06 * n**3))
 
 
 def solve_decoupled(
