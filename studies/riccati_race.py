@@ -26,10 +26,10 @@ from scipy.integrate import odeint, solve_ivp
 
 import flexlin as fl
 from flexlin.answers.accuracy.scipy_methods import FastRate
-from flexlin.periodic.quadratic.correcting import solve_by_corrections
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
+from flexlin.periodic.quadratic.newton import solve_by_newton
 from flexlin.periodic.quadratic.resolution import resolve_problem
-from flexlin.periodic.quadratic.riccati import periodic_riccati
+from flexlin.periodic.quadratic.riccati import periodic_riccati, place_nodes
 from flexlin.periodic.resolved.resolve import resolve
 from flexlin.symbolic import selected
 
@@ -172,9 +172,9 @@ def time_set_up(system: fl.PeriodicSystem, Q: np.ndarray, R: np.ndarray, tol: fl
     assert system.B is not None
     series = resolve(system.B, system.period, complete=system.complete)
     ready = fl.PeriodicSystem(system.resolved, system.period, series, complete=True)
-    problem, _ = resolve_problem(linear_quadratic(ready, Q, R), ready)
+    problem, edges = resolve_problem(linear_quadratic(ready, Q, R), ready)
 
-    return least_time(lambda: solve_by_corrections(problem, system.period, tol), repeats)[1]
+    return least_time(lambda: solve_by_newton(problem, place_nodes(problem, edges, tol), None, tol), repeats)[1]
 
 
 def least_time(call: Callable[[], Any], repeats: int) -> tuple[Any, float]:

@@ -22,7 +22,6 @@ from flexlin.answers.judging import (
     name_ending_loops,
     with_response,
 )
-from flexlin.answers.kernels import compile_kernels
 from flexlin.answers.loops import can_stay_free
 from flexlin.answers.margins import Margin
 from flexlin.answers.steady import Response, arm_length, find_response, response_error
@@ -133,7 +132,6 @@ def analyse(scene: Scene, clock: Clock | None = None, free: Sequence[str] = ()) 
     Returns: an `Analysis`; a stage that fails or meets a limit is a message in it.
     Raises: InputError for a scene that cannot be used; NumericalError when there are no linear equations.
     """
-    compile_kernels()
     clock, asked, problems = clock or Clock(), scene.accuracy, dict[str, str]()
     arm = clock.stage("equations of motion", asked, lambda: build_with_free(scene, free))
     plant, closed = linearize_both(arm, scene, clock)

@@ -2,15 +2,12 @@
 
 import argparse
 import shlex
-import sys
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexlin.errors import OutputError
 
 if TYPE_CHECKING:
-    from flexlin.scene.accuracy import Accuracy
     from flexlin.scene.scene import Scene
 
 DONE, FAILED, BAD_INPUT, OTHER_VERDICT = 0, 1, 2, 3
@@ -35,30 +32,10 @@ def loaded(options: argparse.Namespace, usual: float | None = None) -> "Scene":
     if usual is not None and "seconds" not in scene.accuracy.model_fields_set:
         scene = scene.model_copy(update={"accuracy": scene.accuracy.model_copy(update={"seconds": usual})})
     send_limits(options.begun, scene.accuracy)
-    if hasattr(options, "tol"):
-        compile_first(options, scene.accuracy)
     if options.out is None:
         options.out = Path("out") / Path(options.scene).stem
         check_folder(options.out)
     return scene
-
-
-def compile_first(options: argparse.Namespace, asked: "Accuracy") -> None:
-    """Compile what a new machine does not have yet, and say so; the time counts from its end."""
-    from flexlin.answers.kernels import compile_kernels, find_missing
-    from flexlin.cli.supervised import send_limits
-    from flexlin.compiler import LONGEST
-
-    if not find_missing():
-        return
-    print("flexlin: numerical code is compiled for this processor, once: some seconds", file=sys.stderr, flush=True)
-    start = time.perf_counter()
-    send_limits(start + LONGEST, asked)
-    compile_kernels()
-    if find_missing():
-        print("flexlin: the C compiler failed; NumPy does the work, more slowly", file=sys.stderr, flush=True)
-    options.begun += time.perf_counter() - start
-    send_limits(options.begun, asked)
 
 
 def refuse_existing(path: Path) -> None:

@@ -45,9 +45,6 @@ def write_report(
     Returns: the analysis and the paths of the files.
     Raises: what `analyse` raises; OutputError when the folder cannot be written.
     """
-    from flexlin.answers.kernels import compile_kernels
-
-    compile_kernels()
     budget = Budget() if begun is None else Budget(begun)
     clock = Clock(progress, planned=STAGES + 3 * len(scene.designs) + with_audit + with_sensitivity, budget=budget)
     with clock.step("load the numerical libraries"):

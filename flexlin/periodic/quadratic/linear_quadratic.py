@@ -1,7 +1,7 @@
 """The linear-quadratic problem of a system with time-varying coefficients: its Hamiltonian, Riccati equation and gain."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -46,6 +46,23 @@ class LinearQuadratic:
             return A, S, Q
         by_cross = effort @ np.swapaxes(cross, 1, 2)
         return A - B @ by_cross, S, Q - cross @ by_cross
+
+    def factored(self, t: Array) -> tuple[Array, Array, Array]:
+        """Return Ar, G with G G' = B R^-1 B', Qr; G once where it is constant."""
+        A, B, Q = self.A(t), take_once(self.B(t)), self.Q(t)
+        root = np.linalg.cholesky(take_once(self.R(t)))
+        G = np.swapaxes(np.linalg.solve(root, np.swapaxes(B, 1, 2)), 1, 2)
+        cross = take_once(self.N(t))
+        if not cross.any():
+            return A, G, Q
+        half = np.swapaxes(np.linalg.solve(root, np.swapaxes(cross, 1, 2)), 1, 2)
+        return A - G @ np.swapaxes(half, 1, 2), G, Q - half @ np.swapaxes(half, 1, 2)
+
+    def ease(self, factor: float) -> "LinearQuadratic":
+        """The problem with a larger R."""
+        R = self.R
+        eased = Constant(factor * R.value) if isinstance(R, Constant) else lambda t: factor * R(t)
+        return replace(self, R=eased)
 
     def hamiltonian(self, t: Array) -> Array:
         """Return the Hamiltonian matrix, (N, 2n, 2n)."""

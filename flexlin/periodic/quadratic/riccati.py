@@ -1,27 +1,19 @@
-"""The periodic Riccati equation by segments in scattering form, combined in a tree and doubled until the cost stands still."""
-
-from contextlib import suppress
-from dataclasses import replace
+"""Riccati and Lyapunov equations of periodic systems and of finite horizons."""
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.checks import positive, real_array
-from flexlin.errors import NumericalError
+from flexlin.checks import Array, positive, real_array
 from flexlin.periodic.coefficients import MatrixFunction
-from flexlin.periodic.quadratic.correcting import solve_by_corrections
-from flexlin.periodic.quadratic.linear_quadratic import TINY, check_between, linear_quadratic
-from flexlin.periodic.quadratic.plans import name_limit, solve_by_plans
-from flexlin.periodic.quadratic.resolution import divide_for_waves, find_edges, resolve_problem
+from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, check_between, linear_quadratic
+from flexlin.periodic.quadratic.newton import MOST, solve_by_newton
+from flexlin.periodic.quadratic.nodes import FourierNodes, Nodes, PanelNodes
+from flexlin.periodic.quadratic.resolution import divide_for_waves, find_edges, last_harmonic, resolve_problem
 from flexlin.periodic.quadratic.solution import RiccatiSolution
 from flexlin.periodic.system import PeriodicSystem, as_system
 
-LIMITED = 10.0
-"""Error of a series, in units of tol, up to which no other way is tried: rounding limits them all."""
-FEW_SEGMENTS = 1000
-"""Segments up to which an X that meets tol is made finer where the gain misses it."""
-REACHABLE = 1e-12
-"""The least error of X that is asked for then: rounding ends below it."""
+FEWEST, WAVES = 64, 4
+"""Nodes of a period, and for each wave of the coefficients, on which X is sought first."""
 
 
 def periodic_riccati(
@@ -53,7 +45,7 @@ def periodic_riccati(
     Returns
     -------
     RiccatiSolution
-        X(t), K(t) with error, residual, symmetry, closure, doublings, segments, status.
+        X(t), K(t) with error, residual, doublings, segments, status.
 
     Raises
     ------
@@ -68,11 +60,11 @@ def periodic_riccati(
 
     Notes
     -----
-    Where the coefficients are smooth, X is sought as a Fourier series by Newton's method, whose steps compiled exponentials of the loop
-    solve; it is proved to stabilise, and its residual gives its error. Otherwise
-    each segment's Hamiltonian transition matrix is brought to scattering form; segments combine by the Redheffer star product; the
+    Newton's method corrects X at equally spaced times, or on panels between jumps; exponentials of the loop solve its equations. It
+    begins with segments on which the Hamiltonian is constant, in scattering form: they combine by the Redheffer star product, and the
     whole period is doubled until H, the cost of 2^k periods with a free end, stops changing. The period map of the Hamiltonian is never
-    formed, so neither fast unstable plants nor long periods overflow.
+    formed, so neither fast unstable plants nor long periods overflow. What X misses of its equation, carried through the loop's Lyapunov
+    equation, bounds its error and proves that it stabilises.
 
     References
     ----------
@@ -98,17 +90,15 @@ def periodic_riccati(
     problem, edges = resolve_problem(posed, system)
     check_between(posed, edges)
     tol = positive("tol", tol)
-    smooth = solve_by_corrections(problem, system.period, tol)
-    if smooth is not None and smooth.error <= LIMITED * tol:
-        return smooth if smooth.error <= tol else name_limit(smooth, "rounding", tol)
-    parts = divide_for_waves(problem, edges, tol)
-    found = solve_by_plans(problem, parts, None, tol, smooth)
-    needed = 0.5 * tol * found.error / max(found.gain_error, TINY)
-    if found.error <= tol < found.gain_error and found.segments <= FEW_SEGMENTS and needed > REACHABLE:
-        with suppress(NumericalError):
-            finer = solve_by_plans(problem, parts, None, needed, found)
-            return replace(finer, status=found.status)
-    return found
+    return solve_by_newton(problem, place_nodes(problem, edges, tol), None, tol)
+
+
+def place_nodes(problem: LinearQuadratic, edges: Array, tol: float) -> Nodes:
+    """Equally spaced times where the coefficients are smooth all over, else panels on which they are."""
+    waves = last_harmonic(problem, tol)
+    if WAVES * waves <= MOST:
+        return FourierNodes(16 * int(np.ceil(max(FEWEST, WAVES * waves) / 16)), float(edges[-1]))
+    return PanelNodes(divide_for_waves(problem, edges, tol), True)
 
 
 def finite_horizon_riccati(
@@ -170,7 +160,7 @@ def finite_horizon_riccati(
     problem = linear_quadratic(system, Q, R, N)
     edges = find_edges(problem, system)
     check_between(problem, edges)
-    return solve_by_plans(problem, edges, end, positive("tol", tol))
+    return solve_by_newton(problem, PanelNodes(edges, False), end, positive("tol", tol))
 
 
 def periodic_lyapunov(system: PeriodicSystem, Q: MatrixFunction | ArrayLike, tol: float = 1e-9) -> RiccatiSolution:

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, at_times
+from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.fourier import FourierSeries
-from flexlin.periodic.quadratic.hermite import PanelPolynomials
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.resolved.matrix import WAVES, divided
 from flexlin.summary import represent
@@ -27,25 +27,20 @@ class RiccatiSolution:
         Period or length of the horizon, in s.
     periodic : bool
         Whether X repeats.
-    series : PanelPolynomials or FourierSeries
+    series : ChebyshevPanels or FourierSeries
         X between its nodes.
     error : float
-        Bounds |X error| / max |X| over the horizon. On panels: difference between two accuracies of the segments, what the dense output
-        leaves out, and rounding; of a Fourier series: what its residual amounts to, by a Lyapunov equation or beside the running cost.
+        Bounds |X error| / max |X| over the horizon: what its residual amounts to, by the closed loop's Lyapunov equation.
     gain_error : float
         Bounds |K error| / max |K| likewise.
     method_error : float
         The part of `error` that is not rounding.
     residual : float
         How far X(t) misses its differential equation between the nodes, relative to |X| per fastest time constant.
-    symmetry : float
-        Largest relative asymmetry of a segment's cost before it was symmetrised.
-    closure : float
-        |X(T) - X(0)| / |X|; 0 for a finite horizon.
     doublings : int
         How often the period was doubled.
     segments : int
-        Segments of the horizon, or nodes of the Fourier series.
+        Nodes.
     status : str
         What to make of it.
 
@@ -61,13 +56,11 @@ class RiccatiSolution:
     problem: LinearQuadratic
     horizon: float
     periodic: bool
-    series: PanelPolynomials | FourierSeries
+    series: ChebyshevPanels | FourierSeries
     error: float
     gain_error: float
     method_error: float
     residual: float
-    symmetry: float
-    closure: float
     doublings: int
     segments: int
     status: str
@@ -76,9 +69,9 @@ class RiccatiSolution:
 
     @property
     def edges(self) -> Array:
-        """Times from 0 to the horizon between which polynomials of degree 31 follow X and the coefficients."""
-        if isinstance(self.series, PanelPolynomials):
-            return self.series.starts
+        """Times from 0 to the horizon between which polynomials follow X and the coefficients."""
+        if isinstance(self.series, ChebyshevPanels):
+            return self.series.edges
         return divided(self.series.edges, self.horizon * WAVES / max(self.series.harmonics, 1))
 
     def X(self, t: ArrayLike) -> Array:
@@ -116,4 +109,4 @@ class RiccatiSolution:
         return self.problem.gain(inside, self.series(inside))
 
     def _inside(self, t: Array) -> Array:
-        return np.mod(t, self.horizon) if self.periodic else np.clip(t, 0.0, self.horizon)
+        return np.mod(t, self.horizon) if self.periodic else np.clip(t, 0.0, np.nextafter(self.horizon, 0.0))

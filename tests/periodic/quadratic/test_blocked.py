@@ -47,8 +47,8 @@ def test_weights_that_lie_too_far_apart_are_not_said_to_hide_a_mode() -> None:
         return np.array([[0.0, 1.0], [-1.0, -0.1]]) * (1 + 0.3 * np.cos(2 * np.pi * t))[:, None, None]
 
     with pytest.raises(NumericalError, match="lie too far apart") as caught:
-        fl.periodic_lqr(fl.PeriodicSystem(A, 1.0, np.array([[0.0], [1.0]])), np.eye(2), [[1e-30]])
-    assert "|B R^-1 B'| = 1e+30" in str(caught.value)
+        fl.periodic_lqr(fl.PeriodicSystem(A, 1.0, np.array([[0.0], [1.0]])), np.eye(2), [[1e-100]])
+    assert "|B R^-1 B'| = 1e+100" in str(caught.value)
     assert not isinstance(caught.value, NotDetectable | NotStabilizable)
 
 
@@ -56,15 +56,24 @@ def test_noise_that_lies_too_far_apart_is_not_said_to_excite_no_mode() -> None:
     """An estimator's problem is the dual one: its names for blocked modes stood over this reason too."""
     plant = fl.PeriodicSystem(np.array([[0.0, 1.0], [-1.0, -0.1]]), 2.0, np.array([[0.0], [1.0]]))
     with pytest.raises(NumericalError, match="lie too far apart") as caught:
-        fl.control.kalman_filter(plant, [[1.0, 0.0]], np.eye(2), [[1e-40]])
+        fl.control.kalman_filter(plant, [[1.0, 0.0]], np.eye(2), [[1e-100]])
     assert "excited" not in str(caught.value)
 
 
-@pytest.mark.parametrize("effort", [1e-30, 1e-100])
-def test_a_gain_of_which_no_digit_is_known_is_refused(effort: float) -> None:
+@pytest.mark.parametrize("effort", [1e-8, 1e-20, 1e-30])
+def test_an_input_that_costs_next_to_nothing_has_an_honest_gain(effort: float) -> None:
+    """X = [[1, r], [r, r]] and K = [1, 1] / r for small r = sqrt(R), to first order in r."""
     system = fl.PeriodicSystem(np.array([[0.0, 1.0], [-1.0, -0.1]]), 1.0, np.array([[0.0], [1.0]]))
-    with pytest.raises(ToleranceNotReached, match="no digit of the gain is known"):
-        fl.periodic_lqr(system, np.eye(2), [[effort]])
+    design, r = fl.periodic_lqr(system, np.eye(2), [[effort]]), np.sqrt(effort)
+    assert design.error < 0.1
+    assert np.abs(design.K(0.3) * r - 1).max() <= design.error + 2 * r
+    assert np.abs(design.X(0.3) - [[1, r], [r, r]]).max() <= design.solution.error + 2 * r
+
+
+def test_an_input_that_costs_nothing_is_refused() -> None:
+    system = fl.PeriodicSystem(np.array([[0.0, 1.0], [-1.0, -0.1]]), 1.0, np.array([[0.0], [1.0]]))
+    with pytest.raises(ToleranceNotReached, match="lie too far apart"):
+        fl.periodic_lqr(system, np.eye(2), [[1e-100]])
 
 
 def test_a_stiff_damped_link_is_reached_at_every_frozen_phase() -> None:

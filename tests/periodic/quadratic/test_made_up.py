@@ -5,8 +5,6 @@ import numpy as np
 import pytest
 
 from flexlin.control import periodic_lqr
-from flexlin.periodic.quadratic.collocated_lyapunov import CollocatedLyapunov
-from flexlin.periodic.quadratic.krylov import solve_by_gmres
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov, periodic_riccati
 from flexlin.periodic.system import PeriodicSystem
 from tests.thinned import thin
@@ -119,29 +117,3 @@ def test_jump_of_the_input_that_was_not_named_is_found():
 def test_nothing_to_weigh_gives_zero():
     system = PeriodicSystem(lambda t: -(2 + np.sin(t))[:, None, None] * np.eye(2), 2 * np.pi)
     assert not periodic_lyapunov(system, np.zeros((2, 2))).X(np.array([0.3, 1.0])).any()
-
-
-def test_lyapunov_equation_of_a_made_up_answer():
-    rng = np.random.default_rng(5)
-    (A, _), (D, rate) = random_waves(rng, 4, 4, 3, 0.3, 1.7), random_waves(rng, 4, 4, 4, 0.4, 1.7)
-    t = 1.7 * np.arange(65) / 65
-    loop, wanted = A(t) - 6 * np.eye(4), D(t) + flip(D(t))
-    right = rate(t) + flip(rate(t)) + flip(loop) @ wanted + wanted @ loop
-    found = CollocatedLyapunov(loop, 1.7, np.broadcast_to(np.diag([1.0, 1e4, 1e-4, 1.0]), loop.shape)).solve(
-        right, 1e-13, 1e-12
-    )
-    assert np.abs(found - wanted).max() < 1e-8 * np.abs(wanted).max()
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_gmres_solves_and_tells_its_residual(seed):
-    rng = np.random.default_rng(seed)
-    M, b = np.eye(12) + 0.4 * rng.normal(size=(12, 12)), rng.normal(size=(3, 4))
-
-    def operator(x):
-        return (M @ x.ravel()).reshape(x.shape)
-
-    x, left = solve_by_gmres(operator, b, 1e-12, 12)
-    assert np.abs(operator(x) - b).max() < 1e-10
-    x, left = solve_by_gmres(operator, b, 1e-12, 5)
-    assert left == pytest.approx(np.linalg.norm(operator(x) - b) / np.linalg.norm(b), rel=1e-8)

@@ -1,0 +1,128 @@
+"""The Lyapunov equation of a loop by exponentials, however fast its modes: what corrects a solution of Riccati's equation."""
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.periodic.quadratic.nodes import Nodes
+from flexlin.periodic.quadratic.scattering import symmetrize, transpose
+
+REACH = 0.25
+"""Size of a step times the loop from which on a few powers give its exponential."""
+SLOW = 3
+"""Doublings of a half step up to which no mode oscillates in it."""
+DOUBLINGS = 60
+"""Of a period: those of a loop that hardly forgets are 2^60."""
+
+
+class LoopLyapunov:
+    """-D' = M' D + D M + F at nodes, M and F held constant half-way to each neighbour, D repeating or zero at the end.
+
+        D(t) = e' D(t + s) e + integral of exp(M' r) F exp(M r) dr over s,   e = exp(M s)
+
+    Both are doubled from s / 2^k on, where a few powers of M do. Gaps between nodes, two half steps each, are combined pairwise in a tree.
+    What is missed is of second order in the steps, of the loop's change rather than of its size.
+    Source: Hochbruck, Ostermann, Exponential integrators, Acta Numerica 19 (2010) 209; for whole periods: Smith, SIAM J. Appl. Math. 16
+    (1968) 198.
+
+    Parameters: M (N, n, n) at the nodes.
+    """
+
+    def __init__(self, M: Array, nodes: Nodes):
+        self.M, self.nodes, self.halves = M, nodes, nodes.halves[:, :, None, None]
+        steps = (self.halves * M).reshape(-1, *M.shape[1:])
+        square = steps @ steps
+        size = float(np.linalg.norm(square @ square, 1, axis=(1, 2)).max()) ** 0.25
+        self.share = 0.5 ** max(0.0, np.ceil(np.log2(max(size, REACH) / REACH)))
+        self.steps = self.share * steps
+        square *= self.share**2
+        power = self.steps + 0.5 * square + square @ (self.steps / 6 + square / 24) + np.eye(M.shape[1])
+        self.powers = [power]
+        while 0.5 ** (len(self.powers) - 1) > self.share:
+            self.powers.append(self.powers[-1] @ self.powers[-1])
+        first, last = self._divide(self.powers[-1], self.powers[-1])
+        whole = last @ first
+        if not nodes.wraps:
+            whole[-1] = 0.0
+        self.first, self.levels = first, [whole]
+        while len(whole) > 1:
+            pairs = len(whole) // 2 * 2
+            whole = np.concatenate([whole[1:pairs:2] @ whole[0:pairs:2], whole[pairs:]])
+            self.levels.append(whole)
+
+    def solve(self, F: Array) -> Array | None:
+        """D (N, n, n) of a symmetric right side; None where the loop does not forget.
+
+        Modes that oscillate many times in a step would ring where M and F jump half-way between nodes; so beside these, in a second
+        solution, F takes its slope and what the loop's change makes of the first one.
+        """
+        constant = self._integrate(F)
+        D = self._carry_back(*self._divide(constant, constant))
+        if D is None or len(self.powers) <= SLOW:
+            return D
+        line, whole = self._integrate_line(self.nodes.slopes(F) + twice(D @ self.nodes.slopes(self.M)))
+        return self._carry_back(*self._divide(constant + line, constant + line - whole))
+
+    def _carry_back(self, first: Array, last: Array) -> Array | None:
+        part = first + transpose(self.first) @ last @ self.first
+        parts = [part]
+        for Phi in self.levels[:-1]:
+            pairs = len(Phi) // 2 * 2
+            ahead = Phi[0:pairs:2]
+            part = np.concatenate([part[0:pairs:2] + transpose(ahead) @ part[1:pairs:2] @ ahead, part[pairs:]])
+            parts.append(part)
+        behind = close_period(self.levels[-1], parts[-1])
+        if behind is None:
+            return None
+        for Phi, part in zip(self.levels[-2::-1], parts[-2::-1], strict=True):
+            pairs = len(Phi) // 2 * 2
+            below = np.empty_like(part)
+            below[1:pairs:2], below[pairs:] = behind[: pairs // 2], behind[pairs // 2 :]
+            second = Phi[1:pairs:2]
+            below[0:pairs:2] = part[1:pairs:2] + transpose(second) @ below[1:pairs:2] @ second
+            behind = below
+        return symmetrize(parts[0] + transpose(self.levels[0]) @ behind @ self.levels[0])
+
+    def _integrate(self, F: Array) -> Array:
+        """The integral of exp(M' r) F exp(M r) over each half step."""
+        total = self.share * (self.halves * F).reshape(-1, *F.shape[1:])
+        once = twice(total @ self.steps)
+        total += 0.5 * once + twice(once @ self.steps) / 6
+        for power in self.powers[:-1]:
+            total += transpose(power) @ total @ power
+        return total
+
+    def _integrate_line(self, slope: Array) -> tuple[Array, Array]:
+        """The integrals over each half step s of exp(M' r) r F' exp(M r), and of the same with s in place of r."""
+        change = self.share * (self.halves * slope).reshape(-1, *slope.shape[1:])
+        step = self.share * self.halves.reshape(-1, 1, 1)
+        once = twice(change @ self.steps)
+        again = twice(once @ self.steps)
+        total, whole = step * (change / 2 + once / 3 + again / 8), step * (change + once / 2 + again / 6)
+        for power in self.powers[:-1]:
+            total = total + transpose(power) @ (total + whole) @ power
+            whole = 2 * (whole + transpose(power) @ whole @ power)
+        return total, whole
+
+    def _divide(self, behind: Array, before: Array) -> tuple[Array, Array]:
+        """What belongs to the half steps behind each node, and to those before the next one."""
+        N = len(self.M)
+        return behind[-N:], np.roll(before[:N], -1, axis=0)
+
+
+def close_period(Phi: Array, part: Array) -> Array | None:
+    """D = Phi' D Phi + part of one period (1, n, n), by doubling; None where Phi does not decay."""
+    D = part
+    for _ in range(DOUBLINGS):
+        with np.errstate(over="ignore", invalid="ignore"):
+            more = transpose(Phi) @ D @ Phi
+            D, Phi = D + more, Phi @ Phi
+        if not np.isfinite(D).all():
+            return None
+        if np.abs(more).max() <= np.finfo(float).eps * np.abs(D).max():
+            return D
+    return None
+
+
+def twice(product: Array) -> Array:
+    """P + P'."""
+    return product + transpose(product)

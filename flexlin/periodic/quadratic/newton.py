@@ -1,0 +1,292 @@
+"""The Riccati equation by Newton's method on the series of X, as many times as X has waves, and a bound on the error from its residual."""
+
+from dataclasses import dataclass, replace
+from math import sqrt
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.errors import NumericalError, ToleranceNotReached
+from flexlin.periodic.quadratic.doubling import carry_costs
+from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, assemble_hamiltonian
+from flexlin.periodic.quadratic.lyapunov import LoopLyapunov, twice
+from flexlin.periodic.quadratic.nodes import FourierNodes, Nodes
+from flexlin.periodic.quadratic.scattering import Segment, scatter_exponentials, star_product, symmetrize, transpose
+from flexlin.periodic.quadratic.solution import RiccatiSolution
+
+COARSE, FINE = 64, 1024
+"""Nodes on which X is begun, and on which a mode is named that keeps it from being."""
+MOST, MOST_ENTRIES, TRIES = 2**13, 2**21, 16
+"""Nodes, entries of X at all of them, and grids at the most."""
+ROUNDS, SLOWER = 24, 0.3
+"""Corrections on a grid, and the factor by which each has to be smaller than the one before: else the nodes show no more."""
+KNOWN, CLOSE, CLOSEST = 1e-3, 1e-3, 1e-14
+"""The change of X after which its loop is known, the one that ends corrections, relative to tol, and the least one."""
+SEEN = 0.05
+"""Part of tol below which waves need not be seen."""
+ROUNDING = 2 * np.finfo(float).eps
+"""Rounding of a sum of products, relative to the sum of their sizes."""
+NOISE, PROBE, SAFETY = 1 / 8, 20, 3.0
+"""Of it, three times the root mean square that was seen; seed of the signs that it is given; factor on the errors that are found."""
+FLOOR = 1e-3
+"""Least weight of a state in W, relative to the largest, in units in which X has a diagonal of ones."""
+MOST_LEFT, MOST_CURVED = 0.5, 0.2
+"""Largest share of W that D may miss, and the largest q, up to which the proof holds."""
+BETTER = 0.5
+"""Factor by which more nodes have to lower the error to be worth it."""
+FAR = 1e3
+"""A change of X from which no way leads back."""
+EASIER, EASED, LOOSE = 100.0, 5, 1e-3
+"""The factor on R, how often it is taken, and the accuracy of X on the way."""
+HELD = 1e-8
+"""Part of the size that rounding might make of X up to which it is believed."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Ar, G with G G' = B R^-1 B', and Qr of a problem at times, in units of the states."""
+
+    A: Array
+    G: Array
+    Q: Array
+
+    @classmethod
+    def of(cls, problem: LinearQuadratic, t: Array, units: Array) -> "Samples":
+        A, G, Q = problem.factored(t)
+        return cls(A * (units[:, None] / units), G * units[:, None], Q / np.outer(units, units))
+
+    def compare(self, X: Array, slopes: Array) -> tuple[Array, Array]:
+        """The residual F = X' + A' X + X A - X G G' X + Q, and the loop A - G G' X."""
+        pull = transpose(self.G) @ X
+        F = slopes + twice(X @ self.A)
+        F -= transpose(pull) @ pull
+        F += self.Q
+        return F, self.A - self.G @ pull
+
+    def sum_sizes(self, X: Array, slopes: Array) -> Array:
+        """The sizes of all that is added in the residual; what is lost in G' X is multiplied by G' X."""
+        pull = transpose(self.G) @ X
+        by_pull = transpose(np.abs(pull)) @ (transpose(np.abs(self.G)) @ np.abs(X))
+        return np.abs(slopes) + twice(np.abs(X) @ np.abs(self.A) + by_pull) + np.abs(self.Q)
+
+
+def solve_by_newton(
+    problem: LinearQuadratic, nodes: Nodes, end: Array | None, tol: float, eased: int = 0
+) -> RiccatiSolution:
+    """Solve on ever finer nodes until the bound on the error meets tol; the best answer, with its status.
+
+    Where cheap inputs turn, steps of a coarse start let them push in more directions than they do. Then R is made larger until it is none
+    too coarse: by the gain margin of the optimal loop, its X with the smaller R stabilises too.
+
+    Parameters: eased: how often that was done.
+    Raises: NotStabilizable, NotDetectable; ToleranceNotReached where nothing is proved.
+    """
+    best: RiccatiSolution | None = None
+    begun = begin(problem, nodes.resize(COARSE), end)
+    X, seen = begun.nodes.series(begun.X)(nodes.places), SEEN * tol
+    for _ in range(TRIES):
+        if nodes.count > min(MOST, MOST_ENTRIES // X.shape[1] ** 2):
+            break
+        corrected = correct_until_closed(problem, nodes, X, max(CLOSE * tol, CLOSEST))
+        if corrected is None and begun.nodes.count < FINE:
+            begun = begin(problem, begun.nodes.resize(4 * begun.nodes.count), end)
+            nodes = nodes.resize(max(nodes.count, begun.nodes.count))
+            X = begun.nodes.series(begun.X)(nodes.places)
+            continue
+        if corrected is None:
+            begin(problem, begun.nodes, end, exact=True)
+            if best is not None or eased == EASED:
+                break
+            try:
+                X = solve_by_newton(problem.ease(EASIER), nodes, end, LOOSE, eased + 1).X(nodes.places)
+            except NumericalError:
+                break
+            eased = EASED
+            continue
+        finer = nodes.refine(corrected.X, seen)
+        if finer is None:
+            found = judge(problem, corrected, tol)
+            missed = np.inf if found is None else max(found.error, found.gain_error) / tol
+            if found is not None:
+                worse = best is not None and found.error > BETTER * best.error
+                best = best if worse else replace(found, doublings=begun.doublings)
+                if worse or missed <= 1 or found.method_error <= BETTER * found.error:
+                    break
+            seen *= SEEN / min(missed, 1 / SEEN)
+            finer = nodes.refine(corrected.X, seen) or nodes.resize(2 * nodes.count)
+        X, nodes = nodes.series(corrected.X * np.outer(corrected.units, corrected.units))(finer.places), finer
+    if best is None:
+        sizes = [float(np.abs(part).max()) for part in problem.reduced(nodes.t[:COARSE])]
+        raise ToleranceNotReached(
+            "the Riccati equation was not solved to the asked accuracy: its coefficients may lie too far apart to be computed with",
+            got="|A| = {:.2g}, |B R^-1 B'| = {:.2g}, |Q| = {:.2g} (less what N takes)".format(*sizes),
+            expected=f"a proof of an error of at most {tol:.2g} on up to {nodes.count} nodes",
+            todo="bring states, inputs and weights to like sizes (a small R makes fast modes), or ask for a larger tol",
+        )
+    limited = f"limited by rounding: error {best.error:.1g} above the asked {tol:.1g}; ask for tol={2 * best.error:.0e}"
+    return best if best.error <= tol else replace(best, status=limited)
+
+
+@dataclass(frozen=True)
+class Begun:
+    """About X at nodes, and how often the period was doubled for it."""
+
+    nodes: Nodes
+    X: Array
+    doublings: int
+
+
+def begin(problem: LinearQuadratic, nodes: Nodes, end: Array | None, exact: bool = False) -> Begun:
+    """About X at the nodes, by segments on which the Hamiltonian is held constant half-way to each neighbour: well posed however coarse.
+
+    exact: an X that rounding might have made is none then.
+    Raises: NotStabilizable, NotDetectable, with the mode's name.
+    """
+    H = assemble_hamiltonian(*problem.reduced(nodes.t))
+    halves = scatter_exponentials((nodes.halves[:, :, None, None] * H).reshape(-1, *H.shape[1:]))
+    count = nodes.count
+    before = Segment(*(np.roll(part[:count], -1, axis=0) for part in (halves.F, halves.G, halves.H)))
+    gaps = star_product(halves[len(halves) - count :], before)[: nodes.gaps]
+    marks = np.append(nodes.t, nodes.period)[: nodes.gaps + 1]
+    X, doublings = carry_costs(gaps, end, problem, marks, HELD if exact else 1.0)
+    return Begun(nodes, X[:count], doublings)
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """X at nodes in units of the states, and the Lyapunov equation of its loop."""
+
+    nodes: Nodes
+    X: Array
+    units: Array
+    lyapunov: LoopLyapunov
+
+
+def correct_until_closed(problem: LinearQuadratic, nodes: Nodes, X: Array, near: float) -> Corrected | None:
+    """Correct X at the nodes until it changes by less than `near`, or by what the nodes do not show; None where that does not settle.
+
+        -D' = Ac' D + D Ac + F,   X <- X + D,   F the residual of X, Ac = A - B R^-1 B' X
+
+    The steps are those of Newton's method (Kleinman) where the loop is new; then it is kept, and each corrects what the last one missed.
+    Source: Kleinman, IEEE Trans. Automat. Control 13 (1968) 114; Dutt, Greengard, Rokhlin, BIT 40 (2000) 241 (deferred correction).
+    """
+    units = measure_states(X)
+    samples, X = Samples.of(problem, nodes.t, units), X / np.outer(units, units)
+    last = np.inf
+    for k in range(ROUNDS):
+        F, M = samples.compare(X, nodes.slopes(X))
+        with np.errstate(over="ignore", invalid="ignore"):  # of loops that are not stable
+            if last > KNOWN:
+                lyapunov = LoopLyapunov(M, nodes)
+            D = lyapunov.solve(F)
+        if D is None:
+            return None
+        moved = float(np.abs(D).max())
+        X = X + (nodes.sharpen(D) if moved < KNOWN else D)
+        if not moved < FAR:
+            return None
+        small = moved <= near or (k and moved * moved / last <= near)
+        if small or (moved < KNOWN and (moved <= nodes.tail(X) or moved > SLOWER * last)):
+            return Corrected(nodes, X, units, lyapunov)
+        last = moved
+    return None
+
+
+def judge(problem: LinearQuadratic, corrected: Corrected, tol: float) -> RiccatiSolution | None:
+    """Put the solution together with a bound on its error from its residual F between the nodes; None where this proves nothing.
+
+        -D' = Ac' D + D Ac + W + G,   -W <= F <= W,   -r W <= G <= r W,   D > 0 at one time
+
+    W is diagonal and constant on each panel, G what is left over of D's own equation. With D1 = D / (1 - r), by Lyapunov's theorem the
+    loop Ac is stable. An error E of X obeys Lyapunov's equation with the right side F - E S E; with q = max tr(S D1) tr(W^-1 D1) < 1/4 the
+    map from E to its solution keeps
+
+        -k D1 <= E <= k D1,   |E_ij| <= k sqrt(D1_ii D1_jj),   k = 2 / (1 + sqrt(1 - 4 q))
+
+    The signs of F are as bad as can be in this. Where that misses tol, E is what the loop makes of F as it was computed, and of F as it
+    might be rounded (`carry_residual`), by a factor. Assumes that F is smooth between the times at which it is looked at.
+    Source: Bittanti, Colaneri, Periodic Systems (2009), ch. 4 (periodic Lyapunov equation and inequality).
+    """
+    nodes, X, units, lyapunov = corrected.nodes, corrected.X, corrected.units, corrected.lyapunov
+    between, panels = nodes.between, len(nodes.edges) - 1
+    samples = Samples.of(problem, between, units)
+    X_between, slopes = nodes.look_between(X)
+    F, M = samples.compare(X_between, slopes)
+    noise = ROUNDING * samples.sum_sizes(X_between, slopes)
+    rows = [np.abs(part).sum(axis=2).reshape(panels, -1, len(units)).max(axis=1) for part in (F, noise)]
+    W = rows[0] + rows[1]
+    W = np.maximum(W, FLOOR * W.max(axis=1, keepdims=True) + 1e-100)
+    W_between, W_nodes = (np.repeat(W, count // panels, axis=0) for count in (len(between), nodes.count))
+    weight = W_nodes[:, :, None] * np.eye(len(units))
+    D, left = np.zeros_like(X), weight
+    for _ in range(ROUNDS // 4):
+        more = lyapunov.solve(left)
+        if more is None:
+            return None
+        D = D + nodes.sharpen(more)
+        D_between, D_slopes = nodes.look_between(D)
+        missed = D_slopes + twice(D_between @ M) + W_between[:, :, None] * np.eye(len(units))
+        scale = np.sqrt(W_between)
+        share = float(np.linalg.norm(missed / scale[:, :, None] / scale[:, None, :], axis=(1, 2)).max())
+        if share <= MOST_LEFT:
+            break
+        left = nodes.slopes(D) + twice(D @ lyapunov.M) + weight
+    if not share <= MOST_LEFT or not np.linalg.eigvalsh(D[0])[0] > 0:
+        return None
+    pulled = D_between @ samples.G / scale[:, :, None]
+    q = float(np.square(pulled).sum(axis=(1, 2)).max()) / (1 - share) ** 2
+    if not q <= MOST_CURVED:
+        return None
+    both = np.outer(units, units)
+    D = D * (2 / (1 + sqrt(1 - 4 * q)) / (1 - share) * both)
+    t, height = nodes.t, float(np.abs(X * both).max()) or 1.0
+    to_gain = np.linalg.solve(problem.R(t), transpose(problem.B(t)))
+    gain = float(np.abs(problem.gain(t, X * both)).max()) or 1.0
+    heights = np.diagonal(D, axis1=1, axis2=2).max(axis=1)
+    reached = ((to_gain @ D) * to_gain).sum(axis=2).max(axis=1)
+    error, gain_error = float(heights.max()) / height, sqrt(float((reached * heights).max())) / gain
+    method_error = error * float((rows[0] / W).max())
+    if max(error, gain_error) > tol and isinstance(nodes, FourierNodes):
+        carried = carry_residual(LoopLyapunov(M, nodes), F, noise)
+        if carried is not None:
+            parts = [part * both for part in carried]
+            to_gain = np.linalg.solve(problem.R(between), transpose(problem.B(between)))
+            error = min(error, SAFETY * add_up(parts) / height)
+            gain_error = min(gain_error, SAFETY * add_up([to_gain @ part for part in parts]) / gain)
+            method_error = min(method_error, SAFETY * float(np.abs(parts[0]).max()) / height)
+    product = ROUNDING * float((np.abs(to_gain) @ np.abs(X * both)).max())
+    return RiccatiSolution(
+        problem=problem,
+        horizon=float(nodes.edges[-1]),
+        periodic=nodes.wraps,
+        series=nodes.series(X * both),
+        error=error + ROUNDING,
+        gain_error=gain_error + product / gain,
+        method_error=method_error,
+        residual=float(np.abs(F).max()) / max(float(np.abs(M).max()), 1 / nodes.edges[-1]),
+        doublings=0,
+        segments=nodes.count,
+        status="converged",
+    )
+
+
+def carry_residual(lyapunov: LoopLyapunov, F: Array, noise: Array) -> list[Array] | None:
+    """What a loop makes of a residual, and of its rounding with signs that are the same at all times, and with signs that change."""
+    signs = np.random.default_rng(PROBE).choice([-1.0, 1.0], (2, *F.shape))
+    signs[0] = signs[0, 0]
+    solved = (lyapunov.solve(part) for part in (F, *(symmetrize(NOISE * noise * sign) for sign in signs)))
+    parts = [part for part in solved if part is not None]
+    return parts if len(parts) == 1 + len(signs) else None
+
+
+def add_up(parts: list[Array]) -> float:
+    """The largest entry of the first part, plus the largest of all others."""
+    first, *others = (float(np.abs(part).max()) for part in parts)
+    return first + max(others)
+
+
+def measure_states(X: Array) -> Array:
+    """The root of the largest diagonal entries of X (N, n, n), as powers of two: (n,)."""
+    diagonal = np.sqrt(np.diagonal(X, axis1=1, axis2=2).clip(0.0).max(axis=0))
+    least = 1e-12 * diagonal.max() or 1.0
+    return np.asarray(2.0 ** np.round(np.log2(np.maximum(diagonal, least))))
