@@ -8,7 +8,7 @@ from flexlin.about.deviation import Deviation
 from flexlin.about.periodic_motion import PeriodicMotion
 from flexlin.arguments import checked, instance
 from flexlin.checks import Array
-from flexlin.periodic.controlled import extend_system
+from flexlin.periodic.related import extend_system
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.symbolic import selected
 

@@ -14,7 +14,7 @@ from flexlin.errors import ArgumentError
 from flexlin.lazy import lazy
 from flexlin.mechanics.chain import build_manipulator
 from flexlin.motion import SymbolicMotion
-from flexlin.periodic.controlled import extend_system
+from flexlin.periodic.related import extend_system
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
 from flexlin.scene.scene import Scene
 from flexlin.summary import represent

@@ -16,8 +16,7 @@ from flexlin.lazy import lazy
 from flexlin.mechanics.effects import Effect, effects_of
 from flexlin.mechanics.effects.narrow import Features
 from flexlin.motion import SymbolicMotion
-from flexlin.periodic.companion import build_companion, build_input
-from flexlin.periodic.second_order import SecondOrder
+from flexlin.periodic.second_order import SecondOrder, build_companion, build_input
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.control import Control
 from flexlin.scene.parameters import replace_value
@@ -225,16 +224,8 @@ class Linearization(SecondOrderEquations):
         second_order = (
             None if self.controller is not None else SecondOrder(self.M, self.D, self.K, force, self.equations)
         )
-        return PeriodicSystem.assembled(
-            A=self.state_matrix,
-            period=self.period,
-            B=B,
-            breaks=self.breaks,
-            second_order=second_order,
-            features=self.features,
-            complete=self.complete,
-            n=self.states,
-            m=self.about.m,
+        return PeriodicSystem(
+            self.state_matrix, self.period, B, self.breaks, second_order, self.features, self.complete
         )
 
     def state_matrix(self, t: Array) -> Array:

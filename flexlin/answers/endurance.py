@@ -6,8 +6,8 @@ import numpy as np
 
 from flexlin.answers.analysis import Analysis
 from flexlin.answers.clock import Clock
-from flexlin.periodic.controlled import extend_system
 from flexlin.periodic.margins import Margins, margins
+from flexlin.periodic.related import extend_system
 
 
 def find_loop_margins(a: Analysis, clock: Clock) -> dict[str, Margins]:

@@ -8,7 +8,7 @@ from flexlin.about.law import Law
 from flexlin.about.linear import Linearization
 from flexlin.checks import Array
 from flexlin.control.tracking import scene_feedforward, tip_positions
-from flexlin.periodic.controlled import OfPlant
+from flexlin.periodic.related import OfPlant
 from flexlin.periodic.response.forced import forced_response
 from flexlin.periodic.response.result import ForcedResponse
 from flexlin.periodic.system import PeriodicSystem

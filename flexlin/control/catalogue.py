@@ -17,7 +17,7 @@ from flexlin.control.periodic import periodic_lqr
 from flexlin.control.weights import diagonal_weight
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import Constant
-from flexlin.periodic.controlled import extend_system
+from flexlin.periodic.related import extend_system
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
 from flexlin.scene.weights import Weights
 

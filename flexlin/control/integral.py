@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 from flexlin.arguments import checked
 from flexlin.checks import real_array
 from flexlin.errors import ArgumentError
-from flexlin.periodic.controlled import extend_system
+from flexlin.periodic.related import extend_system
 from flexlin.periodic.system import PeriodicSystem, as_system
 
 

@@ -12,7 +12,7 @@ from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.link_shapes import make_shapes
 from flexlin.periodic.coefficients import Constant
-from flexlin.periodic.companion import solve_mass
+from flexlin.periodic.second_order import solve_mass
 from flexlin.periodic.system import MatrixFunction
 from flexlin.scene.scene import Scene
 

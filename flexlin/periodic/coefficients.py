@@ -12,14 +12,11 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.chebyshev import ChebyshevPanels
-from flexlin.periodic.companion import build_companion, build_input
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.grid import NAMED, golden
 
 MatrixFunction = Callable[[Array], Array]
 """Times (N,) -> (N, rows, columns)."""
-SecondOrderFunction = Callable[[Array], tuple[Array, Array, Array]]
-"""Times (N,) -> M, D, K, each (N, n, n)."""
 PROBES = golden(np.arange(3))
 """Where in a period a coefficient is looked at before it is used."""
 
@@ -62,51 +59,9 @@ class ClosedLoop:
         return self.A(t) - self.B(t) @ self.K(t)
 
 
-@dataclass(frozen=True)
-class SecondOrderLoop:
-    """M, D + F K_v, K + F K_y: the second-order coefficients with u = -[K_y, K_v] [y; y'] closed."""
-
-    plant: SecondOrderFunction
-    force: MatrixFunction
-    gain: MatrixFunction
-
-    def __call__(self, t: Array) -> tuple[Array, Array, Array]:
-        M, D, K = self.plant(t)
-        n = M.shape[-1]
-        feedback = self.force(t) @ self.gain(t)
-        return M, D + feedback[..., n:], K + feedback[..., :n]
-
-
-@dataclass(frozen=True)
-class OneOfThree:
-    """M, D or K alone, from a function that gives all three."""
-
-    together: SecondOrderFunction
-    index: int
-
-    def __call__(self, t: Array) -> Array:
-        return self.together(t)[self.index]
-
-
-@dataclass(frozen=True)
-class StateMatrix:
-    """[[0, I], [-M^-1 K, -M^-1 D]], (N, 2n, 2n)."""
-
-    second_order: SecondOrderFunction
-
-    def __call__(self, t: Array) -> Array:
-        return build_companion(*self.second_order(t), t)
-
-
-@dataclass(frozen=True)
-class InputMatrix:
-    """[0; M^-1 F], (N, 2n, m)."""
-
-    M: MatrixFunction
-    force: MatrixFunction
-
-    def __call__(self, t: Array) -> Array:
-        return build_input(self.M(t), self.force(t), t)
+def varies(coefficient: MatrixFunction, period: float) -> bool:
+    """Whether a coefficient is more than one matrix that is handed out at all times."""
+    return not isinstance(coefficient, Constant) and bool(coefficient(period * PROBES).strides[0] != 0)
 
 
 def as_matrix_function(name: str, value: MatrixFunction | ArrayLike) -> MatrixFunction:

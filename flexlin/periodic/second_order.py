@@ -1,12 +1,16 @@
-"""The second-order equations behind a periodic system."""
+"""The second-order equations M y'' + D y' + K y = F u behind a periodic system, and the first-order one that they make."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.errors import ArgumentError
-from flexlin.periodic.coefficients import MatrixFunction, OneOfThree, SecondOrderFunction, SecondOrderLoop
+from flexlin.errors import ArgumentError, SingularMassMatrix
+from flexlin.periodic.coefficients import MatrixFunction
+
+SecondOrderFunction = Callable[[Array], tuple[Array, Array, Array]]
+"""Times (N,) -> M, D, K, each (N, n, n)."""
 
 
 @dataclass(frozen=True)
@@ -33,3 +37,90 @@ class SecondOrder:
             raise ArgumentError("the equations have no input", got="force = None", expected="an input matrix")
         together = SecondOrderLoop(self.sample, self.force, gain)
         return SecondOrder(self.M, OneOfThree(together, 1), OneOfThree(together, 2), self.force, together)
+
+
+@dataclass(frozen=True)
+class SecondOrderLoop:
+    """M, D + F K_v, K + F K_y: the second-order coefficients with u = -[K_y, K_v] [y; y'] closed."""
+
+    plant: SecondOrderFunction
+    force: MatrixFunction
+    gain: MatrixFunction
+
+    def __call__(self, t: Array) -> tuple[Array, Array, Array]:
+        M, D, K = self.plant(t)
+        n = M.shape[-1]
+        feedback = self.force(t) @ self.gain(t)
+        return M, D + feedback[..., n:], K + feedback[..., :n]
+
+
+@dataclass(frozen=True)
+class OneOfThree:
+    """M, D or K alone, from a function that gives all three."""
+
+    together: SecondOrderFunction
+    index: int
+
+    def __call__(self, t: Array) -> Array:
+        return self.together(t)[self.index]
+
+
+@dataclass(frozen=True)
+class StateMatrix:
+    """[[0, I], [-M^-1 K, -M^-1 D]], (N, 2n, 2n)."""
+
+    second_order: SecondOrderFunction
+
+    def __call__(self, t: Array) -> Array:
+        return build_companion(*self.second_order(t), t)
+
+
+@dataclass(frozen=True)
+class InputMatrix:
+    """[0; M^-1 F], (N, 2n, m)."""
+
+    M: MatrixFunction
+    force: MatrixFunction
+
+    def __call__(self, t: Array) -> Array:
+        return build_input(self.M(t), self.force(t), t)
+
+
+def build_companion(M: Array, D: Array, K: Array, t: Array) -> Array:
+    """Return A = [[0, I], [-M^-1 K, -M^-1 D]] for x = [y; y'], (N, 2n, 2n), from M, D, K (N, n, n) at the times t (N,).
+
+    Raises: SingularMassMatrix, naming the time.
+    """
+    n = M.shape[-1]
+    solved = -solve_mass(M, np.concatenate([K, D], axis=-1), t)
+    return stack_companion(solved[..., :n], solved[..., n:])
+
+
+def build_input(M: Array, F: Array, t: Array) -> Array:
+    """Return B = [0; M^-1 F] for x = [y; y'], (N, 2n, m), from M (N, n, n) and F (N, n, m) at the times t (N,).
+
+    Raises: SingularMassMatrix, naming the time.
+    """
+    lower = solve_mass(M, F, t)
+    return np.concatenate([np.zeros_like(lower), lower], axis=-2)
+
+
+def stack_companion(X: Array, Y: Array) -> Array:
+    """Return [[0, I], [X, Y]] for blocks (..., n, n): the state matrix of y'' = X y + Y y'."""
+    n = X.shape[-1]
+    A = np.zeros((*X.shape[:-2], 2 * n, 2 * n))
+    A[..., :n, n:] = np.eye(n)
+    A[..., n:, :n], A[..., n:, n:] = X, Y
+    return A
+
+
+def solve_mass(M: Array, right: Array, t: Array) -> Array:
+    """Solve M z = right at each time, naming the time at which M is singular."""
+    try:
+        return np.linalg.solve(M, right)
+    except np.linalg.LinAlgError:
+        worst = int(np.argmin([np.linalg.svd(m, compute_uv=False)[-1] for m in M]))
+        raise SingularMassMatrix(
+            f"the mass matrix is singular at t = {t[worst]:.6g} s",
+            todo="give every coordinate inertia, or remove the coordinate",
+        ) from None

@@ -1,7 +1,7 @@
 """The periodic linear system x' = A(t) x + B(t) u, the common currency of the numeric wing."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,24 +12,18 @@ from flexlin.errors import ArgumentError
 from flexlin.lazy import lazy
 from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.coefficients import (
-    PROBES,
     ClosedLoop,
     Constant,
-    InputMatrix,
     MatrixFunction,
-    SecondOrderFunction,
-    StateMatrix,
     as_matrix_function,
-    check_finite,
     check_samples,
     has_nothing_narrow,
 )
 from flexlin.periodic.fourier import FourierSeries
-from flexlin.periodic.ports import resolve_port
 from flexlin.periodic.resolved.companion import ResolvedCompanion, weigh_entries
 from flexlin.periodic.resolved.matrix import ResolvedMatrix, close_loop
-from flexlin.periodic.resolved.resolve import check_places, resolve, resolve_constant
-from flexlin.periodic.second_order import SecondOrder
+from flexlin.periodic.resolved.resolve import check_places, resolve, resolve_constant, resolve_port
+from flexlin.periodic.second_order import InputMatrix, SecondOrder, SecondOrderFunction, StateMatrix
 from flexlin.summary import represent
 
 Pairs = tuple[tuple[float, float], ...]
@@ -138,21 +132,8 @@ class PeriodicSystem:
             rows, m = check_samples("B", B, period).shape[1:]
             if rows != n:
                 raise ArgumentError("B has the wrong number of rows", got=rows, expected=str(n))
-        self._take(A, period, B, corners, second_order, narrow, complete, n, m)
-
-    def _take(self, *values: object) -> None:
-        """Hold the values of all fields, in their order."""
-        for one, value in zip(fields(self), values, strict=True):
-            object.__setattr__(self, one.name, value)
-
-    @classmethod
-    def assembled(cls, like: "PeriodicSystem | None" = None, /, **parts: object) -> "PeriodicSystem":
-        """A system of fields that are known to fit, those that are left out as of another system or their defaults: nothing is sampled."""
-        made = object.__new__(cls)
-        start = {"B": None, "breaks": (), "second_order": None, "features": (), "complete": False, "m": 0}
-        known = (start if like is None else {one.name: getattr(like, one.name) for one in fields(like)}) | parts
-        made._take(*(known[one.name] for one in fields(cls)))
-        return made
+        parts = {"breaks": corners, "second_order": second_order, "features": narrow, "complete": complete}
+        vars(self).update(A=A, period=period, B=B, n=n, m=m, **parts)
 
     @lazy
     def resolved(self) -> ResolvedMatrix | ResolvedCompanion:
@@ -240,7 +221,7 @@ class PeriodicSystem:
             When M cannot be inverted.
         """
         M, D, K = (as_matrix_function(name, f) for name, f in (("M", M), ("D", D), ("K", K)))
-        period, corners, narrow = place_corners(period, breaks, features)
+        period = positive("period", period)
         size = check_samples("M", M, period).shape[1:]
         for name, f in (("D", D), ("K", K)):
             got = check_samples(name, f, period).shape[1:]
@@ -249,15 +230,12 @@ class PeriodicSystem:
         if size[0] != size[1] or not size[0]:
             raise ArgumentError("M is not square", got=size, expected="(n, n), at least one coordinate")
         force = None if B is None else as_matrix_function("B", B)
-        rows, m = (size[0], 0) if force is None else check_samples("B", force, period).shape[1:]
+        rows = size[0] if force is None else check_samples("B", force, period).shape[1]
         if rows != size[0]:
             raise ArgumentError("B has the wrong number of rows", got=rows, expected=str(size[0]))
         equations = SecondOrder(M, D, K, force, together)
-        A = StateMatrix(equations.sample)
-        check_finite("A", A(period * PROBES), period * PROBES)
-        parts = {"breaks": corners, "features": narrow, "complete": complete, "n": 2 * size[0], "m": m}
-        input_matrix = None if force is None else InputMatrix(M, force)
-        return cls.assembled(A=A, period=period, B=input_matrix, second_order=equations, **parts)
+        B = None if force is None else InputMatrix(M, force)
+        return cls(StateMatrix(equations.sample), period, B, breaks, equations, features, complete)
 
     def feedback(self, gain: MatrixFunction | ArrayLike, breaks: Sequence[float] = ()) -> "PeriodicSystem":
         """Close the loop u = -K(t) x: the system x' = (A - B K) x + B u.
@@ -284,19 +262,12 @@ class PeriodicSystem:
         if self.B is None:
             raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
         K = as_matrix_function("gain", gain)
-        known = isinstance(K, FourierSeries)  # at all times
-        got = (
-            K.coefficients.shape[1:]
-            if isinstance(K, FourierSeries)
-            else check_samples("gain", K, self.period).shape[1:]
-        )
+        got = check_samples("gain", K, self.period).shape[1:]
         if got != (self.m, self.n):
             raise ArgumentError("the gain does not fit the system", got=got, expected=f"({self.m}, {self.n})")
         second_order = None if self.second_order is None else self.second_order.feedback(K)
         loop = ClosedLoop(self.A, self.B, K, self)
         complete = self.complete and has_nothing_narrow(K)
-        if known and not len_of(breaks):
-            return PeriodicSystem.assembled(self, A=loop, second_order=second_order, complete=complete)
         corners = (*self.breaks, *breaks, *(K.edges[:-1] if isinstance(K, ChebyshevPanels) else ()))
         return PeriodicSystem(loop, self.period, self.B, corners, second_order, self.features, complete)
 

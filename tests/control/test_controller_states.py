@@ -13,7 +13,7 @@ from flexlin.answers.disturbed.respond import respond
 from flexlin.answers.disturbed.stated import state_disturbance
 from flexlin.control import linearize_about, periodic_motion
 from flexlin.errors import ArgumentError, SceneError
-from flexlin.periodic.controlled import extend_system
+from flexlin.periodic.related import extend_system
 from flexlin.scene.parameters import get_value
 from flexlin.simulation.drive import Drive
 from flexlin.simulation.step_by_step import follow_cut

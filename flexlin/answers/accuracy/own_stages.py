@@ -15,13 +15,13 @@ from flexlin.checks import Array
 from flexlin.mechanics import build_manipulator
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion
-from flexlin.periodic.controlled import OfPlant
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.product.balancing import multiply_scaled
 from flexlin.periodic.product.spectrum import product_logs
 from flexlin.periodic.quadratic.riccati import RiccatiSolution, periodic_riccati
+from flexlin.periodic.related import OfPlant
 from flexlin.periodic.response.forced import forced_response
 from flexlin.periodic.response.result import ForcedResponse
 from flexlin.periodic.system import PeriodicSystem

@@ -12,7 +12,7 @@ from flexlin.checks import Array
 from flexlin.control.measurement import tip_position
 from flexlin.errors import ArgumentError
 from flexlin.lazy import lazy
-from flexlin.periodic.companion import build_input
+from flexlin.periodic.second_order import build_input
 
 AXES = "xyz"
 

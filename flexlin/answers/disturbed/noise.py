@@ -10,9 +10,8 @@ from flexlin.answers.disturbed.directions import Directions
 from flexlin.answers.disturbed.stated import Disturbance
 from flexlin.checks import Array
 from flexlin.periodic.coefficients import MatrixFunction
-from flexlin.periodic.controlled import OfPlant
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
-from flexlin.periodic.related import Backward, dual_system
+from flexlin.periodic.related import Backward, OfPlant, dual_system
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
 

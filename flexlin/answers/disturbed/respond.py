@@ -16,8 +16,8 @@ from flexlin.checks import Array, check_size, positive
 from flexlin.control.drives import DriveLoad, drive_load
 from flexlin.errors import ArgumentError, NumericalError
 from flexlin.periodic.coefficients import MatrixFunction
-from flexlin.periodic.controlled import OfPlant
 from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.related import OfPlant
 from flexlin.periodic.response.forced import forced_response
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.drives import Drives

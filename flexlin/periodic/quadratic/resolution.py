@@ -6,14 +6,13 @@ from functools import reduce
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.coefficients import Constant, MatrixFunction, has_nothing_narrow
+from flexlin.periodic.coefficients import Constant, MatrixFunction, has_nothing_narrow, varies
 from flexlin.periodic.fourier import FourierSeries, fourier_nodes, real_fourier_coefficients
 from flexlin.periodic.grid import edges_of_short
-from flexlin.periodic.ports import resolve_port, varies
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.resolved.matrix import WAVES, ResolvedMatrix, divided
-from flexlin.periodic.resolved.resolve import resolve
+from flexlin.periodic.resolved.resolve import resolve, resolve_port
 from flexlin.periodic.system import PeriodicSystem
 
 MOST_PANELS = 128

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.companion import build_companion
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.resolved.matrix import Discontinuity, OfSeries, ResolvedMatrix, Series
 from flexlin.periodic.resolved.panels import NODES
+from flexlin.periodic.second_order import build_companion
 
 HIDDEN = 1e-3
 """An entry is resolved to 1e-13 of this share of its weight, or of its own size where that is larger: no worse than rounding."""

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.chebyshev import ChebyshevPanels
+from flexlin.periodic.coefficients import MatrixFunction, varies
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.grid import NAMED
 from flexlin.periodic.resolved.fourier_fit import REPEATS, FourierFit
@@ -106,6 +107,17 @@ def resolve(
 def resolve_constant(A: Array, period: float) -> ResolvedMatrix:
     """Represent a matrix (rows, columns) that does not depend on time."""
     return ResolvedMatrix(FourierSeries(A[None], period), (), (), 4 * EPS * np.abs(A), 1)
+
+
+def resolve_port(
+    given: MatrixFunction,
+    period: float,
+    breaks: Sequence[float],
+    features: Sequence[tuple[float, float]],
+    complete: bool,
+) -> ResolvedMatrix | None:
+    """What stands beside A(t), an input, an output or a weight, as `resolve` does it; nothing where it does not vary."""
+    return resolve(given, period, breaks, features, complete=complete) if varies(given, period) else None
 
 
 def _on_panels(sample: Sampler, named: Array, pairs: Array, tol: float, wary: bool, repeats: bool) -> ResolvedMatrix:

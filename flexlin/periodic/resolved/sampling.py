@@ -59,7 +59,7 @@ class Sampler:
         return rows
 
     def unwrapped(self, t: Array) -> Array:
-        """Sample at the times as they are, which tells nothing of the sizes within the period."""
+        """Sample at the times as they are; sizes beyond the period do not count."""
         if not len(t):
             return np.empty((0, len(self.scale)))
         parts: list[Array] = []

@@ -8,11 +8,11 @@ import numpy as np
 from flexlin._core import declare
 from flexlin.checks import Array
 from flexlin.lapack import LAPACK
-from flexlin.periodic.companion import build_companion
 from flexlin.periodic.product.spectrum import Unknown
 from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.uncertainty import EPS, LASTING
+from flexlin.periodic.second_order import build_companion
 from flexlin.periodic.transition.gauss import Tableau, collocate, collocate_accelerations, fold_samples
 
 Resolved = ResolvedMatrix | ResolvedCompanion
