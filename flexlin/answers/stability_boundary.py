@@ -10,7 +10,8 @@ from flexlin.answers.spectra import Family, Source, make_family
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, whole
 from flexlin.errors import ArgumentError
-from flexlin.periodic.boundary.curves import CELLS, Curve, find_curves
+from flexlin.periodic.boundary.curves import Curve, find_curves
+from flexlin.periodic.boundary.lattice import CELLS
 from flexlin.periodic.boundary.spectra import Spectra
 from flexlin.summary import represent
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.periodic.boundary.lattice import CELLS
 from flexlin.periodic.boundary.lines import (
     REACH,
     ROOT,
@@ -18,13 +19,10 @@ from flexlin.periodic.boundary.lines import (
 )
 from flexlin.periodic.boundary.spectra import Spectra, SpectraFunction, count_resting, drop_resting
 from flexlin.periodic.circle import measure_distances
+from flexlin.periodic.product.perturbation import CLOSE
 
 SAMPLES = 1025
 """Values of the scan: no interval of instability wider than 1/1024 of the range lies between two of them."""
-CELLS = 16
-"""Cells of the coarsest scan."""
-LIGHT = 0.1
-"""A multiplier that decays so little over a period may meet others anywhere: its cells are always divided."""
 
 
 @dataclass(frozen=True)
@@ -118,15 +116,16 @@ def settles(scan: Spectra) -> Array:
     """Between which neighbours of a scan (V,) the verdict cannot change, (V - 1,).
 
     Where both are stable: every log of a multiplier is further from the axis than it moves across the cell, by the factor REACH, as for
-    peaks of a scan. Where both are unstable: one that grows is so. Where neither has an answer there is nothing to find.
+    peaks of a scan, and by CLOSE, since one that decays less may meet others anywhere. Where both are unstable: one that grows is so.
+    Where neither has an answer there is nothing to find.
     """
     verdicts, known = scan.verdicts, scan.known
     logs = np.where(known[:, None], scan.logs, 0.0)
     apart = measure_distances(logs[:-1].T, logs[1:].T)  # (n, n, V - 1)
     there, back = REACH * apart.min(axis=1).T, REACH * apart.min(axis=0).T
     a, b = logs[:-1].real, logs[1:].real
-    decays = np.all((-a > there + LIGHT) & (-b > back + LIGHT), axis=1)
-    grows = np.any(a > there + LIGHT, axis=1) & np.any(b > back + LIGHT, axis=1)
+    decays = np.all((-a > there + CLOSE) & (-b > back + CLOSE), axis=1)
+    grows = np.any(a > there + CLOSE, axis=1) & np.any(b > back + CLOSE, axis=1)
     stable, unstable = (verdicts[1:] < 0) & (verdicts[:-1] < 0), (verdicts[1:] > 0) & (verdicts[:-1] > 0)
     return np.asarray((stable & decays) | (unstable & grows) | (~known[1:] & ~known[:-1]))
 

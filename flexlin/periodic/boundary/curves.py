@@ -6,18 +6,14 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.boundary.follow import EXACT, STEP, Vertices, find_directions, place_cubic, refine_pieces
-from flexlin.periodic.boundary.lattice import find_islands, find_nodes, link_nodes, spread
+from flexlin.periodic.boundary.lattice import CELLS, find_islands, find_nodes, link_nodes, spread
 from flexlin.periodic.boundary.spectra import Spectra, SpectraFunction, count_resting, drop_resting
 from flexlin.periodic.boundary.tips import Tip, find_tip
 
-CELLS, INNER = 32, 4
-"""Cells of the lattice on either side, and of a cell that is divided again."""
-MOST = 400
-"""Points on one cubic."""
+INNER = 4
+"""Cells on either side of a cell that is divided again."""
 SMALLEST = 2e-3
 """Boxes smaller than this part of the ranges are searched for a tongue's tip before they are divided."""
-JOINED = 1e-2
-"""Of a box's size: crossings of its border this close, found from inside and from outside, are one."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +70,7 @@ class Tracer:
         step = STEP * min(1.0, CELLS * size)
         directions = find_directions(nodes.points, nodes.angles, nodes.undamped, self.function, step)
         nodes = replace(nodes, directions=directions)
-        following = link_nodes(nodes, entered, left, size / cells)
+        following = link_nodes(nodes, entered, left)
         linked = np.flatnonzero(following >= 0)
         pairs = np.stack([linked, following[linked]], axis=1)
         trace = Trace(*refine_pieces(nodes, pairs, self.function, self.tol, step))
@@ -101,7 +97,7 @@ class Tracer:
             tip = find_tip(low, high, first.angles, first.undamped, self.function, self.tol)
             if tip is not None:
                 return join_through(trace, pairs, tip)
-        return join_traces(trace, self.trace(low, high, INNER), pairs, JOINED * size)
+        return join_traces(trace, self.trace(low, high, INNER), pairs, self.tol)
 
 
 def find_curves(function: SpectraFunction, tol: float, cells: int = CELLS, constant: bool = False) -> list[Curve]:
@@ -204,4 +200,4 @@ def count_points(first: Vertices, second: Vertices, tol: float) -> Array:
     length = np.linalg.norm(chord, axis=1)
     unit = chord / np.maximum(length, np.finfo(float).tiny)[:, None]
     turn = np.linalg.norm(first.directions - unit, axis=1) + np.linalg.norm(second.directions - unit, axis=1)
-    return np.where(length > 0, np.clip(np.ceil(np.sqrt(turn * length / (2 * tol))), 1, MOST), 1).astype(int)
+    return np.where(length > 0, np.maximum(np.ceil(np.sqrt(turn * length / (2 * tol))), 1), 1).astype(int)

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.boundary.roots import SignedEnds, solve_uncertain
+from flexlin.periodic.boundary.roots import ROOT, SignedEnds, solve_uncertain
 from flexlin.periodic.boundary.spectra import SpectraFunction, measure_margins
 
-STEP = 3e-5
+STEP = float(np.sqrt(ROOT))
 """Of the ranges: the step of the differences that give the margin's gradient, whose only use is the direction of the boundary.
 
 Exact derivatives cost 170 to 400 times as much as four values of the compiled kernel (13 times with 12 states), and turn it by 1e-5 rad
@@ -17,10 +17,6 @@ at the most.
 EXACT = 8.0
 """Points of the boundary are placed to this part of the wanted error; also how many times farther from a piece's middle each next look
 for the boundary goes."""
-BLURRED = 30.0
-"""Pieces shorter than this many errors of their ends are not halved: what bends them is rounding."""
-FARTHEST, DEEPEST = 1.5, 40
-"""How far from a piece's middle the boundary is looked for, in lengths of the piece, and how often pieces are halved at the most."""
 
 
 @dataclass(frozen=True)
@@ -90,11 +86,11 @@ def find_middles(
 
     every = np.arange(len(middle))
     here, outer = margin(every, 0.0 * length)[0], np.zeros(len(middle))
-    there, offset = here.copy(), FARTHEST * EXACT**-4
-    while offset <= FARTHEST:  # the margin's sign says on which side the boundary lies
-        which = np.flatnonzero((here != 0) & (np.sign(there) == np.sign(here)))
-        outer[which] = -np.sign(here[which]) * offset * length[which]
-        there[which] = margin(which, outer[which])[0] if len(which) else 0.0
+    there, offset, which = here.copy(), STEP, np.flatnonzero(here)
+    while len(which):  # the margin's sign says on which side the boundary lies
+        outer[which] = -np.sign(here[which]) * min(offset, 1.0) * length[which]
+        there[which] = margin(which, outer[which])[0]
+        which = which[(np.sign(there) == np.sign(here))[which] & (offset < 1)]
         offset *= EXACT
     met = np.flatnonzero(here * there <= 0)
     start = SignedEnds(np.zeros(len(met)), outer[met], here[met], there[met])
@@ -135,13 +131,11 @@ def refine_pieces(
     Returns: all vertices; for each the one that follows it, -1 where none does, and how far the boundary lay off; inf: it was not met.
     """
     follower, distance = np.full(len(vertices.points), -1), np.zeros(len(vertices.points))
-    for _ in range(DEEPEST):
-        if not len(pairs):
-            break
+    while len(pairs):
         first, second = vertices.at(pairs[:, 0]), vertices.at(pairs[:, 1])
         found, off, slope = find_middles(first, second, function, tol / EXACT)
         length = np.linalg.norm(second.points - first.points, axis=1)
-        short = length <= np.maximum(tol, BLURRED * np.maximum(first.errors, second.errors))
+        short = length <= np.maximum(tol, EXACT * np.maximum(first.errors, second.errors))
         near = np.flatnonzero((off <= tol / 2) & ~short)
         quarters = measure_quarters(first.at(near), second.at(near), found.at(near), slope[near], function)
         off[near] = np.maximum(off[near], quarters)

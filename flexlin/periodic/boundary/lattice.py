@@ -8,10 +8,10 @@ from flexlin.periodic.boundary.follow import Vertices
 from flexlin.periodic.boundary.lines import Scan, add_quiet_strips, add_tongues, list_changes, solve_changes
 from flexlin.periodic.boundary.spectra import Spectra, SpectraFunction
 
+CELLS = 32
+"""Cells of the coarsest scan, and of the lattice on either side."""
 ROUNDS = 4
 """How often a peak is looked at more closely, at nine points of a square a third as large each time."""
-SHORT = 0.1
-"""Weight of a link's length, in cells, against its turning."""
 
 
 def spread(xs: Array, ys: Array) -> Array:
@@ -97,11 +97,11 @@ def find_nodes(
     return nodes, entered, left
 
 
-def link_nodes(nodes: Vertices, entered: Array, left: Array, size: float) -> Array:
+def link_nodes(nodes: Vertices, entered: Array, left: Array) -> Array:
     """The node that follows each one (V,), -1 where the boundary leaves the range.
 
-    Where several pieces of the boundary pass through one cell, those links are taken that turn least, and then the short ones.
-    Parameters: entered, left (V, 2): cells; size: of a cell.
+    Where several pieces of the boundary pass through one cell, those links are taken that bend least, by turning times length.
+    Parameters: entered, left (V, 2): cells.
     """
     follower = np.full(len(entered), -1)
     for cell in np.unique(entered[entered[:, 0] >= 0], axis=0):
@@ -111,6 +111,6 @@ def link_nodes(nodes: Vertices, entered: Array, left: Array, size: float) -> Arr
         unit = chord / np.maximum(length, np.finfo(float).tiny)[..., None]
         ahead = np.einsum("ik,ijk->ij", nodes.directions[coming], unit)
         after = np.einsum("jk,ijk->ij", nodes.directions[going], unit)
-        rows, columns = linear_sum_assignment(SHORT * length / size - ahead - after)
+        rows, columns = linear_sum_assignment(length * (2 - ahead - after))
         follower[coming[rows]] = going[columns]
     return follower

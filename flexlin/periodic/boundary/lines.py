@@ -6,18 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.boundary.roots import SignedEnds, solve_brackets, solve_uncertain
+from flexlin.periodic.boundary.roots import MOST, ROOT, SignedEnds, solve_brackets, solve_uncertain
 from flexlin.periodic.boundary.spectra import Spectra, measure_margins, measure_meetings
 
-CLIMB = 14
-"""Steps towards a peak; a parabola through three values of a smooth function needs about six."""
 REACH = 2.0
 """A pair whose decay over a period exceeds its motion across a cell by this factor is not lifted to growth inside the cell alone."""
 UNLIKE = 0.5
 """Angles of multipliers that differ by more belong to different tongues."""
-NEAR = 2
-"""Undecided values beside a boundary that belong to the crossing; more of them are a system without damping."""
-ROOT = float(np.sqrt(np.finfo(float).eps))
 
 LinesFunction = Callable[[Array, Array], Spectra]
 """Lines (W,) and values (W,) along them -> spectra."""
@@ -152,7 +147,7 @@ def climb_peaks(scan: Scan, accuracy: float, settled: Array) -> Peaks:
     x, f, error = scan.values[three], heights[three, column], widest_error(scan.spectra)[index]
     unstable, climbing = np.zeros(len(index), dtype=bool), np.ones(len(index), dtype=bool)
     bend = np.maximum(-fit_parabola(x, f)[1], 0.0)
-    for _ in range(CLIMB):
+    for _ in range(MOST):
         which = np.flatnonzero(climbing)
         if not len(which):
             break
@@ -224,16 +219,15 @@ def add_quiet_strips(scan: Scan, accuracy: float) -> Scan:
 
 
 def list_changes(scan: Scan) -> Changes:
-    """The pairs of neighbours between which instability begins or ends; undecided values beside a stable one are stepped over."""
+    """The pairs of neighbours between which instability begins or ends; an undecided value beside a stable one is stepped over."""
     verdicts, known = scan.spectra.verdicts, scan.spectra.known
     edges = np.flatnonzero(scan.joined & ((verdicts[1:] > 0) != (verdicts[:-1] > 0)) & known[1:] & known[:-1])
     rising = verdicts[edges + 1] > 0
     quiet, unstable = np.where(rising, edges, edges + 1), np.where(rising, edges + 1, edges)
     stable, between = verdicts[quiet] < 0, (scan.values[edges] + scan.values[edges + 1]) / 2
-    for _ in range(NEAR):
-        beyond = np.clip(quiet + np.where(rising, -1, 1), 0, len(verdicts) - 1)
-        move = ~stable & (verdicts[quiet] == 0) & (verdicts[beyond] < 0) & (scan.line[beyond] == scan.line[quiet])
-        quiet, stable = np.where(move, beyond, quiet), stable | move
+    beyond = np.clip(quiet + np.where(rising, -1, 1), 0, len(verdicts) - 1)
+    move = (verdicts[quiet] == 0) & (verdicts[beyond] < 0) & (scan.line[beyond] == scan.line[quiet])
+    quiet, stable = np.where(move, beyond, quiet), stable | move
     angles = scan.spectra.logs.imag[np.arange(len(verdicts)), scan.spectra.leading][unstable]
     return Changes(scan.line[unstable], scan.values[quiet], scan.values[unstable], between, angles, ~stable)
 
@@ -243,8 +237,7 @@ def solve_changes(
 ) -> Zeros:
     """Narrow every change to `accuracy` by a function that is smooth through the boundary.
 
-    The slope is the mean one of a bracket; of one about a guess the smaller one from the zero to both ends, as a narrow tongue bends the
-    margin inside.
+    The slope is the smaller one from the zero to both ends of a bracket, as a narrow tongue bends the margin inside.
     Parameters: guess, reach: zeros by cheaper spectra, and how far beside them the signs are asked for first.
     """
 
@@ -264,11 +257,8 @@ def solve_changes(
     tiny = np.finfo(float).tiny
     start = SignedEnds(a, b, np.minimum(at_a, -tiny), np.maximum(at_b, tiny))
     ends, left = solve_uncertain(margin, start, accuracy)
-    if guess is None:
-        slope, rest = np.abs(at_b - at_a) / np.abs(b - a), ends.width / 2
-    else:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            slopes = np.array([at_a / (a - ends.best), at_b / (b - ends.best)]) * np.sign(b - a)
-        slope, rest = np.nanmin(np.where(slopes > 0, slopes, np.inf), axis=0), 2 * np.spacing(np.abs(ends.best))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slopes = np.array([at_a / (a - ends.best), at_b / (b - ends.best)]) * np.sign(b - a)
+    slope = np.nanmin(np.where(slopes > 0, slopes, np.inf), axis=0)
     error = np.minimum(left / slope, np.abs(found.unstable - found.quiet))
-    return Zeros(ends.best, error + rest, slope)
+    return Zeros(ends.best, error + 2 * np.spacing(np.abs(ends.best)), slope)

@@ -8,7 +8,8 @@ import numpy as np
 from flexlin.checks import Array
 
 MOST = 80
-"""Steps of the search; halving alone needs some 50."""
+"""Steps of a search; halving alone needs some 50."""
+ROOT = float(np.sqrt(np.finfo(float).eps))
 
 
 @dataclass(frozen=True)

@@ -6,19 +6,16 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from flexlin.checks import Array
+from flexlin.periodic.boundary.follow import EXACT
 from flexlin.periodic.boundary.lattice import spread
+from flexlin.periodic.boundary.roots import MOST
 from flexlin.periodic.boundary.spectra import SpectraFunction, measure_margins
+from flexlin.periodic.chebyshev import chebyshev_nodes
+from flexlin.periodic.product.perturbation import SAME
+from flexlin.periodic.resolved.panels import NODES
 
 DEGREE = 5
 """Of the polynomials through the margin on a box, along either side."""
-GRID, STEPS = 41, 30
-"""Points on a side from which the search for a critical point starts, and its Newton steps."""
-BEYOND = 1.05
-"""A tip may lie outside its box by this factor, as far as rounding of its sides goes."""
-BLURRED = 4.0
-"""A margin below so many times its own error is zero."""
-FLAT = 1e-6
-"""A second derivative this small beside the largest is none: sides that touch have no tip of their own inside."""
 
 
 @dataclass(frozen=True)
@@ -57,11 +54,11 @@ def find_tip(
         close = []
         for side in sides:
             point, bend = find_critical(margin, side)
-            if np.abs(point).max() <= BEYOND and bend > 0:
+            if np.abs(point).max() <= 1 + SAME and bend > 0:
                 left = abs(float(value_of(margin, point)))
                 apart = np.sqrt(2 * (left + rounding + tail) / bend) * (high - low).max() / 2
                 place = np.clip((low + high) / 2 + point * (high - low) / 2, 0.0, 1.0)
-                close.append(Tip(place, float(apart), left + tail <= BLURRED * rounding))
+                close.append(Tip(place, float(apart), left + tail <= EXACT * rounding))
         close = [tip for tip in close if tip.zero or tip.error <= tol]
         if close:
             return min(close, key=lambda tip: tip.error)
@@ -74,14 +71,14 @@ def find_critical(margin: Array, side: tuple[int, int] | None) -> tuple[Array, f
     free = [axis for axis in range(2) if side is None or axis != side[0]]
     slopes = [chebyshev.chebder(margin, axis=axis) for axis in range(2)]
     bends = [[chebyshev.chebder(slope, axis=axis) for axis in range(2)] for slope in slopes]
-    grid = np.linspace(-1, 1, GRID)
+    grid = chebyshev_nodes(NODES)
     points = spread(*(grid if axis in free or side is None else np.array([float(side[1])]) for axis in range(2)))
     steep = np.hypot.reduce([value_of(slopes[axis], points) for axis in free])
     point, hessian = points[steep.argmin()].copy(), np.zeros((len(free), len(free)))
-    for _ in range(STEPS):
+    for _ in range(MOST):
         gradient = np.array([value_of(slopes[axis], point) for axis in free])
         hessian = np.array([[value_of(bends[i][j], point) for i in free] for j in free])
-        point[free] = np.clip(point[free] + np.linalg.lstsq(hessian, -gradient, rcond=FLAT)[0], -2.0, 2.0)
+        point[free] = np.clip(point[free] + np.linalg.lstsq(hessian, -gradient, rcond=SAME)[0], -2.0, 2.0)
     return point, float(np.abs(np.linalg.eigvalsh(hessian)).max())
 
 

@@ -6,13 +6,14 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.boundary.spectra import Spectra
+from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.gauss import CHUNK_BYTES, collocate, gauss, place_nodes
 
-SEGMENTS = (8, 32, 128)
-"""Of a period; systems that miss tol on the first are tried on the next."""
 STAGES = 4
 """Gauss stages of the rule that shows how wrong the one with a stage more may be."""
+SEGMENTS = (NODES // STAGES, NODES, NODES * STAGES)
+"""Of a period; systems that miss tol on the first are tried on the next."""
 EPS = float(np.finfo(float).eps)
 
 
