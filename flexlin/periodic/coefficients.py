@@ -132,17 +132,18 @@ def takes_one_time(function: MatrixFunction, t: Array) -> bool:
         return False
 
 
-def check_array(name: str, value: Any, t: Array) -> Array:
-    """Refuse what is no array (N, rows, columns)."""
+def check_array(name: str, value: Any, t: Array, shape: tuple[int, int] | None = None) -> Array:
+    """Refuse what is no array (N, rows, columns), of the shape that it had before."""
     if not isinstance(value, np.ndarray):
         raise ArgumentError(
             f"{name}(t) is no array", got=type(value).__name__, expected="numpy.array of what it returns"
         )
-    if value.ndim != 3 or len(value) != len(t):
+    if value.ndim != 3 or len(value) != len(t) or shape not in (None, value.shape[1:]):
+        rows = "rows, columns" if shape is None else f"{shape[0]}, {shape[1]}"
         raise ArgumentError(
             f"{name}(t) has the wrong shape",
             got=value.shape,
-            expected=f"({len(t)}, rows, columns) for t of shape ({len(t)},)",
+            expected=f"({len(t)}, {rows}) for t of shape ({len(t)},)",
         )
     if value.dtype.kind == "f" and value.dtype.itemsize not in (4, 8):
         raise ArgumentError(

@@ -47,3 +47,11 @@ def divide_segments(grid: Array, parts: int) -> Array:
     """The grid with each segment divided into equal parts."""
     starts = grid[:-1, None] + np.diff(grid)[:, None] * (np.arange(parts) / parts)
     return np.append(starts, grid[-1])
+
+
+def divided(edges: Array, longest: float) -> Array:
+    """Divide intervals evenly until none is longer."""
+    parts = [
+        np.linspace(a, b, math.ceil((b - a) / longest * (1 - 1e-12)) + 1)[:-1] for a, b in pairwise(edges.tolist())
+    ]
+    return np.concatenate([*parts, edges[-1:]])

@@ -150,9 +150,8 @@ class PeriodicSystem:
                 return closed
         if self.second_order is None:
             return resolve(self.A, *named, complete=self.complete)
-        return ResolvedCompanion(
-            resolve(self.second_order.stacked, *named, complete=self.complete, least=weigh_entries)
-        )
+        blocks = resolve(self.second_order.stacked, *named, complete=self.complete, least=weigh_entries)
+        return ResolvedCompanion(**vars(blocks))
 
     def _close_series(self, loop: ClosedLoop) -> ResolvedMatrix | None:
         """A(t) of a loop from what its plant has resolved already, where all are Fourier series; the gain is one by itself."""

@@ -30,10 +30,10 @@ def test_what_is_complete_is_right_between_its_samples(gap):
     lin = stretched(gap)
     width = np.arcsinh(np.sqrt(5 * gap) / 0.9) / (2 * np.pi)  # of the dead point from real times, in periods
     assert lin.complete == (width > 1 / 100)
-    resolved = lin.periodic_system().resolved.blocks
+    resolved = lin.periodic_system().resolved
     t = lin.period * np.concatenate([np.random.default_rng(1).random(2000), 0.5 + 1e-3 * np.linspace(-1, 1, 201)])
     exact = np.concatenate(lin.equations(t), axis=2)
-    assert np.all(np.abs(resolved(t) - exact) <= 2 * resolved.error + 1e-15 * np.abs(exact).max(axis=0))
+    assert np.all(np.abs(resolved.series(t) - exact) <= 2 * resolved.error + 1e-15 * np.abs(exact).max(axis=0))
 
 
 @pytest.mark.parametrize(("path", "followed"), [("motion.frequency", True), ("motion.joints.0.mean", False)])

@@ -10,8 +10,9 @@ from flexlin.checks import Array
 from flexlin.errors import ToleranceNotReached
 from flexlin.periodic.chebyshev import chebyshev_basis, chebyshev_coefficients, chebyshev_nodes, panel_times
 from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.grid import divided
 from flexlin.periodic.resolved.companion import ResolvedCompanion
-from flexlin.periodic.resolved.matrix import WAVES, ResolvedMatrix, divided
+from flexlin.periodic.resolved.matrix import WAVES, ResolvedMatrix
 
 NODES, TAIL, MOST = 32, 4, 512
 """Nodes of a panel, how many of its last coefficients must have vanished, and panels of a period at the most."""
@@ -107,7 +108,7 @@ def error_of(resolved: Resolved) -> Array:
         return resolved.error
     t = resolved.period * np.arange(257) / 257
     M, D, K = resolved.sample(t)
-    dM, dD, dK = resolved.split(resolved.blocks.error)
+    dM, dD, dK = resolved.split(resolved.error)
     inverse = np.abs(np.linalg.inv(M))
     sides = [
         (inverse @ (dM @ np.abs(np.linalg.solve(M, one)) + error)).max(axis=0) for one, error in ((K, dK), (D, dD))

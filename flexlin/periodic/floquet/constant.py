@@ -6,7 +6,7 @@ from flexlin.checks import Array
 from flexlin.lapack import complex_schur
 from flexlin.periodic.product.balancing import balance_factors
 from flexlin.periodic.product.perturbation import EPS, bound_pairs, separate_triangular
-from flexlin.periodic.resolved.uncertainty import couple_uncertainty
+from flexlin.periodic.resolved.companion import couple_uncertainty
 from flexlin.periodic.system import PeriodicSystem
 
 BACKWARD = 3.0

@@ -18,8 +18,8 @@ from flexlin.periodic.decoupling.waves import aliasing, shifted
 from flexlin.periodic.floquet.segmented import SegmentedSpectrum, solve_by_segments
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.product.balancing import balance_factors
+from flexlin.periodic.resolved.companion import couple_uncertainty
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
-from flexlin.periodic.resolved.uncertainty import couple_uncertainty
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choice import choose_setting
 

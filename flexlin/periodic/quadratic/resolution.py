@@ -8,10 +8,10 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.coefficients import Constant, MatrixFunction, has_nothing_narrow, varies
 from flexlin.periodic.fourier import FourierSeries, fourier_nodes, real_fourier_coefficients
-from flexlin.periodic.grid import edges_of_short
+from flexlin.periodic.grid import divided, edges_of_short
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.resolved.companion import ResolvedCompanion
-from flexlin.periodic.resolved.matrix import WAVES, ResolvedMatrix, divided
+from flexlin.periodic.resolved.matrix import WAVES, ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve, resolve_port
 from flexlin.periodic.system import PeriodicSystem
 
@@ -90,9 +90,8 @@ def highest_wave(coefficient: ResolvedMatrix | ResolvedCompanion, tol: float) ->
     values = None if isinstance(series, FourierSeries) else series(fourier_nodes(16 * MOST_PANELS, T))
     waves = series.coefficients if values is None else real_fourier_coefficients(values)
     H, last = len(waves) // 2, 0
-    error = coefficient.blocks.error if isinstance(coefficient, ResolvedCompanion) else coefficient.error
     parts = coefficient.split if isinstance(coefficient, ResolvedCompanion) else lambda all_: (all_,)
-    for part, known in zip(parts(waves), parts(error), strict=True):
+    for part, known in zip(parts(waves), parts(coefficient.error), strict=True):
         size = np.abs(part).max(axis=(1, 2))
         floor = max(SEEN * tol * size.max(), float(known.max()))
         large = np.maximum(size[1 : H + 1], size[H + 1 :]) > floor

@@ -8,8 +8,9 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array, at_times
 from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.grid import divided
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
-from flexlin.periodic.resolved.matrix import WAVES, divided
+from flexlin.periodic.resolved.matrix import WAVES
 from flexlin.summary import represent
 
 

@@ -1,31 +1,24 @@
-"""Second-order coefficients M, D, K over one period, resolved each, and the state matrix that they make."""
-
-from dataclasses import dataclass
+"""Second-order coefficients M, D, K over one period, the state matrix that they make, and what either is not known by."""
 
 import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.fourier import FourierSeries
-from flexlin.periodic.resolved.matrix import Discontinuity, OfSeries, ResolvedMatrix, Series
+from flexlin.periodic.resolved.matrix import Resolved, ResolvedMatrix
 from flexlin.periodic.resolved.panels import NODES
+from flexlin.periodic.resolved.sampling import EPS, ROUNDINGS
 from flexlin.periodic.second_order import build_companion
 
-HIDDEN = 1e-3
-"""An entry is resolved to 1e-13 of this share of its weight, or of its own size where that is larger: no worse than rounding."""
 
-
-@dataclass(frozen=True, eq=False)
-class ResolvedCompanion(OfSeries):
-    """A(t) = [[0, I], [-M^-1 K, -M^-1 D]] from the series of [M D K].
+class ResolvedCompanion(Resolved):
+    """A(t) = [[0, I], [-M^-1 K, -M^-1 D]] from the series of [M D K] (n, 3 n), of which all bounds speak.
 
     M is solved for where A is asked for, so the series hold the well-conditioned numbers and not what M^-1 makes of their rounding.
     """
 
-    blocks: ResolvedMatrix
-
     def sample(self, t: Array) -> tuple[Array, Array, Array]:
         """M, D, K at times t (N,), each (N, n, n)."""
-        return self.split(self.blocks(t))
+        return self.split(self.series(t))
 
     def split(self, values: Array) -> tuple[Array, Array, Array]:
         """M, D, K out of [M D K] (..., n, 3 n)."""
@@ -35,10 +28,6 @@ class ResolvedCompanion(OfSeries):
     def __call__(self, t: Array) -> Array:
         """A at times t (N,): (N, 2 n, 2 n). Raises: SingularMassMatrix, naming the time."""
         return build_companion(*self.sample(t), t)
-
-    def mean_error(self, marks: Array) -> Array:
-        """The bound on [M D K] (K, n, 3 n) in the mean over each interval between increasing marks (K + 1,)."""
-        return self.blocks.mean_error(marks)
 
     def mean(self) -> Array:
         """The integral of A over the period, divided by T, by quadrature."""
@@ -50,26 +39,6 @@ class ResolvedCompanion(OfSeries):
         h = np.diff(edges)[:, None]
         t = (edges[:-1, None] + h * (x + 1) / 2).ravel()
         return np.einsum("t,tij->ij", (h * w / (2 * T)).ravel(), self(t))
-
-    @property
-    def series(self) -> Series:
-        """The series of [M D K]."""
-        return self.blocks.series
-
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        """Named and found places in [0, T) where M, D or K is not smooth."""
-        return self.blocks.breaks
-
-    @property
-    def found(self) -> tuple[Discontinuity, ...]:
-        """Those that were not named."""
-        return self.blocks.found
-
-    @property
-    def samples(self) -> int:
-        """How often M, D, K were evaluated."""
-        return self.blocks.samples
 
 
 def weigh_entries(blocks: Array) -> Array:
@@ -87,4 +56,27 @@ def weigh_entries(blocks: Array) -> Array:
     root = np.array([inertia, np.sqrt(inertia * stiffness), stiffness])
     weight = root.T[:, :, None] * root
     across = np.maximum(size.transpose(2, 1, 0), weight)
-    return (HIDDEN * weight * (weight / np.where(across > 0, across, 1.0))).reshape(n, 3 * n)
+    return (weight * (weight / np.where(across > 0, across, 1.0))).reshape(n, 3 * n)
+
+
+def couple_uncertainty(resolved: ResolvedMatrix | ResolvedCompanion, t: Array, left: Array, right: Array) -> Array:
+    """Bounds on the entries of left dA right at times t (N,), (N, n, n) in 1/s, for left and right vectors (N, n, n).
+
+        first order:   |L| |dA| |R|
+        second order:  |V| (|dM| |z| + |dD| |R_v| + |dK| |R_y|),   V = L_v M^-1,   z = the accelerations that belong to R
+
+    dA: roundings of the entries and the error of the series.
+    The second form keeps what M^-1 does to a rounding of M: the product with the left vectors is taken before the moduli.
+    """
+    if not isinstance(resolved, ResolvedCompanion):
+        known = ROUNDINGS * EPS * np.abs(resolved(t)) + resolved.error
+        return np.asarray(np.abs(left) @ (known @ np.abs(right)))
+    M, D, K = resolved.sample(t)
+    n = M.shape[-1]
+    dM, dD, dK = (
+        ROUNDINGS * EPS * np.abs(X) + e for X, e in zip((M, D, K), resolved.split(resolved.error), strict=True)
+    )
+    V = np.swapaxes(np.linalg.solve(np.swapaxes(M, -1, -2), np.swapaxes(left[..., n:], -1, -2)), -1, -2)
+    position, rate = right[..., :n, :], right[..., n:, :]
+    z = np.linalg.solve(M, K @ position + D @ rate)
+    return np.asarray(np.abs(V) @ (dM @ np.abs(z) + dD @ np.abs(rate) + dK @ np.abs(position)))

@@ -9,6 +9,9 @@ from flexlin.periodic.fourier import fourier_basis, fourier_nodes, fourier_waves
 from flexlin.periodic.resolved.sampling import (
     BLOCKS,
     EPS,
+    POINTS,
+    ROUNDINGS,
+    SAFETY,
     SIGMAS,
     TINY,
     WITHIN,
@@ -21,31 +24,29 @@ from flexlin.periodic.resolved.sampling import (
     stratified,
 )
 
-FIRST, MOST = 128, 1024
-"""Nodes at the start, which lie closer than T / 100, and at most; they are doubled once in any case."""
-CHECKS, REPEATS = 16, 5
-"""Times off the nodes at which the series is held against A; and at which A is held against itself a period later."""
-FACTOR = 6
-"""Multiple of the largest deviation seen that is stated as error."""
+MOST = 1024
+"""Nodes at most; the first ones, BLOCKS, lie closer than T / 100."""
 
 
 class FourierFit:
     """A by its Fourier series: coefficients (2 H + 1, E), what may be left over and the bound on the error of each entry (E,).
 
-    Parameters: tol: of each entry's size; wary: whether A may hold pulses that nobody named.
+    Parameters: wary: whether A may hold pulses that nobody named.
     """
 
     coefficients: Array
     error: Array
 
-    def __init__(self, sample: Sampler, tol: float, wary: bool):
-        self.sample, self.tol, self.wary = sample, tol, wary
+    def __init__(self, sample: Sampler, wary: bool):
+        self.sample, self.wary = sample, wary
         self.noise: Array | None = None
 
     def run(self) -> bool:
         """Double the nodes until the series agrees; False where panels serve better. Raises: NotPeriodic."""
         sample, T, worst = self.sample, self.sample.period, np.inf
-        values, beyond = self.sample_first()
+        self.phases = stratified(POINTS)
+        values, self.there = np.split(sample(T * np.append(np.arange(BLOCKS) / BLOCKS, self.phases)), [BLOCKS])
+        first = self.there
         while True:
             size = self.transform(values)
             excess = _last(size).max(axis=0) / (self.allowed / 4)
@@ -53,28 +54,19 @@ class FourierFit:
                 self.measure_noise()
                 continue
             if excess.max() <= 1 and self.agrees():
-                self.error = (
-                    FACTOR * self.deviation + 2 * _last(size).sum(axis=0) + self.rounding + 4 * EPS * sample.scale
-                )
-                here = self.coefficients[0] + _waves(REPEATS, len(self.coefficients) // 2) @ self.coefficients[1:]
-                need_repetition(sample, here, beyond, T * stratified(REPEATS), self.allowed)
+                rounding = self.rounding + ROUNDINGS * EPS * sample.scale
+                self.error = SAFETY * self.deviation + 2 * _last(size).sum(axis=0) + rounding
+                t = T * stratified(POINTS)
+                need_repetition(sample, first, look_beyond(sample, T + t), t, self.allowed)
                 return True
             last, worst, count = worst, float(excess.max()), len(values)
-            fall = min(worst / max(last, TINY), 1.0)
-            ahead = worst * fall ** (2 * (MOST / count - 1))  # where the harmonics go on to fall as they did
-            if count >= MOST or (count > FIRST and not ahead <= 1 < worst):
+            ahead = worst * min(worst / max(last, TINY), 1.0) ** (
+                2 * (MOST / count - 1)
+            )  # if the harmonics fall on as they did
+            if count >= MOST or (count > BLOCKS and not ahead <= 1 < worst):
                 return False
             between = sample(fourier_nodes(count, T) + T / (2 * count))
             values = np.stack([values, between], axis=1).reshape(2 * count, -1)
-
-    def sample_first(self) -> tuple[Array, Array | None]:
-        """A at the first nodes, and at some times a period later; in one call, since a small one costs as much as a hundred times in it."""
-        sample, T = self.sample, self.sample.period
-        rows = look_beyond(sample, first_times(T))
-        here = sample(first_times(T)[:-REPEATS]) if rows is None else rows[:-REPEATS]
-        sample.weigh(here)
-        self.phases, self.there = stratified(CHECKS), here[FIRST:]
-        return here[:FIRST], None if rows is None else rows[-REPEATS:]
 
     def transform(self, values: Array) -> Array:
         """Take the coefficients from values at nodes; the size of each harmonic (H, E)."""
@@ -85,21 +77,19 @@ class FourierFit:
         self.rounding = (
             2 * np.pi * EPS * np.arange(1, H + 1)
         ) @ self.size  # the largest rate of A times the rounding of t = T
-        self.permit()
         return self.size
 
-    def permit(self) -> None:
-        """Say what may be left over (E,): tol of each entry's size, noise, and A' times the rounding of t."""
+    @property
+    def allowed(self) -> Array:
+        """What may be left over (E,): tol of each entry's size, noise, and A' times the rounding of t."""
         scale = self.sample.scale
-        self.allowed = np.maximum(self.tol * scale + TINY, np.minimum(self.rounding, 1e-6 * scale))
-        if self.noise is not None:
-            self.allowed = np.maximum(self.allowed, SIGMAS * self.noise)
+        allowed = np.maximum(self.sample.tol * scale + TINY, np.minimum(self.rounding, 1e-6 * scale))
+        return allowed if self.noise is None else np.maximum(allowed, SIGMAS * self.noise)
 
     def measure_noise(self) -> None:
         """Estimate the noise of each entry, from both halves of the period."""
         half = self.sample.period * np.array([0.0, 0.5, 1.0])
         self.noise = noise_level(self.sample, half[:-1], half[1:]).max(axis=0)
-        self.permit()
 
     def agrees(self) -> bool:
         """Whether the series is as near to A as it may be where it was looked at, and wherever A is loudest beside it."""
@@ -129,8 +119,9 @@ class FourierFit:
     def apart(self, phases: Array, there: Array) -> Array:
         """The largest deviation of each entry from A at some phases, (E,)."""
         H = len(self.coefficients) // 2
-        waves = _waves(CHECKS, H) if phases is stratified(CHECKS) else fourier_basis(phases, H)[:, 1:]
-        return np.abs(there - self.coefficients[0] - waves @ self.coefficients[1:]).max(axis=0)
+        return np.abs(there - self.coefficients[0] - fourier_basis(phases, H)[:, 1:] @ self.coefficients[1:]).max(
+            axis=0
+        )
 
     def search(self) -> None:
         """Find the times at which A is furthest from the series, and hold it against these there.
@@ -144,7 +135,7 @@ class FourierFit:
         heard = sample.contract(T * search_phases(), weights)
         with np.errstate(over="ignore", invalid="ignore"):
             apart = np.abs(heard - _evaluate_search(c @ weights))
-        loudest = np.argpartition(apart, -CHECKS)[-CHECKS:]  # what is no number comes last too
+        loudest = np.argpartition(apart, -POINTS)[-POINTS:]  # what is no number comes last too
         phases = np.concatenate([search_phases()[loudest], end_phases()])
         there = sample(T * phases)
         self.deviation = np.maximum(self.deviation, self.apart(phases, there))
@@ -160,21 +151,6 @@ def _flat(size: Array) -> bool:
     """Whether some entry's last harmonics have stopped falling: noise, a narrow feature, or a place that is not smooth."""
     quarter = len(size) // 4
     return bool(np.any(np.median(size[-quarter:], axis=0) >= 0.1 * np.median(size[-2 * quarter : -quarter], axis=0)))
-
-
-@lru_cache(maxsize=4)
-def first_times(period: float) -> Array:
-    """The first nodes, the check points between them, and the times a period later."""
-    later = period * stratified(REPEATS) + period
-    times = np.concatenate([fourier_nodes(FIRST, period), period * stratified(CHECKS), later])
-    times.setflags(write=False)
-    return times
-
-
-@lru_cache(maxsize=64)
-def _waves(count: int, harmonics: int) -> Array:
-    """Cosines and sines at a few stratified phases, kept between calls."""
-    return np.ascontiguousarray(fourier_basis(stratified(count), harmonics)[:, 1:])
 
 
 @lru_cache(maxsize=16)

@@ -1,9 +1,6 @@
 """A matrix function of time as one series or as panels of polynomials: what everything behind the resolution reads."""
 
-import math
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,13 +9,12 @@ from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_coefficients, panel_times
 from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.grid import divided
 from flexlin.periodic.resolved.panels import NODES
-from flexlin.periodic.resolved.sampling import EPS
+from flexlin.periodic.resolved.sampling import EPS, SAFETY
 
 Series = FourierSeries | ChebyshevPanels
 """The one function of time: called with times, it has a period, edges, a degree, a mean and a derivative."""
-IN_THE_MEAN = 0.25
-"""The part of a Fourier series' error that its mean over an interval may have: the error is three times the largest deviation, and more."""
 WAVES = 3.0
 """Harmonics of a Fourier series for each panel of degree NODES - 1 that replaces it."""
 
@@ -31,13 +27,23 @@ class Discontinuity:
     kind: str
 
 
-class OfSeries:
-    """What can be read off the series of something that is resolved."""
+@dataclass(frozen=True, eq=False, repr=False)
+class Resolved:
+    """A matrix function of period T as one Fourier series, or as one Chebyshev series for each of its panels.
 
-    if TYPE_CHECKING:
+    series: the coefficients; breaks: named and found places in [0, T) where it is not smooth; found: those that were not named;
+    error (rows, columns): bound on |series(t) - A(t)| over the period, in the units of the entry, measured at the check points;
+    samples: how often A was evaluated; local (P, rows, columns): bound in the mean over each panel, where it is known;
+    beside (B, rows, columns): bound on its integral close to each of the breaks, in the units of the entry times s.
+    """
 
-        @property
-        def series(self) -> Series: ...
+    series: Series
+    breaks: tuple[float, ...]
+    found: tuple[Discontinuity, ...]
+    error: Array
+    samples: int
+    local: Array | None = None
+    beside: Array | None = None
 
     @property
     def period(self) -> float:
@@ -64,24 +70,28 @@ class OfSeries:
         """Whether nothing depends on t: then `mean()` is the matrix."""
         return self.series.constant
 
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of what is represented."""
+        return self.error.shape[0], self.error.shape[1]
 
-@dataclass(frozen=True, eq=False, repr=False)
-class ResolvedMatrix(OfSeries):
-    """A matrix function A(t) = A(t + T) as one Fourier series, or as one Chebyshev series for each of its panels.
+    def mean_error(self, marks: Array) -> Array:
+        """The bound in the mean over each interval between increasing marks (K + 1,): (K, rows, columns); the error is SAFETY times it."""
+        if self.local is None:
+            return np.broadcast_to(self.error / SAFETY, (len(marks) - 1, *self.shape))
+        whole = np.cumsum(self.local * np.diff(self.edges)[:, None, None], axis=0)
+        panel = np.clip(np.searchsorted(self.edges, marks, side="right") - 1, 0, self.panels - 1)
+        before = np.concatenate([np.zeros((1, *self.shape)), whole])[panel]
+        total = before + self.local[panel] * (marks - self.edges[panel])[:, None, None]
+        whole = np.maximum(np.diff(total, axis=0), np.diff(marks)[:, None, None] * self.local.min(axis=0))
+        if self.beside is not None:
+            holder = np.clip(np.searchsorted(marks, self.breaks, side="right") - 1, 0, len(marks) - 2)
+            np.add.at(whole, holder, self.beside)
+        return np.asarray(whole / np.diff(marks)[:, None, None])
 
-    series: the coefficients; breaks: named and found places in [0, T) where A is not smooth; found: those that were not named;
-    error (rows, columns): bound on |series(t) - A(t)| over the period, in the units of the entry, measured at the check points;
-    samples: how often A was evaluated; local (P, rows, columns): bound in the mean over each panel, where it is known;
-    beside (B, rows, columns): bound on its integral close to each of the breaks, in the units of the entry times s.
-    """
 
-    series: Series
-    breaks: tuple[float, ...]
-    found: tuple[Discontinuity, ...]
-    error: Array
-    samples: int
-    local: Array | None = None
-    beside: Array | None = None
+class ResolvedMatrix(Resolved):
+    """A matrix function A(t) = A(t + T) by its series."""
 
     def __repr__(self) -> str:
         kind = "harmonics" if isinstance(self.series, FourierSeries) else f"panels of degree {self.degree}"
@@ -90,11 +100,6 @@ class ResolvedMatrix(OfSeries):
             f"ResolvedMatrix: {self.shape[0]} x {self.shape[1]}, period {self.period:.9g} s, {number} {kind}, "
             f"{len(self.breaks)} breaks, {len(self.found)} of them found, error up to {self.error.max():.2g}, {self.samples} samples"
         )
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
-        return self.error.shape[0], self.error.shape[1]
 
     def __call__(self, t: ArrayLike, left: bool = False) -> Array:
         """Evaluate at times t (N,), any real: (N, rows, columns), or at one time: (rows, columns).
@@ -106,20 +111,6 @@ class ResolvedMatrix(OfSeries):
     def mean(self) -> Array:
         """The integral of A over the period, divided by T (rows, columns)."""
         return self.series.mean()
-
-    def mean_error(self, marks: Array) -> Array:
-        """The bound in the mean over each interval between increasing marks (K + 1,): (K, rows, columns)."""
-        if self.local is None:
-            return np.broadcast_to(IN_THE_MEAN * self.error, (len(marks) - 1, *self.shape))
-        whole = np.cumsum(self.local * np.diff(self.edges)[:, None, None], axis=0)
-        panel = np.clip(np.searchsorted(self.edges, marks, side="right") - 1, 0, self.panels - 1)
-        before = np.concatenate([np.zeros((1, *self.shape)), whole])[panel]
-        total = before + self.local[panel] * (marks - self.edges[panel])[:, None, None]
-        whole = np.maximum(np.diff(total, axis=0), np.diff(marks)[:, None, None] * self.local.min(axis=0))
-        if self.beside is not None:
-            holder = np.clip(np.searchsorted(marks, self.breaks, side="right") - 1, 0, len(marks) - 2)
-            np.add.at(whole, holder, self.beside)
-        return np.asarray(whole / np.diff(marks)[:, None, None])
 
     def derivative(self) -> "ResolvedMatrix":
         """A'(t) inside the panels; its error: that of A times the rate of the fastest wave or polynomial (Markov's inequality)."""
@@ -159,11 +150,3 @@ def close_loop(A: ResolvedMatrix, B: ResolvedMatrix, K: FourierSeries) -> Resolv
     rounding = (4 + np.log2(count)) * EPS * (np.abs(plant).max(axis=0) + np.abs(forces).max(axis=0) @ most)
     error = A.error + B.error @ most + rounding
     return ResolvedMatrix(FourierSeries.through(plant - product, A.period), (), (), error, A.samples + B.samples)
-
-
-def divided(edges: Array, longest: float) -> Array:
-    """Divide intervals evenly until none is longer."""
-    parts = [
-        np.linspace(a, b, math.ceil((b - a) / longest * (1 - 1e-12)) + 1)[:-1] for a, b in pairwise(edges.tolist())
-    ]
-    return np.concatenate([*parts, edges[-1:]])

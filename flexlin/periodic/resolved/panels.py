@@ -6,14 +6,13 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_basis, chebyshev_coefficients, panel_times
-from flexlin.periodic.resolved.sampling import EPS, NEAR, SIGMAS, TINY, Sampler
+from flexlin.periodic.resolved.sampling import EPS, NEAR, SAFETY, SIGMAS, TINY, Sampler
 
 NODES, TAIL = 32, 4
 """Nodes of a panel, and how many of its last coefficients must have vanished."""
-SAFETY = 3.0
-"""Multiple of the largest deviation seen at the check points of a panel that is stated as error anywhere on it."""
-ASIDE = 0.01
-"""Part of the narrower panel by which two neighbours are continued into each other to see a kink between them."""
+ASIDE = 1 / NODES**2
+"""Part of the narrower panel by which two neighbours are continued into each other to see a kink between them: a polynomial of degree 31
+magnifies its rounding there by cosh(31 arccosh(1 + 2 / 32^2)) = 3.5."""
 MOST_PANELS = 4096
 """The largest number of panels."""
 
@@ -54,20 +53,9 @@ class PanelSet:
         order = np.argsort(np.concatenate([self.begin, other.begin]))
         return PanelSet(*(np.concatenate([getattr(self, f.name), getattr(other, f.name)])[order] for f in fields(self)))
 
-    def evaluate(self, panel: int, times: Array) -> Array:
-        """One panel's polynomials at times inside it (W, E)."""
-        begin, end = self.begin[panel], self.end[panel]
-        count = 1 + int(np.flatnonzero(self.coefficients[panel].any(axis=1)).max(initial=0))
-        basis = chebyshev_basis(((times - begin) - (end - times)) / (end - begin), count)
-        return np.asarray(basis @ self.coefficients[panel, :count])
-
-    def compare(self, panel: int, times: Array, values: Array, shares: Array) -> None:
-        """Note how far a panel is from values (W, E) at times inside it, each for a share of it."""
-        left = values - self.evaluate(panel, times)
-        self.drift[panel] += shares @ left
-        np.abs(left, out=left)
-        np.maximum(self.deviation[panel], left.max(axis=0), out=self.deviation[panel])
-        self.average[panel] += shares @ left
+    def series(self) -> ChebyshevPanels:
+        """The function of time that they make where they fill the period, (N,) -> (N, E)."""
+        return ChebyshevPanels(np.append(self.begin, self.end[-1:]), self.coefficients)
 
 
 def fitted(sample: Sampler, begin: Array, end: Array, noise: Array | None = None) -> PanelSet:
@@ -79,12 +67,12 @@ def fitted(sample: Sampler, begin: Array, end: Array, noise: Array | None = None
     return PanelSet(begin, end, chebyshev_coefficients(values), noise, deviation, average, drift, np.zeros(count, bool))
 
 
-def left_over(panels: PanelSet, sample: Sampler, tol: float) -> Array:
+def left_over(panels: PanelSet, sample: Sampler) -> Array:
     """What panels may leave over (Q, E): tol of each entry's size, its noise, and A' times the rounding of t."""
     low = np.abs(panels.coefficients[:, : NODES // 2])
     rate = np.einsum("k,qke->qe", np.arange(NODES // 2) ** 2.0, low) * 2 / panels.width[:, None]
     rounding = np.minimum(EPS * sample.period * rate, 1e-6 * sample.scale)
-    return np.asarray(np.maximum(np.maximum(tol * sample.scale + TINY, SIGMAS * panels.noise), rounding))
+    return np.asarray(np.maximum(np.maximum(sample.tol * sample.scale + TINY, SIGMAS * panels.noise), rounding))
 
 
 def panel_error(panels: PanelSet, degree: int) -> tuple[Array, Array]:
@@ -106,22 +94,20 @@ def shown_degree(panels: PanelSet, scale: Array) -> int:
     return max(int(np.count_nonzero(np.any(left > 1, axis=(0, 2)))) - 1, 0)
 
 
-def rough_edges(panels: PanelSet, sample: Sampler, tol: float) -> tuple[Array, Array]:
+def rough_edges(panels: PanelSet, sample: Sampler) -> tuple[Array, Array]:
     """Left edges at which A is not smooth (S,), 0 for the period's end, and whether it jumps there.
 
-    A jump: the two sides differ by 8 times what is allowed. A kink: either side, continued by a hundredth of the narrower panel, differs
-    from the other by 300 times that; a polynomial of degree 31 then magnifies its rounding by cosh(31 arccosh 1.02) = 244.
+    A jump: the two sides differ by 8 times what is allowed. A kink: either side, continued a little, differs from the other by as much.
     """
     width, before = panels.width, np.roll(np.arange(len(panels.begin)), 1)
     step = ASIDE * np.minimum(width, width[before])
     at = np.stack([np.zeros_like(step), step, -step], axis=1)
     here, there = chebyshev_basis(np.stack([2 * at / width[:, None] - 1, 2 * at / width[before][:, None] + 1]), NODES)
     own, other = here @ panels.coefficients, there @ panels.coefficients[before]
-    allowed = left_over(panels, sample, tol)
+    allowed = left_over(panels, sample)
     apart = (np.abs(own - other) / np.maximum(allowed, allowed[before])[:, None]).max(axis=2)
-    jump = apart[:, 0] > 8
-    which = np.flatnonzero(jump | (apart[:, 1:].max(axis=1) > 300))
-    return panels.begin[which], jump[which]
+    which = np.flatnonzero(apart.max(axis=1) > 8)
+    return panels.begin[which], apart[which, 0] > 8
 
 
 def miss_beside(sample: Sampler, series: ChebyshevPanels, places: Array, looked_at: Array) -> Array:

@@ -10,14 +10,16 @@ from flexlin.errors import ArgumentError
 from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.coefficients import MatrixFunction, varies
 from flexlin.periodic.fourier import FourierSeries
-from flexlin.periodic.grid import NAMED
-from flexlin.periodic.resolved.fourier_fit import REPEATS, FourierFit
-from flexlin.periodic.resolved.matrix import Discontinuity, ResolvedMatrix, divided
-from flexlin.periodic.resolved.panels import left_over, miss_beside, panel_error, shown_degree
+from flexlin.periodic.grid import NAMED, divided
+from flexlin.periodic.resolved.fourier_fit import FourierFit
+from flexlin.periodic.resolved.matrix import Discontinuity, ResolvedMatrix
+from flexlin.periodic.resolved.panels import NODES, left_over, miss_beside, panel_error, rough_edges, shown_degree
 from flexlin.periodic.resolved.sampling import (
+    BLOCKS,
     EPS,
     NEAR,
     POINTS,
+    ROUNDINGS,
     Least,
     Sampler,
     end_phases,
@@ -30,9 +32,6 @@ from flexlin.periodic.resolved.sampling import (
 from flexlin.periodic.resolved.search import PanelResolver
 
 __all__ = ["Discontinuity", "ResolvedMatrix", "resolve"]
-
-GRADE = 4
-"""No panel is longer than a GRADEth of the period at the start, nor than GRADE times its neighbour about a named feature."""
 
 
 def resolve(
@@ -67,7 +66,7 @@ def resolve(
     complete : whether breaks and features name everything that is narrow.
     tol : agreement that is asked for, of each entry's largest size over the period. More than noise and rounding allow is not asked.
     repeats : whether A goes on as it began; without it nothing is asked of A outside [0, T), and 0 must be one of the breaks.
-    least : size below which an entry counts as that large, for all or for each (also a function of first samples): smaller ones are then
+    least : size whose rounding need not be seen, for all entries or for each (also a function of first samples): smaller entries are then
         known less well than tol of themselves.
 
     Returns
@@ -93,20 +92,20 @@ def resolve(
     [(0.0, 'jump'), (1.0002, 'jump')]
     """
     period = positive("period", period)
-    sample = Sampler(A, period, least)
+    sample = Sampler(A, period, tol, least)
     if repeats and not len(breaks) and not len(features):
-        fit = FourierFit(sample, tol, wary=not complete)
+        fit = FourierFit(sample, wary=not complete)
         if fit.run():
             shape = sample.shape or (0, 0)
             series = FourierSeries(fit.coefficients.reshape(-1, *shape), period)
             return ResolvedMatrix(series, (), (), fit.error.reshape(shape), sample.count)
     named, pairs = check_places(period, breaks, features)
-    return _on_panels(sample, named, pairs, tol, not complete, repeats)
+    return _on_panels(sample, named, pairs, not complete, repeats)
 
 
 def resolve_constant(A: Array, period: float) -> ResolvedMatrix:
     """Represent a matrix (rows, columns) that does not depend on time."""
-    return ResolvedMatrix(FourierSeries(A[None], period), (), (), 4 * EPS * np.abs(A), 1)
+    return ResolvedMatrix(FourierSeries(A[None], period), (), (), ROUNDINGS * EPS * np.abs(A), 1)
 
 
 def resolve_port(
@@ -120,31 +119,31 @@ def resolve_port(
     return resolve(given, period, breaks, features, complete=complete) if varies(given, period) else None
 
 
-def _on_panels(sample: Sampler, named: Array, pairs: Array, tol: float, wary: bool, repeats: bool) -> ResolvedMatrix:
+def _on_panels(sample: Sampler, named: Array, pairs: Array, wary: bool, repeats: bool) -> ResolvedMatrix:
     """Resolve by panels, judge the period, and collect."""
     T = sample.period
     sample(T * stratified(POINTS))
     shape = sample.shape or (0, 0)
-    about = [np.mod(centre + 4 * width * (2 * stratified(POINTS * GRADE) - 1), T) for centre, width in pairs]
+    about = [np.mod(centre + 4 * width * (2 * stratified(2 * NODES) - 1), T) for centre, width in pairs]
     phases = np.concatenate([search_phases(), end_phases()]) if wary else stratified(NAMED)
     checks = np.unique(np.concatenate([T * phases, *about]))
-    resolver = PanelResolver(sample, tol, first_edges(T, named, pairs), named, checks, wary)
+    resolver = PanelResolver(sample, first_edges(T, named, pairs), named, checks, wary)
     resolver.run()
     done = resolver.done
-    rough, jumps = resolver.rough()
+    rough, jumps = rough_edges(done, sample)
     found = tuple(
         Discontinuity(float(t), "jump" if jump else "kink")
         for t, jump in zip(rough, jumps, strict=True)
         if not np.any(np.abs(named - t) <= 4 * np.finfo(float).eps * T)
     )
-    allowed = left_over(done, sample, tol).max(axis=0)
+    allowed = left_over(done, sample).max(axis=0)
     degree = shown_degree(done, sample.scale)
     coefficients = done.coefficients[:, : degree + 1].reshape(len(done.begin), degree + 1, *shape)
     series = ChebyshevPanels(np.append(done.begin, T), coefficients)
     narrow = np.argsort(done.width)[:32]
     times = np.sort(done.begin[narrow] + 0.38 * done.width[narrow])
     if repeats:
-        t = np.concatenate([times, T * stratified(REPEATS)])
+        t = np.concatenate([times, T * stratified(POINTS)])
         need_repetition(sample, series(t).reshape(len(t), -1), look_beyond(sample, t + T), t, allowed, rough)
     anywhere, local = (bound.reshape(-1, *shape) for bound in panel_error(done, degree))
     located = np.array([place.time for place in found])
@@ -154,13 +153,14 @@ def _on_panels(sample: Sampler, named: Array, pairs: Array, tol: float, wary: bo
 
 
 def first_edges(period: float, named: Array, pairs: Array) -> Array:
-    """Return the first edges from 0 to T: breaks, a graded mesh about each feature, and no panel longer than a quarter of the period."""
+    """Return the first edges from 0 to T: breaks, a graded mesh about each feature, and as many nodes as for a Fourier series."""
     fixed = np.unique(np.concatenate([[0.0, period], named]))
-    meshes = [graded([centre], width, max(period / (2 * GRADE), width), GRADE) for centre, width in pairs]
+    longest = period * NODES / BLOCKS
+    meshes = [graded([centre], width, max(longest / 2, width), np.pi) for centre, width in pairs]
     free = np.sort(np.mod(np.concatenate([np.empty(0), *meshes]), period))
     free = free[np.diff(free, append=np.inf) > NEAR * period]
     free = free[np.abs(free[:, None] - fixed).min(axis=1) > NEAR * period]
-    return divided(np.union1d(fixed, free), period / GRADE)
+    return divided(np.union1d(fixed, free), longest)
 
 
 def check_places(period: float, breaks: ArrayLike, features: ArrayLike) -> tuple[Array, Array]:

@@ -1,6 +1,6 @@
 """One counted door to the user's function: checked, in chunks that stay in the processor's cache; and the times at which it is asked."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from math import factorial
 
@@ -9,6 +9,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, NotPeriodic, UnresolvedCoefficient
 from flexlin.periodic.chebyshev import chebyshev_coefficients, chebyshev_nodes
+from flexlin.periodic.coefficients import check_array, check_finite
 from flexlin.periodic.grid import golden
 
 EPS = float(np.finfo(float).eps)
@@ -24,13 +25,17 @@ SIGMAS = 6.0
 """Standard deviations of measured noise that count as agreement."""
 POINTS, ORDER = 16, 5
 """Times of a place at which noise is measured, and the least order of their differences."""
-LOUD, RARE = 1e-3, 1e-11
-"""Noise above LOUD of an entry's size is none, but a motion that was not followed. Below RARE it may be at some times and not at others:
-roundings of a computed function, which jump where it pivots in another order."""
+LOUD = 1e-3
+"""Noise above this part of an entry's size is none, but a motion that was not followed."""
 SPACING = float(np.cbrt(EPS))
 """Of the panel: a function that the panel nearly resolves changes by less than rounding in a fifth difference."""
-REPEAT = 1e-8
+RARE = SPACING**2
+"""Noise below this part of an entry's size may be at some times and not at others: roundings of a computed function, which jump where it
+pivots in another order."""
+REPEAT = float(np.sqrt(EPS))
 """Of an entry's size: a period that is given with eight digits passes."""
+SAFETY, ROUNDINGS = 4.0, 4.0
+"""Multiple of the largest deviation seen that is stated as error anywhere; and roundings that an entry carries at one time."""
 AHEAD = 4
 """Periods beyond the first over which a list of pieces must stay smooth."""
 
@@ -39,10 +44,13 @@ Least = float | Array | Callable[[Array], Array]
 
 
 class Sampler:
-    """A(t) on [0, T) as rows (N, E), E = rows * columns, how often it was called, each entry's largest size so far, at least `least`."""
+    """A(t) on [0, T) as rows (N, E), E = rows * columns, how often it was called, and each entry's largest size so far.
 
-    def __init__(self, function: Callable[[Array], Array], period: float, least: Least = 0.0):
-        self.function, self.period, self.least = function, period, least
+    Parameters: tol: agreement that is asked for, of each entry's size; least: sizes whose rounding is no worse than tol of an entry.
+    """
+
+    def __init__(self, function: Callable[[Array], Array], period: float, tol: float = 1e-13, least: Least = 0.0):
+        self.function, self.period, self.tol, self.least = function, period, tol, least
         self.count = 0
         self.shape: tuple[int, int] | None = None
         self.scale: Array = np.zeros(0)
@@ -62,13 +70,7 @@ class Sampler:
         """Sample at the times as they are; sizes beyond the period do not count."""
         if not len(t):
             return np.empty((0, len(self.scale)))
-        parts: list[Array] = []
-        first = 0
-        while first < len(t):
-            part = t[first : first + self.chunk]
-            parts.append(self._checked(part))
-            first += len(part)
-        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+        return np.concatenate([check_finite("A", self._ask(part), part) for part in self._parts(t)]).reshape(len(t), -1)
 
     def weigh(self, rows: Array) -> None:
         """Take note of the sizes of samples in [0, T)."""
@@ -76,17 +78,14 @@ class Sampler:
 
     def contract(self, t: Array, weights: Array) -> Array:
         """The sum of A's entries, each times its weight (E,), at times in [0, T): (N,); no numbers or infinite where A is."""
-        heard = np.empty(len(t))
-        for first in range(0, len(t), self.chunk):
-            part = t[first : first + self.chunk]
-            values = self.function(part)
-            plain = type(values) is np.ndarray and values.dtype == float and values.shape == (len(part), *self._shape)
-            rows = values.reshape(len(part), -1) if plain else self._rows(np.asarray(values), part)
-            with np.errstate(over="ignore", invalid="ignore"):
-                np.matmul(rows, weights, out=heard[first : first + len(part)])
-            del values, rows  # their memory serves the next call
-        self.count += len(t)
-        return heard
+        with np.errstate(over="ignore", invalid="ignore"):
+            return np.concatenate([self._ask(part).reshape(len(part), -1) @ weights for part in self._parts(t)])
+
+    def _parts(self, t: Array) -> Iterator[Array]:
+        """The times, as many at once as go into one call."""
+        while len(t):
+            part, t = np.split(t, [self.chunk])
+            yield part
 
     @property
     def chunk(self) -> int:
@@ -96,40 +95,19 @@ class Sampler:
         few = CACHED // (8 * self.shape[0] * self.shape[1])
         return max(few, min(10 * few, 2 * WITHIN), POINTS)
 
-    @property
-    def _shape(self) -> tuple[int, int]:
-        return self.shape or (0, 0)
-
-    def _checked(self, t: Array) -> Array:
-        """A at the times (N, E), finite."""
-        rows = self._rows(np.asarray(self.function(t)), t)
-        if not np.isfinite(rows).all():
-            first, entry = np.argwhere(~np.isfinite(rows))[0]
-            place = tuple(int(i) for i in np.unravel_index(entry, self._shape))
-            raise ArgumentError(
-                f"A(t) is not finite at t = {t[first]:.17g} s",
-                got=f"{rows[first, entry]} in entry {place}",
-                expected="finite numbers over the whole period",
-            )
-        self.count += len(t)
-        return rows
-
-    def _rows(self, values: Array, t: Array) -> Array:
-        """What A gave at the times, as rows of floats."""
-        wanted = "(N, rows, columns)" if self.shape is None else f"(N, {self.shape[0]}, {self.shape[1]})"
-        if values.ndim != 3 or len(values) != len(t) or 0 in values.shape or self.shape not in (None, values.shape[1:]):
-            raise ArgumentError(
-                "A(t) has the wrong shape", got=f"{values.shape} for {len(t)} times", expected=f"{wanted}, real numbers"
-            )
+    def _ask(self, t: Array) -> Array:
+        """A at the times, (N, rows, columns)."""
+        values = check_array("A", np.asarray(self.function(t)), t, self.shape)
         if values.dtype.kind not in "fiu":
             raise ArgumentError("A(t) is not real", got=f"numbers of type {values.dtype}", expected="real numbers")
+        self.count += len(t)
         if self.shape is None:
             self.shape = (values.shape[1], values.shape[2])
             least = self.least(values[t < self.period]) if callable(self.least) else self.least
-            self.scale = np.ravel(least) + np.zeros(values[0].size)
+            self.scale = EPS / self.tol * np.ravel(least) + np.zeros(values[0].size)
         if values.dtype.kind in "iu":
             self._need_constant(values)
-        return values.reshape(len(t), values.shape[1] * values.shape[2]).astype(float, copy=False)
+        return values
 
     def _need_constant(self, values: Array) -> None:
         """Whole numbers that change with time are most often real ones that were cut off on assignment."""
@@ -197,9 +175,9 @@ def noise_level(sample: Sampler, begin: Array, end: Array) -> Array:
     return np.asarray(np.where(level <= np.maximum(LOUD * sample.scale, faint), level, 0.0))
 
 
-def need_repeatability(sample: Sampler, t: Array, tol: float) -> None:
+def need_repeatability(sample: Sampler, t: Array) -> None:
     """Refuse a coefficient that gives other values when it is called again at the same times t (N,) in [0, T)."""
-    excess = np.abs(sample(t) - sample(t)) - tol * sample.scale
+    excess = np.abs(sample(t) - sample(t)) - sample.tol * sample.scale
     at, entry = np.unravel_index(int(np.argmax(excess)), excess.shape)
     if excess[at, entry] <= 0:
         return
@@ -216,7 +194,7 @@ def need_repetition(
 ) -> None:
     """Refuse a coefficient that goes on after T as something else than itself.
 
-    The rule: |A(t + T) - A(t)| must stay below 1e-8 of each entry's size (or its noise). Three kinds of function are let off, because
+    The rule: |A(t + T) - A(t)| must stay below 1.5e-8 of each entry's size (or its noise). Three kinds of function are let off, because
     they are written for one period and say nothing about times beyond it. (1) One that raises or is not finite there. (2) A list
     of pieces without modulo, such as `A1 if t < 1.0002 else A2` on [0, 2): it jumps or has a kink strictly inside (0, T) and
     nowhere in (T, 5 T), where its last piece merely goes on. (3) One whose periodic continuation is smooth at T, and which from T on
@@ -241,7 +219,7 @@ def need_repetition(
     raise NotPeriodic(
         f"A(t) does not repeat with the period T = {T:.15g} s",
         got=f"|A(t + T) - A(t)| = {gap[at, entry]:.3g} at t = {t[at]:.6g} s in entry ({rows}, {columns}), {relative:.3g} of its size",
-        expected=f"at most {REPEAT:g} of its size",
+        expected=f"at most {REPEAT:.2g} of its size",
         todo="give the period of A; if A is written for 0 <= t < T only, take t modulo T in it",
     )
 

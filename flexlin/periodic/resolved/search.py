@@ -4,11 +4,10 @@ Places where a coefficient is not smooth are found by bisection between the poly
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
-from flexlin.checks import Array
+from flexlin.checks import Array, check_size
 from flexlin.errors import UnresolvedCoefficient
 from flexlin.periodic.chebyshev import chebyshev_basis, chebyshev_nodes, chebyshev_transform
 from flexlin.periodic.grid import NAMED
@@ -31,14 +30,10 @@ from flexlin.periodic.resolved.sampling import (
     stratified,
 )
 
-STENCIL = 8
+STENCIL = NODES // 4
 """Nodes of the polynomial on either side of a place, which is as long as half as many brackets."""
-NARROWEST = 1e-13
-"""Width, of the period, below which a panel is not divided any more."""
-MEMORY = 100_000_000
-"""Bytes that the coefficients of all panels may take."""
-SHORTEST = 1e-9
-"""Shortest stencil, of the period: it stays longer than the bracket, so rounding is not amplified."""
+NARROWEST = EPS * NODES**2
+"""Width, of the period, below which a panel is not divided any more: the first of its nodes would not differ."""
 
 
 class PanelResolver:
@@ -48,13 +43,12 @@ class PanelResolver:
     to look for other jumps close to each edge.
     """
 
-    def __init__(self, sample: Sampler, tol: float, edges: Array, named: Array, checks: Array, wary: bool):
-        self.sample, self.tol, self.checks = sample, tol, checks
+    def __init__(self, sample: Sampler, edges: Array, named: Array, checks: Array, wary: bool):
+        self.sample, self.checks = sample, checks
         self.named, self.wary = named, wary
         self.settled: set[float] = set(named.tolist())
         self.done = PanelSet.empty(len(sample.scale))
         self.start = edges
-        self._rough: tuple[PanelSet, tuple[Array, Array]] | None = None
 
     def run(self) -> None:
         """Refine until nodes, edges and check points agree.
@@ -73,7 +67,7 @@ class PanelResolver:
 
     def accept(self, panels: PanelSet) -> PanelSet:
         """Keep panels whose last coefficients have vanished, and which are near A where it was looked at; return the others."""
-        allowed = left_over(panels, self.sample, self.tol)
+        allowed = left_over(panels, self.sample)
         last = np.abs(panels.coefficients[:, -TAIL:]).max(axis=1)
         good = np.all((last <= allowed / 4) & (panels.deviation <= 2 * allowed), axis=1)
         self.done = self.done.joined(panels.some(good))
@@ -97,7 +91,7 @@ class PanelResolver:
         """One place inside each panel (Q,)."""
         width = panels.width
         middle = panels.begin + width / 2
-        allowed = left_over(panels, self.sample, self.tol)
+        allowed = left_over(panels, self.sample)
         brackets, useful = scan(self.sample, panels.begin, panels.end, allowed)
         which = np.flatnonzero(useful & (width > 10 * NARROWEST * self.sample.period))
         place, last = locate(self.sample, brackets.some(which), allowed[which])
@@ -113,34 +107,31 @@ class PanelResolver:
         width = panels.width
         worst = int(width.argmin())
         count = len(self.done.begin) + 2 * len(width)
-        most = min(MOST_PANELS, MEMORY // (8 * NODES * len(self.sample.scale)))
         if count > NAMED:  # noise of its own would be cut to the last bit
-            need_repeatability(self.sample, panels.begin + 0.38 * width, self.tol)
-        if width[worst] > NARROWEST * self.sample.period and count <= most:
+            need_repeatability(self.sample, panels.begin + 0.38 * width)
+        if width[worst] > NARROWEST * self.sample.period and count <= MOST_PANELS:
+            entries = len(self.sample.scale)
+            check_size(
+                f"A(t) on {count} panels", 8 * NODES * count * entries, "name jumps in `breaks`, pulses in `features`"
+            )
             return
         middle = panels.begin[worst] + width[worst] / 2
         raise UnresolvedCoefficient(
             f"A(t) cannot be resolved near t = {middle:.15g} s",
             got=f"{count} panels, the narrowest {width[worst]:.3g} s wide",
-            expected=f"at most {most} panels, none below {NARROWEST * self.sample.period:.3g} s",
+            expected=f"at most {MOST_PANELS} panels, none below {NARROWEST * self.sample.period:.3g} s",
             todo="look at A there: is it bounded? Name jumps in `breaks` and pulses in `features`",
         )
 
-    def rough(self) -> tuple[Array, Array]:
-        """Left edges of the panels at which A is not smooth (S,), and whether it jumps there."""
-        if self._rough is None or self._rough[0] is not self.done:
-            self._rough = self.done, rough_edges(self.done, self.sample, self.tol)
-        return self._rough[1]
-
     def settle_edges(self) -> PanelSet:
         """Cut panels at a jump or kink that an edge only happens to lie near; return the parts to be fitted."""
-        rough, _ = self.rough()
+        rough, _ = rough_edges(self.done, self.sample)
         which = np.flatnonzero(np.isin(self.done.begin, [e for e in rough if float(e) not in self.settled]))
         panels, T = self.done, self.sample.period
         edge, before = panels.begin[which], which - 1
         ahead, back = panels.width[which], panels.width[before]
         half = np.minimum(ahead, back) / 64
-        allowed = left_over(panels, self.sample, self.tol)
+        allowed = left_over(panels, self.sample)
         brackets = Brackets(edge - half, edge + half, edge - back, edge + ahead)
         place, last = locate(self.sample, brackets, np.maximum(allowed[which], allowed[before]))
         place = np.mod(place[np.abs(place - edge) > np.maximum(last, 4 * EPS * T)], T)
@@ -159,21 +150,20 @@ class PanelResolver:
         owner = np.clip(np.searchsorted(panels.begin, t, side="right") - 1, 0, len(panels.begin) - 1)
         fresh = ~panels.checked[owner]
         t, owner = t[fresh], owner[fresh]
-        share = shares(panels, t, owner)
-        for i in range(0, len(t), self.sample.chunk):
-            part = slice(i, i + self.sample.chunk)
-            values = self.sample(t[part])
-            starts = np.flatnonzero(np.diff(owner[part], prepend=-1))
-            for a, b in pairwise([*starts.tolist(), len(values)]):
-                panels.compare(int(owner[part][a]), t[part][a:b], values[a:b], share[part][a:b])
-        panels.drift[~panels.checked] = np.abs(panels.drift[~panels.checked])
+        left, share = self.sample(t) - panels.series()(t), shares(panels, t, owner)[:, None]
+        first = np.flatnonzero(np.diff(owner, prepend=-1))
+        held = owner[first]
+        panels.drift[held] = np.abs(np.add.reduceat(share * left, first))
+        np.abs(left, out=left)
+        panels.average[held] = np.add.reduceat(share * left, first)
+        panels.deviation[held] = np.maximum.reduceat(left, first)
         panels.checked[:] = True
 
     def check_times(self) -> Array:
         """The given check points, some in every panel, and some ever closer to each edge where A is not smooth."""
         panels, T = self.done, self.sample.period
         own = panels.begin[:, None] + panels.width[:, None] * stratified(NODES // 2, 0.5)
-        rough = np.union1d(self.rough()[0], self.named) if self.wary else self.named[:0]
+        rough = np.union1d(rough_edges(panels, self.sample)[0], self.named) if self.wary else self.named[:0]
         near = np.mod(graded(rough, NEAR * T, T / 64, np.pi), T)
         t = np.unique(np.concatenate([self.checks, own.ravel(), near]))
         return t[(t >= 0) & (t < T)]
@@ -242,7 +232,7 @@ def locate(sample: Sampler, brackets: Brackets, allowed: Array) -> tuple[Array, 
 def _cut(sample: Sampler, part: Brackets, allowed: Array) -> tuple[tuple[Array, Array], Array]:
     """One step: the new brackets, and whether the sides were still apart across the old ones."""
     low, high, span = part.low, part.high, part.high - part.low
-    reach = np.maximum(STENCIL / 2 * span, SHORTEST * sample.period)
+    reach = np.maximum(STENCIL / 2 * span, NEAR * sample.period)
     below, above = np.minimum(reach, low - part.floor), np.minimum(reach, part.roof - high)
     inner = low[:, None] + span[:, None] * np.arange(1, 2 * STENCIL) / (2 * STENCIL)
     u = chebyshev_nodes(STENCIL)

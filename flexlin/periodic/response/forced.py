@@ -11,8 +11,8 @@ from flexlin.periodic.coefficients import Constant, has_nothing_narrow, refuse_s
 from flexlin.periodic.grid import edges_of_short, place_edges
 from flexlin.periodic.product.perturbation import COHERENT
 from flexlin.periodic.product.spectrum import product_logs
+from flexlin.periodic.resolved.companion import couple_uncertainty
 from flexlin.periodic.resolved.resolve import resolve
-from flexlin.periodic.resolved.uncertainty import couple_uncertainty
 from flexlin.periodic.response.collocated import PiecewiseSolution, VectorFunction, solve_periodic
 from flexlin.periodic.response.result import ForcedResponse
 from flexlin.periodic.system import PeriodicSystem, as_system

@@ -11,7 +11,7 @@ from flexlin.lapack import LAPACK
 from flexlin.periodic.product.spectrum import Unknown
 from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
-from flexlin.periodic.resolved.uncertainty import EPS, LASTING
+from flexlin.periodic.resolved.sampling import EPS
 from flexlin.periodic.second_order import build_companion
 from flexlin.periodic.transition.gauss import Tableau, collocate, collocate_accelerations, fold_samples
 
@@ -59,7 +59,7 @@ def measure_segments(
     error = resolved.mean_error(edges)
     for part, staged, (starts, middles) in sample_segments(resolved, edges, rules, (0.0, 0.5)):
         lengths = h[part, None, None]
-        size = lengths * (LASTING * EPS * np.abs(starts) + error[part])
+        size = lengths * (EPS * np.abs(starts) + error[part])
         factors = [factor(resolved, values, h[part], rule) for values, rule in zip(staged, rules, strict=True)]
         if not isinstance(resolved, ResolvedCompanion):
             made.append((*factors, lengths * middles, size))
@@ -80,9 +80,8 @@ def sample_segments(
 ) -> Iterator[tuple[slice, list[Array], list[Array]]]:
     """The coefficients, A or [M D K], segment by segment, BLOCK_BYTES at a time: which, at the stages of each rule (k, s, rows, columns),
     and at parts of each segment (k, rows, columns). A stage at the end of a segment stands just before it, so jumps there do no harm."""
-    series = resolved.blocks if isinstance(resolved, ResolvedCompanion) else resolved
     nodes = [rule.c for rule in rules] + [np.array([part]) for part in looks]
-    rows, columns = series.shape
+    rows, columns = resolved.shape
     size = max(8, BLOCK_BYTES // (8 * rows * columns * sum(map(len, nodes))))
     for i in range(0, len(edges) - 1, size):
         first, last = edges[i : i + size + 1][:-1, None], edges[i : i + size + 1][1:, None]
@@ -91,7 +90,7 @@ def sample_segments(
             if rule.c[-1] == 1.0:
                 t[:, -1:] = np.nextafter(last, -np.inf)
         t = np.concatenate([part.ravel() for part in times])
-        values = fold_samples(series(t), t)
+        values = fold_samples(resolved.series(t), t)
         bounds = np.cumsum([part.size for part in times])[:-1]
         split = [
             part.reshape(len(first), len(c), rows, columns)

@@ -100,7 +100,7 @@ def test_what_needs_rows_exchanged_is_seen_and_left_to_numpy(monkeypatch):
 def test_a_mass_matrix_that_is_singular_is_named():
     M = [[1.0, 0.0], [0.0, 0.0]]
     system = fl.PeriodicSystem.from_second_order(np.eye(2), np.zeros((2, 2)), np.eye(2), 1.0)
-    blocks = system.resolved.blocks
+    blocks = system.resolved
     blocks.series.coefficients[0, :, :2] = M
     blocks.series.coefficients[0, :, 4:] = np.diag([1.0, 0.0])
     with pytest.raises(SingularMassMatrix):
