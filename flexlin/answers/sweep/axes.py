@@ -10,7 +10,7 @@ from flexlin.scene.parameters import get_value
 from flexlin.scene.revised import raw_tables, revise_scene
 from flexlin.scene.scene import Scene
 
-MOST_CHECKED = 100
+MOST_CHECKED = 10
 """Values of a path that are checked one by one; of more, both ends, the one nearest to zero, and so many in between."""
 MOST_CORNERS = 6
 """Paths of a grid whose corners are checked together."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from flexlin.answers.sweep.found import Found
 from flexlin.answers.sweep.later import Later
-from flexlin.answers.sweep.needs import FEW, ORDER, STARTS, Needs, learn_needs, pack
+from flexlin.answers.sweep.needs import FEW, MOST, ORDER, STEPS, Needs, find_rungs, learn_needs, pack
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.many.kernel import MULTIPLES, SIZES, WIDTH, Kernel, Logs
@@ -20,11 +20,9 @@ if TYPE_CHECKING:
 
 SLACK = 1.1
 """The spread of the moduli may exceed the pilots' by this factor."""
-CLOSER, FINER = (1.15, 2.0), 2
-"""Values that missed tol are tried again with so many times more segments, once by what they missed, before `floquet` has them."""
 BLOCK = 2**16
 """Values of a block at the most, times the square of the states: in a larger one more are alike, but it is seen later."""
-BLOCKS, SMALL_BLOCK = 16, 12 * WIDTH
+BLOCKS, SMALL_BLOCK = 8, 12 * WIDTH
 """Blocks that a sweep is cut into at the least, unless they are smaller than this."""
 WITNESSES = 3
 """Values of a family at which `floquet`, which looks for what is narrow, has to say what the kernel says."""
@@ -64,7 +62,7 @@ class Together:
         scale = kernel.balance(points[spread_over(len(points), 3 * WIDTH)])
         needs = learn_needs(kernel, points, scale, tol)
         made = cls(Later(source), source.may_be_narrow, tol, kernel, scale, needs, len(points))
-        if needs.usual >= STARTS[-1] or not (source.is_smooth or made.is_confirmed(points)):
+        if needs.usual >= MOST or not (source.is_smooth or made.is_confirmed(points)):
             return None
         return made
 
@@ -116,21 +114,21 @@ class Together:
 
     def solve(self, points: Array, rest: Array, enter: Callable[[Array, Logs], Array]) -> Array:
         """Compute values on more and more segments until `enter`, which takes them, says that errors are 1 or less; return the others."""
-        wanted, spread, alone = self.needs.predict(points[rest]), SLACK * self.needs.spread, [rest[:0]]
-        for trial in range(len(STARTS)):
-            if not len(rest):
-                break
-            misses, levels = np.empty(len(rest)), FEW if trial < 2 else len(MULTIPLES)
-            for segments, which in pack(wanted):
+        rungs, spread, levels, alone = self.needs.predict(points[rest]), SLACK * self.needs.spread, FEW, [rest[:0]]
+        least = STEPS[0]
+        while len(rest):
+            misses, used = np.empty(len(rest)), np.empty(len(rest))
+            for segments, which in pack(rungs):
                 given = (segments, self.scale, self.tol / 100, spread, self.tol, levels)
                 misses[which] = enter(rest[which], self.kernel.find_logs(points[rest[which]], *given))
-                wanted[which] = segments
+                used[which] = segments
             missed = misses > 1
-            growth = FINER if trial else np.clip(misses[missed] ** (1 / ORDER), *CLOSER)
-            rest, wanted = rest[missed], growth * wanted[missed]
-            alone.append(rest[wanted > STARTS[-1]])
-            rest, wanted = rest[wanted <= STARTS[-1]], wanted[wanted <= STARTS[-1]]
-            spread = np.inf  # moduli may lie further apart than the pilots'
+            rest, wanted = rest[missed], used[missed] * np.clip(misses[missed] ** (1 / ORDER), least, STEPS[1])
+            alone.append(rest[wanted > MOST])
+            rest, rungs = rest[wanted <= MOST], find_rungs(wanted[wanted <= MOST])
+            if least == STEPS[1]:
+                levels = len(MULTIPLES)
+            spread, least = np.inf, STEPS[1]  # moduli may lie further apart than the pilots'
         return np.concatenate(alone)
 
     def find_narrow(self, points: Array) -> Array:
