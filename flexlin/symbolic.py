@@ -131,8 +131,8 @@ class Usage:
 
 @lru_cache(maxsize=64)
 def usage_of(function: ca.Function) -> Usage:
-    """The usage of a function, counted from its first call on."""
-    return Usage(function, max(1, function.n_instructions()))
+    """The usage of a function, counted from its first call on; only functions of expressions list their operations."""
+    return Usage(function, max(1, function.n_instructions()) if function.class_name() == "SXFunction" else 1)
 
 
 def read_known(function: ca.Function) -> Program | None:
