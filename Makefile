@@ -49,7 +49,7 @@ core: $(STAMP)
 sanitize: core
 	$(BIN)/cmake -S . -B build/sanitized -G Ninja -DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja -DSANITIZED=ON
 	$(BIN)/cmake --build build/sanitized
-	FLEXLIN_CORE=sanitized ASAN_OPTIONS=detect_leaks=0 LD_PRELOAD="$(CHECKERS)" $(BIN)/python -m pytest -m "not slow" $(CHECKED)
+	FLEXLIN_CORE=sanitized ASAN_OPTIONS=detect_leaks=0 LD_PRELOAD="$(CHECKERS)" $(BIN)/python -m pytest -n 2 -m "not slow" $(CHECKED)
 
 wheel: core
 	$(BIN)/python -m hatchling build -t wheel -d dist
