@@ -106,14 +106,16 @@ def solve_by_newton(
         finer = nodes.refine(corrected.X, seen)
         if finer is None:
             found = judge(problem, corrected, tol)
-            missed = np.inf if found is None else max(found.error, found.gain_error) / tol
-            if found is not None:
+            if found is None:
+                finer = nodes.resize(2 * nodes.count)
+            else:
+                missed = max(found.error, found.gain_error) / tol
                 worse = best is not None and found.error > BETTER * best.error
                 best = best if worse else replace(found, doublings=begun.doublings)
                 if worse or missed <= 1 or found.method_error <= BETTER * found.error:
                     break
-            seen *= SEEN / min(missed, 1 / SEEN)
-            finer = nodes.refine(corrected.X, seen) or nodes.resize(2 * nodes.count)
+                seen *= SEEN / min(missed, 1 / SEEN)
+                finer = nodes.refine(corrected.X, seen) or nodes.resize(2 * nodes.count)
         X, nodes = nodes.series(corrected.X * np.outer(corrected.units, corrected.units))(finer.places), finer
     if best is None:
         sizes = [float(np.abs(part).max()) for part in problem.reduced(nodes.t[:COARSE])]
