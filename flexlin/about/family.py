@@ -74,19 +74,19 @@ class PeriodicFamily(Expressions):
     >>> stiffness = a - 2 * q * ca.cos(2 * t)
     >>> mathieu = fl.PeriodicFamily(ca.blockcat([[0, 1], [-stiffness, 0]]), t, [a, q], np.pi)
     >>> mathieu
-    PeriodicFamily(n=2, paths=('a', 'q'), period=3.14159)
+    PeriodicFamily(period=<SX (1, 1)>, n=2, paths=('a', 'q'))
     >>> fl.floquet(mathieu.at({"a": 1.0, "q": 0.2})).verdict
     'unstable'
     >>> fl.sweep(mathieu, {"a": [0.7, 1.0, 1.3], "q": [0.2, 0.2, 0.2]})["verdict"].values.tolist()
     ['undecided', 'unstable', 'undecided']
     """
 
-    matrices: tuple[ca.SX, ...]
-    t: ca.SX
-    p: ca.SX
+    matrices: tuple[ca.SX, ...] = field(repr=False)
+    t: ca.SX = field(repr=False)
+    p: ca.SX = field(repr=False)
     period: ca.SX
-    input: ca.SX | None
-    times: tuple[ca.SX, ...]
+    input: ca.SX | None = field(repr=False)
+    times: tuple[ca.SX, ...] = field(repr=False)
     n: int = field(default=0)
     paths: tuple[str, ...] = ()
 
@@ -123,14 +123,21 @@ class PeriodicFamily(Expressions):
         ----------
         M, D, K : casadi.SX, shape (n, n)
             Mass, damping and stiffness. Assumes M symmetric and positive definite.
-        t, parameters, period, breaks
-            As of the class.
+        t : casadi.SX
+            The symbol of the time, in s.
+        parameters : casadi.SX, shape (P,), or sequence of casadi.SX
+            The symbols of the parameters, with a name each.
+        period : float or casadi.SX
+            T in s.
         B : casadi.SX, shape (n, m), optional
             What the inputs drive.
+        breaks : sequence of float or casadi.SX
+            As of the class.
 
         Returns
         -------
         PeriodicFamily
+            It keeps M, D and K.
 
         Raises
         ------
@@ -157,6 +164,7 @@ class PeriodicFamily(Expressions):
         Returns
         -------
         PeriodicSystem
+            Its coefficients are compiled from the expressions.
 
         Raises
         ------
@@ -178,7 +186,25 @@ class PeriodicFamily(Expressions):
         return PeriodicSystem.from_second_order(found["M"], found["D"], found["K"], period, found.get("B"), breaks)
 
     def find_places(self, names: Iterable[str], loop: str = "own") -> list[int]:
-        """Where each parameter stands among the names. Raises: ArgumentError unless they are the parameters' names."""
+        """Where each parameter stands among names.
+
+        Parameters
+        ----------
+        names : iterable of str
+            What is varied, in this order.
+        loop : str
+            The closed loop that is asked for; a family has its own only.
+
+        Returns
+        -------
+        list of int
+            The place of each parameter.
+
+        Raises
+        ------
+        ArgumentError
+            Unless these are the parameters' names.
+        """
         given = list(names)
         if set(given) != set(self.paths) or loop != "own":
             got = ", ".join(given) + ("" if loop == "own" else f"; loop {loop}")

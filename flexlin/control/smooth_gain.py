@@ -64,9 +64,9 @@ def transform_gain(solution: RiccatiSolution) -> tuple[FourierSeries, float] | N
         return None
     if isinstance(B, Constant):
         B = FourierSeries(B.value[None], X.period)
-    if not isinstance(B, FourierSeries) or X.harmonics + B.harmonics > MOST_WAVES:
+    if not isinstance(B, FourierSeries) or X.degree + B.degree > MOST_WAVES:
         return None
-    H = X.harmonics + B.harmonics
+    H = X.degree + B.degree
     count, effort = 2 * H + 1, np.linalg.inv(problem.R.value)
     values = (B.at_nodes(count) @ effort).swapaxes(1, 2) @ X.at_nodes(count) + effort @ problem.N.value.T
     rest = (values - values[0]).reshape(count, -1)  # constants are not rounded

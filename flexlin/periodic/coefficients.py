@@ -40,7 +40,7 @@ def has_nothing_narrow(coefficient: Callable[..., Any]) -> bool:
     if isinstance(coefficient, Constant):
         return True
     if isinstance(coefficient, FourierSeries):
-        return 2 * coefficient.harmonics <= NAMED
+        return 2 * coefficient.degree <= NAMED
     if isinstance(coefficient, ChebyshevPanels):
         return 2 * coefficient.coefficients.shape[1] <= NAMED
     return bool(getattr(coefficient, "complete", False))

@@ -89,48 +89,31 @@ class FourierSeries:
         return cls(real_fourier_coefficients(values), period)
 
     @property
-    def harmonics(self) -> int:
+    def degree(self) -> int:
         """The highest harmonic H."""
         return len(self.coefficients) // 2
 
     @property
-    def degree(self) -> int:
-        """The highest harmonic."""
-        return self.harmonics
-
-    @property
     def constant(self) -> bool:
         """Whether nothing but the mean is there."""
-        return not self.harmonics
+        return not self.degree
 
     @property
     def rate(self) -> float:
         """How much faster than itself the function may change, in 1/s: as its fastest wave."""
-        return 2 * np.pi / self.period * max(self.harmonics, 1)
+        return 2 * np.pi / self.period * max(self.degree, 1)
 
     @property
     def edges(self) -> Array:
         """One panel: the period."""
         return np.array([0.0, self.period])
 
-    @property
-    def values(self) -> Array:
-        """The function at its 2 H + 1 equally spaced times."""
-        return np.asarray(self(fourier_nodes(len(self.coefficients), self.period)))
-
     def at_nodes(self, count: int) -> Array:
         """The function at N equally spaced times: (N, ...)."""
         flat = self.coefficients.reshape(len(self.coefficients), -1)
-        values = waves_at_nodes(count, self.harmonics)[:, 1:] @ flat[1:]
+        values = waves_at_nodes(count, self.degree)[:, 1:] @ flat[1:]
         values += flat[0]
         return np.asarray(values.reshape(count, *self.coefficients.shape[1:]))
-
-    @property
-    def tail(self) -> float:
-        """The size of the two highest harmonics against the largest value: what the series would miss with fewer points."""
-        _, cosine, sine = np.split(self.coefficients, [1, self.harmonics + 1])
-        highest = max(np.abs(cosine[-2:]).max(initial=0.0), np.abs(sine[-2:]).max(initial=0.0))
-        return float(highest / max(np.abs(self.values).max(), np.finfo(float).tiny))
 
     def __call__(self, t: ArrayLike, derivative: int = 0) -> Array:
         """The function, or its derivative by time of the given order, at one time (...) or at times (N,): (N, ...)."""
@@ -141,13 +124,13 @@ class FourierSeries:
 
     def _evaluate(self, t: Array) -> Array:
         flat = self.coefficients.reshape(len(self.coefficients), -1)
-        values = fourier_basis(t / self.period, self.harmonics)[:, 1:] @ flat[1:]
+        values = fourier_basis(t / self.period, self.degree)[:, 1:] @ flat[1:]
         values += flat[0]  # last: many small waves added to a large mean would round once each
         return values.reshape(len(values), *self.coefficients.shape[1:])
 
     def derivative(self) -> "FourierSeries":
         """The derivative by time."""
-        H = self.harmonics
+        H = self.degree
         rate = (2 * np.pi / self.period * np.arange(1, H + 1)).reshape(-1, *[1] * (self.coefficients.ndim - 1))
         mean, cosine, sine = np.split(self.coefficients, [1, H + 1])
         return FourierSeries(np.concatenate([np.zeros_like(mean), rate * sine, -rate * cosine]), self.period)

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.coefficients import MatrixFunction, has_nothing_narrow
-from flexlin.periodic.resolved.resolve import first_edges
+from flexlin.periodic.resolved.search import first_edges
 from flexlin.periodic.system import PeriodicSystem
 
 

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
@@ -25,9 +24,6 @@ from flexlin.periodic.resolved.matrix import ResolvedMatrix, close_loop
 from flexlin.periodic.resolved.resolve import check_places, resolve, resolve_constant, resolve_port
 from flexlin.periodic.second_order import InputMatrix, SecondOrder, SecondOrderFunction, StateMatrix
 from flexlin.summary import represent
-
-Pairs = tuple[tuple[float, float], ...]
-"""Places and half-widths in s."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +115,8 @@ class PeriodicSystem:
         features: Sequence[tuple[float, float]] = (),
         complete: bool = False,
     ):
-        period, corners, narrow = place_corners(period, breaks, features)
+        period = positive("period", period)
+        named, pairs = check_places(period, breaks, features)
         A = as_matrix_function("A", A)
         probe = check_samples("A", A, period)
         if probe.shape[1] != probe.shape[2]:
@@ -132,8 +129,8 @@ class PeriodicSystem:
             rows, m = check_samples("B", B, period).shape[1:]
             if rows != n:
                 raise ArgumentError("B has the wrong number of rows", got=rows, expected=str(n))
-        parts = {"breaks": corners, "second_order": second_order, "features": narrow, "complete": complete}
-        vars(self).update(A=A, period=period, B=B, n=n, m=m, **parts)
+        places = {"breaks": tuple(named.tolist()), "features": tuple((t, width) for t, width in pairs.tolist())}
+        vars(self).update(A=A, period=period, B=B, second_order=second_order, complete=complete, n=n, m=m, **places)
 
     @lazy
     def resolved(self) -> ResolvedMatrix | ResolvedCompanion:
@@ -169,8 +166,7 @@ class PeriodicSystem:
         """
         if self.B is None:
             raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
-        found = resolve_port(self.B, self.period, self.breaks, self.features, self.complete)
-        return resolve_constant(self.B(np.zeros(1))[0], self.period) if found is None else found
+        return resolve_port(self.B, self.period, self.breaks, self.features, self.complete)
 
     @classmethod
     @checked
@@ -269,23 +265,6 @@ class PeriodicSystem:
         complete = self.complete and has_nothing_narrow(K)
         corners = (*self.breaks, *breaks, *(K.edges[:-1] if isinstance(K, ChebyshevPanels) else ()))
         return PeriodicSystem(loop, self.period, self.B, corners, second_order, self.features, complete)
-
-
-def place_corners(period: float, breaks: ArrayLike, features: ArrayLike) -> tuple[float, tuple[float, ...], Pairs]:
-    """The period, increasing breaks and pairs (time, width) of features, as they may be.
-
-    Raises: ArgumentError.
-    """
-    period = positive("period", period)
-    if not len_of(breaks) and not len_of(features):
-        return period, (), ()
-    named, pairs = check_places(period, breaks, features)
-    return period, tuple(named.tolist()), tuple((time, width) for time, width in pairs.tolist())
-
-
-def len_of(value: object) -> int:
-    """How many items are given; one where that is no sequence, so that it is looked at and refused."""
-    return len(value) if isinstance(value, Sequence | np.ndarray) else 1
 
 
 def as_system(value: object, name: str = "system") -> PeriodicSystem:

@@ -10,7 +10,8 @@ from flexlin.checks import Array
 from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.coefficients import MatrixFunction, has_nothing_narrow
 from flexlin.periodic.grid import edges_of_short
-from flexlin.periodic.resolved.resolve import first_edges, resolve
+from flexlin.periodic.resolved.resolve import resolve
+from flexlin.periodic.resolved.search import first_edges
 
 INSIDE = 1e-12
 """How far beside a break of the motion steps taken one by one begin and end, in periods."""

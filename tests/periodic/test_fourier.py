@@ -42,11 +42,3 @@ def test_differentiation_is_that_of_the_interpolant():
     np.testing.assert_allclose(
         fourier_differentiation(15, T) @ values, FourierSeries.through(values, T)(at, 1), atol=1e-11
     )
-
-
-def test_the_tail_is_the_size_of_the_two_highest_harmonics():
-    t = np.arange(13) / 13
-    low = np.cos(2 * np.pi * 4 * t)
-    assert FourierSeries.through(low, 1.0).tail < 1e-15
-    assert FourierSeries.through(low + 1e-6 * np.sin(2 * np.pi * 5 * t), 1.0).tail == pytest.approx(1e-6, rel=1e-3)
-    assert FourierSeries.through(low + 1e-6 * np.cos(2 * np.pi * 6 * t), 1.0).tail == pytest.approx(1e-6, rel=1e-3)

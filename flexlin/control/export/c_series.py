@@ -124,7 +124,7 @@ def shortened(series: Series) -> Series:
     c = series.coefficients
     limit = NEGLIGIBLE * (np.abs(c).max() or 1.0)
     if isinstance(series, FourierSeries):
-        H = series.harmonics
+        H = series.degree
         waves = np.abs(c[1 : H + 1]) + np.abs(c[H + 1 :])
         keep = needed(waves.reshape(H, -1), limit)
         return FourierSeries(np.concatenate([c[: keep + 1], c[H + 1 : H + 1 + keep]]), series.period)
@@ -140,7 +140,7 @@ def needed(sizes: Array, limit: float) -> int:
 
 def write_fourier(name: str, series: FourierSeries) -> tuple[str, str]:
     """The text, and the layout in words."""
-    H, flat = series.harmonics, series.coefficients.reshape(len(series.coefficients), -1)
+    H, flat = series.degree, series.coefficients.reshape(len(series.coefficients), -1)
     rows = [flat[0]] + [row for k in range(1, H + 1) for row in (flat[k], flat[H + k])]
     source = FOURIER.format(name=name, rows=len(rows), size=flat.shape[1], table=table(rows), harmonics=H)
     return source, f"Fourier series of {H} harmonics: mean, then cosine and sine of each"

@@ -34,9 +34,8 @@ def resolve_problem(problem: LinearQuadratic, system: PeriodicSystem) -> tuple[L
         complete = system.complete and has_nothing_narrow(given)
         named = system.period, system.breaks, system.features, complete
         series = system.resolved_input if given is system.B else resolve_port(given, *named)
-        if series is not None:
-            found[name] = Constant(series.mean()) if series.constant else series
-            edges = edges if np.array_equal(edges, series.edges) else np.union1d(edges, series.edges)
+        found[name] = Constant(series.mean()) if series.constant else series
+        edges = edges if np.array_equal(edges, series.edges) else np.union1d(edges, series.edges)
     return replace(problem, **found), edges
 
 
@@ -85,8 +84,8 @@ def highest_wave(coefficient: ResolvedMatrix | ResolvedCompanion, tol: float) ->
     series, T = coefficient.series, coefficient.period
     if coefficient.breaks or np.diff(coefficient.edges).min() < T / MOST_PANELS:
         return np.inf
-    if isinstance(series, FourierSeries) and series.harmonics <= FEW:
-        return float(series.harmonics)
+    if isinstance(series, FourierSeries) and series.degree <= FEW:
+        return float(series.degree)
     values = None if isinstance(series, FourierSeries) else series(fourier_nodes(16 * MOST_PANELS, T))
     waves = series.coefficients if values is None else real_fourier_coefficients(values)
     H, last = len(waves) // 2, 0

@@ -73,7 +73,7 @@ class RiccatiSolution:
         """Times from 0 to the horizon between which polynomials follow X and the coefficients."""
         if isinstance(self.series, ChebyshevPanels):
             return self.series.edges
-        return divided(self.series.edges, self.horizon * WAVES / max(self.series.harmonics, 1))
+        return divided(self.series.edges, self.horizon * WAVES / max(self.series.degree, 1))
 
     def X(self, t: ArrayLike) -> Array:
         """Return the cost matrix.

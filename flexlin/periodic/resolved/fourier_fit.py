@@ -6,6 +6,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.fourier import fourier_basis, fourier_nodes, fourier_waves, real_fourier_coefficients
+from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.resolved.sampling import (
     BLOCKS,
     EPS,
@@ -24,8 +25,8 @@ from flexlin.periodic.resolved.sampling import (
     stratified,
 )
 
-MOST = 1024
-"""Nodes at most; the first ones, BLOCKS, lie closer than T / 100."""
+MOST = NODES * NODES
+"""Nodes at most, where a matrix of waves costs as much as those of as many panels; the first ones, BLOCKS, lie closer than T / 100."""
 
 
 class FourierFit:

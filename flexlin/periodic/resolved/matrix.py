@@ -12,6 +12,7 @@ from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.grid import divided
 from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.resolved.sampling import EPS, SAFETY
+from flexlin.summary import represent
 
 Series = FourierSeries | ChebyshevPanels
 """The one function of time: called with times, it has a period, edges, a degree, a mean and a derivative."""
@@ -93,13 +94,7 @@ class Resolved:
 class ResolvedMatrix(Resolved):
     """A matrix function A(t) = A(t + T) by its series."""
 
-    def __repr__(self) -> str:
-        kind = "harmonics" if isinstance(self.series, FourierSeries) else f"panels of degree {self.degree}"
-        number = self.degree if isinstance(self.series, FourierSeries) else self.panels
-        return (
-            f"ResolvedMatrix: {self.shape[0]} x {self.shape[1]}, period {self.period:.9g} s, {number} {kind}, "
-            f"{len(self.breaks)} breaks, {len(self.found)} of them found, error up to {self.error.max():.2g}, {self.samples} samples"
-        )
+    __repr__ = represent
 
     def __call__(self, t: ArrayLike, left: bool = False) -> Array:
         """Evaluate at times t (N,), any real: (N, rows, columns), or at one time: (rows, columns).

@@ -10,9 +10,6 @@ from flexlin.periodic.resolved.sampling import EPS, NEAR, SAFETY, SIGMAS, TINY, 
 
 NODES, TAIL = 32, 4
 """Nodes of a panel, and how many of its last coefficients must have vanished."""
-ASIDE = 1 / NODES**2
-"""Part of the narrower panel by which two neighbours are continued into each other to see a kink between them: a polynomial of degree 31
-magnifies its rounding there by cosh(31 arccosh(1 + 2 / 32^2)) = 3.5."""
 MOST_PANELS = 4096
 """The largest number of panels."""
 
@@ -97,10 +94,11 @@ def shown_degree(panels: PanelSet, scale: Array) -> int:
 def rough_edges(panels: PanelSet, sample: Sampler) -> tuple[Array, Array]:
     """Left edges at which A is not smooth (S,), 0 for the period's end, and whether it jumps there.
 
-    A jump: the two sides differ by 8 times what is allowed. A kink: either side, continued a little, differs from the other by as much.
+    A jump: the two sides differ by 8 times what is allowed. A kink: either side, continued by a 1 / 32^2 of the narrower panel, differs
+    from the other by as much; a polynomial of degree 31 magnifies its rounding by cosh(31 arccosh(1 + 2 / 32^2)) = 3.5 then.
     """
     width, before = panels.width, np.roll(np.arange(len(panels.begin)), 1)
-    step = ASIDE * np.minimum(width, width[before])
+    step = np.minimum(width, width[before]) / NODES**2
     at = np.stack([np.zeros_like(step), step, -step], axis=1)
     here, there = chebyshev_basis(np.stack([2 * at / width[:, None] - 1, 2 * at / width[before][:, None] + 1]), NODES)
     own, other = here @ panels.coefficients, there @ panels.coefficients[before]

@@ -7,29 +7,12 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError
-from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.coefficients import MatrixFunction, varies
 from flexlin.periodic.fourier import FourierSeries
-from flexlin.periodic.grid import NAMED, divided
 from flexlin.periodic.resolved.fourier_fit import FourierFit
 from flexlin.periodic.resolved.matrix import Discontinuity, ResolvedMatrix
-from flexlin.periodic.resolved.panels import NODES, left_over, miss_beside, panel_error, rough_edges, shown_degree
-from flexlin.periodic.resolved.sampling import (
-    BLOCKS,
-    EPS,
-    NEAR,
-    POINTS,
-    ROUNDINGS,
-    Least,
-    Sampler,
-    end_phases,
-    graded,
-    look_beyond,
-    need_repetition,
-    search_phases,
-    stratified,
-)
-from flexlin.periodic.resolved.search import PanelResolver
+from flexlin.periodic.resolved.sampling import EPS, ROUNDINGS, Least, Sampler
+from flexlin.periodic.resolved.search import resolve_on_panels
 
 __all__ = ["Discontinuity", "ResolvedMatrix", "resolve"]
 
@@ -100,7 +83,7 @@ def resolve(
             series = FourierSeries(fit.coefficients.reshape(-1, *shape), period)
             return ResolvedMatrix(series, (), (), fit.error.reshape(shape), sample.count)
     named, pairs = check_places(period, breaks, features)
-    return _on_panels(sample, named, pairs, not complete, repeats)
+    return resolve_on_panels(sample, named, pairs, not complete, repeats)
 
 
 def resolve_constant(A: Array, period: float) -> ResolvedMatrix:
@@ -114,53 +97,11 @@ def resolve_port(
     breaks: Sequence[float],
     features: Sequence[tuple[float, float]],
     complete: bool,
-) -> ResolvedMatrix | None:
-    """What stands beside A(t), an input, an output or a weight, as `resolve` does it; nothing where it does not vary."""
-    return resolve(given, period, breaks, features, complete=complete) if varies(given, period) else None
-
-
-def _on_panels(sample: Sampler, named: Array, pairs: Array, wary: bool, repeats: bool) -> ResolvedMatrix:
-    """Resolve by panels, judge the period, and collect."""
-    T = sample.period
-    sample(T * stratified(POINTS))
-    shape = sample.shape or (0, 0)
-    about = [np.mod(centre + 4 * width * (2 * stratified(2 * NODES) - 1), T) for centre, width in pairs]
-    phases = np.concatenate([search_phases(), end_phases()]) if wary else stratified(NAMED)
-    checks = np.unique(np.concatenate([T * phases, *about]))
-    resolver = PanelResolver(sample, first_edges(T, named, pairs), named, checks, wary)
-    resolver.run()
-    done = resolver.done
-    rough, jumps = rough_edges(done, sample)
-    found = tuple(
-        Discontinuity(float(t), "jump" if jump else "kink")
-        for t, jump in zip(rough, jumps, strict=True)
-        if not np.any(np.abs(named - t) <= 4 * np.finfo(float).eps * T)
-    )
-    allowed = left_over(done, sample).max(axis=0)
-    degree = shown_degree(done, sample.scale)
-    coefficients = done.coefficients[:, : degree + 1].reshape(len(done.begin), degree + 1, *shape)
-    series = ChebyshevPanels(np.append(done.begin, T), coefficients)
-    narrow = np.argsort(done.width)[:32]
-    times = np.sort(done.begin[narrow] + 0.38 * done.width[narrow])
-    if repeats:
-        t = np.concatenate([times, T * stratified(POINTS)])
-        need_repetition(sample, series(t).reshape(len(t), -1), look_beyond(sample, t + T), t, allowed, rough)
-    anywhere, local = (bound.reshape(-1, *shape) for bound in panel_error(done, degree))
-    located = np.array([place.time for place in found])
-    places = np.union1d(named, located)
-    beside = miss_beside(sample, series, places, places if wary else located).reshape(-1, *shape)
-    return ResolvedMatrix(series, tuple(places.tolist()), found, anywhere.max(axis=0), sample.count, local, beside)
-
-
-def first_edges(period: float, named: Array, pairs: Array) -> Array:
-    """Return the first edges from 0 to T: breaks, a graded mesh about each feature, and as many nodes as for a Fourier series."""
-    fixed = np.unique(np.concatenate([[0.0, period], named]))
-    longest = period * NODES / BLOCKS
-    meshes = [graded([centre], width, max(longest / 2, width), np.pi) for centre, width in pairs]
-    free = np.sort(np.mod(np.concatenate([np.empty(0), *meshes]), period))
-    free = free[np.diff(free, append=np.inf) > NEAR * period]
-    free = free[np.abs(free[:, None] - fixed).min(axis=1) > NEAR * period]
-    return divided(np.union1d(fixed, free), longest)
+) -> ResolvedMatrix:
+    """What stands beside A(t), an input, an output or a weight, as `resolve` does it where it varies."""
+    if not varies(given, period):
+        return resolve_constant(given(np.zeros(1))[0], period)
+    return resolve(given, period, breaks, features, complete=complete)
 
 
 def check_places(period: float, breaks: ArrayLike, features: ArrayLike) -> tuple[Array, Array]:

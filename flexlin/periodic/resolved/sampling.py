@@ -29,7 +29,7 @@ LOUD = 1e-3
 """Noise above this part of an entry's size is none, but a motion that was not followed."""
 SPACING = float(np.cbrt(EPS))
 """Of the panel: a function that the panel nearly resolves changes by less than rounding in a fifth difference."""
-RARE = SPACING**2
+RARE = SPACING * SPACING
 """Noise below this part of an entry's size may be at some times and not at others: roundings of a computed function, which jump where it
 pivots in another order."""
 REPEAT = float(np.sqrt(EPS))

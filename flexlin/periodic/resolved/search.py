@@ -9,8 +9,9 @@ import numpy as np
 
 from flexlin.checks import Array, check_size
 from flexlin.errors import UnresolvedCoefficient
-from flexlin.periodic.chebyshev import chebyshev_basis, chebyshev_nodes, chebyshev_transform
-from flexlin.periodic.grid import NAMED
+from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_basis, chebyshev_nodes, chebyshev_transform
+from flexlin.periodic.grid import NAMED, divided
+from flexlin.periodic.resolved.matrix import Discontinuity, ResolvedMatrix
 from flexlin.periodic.resolved.panels import (
     MOST_PANELS,
     NODES,
@@ -18,21 +19,30 @@ from flexlin.periodic.resolved.panels import (
     PanelSet,
     fitted,
     left_over,
+    miss_beside,
+    panel_error,
     rough_edges,
+    shown_degree,
 )
 from flexlin.periodic.resolved.sampling import (
+    BLOCKS,
     EPS,
     NEAR,
+    POINTS,
     Sampler,
+    end_phases,
     graded,
+    look_beyond,
     need_repeatability,
+    need_repetition,
     noise_level,
+    search_phases,
     stratified,
 )
 
-STENCIL = NODES // 4
+STENCIL = NODES // TAIL
 """Nodes of the polynomial on either side of a place, which is as long as half as many brackets."""
-NARROWEST = EPS * NODES**2
+NARROWEST = EPS * NODES * NODES
 """Width, of the period, below which a panel is not divided any more: the first of its nodes would not differ."""
 
 
@@ -175,6 +185,50 @@ def shares(panels: PanelSet, t: Array, owner: Array) -> Array:
     low = np.maximum(np.append(panels.begin[:1], middle)[: len(t)], panels.begin[owner])
     high = np.minimum(np.append(middle, panels.end[-1:])[: len(t)], panels.end[owner])
     return np.asarray((high - low) / panels.width[owner])
+
+
+def resolve_on_panels(sample: Sampler, named: Array, pairs: Array, wary: bool, repeats: bool) -> ResolvedMatrix:
+    """Resolve by panels, judge the period, and collect."""
+    T = sample.period
+    sample(T * stratified(POINTS))
+    shape = sample.shape or (0, 0)
+    about = [np.mod(centre + 4 * width * (2 * stratified(2 * NODES) - 1), T) for centre, width in pairs]
+    phases = np.concatenate([search_phases(), end_phases()]) if wary else stratified(NAMED)
+    checks = np.unique(np.concatenate([T * phases, *about]))
+    resolver = PanelResolver(sample, first_edges(T, named, pairs), named, checks, wary)
+    resolver.run()
+    done = resolver.done
+    rough, jumps = rough_edges(done, sample)
+    found = tuple(
+        Discontinuity(float(t), "jump" if jump else "kink")
+        for t, jump in zip(rough, jumps, strict=True)
+        if not np.any(np.abs(named - t) <= 4 * np.finfo(float).eps * T)
+    )
+    allowed = left_over(done, sample).max(axis=0)
+    degree = shown_degree(done, sample.scale)
+    coefficients = done.coefficients[:, : degree + 1].reshape(len(done.begin), degree + 1, *shape)
+    series = ChebyshevPanels(np.append(done.begin, T), coefficients)
+    narrow = np.argsort(done.width)[:32]
+    times = np.sort(done.begin[narrow] + 0.38 * done.width[narrow])
+    if repeats:
+        t = np.concatenate([times, T * stratified(POINTS)])
+        need_repetition(sample, series(t).reshape(len(t), -1), look_beyond(sample, t + T), t, allowed, rough)
+    anywhere, local = (bound.reshape(-1, *shape) for bound in panel_error(done, degree))
+    located = np.array([place.time for place in found])
+    places = np.union1d(named, located)
+    beside = miss_beside(sample, series, places, places if wary else located).reshape(-1, *shape)
+    return ResolvedMatrix(series, tuple(places.tolist()), found, anywhere.max(axis=0), sample.count, local, beside)
+
+
+def first_edges(period: float, named: Array, pairs: Array) -> Array:
+    """Return the first edges from 0 to T: breaks, a graded mesh about each feature, and as many nodes as for a Fourier series."""
+    fixed = np.unique(np.concatenate([[0.0, period], named]))
+    longest = period * NODES / BLOCKS
+    meshes = [graded([centre], width, max(longest / 2, width), np.pi) for centre, width in pairs]
+    free = np.sort(np.mod(np.concatenate([np.empty(0), *meshes]), period))
+    free = free[np.diff(free, append=np.inf) > NEAR * period]
+    free = free[np.abs(free[:, None] - fixed).min(axis=1) > NEAR * period]
+    return divided(np.union1d(fixed, free), longest)
 
 
 @dataclass

@@ -249,7 +249,7 @@ def test_derivative_mean_and_pieces(breaks):
     pieces = series.pieces(np.array([0.0, 1.0, 4.5, SMOOTH]))
     assert set(breaks) | {1.0, 4.5} <= set(pieces.edges.tolist())
     assert pieces(t)[:, 0, 0] == pytest.approx(f(t), abs=1e-12)
-    assert "1 x 1" in repr(series)
+    assert f"samples={series.samples}" in repr(series)
     again = pickle.loads(pickle.dumps(series))
     assert np.all(again(t) == series(t))
     with pytest.raises(ArgumentError, match="leave the period"):
