@@ -14,23 +14,18 @@ static const double MOST = 300.0;  /* logarithm of the largest ratio of growths 
 
 /* exp(log_i - log_j). */
 static cpx find_ratio(cpx i, cpx j) {
-  double size = exp(fmin(i.re - j.re, MOST)), angle = i.im - j.im;
-  return (cpx){size * cos(angle), size * sin(angle)};
+  double angle = cimag(i - j);
+  return exp(fmin(creal(i - j), MOST)) * CMPLX(cos(angle), sin(angle));
 }
 
 /* X := N^-1 (X o r) for upper triangular X, N = T / diag(t), r_ji = t_i / t_j: one factor back. ratios (n). */
 static void step_back(int n, const cpx *T, cpx *X) {
   for (int j = n - 1; j >= 0; j--) {
     cpx t = T[j * n + j];
-    for (int i = j; i < n; i++) X[j * n + i] = i == j ? X[j * n + i] : c_times(X[j * n + i], c_over(T[i * n + i], t));
+    for (int i = j; i < n; i++) X[j * n + i] = i == j ? X[j * n + i] : times(X[j * n + i], over(T[i * n + i], t));
     for (int l = j + 1; l < n; l++) {
-      cpx a = c_over(T[j * n + l], t);
-      if (a.re == 0.0 && a.im == 0.0) continue;
-      for (int i = l; i < n; i++) {
-        cpx x = c_times(a, X[l * n + i]);
-        X[j * n + i].re -= x.re;
-        X[j * n + i].im -= x.im;
-      }
+      cpx a = over(T[j * n + l], t);
+      for (int i = l; i < n; i++) X[j * n + i] -= times(a, X[l * n + i]);
     }
   }
 }
@@ -38,33 +33,22 @@ static void step_back(int n, const cpx *T, cpx *X) {
 /* X unit upper triangular with X = S (X o r) for the whole period; entries between multipliers whose ratio is 1 up to `same` stay zero, and what
  * couples these is left in N. */
 static void close_period(int n, double same, const cpx *S, const cpx *total, cpx *X, cpx *N) {
-  for (int e = 0; e < n * n; e++) { X[e] = (cpx){e % (n + 1) == 0, 0.0}; N[e] = (cpx){0.0, 0.0}; }
+  for (int e = 0; e < n * n; e++) { X[e] = e % (n + 1) == 0; N[e] = 0.0; }
   for (int i = 0; i < n; i++)
     for (int j = i - 1; j >= 0; j--) {
-      cpx r = find_ratio(total[i], total[j]), own = {1.0 - r.re, -r.im}, sum = S[j * n + i];
-      for (int l = j + 1; l < i; l++) {
-        cpx x = c_times(S[j * n + l], c_times(find_ratio(total[i], total[l]), X[l * n + i]));
-        sum.re += x.re;
-        sum.im += x.im;
-      }
-      if (c_abs(own) < same) N[j * n + i] = sum;
-      else X[j * n + i] = c_over(sum, own);
+      cpx own = 1.0 - find_ratio(total[i], total[j]), sum = S[j * n + i];
+      for (int l = j + 1; l < i; l++) sum += times(S[j * n + l], times(find_ratio(total[i], total[l]), X[l * n + i]));
+      if (cabs(own) < same) N[j * n + i] = sum;
+      else X[j * n + i] = over(sum, own);
     }
 }
 
 /* L = X^-1 Q^H for unit upper triangular X. */
 static void find_left(int n, const cpx *X, const cpx *Q, cpx *L) {
   for (int i = n - 1; i >= 0; i--) {
-    for (int j = 0; j < n; j++) L[i * n + j] = c_conj(Q[j * n + i]);
-    for (int k = i + 1; k < n; k++) {
-      cpx x = X[i * n + k];
-      if (x.re == 0.0 && x.im == 0.0) continue;
-      for (int j = 0; j < n; j++) {
-        cpx y = c_times(x, L[k * n + j]);
-        L[i * n + j].re -= y.re;
-        L[i * n + j].im -= y.im;
-      }
-    }
+    for (int j = 0; j < n; j++) L[i * n + j] = conj(Q[j * n + i]);
+    for (int k = i + 1; k < n; k++)
+      for (int j = 0; j < n; j++) L[i * n + j] -= times(X[i * n + k], L[k * n + j]);
   }
 }
 
@@ -72,23 +56,9 @@ static void find_left(int n, const cpx *X, const cpx *Q, cpx *L) {
 static void multiply_mixed(int n, int m, int p, const cpx *A, const double *B, cpx *C) {
   for (int i = 0; i < n; i++) {
     cpx *row = C + (long)i * p;
-    for (int j = 0; j < p; j++) row[j] = (cpx){0.0, 0.0};
-    for (int k = 0; k < m; k++) {
-      cpx a = A[(long)i * m + k];
-      for (int j = 0; j < p; j++) { row[j].re += a.re * B[(long)k * p + j]; row[j].im += a.im * B[(long)k * p + j]; }
-    }
-  }
-}
-
-/* C = A B, A real (m, n), B complex (n, n). */
-static void multiply_real_left(int m, int n, const double *A, const cpx *B, cpx *C) {
-  for (int i = 0; i < m; i++) {
-    cpx *row = C + (long)i * n;
-    for (int j = 0; j < n; j++) row[j] = (cpx){0.0, 0.0};
-    for (int k = 0; k < n; k++) {
-      double a = A[(long)i * n + k];
-      for (int j = 0; j < n; j++) { row[j].re += a * B[(long)k * n + j].re; row[j].im += a * B[(long)k * n + j].im; }
-    }
+    for (int j = 0; j < p; j++) row[j] = 0.0;
+    for (int k = 0; k < m; k++)
+      for (int j = 0; j < p; j++) row[j] += A[(long)i * m + k] * B[(long)k * p + j];
   }
 }
 
@@ -97,7 +67,7 @@ static void find_lengths(int n, const cpx *A, int columns, double *lengths) {
   for (int i = 0; i < n; i++) {
     double sum = 0.0;
     for (int j = 0; j < n; j++) {
-      double size = c_size(A[columns ? j * n + i : i * n + j]);
+      double size = size_of(A[columns ? j * n + i : i * n + j]);
       sum += size * size;
     }
     lengths[i] = sqrt(sum);
@@ -113,9 +83,8 @@ static void add_noise(int n, int k, const Noise *given, const double *scale, con
   cpx *left = s->work, *turned = left + (long)n * (n + p), *right = turned, *out = right + (long)n * n;
   double *sums = (double *)(out + (long)q * n);
   for (int e = 0; e < n * n; e++) {
-    double units = scale ? scale[e % n] : 1.0, other = scale ? scale[e / n] : 1.0;
-    left[e] = (cpx){s->L[e].re / units, s->L[e].im / units};
-    right[e] = (cpx){s->R[e].re * other, s->R[e].im * other};
+    left[e] = s->L[e] / scale[e % n];
+    right[e] = s->R[e] * scale[e / n];
   }
   if (given->left) {
     multiply_mixed(n, n, p, left, given->left + (long)k * n * p, left + n * n);
@@ -129,11 +98,11 @@ static void add_noise(int n, int k, const Noise *given, const double *scale, con
   for (int i = 0; i < n; i++) {
     for (int b = 0; b < q; b++) sums[b] = 0.0;
     for (int a = 0; a < p; a++) {
-      double size = c_size(left[i * p + a]);
+      double size = size_of(left[i * p + a]);
       for (int b = 0; b < q; b++) sums[b] += size * E[a * q + b];
     }
     for (int b = 0; b < q; b++)
-      for (int j = 0; j < n; j++) s->noise[i * n + j] += sums[b] * c_size(right[b * n + j]);
+      for (int j = 0; j < n; j++) s->noise[i * n + j] += sums[b] * size_of(right[b * n + j]);
   }
 }
 
@@ -151,15 +120,15 @@ static void add_factor(int n, int k, const Form *f, const double *factor, const 
     multiply_complex(n, s->L, moved, all);
     for (int i = 0; i < n; i++)
       for (int j = 0; j < n; j++) {
-        cpx x = c_over(all[i * n + j], T[i * n + i]);
-        s->method[i * n + j] += c_size(x);
-        if (i == j) { s->shift[i].re += x.re; s->shift[i].im += x.im; }
+        cpx x = over(all[i * n + j], T[i * n + i]);
+        s->method[i * n + j] += size_of(x);
+        if (i == j) s->shift[i] += x;
       }
   }
   find_lengths(n, s->L, 0, rows);
   find_lengths(n, s->R, 1, s->columns);
   for (int i = 0; i < n; i++) {
-    double part = size * rows[i] / c_abs(T[i * n + i]);
+    double part = size * rows[i] / cabs(T[i * n + i]);
     for (int j = 0; j < n; j++) {
       double x = part * s->columns[j];
       s->sizes[i * n + j] += count * x;
@@ -176,17 +145,17 @@ static int sum_factors(double same, const Form *f, const double *factors, const 
   long size = (long)n * n;
   for (long e = 0; e < size; e++) {
     s->method[e] = s->squares[e] = s->sizes[e] = s->noise[e] = 0.0;
-    s->X[e] = (cpx){e % (n + 1) == 0, 0.0};
+    s->X[e] = e % (n + 1) == 0;
   }
-  for (int i = 0; i < n; i++) s->shift[i] = (cpx){0.0, 0.0};
+  for (int i = 0; i < n; i++) s->shift[i] = 0.0;
   for (int k = count - 1; k >= 0; k--) step_back(n, f->T + k * size, s->X);
   for (long e = 0; e < size; e++) {
-    if (!isfinite(s->X[e].re) || !isfinite(s->X[e].im)) return 0;
+    if (!isfinite(creal(s->X[e])) || !isfinite(cimag(s->X[e]))) return 0;
     s->S[e] = s->X[e];
   }
   close_period(n, same, s->S, f->logs, s->X, s->N);
   for (int j = 0; j < n; j++)
-    for (int i = j + 1; i < n; i++) s->X[j * n + i] = c_times(s->X[j * n + i], c_over(f->turn[i], f->turn[j]));
+    for (int i = j + 1; i < n; i++) s->X[j * n + i] = times(s->X[j * n + i], over(f->turn[i], f->turn[j]));
   find_left(n, s->X, f->Q + count * size, s->L);
   for (int k = count - 1; k >= 0; k--) {
     step_back(n, f->T + k * size, s->X);
@@ -204,13 +173,13 @@ static int sum_factors(double same, const Form *f, const double *factors, const 
   return 1;
 }
 
-static double find_distance(cpx a, cpx b) { return hypot(a.re - b.re, wrap_angle(a.im - b.im)); }
+static double find_distance(cpx a, cpx b) { return hypot(creal(a - b), wrap_angle(cimag(a - b))); }
 
 /* Elsner's bound (|N| + |E|)^(1 - 1/m) |E|^(1/m) for each block of m multipliers that N couples. */
 static double bound_shared(int n, int i, const double *coupling, const cpx *N) {
   double worst = 0.0;
   for (int row = 0; row < n; row++) { /* the block of a row: itself and what it is coupled to */
-#define LINKED(a) ((a) == row || c_size(N[row * n + (a)]) + c_size(N[(a) * n + row]) > 0.0)
+#define LINKED(a) ((a) == row || size_of(N[row * n + (a)]) + size_of(N[(a) * n + row]) > 0.0)
     int members = 0;
     double E = 0.0, shared = 0.0;
     if (!LINKED(i)) continue;
@@ -219,7 +188,7 @@ static double bound_shared(int n, int i, const double *coupling, const cpx *N) {
       members++;
       for (int b = 0; b < n; b++)
         if (LINKED(b)) {
-          double x = coupling[a * n + b], y = c_size(N[a * n + b]);
+          double x = coupling[a * n + b], y = size_of(N[a * n + b]);
           E += x * x;
           shared += y * y;
         }
@@ -252,15 +221,15 @@ static void bound_at(double same, const Form *f, const double *factors, const do
                      const double *scale, const Sums *s, cpx *shift, double *method, double *rounding) {
   int n = f->n, found = sum_factors(same, f, factors, better, counts, noise, scale, s);
   double *own = s->own, *whole = s->squares;
-  for (int i = 0; i < n; i++) shift[i] = found ? s->shift[i] : (cpx){0.0, 0.0};
+  for (int i = 0; i < n; i++) shift[i] = found ? s->shift[i] : 0.0;
   if (found)
     for (int e = 0; e < n * n; e++) whole[e] = DOUBTED * s->method[e] + s->sizes[e];
-  for (int i = 0; i < n; i++) own[i] = c_abs(shift[i]);
+  for (int i = 0; i < n; i++) own[i] = cabs(shift[i]);
   for (int i = 0; i < n; i++)
     method[i] = found ? known(fmax(own[i], CANCELLED * s->method[i * n + i]) + bound_pairs(n, i, f, s->method, own, whole, s->N)) : UNKNOWN;
   for (int i = 0; i < n; i++) own[i] = s->sizes[i * n + i];
   for (int i = 0; i < n; i++)
-    rounding[i] = found ? known(own[i] + bound_pairs(n, i, f, s->sizes, own, s->sizes, s->N) + 4 * EPS * c_abs(f->logs[i])) : UNKNOWN;
+    rounding[i] = found ? known(own[i] + bound_pairs(n, i, f, s->sizes, own, s->sizes, s->N) + 4 * EPS * cabs(f->logs[i])) : UNKNOWN;
 }
 
 /* Bounds on the motion of each log: by better factors (or none), and by rounding, of which each factor carries `counts`. */

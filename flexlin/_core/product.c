@@ -2,39 +2,9 @@
  * with bounds on what moves each eigenvalue. */
 #include "motion.h"
 
-#include <complex.h>
-
 static const double LARGEST = 1e70; /* products keep their entries within this and its inverse: modes that all grow alike are well conditioned */
 static const double NORMAL = 6.0;   /* h |A| up to which a segment loses no more than roundings of its size: a normal A's fastest mode is given as much */
 static const double LOSS = 0.005;   /* roundings of a stretched segment for each unit of its condition number: nine of ten random ones have no more */
-
-/* Solve A X = B for n unknowns and right sides, both lost; returns 0 where A is singular. */
-static int eliminate(int n, double *A, double *B) {
-  for (int k = 0; k < n; k++) {
-    int pivot = k;
-    for (int i = k + 1; i < n; i++)
-      if (fabs(A[i * n + k]) > fabs(A[pivot * n + k])) pivot = i;
-    if (!(fabs(A[pivot * n + k]) > 0.0)) return 0;
-    for (int j = 0; pivot != k && j < n; j++) {
-      double x = A[k * n + j], y = B[k * n + j];
-      A[k * n + j] = A[pivot * n + j];
-      B[k * n + j] = B[pivot * n + j];
-      A[pivot * n + j] = x;
-      B[pivot * n + j] = y;
-    }
-    for (int i = k + 1; i < n; i++) {
-      double factor = A[i * n + k] / A[k * n + k];
-      for (int j = k + 1; j < n; j++) A[i * n + j] -= factor * A[k * n + j];
-      for (int j = 0; j < n; j++) B[i * n + j] -= factor * B[k * n + j];
-    }
-  }
-  for (int k = n - 1; k >= 0; k--) {
-    for (int i = k + 1; i < n; i++)
-      for (int j = 0; j < n; j++) B[k * n + j] -= A[k * n + i] * B[i * n + j];
-    for (int j = 0; j < n; j++) B[k * n + j] /= A[k * n + k];
-  }
-  return 1;
-}
 
 /* The largest sum of moduli of a column of A (n, n), entries times scale_j / scale_i where there is one; of a row of its transpose. */
 static double find_norm(int n, const double *A, const double *scale, int transposed) {
@@ -50,12 +20,14 @@ static double find_norm(int n, const double *A, const double *scale, int transpo
   return worst;
 }
 
-/* The condition number of A (n, n) in the 1-norm, infinite where it is singular; work (2 n n). */
-static double measure_condition(int n, const double *A, double *work) {
+/* The condition number of A (n, n) in the 1-norm, infinite where it is singular; work (2 n n + n). */
+static double measure_condition(const Lapack *lapack, int n, const double *A, double *work) {
+  int failed;
   double *inverse = work + n * n;
   memcpy(work, A, (size_t)n * n * sizeof(double));
   for (int e = 0; e < n * n; e++) inverse[e] = e % (n + 1) == 0;
-  return eliminate(n, work, inverse) ? find_norm(n, A, NULL, 0) * find_norm(n, inverse, NULL, 0) : INFINITY;
+  lapack->dgesv(&n, &n, work, &n, (int *)(inverse + n * n), inverse, &n, &failed); /* of the transpose: the rows are LAPACK's columns */
+  return failed ? INFINITY : find_norm(n, A, NULL, 0) * find_norm(n, inverse, NULL, 0);
 }
 
 /* One scaling by powers of two that evens rows and columns of sum |F_k|: F becomes S^-1 F S. work (n n). */
@@ -76,7 +48,7 @@ static void balance(const Lapack *lapack, int n, int count, double *F, double *s
  * A nilpotent part of A much larger than its eigenvalues makes stages far larger than what they add up to. Backward stability allows a condition
  * number's worth of roundings there; where h |A| is small none of them cancel. middles (count, n, n): h A, in units of the states; or none.
  * Source: Higham, Accuracy and Stability of Numerical Algorithms (2002), ch. 7. Returns whether there are any. */
-static int count_roundings(int n, int count, const double *F, const double *middles, double each, const double *scale, double *counts, double *work) {
+static int count_roundings(const Lapack *lapack, int n, int count, const double *F, const double *middles, double each, const double *scale, double *counts, double *work) {
   int stretched = 0;
   for (int k = 0; k < count; k++) {
     counts[k] = each;
@@ -84,14 +56,14 @@ static int count_roundings(int n, int count, const double *F, const double *midd
     const double *A = middles + (long)k * n * n;
     double stretch = sqrt(find_norm(n, A, scale, 0) * find_norm(n, A, scale, 1)) / NORMAL;
     if (!(stretch > 1.0)) continue;
-    double more = fmin(pow(stretch, 4), LOSS * measure_condition(n, F + (long)k * n * n, work));
+    double more = fmin(pow(stretch, 4), LOSS * measure_condition(lapack, n, F + (long)k * n * n, work));
     if (more > 1.0) { stretched = 1; counts[k] *= more; }
   }
   return stretched;
 }
 
 /* Whether the factors may be multiplied together in pairs: every product's condition number stays below a limit, and its entries in range. */
-static int can_pair(int n, int count, const double *F, double limit, double *work) {
+static int can_pair(const Lapack *lapack, int n, int count, const double *F, double limit, double *work) {
   long size = (long)n * n;
   for (int k = 0; k < (count + 1) / 2; k++) {
     const double *pair = F + 2 * k * size;
@@ -101,7 +73,7 @@ static int can_pair(int n, int count, const double *F, double limit, double *wor
       pair = work;
     }
     for (int e = 0; e < size; e++) largest = fmax(largest, fabs(pair[e]));
-    if (!(largest < LARGEST && largest > 1.0 / LARGEST && measure_condition(n, pair, work + size) <= limit)) return 0;
+    if (!(largest < LARGEST && largest > 1.0 / LARGEST && measure_condition(lapack, n, pair, work + size) <= limit)) return 0;
   }
   return 1;
 }
@@ -117,8 +89,8 @@ typedef struct { double *F, *better, *counts, *size; long unknown; } Chain;
 
 /* Multiply neighbours again and again, the first acts first, while that costs the weakest mode no more digits than the limit has; what belongs to
  * each factor is added up. Returns how many are left; every: how many were multiplied into one. work (3 n n). */
-static int group(int n, int count, double limit, Chain *c, double *work, int *every) {
-  for (*every = 1; count > 1 && can_pair(n, count, c->F, limit, work); *every *= 2) {
+static int group(const Lapack *lapack, int n, int count, double limit, Chain *c, double *work, int *every) {
+  for (*every = 1; count > 1 && can_pair(lapack, n, count, c->F, limit, work); *every *= 2) {
     multiply_pairs(n, count, c->F, work);
     if (c->better) multiply_pairs(n, count, c->better, work);
     sum_pairs(count, 1, c->counts);
@@ -155,12 +127,12 @@ CALLED int find_spectrum(int n, int count, const double *plain, const double *be
     if (size) memcpy(c.size, size, count * unknown * sizeof(double));
     balance(lapack, n, count, c.F, scale, work);
     for (long e = 0; better && e < all; e++) c.better[e] = better[e] * (scale[e % n] / scale[e % square / n]);
-    *stretched = count_roundings(n, count, c.F, middles, each, scale, counts, work);
+    *stretched = count_roundings(lapack, n, count, c.F, middles, each, scale, counts, work);
     if (start) {
       for (int e = 0; e < square; e++) work[e] = start[e] / scale[e / n];
       make_orthogonal(n, work, bases, work + square);
     }
-    int groups = group(n, count, limit, &c, work, &every);
+    int groups = group(lapack, n, count, limit, &c, work, &every);
     Noise noise = {p, q, pick_first(groups, every, (long)n * p, left, sided), c.size,
                    pick_first(groups, every, (long)q * n, right, sided + (left ? (long)groups * n * p : 0))};
     Form form = {n, groups, space, space + (groups + 1) * square, space + (2L * groups + 1) * square, (cpx *)logs, end, 0.0};

@@ -26,17 +26,31 @@ void multiply_real(int n, const double *restrict A, const double *restrict B, do
 void multiply_complex(int n, const cpx *restrict A, const cpx *restrict B, cpx *restrict C) {
   for (int i = 0; i < n; i++) {
     cpx *row = C + (long)i * n;
-    for (int j = 0; j < n; j++) row[j] = (cpx){0.0, 0.0};
-    for (int k = 0; k < n; k++) {
-      cpx a = A[(long)i * n + k];
-      const cpx *b = B + (long)k * n;
-      if (a.re == 0.0 && a.im == 0.0) continue;
-      for (int j = 0; j < n; j++) {
-        row[j].re += a.re * b[j].re - a.im * b[j].im;
-        row[j].im += a.re * b[j].im + a.im * b[j].re;
-      }
-    }
+    for (int j = 0; j < n; j++) row[j] = 0.0;
+    for (int k = 0; k < n; k++)
+      for (int j = 0; j < n; j++) row[j] += times(A[(long)i * n + k], B[(long)k * n + j]);
   }
+}
+
+/* C = A B, A real (m, n), B complex (n, n). */
+void multiply_real_left(int m, int n, const double *restrict A, const cpx *restrict B, cpx *restrict C) {
+  for (int i = 0; i < m; i++) {
+    cpx *row = C + (long)i * n;
+    for (int j = 0; j < n; j++) row[j] = 0.0;
+    for (int k = 0; k < n; k++)
+      for (int j = 0; j < n; j++) row[j] += A[(long)i * n + k] * B[(long)k * n + j];
+  }
+}
+
+/* C = A^H B, all (n, n). */
+static void multiply_adjoint(int n, const cpx *restrict A, const cpx *restrict B, cpx *restrict C) {
+  for (int e = 0; e < n * n; e++) C[e] = 0.0;
+  for (int k = 0; k < n; k++)
+    for (int i = 0; i < n; i++) {
+      cpx a = conj(A[k * n + i]);
+      if (a == 0.0) continue; /* between blocks */
+      for (int j = 0; j < n; j++) C[i * n + j] += times(a, B[k * n + j]);
+    }
 }
 
 /* The products F_1 F_0, F_3 F_2, ... in place; an odd last factor stays as it is. Returns how many there are; work (n, n). */
@@ -247,15 +261,15 @@ static void multiply_block(int n, int count, int first, int b, const double *W, 
   for (int k = 0; k <= count; k++) {
     const double *from = k < count ? R + (long)k * n * n : W;
     double largest = 0.0;
-    for (int e = 0; e < b * b; e++) factor[e] = (cpx){from[(first + e / b) * n + first + e % b], 0.0};
+    for (int e = 0; e < b * b; e++) factor[e] = from[(first + e / b) * n + first + e % b];
     if (k == 0) memcpy(P, factor, (size_t)b * b * sizeof(cpx));
     else {
       multiply_complex(b, factor, P, next);
       memcpy(P, next, (size_t)b * b * sizeof(cpx));
     }
-    for (int e = 0; e < b * b; e++) largest = fmax(largest, fabs(P[e].re));
+    for (int e = 0; e < b * b; e++) largest = fmax(largest, fabs(creal(P[e])));
     if (largest > 0.0)
-      for (int e = 0; e < b * b; e++) P[e].re /= largest;
+      for (int e = 0; e < b * b; e++) P[e] /= largest;
   }
 }
 
@@ -263,7 +277,7 @@ static void multiply_block(int n, int count, int first, int b, const double *W, 
 static int start_blocks(const Lapack *lapack, const Form *f, const int *cut, const double *W, const double *R, cpx *U, cpx *work) {
   int n = f->n, found = 1;
   long size = (long)n * n;
-  for (long e = 0; e < size; e++) U[e] = (cpx){e % (n + 1) == 0, 0.0};
+  for (long e = 0; e < size; e++) U[e] = e % (n + 1) == 0;
   for (int first = 0, past = 1; first < n; first = past++) {
     while (!cut[past]) past++;
     int b = past - first;
@@ -275,51 +289,17 @@ static int start_blocks(const Lapack *lapack, const Form *f, const int *cut, con
   return found;
 }
 
-/* R U for R real, upper triangular. */
-static void multiply_triangular(int n, const double *R, const cpx *U, cpx *to) {
-  for (int i = 0; i < n; i++)
-    for (int j = 0; j < n; j++) {
-      double x = 0.0, y = 0.0;
-      for (int k = i; k < n; k++) { x += R[i * n + k] * U[k * n + j].re; y += R[i * n + k] * U[k * n + j].im; }
-      to[i * n + j] = (cpx){x, y};
-    }
-}
-
-/* to = U^H A. */
-static void multiply_adjoint(int n, const cpx *U, const cpx *A, cpx *to) {
-  for (int e = 0; e < n * n; e++) to[e] = (cpx){0.0, 0.0};
-  for (int k = 0; k < n; k++)
-    for (int i = 0; i < n; i++) {
-      cpx u = c_conj(U[k * n + i]);
-      if (u.re == 0.0 && u.im == 0.0) continue;
-      for (int j = 0; j < n; j++) {
-        to[i * n + j].re += u.re * A[k * n + j].re - u.im * A[k * n + j].im;
-        to[i * n + j].im += u.re * A[k * n + j].im + u.im * A[k * n + j].re;
-      }
-    }
-}
-
-/* Q U for real Q. */
-static void turn_basis(int n, const double *Q, const cpx *U, cpx *to) {
-  for (int i = 0; i < n; i++)
-    for (int j = 0; j < n; j++) {
-      double x = 0.0, y = 0.0;
-      for (int k = 0; k < n; k++) { x += Q[i * n + k] * U[k * n + j].re; y += Q[i * n + k] * U[k * n + j].im; }
-      to[i * n + j] = (cpx){x, y};
-    }
-}
-
 /* Keep the upper triangle of T, and put a small number where a mode has died out to nothing beside the others, so that its log exists. */
 static void complete_triangle(int n, cpx *T) {
   double largest = 0.0;
   for (int i = 0; i < n; i++)
     for (int j = 0; j < n; j++) {
-      if (j < i) T[i * n + j] = (cpx){0.0, 0.0};
-      else largest = fmax(largest, c_abs(T[i * n + j]));
+      if (j < i) T[i * n + j] = 0.0;
+      else largest = fmax(largest, cabs(T[i * n + j]));
     }
   double least = DEAD * fmax(largest, TINY / DEAD);
   for (int i = 0; i < n; i++)
-    if (!(c_abs(T[i * n + i]) >= least)) T[i * n + i] = (cpx){least, 0.0};
+    if (!(cabs(T[i * n + i]) >= least)) T[i * n + i] = least;
 }
 
 /* T and Q of all factors from their real bases and triangular factors: U_(k+1) T_k = R_k U_k, block by block. work (3 n n). */
@@ -328,13 +308,13 @@ static void carry_blocks(const Lapack *lapack, Form *f, const int *cut, const do
   long size = (long)n * n;
   cpx *RU = work, *block = work + size, *room = block + size;
   for (int i = 0; i < n; i++) single &= cut[i];
-  turn_basis(n, bases, U, f->Q);
+  multiply_real_left(n, n, bases, U, f->Q);
   for (int k = 0; k < f->count; k++) {
     const double *Rk = R + k * size;
     if (single)
-      for (long e = 0; e < size; e++) f->T[k * size + e] = (cpx){Rk[e], 0.0};
+      for (long e = 0; e < size; e++) f->T[k * size + e] = Rk[e];
     else {
-      multiply_triangular(n, Rk, U, RU);
+      multiply_real_left(n, n, Rk, U, RU);
       for (int first = 0, past = 1; first < n; first = past++) {
         while (!cut[past]) past++;
         int b = past - first;
@@ -346,7 +326,7 @@ static void carry_blocks(const Lapack *lapack, Form *f, const int *cut, const do
       multiply_adjoint(n, U, RU, f->T + k * size);
     }
     complete_triangle(n, f->T + k * size);
-    turn_basis(n, bases + (k + 1) * size, U, f->Q + (k + 1) * size);
+    multiply_real_left(n, n, bases + (k + 1) * size, U, f->Q + (k + 1) * size);
   }
 }
 
@@ -358,14 +338,11 @@ static void close_blocks(Form *f, const int *cut, double dropped, cpx *work) {
   for (int first = 0, past = 1; first < n; first = past++) {
     while (!cut[past]) past++;
     for (int i = first; i < past; i++) {
-      double size = c_abs(work[i * n + i]);
-      f->turn[i] = size > 0.0 ? (cpx){work[i * n + i].re / size, work[i * n + i].im / size} : (cpx){1.0, 0.0};
+      double size = cabs(work[i * n + i]);
+      f->turn[i] = size > 0.0 ? work[i * n + i] / size : 1.0;
     }
     for (int i = first; i < past; i++)
-      for (int j = first; j < past; j++) {
-        cpx x = work[i * n + j];
-        missed = fmax(missed, i == j ? c_abs((cpx){x.re - f->turn[i].re, x.im - f->turn[i].im}) : c_abs(x));
-      }
+      for (int j = first; j < past; j++) missed = fmax(missed, cabs(work[i * n + j] - (i == j ? f->turn[i] : 0.0)));
   }
   f->defect = dropped + (n > 1 ? missed : 0.0);
 }
@@ -385,8 +362,8 @@ static void add_exactly(double x, double *sum, double *lost) {
 
 /* Add an angle to a sum; half turns are counted. */
 static void add_angle(cpx t, double *sum, double *lost, int *halves) {
-  if (t.im == 0.0) *halves ^= t.re < 0.0;
-  else add_exactly(atan2(t.im, t.re), sum, lost);
+  if (cimag(t) == 0.0) *halves ^= creal(t) < 0.0;
+  else add_exactly(carg(t), sum, lost);
 }
 
 static void sum_logs(Form *f) {
@@ -397,10 +374,10 @@ static void sum_logs(Form *f) {
     add_angle(f->turn[i], &angle, lost + 1, &halves);
     for (int k = 0; k < f->count; k++) {
       cpx t = f->T[((long)k * n + i) * n + i];
-      add_exactly(log(fmax(c_abs(t), TINY)), &size, lost);
+      add_exactly(log(fmax(cabs(t), TINY)), &size, lost);
       add_angle(t, &angle, lost + 1, &halves);
     }
-    f->logs[i] = (cpx){size + lost[0], wrap_angle(angle + lost[1] + (halves ? M_PI : 0.0))};
+    f->logs[i] = CMPLX(size + lost[0], wrap_angle(angle + lost[1] + (halves ? M_PI : 0.0)));
   }
 }
 
@@ -408,12 +385,12 @@ static void sum_logs(Form *f) {
 static int find_single_form(const Lapack *lapack, const double *factor, Form *f, cpx *work) {
   int n = f->n;
   long size = (long)n * n;
-  for (long e = 0; e < size; e++) f->T[e] = (cpx){factor[e], 0.0};
+  for (long e = 0; e < size; e++) f->T[e] = factor[e];
   if (!find_complex_schur(lapack, n, f->T, f->Q, work)) return NO_SCHUR_FORM;
   memcpy(f->Q + size, f->Q, size * sizeof(cpx));
   complete_triangle(n, f->T);
   for (long e = 0; e < size; e++) f->start[e] = e % (n + 1) == 0;
-  for (int i = 0; i < n; i++) f->turn[i] = (cpx){1.0, 0.0};
+  for (int i = 0; i < n; i++) f->turn[i] = 1.0;
   f->defect = 0.0;
   sum_logs(f);
   return SOUND;

@@ -17,7 +17,7 @@ def spectrum_shapes(n: int, K: int, *given: object) -> tuple[object, ...]:
     return (K, n, n), (K, n, n), (n, n), (K, n, n), (K, n, p), (K, p, q), (K, q, n), n, n, n, n, (n, n), 1
 
 
-ROUTINES = ("dgebal", "zgees", "zgeqrf", "zungqr")
+ROUTINES = ("dgebal", "zgees", "zgeqrf", "zungqr", "dgesv")
 """Of LAPACK, as the compiled code takes them."""
 FIND_SPECTRUM = declare(
     "int find_spectrum(int n, int count, const double *plain, const double *better, const double *start, double limit, "
