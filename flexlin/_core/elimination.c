@@ -1,7 +1,10 @@
-/* Eight real linear systems at once, without exchanging rows. */
+/* Eight real linear systems at once, without exchanging rows: what that may lose shows in the residual, and is won back by it once. */
 #include "elimination.h"
 
-enum { TOGETHER = 4 }; /* pivots that a row is freed of at once: it is read and written once for all of them */
+enum {
+  TOGETHER = 4, /* pivots that a row is freed of at once: it is read and written once for all of them */
+  ACCURATE = 64 /* roundings that a residual may be off by */
+};
 
 /* row -= sum_q f_q top_q, over `count` columns. */
 static inline void subtract_rows(int count, const v8 *f, const v8 *top, long stride, v8 *restrict row) {
@@ -20,7 +23,7 @@ static void substitute_back(int n, int columns, const v8 *G, v8 *X) {
 }
 
 /* X := G^-1 X, (n, columns), of eight systems at once, without exchanging rows; G becomes its factors. */
-void eliminate_eight(int n, int columns, v8 *restrict G, v8 *restrict X) {
+static void eliminate_eight(int n, int columns, v8 *restrict G, v8 *restrict X) {
   for (int first = 0; first < n; first += TOGETHER) {
     int past = first + TOGETHER < n ? first + TOGETHER : n;
     for (int k = first; k < past; k++) {
@@ -47,7 +50,7 @@ void eliminate_eight(int n, int columns, v8 *restrict G, v8 *restrict X) {
 }
 
 /* X := G^-1 X for further right sides, by the factors that `eliminate_eight` leaves: 1 / u on the diagonal, l u below it. */
-void solve_eight(int n, int columns, const v8 *G, v8 *X) {
+static void solve_again(int n, int columns, const v8 *G, v8 *X) {
   for (int i = 1; i < n; i++) {
     v8 *to = X + (long)i * columns;
     for (int k = 0; k < i; k++) {
@@ -58,22 +61,40 @@ void solve_eight(int n, int columns, const v8 *G, v8 *X) {
   substitute_back(n, columns, G, X);
 }
 
-/* The most of what is left, in roundings of sum_j |G_ij| |w_j| + |right_i|, all that a computation without exact sums can ask for.
- * Source: Higham, Accuracy and Stability of Numerical Algorithms, Theorem 7.3 (Oettli, Prager). */
-v8 measure_backward_error(int n, int columns, const v8 *G, const v8 *right, const v8 *w, const v8 *left) {
-  v8 worst = splat(0.0);
-  for (int i = 0; i < n; i++)
-    for (int c = 0; c < columns; c++) {
-      v8 size = absolute(right[i * columns + c]);
-      for (int j = 0; j < n; j++) size += absolute(G[(long)i * n + j] * w[j * columns + c]);
-      worst = larger(worst, left[i * columns + c] / (2.3e-16 * size + 1e-300));
+/* left = G w - right; returns the most of it, in roundings of |G| |w| + |right| of its row, all that any elimination leaves.
+ * Source: Higham, Accuracy and Stability of Numerical Algorithms, ch. 7. */
+static v8 measure_residual(int n, int columns, const v8 *G, const v8 *right, const v8 *w, v8 *left) {
+  v8 worst = splat(0.0), largest = splat(0.0);
+  for (int e = 0; e < n * columns; e++) largest = larger(largest, w[e]);
+  for (int i = 0; i < n; i++) {
+    v8 *to = left + (long)i * columns, row = splat(0.0), most = row;
+    for (int c = 0; c < columns; c++) to[c] = -right[(long)i * columns + c];
+    for (int j = 0; j < n; j++) {
+      v8 g = G[(long)i * n + j];
+      row += absolute(g);
+      for (int c = 0; c < columns; c++) to[c] += g * w[(long)j * columns + c];
     }
+    v8 size = row * largest;
+    for (int c = 0; c < columns; c++) { most = larger(most, to[c]); size = larger(size, right[(long)i * columns + c]); }
+    worst = larger(worst, most / (EPS * size + TINY));
+  }
   return worst;
 }
 
-/* Whether one of the first misses more than so many roundings. */
-int any_lost(v8 off, int count, double most) {
-  for (int l = 0; l < count; l++)
-    if (!(off[l] <= most)) return 1;
-  return 0;
+/* w = G^-1 right (n, columns) of the first of eight systems, refined once where they miss more than ACCURATE roundings; work: n (n + columns).
+ * Returns whether each is right to rounding, as bits. */
+int solve_eight(int n, int columns, int count, const v8 *G, const v8 *right, v8 *w, v8 *work) {
+  v8 *factors = work, *left = work + (long)n * n, off;
+  int good = 0;
+  memcpy(factors, G, (size_t)n * n * sizeof(v8));
+  memcpy(w, right, (size_t)n * columns * sizeof(v8));
+  eliminate_eight(n, columns, factors, w);
+  off = measure_residual(n, columns, G, right, w, left);
+  for (int l = 0; l < count; l++) good |= (off[l] <= ACCURATE) << l;
+  if (good == (1 << count) - 1) return good;
+  solve_again(n, columns, factors, left);
+  for (long e = 0; e < (long)n * columns; e++) w[e] -= left[e];
+  off = measure_residual(n, columns, G, right, w, left);
+  for (int l = good = 0; l < count; l++) good |= (off[l] <= ACCURATE) << l;
+  return good;
 }

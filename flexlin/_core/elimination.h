@@ -4,15 +4,10 @@
 
 #include "lanes.h"
 
-enum { ACCURATE = 64 }; /* roundings that a residual may be off by */
+#define EPS 2.220446049250313e-16
+#define TINY 2.2250738585072014e-308
 
-/* X := G^-1 X, (n, columns); G becomes its factors. */
-void eliminate_eight(int n, int columns, v8 *restrict G, v8 *restrict X);
-
-/* X := G^-1 X for further right sides, by the factors that `eliminate_eight` leaves. */
-void solve_eight(int n, int columns, const v8 *G, v8 *X);
-
-v8 measure_backward_error(int n, int columns, const v8 *G, const v8 *right, const v8 *w, const v8 *left);
-int any_lost(v8 off, int count, double most);
+/* w = G^-1 right (n, columns) of the first of eight systems, refined once; work: n (n + columns). Returns which are right to rounding, as bits. */
+int solve_eight(int n, int columns, int count, const v8 *G, const v8 *right, v8 *w, v8 *work);
 
 #endif
