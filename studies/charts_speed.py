@@ -16,6 +16,7 @@ import os
 import resource
 import time
 from collections.abc import Callable
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -26,10 +27,8 @@ from outside.jax_batch import prepare_jax
 
 import flexlin as fl
 from flexlin.about.free import ParametricLoop, parametric_loop
-from flexlin.answers.sweep.cluster import Cluster
 from flexlin.answers.sweep.job import compute_here, prepare_job
-from flexlin.answers.sweep.processes import Processes
-from flexlin.answers.sweep.threads import Threads
+from flexlin.answers.sweep.sharing import share_among_processes, share_among_threads, share_on_cluster
 from flexlin.answers.sweep.together import Together
 from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.product.balancing import multiply_scaled
@@ -177,7 +176,10 @@ def time_sharing(size: str) -> dict[str, float]:
 
     alone = spend(compute_here)
     first[:] = job.found.exponents
-    times = {"two threads": spend(Threads(2)), "two processes": spend(Processes(2), children)}
+    times = {
+        "two threads": spend(partial(share_among_threads, workers=2)),
+        "two processes": spend(partial(share_among_processes, workers=2), children),
+    }
     if size == "full" and find_spec("distributed"):
         from distributed import Client, LocalCluster
 
@@ -190,7 +192,7 @@ def time_sharing(size: str) -> dict[str, float]:
             before, begin = time.process_time() + of_cluster(), time.perf_counter()
             time.sleep(IDLE)
             idle = (time.process_time() + of_cluster() - before) / (time.perf_counter() - begin)
-            times["Dask, two workers"] = spend(Cluster(client), of_cluster, idle)
+            times["Dask, two workers"] = spend(partial(share_on_cluster, client=client), of_cluster, idle)
     assert np.array_equal(first, job.found.exponents), "sharing has changed bits"
     alone = min(alone, spend(compute_here))
     return {"one process, s": alone, **{name: seconds / alone - 1 for name, seconds in times.items()}}

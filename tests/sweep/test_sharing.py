@@ -4,16 +4,16 @@ import os
 import signal
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers.sweep.cluster import Cluster
 from flexlin.answers.sweep.job import compute_here, prepare_job
-from flexlin.answers.sweep.processes import Processes
 from flexlin.answers.sweep.run import keep_in
+from flexlin.answers.sweep.sharing import share_among_processes, share_on_cluster
 from flexlin.errors import ArgumentError, OutputError
 
 SCENE = fl.load_scene("single-link", {"links.0.modes": 1, "designs": []})
@@ -54,18 +54,18 @@ def test_two_processes_and_one_that_dies(whole, tmp_path):
     assert len(job.blocks) > 5
     (tmp_path / "once").touch()
     job.work = Deadly(job.work, tmp_path)
-    job.run(Processes(2))
+    job.run(partial(share_among_processes, workers=2))
     assert_same(job.dataset(), whole)
 
 
 @pytest.mark.slow
 def test_a_block_that_kills_every_process_is_marked(tmp_path, monkeypatch):
-    monkeypatch.setattr("flexlin.answers.sweep.processes.ATTEMPTS", 1)
+    monkeypatch.setattr("flexlin.answers.sweep.sharing.ATTEMPTS", 1)
     job = prepare_job(SCENE, {"effects.payload.mass": [0.1, 0.2]}, 1e-8, True, "own")
     for i in range(5):
         (tmp_path / str(i)).touch()
     job.work = Deadly(job.work, tmp_path)
-    job.run(Processes(1))
+    job.run(partial(share_among_processes, workers=1))
     assert set(job.dataset()["verdict"].values) == {"failed"}
     assert "ended" in job.dataset()["reason"].values[0]
 
@@ -88,39 +88,13 @@ def test_a_cluster_that_loses_a_worker(whole):
 
         job = prepare_job(SCENE, VALUES, 1e-8, True, "own")
         job.watchers.append(kill_one)
-        job.run(Cluster(client))
+        job.run(partial(share_on_cluster, client=client))
         assert killed
     assert_same(job.dataset(), whole)
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(sys.platform != "linux", reason="glibc has the option")
-def test_workers_of_a_cluster_keep_freed_memory_during_a_block():
-    script = (
-        "import numpy as np, resource; from flexlin.answers.sweep.task import keep_freed_memory\n"
-        "def faults():\n"
-        "    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt\n"
-        "    for _ in range(50): np.ones(2**17) + 1.0\n"
-        "    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before\n"
-        "before = faults()\n"
-        "with keep_freed_memory(): kept = faults()\n"
-        "print(before, kept, faults())"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", script],
-        cwd=Path(__file__).parents[2],
-        env={**os.environ, "MALLOC_TRIM_THRESHOLD_": "65536"},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    before, kept, after = map(int, done.stdout.split())
-    assert before > 10 * kept
-    assert after > 10 * kept
-
-
 def test_clusters_that_are_not_there_are_refused(monkeypatch):
-    monkeypatch.setattr("flexlin.answers.sweep.cluster.PATIENCE", 0.5)
+    monkeypatch.setattr("flexlin.answers.sweep.sharing.PATIENCE", 0.5)
     with pytest.raises(ArgumentError, match="no scheduler answers"):
         fl.sweep(SCENE, {"effects.payload.mass": [0.1]}, client="nowhere:1")
     with pytest.raises(ArgumentError, match="another kind"):

@@ -12,7 +12,7 @@ import flexlin as fl
 from flexlin.answers.loops import choose_loop
 from flexlin.answers.sweep.job import prepare_job
 from flexlin.answers.sweep.run import choose_crew
-from flexlin.answers.sweep.threads import Threads
+from flexlin.answers.sweep.sharing import share_among_threads
 from flexlin.answers.sweep.together import Together
 from flexlin.periodic.circle import measure_distances
 from tests.thinned import thin
@@ -118,11 +118,11 @@ def test_a_worker_loads_no_more_than_the_kernel_needs(tmp_path):
     work = Together.prepare(loop, points, 1e-8)
     (tmp_path / "work").write_bytes(pickle.dumps((work, points)))
     script = (
-        "import pickle, sys; from flexlin.answers.sweep.task import compute_blocks\n"
-        f"work, points = pickle.load(open({str(tmp_path / 'work')!r}, 'rb')); found = compute_blocks(work, [points])[0]\n"
+        "import pickle, sys; import flexlin.answers.sweep.worker\n"
+        f"work, points = pickle.load(open({str(tmp_path / 'work')!r}, 'rb')); found = work.compute(points)\n"
         "assert not {'scipy', 'casadi', 'pydantic', 'flexlin.scene', 'flexlin.periodic.system'} & set(sys.modules)\n"
         f"pickle.dump(found, open({str(tmp_path / 'found')!r}, 'wb'))\n"
-        "points[3] = float('nan'); print(compute_blocks(work, [points])[0].one_by_one.sum())"
+        "points[3] = float('nan'); print(work.compute(points).one_by_one.sum())"
     )
     command = [sys.executable, "-c", script]
     done = subprocess.run(command, cwd=Path(__file__).parents[2], check=True, capture_output=True, text=True)
@@ -136,14 +136,14 @@ def test_threads_share_values_and_pass_errors_on(monkeypatch):
     values = {"effects.payload.mass": np.linspace(0.0, 0.3, 61)}
     job = prepare_job(fl.load_scene("single-link", SINGLE), values, 1e-8, False, "own")
     assert len(job.blocks) == 8
-    assert isinstance(choose_crew(job), Threads)
+    assert choose_crew(job).func is share_among_threads
     job.run(choose_crew(job, workers=1))
     alone = job.found.exponents.copy()
     job.done[:], job.found.exponents[:] = False, np.nan
-    job.run(Threads(2))
+    job.run(choose_crew(job, workers=2))
     assert job.done.all()
     assert np.array_equal(job.found.exponents, alone)
     job.done[:], job.points[40] = False, np.nan
     monkeypatch.setattr(Together, "compute", lambda self, points: 1 / int(np.isfinite(points).all()))
     with pytest.raises(ZeroDivisionError):
-        list(Threads(2)(job))
+        list(share_among_threads(job, 2))

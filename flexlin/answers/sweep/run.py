@@ -4,6 +4,7 @@ import os
 import pickle
 import time
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,12 +12,10 @@ from numpy.typing import ArrayLike
 
 from flexlin.about.family import PeriodicFamily
 from flexlin.answers.loops import RebuiltLoop, RedesignedLoop
-from flexlin.answers.sweep.cluster import Cluster
 from flexlin.answers.sweep.found import Found
 from flexlin.answers.sweep.job import Job, Work, compute_here, prepare_job
-from flexlin.answers.sweep.processes import Processes
+from flexlin.answers.sweep.sharing import share_among_processes, share_among_threads, share_on_cluster
 from flexlin.answers.sweep.store import Store
-from flexlin.answers.sweep.threads import Threads
 from flexlin.arguments import checked, instance
 from flexlin.checks import whole
 from flexlin.errors import ArgumentError
@@ -123,20 +122,20 @@ def choose_crew(
         if workers is not None:
             raise ArgumentError("a cluster has its own workers", got=f"workers={workers!r}", expected="client alone")
         need_portable(job.work)
-        return Cluster(client)
+        return partial(share_on_cluster, client=client)
     if workers is not None:
         if whole("workers", workers) == 1:
             return compute_here
         if job.work.threaded:
-            return Threads(workers)
+            return partial(share_among_threads, workers=workers)
         need_portable(job.work)
-        return Processes(workers)
+        return partial(share_among_processes, workers=workers)
     cores = count_cores()
     if job.work.threaded:
-        return Threads(cores)
+        return partial(share_among_threads, workers=cores)
     if cores == 1 or not is_portable(job.work) or predict_seconds(job) < LOADED:
         return compute_here
-    return Processes(cores)
+    return partial(share_among_processes, workers=cores)
 
 
 def predict_seconds(job: Job) -> float:

@@ -7,7 +7,7 @@ import shutil
 import tempfile
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,10 +17,6 @@ from flexlin.answers.sweep.found import LONGEST, VERDICTS, Found
 from flexlin.answers.sweep.job import Job
 from flexlin.errors import ArgumentError, OutputError
 from flexlin.scene.revised import raw_tables
-
-if TYPE_CHECKING:
-    pass
-
 
 PLAIN = ("error", "period", "one_by_one")
 MAKER = "made_by"
