@@ -12,8 +12,8 @@ from flexlin.control.linear_motion import LinearMotion
 from flexlin.control.nonlinear_share import Along
 from flexlin.control.slow_motions import SLOW_TOL, slow_motions
 from flexlin.mechanics.coordinates import Coordinate
-from flexlin.periodic.boundary.roots import SignedEnds, solve_brackets
 from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.periodic.roots import SignedEnds, solve_brackets
 from flexlin.summary import represent
 
 SAMPLES = 256

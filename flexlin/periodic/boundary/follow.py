@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.boundary.roots import ROOT, SignedEnds, solve_uncertain
 from flexlin.periodic.boundary.spectra import SpectraFunction, measure_margins
+from flexlin.periodic.roots import ROOT, SignedEnds, solve_uncertain
 
 STEP = float(np.sqrt(ROOT))
 """Of the ranges: the step of the differences that give the margin's gradient, whose only use is the direction of the boundary.

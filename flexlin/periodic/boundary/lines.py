@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.boundary.roots import MOST, ROOT, SignedEnds, solve_brackets, solve_uncertain
 from flexlin.periodic.boundary.spectra import Spectra, measure_margins, measure_meetings
+from flexlin.periodic.roots import MOST, ROOT, SignedEnds, solve_brackets, solve_uncertain
 
 REACH = 2.0
 """A pair whose decay over a period exceeds its motion across a cell by this factor is not lifted to growth inside the cell alone."""

@@ -8,7 +8,6 @@ from numpy.polynomial import chebyshev
 from flexlin.checks import Array
 from flexlin.periodic.boundary.follow import EXACT
 from flexlin.periodic.boundary.lattice import spread
-from flexlin.periodic.boundary.roots import MOST
 from flexlin.periodic.boundary.spectra import SpectraFunction, measure_margins
 from flexlin.periodic.chebyshev import chebyshev_nodes
 from flexlin.periodic.product.perturbation import SAME
@@ -75,7 +74,7 @@ def find_critical(margin: Array, side: tuple[int, int] | None) -> tuple[Array, f
     points = spread(*(grid if axis in free or side is None else np.array([float(side[1])]) for axis in range(2)))
     steep = np.hypot.reduce([value_of(slopes[axis], points) for axis in free])
     point, hessian = points[steep.argmin()].copy(), np.zeros((len(free), len(free)))
-    for _ in range(MOST):
+    for _ in range(NODES):
         gradient = np.array([value_of(slopes[axis], point) for axis in free])
         hessian = np.array([[value_of(bends[i][j], point) for i in free] for j in free])
         point[free] = np.clip(point[free] + np.linalg.lstsq(hessian, -gradient, rcond=SAME)[0], -2.0, 2.0)

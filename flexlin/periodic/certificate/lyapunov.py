@@ -13,7 +13,7 @@ from flexlin.errors import ArgumentError, NotCertified, NumericalError
 from flexlin.periodic.certificate.proof import (
     CLOSE,
     LEAST,
-    SHAPED,
+    SHIFT,
     CommonPanels,
     Proof,
     Resolved,
@@ -26,9 +26,6 @@ from flexlin.periodic.quadratic.riccati import periodic_lyapunov
 from flexlin.periodic.quadratic.scattering import symmetrize
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
-
-SHIFT = 0.9
-"""Share of the decay that the Lyapunov equation is asked to prove."""
 
 
 @dataclass(frozen=True)
@@ -168,7 +165,7 @@ def solve_equation(result: FloquetResult, resolved: Resolved, Q: Array) -> Calla
 
     Raises: NumericalError where the decay is so slow against the fastest mode that the error of X hides it.
     """
-    shift, tol = find_shift(result), SHAPED / 10
+    shift, tol = find_shift(result), CLOSE / 10
     hidden = tol * float(np.abs(np.linalg.eigvals(resolved.mean())).max())
     if shift < hidden:
         raise NumericalError("the loop decays too slowly", got=f"{shift:.3g} 1/s", expected=f"above {hidden:.3g} 1/s")

@@ -3,6 +3,7 @@ bound from the coefficients."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import isqrt
 
 import numpy as np
 
@@ -13,21 +14,18 @@ from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.grid import divided
 from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.resolved.matrix import WAVES, ResolvedMatrix
+from flexlin.periodic.resolved.panels import MOST_PANELS, NODES, TAIL
 
-NODES, TAIL, MOST = 32, 4, 512
-"""Nodes of a panel, how many of its last coefficients must have vanished, and panels of a period at the most."""
-KNOWN, SHAPED = 1e-11, 1e-6
-"""How small the last coefficients of A and of X must be, relative to their largest values."""
 LEAST = float(np.sqrt(np.finfo(float).eps))
 """Coefficients of X that are left out, in units in which X has a diagonal of ones."""
-SAMPLES, ROUNDS, STRIDE = 65, 3, 8
-"""Equally spaced samples of a panel, ends included; how often they may be four times as many; eigenvalues are computed at every eighth."""
-SHARE = 0.05
-"""Share of the margin that the bound between samples may cost."""
 CLOSE = 1e-6
-"""Relative distance of a bound above the eigenvalues that were computed, ten times as large until it bounds the others too."""
-ROUNDINGS = 8.0
+"""How small the last coefficients of X must be, relative to its largest values; and relative distance of a bound above the eigenvalues
+that were computed, ten times as large until it bounds the others too."""
+SHIFT = 0.9
+"""Share of the decay that the Lyapunov equation is asked to prove, and of the margin that the bound between samples must leave."""
 EPS = float(np.finfo(float).eps)
+ROUNDED = NODES * EPS
+"""Relative rounding of a sum of as many terms as a panel has nodes."""
 Resolved = ResolvedMatrix | ResolvedCompanion
 
 
@@ -52,14 +50,14 @@ class Proof:
 def represent_on_panels(resolved: Resolved, X: Callable[[Array], Array]) -> CommonPanels:
     """Interpolate A and X on panels that are halved until both are followed; what was followed is not looked at again.
 
-    Raises: ToleranceNotReached when that takes more panels than MOST, and more than the period begins with.
+    Raises: ToleranceNotReached when that takes more panels than MOST_PANELS, and more than the period begins with.
     """
     longest = WAVES * resolved.period / max(resolved.degree, 1)
     edges = resolved.edges
     if isinstance(resolved.series, FourierSeries):
         edges = divided(edges, min(longest, resolved.period))
     begin, end, unknown = edges[:-1], edges[1:], error_of(resolved).ravel()
-    followed, most = list[tuple[Array, Array, Array]](), max(MOST, len(begin))
+    followed, most = list[tuple[Array, Array, Array]](), max(MOST_PANELS, len(begin))
     sizes = [np.zeros(1), np.zeros(1)]
     while len(begin):
         if len(begin) + sum(len(start) for start, _, _ in followed) > most:
@@ -69,8 +67,8 @@ def represent_on_panels(resolved: Resolved, X: Callable[[Array], Array]) -> Comm
         sizes = [np.maximum(old, np.abs(values).max(axis=(0, 1))) for old, values in zip(sizes, parts, strict=True)]
         A, shape = (chebyshev_coefficients(values) for values in parts)
         last = [np.abs(one[:, -TAIL:]).max(axis=1) for one in (A, shape)]
-        rough = np.any(last[0] > np.maximum(KNOWN * sizes[0], unknown), axis=1) | np.any(
-            last[1] > SHAPED * sizes[1], axis=1
+        rough = np.any(last[0] > np.maximum(NODES * ROUNDED * sizes[0], unknown), axis=1) | np.any(
+            last[1] > CLOSE * sizes[1], axis=1
         )
         followed.append((begin[~rough], A[~rough], shape[~rough]))
         begin, end = begin[rough], end[rough]
@@ -90,7 +88,7 @@ def assemble(resolved: Resolved, edges: Array, A: Array, X: Array) -> CommonPane
     apart = np.abs(resolved(t.ravel()).reshape(*t.shape, n, n) - evaluate(A, u))
     between = 3 * apart.max(axis=(0, 1)) + np.abs(A[:, -TAIL:]).sum(axis=1).max(axis=0)
     units = np.sqrt(np.abs(X[..., range(n), range(n)]).sum(axis=1).max(axis=0))
-    error = error_of(resolved) + between + ROUNDINGS * EPS * np.abs(A).sum(axis=1).max(axis=0)
+    error = error_of(resolved) + between + ROUNDED * np.abs(A).sum(axis=1).max(axis=0)
     kept = trimmed(A, error / NODES)
     error = error + np.abs(A[:, kept.shape[1] :]).sum(axis=1).max(axis=0)
     error = np.where(np.any(A, axis=(0, 1)), error, 0.0)
@@ -141,12 +139,12 @@ def prove(panels: CommonPanels) -> Proof:
     A = L.T @ panels.A @ back
     X = np.linalg.solve(L, np.swapaxes(np.linalg.solve(L, panels.X), -1, -2))
     unknown = float(np.linalg.norm(np.abs(L.T) @ panels.error @ np.abs(back)))
-    rounding = ROUNDINGS * len(L) * EPS * float(np.linalg.cond(L / np.sqrt((L**2).sum(axis=1))[:, None]))
-    best, count = Proof(-np.inf, 0.0), SAMPLES
-    for _ in range(ROUNDS):
+    rounding = ROUNDED * len(L) * float(np.linalg.cond(L / np.sqrt((L**2).sum(axis=1))[:, None]))
+    best, count = Proof(-np.inf, 0.0), NODES + 1
+    while count < NODES**2:
         found, lost = bound_margin(panels.edges, A, X, unknown, rounding, count)
         best, count = max(best, found, key=lambda one: one.margin), 4 * count - 3
-        if lost <= SHARE * max(found.margin, 0.0) or found.margin + lost <= 0 or found.margin == -np.inf:
+        if lost <= (1 - SHIFT) * max(found.margin, 0.0) or found.margin + lost <= 0 or found.margin == -np.inf:
             break
     tolerates = best.tolerates / float(np.linalg.cond(L))
     # a certificate that bears next to no change says more of rounding than of the loop
@@ -167,7 +165,7 @@ def bound_margin(edges: Array, A: Array, X: Array, unknown: float, rounding: flo
         return Proof(-np.inf, 0.0), np.inf
     largest_A = float(np.linalg.norm(evaluate(A, u), axis=(-2, -1)).max())
     known = 2 * unknown * high + rounding * (2 * largest_A * high + float(np.abs(evaluate(slope, u)).max()))
-    some = slice(None, None, STRIDE)
+    some = slice(None, None, isqrt(count))
     first = float(largest_ratios(values[:, some] + known * eye[:, some], size[:, some]).max())  # not above that of all
     mu = bound_ratio(values + (known + bends[0] + max(-first, 0.0) * bends[1]) * eye, size)
     ends = evaluate(X, np.array([-1.0, 1.0]))
@@ -207,10 +205,11 @@ def largest_ratios(R: Array, X: Array) -> Array:
 def bound_ratio(R: Array, X: Array) -> float:
     """An upper bound mu, R <= mu X at all samples (P, U, n, n), hardly above the least.
 
-    Every eighth sample is solved; that no other one exceeds the bound is proved by the Cholesky factors of mu X - R, which take a tenth
+    Some samples are solved; that no other one exceeds the bound is proved by the Cholesky factors of mu X - R, which take a tenth
     of the time of its eigenvalues.
     """
-    most = float(largest_ratios(R[:, ::STRIDE], X[:, ::STRIDE]).max())
+    some = slice(None, None, isqrt(R.shape[1]))
+    most = float(largest_ratios(R[:, some], X[:, some]).max())
     above = CLOSE * abs(most) + np.finfo(float).tiny
     while not is_bound(most + above, R, X):
         above *= 10

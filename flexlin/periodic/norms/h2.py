@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,13 +9,13 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array, positive
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples
+from flexlin.periodic.grid import divide_segments
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
+from flexlin.periodic.resolved.panels import MOST_PANELS, NODES
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
 
-NODES = 16
-"""Gauss nodes of a panel of the mean."""
-ROUNDS = 9
+EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
@@ -121,14 +120,12 @@ def check_ports(system: PeriodicSystem, C: MatrixFunction | ArrayLike) -> tuple[
 def mean_of_parts(f: Callable[[Array], Array], edges: Array) -> tuple[Array, float]:
     """The mean of f (rows, N) over the period, panels halved until the first row stands still, and its last change."""
     x, w = np.polynomial.legendre.leggauss(NODES)
-    before: Array | None = None
-    for halved in range(ROUNDS):
-        fine = np.concatenate([np.linspace(a, b, 2**halved + 1)[:-1] for a, b in pairwise(edges)] + [edges[-1:]])
-        h = np.diff(fine)[:, None]
-        values = f((fine[:-1, None] + h * (x + 1) / 2).ravel())
+    last, change = np.inf, np.inf
+    while True:
+        h = np.diff(edges)[:, None]
+        values = f((edges[:-1, None] + h * (x + 1) / 2).ravel())
         mean = values @ (h * w / 2).ravel() / edges[-1]
-        if before is not None and abs(mean[0] - before[0]) <= 1e-14 * abs(mean[0]):
-            break
-        before = mean if before is None or halved < ROUNDS - 1 else before
-    assert before is not None
-    return np.array([mean[0], mean[1], values[2].max()]), float(abs(mean[0] - before[0]) + 1e-15 * abs(mean[0]))
+        change, before, last = abs(mean[0] - last), change, mean[0]
+        if change > before or change <= EPS * abs(last) or len(h) > MOST_PANELS:
+            return np.array([mean[0], mean[1], values[2].max()]), float(change + NODES * EPS * abs(last))
+        edges = divide_segments(edges, 2)

@@ -14,21 +14,16 @@ from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import solve_modes_at_nodes
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.norms.h2 import check_ports
+from flexlin.periodic.product.perturbation import SAME
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve
+from flexlin.periodic.roots import MOST
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
 
-ACCURATE = 1e-10
-"""Wanted error of the exponents, in 1/s."""
 FAINT = 1e-3
 """How far below zero an eigenvalue of X may lie by rounding, in units in which X has a diagonal of ones; and the least such unit of a
 state, relative to the largest, after the states' own units are evened: what is smaller is rounding of a state that is not seen."""
-NEAREST = 1e-9
-"""How far above the feedthrough's own gain the lowest level lies of which a Hamiltonian system is made."""
-MERGED = 1e-6
-"""Distance to the circle, over a period, below which a decaying mode may be taken together with its growing counterpart."""
-STEPS = 200
 BESIDE = 0.05
 """Of the way from the level at which the distance is predicted to vanish to the bracket's end: how far beside it the next one is tried."""
 
@@ -105,7 +100,7 @@ class BoundedReal:
         lies there, since no other one is near that could be its mirror image in the circle; or X is indefinite.
         """
         system = self.hamiltonian(level)
-        found = floquet(system, ACCURATE)
+        found = floquet(system)
         known = np.isfinite(found.errors)
         errors, size = np.where(known, found.errors, 0.0), np.where(known, np.abs(found.exponents.real), np.inf)
         k = int(np.argmin(size))
@@ -132,7 +127,7 @@ class BoundedReal:
         scaled = X / units / units[:, None]
         turned = np.swapaxes(scaled, 1, 2)
         least, doubt = float(np.linalg.eigvalsh((scaled + turned) / 2).min()), float(np.abs(scaled - turned).max())
-        told_apart = np.abs(found.exponents.real).min() * system.period > MERGED
+        told_apart = np.abs(found.exponents.real).min() * system.period > SAME
         return 1 if least > -FAINT else -int(told_apart and least < -n * doubt - FAINT)
 
 
@@ -235,12 +230,12 @@ def bracket_norm(problem: BoundedReal, size: float, tol: float) -> HinfNorm:
     """
     direct = find_direct_gain(problem.D)
     if size == 0:
-        return HinfNorm(direct, NEAREST * direct, 0.0)
+        return HinfNorm(direct, tol * direct, 0.0)
     rate = max(float(np.linalg.norm(problem.system.resolved.mean(), 2)), 1 / problem.system.period)
-    low, floor = direct, max(direct * (1 + NEAREST), np.finfo(float).eps ** 0.9 * size / rate)
+    low, floor = direct, max(direct * (1 + tol), np.finfo(float).eps ** 0.9 * size / rate)
     high, frequency, above, hidden = np.inf, 0.0, list[tuple[float, float]](), list[float]()
     level = max(2 * floor, size / rate)
-    for _ in range(STEPS):
+    for _ in range(MOST):
         side, distance, place = problem.judge(level)
         if side > 0:
             high, frequency = level, place

@@ -8,10 +8,12 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array, whole
 from flexlin.errors import ArgumentError, ResonantForcing
 from flexlin.periodic.coefficients import Constant, has_nothing_narrow, refuse_signature
+from flexlin.periodic.floquet.segmented import ANOTHER
 from flexlin.periodic.grid import edges_of_short, place_edges
-from flexlin.periodic.product.perturbation import COHERENT
+from flexlin.periodic.product.perturbation import CLOSE, COHERENT
 from flexlin.periodic.product.spectrum import product_logs
 from flexlin.periodic.resolved.companion import couple_uncertainty
+from flexlin.periodic.resolved.panels import NODES, SAFETY, TAIL
 from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.response.collocated import PiecewiseSolution, VectorFunction, solve_periodic
 from flexlin.periodic.response.result import ForcedResponse
@@ -22,18 +24,10 @@ from flexlin.periodic.transition.radau import radau
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, report_too_many
 
 EPS = float(np.finfo(float).eps)
-SAFETY, RESONANT = 4.0, 100.0
-"""Factor on what rounding and resolutions that come no nearer leave; a response that loses the other factor beyond tol is resonant."""
-NEARBY = 0.05
-"""Distance of a multiplier's log from 0 up to which it is the reason why a response is large."""
+RESONANT = 100.0
+"""A response that loses this factor beyond tol to rounding is resonant."""
 STIFF = 1024
 """Segments of Gauss collocation beyond which Radau IIA is taken: its smooth solution does not feel modes that are fast and damped."""
-COARSE, LEAST = 4, 16
-"""The first segments: of those that would follow the fastest mode, which a smooth force hardly moves; and of a period at the least."""
-GROWTH = (1.3, 2.0)
-"""How many times more segments the next resolution has: enough to be evidence, and no more than the last one's error calls for."""
-LEVELS = 4
-"""Resolutions in a row that come no nearer to each other."""
 
 
 @checked
@@ -117,7 +111,7 @@ def forced_response(
 
 def find_corners(system: PeriodicSystem, force: VectorFunction, breaks: Array) -> Array:
     """Where force or coefficients are not smooth, and edges of what they do in a short time, so that no segment steps over it."""
-    known, longest = np.union1d(system.resolved.breaks, breaks), system.period / LEAST
+    known, longest = np.union1d(system.resolved.breaks, breaks), system.period / NODES
     corners = np.union1d(known, edges_of_short(system.resolved.edges, longest))
     if isinstance(force, Constant):
         return corners
@@ -148,7 +142,7 @@ def refine_response(
     Parameters: limits: segments that would follow the fastest mode, and the most that may be used.
     Returns: the solution, the smallest singular value of its closure, how far the two are apart, and the size of the response.
     """
-    first = max(LEAST, limits[0] // COARSE)
+    first = max(NODES, limits[0] // TAIL)
     count, previous, misses, best = first, None, list[float](), None
     while count <= limits[1]:
         grid = place_edges(system.period, corners, count, -(-count // first))
@@ -173,13 +167,13 @@ def refine_response(
                 missed = max(misses[at - 1 : at + 1])
                 return solution, sigma, max(SAFETY * missed, missed + rounded), scale
             wanted = len(previous.start) * (MARGIN * missed / (tol * scale)) ** (1 / (len(rule.c) + 1))
-        previous, count = solution, int(np.ceil(np.clip(wanted, GROWTH[0] * count, GROWTH[1] * count)))
+        previous, count = solution, int(np.ceil(np.clip(wanted, ANOTHER * count, 2 * count)))
     raise report_too_many(count, limits[1], tol)
 
 
 def stagnant(misses: list[float]) -> bool:
-    """Whether more segments have stopped to help: rounding of the force and of the coefficients is all that is left."""
-    return len(misses) > LEVELS and min(misses[-LEVELS:]) > 0.5 * min(misses[:-LEVELS])
+    """Whether TAIL times more segments have not helped: rounding of the force and of the coefficients is all that is left."""
+    return len(misses) > TAIL and min(misses[-TAIL:]) > 0.5 * min(misses[:-TAIL])
 
 
 def unknown_response(
@@ -231,7 +225,7 @@ def report_resonance(Phi: Array, sigma: float) -> ResonantForcing:
     logs = product_logs(Phi)
     nearest = logs[np.argmin(np.abs(logs))]
     got = f"the multiplier {np.exp(nearest):.12g} with the periodicity condition's smallest singular value {sigma:.1e}"
-    if abs(nearest) > NEARBY:
+    if abs(nearest) > CLOSE:
         return ResonantForcing(
             "rounding hides the periodic response, although no multiplier is near 1",
             got=got,

@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass
 
-EXACT = 1e-12
-"""Relative distance at which a sampling time counts as a whole part of whole periods."""
+import numpy as np
+
 MOST = 1024
 """Samples of a round, unless a single period takes more."""
+EXACT = MOST * float(np.finfo(float).eps)
+"""Relative distance at which a sampling time counts as a whole part of whole periods."""
 
 
 @dataclass(frozen=True)

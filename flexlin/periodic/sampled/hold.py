@@ -8,16 +8,18 @@ from flexlin.checks import Array
 from flexlin.errors import ArgumentError, TooManySegments
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.grid import divide_segments, edges_of_short
+from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choice import choose_gauss_step, measure_pace
 from flexlin.periodic.transition.exponential import exponentiate
 from flexlin.periodic.transition.gauss import gauss_transitions
+from flexlin.periodic.transition.setting import MAX_SEGMENTS
 
 STAGES = 6
 """Gauss stages between samples; two more show the error."""
-PARTS = 4
+PARTS = NODES // STAGES
 """Steps, at the least, over a panel of the coefficients: it may hold more waves than the stages of one follow."""
-MOST_STEPS = 400_000
+MOST_STEPS = NODES * MAX_SEGMENTS
 
 
 @dataclass(frozen=True, eq=False)

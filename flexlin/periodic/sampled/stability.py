@@ -10,16 +10,12 @@ from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples
 from flexlin.periodic.floquet.result import FloquetResult, judge
+from flexlin.periodic.floquet.segmented import HIDDEN, SAFETY
 from flexlin.periodic.product.spectrum import find_spectrum
 from flexlin.periodic.sampled.commensurate import Round, find_rounds
 from flexlin.periodic.sampled.hold import STAGES, hold_plant, with_controller_states
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.setting import Setting
-
-HIDDEN = 1e-3
-"""A mode whose log is uncertain by this part of its distance below the largest is only known to lie below."""
-SAFETY = 2.0
-"""Factor on what the method leaves out, and on the step between two sampling times that surround the wanted one."""
 
 
 @dataclass(frozen=True)

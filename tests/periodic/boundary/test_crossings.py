@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 from flexlin.periodic.boundary.crossings import find_crossings
-from flexlin.periodic.boundary.roots import SignedEnds, solve_brackets
+from flexlin.periodic.roots import SignedEnds, solve_brackets
 from tests.periodic.boundary.piecewise import meissner, piecewise
 from tests.thinned import thin
 

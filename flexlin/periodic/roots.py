@@ -7,8 +7,8 @@ import numpy as np
 
 from flexlin.checks import Array
 
-MOST = 80
-"""Steps of a search; halving alone needs some 50."""
+MOST = 200
+"""Steps of a search; halving alone needs some 50, and a size may be as far off as doubling goes."""
 ROOT = float(np.sqrt(np.finfo(float).eps))
 
 
