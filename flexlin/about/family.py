@@ -177,7 +177,18 @@ class PeriodicFamily(Expressions):
         return self.system_at(real_array("values", values, (len(self.paths),)))
 
     def system_at(self, point: Array) -> PeriodicSystem:
-        """The system at one point (P,)."""
+        """The system at one point.
+
+        Parameters
+        ----------
+        point : array, shape (P,)
+            A number for each parameter, in the parameters' order.
+
+        Returns
+        -------
+        PeriodicSystem
+            As of `at`.
+        """
         point = real_array("the parameters", point, (len(self.paths),))
         period, *breaks = self.durations(point).full().ravel().tolist()
         found = {name: Sampled(self.coefficients, name, point) for name in self.coefficients.name_out()}
@@ -238,7 +249,18 @@ class PeriodicFamily(Expressions):
     is_smooth = False
 
     def is_narrow(self, point: Array) -> bool:
-        """Whether the coefficients are known to have narrow features at one point (P,): nothing is known."""
+        """Whether the coefficients are known to have narrow features at one point.
+
+        Parameters
+        ----------
+        point : array, shape (P,)
+            A number for each parameter.
+
+        Returns
+        -------
+        bool
+            False: nothing is known.
+        """
         return False
 
     @property

@@ -3,7 +3,6 @@
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
-from types import FunctionType
 from typing import Any
 
 import numpy as np
@@ -73,10 +72,6 @@ def as_matrix_function(name: str, value: MatrixFunction | ArrayLike) -> MatrixFu
 
 def refuse_signature(name: str, function: Callable[..., Any]) -> None:
     """Refuse a function that cannot be called with times alone."""
-    if isinstance(function, FunctionType):  # the usual one, whose signature need not be made
-        code, given = function.__code__, len(function.__defaults__ or ())
-        if code.co_argcount - given <= 1 <= code.co_argcount and not code.co_kwonlyargcount:
-            return
     try:
         inspect.signature(function).bind(PROBES)
     except TypeError as error:
