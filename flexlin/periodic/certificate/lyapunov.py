@@ -1,31 +1,244 @@
-"""A Lyapunov certificate of stability, and how one is issued for a loop that Floquet calls stable."""
+"""Lyapunov certificates: X(t) > 0 on panels common with A(t), the proof of the inequality over a period, and how one is issued.
+
+The proof takes values at samples, and between them a bound from the coefficients.
+"""
 
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import isqrt
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.checks import Array
-from flexlin.errors import ArgumentError, NotCertified, NumericalError
-from flexlin.periodic.certificate.proof import (
-    CLOSE,
-    LEAST,
-    SHIFT,
-    CommonPanels,
-    Proof,
-    Resolved,
-    prove,
-    represent_on_panels,
+from flexlin.errors import ArgumentError, NotCertified, NumericalError, ToleranceNotReached
+from flexlin.periodic.chebyshev import (
+    ChebyshevPanels,
+    chebyshev_basis,
+    chebyshev_coefficients,
+    chebyshev_nodes,
+    panel_times,
 )
-from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.grid import divided
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
 from flexlin.periodic.quadratic.scattering import symmetrize
+from flexlin.periodic.resolved.companion import ResolvedCompanion
+from flexlin.periodic.resolved.matrix import WAVES, ResolvedMatrix
+from flexlin.periodic.resolved.panels import MOST_PANELS, NODES, TAIL
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
+
+LEAST = float(np.sqrt(np.finfo(float).eps))
+"""Coefficients of X that are left out, in units in which X has a diagonal of ones."""
+CLOSE = 1e-6
+"""How small the last coefficients of X must be, relative to its largest values; and relative distance of a bound above the eigenvalues
+that were computed, ten times as large until it bounds the others too."""
+SHIFT = 0.9
+"""Share of the decay that the Lyapunov equation is asked to prove, and of the margin that the bound between samples must leave."""
+EPS = float(np.finfo(float).eps)
+ROUNDED = NODES * EPS
+"""Relative rounding of a sum of as many terms as a panel has nodes."""
+Resolved = ResolvedMatrix | ResolvedCompanion
+
+
+@dataclass(frozen=True)
+class CommonPanels:
+    """Edges (P + 1,) from 0 to T, Chebyshev coefficients of A and X (P, K, n, n), and a bound on the error of A's entries (n, n)."""
+
+    edges: Array
+    A: Array
+    X: Array
+    error: Array
+
+
+@dataclass(frozen=True)
+class Proof:
+    """X' + A' X + X A <= -margin X, in 1/s, and the spectral norm of a change of A, in 1/s, that leaves it negative; margin <= 0: none."""
+
+    margin: float
+    tolerates: float
+
+
+def represent_on_panels(resolved: Resolved, X: Callable[[Array], Array]) -> CommonPanels:
+    """Interpolate A and X on panels that are halved until both are followed; what was followed is not looked at again.
+
+    Raises: ToleranceNotReached when that takes more panels than MOST_PANELS, and more than the period begins with.
+    """
+    longest = WAVES * resolved.period / max(resolved.degree, 1)
+    edges = resolved.edges
+    if isinstance(resolved.series, FourierSeries):
+        edges = divided(edges, min(longest, resolved.period))
+    begin, end, unknown = edges[:-1], edges[1:], error_of(resolved).ravel()
+    followed, most = list[tuple[Array, Array, Array]](), max(MOST_PANELS, len(begin))
+    sizes = [np.zeros(1), np.zeros(1)]
+    while len(begin):
+        if len(begin) + sum(len(start) for start, _, _ in followed) > most:
+            raise ToleranceNotReached("A and X were not followed by polynomials", got=f"more than {most} panels")
+        t = panel_times(begin, end, NODES)
+        parts = [f(t.ravel()).reshape(*t.shape, -1) for f in (resolved, X)]
+        sizes = [np.maximum(old, np.abs(values).max(axis=(0, 1))) for old, values in zip(sizes, parts, strict=True)]
+        A, shape = (chebyshev_coefficients(values) for values in parts)
+        last = [np.abs(one[:, -TAIL:]).max(axis=1) for one in (A, shape)]
+        rough = np.any(last[0] > np.maximum(NODES * ROUNDED * sizes[0], unknown), axis=1) | np.any(
+            last[1] > CLOSE * sizes[1], axis=1
+        )
+        followed.append((begin[~rough], A[~rough], shape[~rough]))
+        begin, end = begin[rough], end[rough]
+        begin, end = np.concatenate([begin, (begin + end) / 2]), np.concatenate([(begin + end) / 2, end])
+    starts, A, shape = (np.concatenate(each) for each in zip(*followed, strict=True))
+    order = np.argsort(starts)
+    return assemble(resolved, np.append(starts[order], edges[-1]), A[order], shape[order])
+
+
+def assemble(resolved: Resolved, edges: Array, A: Array, X: Array) -> CommonPanels:
+    """Put panels together; A's error: that of its representation, what the panels add between their nodes, and rounding."""
+    n = round(A.shape[-1] ** 0.5)
+    A, X = (one.reshape(*one.shape[:2], n, n) for one in (A, X))
+    X = (X + np.swapaxes(X, -1, -2)) / 2
+    u = np.linspace(-1.0, 1.0, 2 * NODES + 1)[1:-1]
+    t = (edges[:-1, None] + edges[1:, None]) / 2 + np.diff(edges)[:, None] / 2 * u
+    apart = np.abs(resolved(t.ravel()).reshape(*t.shape, n, n) - evaluate(A, u))
+    between = 3 * apart.max(axis=(0, 1)) + np.abs(A[:, -TAIL:]).sum(axis=1).max(axis=0)
+    units = np.sqrt(np.abs(X[..., range(n), range(n)]).sum(axis=1).max(axis=0))
+    error = error_of(resolved) + between + ROUNDED * np.abs(A).sum(axis=1).max(axis=0)
+    kept = trimmed(A, error / NODES)
+    error = error + np.abs(A[:, kept.shape[1] :]).sum(axis=1).max(axis=0)
+    error = np.where(np.any(A, axis=(0, 1)), error, 0.0)
+    return CommonPanels(edges, kept, trimmed(X, LEAST * np.outer(units, units)), error)
+
+
+def error_of(resolved: Resolved) -> Array:
+    """A bound on the error of A's representation (n, n); of second order:
+
+        |dA| <= 1.5 |M^-1| (|dM| |M^-1 K| + |dK|)   and with D in the place of K,
+
+    at 257 times, with half as much again for between them.
+    """
+    if isinstance(resolved, ResolvedMatrix):
+        return resolved.error
+    t = resolved.period * np.arange(257) / 257
+    M, D, K = resolved.sample(t)
+    dM, dD, dK = resolved.split(resolved.error)
+    inverse = np.abs(np.linalg.inv(M))
+    sides = [
+        (inverse @ (dM @ np.abs(np.linalg.solve(M, one)) + error)).max(axis=0) for one, error in ((K, dK), (D, dD))
+    ]
+    lower = 1.5 * np.concatenate(sides, axis=1)
+    return np.concatenate([np.zeros_like(lower), lower])
+
+
+def trimmed(coefficients: Array, least: Array) -> Array:
+    """Coefficients without the highest ones, where those are at most `least` (n, n) on every panel."""
+    counts = np.flatnonzero(np.any(np.abs(coefficients) > least, axis=(0, 2, 3)))
+    return coefficients[:, : int(counts.max(initial=0)) + 1]
+
+
+def prove(panels: CommonPanels) -> Proof:
+    """Bound the margin from below.
+
+    In coordinates z = L' x, L L' = mean X, with R = X' + A' X + X A:
+
+        R(t) + mu X(t) <= -(what A's error and rounding can add)
+
+    holds at the samples, and between two of them because a matrix polynomial p lies within h^2/8 max |p''| of its chord, where
+    |p''| <= sum_k |c_k| k^2 (k^2 - 1) / 3 (Markov). Where X grows from one panel to the next, the growth is paid from the margin.
+    Rounding of the change of coordinates grows with the condition of L in units in which X has a diagonal of ones.
+    """
+    even = np.arange(0, panels.X.shape[1], 2)
+    share = np.diff(panels.edges) / panels.edges[-1]
+    L = np.linalg.cholesky(np.einsum("p,k,pkij->ij", share, 1 / (1 - even**2.0), panels.X[:, ::2]))
+    back = np.linalg.inv(L.T)
+    A = L.T @ panels.A @ back
+    X = np.linalg.solve(L, np.swapaxes(np.linalg.solve(L, panels.X), -1, -2))
+    unknown = float(np.linalg.norm(np.abs(L.T) @ panels.error @ np.abs(back)))
+    rounding = ROUNDED * len(L) * float(np.linalg.cond(L / np.sqrt((L**2).sum(axis=1))[:, None]))
+    best, count = Proof(-np.inf, 0.0), NODES + 1
+    while count < NODES**2:
+        found, lost = bound_margin(panels.edges, A, X, unknown, rounding, count)
+        best, count = max(best, found, key=lambda one: one.margin), 4 * count - 3
+        if lost <= (1 - SHIFT) * max(found.margin, 0.0) or found.margin + lost <= 0 or found.margin == -np.inf:
+            break
+    tolerates = best.tolerates / float(np.linalg.cond(L))
+    # a certificate that bears next to no change says more of rounding than of the loop
+    return Proof(best.margin, tolerates) if tolerates > EPS**0.75 * best.margin else Proof(-np.inf, 0.0)
+
+
+def bound_margin(edges: Array, A: Array, X: Array, unknown: float, rounding: float, count: int) -> tuple[Proof, float]:
+    """Return the margin proved with so many samples a panel, and what the bound between samples costs."""
+    half = np.diff(edges)[:, None, None, None] / 2
+    slope = np.polynomial.chebyshev.chebder(X, axis=1) / half if X.shape[1] > 1 else np.zeros_like(X)
+    R = chebyshev_coefficients(flat(sum_terms(A, X, slope, chebyshev_nodes(A.shape[1] + X.shape[1] - 1))))
+    u = np.linspace(-1.0, 1.0, count)
+    bends = [float(bend(one).max()) * (u[1] - u[0]) ** 2 / 8 for one in (R, flat(X))]
+    values, size = sum_terms(A, X, slope, u), evaluate(X, u)
+    eye = np.broadcast_to(np.eye(size.shape[-1]), size.shape)
+    low, high = (bound_ratio(part, eye) + bends[1] for part in (-size, size))
+    if not low < 0:
+        return Proof(-np.inf, 0.0), np.inf
+    largest_A = float(np.linalg.norm(evaluate(A, u), axis=(-2, -1)).max())
+    known = 2 * unknown * high + rounding * (2 * largest_A * high + float(np.abs(evaluate(slope, u)).max()))
+    some = slice(None, None, isqrt(count))
+    first = float(largest_ratios(values[:, some] + known * eye[:, some], size[:, some]).max())  # not above that of all
+    mu = bound_ratio(values + (known + bends[0] + max(-first, 0.0) * bends[1]) * eye, size)
+    ends = evaluate(X, np.array([-1.0, 1.0]))
+    paid = np.log(np.maximum(largest_ratios(ends[:, 0], np.roll(ends[:, 1], 1, axis=0)), 1.0))
+    margin = -mu - float(paid.sum()) / float(edges[-1])
+    return Proof(margin, max(margin, 0.0) / 2 * float(np.sqrt(-low / high))), mu - first
+
+
+def sum_terms(A: Array, X: Array, slope: Array, u: Array) -> Array:
+    """X' + A' X + X A at u of each panel, (P, U, n, n)."""
+    product = evaluate(X, u) @ evaluate(A, u)
+    return evaluate(slope, u) + product + np.swapaxes(product, -1, -2)
+
+
+def evaluate(coefficients: Array, u: Array) -> Array:
+    """Polynomials of each panel at u (U,): (P, U, n, n)."""
+    return np.einsum("uk,pkij->puij", chebyshev_basis(u, coefficients.shape[1]), coefficients, optimize=True)
+
+
+def flat(values: Array) -> Array:
+    """Matrices as rows."""
+    return values.reshape(*values.shape[:2], -1)
+
+
+def bend(coefficients: Array) -> Array:
+    """A bound on the second derivative of each panel's polynomial in [-1, 1], by |T_k''| <= k^2 (k^2 - 1) / 3 (P,)."""
+    k = np.arange(coefficients.shape[1])
+    return np.linalg.norm(coefficients, axis=2) @ (k**2 * (k**2 - 1.0) / 3)
+
+
+def largest_ratios(R: Array, X: Array) -> Array:
+    """The largest eigenvalue of L^-1 R L^-T with L L' = X > 0, at each sample: the least mu with R <= mu X."""
+    inverse = np.linalg.inv(np.linalg.cholesky(X))
+    return np.linalg.eigvalsh(inverse @ R @ np.swapaxes(inverse, -1, -2))[..., -1]
+
+
+def bound_ratio(R: Array, X: Array) -> float:
+    """An upper bound mu, R <= mu X at all samples (P, U, n, n), hardly above the least.
+
+    Some samples are solved; that no other one exceeds the bound is proved by the Cholesky factors of mu X - R, which take a tenth
+    of the time of its eigenvalues.
+    """
+    some = slice(None, None, isqrt(R.shape[1]))
+    most = float(largest_ratios(R[:, some], X[:, some]).max())
+    above = CLOSE * abs(most) + np.finfo(float).tiny
+    while not is_bound(most + above, R, X):
+        above *= 10
+    return most + above
+
+
+def is_bound(mu: float, R: Array, X: Array) -> bool:
+    """Whether mu X - R is positive definite at every sample."""
+    try:
+        np.linalg.cholesky(mu * X - R)
+    except np.linalg.LinAlgError:
+        return False
+    return True
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,9 @@
 """The periodic response of a periodic system to a periodic force, known between the grid points too."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.polynomial.legendre import legvander
 
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array, whole
@@ -10,19 +11,28 @@ from flexlin.errors import ArgumentError, ResonantForcing
 from flexlin.periodic.coefficients import Constant, has_nothing_narrow, refuse_signature
 from flexlin.periodic.floquet.segmented import ANOTHER
 from flexlin.periodic.grid import edges_of_short, place_edges
+from flexlin.periodic.product.cyclic import cyclic_system
 from flexlin.periodic.product.perturbation import CLOSE, COHERENT
 from flexlin.periodic.product.spectrum import product_logs
 from flexlin.periodic.resolved.companion import couple_uncertainty
 from flexlin.periodic.resolved.panels import NODES, SAFETY, TAIL
 from flexlin.periodic.resolved.resolve import resolve
-from flexlin.periodic.response.collocated import PiecewiseSolution, VectorFunction, solve_periodic
-from flexlin.periodic.response.result import ForcedResponse
+from flexlin.periodic.response.result import ForcedResponse, PiecewiseSolution
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.choice import MARGIN, choose_setting
-from flexlin.periodic.transition.gauss import Tableau, gauss, place_nodes
+from flexlin.periodic.transition.gauss import (
+    Tableau,
+    collect_chunks,
+    gauss,
+    place_nodes,
+    sample_at,
+    solve_stages,
+    weigh_stages,
+)
 from flexlin.periodic.transition.radau import radau
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, report_too_many
 
+VectorFunction = Callable[[Array], Array]
 EPS = float(np.finfo(float).eps)
 RESONANT = 100.0
 """A response that loses this factor beyond tol to rounding is resonant."""
@@ -169,6 +179,43 @@ def refine_response(
             wanted = len(previous.start) * (MARGIN * missed / (tol * scale)) ** (1 / (len(rule.c) + 1))
         previous, count = solution, int(np.ceil(np.clip(wanted, ANOTHER * count, 2 * count)))
     raise report_too_many(count, limits[1], tol)
+
+
+def solve_periodic(
+    system: PeriodicSystem, f: VectorFunction, grid: Array, rule: Tableau
+) -> tuple[PiecewiseSolution | None, float, Array]:
+    """Solve for the states at the edges; returns the solution, the smallest singular value of the closure, and Phi.
+
+    The force is one more column of A, which a constant state multiplies: z' = [[A, f], [0, 0]] z, z = [x; 1], gives Phi x + g over each
+    segment. There is no solution where the singular value is one of rounding alone.
+    """
+    n, h, before = system.n, np.diff(grid), np.nextafter(grid[1:], -np.inf)
+
+    def forced(t: Array, k: slice) -> Array:
+        """h [[A, f], [0, 0]] at the stages, before a jump at the end of a segment."""
+        t = np.minimum(t, before[k, None])
+        A, force = sample_at(system.resolved, t), real_array("f", sample_at(f, t))
+        out = np.zeros((*t.shape, n + 1, n + 1))
+        out[..., :n, :n], out[..., :n, n] = A, force
+        return out * h[k, None, None, None]
+
+    def stages(t: Array, k: slice) -> Array:
+        hA = forced(t, k)
+        Y = solve_stages(hA, rule, np.broadcast_to(np.eye(n + 1), hA.shape))
+        end = Y[:, -1] if rule.c[-1] == 1 else np.eye(n + 1) + weigh_stages(hA, rule, Y)
+        return np.concatenate([Y, end[:, None]], axis=1)[..., :n, :]
+
+    Y = collect_chunks(stages, grid, rule)
+    Phi, g = Y[:, -1, :, :n], Y[:, -1, :, n:]
+    cyclic = cyclic_system(Phi)
+    sigma = float(np.linalg.svd(cyclic.closure, compute_uv=False)[-1])
+    if sigma <= 4 * np.finfo(float).eps:
+        return None, sigma, Phi
+    x = cyclic.solve(g)[..., 0]
+    moved = (Y[:, :-1, :, :n] @ x[:, None, :, None] + Y[:, :-1, :, n:])[..., 0] - x[:, None]
+    legendre = legvander(2 * rule.c - 1, len(rule.c) - 1)
+    slope = np.linalg.solve(rule.a @ legendre, moved) / h[:, None, None]
+    return PiecewiseSolution(grid, x, slope), sigma, Phi
 
 
 def stagnant(misses: list[float]) -> bool:

@@ -5,16 +5,33 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.polynomial.legendre import legvander
 from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, at_times, whole
 from flexlin.errors import ArgumentError
-from flexlin.periodic.response.collocated import PiecewiseSolution
 from flexlin.plots.view import Series, Shown, View
 from flexlin.summary import represent
 
 if TYPE_CHECKING:
     import xarray
+
+
+@dataclass(frozen=True)
+class PiecewiseSolution:
+    """The collocation polynomials: x(t_k + theta h_k) = start_k + h_k sum_m slope_km int_0^theta P_m."""
+
+    edges: Array
+    start: Array
+    slope: Array
+
+    __repr__ = represent
+
+    def __call__(self, t: Array) -> Array:
+        k = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, len(self.start) - 1)
+        h = np.diff(self.edges)[k]
+        integral = h[:, None] * integrate_legendre((t - self.edges[k]) / h, self.slope.shape[1])
+        return self.start[k] + (integral[:, None, :] @ self.slope[k])[:, 0]
 
 
 @dataclass(frozen=True)
@@ -108,3 +125,10 @@ def label_states(count: int, names: Sequence[str], units: Sequence[str]) -> tupl
         if len(given) not in (0, count):
             raise ArgumentError(f"{what} do not fit the states", got=len(given), expected=str(count))
     return list(names) or [f"x{i + 1}" for i in range(count)], list(units) or [""] * count
+
+
+def integrate_legendre(theta: Array, count: int) -> Array:
+    """int_0^theta P_m(2 s - 1) ds for m < count: (N, count)."""
+    P = legvander(2 * theta - 1, count)
+    m = np.arange(1, count)
+    return np.column_stack([theta, (P[:, 2:] - P[:, :-2]) / (2 * (2 * m + 1))])
