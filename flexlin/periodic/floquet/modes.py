@@ -14,12 +14,10 @@ from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.product.balancing import balance_factors
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.choice import choose_setting
-from flexlin.periodic.transition.gauss import gauss
+from flexlin.periodic.transition.gauss import CHUNK_BYTES, gauss
 from flexlin.periodic.transition.setting import METHODS, factor_by, place_segments
 from flexlin.summary import represent
 
-CHUNK_BYTES = 2**25
-"""Shifted factors of the modes that are solved together take at most this many bytes (one mode at the least)."""
 MODES_TOL = 1e-9
 """Accuracy of the transition matrices where the exponents came without any."""
 MODES_SEGMENTS = 4000

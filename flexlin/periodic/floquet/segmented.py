@@ -27,12 +27,10 @@ NEXT = 1e-5
 """Of the period: the time over which the change of a mode's shape is seen."""
 TRACE = 1e-11
 """Relative error of the mean trace of A that is forgiven."""
-ANOTHER = 1.3
-"""How many times the segments give an independent rounding."""
+ANOTHER, GROWTH = 1.3, 4.0
+"""Bounds on how much finer the next resolution is: one that rounds independently, and one that is not far too fine."""
 HELPED, MANY = 0.7, 4096
 """Where rounding alone makes segments shorter: the part of it that half as long ones leave at the most, and how many there may be."""
-GROWTH, SHRINK = 4.0, 1.25
-"""Bounds on how much finer the next resolution is."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +75,7 @@ def solve_by_segments(
         if fixed or excess <= 1:
             noisy = not fixed and bool((method > wanted)[resolved].any()) and setting.segments < max_segments
             return add_blind(compare_noise(system, spectrum) if noisy else spectrum, system, tol)
-        finer = np.clip(1.1 * excess ** (1 / setting.order), SHRINK, GROWTH) if np.isfinite(excess) else GROWTH
+        finer = np.clip(1.1 * excess ** (1 / setting.order), ANOTHER, GROWTH) if np.isfinite(excess) else GROWTH
         count = int(np.ceil(setting.segments * finer))
         if count > max_segments:
             raise report_too_many(count, max_segments, tol)

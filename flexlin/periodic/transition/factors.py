@@ -13,13 +13,11 @@ from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.sampling import EPS
 from flexlin.periodic.second_order import build_companion
-from flexlin.periodic.transition.gauss import Tableau, collocate, collocate_accelerations, fold_samples
+from flexlin.periodic.transition.gauss import CHUNK_BYTES, Tableau, collocate, collocate_accelerations, fold_samples
 
 Resolved = ResolvedMatrix | ResolvedCompanion
 MOST_UNKNOWNS = 100
 """Stages times unknowns up to which the compiled code serves; LAPACK is as fast beyond."""
-BLOCK_BYTES = 2**24
-"""Samples that are taken at a time."""
 FACTOR_STATES = declare(
     "int factor_states(int n, int stages, int segments, int stiff, const double *A, const double *lengths, const double *tableau, "
     "const double *units, double *Phi, int *good)",
@@ -78,11 +76,11 @@ def measure_segments(
 def sample_segments(
     resolved: Resolved, edges: Array, rules: tuple[Tableau, ...], looks: tuple[float, ...] = ()
 ) -> Iterator[tuple[slice, list[Array], list[Array]]]:
-    """The coefficients, A or [M D K], segment by segment, BLOCK_BYTES at a time: which, at the stages of each rule (k, s, rows, columns),
+    """The coefficients, A or [M D K], segment by segment, CHUNK_BYTES at a time: which, at the stages of each rule (k, s, rows, columns),
     and at parts of each segment (k, rows, columns). A stage at the end of a segment stands just before it, so jumps there do no harm."""
     nodes = [rule.c for rule in rules] + [np.array([part]) for part in looks]
     rows, columns = resolved.shape
-    size = max(8, BLOCK_BYTES // (8 * rows * columns * sum(map(len, nodes))))
+    size = max(8, CHUNK_BYTES // (8 * rows * columns * sum(map(len, nodes))))
     for i in range(0, len(edges) - 1, size):
         first, last = edges[i : i + size + 1][:-1, None], edges[i : i + size + 1][1:, None]
         times = [first + (last - first) * c for c in nodes]

@@ -12,7 +12,7 @@ from flexlin.errors import SingularMassMatrix
 from flexlin.periodic.coefficients import MatrixFunction, check_finite
 
 CHUNK_BYTES = 2**25
-"""The stage matrices of one batched solve take at most this many bytes (one segment at the least)."""
+"""What is computed at once takes at most this many bytes (one segment or one mode at the least)."""
 FIRST_NODES = 512
 """Stages sampled in the first chunk, before the size of the matrices is known."""
 

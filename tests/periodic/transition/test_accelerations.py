@@ -36,7 +36,7 @@ def random_arm(seed, n, units):
 def test_compiled_code_and_numpy_give_the_same_matrices(n, monkeypatch):
     """Also where segments do not fill an eight, in several parts, in units of any size, and so long that rows must be exchanged."""
     for seed, (segments, stages) in enumerate([(1, 9), (8, 4), (37, 7), (3, 10), (100, 2)]):
-        monkeypatch.setattr(factors, "BLOCK_BYTES", 24 * stages * n * n * 16)
+        monkeypatch.setattr(factors, "CHUNK_BYTES", 24 * stages * n * n * 16)
         grid = np.sort(np.random.default_rng(seed).uniform(0, 1, segments + 1))
         units = 10.0 ** np.random.default_rng(seed).uniform(-3, 3, n)
         found = factor_segments(random_arm(seed, n, units).resolved, grid, gauss(stages))

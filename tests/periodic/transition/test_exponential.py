@@ -5,32 +5,12 @@ from scipy.linalg import expm
 import flexlin as fl
 from flexlin.errors import ToleranceNotReached
 from flexlin.periodic.transition.exponential import exponentiate
-from flexlin.periodic.transition.gauss import gauss, gauss_transitions, place_nodes, sample_at
-from flexlin.periodic.transition.magnus import average_sixth
-from tests.periodic.systems import mathieu
 
 
 @pytest.mark.parametrize("size", [0.0, 0.1, 3.0, 100.0])
 def test_exponential_against_scipy(size):
     X = size * np.random.default_rng(2).standard_normal((7, 4, 4)) / 4
     np.testing.assert_allclose(exponentiate(X), [expm(x) for x in X], rtol=1e-10, atol=1e-12)
-
-
-def test_order_of_convergence():
-    A = mathieu(1.3, 0.7)
-    grid = np.linspace(0, np.pi, 5)
-    exact = gauss_transitions(A, grid, 12)
-    count = np.array([4, 8, 16])
-    error = []
-    for k in count:
-        edges = np.linspace(0, np.pi, 4 * k + 1)
-        at_nodes = np.moveaxis(sample_at(A, place_nodes(edges, gauss(3).c)), 1, 0)
-        fine = exponentiate(average_sixth(at_nodes, np.diff(edges)[:, None, None])).reshape(4, k, 2, 2)
-        product = np.broadcast_to(np.eye(2), (4, 2, 2))
-        for i in range(k):
-            product = fine[:, i] @ product
-        error.append(np.abs(product - exact).max())
-    assert abs(-np.polyfit(np.log(count), np.log(error), 1)[0] - 6) < 0.3
 
 
 def stiff(t):
