@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 VERDICTS = np.array(["undecided", "stable", "unstable", "failed", "missing"])
-FAILED, MISSING = 3, 4
+FAILED, MISSING = np.flatnonzero(np.isin(VERDICTS, ["failed", "missing"]))
 LONGEST = 240
 """Characters of a reason."""
 WITHIN = "the growth rate is zero to within its error: a smaller tol may decide"

@@ -18,7 +18,7 @@ ORDER = 8
 """Of the extrapolated logs, by the length of the segments."""
 STEPS = 1.15, 2.0
 """Factors between the numbers of segments of a value's trials."""
-FURTHER = 4.0
+FURTHER = STEPS[1] ** 2
 """Pilots that need so many times more than the others are given up."""
 MARGIN = 1.06
 """What values are given over what pilots needed: a second trial costs more."""

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 SLACK = 1.1
 """The spread of the moduli may exceed the pilots' by this factor."""
-BLOCK = 2**16
+BLOCK = 65536
 """Values of a block at the most, times the square of the states: in a larger one more are alike, but it is seen later."""
 BLOCKS, SMALL_BLOCK = 8, 12 * WIDTH
 """Blocks that a sweep is cut into at the least, unless they are smaller than this."""
