@@ -156,7 +156,7 @@ def prove(panels: CommonPanels) -> Proof:
     X = np.linalg.solve(L, np.swapaxes(np.linalg.solve(L, panels.X), -1, -2))
     unknown = float(np.linalg.norm(np.abs(L.T) @ panels.error @ np.abs(back)))
     rounding = ROUNDED * len(L) * float(np.linalg.cond(L / np.sqrt((L**2).sum(axis=1))[:, None]))
-    best, count = Proof(-np.inf, 0.0), NODES + 1
+    best, count = Proof(-np.inf, 0.0), TAIL * NODES + 1
     while count < NODES**2:
         found, lost = bound_margin(panels.edges, A, X, unknown, rounding, count)
         best, count = max(best, found, key=lambda one: one.margin), 4 * count - 3
