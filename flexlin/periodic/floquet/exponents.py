@@ -18,7 +18,7 @@ from flexlin.periodic.floquet.result import FloquetResult, find_reached, judge
 from flexlin.periodic.floquet.segmented import solve_by_segments
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.choice import choose_setting, estimate_segment_work, fall_back
-from flexlin.periodic.transition.setting import MAX_SEGMENTS, Setting, report_too_many
+from flexlin.periodic.transition.setting import MAX_SEGMENTS, Setting
 
 PATIENCE = 1e6
 """Work of collocation (`estimate_segment_work`) that is spent where decoupling has answered, but not to the wanted accuracy."""
@@ -141,8 +141,6 @@ def answer_by_segments(system: PeriodicSystem, setting: Setting, tol: float, lim
 
     Raises: TooManySegments.
     """
-    if setting.segments > limit:
-        raise report_too_many(setting.segments, limit, tol)
     spectrum = solve_by_segments(system, setting, tol, limit)
     return finish(system, spectrum.logs / system.period, spectrum.errors / system.period, spectrum.setting, tol)
 

@@ -58,12 +58,15 @@ def solve_by_segments(
     Parameters: tol: wanted error of an exponent, relative beyond 1/s; fixed: take the setting as it is.
     Raises: TooManySegments.
     """
+    if setting.segments > max_segments:
+        raise report_too_many(setting.segments, max_segments, tol)
     start, before = None, np.inf
     while True:
         spectrum, method = measure_spectrum(system, setting, start)
         wanted = tol * np.maximum(system.period, np.abs(spectrum.logs)) / SAFETY
         resolved = np.isfinite(spectrum.errors)
-        excess = float((method / np.maximum(wanted, spectrum.rounding))[resolved].max(initial=0.0))
+        seen = np.maximum(wanted, SAFETY * spectrum.rounding)  # what is less may be rounding alone
+        excess = float((method / seen)[resolved].max(initial=0.0))
         if start is None and (spectrum.rounding > wanted)[resolved].any():
             start = spectrum.start
             continue
