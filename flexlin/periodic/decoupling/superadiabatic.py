@@ -21,11 +21,21 @@ def sylvester(B: Array, groups: tuple[Group, ...]) -> Array:
     scalar = np.repeat([group.size == 1 for group in groups], [group.size for group in groups])
     single = scalar[:, None] & scalar & ~np.eye(len(scalar), dtype=bool)
     S[:, single] = -B[:, single] / (diagonal[:, :, None] - diagonal[:, None, :])[:, single]
-    for group in groups:
-        for other in groups:
-            if other is not group and max(group.size, other.size) > 1:
+    large, alone = [group for group in groups if group.size > 1], np.flatnonzero(scalar)
+    for group in large:
+        S[:, group.part, alone], S[:, alone, group.part] = solve_singles(B, group, alone)
+        for other in large:
+            if other is not group:
                 S[:, group.part, other.part] = solve_block(B, group, other)
     return S
+
+
+def solve_singles(B: Array, group: Group, alone: Array) -> tuple[Array, Array]:
+    """The blocks of S between a group and all modes that are `alone` (s,): (N, p, s) and (N, s, p), all in one call each."""
+    values, own = B[:, alone, alone], B[:, group.part, group.part]
+    apart = own[:, None] - values[:, :, None, None] * np.eye(group.size)
+    columns = np.linalg.solve(apart, -np.swapaxes(B[:, group.part, alone], 1, 2)[..., None])[..., 0]
+    return np.swapaxes(columns, 1, 2), np.linalg.solve(np.swapaxes(apart, 2, 3), B[:, alone, group.part, None])[..., 0]
 
 
 def solve_block(B: Array, group: Group, other: Group) -> Array:
@@ -37,9 +47,7 @@ def solve_block(B: Array, group: Group, other: Group) -> Array:
         turned = -np.swapaxes(B, 1, 2)
         return -np.swapaxes(solve_block(turned, other, group), 1, 2)
     own, R = B[:, group.part, group.part], B[:, other.part, other.part]
-    Q = np.ones_like(R)
-    if other.size > 1:
-        R, Q = (np.array(part) for part in zip(*map(complex_schur, R), strict=True))
+    R, Q = (np.array(part) for part in zip(*map(complex_schur, R), strict=True))
     right, Y = -B[:, group.part, other.part] @ Q, np.empty((len(B), group.size, other.size), complex)
     for k in range(other.size):
         column = right[:, :, k] + (Y[:, :, :k] @ R[:, :k, k, None])[..., 0]
