@@ -24,18 +24,19 @@ class LoopLyapunov:
     Source: Hochbruck, Ostermann, Exponential integrators, Acta Numerica 19 (2010) 209; for whole periods: Smith, SIAM J. Appl. Math. 16
     (1968) 198.
 
-    Parameters: M (N, n, n) at the nodes.
+    Parameters: M (N, n, n) at the nodes; (N, 1, n, n) for several right sides (N, k, n, n) at once.
     """
 
     def __init__(self, M: Array, nodes: Nodes):
-        self.M, self.nodes, self.halves = M, nodes, nodes.halves[:, :, None, None]
+        self.M, self.nodes = M, nodes
+        self.halves = nodes.halves.reshape(*nodes.halves.shape, *np.ones(M.ndim - 1, dtype=int))
         steps = (self.halves * M).reshape(-1, *M.shape[1:])
         square = steps @ steps
-        size = float(np.linalg.norm(square @ square, 1, axis=(1, 2)).max()) ** 0.25
+        size = float(np.linalg.norm(square @ square, 1, axis=(-2, -1)).max()) ** 0.25
         self.share = 0.5 ** max(0.0, np.ceil(np.log2(max(size, REACH) / REACH)))
         self.steps = self.share * steps
         square *= self.share**2
-        power = self.steps + 0.5 * square + square @ (self.steps / 6 + square / 24) + np.eye(M.shape[1])
+        power = self.steps + 0.5 * square + square @ (self.steps / 6 + square / 24) + np.eye(M.shape[-1])
         self.powers = [power]
         while 0.5 ** (len(self.powers) - 1) > self.share:
             self.powers.append(self.powers[-1] @ self.powers[-1])
@@ -48,6 +49,7 @@ class LoopLyapunov:
             pairs = len(whole) // 2 * 2
             whole = np.concatenate([whole[1:pairs:2] @ whole[0:pairs:2], whole[pairs:]])
             self.levels.append(whole)
+        self.squares = list_squares(whole)
 
     def solve(self, F: Array) -> Array | None:
         """D (N, n, n) of a symmetric right side; None where the loop does not forget.
@@ -70,8 +72,10 @@ class LoopLyapunov:
             ahead = Phi[0:pairs:2]
             part = np.concatenate([part[0:pairs:2] + transpose(ahead) @ part[1:pairs:2] @ ahead, part[pairs:]])
             parts.append(part)
-        behind = close_period(self.levels[-1], parts[-1])
-        if behind is None:
+        behind = parts[-1]
+        for square in self.squares:
+            behind = behind + transpose(square) @ behind @ square
+        if not (self.squares and np.isfinite(behind).all()):
             return None
         for Phi, part in zip(self.levels[-2::-1], parts[-2::-1], strict=True):
             pairs = len(Phi) // 2 * 2
@@ -94,7 +98,7 @@ class LoopLyapunov:
     def _integrate_line(self, slope: Array) -> tuple[Array, Array]:
         """The integrals over each half step s of exp(M' r) r F' exp(M r), and of the same with s in place of r."""
         change = self.share * (self.halves * slope).reshape(-1, *slope.shape[1:])
-        step = self.share * self.halves.reshape(-1, 1, 1)
+        step = self.share * self.halves.reshape(-1, *self.halves.shape[2:])
         once = twice(change @ self.steps)
         again = twice(once @ self.steps)
         total, whole = step * (change / 2 + once / 3 + again / 8), step * (change + once / 2 + again / 6)
@@ -109,18 +113,19 @@ class LoopLyapunov:
         return behind[-N:], np.roll(before[:N], -1, axis=0)
 
 
-def close_period(Phi: Array, part: Array) -> Array | None:
-    """D = Phi' D Phi + part of one period (1, n, n), by doubling; None where Phi does not decay."""
-    D = part
+def list_squares(Phi: Array) -> list[Array]:
+    """Phi, Phi^2, Phi^4 ... until the next is rounding; none where Phi does not decay."""
+    squares = [Phi]
     for _ in range(DOUBLINGS):
         with np.errstate(over="ignore", invalid="ignore"):
-            more = transpose(Phi) @ D @ Phi
-            D, Phi = D + more, Phi @ Phi
-        if not np.isfinite(D).all():
-            return None
-        if np.abs(more).max() <= np.finfo(float).eps * np.abs(D).max():
-            return D
-    return None
+            Phi = Phi @ Phi
+        size = float(np.square(Phi).sum())
+        if size <= np.finfo(float).eps:
+            return squares
+        if not np.isfinite(size):
+            break
+        squares.append(Phi)
+    return []
 
 
 def twice(product: Array) -> Array:

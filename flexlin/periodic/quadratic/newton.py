@@ -249,7 +249,7 @@ def judge(problem: LinearQuadratic, corrected: Corrected, tol: float) -> Riccati
     error, gain_error = float(heights.max()) / height, sqrt(float((reached * heights).max())) / gain
     method_error = error * float((rows[0] / W).max())
     if max(error, gain_error) > tol and isinstance(nodes, FourierNodes):
-        carried = carry_residual(LoopLyapunov(M, nodes), F, noise)
+        carried = carry_residual(LoopLyapunov(M[:, None], nodes), F, noise)
         if carried is not None:
             parts = [part * both for part in carried]
             to_gain = np.linalg.solve(problem.R(between), transpose(problem.B(between)))
@@ -276,9 +276,8 @@ def carry_residual(lyapunov: LoopLyapunov, F: Array, noise: Array) -> list[Array
     """What a loop makes of a residual, and of its rounding with signs that are the same at all times, and with signs that change."""
     signs = np.random.default_rng(PROBE).choice([-1.0, 1.0], (2, *F.shape))
     signs[0] = signs[0, 0]
-    solved = (lyapunov.solve(part) for part in (F, *(symmetrize(NOISE * noise * sign) for sign in signs)))
-    parts = [part for part in solved if part is not None]
-    return parts if len(parts) == 1 + len(signs) else None
+    solved = lyapunov.solve(np.stack([F, *(symmetrize(NOISE * noise * sign) for sign in signs)], axis=1))
+    return None if solved is None else list(np.swapaxes(solved, 0, 1))
 
 
 def add_up(parts: list[Array]) -> float:

@@ -87,7 +87,7 @@ class FourierNodes:
         return X[0] + np.fft.irfft(waves, self.count, axis=0), slopes
 
     def _rates(self, X: Array) -> Array:
-        return (2j * np.pi / self.period * np.arange(len(X) // 2 + 1))[:, None, None]
+        return (2j * np.pi / self.period * np.arange(len(X) // 2 + 1)).reshape(-1, *np.ones(X.ndim - 1, dtype=int))
 
     def series(self, X: Array) -> FourierSeries:
         """X as a series without waves that are rounding."""
