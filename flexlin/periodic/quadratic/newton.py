@@ -105,7 +105,7 @@ def solve_by_newton(
             continue
         finer = nodes.refine(corrected.X, seen)
         if finer is None:
-            found = judge(problem, corrected, tol)
+            found = bound_error(problem, corrected, tol)
             if found is None:
                 finer = nodes.resize(2 * nodes.count)
             else:
@@ -194,7 +194,7 @@ def correct_until_closed(problem: LinearQuadratic, nodes: Nodes, X: Array, near:
     return None
 
 
-def judge(problem: LinearQuadratic, corrected: Corrected, tol: float) -> RiccatiSolution | None:
+def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> RiccatiSolution | None:
     """Put the solution together with a bound on its error from its residual F between the nodes; None where this proves nothing.
 
         -D' = Ac' D + D Ac + W + G,   -W <= F <= W,   -r W <= G <= r W,   D > 0 at one time
