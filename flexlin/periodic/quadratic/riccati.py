@@ -167,13 +167,17 @@ def finite_horizon_riccati(
     problem = linear_quadratic(system, Q, R, N)
     edges = find_edges(problem, system)
     check_between(problem, edges)
-    return solve_by_newton(problem, PanelNodes(grade_back(problem, edges), False), end, positive("tol", tol))
+    return solve_by_newton(problem, PanelNodes(grade_back(problem, edges, end), False), end, positive("tol", tol))
 
 
-def grade_back(problem: LinearQuadratic, edges: Array) -> Array:
+def grade_back(problem: LinearQuadratic, edges: Array, end: Array) -> Array:
     """Edges that halve their distance to the end of each panel, down to the layer in which X leaves what the fastest mode meets there."""
-    H = assemble_hamiltonian(*problem.reduced(np.nextafter(edges[1:], 0.0)))
-    layers = 1 / np.maximum(np.abs(np.linalg.eigvals(H)).max(axis=1), 1 / edges[-1])
+    A, S, Q = problem.reduced(np.nextafter(edges[1:], 0.0))
+    rates = np.abs(np.linalg.eigvals(assemble_hamiltonian(A, S, Q))).max(axis=1)
+    rates[-1] = max(
+        rates[-1], float(np.abs(np.linalg.eigvals(A[-1] - S[-1] @ end)).max())
+    )  # of the loop under the cost at the end
+    layers = 1 / np.maximum(rates, 1 / edges[-1])
     halvings = np.maximum(np.ceil(np.log2(np.diff(edges) / layers)), 0).astype(int)
     inner = [b - (b - a) * 0.5 ** np.arange(1, k + 1) for (a, b), k in zip(pairwise(edges), halvings, strict=True)]
     return np.unique(np.concatenate([edges, *inner]))
