@@ -8,15 +8,12 @@ from flexlin.checks import Array
 def assign(cost: Array) -> Array:
     """The column of each row (n,) such that the sum of the costs (n, m), n <= m, is least.
 
-    Each row takes its cheapest column; where that does not do, SciPy's C++ assigns (csgraph, which loads faster than scipy.optimize).
+    Each row takes its cheapest column; where that does not do, SciPy assigns by shortest augmenting paths. Its sparse matching, which
+    loads faster, may turn in a circle for ever where differences of costs are lost in rounding.
     """
     cheapest = cost.argmin(axis=1)
     if len(np.unique(cheapest)) == len(cost):
         return cheapest
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import min_weight_full_bipartite_matching
+    from scipy.optimize import linear_sum_assignment
 
-    least = np.finfo(float).tiny  # an edge of no weight would be none
-    rows, columns = np.nonzero(np.isfinite(cost))
-    weights = (cost - cost[rows, columns].min())[rows, columns] + least
-    return np.asarray(min_weight_full_bipartite_matching(csr_array((weights, (rows, columns)), shape=cost.shape))[1])
+    return np.asarray(linear_sum_assignment(np.where(np.isfinite(cost), cost, np.inf))[1])

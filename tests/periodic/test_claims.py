@@ -43,6 +43,7 @@ FOUND = [
     ("kept shapes", 13),
     ("pulses", 9909000648),
     ("kept shapes", 777000016),
+    ("waving shapes", 616162027),
     ("stiff", 991000006),
     ("stiff", 991000017),
 ]
