@@ -101,7 +101,7 @@ def test_modes_of_a_slow_motion_are_right_or_called_unknown():
 @pytest.mark.parametrize("apart", [0.0, 1e-9])
 @pytest.mark.parametrize("coupling", [0.0, 1.0])
 def test_modes_that_coincide_are_right_or_left_to_others(apart, coupling):
-    """Two slow oscillators alike, or a Jordan chain of them, beside a fast decay: only where they are equal may others have to find them."""
+    """Two slow oscillators alike, or a Jordan chain of them, beside a fast decay: only equal ones may be left to others."""
     D = np.diag([-60.0, 0.0, 0.0, 0.0, 0.0])
     D[1:3, 1:3], D[3:, 3:] = [[-0.1, 2.0], [-2.0, -0.1]], [[-0.1 - apart, 2.0], [-2.0, -0.1 - apart]]
     D[1:3, 3:] = coupling * np.eye(2)
