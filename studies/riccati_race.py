@@ -29,7 +29,7 @@ from flexlin.answers.accuracy.scipy_methods import FastRate
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.quadratic.newton import solve_by_newton
 from flexlin.periodic.quadratic.resolution import resolve_problem
-from flexlin.periodic.quadratic.riccati import periodic_riccati, place_nodes
+from flexlin.periodic.quadratic.riccati import choose_nodes, periodic_riccati
 from flexlin.periodic.resolved.resolve import resolve
 from flexlin.symbolic import selected
 
@@ -174,7 +174,7 @@ def time_set_up(system: fl.PeriodicSystem, Q: np.ndarray, R: np.ndarray, tol: fl
     ready = fl.PeriodicSystem(system.resolved, system.period, series, complete=True)
     problem, edges = resolve_problem(linear_quadratic(ready, Q, R), ready)
 
-    return least_time(lambda: solve_by_newton(problem, place_nodes(problem, edges, tol), None, tol), repeats)[1]
+    return least_time(lambda: solve_by_newton(problem, choose_nodes(problem, edges, tol), None, tol), repeats)[1]
 
 
 def least_time(call: Callable[[], Any], repeats: int) -> tuple[Any, float]:

@@ -210,12 +210,12 @@ BESIDES = {
     "pandas",
     "control",
     "matplotlib",
-    "scipy.optimize",
     "scipy.interpolate",
     "scipy.integrate",
-    "scipy.sparse",
 }
-"""Heavy libraries that neither a verdict nor a design needs; `control` is 1.2 s, and brings matplotlib; each of SciPy's 0.2 s."""
+"""Heavy libraries that neither a verdict nor a design needs; `control` is 1.2 s, and brings matplotlib; each of SciPy's 0.2 s.
+
+Assignments of modes to each other are left to scipy.optimize, which brings scipy.sparse."""
 COMMANDS_IN_TURN = """
 import sys
 from flexlin.cli.main import main, run_program

@@ -105,8 +105,9 @@ def test_claims_do_not_exaggerate():
 @pytest.mark.parametrize("kind", ["kinks not named", "pulses", "jumps not named, smooth between"])
 def test_claims_of_what_is_not_smooth_do_not_exaggerate(kind):
     """Some 1e4 times the true error when the place of each jump counted as uncertain, and every panel as no better than was asked."""
-    ratios = [r for seed in (6, 8, 9) for r in judged(replace(draw(kind, seed), tol=1e-9)).overestimates]
-    assert np.median(ratios) < 50
+    ratios = [r for seed in range(6, 22) for r in judged(replace(draw(kind, seed), tol=1e-9)).overestimates]
+    assert len(ratios) > 10
+    assert np.median(ratios) < 30
 
 
 @pytest.mark.parametrize("tol", [1e-9, 1e-4])
