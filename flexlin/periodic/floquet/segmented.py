@@ -60,13 +60,13 @@ def solve_by_segments(
     """
     if setting.segments > max_segments:
         raise report_too_many(setting.segments, max_segments, tol)
-    start, before = None, np.inf
+    start, before, refined = None, np.inf, False
     while True:
         spectrum, method = measure_spectrum(system, setting, start)
         wanted = tol * np.maximum(system.period, np.abs(spectrum.logs)) / SAFETY
         resolved = np.isfinite(spectrum.errors)
-        seen = np.maximum(wanted, SAFETY * spectrum.rounding)  # what is less may be rounding alone
-        excess = float((method / seen)[resolved].max(initial=0.0))
+        noise = (SAFETY if refined else 1.0) * spectrum.rounding  # below it, rounding alone may stand
+        excess = float((method / np.maximum(wanted, noise))[resolved].max(initial=0.0))
         if start is None and (spectrum.rounding > wanted)[resolved].any():
             start = spectrum.start
             continue
@@ -82,7 +82,7 @@ def solve_by_segments(
         count = int(np.ceil(setting.segments * finer))
         if count > max_segments:
             raise report_too_many(count, max_segments, tol)
-        setting, start = setting.with_segments(count), spectrum.start
+        setting, start, refined = setting.with_segments(count), spectrum.start, True
 
 
 def add_blind(spectrum: SegmentedSpectrum, system: PeriodicSystem, tol: float) -> SegmentedSpectrum:
