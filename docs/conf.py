@@ -23,13 +23,14 @@ extensions = [
     "myst_nb",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
-    "sphinx.ext.mathjax",
+    "mathml",
     "numpydoc",
     "sphinx_copybutton",
 ]
 exclude_patterns = ["_build", "**.ipynb_checkpoints"]
 nitpicky = False
 
+html_math_renderer = "mathml"
 html_theme = "furo"
 html_title = "flexlin"
 html_static_path = ["static"]
@@ -60,11 +61,29 @@ def setup(app):
     from draw_house import draw
     from figures import fill
     from gallery import write_gallery
+    from myst_nb.core import render
+    from public_names import write_names
 
     write_gallery()
+    write_names()
     draw()
+    render.coalesce_streams = join_streams
     app.connect("source-read", lambda app, name, source: source.__setitem__(0, fill(source[0])))
     app.connect("autodoc-process-docstring", lambda *event: quote_equations(event[-1]), priority=400)
+
+
+def join_streams(outputs):
+    """Put the pieces of each stream together as they came: myst_nb ends each piece with a new line, also in the middle of a word."""
+    streams, joined = {}, []
+    for output in outputs:
+        name = output.get("name") if output["output_type"] == "stream" else None
+        if name in streams:
+            streams[name]["text"] += output["text"]
+            continue
+        if name:
+            streams[name] = output
+        joined.append(output)
+    return joined
 
 
 def quote_equations(lines):

@@ -84,6 +84,17 @@ def mode_shapes() -> str:
     return table(["modes a link", "`clamped-free`", "`clamped-loaded`"], rows)
 
 
+def tasks() -> str:
+    """Every task page with its first paragraph, in the order of their index."""
+    index = (DOCS / "tasks" / "index.md").read_text(encoding="utf-8").partition(":hidden:")[2]
+    rows = []
+    for name in re.findall(r"^[a-z-]+$", index, re.MULTILINE):
+        title, *parts = (DOCS / "tasks" / f"{name}.md").read_text(encoding="utf-8").partition("\n# ")[2].split("\n\n")
+        first = next(part for part in parts if not part.startswith("#"))
+        rows.append([f"[{title}]({name}.md)", first.replace("\n", " ")])
+    return table(["task", "what it does"], rows)
+
+
 def studies() -> str:
     """Every study with the question that it asks, and its picture."""
     rows = []
@@ -114,6 +125,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "tracking": tracking,
     "mode-shapes": mode_shapes,
     "studies": studies,
+    "tasks": tasks,
     "licences": licences,
     "torture": recorded.torture,
     "tuning-grid": recorded.tuning_grid,

@@ -23,7 +23,7 @@ def script(name: str) -> ModuleType:
     return module
 
 
-figures, house, records = script("figures"), script("draw_house"), script("records")
+figures, house, records, public = script("figures"), script("draw_house"), script("records"), script("public_names")
 PAGES = {page.name: page.read_text(encoding="utf-8") for page in DOCS.glob("*.md")}
 CHEAP = sorted(set(figures.BLOCKS) - {"hard-cases", "tracking", "mode-shapes", "licences"})
 """Blocks that read a record or the code; the others are computed when the site is built."""
@@ -34,11 +34,17 @@ def test_every_mark_has_its_function_and_every_function_its_place():
     assert sorted(marks) == sorted(figures.BLOCKS)
 
 
+def test_the_page_of_public_names_has_all_of_them_once():
+    for module, column in ((fl, 2), (fl.control, 3)):
+        listed = [name for question in public.QUESTIONS for name in question[column].split()]
+        assert sorted(listed) == sorted(module.__all__)
+
+
 @pytest.mark.parametrize("name", CHEAP)
 def test_a_block_is_a_table_with_a_row_for_each_thing_it_is_about(name):
     lines = [line for line in figures.fill(f"<!-- built: {name} -->").splitlines() if line.startswith("|")]
     assert len(lines) > 2
-    assert "nan" not in " ".join(lines)
+    assert not re.search(r"\bnan\b", " ".join(lines))
 
 
 @pytest.mark.slow
