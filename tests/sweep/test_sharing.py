@@ -43,7 +43,10 @@ class Deadly:
 
     def compute(self, points):
         for file in sorted(Path(self.folder).iterdir()):
-            file.unlink()
+            try:
+                file.unlink()
+            except FileNotFoundError:  # another process has taken it
+                continue
             os.kill(os.getpid(), signal.SIGKILL)
         return self.work.compute(points)
 

@@ -46,7 +46,10 @@ class Work(Protocol):
 
 @dataclass
 class Job:
-    """One sweep: `points` (V, P), the work, and what is known of each value so far; `done` (V,) says of which."""
+    """One sweep: `points` (V, P), the work, and what is known of each value so far; `done` (V,) says of which.
+
+    `repaired`: blocks that a store held damaged.
+    """
 
     scene: Scene | PeriodicFamily
     axes: dict[str, Array]
@@ -59,6 +62,7 @@ class Job:
     found: Found
     done: Array
     watchers: list[Callable[[int, Found], None]] = field(default_factory=list)
+    repaired: int = 0
 
     @property
     def blocks(self) -> list[tuple[int, int]]:
@@ -84,6 +88,8 @@ class Job:
         """What is known so far, with names and units; values that are not done have the verdict `missing`."""
         about: dict[str, str | float] = {"loop": self.loop, "tol": self.tol, "route": self.work.route}
         about["segments"] = self.work.segments
+        if self.repaired:
+            about["repaired"] = self.repaired
         return build_dataset(self.scene, self.axes, self.found, self.shape, self.dims, about)
 
 

@@ -74,7 +74,8 @@ def sweep(
     xarray.Dataset
         exponents (..., n) in 1/s by falling real part, error (...) in 1/s (the largest of a value's exponents), verdict, period in s,
         reason (why a verdict is undecided, or failed because the equations break there; else empty), and one_by_one: whether the value
-        was left to `floquet`; attrs: loop, tol, segments, one_by_one (how many).
+        was left to `floquet`; attrs: loop, tol, segments, one_by_one (how many), repaired (damaged blocks of the
+        store, computed again).
 
     Raises
     ------
@@ -111,7 +112,9 @@ def sweep(
 
 def keep_in(store: str | Path, job: Job) -> None:
     """Take over what a store holds of this sweep, and keep there what is computed from now on."""
-    job.watchers.append(Store(store, job))
+    kept = Store(store, job)
+    job.repaired = kept.repaired
+    job.watchers.append(kept)
 
 
 def choose_crew(

@@ -15,16 +15,19 @@ import flexlin
 from flexlin.about.family import PeriodicFamily
 from flexlin.answers.sweep.found import LONGEST, VERDICTS, Found
 from flexlin.answers.sweep.job import Job
+from flexlin.checks import Array
 from flexlin.errors import ArgumentError, OutputError
 from flexlin.scene.revised import raw_tables
 
-PLAIN = ("error", "period", "one_by_one")
+NUMBERS = ("error", "period", "one_by_one", "verdict", "exponents_re", "exponents_im", "reason")
 MAKER = "made_by"
 
 
 class Store:
-    """A Zarr group with one entry for each value of a sweep, block by block; `done` is written last.
+    """A Zarr group with one entry for each value of a sweep, block by block; a block's checksum is written last.
 
+    The checksum is that of the block's numbers, of its place, and of the question that they answer: what was lost, changed or exchanged
+    since is computed again. `repaired` counts such blocks.
     A store is a flat list of values with their parameters; the N-dimensional result is what `sweep` returns.
     Raises: OutputError where it cannot be read or written; ArgumentError where another sweep made it, with what differs.
     """
@@ -33,78 +36,133 @@ class Store:
         if find_spec("zarr") is None:
             raise ArgumentError("Zarr is not installed", got="no module zarr", todo="pip install flexlin[cluster]")
         self.path, maker = Path(path), describe(job)
+        self._question, self._size = json.dumps(maker, sort_keys=True).encode(), job.work.block
+        self.repaired = 0
         try:
             if not self.path.exists():
                 create(self.path, job, maker)
-            self._group = open_group(self.path)
-            known = self._group.attrs.get(MAKER)
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise OutputError(f"{path} cannot be used as a store", got=str(error)[:200]) from None
+            self._arrays, known = open_store(self.path)
+        except Exception as error:  # damaged metadata raises what its parser meets
+            raise OutputError(f"{path} cannot be used as a store", got=describe_fault(error), todo=REMOVE) from None
         refuse_other(str(path), known, maker)
+        self._refuse_other_shapes(job)
         self._read(job)
 
-    def _read(self, job: Job) -> None:
-        """Take over the blocks that are done."""
-        done = self._group["done"][:]
-        if not done.any():
-            return
-        found = job.found
-        for name in PLAIN:
-            getattr(found, name)[done] = self._group[name][:][done]
-        found.verdict[done] = self._group["verdict"][:][done]
-        found.exponents[done] = (self._group["exponents_re"][:] + 0.0)[done]
-        found.exponents.imag[done] = self._group["exponents_im"][:][done]
-        found.reason[done] = [bytes(text).rstrip(b"\0").decode() for text in self._group["reason"][:][done]]
-        job.done[:] = done
+    def _refuse_other_shapes(self, job: Job) -> None:
+        """Raise where an array is missing, or is not what this sweep would have made."""
+        for name, array in layout(job).items():
+            found = self._arrays.get(name)
+            got = f"{found.dtype}, {found.shape} in blocks of {found.chunks}" if found is not None else "nothing"
+            expected = f"{array.dtype}, {array.shape} in blocks of {chunks(array, job)}"
+            if got != expected:
+                raise OutputError(f"{self.path}: {name} is damaged", got=got, expected=expected, todo=REMOVE)
 
-    def __call__(self, start: int, block: Found) -> None:
-        """Write a finished block."""
-        where = slice(start, start + len(block.error))
+    def _read(self, job: Job) -> None:
+        """Take over the blocks that are done and whole."""
+        for start, stop in job.blocks:
+            try:
+                kept = bytes(self._arrays["checksum"][start // self._size])
+                block = {name: self._arrays[name][start:stop] for name in NUMBERS} if any(kept) else None
+            except Exception:  # whatever the decoder of a damaged block meets
+                block, kept = None, b"damaged"
+            if block is not None and self._seal(start, block) == kept:
+                job.found.place(start, unpack(block))
+                job.done[start:stop] = True
+            else:
+                self.repaired += any(kept)
+
+    def _seal(self, start: int, block: dict[str, Array]) -> bytes:
+        """The checksum of a block."""
+        sealed = hashlib.sha256(self._question + str(start).encode())
+        for name in NUMBERS:
+            sealed.update(np.ascontiguousarray(block[name]).tobytes())
+        return sealed.digest()
+
+    def __call__(self, start: int, found: Found) -> None:
+        """Write a finished block, and bring it to disk before its checksum says that it is there."""
+        block = pack(found)
+        index = start // self._size
         try:
-            for name in PLAIN:
-                self._group[name][where] = getattr(block, name)
-            self._group["verdict"][where] = block.verdict
-            self._group["exponents_re"][where] = block.exponents.real
-            self._group["exponents_im"][where] = block.exponents.imag
-            if (block.reason != "").any():
-                self._group["reason"][where] = encode(block.reason)
-            self._group["done"][where] = True
+            for name in NUMBERS:
+                self._arrays[name][start : start + len(found.error)] = block[name]
+                self._bring_to_disk(name, index)
+            self._arrays["checksum"][index] = np.frombuffer(self._seal(start, block), dtype=np.uint8)
+            self._bring_to_disk("checksum", index)
         except OSError as error:
             raise OutputError(f"{self.path} cannot be written", got=error.strerror or str(error)) from None
 
+    def _bring_to_disk(self, name: str, index: int) -> None:
+        """Wait until the chunk is on the disk."""
+        chunk = self.path / name / "c" / str(index)
+        file = chunk / "0" if chunk.is_dir() else chunk
+        with file.open("rb") as opened:
+            os.fsync(opened.fileno())
 
-def open_group(path: Path) -> Any:
-    """The store for reading and writing."""
+
+REMOVE = "give another name, or remove the store"
+
+
+def describe_fault(error: Exception) -> str:
+    """What a library met, in one short line."""
+    return " ".join(f"{type(error).__name__}: {error}".split())[:200]
+
+
+def pack(found: Found) -> dict[str, Array]:
+    """A block as the arrays of the store."""
+    plain = {name: getattr(found, name) for name in ("error", "period", "one_by_one", "verdict")}
+    parts = {"exponents_re": found.exponents.real, "exponents_im": found.exponents.imag}
+    return {**plain, **parts, "reason": encode(found.reason)}
+
+
+def unpack(block: dict[str, Array]) -> Found:
+    """The arrays of the store as a block."""
+    exponents = block["exponents_re"].astype(complex)
+    exponents.imag = block["exponents_im"]
+    reason = np.array([bytes(text).rstrip(b"\0").decode() for text in block["reason"]], dtype=object)
+    return Found(exponents, block["error"], block["verdict"], block["period"], block["one_by_one"], reason)
+
+
+def open_store(path: Path) -> tuple[dict[str, Any], Any]:
+    """The arrays for reading and writing, and what the store says of its maker."""
     import zarr
 
-    return zarr.open_group(str(path), mode="r+")
+    with zarr.config.set({"array.write_empty_chunks": True}):  # so that -0.0 comes back as it was
+        group = zarr.open_group(str(path), mode="r+")
+        return dict(group.arrays()), group.attrs.get(MAKER)
+
+
+def layout(job: Job) -> dict[str, Array]:
+    """The arrays of an empty store, whose first axis is that of the values; of the checksums, that of the blocks."""
+    V, n = job.found.exponents.shape
+    empty = pack(Found.empty(V, n))
+    blocks = -(-V // job.work.block)
+    points = {name: np.ascontiguousarray(job.points[:, i]) for i, name in enumerate(job.axes)}
+    return {**empty, "checksum": np.zeros((blocks, 32), dtype=np.uint8), **points}
+
+
+def chunks(array: Array, job: Job) -> tuple[int, ...]:
+    """Of one array of the store."""
+    rows = job.work.block if len(array) == len(job.points) else 1
+    return (rows, *array.shape[1:])
 
 
 def create(path: Path, job: Job, maker: dict[str, str]) -> None:
     """Make an empty store under another name, and move it into place when it is whole."""
-    V, n = job.found.exponents.shape
-    flat, states = ("value",), ("value", "mode")
     import xarray as xr
 
-    data = xr.Dataset(
-        {
-            "exponents_re": (states, np.zeros((V, n)), {"units": "1/s"}),
-            "exponents_im": (states, np.zeros((V, n)), {"units": "1/s"}),
-            "error": (flat, np.zeros(V), {"units": "1/s"}),
-            "period": (flat, np.zeros(V), {"units": "s"}),
-            "one_by_one": (flat, np.zeros(V, dtype=bool)),
-            "verdict": (flat, np.zeros(V, dtype=np.int8), {"flag_meanings": " ".join(VERDICTS)}),
-            "reason": (("value", "byte"), np.zeros((V, LONGEST), dtype=np.uint8)),
-            "done": (flat, np.zeros(V, dtype=bool)),
-            **{name: (flat, job.points[:, i]) for i, name in enumerate(job.axes)},
-        },
-        attrs={"title": job.scene.title, MAKER: maker},
-    )
-    chunks = {name: {"chunks": (job.work.block, *array.shape[1:])} for name, array in data.variables.items()}
+    units = {"error": "1/s", "exponents_re": "1/s", "exponents_im": "1/s", "period": "s"}
+    second = {"exponents_re": "mode", "exponents_im": "mode", "reason": "byte", "checksum": "sha256"}
+    variables = {}
+    for name, array in layout(job).items():
+        dims = ("block" if name == "checksum" else "value", second.get(name, ""))[: array.ndim]
+        variables[name] = (dims, array, {"units": units[name]} if name in units else {})
+    variables["verdict"][2]["flag_meanings"] = " ".join(VERDICTS)
+    data = xr.Dataset(variables, attrs={"title": job.scene.title, MAKER: maker})
+    encoding = {name: {"chunks": chunks(array, job)} for name, array in layout(job).items()}
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}.")
     try:
-        data.to_zarr(temporary, mode="w", encoding=chunks, consolidated=False)
+        data.to_zarr(temporary, mode="w", encoding=encoding, consolidated=False)
         os.rename(temporary, path)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
@@ -142,8 +200,7 @@ def refuse_other(path: str, known: Any, maker: dict[str, str]) -> None:
         now = maker.get(key, "none")
         if known.get(key) != now:
             got, expected = shorten(str(known.get(key)), now), shorten(now, str(known.get(key)))
-            todo = "give another name, or remove the store"
-            raise ArgumentError(f"{path} was made with another {key}", got=got, expected=expected, todo=todo)
+            raise ArgumentError(f"{path} was made with another {key}", got=got, expected=expected, todo=REMOVE)
 
 
 def shorten(text: str, other: str) -> str:

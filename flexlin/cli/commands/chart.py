@@ -47,6 +47,8 @@ def run(options: argparse.Namespace) -> int:
         found = ([], []) if problem else find_boundary(scene, ranges, data, clock, options.loop)
         pictures = clock.stage("figures", scene.accuracy, lambda: draw_charts(scene, data, *found), last=True)
     print(pictures[0].caption)
+    if "repaired" in data.attrs:
+        print(f"{options.store}: {data.attrs['repaired']} damaged blocks were computed again")
     for line in accuracy_lines(tuple(clock.steps)):
         print(line)
     with results(options.out, "chart") as made:

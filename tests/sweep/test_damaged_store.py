@@ -1,0 +1,67 @@
+"""A damaged store never gives a number that the whole one does not hold: a block is computed again, or the store refused."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.errors import ArgumentError, OutputError
+
+pytest.importorskip("zarr")
+SCENE = fl.load_scene("single-link", {"links.0.modes": 1, "designs": [], "control": {}})
+VALUES = {"effects.payload.mass": np.linspace(0.0, 0.3, 200)}
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    path = tmp_path_factory.mktemp("store") / "chart.zarr"
+    return path, fl.sweep(SCENE, VALUES, store=path, workers=1)
+
+
+def damage(path, kind, rng):
+    """Damage one file of a store, chosen at random."""
+    files = sorted(
+        file for file in path.rglob("*") if file.is_file() and (kind != "exchanged" or "zarr" not in file.name)
+    )
+    file, other = (files[k] for k in rng.choice(len(files), 2, replace=False))
+    data = file.read_bytes()
+    if kind == "missing":
+        file.unlink()
+    elif kind == "exchanged":
+        file.write_bytes(other.read_bytes())
+        other.write_bytes(data)
+    elif kind == "truncated":
+        file.write_bytes(data[: int(rng.integers(len(data)))])
+    elif kind == "random":
+        file.write_bytes(rng.bytes(len(data)))
+    else:
+        k = int(rng.integers(len(data)))
+        file.write_bytes(data[:k] + bytes([data[k] ^ (1 << int(rng.integers(8)))]) + data[k + 1 :])
+
+
+@pytest.mark.parametrize("kind", ["missing", "exchanged", "truncated", "random", "one bit"])
+@pytest.mark.parametrize("seed", [*range(4), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(4, 40))])
+def test_damage_is_computed_again_or_refused(kept, kind, seed, tmp_path):
+    path, whole = kept
+    shutil.copytree(path, tmp_path / "c.zarr")
+    damage(tmp_path / "c.zarr", kind, np.random.default_rng(1000 * seed + len(kind)))
+    try:
+        found = fl.sweep(SCENE, VALUES, store=tmp_path / "c.zarr", workers=1)
+    except (OutputError, ArgumentError) as error:
+        found, message = whole, str(error)
+    else:
+        message = str(tmp_path / "c.zarr")
+    assert str(tmp_path / "c.zarr") in message
+    for name in ("exponents", "error", "period", "verdict", "reason", "one_by_one"):
+        np.testing.assert_array_equal(found[name].values, whole[name].values)
+        assert np.array_equal(np.signbit(found["exponents"].values.imag), np.signbit(whole["exponents"].values.imag))
+
+
+def test_a_lost_block_is_told(kept, tmp_path):
+    path, _ = kept
+    shutil.copytree(path, tmp_path / "c.zarr")
+    (tmp_path / "c.zarr" / "error" / "c" / "0").unlink()
+    found = fl.sweep(SCENE, VALUES, store=tmp_path / "c.zarr", workers=1)
+    assert found.attrs["repaired"] == 1
+    assert "repaired" not in fl.sweep(SCENE, VALUES, store=tmp_path / "c.zarr", workers=1).attrs
