@@ -12,6 +12,7 @@ from flexlin.answers.stability_boundary import BoundaryCurve, stability_boundary
 from flexlin.report.figures.campbell import draw_campbell
 from flexlin.report.figures.chart import draw_chart, list_paths
 from flexlin.report.figures.style import Picture
+from flexlin.report.thinning import thin
 from flexlin.report.wording import units_of_scene
 from flexlin.scene.names import label_number, name_number, name_unit
 from flexlin.scene.scene import Scene
@@ -25,16 +26,23 @@ CRITICAL_TOL = 1e-8
 def find_boundary(
     scene: Scene, ranges: dict[str, tuple[float, float]], data: xarray.Dataset, clock: Clock, loop: str = "own"
 ) -> tuple[list[CriticalValue], list[BoundaryCurve]]:
-    """The critical values of a chart over one number, or the boundary curves of one over two; none of what meets a limit."""
+    """The critical values of a chart over one number, or the boundary curves of one over two.
+
+    Of what meets a limit there is none, and `data.attrs["search"]` says why.
+    """
     asked, problems = scene.accuracy, dict[str, str]()
     if len(ranges) == 1:
         ((path, limits),) = ranges.items()
         tol = CRITICAL_TOL * (limits[1] - limits[0])
         work = lambda: critical_values(scene, path, limits, tol, loop=loop)  # noqa: E731
-        return clock.attempt(problems, "critical", "critical values", asked, work) or [], []
+        values = clock.attempt(problems, "critical", "critical values", asked, work) or []
+        data.attrs["search"] = " ".join(problems.values())
+        return values, []
     span = max(high - low for low, high in ranges.values())
     follow = lambda: stability_boundary(scene, ranges, BOUNDARY_TOL * max(1.0, span), loop=loop)  # noqa: E731
-    return [], clock.attempt(problems, "boundary", "boundary of stability", asked, follow) or []
+    curves = clock.attempt(problems, "boundary", "boundary of stability", asked, follow) or []
+    data.attrs["search"] = " ".join(problems.values())
+    return [], curves
 
 
 def draw_charts(
@@ -51,7 +59,8 @@ def draw_with_units(
     """The pictures, in the scene's units."""
     pictures, paths = [draw_chart(scene, data, critical, curves)], list_paths(data)
     if len(paths) == 1:
-        unfolded = unfold_frequencies(scene, paths[0], data, str(data.attrs.get("loop", "own")))
+        shown = thin(data)
+        unfolded = unfold_frequencies(scene, paths[0], shown, str(data.attrs.get("loop", "own")))
         if unfolded is not None:
             error = float(np.nan_to_num(data["error"].to_numpy(), posinf=0.0).max(initial=0.0))
             pictures.append(draw_campbell(label_number(scene, paths[0]), unfolded, error))

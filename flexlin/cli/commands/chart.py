@@ -6,7 +6,7 @@ import sys
 
 from flexlin.cli.options import COMPUTED
 from flexlin.cli.shared import FAILED, command, loaded, print_paths
-from flexlin.errors import ArgumentError
+from flexlin.errors import ArgumentError, NumericalError, TooLarge
 
 PURPOSE = "stability over one or two parameters"
 TAKES = (*COMPUTED, "over", "loop", "workers", "scheduler", "store")
@@ -30,6 +30,7 @@ def run(options: argparse.Namespace) -> int:
         from flexlin.files import results
         from flexlin.report.charting import compute_chart
         from flexlin.report.charts import chart_dataset, draw_charts, find_boundary
+        from flexlin.report.figures.style import Picture
         from flexlin.report.page import picture_page
         from flexlin.report.tables import storable, write_dataset
         from flexlin.report.terminal import accuracy_lines
@@ -44,8 +45,12 @@ def run(options: argparse.Namespace) -> int:
         how = {name: getattr(options, name) for name in ("loop", "workers", "scheduler", "store")}
         data, problem = compute_chart(scene, values, clock, progress, **how)
         ranges = {key: (low, high) for key, low, high, _ in spans}
+        data.attrs |= {"search": problem} if problem else {}
         found = ([], []) if problem else find_boundary(scene, ranges, data, clock, options.loop)
-        pictures = clock.stage("figures", scene.accuracy, lambda: draw_charts(scene, data, *found), last=True)
+        try:
+            pictures = clock.stage("figures", scene.accuracy, lambda: draw_charts(scene, data, *found), last=True)
+        except (NumericalError, TooLarge) as error:  # the numbers stand without a picture
+            pictures = [Picture("chart", "Stability chart", f"The picture was not drawn: {error}.", "")]
     print(pictures[0].caption)
     if "repaired" in data.attrs:
         print(f"{options.store}: {data.attrs['repaired']} damaged blocks were computed again")

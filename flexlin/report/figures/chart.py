@@ -11,6 +11,7 @@ from flexlin.checks import Array
 from flexlin.report.figures.chart_line import draw_line
 from flexlin.report.figures.chart_map import draw_map
 from flexlin.report.figures.style import Picture
+from flexlin.report.thinning import thin
 from flexlin.report.wording import in_unit, without_units
 from flexlin.scene.names import label_number, name_number, show_unit
 from flexlin.scene.parameters import get_value
@@ -34,13 +35,14 @@ def draw_chart(
     labels = [label_number(scene, path) for path in paths]
     own = [float(get_value(scene, path)) for path in paths]
     if len(paths) == 1:
-        said = "\n".join([caption, *(f"{line}." for line in list_critical(scene, critical))])
-        return Picture("chart", title, said, draw_line(labels[0], own[0], data, critical, title))
+        found = [f"{line}." for line in list_critical(scene, critical)] or say_none_was_found(data)
+        said = "\n".join([caption, *found])
+        return Picture("chart", title, said, draw_line(labels[0], own[0], thin(data), critical, title))
     nearest = find_nearest(own, data, paths, curves)
     inside = all(data[path].min() <= value <= data[path].max() for path, value in zip(paths, own, strict=True))
-    said = describe_distance(scene, paths, own, nearest, inside)
+    said = describe_distance(scene, paths, own, nearest, inside) if nearest is not None else say_none_was_found(data)[0]
     shade = f"Stronger: faster growth or decay; lines of equal {in_unit('growth rate', '1/s')}; hatched: undecided."
-    svg = draw_map(labels, own, nearest, data, curves, title)
+    svg = draw_map(labels, own, nearest, thin(data), curves, title)
     return Picture("chart", title, f"{caption} {shade}\n{said}", svg)
 
 
@@ -93,10 +95,18 @@ def find_nearest(
     return np.asarray(points[np.linalg.norm((points - own) / span, axis=1).argmin()])
 
 
-def describe_distance(scene: Scene, paths: list[str], own: list[float], nearest: Array | None, inside: bool) -> str:
+def say_none_was_found(data: xarray.Dataset) -> list[str]:
+    """Why there is no boundary, or no critical value: none is there, or the search has not come to its end."""
+    if data.attrs.get("search"):
+        return [f"Where the verdict changes was not searched to the end: {data.attrs['search']}."]
+    kinds = set(np.unique(data["verdict"].to_numpy())) - {"failed", "missing"}
+    if len(kinds) > 1:
+        return ["The verdict changes between neighbouring values of different colour; no more exact place was found."]
+    return ["The verdict does not change inside this range."]
+
+
+def describe_distance(scene: Scene, paths: list[str], own: list[float], nearest: Array, inside: bool) -> str:
     """How far the scene's own numbers are from the boundary."""
-    if nearest is None:
-        return "The verdict does not change inside this range."
     moves = [
         f"{name_number(path)} {value - mine:+.4g} {show_unit(scene, path)}".strip()
         for path, value, mine in zip(paths, nearest, own, strict=True)
