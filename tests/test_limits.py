@@ -172,7 +172,7 @@ def test_the_stages_share_one_limit_and_the_last_one_gets_what_was_kept_for_it()
     held = Budget(now, held=read_resident() - 2**20)
     assert held.allow("one", asked).memory == pytest.approx(asked.memory - 2**20, abs=2**22)
     ends = [(one.stages_end, one.last_end) for one in (Accuracy(seconds=s) for s in (60.0, 3600.0, 2.0))]
-    assert ends == [(48.0, 60.0), (3570.0, 3600.0), (1.6, 6.6)]
+    assert ends == [(48.0, 60.0), (3570.0, 3600.0), (1.6, 3.1)]
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ FINEST, COARSEST = 1e-15, 0.1
 COMPARED = 1e-6
 """The error of a report's nonlinear check where no tol is given: a thousandth of the smallest difference that such a check speaks of."""
 
-CLOSING, MOST, LEAST = 0.2, 30.0, 5.0
+CLOSING, MOST, LEAST = 0.2, 30.0, 1.5
 """Share of the time that is kept for drawing and writing what was found, and its limits in s."""
 
 
