@@ -13,8 +13,7 @@ from flexlin.arguments import checked, instance
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.floquet.modes import FloquetModes, floquet_modes
-from flexlin.periodic.floquet.slopes import differentiate_exponents
+from flexlin.periodic.floquet.modes import FloquetModes, differentiate_exponents, floquet_modes
 from flexlin.scene.parameters import get_value, numeric_paths
 from flexlin.scene.scene import Scene
 

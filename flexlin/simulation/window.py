@@ -6,8 +6,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.lazy import lazy
-from flexlin.periodic.transition.gauss import Tableau
-from flexlin.periodic.transition.radau import radau
+from flexlin.periodic.transition.gauss import Tableau, radau
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ from flexlin.answers.spectra import Family, SceneFamily
 from flexlin.answers.tuning.smoothed import Smoothing
 from flexlin.checks import Array
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.floquet.modes import FloquetModes, solve_floquet_modes
-from flexlin.periodic.floquet.slopes import differentiate_exponents
+from flexlin.periodic.floquet.modes import FloquetModes, differentiate_exponents, solve_floquet_modes
 
 GRADIENT_TOL = 1e-8
 """Accuracy of the exponents that gradients belong to, in 1/s."""

@@ -11,8 +11,7 @@ from flexlin.checks import Array
 from flexlin.periodic.chebyshev import chebyshev_basis, chebyshev_nodes, chebyshev_transform
 from flexlin.periodic.circle import match_logs
 from flexlin.periodic.decoupling.decoupled import SAFETY, UNRESOLVED, DecoupledExponents, Refusal, as_real
-from flexlin.periodic.decoupling.frames import find_frame
-from flexlin.periodic.decoupling.grouping import Group, find_eigenvectors, follow_modes, grouped_modes
+from flexlin.periodic.decoupling.grouping import Group, find_eigenvectors, find_frame, follow_modes, grouped_modes
 from flexlin.periodic.decoupling.parting import MAX_MERGES, MIXING, WORST
 from flexlin.periodic.decoupling.superadiabatic import mixing, rounds, sylvester
 from flexlin.periodic.decoupling.waves import apply

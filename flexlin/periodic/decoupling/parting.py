@@ -7,8 +7,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.decoupling.coupling import block_values, group_separation, high_harmonics, pair_effects
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
-from flexlin.periodic.decoupling.frames import find_frame
-from flexlin.periodic.decoupling.grouping import Eigenvectors, Group, follow_modes, grouped_modes
+from flexlin.periodic.decoupling.grouping import Eigenvectors, Group, find_frame, follow_modes, grouped_modes
 from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, low_harmonics, mixing, rounds, sylvester
 from flexlin.periodic.decoupling.waves import circle_derivative, interleaved, shifted, smooth
 

@@ -9,13 +9,13 @@ from flexlin.periodic.decoupling.decoupled import Decoupled
 from flexlin.periodic.decoupling.grouping import Group, block_mask
 from flexlin.periodic.decoupling.waves import harmonics, interpolated
 from flexlin.periodic.floquet.decoupled import follow_group
-from flexlin.periodic.floquet.periodic_vectors import periodic_vectors
+from flexlin.periodic.floquet.periodic_vectors import FARTHEST, periodic_vectors
 from flexlin.periodic.transition.gauss import gauss_transitions
 
 STAGES = 8
 """Gauss stages between two nodes, for a group of several modes."""
-TOGETHER, FARTHEST = 20.0, 300.0
-"""The logarithm of what the modes of a group may gain against each other in a period, and of what one mode may gain and lose within it."""
+TOGETHER = 20.0
+"""The logarithm of what the modes of a group may gain against each other in a period."""
 SMALL, TURNS, SETTLED = 1e-4, 40, 1e-9
 """What is left of the coupling may mix two modes by SMALL; what it does is found to SETTLED of itself in so many turns."""
 INDEPENDENT = 1e6

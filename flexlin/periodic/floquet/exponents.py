@@ -7,15 +7,18 @@ import numpy as np
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive, whole
 from flexlin.errors import TooManySegments
+from flexlin.lapack import complex_schur
 from flexlin.periodic.assignment import assign
 from flexlin.periodic.circle import measure_distances, pair_conjugates, wrap_log
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.parting import MAX_MERGES
-from flexlin.periodic.floquet.constant import solve_constant
 from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_decoupled
 from flexlin.periodic.floquet.hamiltonian import is_hamiltonian, pair_hamiltonian
 from flexlin.periodic.floquet.result import FloquetResult, find_reached, judge
 from flexlin.periodic.floquet.segmented import solve_by_segments
+from flexlin.periodic.product.balancing import balance_factors
+from flexlin.periodic.product.perturbation import EPS, bound_pairs, separate_triangular
+from flexlin.periodic.resolved.companion import couple_uncertainty
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.choice import choose_setting, estimate_segment_work, fall_back
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, Setting
@@ -24,6 +27,8 @@ PATIENCE = 1e6
 """Work of collocation (`estimate_segment_work`) that is spent where decoupling has answered, but not to the wanted accuracy."""
 ALIKE = 1e-5
 """Exponents that agree within errors as small as this are a double one that rounding splits: segments know it no better."""
+BACKWARD = 3.0
+"""Roundings of |A| that the QR algorithm commits, beyond those of the entries."""
 FACTOR_BYTES = 2**27
 """The transition matrices of a period take at most this many bytes."""
 
@@ -249,3 +254,24 @@ def solve_by_hill(system: PeriodicSystem, tol: float, harmonics: int | None) -> 
         return judge_beside(system, folded, spectrum.rounding, setting, tol)
     reached = find_reached(folded, spectrum.errors, tol) | (spectrum.errors <= 2 * spectrum.rounding)
     return judge(folded, spectrum.errors, system.period, setting, tol, coarse=not reached.all())
+
+
+def solve_constant(system: PeriodicSystem) -> tuple[Array, Array]:
+    """Eigenvalues of A (n,) by falling real part, in 1/s, and bounds on their errors (n,).
+
+    |d lambda_i| <= eps |A| |l_i| |r_i|,   l_i^H r_i = 1, and what pairs of eigenvalues do to each other
+    """
+    A = system.resolved(np.zeros(1))
+    unit = 2.0 ** np.frexp(np.abs(A).max())[1]  # of 1/s, for squares of entries to be numbers
+    A, scale = balance_factors(A / unit)
+    T, Q = complex_schur(A[0])
+    X, shared = separate_triangular(T)
+    right, left = Q @ X, np.linalg.solve(X, Q.conj().T)
+    size = BACKWARD * EPS * np.linalg.norm(A[0])
+    coupling = size * np.outer(np.linalg.norm(left, axis=1), np.linalg.norm(right, axis=0))
+    uncertain = couple_uncertainty(system.resolved, np.zeros(1), (left / scale)[None], (scale[:, None] * right)[None])
+    coupling += uncertain[0] / unit
+    values, own = np.diagonal(T), np.diagonal(coupling)
+    errors = own + bound_pairs(coupling, own, np.abs(values[:, None] - values), shared)
+    order = np.argsort(-values.real, kind="stable")
+    return unit * values[order], unit * errors[order]

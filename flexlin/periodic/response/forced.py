@@ -25,11 +25,11 @@ from flexlin.periodic.transition.gauss import (
     collect_chunks,
     gauss,
     place_nodes,
+    radau,
     sample_at,
     solve_stages,
     weigh_stages,
 )
-from flexlin.periodic.transition.radau import radau
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, report_too_many
 
 VectorFunction = Callable[[Array], Array]

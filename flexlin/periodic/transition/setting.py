@@ -12,8 +12,7 @@ from flexlin.periodic.grid import place_edges
 from flexlin.periodic.product.spectrum import Unknown
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.factors import factor_segments, measure_segments
-from flexlin.periodic.transition.gauss import Tableau, gauss
-from flexlin.periodic.transition.radau import radau
+from flexlin.periodic.transition.gauss import Tableau, gauss, radau
 
 MAX_SEGMENTS = 20_000
 

@@ -4,9 +4,8 @@ from scipy.linalg import block_diag
 
 import flexlin as fl
 from flexlin.errors import ArgumentError
-from flexlin.periodic.floquet.modes import floquet_modes
+from flexlin.periodic.floquet.modes import differentiate_exponents, floquet_modes
 from flexlin.periodic.floquet.resonance import find_resonances
-from flexlin.periodic.floquet.slopes import differentiate_exponents
 from flexlin.periodic.transition.gauss import gauss_transitions
 from tests.periodic.systems import colaneri, lyapunov_transformed, mathieu, meissner
 

@@ -3,8 +3,7 @@ import pytest
 
 import flexlin as fl
 from flexlin.periodic.grid import place_edges
-from flexlin.periodic.transition.gauss import gauss_transitions
-from flexlin.periodic.transition.radau import radau
+from flexlin.periodic.transition.gauss import gauss_transitions, radau
 from flexlin.periodic.transition.setting import factor_by
 from tests.periodic.systems import colaneri, mathieu, meissner
 
