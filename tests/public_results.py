@@ -27,7 +27,7 @@ from flexlin.control import (
 )
 from flexlin.periodic.floquet.resonance import find_resonances
 from flexlin.periodic.quadratic.riccati import finite_horizon_riccati, periodic_lyapunov, periodic_riccati
-from flexlin.scene.estimator import EstimatorTable
+from flexlin.scene.control import EstimatorTable
 from flexlin.series import solve_implicit
 from flexlin.simulation import region_of_attraction
 

@@ -9,8 +9,7 @@ import casadi as ca
 from flexlin.about.deviation import Deviation
 from flexlin.errors import ArgumentError
 from flexlin.mechanics.effects import effects_of
-from flexlin.scene.control import Control, Pid
-from flexlin.scene.filters import AnyFilter, LowPass
+from flexlin.scene.control import AnyFilter, Control, LowPass, Pid
 
 INTEGRAL = "_integral"
 """What stands behind a coordinate's name for the integral of its error."""

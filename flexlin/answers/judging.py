@@ -18,8 +18,7 @@ from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.accuracy import Accuracy
-from flexlin.scene.control import DesignTable
-from flexlin.scene.drives import Drives
+from flexlin.scene.control import DesignTable, Drives
 from flexlin.scene.scene import Scene
 
 if TYPE_CHECKING:

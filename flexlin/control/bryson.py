@@ -15,8 +15,8 @@ from flexlin.errors import ArgumentError
 from flexlin.mechanics.coordinates import Coordinate
 from flexlin.periodic.coefficients import Constant, has_nothing_narrow
 from flexlin.periodic.system import MatrixFunction
+from flexlin.scene.control import RATE, Weights
 from flexlin.scene.units import in_si, spread
-from flexlin.scene.weights import RATE, Weights
 
 TURNING = ("joint", "motor")
 """Coordinates that `joints` and `rates` speak of."""
@@ -90,7 +90,7 @@ def physical_weights(lin: Linearization, weights: Weights) -> tuple[MatrixFuncti
     --------
     >>> import numpy as np
     >>> import flexlin as fl
-    >>> from flexlin.scene.weights import Weights
+    >>> from flexlin.scene.control import Weights
     >>> scene = fl.load_scene("single-link")
     >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
     >>> weights = Weights.model_validate({"joints": 0.1, "w11": "5 mm", "q1_rate": "1 rad/s", "input": "0.5 N m"})

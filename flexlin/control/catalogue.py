@@ -19,7 +19,7 @@ from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.related import extend_system
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
-from flexlin.scene.weights import Weights
+from flexlin.scene.control import Weights
 
 
 class DesignTable(Protocol):

@@ -10,7 +10,7 @@ from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.mechanics.effects import effects_of
-from flexlin.scene.drives import Drives
+from flexlin.scene.control import Drives
 from flexlin.scene.units import spread
 from flexlin.summary import represent
 

@@ -11,7 +11,7 @@ from flexlin.control.estimator import Estimator, kalman_filter
 from flexlin.control.measurement import bending, joint_angles, joint_rates, tip_position
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import MatrixFunction
-from flexlin.scene.estimator import EstimatorTable
+from flexlin.scene.control import EstimatorTable
 from flexlin.scene.scene import Scene
 from flexlin.scene.units import spread
 from flexlin.summary import represent
@@ -61,7 +61,7 @@ class Sensors:
     Examples
     --------
     >>> import flexlin as fl
-    >>> from flexlin.scene.estimator import EstimatorTable
+    >>> from flexlin.scene.control import EstimatorTable
     >>> scene = fl.load_scene("single-link")
     >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
     >>> table = EstimatorTable.model_validate({"encoders": "0.02 deg", "tip": "1 mm", "torque": "10 mN m"})
@@ -121,7 +121,7 @@ def scene_sensors(scene: Scene, lin: Linearization, table: EstimatorTable) -> Se
     Examples
     --------
     >>> import flexlin as fl
-    >>> from flexlin.scene.estimator import EstimatorTable
+    >>> from flexlin.scene.control import EstimatorTable
     >>> scene = fl.load_scene("single-link")
     >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
     >>> table = EstimatorTable.model_validate({"strain": [{"link": 1, "noise": "0.01 1/m"}], "encoders": 1e-4, "torque": 0.01})

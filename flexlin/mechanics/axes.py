@@ -6,7 +6,7 @@ from flexlin.mechanics.deflection import PLACES
 from flexlin.mechanics.effects.base import Chain
 from flexlin.mechanics.frames import Frame
 from flexlin.mechanics.links import BentLink
-from flexlin.scene.loops import NO_LINK
+from flexlin.scene.links import NO_LINK
 
 ALONG = ca.DM(PLACES).T
 COLUMNS = len(PLACES) + 1

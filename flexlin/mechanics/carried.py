@@ -7,8 +7,7 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.mechanics.body import RigidMass
 from flexlin.mechanics.effects import effects_of
-from flexlin.scene.links import Direction, Link
-from flexlin.scene.loops import list_parents
+from flexlin.scene.links import Direction, Link, list_parents
 from flexlin.scene.scene import Scene
 from flexlin.scene.space import Inertia
 

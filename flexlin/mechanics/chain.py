@@ -22,9 +22,8 @@ from flexlin.mechanics.parameters import Parameters, given_to_model
 from flexlin.mechanics.points import list_points
 from flexlin.mechanics.sections import turned_sections
 from flexlin.scene.library import registered_model
-from flexlin.scene.links import Link
+from flexlin.scene.links import NO_LINK, Link, list_parents
 from flexlin.scene.loading import checked_table
-from flexlin.scene.loops import NO_LINK, list_parents
 from flexlin.scene.parameters import PARAMETERS
 from flexlin.scene.scene import Scene
 from flexlin.scene.space import RigidPart

@@ -12,8 +12,7 @@ from flexlin.mechanics.effects.base import Chain
 from flexlin.mechanics.frames import Frame, column
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.mechanics.points import list_points
-from flexlin.scene.links import Link
-from flexlin.scene.loops import BASE, Loop
+from flexlin.scene.links import BASE, Link, Loop
 from flexlin.scene.scene import Scene
 
 

@@ -6,7 +6,7 @@ import casadi as ca
 
 from flexlin.mechanics.effects.base import Chain
 from flexlin.mechanics.frames import is_same
-from flexlin.scene.loops import NO_LINK
+from flexlin.scene.links import NO_LINK
 
 Place = tuple[int, bool]
 """A link's joint (link, False) or its tip (link, True)."""

@@ -9,9 +9,8 @@ from flexlin.errors import MotionError
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.mechanics.parameters import Parameters
 from flexlin.motion.base import Motion, SampledMotion, SymbolicMotion
-from flexlin.motion.smooth import highest_harmonic, make_fourier, make_harmonic, make_rotation
+from flexlin.motion.smooth import highest_harmonic, make_fourier, make_harmonic, make_point_to_point, make_rotation
 from flexlin.motion.table import read_table_motion
-from flexlin.motion.waypoints import make_point_to_point
 from flexlin.scene.motion import AnyMotion, Fourier, Harmonic, MotionTable, PointToPoint, Rotation, TableMotion, TipPath
 
 __all__ = ["Motion", "SampledMotion", "SymbolicMotion", "build_motion"]

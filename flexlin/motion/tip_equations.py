@@ -1,18 +1,92 @@
-"""The equations of inverse kinematics, F(z, phase) = 0, with their derivatives."""
+"""The equations of inverse kinematics, F(z, phase) = 0, of a path of poses, with their derivatives, and how far out of reach a path is."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from flexlin import symbolic
 from flexlin.checks import Array
 from flexlin.errors import MotionError
 from flexlin.expressions import Expressions
 from flexlin.lazy import lazy
+from flexlin.mechanics.frames import rotation_about
 from flexlin.mechanics.manipulator import Manipulator
-from flexlin.motion.pose_path import PosePath
+from flexlin.motion.smooth import make_step
+from flexlin.scene.motion import AnyPath, Circle, Polyline
+from flexlin.series.tracking import find_lowest
+
+SAME = 1e-9
+"""Breaks that are nearer, as phases, are one."""
+
+
+@dataclass(frozen=True, eq=False)
+class PosePath(Expressions):
+    """A closed path: position (3, 1) in m and rotation (3, 3), None where it is free, of the phase; period in s; breaks as phases."""
+
+    phase: ca.SX
+    position: ca.SX
+    rotation: ca.SX | None
+    period: float
+    breaks: tuple[float, ...] = ()
+
+
+def make_pose_path(table: AnyPath) -> PosePath:
+    """The path that a table describes."""
+    return make_circle(table) if isinstance(table, Circle) else make_polyline(table)
+
+
+def make_circle(table: Circle) -> PosePath:
+    """x = c + r (e_1 cos(2 pi phase) + e_2 sin(2 pi phase)) with e_1, e_2 across the normal, e_1 as near to x as can be."""
+    phase = ca.SX.sym("phase")
+    normal = np.array(table.normal) / np.linalg.norm(table.normal)
+    near = np.eye(3)[0] if abs(normal[0]) < 0.9 else np.eye(3)[1]
+    first = near - normal @ near * normal
+    first /= np.linalg.norm(first)
+    turn = 2 * ca.pi * phase
+    across = ca.DM(first) * ca.cos(turn) + ca.DM(np.cross(normal, first)) * ca.sin(turn)
+    rotation = None if table.rpy is None else ca.SX(Rotation.from_euler("xyz", table.rpy).as_matrix())
+    return PosePath(phase, ca.DM(table.centre) + table.radius * across, rotation, table.period)
+
+
+def make_polyline(table: Polyline) -> PosePath:
+    """x = p_0 + sum_i (p_(i+1) - p_i) a_i,   R = R_0 prod_i exp(a_i w_i~),   w_i = log(R_i^T R_(i+1)).
+
+    a_i goes from 0 to 1 in move_time, one stage of move, dwell and blend time after the one before. The last move may reach into the
+    next period, of which it is the first move too.
+    """
+    phase, count = ca.SX.sym("phase"), len(table.points)
+    stage = table.move_time + table.dwell_time - table.blend_time
+    period = count * stage
+    starts = [-stage, *(i * stage for i in range(count))]
+    rises = [make_step(table.profile, ca.fmin(ca.fmax((phase * period - t) / table.move_time, 0), 1)) for t in starts]
+    rises[0] = rises[0] - 1
+    points = np.array(table.points)
+    moves = np.roll(points, -1, axis=0) - points
+    position = ca.DM(points[0]) + sum((ca.DM(moves[i - 1]) * rise for i, rise in enumerate(rises)), ca.SX(3, 1))
+    ends = sorted({t + extra for t in starts for extra in (0.0, table.move_time)})
+    breaks = [t / period for t in ends if -SAME * period < t < period * (1 - SAME)]
+    breaks = [max(at, 0.0) for k, at in enumerate(breaks) if k == 0 or at - breaks[k - 1] > SAME]
+    rotation = turn_between(table.rpy, rises) if table.rpy else None
+    return PosePath(phase, position, rotation, period, tuple(breaks))
+
+
+def turn_between(rpy: Sequence[tuple[float, float, float]], rises: list[ca.SX]) -> ca.SX:
+    """The rotation that goes from one orientation to the next as each rise goes from 0 to 1; the first rise is the last move's end."""
+    turns = Rotation.from_euler("xyz", np.array(rpy))
+    if len(turns) == 1:
+        return ca.SX(turns[0].as_matrix())
+    steps = [(turns[i].inv() * turns[(i + 1) % len(turns)]).as_rotvec() for i in range(len(turns))]
+    rotation = ca.SX(turns[0].as_matrix())
+    for i, rise in enumerate(rises):
+        step = steps[i - 1]
+        size = float(np.linalg.norm(step))
+        if size > 0:
+            rotation = rotation @ rotation_about(ca.SX(ca.DM(step / size)), size * rise)
+    return rotation
+
 
 AXES = {"x": 0, "y": 1, "z": 2}
 
@@ -169,3 +243,55 @@ def compare_rotations(rotation: ca.SX | None, path: PosePath, dimensions: int) -
         return (E[1, 0] - E[0, 1]) / 2, (E[0, 0] + E[1, 1]) / 2
     sines = ca.vertcat(E[2, 1] - E[1, 2], E[0, 2] - E[2, 0], E[1, 0] - E[0, 1]) / 2
     return sines, (ca.trace(E) - 1) / 2
+
+
+PHASES = 64
+FAR = 1e-6
+"""Relative to the arm: a distance below this is none."""
+STIFF = 1e3
+"""Weight of the loops' closure, which must hold, against the tip's distance."""
+
+
+def refuse_unreachable(equations: TipEquations, start: Array, period: float, at: float | None = None) -> None:
+    """Raise with time and distance where the tip cannot reach the path, as far as a search from `start` finds; `at`: phase where it ends.
+
+    The distance is that of the led components of the position; a path whose orientation alone cannot be reached is not this.
+    """
+    begun, y = 0.0 if at is None else at, start[: equations.coordinates]
+    phases, distances, nearest = begun + np.arange(PHASES + 1) / PHASES, list[float](), list[Array]()
+    for phase in phases:
+        distance, y = find_distance(equations, start, y, float(phase))
+        distances.append(distance)
+        nearest.append(y)
+    size = max(float(np.abs(equations.task(start, 0.0)[1].full()[: equations.tips]).max()), 1e-300)
+    k = int(np.argmax(distances))
+    if distances[k] <= FAR * size:
+        return
+    where, least = find_lowest(
+        lambda phase: -find_distance(equations, start, nearest[k], phase)[0],
+        phases[k] - 1 / PHASES,
+        phases[k] + 1 / PHASES,
+    )
+    raise MotionError(
+        "the path leaves the arm's reach",
+        got=f"out of reach from t = {begun * period:.6g} s on, by {-least:.4g} m at t = {where % 1.0 * period:.6g} s",
+        todo="move the path nearer, or give another posture",
+    )
+
+
+def find_distance(equations: TipEquations, start: Array, y: Array, phase: float) -> tuple[float, Array]:
+    """The least distance of the tip from the path's point near coordinates y, and the coordinates there."""
+    from scipy.optimize import least_squares
+
+    n, rest = equations.coordinates, start[equations.coordinates :]
+    weights = np.ones(equations.c.numel())
+    weights[equations.tips :] = STIFF if equations.joints < n else 1.0
+
+    def miss(y: Array) -> Array:
+        return np.asarray(weights * equations.task(np.append(y, rest), phase % 1.0)[0].full()[:, 0])
+
+    def slope(y: Array) -> Array:
+        return np.asarray(weights[:, None] * equations.task(np.append(y, rest), phase % 1.0)[1].full())
+
+    best = least_squares(miss, y, slope, xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    return float(np.linalg.norm(best.fun[: equations.tips])), best.x

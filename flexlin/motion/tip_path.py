@@ -10,9 +10,7 @@ from flexlin.checks import Array
 from flexlin.errors import MotionError, ToleranceNotReached
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion.base import Angles, SampledMotion
-from flexlin.motion.pose_path import make_pose_path
-from flexlin.motion.reach import refuse_unreachable
-from flexlin.motion.tip_equations import TipEquations, make_tip_equations
+from flexlin.motion.tip_equations import TipEquations, make_pose_path, make_tip_equations, refuse_unreachable
 from flexlin.periodic.circle import count_turns
 from flexlin.scene.motion import TipJoint, TipPath
 from flexlin.series.tracking import find_lowest, find_turn, newton_from, track, worth

@@ -1,8 +1,7 @@
 """What the scene's controller holds beside its gains, in words."""
 
 from flexlin.report.wording import format_quantity
-from flexlin.scene.control import Control, Pid
-from flexlin.scene.filters import AnyFilter, LowPass
+from flexlin.scene.control import AnyFilter, Control, LowPass, Pid
 
 PLACES = {"torque": "on the torque", "rates": "on the measured rates"}
 

@@ -6,7 +6,7 @@ from flexlin.errors import SceneError
 from flexlin.report.wording import format_figures
 from flexlin.scene.loading import parse_scene
 from flexlin.scene.scene import Scene
-from flexlin.scene.toml_text import write_toml
+from flexlin.scene.toml import write_toml
 
 if TYPE_CHECKING:
     from flexlin.answers.audit.result import Audit, Minimal, Row

@@ -1,13 +1,157 @@
-"""The tables of control: the scene's own loop, and the designs to be compared with it."""
+"""The tables of control: loop, weights, filters, estimators, drives, and the designs to be compared with the scene's own loop."""
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, PlainValidator, WithJsonSchema, model_validator
 
 from flexlin.scene.base import NonNegative, NotEndless, Positive, Table, Text, Unit
-from flexlin.scene.estimator import Duration, EstimatorTable
-from flexlin.scene.filters import AnyFilter
-from flexlin.scene.weights import Weights
+from flexlin.scene.units import (
+    NUMBER_OR_TEXT,
+    ONE_OR_MORE,
+    AnyDeviation,
+    AnyDisplacement,
+    AnyInput,
+    AnyIntegral,
+    AnyRate,
+    Length,
+    Speed,
+    in_si,
+    kept_quantities,
+)
+
+RATE = "_rate"
+"""What stands behind a coordinate's name for its rate."""
+
+
+class Weights(Table):
+    """The largest acceptable deviations (Bryson's rule): Q and R hold the inverses of their squares.
+
+        Q(t) = sum_i (y_i / d_i)^2 + |C_tip(t) [y; y']|^2 / d_tip^2,   R = diag(1 / d_u^2)
+
+    tip: distance of the tip from its path; joints, rates: each angle of joints and of motors behind flexible joints, and its rate (a
+    list: one a joint); deflection, deflection_rates: each elastic coordinate; input: each torque (a list: one each).
+    integrals: the integral of each torque-driven joint's error, a state more (LQI).
+    A coordinate's own name, such as w11 or q1_rate, takes the place of what the others say about it. What is not named costs nothing.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
+    __pydantic_extra__: dict[str, AnyDeviation]
+
+    tip: Length | None = None
+    """Acceptable distance of the tip from its path."""
+    joints: Annotated[AnyDisplacement | None, Unit("rad or m")] = None
+    """Acceptable deviation of joints, or a list of one each."""
+    rates: Annotated[AnyRate | None, Unit("rad/s or m/s")] = None
+    """Acceptable deviation of the joints' rates, or a list of one each."""
+    deflection: Length | None = None
+    """Acceptable deviation of elastic coordinates."""
+    deflection_rates: Speed | None = None
+    """Acceptable rate of elastic coordinates."""
+    integrals: Annotated[AnyIntegral | None, Unit("rad s or m s")] = None
+    """Acceptable integral of the error of each torque-driven joint, or a list of one each: the design has integral action."""
+    input: Annotated[AnyInput, Unit("N m, N or V")]
+    """Acceptable torque, or a list of one each."""
+
+    @property
+    def coordinates(self) -> dict[str, Any]:
+        """What is said of single coordinates and rates, by their names."""
+        return dict(self.__pydantic_extra__ or {})
+
+
+Frequency = Annotated[
+    Positive,
+    BeforeValidator(lambda value: in_si(value, "Hz") if isinstance(value, str) else value),
+    WithJsonSchema(NUMBER_OR_TEXT),
+    Unit("Hz"),
+]
+
+
+class Filter(Table):
+    """What all filters share: what they act on, and at which joints."""
+
+    on: Literal["torque", "rates"] = "torque"
+    """torque: the feedback's torque, the feedforward is added behind it; rates: the measured rates of the joints."""
+    joints: Annotated[tuple[Annotated[int, Field(strict=True, ge=1)], ...] | None, Field(min_length=1)] = None
+    """Numbers of the torque-driven joints that have this filter, from 1; all of them by default."""
+
+
+class LowPass(Filter):
+    """w/(s + w), or w^2/(s^2 + sqrt(2) w s + w^2) of second order (Butterworth), w = 2 pi cutoff."""
+
+    kind: Literal["low-pass"]
+    """The kind of filter."""
+    cutoff: Frequency
+    """Frequency at which half of the power passes."""
+    order: Literal[1, 2] = 2
+    """Order of the filter."""
+
+
+class Notch(Filter):
+    """(s^2 + 2 gain damping w s + w^2)/(s^2 + 2 damping w s + w^2), w = 2 pi frequency."""
+
+    kind: Literal["notch"]
+    """The kind of filter."""
+    frequency: Frequency
+    """What it takes out."""
+    damping: Annotated[Positive, Unit("")] = 0.5
+    """Damping ratio of its poles: the notch is about twice this times its frequency wide."""
+    gain: Annotated[NonNegative, Field(lt=1), Unit("")] = 0.0
+    """What passes at its frequency, from 0 (nothing) to below 1."""
+
+
+AnyFilter = Annotated[LowPass | Notch, Field(discriminator="kind")]
+
+
+Curvature = Annotated[
+    Positive, BeforeValidator(lambda value: _in(value, "1/m")), WithJsonSchema(NUMBER_OR_TEXT), Unit("1/m")
+]
+Duration = Annotated[
+    Positive, BeforeValidator(lambda value: _in(value, "s")), WithJsonSchema(NUMBER_OR_TEXT), Unit("s")
+]
+AnyAngle = Annotated[Any, PlainValidator(kept_quantities("rad", "m")), WithJsonSchema(ONE_OR_MORE)]
+AnyTurn = Annotated[Any, PlainValidator(kept_quantities("rad/s", "m/s")), WithJsonSchema(ONE_OR_MORE)]
+AnyNoise = Annotated[Any, PlainValidator(kept_quantities("N m", "N", "V")), WithJsonSchema(ONE_OR_MORE)]
+
+
+def _in(value: Any, unit: str) -> Any:
+    return in_si(value, unit) if isinstance(value, str) else value
+
+
+class Gauge(Table):
+    """A strain gauge: the curvature of a link at a place."""
+
+    link: Annotated[int, Field(strict=True, ge=1)]
+    """Number of the link, from 1."""
+    at: Annotated[NonNegative, Field(le=1)] = 0.0
+    """Place x / l on it, from 0 (joint) to 1 (tip)."""
+    noise: Curvature
+    """Standard deviation of a sample."""
+
+
+class EstimatorTable(Table):
+    """Sensors and their noise: the standard deviation of one sample each, taken every `sample_time`.
+
+    V = sigma^2 sample_time for each measurement, W = B sigma^2 sample_time B' for the torques: the intensities of white noise.
+    """
+
+    encoders: Annotated[AnyAngle | None, Unit("rad or m")] = None
+    """Noise of the motors' encoders, or a list of one each."""
+    gyroscopes: Annotated[AnyTurn | None, Unit("rad/s or m/s")] = None
+    """Noise of the joints' rates, or a list of one each."""
+    strain: tuple[Gauge, ...] = ()
+    """Strain gauges."""
+    tip: Length | None = None
+    """Noise of a camera that sees the tip, along each axis."""
+    torque: Annotated[AnyNoise, Unit("N m, N or V")]
+    """Noise of the torques, or a list of one each: what the model leaves out."""
+    sample_time: Duration = 1e-3
+    """Time between two samples of the noise."""
+
+    @model_validator(mode="after")
+    def _measures(self) -> "EstimatorTable":
+        if self.encoders is None and self.gyroscopes is None and self.tip is None and not self.strain:
+            raise ValueError("at least one sensor: encoders, gyroscopes, strain or tip")
+        return self
 
 
 class Pd(Table):
@@ -114,3 +258,46 @@ class DesignTable(Table):
                 'either weights = { joints = "0.5 deg", ..., input = "3 N m" }, or state_weight and input_weight'
             )
         return self
+
+
+AnyTorque = Annotated[Any, PlainValidator(kept_quantities("N m", "N")), WithJsonSchema(ONE_OR_MORE)]
+AnySpeed = Annotated[Any, PlainValidator(kept_quantities("rad/s", "m/s")), WithJsonSchema(ONE_OR_MORE)]
+AnyCurrent = Annotated[Any, PlainValidator(kept_quantities("A")), WithJsonSchema(ONE_OR_MORE)]
+AnyPower = Annotated[Any, PlainValidator(kept_quantities("W")), WithJsonSchema(ONE_OR_MORE)]
+AnyConstant = Annotated[Any, PlainValidator(kept_quantities("N m/A", "N/A")), WithJsonSchema(ONE_OR_MORE)]
+
+
+class TorqueLimits(Table):
+    """Limits of a joint's torque, or of its force where it slides."""
+
+    peak: Annotated[AnyTorque | None, Unit("N m or N")] = None
+    """Largest torque at any time, N m (N)."""
+    continuous: Annotated[AnyTorque | None, Unit("N m or N")] = None
+    """Largest root mean square of the torque over a period, N m (N)."""
+
+
+class CurrentLimits(Table):
+    """Limits of a motor's current."""
+
+    peak: Annotated[AnyCurrent | None, Unit("A")] = None
+    """Largest current at any time, A."""
+    continuous: Annotated[AnyCurrent | None, Unit("A")] = None
+    """Largest root mean square of the current over a period, A."""
+
+
+class Drives(Table):
+    """Limits at the joints, behind the gears: torque, speed, power, and the motors' current.
+
+    Each limit is a quantity for all torque-driven joints, or a list of one each.
+    """
+
+    torque: TorqueLimits = TorqueLimits()
+    """Limits of the torque."""
+    speed: Annotated[AnySpeed | None, Unit("rad/s or m/s")] = None
+    """Largest speed of the joint, rad/s (m/s)."""
+    power: Annotated[AnyPower | None, Unit("W")] = None
+    """Largest power at the joint, W."""
+    current: CurrentLimits = CurrentLimits()
+    """Limits of the motors' current."""
+    torque_constant: Annotated[AnyConstant | None, Unit("N m/A or N/A")] = None
+    """Torque at the joint for an ampere, N m/A (N/A); where [effects.motor] is on it is known already."""

@@ -1,14 +1,60 @@
-"""The JSON schema of a scene, from which editors complete and check."""
+"""The JSON schema of a scene, the comments of its keys, and a file that shows them all."""
 
+import ast
+import inspect
+import textwrap
+from collections.abc import Iterator
+from functools import cache
+from itertools import pairwise
 from typing import Any
 
 from pydantic import BaseModel
 
+from flexlin.scene.base import Table
 from flexlin.scene.effects import effects_table, known_effects
-from flexlin.scene.key_docs import describe_keys
 from flexlin.scene.library import shipped_models
 from flexlin.scene.robot import FlexibleTable, JointTable, RobotTable
 from flexlin.scene.scene import Scene
+from flexlin.scene.toml import write_toml
+
+
+def describe_keys(schema: dict[str, Any], table: type[BaseModel]) -> None:
+    """Put into a table's JSON schema and its definitions what the tables say about their keys, where nothing is said yet."""
+    known: dict[str, type[BaseModel]] = {one.__name__: one for one in list_tables(Table)}
+    nodes = [(table, schema), *((known.get(name), node) for name, node in schema.get("$defs", {}).items())]
+    for kind, node in nodes:
+        if kind is None:
+            continue
+        said, keys = read_key_docs(kind), node.get("properties", {})
+        for name, field in kind.model_fields.items():
+            key = field.alias or name
+            if name in said and key in keys:
+                keys[key].setdefault("description", said[name])
+
+
+def list_tables(base: type[Table]) -> Iterator[type[Table]]:
+    """All kinds of tables that are known."""
+    for table in base.__subclasses__():
+        yield table
+        yield from list_tables(table)
+
+
+@cache
+def read_key_docs(table: type[BaseModel]) -> dict[str, str]:
+    """The docstring below each key of a table and of the tables that it extends; none where there is no source."""
+    said: dict[str, str] = {}
+    for kind in reversed(table.__mro__[: table.__mro__.index(BaseModel)]):
+        try:
+            tree = ast.parse(textwrap.dedent(inspect.getsource(kind)))
+        except (OSError, TypeError, SyntaxError):
+            continue
+        body = tree.body[0].body if isinstance(tree.body[0], ast.ClassDef) else []
+        for key, below in pairwise(body):
+            if isinstance(key, ast.AnnAssign) and isinstance(key.target, ast.Name) and isinstance(below, ast.Expr):
+                text = below.value.value if isinstance(below.value, ast.Constant) else None
+                said |= {key.target.id: inspect.cleandoc(text)} if isinstance(text, str) else {}
+    return said
+
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 PLACE = "#/$defs/{model}"
@@ -87,3 +133,47 @@ def write_units(node: Any) -> None:
             node["description"] = f"{node['description']} [{unit}]"
         for child in node.values():
             write_units(child)
+
+
+DEEP = 6
+"""Unions and references that lie on the way to one table's keys, at the most."""
+
+
+def commented_scene(data: dict[str, Any]) -> str:
+    """The scene as TOML: beside each key what it means and its unit, and below it the effects that could be turned on."""
+    schema = scene_schema()
+    on, effects = data.get("effects", {}), schema["$defs"]["Effects"]["properties"]
+    more = [f"# [effects.{name}]  {effects[name]['description']}" for name in effects if name not in on]
+    text = write_toml(data, lambda path: note(schema, data, path))
+    if data.get("model") is not None:
+        return text
+    return text + "\n# Effects that are off; each table turns one on:\n" + "\n".join(more) + "\n"
+
+
+def note(schema: dict[str, Any], data: dict[str, Any], path: tuple[str, ...]) -> str:
+    """What is said of a key in a comment: its description; nothing where the schema knows none."""
+    nodes = [schema]
+    if path[:1] == ("parameters",):
+        chosen = [
+            rule["then"] for rule in schema["allOf"] if rule["if"]["properties"]["model"]["const"] == data.get("model")
+        ]
+        nodes = [*chosen, schema]
+    for step in path:
+        nodes = [found[step] for node in nodes for found in keys_of(schema, node) if step in found]
+    described = [node["description"] for node in nodes if "description" in node]
+    return described[0].partition("\n")[0] if described else ""
+
+
+def keys_of(schema: dict[str, Any], node: dict[str, Any], depth: int = 0) -> list[dict[str, Any]]:
+    """The keys of all tables that a node allows, through references, unions and lists."""
+    if depth > DEEP:
+        return []
+    if "$ref" in node:
+        return keys_of(schema, schema["$defs"][node["$ref"].rpartition("/")[2]], depth + 1)
+    found = [node["properties"]] if "properties" in node else []
+    inner = [
+        *node.get("anyOf", []),
+        *node.get("oneOf", []),
+        *([node["items"]] if isinstance(node.get("items"), dict) else []),
+    ]
+    return found + [keys for child in inner for keys in keys_of(schema, child, depth + 1)]

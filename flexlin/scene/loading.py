@@ -15,9 +15,8 @@ from flexlin.scene.library import builtin_scenes
 from flexlin.scene.named_files import place_motion_file
 from flexlin.scene.overrides import SHALLOW, apply_overrides, too_deep
 from flexlin.scene.problems import schema_problems
-from flexlin.scene.scene import Scene
+from flexlin.scene.scene import Scene, uncertainty_problems
 from flexlin.scene.toml import list_endless_numbers, parse_toml
-from flexlin.scene.uncertainty import uncertainty_problems
 from flexlin.text import hint_at, printable
 
 LARGEST_FILE = 2**20

@@ -1,18 +1,51 @@
-"""The whole scene."""
+"""The whole scene, with what is known of its numbers only between limits."""
 
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from flexlin.errors import ArgumentError, Problem
 from flexlin.scene.accuracy import Accuracy
-from flexlin.scene.base import NotEndless, Table, Text
-from flexlin.scene.control import Control, DesignTable
-from flexlin.scene.drives import Drives
+from flexlin.scene.base import NotEndless, Number, Table, Text, Unit
+from flexlin.scene.control import Control, DesignTable, Drives
 from flexlin.scene.effects import AnyEffects
-from flexlin.scene.links import Link
-from flexlin.scene.loops import Loop
+from flexlin.scene.links import Link, Loop
 from flexlin.scene.motion import AnyMotion
-from flexlin.scene.uncertainty import Uncertain
+from flexlin.scene.parameters import get_value
+from flexlin.text import printable
+
+MOST = 12
+"""Uncertain numbers of one scene: the search tries combinations of them."""
+
+
+class Uncertain(Table):
+    """A number of the scene lies between two ends, its own value among them; in the unit of that number."""
+
+    low: Annotated[Number, Unit("of that number")]
+    """Least value."""
+    high: Annotated[Number, Unit("of that number")]
+    """Largest value."""
+
+
+def uncertainty_problems(scene: Any) -> list[Problem]:
+    """Say which keys of [uncertainty] lead to no real number, and which ends are the wrong way round."""
+    problems = []
+    if len(scene.uncertainty) > MOST:
+        problems.append(Problem("uncertainty", f"{len(scene.uncertainty)} numbers", f"{MOST} at most"))
+    for path, ends in scene.uncertainty.items():
+        key = f'uncertainty."{printable(path)}"'
+        try:
+            own = get_value(scene, path)
+        except ArgumentError as error:
+            problems.append(
+                Problem(key, f"nothing at {printable(str(error.got))}", error.expected or "a key of the scene")
+            )
+            continue
+        if not isinstance(own, float):
+            problems.append(Problem(key, "no real number there", "the path of one, such as effects.payload.mass"))
+        elif not ends.low < ends.high:
+            problems.append(Problem(key, f"{ends.low:g} to {ends.high:g}", "low below high"))
+    return problems
 
 
 class Scene(Table):

@@ -1,8 +1,10 @@
-"""TOML text as plain data, in a time that does not depend on how its keys are nested or how long its numbers are."""
+"""TOML text as plain data, in a time that does not depend on nesting or on the length of numbers; plain data as TOML text."""
 
+import json
+import math
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 DEEPEST = 32
@@ -37,3 +39,71 @@ def list_endless_numbers(raw: Any, path: str = "") -> Iterator[str]:
     items = raw.items() if isinstance(raw, dict) else enumerate(raw) if isinstance(raw, (list, tuple)) else ()
     for step, child in items:
         yield from list_endless_numbers(child, f"{path}.{step}" if path else str(step))
+
+
+Note = Callable[[tuple[str, ...]], str]
+COLUMN = 36
+"""Where comments begin."""
+BARE = re.compile(r"[A-Za-z0-9_-]+")
+
+
+def write_toml(data: Mapping[str, Any], note: Note = lambda path: "") -> str:
+    """Write plain data as TOML: tables below their headings, lists of tables as [[...]], all else on one line.
+
+    Holds texts, truth values, finite numbers, lists and tables; keys whose value is None are left out. What `note` says of a path of
+    keys stands behind it as a comment.
+    """
+    return "\n".join(list_lines(data, (), note)).strip() + "\n"
+
+
+def list_lines(table: Mapping[str, Any], path: tuple[str, ...], note: Note) -> Iterator[str]:
+    """The lines of one table: its values first, then the tables in it."""
+    given = {key: value for key, value in table.items() if value is not None}
+    below = {key: value for key, value in given.items() if is_table(value) or is_list_of_tables(value)}
+    for key, value in given.items():
+        if key not in below:
+            yield with_note(f"{write_key(key)} = {write_value(value)}", note((*path, key)))
+    for key, value in below.items():
+        name = ".".join(map(write_key, (*path, key)))
+        for child in [value] if is_table(value) else value:
+            yield ""
+            yield with_note(f"[{name}]" if is_table(value) else f"[[{name}]]", note((*path, key)))
+            yield from list_lines(child, (*path, key), note)
+
+
+def with_note(line: str, note: str) -> str:
+    """A line with a comment behind it."""
+    return f"{line:<{COLUMN}} # {note}" if note else line
+
+
+def is_table(value: Any) -> bool:
+    """Whether a value is a table."""
+    return isinstance(value, Mapping)
+
+
+def is_list_of_tables(value: Any) -> bool:
+    """Whether a value is a list of tables, which has headings of its own."""
+    return isinstance(value, list | tuple) and len(value) > 0 and all(map(is_table, value))
+
+
+def write_key(key: str) -> str:
+    """A key, in quotes where it needs them."""
+    return key if BARE.fullmatch(key) else json.dumps(key)
+
+
+def write_value(value: Any) -> str:
+    """A value on one line."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, float) and math.isfinite(value):
+        return repr(value)
+    if isinstance(value, Mapping):
+        inside = ", ".join(
+            f"{write_key(key)} = {write_value(child)}" for key, child in value.items() if child is not None
+        )
+        return f"{{ {inside} }}" if inside else "{}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(write_value, value))}]"
+    return str(value)

@@ -12,7 +12,7 @@ from flexlin.control import design, gain_source, output_feedback, scene_sensors
 from flexlin.control.export.labels import Labels
 from flexlin.errors import SceneError
 from flexlin.report.exports import export_all
-from flexlin.scene.estimator import EstimatorTable
+from flexlin.scene.control import EstimatorTable
 from tests.control.test_c_controllers import call, library, needs_compiler
 
 WEIGHTS = {"joints": "0.5 deg", "rates": "5 deg/s", "deflection": "8 mm", "input": "0.25 N m", "integrals": "0.2 deg s"}

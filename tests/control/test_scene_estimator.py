@@ -10,7 +10,7 @@ from flexlin.control import kalman_filter, scene_sensors
 from flexlin.errors import ArgumentError, SceneError
 from flexlin.report.exports import export_all
 from flexlin.report.record import record
-from flexlin.scene.estimator import EstimatorTable
+from flexlin.scene.control import EstimatorTable
 
 WEIGHTS = {"joints": "1 deg", "rates": "20 deg/s", "deflection": "10 mm", "input": "0.3 N m"}
 TABLE = {

@@ -9,7 +9,7 @@ from pydantic import TypeAdapter
 from flexlin.errors import MotionError
 from flexlin.mechanics.parameters import Parameters
 from flexlin.motion import build_motion
-from flexlin.motion.waypoints import PROFILES
+from flexlin.motion.smooth import PROFILES
 from flexlin.scene import parse_scene
 from flexlin.scene.motion import AnyMotion
 

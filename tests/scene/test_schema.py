@@ -14,8 +14,8 @@ from flexlin.cli.main import main
 from flexlin.errors import SceneError
 from flexlin.scene import builtin_scenes, scene_schema
 from flexlin.scene.effects import known_effects
-from flexlin.scene.suggestions import suggest
-from flexlin.scene.toml_text import write_toml
+from flexlin.scene.problems import suggest
+from flexlin.scene.toml import write_toml
 
 pytestmark = pytest.mark.xdist_group("schema")
 

@@ -20,7 +20,7 @@ from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.related import OfPlant
 from flexlin.periodic.response.forced import forced_response
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.scene.drives import Drives
+from flexlin.scene.control import Drives
 from flexlin.simulation.drive import scene_drive
 from flexlin.summary import represent
 

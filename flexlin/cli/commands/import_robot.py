@@ -11,7 +11,7 @@ TAKES = ("robot", "file", "base", "tip")
 def run(options: argparse.Namespace) -> int:
     from flexlin.files import write_text
     from flexlin.scene.loading import parse_scene
-    from flexlin.scene.toml_text import write_toml
+    from flexlin.scene.toml import write_toml
     from flexlin.scene.urdf import read_robot, scene_tables
 
     path = options.out

@@ -13,8 +13,8 @@ def run(options: argparse.Namespace) -> int:
     import tomllib
 
     from flexlin.files import write_text
+    from flexlin.scene.json_schema import commented_scene
     from flexlin.scene.loading import load_scene, parse_scene
-    from flexlin.scene.template import commented_scene
 
     path = options.name if options.name.suffix == ".toml" else Path(f"{options.name}.toml")
     refuse_existing(path)

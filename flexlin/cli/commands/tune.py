@@ -30,7 +30,7 @@ def run(options: argparse.Namespace) -> int:
         from flexlin.files import results
         from flexlin.report.terminal import say
         from flexlin.scene.revised import raw_tables
-        from flexlin.scene.toml_text import write_toml
+        from flexlin.scene.toml import write_toml
 
         limits = {key: (low, high) for key, low, high, _ in options.gain}
         vary = {key: (low, high) for key, low, high, _ in options.vary}

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from flexlin.about.law import Controller
 from flexlin.about.linearization import Linearization
 from flexlin.errors import ArgumentError
-from flexlin.scene.weights import RATE
+from flexlin.scene.control import RATE
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ from flexlin.mechanics.effects.base import Chain, Effect
 from flexlin.mechanics.effects.scale import PART, Scale
 from flexlin.mechanics.effects.shared import per_joint
 from flexlin.scene.base import PerLink, Unit
+from flexlin.scene.consistency import pinned
 from flexlin.scene.effects import RawArm, RawTable
-from flexlin.scene.link_rules import pinned
 
 
 class Hub(Effect):

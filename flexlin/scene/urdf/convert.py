@@ -1,4 +1,4 @@
-"""A chain of a robot as the tables of a scene: fixed joints merged, bodies added up, frames composed."""
+"""A chain of a robot as the tables of a scene: joints followed from base to tip, fixed ones merged, bodies added up, frames composed."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,10 +6,110 @@ from typing import Any
 
 import numpy as np
 
+from flexlin.errors import Problem, SceneError
 from flexlin.scene.urdf.bodies import Array, Mass, angles_of, as_numbers, rotation_of
-from flexlin.scene.urdf.chain import choose_chain
-from flexlin.scene.urdf.following import Rule, trace_rules
 from flexlin.scene.urdf.robot import Robot, UrdfJoint, UrdfLink
+
+
+def choose_chain(robot: Robot, base: str | None, tip: str | None) -> list[UrdfJoint]:
+    """The joints from the base to the tip."""
+    behind = {joint.child: joint for joint in robot.joints.values()}
+    parents = {joint.parent for joint in robot.joints.values()}
+    roots, ends = [n for n in robot.links if n not in behind], [n for n in robot.links if n not in parents]
+    base = choose("base", base, roots, robot)
+    reached = [end for end in ends if end != base and base in list_ancestors(end, behind)]
+    moved = [end for end in reached if any(joint.kind != "fixed" for joint in list_joints(base, end, behind))]
+    tip = choose("tip", tip, moved or reached, robot)
+    if base != tip and base not in list_ancestors(tip, behind):
+        raise SceneError(robot.element.source, [Problem("tip", repr(tip), f"a link behind {base!r}")])
+    joints = list_joints(base, tip, behind)
+    if not any(joint.kind != "fixed" for joint in joints):
+        raise robot.element.refuse(f"no joint that moves from {base!r} on", "a chain of joints")
+    for joint in joints:
+        if joint.kind in ("floating", "planar"):
+            raise joint.element.refuse(f"type {joint.kind!r} in the chain", "revolute, continuous, prismatic or fixed")
+    return joints
+
+
+def list_joints(base: str, tip: str, behind: dict[str, UrdfJoint]) -> list[UrdfJoint]:
+    """The joints from a link to one behind it."""
+    joints = list[UrdfJoint]()
+    while tip != base:
+        joints.insert(0, behind[tip])
+        tip = behind[tip].parent
+    return joints
+
+
+def list_ancestors(name: str, behind: dict[str, UrdfJoint]) -> set[str]:
+    """The links that a link hangs on."""
+    found = set()
+    while name in behind:
+        name = behind[name].parent
+        found.add(name)
+    return found
+
+
+def choose(key: str, given: str | None, possible: list[str], robot: Robot) -> str:
+    """A link by name, or the only one possible."""
+    if given is None and len(possible) == 1:
+        return possible[0]
+    if given is None or given not in robot.links:
+        some = ", ".join(possible[:20]) or "none"
+        got = f"{len(possible)} possible links" if given is None else repr(given)[:80]
+        raise SceneError(robot.element.source, [Problem(key, got, f"{key} = one link of the file, such as {some}")])
+    return given
+
+
+@dataclass(frozen=True)
+class Rule:
+    """q = multiplier * q of the joint `leader` + offset."""
+
+    leader: str
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+    def behind(self, other: "Rule") -> "Rule":
+        """The rule of a joint whose leader follows `other`'s."""
+        return Rule(other.leader, self.multiplier * other.multiplier, self.multiplier * other.offset + self.offset)
+
+
+def trace_rule(robot: Robot, joint: UrdfJoint) -> Rule:
+    """The rule by which a joint follows one that follows no other. Raises: SceneError for joints that follow each other."""
+    rule, seen = Rule(joint.name), {joint.name}
+    while (mimic := robot.joints[rule.leader].mimic) is not None:
+        if mimic.joint in seen:
+            raise joint.element.refuse("joints that mimic each other in a circle", "one that follows no other")
+        seen.add(mimic.joint)
+        rule = rule.behind(Rule(mimic.joint, mimic.multiplier, mimic.offset))
+    return rule
+
+
+def trace_rules(robot: Robot, moving: list[UrdfJoint]) -> tuple[dict[str, Rule], list[str]]:
+    """The rules of the joints of a chain that follow another of it, and notes on those whose leader stands beside it.
+
+    Where the leader moves beside the chain, the first joint that follows it moves by itself, and others follow this one.
+    Raises: SceneError where a leader comes later in the chain.
+    """
+    rules, first, notes = dict[str, Rule](), dict[str, Rule](), list[str]()
+    names, before = [joint.name for joint in moving], set[str]()
+    for joint in moving:
+        rule = trace_rule(robot, joint)
+        if rule.leader in before:
+            rules[joint.name] = rule
+        elif rule.leader in names and rule.leader != joint.name:
+            raise joint.element.refuse(f"mimic of {rule.leader!r}", "a joint before it in the chain")
+        elif rule.leader in first:
+            rules[joint.name] = rule.behind(first[rule.leader])
+        elif rule.leader != joint.name:
+            if not rule.multiplier:
+                raise joint.element.refuse(
+                    "multiplier 0 of a joint beside the chain", "a number other than 0, or a fixed joint"
+                )
+            first[rule.leader] = Rule(joint.name, 1 / rule.multiplier, -rule.offset / rule.multiplier)
+            notes.append(f"{joint.name} moves by itself, because {rule.leader} is not in the chain")
+        before.add(joint.name)
+    return rules, notes
+
 
 GRAVITY = {"acceleration": 9.81, "direction": [0.0, 0.0, -1.0]}
 

@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from flexlin.scene.urdf.elements import Element, read_elements
-from flexlin.scene.urdf.spelling import check_spelling
+from flexlin.scene.urdf.elements import Element, check_spelling, read_elements
 from flexlin.text import printable
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
