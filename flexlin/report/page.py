@@ -12,8 +12,7 @@ from flexlin.answers.analysis import Analysis
 from flexlin.answers.clock import Step
 from flexlin.answers.judging import Loop
 from flexlin.report.advice import advise, name_condition
-from flexlin.report.control_words import describe_controller
-from flexlin.report.drive_words import drive_cells
+from flexlin.report.drive_words import describe_controller, drive_cells
 from flexlin.report.figures.coefficients import NOISE
 from flexlin.report.figures.entries import name_entry, name_matrix_unit
 from flexlin.report.figures.style import Picture

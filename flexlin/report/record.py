@@ -13,8 +13,7 @@ from flexlin.answers.analysis import Analysis
 from flexlin.answers.clock import Step
 from flexlin.answers.judging import Loop
 from flexlin.checks import Array
-from flexlin.report.control_words import describe_controller
-from flexlin.report.drive_words import record_load
+from flexlin.report.drive_words import describe_controller, record_load
 from flexlin.report.headline import reason
 from flexlin.report.margins import record_endured, record_margin
 from flexlin.scene.effects import known_effects

@@ -6,8 +6,8 @@ import pytest
 import flexlin as fl
 from flexlin.answers.campbell import unfold_frequencies
 from flexlin.answers.margins import choose_margins, find_margin
-from flexlin.report.figures.chart_line import choose_scale, limits_of
-from flexlin.report.figures.contours import trace_contour
+from flexlin.report.figures.chart import choose_scale, limits_of
+from flexlin.report.figures.chart_map import trace_contour
 from flexlin.report.margins import describe_margins, record_margin
 from flexlin.scene.names import label_number
 
