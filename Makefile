@@ -13,7 +13,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
 STAMP := .venv/installed
-CHECKED = tests/test_core.py tests/test_program.py $(addprefix tests/periodic/,product transition resolved decoupling quadratic many)
+CHECKED = tests/test_core.py tests/test_program.py tests/test_simulation_collocation.py $(addprefix tests/periodic/,product transition resolved decoupling quadratic many)
 CHECKERS = $(foreach name,libasan.so libstdc++.so.6,$(shell $(or $(CC),cc) -print-file-name=$(name)))
 export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
@@ -72,7 +72,7 @@ lock:
 	$(LOCK) --extra dev -o requirements/lock.txt
 	$(LOCK) -c requirements/lock.txt -o requirements/run.txt
 	$(LOCK) --extra dev --extra peers -c requirements/lock.txt -o requirements/peers.txt
-	$(LOCK) --extra docs --extra plot --extra cluster -c requirements/lock.txt -o requirements/docs.txt
+	$(LOCK) --extra docs --extra cluster -c requirements/lock.txt -o requirements/docs.txt
 
 clean:
 	rm -rf .venv build dist out flexlin/_core/built

@@ -34,7 +34,7 @@ GROUND = tuple(
     name
     for name in (
         *("symbolic", "program", "expressions", "plots", "_core", "compiler", "lapack", "lazy", "files"),
-        *("arguments", "checks", "errors", "text", "summary", "progress", "resources"),
+        *("arguments", "checks", "bounds", "errors", "text", "summary", "progress", "resources"),
     )
     if (PACKAGE / name).is_dir() or (PACKAGE / name).with_suffix(".py").exists()
 )

@@ -8,7 +8,7 @@ STUDIES = DOCS.parent / "studies"
 HEAD = """# Gallery
 
 Each study answers one question with flexlin beside something else: a paper, a closed form, another program. A card leads to the study's
-source, which runs as it stands. The pictures are those of the small runs; {doc}`studies` lists all of them in a table.
+source, which runs as it stands; {doc}`studies` lists all of them in a table.
 
 ::::{container} gallery
 """

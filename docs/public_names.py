@@ -21,7 +21,12 @@ QUESTIONS = (
         "build_motion",
         "PeriodicMotion periodic_motion",
     ),
-    ("Linearization", "M, D, K, h and B along the motion.", "linearize Linearization", "linearize_about"),
+    (
+        "Linearization",
+        "M, D, K, h and B along the motion; A and B of your own equations along a trajectory.",
+        "linearize Linearization Trajectory",
+        "linearize_about",
+    ),
     (
         "Taylor maps",
         "Functions and closed loops as polynomials; the Kronecker calculus behind them.",
@@ -31,13 +36,14 @@ QUESTIONS = (
     (
         "Stability",
         "Periodic systems x' = A(t) x, with or without an arm.",
-        "PeriodicSystem floquet FloquetResult floquet_modes forced_response margins h2_norm hinf_norm",
+        "PeriodicSystem PeriodicStateSpace floquet FloquetResult floquet_modes forced_response respond frequency_response margins"
+        " h2_norm hinf_norm invariant_zeros periodic_lyapunov",
         "sampled_floquet linear_range",
     ),
     (
         "Controllers",
         "Designs; each is judged by `floquet` afterwards.",
-        "control periodic_lqr tune",
+        "control periodic_lqr sampled_lqr sampled_estimator output_lqr tune",
         "Design design periodic_lqr averaged_lqr frozen_lqr finite_horizon_lqr horizon_system pd_feedback"
         " physical_weights with_integral_action scene_feedback Feedforward feedforward drive_load",
     ),
@@ -60,6 +66,7 @@ QUESTIONS = (
         "simulate audit cost",
         "",
     ),
+    ("Measured logs", "The equations against a machine.", "Log read_log predict identify", ""),
     (
         "Exports and pictures",
         "",

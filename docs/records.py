@@ -72,6 +72,10 @@ def measure_compiled_peers(out: str) -> dict[str, Any]:
     return import_module("compiled_peers").main("full", out)
 
 
+def measure_simulation_race(out: str) -> dict[str, Any]:
+    return import_module("simulation_race").main("full", out)
+
+
 MEASURES = {
     "charts_speed": measure_charts_speed,
     "compiled_peers": measure_compiled_peers,
@@ -81,6 +85,7 @@ MEASURES = {
     "riccati_race": measure_riccati_race,
     "own_error": measure_own_error,
     "scaling": measure_scaling,
+    "simulation_race": measure_simulation_race,
     "torture": measure_torture,
     "tuning_grid": measure_tuning_grid,
 }

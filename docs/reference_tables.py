@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from flexlin.cli.main import parser
+from flexlin.cli.program import parser
 from flexlin.scene.json_schema import scene_schema
 
 

@@ -1,4 +1,4 @@
-"""The small pictures of docs/studies.md: each study's small run, or its record where it is of cost and size."""
+"""The pictures of docs/studies.md: of each study's full run, of its record where it is of cost, of a small run where that takes hours."""
 
 import tempfile
 from collections.abc import Callable
@@ -10,7 +10,9 @@ from records import DOCS, measured, not_measured
 
 PICTURES = DOCS / "pictures"
 WIDTH = 540
-"""Of a small picture, in pixels."""
+"""Of a picture, in pixels."""
+LONG = ("own_error", "torture", "tuning_grid")
+"""Studies whose full run takes more than some minutes."""
 
 
 RECORDED: dict[str, Callable[[Any, dict[str, Any], Path], None]] = {
@@ -19,6 +21,9 @@ RECORDED: dict[str, Callable[[Any, dict[str, Any], Path], None]] = {
     ),
     "compiled_peers": lambda study, record, out: study.draw(record["ratios"], out / "x.svg"),
     "riccati_race": lambda study, record, out: study.draw(record["times"], out / "x.svg"),
+    "simulation_race": lambda study, record, out: study.draw(
+        [study.Row(**row) for row in record["rows"]], out / "x.svg"
+    ),
     "charts_speed": lambda study, record, out: study.draw(record, out),
     "taylor_cost": lambda study, record, out: study.draw([study.Cost(**row) for row in record["rows"]], out),
     "taylor_variables": lambda study, record, out: study.draw([study.Cost(**row) for row in record["rows"]], out),
@@ -31,7 +36,7 @@ RECORDED: dict[str, Callable[[Any, dict[str, Any], Path], None]] = {
 
 
 def draw_pictures(names: list[str]) -> None:
-    """Draw each study's small run as a small PNG, studies of cost and size from their records."""
+    """Draw each study as a PNG."""
     from matplotlib.figure import Figure
 
     save = Figure.savefig
@@ -53,6 +58,6 @@ def draw_pictures(names: list[str]) -> None:
                 if name in RECORDED:
                     RECORDED[name](study, measured(name), Path(out))
                 else:
-                    study.main("small", Path(out))
+                    study.main("small" if name in LONG else "full", Path(out))
         finally:
             Figure.savefig = save

@@ -1,5 +1,18 @@
 """`python -m flexlin` is the program `flexlin`."""
 
-from flexlin.cli.main import entry
+import sys
 
-entry()
+
+def main() -> None:
+    """Run the program; Ctrl-C while it is being loaded is a line too."""
+    try:
+        from flexlin.cli.program import entry
+
+        entry()
+    except KeyboardInterrupt:
+        print("flexlin: interrupted; no file was left half-written", file=sys.stderr)
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,5 +1,6 @@
 """Pickling of objects that hold CasADi expressions: all in one serialisation, so that they go on sharing their symbols."""
 
+from collections import deque
 from dataclasses import fields
 from typing import Any
 
@@ -33,7 +34,7 @@ class Part:
         self.kind, self.state = kind, state
 
 
-def flattened(value: Any, serializer: ca.StringSerializer) -> Any:
+def flattened(value: Any, serializer: "ca.StringSerializer | Row") -> Any:
     """The value with its expressions moved into the serialisation, in the order in which they are met."""
     if isinstance(value, ca.SX):
         serializer.pack(value)
@@ -48,7 +49,7 @@ def flattened(value: Any, serializer: ca.StringSerializer) -> Any:
     return value
 
 
-def restored(value: Any, expressions: ca.StringDeserializer) -> Any:
+def restored(value: Any, expressions: "ca.StringDeserializer | Row") -> Any:
     """The value with its expressions back in place."""
     if isinstance(value, Expression):
         return expressions.unpack()
@@ -61,6 +62,19 @@ def restored(value: Any, expressions: ca.StringDeserializer) -> Any:
     if type(value) is tuple:
         return tuple(restored(item, expressions) for item in value)
     return value
+
+
+class Row(deque[Any]):
+    """Expressions one after the other, in the place of a serialisation."""
+
+    pack, unpack = deque.append, deque.popleft
+
+
+def substituted(made: Any, old: ca.SX, new: ca.SX) -> Any:
+    """The same object with other expressions in the place of symbols, in all that it holds."""
+    row = Row()
+    state = flattened(made, row)
+    return restored(state, Row(ca.substitute(list(row), [old], [new])))
 
 
 def rebuild(made: Any, state: dict[str, Any]) -> None:

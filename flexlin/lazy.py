@@ -8,15 +8,21 @@ Value = TypeVar("Value")
 
 
 def load_lazily(
-    package: str, home: Mapping[str, str]
+    package: str, promised: Mapping[str, str], within: Mapping[str, str] | None = None
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
-    """The `__getattr__`, `__dir__` and `__all__` (PEP 562) of a package, from the module in which each of its public names stands."""
-    names = sorted(home)
+    """The `__getattr__`, `__dir__` and `__all__` (PEP 562) of a package: its door, by the modules of flexlin that the names stand in.
+
+    What is promised to users is listed; other rooms and tests also ask for what is given `within` flexlin, and need not know the file.
+    """
+    tables = [
+        {name: place for place, given in table.items() for name in given.split()} for table in (promised, within or {})
+    ]
+    module, names = {**tables[0], **tables[1]}, sorted(tables[0])
 
     def load(name: str) -> Any:
-        if name not in home:
+        if name not in module:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        return getattr(import_module(home[name]), name)
+        return getattr(import_module(f"flexlin.{module[name]}"), name)
 
     return load, lambda: names, names
 

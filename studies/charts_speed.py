@@ -16,7 +16,7 @@ import os
 import resource
 import time
 from collections.abc import Callable
-from functools import partial
+from functools import partial, reduce
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -31,7 +31,6 @@ from flexlin.answers.sweep.job import compute_here, prepare_job
 from flexlin.answers.sweep.sharing import share_among_processes, share_among_threads, share_on_cluster
 from flexlin.answers.sweep.together import Together
 from flexlin.periodic.circle import measure_distances
-from flexlin.periodic.product.balancing import multiply_scaled
 from flexlin.periodic.transition.setting import Setting, factor_period
 
 TOL = 1e-8
@@ -129,8 +128,8 @@ def peer_runs(loop: ParametricLoop, points: np.ndarray) -> dict[str, Callable[[]
 
 def reference(loop: ParametricLoop, points: np.ndarray, units: np.ndarray) -> np.ndarray:
     """Transition matrices (V, n, n) by Gauss collocation of order 16, in `units` (V, n) of the states."""
-    found = [multiply_scaled(factor_period(loop.system_at(point), Setting("gauss", 16, 96, ""))[1]) for point in points]
-    P = np.array([matrix * np.exp(log_scale) for matrix, log_scale in found])
+    every = [factor_period(loop.system_at(point), Setting("gauss", 16, 96, ""))[1] for point in points]
+    P = np.array([reduce(lambda P, F: F @ P, factors) for factors in every])
     return P * units[:, :, None] / units[:, None, :]
 
 

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from numpy.linalg import cholesky, cond, eigvals, eigvalsh, inv, norm, solve
+from numpy.linalg import LinAlgError, cholesky, cond, eigvals, eigvalsh, inv, norm, solve
 from numpy.polynomial.chebyshev import chebder, chebfit, chebpts1, chebval
 
 
@@ -28,6 +28,13 @@ def bend(c, samples):
 
 
 def holds(certificate, samples=1025):
+    try:  # what is no certificate proves nothing
+        return proves(certificate, samples)
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, LinAlgError):
+        return False
+
+
+def proves(certificate, samples):
     said = {key: value for key, value in certificate.items() if key != "sha256"}
     edges, A, X, error = (np.array(said[key], dtype=float) for key in ("edges", "A", "X", "error"))
     widths, mu, u = np.diff(edges), said["margin"], np.linspace(-1, 1, samples)

@@ -11,6 +11,7 @@ import argparse
 import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from functools import reduce
 from importlib.util import find_spec
 from pathlib import Path
 from time import process_time
@@ -27,7 +28,6 @@ from flexlin.answers.accuracy.scipy_methods import prepare_rate, prepare_scipy
 from flexlin.answers.accuracy.trial import compare_exponents
 from flexlin.answers.sweep import sweep
 from flexlin.checks import Array
-from flexlin.periodic.product.balancing import multiply_scaled
 from flexlin.periodic.transition.setting import Setting, factor_period
 
 HEYOKA = find_spec("heyoka") is not None
@@ -71,8 +71,7 @@ def timed(function: Callable[[], Any], repetitions: int) -> tuple[Any, float]:
 
 def transition(system: fl.PeriodicSystem, setting: Setting) -> Array:
     """Transition matrix of one period, from the resolved coefficients on."""
-    P, log_scale = multiply_scaled(factor_period(system, setting)[1])
-    return P * np.exp(log_scale)
+    return reduce(lambda P, F: F @ P, factor_period(system, setting)[1])
 
 
 def cheapest(

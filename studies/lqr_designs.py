@@ -104,11 +104,13 @@ def draw(data: Survival, path: Path) -> None:
             if np.any(part[name] > 0) and np.any(part[name] < 0):
                 cell.contour(data.frequencies, 1e3 * data.payloads, part[name], [0.0], colors="k")
             cell.set_title(f"{name}, {label}", fontsize="small")
+            cell.set_ylim(*1e3 * data.payloads[[0, -1]])
         row[0].set_ylabel("payload in g")
     for cell in axes[-1]:
         cell.set(xlabel="frequency in Hz", xscale="log")
         cell.set_xticks([0.2, 0.5, 1.0, 2.0], ["0.2", "0.5", "1", "2"])
         cell.set_xticks([], minor=True)
+        cell.set_xlim(*data.frequencies[[0, -1]])
     figure.colorbar(shown, ax=axes, label="largest real part of the exponents in 1/s")
     figure.suptitle("Which loop survives (blue: stable)")
     figure.savefig(path)

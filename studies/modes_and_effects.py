@@ -15,7 +15,7 @@ import numpy as np
 
 import flexlin as fl
 from flexlin.answers.audit import Measure, measure
-from flexlin.answers.audit.scale import read_scale
+from flexlin.answers.audit.versions import read_scale
 from flexlin.scene.effects import known_effects
 
 SIZES = {

@@ -20,16 +20,31 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # scenes, trials a
 
 from tests.torture.accidents import disks, kills, memory
 from tests.torture.fuzzing import check, commands
+from tests.torture.inputs import inputs
 from tests.torture.lone_files import lone_files
 from tests.torture.misuse import misuse
 from tests.torture.rivals import writers
 from tests.torture.rows import SETS, Row, case_of
+from tests.torture.whole_commands import whole_commands
 
 SIZES = {
-    "small": {"check": 25, "commands": 3, "kills": 4, "files": 4, "disks": 2, "writers": 30, "memory": 2, "misuse": 2},
+    "small": {
+        "check": 25,
+        "commands": 3,
+        "whole": 11,
+        "inputs": 300,
+        "kills": 4,
+        "files": 4,
+        "disks": 2,
+        "writers": 30,
+        "memory": 2,
+        "misuse": 2,
+    },
     "full": {
         "check": 10_000,
         "commands": 500,
+        "whole": 300,
+        "inputs": 10_000,
         "kills": 200,
         "files": 60,
         "disks": 50,
@@ -41,6 +56,8 @@ SIZES = {
 PARTS = {
     "check": check,
     "commands": commands,
+    "whole": whole_commands,
+    "inputs": inputs,
     "kills": kills,
     "files": lone_files,
     "disks": disks,
@@ -53,7 +70,7 @@ PARTS = {
 @cache
 def warm() -> None:
     """Load what the commands need, once, before the first fork."""
-    from flexlin.cli.main import main as command
+    from flexlin.cli.program import main as command
 
     with tempfile.TemporaryDirectory() as folder, open(os.devnull, "w") as nowhere:
         kept = sys.stdout, sys.stderr

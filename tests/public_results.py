@@ -8,7 +8,8 @@ import casadi as ca
 import numpy as np
 
 import flexlin as fl
-from flexlin.about.free import parametric_loop
+from flexlin import periodic_lyapunov
+from flexlin.about import parametric_loop
 from flexlin.control import (
     averaged_lqr,
     feedforward,
@@ -25,9 +26,8 @@ from flexlin.control import (
     tip_position,
     with_integral_action,
 )
-from flexlin.periodic.floquet.resonance import find_resonances
-from flexlin.periodic.quadratic.riccati import finite_horizon_riccati, periodic_lyapunov, periodic_riccati
-from flexlin.scene.control import EstimatorTable
+from flexlin.periodic import find_resonances, finite_horizon_riccati, periodic_riccati
+from flexlin.scene import EstimatorTable
 from flexlin.series import solve_implicit
 from flexlin.simulation import region_of_attraction
 
@@ -99,6 +99,27 @@ def stability_results() -> Made:
             "nearest": lambda: fl.nearest_instability(oscillator, {"d": (0.1, 0.3)}, own=[0.2]),
             "margins": lambda: fl.margins(fl.PeriodicSystem([[0.0]], 1.0, B=[[1.0]]), [[2.0]]),
             "hinf": lambda: fl.hinf_norm(damped, [[1.0]]),
+            "zeros": lambda: fl.invariant_zeros(system, [[1.0, 1.0]], tol=1e-7),
+            "output design": lambda: fl.output_lqr(damped, [[1.0]], [[1.0]], [[1.0]]),
+            "sampled estimator": lambda: fl.sampled_estimator(damped, [[1.0]], [[1.0]], [[1.0]], 0.5),
+            "sampled design": lambda: fl.sampled_lqr(damped, [[1.0]], [[1.0]], 0.5),
+            "transient": lambda: fl.respond(damped, [0.0, 1.0], u=[4.0]),
+            "frequency response": lambda: fl.frequency_response(damped, [[1.0]], [1.0]),
+        }
+    )
+    return made
+
+
+@cache
+def logged_results() -> Made:
+    """What a log of an arm at rest says of it."""
+    rigid = fl.load_scene("single-link", {"links.0.modes": 0, "effects.gravity": "off", "designs": []})
+    t = np.arange(300) * 0.01
+    made = Made(
+        {
+            "log": lambda: fl.Log(t, inputs={"q1": 0 * t}, outputs={"q1": 0 * t}),
+            "prediction": lambda: fl.predict(rigid, made["log"]),
+            "identification": lambda: fl.identify(rigid, made["log"], ["effects.payload.mass"], starts=1),
         }
     )
     return made
@@ -167,4 +188,4 @@ def answer_results() -> dict[str, Any]:
 @cache
 def public_results() -> dict[str, Any]:
     """All of them, by name."""
-    return {**series_results(), **stability_results(), **arm_results(), **answer_results()}
+    return {**series_results(), **stability_results(), **arm_results(), **logged_results(), **answer_results()}

@@ -5,9 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from flexlin.cli import main as cli
-from flexlin.cli.main import main
-from flexlin.scene.library import builtin_scenes
+from flexlin.cli import BAD_INPUT, main
+from flexlin.scene import builtin_scenes
 
 TABLE = "[motion]\nkind = 'table'\nfile = 'motion.csv'\n\n"
 
@@ -19,7 +18,7 @@ def scene_text() -> str:
 def refused(capsys: pytest.CaptureFixture[str], arguments: list[str], *words: str, folder: Path) -> str:
     """Run a report that must be refused; returns the message after checking its form."""
     out = folder / "out"
-    assert main(["report", *arguments, "--out", str(out)]) == cli.BAD_INPUT
+    assert main(["report", *arguments, "--out", str(out)]) == BAD_INPUT
     captured = capsys.readouterr()
     assert captured.out == ""
     assert captured.err.startswith("flexlin: ")
@@ -30,6 +29,33 @@ def refused(capsys: pytest.CaptureFixture[str], arguments: list[str], *words: st
         assert word in captured.err
     assert not out.exists()
     return captured.err
+
+
+NAMELESS = [
+    ["new", ""],
+    ["import", "", "--out", "a.toml"],
+    ["check", "single-link", "--data", ""],
+    ["check", "single-link", "--out", " "],
+    ["chart", "single-link", "--over", "motion.frequency=1:2:3", "--store", ""],
+    ["predict", "single-link", "--log", ""],
+]
+
+
+@pytest.mark.parametrize("arguments", NAMELESS, ids=lambda words: " ".join(words[::2]))
+def test_a_name_without_letters_is_not_the_current_folder(
+    arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as end:
+        main(arguments)
+    assert end.value.code == 2
+    assert "got an empty name, expected that of a file or folder" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_name_with_a_zero_is_no_folder(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["report", "single-link", "--out", "a\0b"]) == 2
+    assert "cannot be the output folder; got embedded null byte" in capsys.readouterr().err
 
 
 # One row each: the override, then what the message must name.
@@ -124,8 +150,8 @@ TABLES = {
     "times that do not increase": ([*ROWS[:5], ROWS[3], *ROWS[6:]], ("times", "row 6")),
     "too short": (ROWS[:3], ("3 rows", "expected")),
     "a column too many": ([f"{row},0" for row in ROWS], ("[3] columns", "2 columns")),
-    "words": ([*ROWS[:4], "a,b", *ROWS[5:]], ("row 5", "numbers")),
-    "not a number": ([*ROWS[:4], "0.4,nan", *ROWS[5:]], ("nan", "finite")),
+    "words": ([*ROWS[:4], "a,b", *ROWS[5:]], ("row 5", "a number from")),
+    "not a number": ([*ROWS[:4], "0.4,nan", *ROWS[5:]], ("row 5", "a number from")),
     "missing": (None, ("cannot be read",)),
 }
 
@@ -166,19 +192,19 @@ def test_a_motion_without_a_period(tmp_path: Path, capsys: pytest.CaptureFixture
 def test_a_command_that_does_not_exist(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stop:
         main(arguments)
-    assert stop.value.code == cli.BAD_INPUT
+    assert stop.value.code == BAD_INPUT
     assert "error:" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("periods", ["0", "-1", "nan"])
 def test_a_length_that_is_none(periods: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["simulate", "spinning-link", "--periods", periods, "--out", str(tmp_path / "out")]) == cli.BAD_INPUT
+    assert main(["simulate", "spinning-link", "--periods", periods, "--out", str(tmp_path / "out")]) == BAD_INPUT
     assert "periods" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 
 def test_a_scene_without_designs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["design", "spinning-link", "--out", str(tmp_path / "out")]) == cli.BAD_INPUT
+    assert main(["design", "spinning-link", "--out", str(tmp_path / "out")]) == BAD_INPUT
     assert "[[designs]]" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
@@ -187,7 +213,7 @@ def test_a_scene_without_designs(tmp_path: Path, capsys: pytest.CaptureFixture[s
     "over", [["motion.speed=1:2"], ["title=1:2"], ["motion.frequency=1:2", "motion.frequency=1:3"]]
 )
 def test_a_chart_over_what_is_no_parameter(over: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["chart", "single-link", "--over", *over, "--out", str(tmp_path / "out")]) == cli.BAD_INPUT
+    assert main(["chart", "single-link", "--over", *over, "--out", str(tmp_path / "out")]) == BAD_INPUT
     assert over[0].partition("=")[0] in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
@@ -196,6 +222,6 @@ def test_an_output_folder_that_is_a_file(tmp_path: Path, capsys: pytest.CaptureF
     occupied = tmp_path / "out"
     occupied.write_text("mine")
     for folder in (occupied, occupied / "below"):
-        assert main(["report", "single-link", "--out", str(folder)]) == cli.BAD_INPUT
+        assert main(["report", "single-link", "--out", str(folder)]) == BAD_INPUT
         assert "expected a folder" in capsys.readouterr().err
     assert occupied.read_text() == "mine"

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import flexlin as fl
-from flexlin.cli.main import main
+from flexlin.cli import main
 from flexlin.errors import SceneError
 
 WITH_DESIGNS = [name for name in fl.scenes() if fl.load_scene(name).designs]

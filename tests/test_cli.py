@@ -11,7 +11,7 @@ import pytest
 import xarray
 
 import flexlin as fl
-from flexlin.cli.main import main
+from flexlin.cli import main
 from flexlin.scene import builtin_scenes
 from tests.test_stability_boundary import distances
 
@@ -218,7 +218,7 @@ BESIDES = {
 Assignments of modes to each other are left to scipy.optimize, which brings scipy.sparse."""
 COMMANDS_IN_TURN = """
 import sys
-from flexlin.cli.main import main, run_program
+from flexlin.cli.program import main, run_program
 main(["list"])
 print(sorted({"numpy", "scipy", "casadi", *%r} & set(sys.modules)))
 code = run_program()

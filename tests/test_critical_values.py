@@ -8,7 +8,7 @@ from scipy.special import mathieu_a, mathieu_b
 
 import flexlin as fl
 from flexlin.errors import ArgumentError
-from flexlin.scene.parameters import replace_value
+from flexlin.scene import replace_value
 
 
 def clamped_constants() -> tuple[float, float, float]:

@@ -12,33 +12,55 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexlin.answers.budget import Budget
-from flexlin.answers.clock import Clock
-from flexlin.answers.limits import limited, time_limit
+from flexlin.answers import Budget, Clock, limited, time_limit
+from flexlin.answers.limits import Allowance
 from flexlin.checks import LIMIT, check_size, memory_limit
-from flexlin.cli.main import main
+from flexlin.cli import main
 from flexlin.errors import ArgumentError, NumericalError, TimeLimit, TooLarge
-from flexlin.resources import read_resident
-from flexlin.scene.accuracy import Accuracy
+from flexlin.resources import Stopwatch, read_processor, read_resident
+from flexlin.scene import Accuracy
 
 
 def spin(seconds: float) -> None:
-    """Work that only an alarm ends early."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
+    """So many seconds of the processor, which only an alarm ends early."""
+    end = time.process_time() + seconds
+    while time.process_time() < end:
         np.linalg.eigvals(np.eye(8))
 
 
 def test_a_block_beyond_its_time_is_ended_and_the_alarm_is_gone() -> None:
     before, start = signal.getsignal(signal.SIGALRM), time.monotonic()
     with (
-        pytest.raises(TimeLimit, match=r"the stage: stopped at the time limit; got no answer in 0\.1 s"),
+        pytest.raises(
+            TimeLimit, match=r"the stage: stopped at the time limit; got no answer in 0\.(1 s|3 s by the clock)"
+        ),
         time_limit("the stage", 0.1),
     ):
         spin(20.0)
     assert time.monotonic() - start < 10.0
     assert signal.getsignal(signal.SIGALRM) is before
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+
+
+def test_waiting_for_other_programs_is_not_counted_but_ends_with_the_clock() -> None:
+    allowed = Allowance(0.2, 1e12, 60.0, 1e12, 60.0, clock=0.6)
+    begun = time.monotonic()
+    with pytest.raises(TimeLimit, match=r"no answer in 0\.6 s by the clock"), limited("the stage", allowed):
+        time.sleep(20.0)
+    assert time.monotonic() - begun > 0.5
+
+
+def test_the_time_of_workers_counts_while_they_work() -> None:
+    before = read_processor()
+    worker = subprocess.Popen([sys.executable, "-c", "while True: pass"])
+    try:
+        end = time.monotonic() + 20.0
+        while read_processor() < before + 0.1 and time.monotonic() < end:
+            time.sleep(0.02)
+        assert read_processor() >= before + 0.1
+    finally:
+        worker.kill()
+        worker.wait()
 
 
 def test_an_alarm_within_a_change_of_numpys_error_handling_leaves_none_of_it() -> None:
@@ -62,6 +84,36 @@ def test_a_calculation_that_takes_the_alarm_for_a_failed_attempt_is_ended_too() 
 
     with pytest.raises(TimeLimit), time_limit("the stage", 0.1):
         tries_twice()
+
+
+def test_an_alarm_within_a_finalizer_is_not_printed_and_rings_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Python drops an error that leaves a finalizer or a garbage collector's callback and prints a note on it."""
+    printed: list[object] = []
+    monkeypatch.setattr(sys, "unraisablehook", printed.append)
+    finished: list[float] = []
+
+    class Slow:
+        def __del__(self) -> None:
+            spin(1.0)
+            finished.append(time.monotonic())
+
+    def drops() -> None:
+        Slow()
+        spin(20.0)
+
+    with pytest.raises(TimeLimit), time_limit("the stage", 0.1):
+        drops()
+    assert not finished
+    assert not printed
+
+    class Broken:
+        def __del__(self) -> None:
+            raise ValueError("its own")
+
+    with time_limit("the stage", 60.0):
+        Broken()
+    assert [type(note.exc_value) for note in printed] == [ValueError]  # type: ignore[attr-defined]
+    assert sys.unraisablehook == printed.append
 
 
 def test_an_alarm_that_compiled_code_hands_on_as_its_own_error_is_the_time_limit() -> None:
@@ -114,6 +166,44 @@ def test_an_alarm_of_before_rings_in_its_time() -> None:
         signal.signal(signal.SIGALRM, handler)
 
 
+def test_a_limit_around_another_one_holds_within_it_and_after_it() -> None:
+    def part_and_rest() -> None:
+        with time_limit("a part", 60.0):
+            spin(0.01)
+        spin(20.0)
+
+    with pytest.raises(TimeLimit, match="the whole"), time_limit("the whole", 0.3):
+        part_and_rest()
+    with pytest.raises(TimeLimit, match="the whole"), time_limit("the whole", 0.1), time_limit("a part", 60.0):
+        spin(20.0)
+    ended: list[str] = []
+    with time_limit("the whole", 60.0):
+        for _ in range(2):
+            with pytest.raises(TimeLimit, match="a part"), time_limit("a part", 0.1):
+                spin(20.0)
+            ended.append("a part")
+        with suppress(TimeLimit), time_limit("the last part", 0.1):
+            spin(20.0)
+    assert len(ended) == 2
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+
+
+def test_a_timer_that_repeats_and_a_hook_put_in_the_block_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
+    rung: list[int] = []
+    handler = signal.signal(signal.SIGALRM, lambda number, _: rung.append(number))
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.3, 0.05)
+        with time_limit("the stage", 60.0):
+            sys.unraisablehook = report = lambda _: None
+        assert sys.unraisablehook is report
+        spin(1.0)
+        assert len(rung) > 1
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, handler)
+
+
 def test_another_thread_is_let_run() -> None:
     done: list[float] = []
 
@@ -159,16 +249,27 @@ def test_memory_and_linear_algebra_that_give_out_are_the_stage_s_message() -> No
 
 def test_the_stages_share_one_limit_and_the_last_one_gets_what_was_kept_for_it() -> None:
     """Each attempt gets two thirds of what is left, the last stage the kept rest; nothing begins beyond the end."""
-    asked, now = Accuracy(seconds=60.0), time.perf_counter()
+    asked, now = Accuracy(seconds=60.0), Stopwatch()
+
+    def spent(seconds: float, waited: float = 0.0) -> Stopwatch:
+        """A watch that shows so many seconds of work, and of waiting for other programs."""
+        watch = Stopwatch(now.begun - seconds - waited)
+        watch.worked -= seconds
+        return watch
+
     fresh = Budget(now).allow("one", asked, share=2 / 3)
     assert fresh.seconds == pytest.approx(32.0, abs=1.0)
-    assert Budget(now - 47.0).allow("one", asked).seconds == pytest.approx(1.0, abs=0.9)
-    assert Budget(now - 52.0).allow("figures", asked, last=True).seconds == pytest.approx(8.0, abs=1.0)
+    assert Budget(spent(47.0)).allow("one", asked).seconds == pytest.approx(1.0, abs=0.9)
+    assert Budget(spent(52.0)).allow("figures", asked, last=True).seconds == pytest.approx(8.0, abs=1.0)
+    waiting = Budget(spent(8.0, 30.0))
+    assert waiting.allow("one", asked).seconds == pytest.approx(40.0, abs=1.0)
+    assert waiting.allow("one", asked).clock == pytest.approx(10.0, abs=1.0)
+    assert waiting.allow("one", Accuracy()).clock == pytest.approx(106.0, abs=1.0)
     with pytest.raises(
         TimeLimit,
         match=r"one: not begun; got 48 of 60 s are used up; .*writing; allow more time \(--limit-seconds above 60",
     ):
-        Budget(now - 52.0).allow("one", asked)
+        Budget(spent(52.0)).allow("one", asked)
     held = Budget(now, held=read_resident() - 2**20)
     assert held.allow("one", asked).memory == pytest.approx(asked.memory - 2**20, abs=2**22)
     ends = [(one.stages_end, one.last_end) for one in (Accuracy(seconds=s) for s in (60.0, 3600.0, 2.0))]
@@ -183,7 +284,7 @@ def test_stages_without_end_leave_the_others_time_and_all_end_within_the_limit()
     assert clock.stage("figures", Accuracy(seconds=3.0), lambda: "drawn", last=True) == "drawn"
     assert len(problems) == 4
     assert time.monotonic() - start < 6.0
-    assert "of the 3 s of the whole; allow more time (--limit-seconds above 3," in problems["0"]
+    assert "; allow more time (--limit-seconds above 3," in problems["0"]
     assert clock.failures["0"].__traceback__ is None
 
 
@@ -252,16 +353,21 @@ def test_a_request_that_would_not_fit_is_refused_with_the_figure(
 
 
 @pytest.mark.parametrize(
-    "words",
-    [["--noise", "torque 1e308 N m 1e308 Hz"], ["--push", "tip 1e-300 N 1 s"], ["--step", "joint 1 torque 0 N m"]],
+    ("words", "least"),
+    [
+        (["--noise", "torque 1e308 N m 1e308 Hz"], "-1e+30"),
+        (["--push", "tip 1e-300 N 1 s"], "1e-30"),
+        (["--step", "joint 1 torque 0 N m"], "1e-30"),
+    ],
 )
 def test_a_disturbance_without_measure_is_refused_by_name(
-    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    words: list[str], least: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     few = ["--set", "links.0.modes=1", "designs=[]", "--out", str(tmp_path)]
     assert main(["respond", "single-link", *words, *few]) == 2
     assert (
-        f"{words[0]} cannot be read; got '{words[1]}', expected a number from 1e-30 to 1e+30" in capsys.readouterr().err
+        f"{words[0]} cannot be read; got '{words[1]}', expected a number from {least} to 1e+30"
+        in capsys.readouterr().err
     )
 
 
@@ -270,7 +376,7 @@ def test_a_request_to_end_the_program_acts_as_ctrl_c(tmp_path: Path) -> None:
     """SIGTERM in the middle of the work: one line, exit code 1, no file."""
     program = [sys.executable, "-m", "flexlin", "simulate", "single-link", "--periods", "3000", "--out", str(tmp_path)]
     watch = "import sys; from flexlin.cli import main; print('ready', flush=True)"
-    code = f"{watch}; from flexlin.cli.main import entry; sys.argv[0] = 'flexlin'; entry()"
+    code = f"{watch}; from flexlin.cli.program import entry; sys.argv[0] = 'flexlin'; entry()"
     run = subprocess.Popen(
         [sys.executable, "-c", code, *program[3:]], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )

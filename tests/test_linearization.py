@@ -7,10 +7,9 @@ from scipy.integrate import quad
 from scipy.linalg import eigh
 
 import flexlin as fl
-from flexlin.about.routes import by_jacobian, by_kronecker
+from flexlin.about import by_jacobian, by_kronecker
 from flexlin.errors import ArgumentError, InputError, MotionError
-from flexlin.scene import parse_scene
-from flexlin.scene.control import Pd
+from flexlin.scene import Pd, parse_scene
 
 LINK = {"length": 0.7, "mass_per_length": 0.4, "bending_stiffness": 3.0, "modes": 2}
 ALL = {

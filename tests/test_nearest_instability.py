@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers.nearest.box import make_box
+from flexlin.answers import make_box
 from flexlin.errors import ArgumentError, NotStable, SceneError
-from flexlin.report.writing import write_report
+from flexlin.report import write_report
 
 SMALL = {"links.0.modes": 1, "designs": []}
 PATIENT = {"accuracy.seconds": 600.0}
@@ -51,6 +51,11 @@ def test_random_systems_against_brute_force(seed):
     at = np.linalg.eigvals(loop(*found.values).A(np.zeros(1))[0]).real.max()
     assert abs(at) < 1e-8
     assert np.abs(found.values / 3.0).max() == pytest.approx(found.scale)
+    grid = np.stack(np.meshgrid(*[np.linspace(-1, 1, 41)] * P), axis=-1).reshape(-1, P)
+    every = np.linalg.eigvals(A0 + np.tensordot(grid, parts, 1)).real.max(axis=1)
+    corners = every[np.abs(grid).min(axis=1) == 1]
+    assert every.min() - 1e-3 <= found.growth[0] <= corners.min() + 1e-8
+    assert corners.max() - 1e-8 <= found.growth[1] <= every.max() + 1e-3
 
 
 def test_one_number_of_a_scene_against_its_critical_value():
@@ -129,6 +134,7 @@ def test_a_report_says_what_the_uncertain_numbers_may_do(tmp_path):
     assert found.confirmed
     page = files[0].read_text(encoding="utf-8")
     assert "with its uncertain numbers: no instability found within the stated ranges; unstable from" in page
+    assert f"growth rates within the stated ranges from {found.growth[0]:.4g} to {found.growth[1]:.4g} 1/s" in page
     # on the ray to the place the loop is stable at every smaller change
     steps = np.linspace(0, found.scale * (1 - 1e-6), 9)[:, None]
     own = np.array(found.own)

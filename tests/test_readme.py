@@ -5,9 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from flexlin.cli.main import parser
-from flexlin.scene import parse_scene
-from flexlin.scene.effects import known_effects
+from flexlin.cli import parser
+from flexlin.scene import known_effects, parse_scene
 
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
 

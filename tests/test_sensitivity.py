@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers.sensitivity import choose_paths, sensitivity
-from flexlin.scene.parameters import get_value, replace_value
+from flexlin import sensitivity
+from flexlin.answers import choose_paths
+from flexlin.scene import get_value, replace_value
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
+from flexlin.about import Law
 from flexlin.errors import ArgumentError, FlexlinError
 from flexlin.scene import parse_scene
 from flexlin.simulation import simulate
@@ -92,3 +93,20 @@ def test_a_diverging_loop_is_told():
     with pytest.raises(ArgumentError, match="initial"):
         simulate(lin, initial=np.zeros(3))
     assert isinstance(lin.arm.s, ca.SX)
+
+
+@pytest.mark.parametrize(
+    ("closed", "law", "words"),
+    [
+        (False, None, "the torque of the rigid motion alone"),
+        (True, None, "the torque of the rigid motion and feedback"),
+        (False, Law.constant([[0.0] * 6]), "no torque"),
+        (False, Law.constant([[3.0, 0, 0, 0.5, 0, 0]]), "feedback alone"),
+    ],
+)
+def test_it_says_what_moves_the_arm(closed, law, words):
+    scene = fl.load_scene("single-link")
+    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control if closed else None)
+    run = fl.simulate(lin, periods=0.02, tol=1e-4, law=law)
+    assert run.driven_by == words
+    assert f"driven by {words}" in run.summary()

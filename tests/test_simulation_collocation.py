@@ -109,7 +109,7 @@ def test_a_constant_linear_system_follows_its_matrix_exponential_however_non_nor
     A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]])
     window = Window(grid, *(np.tile(part, (40, 1, 1)) for part in (M, D, K)))
     start = rng.standard_normal(2 * n)
-    path, _ = window.corrected(grid.rest(np.zeros(n)), start, np.zeros((40, n)))
+    path = window.corrected(grid.rest(np.zeros(n)), start, np.zeros((40, n)))
     for k, t in enumerate(grid.edges):
         np.testing.assert_allclose(path.x[k], expm(A * t) @ start, atol=1e-9)
     t = rng.uniform(0.0, 0.4, 50)
@@ -162,10 +162,10 @@ def test_the_linear_answer_is_that_of_the_matrices():
 
     def rate(t, x):
         now = np.array([t])
-        return lin.state_matrix(now)[0] @ x + lin.forcing(now)[0]
+        return lin.A(now)[0] @ x + lin.forcing(now)[0]
 
     def slope(t, x):
-        return lin.state_matrix(np.array([t]))[0]
+        return lin.A(np.array([t]))[0]
 
     pieces, x = [np.zeros((1, 2 * lin.n))], np.zeros(2 * lin.n)
     marks = [0.0, *[b for b in lin.breaks if 0 < b < run.t[-1]], run.t[-1]]

@@ -72,13 +72,17 @@ def test_metres_are_compared_with_metres(lin):
     run = simulate(lin, 0.05, tol=1e-6)
     aside = np.array([[0.01, 0.0]])
     tip = run.tip_rigid + aside
-    made = replace(run, tip=tip, tip_linear=tip + aside / 2, nonlinear=run.nonlinear + 50.0, difference_error=1e-9)
+    made = replace(
+        run, tip=tip, tip_linear=tip + aside / 2, nonlinear=run.nonlinear + 50.0, difference_error=1e-9, peaks=None
+    )
     assert "33 %" in made.status
     assert "beyond the linear model" in made.status
     missing = np.full_like(run.tip, np.nan)
     states = np.tile([100.0, 1e-3, 0.0, 0.0, 0.0, 0.0], (len(run.t), 1))
     half = np.tile([100.0, 5e-4, 0.0, 0.0, 0.0, 0.0], (len(run.t), 1))
-    bare = replace(run, tip=missing, tip_linear=missing, nonlinear=states, linear=half, error=1e-12, linear_error=0.0)
+    bare = replace(
+        run, tip=missing, tip_linear=missing, nonlinear=states, linear=half, error=1e-12, linear_error=0.0, peaks=None
+    )
     assert "w11" in bare.status
     assert "50 %" in bare.status
 
@@ -111,29 +115,30 @@ def test_a_trial_that_leaves_the_range_only_shortens_the_step(lin, monkeypatch, 
 def test_a_window_that_leaves_the_range_only_shortens_the_steps(lin, monkeypatch):
     """The same where many steps are solved at once: some residuals ahead are no numbers."""
     expected = simulate(lin, 0.1, tol=1e-8).nonlinear
-    real, refused = NonlinearEquations.residual, []
+    real, refused = NonlinearEquations.places, []
 
-    def touchy(self, at, y, v, w):
-        F, power = real(self, at, y, v, w)
-        if len(refused) < 20 and at.t[-1] > 0.013 * (1 + len(refused) // 4):
-            refused.append(at.t[-1])
-            F[-1] = np.nan
-        return F, power
+    def touchy(self, t):
+        at = real(self, t)
+        if len(refused) < 20 and t[-1] > 0.013 * (1 + len(refused) // 4):
+            refused.append(t[-1])
+            at.offset[-1] = np.nan
+        return at
 
-    monkeypatch.setattr(NonlinearEquations, "residual", touchy)
+    monkeypatch.setattr(NonlinearEquations, "places", touchy)
     found = simulate(lin, 0.1, tol=1e-8).nonlinear
     assert refused
     np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
 def test_the_last_time_reached_is_named_when_no_window_leads_on(lin, monkeypatch):
-    real = NonlinearEquations.residual
+    real = NonlinearEquations.places
 
-    def wall(self, at, y, v, w):
-        F, power = real(self, at, y, v, w)
-        return np.where(at.t[:, None] > 0.05, np.nan, F), power
+    def wall(self, t):
+        at = real(self, t)
+        at.offset[t > 0.05] = np.nan
+        return at
 
-    monkeypatch.setattr(NonlinearEquations, "residual", wall)
+    monkeypatch.setattr(NonlinearEquations, "places", wall)
     with pytest.raises(NumericalError, match=r"stopped at t = 0\.05 s.*no step is short enough"):
         simulate(lin, 0.1)
 
@@ -152,15 +157,11 @@ def test_a_state_that_was_reached_is_named_when_no_step_leads_on(lin, monkeypatc
 
 
 def test_a_mass_matrix_that_becomes_singular_is_read_from_the_state_that_was_reached():
-    """A heavy payload on a bent link whose shortening is counted: M(s) is definite for small bending only."""
-    weak = closed(
-        changes={
-            "motion.frequency": 0.9,
-            "effects.payload.mass": 2.0,
-            "control.feedback.kp": [0.5],
-            "control.feedback.kd": [0.01],
-        }
-    )
+    """A model of one's own whose kinetic energy is no square: M(s) = diag(1, 1 - (w / 0.1)^2), and gravity lets w fall."""
+    s, rate = ca.SX.sym("s", 2), ca.SX.sym("rate", 2)
+    T = (rate[0] ** 2 + (1 - (s[1] / 0.1) ** 2) * rate[1] ** 2) / 2
+    arm = fl.Manipulator.from_lagrangian(s, rate, T, s[0] ** 2 - s[1], joints=[0], names=["q1", "w11"])
+    weak = fl.linearize(arm, fl.load_scene("single-link").motion)
     with pytest.raises(SimulationStopped, match="mass matrix that becomes singular") as caught:
         simulate(weak, 1.0, tol=1e-6)
     end = caught.value

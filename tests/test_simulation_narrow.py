@@ -9,11 +9,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flexlin as fl
-from flexlin.about.between_points import miss_between
-from flexlin.about.harmonic_balance import Solver, balance, by_law
-from flexlin.about.layers import Layers, saturating_arguments
+from flexlin.about import Layers, Solver, balance, by_law, miss_between, saturating_arguments
 from flexlin.errors import NumericalError, SimulationStopped
-from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic import FourierSeries
 from flexlin.simulation import Drive
 
 

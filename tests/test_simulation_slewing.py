@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 import flexlin as fl
 from flexlin.errors import SceneError, SimulationStopped
-from flexlin.simulation.events import Switching
+from flexlin.simulation import Switching
 from tests.test_simulation_sticking import BLOCK, loop
 
 PD = {"kind": "pd", "kp": [1.0], "kd": [0.2]}

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import flexlin as fl
 from flexlin.errors import ArgumentError, SceneError
-from flexlin.simulation.drive import Drive
+from flexlin.simulation import Drive
 
 BLOCK = {
     "links.0.modes": 0, "effects.gravity": "off", "effects.geometric_stiffening": "off", "effects.modal_damping": "off", "designs": [],
@@ -104,3 +105,55 @@ def test_what_cannot_stick_is_refused_by_its_key():
         fl.simulate(pinned, 0.1)
     with pytest.raises(ArgumentError, match=r"control\.sampling"):
         fl.simulate(block(**friction(0.05, 0.08)), 0.1, drive=Drive(sample_time=1e-3))
+
+
+STRIBECK = {"static": 0.08, "stribeck": 0.4}
+
+
+def falling(rate, sliding=0.05, static=0.08, stribeck=0.4):
+    """The Stribeck curve, and its slope, at a rate far beyond that of the sign's change."""
+    more = (static - sliding) * np.exp(-((rate / stribeck) ** 2))
+    return sliding + more, -2 * rate / stribeck**2 * more
+
+
+def test_the_falling_branch_of_friction_is_a_negative_damping():
+    """J y'' + (kd + F'(V)) y' + kp y = 0 about a rotation at a rate V: it grows where kd < -F'(V)."""
+    for kd, verdict in ((0.05, "unstable"), (0.1, "stable")):
+        feedback = {"kind": "pd", "kp": [4.0], "kd": [kd]}
+        rotation = {"kind": "rotation", "joints": [{"rate": 0.3}]}
+        tables = friction(0.05, **STRIBECK)
+        lin = block(**tables, **{"motion": rotation, "control.feedback": feedback})
+        force, slope = falling(0.3)
+        assert lin.D(0.0)[0, 0] == pytest.approx(kd + slope, rel=1e-12)
+        assert lin.feedforward(np.zeros(1))[0] == pytest.approx(force, rel=1e-12)
+        found = fl.floquet(lin.periodic_system())
+        assert found.verdict == verdict
+        np.testing.assert_allclose(found.exponents.real, -(kd + slope) / (2 * lin.M(0.0)[0, 0]), rtol=1e-6)
+
+
+def test_a_mass_slips_along_the_falling_branch_from_static_to_sliding_friction():
+    """M x'' = k (V t - x) - F(x'): it breaks loose at F_s/(k V); when it rests again is SciPy's answer to the same equation."""
+    stiffness, pull = 4.0, 0.3
+    feedback, rotation = (
+        {"kind": "pd", "kp": [stiffness], "kd": [0.0]},
+        {"kind": "rotation", "joints": [{"rate": pull}]},
+    )
+    lin = block(**friction(0.05, **STRIBECK), **{"motion": rotation, "control.feedback": feedback})
+    loose = 0.08 / stiffness / pull
+
+    def slips(t, x):
+        return [x[1], (stiffness * (pull * t - x[0]) - falling(x[1])[0]) / lin.M(0.0)[0, 0]]
+
+    def rests(t, x):
+        return x[1] + (t < loose + 0.05)
+
+    rests.terminal, rests.direction = True, -1
+    stopped = solve_ivp(slips, (loose, 5.0), [0.0, 1e-9], "DOP853", events=rests, rtol=1e-11, atol=1e-13).t_events[0][0]
+    run = fl.simulate(lin, 1.2 * stopped / lin.period, initial=[0.0, -pull], tol=1e-10)
+    assert [what for *_, what in run.events[:2]] == ["slides", "sticks"]
+    np.testing.assert_allclose([t for t, *_ in run.events[:2]], [loose, stopped], rtol=1e-6)
+
+
+def test_a_stribeck_rate_needs_what_it_falls_from():
+    with pytest.raises(SceneError, match="static beside stribeck"):
+        block(**{"effects.coulomb_friction": {"torque": 0.05, "stribeck": 0.4}})

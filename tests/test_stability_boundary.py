@@ -5,9 +5,9 @@ import pytest
 from scipy.special import mathieu_a, mathieu_b
 
 import flexlin as fl
-from flexlin.answers.spectra import make_family
+from flexlin.answers import make_family
 from flexlin.errors import ArgumentError, SceneError
-from flexlin.periodic.boundary.follow import find_directions
+from flexlin.periodic import find_directions
 from tests.test_critical_values import clamped_constants
 
 

@@ -9,28 +9,31 @@ import time
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
-from flexlin.answers.limits import time_limit
-from flexlin.cli.main import pass_over
+from flexlin.answers import time_limit
+from flexlin.cli import pass_over, read_limit
 from flexlin.errors import TimeLimit
+from tests.thinned import thin
 
 WORK = (
     "import os, sys, time, signal\n"
-    "from flexlin.cli.main import run_to_its_end\n"
-    "from flexlin.cli.supervised import Channel, is_supervised\n"
+    "from flexlin.cli.program import run_to_its_end\n"
+    "from flexlin.cli.supervised import Channel, is_supervised, send_written\n"
+    "from pathlib import Path\n"
     "assert is_supervised()\n"
     "def limit(seconds, memory): Channel.send('limits', time.perf_counter() + seconds, seconds, memory)\n"
 )
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="work is supervised on Linux")
 
 
-def start(work: str) -> "subprocess.Popen[str]":
-    """A program that does the work under supervision."""
+def start(work: str, *words: str) -> "subprocess.Popen[str]":
+    """A program that does the work under supervision, called with these words."""
     code = f"{WORK}\ndef work():\n    {work}\n    return 0\nsys.exit(run_to_its_end(work))"
     parent = (
         "import sys\nfrom flexlin.cli.supervised import supervise\n"
-        f"sys.exit(supervise([sys.executable, '-c', {code!r}]))"
+        f"sys.exit(supervise([sys.executable, '-c', {code!r}, *{words!r}]))"
     )
     return subprocess.Popen(
         [sys.executable, "-c", parent],
@@ -56,24 +59,36 @@ ENDS = {
         "late\n",
         "",
     ),
+    "clearing away goes on": (
+        "import atexit; atexit.register(__import__('time').sleep, 60); limit(0.5, 1e9); print('done', flush=True)",
+        0,
+        "done\n",
+        "",
+    ),
     "abort in a library": ("os.abort()", 1, "", "(signal SIGABRT); most often there is not enough memory"),
     "exit in a library": ("os._exit(1)", 1, "", "(exit code 1); most often there is not enough memory"),
     "killed by the system": ("os.kill(os.getpid(), signal.SIGKILL)", 1, "", "(signal SIGKILL); most often"),
     "no memory for a message": (
-        "import flexlin.cli.main as m; m.report_fault = lambda *a: [][0]; raise MemoryError",
+        "import flexlin.cli.program as m; m.report_fault = lambda *a: [][0]; raise MemoryError",
         1,
         "",
         "most often there is not enough memory",
     ),
     "one endless call": (
         "limit(0.5, 1e9); sum(range(10**12))",
-        1,
+        4,
         "",
-        "stopped at the time limit of 0.5 s, which it did not keep by itself; allow more time (--limit-seconds above 0.5,",
+        "it did not keep its time limit of 0.5 s by itself; allow more time (--limit-seconds above 0.5,",
+    ),
+    "one endless call after the numbers": (
+        "send_written([Path('out/report.json')]); limit(0.5, 1e9); sum(range(10**12))",
+        4,
+        "",
+        "in the scene's [accuracy]); what was known before stands in out/report.json",
     ),
     "one greedy call": (
         "limit(60, 1e6); list(range(10**9))",
-        1,
+        2,
         "",
         "stopped at the limit of memory of 1e+06 bytes, which it did not keep by itself; allow more (--limit-memory above",
     ),
@@ -88,6 +103,21 @@ def test_however_the_work_ends_there_is_a_message(work: str, code: int, out: str
     assert (run.returncode, said[0]) == (code, out)
     assert err in said[1] if err else said[1] == ""
     assert said[1].count("flexlin: ") <= 1
+
+
+@LINUX
+@pytest.mark.parametrize("words", [("--limit-seconds", "1"), ("--limit-seconds=1",)])
+def test_a_limit_holds_before_the_work_has_sent_its_own(words: tuple[str, ...]) -> None:
+    """Nothing is known of a scene while libraries are loaded, which takes long on a busy machine."""
+    run = start("time.sleep(60)", *words)
+    _, said = run.communicate(timeout=50)
+    assert run.returncode == 4
+    assert "it did not keep its time limit of 1 s by itself" in said
+
+
+@pytest.mark.parametrize("stated", ["nan", "-1", "inf", "four", ""])
+def test_a_limit_that_is_none_is_for_the_work_to_refuse(stated: str) -> None:
+    assert read_limit(["check", "single-link", "--limit-seconds", stated]) == 0.0
 
 
 @LINUX
@@ -123,7 +153,6 @@ def test_a_killed_parent_takes_the_work_with_it() -> None:
             pytest.fail("the work went on alone")
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_a_limit_that_rings_in_a_destructor_rings_again_and_leaves_no_trace(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -149,7 +178,7 @@ def test_a_limit_that_rings_in_a_destructor_rings_again_and_leaves_no_trace(
 
 
 def test_ctrl_c_that_comes_in_a_destructor_comes_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("flexlin.cli.main.AGAIN", 0.1)
+    monkeypatch.setattr("flexlin.cli.program.AGAIN", 0.1)
     inherited = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have it ignored
     try:
         pass_over(SimpleNamespace(exc_type=KeyboardInterrupt, exc_value=KeyboardInterrupt()))
@@ -192,3 +221,59 @@ def test_a_stream_that_is_closed_stops_nothing(words: str, closed: int, code: in
         cwd=Path(__file__).parents[1],
     )
     assert (run.returncode, run.stdout, run.stderr) == (code, "", "")
+
+
+@pytest.mark.slow
+@LINUX
+@pytest.mark.parametrize("wait", [0.0, 0.5, 1.0])
+def test_an_interrupt_inside_compiled_code_ends_a_chart_with_what_is_known(tmp_path: Path, wait: float) -> None:
+    """Ctrl-C while threads are inside the compiled kernel: whole files, or none, and a message; no thread and no trace is left."""
+    out, over = tmp_path / "out", ["effects.payload.mass=0:0.3:600", "motion.frequency=0.1:1:600"]
+    command = [sys.executable, "-m", "flexlin", "chart", "single-link", "--over", *over, "--out", str(out)]
+    run = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=Path(__file__).parents[1]
+    )
+    time.sleep(3.0 + wait)
+    run.send_signal(signal.SIGINT)
+    _, said = run.communicate(timeout=40)
+    assert run.returncode in (1, 4), said
+    assert "interrupted" in said
+    assert "Traceback" not in said
+    assert "fault" not in said
+    if run.returncode == 4:
+        with np.load(out / "chart.npz", allow_pickle=False) as found:
+            known = (
+                found["verdict"] != "missing" if found["verdict"].dtype.kind in "SU" else np.isfinite(found["error"])
+            )
+            assert 0 < known.sum() < known.size
+            assert np.isfinite(found["error"][known]).all()
+    else:
+        assert not out.exists() or not list(out.iterdir())
+
+
+@LINUX
+@pytest.mark.parametrize("wait", thin([0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5], quick=2))
+def test_an_interrupt_while_the_program_is_loaded_leaves_no_trace(wait: float) -> None:
+    """Whether it strikes the program, its work, or both, as Ctrl-C in a terminal does."""
+    command = [sys.executable, "-c", "import flexlin.__main__ as program; print('begun', flush=True); program.main()"]
+    for whole in (False, True):
+        run = subprocess.Popen(
+            [*command, "check", "single-link"],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True, cwd=Path(__file__).parents[1],
+        )  # fmt: skip
+        assert run.stdout is not None
+        assert run.stdout.readline() == "begun\n"
+        time.sleep(wait)
+        (os.killpg if whole else os.kill)(run.pid, signal.SIGINT)
+        out, said = run.communicate(timeout=40)
+        assert run.returncode in (0, 1), out
+        left = said.replace("flexlin: interrupted; no file was left half-written", "").strip()
+        assert (left, bool(said)) == ("", run.returncode == 1)
+
+
+def test_the_parent_of_the_work_loads_no_library() -> None:
+    code = "import flexlin.cli.program, sys; print(sorted({'pydantic', 'pydantic_core', 'numpy', 'casadi', 'scipy'} & set(sys.modules)))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=Path(__file__).parents[1]
+    )
+    assert done.stdout == "[]\n"

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.special import mathieu_a, mathieu_b
 
 import flexlin as fl
-from flexlin.answers.sweep import sweep
+from flexlin import sweep
 
 
 def test_tongues_of_the_spinning_link():

@@ -6,9 +6,8 @@ import pytest
 import flexlin as fl
 from flexlin.answers.spectra import Family, make_family
 from flexlin.answers.tuning import scenarios
-from flexlin.answers.tuning.scenarios import Worst, lay_scenarios
+from flexlin.answers.tuning.scenarios import Smoothing, Worst, lay_scenarios
 from flexlin.answers.tuning.search import LEVELS, begin, follow_levels
-from flexlin.answers.tuning.smoothed import Smoothing
 from flexlin.errors import ArgumentError
 from flexlin.periodic.boundary.spectra import Spectra
 
@@ -164,7 +163,7 @@ def test_what_cannot_be_tuned_is_refused():
 def test_time_ends_the_search_with_the_best_gains_so_far(monkeypatch, spectra):
     """A clock that goes by one second a spectrum: after the first, or in the middle of the search."""
     made = []
-    monkeypatch.setattr(scenarios.time, "perf_counter", lambda: float(len(made)))
+    monkeypatch.setattr(scenarios.Stopwatch, "seconds", property(lambda _: float(len(made))))
 
     def loop(gain, stiffness):
         made.append(gain)

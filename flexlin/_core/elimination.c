@@ -1,99 +1,114 @@
-/* Eight real linear systems at once, without exchanging rows: what that may lose shows in the residual, and is won back by it once. */
+/* L real linear systems at once, without exchanging rows: what that may lose shows in the residual, and is won back by it once. */
 #include "elimination.h"
 
-enum {
-  TOGETHER = 4, /* pivots that a row is freed of at once: it is read and written once for all of them */
-  ACCURATE = 64 /* roundings that a residual may be off by */
-};
+enum { TOGETHER = 4 }; /* pivots that rows are freed of at once, and columns of a product that stay in registers */
 
-/* row -= sum_q f_q top_q, over `count` columns. */
-static inline void subtract_rows(int count, const v8 *f, const v8 *top, long stride, v8 *restrict row) {
-  for (int j = 0; j < count; j++) row[j] = row[j] - f[0] * top[j] - f[1] * top[stride + j] - f[2] * top[2 * stride + j] - f[3] * top[3 * stride + j];
+/* Two rows less sum_q f_q top_q each, over `count` columns; a row may stand for both. */
+static inline void subtract_rows(int count, const vec *f, const vec *g, const vec *top, long stride, vec *row, vec *next) {
+  for (int j = 0; j < count; j++) {
+    const vec a = top[j], b = top[stride + j], c = top[2 * stride + j], d = top[3 * stride + j];
+    vec x = row[j] - f[0] * a - f[1] * b - f[2] * c - f[3] * d, y = next[j] - g[0] * a - g[1] * b - g[2] * c - g[3] * d;
+    row[j] = x;
+    next[j] = y;
+  }
 }
 
-/* X := U^-1 X of what `eliminate_eight` leaves of G. */
-static void substitute_back(int n, int columns, const v8 *G, v8 *X) {
+/* to -= row X for a row (count,) and X (count, columns). */
+static inline void subtract_product(int count, int columns, const vec *row, const vec *X, vec *to) {
+  int c = 0;
+  for (; c + TOGETHER <= columns; c += TOGETHER) {
+    vec sum[TOGETHER];
+    for (int q = 0; q < TOGETHER; q++) sum[q] = to[c + q];
+    for (int k = 0; k < count; k++)
+      for (int q = 0; q < TOGETHER; q++) sum[q] -= row[k] * X[(long)k * columns + c + q];
+    for (int q = 0; q < TOGETHER; q++) to[c + q] = sum[q];
+  }
+  for (; c < columns; c++)
+    for (int k = 0; k < count; k++) to[c] -= row[k] * X[(long)k * columns + c];
+}
+
+/* X := U^-1 X of what `eliminate` leaves of G. */
+static void substitute_back(int n, int columns, const vec *G, vec *X) {
   for (int k = n - 1; k >= 0; k--) {
-    v8 *to = X + (long)k * columns;
-    const v8 *row = G + (long)k * n;
-    for (int i = k + 1; i < n; i++)
-      for (int c = 0; c < columns; c++) to[c] -= row[i] * X[(long)i * columns + c];
+    vec *to = X + (long)k * columns;
+    const vec *row = G + (long)k * n;
+    subtract_product(n - k - 1, columns, row + k + 1, to + columns, to);
     for (int c = 0; c < columns; c++) to[c] *= row[k];
   }
 }
 
-/* X := G^-1 X, (n, columns), of eight systems at once, without exchanging rows; G becomes its factors. */
-static void eliminate_eight(int n, int columns, v8 *restrict G, v8 *restrict X) {
+/* Free row i of pivots `first` to `past`; what it takes of each in `factor`. */
+static inline void free_row(int n, int first, int past, const vec *G, vec *row, vec *factor) {
+  for (int q = 0; q < past - first; q++) {
+    const vec *top = G + (long)(first + q) * n;
+    row[first + q] = factor[q] = row[first + q] * top[first + q];
+    for (int j = first + q + 1; j < past; j++) row[j] -= factor[q] * top[j];
+  }
+}
+
+/* X := G^-1 X, (n, columns), of L systems at once, without exchanging rows; G becomes its factors, with inverse pivots. */
+void eliminate(int n, int columns, vec *G, vec *X) {
   for (int first = 0; first < n; first += TOGETHER) {
     int past = first + TOGETHER < n ? first + TOGETHER : n;
     for (int k = first; k < past; k++) {
-      v8 *top = G + (long)k * n, *from = X + (long)k * columns, over = 1.0 / top[k];
-      top[k] = over;
+      vec *top = G + (long)k * n, *from = X + (long)k * columns;
+      top[k] = 1.0 / top[k];
       for (int i = k + 1; i < past; i++) {
-        v8 *row = G + (long)i * n, *to = X + (long)i * columns, factor = row[k] * over;
+        vec *row = G + (long)i * n, *to = X + (long)i * columns, factor = row[k] *= top[k];
         for (int j = k + 1; j < n; j++) row[j] -= factor * top[j];
         for (int c = 0; c < columns; c++) to[c] -= factor * from[c];
       }
     }
-    for (int i = past; i < n; i++) { /* only where all TOGETHER are there */
-      v8 *row = G + (long)i * n, factor[TOGETHER];
-      for (int q = 0; q < TOGETHER; q++) {
-        v8 *top = G + (long)(first + q) * n;
-        factor[q] = row[first + q] * top[first + q];
-        for (int j = first + q + 1; j < past; j++) row[j] -= factor[q] * top[j];
-      }
-      subtract_rows(n - past, factor, G + (long)first * n + past, n, row + past);
-      subtract_rows(columns, factor, X + (long)first * columns, columns, X + (long)i * columns);
+    const vec *top = G + (long)first * n + past, *from = X + (long)first * columns;
+    for (int i = past; i < n; i += 2) { /* only where all TOGETHER are there */
+      int both = i + 1 < n;
+      vec *row = G + (long)i * n, *to = X + (long)i * columns, *next = row + both * n, *under = to + both * columns, f[TOGETHER], g[TOGETHER];
+      free_row(n, first, past, G, row, f);
+      if (both) free_row(n, first, past, G, next, g);
+      subtract_rows(n - past, f, both ? g : f, top, n, row + past, next + past);
+      subtract_rows(columns, f, both ? g : f, from, columns, to, under);
     }
   }
   substitute_back(n, columns, G, X);
 }
 
-/* X := G^-1 X for further right sides, by the factors that `eliminate_eight` leaves: 1 / u on the diagonal, l u below it. */
-static void solve_again(int n, int columns, const v8 *G, v8 *X) {
-  for (int i = 1; i < n; i++) {
-    v8 *to = X + (long)i * columns;
-    for (int k = 0; k < i; k++) {
-      v8 factor = G[(long)i * n + k] * G[(long)k * n + k];
-      for (int c = 0; c < columns; c++) to[c] -= factor * X[(long)k * columns + c];
-    }
-  }
+/* X := G^-1 X for further right sides, by the factors that `eliminate` leaves. */
+void solve_again(int n, int columns, const vec *G, vec *X) {
+  for (int i = 1; i < n; i++) subtract_product(i, columns, G + (long)i * n, X, X + (long)i * columns);
   substitute_back(n, columns, G, X);
 }
 
-/* left = G w - right; returns the most of it, in roundings of |G| |w| + |right| of its row, all that any elimination leaves.
+/* left = right - G w; returns the most of it, in roundings of |G| |w| + |right| of its row, all that any elimination leaves.
  * Source: Higham, Accuracy and Stability of Numerical Algorithms, ch. 7. */
-static v8 measure_residual(int n, int columns, const v8 *G, const v8 *right, const v8 *w, v8 *left) {
-  v8 worst = splat(0.0), largest = splat(0.0);
+vec measure_residual(int n, int columns, const vec *G, const vec *right, const vec *w, vec *left) {
+  vec worst = splat(0.0), largest = splat(0.0);
   for (int e = 0; e < n * columns; e++) largest = larger(largest, w[e]);
   for (int i = 0; i < n; i++) {
-    v8 *to = left + (long)i * columns, row = splat(0.0), most = row;
-    for (int c = 0; c < columns; c++) to[c] = -right[(long)i * columns + c];
-    for (int j = 0; j < n; j++) {
-      v8 g = G[(long)i * n + j];
-      row += absolute(g);
-      for (int c = 0; c < columns; c++) to[c] += g * w[(long)j * columns + c];
-    }
-    v8 size = row * largest;
-    for (int c = 0; c < columns; c++) { most = larger(most, to[c]); size = larger(size, right[(long)i * columns + c]); }
+    const vec *row = G + (long)i * n, *given = right + (long)i * columns;
+    vec *to = left + (long)i * columns, sum = splat(0.0), most = sum;
+    memcpy(to, given, columns * sizeof(vec));
+    subtract_product(n, columns, row, w, to);
+    for (int j = 0; j < n; j++) sum += absolute(row[j]);
+    vec size = sum * largest;
+    for (int c = 0; c < columns; c++) { most = larger(most, to[c]); size = larger(size, given[c]); }
     worst = larger(worst, most / (EPS * size + TINY));
   }
   return worst;
 }
 
-/* w = G^-1 right (n, columns) of the first of eight systems, refined once where they miss more than ACCURATE roundings; work: n (n + columns).
+/* w = G^-1 right (n, columns) of the first of L systems, refined once where they miss more than ACCURATE roundings; work: n (n + columns).
  * Returns whether each is right to rounding, as bits. */
-int solve_eight(int n, int columns, int count, const v8 *G, const v8 *right, v8 *w, v8 *work) {
-  v8 *factors = work, *left = work + (long)n * n, off;
+int solve_together(int n, int columns, int count, const vec *G, const vec *right, vec *w, vec *work) {
+  vec *factors = work, *left = work + (long)n * n, off;
   int good = 0;
-  memcpy(factors, G, (size_t)n * n * sizeof(v8));
-  memcpy(w, right, (size_t)n * columns * sizeof(v8));
-  eliminate_eight(n, columns, factors, w);
+  memcpy(factors, G, (size_t)n * n * sizeof(vec));
+  memcpy(w, right, (size_t)n * columns * sizeof(vec));
+  eliminate(n, columns, factors, w);
   off = measure_residual(n, columns, G, right, w, left);
   for (int l = 0; l < count; l++) good |= (off[l] <= ACCURATE) << l;
   if (good == (1 << count) - 1) return good;
   solve_again(n, columns, factors, left);
-  for (long e = 0; e < (long)n * columns; e++) w[e] -= left[e];
+  for (long e = 0; e < (long)n * columns; e++) w[e] += left[e];
   off = measure_residual(n, columns, G, right, w, left);
   for (int l = good = 0; l < count; l++) good |= (off[l] <= ACCURATE) << l;
   return good;

@@ -1,4 +1,4 @@
-/* Eight real linear systems at once, without exchanging rows. */
+/* L real linear systems at once, without exchanging rows. */
 #ifndef FLEXLIN_ELIMINATION_H
 #define FLEXLIN_ELIMINATION_H
 
@@ -7,7 +7,16 @@
 #define EPS 2.220446049250313e-16
 #define TINY 2.2250738585072014e-308
 
-/* w = G^-1 right (n, columns) of the first of eight systems, refined once; work: n (n + columns). Returns which are right to rounding, as bits. */
-int solve_eight(int n, int columns, int count, const v8 *G, const v8 *right, v8 *w, v8 *work);
+enum { ACCURATE = 64 }; /* roundings that a residual may be off by */
+
+/* X := G^-1 X, (n, columns), of L systems; G becomes its factors, by which `solve_again` does the same for further right sides. */
+void eliminate(int n, int columns, vec *G, vec *X);
+void solve_again(int n, int columns, const vec *G, vec *X);
+
+/* left = right - G w; returns the most of it, in roundings of |G| |w| + |right| of its row. */
+vec measure_residual(int n, int columns, const vec *G, const vec *right, const vec *w, vec *left);
+
+/* w = G^-1 right (n, columns) of the first of L systems, refined once; work: n (n + columns). Returns which are right to rounding, as bits. */
+int solve_together(int n, int columns, int count, const vec *G, const vec *right, vec *w, vec *work);
 
 #endif

@@ -1,22 +1,28 @@
-/* Vectors of eight numbers: eight times, segments or systems go through an operation together. */
+/* Vectors of L numbers, as wide as the instruction set: L times, segments or systems go through an operation together. */
 #ifndef FLEXLIN_LANES_H
 #define FLEXLIN_LANES_H
 
 #include "core.h"
 
-typedef double v8 __attribute__((vector_size(64)));
-typedef double u8 __attribute__((vector_size(64), aligned(8))); /* eight numbers of a caller's array */
+#ifdef __AVX512F__
+enum { L = 8 };
+#elif defined __AVX__
+enum { L = 4 };
+#else
+enum { L = 2 };
+#endif
+typedef double vec __attribute__((vector_size(L * sizeof(double))));
 
-static inline v8 splat(double x) { return (v8){x, x, x, x, x, x, x, x}; }
+static inline vec splat(double x) { return x - (vec){0}; }
 
 /* x, or the size of y where that is larger, or no number. */
-static inline v8 larger(v8 x, v8 y) {
-  for (int l = 0; l < 8; l++) { double size = fabs(y[l]); x[l] = size <= x[l] ? x[l] : size; }
+static inline vec larger(vec x, vec y) {
+  for (int l = 0; l < L; l++) { double size = fabs(y[l]); x[l] = size <= x[l] ? x[l] : size; }
   return x;
 }
 
-static inline v8 absolute(v8 x) {
-  for (int l = 0; l < 8; l++) x[l] = fabs(x[l]);
+static inline vec absolute(vec x) {
+  for (int l = 0; l < L; l++) x[l] = fabs(x[l]);
   return x;
 }
 

@@ -1,4 +1,4 @@
-/* Logs of the eigenvalues of a product of factors, eight products at a time, by cyclic QR sweeps
+/* Logs of the eigenvalues of a product of factors, L products at a time, by cyclic QR sweeps
  * F_k Q_k = Q_(k+1) R_k,   W = Q_0' Q_K,   product ~ W R_(K-1) ... R_0,
  * from Q_0 := Q_K again until clean cuts of W leave clusters of narrow spread. The weakest eigenvalue, which the rounding of the others hides, is
  * what they leave of the determinant. Source: Watkins, Product eigenvalue problems, SIAM Review 47 (2005). */
@@ -11,22 +11,22 @@
 enum { MAX_SWEEPS = 8 };
 static const double WIDEST = 9.2, SMALL = 2.2250738585072014e-308, TURN = 6.283185307179586476925;
 
-typedef struct { v8 v[S][S], beta[S]; } Reflections; /* Q = H_0 H_1 ..., H_j = I - beta_j v_j v_j' */
+typedef struct { vec v[S][S], beta[S]; } Reflections; /* Q = H_0 H_1 ..., H_j = I - beta_j v_j v_j' */
 
 /* A = Q R; A becomes R. */
-static void factor_qr(v8 *R, Reflections *Q) {
+static void factor_qr(vec *R, Reflections *Q) {
   for (int j = 0; j < S - 1; j++) {
-    v8 size = splat(SMALL), *v = Q->v[j];
+    vec size = splat(SMALL), *v = Q->v[j];
     for (int i = j; i < S; i++) size += R[i * S + j] * R[i * S + j];
     size = v_sqrt(size);
-    v8 signed_size = v_copysign(size, R[j * S + j]);
+    vec signed_size = v_copysign(size, R[j * S + j]);
     for (int i = j; i < S; i++) v[i] = R[i * S + j];
     v[j] += signed_size;
-    v8 beta = Q->beta[j] = 1.0 / (size * v_abs(v[j]));
+    vec beta = Q->beta[j] = 1.0 / (size * v_abs(v[j]));
     R[j * S + j] = -signed_size;
     for (int i = j + 1; i < S; i++) R[i * S + j] = splat(0.0);
     for (int c = j + 1; c < S; c++) {
-      v8 dot = splat(0.0);
+      vec dot = splat(0.0);
       for (int i = j; i < S; i++) dot += v[i] * R[i * S + c];
       dot *= beta;
       for (int i = j; i < S; i++) R[i * S + c] -= v[i] * dot;
@@ -35,10 +35,10 @@ static void factor_qr(v8 *R, Reflections *Q) {
 }
 
 /* A Q in place of A. */
-static void multiply_right(v8 *A, const Reflections *Q) {
+static void multiply_right(vec *A, const Reflections *Q) {
   for (int j = 0; j < S - 1; j++)
     for (int r = 0; r < S; r++) {
-      v8 dot = splat(0.0), *row = A + r * S;
+      vec dot = splat(0.0), *row = A + r * S;
       for (int i = j; i < S; i++) dot += row[i] * Q->v[j][i];
       dot *= Q->beta[j];
       for (int i = j; i < S; i++) row[i] -= dot * Q->v[j][i];
@@ -46,35 +46,35 @@ static void multiply_right(v8 *A, const Reflections *Q) {
 }
 
 typedef struct { /* log of a growing product of positive numbers: log(mantissa) + exponent log 2 */
-  v8 mantissa;
-  m8 exponent;
+  vec mantissa;
+  mask exponent;
 } Log;
 
-static void times(Log *log, v8 factor) {
+static void times(Log *log, vec factor) {
   log->mantissa *= v_max(factor, splat(SMALL));
-  m8 bits = (m8)log->mantissa;
+  mask bits = (mask)log->mantissa;
   log->exponent += (bits >> 52) - 1023;
-  log->mantissa = (v8)((bits & 0xfffffffffffffLL) | 0x3ff0000000000000LL);
+  log->mantissa = (vec)((bits & 0xfffffffffffffLL) | 0x3ff0000000000000LL);
 }
 
 /* The diagonal block [start, stop) of W R_(G-1) ... R_0 as P 2^exponent, in all lanes. */
-static void multiply_block(const v8 *W, const v8 *R, int G, int start, int stop, v8 P[S][S], m8 *exponent) {
-  v8 T[S][S];
+static void multiply_block(const vec *W, const vec *R, int G, int start, int stop, vec P[S][S], mask *exponent) {
+  vec T[S][S];
   int n = stop - start;
   *exponent = no_lanes();
   for (int g = 0; g < G; g++) {
-    const v8 *F = R + (long)g * S * S + start * S + start;
-    v8 largest = splat(SMALL);
+    const vec *F = R + (long)g * S * S + start * S + start;
+    vec largest = splat(SMALL);
     for (int i = 0; i < n; i++) { /* row i of R_g T needs the rows from i on, which are still the old ones */
       for (int j = i; j < n; j++) {
-        v8 sum = g ? F[i * S + i] * T[i][j] : F[i * S + j];
+        vec sum = g ? F[i * S + i] * T[i][j] : F[i * S + j];
         if (g) for (int k = i + 1; k <= j; k++) sum += F[i * S + k] * T[k][j];
         T[i][j] = sum;
       }
       largest = v_max(largest, v_abs(T[i][i]));
     }
-    m8 e = (((m8)largest >> 52) & 0x7ff) - 1023; /* far from over- and underflow, by a power of two */
-    v8 scale = (v8)((1023 - e) << 52);
+    mask e = (((mask)largest >> 52) & 0x7ff) - 1023; /* far from over- and underflow, by a power of two */
+    vec scale = (vec)((1023 - e) << 52);
     *exponent += e;
     for (int i = 0; i < n; i++)
       for (int j = i; j < n; j++) T[i][j] *= scale;
@@ -87,7 +87,7 @@ static void multiply_block(const v8 *W, const v8 *R, int G, int start, int stop,
 }
 
 /* Logs of the eigenvalues of P 2^exponent in lane l. */
-static int solve_block(v8 P[S][S], m8 exponent, int start, int stop, int l, double *re, double *im) {
+static int solve_block(vec P[S][S], mask exponent, int start, int stop, int l, double *re, double *im) {
   double a[EDGE][EDGE];
   int n = stop - start;
   for (int i = 0; i < n; i++)
@@ -102,16 +102,16 @@ static int solve_block(v8 P[S][S], m8 exponent, int start, int stop, int l, doub
 }
 
 /* Logs (re, im) of the eigenvalues of F_(G-1) ... F_0 by cyclic QR sweeps from Q; returns in which lanes they were found soundly. */
-static m8 find_logs(const v8 *F, v8 *R, int G, v8 log_det, double accuracy, v8 *Q, v8 *re, v8 *im) {
-  v8 end[S * S], W[S * S], sizes[S];
-  m8 cut[S + 1], sign[S], sound;
+static mask find_logs(const vec *F, vec *R, int G, vec log_det, double accuracy, vec *Q, vec *re, vec *im) {
+  vec end[S * S], W[S * S], sizes[S];
+  mask cut[S + 1], sign[S], sound;
   cut[0] = cut[S] = every_lane();
   for (int sweep = 0;; sweep++) {
     Log logs[S];
     Reflections last;
     for (int i = 0; i < S; i++) { logs[i].mantissa = splat(1.0); logs[i].exponent = no_lanes(); sign[i] = no_lanes(); }
     for (int g = 0; g < G; g++) {
-      v8 *T = R + (long)g * S * S;
+      vec *T = R + (long)g * S * S;
       if (g) {
         memcpy(T, F + (long)g * S * S, sizeof end);
         multiply_right(T, &last);
@@ -119,7 +119,7 @@ static m8 find_logs(const v8 *F, v8 *R, int G, v8 log_det, double accuracy, v8 *
       factor_qr(T, &last);
       for (int i = 0; i < S; i++) {
         times(&logs[i], v_abs(T[i * S + i]));
-        sign[i] ^= (m8)T[i * S + i];
+        sign[i] ^= (mask)T[i * S + i];
       }
     }
     for (int i = 0; i < S * S; i++) {
@@ -128,7 +128,7 @@ static m8 find_logs(const v8 *F, v8 *R, int G, v8 log_det, double accuracy, v8 *
     }
     multiply_right(W, &last);
     multiply_right(end, &last);
-    v8 rest = log_det, low, high, wide = splat(0.0);
+    vec rest = log_det, low, high, wide = splat(0.0);
     for (int i = 0; i < S - 1; i++) {
       for (int l = 0; l < L; l++) sizes[i][l] = log(logs[i].mantissa[l]) + 0.693147180559945309417 * (double)logs[i].exponent[l];
       rest -= sizes[i];
@@ -136,32 +136,32 @@ static m8 find_logs(const v8 *F, v8 *R, int G, v8 log_det, double accuracy, v8 *
     sizes[S - 1] = rest;
     low = high = sizes[0];
     for (int i = 1; i < S; i++) {
-      v8 corner = splat(0.0);
+      vec corner = splat(0.0);
       for (int r = i; r < S; r++)
         for (int c = 0; c < i; c++) corner = v_max(corner, v_abs(W[r * S + c]));
-      cut[i] = (m8)(corner <= accuracy);
+      cut[i] = (mask)(corner <= accuracy);
       high = v_choose(cut[i], sizes[i], v_max(high, sizes[i]));
       low = v_choose(cut[i], sizes[i], v_min(low, sizes[i]));
       wide = v_max(wide, high - low);
     }
-    sound = (m8)(wide <= WIDEST);
+    sound = (mask)(wide <= WIDEST);
     if (sweep + 1 == MAX_SWEEPS || all_lanes(sound)) break;
     memcpy(Q, end, sizeof end);
   }
   for (int start = 0; start < S; start++) {
-    m8 here = cut[start] & sound;
+    mask here = cut[start] & sound;
     for (int stop = start + 1; stop <= S; stop++) {
-      m8 block = here & cut[stop];
+      mask block = here & cut[stop];
       here &= ~cut[stop];
       if (!any_lane(block)) continue;
       if (stop == start + 1) {
-        m8 negative = (sign[start] ^ (m8)W[start * S + start]) < 0;
+        mask negative = (sign[start] ^ (mask)W[start * S + start]) < 0;
         re[start] = v_choose(block, sizes[start], re[start]);
         im[start] = v_choose(block, v_choose(negative, splat(0.5 * TURN), splat(0.0)), im[start]);
         continue;
       }
-      v8 P[S][S];
-      m8 exponent;
+      vec P[S][S];
+      mask exponent;
       multiply_block(W, R, G, start, stop, P, &exponent);
       for (int l = 0; l < L; l++) {
         double lre[S], lim[S];
@@ -171,7 +171,7 @@ static m8 find_logs(const v8 *F, v8 *R, int G, v8 log_det, double accuracy, v8 *
       }
     }
   }
-  v8 last_re = log_det, last_im = splat(0.0);
+  vec last_re = log_det, last_im = splat(0.0);
   for (int i = 0; i < S - 1; i++) { last_re -= re[i]; last_im -= im[i]; }
   re[S - 1] = v_choose(cut[S - 1], last_re, re[S - 1]);
   im[S - 1] = v_choose(cut[S - 1], last_im, im[S - 1]);
@@ -183,7 +183,7 @@ static m8 find_logs(const v8 *F, v8 *R, int G, v8 log_det, double accuracy, v8 *
 }
 
 /* The widest spread of the logs of the moduli, the smallest of each lane left out, over the lanes that are sound. */
-static double measure_spread(const v8 *re, m8 sound) {
+static double measure_spread(const vec *re, mask sound) {
   double widest = -1.0;
   for (int l = 0; l < L; l++) {
     if (!sound[l]) continue;

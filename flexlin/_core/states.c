@@ -1,17 +1,17 @@
-/* Transition matrices of x' = A(t) x by collocation, eight segments at a time, without exchanging rows: Y_i = 1 + sum_j a_ij h A_j Y_j,
+/* Transition matrices of x' = A(t) x by collocation, L segments at a time, without exchanging rows: Y_i = 1 + sum_j a_ij h A_j Y_j,
  * Phi = 1 + sum_j b_j h A_j Y_j. */
 #include "elimination.h"
 
 typedef struct { int n, stages, stiff; const double *a, *b; } Rule; /* stiff: the last stage is the end of the step, b the last row of a */
 
 /* G Y = 1 of all stages, G_ij = 1 (i = j) - a_ij h A_j. */
-static void build_equations(const Rule *r, const v8 *hA, v8 *G, v8 *right) {
+static void build_equations(const Rule *r, const vec *hA, vec *G, vec *right) {
   int n = r->n, s = r->stages, all = s * n;
   for (int i = 0; i < s; i++)
     for (int p = 0; p < n; p++) {
-      v8 *row = G + (long)(i * n + p) * all;
+      vec *row = G + (long)(i * n + p) * all;
       for (int j = 0; j < s; j++) {
-        const v8 *from = hA + (j * n + p) * n;
+        const vec *from = hA + (j * n + p) * n;
         double a = -r->a[i * s + j];
         for (int q = 0; q < n; q++) row[j * n + q] = a * from[q];
       }
@@ -26,22 +26,26 @@ CALLED int factor_states(int n, int stages, int segments, int stiff, const doubl
                          double *Phi, int *good) {
   Rule r = {n, stages, stiff, tableau, tableau + stages * stages};
   long square = (long)n * n, all = stages * square, size = all * stages;
-  v8 *memory = aligned_alloc(64, (4 * all + 2 * size) * sizeof(v8));
+  vec *memory = aligned_alloc(sizeof(vec), (4 * all + 2 * size) * sizeof(vec));
   if (!memory) return 0;
-  v8 *hA = memory, *G = hA + all, *right = G + size, *Y = right + all, *work = Y + all;
-  for (int k = 0; k < segments; k += 8) {
-    int count = segments - k < 8 ? segments - k : 8;
-    for (int l = 0; l < 8; l++) { /* the last segment again where there are fewer */
+  vec *hA = memory, *G = hA + all, *right = G + size, *Y = right + all, *work = Y + all;
+  for (int k = 0; k < segments; k += L) {
+    int count = segments - k < L ? segments - k : L;
+    for (int l = 0; l < L; l++) { /* the last segment again where there are fewer */
       int which = k + (l < count ? l : count - 1);
-      for (long e = 0; e < all; e++) hA[e][l] = lengths[which] * A[which * all + e] * units[e % n] / units[e % square / n];
+      const double *x = A + which * all;
+      for (vec *y = hA; y < hA + all;)
+        for (int p = 0; p < n; p++)
+          for (int q = 0; q < n; q++) (*y++)[l] = lengths[which] * *x++ * (units[q] / units[p]);
     }
     build_equations(&r, hA, G, right);
-    int sound = solve_eight(stages * n, n, count, G, right, Y, work);
+    int sound = solve_together(stages * n, n, count, G, right, Y, work);
     for (int p = 0; p < n; p++)
       for (int q = 0; q < n; q++) {
-        v8 sum = splat(p == q);
-        for (int j = 0; j < stages * n && !stiff; j++) sum += r.b[j / n] * hA[(j / n * n + p) * n + j % n] * Y[j * n + q];
-        if (stiff) sum = Y[((stages - 1) * n + p) * n + q];
+        vec sum = splat(0.0);
+        for (int j = 0; j < stages && !stiff; j++)
+          for (int i = 0; i < n; i++) sum += r.b[j] * hA[(j * n + p) * n + i] * Y[(j * n + i) * n + q];
+        sum = stiff ? Y[((stages - 1) * n + p) * n + q] : sum + splat(p == q); /* last: a small sum is not rounded to one's digits at each step */
         for (int l = 0; l < count; l++) Phi[(k + l) * square + p * n + q] = sum[l] * units[p] / units[q];
       }
     for (int l = 0; l < count; l++) good[k + l] = sound >> l & 1;

@@ -1,1 +1,17 @@
 """The bridge: a manipulator about its motion, symbolically and as the linear system that the numeric wing takes."""
+
+from flexlin.lazy import load_lazily
+
+__getattr__, __dir__, __all__ = load_lazily(
+    __name__,
+    {},
+    within={
+        "about.harmonic_balance": "balance by_law miss_between Solver",
+        "about.free": "parametric_loop ParametricLoop",
+        "about.kernel_model": "make_kernel record_model",
+        "about.law": "is_constant Law",
+        "about.layers": "Layers saturating_arguments",
+        "about.linear": "with_control",
+        "about.routes": "by_jacobian by_kronecker",
+    },
+)

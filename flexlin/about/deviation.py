@@ -1,7 +1,7 @@
 """Where the arm is when it deviates from its rigid motion, s = E q(t) + P y: answered once, for expressions and for numbers."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -9,6 +9,7 @@ import numpy as np
 from flexlin import symbolic
 from flexlin.checks import Array
 from flexlin.errors import InputError
+from flexlin.lazy import lazy
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion, SymbolicMotion
 from flexlin.summary import represent
@@ -54,6 +55,11 @@ class Deviation:
         """The number of torques."""
         return len(self.driven)
 
+    @lazy
+    def near(self) -> "Deviation":
+        """The same with equations that hold to first order about the rigid motion, which are shorter."""
+        return self if self.arm.near is self.arm else replace(self, arm=self.arm.near)
+
     def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """New symbols of one time, y, y', y'' (n, 1), and the rigid motion's [q; q'; q''] (3 joints, 1)."""
         y, rate, acceleration = (ca.SX.sym(name, self.n) for name in ("y", "y1", "y2"))
@@ -84,6 +90,8 @@ class Deviation:
         if arm.loops is not None:
             (followers,) = ca.substitute([arm.loops.followers], known, at)
             known, at = [*known, arm.loops.v], [*at, followers]
+        if arm.phase is not None and isinstance(self.motion, SymbolicMotion):
+            known, at = [*known, arm.phase], [*at, self.motion.phase]
         return list(ca.substitute(list(expressions), known, at))
 
     def function(self, angles: ca.SX, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:
@@ -96,22 +104,22 @@ class Deviation:
             place = {"phase": motion.phase}
         else:
             place = dict(zip(("q", "q1", "q2"), ca.vertsplit(angles, self.arm.joints), strict=True))
+            place |= {} if self.arm.phase is None else {"phase": self.arm.phase}
         named = {**inputs, **place, "p": p}
         dense = [ca.densify(value) for value in values]
         return ca.Function("about_motion", list(named.values()), dense, list(named), list(outputs))
 
     def place(self, t: Array) -> list[Array]:
         """The arguments that functions take after their own inputs at times (N,): the place on the motion, and the parameters."""
-        motion, values = self.motion, self.arm.parameters.values
-        where = [motion.phase_of(t)[:, None]] if isinstance(motion, SymbolicMotion) else list(motion.sample(t))
+        motion, values, phase = self.motion, self.arm.parameters.values, self.motion.phase_of(t)[:, None]
+        where = [] if isinstance(motion, SymbolicMotion) else list(motion.sample(t))
+        if not where or self.arm.phase is not None:
+            where.append(phase)
         return [*where, np.full((len(t), len(values)), values)]
 
     def place_at(self, t: float) -> list[Array]:
         """The same at one time, for functions that are called at one time after another."""
-        motion = self.motion
-        if isinstance(motion, SymbolicMotion):
-            return [motion.phase_of(np.array([t])), self.arm.parameters.values]
-        return [*(part[0] for part in motion.sample(np.array([t]))), self.arm.parameters.values]
+        return [part[0] for part in self.place(np.array([t]))]
 
     def evaluate(self, function: ca.Function | symbolic.Part, t: Array, *inputs: Array) -> tuple[Array, ...]:
         """A function's outputs (N, rows, columns) at times (N,), in one mapped call."""
@@ -128,4 +136,6 @@ class Deviation:
     def of_arm(self, name: str, t: Array, *deviation: Array) -> Array:
         """One of `arm.functions` at s = E q + P y and as many rates as it takes: (N, rows, columns)."""
         p = np.broadcast_to(self.arm.parameters.values, (len(t), len(self.arm.parameters.values)))
-        return symbolic.evaluate(self.arm.functions[name], *self.positions(t, *deviation), p)[0]
+        function = self.arm.functions[name]
+        phase = [self.motion.phase_of(t)[:, None]] if "phase" in function.name_in() else []
+        return symbolic.evaluate(function, *self.positions(t, *deviation), *phase, p)[0]

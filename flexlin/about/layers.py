@@ -34,7 +34,7 @@ class Layers:
     @classmethod
     def of(cls, about: Deviation) -> "Layers | None":
         """Those of an arm; None where it has none."""
-        arm = about.arm
+        about, arm = about.near, about.arm.near
         short = arm.loops is None or arm.functions["damping"].n_instructions() <= MANY
         found = saturating_arguments(arm.damping if arm.loops is None or short else arm.loops.residual)
         return cls(about, found) if found else None

@@ -1,42 +1,65 @@
 """From a manipulator, a motion and perhaps a control law to the linear equations about the motion."""
 
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any, overload
 
 import casadi as ca
 import numpy as np
 
 from flexlin.about.deviation import Deviation
+from flexlin.about.law import Feedback
 from flexlin.about.linearization import Linearization
 from flexlin.about.routes import ROUTES, Matrices, Route, left_side
-from flexlin.about.scene_law import Feedback
 from flexlin.about.second_order import Coefficients
+from flexlin.about.trajectory import Trajectory, linearize_along
 from flexlin.arguments import checked, instance
 from flexlin.errors import ArgumentError, ModelError, MotionError
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.motion import Motion, build_motion
+from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.control import Control
 from flexlin.scene.motion import AnyMotion, MotionTable
 
-__all__ = ["Coefficients", "Linearization", "linearize"]
+__all__ = ["Coefficients", "Linearization", "Trajectory", "linearize"]
+
+AnyBasicMotion = AnyMotion | Motion | Mapping[str, Any]
+
+
+@overload
+def linearize(arm: ca.Function, motion: Trajectory) -> PeriodicSystem: ...
+
+
+@overload
+def linearize(
+    arm: Manipulator, motion: AnyBasicMotion, control: Control | None = None, *, route: Route = "jacobian"
+) -> Linearization: ...
 
 
 @checked
 def linearize(
-    arm: Manipulator, motion: AnyMotion | Motion, control: Control | None = None, *, route: Route = "jacobian"
-) -> Linearization:
-    """Linearize a manipulator along its rigid basic motion.
+    arm: Manipulator | ca.Function,
+    motion: AnyBasicMotion | Trajectory,
+    control: Control | None = None,
+    *,
+    route: Route = "jacobian",
+) -> Linearization | PeriodicSystem:
+    """Linearize a manipulator along its rigid basic motion, or x' = f(t, x, u) along a trajectory.
 
         M_L y'' + D_L y' + K_L y = h_L + B_L u,    M_L = M,
         D_L = C + dC/ds' (s_R' (x) E) + dd/ds',    K_L = dM/ds (s_R'' (x) E) + dC/ds (s_R' (x) E) + d(g + d)/ds,
         h_L = tau - (M s_R'' + C s_R' + g + d),    all at s_R = E_q q, elastic coordinates at rest.
 
-    Assumes small y: the quadratic terms are left out. A prescribed joint is no coordinate: its row and column are left out.
+    Assumes small y: the quadratic terms are left out. A prescribed joint is no coordinate: its row and column are left out. Coordinates
+    that are no joints rest at zero in the rigid motion; what that leaves over stands in h_L.
+
+    Of a function f and a trajectory x*(t), u*(t) it makes y' = A(t) y + B(t) v, x = x* + y, u = u* + v, A = df/dx, B = df/du.
 
     Parameters
     ----------
-    arm : Manipulator
-        The equations of motion.
-    motion : Motion, or a scene's motion table
+    arm : Manipulator, or casadi.Function of x, of (x, u) or of (t, x, u)
+        The equations of motion; or f (n, 1), which gives x'.
+    motion : Motion, a scene's motion table, or a dict of its keys; with a function a Trajectory
         The rigid basic motion of the joints.
     control : Control, optional
         The scene's control: with it the loop is closed. Its numbers that the arm keeps free (paths below `control.`) stay free.
@@ -46,13 +69,15 @@ def linearize(
 
     Returns
     -------
-    Linearization
-        The coefficients as functions of time.
+    Linearization, or PeriodicSystem
+        The coefficients as functions of time; of a function the system of y with inputs v.
 
     Raises
     ------
     MotionError
-        When the motion does not fit, or a loop of the arm does not close along it.
+        When the motion does not fit, a loop of the arm does not close along it, or the trajectory does not solve x' = f.
+    SceneError
+        For a dict that is no motion table, naming each key.
     SingularClosure
         When the closure of a loop becomes singular along the motion.
     ArgumentError
@@ -73,23 +98,43 @@ def linearize(
     (('q1', 'w11', 'w12'), 2.0, (2, 3, 3))
     >>> fl.floquet(lin.periodic_system(), tol=1e-6).verdict
     'stable'
+
+    A pendulum that is held upright, x' = f(x, u):
+
+    >>> import casadi as ca
+    >>> x, u = ca.SX.sym("x", 2), ca.SX.sym("u")
+    >>> f = ca.Function("f", [x, u], [ca.vertcat(x[1], 9.81 * ca.sin(x[0]) + u)])
+    >>> fl.linearize(f, fl.Trajectory(ca.DM([0, 0]), ca.DM([0]), period=1.0)).A(0.0).tolist()
+    [[0.0, 1.0], [9.81, 0.0]]
     """
+    if isinstance(arm, ca.Function):
+        if not isinstance(motion, Trajectory) or control is not None or route != "jacobian":
+            expected = "a Trajectory, and neither control nor route"
+            todo = "linearize(f, fl.Trajectory(x, u, period=...))"
+            raise ArgumentError("a function is linearized along a trajectory", expected=expected, todo=todo)
+        return linearize_along(arm, motion)
     if control is not None:
         instance("control", control, Control, "give scene.control")
     instance("arm", arm, Manipulator, "make one: fl.build_manipulator(scene), or Manipulator.from_matrices(...)")
+    if isinstance(motion, Trajectory):
+        raise ArgumentError(
+            "a trajectory belongs to a function", got="a Manipulator", expected="a casadi.Function x' = f"
+        )
     if not isinstance(motion, Motion):
-        instance("motion", motion, MotionTable, "give scene.motion, or what build_motion makes")
+        instance(
+            "motion", motion, (MotionTable, Mapping), "give scene.motion, a dict of its keys, or build_motion(...)"
+        )
         motion = build_motion(motion, arm.joints, arm.parameters, arm)
     if motion.joints != arm.joints:
         raise MotionError("the motion has the wrong number of joints", got=motion.joints, expected=str(arm.joints))
     if route not in ROUTES:
         raise ArgumentError("there is no such route", got=repr(route), expected=" or ".join(ROUTES))
     about = Deviation.of(arm, motion)
-    if arm.loops is not None:
+    if arm.near.loops is not None:
         from flexlin.about.closing import refuse_open_loops  # takes long to load, and few arms need it
 
-        refuse_open_loops(about)
-    lin = Linearization(about, coefficients(about, ROUTES[route](arm)), route)
+        refuse_open_loops(about.near)
+    lin = Linearization(about, coefficients(about.near, ROUTES[route](arm.near)), route)
     need_finite(lin)
     return lin if control is None else with_control(lin, control)
 
@@ -119,9 +164,24 @@ def coefficients(about: Deviation, matrices: Matrices) -> ca.Function:
 
 
 def rigid_torque(about: Deviation, left: ca.SX, inputs: ca.SX) -> ca.SX:
-    """The torque that moves the arm as if its links were rigid, from the left side and the inputs on the rigid motion."""
+    """The torque that moves the arm as if its links were rigid, from the left side and the inputs on the rigid motion.
+
+    Raises: ModelError where the inputs cannot lead the joints along a motion.
+    """
     project = about.arm.reference[:, list(about.driven)].T
-    return ca.solve(project @ inputs, project @ left) if about.m else ca.SX(0, 1)
+    if not about.m:
+        return ca.SX(0, 1)
+    led = ca.sparsify(ca.simplify(project @ inputs))
+    rank = np.linalg.matrix_rank(np.array(ca.DM(led))) if led.is_constant() else ca.sprank(led)
+    if rank < about.m:
+        names = ", ".join(about.arm.names[about.arm.drives[i]] for i in about.driven)
+        raise ModelError(
+            "the inputs cannot lead the joints along a motion",
+            got=f"{rank} independent forces on {names}",
+            expected=f"{about.m}",
+            todo="name in joints= the coordinates that the inputs push; the others rest at zero in the rigid motion",
+        )
+    return ca.solve(project @ inputs, project @ left)
 
 
 def need_finite(lin: Linearization, phases: int = 33) -> None:

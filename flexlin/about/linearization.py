@@ -1,16 +1,17 @@
 """The bridge: a manipulator linearized along its rigid basic motion, M_L y'' + D_L y' + K_L y = h_L + B_L u."""
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flexlin.about.dead_points import keeps_clear, moves_followers
-from flexlin.about.law import Controller, Law
+from flexlin.about.law import Controller, Feedback, Law, scene_law
 from flexlin.about.routes import Route
-from flexlin.about.scene_law import Feedback, scene_law
 from flexlin.about.second_order import SecondOrderEquations
-from flexlin.checks import Array, times
+from flexlin.checks import Array, at_times, whole
 from flexlin.errors import MotionError
 from flexlin.lazy import lazy
 from flexlin.mechanics.effects import Effect, effects_of
@@ -18,13 +19,19 @@ from flexlin.mechanics.effects.narrow import Features
 from flexlin.motion import SymbolicMotion
 from flexlin.periodic.second_order import SecondOrder, build_companion, build_input
 from flexlin.periodic.system import PeriodicSystem
+from flexlin.plots.view import Series, Shown, View
 from flexlin.scene.control import Control
 from flexlin.scene.parameters import replace_value
-from flexlin.summary import represent
+
+if TYPE_CHECKING:
+    import xarray
+
+SHOWN = 129
+"""Times of the motion at which equations are shown."""
 
 
 @dataclass(frozen=True, eq=False)
-class Linearization(SecondOrderEquations):
+class Linearization(SecondOrderEquations, Shown):
     """The linear equations of the small motion y about the rigid basic motion s_R.
 
         M_L(t) y'' + D_L(t) y' + K_L(t) y = h_L(t) + B_L(t) u,     s = s_R + y
@@ -64,7 +71,8 @@ class Linearization(SecondOrderEquations):
     feedback: Feedback | None = None
     clear: bool | None = None
 
-    __repr__ = represent
+    def __repr__(self) -> str:
+        return f"Linearization({'; '.join(self._names())})"
 
     @property
     def input_units(self) -> tuple[str, ...]:
@@ -98,11 +106,11 @@ class Linearization(SecondOrderEquations):
         effects = self._effects
         if effects is None or not self.motion.complete or not all(effect.smooth for effect in effects):
             return False
-        return self.arm.loops is None or (not self.may_be_narrow and self._keeps_clear)
+        return self.arm.near.loops is None or (not self.may_be_narrow and self._keeps_clear)
 
     @lazy
     def _keeps_clear(self) -> bool:
-        return keeps_clear(self.about) if self.clear is None else self.clear
+        return keeps_clear(self.about.near) if self.clear is None else self.clear
 
     def at_numbers(self, values: Array, period: float) -> "Linearization":
         """Return the same equations with other values of the arm's free numbers.
@@ -123,8 +131,8 @@ class Linearization(SecondOrderEquations):
         """
         about, motion = self.about, self.motion
         assert isinstance(motion, SymbolicMotion)
-        followed = self.arm.loops is not None and not moves_followers(about)
-        arm = replace(self.arm, parameters=replace(self.arm.parameters, values=values))
+        followed = self.arm.near.loops is not None and not moves_followers(about.near)
+        arm = self.arm.at_numbers(values)
         clear = self._keeps_clear if followed else None
         moved = replace(self, about=replace(about, arm=arm, motion=motion.at_numbers(values, period)), clear=clear)
         if "coefficients" in vars(self):
@@ -224,21 +232,19 @@ class Linearization(SecondOrderEquations):
         second_order = (
             None if self.controller is not None else SecondOrder(self.M, self.D, self.K, force, self.equations)
         )
-        return PeriodicSystem(
-            self.state_matrix, self.period, B, self.breaks, second_order, self.features, self.complete
-        )
+        return PeriodicSystem(self.A, self.period, B, self.breaks, second_order, self.features, self.complete)
 
-    def state_matrix(self, t: Array) -> Array:
+    def A(self, t: ArrayLike) -> Array:
         """Return A = [[0, I], [-M^-1 K, -M^-1 D]], with a controller [[A, -[0; M^-1 B] gain_z], [rates]].
 
         Parameters
         ----------
-        t : array, shape (N,)
+        t : array_like, shape (N,) or ()
             Times in s.
 
         Returns
         -------
-        array, shape (N, 2n + k, 2n + k)
+        array, shape (N, 2n + k, 2n + k) or (2n + k, 2n + k)
             A(t).
 
         Raises
@@ -246,6 +252,9 @@ class Linearization(SecondOrderEquations):
         SingularMassMatrix
             When M cannot be inverted.
         """
+        return at_times(self._state_matrix, t)
+
+    def _state_matrix(self, t: Array) -> Array:
         A, controller = build_companion(*self.equations(t), t), self.controller
         if controller is None:
             return A
@@ -253,17 +262,17 @@ class Linearization(SecondOrderEquations):
         lower = np.broadcast_to(controller.rates, (len(t), *controller.rates.shape))
         return np.concatenate([np.concatenate([A, upper], axis=2), lower], axis=1)
 
-    def input_matrix(self, t: Array) -> Array:
+    def input_matrix(self, t: ArrayLike) -> Array:
         """Return the input matrix in state form, [0; M^-1 B; 0]: a torque beside the controller's.
 
         Parameters
         ----------
-        t : array, shape (N,)
+        t : array_like, shape (N,) or ()
             Times in s.
 
         Returns
         -------
-        array, shape (N, 2n + k, m)
+        array, shape (N, 2n + k, m) or (2n + k, m)
             B(t).
 
         Raises
@@ -271,19 +280,19 @@ class Linearization(SecondOrderEquations):
         SingularMassMatrix
             When M cannot be inverted.
         """
-        return self._with_controller(build_input(*self.mass_and_input(t), t))
+        return at_times(lambda t: self._with_controller(build_input(*self.mass_and_input(t), t)), t)
 
-    def forcing(self, t: Array) -> Array:
+    def forcing(self, t: ArrayLike) -> Array:
         """Return the forcing in state form, [0; M^-1 h; 0], x' = A x + forcing.
 
         Parameters
         ----------
-        t : array, shape (N,)
+        t : array_like, shape (N,) or ()
             Times in s.
 
         Returns
         -------
-        array, shape (N, 2n + k)
+        array, shape (N, 2n + k) or (2n + k,)
             The forcing, in the unit of x per s.
 
         Raises
@@ -291,9 +300,70 @@ class Linearization(SecondOrderEquations):
         SingularMassMatrix
             When M cannot be inverted.
         """
-        M, h, *driven = self.about.evaluate(self._forces, times(t))
+        return at_times(self._forcing, t)
+
+    def _forcing(self, t: Array) -> Array:
+        M, h, *driven = self.about.evaluate(self._forces, t)
         forced = h + driven[0] @ driven[1] if driven else h
         return self._with_controller(build_input(M, forced, t))[:, :, 0]
+
+    def to_xarray(self, points: int = 257) -> "xarray.Dataset":
+        """Return the coefficients as tables with names and units.
+
+        Parameters
+        ----------
+        points : int
+            Times of the motion, both ends included.
+
+        Returns
+        -------
+        xarray.Dataset
+            M, D, K by time, equation and coordinate, h, B and tau; the coordinates' units beside their names.
+        """
+        import xarray
+
+        t = np.linspace(0.0, self.period, whole("points", points, 2))
+        c, square = self.sample(t), ("time", "equation", "coordinate")
+        values = {"M": (square, c.M), "D": (square, c.D), "K": (square, c.K), "h": (square[:2], c.h)}
+        values |= {"B": (("time", "equation", "input"), c.B), "tau": (("time", "input"), c.tau)}
+        units = [one.unit for one in self.coordinates]
+        axes = {
+            "time": ("time", t, {"units": "s"}),
+            "equation": list(self.names),
+            "coordinate": list(self.names),
+            "input": list(self.inputs),
+            "unit": ("coordinate", units),
+        }
+        return xarray.Dataset(values, coords=axes, attrs={"period": self.period, "closed": self.control is not None})
+
+    def _view(self) -> View:
+        t = np.linspace(0.0, self.period, SHOWN)
+        c, unbalanced = self.sample(t), self._unbalanced(t)
+        squares = np.sort(np.linalg.eigvals(np.linalg.solve(c.M, c.K)).real, axis=1)
+        curves = np.sqrt(np.where(squares > 0, squares, np.nan)) / (2 * np.pi)
+        series = tuple(Series(f"mode {i + 1}", t, curve) for i, curve in enumerate(curves.T))
+        facts = (*self._names(), *([unbalanced] if unbalanced else []))
+        title = "M y'' + D y' + K y = h + B u along the rigid motion"
+        return View(title, "", facts, "t in s", "sqrt(eig M⁻¹K) / 2π in Hz", series)
+
+    def _names(self) -> tuple[str, ...]:
+        """Coordinates, inputs, time and states in words."""
+        named = ", ".join(f"{one.name} in {one.unit}" for one in self.coordinates)
+        driven = ", ".join(f"{name} in {unit}" for name, unit in zip(self.inputs, self.input_units, strict=True))
+        time = f"{'period' if self.motion.periodic else 'duration'} {self.period:.6g} s"
+        loop = "loop closed" if self.control is not None else "loop open"
+        return f"y: {named}", f"u: {driven or 'none'}", f"{time}, {loop}, {self.states} states"
+
+    def _unbalanced(self, t: Array) -> str:
+        """What of h no input balances, in words: the deviation that the arm then has is no error of the equations."""
+        c = self.sample(t)
+        inputs = np.linalg.pinv(c.B) if c.B.shape[2] else np.zeros((len(t), 0, self.n))
+        left = np.abs(c.h - (c.B @ inputs @ c.h[:, :, None])[:, :, 0]).max(axis=0)
+        if not left.any():
+            return ""
+        worst = int(np.argmax(left))
+        unit = {"rad": "N m", "m": "N"}.get(self.coordinates[worst].unit, "")
+        return f"up to {left[worst]:.3g} {unit} in {self.names[worst]} that no input balances: the arm leaves its rigid motion"
 
     def _with_controller(self, columns: Array) -> Array:
         """Columns (N, 2n, p) of the arm's states, with zeros for those of the controller."""

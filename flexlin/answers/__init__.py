@@ -1,1 +1,35 @@
 """Answers to an engineer's questions: each takes a scene and returns numbers with their errors."""
+
+from flexlin.lazy import load_lazily
+
+__getattr__, __dir__, __all__ = load_lazily(
+    __name__,
+    {},
+    within={
+        "answers.analysis": "analyse Analysis build_with_free find_loop_margins plant_and_designs",
+        "answers.at_rest": "examine",
+        "answers.audit": "Audit Measure Row",
+        "answers.audit.comparison": "find_reach",
+        "answers.audit.judging": "Judge",
+        "answers.audit.versions": "list_effect_versions read_scale",
+        "answers.clock": "Budget Clock Step",
+        "answers.campbell": "unfold_frequencies",
+        "answers.disturbed.noise": "answer_noise",
+        "answers.disturbed.respond": "overshoot respond settling_time",
+        "answers.disturbed.stated": "state_disturbance",
+        "answers.judging": "Loop",
+        "answers.limits": "limited time_limit",
+        "answers.loops": "choose_loop",
+        "answers.critical_values": "CriticalValue",
+        "answers.margins": "choose_margins find_margin Margin Shared",
+        "answers.nearest.box": "make_box",
+        "answers.sensitivity": "choose_paths",
+        "answers.spectra": "make_family",
+        "answers.sweep.found": "Found",
+        "answers.sweep.job": "compute_here prepare_job",
+        "answers.sweep.run": "choose_crew keep_in",
+        "answers.sweep.sharing": "share_among_processes share_among_threads share_on_cluster",
+        "answers.sweep.together": "Together",
+        "answers.validity": "judge_model",
+    },
+)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexlin.about.linear import Coefficients, Linearization, linearize, with_control
+from flexlin.about.linear import Coefficients, linearize, with_control
+from flexlin.about.linearization import Linearization
 from flexlin.answers.clock import Clock, Step
 from flexlin.answers.judging import (
     Loop,
@@ -28,11 +29,15 @@ from flexlin.answers.steady import Response, arm_length, find_response, response
 from flexlin.answers.validity import ModelValidity, judge_model
 from flexlin.checks import Array
 from flexlin.control.drives import DriveLoad, drive_load
+from flexlin.control.measurement import tip_zeros
 from flexlin.control.validity import Validity, linear_range
 from flexlin.errors import InputError, SimulationStopped
 from flexlin.mechanics import Manipulator, build_manipulator
 from flexlin.periodic.floquet.modes import floquet_modes
+from flexlin.periodic.margins import Margins, margins
+from flexlin.periodic.related import extend_system
 from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic.zeros import InvariantZeros
 from flexlin.scene.accuracy import Accuracy
 from flexlin.scene.scene import Scene
 from flexlin.simulation.result import Simulation
@@ -45,6 +50,7 @@ if TYPE_CHECKING:
     from flexlin.answers.nearest.instability import NearestInstability
     from flexlin.periodic.floquet.resonance import Resonance
     from flexlin.periodic.margins import Margins
+
 
 SAMPLES = 257
 """Points of a period in the figures and in report.json, both ends included."""
@@ -62,7 +68,7 @@ class Analysis:
     `elastic` the own loop about the elastic motion, if the scene asks for it, `linear_range` how far the linear equations hold,
     `sampled` the loops again, with their torque sampled and held, where the scene has [control.sampling], `estimated` the designs
     with sensors again, with their states estimated, `endured` the margins of loops by their names, if they were asked for, `nearest` the
-    smallest change of the numbers of [uncertainty] that makes the own loop unstable.
+    smallest change of the numbers of [uncertainty] that makes the own loop unstable, `zeros` those from the motors to the tip.
     """
 
     scene: Scene
@@ -88,6 +94,7 @@ class Analysis:
     margins: tuple[Margin, ...] = ()
     endured: "Mapping[str, Margins]" = field(default_factory=dict)
     nearest: "NearestInstability | None" = None
+    zeros: InvariantZeros | None = None
 
     def validity(self, loop: Loop) -> ModelValidity:
         """Whether the linear model can be believed along the motion under one of the loops; only the own loop is simulated."""
@@ -96,7 +103,8 @@ class Analysis:
         run, end = self.simulation, self.stopped
         simulated = None if run is None else (*run.apart[1:], run.unit.strip())
         ended = None if end is None or not end.left_range else (end.t, SIMULATED_PERIODS * self.plant.period)
-        return judge_model(self.length, replace(loop, response=self.response).steady, simulated, ended)
+        curved = self.plant.arm.near is not self.plant.arm
+        return judge_model(self.length, replace(loop, response=self.response).steady, simulated, ended, curved)
 
     def load(self, loop: Loop) -> DriveLoad | None:
         """What the drives have to do in the steady motion that a loop keeps, where that is known."""
@@ -162,6 +170,7 @@ def analyse(scene: Scene, clock: Clock | None = None, free: Sequence[str] = ()) 
     failure = clock.failures.get("simulation")
     ended = failure if isinstance(failure, SimulationStopped) else None
     linear = range_of(plant, closed, own, problems, asked, clock)
+    zeros = find_zeros(plant, problems, asked, clock)
     designs = design_all(scene, plant, closed, t, clock)
     sampled = judge_sampled_loops(scene, (own, *designs), plant, closed, clock)
     estimated = judge_estimated_loops(scene, designs, plant, clock)
@@ -169,7 +178,7 @@ def analyse(scene: Scene, clock: Clock | None = None, free: Sequence[str] = ()) 
     open_loop = bare if own.kind == "open" else with_response(open_loop, closed, t, asked, clock, system)
     found = (coefficients, own, open_loop, designs, response, simulation, problems, tuple(clock.steps))
     answer = Analysis(scene, plant, closed, t, *found, resonances=behind, elastic=elastic, linear_range=linear)
-    return replace(answer, stopped=ended, sampled=sampled, estimated=estimated)
+    return replace(answer, stopped=ended, sampled=sampled, estimated=estimated, zeros=zeros)
 
 
 def analyse_one_way(
@@ -244,6 +253,14 @@ def find_causes(
     return tuple(found or ())
 
 
+def find_zeros(plant: Linearization, problems: dict[str, str], asked: Accuracy, clock: Clock) -> InvariantZeros | None:
+    """The invariant zeros of tip control, where the motors move the tip in as many directions as they are."""
+    inputs = len(plant.driven)
+    if not 0 < inputs <= 2 or plant.n == inputs or plant.arm.points is None:
+        return None
+    return clock.attempt(problems, "zeros", "zeros of tip control", asked, partial(tip_zeros, plant, asked.tol))
+
+
 def range_of(
     plant: Linearization, closed: Linearization, own: Loop, problems: dict[str, str], asked: Accuracy, clock: Clock
 ) -> Validity | None:
@@ -259,3 +276,21 @@ def range_of(
 def simulation_error(found: Simulation) -> float:
     """The larger error of the nonlinear and the linear states, relative to the largest, absolute below 1."""
     return max(found.error, found.linear_error)
+
+
+def find_loop_margins(a: Analysis, clock: Clock) -> dict[str, Margins]:
+    """What each stable loop with a feedback endures, broken where the torque enters the arm, by the loop's name."""
+    found: dict[str, Margins] = {}
+    plant = a.plant.periodic_system() if a.plant.motion.periodic and a.plant.about.m else None
+    for loop in (a.own, *a.designs):
+        law = a.closed.law if loop.design is None else loop.design.law
+        known = loop.floquet is not None and loop.verdict == "stable"
+        if plant is None or not known or not np.any(law.gain(np.zeros(1))):
+            continue
+        broken = plant if law.controller is None else extend_system(plant, law.controller.rates)
+        name = f"margins: {loop.name}"
+        one = clock.attempt(a.problems, name, name, a.scene.accuracy, partial(margins, broken, law.gain))
+        if one is not None and one.reason:
+            a.problems[name] = f"some of the {name}: {one.reason}"
+        found |= {} if one is None else {loop.name: one}
+    return found

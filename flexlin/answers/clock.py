@@ -1,4 +1,4 @@
-"""The stages of the work: what each was asked, what it reached, what it took, and the limits that it keeps."""
+"""The stages of the work: what each was asked, what it reached, what it took, and the limits that each and all keep."""
 
 import logging
 import time
@@ -10,12 +10,48 @@ from math import inf
 from pathlib import Path
 from typing import Any, TypeVar
 
-from flexlin.answers.budget import SHARE, Budget
-from flexlin.answers.limits import limited
-from flexlin.errors import FlexlinError, NumericalError, TooLarge
+from flexlin.answers.limits import Allowance, limited
+from flexlin.bounds import printable
+from flexlin.errors import FlexlinError, NumericalError, TimeLimit, TooLarge
 from flexlin.progress import part
+from flexlin.resources import SECONDS, Stopwatch, read_resident
 from flexlin.scene.accuracy import Accuracy
-from flexlin.text import printable
+
+SHARE = 2 / 3
+"""A stage that others follow gets so much of what is left: one that never ends leaves them something."""
+
+DRAWING = 0.4
+"""Share of the time kept for drawing and writing that drawing may take: the numbers of a large arm or chart take as long."""
+
+
+@dataclass
+class Budget:
+    """Time and memory of one piece of work; `held`: bytes in use before its first stage."""
+
+    watch: Stopwatch = field(default_factory=Stopwatch)
+    held: int | None = None
+
+    def allow(
+        self, name: str, asked: Accuracy, share: float = 1.0, at_most: float = inf, by_tol: bool = False, last: bool = False
+    ) -> Allowance:  # fmt: skip
+        """What a stage gets: a share of what is left, at most some s (more of a long whole); the last one takes what was kept too.
+
+        Raises: TimeLimit where no time is left.
+        """
+        if self.held is None:
+            self.held = read_resident()
+        end = asked.last_end if last else asked.stages_end
+        left, clock = end - self.watch.seconds, asked.patience * end - self.watch.clock
+        most, memory = at_most * max(1.0, asked.seconds / SECONDS), asked.memory + self.held - read_resident()
+        above = max(asked.seconds, SECONDS) if most < share * left else asked.seconds
+        seconds, waits = min(share * left, most), (1 + share) / 2 * clock
+        allowed = Allowance(seconds, max(memory, 1.0), asked.seconds, asked.memory, above, waits, by_tol)
+        if min(left, clock) <= 0:
+            kept = "" if last else "; the rest is for drawing and writing"
+            used = f"{end:g} of {asked.seconds:g} s are used up{kept}"
+            raise TimeLimit(f"{name}: not begun", got=used, todo=allowed.more_time)
+        return allowed
+
 
 LOG = logging.getLogger(__name__)
 Progress = Callable[[str], None]

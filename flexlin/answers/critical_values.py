@@ -10,12 +10,17 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array, whole
 from flexlin.errors import ArgumentError
 from flexlin.periodic.boundary.crossings import SAMPLES, Crossing, find_crossings
+from flexlin.periodic.boundary.effort import Effort
 from flexlin.periodic.boundary.spectra import Spectra
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.summary import represent
 
 if TYPE_CHECKING:
     from flexlin.periodic.floquet.resonance import Resonance
+
+
+DESCRIBED = 6
+"""Spectra that take as long as the resonance and the slope at a value."""
 
 
 @dataclass(frozen=True)
@@ -81,9 +86,9 @@ def critical_values(
 
         max_i Re lambda_i(p) = 0,   error of p = error of lambda / |d Re lambda / dp|
 
-    The range is scanned at `samples` values, so no interval of instability wider than one step is missed; narrower ones are looked
-    for where two multipliers meet. With eight and more states, values are left out between two whose exponents decay by more than they
-    move. Without damping the growth rate begins like a square root; the squared distance of the two multipliers that meet is smooth
+    The range is scanned at `samples` values, those left out between which exponents decay by more than they move, so no interval of
+    instability wider than one step is missed; narrower ones are looked for where two multipliers meet. Without damping the growth rate
+    begins like a square root; the squared distance of the two multipliers that meet is smooth
     there and takes its place. Free rigid motions, whose exponents are zero throughout, do not count.
 
     Parameters
@@ -137,9 +142,17 @@ def critical_values(
 
 
 def search_family(
-    family: Family, path: str, low: float, high: float, tol: float, samples: int, narrow: bool
+    family: Family,
+    path: str,
+    low: float,
+    high: float,
+    tol: float,
+    samples: int = SAMPLES,
+    narrow: bool = True,
+    effort: Effort | None = None,
 ) -> list[CriticalValue]:
-    """The critical values of the one number of a family."""
+    """The critical values of the one number of a family; effort: ends the search, with what is known by then."""
+    effort = effort or Effort()
 
     def rough(values: Array) -> Spectra:
         return family.rough(values[:, None])
@@ -148,8 +161,10 @@ def search_family(
         return family.fine(values[:, None])
 
     tongues = narrow and not family.is_constant(np.array([(low + high) / 2]))
-    found = find_crossings(rough, fine, low, high, tol, samples, tongues, family.slow)
-    return [describe_crossing(path, crossing, family) for crossing in found]
+    found = find_crossings(rough, fine, low, high, tol, samples, tongues, effort)
+    nearest_first = sorted(found, key=lambda one: abs(one.value - float(np.nan_to_num(family.own[0]))))
+    described = [describe_crossing(path, crossing, family, effort) for crossing in nearest_first]
+    return sorted(described, key=lambda one: (one.value, one.kind != "onset"))
 
 
 def check_limits(path: str, limits: tuple[float, float]) -> tuple[float, float]:
@@ -160,12 +175,15 @@ def check_limits(path: str, limits: tuple[float, float]) -> tuple[float, float]:
     return low, high
 
 
-def describe_crossing(path: str, crossing: Crossing, family: Family) -> CriticalValue:
-    """A crossing with its resonance, its distance from the scene's own value, and its exact slope."""
+def describe_crossing(path: str, crossing: Crossing, family: Family, effort: Effort) -> CriticalValue:
+    """A crossing with its resonance, its distance from the scene's own value, and its exact slope, as far as the effort affords them."""
     kind, distance = "onset" if crossing.onset else "recovery", crossing.value - float(family.own[0])
     if crossing.touching:
         text = f"touching tongue: closed to within rounding, narrower than {2 * crossing.error:.1e}"
         return CriticalValue(path, crossing.value, crossing.error, kind, text, distance, 0.0, True)
+    if not effort.affords(DESCRIBED):
+        effort.unfinished = True
+        return CriticalValue(path, crossing.value, crossing.error, kind, "not looked for", distance, np.nan)
     text = describe_causes(family, np.array([crossing.inside]))
     found = CriticalValue(path, crossing.value, crossing.error, kind, text, distance, np.inf)
     return found if crossing.undamped else add_slope(found, family)

@@ -1,35 +1,36 @@
 """The limits of time and memory that a stage of the work keeps."""
 
 import signal
+import sys
 import threading
-import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from flexlin.checks import memory_limit
 from flexlin.errors import FlexlinError, NumericalError, TimeLimit, TooLarge
 from flexlin.errors.root import lacks_memory
-from flexlin.resources import read_resident
+from flexlin.resources import PATIENCE, Stopwatch, read_resident
 
 TICK = 0.2
 """Seconds between two looks at the clock and at the memory in use."""
-AGAIN = 1.0
+AGAIN = 0.3
 """Seconds after which the alarm rings once more, where a calculation has taken the first for a failed attempt of its own."""
 
 
 @dataclass(frozen=True)
 class Allowance:
-    """What one stage may take: s of wall time, bytes beyond what is held; `whole`, `room`: the s and bytes of all stages together;
-    `above`: the least time for all that gives this stage more; `by_tol`: a larger tol makes the stage shorter."""
+    """What one stage may take: s of work, bytes beyond what is held; `whole`, `room`: the s and bytes of all stages together; `above`: the
+    least time for all that gives this stage more; `clock`: s of the clock; `by_tol`: a larger tol makes the stage shorter."""
 
     seconds: float
     memory: float
     whole: float
     room: float
     above: float
+    clock: float
     by_tol: bool = False
 
     @property
@@ -73,55 +74,106 @@ def limited(name: str, allowed: Allowance) -> Iterator[None]:
         ) from error
 
 
+@dataclass(frozen=True, eq=False)
+class Limit:
+    """The limit of a block: a watch that began with it, what was held then, and the alarms that rang for it."""
+
+    name: str
+    allowed: Allowance
+    watch: Stopwatch = field(default_factory=Stopwatch)
+    held: int = field(default_factory=read_resident)
+    rung: list[TimeLimit | TooLarge] = field(default_factory=list)
+
+    def look(self) -> None:
+        """Raise TimeLimit or TooLarge where the block has taken more than it may; ring again, in case that is lost."""
+        name, allowed, taken = self.name, self.allowed, read_resident() - self.held
+        late, waited = self.watch.seconds >= allowed.seconds, self.watch.clock >= allowed.clock
+        if late or waited or taken > allowed.memory:
+            signal.setitimer(signal.ITIMER_REAL, AGAIN, AGAIN)
+            over = late or waited
+            self.rung.append(out_of_time(name, allowed, not late) if over else out_of_memory(name, taken, allowed))
+            raise self.rung[-1]
+
+
+WATCHED: list[Limit] = []
+"""The limits of the blocks that the main thread is in, the outermost first."""
+LOOKING = threading.Lock()
+"""Held while they are looked at: on a busy machine the next alarm may ring before that has ended."""
+
+
+def look_at_all(*_: object) -> None:
+    """Look whether the work is within all of its limits, which is what the alarm is for."""
+    if LOOKING.acquire(blocking=False):
+        try:
+            for limit in tuple(WATCHED):
+                limit.look()
+        finally:
+            LOOKING.release()
+
+
+def take_alarm() -> Callable[[], None]:
+    """Have the alarm look at the limits; what it raises in a finalizer or a callback of the garbage collector, where Python drops and
+    prints it, is not printed. Gives what restores handler, hook and timer of before."""
+    watch, report = Stopwatch(), sys.unraisablehook
+
+    def pass_over(dropped: "sys.UnraisableHookArgs") -> None:
+        if not any(dropped.exc_value is alarm for limit in WATCHED for alarm in limit.rung):
+            report(dropped)
+
+    def give_back() -> None:
+        signal.signal(signal.SIGALRM, handler)
+        if sys.unraisablehook is pass_over:
+            sys.unraisablehook = report
+        if left:
+            signal.setitimer(signal.ITIMER_REAL, max(1e-3, left - watch.clock), interval)
+
+    left, interval = signal.setitimer(signal.ITIMER_REAL, 0)
+    sys.unraisablehook, handler = pass_over, signal.signal(signal.SIGALRM, look_at_all)
+    return give_back
+
+
 @contextmanager
 def time_limit(
     name: str, seconds: float, memory: float = float("inf"), allowed: Allowance | None = None
 ) -> Iterator[None]:
-    """End the block with TimeLimit once it has taken so many seconds of wall time, with TooLarge once it holds so many bytes more.
+    """End the block with TimeLimit once it has worked for so many seconds, with TooLarge once it holds so many bytes more.
 
-    An alarm of the operating system interrupts the main thread between two instructions of Python, as Ctrl-C does; handler and timer of
-    before are restored, and so is what NumPy does on overflow: the alarm may ring between a change of that and the block that takes it
-    back. In other threads, and where there is no such alarm, the block is let run to its end. `allowed` says what to do.
+    An alarm of the operating system interrupts the main thread between two instructions of Python, as Ctrl-C does, at the limit of this
+    block or of one around it; handler, hook and timer of before are restored, and so is what NumPy does on overflow: the alarm may ring
+    between a change of that and the block that takes it back. In other threads, and where there is no such alarm, the block is let run to
+    its end. `allowed` says what to do.
     """
-    allowed = allowed or Allowance(seconds, memory, seconds, memory, seconds)
     if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
         yield
         return
-    armed, rung, held = True, list[TimeLimit | TooLarge](), read_resident()
-
-    def ring(*_: object) -> None:
-        if not armed:
-            return
-        late, taken = time.perf_counter() - start >= seconds, read_resident() - held
-        if late or taken > memory:
-            signal.setitimer(signal.ITIMER_REAL, AGAIN, AGAIN)
-            rung.append(out_of_time(name, allowed) if late else out_of_memory(name, taken, allowed))
-            raise rung[-1]
-
-    start = time.perf_counter()
-    handler = signal.signal(signal.SIGALRM, ring)
-    before, _ = signal.setitimer(signal.ITIMER_REAL, min(seconds, TICK), min(seconds, TICK))
+    allowed = allowed or Allowance(seconds, memory, seconds, memory, seconds, PATIENCE * seconds)
+    limit, depth = Limit(name, allowed), len(WATCHED)
+    give_back = None if depth else take_alarm()
     try:
         with np.errstate():
+            WATCHED.append(limit)
+            signal.setitimer(signal.ITIMER_REAL, min(seconds, allowed.clock, TICK), TICK)
             yield
     except BaseException as error:  # compiled code may hand the alarm on as an error of its own
-        if rung and not isinstance(error, TimeLimit | TooLarge):
-            raise rung[-1] from error
+        if limit.rung and not isinstance(error, TimeLimit | TooLarge):
+            raise limit.rung[-1] from error
         raise
     finally:
         try:
-            armed = False
-        finally:  # even if the alarm rings just now
             signal.setitimer(signal.ITIMER_REAL, 0)
-            signal.signal(signal.SIGALRM, handler)
-            if before:
-                signal.setitimer(signal.ITIMER_REAL, max(1e-3, before - (time.perf_counter() - start)))
+        finally:  # even if the alarm rings just now
+            del WATCHED[depth:]
+            if give_back is None:
+                signal.setitimer(signal.ITIMER_REAL, TICK, TICK)
+            else:
+                give_back()
 
 
-def out_of_time(name: str, allowed: Allowance) -> TimeLimit:
+def out_of_time(name: str, allowed: Allowance, by_clock: bool) -> TimeLimit:
     """The error of a stage that took too long."""
+    taken = allowed.clock if by_clock else allowed.seconds
     of = f" of the {allowed.whole:g} s of the whole" if allowed.seconds < allowed.whole else ""
-    got = f"no answer in {allowed.seconds:.3g} s{of}"
+    got = f"no answer in {taken:.3g} s{' by the clock' if by_clock else of}"
     return TimeLimit(f"{name}: stopped at the time limit", got=got, todo=allowed.more_time)
 
 

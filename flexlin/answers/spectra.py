@@ -10,7 +10,7 @@ from flexlin.about.family import PeriodicFamily
 from flexlin.about.free import ParametricLoop, loop_of
 from flexlin.about.linearization import Linearization
 from flexlin.answers.loops import choose_loop
-from flexlin.answers.sweep.axes import check_axes
+from flexlin.answers.sweep.found import check_axes
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, FlexlinError, TimeLimit
 from flexlin.lazy import lazy
@@ -250,6 +250,8 @@ class FunctionFamily(Family):
             if not self.smooth or len({one.n for one in systems}) != 1:
                 return self.one_by_one(points, ROUGH)
             found, reached = find_together(systems, ROUGH)
+        except TimeLimit:
+            raise
         except (FlexlinError, np.linalg.LinAlgError):
             return self.one_by_one(points, ROUGH)
         self.evaluations += int(reached.sum())

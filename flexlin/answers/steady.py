@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.about.law import Law
-from flexlin.about.linear import Linearization
+from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.control.tracking import scene_feedforward, tip_positions
 from flexlin.periodic.related import OfPlant
@@ -72,7 +72,7 @@ def response_error(found: Response) -> float:
 
 def arm_length(plant: Linearization) -> float:
     """The length of the arm from the base over its joints to the tip, in m, as the motion begins; not a number where it has no points."""
-    if plant.arm.points is None:
+    if plant.arm.near.points is None:
         return float("nan")
-    points = plant.about.of_arm("points", np.zeros(1), np.zeros((1, plant.n)))[0]
+    points = plant.about.near.of_arm("points", np.zeros(1), np.zeros((1, plant.n)))[0]
     return float(np.linalg.norm(np.diff(points, axis=1), axis=0).sum())

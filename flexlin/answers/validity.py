@@ -63,11 +63,12 @@ def judge_model(
     steady: tuple[float, float] | None = None,
     simulated: tuple[float, float, float, str] | None = None,
     stopped: tuple[float, float] | None = None,
+    curved: bool = False,
 ) -> ModelValidity:
     """Judge the linear model by what is known of a loop's motion.
 
-    The steady motion's bending may not exceed SMALL of the arm: the beams' equations, the nonlinear ones too, hold for small bending.
-    Its whole tip error may not either, unless a simulation that came as far agrees. The linear answer may miss the nonlinear one by
+    The steady motion's tip error may not exceed SMALL of the arm, unless a simulation that came as far agrees; nor may its bending,
+    where only links that bend as curves (`curved`) make the simulation a judge of it. The linear answer may miss the nonlinear one by
     BEYOND of the largest deviation, or by what no arm repeats. A simulation that ended outside the equations' range is against it.
 
     Parameters: length: of the arm in m, not a number where it has no points; steady: bending and tip error in m of a steady motion that
@@ -84,7 +85,8 @@ def judge_model(
     if steady is not None and np.all(np.isfinite([*steady, length])):
         bending, tip = steady
         confirmed = simulated is not None and not found[0].against and simulated[1] >= COVERED * tip
-        found.append(ModelEvidence("bending", bending, SMALL * length, "m", length))
+        far = confirmed and curved
+        found.append(ModelEvidence("bending", bending, np.inf if far else SMALL * length, "m", length))
         found.append(ModelEvidence("tip", tip, np.inf if confirmed else SMALL * length, "m", length))
     if any(figure.against for figure in found):
         return ModelValidity("invalid", tuple(found))

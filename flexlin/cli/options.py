@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from flexlin.bounds import read_number
 from flexlin.resources import BYTES, SECONDS
 
 LIMIT = f"{BYTES:.0e}".replace("+0", "")
@@ -19,7 +20,7 @@ def count(text: str) -> int:
 
 
 def parse_place(text: str) -> Path:
-    """Read the name of a file or folder that is written."""
+    """Read the name of a file or folder."""
     if not text.strip():
         raise argparse.ArgumentTypeError("got an empty name, expected that of a file or folder")
     return Path(text)
@@ -29,7 +30,7 @@ def span(text: str) -> tuple[str, float, float, int | None]:
     """Read KEY=LOW:HIGH or KEY=LOW:HIGH:COUNT."""
     key, _, values = text.partition("=")
     low, high, *rest = values.split(":")
-    found = (key.strip(), float(low), float(high), count(rest[0]) if rest else None)
+    found = (key.strip(), read_number(low), read_number(high), count(rest[0]) if rest else None)
     if not key.strip() or not found[1] < found[2] or len(rest) > 1:
         raise argparse.ArgumentTypeError(f"got {text!r}, expected KEY=LOW:HIGH:COUNT with LOW below HIGH")
     return found
@@ -37,7 +38,7 @@ def span(text: str) -> tuple[str, float, float, int | None]:
 
 OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
     "scene": (["scene"], {"metavar": "SCENE", "help": "a built-in name (see flexlin list) or a TOML file"}),
-    "name": (["name"], {"type": Path, "metavar": "NAME", "help": "of the new scene, which is written to NAME.toml"}),
+    "name": (["name"], {"type": parse_place, "metavar": "NAME", "help": "of the new scene, which is written to NAME.toml"}),
     "like": (["--like"], {"default": "single-link", "metavar": "SCENE", "help": "the scene to start from (default: single-link)"}),
     "set": (
         ["--set"],
@@ -48,7 +49,7 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
     ),
     "data": (
         ["--data"],
-        {"type": Path, "metavar": "DIR", "help": "folder whose files the scene may name, beside its own (see docs/security.md)"},
+        {"type": parse_place, "metavar": "DIR", "help": "folder whose files the scene may name, beside its own (see docs/security.md)"},
     ),
     "out": (["--out"], {"type": parse_place, "metavar": "DIR", "help": "folder for the results (default: out/ and the scene's name)"}),
     "require": (
@@ -92,12 +93,13 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
     "workers": (["--workers"], {"type": int, "metavar": "N", "help": "processes or threads that share the values (default: all cores)"}),
     "scheduler": (["--scheduler"], {"metavar": "ADDRESS", "help": "a Dask cluster that does the work, such as tcp://host:8786"}),
     "store": (
-        ["--store"], {"type": Path, "metavar": "CHART.zarr", "help": "keep finished values; the same command goes on where it stopped"},
+        ["--store"],
+        {"type": parse_place, "metavar": "CHART.zarr", "help": "keep finished values; the same command goes on where it stopped"},
     ),
     "margins": (
         ["--margins"],
         {"type": span, "metavar": "KEY=LOW:HIGH", "action": "extend", "nargs": "+", "default": [],
-         "help": "numbers whose critical values are looked for, with ranges (default: speed and payload, by a coarse scan)"},
+         "help": "numbers whose critical values are looked for, with ranges (default: speed and payload, a second each)"},
     ),
     "loop_margins": (
         ["--loop-margins"],
@@ -118,6 +120,20 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
         {"type": float, "metavar": "BYTES",
          "help": f"memory that it may hold beside its libraries (default {LIMIT}, or as in the scene)"},
     ),
+    "log": (
+        ["--log"],
+        {"type": parse_place, "required": True, "metavar": "FILE", "help": "a measured log: CSV with a head line, .npz or .nc"},
+    ),
+    "free": (
+        ["--free"],
+        {"action": "extend", "nargs": "+", "required": True, "metavar": "KEY",
+         "help": "numbers to find, such as effects.payload.mass or log.outputs.gauge.gain"},
+    ),
+    "hold_back": (
+        ["--hold-back"],
+        {"type": float, "default": 1 / 3, "metavar": "SHARE", "help": "last part of the log, predicted but not fitted (default a third)"},
+    ),
+    "window": (["--window"], {"type": float, "default": 2.0, "metavar": "S", "help": "length of each prediction (default 2)"}),
     "step": (["--step"], {"metavar": "WORDS", "help": 'a torque from a moment on, such as "joint 1 torque 0.1 N m"'}),
     "initial": (["--initial"], {"metavar": "WORDS", "help": 'a state beside the steady motion, such as "w11=0.01, q1_rate=5 deg/s"'}),
     "push": (["--push"], {"metavar": "WORDS", "help": 'a force at the tip for a time, such as "tip 1 N 20 ms" or "tip y 1 N 20 ms"'}),
@@ -126,7 +142,7 @@ OPTIONS: dict[str, tuple[list[str], dict[str, Any]]] = {
     "lasting": (
         ["--periods"], {"dest": "lasting", "type": float, "help": "how long to look (default: until a thousandth is left)"},
     ),
-    "robot": (["robot"], {"type": Path, "metavar": "ROBOT.URDF", "help": "a URDF file; no mesh is read"}),
+    "robot": (["robot"], {"type": parse_place, "metavar": "ROBOT.URDF", "help": "a URDF file; no mesh is read"}),
     "file": (["--out"], {"type": parse_place, "required": True, "metavar": "FILE.TOML", "help": "the scene to write"}),
     "base": (["--base"], {"metavar": "LINK", "help": "first link of the chain (default: the root)"}),
     "tip": (["--tip"], {"metavar": "LINK", "help": "last link of the chain (default: the only end)"}),

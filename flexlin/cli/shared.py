@@ -10,7 +10,7 @@ from flexlin.errors import OutputError
 if TYPE_CHECKING:
     from flexlin.scene.scene import Scene
 
-DONE, FAILED, BAD_INPUT, OTHER_VERDICT = 0, 1, 2, 3
+DONE, FAILED, BAD_INPUT, OTHER_VERDICT, NO_ANSWER = range(5)
 """Exit codes."""
 ACCURACY = {"tol": "tol", "limit_seconds": "seconds", "limit_memory": "memory"}
 """Options that stand for a key of the scene's table [accuracy]."""
@@ -21,7 +21,7 @@ def loaded(options: argparse.Namespace, usual: float | None = None) -> "Scene":
     from flexlin.cli.supervised import send_limits
     from flexlin.files import check_folder
     from flexlin.scene.loading import load_scene
-    from flexlin.scene.overrides import parse_assignment
+    from flexlin.scene.parameters import parse_assignment
 
     if options.out is not None:
         check_folder(options.out)
@@ -31,7 +31,7 @@ def loaded(options: argparse.Namespace, usual: float | None = None) -> "Scene":
     scene = load_scene(options.scene, overrides, options.data)
     if usual is not None and "seconds" not in scene.accuracy.model_fields_set:
         scene = scene.model_copy(update={"accuracy": scene.accuracy.model_copy(update={"seconds": usual})})
-    send_limits(options.begun, scene.accuracy)
+    send_limits(options.watch.begun, scene.accuracy)
     if options.out is None:
         options.out = Path("out") / Path(options.scene).stem
         check_folder(options.out)
@@ -88,6 +88,9 @@ def command(options: argparse.Namespace) -> str:
         words = getattr(options, name, None)
         flags += [] if words is None else [f"--{name}", words]
     flags += ["--loop", options.of] if getattr(options, "of", "own") != "own" else []
+    flags += ["--log", str(options.log)] if getattr(options, "log", None) else []
+    flags += ["--free", *options.free] if getattr(options, "free", None) else []
+    flags += ["--window", f"{options.window:g}"] if getattr(options, "window", 2.0) != 2.0 else []
     for name in ACCURACY:
         value = getattr(options, name, None)
         flags += [] if value is None else [f"--{name.replace('_', '-')}", f"{value:g}"]

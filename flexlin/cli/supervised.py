@@ -16,12 +16,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from flexlin.resources import BYTES, SECONDS, read_resident
+from flexlin.bounds import printable
+from flexlin.resources import BYTES, PATIENCE, SECONDS, read_resident
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from flexlin.scene.accuracy import Accuracy
 
-FAILED, BAD_INPUT = 1, 2
+FAILED, BAD_INPUT, NO_ANSWER = 1, 2, 4
 """Exit codes where the work has none of its own."""
 TICK = 0.1
 """Seconds between two looks at the memory of the work."""
@@ -35,13 +38,14 @@ PASSED_ON = (signal.SIGINT, signal.SIGTERM)
 INTERRUPTED = "interrupted; no file was left half-written"
 NO_MEMORY = "there is not enough memory; ask for less at once"
 CHANNEL = "FLEXLIN_CHANNEL"
-"""The variable that says where the parent of the work listens: a descriptor, and the parent's number."""
+"""The variable that says where the parent of the work listens, a descriptor, the parent's number, and when it began."""
 
 
 class Channel:
     """How the work lets its parent know its limits, and that all has been said."""
 
     writer: int | None = None
+    begun: float | None = None
 
     @classmethod
     def send(cls, *words: float | str) -> None:
@@ -53,17 +57,23 @@ class Channel:
 
 def send_limits(begun: float, asked: "Accuracy") -> None:
     """Let the parent know what a scene's run may take; `begun` by `time.perf_counter`, which all processes share."""
-    end = asked.last_end - min(ENDING, 0.05 * asked.seconds)
+    end = asked.patience * asked.last_end - min(ENDING, 0.05 * asked.seconds)
     Channel.send("limits", begun + end, asked.seconds, asked.memory)
+
+
+def send_written(paths: "Sequence[Path]") -> None:
+    """Let the parent know what stands already, whatever becomes of the rest."""
+    Channel.send("wrote", " and ".join(map(printable, paths)))
 
 
 def is_supervised() -> bool:
     """Whether this process is the work, which ends with its parent, or has to do it unwatched."""
     given = os.environ.pop(CHANNEL, None)
     if given is not None:
-        Channel.writer, parent = map(int, given.split())
+        writer, parent, begun = given.split()
+        Channel.writer, Channel.begun = int(writer), float(begun)
         os.set_inheritable(Channel.writer, False)
-        end_with(parent)
+        end_with(int(parent))
     return given is not None or sys.platform != "linux"
 
 
@@ -72,6 +82,7 @@ def supervise(work: Sequence[str]) -> int:
 
     Where it is ended by something else, or goes on beyond its limits, say so.
     """
+    begun = time.perf_counter()
     if (space := read_space()) < LEAST_SPACE:
         print(
             f"flexlin: {NO_MEMORY}; got {space / 1e6:.0f} MB of address space, expected {LEAST_SPACE / 1e6:.0f} MB: raise ulimit -v",
@@ -79,17 +90,39 @@ def supervise(work: Sequence[str]) -> int:
         )
         return BAD_INPUT
     reader, writer = os.pipe()
-    watch = Watch(reader)
+    watch = Watch(reader, begun=begun)
+    if stated := read_limit(work):
+        watch.seconds, watch.deadline = stated, begun + max(stated, ENDING)
     for number in PASSED_ON:
         signal.signal(number, watch.pass_on)
-    given = {**os.environ, CHANNEL: f"{writer} {os.getpid()}"}
+    given = {**os.environ, CHANNEL: f"{writer} {os.getpid()} {begun!r}"}
     try:
+        signal.pthread_sigmask(signal.SIG_BLOCK, PASSED_ON)  # until the work can say that it was interrupted
         watch.work = subprocess.Popen(work, env=given, pass_fds=(writer,))
     except OSError as error:
         print(f"flexlin: the work cannot be started: {error.strerror}", file=sys.stderr)
         return FAILED
+    finally:
+        take_signals()
     os.close(writer)
     return watch.wait()
+
+
+def read_limit(words: Sequence[str]) -> float:
+    """The seconds that a command line states, which hold while the work is still being loaded; 0 where it states none."""
+    for word, after in zip(words, [*words[1:], ""], strict=True):
+        name, _, value = word.partition("=")
+        if name == "--limit-seconds":
+            with contextlib.suppress(ValueError):
+                stated = float(value or after)
+                return stated if 0 < stated < math.inf else 0.0
+    return 0.0
+
+
+def take_signals() -> None:
+    """Let requests to end the program come through, in it and in its work."""
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, PASSED_ON)
 
 
 def read_space() -> float:
@@ -112,15 +145,19 @@ def end_with(parent: int) -> None:
 
 @dataclass
 class Watch:
-    """The parent's side: `deadline` by `time.perf_counter`, `seconds` and `memory` as the user knows them; the usual ones at first."""
+    """The parent's side: `begun` and `deadline` by `time.perf_counter`, `seconds` and `memory` as the user knows them, the usual ones at
+    first; `code`: the exit code where the work has none of its own; `written`: what stands already."""
 
     reader: int
     work: "subprocess.Popen[bytes] | None" = None
     seconds: float = SECONDS
     memory: float = BYTES
-    deadline: float = field(default_factory=lambda: time.perf_counter() + SECONDS)
+    begun: float = field(default_factory=time.perf_counter)
+    deadline: float = field(default_factory=lambda: time.perf_counter() + PATIENCE * SECONDS)
     ended: bool = False
     interrupted: bool = False
+    code: int = FAILED
+    written: str = ""
 
     def pass_on(self, number: int, _: object) -> None:
         """Hand a request to end the program on to the work."""
@@ -140,7 +177,7 @@ class Watch:
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     self.work.wait(TICK)
             why = why or self.excess(self.work.pid)
-            if why:
+            if why or (self.ended and time.perf_counter() > self.deadline):
                 self.work.kill()
         self.listen()
         return self.judge(code, why)
@@ -149,12 +186,14 @@ class Watch:
         """Take in what the work has sent; False once nothing more can come."""
         if not select.select([self.reader], [], [], 0)[0]:
             return True
-        said = os.read(self.reader, 4096)
-        for line in said.decode().splitlines():
-            kind, *numbers = line.split()
+        said = os.read(self.reader, 2**16)
+        for kind, _, words in (line.partition(" ") for line in said.decode().splitlines()):
             if kind == "limits":
-                self.deadline, self.seconds, self.memory = map(float, numbers)
-            self.ended |= kind == "ended"
+                self.deadline, self.seconds, self.memory = map(float, words.split())
+            elif kind == "wrote":
+                self.written = words
+            elif kind == "ended":
+                self.ended, self.code = True, int(words)
         return bool(said)
 
     def excess(self, work: int) -> str:
@@ -162,11 +201,14 @@ class Watch:
         if self.ended:
             return ""
         if time.perf_counter() > self.deadline:
+            self.code = NO_ANSWER
             return (
-                f"stopped at the time limit of {self.seconds:g} s, which it did not keep by itself; "
+                f"stopped by the clock after {time.perf_counter() - self.begun:.3g} s: "
+                f"it did not keep its time limit of {self.seconds:g} s by itself; "
                 f"allow more time (--limit-seconds above {self.seconds:g}, or seconds in the scene's [accuracy])"
             )
         if read_resident(work) > BEYOND * self.memory + LIBRARIES:
+            self.code = BAD_INPUT
             return (
                 f"stopped at the limit of memory of {self.memory:g} bytes, which it did not keep by itself; "
                 f"allow more (--limit-memory above {self.memory:g}, or memory in the scene's [accuracy])"
@@ -175,12 +217,14 @@ class Watch:
 
     def judge(self, code: int, why: str) -> int:
         """Say what became of the work, where it could not say so itself; the exit code."""
-        if self.ended and code >= 0:
-            return code
+        if self.ended:  # what Python clears away then has no say in it
+            return self.code if code < 0 else code
         if not why and self.interrupted:
             why = INTERRUPTED
         if not why:
             how = f"exit code {code}" if code >= 0 else f"signal {signal.Signals(-code).name}"
             why = f"a library or the system ended the program ({how}); most often {NO_MEMORY}"
+        if self.written:
+            why += f"; what was known before stands in {self.written}"
         print(f"flexlin: {why}", file=sys.stderr, flush=True)
-        return FAILED
+        return self.code

@@ -9,11 +9,12 @@ from numpy.typing import ArrayLike
 
 from flexlin.about.law import Controller, Law
 from flexlin.checks import Array, at_times, real_array, whole
-from flexlin.errors import ArgumentError, DesignError, NotStabilizable
+from flexlin.errors import ArgumentError, DesignError, NotStable, ToleranceNotReached
 from flexlin.lazy import lazy
 from flexlin.periodic.coefficients import Constant, has_nothing_narrow
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
-from flexlin.periodic.quadratic.riccati import RiccatiSolution, periodic_lyapunov
+from flexlin.periodic.quadratic.riccati import periodic_lyapunov
+from flexlin.periodic.quadratic.solution import RiccatiSolution
 from flexlin.periodic.response.result import label_states
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem
 from flexlin.plots.view import Series, Shown, View
@@ -160,7 +161,7 @@ class Design(Shown):
     def value(self) -> RiccatiSolution:
         """The cost matrix of this loop: of the Riccati equation when K is optimal, else of the closed loop's Lyapunov equation.
 
-        Raises: DesignError when the design has no weights; NotStabilizable when the loop is unstable.
+        Raises: DesignError when the design has no weights; NotStable when the loop is unstable.
         """
         if self.solution is not None:
             return self.solution
@@ -191,7 +192,7 @@ class Design(Shown):
         ------
         DesignError
             When the design has no weights.
-        NotStabilizable
+        NotStable
             When the loop is unstable.
         """
         return at_times(self.value.X, t)
@@ -221,6 +222,26 @@ class Design(Shown):
         start = real_array("x0", x0, (self.closed_loop.n,))
         try:
             X = self.X(np.array([t]))[0]
-        except NotStabilizable:
+        except NotStable:
             return float("inf")
         return float(start @ X @ start)
+
+
+def describe_gain(solution: RiccatiSolution, error: float, tol: float) -> str:
+    """The solution's status, or what makes the gain less certain than X.
+
+    Raises: ToleranceNotReached where nothing of the gain is known.
+    """
+    if error >= 1:
+        raise ToleranceNotReached(
+            "no digit of the gain is known",
+            got=f"error {solution.error:.1g} of X, {error:.1g} of K = R^-1 (B' X + N')",
+            expected=f"at most {tol:.1g}",
+            todo="bring states, inputs and weights to like sizes: R is small beside B' X B",
+        )
+    if error <= tol or solution.error > tol:
+        return solution.status
+    return (
+        f"X has converged to {solution.error:.1g}, which K = R^-1 (B' X + N') amplifies: error {error:.1g} of the gain "
+        f"above the asked {tol:.1g}; ask for tol={2 * error:.0e}"
+    )

@@ -3,14 +3,51 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked
 from flexlin.checks import Array
-from flexlin.control.designed_loop import Design, Repeated
-from flexlin.control.known_gain import describe_gain
+from flexlin.control.designed_loop import Design, Repeated, describe_gain
 from flexlin.control.weights import constant_lqr
 from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
 from flexlin.periodic.quadratic.riccati import finite_horizon_riccati
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_system
+
+
+@checked
+def horizon_system(lin: Linearization) -> PeriodicSystem:
+    """Return the linear system of a motion from start to end; its period is the duration of the motion.
+
+        M_L y'' + D_L y' + K_L y = B_L u,   0 <= t <= T
+
+    Use it with `finite_horizon_lqr`. Repeated beyond T it means nothing unless the motion is periodic. For the transition into rest
+    choose a long enough motion (a dwell at its end), since the gain after T is that of the arm at rest.
+
+    Parameters
+    ----------
+    lin : Linearization
+        Of a one-way or a periodic motion.
+
+    Returns
+    -------
+    PeriodicSystem
+        The system in x = [y; y'], with the coefficients of the second-order equations.
+
+    Raises
+    ------
+    SingularMassMatrix
+        When M_L cannot be inverted.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("pick-and-place", {"motion.course": "one-way"})
+    >>> system = fl.control.horizon_system(fl.linearize(fl.build_manipulator(scene), scene.motion))
+    >>> system.n, system.m, system.period
+    (10, 2, 1.0)
+    """
+    return PeriodicSystem.from_second_order(
+        lin.M, lin.D, lin.K, lin.period, lin.B if lin.driven else None, lin.breaks, lin.equations
+    )
 
 
 @checked

@@ -14,6 +14,7 @@ from flexlin.mechanics.link_shapes import make_shapes
 from flexlin.periodic.coefficients import Constant
 from flexlin.periodic.second_order import solve_mass
 from flexlin.periodic.system import MatrixFunction
+from flexlin.periodic.zeros import InvariantZeros, invariant_zeros
 from flexlin.scene.scene import Scene
 
 
@@ -198,6 +199,28 @@ def tip_acceleration(lin: Linearization) -> tuple[MatrixFunction, MatrixFunction
     return found.acceleration, found.acceleration_by_torque
 
 
+@dataclass(frozen=True, eq=False)
+class TipByMotors:
+    """J' C of the tip's position C: its displacement along what each driven joint moves, as many outputs as inputs (N, m, 2n)."""
+
+    lin: Linearization
+    position: MatrixFunction
+
+    def __call__(self, t: Array) -> Array:
+        C = self.position(t)
+        joints = [self.lin.kept.index(joint) for joint in self.lin.driven]
+        return np.swapaxes(C[:, :, joints], 1, 2) @ C
+
+
+def tip_zeros(lin: Linearization, tol: float = 1e-9) -> InvariantZeros:
+    """The invariant zeros from the motors to the tip's displacement along what they move.
+
+    Where one grows, no controller holds the tip on its path but by an arm that swings ever more.
+    Raises: ArgumentError where the tip is not known; NumericalError where motors move it in too few directions.
+    """
+    return invariant_zeros(lin.periodic_system(), TipByMotors(lin, tip_position(lin)), tol=tol)
+
+
 def encoder_rows(lin: Linearization) -> Array:
     """The encoders' readings of y, (m, n)."""
     return ca.DM(ca.densify(lin.arm.encoders[list(lin.driven), list(lin.kept)])).full()
@@ -229,6 +252,7 @@ class TipSlopes:
 
 def tip_slopes(about: Deviation) -> ca.Function:
     """dp/ds, dp''/ds' and dp''/ds of the tip's position p along the rigid motion, each (2, n)."""
+    about = about.near
     arm, kept = about.arm, list(about.kept)
     if arm.points is None:
         raise ArgumentError(

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
-from flexlin.control.linear_motion import LinearMotion
+from flexlin.control.slow_motions import LinearMotion
 from flexlin.periodic.resolved.companion import ResolvedCompanion
 
 HUGE = 700.0

@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
-from flexlin.control.designed_loop import Design
-from flexlin.control.known_gain import describe_gain
+from flexlin.control.designed_loop import Design, describe_gain
 from flexlin.control.smooth_gain import Series, smooth_gain, transform_gain
 from flexlin.errors import NumericalError
 from flexlin.periodic.quadratic.resolution import rough_places

@@ -11,20 +11,24 @@ from flexlin.about.deviation import Deviation
 from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked, instance
-from flexlin.checks import Array, at_times
+from flexlin.checks import Array, at_times, whole
 from flexlin.errors import ArgumentError
-from flexlin.summary import represent
+from flexlin.plots.view import Series, Shown, View
 
 if TYPE_CHECKING:
+    import xarray
+
     from flexlin.about.harmonic_balance import Closing, Unknowns
     from flexlin.about.periodic_motion import PeriodicMotion
 
 LEAST = 1e-8
 """The smallest error that a scene's feedforward is asked for."""
+SHOWN = 257
+"""Times of the period at which a feedforward is shown."""
 
 
 @dataclass(frozen=True, eq=False)
-class Feedforward:
+class Feedforward(Shown):
     """What to feed forward, and the deviation from the rigid motion that belongs to it.
 
         torque = torque(t) - K ([y; y'] - reference(t))
@@ -64,7 +68,41 @@ class Feedforward:
     error: float
     status: str
 
-    __repr__ = represent
+    def __repr__(self) -> str:
+        return f"Feedforward({self.kind}, tip error {self.tip_error:.3g} m, error {self.error:.1e})"
+
+    def to_xarray(self, points: int = 257) -> "xarray.Dataset":
+        """Return torque and reference as tables.
+
+        Parameters
+        ----------
+        points : int
+            Times of the period, both ends included.
+
+        Returns
+        -------
+        xarray.Dataset
+            torque by time and input, reference by time and state; kind, tip error and status as attributes.
+        """
+        import xarray
+
+        lin, t = self.lin, np.linspace(0.0, self.lin.period, whole("points", points, 2))
+        values = {"torque": (("time", "input"), self.torque(t)), "reference": (("time", "state"), self.reference(t))}
+        states = [*lin.names, *(f"{name}_rate" for name in lin.names)]
+        axes = {"time": ("time", t, {"units": "s"}), "input": list(lin.inputs), "state": states}
+        attributes = {"kind": self.kind, "tip_error": self.tip_error, "error": self.error, "status": self.status}
+        return xarray.Dataset(values, coords=axes, attrs=attributes)
+
+    def _view(self) -> View:
+        t = np.linspace(0.0, self.lin.period, SHOWN)
+        units, torque = self.lin.input_units, self.torque(t)
+        series = tuple(Series(name, t, curve) for name, curve in zip(self.lin.inputs, torque.T, strict=True))
+        facts = (
+            f"the tip leaves the rigid motion's by {self.tip_error:.3g} m, by the linear equations {self.linear_tip_error:.3g} m",
+            f"error {self.error:.1e}: {self.status}",
+        )
+        label = f"torque in {' or '.join(dict.fromkeys(units))}"
+        return View(f"Feedforward, {self.kind}", "", facts, "t in s", label, series)
 
     @property
     def law(self) -> Law:
@@ -178,8 +216,8 @@ def feedforward(lin: Linearization, kind: str = "tip-exact", tol: float = 1e-8) 
     >>> lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
     >>> for kind in ("rigid", "joint-exact", "tip-exact"):
     ...     print(f"{kind}: {1000 * fl.control.feedforward(lin, kind, tol=1e-6).tip_error:.2f} mm")
-    rigid: 89.42 mm
-    joint-exact: 86.56 mm
+    rigid: 88.82 mm
+    joint-exact: 86.01 mm
     tip-exact: 0.67 mm
     """
     instance("lin", lin, Linearization, "make one: fl.linearize(arm, motion, control)")
@@ -246,7 +284,7 @@ def tip_positions(lin: Linearization, t: Array, states: Array) -> Array:
     >>> tip_positions(lin, np.zeros(1), np.zeros((1, 3))).tolist()
     [[0.96, 0.0]]
     """
-    if lin.arm.points is None:
+    if lin.arm.near.points is None:
         return np.full((len(t), 2), np.nan)
     return arm_positions(lin, t, states)[0][:, :, -1]
 

@@ -8,9 +8,8 @@ from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked, instance
 from flexlin.checks import Array, positive
-from flexlin.control.linear_motion import LinearMotion
 from flexlin.control.nonlinear_share import Along
-from flexlin.control.slow_motions import SLOW_TOL, slow_motions
+from flexlin.control.slow_motions import SLOW_TOL, LinearMotion, slow_motions
 from flexlin.mechanics.coordinates import Coordinate
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.roots import SignedEnds, solve_brackets

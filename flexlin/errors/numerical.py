@@ -1,4 +1,4 @@
-"""Errors of sound questions that have no trustworthy answer: exit code 1 on the command line."""
+"""Errors of sound questions that have no trustworthy answer: exit code 4 on the command line."""
 
 from typing import Any
 

@@ -3,9 +3,18 @@
 `docs/results.md` says what a reader may rely on.
 """
 
-from flexlin.files.folders import check_folder
 from flexlin.files.manifest import MANIFEST
-from flexlin.files.reading import read_text
-from flexlin.files.writing import Results, clear_left, replacing, results, write_text
+from flexlin.files.reading import read_text, refuse_odd
+from flexlin.files.writing import Results, check_folder, clear_left, replacing, results, write_text
 
-__all__ = ["MANIFEST", "Results", "check_folder", "clear_left", "read_text", "replacing", "results", "write_text"]
+__all__ = [
+    "MANIFEST",
+    "Results",
+    "check_folder",
+    "clear_left",
+    "read_text",
+    "refuse_odd",
+    "replacing",
+    "results",
+    "write_text",
+]

@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
+from flexlin.bounds import LARGEST_MANIFEST
 from flexlin.files.reading import read_text
 
 MANIFEST = "flexlin-results.json"
 FORMAT = 1
-LARGEST = 2**24
-"""Bytes of a manifest."""
 Files = Mapping[str, str]
 """Names below the folder, parted by /, and their SHA-256."""
 
@@ -46,7 +45,7 @@ class Manifest:
 def read_manifest(folder: Path) -> Manifest:
     """The manifest of a folder; an empty one where there is none, or none that flexlin could have written."""
     try:
-        data = json.loads(read_text(folder / MANIFEST, LARGEST))
+        data = json.loads(read_text(folder / MANIFEST, LARGEST_MANIFEST))
         sets = (
             {str(name): dict(one["sha256"]) for name, one in data["sets"].items()} if data["format"] == FORMAT else {}
         )

@@ -6,6 +6,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from flexlin.bounds import printable
 from flexlin.errors import OutputError
 from flexlin.files.disk import alone, sync
 from flexlin.files.staging import staging, take_away_left
@@ -83,3 +84,25 @@ def clear_left(path: Path) -> None:
     """Take away what killed programs left beside a file, where that can be done."""
     with suppress(OSError), alone(path.parent):
         take_away_left(path.parent, path)
+
+
+def check_folder(folder: Path) -> None:
+    """Refuse a folder that cannot be made or written to, before any work is done; nothing is created.
+
+    Raises: OutputError.
+    """
+    try:
+        existing = folder.resolve()
+        while not existing.exists() and existing != existing.parent:
+            existing = existing.parent
+    except (OSError, RuntimeError, ValueError) as error:  # a name that is too long, a loop of links, a zero in a name
+        got = getattr(error, "strerror", None) or ("a loop of links" if isinstance(error, RuntimeError) else str(error))
+        raise OutputError(f"{printable(folder)} cannot be the output folder", got=got, expected="a folder") from None
+    if not existing.is_dir():
+        raise OutputError(f"{folder} cannot be the output folder", got=f"{existing}, a file", expected="a folder")
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise OutputError(
+            f"{folder} cannot be the output folder",
+            got=f"{existing} without permission to write",
+            expected="a folder of yours",
+        )

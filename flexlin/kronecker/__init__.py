@@ -8,17 +8,9 @@ from flexlin.lazy import load_lazily
 __getattr__, __dir__, __all__ = load_lazily(
     __name__,
     {
-        "bilinear_term": "flexlin.kronecker.expansion",
-        "chain_rule": "flexlin.kronecker.rules",
-        "derivative": "flexlin.kronecker.symbolic",
-        "inverse_rule": "flexlin.kronecker.rules",
-        "kron": "flexlin.kronecker.algebra",
-        "kronecker_power": "flexlin.kronecker.algebra",
-        "kronecker_rule": "flexlin.kronecker.rules",
-        "linearization": "flexlin.kronecker.expansion",
-        "linearized_product": "flexlin.kronecker.expansion",
-        "product_rule": "flexlin.kronecker.rules",
-        "swap": "flexlin.kronecker.algebra",
-        "taylor_sum": "flexlin.kronecker.expansion",
+        "kronecker.algebra": "kron kronecker_power swap",
+        "kronecker.expansion": "bilinear_term linearization linearized_product taylor_sum",
+        "kronecker.rules": "chain_rule inverse_rule kronecker_rule product_rule",
+        "kronecker.symbolic": "derivative",
     },
 )

@@ -8,8 +8,7 @@ import numpy as np
 
 from flexlin.arguments import checked
 from flexlin.errors import ArgumentError
-from flexlin.kronecker.algebra import kron, kronecker_power
-from flexlin.kronecker.shapes import Matrix, expect_columns
+from flexlin.kronecker.algebra import Matrix, expect_columns, kron, kronecker_power
 
 
 class LinearizedProduct(NamedTuple):

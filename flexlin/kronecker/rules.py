@@ -7,8 +7,7 @@ import numpy as np
 
 from flexlin.arguments import checked
 from flexlin.errors import ArgumentError
-from flexlin.kronecker.algebra import kron, swap
-from flexlin.kronecker.shapes import Matrix, count_variables, expect_columns
+from flexlin.kronecker.algebra import Matrix, count_variables, expect_columns, kron, swap
 
 
 @checked

@@ -15,5 +15,20 @@ if TYPE_CHECKING:
 __all__ = ["Effect", "Manipulator", "build_manipulator", "register_effect"]
 
 __getattr__ = load_lazily(
-    __name__, {"build_manipulator": "flexlin.mechanics.chain", "Manipulator": "flexlin.mechanics.manipulator"}
+    __name__,
+    {
+        "mechanics.chain": "build_manipulator",
+        "mechanics.manipulator": "Manipulator",
+    },
+    within={
+        "mechanics.beam": "clamped_free clamped_with_tip Ends finite_elements pinned_free pinned_with_hub Profile shape_integrals tapered",
+        "mechanics.link_shapes": "make_shapes sum_carried",
+        "mechanics.closed_loop": "close_loop",
+        "mechanics.coordinates": "Coordinate",
+        "mechanics.effects": "Chain Scale",
+        "mechanics.effects.coulomb_friction": "CoulombFriction",
+        "mechanics.frames": "column directions_across rotation_about unit",
+        "mechanics.linkages": "five_bar four_bar rssr",
+        "mechanics.parameters": "Parameters",
+    },
 )[0]

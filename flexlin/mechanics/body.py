@@ -6,7 +6,7 @@ from typing import Any
 import casadi as ca
 
 from flexlin.mechanics.frames import NOTHING, Frame, cross_matrix
-from flexlin.scene.space import Inertia
+from flexlin.scene.links import Inertia
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,36 @@ class Body:
     def mass_moment(self) -> ca.SX:
         """int (position) dm in world axes, (3, 1), in kg m: the gradient of the potential energy in a uniform field."""
         return self.moments.mass * self.frame.position + self.frame.rotation @ self.moments.first
+
+    @property
+    def is_rigid(self) -> bool:
+        """Whether it has a mass and nothing of it moves in the frame."""
+        k = self.moments
+        still = not any(ca.SX(part).nnz() for part in (k.first_rate, k.swirl)) and ca.SX(k.agitation).is_zero()
+        return still and not ca.SX(k.mass).is_zero()
+
+    def split(self) -> "tuple[InertiaForm, Body]":
+        """A rigid body as its mass at its centre, and its inertia about it."""
+        k = self.moments
+        lever = cross_matrix(k.first / k.mass)
+        about = ca.sparsify(k.second - k.mass * (lever.T @ lever))
+        centre = self.frame.position + self.frame.rotation @ (k.first / k.mass)
+        return InertiaForm(ca.sparsify(centre), ca.SX(k.mass)), Body(self.frame, Moments(second=about))
+
+
+@dataclass(frozen=True, eq=False)
+class InertiaForm:
+    """A mass whose points are combinations of a few vectors r_j in world axes: int r'.r' dm = sum_jk form_jk r_j'.r_k'.
+
+    vectors (3, k), the first a place in m that moves as a whole; form (k, k), symmetric and positive definite, in kg and m.
+    """
+
+    vectors: ca.SX
+    form: ca.SX
+
+    def mass_moment(self) -> ca.SX:
+        """int (position) dm in world axes, (3, 1), in kg m."""
+        return ca.sparsify(self.vectors @ self.form[:, 0])
 
 
 @dataclass(frozen=True)

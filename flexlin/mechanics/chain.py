@@ -1,32 +1,36 @@
 """The chain: from a scene's links and effects to kinetic energy, potential energy and dissipation."""
 
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import partial
+from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from flexlin.arguments import checked, instance
-from flexlin.errors import ArgumentError
-from flexlin.mechanics.axes import list_axes
-from flexlin.mechanics.bearings import pass_bearing
-from flexlin.mechanics.body import Body, Moments, rigid_moments, tensor
+from flexlin.errors import ArgumentError, ModelError
+from flexlin.mechanics.axes import list_axes, list_points
+from flexlin.mechanics.body import Body, InertiaForm, Moments, rigid_moments, tensor
+from flexlin.mechanics.closed_loop import close_loop
 from flexlin.mechanics.coordinates import Symbols, list_coordinates
+from flexlin.mechanics.curve import CurvedLink, CurveRule
 from flexlin.mechanics.effects import Effect, effects_of
 from flexlin.mechanics.effects.base import Chain
-from flexlin.mechanics.frames import Frame, X, Y, Z, column, is_same, unit
-from flexlin.mechanics.link_shapes import choose_basis
-from flexlin.mechanics.links import BentLink, LinkBasis
-from flexlin.mechanics.manipulator import Manipulator
+from flexlin.mechanics.effects.bending_torsion_coupling import BendingTorsionCoupling
+from flexlin.mechanics.frames import Frame, X, Y, Z, column, directions_across, is_same, unit
+from flexlin.mechanics.lagrange import derive_inertia
+from flexlin.mechanics.link_shapes import choose_basis, choose_rule
+from flexlin.mechanics.links import BentLink, LinkBasis, split_rotation
+from flexlin.mechanics.manipulator import FlexibleManipulator, Manipulator
 from flexlin.mechanics.parameters import Parameters, given_to_model
-from flexlin.mechanics.points import list_points
 from flexlin.mechanics.sections import turned_sections
 from flexlin.scene.library import registered_model
-from flexlin.scene.links import NO_LINK, Link, list_parents
+from flexlin.scene.links import BASE, NO_LINK, Link, Loop, RigidPart, list_parents
 from flexlin.scene.loading import checked_table
 from flexlin.scene.parameters import PARAMETERS
 from flexlin.scene.scene import Scene
-from flexlin.scene.space import RigidPart
 
 
 @checked
@@ -38,7 +42,7 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
     Coordinates: first the relative joint displacements q, then the elastic coordinates w link by link, those of bearings that give, then
     those of motors behind flexible joints; passive joints follow from the loops. Energies by recursion over the links, M, C, g by
     Lagrange's equations, reduced by C_1, C_2. An effect that is off adds no instruction and no coordinate. Assumes slender links, and
-    deflections small against the length.
+    deflections small against the length where no `geometric_stiffening` makes them curves.
 
     Parameters
     ----------
@@ -75,6 +79,22 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
     free = Parameters.of_scene(scene, parameters)
     if scene.model is not None:
         return _build_registered(scene, free)
+    arm, bent = _build(scene, free), any(link.counts.y or link.counts.z for link in scene.links)
+    if "geometric_stiffening" not in scene.effects.on() or not bent:
+        return arm
+    return FlexibleManipulator(replace(arm, derive=partial(_build_at_large, scene, free.paths)))
+
+
+def _build_at_large(scene: Scene, paths: tuple[str, ...], near: Manipulator) -> Manipulator:
+    """The equations of a scene at any deflection, in symbols of their own; `near`: those for small ones."""
+    rules = [choose_rule(scene, i) for i in range(len(scene.links))]
+    return _build(scene, Parameters.of_scene(scene, paths), rules, near)
+
+
+def _build(
+    scene: Scene, free: Parameters, rules: Sequence[CurveRule] = (), near: Manipulator | None = None
+) -> Manipulator:
+    """The equations of a scene with energies of second order in the deflections; with `rules` links that bend are curves."""
     basis, tables = [choose_basis(scene, i) for i in range(len(scene.links))], scene.effects
     scene = free.placed_in(scene)
     effects = effects_of(scene.effects)
@@ -83,14 +103,13 @@ def build_manipulator(scene: Scene, parameters: Iterable[str] = ()) -> Manipulat
     free_bearings = [i for i in units if any(effect.frees_bearing(i) for effect in effects)]
     coordinates = list_coordinates([link.counts for link in scene.links], units, free_motors, free_bearings)
     at, rate = (Symbols.of(coordinates, len(scene.links), mark) for mark in ("", "d_"))
-    chain = _build_chain(scene.links, effects, basis, at, rate)
+    chain = _build_chain(scene.links, effects, basis, at, rate, rules)
     arm = replace(_derive_equations(chain, effects, at, rate, free), coordinates=coordinates, effects=tables)
     arm = _free_motors(arm) if free_motors else arm
     if not scene.loops:
         return arm
-    from flexlin.mechanics.loops import close_scene_loops
 
-    return close_scene_loops(arm, chain, scene)
+    return close_scene_loops(arm, chain, scene, near)
 
 
 def _derive_equations(
@@ -115,7 +134,19 @@ def _derive_equations(
         check=False,
     )
     tip = ca.densify(chain.tips[-1].rotation)
-    return replace(arm, measured=measured, axes=list_axes(chain)[: points.size1(), :], rotation=tip)
+    if chain.masses:
+        force, M, energy = derive_inertia(*_join_forms(chain.masses), arm.s, arm.s_dot, arm.s_ddot)
+        arm = replace(arm, residual=arm.residual + force, M=arm.M + M, energy=arm.energy + energy)
+    arm = replace(arm, measured=measured, axes=list_axes(chain)[: points.size1(), :], rotation=tip)
+    return _load(arm, chain, effects)
+
+
+def _join_forms(masses: Sequence[InertiaForm]) -> tuple[ca.SX, ca.SX]:
+    """The coordinates of all vectors one below the other, directions in which nothing lies left out, and the form of all."""
+    rows = [ca.sparsify(row.T) for row in ca.vertsplit(ca.horzcat(*[mass.vectors for mass in masses]))]
+    form = ca.diagcat(*[mass.form for mass in masses])
+    moving = [ca.densify(row) for row in rows if row.nnz()]
+    return ca.vertcat(*moving), ca.diagcat(*[form for _ in moving])
 
 
 def _free_motors(arm: Manipulator) -> Manipulator:
@@ -155,12 +186,15 @@ def _build_chain(
     basis: list[LinkBasis],
     at: Symbols,
     rate: Symbols,
+    rules: Sequence[CurveRule],
 ) -> Chain:
     """Carry a frame from the base over joints and links to the tips."""
     mounts, axes, joints, links = [], [], [], []
     tips: list[Frame] = []
     parents = list_parents(tables)
     moving = tuple(i for i, table in enumerate(tables) if table.moves)
+    of_links = tuple(effect for effect in effects if not (rules and effect.of_curve))
+    coupled = any(isinstance(effect, BendingTorsionCoupling) for effect in effects)
     for i, table in enumerate(tables):
         mounts.append(pass_mount(Frame.fixed() if parents[i] == NO_LINK else tips[parents[i]], table))
         axes.append(unit(table.joint_axis))
@@ -169,10 +203,12 @@ def _build_chain(
         frame = pass_joint(mounts[i], table, axes[i], *displacement, at.bearings[i], rate.bearings[i])
         radius = sum(effect.joint_radius(i) for effect in effects)
         base = frame.moved(column(radius, 0, 0), ca.SX(3, 1))
-        link = BentLink.of(i, table, basis[i], base, at.modes[i], rate.modes[i])
+        link = BentLink.of(i, table, basis[i], base, at.modes[i], rate.modes[i], coupled)
+        if rules and link.bending:
+            link = CurvedLink.bending_far(link, rules[i])
         joints.append(frame.turned(Z, *link.base_turn))
         links.append(link)
-        moved = [(*effect.tip_displacement(link), *effect.tip_turn(link)) for effect in effects]
+        moved = [(*effect.tip_displacement(link), *effect.tip_turn(link)) for effect in of_links]
         tips.append(link.tip(*(_add((u[k] for u in moved), ca.SX(3, 1)) for k in range(4))))
     q, q_rate = at.q, rate.q
     if any(links[i].table.pinned for i in moving):
@@ -182,8 +218,14 @@ def _build_chain(
     frames = {"mounts": tuple(mounts), "axes": tuple(axes), "joints": tuple(joints), "tips": tuple(tips)}
     give = {"bearings": at.bearings, "bearing_rates": rate.bearings}
     bare = Chain(q, q_rate, motor, motor_rate, moving, links=tuple(links), parents=tuple(parents), **frames, **give)
-    bodies = [Body(link.base, _sum_moments(link, effects)) for link in links]
-    return replace(bare, bodies=(*bodies, *(body for effect in effects for body in effect.bodies(bare))))
+    bodies = [body for link in links for body in _list_bodies(link, of_links)]
+    bodies += [body for effect in effects for body in effect.bodies(bare)]
+    if not rules:
+        return replace(bare, bodies=tuple(bodies))
+    curves = [link.inertia() for link in links if isinstance(link, CurvedLink)]
+    split = [body.split() for body in bodies if body.is_rigid]
+    turning = (*(body for body in bodies if not body.is_rigid), *(body for _, body in split))
+    return replace(bare, bodies=turning, masses=(*curves, *(mass for mass, _ in split)))
 
 
 def _follow(link: Link, moving: tuple[int, ...], at: Symbols, rate: Symbols) -> tuple[ca.SX, ca.SX]:
@@ -212,12 +254,24 @@ def pass_joint(frame: Frame, link: Link, axis: ca.SX, q: ca.SX, q_rate: ca.SX, g
     return mounted.moved(axis * q, axis * q_rate) if link.joint == "prismatic" else mounted.turned(axis, q, q_rate)
 
 
-def _sum_moments(link: BentLink, effects: tuple[Effect, ...]) -> Moments:
+def _list_bodies(link: BentLink, effects: tuple[Effect, ...]) -> list[Body]:
+    """The link's mass as moments in its base frame, and its sections as bodies of their own where it bends far in space."""
     extra = [effect.link_moments(link) for effect in effects]
     own = link.moments() if link.table.body is None else link.moments() + _read_body(link.table.body)
+    J, sections = _sum_sections(link, effects), list[Body]()
+    if J is not None and isinstance(link, CurvedLink) and not link.in_plane:
+        sections = link.sections(J)
+    elif J is not None:
+        own = own + turned_sections(link, J)
+    return [Body(link.base, sum((moments for moments in extra if moments is not None), own)), *sections]
+
+
+def _sum_sections(link: BentLink, effects: tuple[Effect, ...]) -> tuple[Any, Any, Any] | None:
+    """The sections' principal inertias about x, y and z (kg m^2 for the whole link) from the link's table and from effects, if any."""
+    J = [given for effect in effects if (given := effect.section_inertia(link)) is not None]
     if link.table.polar_inertia is not None:
-        own = own + turned_sections(link, (link.table.polar_inertia * link.table.length, 0.0, 0.0))
-    return sum((moments for moments in extra if moments is not None), own)
+        J.append((link.table.polar_inertia * link.table.length, 0.0, 0.0))
+    return (sum(j[0] for j in J), sum(j[1] for j in J), sum(j[2] for j in J)) if J else None
 
 
 def _read_body(part: RigidPart) -> Moments:
@@ -241,12 +295,86 @@ def _add(parts: Iterable[ca.SX], start: ca.SX) -> ca.SX:
 
 
 def _sum_resistance(chain: Chain, effects: tuple[Effect, ...], s: ca.SX) -> ca.SX:
-    """The generalised forces of what resists each joint without being the gradient of a dissipation function."""
-    at_joints = _add((effect.joint_resistance(chain) for effect in effects), ca.SX.zeros(len(chain.moving)))
-    return ca.densify(ca.jacobian(chain.q, s).T @ at_joints)
+    """The generalised forces of what resists each joint or motor without being the gradient of a dissipation function."""
+    none = ca.SX.zeros(len(chain.moving))
+    at_joints = _add((effect.joint_resistance(chain) for effect in effects), none)
+    at_motors = _add((effect.motor_resistance(chain) for effect in effects), none)
+    return ca.densify(ca.jacobian(chain.q, s).T @ at_joints + ca.jacobian(chain.motor, s).T @ at_motors)
+
+
+def _load(arm: Manipulator, chain: Chain, effects: tuple[Effect, ...]) -> Manipulator:
+    """The arm under forces from outside, which stand beside the resisting ones: the gradient of their power by the rates."""
+    power = _add((effect.power(chain) for effect in effects), ca.SX(0))
+    if power.is_zero():
+        return arm
+    forces = ca.densify(ca.gradient(power, arm.s_dot))
+    phase = chain.phase if ca.depends_on(power, chain.phase) else None
+    return replace(arm, residual=arm.residual - forces, damping=arm.damping - forces, phase=phase)
 
 
 def _choose_input_gain(effects: tuple[Effect, ...], joint: int) -> ca.SX:
     """Force of one unit of the joint's input: 1, unless a motor makes it of a voltage."""
     gains = [gain for effect in effects if (gain := effect.input_gain(joint)) is not None]
     return ca.SX(gains[-1]) if gains else ca.SX(1)
+
+
+def pass_bearing(frame: Frame, link: Link, axis: ca.SX, give: ca.SX, rate: ca.SX) -> Frame:
+    """The frame in which a joint turns or slides: tilted about the axes across it, or moved across it, by `give` (2, 1).
+
+    What does not give has no entries. The tilt is exp((e_1 beta_1 + e_2 beta_2)~) to second order.
+    """
+    if not give.numel():
+        return frame
+    directions = directions_across(axis)
+    moved, moving = directions @ give, directions @ rate
+    if link.joint == "prismatic":
+        return frame.moved(moved, moving)
+    for about, angle, angle_rate in zip((Z, Y, X), *split_rotation(moved, moving), strict=True):
+        frame = frame.turned(about, angle, angle_rate)
+    return frame
+
+
+def close_scene_loops(arm: Manipulator, chain: Chain, scene: Scene, near: Manipulator | None = None) -> Manipulator:
+    """The manipulator in the coordinates that are left when the passive joints follow from the closure of all loops.
+
+        f(s) = [p_link - p_to - R_to x] = 0, one block a loop
+
+    near: the same arm closed for small deflections, from which the passive joints follow further.
+    Raises: ModelError when there are not as many passive joints as equations; what `close_loop` raises.
+    """
+    passive = [place for place, i in enumerate(chain.moving) if scene.links[i].passive]
+    motors = [place for place in range(len(chain.moving)) if place not in passive]
+    gap = join_tips(scene.loops, scene.links, chain.tips)
+    if gap.numel() != len(passive):
+        raise ModelError(
+            "the passive joints do not fit the loops",
+            got=f"{len(passive)} passive joints",
+            expected=f"{gap.numel()}, one for each equation of closure (3 a loop, in a plane 2)",
+            todo="set passive = true on the joints that the loops move, and on no others",
+        )
+    posture = np.zeros(arm.n)
+    nominal = ca.Function(
+        "posture", [arm.parameters.symbols], [ca.vertcat(*[scene.links[i].posture for i in chain.moving])]
+    )
+    posture[: len(chain.moving)] = nominal(arm.parameters.values).full()[:, 0]
+    independent = [i for i in range(arm.n) if i not in passive]
+    names = [link.name for link in scene.links]
+    holders = {names.index(loop.link): names.index(loop.to) for loop in scene.loops if loop.to != BASE}
+    start = None
+    if near is not None and near.loops is not None:
+        known = ca.vertcat(near.s, near.parameters.symbols), ca.vertcat(arm.s[independent], arm.parameters.symbols)
+        start = ca.substitute(near.loops.followers, *known)
+    arm = replace(arm, points=list_points(chain, holders))
+    closed = close_loop(arm, gap, independent, motors, posture, start=start)
+    return replace(closed, effects=arm.effects)
+
+
+def join_tips(loops: Sequence[Loop], links: Sequence[Link], tips: Sequence[Frame]) -> ca.SX:
+    """The closure equations f(s), in m: what stays zero whatever the coordinates are, as across a plane, is no equation."""
+    names = [link.name for link in links]
+    gaps = []
+    for loop in loops:
+        held, by = tips[names.index(loop.link)], Frame.fixed() if loop.to == BASE else tips[names.index(loop.to)]
+        gaps.append(held.position - by.moved(column(*loop.point), ca.SX(3, 1)).position)
+    gap = ca.sparsify(ca.vertcat(*gaps))
+    return ca.densify(gap[gap.sparsity().row()])

@@ -12,11 +12,10 @@ from flexlin.checks import real_array
 from flexlin.errors import ModelError
 from flexlin.kronecker.algebra import kron
 from flexlin.kronecker.symbolic import derivative
-from flexlin.mechanics.followers import ClosedLoops
+from flexlin.mechanics.coordinates import ClosedLoops
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.mechanics.parameters import Parameters
-from flexlin.series.implicit import implicit_taylor
-from flexlin.series.solution import solve_implicit
+from flexlin.series.implicit import implicit_taylor, solve_implicit
 
 NEWTON_STEPS, FOLLOWING = 4, 2
 """Steps of Newton's method at u, and at each place on the way there."""
@@ -33,6 +32,7 @@ def close_loop(
     motors: Sequence[int],
     posture: ArrayLike,
     order: int | None = None,
+    start: ca.SX | None = None,
 ) -> Manipulator:
     """Return a manipulator whose loops are closed, in independent coordinates u.
 
@@ -44,7 +44,7 @@ def close_loop(
     Assumes V = D_v f regular along the motion and what the motors move among the independent coordinates; passive joints bear no input.
     Parameters: closure f (nv, 1) of arm.s; independent: indices of u in s; motors: joints (columns of arm.B) that stay
     driven; posture: s near which the Taylor polynomial is made; it chooses the assembly; order: of the polynomial, by default as high
-    as 4 while it stays short.
+    as 4 while it stays short; start: v(u) that nearly close the loops, from which Newton's steps go on instead.
     Raises: ModelError when numbers do not fit; ToleranceNotReached, SingularClosure when the posture cannot be closed.
     Source: de Jong et al. (2018), Eqs (14)-(25), corrected.
     """
@@ -59,7 +59,9 @@ def close_loop(
     u, v = arm.s[independent], arm.s[dependent]
     u_dot, u_ddot = ca.SX.sym("u_dot", u.numel()), ca.SX.sym("u_ddot", u.numel())
     s = real_array("posture", posture, (n,))
-    solution = implicit_solution(closure, u, v, s[independent], s[dependent], arm.parameters, order)
+    p = arm.parameters
+    near = approximate(closure, u, v, s[independent], s[dependent], p, order) if start is None else start
+    solution = refine(closure, u, v, near, p.symbols)
     K, K_dot = reduction(closure, u, v, u_dot, [*dependent, *independent])
     parts = {
         "residual": K.T @ arm.residual,
@@ -110,10 +112,19 @@ def reduction(f: ca.SX, u: ca.SX, v: ca.SX, u_dot: ca.SX, places: Sequence[int])
     return K, K_dot
 
 
-def implicit_solution(
+def refine(f: ca.SX, u: ca.SX, v: ca.SX, near: ca.SX, p: ca.SX) -> ca.SX:
+    """v(u) by Newton's steps from what is near it, nan where the loop stays open."""
+    step = ca.Function("step", [u, v, p], [v - ca.solve(ca.jacobian(f, v), f)])
+    gap = ca.Function("gap", [u, v, p], [ca.sumsqr(f)])
+    for _ in range(NEWTON_STEPS):
+        near = step(u, near, p)
+    return ca.if_else(gap(u, near, p) < CLOSED**2, near, np.nan)
+
+
+def approximate(
     f: ca.SX, u: ca.SX, v: ca.SX, u0: np.ndarray, guess: np.ndarray, parameters: Parameters, order: int | None
 ) -> ca.SX:
-    """Return v(u) as an expression: Taylor polynomial, Newton steps, nan where the loop stays open.
+    """Return v(u) as an expression: a Taylor polynomial, from which Newton's steps lead on.
 
     Equations of which a step is short are followed over several places on the way from the posture to u, so that u may lie far away.
     Coordinates that f does not hold are left out of the polynomial. It is made at the parameters' values; Newton's steps hold the
@@ -127,16 +138,13 @@ def implicit_solution(
     order = choose_order(len(held), v.numel()) if order is None else order
     taylor = implicit_taylor(numbers, within, v, start, v0, order).function()
     step = ca.Function("step", [within, v, p], [v - ca.solve(ca.jacobian(f, v), f)])
-    gap = ca.Function("gap", [within, v, p], [ca.sumsqr(f)])
     places = min(max(MOST_INSTRUCTIONS // (FOLLOWING * step.n_instructions()), 1), MOST_PLACES)
     way = shorten_turns(numbers, within, v, start, v0) / places
     solution = taylor(way)
     for place in range(1, places):
         for _ in range(FOLLOWING):
             solution = step(start + place * way, solution, p)
-    for _ in range(NEWTON_STEPS):
-        solution = step(within, solution, p)
-    return ca.if_else(gap(within, solution, p) < CLOSED**2, solution, np.nan)
+    return solution
 
 
 def shorten_turns(f: ca.SX, u: ca.SX, v: ca.SX, u0: np.ndarray, v0: np.ndarray) -> ca.SX:

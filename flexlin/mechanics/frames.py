@@ -3,6 +3,7 @@
 Every vector and matrix keeps structural zeros: an arm whose axes are parallel has the expressions of a plane, and no others.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -49,6 +50,21 @@ class Frame:
         before, whole = (self.before, self.angle + angle) if is_same(axis, self.axis) else (self.rotation, angle)
         spin = back @ self.spin + axis * ca.sparsify(rate)
         return Frame(before, axis, whole, spin, self.position, back @ self.velocity)
+
+    def turned_by(self, angles: Sequence[Any], rates: Sequence[Any] = (0, 0, 0)) -> "Frame":
+        """The frame behind turns about z, y and x, one after the other."""
+        frame = self
+        for axis, angle, rate in zip((Z, Y, X), angles, rates, strict=True):
+            frame = frame.turned(axis, angle, rate)
+        return frame
+
+    def facing(self, yaw: ca.SX, pitch: ca.SX) -> ca.SX:
+        """The direction of the x axis behind turns about z and then y, (3, 1), in world axes."""
+        if not pitch.nnz() and is_same(self.axis, Z):
+            return self.before @ rotation_about(Z, self.angle + yaw)[:, 0]
+        return self.rotation @ ca.sparsify(
+            (rotation_about(Z, yaw) if yaw.nnz() else ca.SX.eye(3)) @ rotation_about(Y, pitch)[:, 0]
+        )
 
     def moved(self, offset: ca.SX, offset_rate: ca.SX) -> "Frame":
         """The frame whose origin lies at `offset`, which changes with `offset_rate`, both in this frame's axes."""

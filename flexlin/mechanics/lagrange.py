@@ -1,6 +1,13 @@
-"""Lagrange's equations of the second kind, from the energies of a system."""
+"""Lagrange's equations from energies, Christoffel's symbols, and joints that are driven."""
+
+from collections.abc import Sequence
+from typing import Any
 
 import casadi as ca
+
+from flexlin.errors import ModelError
+from flexlin.kronecker.symbolic import derivative
+from flexlin.mechanics.coordinates import Coordinate
 
 
 def derive_lagrange_equations(
@@ -21,4 +28,77 @@ def derive_lagrange_equations(
         "M": ca.densify(ca.jacobian(momentum, s_dot)),
         "g": ca.densify(g),
         "damping": ca.densify(damping),
+    }
+
+
+def derive_inertia(r: ca.SX, W: ca.SX, s: ca.SX, s_dot: ca.SX, s_ddot: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """The inertial forces of masses by the principle of virtual work, far shorter than through their kinetic energy.
+
+        T = 1/2 r'.W r',   forces J^T W r'',   M = J^T W J,   J = dr/ds
+
+    Parameters: r(s) (N, 1), coordinates of vectors in an inertial frame; W (N, N), constant.
+    Returns: forces (n, 1), M (n, n), T.
+    Source: d'Alembert's principle in Lagrange's form; Khang, Dat, Tuan (2019), Eq (55).
+    """
+    rate = ca.jtimes(r, s, s_dot)
+    acceleration = ca.jtimes(rate, ca.vertcat(s, s_dot), ca.vertcat(s_dot, s_ddot))
+    J = ca.jacobian(r, s)
+    return ca.jtimes(r, s, W @ acceleration, True), ca.densify(J.T @ (W @ J)), ca.bilin(W, rate, rate) / 2
+
+
+def derive_coriolis(M: ca.SX, s: ca.SX, s_dot: ca.SX) -> ca.SX:
+    """The matrix of Christoffel's symbols in Kronecker layout, for which M' - 2 C is skew.
+
+        C(s, s') = 1/2 [dM/ds (I (x) s') + dM/ds (s' (x) I) - (dM/ds (s' (x) I))^T]
+
+    Parameters: M: (n, n); s, s_dot: (n, 1). Returns: (n, n).
+    Source: Khang, Dat, Tuan (2019), property (19), with the symmetry of M.
+    """
+    dM, eye = derivative(M, s), ca.DM.eye(s.numel())
+    along = dM @ ca.kron(eye, s_dot)
+    across = dM @ ca.kron(s_dot, eye)
+    return (along + across - across.T) / 2
+
+
+def place_inputs(n: int, B: ca.SX | None, joints: Sequence[int] | None) -> ca.SX:
+    """The input matrix: as it was given, or a force on each coordinate that follows the basic motion, of all if none are named.
+
+    Raises: ModelError for joints that are no coordinates.
+    """
+    moved = list(range(n)) if joints is None else list(joints)
+    if any(i not in range(n) for i in moved) or len(set(moved)) != len(moved):
+        raise ModelError("joints are no coordinates", got=moved, expected=f"different numbers from 0 to {n - 1}")
+    return ca.SX(ca.DM.eye(n)[:, moved]) if B is None else ca.SX(B)
+
+
+def describe_driving(
+    n: int, B: ca.SX, joints: Sequence[int] | None, names: Sequence[str] | None, units: Sequence[str] | None
+) -> dict[str, Any]:
+    """Inputs, and the coordinates that follow the basic motion: those given, or those that some input moves; the others are elastic.
+
+    Raises: ModelError where there are more or fewer inputs than such coordinates.
+    """
+    moved = [i for i in range(n) if not B[i, :].is_zero()] if joints is None else list(joints)
+    if B.size2() != len(moved):
+        raise ModelError(
+            "the inputs do not fit the joints",
+            got=f"{B.size2()} inputs for the coordinates {moved}",
+            expected="one input for each coordinate in joints",
+            todo="name in joints= as many coordinates as there are inputs; the others rest at zero in the rigid motion",
+        )
+    symbols = tuple(names or (f"s{i + 1}" for i in range(n)))
+    if len(symbols) != n:
+        raise ModelError("names do not fit the coordinates", got=f"{len(symbols)} names", expected=f"{n}")
+    stated = list(units or ("rad" if i in moved else "m" for i in range(n)))
+    if len(stated) != n or not set(stated) <= {"rad", "m"}:
+        raise ModelError("units do not fit the coordinates", got=stated, expected=f"rad or m for each of {n}")
+    coordinates = tuple(
+        Coordinate("joint", symbol, unit, moved.index(i)) if i in moved else Coordinate("elastic", symbol, unit)
+        for i, (symbol, unit) in enumerate(zip(symbols, stated, strict=True))
+    )
+    return {
+        "B": B,
+        "reference": ca.DM.eye(n)[:, moved],
+        "drives": tuple(moved),
+        "coordinates": coordinates,
     }

@@ -1,14 +1,16 @@
 """One link of the chain: rigid, or bent and twisted along its assumed modes."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 
+from flexlin.checks import Array
 from flexlin.mechanics.beam.couplings import Couplings
 from flexlin.mechanics.body import Moments, tensor
-from flexlin.mechanics.deflection import Basis, Deflection, product
-from flexlin.mechanics.frames import Frame, X, Y, Z, column
+from flexlin.mechanics.deflection import PLACES, Basis, Deflection, product
+from flexlin.mechanics.frames import Frame, column
 from flexlin.scene.links import DIRECTIONS, Link
 
 
@@ -27,7 +29,7 @@ class BentLink:
     """A link whose axis is displaced by v(x, t) along y and by w(x, t) along z of its frame, and whose sections turn by phi(x, t).
 
     Assumes small deflections of a slender beam. The shape integrals are dimensionless numbers, so length, mass and stiffness may be
-    symbols.
+    symbols. `coupled`: twist turns the planes of bending.
     """
 
     index: int
@@ -37,9 +39,12 @@ class BentLink:
     z: Deflection
     torsion: Deflection
     couplings: Couplings | None = None
+    coupled: bool = False
 
     @classmethod
-    def of(cls, index: int, table: Link, basis: LinkBasis, base: Frame, w: ca.SX, w_rate: ca.SX) -> "BentLink":
+    def of(
+        cls, index: int, table: Link, basis: LinkBasis, base: Frame, w: ca.SX, w_rate: ca.SX, coupled: bool = False
+    ) -> "BentLink":
         """Deal the link's elastic coordinates out: those of bending in y first, then in z, then of twist."""
         counts = [getattr(table.counts, direction) for direction in DIRECTIONS]
         ends = [sum(counts[:k]) for k in range(len(counts) + 1)]
@@ -47,7 +52,7 @@ class BentLink:
             Deflection(direction, table, getattr(basis, direction), w[a:b], w_rate[a:b])
             for direction, a, b in zip(DIRECTIONS, ends[:-1], ends[1:], strict=True)
         )
-        return cls(index, table, base, y, z, torsion, basis.couplings)
+        return cls(index, table, base, y, z, torsion, basis.couplings, coupled)
 
     @property
     def mass(self) -> ca.SX:
@@ -113,6 +118,20 @@ class BentLink:
         whirl = ca.bilin(form, y.w, z.w_rate) - ca.bilin(form, y.w_rate, z.w)
         return product(self.couplings.across, y, z)[0], whirl
 
+    def axis(self) -> ca.SX:
+        """Points on the bent axis at PLACES in world axes, (3, 17), in m: r_0 + R (x, v, w)."""
+        v, w = (part.w.T @ ca.DM(part.basis.axis) if part.n else ca.SX(1, len(PLACES)) for part in (self.y, self.z))
+        offsets = ca.vertcat(self.table.length * ca.DM(PLACES).T, v, w)
+        return ca.repmat(self.base.position, 1, len(PLACES)) + self.base.rotation @ offsets
+
+    def second_turns(self, forms: Sequence[Array]) -> tuple[list[Any], list[Any]]:
+        """theta2 = 1/2 int theta x theta' dx about x, y and z, and its rate, by the forms of `Couplings`."""
+        length, pairs = self.table.length, ((self.y, self.z), (self.torsion, self.y), (self.torsion, self.z))
+        sizes = (1 / length**2, 1 / length, 1 / length)
+        about = [product(form, *pair) for form, pair in zip(forms, pairs, strict=True)]
+        values, rates = ([size * part[i] for size, part in zip(sizes, about, strict=True)] for i in (0, 1))
+        return values, rates
+
     def turns(self) -> tuple[ca.SX, ca.SX]:
         """First order of the tip's rotation (phi, -w', v')(l), (3, 1), and its rate."""
         length = self.table.length
@@ -130,9 +149,7 @@ class BentLink:
         theta, theta_rate = (a + b for a, b in zip(self.turns(), (turn, turn_rate), strict=True))
         angles, rates = split_rotation(theta, theta_rate)
         frame = self.base.moved(column(self.table.length, v, w) + shift, column(0, v_rate, w_rate) + shift_rate)
-        for axis, angle, rate in zip((Z, Y, X), angles, rates, strict=True):
-            frame = frame.turned(axis, angle, rate)
-        return frame
+        return frame.turned_by(angles, rates)
 
 
 def split_rotation(theta: ca.SX, rate: ca.SX) -> tuple[tuple[ca.SX, ...], tuple[ca.SX, ...]]:

@@ -1,27 +1,30 @@
 """The equations of motion of a manipulator, M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
+import numpy as np
 
-from flexlin.expressions import Expressions
+from flexlin.checks import Array
+from flexlin.expressions import Expressions, substituted
 from flexlin.lazy import lazy
-from flexlin.mechanics.coordinates import Coordinate
-from flexlin.mechanics.coriolis import derive_coriolis
-from flexlin.mechanics.driving import describe_driving
-from flexlin.mechanics.followers import ClosedLoops
-from flexlin.mechanics.lagrange import derive_lagrange_equations
+from flexlin.mechanics.coordinates import ClosedLoops, Coordinate
+from flexlin.mechanics.lagrange import derive_coriolis, derive_lagrange_equations, describe_driving, place_inputs
 from flexlin.mechanics.named_functions import NamedFunctions
 from flexlin.mechanics.parameters import Parameters, parameters_at_hand
 from flexlin.mechanics.validation import check_coordinates, check_shapes, check_symbols, need_quadratic, validate
+from flexlin.plots.view import Series, Shown, View
 from flexlin.scene.effects import Effects
-from flexlin.summary import represent
 from flexlin.symbolic import as_expression
+
+if TYPE_CHECKING:
+    import control
 
 
 @dataclass(frozen=True, eq=False)
-class Manipulator(Expressions):
+class Manipulator(Expressions, Shown):
     """A manipulator as CasADi expressions of its coordinates and rates.
 
         M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau
@@ -35,7 +38,7 @@ class Manipulator(Expressions):
     M : casadi.SX, shape (n, n)
         Mass matrix.
     g, damping : casadi.SX, shape (n, 1)
-        Forces of gravity and of elastic potentials; resisting forces d(s, s').
+        Forces of gravity and of elastic potentials; resisting forces d(s, s'), less those from outside.
     B : casadi.SX, shape (n, m)
         Input matrix.
     reference : casadi.DM, shape (n, joints)
@@ -60,6 +63,10 @@ class Manipulator(Expressions):
         From the last tip's axes to the world's.
     loops : ClosedLoops or None
         The joints that follow from closed loops, None where there are none.
+    phase : casadi.SX or None
+        Symbol of the motion's phase t/T, where a load depends on it.
+    derive : callable or None
+        Makes of these equations, which hold to first order in the deflections, those at any deflection, in symbols of their own.
 
     Examples
     --------
@@ -88,8 +95,29 @@ class Manipulator(Expressions):
     effects: Effects | None = None
     rotation: ca.SX | None = None
     loops: ClosedLoops | None = None
+    phase: ca.SX | None = None
+    derive: Callable[["Manipulator"], "Manipulator"] | None = field(default=None, repr=False)
 
-    __repr__ = represent
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({'; '.join(self._names())})"
+
+    def _names(self) -> tuple[str, ...]:
+        """Coordinates, inputs and free numbers in words."""
+        named = ", ".join(f"{one.name} in {one.unit}" for one in self.coordinates)
+        led = ", ".join(self.names[k] for k in self.drives)
+        values = zip(self.parameters.paths, self.parameters.values, strict=True)
+        free = ", ".join(f"{path} = {value:.6g}" for path, value in values)
+        return f"s: {named}", f"joints: {led or 'none'}", *([f"free: {free}"] if free else [])
+
+    def _view(self) -> View:
+        drawn: tuple[Series, ...] = ()
+        if self.points is not None:
+            at = [self.s, self.parameters.symbols], [self.points]
+            places = np.array(ca.Function("points", *at)(ca.DM.zeros(self.n), ca.DM(self.parameters.values)))
+            drawn = (Series("links", places[0], places[-1]),)
+        side = "y" if self.points is None or self.points.size1() == 2 else "z"
+        title = "M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau"
+        return View(title, "", self._names(), "x in m, all coordinates at zero", f"{side} in m", drawn)
 
     @property
     def n(self) -> int:
@@ -111,6 +139,39 @@ class Manipulator(Expressions):
         """What the motors' encoders read, (joints, n): angles = encoders s."""
         return ca.SX.eye(self.n)[list(self.drives), :] if self.measured is None else self.measured
 
+    @property
+    def near(self) -> "Manipulator":
+        """The same arm with equations that hold to first order in the deflections: itself, where it knows no others."""
+        return self
+
+    def at_numbers(self, values: Array) -> "Manipulator":
+        """Return the same equations with other values of the free numbers.
+
+        Parameters
+        ----------
+        values : array, shape (P,)
+            The values of `parameters`.
+
+        Returns
+        -------
+        Manipulator
+            The equations, with nothing derived anew.
+        """
+        return replace(self, parameters=replace(self.parameters, values=values))
+
+    @lazy
+    def at_large(self) -> "Manipulator":
+        """The same arm with equations that hold at any deflection."""
+        if self.derive is None:
+            return self
+        made = self.derive(self)
+        own = [
+            (arm.s, arm.s_dot, arm.s_ddot, arm.parameters.symbols, *([] if arm.phase is None else [arm.phase]))
+            for arm in (made, self)
+        ]
+        old, new = (ca.vertcat(*symbols) for symbols in own)
+        return replace(substituted(made, old, new), parameters=self.parameters)
+
     @lazy
     def C(self) -> ca.SX:
         """The matrix of centrifugal and Coriolis forces, from M unless the user gave one."""
@@ -120,6 +181,42 @@ class Manipulator(Expressions):
     def functions(self) -> NamedFunctions:
         """CasADi functions of s, s_dot, s_ddot as needed, and p: M, C, g, damping, residual; points and energy if known."""
         return name_functions(self)
+
+    def to_control(self, name: str = "arm", period: float | None = None) -> "control.NonlinearIOSystem":
+        """Return the nonlinear arm as a python-control system.
+
+            s'' = M(s)^-1 (B u - C s' - g - d),   x = [s; s'],   y = x
+
+        States and outputs are named by the coordinates (q1, ..., q1_rate, ...), inputs by those that they drive. Free parameters are its
+        `params`, by their paths.
+
+        Parameters
+        ----------
+        name : str
+            Name of the python-control system.
+        period : float, optional
+            Period in s of the motion; a periodic load needs it.
+
+        Returns
+        -------
+        control.NonlinearIOSystem
+            For `control.input_output_response`, `control.find_operating_point`, `control.linearize` and `control.interconnect`.
+
+        Raises
+        ------
+        ArgumentError
+            When a periodic load has no period.
+
+        Examples
+        --------
+        >>> import flexlin as fl
+        >>> plant = fl.build_manipulator(fl.load_scene("single-link")).to_control()
+        >>> plant.state_labels, plant.input_labels
+        (['q1', 'w11', 'w12', 'q1_rate', 'w11_rate', 'w12_rate'], ['q1'])
+        """
+        from flexlin.mechanics.python_control import nonlinear_system
+
+        return nonlinear_system(self, name, period)
 
     @classmethod
     def from_matrices(
@@ -134,6 +231,7 @@ class Manipulator(Expressions):
         joints: Sequence[int] | None = None,
         names: Sequence[str] | None = None,
         points: ca.SX | None = None,
+        units: Sequence[str] | None = None,
     ) -> "Manipulator":
         """Make a manipulator from its matrices, M(s) s'' + C(s, s') s' + g(s) + d(s, s') = B tau.
 
@@ -148,7 +246,7 @@ class Manipulator(Expressions):
         g : casadi.SX, shape (n, 1)
             Forces of potentials, in N m or N.
         B : casadi.SX, shape (n, m), optional
-            Input matrix; by default the identity.
+            Input matrix, a column for each of `joints`; by default each has a force of its own.
         damping : casadi.SX, shape (n, 1), optional
             Resisting forces d(s, s').
         joints : sequence of int, optional
@@ -157,6 +255,8 @@ class Manipulator(Expressions):
             Names of the coordinates.
         points : casadi.SX, shape (2, k), optional
             World positions from the base to the tip, in m.
+        units : sequence of {"rad", "m"}, optional
+            Units of the coordinates; by default rad for `joints`, m for the others.
 
         Returns
         -------
@@ -180,7 +280,7 @@ class Manipulator(Expressions):
         check_coordinates(s, s_dot)
         M, C, g = (as_expression(name, given) for name, given in (("M", M), ("C", C), ("g", g)))
         n = s.numel()
-        B = ca.DM.eye(n) if B is None else B
+        B = place_inputs(n, B, joints)
         damping = ca.SX.zeros(n) if damping is None else damping
         s_ddot = ca.SX.sym("s_ddot", n)
         check_shapes(n, M=(M, n), C=(C, n), g=(g, 1), damping=(damping, 1), B=(B, None))
@@ -195,7 +295,7 @@ class Manipulator(Expressions):
             M=ca.SX(M),
             g=ca.SX(g),
             damping=ca.SX(damping),
-            **describe_driving(n, B, joints, names),
+            **describe_driving(n, B, joints, names, units),
             parameters=parameters,
             points=points,
             coriolis=ca.SX(C),
@@ -218,6 +318,7 @@ class Manipulator(Expressions):
         parameters: Parameters | None = None,
         points: ca.SX | None = None,
         check: bool = True,
+        units: Sequence[str] | None = None,
     ) -> "Manipulator":
         """Make a manipulator from its energies by Lagrange's equations of the second kind.
 
@@ -236,7 +337,7 @@ class Manipulator(Expressions):
         resistance : casadi.SX, shape (n, 1), optional
             Resisting forces r(s, s') that no R gives, in N m or N.
         B : casadi.SX, shape (n, m), optional
-            Input matrix; by default the identity.
+            Input matrix, a column for each of `joints`; by default each has a force of its own.
         joints : sequence of int, optional
             Coordinates that follow the basic motion; by default those that B drives.
         names : sequence of str, optional
@@ -247,6 +348,8 @@ class Manipulator(Expressions):
             World positions from the base to the tip, in m.
         check : bool
             Look whether the model obeys mechanics.
+        units : sequence of {"rad", "m"}, optional
+            Units of the coordinates; by default rad for `joints`, m for the others.
 
         Returns
         -------
@@ -274,7 +377,7 @@ class Manipulator(Expressions):
         check_coordinates(s, s_dot)
         T, V = as_expression("T", T), as_expression("V", V)
         n = s.numel()
-        B = ca.DM.eye(n) if B is None else B
+        B = place_inputs(n, B, joints)
         R = ca.SX(0) if dissipation is None else dissipation
         resisting = ca.SX.zeros(n) if resistance is None else resistance
         parameters = parameters_at_hand(parameters)
@@ -288,7 +391,7 @@ class Manipulator(Expressions):
             s_dot,
             s_ddot,
             **derive_lagrange_equations(T, V, R, resisting, s, s_dot, s_ddot),
-            **describe_driving(n, B, joints, names),
+            **describe_driving(n, B, joints, names, units),
             parameters=parameters,
             energy=T + V,
             points=points,
@@ -299,16 +402,75 @@ class Manipulator(Expressions):
         return arm
 
 
+class AtLarge:
+    """An attribute that is the one of the equations at any deflection."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __get__(self, instance: Any, owner: type) -> Any:
+        return self if instance is None else getattr(instance.near.at_large, self.name)
+
+
+class FlexibleManipulator(Manipulator):
+    """A manipulator whose links bend as curves; what that takes is derived when it is first asked for.
+
+    near: the same in energies of second order in the deflections, so that its equations are exact to first order about a rigid motion.
+    """
+
+    near: Any = None
+    residual: Any = AtLarge()
+    M: Any = AtLarge()
+    g: Any = AtLarge()
+    damping: Any = AtLarge()
+    B: Any = AtLarge()
+    energy: Any = AtLarge()
+    points: Any = AtLarge()
+    axes: Any = AtLarge()
+    coriolis: Any = AtLarge()
+    rotation: Any = AtLarge()
+    loops: Any = AtLarge()
+    C: Any = AtLarge()
+    functions: Any = AtLarge()
+
+    def __init__(self, near: Manipulator):
+        kept = (
+            "s",
+            "s_dot",
+            "s_ddot",
+            "reference",
+            "drives",
+            "coordinates",
+            "parameters",
+            "measured",
+            "effects",
+            "phase",
+            "derive",
+        )
+        vars(self).update({"near": near, **{name: getattr(near, name) for name in kept}})
+
+    def at_numbers(self, values: Array) -> Manipulator:
+        """The same equations with other values of the free numbers."""
+        return FlexibleManipulator(self.near.at_numbers(values))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"near": self.near}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__init__(state["near"])  # type: ignore[misc]
+
+
 def name_functions(arm: Manipulator) -> NamedFunctions:
-    """Functions of s, s_dot, s_ddot as needed, and p: M, C, g, damping, residual; more if known."""
+    """Functions of s, s_dot, s_ddot and the phase as needed, and p: M, C, g, damping, residual; more if known."""
     p = arm.parameters.symbols
     at, moving = {"s": arm.s, "p": p}, {"s": arm.s, "s_dot": arm.s_dot, "p": p}
-    accelerated = {"s": arm.s, "s_dot": arm.s_dot, "s_ddot": arm.s_ddot, "p": p}
+    loaded = moving if arm.phase is None else {"s": arm.s, "s_dot": arm.s_dot, "phase": arm.phase, "p": p}
+    accelerated = {"s": arm.s, "s_dot": arm.s_dot, "s_ddot": arm.s_ddot, **loaded}
     table: dict[str, tuple[dict[str, ca.SX], Callable[[], ca.SX]]] = {
         "M": (at, lambda: arm.M),
         "C": (moving, lambda: arm.C),
         "g": (at, lambda: arm.g),
-        "damping": (moving, lambda: arm.damping),
+        "damping": (loaded, lambda: arm.damping),
         "residual": (accelerated, lambda: arm.residual),
     }
     if arm.energy is not None:

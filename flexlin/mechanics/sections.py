@@ -21,10 +21,13 @@ def turned_sections(link: BentLink, J: tuple[Any, Any, Any]) -> Moments:
         second = int R J R^T,   swirl = int J theta' + theta x J theta' - 1/2 J (theta x theta'),   agitation = int theta'.J theta'
         R = E + theta~ + 1/2 theta~^2
 
-    kept to second order. Assumes that mass and stiffness of sections vary alike, and leaves out what `bending_torsion_coupling` adds
-    to R. Returns: moments about the link's base frame.
+    kept to second order; where twist turns the planes of bending, theta2 = 1/2 int theta x theta' dx is added to theta. Assumes that mass
+    and stiffness of sections vary alike. Returns: moments about the link's base frame.
     """
     first, rate = tilt(link)
+    if link.coupled and link.couplings is not None:
+        more = link.second_turns(link.couplings.turns)
+        first, rate = ([a + b for a, b in zip(*pair, strict=True)] for pair in zip((first, rate), more, strict=True))
     second, swirl = spread(link, J), [J[a] * rate[a] for a in range(3)]
     for a in range(3):
         second[a][a] += J[a] * link.y.integrals.section

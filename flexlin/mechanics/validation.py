@@ -8,7 +8,7 @@ import numpy as np
 from flexlin.arguments import instance
 from flexlin.checks import Array
 from flexlin.errors import ModelError
-from flexlin.mechanics.coriolis import derive_coriolis
+from flexlin.mechanics.lagrange import derive_coriolis
 from flexlin.mechanics.parameters import Parameters
 
 TOLERANCE = 1e-8

@@ -1,5 +1,6 @@
 """Basic motions, from a scene's motion table."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
@@ -9,22 +10,45 @@ from flexlin.errors import MotionError
 from flexlin.mechanics.manipulator import Manipulator
 from flexlin.mechanics.parameters import Parameters
 from flexlin.motion.base import Motion, SampledMotion, SymbolicMotion
-from flexlin.motion.smooth import highest_harmonic, make_fourier, make_harmonic, make_point_to_point, make_rotation
+from flexlin.motion.smooth import (
+    PROFILES as PROFILES,
+)
+from flexlin.motion.smooth import (
+    highest_harmonic,
+    make_fourier,
+    make_harmonic,
+    make_point_to_point,
+    make_rotation,
+)
 from flexlin.motion.table import read_table_motion
-from flexlin.scene.motion import AnyMotion, Fourier, Harmonic, MotionTable, PointToPoint, Rotation, TableMotion, TipPath
+from flexlin.scene.loading import read_motion
+from flexlin.scene.motion import (
+    AnyMotion,
+    Fourier,
+    Harmonic,
+    LogMotion,
+    MotionTable,
+    PointToPoint,
+    Rotation,
+    TableMotion,
+    TipPath,
+)
 
 __all__ = ["Motion", "SampledMotion", "SymbolicMotion", "build_motion"]
 
 
 @checked
 def build_motion(
-    table: AnyMotion, joints: int, parameters: Parameters | None = None, arm: Manipulator | None = None
+    table: AnyMotion | Mapping[str, Any],
+    joints: int,
+    parameters: Parameters | None = None,
+    arm: Manipulator | None = None,
 ) -> Motion:
     """Make the basic motion that a scene's motion table describes.
 
     Parameters
     ----------
-    table : Harmonic, Rotation, Fourier, PointToPoint, TableMotion or TipPath
+    table : Harmonic, Rotation, Fourier, PointToPoint, TableMotion, LogMotion or TipPath, or a dict of its keys
         The scene's `motion`.
     joints : int
         Number of joints of the manipulator.
@@ -42,6 +66,8 @@ def build_motion(
     ------
     MotionError
         When the table does not fit the manipulator or describes no usable motion.
+    SceneError
+        For a dict that is no motion table, naming each key.
 
     Examples
     --------
@@ -52,6 +78,8 @@ def build_motion(
     >>> motion.period, q.round(6).tolist()
     (2.0, [[0.0], [0.5]])
     """
+    if isinstance(table, Mapping):
+        table = read_motion(table)
     instance("table", table, MotionTable, "give scene.motion")
     tables = table.joints or (None,) * joints
     if len(tables) != joints:
@@ -65,6 +93,10 @@ def build_motion(
         return make_tip_path(table, arm, prescribed)
     if isinstance(table, TableMotion):
         return read_table_motion(table, joints, prescribed)
+    if isinstance(table, LogMotion):
+        from flexlin.motion.log import read_log_motion
+
+        return read_log_motion(table, joints, prescribed)
     parameters = parameters or Parameters()
     free, phase = parameters.placed_in(table, "motion."), ca.SX.sym("phase")
     breaks: tuple[float, ...] = ()

@@ -74,6 +74,22 @@ class Motion:
         """
         raise NotImplementedError
 
+    def phase_of(self, t: Array) -> Array:
+        """Return the phase of times: t/T in [0, 1) for a periodic motion, held in [0, 1] for a one-way motion.
+
+        Parameters
+        ----------
+        t : array, shape (N,)
+            Times in s.
+
+        Returns
+        -------
+        array, shape (N,)
+            The phases.
+        """
+        phase = np.asarray(t, dtype=float) / self.period
+        return phase % 1.0 if self.periodic else np.clip(phase, 0.0, 1.0)
+
     @property
     def complete(self) -> bool:
         """Whether breaks and features name everything in sines and cosines of the angles that is narrower than T/200.
@@ -166,22 +182,6 @@ class SymbolicMotion(Expressions, Motion):
         p = np.broadcast_to(self.parameters.values, (len(t), len(self.parameters.values)))
         q, q1, q2 = symbolic.evaluate(self._function, phases, p)
         return q[:, :, 0], q1[:, :, 0], q2[:, :, 0]
-
-    def phase_of(self, t: Array) -> Array:
-        """Return the phase of times: t/T in [0, 1) for a periodic motion, held in [0, 1] for a one-way motion.
-
-        Parameters
-        ----------
-        t : array, shape (N,)
-            Times in s.
-
-        Returns
-        -------
-        array, shape (N,)
-            The phases.
-        """
-        phase = np.asarray(t, dtype=float) / self.period
-        return phase % 1.0 if self.periodic else np.clip(phase, 0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,19 +6,17 @@ from pathlib import Path
 
 import numpy as np
 
+from flexlin.bounds import IN_RANGE, LARGEST_TABLE, MOST_ROWS, printable, read_number
 from flexlin.checks import Array
 from flexlin.errors import MotionError
 from flexlin.files import read_text
 from flexlin.motion.base import Angles, SampledMotion
 from flexlin.periodic.circle import count_turns
 from flexlin.scene.motion import TableMotion
-from flexlin.text import printable
 
 FEWEST_ROWS = 7
 MOST_CLOSE = 32
 """Close rows that are named one by one."""
-LARGEST_FILE, MOST_ROWS = 2**26, 2**18
-"""Bytes and rows of a table."""
 CLOSURE = 1e-6
 """The last row must repeat the first to this share of the joint's range (whole turns apart)."""
 
@@ -75,7 +73,7 @@ def _read(path: Path, joints: int) -> tuple[Array, Array]:
     """Times (N,) and angles (N, joints) of a CSV file with or without a line of names."""
     name = printable(path)
     try:
-        text = read_text(path, LARGEST_FILE)
+        text = read_text(path, LARGEST_TABLE)
     except (OSError, ValueError) as error:
         raise MotionError(
             f"motion.file: the table {name} cannot be read",
@@ -87,18 +85,17 @@ def _read(path: Path, joints: int) -> tuple[Array, Array]:
         raise MotionError(
             f"motion.file: the table {name} is too long", got=got, expected=expected, todo="take fewer samples"
         )
-    lines = [line for line in text.splitlines() if line.strip()]
     rows = []
-    for number, line in enumerate(lines, start=1):
+    for number, line in enumerate((line for line in text.splitlines() if line.strip()), start=1):
+        cells = line.split(",")
+        if number == 1 and not any(map(is_number, cells)):
+            continue  # a line of names
         try:
-            rows.append([float(cell) for cell in line.split(",")])
+            rows.append([read_number(cell) for cell in cells])
         except ValueError:
-            if number > 1:
-                raise MotionError(
-                    f"motion.file: {name}, row {number} is not numeric",
-                    got="a cell that is none",
-                    expected="numbers parted by commas",
-                ) from None
+            raise MotionError(
+                f"motion.file: {name}, row {number} is not numeric", got="a cell that is none", expected=IN_RANGE
+            ) from None  # what stands there is not repeated: the file may be none of ours
     widths = {len(row) for row in rows}
     if len(rows) < FEWEST_ROWS or widths != {joints + 1}:
         raise MotionError(
@@ -107,15 +104,20 @@ def _read(path: Path, joints: int) -> tuple[Array, Array]:
             expected=f"{FEWEST_ROWS} rows or more of {joints + 1} columns (t and one angle a joint)",
         )
     data = np.array(rows)
-    if not np.all(np.isfinite(data)):
-        raise MotionError(
-            f"motion.file: {name} holds a number that is not finite", got="nan or inf", expected="finite numbers"
-        )
     if not np.all(np.diff(data[:, 0]) > 0):
         raise MotionError(
             f"motion.file: the times in {name} do not increase", got=f"row {int(np.argmin(np.diff(data[:, 0]))) + 2}"
         )
     return data[:, 0], data[:, 1:]
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell of a table can be read as a number within bounds."""
+    try:
+        read_number(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def _count_whole_turns(t: Array, q: Array, file: str) -> Array:

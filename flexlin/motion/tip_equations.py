@@ -88,7 +88,7 @@ def turn_between(rpy: Sequence[tuple[float, float, float]], rises: list[ca.SX]) 
     return rotation
 
 
-AXES = {"x": 0, "y": 1, "z": 2}
+AXES = {axis: k for k, axis in enumerate("xyz")}
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,6 +186,7 @@ def make_tip_equations(arm: Manipulator, path: PosePath, follow: Sequence[str], 
 
     Raises: MotionError when the path does not fit the arm.
     """
+    arm = arm.near
     q, loops = ca.SX.sym("q", arm.joints), arm.loops
     tip, rotation = (arm.points, arm.rotation) if loops is None else (loops.tip, loops.rotation)
     if tip is None:

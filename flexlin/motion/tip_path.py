@@ -112,9 +112,9 @@ def first_start(equations: TipEquations, arm: Manipulator, q: Array) -> Array:
     """z for joint displacements q: the joints that follow are where the loops close, or where their postures put them."""
     z = np.zeros(equations.size)
     z[: arm.joints] = q
-    if arm.loops is not None:
+    if arm.near.loops is not None:
         s = arm.reference.full() @ q
-        v = arm.functions["followers"](s, arm.parameters.values).full()[:, 0]
+        v = arm.near.functions["followers"](s, arm.parameters.values).full()[:, 0]
         z[arm.joints : arm.joints + len(v)] = v
     return z
 

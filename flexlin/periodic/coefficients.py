@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.checks import Array, real_array
+from flexlin.checks import Array, at_times, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.chebyshev import ChebyshevPanels
 from flexlin.periodic.fourier import FourierSeries
@@ -26,8 +26,8 @@ class Constant:
 
     value: Array
 
-    def __call__(self, t: Array) -> Array:
-        return np.broadcast_to(self.value, (len(t), *self.value.shape))
+    def __call__(self, t: ArrayLike) -> Array:
+        return np.broadcast_to(self.value, (*np.shape(t), *self.value.shape))
 
 
 def has_nothing_narrow(coefficient: Callable[..., Any]) -> bool:
@@ -54,8 +54,8 @@ class ClosedLoop:
     K: MatrixFunction
     plant: Any = None
 
-    def __call__(self, t: Array) -> Array:
-        return self.A(t) - self.B(t) @ self.K(t)
+    def __call__(self, t: ArrayLike) -> Array:
+        return at_times(lambda t: self.A(t) - self.B(t) @ self.K(t), t)
 
 
 def varies(coefficient: MatrixFunction, period: float) -> bool:
@@ -65,8 +65,6 @@ def varies(coefficient: MatrixFunction, period: float) -> bool:
 
 def as_matrix_function(name: str, value: MatrixFunction | ArrayLike) -> MatrixFunction:
     """Let a constant matrix stand where a function of time is wanted."""
-    if callable(value) and not isinstance(value, FourierSeries):
-        refuse_signature(name, value)
     return value if callable(value) else Constant(real_array(name, value, (None, None)))
 
 
@@ -106,6 +104,7 @@ def sample_together(name: str, function: MatrixFunction, t: Array) -> Any:
     try:
         values = function(t)
     except (ValueError, TypeError, IndexError):
+        refuse_signature(name, function)
         if not takes_one_time(function, t):
             raise
     else:

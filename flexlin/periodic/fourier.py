@@ -94,6 +94,11 @@ class FourierSeries:
         return len(self.coefficients) // 2
 
     @property
+    def waves(self) -> tuple[Array, Array]:
+        """The coefficients of the cosines and of the sines, (H, ...) each."""
+        return self.coefficients[1 : self.degree + 1], self.coefficients[self.degree + 1 :]
+
+    @property
     def constant(self) -> bool:
         """Whether nothing but the mean is there."""
         return not self.degree

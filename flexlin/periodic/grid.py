@@ -8,6 +8,8 @@ import numpy as np
 
 from flexlin.checks import Array, whole
 
+FINER = (1.3, 4.0)
+"""Bounds on how much finer the next resolution is: one that rounds independently, and one that is not far too fine."""
 NAMED = 200
 """With `complete`, what is narrower than T / NAMED is named."""
 

@@ -12,10 +12,10 @@ from flexlin.checks import Array, positive
 from flexlin.errors import ArgumentError, NotStable, NumericalError, TimeLimit
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples, has_nothing_narrow
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.floquet.modes import MODES_SEGMENTS
-from flexlin.periodic.floquet.segmented import SAFETY
+from flexlin.periodic.precision import ROOT
 from flexlin.periodic.related import with_matrices
 from flexlin.periodic.system import PeriodicSystem, as_system
+from flexlin.periodic.transition.setting import FEWER_SEGMENTS
 from flexlin.summary import represent
 
 LARGEST_GAIN, STEP = 1e3, 1.4
@@ -24,8 +24,6 @@ LONGEST_DELAY = 20.0
 """In times of the slowest exponent of A(t), or periods; the first delay is this part of the time of the fastest."""
 LINE = 8
 """Order of the delay line, [7/8] Pade; an order more by four shows the error."""
-LOOSE = float(np.sqrt(np.finfo(float).eps))
-"""Wanted error of exponents in the search, in 1/s up to 1/s and relative beyond."""
 
 Perturbed = Callable[[float], PeriodicSystem]
 Start = tuple[float, float]
@@ -120,7 +118,7 @@ def margins(system: PeriodicSystem, gain: MatrixFunction | ArrayLike, tol: float
     if got != (system.m, system.n):
         raise ArgumentError("the gain does not fit the system", got=got, expected=f"({system.m}, {system.n})")
     nominal = system.feedback(K)
-    found = floquet(nominal, LOOSE)
+    found = floquet(nominal, ROOT)
     if found.verdict != "stable":
         raise NotStable(f"the loop is {found.verdict} as it is", got=found.status, expected="a stable loop")
     breaks, decay = tuple(nominal.resolved.breaks), float(found.exponents[0].real)
@@ -255,15 +253,15 @@ def find_first(make: Perturbed, start: Start, values: Iterable[float], tol: floa
 
 
 def judge_growth(loop: PeriodicSystem) -> float:
-    """The largest real part of the exponents, in 1/s. Raises: TooManySegments, beyond MODES_SEGMENTS: a search asks for dozens."""
-    return float(floquet(loop, LOOSE, max_segments=MODES_SEGMENTS).exponents[0].real)
+    """The largest real part of the exponents, in 1/s. Raises: TooManySegments, beyond FEWER_SEGMENTS: a search asks for dozens."""
+    return float(floquet(loop, ROOT, max_segments=FEWER_SEGMENTS).exponents[0].real)
 
 
 def find_near(make: Perturbed, value: float, reach: float) -> tuple[float, float]:
     """The middle and half width of an interval about a value, at whose ends the verdicts are decided and differ."""
     while reach < abs(value):
-        verdicts = {floquet(make(value + side * reach), LOOSE, max_segments=MODES_SEGMENTS).verdict for side in (-1, 1)}
+        verdicts = {floquet(make(value + side * reach), ROOT, max_segments=FEWER_SEGMENTS).verdict for side in (-1, 1)}
         if verdicts == {"stable", "unstable"}:
             return value, reach
-        reach *= SAFETY
+        reach *= 2
     return value, np.inf

@@ -9,7 +9,6 @@ from flexlin.checks import Array
 
 MOST = 200
 """Steps of a search; halving alone needs some 50, and a size may be as far off as doubling goes."""
-ROOT = float(np.sqrt(np.finfo(float).eps))
 
 
 @dataclass(frozen=True)
@@ -31,10 +30,16 @@ class SignedEnds:
         return np.abs(self.b - self.a)
 
 
-def solve_brackets(function: Callable[[Array, Array], Array], start: SignedEnds, accuracy: Array | float) -> SignedEnds:
+def solve_brackets(
+    function: Callable[[Array, Array], Array],
+    start: SignedEnds,
+    accuracy: Array | float,
+    affords: Callable[[int], bool] = lambda _: True,
+) -> SignedEnds:
     """Narrow brackets until they are as wide as `accuracy`, by inverse quadratic interpolation where that is safe, else by halves.
 
-    Parameters: function: (indices (W,), points (W,)) -> values (W,), all brackets that are still wide in one call.
+    Parameters: function: (indices (W,), points (W,)) -> values (W,), all brackets that are still wide in one call;
+    affords: whether so many values more may be computed; brackets stay wide where not.
     Source: Chandrupatla, A new hybrid quadratic/bisection algorithm, Advances in Engineering Software 28 (1997).
     """
     a, b, at_a, at_b = (np.array(values, dtype=float) for values in (start.a, start.b, start.at_a, start.at_b))
@@ -42,7 +47,7 @@ def solve_brackets(function: Callable[[Array, Array], Array], start: SignedEnds,
     t = np.full(a.shape, 0.5)
     for _ in range(MOST):
         which = np.flatnonzero((np.abs(b - a) > limit) & (at_a != 0) & (at_b != 0))
-        if not len(which):
+        if not len(which) or not affords(len(which)):
             break
         x1, x2, f1, f2 = a[which], b[which], at_a[which], at_b[which]
         x = x1 + t[which] * (x2 - x1)
@@ -56,7 +61,10 @@ def solve_brackets(function: Callable[[Array, Array], Array], start: SignedEnds,
 
 
 def solve_uncertain(
-    function: Callable[[Array, Array], tuple[Array, Array]], start: SignedEnds, accuracy: float
+    function: Callable[[Array, Array], tuple[Array, Array]],
+    start: SignedEnds,
+    accuracy: float,
+    affords: Callable[[int], bool] = lambda _: True,
 ) -> tuple[SignedEnds, Array]:
     """As `solve_brackets`, of functions with an error each; also how far from zero the best point's value may be, (V,)."""
     seen = dict[tuple[int, float], float]()
@@ -66,7 +74,7 @@ def solve_uncertain(
         seen.update(zip(zip(which.tolist(), points.tolist(), strict=True), errors.tolist(), strict=True))
         return values
 
-    ends = solve_brackets(note, start, accuracy)
+    ends = solve_brackets(note, start, accuracy, affords)
     missing = np.array([k for k, x in enumerate(ends.best.tolist()) if (k, x) not in seen], dtype=int)
     if len(missing):
         note(missing, ends.best[missing])

@@ -4,8 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from flexlin.checks import Array
+from flexlin.checks import Array, at_times
 from flexlin.errors import ArgumentError, SingularMassMatrix
 from flexlin.periodic.coefficients import MatrixFunction
 
@@ -71,8 +72,8 @@ class StateMatrix:
 
     second_order: SecondOrderFunction
 
-    def __call__(self, t: Array) -> Array:
-        return build_companion(*self.second_order(t), t)
+    def __call__(self, t: ArrayLike) -> Array:
+        return at_times(lambda t: build_companion(*self.second_order(t), t), t)
 
 
 @dataclass(frozen=True)
@@ -82,8 +83,8 @@ class InputMatrix:
     M: MatrixFunction
     force: MatrixFunction
 
-    def __call__(self, t: Array) -> Array:
-        return build_input(self.M(t), self.force(t), t)
+    def __call__(self, t: ArrayLike) -> Array:
+        return at_times(lambda t: build_input(self.M(t), self.force(t), t), t)
 
 
 def build_companion(M: Array, D: Array, K: Array, t: Array) -> Array:

@@ -2,11 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlin.arguments import checked
-from flexlin.checks import positive
+from flexlin.checks import positive, whole
 from flexlin.errors import ArgumentError
 from flexlin.lazy import lazy
 from flexlin.periodic.chebyshev import ChebyshevPanels
@@ -23,11 +25,18 @@ from flexlin.periodic.resolved.companion import ResolvedCompanion, weigh_entries
 from flexlin.periodic.resolved.matrix import ResolvedMatrix, close_loop
 from flexlin.periodic.resolved.resolve import check_places, resolve, resolve_constant, resolve_port
 from flexlin.periodic.second_order import InputMatrix, SecondOrder, SecondOrderFunction, StateMatrix
-from flexlin.summary import represent
+from flexlin.plots.view import Series, Shown, View
+
+if TYPE_CHECKING:
+    import xarray
+
+
+SHOWN = 257
+"""Times of the period at which a system is shown."""
 
 
 @dataclass(frozen=True)
-class PeriodicSystem:
+class PeriodicSystem(Shown):
     """A linear system whose coefficients repeat with a period.
 
         x' = A(t) x + B(t) u,   A(t + T) = A(t),   B(t + T) = B(t)
@@ -102,7 +111,9 @@ class PeriodicSystem:
     n: int = field(init=False)
     m: int = field(init=False)
 
-    __repr__ = represent
+    def __repr__(self) -> str:
+        named = [f"{len(at)} {what}" for what, at in (("breaks", self.breaks), ("features", self.features)) if at]
+        return f"PeriodicSystem({', '.join([f'{self.n} states, {self.m} inputs, period {self.period:.6g} s', *named])})"
 
     @checked
     def __init__(
@@ -131,6 +142,37 @@ class PeriodicSystem:
                 raise ArgumentError("B has the wrong number of rows", got=rows, expected=str(n))
         places = {"breaks": tuple(named.tolist()), "features": tuple((t, width) for t, width in pairs.tolist())}
         vars(self).update(A=A, period=period, B=B, second_order=second_order, complete=complete, n=n, m=m, **places)
+
+    def to_xarray(self, points: int = 257) -> "xarray.Dataset":
+        """Return A(t) and B(t) as tables.
+
+        Parameters
+        ----------
+        points : int
+            Times of the period, both ends included.
+
+        Returns
+        -------
+        xarray.Dataset
+            A by time, row and state, B by time, row and input; the period as attribute.
+        """
+        import xarray
+
+        t = np.linspace(0.0, self.period, whole("points", points, 2))
+        values = {"A": (("time", "row", "state"), self.A(t))}
+        if self.B is not None:
+            values["B"] = (("time", "row", "input"), self.B(t))
+        return xarray.Dataset(values, coords={"time": ("time", t, {"units": "s"})}, attrs={"period": self.period})
+
+    def _view(self) -> View:
+        t = np.linspace(0.0, self.period, SHOWN)
+        A = self.A(t)
+        moving = [(i, j) for i, j in np.ndindex(self.n, self.n) if np.ptp(A[:, i, j]) > 0]
+        moving.sort(key=lambda at: -np.ptp(A[:, *at]))
+        series = tuple(Series(f"A[{i}, {j}]", t, A[:, i, j]) for i, j in moving)
+        facts = (repr(self), f"{len(moving)} of {self.n**2} entries of A vary")
+        title = "x' = A(t) x + B(t) u" if self.m else "x' = A(t) x"
+        return View(title, "", facts, "t in s", "entries of A that vary", series)
 
     @lazy
     def resolved(self) -> ResolvedMatrix | ResolvedCompanion:

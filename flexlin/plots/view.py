@@ -190,6 +190,6 @@ def open_axes(ax: "Axes | None") -> "Axes":
         raise ArgumentError(
             "drawing needs matplotlib",
             got="no such package",
-            todo="pip install 'flexlin[plot]', or read the numbers: to_xarray()",
+            todo="pip install matplotlib, or read the numbers: to_xarray()",
         ) from None
     return pyplot.subplots()[1]

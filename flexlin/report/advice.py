@@ -1,19 +1,99 @@
 """What a control engineer should do with the result."""
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
 from flexlin.answers.analysis import Analysis
 from flexlin.answers.judging import Loop
 from flexlin.answers.validity import REPEATABLE
 from flexlin.report.drive_words import comment_on_drives, comment_on_gains
-from flexlin.report.headline import reason
-from flexlin.report.wording import caution, format_quantity, is_dimensionless
+from flexlin.report.wording import caution, format_quantity, is_dimensionless, reason
 from flexlin.simulation.result import Simulation
+
+WORTHWHILE = 1.05
+"""Factor from which on one figure counts as better, or worse, than another."""
+
+
+@dataclass(frozen=True)
+class Trade:
+    """A design beside the own loop: ratios of its figures, each below 1 where the design is better, and each in words;
+    missing: what is not known of one of the two."""
+
+    loop: Loop
+    ratios: dict[str, float]
+    words: dict[str, str]
+    missing: tuple[str, ...] = ()
+
+    @property
+    def better(self) -> list[str]:
+        """In words, what the design does clearly better."""
+        return [self.words[key] for key, ratio in self.ratios.items() if ratio * WORTHWHILE < 1]
+
+    @property
+    def worse(self) -> list[str]:
+        """In words, what it does clearly worse."""
+        return [self.words[key] for key, ratio in self.ratios.items() if ratio > WORTHWHILE]
+
+
+def weigh_design(a: Analysis, loop: Loop) -> Trade:
+    """The figures of a stable design beside those of the own loop, as far as both are known."""
+    pace = a.own.growth[0] / loop.growth[0]
+    settling = (
+        f"it settles {1 / pace:.3g} times as fast" if pace <= 1 else f"it takes {pace:.3g} times as long to settle"
+    )
+    ratios, words = {"settling": pace}, {"settling": settling}
+    before, after = largest_figures(a, replace(a.own, response=a.response)), largest_figures(a, loop)
+    for (what, unit), own in before.items():
+        design = after.get((what, unit), float("nan"))
+        if np.isfinite(own) and np.isfinite(design) and max(own, design) > 0:
+            ratios[what + unit] = design / own if own else float("inf")
+            words[what + unit] = (
+                f"its {what} is {format_quantity(design, unit)} instead of {format_quantity(own, unit)}"
+            )
+    known = {what for what, _ in before} & {what for what, _ in after}
+    asked = ("tip error",) * bool(np.isfinite(a.length)) + ("peak torque", "peak power") * bool(a.plant.about.m)
+    return Trade(loop, ratios, words, tuple(what for what in asked if what not in known))
+
+
+def largest_figures(a: Analysis, loop: Loop) -> dict[tuple[str, str], float]:
+    """The tip error, and the largest peak torque and power of all joints, by unit, in the loop's steady motion."""
+    found, load = dict[tuple[str, str], float](), a.load(loop)
+    if loop.response is not None:
+        found["tip error", "m"] = float(loop.response.tip_error.max())
+    for demand in () if load is None else load.demands:
+        if demand.what in ("peak torque", "peak power"):
+            key = demand.what, demand.unit
+            found[key] = max(found.get(key, 0.0), demand.value)
+    return found
+
+
+def choose_trade(trades: list[Trade]) -> Trade:
+    """The design that is nowhere worse, if there is one that is better at all; else the one that settles fastest."""
+    free = [trade for trade in trades if trade.better and not trade.worse]
+    return min(free or [t for t in trades if t.better] or trades, key=lambda trade: trade.ratios["settling"])
+
+
+def describe_trade(trade: Trade, own: str) -> str:
+    """What the design buys, and what it costs, in one sentence."""
+    better, worse = trade.better, trade.worse
+    rest = f"; {join_words(list(trade.missing))} could not be compared" if trade.missing else ""
+    if better and worse:
+        return f"The design “{trade.loop.name}” is a trade against {own}: {join_words(better)}, but {join_words(worse)}{rest}."
+    if better:
+        return f"The design “{trade.loop.name}” is better than {own}: {join_words(better)}{rest or ', and nothing else compared is worse'}."
+    if rest:
+        return f"No design was found to be better than {own}{rest}."
+    return f"No design is better than {own}: change the weights, or keep the loop you have."
+
+
+def join_words(parts: list[str]) -> str:
+    """Several facts as one."""
+    return ", ".join(parts[:-1]) + " and " + parts[-1] if len(parts) > 1 else parts[0]
+
 
 NEAR = 0.2
 """A resonance is named when it is detuned by less than this share of the motion's frequency."""
-WORTHWHILE = 1.05
-"""A design counts as faster when it settles this many times as fast as the scene's own loop."""
 
 
 def advise(analysis: Analysis) -> list[str]:
@@ -26,6 +106,7 @@ def advise(analysis: Analysis) -> list[str]:
         *comment_on_drives(analysis),
         *comment_on_designs(analysis),
         *comment_on_tip(analysis),
+        *comment_on_zeros(analysis),
         *comment_on_trust(analysis),
     ]
 
@@ -75,6 +156,8 @@ def comment_on_slowness(a: Analysis) -> list[str]:
 
 def comment_on_cause(a: Analysis) -> list[str]:
     """The resonances behind an instability, as far as they are clear."""
+    if "resonances" in a.problems:
+        return [f"What is behind it was not found: {a.problems['resonances']}."]
     base = 1 / a.plant.period
     clear = [
         r
@@ -90,6 +173,17 @@ def comment_on_cause(a: Analysis) -> list[str]:
             "Move the motion's frequency or the natural frequencies apart, or add damping."
         )
     return advice
+
+
+def comment_on_zeros(a: Analysis) -> list[str]:
+    """What no controller of the tip can overcome."""
+    if a.zeros is None or a.zeros.verdict != "non-minimum phase":
+        return []
+    slowest = min(z.real for z in a.zeros.exponents if z.real > 0)
+    return [
+        f"From motors to tip the arm is non-minimum phase, with a zero at {slowest:.3g} 1/s: whatever the controller, the tip first moves "
+        f"the wrong way, and does not follow in much less than {format_quantity(1 / slowest, 's')}."
+    ]
 
 
 def comment_on_elastic_motion(a: Analysis) -> list[str]:
@@ -124,14 +218,9 @@ def comment_on_designs(a: Analysis) -> list[str]:
     said = [warn_of_design(a, loop) for loop in a.designs if not trusts(a, loop) and not loop.ends]
     if not stable or a.own.verdict != "stable":
         return said
-    best = min(stable, key=lambda loop: loop.growth[0])
-    gain = best.growth[0] / a.own.growth[0]
-    if gain > WORTHWHILE:
-        return [
-            *said,
-            f"The design “{best.name}” settles {gain:.3g} times as fast as {name_loop(a.own)}: {comment_on_gains(a, best)}.",
-        ]
-    return [*said, f"No design settles faster than {name_loop(a.own)}: change the weights, or keep the loop you have."]
+    best = choose_trade([weigh_design(a, loop) for loop in stable])
+    room = f" As to the drives, {comment_on_gains(a, best.loop)}." if best.better else ""
+    return [*said, describe_trade(best, name_loop(a.own)) + room]
 
 
 def name_loop(loop: Loop) -> str:
@@ -231,6 +320,8 @@ def holds(a: Analysis, simulation: Simulation) -> str:
             if apart
             else "both rest on equations of small deflections, which this motion is not"
         )
+    if a.linear_range is None:
+        return "the linear model is close on this motion; how far it holds beside it is not known"
     outgrown = largest_beyond_range(a, simulation)
     if not outgrown:
         return "the linear model holds for this motion"
@@ -239,10 +330,9 @@ def holds(a: Analysis, simulation: Simulation) -> str:
 
 def largest_beyond_range(a: Analysis, simulation: Simulation) -> str:
     """The motion's own deviation in a coordinate along whose slow mode it exceeds what the equations allow; nothing where none does."""
-    if a.linear_range is None:
-        return ""
+    assert a.linear_range is not None
     for amplitude, at in zip(a.linear_range.amplitudes, a.linear_range.leading, strict=False):
-        own = float(np.abs(simulation.nonlinear[:, a.plant.names.index(at.name)]).max())
+        own = float(simulation.largest.nonlinear[a.plant.names.index(at.name)])
         if own > amplitude:
             return f"{own:.2g} {at.unit} in {at.name}"
     return ""

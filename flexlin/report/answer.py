@@ -7,9 +7,9 @@ import numpy as np
 from flexlin.answers.disturbed.noise import NoiseAnswer
 from flexlin.answers.disturbed.respond import DisturbanceAnswer
 from flexlin.report.drive_words import describe_demand
-from flexlin.report.figures.disturbed import describe_answer, describe_noise, draw_answer, draw_noise
+from flexlin.report.figures.comparison import describe_answer, describe_noise, draw_answer, draw_noise
 from flexlin.report.figures.style import Picture
-from flexlin.report.record import record_number, record_numbers
+from flexlin.report.numbers import record_number, record_numbers
 
 Answer = DisturbanceAnswer | NoiseAnswer
 

@@ -51,10 +51,10 @@ def list_settings(result: CostResult) -> Iterator[tuple[str, str, str, Row]]:
     for row in sorted((row for row in result.rows if row.chosen), key=lambda row: STAGES.index(row.stage)):
         yield row.stage, row.chosen, f"engine: {row.method}, {row.setting}", row
     outside = [row for row in result.rows if row.outside]
-    for method in dict.fromkeys(row.method for row in outside):
-        mine = sorted((row for row in outside if row.method == method), key=lambda row: row.error)
+    for stage, method in dict.fromkeys((row.stage, row.method) for row in outside):
+        mine = sorted((row for row in result.stage(stage) if row.method == method), key=lambda row: row.error)
         for row in islice(mine, 2):
-            yield "(SciPy)", "", f"{row.method}, {row.setting}", row
+            yield stage, "", f"{row.method}, {row.setting}", row
 
 
 def cost_table(result: CostResult) -> str:

@@ -1,25 +1,159 @@
-"""System and designs as files for other tools."""
+"""System, designs, coefficients and simulations as files for other tools."""
 
+import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from flexlin.about.linear import Linearization, with_control
+import numpy as np
+import xarray
+
+import flexlin
+from flexlin.about.linear import with_control
+from flexlin.about.linearization import Linearization
 from flexlin.answers.judging import Loop
+from flexlin.checks import Array, check_size, memory_limit
+from flexlin.control.designed_loop import Design
 from flexlin.control.estimator import Estimator
 from flexlin.control.export.c_estimator import write_estimator
 from flexlin.control.export.c_gain import write_gain
 from flexlin.control.export.c_linearization import write_linearization
 from flexlin.control.export.files import write_system
 from flexlin.control.export.matlab import matlab_script
-from flexlin.control.from_scene import scene_feedback
-from flexlin.control.horizon import horizon_system
+from flexlin.control.finite_horizon import horizon_system
+from flexlin.control.pd import scene_feedback
 from flexlin.control.sensors import scene_sensors
 from flexlin.control.tracking import scene_feedforward
 from flexlin.errors import InputError
-from flexlin.files import results
+from flexlin.files import Results, results
+from flexlin.files.arrays import write_npz
 from flexlin.motion import SymbolicMotion
 from flexlin.scene.scene import Scene
+
+MEANING = {
+    "M": "mass matrix M_L",
+    "D": "matrix of y', D_L",
+    "K": "matrix of y, K_L",
+    "h": "forcing h_L that the rigid motion leaves over",
+    "B": "input matrix B_L",
+    "tau": "feedforward torque of the rigid motion",
+    "D_loop": "D_L with what of the scene's feedback answers at once",
+    "K_loop": "K_L with what of the scene's feedback answers at once",
+    "h_loop": "h_L with the scene's feedforward",
+    "controller_gain": "what the controller's states z subtract from the torque",
+    "controller_rates": "z' as a function of [y; y'; z]",
+}
+EQUATION = "M y'' + D y' + K y = h + B u, deviations y from the rigid motion; joint rows in N m and rad, elastic rows in N and m"
+
+
+def coefficients_dataset(scene: Scene, plant: Linearization, closed: Linearization, points: int) -> xarray.Dataset:
+    """The coefficients at `points` equally spaced times of a period, without and with the scene's own loop."""
+    check_points(points, 6 * plant.n * (plant.n + 1))
+    t = plant.period * np.arange(points) / points
+    free, loop = plant.sample(t), closed.sample(t)
+    matrix, vector = ("time", "row", "column"), ("time", "row")
+    series = {
+        "M": (matrix, free.M),
+        "D": (matrix, free.D),
+        "K": (matrix, free.K),
+        "h": (vector, free.h),
+        "B": (("time", "row", "input"), free.B),
+        "tau": (("time", "input"), free.tau),
+        "D_loop": (matrix, loop.D),
+        "K_loop": (matrix, loop.K),
+        "h_loop": (vector, loop.h),
+    }
+    names = list(plant.names)
+    data = xarray.Dataset(series, {"time": t, "row": names, "column": names, "input": list(plant.inputs)})
+    data = data.assign(controller_tables(closed))
+    for name, meaning in MEANING.items():
+        if name in data:
+            data[name].attrs["long_name"] = meaning
+    data["tau"].attrs["units"] = "N m"
+    return described(data, scene, plant.period, EQUATION)
+
+
+def controller_tables(closed: Linearization) -> dict[str, tuple[tuple[str, ...], Array]]:
+    """Gain and rates of the scene's integrals and filters, if it has any: the loop is M y'' + D_loop y' + K_loop y = h_loop - B gain z."""
+    controller = closed.controller
+    if controller is None:
+        return {}
+    gain = closed.closed_by.gain(np.zeros(1))[0, :, 2 * closed.n :]
+    return {
+        "controller_gain": (("input", "memory"), gain),
+        "controller_rates": (("memory", "state"), controller.rates),
+        "memory": (("memory",), np.array(controller.names)),
+    }
+
+
+def gains_dataset(scene: Scene, plant: Linearization, designs: list[Design], points: int) -> xarray.Dataset:
+    """The gains K(t) of designed controllers at `points` equally spaced times of a period."""
+    check_points(points, 2 * len(designs) * plant.n * max(1, len(plant.inputs)))
+    t = plant.period * np.arange(points) / points
+    states = [*plant.names, *[f"{name}_rate" for name in plant.names]]
+    remembered = max(
+        (design.controller.names for design in designs if design.controller is not None), key=len, default=()
+    )
+    gains = np.zeros((len(designs), points, max(1, len(plant.inputs)), len(states) + len(remembered)))
+    for gain, design in zip(gains, designs, strict=True):
+        gain[:, :, : design.closed_loop.n] = design.K(t)
+    states += remembered
+    data = xarray.Dataset(
+        {"K": (("design", "time", "input", "state"), gains)},
+        {"design": [design.name for design in designs], "time": t, "input": list(plant.inputs), "state": states},
+    )
+    data["K"].attrs["long_name"] = "feedback gain"
+    return described(
+        data, scene, plant.period, "u = -K(t) [y; y'; integrals], beside the feedforward torque of the rigid motion"
+    )
+
+
+def check_gains(scene: Scene, points: int) -> None:
+    """Refuse gains at too many times before any is designed; what each has at the least is counted."""
+    with memory_limit(scene.accuracy.memory):
+        check_points(points, sum(max(2, len(table.state_weight or ())) for table in scene.designs))
+
+
+def check_points(points: int, numbers: int) -> None:
+    """Refuse a table of too many times, each with so many numbers."""
+    check_size(f"a table of {points} times", 8 * points * (numbers + 2), "ask for fewer --points")
+
+
+def described(data: xarray.Dataset, scene: Scene, period: float, equation: str) -> xarray.Dataset:
+    """The data with what a reader needs to know: units, period, equation, the whole scene, the program."""
+    data["time"].attrs["units"] = "s"
+    data.attrs |= {
+        "title": scene.title,
+        "equation": equation,
+        "units": "SI units and radians",
+        "period": period,
+        "scene": json.dumps(scene.model_dump(mode="json", by_alias=True, exclude_none=True)),
+        "program": f"flexlin {flexlin.__version__}",
+    }
+    return data
+
+
+def storable(data: xarray.Dataset) -> xarray.Dataset:
+    """The data as netCDF can hold it: complex numbers parted into _re and _im; repeated texts as numbers that `flag_meanings` explains."""
+    for name in [str(name) for name in data.data_vars if np.iscomplexobj(data[name])]:
+        parts = {f"{name}_re": data[name].real, f"{name}_im": data[name].imag}
+        named = {key: part.assign_attrs(data[name].attrs) for key, part in parts.items()}
+        data = data.drop_vars(name).assign(named)
+    for name in [str(name) for name in data.data_vars if data[name].dtype == object]:
+        texts, codes = np.unique(data[name].values.astype(str), return_inverse=True)
+        flags = {"flag_values": np.arange(len(texts)), "flag_meanings": " | ".join(texts.tolist())}
+        data = data.assign({name: (data[name].dims, codes.reshape(data[name].shape).astype(np.int32), flags)})
+    return data
+
+
+def write_dataset(data: xarray.Dataset, made: Results, stem: str) -> list[Path]:
+    """Write `stem`.nc and `stem`.npz into a set of results; returns where they will stand."""
+    names = f"{stem}.nc", f"{stem}.npz"
+    (made / names[0]).write_bytes(data.to_netcdf(engine="scipy"))
+    arrays = {str(name): np.asarray(data[name].values) for name in data.variables}
+    write_npz(made / names[1], arrays)
+    return made.placed(*names)
+
 
 OWN = "c-own"
 """Folder of the scene's own feedback."""

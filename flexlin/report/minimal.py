@@ -36,7 +36,7 @@ def describe_error(row: "Row") -> str:
     """What the minimal scene changes, in one line."""
     return (
         f"{100 * row.significance:.2g} % (growth rate {row.margin:+.2g} 1/s, slower frequencies {100 * row.frequency:.2g} %, "
-        f"tip error {row.tip_error:+.2g} m)"
+        f"tip path {100 * row.path:.2g} %, torques {100 * row.torque:.2g} %)"
     )
 
 

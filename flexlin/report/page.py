@@ -13,13 +13,13 @@ from flexlin.answers.clock import Step
 from flexlin.answers.judging import Loop
 from flexlin.report.advice import advise, name_condition
 from flexlin.report.drive_words import describe_controller, drive_cells
-from flexlin.report.figures.coefficients import NOISE
-from flexlin.report.figures.entries import name_entry, name_matrix_unit
+from flexlin.report.figures.coefficients import NOISE, name_entry, name_matrix_unit
 from flexlin.report.figures.style import Picture
-from flexlin.report.headline import colour, doubt, reason
 from flexlin.report.margins import describe_endured, describe_margins, describe_nearest
 from flexlin.report.wording import (
+    colour,
     describe_pace,
+    doubt,
     format_decimal,
     format_duration,
     format_largest_multiplier,
@@ -29,6 +29,7 @@ from flexlin.report.wording import (
     format_rate,
     format_with_prefix,
     is_dimensionless,
+    reason,
     units_of,
     without_units,
 )
@@ -52,7 +53,7 @@ def fill_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture],
         reason=reason(model),
         pace=describe_pace(analysis.own, analysis.plant.period),
         facts=list_facts(analysis),
-        margins=describe_margins(analysis.scene, analysis.margins),
+        margins=describe_margins(analysis.scene, analysis.margins, analysis.problems),
         nearest=describe_nearest(analysis.scene, analysis.nearest),
         steps=advise(analysis),
         loops=[describe_loop(analysis, loop) for loop in analysis.loops],

@@ -1,5 +1,6 @@
 """Progress on stderr, once the work has taken two seconds: on a terminal one line that changes, in a pipe a line now and then."""
 
+import math
 import sys
 import threading
 import time
@@ -13,6 +14,8 @@ TICK, APART = 0.25, 5.0
 """Seconds between two looks at the clock, and between two lines in a pipe."""
 LEAST = 0.02
 """No time left is guessed before this share is done."""
+SLIP = 1.5
+"""A guess of the time left that has grown by this factor over the least one is not shown."""
 
 
 class Progress:
@@ -22,7 +25,7 @@ class Progress:
     """
 
     def __init__(self) -> None:
-        self._name, self.share = "", 0.0
+        self._name, self.share, self._left = "", 0.0, math.inf
         self._status: Any = None
         self._over = threading.Event()
         self._listening = listening(self._advance)
@@ -38,11 +41,15 @@ class Progress:
 
     @property
     def line(self) -> str:
-        """What is shown."""
+        """What is shown; a time left that was too short is not taken back, but no longer shown."""
         share, elapsed = self.share, time.perf_counter() - self._start
         if share < LEAST:
             return f"{self._name} ({elapsed:.0f} s so far)"
-        return f"{100 * share:.0f} %, about {elapsed * (1 - share) / share:.0f} s left: {self._name}"
+        left = elapsed * (1 - share) / share
+        if left > SLIP * self._left + TICK:
+            return f"{100 * share:.0f} %, {elapsed:.0f} s so far: {self._name}"
+        self._left = min(left, self._left)
+        return f"{100 * share:.0f} %, about {self._left:.0f} s left: {self._name}"
 
     def __enter__(self) -> "Progress":
         self._start = time.perf_counter()

@@ -10,10 +10,11 @@ from flexlin.answers.judging import Loop
 from flexlin.answers.validity import ModelValidity
 from flexlin.report.advice import advise
 from flexlin.report.drive_words import drive_line
-from flexlin.report.headline import colour, doubt
 from flexlin.report.margins import describe_margins, describe_nearest
 from flexlin.report.wording import (
+    colour,
     describe_pace,
+    doubt,
     format_decimal,
     format_figures,
     format_power,
@@ -64,8 +65,8 @@ def say_all(analysis: Analysis) -> None:
         over = drive_line(analysis, loop)
         if over:
             say(f"    {over}")
-    if analysis.margins:
-        say(f"  {analysis.own.name} {describe_margins(analysis.scene, analysis.margins)}")
+    if critical := describe_margins(analysis.scene, analysis.margins, analysis.problems):
+        say(f"  {analysis.own.name} {critical}")
     if analysis.nearest:
         say(f"  {analysis.own.name} with its uncertain numbers: {describe_nearest(analysis.scene, analysis.nearest)}")
     said = advise(analysis)
@@ -107,7 +108,7 @@ def name_problem(step: Step) -> str:
 
 def audit_lines(audit: "Audit") -> list[str]:
     """The audit as a table, the most significant change first; the figures of the effects; pairs; the smallest scene that is enough."""
-    head = f"{'change':<30} {'significance':>12} {'margin 1/s':>11} {'frequency':>10} {'tip error':>10} {'instr.':>7}  advice"
+    head = f"{'change':<30} {'significance':>12} {'margin 1/s':>11} {'frequency':>10} {'tip path':>9} {'torque':>9} {'instr.':>7}  advice"
     rows = sorted(
         (*audit.effects, *audit.modes),
         key=lambda row: -row.significance if row.significance == row.significance else 1.0,
@@ -158,16 +159,21 @@ def minimal_lines(audit: "Audit") -> list[str]:
 
 def format_size(row: "Row") -> str:
     """The significance of a row."""
-    return "another verdict" if row.significance == float("inf") else f"{row.significance:.2g} together"
+    return name_change(row) if row.significance == float("inf") else f"{row.significance:.2g} together"
+
+
+def name_change(row: "Row") -> str:
+    """What is another one, where no number says how much."""
+    return f"other marks of the drives: {', '.join(row.marks)}" if row.marks else "another verdict"
 
 
 def format_audit_row(row: "Row") -> str:
     """One change in one line."""
     if row.problem and row.verdict == "unknown":
         return f"{row.change:<30} {row.problem}"
-    size = "verdict" if row.significance == float("inf") else f"{row.significance:.2g}"
-    tip = "" if row.tip_error != row.tip_error else format_quantity(row.tip_error, "m")
-    return f"{row.change:<30} {size:>12} {row.margin:>+11.2g} {row.frequency:>10.2g} {tip:>10} {row.instructions:>+7d}  {row.advice}"
+    size = f"{row.significance:.2g}" if row.significance < float("inf") else "drive marks" if row.marks else "verdict"
+    shares = f"{row.frequency:>10.2g} {row.path:>9.2g} {row.torque:>9.2g}"
+    return f"{row.change:<30} {size:>12} {row.margin:>+11.2g} {shares} {row.instructions:>+7d}  {row.advice}"
 
 
 def loop_line(loop: Loop, period: float, model: ModelValidity = UNKNOWN) -> str:

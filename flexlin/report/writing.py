@@ -1,14 +1,16 @@
 """From a scene to report.json and report.html."""
 
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexlin.answers.budget import Budget
-from flexlin.answers.clock import Clock, Progress
+from flexlin.answers.clock import DRAWING, SHARE, Budget, Clock, Progress, Step
+from flexlin.errors import FlexlinError, InputError, NumericalError, TooLarge
 from flexlin.files import results
+from flexlin.resources import SECONDS, Stopwatch
 from flexlin.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -16,12 +18,15 @@ if TYPE_CHECKING:
 
     from flexlin.answers.analysis import Analysis
     from flexlin.answers.margins import Margin
+    from flexlin.report.figures.style import Picture
 
 
-USUAL = 4.0
-"""Seconds of 60 that a margin may take that nobody asked for."""
+USUAL, USED = 4.0, 0.9
+"""Seconds of 60 in which a margin that nobody asked for has to end, and the share of a limit that a search plans with."""
 STAGES = 15
 """Of a report without designs, about."""
+CUT_OFF = Step("figures", 0.0, problem="figures: the program was ended before they were drawn")
+"""What stands in a report until its figures do."""
 
 
 def write_report(
@@ -32,24 +37,26 @@ def write_report(
     with_audit: bool = False,
     with_sensitivity: bool = False,
     margins: "Mapping[str, tuple[float, float]] | None" = None,
-    begun: float | None = None,
+    watch: Stopwatch | None = None,
     with_loop_margins: bool = False,
-) -> "tuple[Analysis, list[Path]]":
-    """Analyse a scene and write report.html and report.json into a folder, as one set.
+    written: "Callable[[list[Path]], None]" = lambda _: None,
+) -> "tuple[Analysis | FlexlinError, list[Path]]":
+    """Analyse a scene and write report.html and report.json into a folder, as one set: first the numbers, then with the figures.
 
     Parameters: command: the command line, which the page shows; progress: called with the name of each step as it begins;
     with_audit, with_sensitivity: also find which effects and which numbers matter (some seconds each);
-    margins: numbers whose critical values are looked for, with their ranges; by default speed and payload, by a coarse scan;
+    margins: numbers whose critical values are looked for, with their ranges; by default speed and payload, a second each;
     with_loop_margins: also find which gain, phase and delay each loop endures (some seconds a loop);
-    begun: the time by `perf_counter` from which the limit of time counts, by default now.
-    Returns: the analysis and the paths of the files.
-    Raises: what `analyse` raises; OutputError when the folder cannot be written.
+    watch: from when the limits of time count, by default now;
+    written: called with the paths once the numbers stand: whatever becomes of the figures, they stay.
+    Returns: the analysis, or why there are no linear equations, which the files say then; and their paths.
+    Raises: InputError as `analyse`; OutputError when the folder cannot be written.
     """
-    budget = Budget() if begun is None else Budget(begun)
+    budget = Budget(watch or Stopwatch())
     clock = Clock(progress, planned=STAGES + 3 * len(scene.designs) + with_audit + with_sensitivity, budget=budget)
     with clock.step("load the numerical libraries"):
         from flexlin.answers.analysis import analyse
-        from flexlin.report.record import record, to_json
+        from flexlin.report.numbers import record, step_block, to_json
     if scene.uncertainty:
         with clock.step("equations with the uncertain numbers free"):
             from flexlin.answers.nearest.box import make_box
@@ -58,7 +65,11 @@ def write_report(
             box = make_box(scene)
     from flexlin.answers.margins import choose_margins
 
-    analysis, asked = analyse(scene, clock, tuple(choose_margins(scene)) if margins is None else ()), scene.accuracy
+    asked = scene.accuracy
+    try:
+        analysis = analyse(scene, clock, tuple(choose_margins(scene)) if margins is None else ())
+    except (NumericalError, TooLarge) as error:
+        return error, write_why(scene, folder, command, clock, error)
     analysis = replace(analysis, margins=find_margins(scene, margins, analysis, clock))
     if with_audit:
         from flexlin.answers.audit.comparison import audit
@@ -73,7 +84,7 @@ def write_report(
         moved = clock.attempt(analysis.problems, "sensitivity", "sensitivities", asked, rates)
         analysis = replace(analysis, sensitivity=moved)
     if with_loop_margins:
-        from flexlin.answers.endurance import find_loop_margins
+        from flexlin.answers.analysis import find_loop_margins
 
         analysis = replace(analysis, endured=find_loop_margins(analysis, clock))
     if scene.uncertainty:
@@ -81,28 +92,73 @@ def write_report(
         place = clock.attempt(analysis.problems, key, name, asked, partial(search_box, box))
         analysis = replace(analysis, nearest=place)
     with clock.step("load the drawing library"):
-        from flexlin.report.figures import draw_pictures
         from flexlin.report.page import render_page
-    drawn = clock.stage("figures", asked, partial(draw_pictures, analysis), last=True)
-    analysis = replace(analysis, steps=tuple(clock.steps))
     data = record(analysis)
+
+    def write(pictures: "list[Picture]", *ends: Step) -> "tuple[Analysis, list[Path]]":
+        known = replace(analysis, steps=(*clock.steps, *ends))
+        data["steps"] = [step_block(step) for step in known.steps]
+        with results(folder, "report") as made:
+            (made / "report.html").write_text(render_page(known, data, pictures, command), encoding="utf-8")
+            (made / "report.json").write_text(to_json(data), encoding="utf-8")
+        return known, made.placed("report.html", "report.json")
+
+    written(write([], CUT_OFF)[1])
+    return write(draw_in_time(analysis, clock))
+
+
+def draw_in_time(analysis: "Analysis", clock: Clock) -> "list[Picture]":
+    """The figures, as far as they meet no limit: the numbers stand without them, and the step says what was left out."""
+    from flexlin.report.figures import draw_pictures
+
+    drawn: list[Picture] = []
+
+    def work() -> None:
+        for picture in draw_pictures(analysis):
+            drawn.append(picture)
+
+    with suppress(NumericalError, TooLarge):
+        clock.stage("figures", analysis.scene.accuracy, work, share=DRAWING, last=True)
+    return drawn
+
+
+def write_why(scene: Scene, folder: Path, command: str, clock: Clock, error: FlexlinError) -> "list[Path]":
+    """The report of a scene that has no linear equations, or none within its limits: what was asked, and how far it came."""
+    from flexlin.report.figures.style import Picture
+    from flexlin.report.numbers import record_scene, to_json
+    from flexlin.report.page import picture_page
+
+    page = picture_page(scene.title, Picture("why", "There are no linear equations", str(error), ""), command)
     with results(folder, "report") as made:
-        (made / "report.html").write_text(render_page(analysis, data, drawn, command), encoding="utf-8")
-        (made / "report.json").write_text(to_json(data), encoding="utf-8")
-    return analysis, made.placed("report.html", "report.json")
+        (made / "report.html").write_text(page, encoding="utf-8")
+        (made / "report.json").write_text(
+            to_json({**record_scene(scene, clock.steps), "problem": str(error)}), encoding="utf-8"
+        )
+    return made.placed("report.html", "report.json")
 
 
 def find_margins(
     scene: Scene, chosen: "Mapping[str, tuple[float, float]] | None", analysis: "Analysis", clock: Clock
 ) -> "tuple[Margin, ...]":
-    """The critical values of some numbers; none of a number that meets a limit, or, where nobody chose it, cannot be free."""
-    from flexlin.answers.margins import Shared, choose_margins, find_margin, find_usual_margin
+    """The critical values of some numbers, or what is known of them at the end of their time; none of one that nobody chose and that cannot
+    be free."""
+    from flexlin.answers.margins import EACH, Shared, choose_margins, find_margin
 
-    ranges, at_most = (choose_margins(scene), USUAL) if chosen is None else (dict(chosen), inf)
-    usual = partial(find_usual_margin, own=analysis.own.floquet, shared=Shared(scene, ranges, analysis.closed))
-    find: Callable[..., Margin | None] = find_margin if chosen is not None else usual
+    asked = scene.accuracy
+    ranges = choose_margins(scene) if chosen is None else dict(chosen)
+    shared = Shared(scene, ranges, analysis.closed)
     found: list[Margin | None] = []
-    for path, limits in ranges.items():
-        key, step, work = f"margin {path}", f"critical values of {path}", partial(find, scene, path, limits)
-        found.append(clock.attempt(analysis.problems, key, step, scene.accuracy, work, at_most=at_most))
+    for left, (path, limits) in zip(range(len(ranges), 0, -1), ranges.items(), strict=True):
+        key, step = f"margin {path}", f"critical values of {path}"
+
+        def work(path: str = path, limits: tuple[float, float] = limits, left: int = left) -> "Margin | None":
+            if chosen is not None:
+                return find_margin(scene, path, limits, USED * clock.budget.allow("", asked, SHARE).seconds / left)
+            try:
+                return find_margin(scene, path, limits, EACH * max(1.0, asked.seconds / SECONDS), shared)
+            except InputError:
+                return None
+
+        at_most = inf if chosen is not None else USUAL
+        found.append(clock.attempt(analysis.problems, key, step, asked, work, at_most=at_most))
     return tuple(margin for margin in found if margin is not None)

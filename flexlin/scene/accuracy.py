@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from flexlin.resources import BYTES, SECONDS
+from flexlin.resources import BYTES, PATIENCE, SECONDS
 from flexlin.scene.base import Table, Unit
 
 FINEST, COARSEST = 1e-15, 0.1
@@ -20,14 +20,14 @@ class Accuracy(Table):
     """What is asked of every stage of the work, an error, and what all of them together may take.
 
     tol: wanted error of each stage's answer, as the stage measures it (exponents in 1/s, relative beyond 1/s; gains, responses and
-    simulations relative); seconds: wall time of a run, and so of each of its stages; memory: bytes that a run may hold beside its
-    libraries, which take some 200 MB, and so what a stage may ask for at once.
+    simulations relative); seconds: time of the processor that a run may take, and so each of its stages, and by the clock as much where
+    it is given; memory: bytes that a run may hold beside its libraries, which take some 200 MB, and so what a stage may ask for at once.
     """
 
     tol: Annotated[float, Field(strict=True, ge=FINEST, le=COARSEST)] = 1e-9
     """Wanted error of each stage's answer; left out, the nonlinear check of a report is asked for 1e-6."""
     seconds: Annotated[float, Field(strict=True, gt=0, le=1e7), Unit("s")] = SECONDS
-    """Wall time that a run may take."""
+    """Time of the processor that a run may take; given, it limits the clock too, else other programs may make it wait."""
     memory: Annotated[float, Field(strict=True, ge=2.0**20, le=2.0**50), Unit("B")] = BYTES
     """Memory that a run may hold beside its libraries: with these less than 1 GB."""
 
@@ -40,6 +40,11 @@ class Accuracy(Table):
     def last_end(self) -> float:
         """When everything is: after its time; where that is short, after what drawing and writing needs."""
         return max(self.seconds, self.stages_end + LEAST)
+
+    @property
+    def patience(self) -> float:
+        """Seconds of the clock for each of the processor."""
+        return 1.0 if "seconds" in self.model_fields_set else PATIENCE
 
     @property
     def of_comparison(self) -> "Accuracy":

@@ -1,11 +1,22 @@
 """What all tables of a scene share: frozen, no unknown keys, finite numbers, SI units and radians."""
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    ValidationInfo,
+    model_validator,
+)
+from pydantic.fields import FieldInfo
 
-from flexlin.text import steers
+from flexlin.bounds import LARGEST, MOST_ITEMS, SMALLEST, steers
+from flexlin.scene.units import in_unit
 
 
 class Table(BaseModel):
@@ -22,6 +33,24 @@ class Table(BaseModel):
         }
         return {key: names[0] for key, names in stated.items() if names}
 
+    @model_validator(mode="before")
+    @classmethod
+    def _in_si(cls, raw: Any, info: ValidationInfo) -> Any:
+        """Numbers with a unit behind them, "1000 mm", in the unit of their key; the data itself holds numbers from then on."""
+        if isinstance(raw, dict):
+            sliding = info.context["sliding"] if info.context else None
+            for key, unit in cls.units().items():
+                if isinstance(raw.get(key), (str, list, tuple)) and not keeps_text(cls.model_fields[key]):
+                    raw[key] = in_unit(raw[key], unit, sliding)
+        return raw
+
+
+def keeps_text(annotation: Any) -> bool:
+    """Whether a key keeps a quantity as it was written."""
+    parts = [*getattr(annotation, "metadata", ()), *getattr(annotation, "__metadata__", ())]
+    inside = [annotation.annotation] if isinstance(annotation, FieldInfo) else get_args(annotation)
+    return any(isinstance(part, PlainValidator) for part in parts) or any(keeps_text(one) for one in inside)
+
 
 @dataclass(frozen=True)
 class Unit:
@@ -30,15 +59,18 @@ class Unit:
     name: str
 
     def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> dict[str, Any]:
-        """The key's JSON schema, with the unit in it."""
-        return {**handler(core), "unit": self.name}
+        """The key's JSON schema, with the unit in it; a number may be a text with a unit behind it."""
+        made = handler(core)
+        return {**(with_text(made) if self.name else made), "unit": self.name}
 
 
-LARGEST = 1e30
-"""No number of an arm is larger; squares and cubes of it stay far from overflow."""
-
-SMALLEST = 1e-30
-"""A figure of an arm that is smaller must be zero; quotients and powers then stay numbers."""
+def with_text(schema: dict[str, Any]) -> dict[str, Any]:
+    """A JSON schema that takes a text, such as "2 mm", where it takes a number."""
+    if schema.get("type") == "number":
+        return {"anyOf": [schema, {"type": "string", "pattern": r"^\s*[+-]?[0-9.]"}]}
+    if "anyOf" in schema:
+        return {**schema, "anyOf": [with_text(one) for one in schema["anyOf"]]}
+    return {**schema, "items": with_text(schema["items"])} if "items" in schema else schema
 
 
 def _not_tiny(value: float) -> float:
@@ -58,13 +90,11 @@ Positive = Annotated[float, Field(strict=True, gt=0, le=LARGEST), AfterValidator
 NonNegative = Annotated[float, Field(strict=True, ge=0, le=LARGEST), AfterValidator(_not_tiny)]
 Text = Annotated[str, AfterValidator(_shown_as_it_stands)]
 """One line that is printed as it stands, so nothing in it may steer a terminal."""
-MOST = 200
-"""Links, or designs, of one scene."""
 
 
 def _not_endless(value: object) -> object:
-    if isinstance(value, (list, tuple)) and len(value) > MOST:
-        raise ValueError(f"a list of {MOST} at most")
+    if isinstance(value, (list, tuple)) and len(value) > MOST_ITEMS:
+        raise ValueError(f"a list of {MOST_ITEMS} at most")
     return value
 
 

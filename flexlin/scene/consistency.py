@@ -4,12 +4,11 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from flexlin.bounds import MOST_ITEMS, hint_at, printable
 from flexlin.errors import Problem
-from flexlin.scene.base import MOST
 from flexlin.scene.control import Weights
 from flexlin.scene.effects import RawArm, RawTable, effect_contradictions, known_effects, tables_on
 from flexlin.scene.links import BASE
-from flexlin.text import hint_at, printable
 
 MOST_NAMED = 4
 """Keys that a message names."""
@@ -117,7 +116,11 @@ def _mimic(key: str, link: RawTable, before: Sequence[RawTable]) -> Iterator[Pro
         )
 
 
-COUNTED = (("feedback", "kp"), ("feedback", "kd"), ("feedback", "ki"), ("saturation", "torque"), ("saturation", "rate"))
+COUNTED = tuple(
+    (table, key)
+    for table, keys in (("feedback", "kp kd ki"), ("saturation", "torque rate"), ("sampling", "encoders torque"))
+    for key in keys.split()
+)
 """Keys that hold one number for each torque-driven joint."""
 
 
@@ -205,7 +208,7 @@ COORDINATE = re.compile(r"(q|w|theta|phi|beta)\w*\d(_rate)?")
 
 def contradictions(raw: dict[str, Any]) -> list[Problem]:
     """List where the tables of a raw scene do not fit each other; lists too long to be looked at are the schema's to refuse."""
-    if any(isinstance(raw.get(key), list) and len(raw[key]) > MOST for key in ("links", "loops", "designs")):
+    if any(isinstance(raw.get(key), list) and len(raw[key]) > MOST_ITEMS for key in ("links", "loops", "designs")):
         return []
     return [*_links(raw), *_joint_counts(raw), *_design_names(raw), *_weighted(raw)]
 

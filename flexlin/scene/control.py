@@ -13,8 +13,6 @@ from flexlin.scene.units import (
     AnyInput,
     AnyIntegral,
     AnyRate,
-    Length,
-    Speed,
     in_si,
     kept_quantities,
 )
@@ -37,15 +35,15 @@ class Weights(Table):
     model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
     __pydantic_extra__: dict[str, AnyDeviation]
 
-    tip: Length | None = None
+    tip: Annotated[Positive | None, Unit("m")] = None
     """Acceptable distance of the tip from its path."""
     joints: Annotated[AnyDisplacement | None, Unit("rad or m")] = None
     """Acceptable deviation of joints, or a list of one each."""
     rates: Annotated[AnyRate | None, Unit("rad/s or m/s")] = None
     """Acceptable deviation of the joints' rates, or a list of one each."""
-    deflection: Length | None = None
+    deflection: Annotated[Positive | None, Unit("m")] = None
     """Acceptable deviation of elastic coordinates."""
-    deflection_rates: Speed | None = None
+    deflection_rates: Annotated[Positive | None, Unit("m/s")] = None
     """Acceptable rate of elastic coordinates."""
     integrals: Annotated[AnyIntegral | None, Unit("rad s or m s")] = None
     """Acceptable integral of the error of each torque-driven joint, or a list of one each: the design has integral action."""
@@ -140,7 +138,7 @@ class EstimatorTable(Table):
     """Noise of the joints' rates, or a list of one each."""
     strain: tuple[Gauge, ...] = ()
     """Strain gauges."""
-    tip: Length | None = None
+    tip: Annotated[Positive | None, Unit("m")] = None
     """Noise of a camera that sees the tip, along each axis."""
     torque: Annotated[AnyNoise, Unit("N m, N or V")]
     """Noise of the torques, or a list of one each: what the model leaves out."""
@@ -208,6 +206,10 @@ class Sampling(Table):
     """Time between two samples."""
     delay: Annotated[NonNegative, Unit("s")] = 0.0
     """Time from the measurement to the torque."""
+    encoders: Annotated[tuple[Positive, ...] | None, Unit("rad or m")] = None
+    """Steps to which the encoders' readings are rounded; in the nonlinear simulation."""
+    torque: Annotated[tuple[Positive, ...] | None, Unit("N m or N")] = None
+    """Steps to which the torques are rounded; in the nonlinear simulation."""
 
 
 class Control(Table):

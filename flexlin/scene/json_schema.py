@@ -13,8 +13,8 @@ from pydantic import BaseModel
 from flexlin.scene.base import Table
 from flexlin.scene.effects import effects_table, known_effects
 from flexlin.scene.library import shipped_models
-from flexlin.scene.robot import FlexibleTable, JointTable, RobotTable
-from flexlin.scene.scene import Scene
+from flexlin.scene.links import ASKED
+from flexlin.scene.scene import FlexibleTable, JointTable, RobotTable, Scene
 from flexlin.scene.toml import write_toml
 
 
@@ -83,7 +83,10 @@ def scene_schema() -> dict[str, Any]:
     for name, effect in known_effects().items():
         definitions["Effects"]["properties"][name]["description"] = effect.summary()
     needed = {"required": definitions["Link"].pop("required")}
-    definitions["Link"]["anyOf"] = [needed, {"required": ["body"]}]  # a rigid body alone is a link too
+    sufficient = ({"required": ["length", "section"]}, {"required": ["body"]})  # a rigid body alone is a link too
+    definitions["Link"]["anyOf"] = [needed, *sufficient]
+    for name in ASKED:
+        del definitions[name.title().replace("_", "")]["required"]  # sections may stand for it
     definitions["RobotTable"] = add_table(definitions, RobotTable)
     schema["properties"]["robot"] = {
         "$ref": PLACE.format(model="RobotTable"),
@@ -135,6 +138,8 @@ def write_units(node: Any) -> None:
             write_units(child)
 
 
+ANY = "*"
+"""Stands for the keys of a table that names things of the user's."""
 DEEP = 6
 """Unions and references that lie on the way to one table's keys, at the most."""
 
@@ -159,7 +164,8 @@ def note(schema: dict[str, Any], data: dict[str, Any], path: tuple[str, ...]) ->
         ]
         nodes = [*chosen, schema]
     for step in path:
-        nodes = [found[step] for node in nodes for found in keys_of(schema, node) if step in found]
+        tables = [found for node in nodes for found in keys_of(schema, node)]
+        nodes = [found[name] for found in tables for name in (step, ANY) if name in found]
     described = [node["description"] for node in nodes if "description" in node]
     return described[0].partition("\n")[0] if described else ""
 
@@ -171,6 +177,8 @@ def keys_of(schema: dict[str, Any], node: dict[str, Any], depth: int = 0) -> lis
     if "$ref" in node:
         return keys_of(schema, schema["$defs"][node["$ref"].rpartition("/")[2]], depth + 1)
     found = [node["properties"]] if "properties" in node else []
+    if isinstance(node.get("additionalProperties"), dict):
+        found.append({ANY: node["additionalProperties"]})
     inner = [
         *node.get("anyOf", []),
         *node.get("oneOf", []),

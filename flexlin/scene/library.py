@@ -1,15 +1,16 @@
-"""The scenes and hand-written models that travel with flexlin."""
+"""The scenes and hand-written models that travel with flexlin, and where the files lie that a scene names."""
 
 import importlib.util
 import sys
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel
 
+from flexlin.bounds import printable
 from flexlin.errors import Problem, SceneError
 
 
@@ -125,3 +126,30 @@ def _register_shipped() -> None:
         if spec is not None and spec.loader is not None:
             sys.modules[spec.name] = module = importlib.util.module_from_spec(spec)  # where `inspect` looks for sources
             spec.loader.exec_module(module)
+
+
+def place_motion_file(data: dict[str, Any], folders: Sequence[Path]) -> list[Problem]:
+    """Make the name of the motion's file absolute: the first of the folders that has it.
+
+    A name that leads out of all of them, by .. or by a link, is a problem, whether there is such a file or not.
+    """
+    motion = data.get("motion")
+    if not isinstance(motion, dict) or not isinstance(motion.get("file"), str):
+        return []
+    name = motion["file"]
+    try:
+        below = [path for folder in folders if (path := place_below(folder.resolve(), name)) is not None]
+        found = next((path for path in below if path.exists()), below[0] if below else None)
+    except (OSError, ValueError, RuntimeError):  # a null character, a loop of links
+        return [Problem("motion.file", printable(repr(name)), "the name of a CSV file")]
+    if found is None:
+        expected = "a file below the scene's folder, or below a folder that you name (--data DIR)"
+        return [Problem("motion.file", printable(repr(name)), expected)]
+    motion["file"] = str(found)
+    return []
+
+
+def place_below(folder: Path, name: str) -> Path | None:
+    """The place of a file, links followed; None where it is not below the folder."""
+    path = (folder / name).resolve()
+    return path if folder in path.parents else None

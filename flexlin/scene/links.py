@@ -1,12 +1,200 @@
-"""The links of a chain, and the loops that close it."""
+"""The links of a chain with their sections and directions in space, and the loops that close it."""
 
 from collections.abc import Sequence
+from math import pi, tanh
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, TypeAdapter, WrapValidator, model_validator
+from pydantic import AfterValidator, Field, TypeAdapter, WrapValidator, model_validator
 
-from flexlin.scene.base import MOST, NonNegative, Number, Positive, Table, Text, Unit
-from flexlin.scene.space import Axis, Mount, RigidPart, Vector
+from flexlin.bounds import MOST_ITEMS, printable
+from flexlin.errors import Problem
+from flexlin.scene.base import NonNegative, Number, Positive, Table, Text, Unit
+from flexlin.scene.problems import read_table
+
+Material = Literal["aluminium", "steel", "stainless steel", "titanium", "brass"]
+MATERIALS: dict[str, dict[str, float]] = {
+    "aluminium": {"density": 2710.0, "youngs_modulus": 68.9e9, "poisson_ratio": 0.35},
+    "steel": {"density": 7850.0, "youngs_modulus": 200e9, "poisson_ratio": 0.32},
+    "stainless steel": {"density": 7860.0, "youngs_modulus": 193e9, "poisson_ratio": 0.27},
+    "titanium": {"density": 4430.0, "youngs_modulus": 120e9, "poisson_ratio": 0.36},
+    "brass": {"density": 8740.0, "youngs_modulus": 101e9, "poisson_ratio": 0.35},
+}
+"""6061-T6, A36, 304, Ti-6Al-4V and C83400 in Hibbeler, Mechanics of Materials, Average Mechanical Properties of Typical Materials."""
+SHAPES = ({"width", "thickness"}, {"diameter"}, {"diameter", "wall"})
+FOLLOW = ("mass_per_length", "bending_stiffness", "torsional_stiffness", "polar_inertia")
+"""The keys of a link that a section stands for."""
+ASKED = {"shear": "stiffness", "rotary_inertia": "radius_of_gyration"}
+"""Effects with a key that follows from the sections where every link has one."""
+
+
+class CrossSection(Table):
+    """A strip (width, thickness), a rod (diameter) or a tube (diameter, wall); what is written out goes before the material's."""
+
+    width: Annotated[Positive | None, Unit("m")] = None
+    """Of a strip, along the link's z."""
+    thickness: Annotated[Positive | None, Unit("m")] = None
+    """Of a strip, along the link's y, in which a planar arm bends."""
+    diameter: Annotated[Positive | None, Unit("m")] = None
+    """Of a rod or a tube, outside."""
+    wall: Annotated[Positive | None, Unit("m")] = None
+    """Thickness of a tube's wall."""
+    material: Material | None = None
+    """Name of a material."""
+    density: Annotated[Positive | None, Unit("kg/m^3")] = None
+    """Density of the material."""
+    youngs_modulus: Annotated[Positive | None, Unit("Pa")] = None
+    """Young's modulus of the material."""
+    poisson_ratio: Annotated[float | None, Field(strict=True, ge=0, lt=0.5), Unit("")] = None
+    """Poisson's ratio of the material; 0.3 where none is known."""
+
+    @model_validator(mode="after")
+    def _is_whole(self) -> "CrossSection":
+        if {key for shape in SHAPES for key in shape if getattr(self, key) is not None} not in SHAPES:
+            raise ValueError("width and thickness of a strip, diameter of a rod, or diameter and wall of a tube")
+        if self.wall is not None and self.diameter is not None and 2 * self.wall >= self.diameter:
+            raise ValueError("a wall thinner than half of the diameter, or none for a rod")
+        if self.material is None and (self.density is None or self.youngs_modulus is None):
+            raise ValueError(f"material, one of {', '.join(MATERIALS)}, or density and youngs_modulus")
+        return self
+
+    def figures(self) -> dict[str, Any]:
+        """What follows for a link, by its keys, and for effects, by their names."""
+        own = {key: value for key in MATERIALS["steel"] if (value := getattr(self, key)) is not None}
+        material = {"poisson_ratio": 0.3} | MATERIALS.get(self.material or "", {}) | own
+        density, E, nu = (material[key] for key in ("density", "youngs_modulus", "poisson_ratio"))
+        G = E / (2 * (1 + nu))
+        if self.width is not None and self.thickness is not None:
+            area, about_y, about_z, J, kappa = strip(self.width, self.thickness, nu)
+        else:
+            outer = (self.diameter or 0.0) / 2
+            area, about_y, about_z, J, kappa = tube(outer, 0.0 if self.wall is None else outer - self.wall, nu)
+        return {
+            "mass_per_length": density * area,
+            "bending_stiffness": [E * about_y, E * about_z],
+            "torsional_stiffness": G * J,
+            "polar_inertia": density * (about_y + about_z),
+            "shear": kappa * G * area,
+            "rotary_inertia": (about_z / area) ** 0.5,
+        }
+
+
+Geometry = tuple[float, float, float, float, float]
+"""Area, second moments about y and about z, torsion constant, shear coefficient."""
+
+
+def strip(width: float, thickness: float, nu: float) -> Geometry:
+    """A rectangle: J = a b^3/3 (1 - 192 b/(pi^5 a) sum_odd tanh(n pi a/(2 b))/n^5), a > b."""
+    a, b = max(width, thickness), min(width, thickness)
+    series = sum(tanh(n * pi * a / (2 * b)) / n**5 for n in range(1, 40, 2))
+    J = a * b**3 / 3 * (1 - 192 * b / (pi**5 * a) * series)
+    kappa = 10 * (1 + nu) / (12 + 11 * nu)
+    return width * thickness, thickness * width**3 / 12, width * thickness**3 / 12, J, kappa
+
+
+def tube(outer: float, inner: float, nu: float) -> Geometry:
+    """A circle of the radius `outer` with a hole of the radius `inner`."""
+    second, m = pi * (outer**4 - inner**4) / 4, (inner / outer) ** 2
+    kappa = 6 * (1 + nu) * (1 + m) ** 2 / ((7 + 6 * nu) * (1 + m) ** 2 + (20 + 12 * nu) * m)
+    return pi * (outer**2 - inner**2), second, second, 2 * second, kappa
+
+
+def expand_sections(data: dict[str, Any]) -> list[Problem]:
+    """Put what follows from the links' sections in their place, in raw data; returns the problems."""
+    problems = list[Problem]()
+    links, known = data["links"] if isinstance(data.get("links"), list) else [], []
+    for i, link in enumerate(links):
+        if isinstance(link, dict) and "section" in link:
+            figures = _figures(f"links.{i}", link, problems)
+            links[i] = {key: value for key, value in link.items() if key != "section"} | {
+                key: figures[key] for key in FOLLOW
+            }
+            known.append(figures)
+    effects = data["effects"] if isinstance(data.get("effects"), dict) else {}
+    for name, key in ASKED.items():
+        table = effects.get(name)
+        if isinstance(table, dict) and known and len(known) == len(links):
+            table.setdefault(key, [figures[name] for figures in known])
+    return problems
+
+
+def _figures(key: str, link: dict[str, Any], problems: list[Problem]) -> dict[str, Any]:
+    """The figures of a link's section; those of some strip where it is at fault, so that no more is found wrong."""
+    section = read_table(CrossSection, link["section"], f"{key}.section", problems)
+    if section is None:
+        return CrossSection(width=0.03, thickness=0.002, material="aluminium").figures()
+    for name in FOLLOW:
+        if name in link:
+            got = f"{printable(repr(link[name]))[:60]} beside section"
+            problems.append(Problem(f"{key}.{name}", got, "no value, since it follows from the section"))
+    return section.figures()
+
+
+Vector = tuple[Number, Number, Number]
+ROUNDING = 1e-9
+"""Relative to an inertia's largest entry: what is less negative than this is rounding."""
+
+
+def _not_zero(value: Vector) -> Vector:
+    if not any(value):
+        raise ValueError("three numbers, not all of them zero")
+    return value
+
+
+Axis = Annotated[Vector, AfterValidator(_not_zero)]
+"""Three numbers that need not have length 1."""
+
+
+class Mount(Table):
+    """Where a joint's frame lies in the frame of the tip before it: `xyz` in m, then turned by roll, pitch and yaw, as in URDF."""
+
+    xyz: Annotated[Vector, Unit("m")] = (0.0, 0.0, 0.0)
+    """Place of the joint's frame."""
+    rpy: Annotated[Vector, Unit("rad")] = (0.0, 0.0, 0.0)
+    """Roll, pitch and yaw of the joint's frame."""
+
+
+class Inertia(Table):
+    """The inertia of a body about its centre, in its frame's axes (kg m^2); products as in URDF, xy = -int x y dm."""
+
+    xx: Annotated[NonNegative, Unit("kg m^2")] = 0.0
+    """Entry xx of the inertia."""
+    yy: Annotated[NonNegative, Unit("kg m^2")] = 0.0
+    """Entry yy of the inertia."""
+    zz: Annotated[NonNegative, Unit("kg m^2")] = 0.0
+    """Entry zz of the inertia."""
+    xy: Annotated[Number, Unit("kg m^2")] = 0.0
+    """Entry xy of the inertia."""
+    xz: Annotated[Number, Unit("kg m^2")] = 0.0
+    """Entry xz of the inertia."""
+    yz: Annotated[Number, Unit("kg m^2")] = 0.0
+    """Entry yz of the inertia."""
+
+    @model_validator(mode="after")
+    def _is_an_inertia(self) -> "Inertia":
+        if not any(self.entries().values()):
+            return self
+        import numpy as np  # a scene without bodies in space is read without it
+
+        matrix = np.array([[self.xx, self.xy, self.xz], [self.xy, self.yy, self.yz], [self.xz, self.yz, self.zz]])
+        if np.linalg.eigvalsh(matrix).min() < -ROUNDING * np.abs(matrix).max():
+            raise ValueError("principal inertias that are not negative")
+        return self
+
+    def entries(self) -> dict[str, Any]:
+        """The six entries by name."""
+        return {name: getattr(self, name) for name in type(self).model_fields}
+
+
+class RigidPart(Table):
+    """A rigid body in a link's frame: mass (kg), centre (m), inertia about the centre (kg m^2)."""
+
+    mass: Annotated[NonNegative, Unit("kg")]
+    """Mass of the body."""
+    centre: Annotated[Vector, Unit("m")] = (0.0, 0.0, 0.0)
+    """Its centre in the link's frame."""
+    inertia: Inertia = Inertia()
+    """Its inertia about its centre."""
+
 
 MAX_MODES = 60
 Direction = Literal["y", "z", "torsion"]
@@ -74,7 +262,7 @@ class Carried(Table):
 class Mimic(Table):
     """A joint that follows another: its displacement is multiplier q + offset, with q that of the joint before `link`."""
 
-    link: Annotated[int, Field(strict=True, ge=0, le=MOST)]
+    link: Annotated[int, Field(strict=True, ge=0, le=MOST_ITEMS)]
     """Number of the link, from 0, whose joint is followed."""
     multiplier: Annotated[Number, Unit("")] = 1.0
     """Displacement for one unit of the other joint's."""
@@ -113,6 +301,8 @@ class Link(Table):
     """Finite elements of which finite-element shapes are made."""
     carried: Carried | None = None
     """The body at the tip for which clamped-loaded shapes are made."""
+    section: CrossSection | None = None
+    """Its section, in the place of mass_per_length and the stiffnesses, which are made of it when the scene is read."""
     sections: Sections | None = None
     """How mass and stiffness vary along the link."""
     joint: Literal["revolute", "prismatic", "fixed"] = "revolute"

@@ -8,21 +8,20 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from flexlin.arguments import checked, instance
+from flexlin.bounds import LARGEST_SCENE, SHALLOW, hint_at, list_excesses, printable
 from flexlin.errors import Problem, SceneError
 from flexlin.files import read_text
+from flexlin.scene.base import Table
 from flexlin.scene.consistency import contradictions
-from flexlin.scene.library import builtin_scenes
-from flexlin.scene.named_files import place_motion_file
-from flexlin.scene.overrides import SHALLOW, apply_overrides, too_deep
+from flexlin.scene.library import builtin_scenes, place_motion_file
+from flexlin.scene.links import expand_sections
+from flexlin.scene.motion import AnyMotion
+from flexlin.scene.parameters import apply_overrides
 from flexlin.scene.problems import schema_problems
 from flexlin.scene.scene import Scene, uncertainty_problems
-from flexlin.scene.toml import list_endless_numbers, parse_toml
-from flexlin.text import hint_at, printable
+from flexlin.scene.toml import parse_toml
 
-LARGEST_FILE = 2**20
-"""Bytes of a scene file."""
 LONGEST_NAME = 4096
-IN_RANGE = "a number between -2^63 and 2^63, or one with a decimal point"
 ADDED = {"robot", "joints", "flexible"}
 """Tables of a scene that stand for links from a URDF file, and what is added to them."""
 
@@ -116,22 +115,18 @@ def parse_scene(
     instance("raw", raw, Mapping, "give the tables of a scene, as tomllib.loads makes them")
     instance("overrides", overrides or {}, Mapping, "give dotted paths with their values")
     source = printable(source)
-    if too_deep(raw) or too_deep(overrides or {}):
-        raise SceneError(source, [Problem("scene", "tables in tables without end", SHALLOW)])
+    beyond = [*list_excesses(dict(raw)), *list_excesses(dict(overrides or {}))]
+    if beyond:
+        raise SceneError(source, [Problem(printable(path), *said) for path, *said in beyond])
     data, problems = apply_overrides(dict(raw), overrides or {})
-    endless = [
-        Problem(printable(path), "a whole number beyond 64 bits", IN_RANGE) for path in list_endless_numbers(data)
-    ]
-    if endless:
-        raise SceneError(source, [*problems, *endless])
     folders = [Path(one) for one in (folder or Path(), data_folder) if one is not None]
     if ADDED & set(data):
         from flexlin.scene.urdf.tables import expand_robot  # a scene without a robot is read without it
 
         problems += expand_robot(data, folders)
-    problems += place_motion_file(data, folders)
+    problems += [*expand_sections(data), *place_motion_file(data, folders)]
     try:
-        scene = Scene.model_validate(data)
+        scene = Scene.model_validate(data, context={"sliding": all_slide(data.get("links"))})
         problems += uncertainty_problems(scene)
     except ValidationError as error:
         problems += schema_problems(Scene, error)
@@ -143,6 +138,37 @@ def parse_scene(
     return scene
 
 
+def all_slide(links: Any) -> bool | None:
+    """Whether all joints of raw links slide; None where some do and others do not."""
+    kinds = (
+        {link.get("joint") == "prismatic" for link in links if isinstance(link, dict)}
+        if isinstance(links, list)
+        else set()
+    )
+    return None if len(kinds) > 1 else True in kinds
+
+
+class OnlyMotion(Table):
+    """A table that holds a motion alone."""
+
+    motion: AnyMotion
+
+
+def read_motion(raw: Mapping[str, Any]) -> AnyMotion:
+    """Check a motion that is given as plain data. Raises: SceneError with all problems at once."""
+    data = {"motion": dict(raw)}
+    problems = [Problem(printable(path), *said) for path, *said in list_excesses(data)]
+    if not problems:
+        problems = place_motion_file(data, [Path()])
+    try:
+        checked = None if problems else OnlyMotion.model_validate(data)
+    except ValidationError as error:
+        problems = schema_problems(OnlyMotion, error)
+    if problems or checked is None:
+        raise SceneError("motion", problems)
+    return checked.motion
+
+
 def scene_text(source: str | Path) -> str:
     """The text of a built-in scene or of a TOML file, as it stands there.
 
@@ -150,7 +176,7 @@ def scene_text(source: str | Path) -> str:
     """
     path = _find(source)
     try:
-        return read_text(path, LARGEST_FILE)
+        return read_text(path, LARGEST_SCENE)
     except (UnicodeDecodeError, OSError) as error:
         raise SceneError(printable(path), [Problem("file", printable(error), "a readable TOML file")]) from None
 
@@ -191,7 +217,7 @@ def _find(source: str | Path) -> Path:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        return parse_toml(read_text(path, LARGEST_FILE))
+        return parse_toml(read_text(path, LARGEST_SCENE))
     except RecursionError:
         raise SceneError(printable(path), [Problem("file", "tables in tables without end", SHALLOW)]) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from flexlin.scene.base import NonNegative, Number, Positive, Table, Text, Unit
-from flexlin.scene.space import Axis, Vector
+from flexlin.scene.links import Axis, Vector
 
 
 class Circle(Table):
@@ -167,6 +167,25 @@ class TableMotion(MotionTable):
     """One table a joint, where one says what drives it."""
 
 
+class LogMotion(MotionTable):
+    """Cycles of a measured log in a CSV file with a head line, averaged: a Fourier series up to the harmonics that its noise allows."""
+
+    kind: Literal["log"]
+    """The kind of motion."""
+    file: Text
+    """The CSV file, seen from the scene's folder."""
+    time: Text = "t"
+    """Name of the column of times in s."""
+    columns: Annotated[tuple[Text, ...], Field(min_length=1), Unit("rad or m")]
+    """Names of the columns of angles, one a joint."""
+    period: Annotated[Positive | None, Unit("s")] = None
+    """Length of a cycle, where it shall not be found."""
+    harmonics: Annotated[int | None, Field(strict=True, ge=1, le=60)] = None
+    """Highest harmonic, where it shall not be chosen."""
+    joints: tuple[Joint, ...] = ()
+    """One table a joint, where one says what drives it."""
+
+
 class TipJoint(Joint):
     posture: Annotated[Number, Unit("rad or m")] = 0.0
     """From where inverse kinematics begins: it chooses the elbow, and a joint that is free to choose stays near it."""
@@ -195,4 +214,6 @@ class TipPath(MotionTable):
     """One table a joint, where one has anything to say."""
 
 
-AnyMotion = Annotated[Harmonic | Rotation | Fourier | PointToPoint | TableMotion | TipPath, Field(discriminator="kind")]
+AnyMotion = Annotated[
+    Harmonic | Rotation | Fourier | PointToPoint | TableMotion | LogMotion | TipPath, Field(discriminator="kind")
+]

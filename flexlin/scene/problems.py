@@ -7,11 +7,11 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
+from flexlin.bounds import hint_at, printable
 from flexlin.errors import Problem
 from flexlin.scene.base import Table
 from flexlin.scene.effects import Effects, effects_table
-from flexlin.scene.units import dimension_of, read_quantity
-from flexlin.text import hint_at, printable
+from flexlin.scene.units import NAMES, read_quantity
 
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 NUMBERS = re.compile(rf"\s*[\[(]?\s*({NUMBER}(?:[\s,;]+{NUMBER})*)\s*[,;]?\s*[\])]?\s*")
@@ -48,11 +48,10 @@ def suggest_number(value: str, unit: str | None) -> str:
     """The SI value of a quantity with a unit: 96 cm may mean 0.96."""
     try:
         found = read_quantity(value)
-        fits = not unit or found.dimension in (None, *(dimension_of(part)[1] for part in unit.split(" or ")))
     except ValueError:
         return f" in {unit}, without a unit behind it" if unit and re.match(rf"\s*{NUMBER}\s*\D", value) else ""
-    if not fits:
-        return f" in {unit}"
+    if unit and found.dimension is not None:
+        return f" in {unit}" + (f", or {NAMES[unit]}" if unit in NAMES else "")
     return f"; did you mean {found.value:.12g}? Numbers are in {unit or 'SI units'}"
 
 
@@ -95,6 +94,18 @@ def schema_problems(schema: type[BaseModel], error: ValidationError) -> list[Pro
         else []
     )
     return [problem for key, problem in merged.items() if key not in parents] + rest
+
+
+def read_table(schema: type[BaseModel], raw: Any, key: str, problems: list[Problem]) -> Any:
+    """One table by its schema, or None with its problems added."""
+    try:
+        return schema.model_validate(raw)
+    except ValidationError as error:
+        problems += [
+            Problem(f"{key}.{p.key}" if p.key != "scene" else key, p.got, p.expected)
+            for p in schema_problems(schema, error)
+        ]
+        return None
 
 
 def follows_from_another(entry: Any) -> bool:

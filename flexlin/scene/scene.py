@@ -1,18 +1,131 @@
-"""The whole scene, with what is known of its numbers only between limits."""
+"""The whole scene, with its robot file, its log, and what is known of its numbers only between limits."""
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
+from flexlin.bounds import MOST_ITEMS, printable
 from flexlin.errors import ArgumentError, Problem
+from flexlin.plots.view import View, make_card
 from flexlin.scene.accuracy import Accuracy
-from flexlin.scene.base import NotEndless, Number, Table, Text, Unit
+from flexlin.scene.base import NonNegative, NotEndless, Number, Positive, Table, Text, Unit
 from flexlin.scene.control import Control, DesignTable, Drives
 from flexlin.scene.effects import AnyEffects
-from flexlin.scene.links import Link, Loop
+from flexlin.scene.links import FOLLOW, AnyModes, CrossSection, Link, Loop
 from flexlin.scene.motion import AnyMotion
 from flexlin.scene.parameters import get_value
-from flexlin.text import printable
+
+
+class RobotTable(Table):
+    """A chain of a robot from a URDF file below the scene's folder."""
+
+    urdf: Text
+    """Name of the file."""
+    base: Text | None = None
+    """First link of the chain; by default the root."""
+    tip: Text | None = None
+    """Last link of the chain; by default the only end."""
+
+
+class JointTable(Table):
+    """What a joint has beside the URDF file: a spring, a motor behind a gear; figures are the motor's where `gear` is given."""
+
+    stiffness: Annotated[Positive | None, Unit("N m/rad")] = None
+    """Stiffness between motor and link; none for a stiff joint."""
+    damping: Annotated[NonNegative, Unit("N m s/rad")] = 0.0
+    """Damping between motor and link."""
+    motor_inertia: Annotated[NonNegative, Unit("kg m^2")] = 0.0
+    """Inertia of the motor."""
+    gear: Annotated[Number, Unit("")] = 1.0
+    """Turns of the motor for one of the joint."""
+
+    @model_validator(mode="after")
+    def _has_a_gear(self) -> "JointTable":
+        if not self.gear:
+            raise ValueError("a gear ratio that is not 0")
+        return self
+
+
+class FlexibleTable(Table):
+    """A link that bends: what its URDF file cannot say of it."""
+
+    length: Annotated[Positive | None, Unit("m")] = None
+    """Length from its joint to the next one, unless another is given."""
+    mass_per_length: Annotated[Positive | None, Unit("kg/m")] = None
+    """Mass per length; by default the link's own mass, spread along it."""
+    bending_stiffness: Annotated[Positive | tuple[Positive, Positive] | None, Unit("N m^2")] = None
+    """Bending stiffness E I, or the pair about y and about z."""
+    torsional_stiffness: Annotated[Positive | None, Unit("N m^2")] = None
+    """Torsional stiffness G J."""
+    polar_inertia: Annotated[Positive | None, Unit("kg m")] = None
+    """Polar inertia of the sections per length, rho I_p."""
+    section: CrossSection | None = None
+    """Its section, in the place of mass_per_length and the stiffnesses."""
+    modes: AnyModes = 0
+    """Number of assumed modes, or a table of those in y, in z and of torsion."""
+    mode_shapes: Literal["clamped-free", "clamped-loaded", "finite-element"] = "clamped-free"
+    """The assumed modes' shapes."""
+
+    @model_validator(mode="after")
+    def _is_said_once(self) -> "FlexibleTable":
+        beside = [key for key in FOLLOW if self.section is not None and getattr(self, key) is not None]
+        if beside:
+            raise ValueError(f"no {beside[0]} beside section, from which it follows")
+        return self
+
+
+Sensor = Literal["coordinate", "rate", "encoder", "strain", "tip", "tip-acceleration"]
+
+
+class LogColumn(Table):
+    """A column: the value of the scene is gain times what stands there, plus offset, and was so `delay` before the row's time."""
+
+    column: Text
+    """Its name in the head line."""
+    gain: Annotated[Number, Unit("of that number, for one of the column")] = 1.0
+    """Value of the scene for one unit of the column: a strain gauge's, a motor's torque for one ampere."""
+    offset: Annotated[Number, Unit("of that number")] = 0.0
+    """What is added."""
+    delay: Annotated[NonNegative, Unit("s")] = 0.0
+    """How much older the value is than the row's time says; an input acts so much later."""
+
+
+class SensorFilter(Table):
+    """A filter of second order behind a sensor, z'' + 2 damping w z' + w^2 z = w^2 y with w = 2 pi frequency."""
+
+    frequency: Annotated[Positive, Unit("Hz")]
+    """Its corner."""
+    damping: Annotated[Positive, Unit("")] = 1.0
+    """Its damping ratio."""
+
+
+class LogOutput(LogColumn):
+    """A sensor. By its name it is a coordinate (q1), its rate (q1_rate), the tip's place (tip.x), or a joint's encoder."""
+
+    sensor: Sensor | None = None
+    """What it is, where the name does not say so; strain: the curvature of a link."""
+    link: Annotated[int | None, Field(strict=True, ge=0, le=MOST_ITEMS)] = None
+    """Number of its link or joint, from 0."""
+    at: Annotated[NonNegative, Field(le=1), Unit("")] = 0.0
+    """Place x/l of a strain gauge on its link."""
+    lowpass: SensorFilter | None = None
+    """A filter that the reading has passed, as those of strain gauges are apt to."""
+    axis: Literal["x", "y", "z"] = "x"
+    """World axis of the tip's place or acceleration."""
+
+
+class LogTable(Table):
+    """A measured log: the column of times, those of the joints' torques or forces, and those of sensors."""
+
+    time: Text = "t"
+    """Name of the column of times."""
+    second: Annotated[Positive, Unit("s")] = 1.0
+    """One unit of that column, such as 0.001 for milliseconds."""
+    inputs: dict[str, LogColumn] = Field(default_factory=dict)
+    """By the name of a joint, such as q1, or as the scene names it."""
+    outputs: dict[str, LogOutput] = Field(default_factory=dict)
+    """By name: a coordinate, tip.x, a joint, or any name beside `sensor`."""
+
 
 MOST = 12
 """Uncertain numbers of one scene: the search tries combinations of them."""
@@ -74,7 +187,7 @@ class Scene(Table):
         SI, or dimensionless for a scene in units of its own; its key is `units`.
     effects : Effects
         A table for each physical effect that is on.
-    motion : Harmonic, Rotation, Fourier, PointToPoint, TableMotion or TipPath
+    motion : Harmonic, Rotation, Fourier, PointToPoint, TableMotion, LogMotion or TipPath
         The basic motion of the joints.
     control : Control
         Feedforward, feedback, saturation and sampling.
@@ -84,6 +197,8 @@ class Scene(Table):
         What the drives can give.
     uncertainty : dict of str to Uncertain
         Between which values numbers of the scene lie.
+    log : LogTable or None
+        Which columns of a measured log are which inputs and sensors.
 
     Examples
     --------
@@ -121,5 +236,34 @@ class Scene(Table):
     """Limits of the drives: torque, speed, power, current."""
     uncertainty: dict[str, Uncertain] = Field(default_factory=dict)
     """How well numbers of the scene are known, each by its dotted path: "effects.payload.mass" = { low = 0.0, high = 0.3 }."""
+    log: LogTable | None = None
+    """Which columns of a measured log are which inputs and sensors."""
     accuracy: Accuracy = Accuracy()
     """The wanted error, and what a run may cost."""
+
+    def __repr__(self) -> str:
+        return f"Scene({self.title!r}; {'; '.join(self._facts())})"
+
+    __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        """The card of a notebook."""
+        return make_card(View(self.title, "", self._facts(), "", "", ()))
+
+    def _facts(self) -> tuple[str, ...]:
+        """Links, effects, motion and control in words."""
+        modes = [link.modes for link in self.links]
+        arm = f"model {self.model}" if self.model else f"{len(self.links)} links, modes {', '.join(map(str, modes))}"
+        on = [
+            name.replace("_", " ")
+            for name in type(self.effects).model_fields
+            if getattr(self.effects, name) is not None
+        ]
+        feedback = self.control.feedback
+        facts = (
+            arm,
+            f"effects: {', '.join(on) or 'none'}",
+            f"motion: {self.motion.kind.replace('_', ' ')}",
+            f"control: {self.control.feedforward} feedforward, {'no' if feedback is None else feedback.kind} feedback",
+        )
+        return (*facts, f"designs: {', '.join(one.name for one in self.designs)}") if self.designs else facts

@@ -6,37 +6,24 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, PlainValidator, WithJsonSchema
+from pydantic import PlainValidator, WithJsonSchema
 
+from flexlin.bounds import LARGEST, SMALLEST, read_number
 from flexlin.errors import ArgumentError
-from flexlin.scene.base import LARGEST, SMALLEST, Positive, Unit
 
 Dimension = tuple[int, int, int, int, int]
 """Powers of m, kg, s, A and rad; an angle counts as a dimension, so that no degree passes for a metre."""
 
-_BASE: dict[str, tuple[float, Dimension]] = {
-    "m": (1.0, (1, 0, 0, 0, 0)),
-    "g": (1e-3, (0, 1, 0, 0, 0)),
-    "s": (1.0, (0, 0, 1, 0, 0)),
-    "A": (1.0, (0, 0, 0, 1, 0)),
-    "rad": (1.0, (0, 0, 0, 0, 1)),
-    "N": (1.0, (1, 1, -2, 0, 0)),
-    "Nm": (1.0, (2, 1, -2, 0, 0)),
-    "J": (1.0, (2, 1, -2, 0, 0)),
-    "W": (1.0, (2, 1, -3, 0, 0)),
-    "V": (1.0, (2, 1, -3, -1, 0)),
-    "Hz": (1.0, (0, 0, -1, 0, 0)),
-}
-_PREFIXES = {"": 1.0, "k": 1e3, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "n": 1e-9}
-UNITS: dict[str, tuple[float, Dimension]] = {
-    **{prefix + name: (size * factor, powers) for prefix, size in _PREFIXES.items() for name, (factor, powers) in _BASE.items()},
-    "cm": (1e-2, (1, 0, 0, 0, 0)),
-    "deg": (math.pi / 180, (0, 0, 0, 0, 1)),
-    "°": (math.pi / 180, (0, 0, 0, 0, 1)),
-    "rev": (2 * math.pi, (0, 0, 0, 0, 1)),
-    "rpm": (2 * math.pi / 60, (0, 0, -1, 0, 1)),
-    "min": (60.0, (0, 0, 1, 0, 0)),
-}  # fmt: skip
+_BASE = ("m", "kg", "s", "A", "rad")
+_WITH_PREFIXES = """
+    m 1 m; g 0.001 kg; s 1 s; A 1 A; rad 1 rad; N 1 kg m/s^2; Nm 1 N m; J 1 N m; W 1 J/s; V 1 W/A; Hz 1 1/s; Pa 1 N/m^2
+"""
+_PREFIXES = "k 1e3; m 1e-3; u 1e-6; µ 1e-6; μ 1e-6; n 1e-9"
+_ALONE = f"""
+    cm 1e-2 m; MPa 1e6 Pa; GPa 1e9 Pa; deg {math.pi / 180} rad; ° {math.pi / 180} rad;
+    rev {2 * math.pi} rad; rpm {2 * math.pi / 60} rad/s; min 60 s
+"""
+UNITS: dict[str, tuple[float, Dimension]] = {}
 """Every unit that may be written, with its size in SI units."""
 NAMES = {
     "m": "a length such as 2 mm",
@@ -55,6 +42,8 @@ NAMES = {
     "N/A": "a force constant such as 20 N/A",
     "rad s": "an integral of an angle such as 0.2 deg s",
     "m s": "an integral of a length such as 1 mm s",
+    "Pa": "an elastic modulus such as 70 GPa",
+    "kg/m^3": "a density such as 2.7 g/cm^3",
 }
 """The dimensions that keys ask for by their SI unit, in words."""
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
@@ -84,6 +73,23 @@ def dimension_of(unit: str) -> tuple[float, Dimension]:
     return size, (powers[0], powers[1], powers[2], powers[3], powers[4])
 
 
+def define_units() -> None:
+    """Fill the table of units, each by those before it: its name, its size, and what it is a multiple of."""
+    for name in _BASE:
+        m, kg, s, A, rad = (int(name == base) for base in _BASE)
+        UNITS[name] = (1.0, (m, kg, s, A, rad))
+    prefixes = [prefix.split() for prefix in _PREFIXES.split(";")]
+    for table, before in ((_WITH_PREFIXES, prefixes), (_ALONE, [])):
+        for line in table.split(";"):
+            name, size, unit = line.split(maxsplit=2)
+            whole, powers = dimension_of(unit)
+            UNITS[name] = (float(size) * whole, powers)
+            UNITS.update({prefix + name: (float(times) * UNITS[name][0], powers) for prefix, times in before})
+
+
+define_units()
+
+
 def read_quantity(value: Any) -> Quantity:
     """Read a number, or a text such as "2 mm"; raises ValueError with what was expected."""
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
@@ -93,7 +99,7 @@ def read_quantity(value: Any) -> Quantity:
     found = _NUMBER.fullmatch(value)
     if found is None:
         raise ValueError("a number with a unit, such as '2 mm'")
-    number, unit = float(found.group(1)), found.group(2)
+    number, unit = read_number(found.group(1)), found.group(2)
     if not unit:
         return Quantity(number, None)
     size, powers = dimension_of(unit)
@@ -112,13 +118,24 @@ def in_si(value: Any, *units: str) -> float:
     return found.value
 
 
-def _reader(units: tuple[str, ...]) -> Callable[[Any], Any]:
-    """A quantity in SI units; other things are left for the schema to refuse."""
+def in_unit(value: Any, unit: str, sliding: bool | None = False) -> Any:
+    """A text such as "1000 mm", or each of a list of such, in a key's SI unit; what does not fit as it is, for the schema to refuse.
 
-    def read(value: Any) -> Any:
-        return in_si(value, *units) if isinstance(value, str) else value
-
-    return read
+    unit: as keys state it; of "rad or m" the first is meant for joints that turn, the second for those that slide.
+    sliding: whether the joints slide; None where some do and others do not.
+    """
+    if isinstance(value, (list, tuple)):
+        return [in_unit(item, unit, sliding) for item in value]
+    if not isinstance(value, str):
+        return value
+    turns, *slides = re.split(r" or |, ", unit)
+    try:
+        found = read_quantity(value)
+        size, wanted = dimension_of(slides[0] if slides and sliding else turns)
+    except ValueError:
+        return value
+    fits = found.dimension == wanted and not (slides and sliding is None)
+    return found.value / size if fits else value
 
 
 def kept_quantities(*units: str) -> Callable[[Any], Any]:
@@ -152,8 +169,6 @@ def spread(key: str, value: Any, units: Sequence[str]) -> list[float] | None:
 NUMBER_OR_TEXT: Any = {"anyOf": [{"type": "number", "exclusiveMinimum": 0}, {"type": "string"}]}
 """The JSON schema of a quantity."""
 ONE_OR_MORE: Any = {"anyOf": [*NUMBER_OR_TEXT["anyOf"], {"type": "array", "items": NUMBER_OR_TEXT}]}
-Length = Annotated[Positive, BeforeValidator(_reader(("m",))), WithJsonSchema(NUMBER_OR_TEXT), Unit("m")]
-Speed = Annotated[Positive, BeforeValidator(_reader(("m/s",))), WithJsonSchema(NUMBER_OR_TEXT), Unit("m/s")]
 AnyDisplacement = Annotated[Any, PlainValidator(kept_quantities("rad", "m")), WithJsonSchema(ONE_OR_MORE)]
 """An angle or a length, or a list of such, kept as written: which of the two is the coordinate's to say."""
 AnyRate = Annotated[Any, PlainValidator(kept_quantities("rad/s", "m/s")), WithJsonSchema(ONE_OR_MORE)]

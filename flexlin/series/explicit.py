@@ -1,22 +1,29 @@
 """Taylor maps of scalar, vector and matrix expressions."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.arguments import checked, instance
+from flexlin.arguments import Kind, checked, instance
 from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError
-from flexlin.series.expression import Expression
+from flexlin.series.elementary import record_expressions
 from flexlin.series.indices import indices
 from flexlin.series.polynomial import Polynomial
-from flexlin.series.recording import record_expressions
 from flexlin.series.support import bytes_of, expand_by_support
 from flexlin.summary import represent
 from flexlin.symbolic import as_expression
+
+
+def is_expression(value: Any) -> bool:
+    """Whether it is of CasADi."""
+    return isinstance(value, (ca.SX, ca.MX, ca.DM))
+
+
+Expression = Annotated[Any, Kind("a CasADi expression", is_expression)]
 
 
 @dataclass(frozen=True)

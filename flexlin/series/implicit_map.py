@@ -10,13 +10,12 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError, ToleranceNotReached
 from flexlin.lazy import lazy
-from flexlin.series.engine import expand_implicit
+from flexlin.series.engine import Tape, expand_implicit
+from flexlin.series.folds import closure_and_jacobian, newton, newton_step
 from flexlin.series.indices import shared_indices
-from flexlin.series.newton import closure_and_jacobian, newton, newton_step
 from flexlin.series.polynomial import Polynomial
 from flexlin.series.radius import Radius, line_series, radius_along
 from flexlin.series.space import Numeric
-from flexlin.series.tape import Tape
 from flexlin.series.unroll import unrolled
 from flexlin.summary import represent
 

@@ -5,12 +5,10 @@ from typing import Literal
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.series.engine import expand_implicit, seeded
-from flexlin.series.folds import Fold, find_fold
+from flexlin.series.engine import Tape, expand_implicit, seeded
+from flexlin.series.folds import Fold, find_fold, newton
 from flexlin.series.indices import shared_indices
-from flexlin.series.newton import newton
 from flexlin.series.space import Numeric
-from flexlin.series.tape import Tape
 
 ORDER = 40
 """Order of the series in one variable from which singularities are estimated."""

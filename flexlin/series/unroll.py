@@ -5,11 +5,10 @@ import numpy as np
 
 from flexlin.checks import Array, check_size
 from flexlin.errors import ArgumentError
-from flexlin.series.engine import expand_implicit, seeded
+from flexlin.series.engine import Tape, expand_implicit, seeded
 from flexlin.series.indices import Indices
 from flexlin.series.polynomial import symbolic_monomials, weighted_sums
 from flexlin.series.space import Symbolic
-from flexlin.series.tape import Tape
 
 BYTES_PER_INSTRUCTION = 300
 """Memory that one scalar operation of an expression takes while it is built."""

@@ -5,14 +5,17 @@ from flexlin.lazy import load_lazily
 __getattr__, __dir__, __all__ = load_lazily(
     __name__,
     {
-        "Attraction": "flexlin.simulation.attraction",
-        "Drive": "flexlin.simulation.drive",
-        "NonlinearLoop": "flexlin.simulation.loop",
-        "Simulation": "flexlin.simulation.result",
-        "check_duration": "flexlin.simulation.run",
-        "predict": "flexlin.simulation.prediction",
-        "region_of_attraction": "flexlin.simulation.attraction",
-        "simulate": "flexlin.simulation.run",
-        "tip_positions": "flexlin.control.tracking",
+        "control.tracking": "tip_positions",
+        "simulation.attraction": "Attraction region_of_attraction",
+        "simulation.drive": "Drive",
+        "simulation.loop": "NonlinearLoop",
+        "simulation.prediction": "predict",
+        "simulation.result": "Simulation",
+        "simulation.run": "check_duration simulate",
+    },
+    within={
+        "simulation.events": "Switching",
+        "simulation.step_by_step": "follow_cut",
+        "simulation.table": "LawTable",
     },
 )

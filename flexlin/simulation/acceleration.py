@@ -35,10 +35,8 @@ class Acceleration:
         M, B, left, rates, lost = self._equations(x, *self.about.place_at(t))
         kept, left, rates, friction = self._kept, left[:, 0], rates[:, 0], self.friction
         if friction is not None and slip is not None:
-            added, moving = (
-                slip * friction.sliding - friction.smooth(rates[list(friction.places)]),
-                list(friction.places),
-            )
+            moving = list(friction.places)
+            added = slip * friction.sliding(rates[moving]) - friction.smooth(rates[moving])
             left[moving] += added
             lost = lost + rates[moving] @ added
         _, acceleration, failed = LAPACK.dposv(M[kept], (B @ torque - left)[kept])

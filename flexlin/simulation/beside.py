@@ -29,7 +29,7 @@ class LinearPath:
     def on(self, window: Window, at: Places, floor: float) -> tuple[Path, Array]:
         """The motion on a window of rigid matrices, and its local errors (K, 2n) relative to the largest state or to `floor`."""
         with np.errstate(over="ignore", invalid="ignore"):
-            path = window.corrected(window.grid.rest(np.zeros(len(self.before))), self.x, -at.force)[0]
+            path = window.corrected(window.grid.rest(np.zeros(len(self.before))), self.x, -at.force)
             errors = window.local_errors(path, self.before) / np.maximum(self.largest, floor)
         return path, np.where(np.isfinite(errors), np.abs(errors), 0.0)
 

@@ -147,7 +147,7 @@ class Collocation:
                 out[done:stop, : 2 * n + 1] = np.column_stack([states, at.work + work])
                 if beside is not None:
                     out[done:stop, 2 * n + 1 :] = LinearPath.states(grid, beside, t[done:stop])
-                at.work += float(grid.h @ (power @ grid.rule.b))
+                at.work += float(grid.h @ (power @ grid.rule.tableau.b))
                 done = stop
         return out
 

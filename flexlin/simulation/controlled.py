@@ -7,6 +7,7 @@ import numpy as np
 from flexlin.about.law import Law
 from flexlin.checks import Array
 from flexlin.simulation.equations import Equations, LinearEquations, Matrices, Places
+from flexlin.simulation.window import Ready
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,7 @@ class ControlledPlaces(Places):
         """The same at some of the times."""
         some, arm = super().some(which), self.of_arm.some(which)
         own = self.by_states[which], self.of_states[which]
-        return ControlledPlaces(some.t, some.gain, some.offset, some.linear, some.force, arm, *own)
+        return ControlledPlaces(some.t, some.place, some.gain, some.offset, some.linear, some.force, arm, *own)
 
 
 class ControlledEquations:
@@ -48,7 +49,7 @@ class ControlledEquations:
         of_states = B @ by_states
         force = np.concatenate([at.force, self._law.steer(self._law.reference(now))], axis=1)
         linear = self.extended(*at.linear, of_states)
-        return ControlledPlaces(t, self.widened(gain), at.offset, linear, force, at, by_states, of_states)
+        return ControlledPlaces(t, at.place, self.widened(gain), at.offset, linear, force, at, by_states, of_states)
 
     def widened(self, gain: Array) -> Array:
         """The gain (N, m, 2n + k) in the coordinates [y; c; y'; c']."""
@@ -69,9 +70,13 @@ class ControlledEquations:
         """What is left of the equations, and the power that goes into the arm."""
         assert isinstance(at, ControlledPlaces)
         n, rates, arm = self._n, self._controller.rates, self.moved(at, v)
-        F, power = self._arm.residual(arm, y[:, :n], v[:, :n], w[:, :n])
+        F, power = self._arm.residual(arm, *(np.ascontiguousarray(part[:, :n]) for part in (y, v, w)))
         of_states = w[:, n:] - np.concatenate([y[:, :n], v], axis=1) @ rates.T - at.force[:, n:]
         return np.concatenate([F, of_states], axis=1), power
+
+    def ready(self, at: Places) -> Ready | None:
+        """None: what the controller adds stands in no program."""
+        return None
 
     def mass(self, at: Places, y: Array) -> Array:
         """That of the arm; rates z' stand alone."""
@@ -93,7 +98,7 @@ class ControlledEquations:
         arm, z = at.of_arm, v[:, self._n :]
         offset = arm.offset - np.einsum("tij,tj->ti", at.by_states, z)
         force = arm.force - np.einsum("tij,tj->ti", at.of_states, z)
-        return Places(arm.t, arm.gain, offset, arm.linear, force)
+        return Places(arm.t, arm.place, arm.gain, offset, arm.linear, force)
 
 
 def with_controller(arm: LinearEquations, law: Law) -> Equations:

@@ -8,7 +8,8 @@ from flexlin.about.law import Law
 from flexlin.about.layers import Layers
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
-from flexlin.errors import SimulationStopped
+from flexlin.control.measurement import encoder_rows
+from flexlin.errors import ArgumentError, SimulationStopped
 from flexlin.lazy import lazy
 from flexlin.simulation.drive import Drive
 from flexlin.simulation.ending import name_largest
@@ -52,6 +53,7 @@ class ControlledArm:
         if self.friction is not None and self.drive.rate is not None:
             raise refuse("a drive of limited rate, [control.saturation] rate", "a drive that follows at once")
         self.given: Array | None = None
+        self.reached = list[float]()
         self._calls = 0
 
     def command(self, t: float, x: Array) -> Array:
@@ -70,6 +72,39 @@ class ControlledArm:
             The torque, in N m.
         """
         return self.drive.saturated(self.law(t, x))
+
+    def measure(self, t: float, x: Array) -> Array:
+        """Return what encoders of finite steps make of a state; rates are taken as they are.
+
+        Parameters
+        ----------
+        t : float
+            Time in s.
+        x : array, shape (2n + k,)
+            State [y; y'; z].
+
+        Returns
+        -------
+        array, shape (2n + k,)
+            The state with the encoders' readings rounded.
+        """
+        if self.drive.encoders is None:
+            return x
+        now, steps = t % self.lin.period if self.lin.motion.periodic else t, np.array(self.drive.encoders)
+        rows, back = self._encoders
+        read = self.lin.motion.sample(np.array([now]))[0][0, list(self.lin.driven)] + rows @ x[: self.n]
+        missed = steps * np.round(read / steps) - read
+        return np.concatenate([x[: self.n] + back @ missed, x[self.n :]])
+
+    @lazy
+    def _encoders(self) -> tuple[Array, Array]:
+        """The readings of y (m, n), and the least change of y that changes them as asked."""
+        rows = encoder_rows(self.lin)
+        if len(rows) != len(self.drive.encoders or ()):
+            raise ArgumentError(
+                "encoders do not fit the arm", got=len(self.drive.encoders or ()), expected=str(len(rows))
+            )
+        return rows, np.linalg.pinv(rows)
 
     def commands(self, t: Array, x: Array) -> Array:
         """Return the torques that the motors give at many times.
@@ -124,24 +159,28 @@ class ControlledArm:
         acceleration, _, power = self.equations.solve(t, x, torque, slip)
         return np.concatenate([x[self.n :], acceleration, still if remembered is None else remembered, [power]])
 
-    def accept(self, t: float, z: Array) -> None:
-        """Look at a state that was reached.
+    def accept(self, t: Array, z: Array) -> None:
+        """Look at states that were reached.
 
         Parameters
         ----------
-        t : float
-            Time in s.
-        z : array
-            State; the first n are y.
+        t : array, shape (N,)
+            Times in s.
+        z : array, shape (N, k)
+            States; the first n of each are y.
 
         Raises
         ------
         SimulationStopped
             When the loop diverges.
         """
-        deviation = np.abs(z[: self.n])
-        if not deviation.max(initial=0.0) < FARTHEST:
-            raise self._lost(f"a state {name_largest(self.lin, deviation)} off the rigid motion", t, far=True)
+        self.reached.extend(t.tolist())
+        deviations = np.abs(z[:, : self.n])
+        inside = deviations.max(axis=1, initial=0.0) < FARTHEST
+        if not inside.all():
+            first = int(np.argmin(inside))
+            where = name_largest(self.lin, deviations[first])
+            raise self._lost(f"a state {where} off the rigid motion", float(t[first]), far=True)
 
     @property
     def states(self) -> int:
@@ -153,7 +192,7 @@ class ControlledArm:
         """The law as a step-by-step integrator asks for it."""
         from flexlin.simulation.table import LawTable
 
-        return LawTable(self._law, self.lin)
+        return LawTable(self._law, self.lin, self.drive.sample_time is not None)
 
     @lazy
     def equations(self) -> "Acceleration":

@@ -1,4 +1,4 @@
-"""What the drive makes of the commanded torque: saturation, sampling, delay."""
+"""What the drive makes of the commanded torque: saturation, sampling, delay, steps of encoders and torques."""
 
 from dataclasses import dataclass
 
@@ -23,6 +23,10 @@ class Drive:
         Time between measuring and the torque taking effect, in s; at most one sample time.
     rate : tuple of float, optional
         Largest rate at which each torque changes, in N m/s; not beside a sample time.
+    encoders : tuple of float, optional
+        Steps of the m encoders, in rad or m, to which their readings are rounded; with a sample time.
+    steps : tuple of float, optional
+        Steps of the m torques, in N m, to which these are rounded; with a sample time.
 
     Raises
     ------
@@ -41,11 +45,15 @@ class Drive:
     sample_time: float | None = None
     delay: float = 0.0
     rate: tuple[float, ...] | None = None
+    encoders: tuple[float, ...] | None = None
+    steps: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         for name, values in (
             ("limit", self.limit or ()),
             ("rate", self.rate or ()),
+            ("encoders", self.encoders or ()),
+            ("steps", self.steps or ()),
             ("sample_time", (self.sample_time,) if self.sample_time else ()),
         ):
             if any(not value > 0 for value in values):
@@ -55,6 +63,10 @@ class Drive:
                 "a torque that is sampled and held changes in steps",
                 got="[control.saturation] rate beside [control.sampling]",
                 expected="one of them",
+            )
+        if self.sample_time is None and (self.encoders or self.steps):
+            raise ArgumentError(
+                "numbers are rounded where a device samples", got="steps without a sample time", expected="sample_time"
             )
         if not 0 <= self.delay <= (self.sample_time or 0.0):
             raise ArgumentError(
@@ -72,8 +84,9 @@ class Drive:
         Returns
         -------
         array, shape (m,)
-            The torque within the limits.
+            The torque in whole steps within the limits.
         """
+        torque = torque if self.steps is None else np.array(self.steps) * np.round(torque / self.steps)
         return torque if self.limit is None else np.clip(torque, -np.array(self.limit), self.limit)
 
 
@@ -87,4 +100,6 @@ def scene_drive(lin: Linearization) -> Drive:
         None if sampling is None else sampling.period,
         0.0 if sampling is None else sampling.delay,
         None if limit is None else limit.rate,
+        None if sampling is None else sampling.encoders,
+        None if sampling is None else sampling.torque,
     )

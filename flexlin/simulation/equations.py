@@ -1,28 +1,35 @@
 """The equations of the closed loop at many times at once: the nonlinear ones, and their linear part."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol
 
 import casadi as ca
 import numpy as np
 
+from flexlin import symbolic
 from flexlin.about.deviation import Deviation
 from flexlin.about.law import Law
 from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.lazy import lazy
+from flexlin.simulation.window import Ready
 
 Matrices = tuple[Array, Array, Array]
+FEW_SWEEPS = 4
+"""What most windows take."""
 
 
 @dataclass(frozen=True)
 class Places:
     """Where a window's stages are: times t (N,), the law's gain (N, m, 2n) and offset (N, m), and the linear equations.
 
-    linear: M, D, K (N, n, n); force: (N, n), what is left of the equations at y = 0.
+    place: what functions take of the motion there, and the parameters; linear: M, D, K (N, n, n); force: (N, n), what is left of the
+    equations at y = 0.
     """
 
     t: Array
+    place: list[Array]
     gain: Array
     offset: Array
     linear: Matrices
@@ -31,7 +38,14 @@ class Places:
     def some(self, which: Array) -> "Places":
         """The same at some of the times."""
         M, D, K = (A[which] for A in self.linear)
-        return Places(self.t[which], self.gain[which], self.offset[which], (M, D, K), self.force[which])
+        return Places(
+            self.t[which],
+            [part[which] for part in self.place],
+            self.gain[which],
+            self.offset[which],
+            (M, D, K),
+            self.force[which],
+        )
 
     def torque(self, y: Array, v: Array) -> Array:
         """What the law commands, (N, m)."""
@@ -46,6 +60,9 @@ class Equations(Protocol):
 
     def residual(self, at: Places, y: Array, v: Array, w: Array) -> tuple[Array, Array]:
         """F (N, n), and the power (N,) that goes into the arm."""
+
+    def ready(self, at: Places) -> Ready | None:
+        """The residual as compiled code carries it out; None where it takes more than a program, or too few points for one."""
 
     def mass(self, at: Places, y: Array) -> Array:
         """dF/dy'' (N, n, n), for much less work than all slopes."""
@@ -62,14 +79,17 @@ class LinearEquations:
 
     def places(self, t: Array) -> Places:
         """The coefficients and the law; a law lasts for a period, and after a one-way motion stays as it is at the end."""
-        lin, n = self.lin, self.lin.n
+        lin, law, own, n = self.lin, self.law, self._own, self.lin.n
         now = t % lin.period if lin.motion.periodic else np.minimum(t, lin.period)
-        c, gain, own = lin.sample(t), self.law.gain(now), self._own.gain(now)
-        added = c.B @ (gain - own)
-        offset = self._forward(self.law, now, c.tau) + np.einsum("tij,tj->ti", gain, self.law.reference(now))
-        taken = self._forward(self._own, now, c.tau) + np.einsum("tij,tj->ti", own, self._own.reference(now))
-        force = c.h + np.einsum("tij,tj->ti", c.B, offset - taken)
-        return Places(t, gain, offset, (c.M, c.D + added[:, :, n:], c.K + added[:, :, :n]), force)
+        c, gain, place = lin.sample(t), law.gain(now), lin.about.place(t)
+        offset = self._forward(law, now, c.tau) + np.einsum("tij,tj->ti", gain, law.reference(now))
+        if law is own:
+            return Places(t, place, gain, offset, (c.M, c.D, c.K), c.h)
+        taken = own.gain(now)
+        added = c.B @ (gain - taken)
+        other = self._forward(own, now, c.tau) + np.einsum("tij,tj->ti", taken, own.reference(now))
+        force = c.h + np.einsum("tij,tj->ti", c.B, offset - other)
+        return Places(t, place, gain, offset, (c.M, c.D + added[:, :, n:], c.K + added[:, :, :n]), force)
 
     def _forward(self, law: Law, t: Array, tau: Array) -> Array:
         """The law's forward part (N, m); that of the rigid motion is known already where the motion is periodic."""
@@ -81,6 +101,10 @@ class LinearEquations:
         M, D, K = at.linear
         F = (M @ w[..., None] + D @ v[..., None] + K @ y[..., None])[..., 0] - at.force
         return F, np.zeros(len(at.t))
+
+    def ready(self, at: Places) -> Ready | None:
+        """None: these need no program."""
+        return None
 
     def mass(self, at: Places, y: Array) -> Array:
         """M of the rigid motion, wherever the arm is."""
@@ -104,8 +128,13 @@ class NonlinearEquations(LinearEquations):
 
     def residual(self, at: Places, y: Array, v: Array, w: Array) -> tuple[Array, Array]:
         """M s'' + C s' + g + d - B torque in the coordinates kept."""
-        F, power = self.lin.about.evaluate(self._residual, at.t, y, v, w, at.torque(y, v))
+        F, power = symbolic.call(self._residual, [y, v, w, at.torque(y, v), *at.place])
         return F[:, :, 0], power[:, 0, 0]
+
+    def ready(self, at: Places) -> Ready | None:
+        """The program of the residual, once enough points went through it."""
+        program = symbolic.usage_of(self._residual).find_program(len(at.t) * FEW_SWEEPS)
+        return None if program is None else Ready(symbolic.lay_out(program, None), at.place)
 
     def mass(self, at: Places, y: Array) -> Array:
         """M at s = s_R + y, in the coordinates kept."""
@@ -115,7 +144,8 @@ class NonlinearEquations(LinearEquations):
     def slopes(self, at: Places, y: Array, v: Array, w: Array) -> Matrices | None:
         """Exact derivatives, the gain's part included."""
         n = self.lin.n
-        M, D, K, B = self.lin.about.evaluate(self._slopes, at.t, y, v, w, at.torque(y, v))
+        inputs = [np.ascontiguousarray(part) for part in (y, v, w, at.torque(y, v), *at.place)]
+        M, D, K, B = symbolic.call(self._slopes, inputs)
         added = B @ at.gain
         return M, D + added[:, :, n:], K + added[:, :, :n]
 
@@ -131,14 +161,16 @@ def loop_expressions(about: Deviation) -> tuple[dict[str, ca.SX], ca.SX, ca.SX, 
     return inputs, angles, (left - B @ torque)[kept], B[kept, :], power
 
 
+@lru_cache(maxsize=8)
 def loop_residual(about: Deviation) -> ca.Function:
-    """F and the power as a function of y, y', y'', the torque and the place on the motion."""
+    """F and the power as a function of y, y', y'', the torque and the place on the motion; kept for the next run."""
     inputs, angles, F, _, power = loop_expressions(about)
     return about.function(angles, inputs, {"F": F, "power": power})
 
 
+@lru_cache(maxsize=8)
 def loop_slopes(about: Deviation) -> ca.Function:
-    """The Jacobians of F by y'', y' and y, and B."""
+    """The Jacobians of F by y'', y' and y, and B; kept for the next run."""
     inputs, angles, F, B, _ = loop_expressions(about)
     slopes = {name: ca.jacobian(F, inputs[by]) for name, by in (("M", "y2"), ("D", "y1"), ("K", "y"))}
     return about.function(angles, inputs, {**slopes, "B": B})

@@ -87,7 +87,7 @@ class Switching(ABC):
                     if skips_layer(self.loop.layers, now, solver.t, dense):
                         first = shorten(solver.t - now, end - now, now, UNSEEN, z[: 2 * self.loop.n])
                         break
-                    self.loop.accept(solver.t, solver.y)
+                    self.loop.accept(np.array([solver.t]), solver.y[None])
                     now, z = solver.t, solver.y.copy()
                     yield z, now, dense
             except TrialLeftRange as reason:

@@ -8,21 +8,22 @@ from flexlin.about.linearization import Linearization
 from flexlin.checks import Array
 from flexlin.control.measurement import encoder_rows
 from flexlin.errors import ArgumentError
+from flexlin.mechanics.effects.base import per_joint
 from flexlin.mechanics.effects.coulomb_friction import CoulombFriction
-from flexlin.mechanics.effects.shared import per_joint
 
 
 @dataclass(frozen=True)
 class Friction:
     """Friction of p joints: sliding it is `sliding` against the rate; at rest it is whatever holds the joint, up to `static`.
 
-    rows, places: the joints among the coordinates y and among those of the arm; sliding, static: (p,) in N m or N; rate: of the smooth
-    friction sliding tanh(q' / rate) that the arm's equations hold; names: of the joints.
+    rows, places: the joints among the coordinates y and those of the arm; table: the effect; links: behind the joints; static: (p,)
+    in N m or N; rate: of the smooth friction sliding tanh(q' / rate) that the arm's equations hold; names: of the joints.
     """
 
     rows: tuple[int, ...]
     places: tuple[int, ...]
-    sliding: Array
+    table: CoulombFriction
+    links: tuple[int, ...]
     static: Array
     rate: Array
     names: tuple[str, ...]
@@ -36,22 +37,26 @@ class Friction:
         table = next((one for one in lin.effects if isinstance(one, CoulombFriction)), None)
         if table is None or table.static is None:
             return None
-        if lin.arm.loops is not None:
+        if lin.arm.near.loops is not None:
             raise refuse("a closed loop of links")
         if np.any(encoder_rows(lin)[:, [c.kind == "elastic" for c in lin.coordinates]]):
             raise refuse("a link with pinned shapes")
         joints = [(row, c.link) for row, c in enumerate(lin.coordinates) if c.kind == "joint" and c.link is not None]
-        numbers = (table.torque, table.static, table.rate)
-        figures = np.array([[per_joint(one, i, single="every") for one in numbers] for _, i in joints]).reshape(-1, 3)
-        rows = tuple(row for (row, _), (_, static, _) in zip(joints, figures, strict=True) if static > 0)
-        sliding, static, rate = figures[figures[:, 1] > 0].T
-        return cls(
-            rows, tuple(lin.kept[row] for row in rows), sliding, static, rate, tuple(lin.names[row] for row in rows)
+        static, rate = (
+            np.array([per_joint(one, i, single="every") for _, i in joints]) for one in (table.static, table.rate)
         )
+        hold = static > 0
+        rows, links = (tuple(int(k) for k in np.array(joints).reshape(-1, 2)[hold, i]) for i in (0, 1))
+        places, names = tuple(lin.kept[row] for row in rows), tuple(lin.names[row] for row in rows)
+        return cls(rows, places, table, links, static[hold], rate[hold], names)
+
+    def sliding(self, rates: Array) -> Array:
+        """The friction (p,) of sliding at these rates, without its sign."""
+        return np.array([float(self.table.sliding(i, rate)) for i, rate in zip(self.links, rates, strict=True)])
 
     def smooth(self, rates: Array) -> Array:
         """The friction (p,) that the arm's equations hold."""
-        return self.sliding * np.tanh(rates / self.rate)
+        return self.sliding(rates) * np.tanh(rates / self.rate)
 
 
 def refuse(

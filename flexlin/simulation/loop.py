@@ -22,6 +22,9 @@ from flexlin.simulation.stepping import stopped
 CLOSE = 0.999
 """A torque nearer to its limit than this, at any stage of the collocation, is integrated as one that is cut."""
 
+CHECKED = 64
+"""Windows after which the mass matrices of the states that they reached are looked at, all in one call."""
+
 
 class TorqueCut(Exception):
     """The drive does not give the torque that the law commands."""
@@ -87,8 +90,8 @@ class NonlinearLoop(ControlledArm):
         x : array, shape (N, 2n + k), or None
             States of the linear equations; none where the torque is held or cut.
         """
-        z = np.append(start, 0.0)
-        self.accept(t[0], z)
+        z, self.reached = np.append(start, 0.0), []
+        self.accept(t[:1], z[None])
         stepped = any(one is not None for one in (self.drive.sample_time, self.drive.rate, self.friction))
         try:
             if stepped:
@@ -125,20 +128,29 @@ class NonlinearLoop(ControlledArm):
     def _collocated(self, t: Array, start: Array, rtol: float, stages: int, linear: bool) -> Array:
         """The smooth loop. Raises: TorqueCut where the drive does not give the torque that is commanded."""
         marks, limit = with_breaks(t[[0, -1]], self.lin, self.rough), self.drive.limit
+        passed: list[tuple[Array, Array]] = []
 
         def accept(t: Array, x: Array, torque: Array) -> None:
             if limit is not None and np.any(np.abs(torque) > CLOSE * np.array(limit)):
                 raise TorqueCut
-            for now, state in zip(t, x, strict=True):
-                self.accept(now, state)
-            self._check_mass(t, x)
+            self.accept(t, x)
+            passed.append((t, x))
+            if len(passed) >= CHECKED:
+                self._check_mass(passed)
 
         watched = None if self.layers is None else partial(hurries, self.layers)
         integrator = Collocation(self._collocation, self.lin.period, stages, max(rtol, ROUNDING), accept, watched)
-        return integrator.integrate(t, to_coordinates(start, self.n), marks, linear)
+        try:
+            return integrator.integrate(t, to_coordinates(start, self.n), marks, linear)
+        finally:
+            self._check_mass(passed)
 
-    def _check_mass(self, t: Array, x: Array) -> None:
+    def _check_mass(self, passed: list[tuple[Array, Array]]) -> None:
         """Raises: SimulationStopped, naming the time, where the mass matrix of a state that was reached is not positive definite."""
+        if not passed:
+            return
+        t, x = map(np.concatenate, zip(*passed, strict=True))
+        passed.clear()
         positive = smallest_masses(self.lin, t, x) > 0
         if not positive.all():
             first = int(np.argmin(positive))

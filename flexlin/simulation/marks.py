@@ -60,7 +60,7 @@ def find_edges_of_motion(lin: Linearization) -> Array:
         edges = first_edges(T, np.array(lin.breaks, dtype=float), np.reshape(lin.features, (-1, 2)))
         return np.mod(edges_of_short(edges, T / SHORT), T)
     if not lin.motion.periodic:
-        return find_edges(lin.state_matrix, lin)
+        return find_edges(lin.A, lin)
     found = lin.periodic_system().resolved
     return np.union1d(found.breaks, np.mod(edges_of_short(found.edges, T / SHORT), T))
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.plots.view import Series, Shown, View
+from flexlin.simulation.peaks import Peaks
 from flexlin.summary import represent
 
 if TYPE_CHECKING:
@@ -47,8 +48,12 @@ class Simulation(Shown):
         States of the controller: integrals of errors, filters.
     controller_names : tuple of str
         Their names.
+    driven_by : str
+        What moves the arm, in words: feedforward, feedback, both or none.
     events : tuple of (float, str, str)
         Times in s at which a joint begins to stick or to slide, where [effects.coulomb_friction] has `static`; its name, and which.
+    peaks : Peaks or None
+        Largest values, sought between the times too; None: those at the times.
 
     Examples
     --------
@@ -76,23 +81,38 @@ class Simulation(Shown):
     controller: Array = field(default_factory=lambda: np.zeros((0, 0)))
     controller_names: tuple[str, ...] = ()
     events: tuple[tuple[float, str, str], ...] = ()
+    peaks: Peaks | None = None
+    driven_by: str = ""
 
     __repr__ = represent
 
     @property
+    def largest(self) -> Peaks:
+        """The largest values."""
+        if self.peaks is not None:
+            return self.peaks
+        y = (self.nonlinear[:, : len(self.names)], self.linear[:, : len(self.names)])
+        return Peaks.of(self.t, y, (self.tip, self.tip_linear, self.tip_rigid), self.torque)
+
+    @property
     def difference(self) -> float:
         """The largest distance between the nonlinear and the linear tip, in m."""
-        return float(np.linalg.norm(self.tip - self.tip_linear, axis=1).max())
+        return self.largest.difference
 
     @property
     def tip_error(self) -> float:
         """The largest distance of the nonlinear tip from the rigid one, in m."""
-        return float(np.linalg.norm(self.tip - self.tip_rigid, axis=1).max())
+        return self.largest.tip
 
     @property
     def deviation(self) -> float:
         """The largest deviation of a coordinate from the rigid motion, in rad or m."""
-        return float(np.abs(self.nonlinear[:, : len(self.names)]).max())
+        return float(self.largest.nonlinear.max())
+
+    @property
+    def peak_torque(self) -> Array:
+        """The largest torque of each drive, (m,) in N m."""
+        return self.largest.torque
 
     @property
     def status(self) -> str:
@@ -135,14 +155,11 @@ class Simulation(Shown):
 
         Tips in m against tips; for a model without points that coordinate of which the linear answer misses the largest share.
         """
-        if np.isfinite(self.difference):
-            linear = float(np.linalg.norm(self.tip_linear - self.tip_rigid, axis=1).max())
-            return "tips", self.difference, max(self.tip_error, linear), self.difference_error
-        n = len(self.names)
-        nonlinear, linear_y = self.nonlinear[:, :n], self.linear[:, :n]
+        peaks = self.largest
+        if np.isfinite(peaks.difference):
+            return "tips", peaks.difference, max(peaks.tip, peaks.tip_linear), self.difference_error
         error = (self.error + self.linear_error) * max(1.0, float(np.abs(self.nonlinear).max()))
-        apart = np.abs(nonlinear - linear_y).max(axis=0)
-        largest = np.maximum(np.abs(nonlinear), np.abs(linear_y)).max(axis=0)
+        apart, largest = peaks.apart, np.maximum(peaks.nonlinear, peaks.linear)
         share = np.where(apart > error, apart / np.where(largest > 0, largest, 1.0), 0.0)
         worst = int(np.argmax(share)) if share.any() else int(np.argmax(apart))
         return self.names[worst], float(apart[worst]), float(largest[worst]), error
@@ -202,5 +219,6 @@ class Simulation(Shown):
             away = [states[:, 0] for states in (self.nonlinear, self.linear)]
             label = f"{self.names[0]} minus its rigid motion" + (f" in {self.units[0]}" if self.units else "")
         series = tuple(Series(name, self.t, y, style) for (name, style), y in zip(pairs, away, strict=True))
-        facts = (self.status, f"integration error {self.error:.0e}, energy error {self.energy_error:.0e}")
+        driven = [f"driven by {self.driven_by}"] if self.driven_by else []
+        facts = (*driven, self.status, f"integration error {self.error:.0e}, energy error {self.energy_error:.0e}")
         return View(f"simulation of {self.t[-1]:.4g} s", "", facts, "time in s", label, series)

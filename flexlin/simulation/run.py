@@ -14,6 +14,7 @@ from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.simulation.drive import Drive, scene_drive
 from flexlin.simulation.loop import NonlinearLoop
+from flexlin.simulation.peaks import Peaks, subdivide
 from flexlin.simulation.prediction import RUNS, distance, predict
 from flexlin.simulation.result import Simulation
 
@@ -94,25 +95,35 @@ def simulate(
     start = law.reference(np.zeros(1))[0] if initial is None else real_array("initial", initial, (2 * n,))
     start = np.append(start, np.zeros(law.memory))
     loop = NonlinearLoop(lin, law, drive or scene_drive(lin))
-    (rough, coarse), (fine, linear) = (loop.beside_linear(t, start, share * tol, stages) for stages, share in RUNS)
-    states, work = fine[:, :-1], fine[:, -1]
+    (stages, share), (more, less) = RUNS
+    rough, coarse = loop.beside_linear(t, start, share * tol, stages)
+    often = subdivide(t, np.array(loop.reached), 6 * len(start))
+    fine, linear = loop.beside_linear(often, start, less * tol, more)
+    at, arm = np.searchsorted(often, t), slice(2 * n)
     if linear is None or coarse is None:
-        linear, coarse = predict(lin, t, start, law, tol)
-    torque, arm = loop.commands(t, states) if loop.given is None else loop.given, slice(2 * n)
-    tips = [tip_positions(lin, t, part) for part in (states, linear, np.zeros_like(states))]
-    missed = sum(
-        float(np.linalg.norm(tip - tip_positions(lin, t, other), axis=1).max())
-        for tip, other in zip(tips, (rough[:, :-1], coarse), strict=False)
+        linear, coarse = predict(lin, often, start, law, tol)
+        coarse = coarse[at]
+    torque = loop.commands(often, fine[:, :-1]) if loop.given is None else loop.given
+    still = np.zeros_like(linear)
+    tips = tip_positions(lin, np.tile(often, 3), np.concatenate([fine[:, :-1], linear, still]))
+    tip, tip_linear, tip_rigid = tips.reshape(3, len(often), -1)
+    peaks = Peaks.of(often, (fine[:, :n], linear[:, :n]), (tip, tip_linear, tip_rigid), torque)
+    fine, linear, torque, tip, tip_linear, tip_rigid = (
+        x[at] for x in (fine, linear, torque, tip, tip_linear, tip_rigid)
     )
+    states, work = fine[:, :-1], fine[:, -1]
+    others = tip_positions(lin, np.tile(t, 2), np.concatenate([rough[:, :-1], coarse])).reshape(2, len(t), -1)
+    missed = float(np.linalg.norm(np.stack([tip, tip_linear]) - others, axis=2).max(axis=1).sum())
     return Simulation(
         lin.names,
         t,
         states[:, arm],
         linear[:, arm],
         torque,
-        tip=tips[0],
-        tip_linear=tips[1],
-        tip_rigid=tips[2],
+        tip=tip,
+        tip_linear=tip_linear,
+        tip_rigid=tip_rigid,
+        peaks=peaks,
         error=distance(states, rough[:, :-1]),
         linear_error=distance(linear, coarse),
         energy_error=energy_error(lin, t, states, work),
@@ -121,7 +132,20 @@ def simulate(
         controller=states[:, 2 * n :],
         controller_names=() if law.controller is None else law.controller.names,
         events=loop.events,
+        driven_by=describe_drive(law, lin.period),
     )
+
+
+def describe_drive(law: Law, period: float) -> str:
+    """What of a law moves the arm, in words: without a control the torque of the rigid motion does, and nobody may have asked for it."""
+    t = np.linspace(0.0, period, 17)
+    parts = []
+    if law.forward(t).any():
+        kind = "the torque of the rigid motion" if law.feedforward == "rigid" else f"{law.feedforward} feedforward"
+        parts.append(kind)
+    if law.gain(t).any():
+        parts.append("feedback")
+    return " and ".join(parts) + (" alone" if len(parts) == 1 else "") if parts else "no torque"
 
 
 def output_times(lin: Linearization, periods: float, points_per_period: int) -> Array:
@@ -177,7 +201,7 @@ def energy_error(lin: Linearization, t: Array, states: Array, work: Array) -> fl
 
     energy = T + V,   T = s' M s' / 2;   scale: the range of T and the range of V together, or that of the work
     """
-    if lin.arm.energy is None:
+    if lin.arm.near.energy is None:
         return float("nan")
     y, y_rate = states[:, : lin.n], states[:, lin.n : 2 * lin.n]
     energy = lin.about.of_arm("energy", t, y, y_rate)[:, 0, 0]

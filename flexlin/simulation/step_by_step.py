@@ -65,27 +65,30 @@ def follow_slewing(loop: ControlledArm, t: Array, z: Array, rtol: float) -> Arra
 def follow_held(loop: ControlledArm, t: Array, z: Array, rtol: float) -> Array:
     """States (N, 2n + k + 1) from instant to instant at which the torque changes, sampling measured `delay` before.
 
-    The controller's own states move from sample to sample, as what was measured and asked at the first of them has it.
+    The controller's own states move from sample to sample, as what was measured and asked at the first of them has it. The loop's `given`
+    torques are set.
     """
     step, delay = loop.drive.sample_time or 1.0, loop.drive.delay
     law, plant = loop.law, 2 * loop.n
     held = None if law.controller is None else hold_controller(law.controller.rates, step)
-    out, torque = np.empty((len(t), len(z))), loop.command(t[0], z[:-1])
+    out, torque = np.empty((len(t), len(z))), loop.command(t[0], loop.measure(t[0], z[:-1]))
     out[0], now, done, sample = z, float(t[0]), 1, 0
+    loop.given = np.tile(torque, (len(t), 1))
     while done < len(t):
         measured = t[0] + sample * step
-        asked = law(measured, z[:-1])
+        seen = loop.measure(measured, z[:-1])
+        asked = law(measured, seen)
         given, after = loop.drive.saturated(asked), z[plant:-1]
         if held is not None:
-            after = after + held @ law.rate(measured, z[:-1], asked - given)
+            after = after + held @ law.rate(measured, seen, asked - given)
         for until, later in ((measured + delay, given), (measured + step, given)):
             if until > now:
-                stops = t[(t > now) & (t <= until + 1e-12 * step)]
+                stops = t[done : int(np.searchsorted(t, until + 1e-12 * step, side="right"))]
                 make = partial(explicit, loop, torque=torque, end=until, rtol=rtol)
                 z, values = march(
                     make, z, now, until, stops, loop.accept, partial(skips_layer, loop.layers), first=until - now
                 )
-                out[done : done + len(stops)] = values
+                out[done : done + len(stops)], loop.given[done : done + len(stops)] = values, torque
                 done, now = done + len(stops), until
             torque = later
         z = np.concatenate([z[:plant], after, z[-1:]])

@@ -31,18 +31,18 @@ def march(
     begin: float,
     end: float,
     stops: Array,
-    accept: Callable[[float, Array], None],
+    accept: Callable[[Array, Array], None],
     skips: Skips,
     first: float | None = None,
 ) -> tuple[Array, Array]:
     """Integrate from `begin` to `end`: the state there, and the states (N, n) at the stops (N,), begin < stops <= end.
 
-    Parameters: make: (t, z, first step or None) -> solver; accept: looks at each accepted state, and raises if it must not be; skips:
-    whether a step passed over something, and has to be shorter.
+    Parameters: make: (t, z, first step or None) -> solver; accept: looks at accepted times (N,) and states (N, n), and raises if it must
+    not be so; skips: whether a step passed over something, and has to be shorter.
     Raises: SimulationStopped when no step is short enough, naming the last accepted time.
     """
     slack, values = 1e-12 * (end - begin), np.empty((len(stops), len(z)))
-    now, step = begin, end - begin if first is None else first
+    now, step, done = begin, end - begin if first is None else first, 0
     solver: OdeSolver | None = None
     while now < end:
         try:
@@ -57,10 +57,11 @@ def march(
         if skips(now, solver.t, solver.dense_output()):
             first, solver = shorten(solver.t - now, end - begin, now, UNSEEN, z[:-1]), None
             continue
-        accept(solver.t, solver.y)
-        inside = (stops > now) & (stops <= solver.t + slack)
-        if inside.any():
-            values[inside] = solver.dense_output()(np.minimum(stops[inside], solver.t)).T
+        accept(np.array([solver.t]), solver.y[None])
+        upto = int(np.searchsorted(stops, solver.t + slack, side="right"))
+        if upto > done:
+            values[done:upto] = solver.dense_output()(np.minimum(stops[done:upto], solver.t)).T
+            done = upto
         step, now, z = solver.t - now, solver.t, solver.y
     return z, values
 

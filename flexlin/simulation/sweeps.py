@@ -1,4 +1,4 @@
-"""Newton's method on a whole window: every sweep is one mapped call and one batched product."""
+"""Newton's method on a whole window: sweeps are made in compiled code, with other slopes where they are slow."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -7,18 +7,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.simulation.equations import Equations, Matrices, Places
-from flexlin.simulation.window import Grid, Path, Window
-
-SWEEPS = 14
-"""Sweeps after which a window is given up, and made shorter."""
-SLOW = 0.4
-"""A sweep that leaves more of the last one's change than this calls for slopes of where it is, and a second one for exact ones."""
-GROWN = 2.0
-"""A sweep that enlarges the change so much leads nowhere."""
-SHARE = 0.02
-"""The share of the tolerance that the sweeps may leave over."""
-STALLED = 0.1
-"""The share of the tolerance at which rounding may stop the sweeps."""
+from flexlin.simulation.window import Found, Grid, Path, Sweeps, Window
 
 
 @dataclass(frozen=True)
@@ -58,34 +47,37 @@ def solve_window(
     n = len(before)
     times = np.minimum(grid.times, grid.edges[1:, None] - inside).ravel()
     at = equations.places(times)
-    rigid = begin is Start.RIGID
-    last, slow, newton = np.inf, 0, begin is Start.NEWTON
+    rigid, newton, slow = begin is Start.RIGID, begin is Start.NEWTON, 0
     path = grid.coasting(start) if newton else grid.rest(np.zeros(n) if rigid else start[:n])
-    window = first = Window(
-        grid, *(at.linear if rigid else shifted(equations, at, grid.edges[0] + inside, start, before))
-    )
-    for sweep in range(SWEEPS):
-        F = -at.force if rigid and sweep == 0 else equations.residual(at, *path.stages)[0]
-        if not np.isfinite(F).all():
+    first = Window(grid, *(at.linear if rigid else shifted(equations, at, grid.edges[0] + inside, start, before)))
+    F, ready = np.empty((len(times), n)), equations.ready(at)
+    sweeps = Sweeps(first, path, start, scale, np.ascontiguousarray(at.gain), np.ascontiguousarray(at.offset), F)
+    while True:
+        if newton or slow:
+            exact = slow + newton > 1
+            sweeps.window = Window(
+                grid,
+                *(
+                    (equations.slopes(at, *path.stages) or at.linear)
+                    if exact
+                    else shifted_by_steps(equations, at, path)
+                ),
+            )
+        known, made = rigid and not sweeps.made, sweeps.made
+        if known:
+            F[:] = -at.force
+        elif ready is None:
+            F[:], known = equations.residual(at, *path.stages)[0], True
+        found = sweeps.go_on(ready, tol, known, newton) if sweeps.window.sound else Found.LOST
+        if found is Found.LOST:
             return None
-        if slow + newton > 1:
-            window = Window(grid, *(equations.slopes(at, *path.stages) or at.linear), often=False)
-        elif slow or newton:
-            window = Window(grid, *shifted_by_steps(equations, at, path), often=False)
-        path, step = window.corrected(path, start, F)
-        change = float(np.abs(step / scale).max())
-        left = change / last if last > 0 else 0.0
-        if not path.finite:
-            return None
-        if settled(change, left if sweep else np.inf, tol):
-            power = equations.residual(at, *path.stages)[1].reshape(grid.count, -1)
-            torque = at.torque(path.stages[0], path.stages[1]).reshape(grid.count, grid.stages, -1)
-            linear = first if rigid else Window(grid, *at.linear, often=False)
-            return Solved(window, path, power, torque, sweep + 1, at, linear)
-        if sweep > 1 and left > GROWN:
-            return None
-        last, slow = change, slow + 1 if sweep > 0 and left >= SLOW else slow * newton
-    return None
+        if found is Found.SETTLED:
+            power = sweeps.power if ready else equations.residual(at, *path.stages)[1]
+            linear = first if rigid else Window(grid, *at.linear)
+            shape = grid.count, grid.stages
+            torque = sweeps.torque.reshape(*shape, -1)
+            return Solved(sweeps.window, path, power.reshape(shape), torque, sweeps.made, at, linear)
+        slow = slow * (newton or sweeps.made == made + 1) + 1 if found is Found.SLOW else slow * newton
 
 
 def shifted(equations: Equations, at: Places, t: float, start: Array, before: Array) -> Matrices:
@@ -111,10 +103,3 @@ def shifted_by_steps(equations: Equations, at: Places, path: Path) -> Matrices:
         for rigid, there, one in zip(at.linear, exact, here.linear, strict=True)
     )
     return M, D, K
-
-
-def settled(change: float, left: float, tol: float) -> bool:
-    """Whether what the sweeps still leave over does not count; `left` is the share of the last change that a sweep leaves."""
-    if left >= SLOW:
-        return change <= (STALLED if np.isfinite(left) else SHARE) * tol
-    return change * left / (1 - left) <= SHARE * tol

@@ -21,20 +21,27 @@ MET = 1e-11
 
 
 class LawTable:
-    """A law as offset(t) - gain(t) x, and the rate of its controller; what varies in time by cubic splines, what is constant as it is."""
+    """A law as offset(t) - gain(t) x, and the rate of its controller; what varies in time by cubic splines, what is constant as it is.
 
-    def __init__(self, law: Law, lin: Linearization):
+    sampled: the law is asked for at few times, and may be known at these alone.
+    """
+
+    def __init__(self, law: Law, lin: Linearization, sampled: bool = False):
         self._periodic, self._period = lin.motion.periodic, lin.period
         few = lin.period * np.array([0.2, 0.6])
         still = [is_constant(part(few)) for part in (law.forward, law.gain, law.reference)]
         self._gain = law.gain(few)[0] if still[1] else None
         self._offset = law.offset(few)[0] if all(still) else None
-        rough = find_rough_times(law, lin)
-        self._gains = tabulated(law.gain, lin, rough) if self._gain is None else None
-        self._offsets = tabulated(law.offset, lin, rough) if self._offset is None else None
+        rough = np.empty(0) if sampled else find_rough_times(law, lin)
+
+        def tabulate(f: Callable[[Array], Array]) -> Callable[[float], Array]:
+            return (lambda t: f(np.array([t]))[0]) if sampled else tabulated(f, lin, rough)
+
+        self._gains = tabulate(law.gain) if self._gain is None else None
+        self._offsets = tabulate(law.offset) if self._offset is None else None
         self.controller, self._steer, self._steers = law.controller, law.steer(law.reference(few))[0], None
         if law.controller is not None and not still[2]:
-            self._steers = tabulated(lambda t: law.steer(law.reference(t)), lin, rough)
+            self._steers = tabulate(lambda t: law.steer(law.reference(t)))
 
     def __call__(self, t: float, x: Array) -> Array:
         """The torque (m,) at one time; after the end of a one-way motion the law stays as it is there."""

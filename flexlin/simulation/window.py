@@ -1,12 +1,118 @@
-"""A window of time: several collocation steps at once, whose linear equations are factored in one batch."""
+"""A window of time: several collocation steps at once, whose linear equations are factored together in compiled code."""
 
 from dataclasses import dataclass
+from enum import IntEnum
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
+from flexlin._core import addresses, declare
 from flexlin.checks import Array
 from flexlin.lazy import lazy
+from flexlin.periodic.transition.factors import tabulate
 from flexlin.periodic.transition.gauss import Tableau, radau
+from flexlin.program import TOGETHER, Layout
+
+SWEEPS = 14
+"""Sweeps after which a window is given up, and made shorter."""
+SLOW = 0.4
+"""A sweep that leaves more of the last one's change than this calls for slopes of where it is, and a second one for exact ones."""
+GROWN = 2.0
+"""A sweep that enlarges the change so much leads nowhere."""
+SHARE = 0.02
+"""The share of the tolerance that the sweeps may leave over."""
+STALLED = 0.1
+"""The share of the tolerance at which rounding may stop the sweeps."""
+RULE = np.array([SLOW, SHARE, STALLED, GROWN, SWEEPS])
+
+FACTOR_STEPS = declare(
+    "int factor_steps(int m, int stages, int steps, const double *blocks, const double *lengths, const double *tableau, double *kept, "
+    "double *by_start, double *Phi)",
+    lambda m, s, K, *_: (
+        (K * s, m, 3 * m),
+        K,
+        2 * s * (s + 1),
+        kept_numbers(m, s, K),
+        (K, s * m, 2 * m),
+        (K, 2 * m, 2 * m),
+    ),
+)
+SWEEP_STEPS = declare(
+    "int sweep_steps(int m, int stages, int steps, int inputs, const double *lengths, const double *tableau, double *kept, "
+    "const double *by_start, const double *Phi, const double *gain, const double *offset, const double *start, const double *scale, "
+    "double tol, const double *rule, int known, int once, long count, const Step *code, const double *const *in, const long *rows, "
+    "double *const *out, const long *sizes, double *work, double *state, double *F, double *torque, double *x, double *y, double *v, "
+    "double *w)",
+    lambda m, s, K, inputs, *rest: (
+        *(K, 2 * s * (s + 1), kept_numbers(m, s, K), (K, s * m, 2 * m), (K, 2 * m, 2 * m)),
+        *((K * s, inputs, 2 * m), (K * s, inputs), 2 * m, 2 * m, 5, (rest[13], 4), None, None, None, 2),
+        *((K * s, m), (K * s, inputs), (K + 1, 2 * m), (K, s, m), (K, s, m), (K, s, m)),
+    ),
+    optional=("code", "rows", "sizes", "work"),
+)
+FOLLOW_STEPS = declare(
+    "void follow_steps(int m, int stages, int steps, const double *lengths, const double *tableau, const double *x, const double *w, "
+    "double *y, double *v)",
+    lambda m, s, K, *_: (K, 2 * s * (s + 1), (K + 1, 2 * m), (K, s, m), (K, s, m), (K, s, m)),
+)
+ESTIMATE_STEPS = declare(
+    "int estimate_steps(int m, int stages, int steps, const double *blocks, const double *lengths, const double *l, const double *before, "
+    "const double *x, const double *v, const double *w, double *errors)",
+    lambda m, s, K, *_: ((K * s, m, 3 * m), K, s, m, (K + 1, 2 * m), (K, s, m), (K, s, m), (K, 2 * m)),
+)
+READ_STEPS = declare(
+    "void read_steps(int m, int stages, int steps, long points, const double *edges, const double *tableau, const double *powers, "
+    "const double *x, const double *w, const double *power, const double *t, double *states, double *work)",
+    lambda m, s, K, N, *_: (*(K + 1, 2 * s * (s + 1), (s, s), (K + 1, 2 * m), (K, s, m), (K, s), N, (N, 2 * m), N),),
+)
+
+
+def kept_numbers(m: int, stages: int, steps: int) -> int:
+    """How many numbers `factor_steps` keeps at the most: equations and factors of up to eight steps at a time."""
+    n = stages * m
+    return (steps + 7) * (2 * n * n + m + 1) + 8
+
+
+class Found(IntEnum):
+    """What became of sweeps."""
+
+    ONGOING, SETTLED, SLOW, LOST = range(4)
+
+
+@dataclass(frozen=True)
+class Ready:
+    """A residual that compiled code carries out: its program, and what it takes of the motion at the stages."""
+
+    layout: Layout
+    place: list[Array]
+
+    @lazy
+    def work(self) -> Array:
+        """Room for the values of the program."""
+        return np.empty(max(1, self.layout.slots) * TOGETHER)
+
+
+@dataclass(frozen=True)
+class Rule:
+    """The Radau IIA method with s stages: L-stable, order 2 s - 1; its last stage is the step's end.
+
+    table: as compiled code takes it; to_start: the stages' Lagrange polynomials at the step's beginning (s,);
+    powers: (s, s), values at the stages -> coefficients of the polynomial through them.
+    """
+
+    tableau: Tableau
+    table: Array
+    to_start: Array
+    powers: Array
+
+    @staticmethod
+    @lru_cache(maxsize=16)
+    def of(stages: int) -> "Rule":
+        """The rule, made once."""
+        tableau = radau(stages)
+        powers = np.ascontiguousarray(np.linalg.inv(np.vander(tableau.c, stages, increasing=True)))
+        return Rule(tableau, tabulate(tableau, True), powers[0].copy(), powers)
 
 
 @dataclass(frozen=True)
@@ -42,42 +148,44 @@ class Grid:
     stages: int
 
     @property
-    def rule(self) -> Tableau:
-        """The Radau IIA method: L-stable, order 2 s - 1; its last stage is the step's end."""
-        return radau(self.stages)
+    def rule(self) -> Rule:
+        """The method."""
+        return Rule.of(self.stages)
 
     @property
     def count(self) -> int:
         """The number of steps."""
         return len(self.edges) - 1
 
-    @property
+    @lazy
     def h(self) -> Array:
         """The lengths of the steps (K,)."""
-        return np.diff(self.edges)
+        return self.edges[1:] - self.edges[:-1]
 
     @property
     def times(self) -> Array:
         """The times (K, s) of all stages."""
-        return self.edges[:-1, None] + self.h[:, None] * self.rule.c
+        return self.edges[:-1, None] + self.h[:, None] * self.rule.tableau.c
 
     def first(self, count: int) -> "Grid":
         """The first steps of it."""
-        return Grid(self.edges[: count + 1], self.stages)
+        return self if count == self.count else Grid(self.edges[: count + 1], self.stages)
 
     def path(self, x: Array, w: Array) -> Path:
         """The motion that states at the edges and accelerations at the stages make.
 
         v_i = v_0 + h sum_j a_ij w_j,   y_i = y_0 + h c_i v_0 + h^2 sum_j (a^2)_ij w_j
         """
-        h, (c, a), n = self.h[:, None, None], (self.rule.c, self.rule.a), w.shape[-1]
-        y, v = x[:-1, None, :n], x[:-1, None, n:]
-        return Path(x, y + h * c[:, None] * v + h * h * ((a @ a) @ w), v + h * (a @ w), w)
+        y, v = np.empty_like(w), np.empty_like(w)
+        FOLLOW_STEPS(w.shape[2], self.stages, self.count, self.h, self.rule.table, x, w, y, v)
+        return Path(x, y, v, w)
 
     def rest(self, y: Array) -> Path:
         """The arm at rest in y (n,) at all times."""
         zeros = np.zeros((self.count, self.stages, len(y)))
-        return self.path(np.tile(np.append(y, np.zeros(len(y))), (self.count + 1, 1)), zeros)
+        x = np.zeros((self.count + 1, 2 * len(y)))
+        x[:, : len(y)] = y
+        return Path(x, zeros + y, zeros.copy(), zeros)
 
     def coasting(self, x: Array) -> Path:
         """The arm that goes on from a state (2n,) with the rates it has."""
@@ -90,61 +198,30 @@ class Grid:
 class Window:
     """The linear equations M w + D v + K y = -F on a grid, collocated in the accelerations w.
 
-    M, D, K: (K s, n, n) at the stages; often: whether they are solved for several F, which pays for the inverse.
+    M, D, K: (K s, n, n) at the stages. kept, by_start, transition: of compiled code. `sound`:
+    whether they can be solved; rows are not exchanged, which steps short enough do not need.
     Source: Hairer, Norsett, Wanner, Solving ODEs I, II.14; Solving ODEs II, IV.8.
     """
 
-    def __init__(self, grid: Grid, M: Array, D: Array, K: Array, often: bool = True):
-        shape = (grid.count, grid.stages, *M.shape[1:])
-        self.grid, self.M, self.D, self.K = grid, M.reshape(shape), D.reshape(shape), K.reshape(shape)
-        rule, h, n = grid.rule, grid.h[:, None, None, None], M.shape[-1]
-        self._left = stage_matrix(self.M, h * self.D, h * h * self.K, rule)
-        self._inverse = np.linalg.inv(self._left) if often else None
-        right = np.concatenate([self.K, self.D + h * rule.c[:, None, None] * self.K], axis=-1)
-        self._right = right.reshape(grid.count, -1, 2 * n)
-        self._by_start: Array | None = None
+    def __init__(self, grid: Grid, M: Array, D: Array, K: Array):
+        n, s, count = M.shape[-1], grid.stages, grid.count
+        self.grid, self.n, self._blocks = grid, n, np.empty((count * s, n, 3 * n))
+        np.concatenate([M, D, K], axis=2, out=self._blocks)
+        self.kept = np.empty(kept_numbers(n, s, count))
+        self.by_start, self.transition = np.empty((count, s * n, 2 * n)), np.empty((count, 2 * n, 2 * n))
+        found = FACTOR_STEPS(
+            n, s, count, self._blocks, grid.h, grid.rule.table, self.kept, self.by_start, self.transition
+        )
+        if found < 0:
+            raise MemoryError("the stages of a step")
+        self.sound = bool(found)
 
-    def _solve(self, F: Array) -> tuple[Array, Array]:
-        """The accelerations (K, s n, 1) that F (K, s n, 1) asks for where a step begins at rest, and (K, s n, 2n) by its start."""
-        if self._inverse is not None:
-            if self._by_start is None:
-                self._by_start = -(self._inverse @ self._right)
-            return -(self._inverse @ F), self._by_start
-        if self._by_start is not None:
-            return -np.linalg.solve(self._left, F), self._by_start
-        both = -np.linalg.solve(self._left, np.concatenate([self._right, F], axis=-1))
-        self._by_start = both[..., :-1]
-        return both[..., -1:], self._by_start
-
-    @lazy
-    def _transition(self) -> Array:
-        """The transition matrices (K, 2n, 2n) of the steps."""
-        assert self._by_start is not None
-        n, diagonal = self.M.shape[-1], np.arange(2 * self.M.shape[-1])
-        Phi = self._ends(self._by_start.reshape(*self.M.shape[:3], 2 * n))
-        Phi[:, diagonal, diagonal] += 1
-        Phi[:, diagonal[:n], diagonal[n:]] += self.grid.h[:, None]
-        return Phi
-
-    def _ends(self, w: Array) -> Array:
-        """What accelerations (K, s, n, ...) of the stages add to the states at the end of each step, (K, 2n, ...)."""
-        b, a, count, n = self.grid.rule.b, self.grid.rule.a, self.grid.count, w.shape[2]
-        h = self.grid.h[:, None, None]
-        added = np.stack([b @ a, b]) @ w.reshape(count, self.grid.stages, -1)
-        added *= np.concatenate([h * h, h], axis=1)
-        return added.reshape(count, 2 * n, *w.shape[3:])
-
-    def corrected(self, path: Path, start: Array, F: Array) -> tuple[Path, Array]:
-        """A Newton step from a path whose residuals are F (K s, n) to one that begins at `start`; and the change of x (K + 1, 2n)."""
-        count, n = self.grid.count, F.shape[-1]
-        free, by_start = self._solve(F.reshape(count, -1, 1))
-        added = self._ends(free.reshape(count, -1, n))
-        step = np.empty((count + 1, 2 * n))
-        step[0] = start - path.x[0]
-        for k in range(count):
-            step[k + 1] = self._transition[k] @ step[k] + added[k]
-        w = path.w + (free + by_start @ step[:-1, :, None]).reshape(path.w.shape)
-        return self.grid.path(path.x + step, w), step
+    def corrected(self, path: Path, start: Array, F: Array) -> Path:
+        """Newton's step from a path whose residuals are F (K s, n) to one that begins at `start`; the path itself is changed."""
+        n, points = self.n, len(F)
+        none, every = np.empty((points, 0)), np.ones(2 * n)
+        Sweeps(self, path, start, every, np.empty((points, 0, 2 * n)), none, F).go_on(None, np.inf, known=True)
+        return path
 
     def local_errors(self, path: Path, before: Array) -> Array:
         """An estimate (K, 2n) of each step's error: how far the stages miss the rate at the step's beginning, filtered.
@@ -154,31 +231,59 @@ class Window:
         It is O(h^(s + 1)), the order of the motion between the edges. before: the acceleration (n,) at the beginning of the window.
         Source: Hairer, Wanner, Solving ODEs II, IV.8, Eq. (8.19).
         """
-        n, g = path.w.shape[-1], self.grid.h[:, None, None] / (self.grid.stages + 1)
-        w = np.concatenate([before[None], path.w[:-1, -1]])
-        a = (w - np.einsum("j,kjn->kn", self._to_start, path.w))[..., None]
-        v = (path.x[:-1, n:] - np.einsum("j,kjn->kn", self._to_start, path.v))[..., None]
-        M, D, K = self.M[:, 0], self.D[:, 0], self.K[:, 0]
-        rates = np.linalg.solve(M + g * D + g * g * K, g * (M @ a - g * (K @ v)))
-        return np.concatenate([g * (rates + v), rates], axis=1)[..., 0]
-
-    @lazy
-    def _to_start(self) -> Array:
-        """The stages' Lagrange polynomials at the beginning of the step, (s,)."""
-        c = self.grid.rule.c
-        apart = c[:, None] - c + np.eye(len(c))
-        return np.prod(np.where(np.eye(len(c), dtype=bool), 1.0, -c / apart), axis=1)
+        grid, errors = self.grid, np.empty((self.grid.count, 2 * self.n))
+        if not ESTIMATE_STEPS(
+            *(self.n, grid.stages, grid.count, self._blocks, grid.h, grid.rule.to_start, np.ascontiguousarray(before)),
+            *(path.x, path.v, path.w, errors),
+        ):
+            raise MemoryError("the errors of a step")
+        return errors
 
 
-def stage_matrix(M: Array, hD: Array, hhK: Array, rule: Tableau) -> Array:
-    """The matrices (K, s n, s n) of the stages' accelerations: M_i on the diagonal, a_ij h D_i + (a^2)_ij h^2 K_i everywhere."""
-    count, s, n = M.shape[:3]
-    G = np.empty((count, s, n, s, n))
-    np.multiply(rule.a[:, None, :, None], hD[:, :, :, None, :], out=G)
-    G += (rule.a @ rule.a)[:, None, :, None] * hhK[:, :, :, None, :]
-    stage = np.arange(s)
-    G[:, stage, :, stage, :] += np.moveaxis(M, 1, 0)
-    return G.reshape(count, s * n, s * n)
+@dataclass
+class Sweeps:
+    """Newton's sweeps over a window: its motion from `start`, which each of them corrects.
+
+    gain (K s, m, 2n), offset (K s, m): of the law, by which the torque follows from the motion; F (K s, n): the residuals;
+    scale (2n,): what tol is relative to; power (K s, 1), torque (K s, m): of the motion that has settled.
+    """
+
+    window: Window
+    path: Path
+    start: Array
+    scale: Array
+    gain: Array
+    offset: Array
+    F: Array
+
+    def __post_init__(self) -> None:
+        self.torque, self.power, self.state = np.empty_like(self.offset), np.empty((len(self.F), 1)), np.zeros(2)
+
+    @property
+    def made(self) -> int:
+        """How many sweeps were made."""
+        return int(self.state[0])
+
+    def go_on(self, residual: Ready | None, tol: float, known: bool, once: bool = False) -> Found:
+        """Sweep until the motion has settled, or other factors are called for; once where residuals come from elsewhere.
+
+        known: whether F holds the residuals of the motion already. Raises: MemoryError.
+        """
+        window, grid, path = self.window, self.window.grid, self.path
+        shared: tuple[Any, ...] = (0, None, None, None, None, None, None)
+        if residual is not None:
+            code = residual.layout
+            read = addresses([path.y, path.v, path.w, self.torque, *residual.place])
+            written = addresses([self.F, self.power], written=True)
+            shared = (len(code.steps), code.steps, read, code.rows, written, code.sizes, residual.work)
+        found = SWEEP_STEPS(
+            *(window.n, grid.stages, grid.count, self.offset.shape[1], grid.h, grid.rule.table, window.kept),
+            *(window.by_start, window.transition, self.gain, self.offset, self.start, self.scale, tol, RULE),
+            *(int(known), int(once), *shared, self.state, self.F, self.torque, path.x, path.y, path.v, path.w),
+        )
+        if found < 0:
+            raise MemoryError("the stages of a step")
+        return Found(found)
 
 
 def between(grid: Grid, path: Path, power: Array, t: Array) -> tuple[Array, Array]:
@@ -186,14 +291,10 @@ def between(grid: Grid, path: Path, power: Array, t: Array) -> tuple[Array, Arra
 
     power: (K, s), the rate of the work at the stages.
     """
-    rule, n, j = grid.rule, path.w.shape[-1], np.arange(grid.stages)
-    k = np.clip(np.searchsorted(grid.edges, t) - 1, 0, grid.count - 1)
-    h = grid.h[k, None]
-    u = (t - grid.edges[k])[:, None] / h
-    powers = np.linalg.inv(np.vander(rule.c, grid.stages, increasing=True))
-    once, twice = (u ** (j + 1) / (j + 1)) @ powers, (u ** (j + 2) / ((j + 1) * (j + 2))) @ powers
-    y, v, w = path.x[k, :n], path.x[k, n:], path.w[k]
-    rate = v + h * np.einsum("ts,tsn->tn", once, w)
-    place = y + h * u * v + h * h * np.einsum("ts,tsn->tn", twice, w)
-    done = np.append(0.0, np.cumsum(grid.h * (power @ rule.b)))[k] + h[:, 0] * np.einsum("ts,ts->t", once, power[k])
-    return np.concatenate([place, rate], axis=1), done
+    n, rule = path.w.shape[-1], grid.rule
+    states, work = np.empty((len(t), 2 * n)), np.empty(len(t))
+    READ_STEPS(
+        *(n, grid.stages, grid.count, len(t), grid.edges, rule.table, rule.powers, path.x, path.w),
+        *(np.ascontiguousarray(power), np.ascontiguousarray(t), states, work),
+    )
+    return states, work

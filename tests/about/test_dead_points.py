@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.about.free import parametric_loop
+from flexlin.about import parametric_loop
 
 
 def stretched(gap):

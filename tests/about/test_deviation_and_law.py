@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.about.law import Law, is_constant
+from flexlin.about import Law, is_constant
 from flexlin.control import feedforward, pd_feedback, periodic_motion
 from flexlin.errors import ArgumentError
-from flexlin.simulation.table import LawTable
+from flexlin.simulation import LawTable
 from tests.closed_arm import closed
 
 

@@ -10,7 +10,7 @@ from scipy.special import mathieu_a, mathieu_b
 
 import flexlin as fl
 from flexlin.errors import ArgumentError
-from flexlin.periodic.circle import measure_distances
+from flexlin.periodic import measure_distances
 from tests.thinned import thin
 
 t, a, q = ca.SX.sym("t"), ca.SX.sym("a"), ca.SX.sym("q")

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.about.linear import with_control
-from flexlin.answers.analysis import analyse, build_with_free
-from flexlin.answers.margins import Shared, find_usual_margin
+from flexlin.about import with_control
+from flexlin.answers import Shared, analyse, build_with_free, find_margin
 
 PID = {"kind": "pid", "kp": [3.0], "ki": [1.0], "kd": [0.5]}
 
@@ -45,7 +44,7 @@ def test_a_controller_with_states_is_closed_later_too() -> None:
         with_control(fl.linearize(arm, scene.motion), scene.control),
     )
     assert one.states == other.states > 2 * one.n
-    np.testing.assert_allclose(other.state_matrix(np.array([0.3])), one.state_matrix(np.array([0.3])), rtol=1e-10)
+    np.testing.assert_allclose(other.A(np.array([0.3])), one.A(np.array([0.3])), rtol=1e-10)
 
 
 @pytest.mark.slow
@@ -57,8 +56,8 @@ def test_numbers_left_free_move_no_answer() -> None:
     np.testing.assert_allclose(free.own.floquet.exponents, plain.own.floquet.exponents, atol=1e-9)
     np.testing.assert_allclose(free.linear_range.amplitudes, plain.linear_range.amplitudes, rtol=1e-3)
     for path, limits in ranges.items():
-        alone = find_usual_margin(scene, path, limits)
-        shared = find_usual_margin(scene, path, limits, shared=Shared(scene, ranges, free.closed))
+        alone = find_margin(scene, path, limits)
+        shared = find_margin(scene, path, limits, shared=Shared(scene, ranges, free.closed))
         assert [one.kind for one in shared.critical] == [one.kind for one in alone.critical]
         np.testing.assert_allclose([o.value for o in shared.critical], [o.value for o in alone.critical], rtol=1e-6)
 

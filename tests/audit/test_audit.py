@@ -9,14 +9,16 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import eigvals
 
 import flexlin as fl
-from flexlin.answers.audit import audit
+from flexlin.answers.audit import audit, figures
 from flexlin.answers.audit.comparison import find_reach
-from flexlin.answers.audit.judging import Judge
-from flexlin.answers.audit.minimal import again, mode_versions
-from flexlin.answers.audit.models import list_model_versions
-from flexlin.answers.audit.scale import read_scale
-from flexlin.answers.audit.versions import Version, with_modes
+from flexlin.answers.audit.judging import Judge, again, mode_versions
+from flexlin.answers.audit.versions import Version, list_model_versions, read_scale, with_modes
+from flexlin.errors import TimeLimit
+from flexlin.periodic.floquet.exponents import floquet
+from flexlin.report.figures.effects import draw_effects
 from flexlin.report.minimal import fitting, minimal_text
+from flexlin.report.numbers import audit_block
+from flexlin.report.terminal import audit_lines
 from flexlin.scene import register_model
 from flexlin.scene.base import Number, Table
 from flexlin.scene.effects import known_effects
@@ -31,14 +33,14 @@ def scene():
 @pytest.fixture(scope="module")
 def result(scene):
     told = []
-    answer = audit(scene, 0.02, told.append)
+    answer = audit(scene, 0.05, told.append)
     assert len(told) >= 1 + len(answer.effects) + len(answer.modes)
     return answer
 
 
 @pytest.mark.slow
 def test_every_effect_is_tried(result):
-    assert {row.subject for row in result.effects} == set(known_effects())
+    assert {row.subject for row in result.effects} == set(known_effects()) - {"tip_force"}
     assert {row.subject for row in result.effects if row.on} == {
         "hub",
         "geometric_stiffening",
@@ -77,7 +79,7 @@ def figures_from_scratch(**overrides):
     times = lin.period * np.arange(9) / 9
     squares = [eigvals(K, M) for K, M in zip(lin.K(times), lin.M(times), strict=True)]
     slower = np.mean([np.sqrt(np.abs(values).min()) for values in squares])
-    states = fl.forced_response(system, lin.forcing)(t := np.linspace(0, lin.period, 97, endpoint=False))
+    states = fl.forced_response(system, lin.forcing)(t := np.linspace(0, lin.period, 256, endpoint=False))
     away = tip_positions(lin, t, states) - tip_positions(lin, t, 0 * states)
     return margin, slower, np.linalg.norm(away, axis=1).max(), lin.coefficients.n_instructions()
 
@@ -99,7 +101,7 @@ def test_figures_are_those_of_the_two_scenes(result):
 def test_tip_error_is_that_of_the_forced_response(scene, result):
     """Fourier collocation against the Gauss collocation of flexlin.periodic."""
     lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
-    t = np.linspace(0, lin.period, 97, endpoint=False)
+    t = np.linspace(0, lin.period, 256, endpoint=False)
     states = fl.forced_response(lin.periodic_system(), lin.forcing)(t)
     away = tip_positions(lin, t, states) - tip_positions(lin, t, 0 * states)
     assert result.base.tip_error == pytest.approx(np.linalg.norm(away, axis=1).max(), rel=1e-6)
@@ -154,6 +156,27 @@ def test_a_registered_model_s_own_table_is_switched():
     margins = [fl.floquet(lin.periodic_system()).exponents[0].real for lin in lins]
     assert row.margin == pytest.approx(margins[1] - margins[0], abs=3e-4)
     assert row.table == {"payload_mass": 0.1}
+
+
+def test_what_time_allows_is_handed_back_with_what_was_left_out(monkeypatch):
+    """The limit may ring in the middle of a version, where it must not be taken for that version's own failure."""
+    calls = []
+
+    def rings(*given, **options):
+        calls.append(1)
+        if len(calls) == 3:
+            raise TimeLimit("audit: stopped at the time limit", todo="allow more time")
+        return floquet(*given, **options)
+
+    monkeypatch.setattr(figures, "floquet", rings)
+    found = audit(fl.load_scene("khang-2019", {"designs": []}))
+    assert len(found.effects) == 1
+    assert (found.modes, found.pairs, found.minimal) == ((), (), None)
+    assert found.problem.startswith("not tried in the time: without ")
+    assert found.problem.endswith(", pairs of effects, the minimal scene; allow more time")
+    assert found.problem in draw_effects(found).caption
+    assert found.problem in audit_lines(found)
+    assert audit_block(found)["problem"] == found.problem
 
 
 def test_modes_inside_a_model_s_table_are_found():
@@ -223,11 +246,11 @@ def test_the_minimal_scene_makes_the_error_that_it_states(result, scene):
     text = minimal_text(result, result.minimal, "flexlin effects quanser-flexible-link")
     again = fl.parse_scene(tomllib.loads(text))
     grown = fl.load_scene("quanser-flexible-link", {"links.0.modes": again.links[0].modes, "designs": []})
-    judge = Judge.of(grown, grown.links[0].length, 0.02, 1e-4)
+    judge = Judge.of(grown, grown.links[0].length, 0.05, 1e-4)
     row = judge.row(Version(lambda _: again, "", "minimal", "", True, {}))
     assert result.minimal.added == ("link 1 with 2 modes",)
     assert row.significance == pytest.approx(result.minimal.error.significance, rel=1e-3, abs=1e-12)
-    assert 0 < row.significance <= 0.02
+    assert 0 < row.significance <= 0.05
     assert f"{100 * row.significance:.2g} %" in text.split("\n[")[0]
     assert {row.subject for row in result.effects if row.on} - set(again.effects.on()) == {
         change.removeprefix("without ") for change in result.minimal.dropped

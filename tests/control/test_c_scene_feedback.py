@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flexlin as fl
-from flexlin.cli.main import main
+from flexlin.cli import main
 from flexlin.control import gain_source, scene_feedback
 from flexlin.errors import ArgumentError
 from tests.control.test_c_controllers import SMALL, call, library, needs_compiler

@@ -5,8 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from flexlin.about.continuation import continue_in_speed, find_singular
 from flexlin.about.harmonic_balance import Solver, balance
+from flexlin.about.periodic_motion import continue_in_speed, find_singular
 from flexlin.control import feedforward
 from flexlin.control.tracking import tip_exact
 from flexlin.errors import NumericalError, ToleranceNotReached

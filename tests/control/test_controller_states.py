@@ -7,16 +7,13 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import flexlin as fl
-from flexlin.about.linear import linearize
-from flexlin.answers.disturbed.noise import answer_noise
-from flexlin.answers.disturbed.respond import respond
-from flexlin.answers.disturbed.stated import state_disturbance
+from flexlin import linearize
+from flexlin.answers import answer_noise, respond, state_disturbance
 from flexlin.control import linearize_about, periodic_motion
 from flexlin.errors import ArgumentError, SceneError
-from flexlin.periodic.related import extend_system
-from flexlin.scene.parameters import get_value
-from flexlin.simulation.drive import Drive
-from flexlin.simulation.step_by_step import follow_cut
+from flexlin.periodic import extend_system
+from flexlin.scene import get_value
+from flexlin.simulation import Drive, follow_cut
 from tests.closed_arm import closed
 
 KP, KD, KI = 3.0, 0.5, 2.0
@@ -68,7 +65,7 @@ def test_a_loop_at_rest_has_the_poles_of_its_transfer_functions():
     M, D, K, B = (part[0] for part in (plant.M([0.0]), plant.D([0.0]), plant.K([0.0]), plant.B([0.0])))
     poles = control.poles(control.feedback(plant_tf(M, D, K, B), compensator_tf()))
     assert still.states == 6 + 6 == len(poles)
-    assert apart(np.linalg.eigvals(still.state_matrix(np.zeros(1))[0]), poles) < 1e-10
+    assert apart(np.linalg.eigvals(still.A(np.zeros(1))[0]), poles) < 1e-10
     found, turn = fl.floquet(still.periodic_system(), tol=1e-12), 2 * np.pi / still.period
     folded = poles.real + 1j * (poles.imag - turn * np.round(poles.imag / turn))
     assert found.verdict == "stable"

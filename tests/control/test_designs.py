@@ -20,7 +20,7 @@ from flexlin.control import (
     periodic_lqr,
     with_integral_action,
 )
-from flexlin.control.spline import PeriodicSpline
+from flexlin.control.frozen import PeriodicSpline
 from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
 
 KINDS = ("periodic-lqr", "frozen-lqr", "averaged-lqr", "finite-horizon-lqr")

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers.analysis import analyse
+from flexlin.answers import analyse
 from flexlin.control import drive_load
 from flexlin.errors import ArgumentError
-from flexlin.report.advice import advise
-from flexlin.report.record import record, to_json
+from flexlin.report import advise, record, to_json
 
 SMALL = {"links.0.modes": 1}
 

@@ -9,7 +9,7 @@ from scipy.linalg import solve_continuous_are
 
 import flexlin as fl
 from flexlin.control import design, gain_source, output_feedback, scene_sensors
-from flexlin.control.export.labels import Labels
+from flexlin.control.export.files import Labels
 from flexlin.errors import SceneError
 from flexlin.report.exports import export_all
 from flexlin.scene.control import EstimatorTable
@@ -35,7 +35,7 @@ def made():
 def test_the_gain_of_an_arm_at_rest_is_that_of_the_widened_riccati_equation(kind):
     scene, plant, _ = arm_of(**{"motion.joints": [{"amplitude": 0.0}], "designs": [TABLE | {"kind": kind}]})
     found = design(plant, scene.designs[0])
-    A, B = plant.state_matrix(np.zeros(1))[0], plant.input_matrix(np.zeros(1))[0]
+    A, B = plant.A(np.zeros(1))[0], plant.input_matrix(np.zeros(1))[0]
     deg = np.pi / 180
     wide_A = np.block([[A, np.zeros((4, 1))], [np.eye(5)[:1]]])
     wide_B = np.vstack([B, np.zeros((1, 1))])

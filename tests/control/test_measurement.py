@@ -4,10 +4,18 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.control import kalman_filter, output_feedback, periodic_lqr
-from flexlin.control.measurement import bending, joint_angles, joint_rates, tip_acceleration, tip_position
-from flexlin.control.tracking import tip_positions
+from flexlin.control import (
+    bending,
+    joint_angles,
+    joint_rates,
+    kalman_filter,
+    output_feedback,
+    periodic_lqr,
+    tip_acceleration,
+    tip_position,
+)
 from flexlin.errors import ArgumentError
+from flexlin.simulation import tip_positions
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +56,7 @@ def test_camera_sees_the_slope_of_the_tips_position(lin):
 
 def test_accelerometer_is_the_second_derivative_of_the_camera(lin):
     """Along a linear motion under a constant torque: second differences of C_position x by central differences of exact steps."""
-    from flexlin.periodic.transition.gauss import gauss_transitions
+    from flexlin.periodic import gauss_transitions
 
     system, torque, h = lin.periodic_system(), 0.3, 1e-4
 

@@ -6,8 +6,8 @@ import pytest
 import flexlin as fl
 from flexlin.control import design, physical_weights
 from flexlin.errors import ArgumentError
-from flexlin.periodic.fourier import FourierSeries
-from flexlin.scene.control import Weights
+from flexlin.periodic import FourierSeries
+from flexlin.scene import Weights
 from flexlin.simulation import tip_positions
 
 WITH_DESIGNS = [name for name in fl.scenes() if fl.load_scene(name).designs]

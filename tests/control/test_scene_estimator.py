@@ -4,13 +4,11 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers.analysis import analyse, plant_and_designs
-from flexlin.answers.clock import Clock
+from flexlin.answers import Clock, analyse, plant_and_designs
 from flexlin.control import kalman_filter, scene_sensors
 from flexlin.errors import ArgumentError, SceneError
-from flexlin.report.exports import export_all
-from flexlin.report.record import record
-from flexlin.scene.control import EstimatorTable
+from flexlin.report import export_all, record
+from flexlin.scene import EstimatorTable
 
 WEIGHTS = {"joints": "1 deg", "rates": "20 deg/s", "deflection": "10 mm", "input": "0.3 N m"}
 TABLE = {

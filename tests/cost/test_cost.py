@@ -1,6 +1,8 @@
 """The figures of cost: every stage is there, errors fall as settings get finer, and the cheapest is the cheapest."""
 
 import json
+import math
+import re
 import time
 from dataclasses import replace
 
@@ -13,12 +15,14 @@ from flexlin.answers.accuracy import CostResult, Row, cost
 from flexlin.answers.accuracy import own_stages as own
 from flexlin.answers.accuracy.own_stages import name_setting
 from flexlin.answers.accuracy.scipy_methods import derive_product, prepare_rate, prepare_scipy
+from flexlin.answers.accuracy.simulated import POINTS, derive_loop_rate, integrate_loop
 from flexlin.answers.accuracy.trial import Trial, compare_exponents, measure_trials
-from flexlin.cli.main import main
+from flexlin.cli.program import main
 from flexlin.errors import InputError
 from flexlin.periodic.transition.setting import Setting
 from flexlin.report.costing import summarise_cost
-from flexlin.report.figures.cost import draw_choices, name_family, style_family
+from flexlin.report.figures.cost import draw_choices, draw_cost, name_family, style_family
+from flexlin.report.numbers import to_json
 from flexlin.svg import Panel
 from tests.thinned import thin
 
@@ -41,9 +45,8 @@ def scene():
 @pytest.fixture(scope="module")
 def result(scene):
     with pytest.MonkeyPatch.context() as patch:  # all trials, however slow the machine
-        for module in ("trial", "work_precision"):
-            patch.setattr(f"flexlin.answers.accuracy.{module}.STAGE_SECONDS", 600.0)
-        return cost(scene, peers=False)
+        patch.setattr("flexlin.answers.accuracy.work_precision.STAGE_SECONDS", 600.0)
+        return cost(scene, peers=False, seconds=1e4)
 
 
 @pytest.mark.slow
@@ -67,7 +70,7 @@ def test_finer_settings_are_more_accurate_at_their_order(result):
 
 @pytest.mark.slow
 def test_the_engines_choice_is_marked_at_each_tol_and_reaches_it(result):
-    for stage in ("exponents", "periodic Riccati", "forced response"):
+    for stage in ("exponents", "periodic Riccati", "forced response", "simulation"):
         marked = {float(row.chosen): row for row in result.stage(stage) if row.chosen}
         assert sorted(marked) == sorted(own.TOLS)
         assert all(row.error <= tol for tol, row in marked.items()), stage
@@ -121,6 +124,17 @@ def test_scipy_integrates_the_same_equations(scene, method):
     assert np.abs(found - exact).max() < 1e-5 * np.abs(exact).max()
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("method", OUTSIDE)
+def test_scipy_simulates_the_same_loop(scene, method):
+    """The right-hand side is made from the residual by elimination; `simulate` never solves for the accelerations so."""
+    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    exact = fl.simulate(lin, 1.0, tol=1e-10, points_per_period=POINTS).nonlinear
+    rate = prepare_rate(derive_loop_rate(lin), lin.arm.parameters.values)
+    found = integrate_loop(rate, 2 * lin.n, method, 0.1 * OUTSIDE[method])
+    assert np.abs(found - exact).max() < 1e-5 * np.abs(exact).max()
+
+
 def test_each_call_of_a_right_hand_side_returns_its_own_array(scene):
     """Integrators keep the last slope while they ask for the next."""
     loop = parametric_loop(scene, ["effects.payload.mass"])
@@ -129,7 +143,7 @@ def test_each_call_of_a_right_hand_side_returns_its_own_array(scene):
     kept = first.copy()
     rate(0.6, 2 * x.T.ravel())
     np.testing.assert_array_equal(first, kept)
-    A = loop.linearization.state_matrix(np.array([0.1 * loop.linearization.period]))[0]
+    A = loop.linearization.A(np.array([0.1 * loop.linearization.period]))[0]
     np.testing.assert_allclose(first.reshape(4, 4).T, loop.linearization.period * A @ x, rtol=1e-12)
 
 
@@ -145,9 +159,8 @@ def test_settings_name_their_method_also_where_that_is_none_of_segments():
     assert name_setting(Setting("gauss", 12, 30, "")) == "gauss 12 on 30"
 
 
-def test_a_stage_ends_in_time_and_keeps_what_it_has(monkeypatch):
+def test_a_stage_ends_in_time_and_keeps_what_it_has():
     """The first trial counts, one that never ends has no row, and none is begun after that."""
-    monkeypatch.setattr("flexlin.answers.accuracy.trial.STAGE_SECONDS", 0.2)
     begun = []
 
     def endless() -> None:
@@ -160,9 +173,23 @@ def test_a_stage_ends_in_time_and_keeps_what_it_has(monkeypatch):
         return 1.0
 
     trials = [Trial("a", "quick", lambda: 1.0), Trial("b", "endless", endless), Trial("c", "late", late)]
-    rows = measure_trials("exponents", trials, lambda value: 0.5)
+    rows = measure_trials("exponents", trials, lambda value: 0.5, 0.2)
     assert [row.setting for row in rows] == ["quick"]
     assert begun == ["endless"]
+
+
+def test_what_little_time_leaves_out_is_said(scene):
+    late = cost(scene, seconds=1e-3)
+    assert late.rows == ()
+    assert len(late.notes) == 9
+    assert not any(re.search(r"(?<!\w)-\d", note) for note in late.notes)
+
+
+def test_without_time_for_two_references_there_is_no_floor():
+    """The caption does not speak of one, and the record holds null."""
+    late = CostResult("by hand", (), math.nan, ("exponents left out",))
+    assert "nan" not in draw_cost(late).caption
+    assert '"floor": null' in to_json(late.record())
 
 
 def test_the_summary_says_what_each_tol_costs_and_where_it_is_missed():
@@ -243,7 +270,7 @@ def short(scene):
 @pytest.mark.parametrize("which", thin(["short", "result"]))
 def test_command_writes_page_and_record(which, request, tmp_path, capsys, monkeypatch):
     result = request.getfixturevalue(which)
-    monkeypatch.setattr("flexlin.answers.accuracy.cost", lambda scene: result)
+    monkeypatch.setattr("flexlin.answers.accuracy.cost", lambda scene, seconds: result)
     assert main(["cost", "single-link", "--out", str(tmp_path)]) == 0
     record = json.loads((tmp_path / "cost.json").read_text())
     assert len(record["rows"]) == len(result.rows)

@@ -7,10 +7,8 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import flexlin as fl
-from flexlin.answers.disturbed.noise import answer_noise
-from flexlin.answers.disturbed.respond import overshoot, respond, settling_time
-from flexlin.answers.disturbed.stated import state_disturbance
-from flexlin.cli.main import main
+from flexlin.answers import answer_noise, overshoot, respond, settling_time, state_disturbance
+from flexlin.cli import main
 from flexlin.errors import ArgumentError
 from tests.thinned import thin
 

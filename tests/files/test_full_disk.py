@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from flexlin.cli.main import BAD_INPUT, main
+from flexlin.cli import BAD_INPUT, main
 from tests.files.reader import leftovers, standing
 
 SCENE = ["khang-2019", "--points", "8", "--limit-seconds", "50"]

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from flexlin.cli import main as cli
-from flexlin.cli.main import main
+from flexlin.cli import main, program
 from flexlin.errors import OutputError
 from flexlin.files import replacing
 
@@ -48,7 +47,7 @@ def test_an_interrupt_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytes
         raise KeyboardInterrupt
 
     monkeypatch.setattr("flexlin.scene.library.builtin_scenes", interrupt)
-    assert main(["list"]) == cli.FAILED
+    assert main(["list"]) == program.FAILED
     assert capsys.readouterr().err.count("\n") == 1
 
 
@@ -56,7 +55,7 @@ def test_a_fault_of_the_program_is_one_line(capsys: pytest.CaptureFixture[str]) 
     try:
         [][1]
     except IndexError as fault:
-        cli.report_fault(IndexError, fault, sys.exc_info()[2])
+        program.report_fault(IndexError, fault, sys.exc_info()[2])
     message = capsys.readouterr().err
     assert message.count("\n") == 1
     assert "test_single_files.py" in message

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 import flexlin as fl
 from flexlin.errors import SceneError
-from flexlin.mechanics.frames import directions_across, unit
+from flexlin.mechanics import directions_across, unit
 from flexlin.scene import parse_scene
 
 from .scenes import value
@@ -93,7 +93,7 @@ def test_a_rotor_on_a_soft_bearing_whirls(spin):
     scene["effects"] = {"bearing_compliance": {"stiffness": k, "damping": d}}
     checked = parse_scene(scene)
     lin = fl.linearize(fl.build_manipulator(checked), checked.motion)
-    A = lin.state_matrix(np.zeros(1))[0]
+    A = lin.A(np.zeros(1))[0]
     whirl = np.roots([across_axis, d - 1j * along * spin, k])
     expected = np.concatenate([whirl, whirl.conj()])
     found = np.linalg.eigvals(A)

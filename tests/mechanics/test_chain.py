@@ -8,7 +8,7 @@ from scipy.linalg import eigh
 
 import flexlin as fl
 from flexlin.errors import ArgumentError, SceneError
-from flexlin.mechanics.beam import pinned_with_hub
+from flexlin.mechanics import pinned_with_hub
 
 from .scenes import arm_of, matrices_at_rest, random_state, scene_of, value
 
@@ -73,7 +73,7 @@ def test_pinned_shapes_are_the_free_modes():
 
 
 def test_loaded_shapes_are_the_modes_with_payload():
-    from flexlin.mechanics.beam import clamped_with_tip
+    from flexlin.mechanics import clamped_with_tip
 
     effects = {"payload": {"mass": 0.2, "inertia": 0.004}}
     exact = clamped_with_tip(2, 2.0, 0.004 / (0.2 * 0.5**3)).beta ** 2 * np.sqrt(1.0 / (0.2 * 0.5**4))

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 import flexlin as fl
 from flexlin.control import physical_weights
 from flexlin.errors import FlexlinError, ModelError, ToleranceNotReached
-from flexlin.mechanics.closed_loop import close_loop
+from flexlin.mechanics import close_loop
 from tests.mechanics.loop_scenes import raw
 
 U = np.array([2.3, 1.05, 2e-3, -1e-3])

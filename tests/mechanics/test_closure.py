@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from flexlin.errors import ArgumentError, SingularClosure, TooLarge
 from flexlin.kronecker import derivative
-from flexlin.mechanics.linkages import five_bar, four_bar, rssr
+from flexlin.mechanics import five_bar, four_bar, rssr
 
 
 def planar_tip(base, lengths, angles):

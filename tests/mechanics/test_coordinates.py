@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.control.measurement import bending
-from flexlin.mechanics.coordinates import Coordinate
-from flexlin.mechanics.link_shapes import make_shapes
+from flexlin.control import bending
+from flexlin.mechanics import Coordinate, make_shapes
 from tests.thinned import thin
 
 from .scenes import arm_of, scene_of

@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from flexlin.mechanics import build_manipulator
-from flexlin.mechanics.beam import clamped_with_tip
-from flexlin.mechanics.carried import sum_carried
-from flexlin.mechanics.link_shapes import make_shapes
+from flexlin.mechanics import build_manipulator, clamped_with_tip, make_shapes, sum_carried
 from flexlin.scene import load_scene
 
 from .scenes import value

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from flexlin.scene.effects import known_effects
+from flexlin.scene import known_effects
 
 from .scenes import LINK, arm_of, random_state, value
 
@@ -25,6 +25,7 @@ ON = {
     "coulomb_friction": {"torque": [0.3, 0.1], "rate": 0.05},
     "motor": {"torque_constant": 0.05, "resistance": 2.0, "gear_ratio": [50.0, 30.0], "rotor_inertia": 1e-5},
     "rotor_spin": {"inertia": [1e-4, 2e-5], "gear_ratio": [-60.0, 50.0]},
+    "tip_force": {"force": [1.0, -2.0, 0.0], "torque": [0.0, 0.0, 0.3], "frame": "tip"},
 }
 SPATIAL = {"modes": {"y": 1, "z": 1, "torsion": 1}, "torsional_stiffness": 0.8, "polar_inertia": 1e-3}
 """A link that deflects in every way."""
@@ -132,6 +133,7 @@ NEUTRAL = {
     "viscous_friction": {"coefficient": [0.0, 0.0]},
     "coulomb_friction": {"torque": 0.0},
     "rotor_spin": {"inertia": 0.0, "gear_ratio": 100.0},
+    "tip_force": {},
 }
 
 

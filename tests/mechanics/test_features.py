@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.about.free import parametric_loop
-from flexlin.mechanics.effects.coulomb_friction import CoulombFriction
-from flexlin.motion import build_motion
-from flexlin.motion.table import read_table_motion
-from flexlin.scene.motion import Fourier, Harmonic, PointToPoint, Rotation, TableMotion
+from flexlin.about import parametric_loop
+from flexlin.mechanics import CoulombFriction
+from flexlin.motion import build_motion, read_table_motion
+from flexlin.scene import Fourier, Harmonic, PointToPoint, Rotation, TableMotion
 
 RIGID = {
     "links": [{"length": 0.5, "mass_per_length": 0.4, "modes": 0}],

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
 import flexlin as fl
-from flexlin.periodic.transition.gauss import gauss_transitions
+from flexlin.periodic import gauss_transitions
 from tests.mechanics.loop_scenes import ENDS, Z, accelerations, delta_arms, nearest, random_rssr, raw
 from tests.thinned import thin
 

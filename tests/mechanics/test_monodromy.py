@@ -6,8 +6,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flexlin as fl
-from flexlin.periodic.transition.choice import choose_setting
-from flexlin.periodic.transition.setting import factor_period
+from flexlin.periodic import choose_setting, factor_period
 from flexlin.scene import parse_scene
 
 BEAM = {"length": 0.7, "mass_per_length": 0.6, "bending_stiffness": [9.0, 14.0]}

@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.cli.main import BAD_INPUT, main
+from flexlin.cli import BAD_INPUT, main
 from flexlin.errors import Problem, SceneError
-from flexlin.mechanics import Effect, register_effect
-from flexlin.mechanics.effects import Chain, Scale
+from flexlin.mechanics import Chain, Effect, Scale, register_effect
+from flexlin.scene import NonNegative, Positive, Unit
 from flexlin.scene import effects as tables
-from flexlin.scene.base import NonNegative, Positive, Unit
 
 from .scenes import arm_of, random_state, value
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.scene.urdf import read_robot, scene_tables
+from flexlin.scene import read_robot, scene_tables
 
 from .scenes import value
 

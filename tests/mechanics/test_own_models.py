@@ -6,8 +6,8 @@ import pytest
 
 import flexlin as fl
 from flexlin.errors import ArgumentError, InputError, ModelError, SceneError
-from flexlin.mechanics.effects import Effect, register_effect
-from flexlin.scene.base import Positive, Table
+from flexlin.mechanics import Effect, register_effect
+from flexlin.scene import Positive, Table
 
 from .scenes import arm_of, scene_of, value
 

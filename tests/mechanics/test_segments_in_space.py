@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.mechanics.link_shapes import make_shapes
+from flexlin.mechanics import make_shapes
 from flexlin.scene import parse_scene
 
 LINK = {

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 import flexlin as fl
 from flexlin.errors import SceneError
-from flexlin.mechanics.frames import column, rotation_about
+from flexlin.mechanics import column, rotation_about
 from flexlin.scene import parse_scene
 
 from .scenes import random_state, value

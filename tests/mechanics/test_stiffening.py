@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from flexlin.mechanics.beam import clamped_free
+from flexlin.mechanics import clamped_free
 
 from .scenes import LINK, arm_of
 

@@ -180,7 +180,7 @@ def test_a_delta_follows_a_circle_by_its_closed_form():
 
 
 def test_a_five_bar_follows_a_circle_as_its_taylor_map_does():
-    from flexlin.mechanics.linkages import five_bar
+    from flexlin.mechanics import five_bar
 
     joints = [{"posture": 2.2}, {"posture": 0.95}]
     motion, _, _ = lead("five-bar", circle((0.075, 0.39, 0.0), 0.04), joints)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexlin.periodic.grid import place_edges
+from flexlin.periodic import place_edges
 
 STEPS = 2000
 """Runge-Kutta steps a period of the naive code."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexlin.periodic.system import PeriodicSystem
+from flexlin import PeriodicSystem
 
 
 def colaneri(t):

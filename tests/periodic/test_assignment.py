@@ -5,7 +5,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from flexlin.periodic.assignment import assign
+from flexlin.periodic import assign
 
 
 @pytest.mark.parametrize("whole", [False, True], ids=["real", "with ties"])

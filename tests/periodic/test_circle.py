@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexlin.periodic.circle import count_turns, match_logs, measure_distances, wrap_angle, wrap_log
+from flexlin.periodic import count_turns, match_logs, measure_distances, wrap_angle, wrap_log
 
 
 def test_wrapped_angles_are_on_the_same_point_of_the_circle_inside_the_half_open_interval():

@@ -43,7 +43,9 @@ FOUND = [
     ("kept shapes", 13),
     ("pulses", 9909000648),
     ("kept shapes", 777000016),
+    ("kept shapes", 251123000079),
     ("waving shapes", 616162027),
+    ("waving shapes", 616164793),
     ("stiff", 991000006),
     ("stiff", 991000017),
 ]

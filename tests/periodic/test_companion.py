@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexlin.errors import SingularMassMatrix
-from flexlin.periodic.second_order import build_companion, build_input, stack_companion
+from flexlin.periodic import build_companion, build_input, stack_companion
 
 
 def test_states_obey_the_equations_of_second_order():

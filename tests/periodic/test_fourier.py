@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexlin.periodic.fourier import FourierSeries, fourier_differentiation
+from flexlin.periodic import FourierSeries, fourier_differentiation
 
 T = 1.7
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from flexlin.errors import ArgumentError
-from flexlin.periodic.grid import place_edges
+from flexlin.periodic import place_edges
 
 
 def test_edges_hit_the_breaks():

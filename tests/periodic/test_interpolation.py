@@ -6,14 +6,17 @@ from numpy.polynomial import chebyshev
 from scipy.integrate import quad
 from scipy.interpolate import BarycentricInterpolator
 
-from flexlin.periodic.chebyshev import (
+from flexlin.periodic import (
     ChebyshevPanels,
+    FourierSeries,
     chebyshev_basis,
     chebyshev_coefficients,
     chebyshev_nodes,
+    fourier_basis,
+    fourier_differentiation,
+    fourier_nodes,
     panel_times,
 )
-from flexlin.periodic.fourier import FourierSeries, fourier_basis, fourier_differentiation, fourier_nodes
 
 T = 1.7
 

@@ -12,9 +12,10 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import schur
 
 import flexlin as fl
+from flexlin import periodic_lyapunov
 from flexlin.control import kalman_filter, output_feedback, periodic_lqr, sampled_floquet
 from flexlin.lazy import lazy
-from flexlin.periodic.quadratic.riccati import finite_horizon_riccati, periodic_lyapunov, periodic_riccati
+from flexlin.periodic import finite_horizon_riccati, periodic_riccati
 
 SIGMAS = np.array([-8.0, -4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0, 8.0])
 """Standard deviations about a pulse between which the truth is integrated piece by piece."""

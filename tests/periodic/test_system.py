@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import flexlin as fl
+from flexlin import PeriodicSystem
 from flexlin.errors import ArgumentError, TooLarge
-from flexlin.periodic.quadratic.riccati import finite_horizon_riccati, periodic_riccati
-from flexlin.periodic.system import PeriodicSystem
+from flexlin.periodic import finite_horizon_riccati, periodic_riccati
 
 M, D, K = np.array([[2.0, 0.3], [0.3, 1.0]]), 0.1 * np.eye(2), np.diag([5.0, 9.0])
 B = np.array([[1.0], [0.5]])

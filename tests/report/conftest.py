@@ -3,7 +3,7 @@
 import pytest
 
 import flexlin as fl
-from flexlin.answers.analysis import Analysis, analyse
+from flexlin.answers import Analysis, analyse
 
 
 @pytest.fixture(scope="session")

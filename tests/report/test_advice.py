@@ -6,13 +6,8 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers.analysis import Analysis
-from flexlin.answers.judging import Loop
-from flexlin.report.advice import advise
-from flexlin.report.page import render_page
-from flexlin.report.record import record
-from flexlin.report.terminal import loop_line
-from flexlin.report.wording import caution
+from flexlin.answers import Analysis, Loop
+from flexlin.report import advise, caution, format_quantity, loop_line, record, render_page
 
 
 def told(analysis: Analysis) -> str:
@@ -40,7 +35,9 @@ def with_difference(a: Analysis, metres: float, largest: float, error: float = 1
     aside[:, 0] = largest
     linear = s.tip_rigid + aside * (1 - metres / largest)
     nonlinear = np.full_like(s.nonlinear, largest)
-    made = replace(s, tip=s.tip_rigid + aside, tip_linear=linear, nonlinear=nonlinear, difference_error=error)
+    made = replace(
+        s, tip=s.tip_rigid + aside, tip_linear=linear, nonlinear=nonlinear, difference_error=error, peaks=None
+    )
     return replace(a, simulation=made)
 
 
@@ -59,7 +56,7 @@ def test_the_length_of_the_arm_is_that_of_its_links(single_link: Analysis) -> No
     plant = fl.linearize(fl.build_manipulator(three), three.motion)
     blind = replace(single_link, plant=plant)
     assert blind.length == pytest.approx(sum(link.length for link in three.links))
-    nowhere = replace(plant, about=replace(plant.about, arm=replace(plant.arm, points=None)))
+    nowhere = replace(plant, about=replace(plant.about, arm=replace(plant.arm.near, points=None)))
     assert np.isnan(replace(single_link, plant=nowhere).length)
 
 
@@ -177,13 +174,31 @@ def test_designs_are_weighed_against_the_loop_that_is_there(single_link: Analysi
         return told(replace(single_link, designs=loops))
 
     fast, slow = (Loop("lqr", "periodic-lqr", growing(single_link, factor * rate).floquet) for factor in (2.0, 1.01))
-    assert "The design “lqr” settles 2 times as fast" in beside(fast)
-    assert "No design settles faster" in beside(slow)
-    assert "No design settles faster" not in beside(fast, slow)
+    assert "The design “lqr” is better than the scene's PD: it settles 2 times as fast; tip error" in beside(fast)
+    assert "No design was found to be better than the scene's PD; tip error, peak torque" in beside(slow)
+    assert "No design was found" not in beside(fast, slow)
     assert "settles" not in told(single_link)
     failed = Loop("lqr", "periodic-lqr", None, "it has no answer")
     assert "The design “lqr” has no answer: it has no answer." in beside(failed)
     assert "is unstable along this motion: do not use it" in beside(Loop("lqr", "x", growing(single_link, 1.0).floquet))
+
+
+def test_a_design_that_is_faster_but_leads_the_tip_astray_is_called_a_trade(single_link: Analysis) -> None:
+    """Faster by 1.08 with ten times the tip error; with a tenth of it, it is better; and where another is better all round, that one."""
+    single_link = with_tip(single_link, 1e-3)
+    own = single_link.response
+    found = growing(single_link, 1.08 * single_link.own.growth[0]).floquet
+
+    def design(name: str, factor: float) -> Loop:
+        return Loop(name, "pd", found, response=replace(own, tip=factor * own.tip))
+
+    tips = [format_quantity(factor * float(own.tip_error.max()), "m") for factor in (1.0, 10.0, 0.1)]
+    text = told(replace(single_link, designs=(design("lqr", 10.0),)))
+    assert "“lqr” is a trade against the scene's PD: it settles 1.08 times as fast, but" in text
+    assert f"its tip error is {tips[1]} instead of {tips[0]}" in text
+    text = told(replace(single_link, designs=(design("lqr", 10.0), design("good", 0.1))))
+    assert "“good” is better than the scene's PD" in text
+    assert f"its tip error is {tips[2]} instead of {tips[0]}" in text
 
 
 def test_the_elastic_motion_is_believed_where_it_changes_the_verdict(single_link: Analysis) -> None:

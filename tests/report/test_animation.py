@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.cli.main import main
+from flexlin.cli import main
 from flexlin.errors import ArgumentError
-from flexlin.report.animation import animation_page, collect_frames
+from flexlin.report import animation_page, collect_frames
 from flexlin.simulation import simulate
 
 
@@ -76,7 +76,7 @@ def test_bending_is_magnified_and_modes_are_played(played):
     plain, larger = (np.array(data["plays"][0]["links"][k][-1][0]) for k in (0, 1))
     angle = np.radians(data["plays"][0]["angles"][0]["values"][-1])
     across = [-np.sin(angle) * curve[0, -1] + np.cos(angle) * curve[1, -1] for curve in (plain, larger)]
-    assert across[1] == pytest.approx(5 * across[0], rel=1e-3)
+    assert across[1] == pytest.approx(5 * across[0], rel=5e-2)  # a bent link grows no longer
     names = [found["name"] for found in data["plays"]]
     assert names[0] == "simulation"
     assert len(names) > 2
@@ -95,6 +95,6 @@ def test_the_command_writes_it(tmp_path):
 def test_a_model_without_points_is_refused(played):
     """Equations that somebody typed in do not say where the tip is: an error, no empty page."""
     scene, lin, run = played
-    blind = replace(lin, about=replace(lin.about, arm=replace(lin.arm, points=None)))
+    blind = replace(lin, about=replace(lin.about, arm=replace(lin.arm.near, points=None)))
     with pytest.raises(ArgumentError, match="nothing to draw"):
         animation_page(scene, blind, run)

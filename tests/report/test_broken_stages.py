@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flexlin.answers import Clock, judging
 from flexlin.answers import analysis as stages
-from flexlin.answers import judging
-from flexlin.answers.clock import Clock
-from flexlin.cli.main import main
-from flexlin.errors import NumericalError, TooLarge
+from flexlin.cli import main
+from flexlin.errors import NumericalError, TimeLimit, TooLarge
+from flexlin.report import figures
 
 WEIGHTS = "state_weight=[1, 1, 1, 1], input_weight=[1.0]"
 DESIGNS = f"designs=[{{name='one', kind='periodic-lqr', {WEIGHTS}}}, {{name='two', kind='frozen-lqr', {WEIGHTS}}}]"
@@ -50,14 +50,66 @@ def test_broken_stages_leave_the_rest(broken: dict[str, str], tmp_path: Path, mo
     for stage, kind in broken.items():
         where = judging if stage == "floquet" else stages
         monkeypatch.setattr(where, stage, first_call_fails(getattr(where, stage), BREAKS[kind]))
-    code = main(["report", *SCENE, "--out", str(tmp_path)])
+    failed = "floquet" in broken
+    assert main(["report", *SCENE, "--out", str(tmp_path)]) == (4 if failed else 0)
     data = json.loads((tmp_path / "report.json").read_text())
-    assert code == ("floquet" in broken)
     assert {name: loop["verdict"] for name, loop in data["designs"].items()} == {"one": "stable", "two": "stable"}
     assert data["open_loop"]["verdict"] == "unstable"
     problems = " ".join(step["problem"] for step in data["steps"] if "problem" in step)
     for kind in broken.values():
         assert str(BREAKS[kind]()) in problems
+
+
+@pytest.mark.parametrize("fault", [NumericalError("no equations within 1 s"), TooLarge("equations too large")])
+def test_a_report_without_equations_says_why(
+    fault: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fails(*_: object) -> None:
+        raise fault
+
+    monkeypatch.setattr(stages, "linearize", fails)
+    code = main(["report", *SCENE, "--out", str(tmp_path)])
+    assert code == (2 if isinstance(fault, TooLarge) else 4)
+    data, page = json.loads((tmp_path / "report.json").read_text()), (tmp_path / "report.html").read_text()
+    assert data["problem"] == str(fault)
+    assert [step["name"] for step in data["steps"] if "problem" in step] == ["linearization"]
+    assert data["scene"]["links"][0]["length"] == 0.96
+    assert str(fault) in page
+    said = capsys.readouterr()
+    assert f"wrote {tmp_path / 'report.html'}" in said.out
+    assert f"single-link: {fault}" in said.err
+
+
+@pytest.mark.slow
+def test_a_figure_that_meets_a_limit_leaves_the_others_and_the_numbers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fails(_: object) -> None:
+        raise TimeLimit("figures: stopped at the time limit")
+
+    monkeypatch.setattr(figures, "FIGURES", (*figures.FIGURES[:2], fails, *figures.FIGURES[2:]))
+    assert main(["report", *SCENE[:3], "designs=[]", "--out", str(tmp_path)]) == 0
+    data, page = json.loads((tmp_path / "report.json").read_text()), (tmp_path / "report.html").read_text()
+    assert data["floquet"]["verdict"] == "stable"
+    assert data["steps"][-1]["problem"] == "figures: stopped at the time limit"
+    assert page.count("<figure") == 2
+    assert "figures: stopped at the time limit" in page
+    assert "no answer from figures" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_numbers_stand_before_the_figures_are_begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A call that no alarm ends, a kill: what was found is there, and says that the figures are not."""
+
+    def fails(_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(figures, "FIGURES", (fails,))
+    assert main(["report", *SCENE[:3], "designs=[]", "--out", str(tmp_path)]) == 1
+    data, page = json.loads((tmp_path / "report.json").read_text()), (tmp_path / "report.html").read_text()
+    assert data["floquet"]["verdict"] == "stable"
+    assert "the program was ended before they were drawn" in data["steps"][-1]["problem"]
+    assert "the program was ended before they were drawn" in page
 
 
 @pytest.mark.slow

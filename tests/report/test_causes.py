@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers.analysis import analyse
-from flexlin.answers.sensitivity import sensitivity
-from flexlin.cli.main import main
-from flexlin.report.advice import advise
-from flexlin.report.figures.sensitivity import draw_sensitivity
-from flexlin.report.record import record
+from flexlin import sensitivity
+from flexlin.answers import analyse
+from flexlin.cli import main
+from flexlin.report import advise, draw_sensitivity, record
 
 
 def test_a_parametric_resonance_is_named() -> None:

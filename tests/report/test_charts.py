@@ -1,15 +1,14 @@
 """What charts are made of: contours, scales that do not enlarge rounding, frequencies without ambiguity, plain names."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers.campbell import unfold_frequencies
-from flexlin.answers.margins import choose_margins, find_margin
-from flexlin.report.figures.chart import choose_scale, limits_of
-from flexlin.report.figures.chart_map import trace_contour
-from flexlin.report.margins import describe_margins, record_margin
-from flexlin.scene.names import label_number
+from flexlin.answers import CriticalValue, Margin, choose_margins, find_margin, unfold_frequencies
+from flexlin.report import choose_scale, describe_margins, limits_of, record_margin, trace_contour
+from flexlin.scene import label_number
 
 
 def test_a_contour_of_a_cone_is_a_circle():
@@ -58,7 +57,7 @@ def test_numbers_have_plain_names_with_units(path, words):
 def test_margins_say_where_the_verdict_changes_and_where_it_does_not():
     scene = fl.load_scene("khang-2019")
     chosen = {"motion.frequency": (0.5, 3.0), "parameters.payload_mass": (0.05, 0.2)}
-    margins = tuple(find_margin(scene, path, limits, 9) for path, limits in chosen.items())
+    margins = tuple(find_margin(scene, path, limits) for path, limits in chosen.items())
     assert describe_margins(scene, margins) == (
         "becomes unstable at a motion frequency of 2.476 Hz (now 0.5); keeps its verdict for a payload mass from 0.05 to 0.2 kg"
     )
@@ -66,3 +65,32 @@ def test_margins_say_where_the_verdict_changes_and_where_it_does_not():
     assert critical["kind"] == "onset"
     assert critical["value"] == pytest.approx(2.4760282, abs=1e-6)
     assert choose_margins(scene) == {"motion.frequency": (0.125, 4.0), "parameters.payload_mass": (0.025, 0.8)}
+
+
+def test_a_search_that_had_to_end_says_where_a_change_may_hide():
+    scene = fl.load_scene("single-link")
+    path, limits = "motion.frequency", (0.125, 4.0)
+    onset = CriticalValue(path, 2.5, 0.25, "onset", "not looked for", 2.0, np.nan)
+    margin = Margin(path, *limits, 0.5, 9, (), 0.5)
+    assert describe_margins(scene, (margin,)) == (
+        "shows the same verdict at the 9 values of motion frequency from 0.125 to 4 Hz that time allowed, which leave gaps of up to 0.5 Hz"
+    )
+    said = describe_margins(scene, (replace(margin, critical=(onset,)),))
+    assert said.startswith(
+        "becomes unstable at a motion frequency between 2.25 and 2.75 Hz (now 0.5); shows no other change"
+    )
+    record = record_margin(replace(margin, critical=(onset,)))
+    assert (record["gap"], record["critical"][0]["slope"], record["critical"][0]["error"]) == (0.5, None, 0.25)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seconds", [0.0, 0.05, 0.3])
+def test_critical_values_of_a_short_search_hold_those_of_the_long_one(seconds):
+    scene, path = fl.load_scene("khang-2019"), "motion.frequency"
+    short, full = find_margin(scene, path, (0.5, 3.0), seconds), find_margin(scene, path, (0.5, 3.0))
+    assert full.gap == 0.0
+    (exact,) = full.critical
+    for one in short.critical:
+        assert abs(one.value - exact.value) <= one.error + exact.error
+        assert one.kind == exact.kind
+    assert short.critical or short.gap > 0

@@ -7,11 +7,9 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from flexlin.answers.audit import Audit, Measure, Row
-from flexlin.cli.main import main
-from flexlin.report.figures.effects import draw_effects
-from flexlin.report.record import audit_block, to_json
-from flexlin.report.terminal import audit_lines
+from flexlin.answers import Audit, Measure, Row
+from flexlin.cli import main
+from flexlin.report import audit_block, audit_lines, draw_effects, to_json
 
 
 def row(subject: str, on: bool, significance: float, verdict: str = "stable", problem: str = "") -> Row:

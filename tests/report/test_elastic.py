@@ -3,9 +3,8 @@
 import pytest
 
 import flexlin as fl
-from flexlin.answers.analysis import analyse
-from flexlin.report.advice import advise
-from flexlin.report.record import record
+from flexlin.answers import analyse
+from flexlin.report import advise, record
 
 
 def test_the_elastic_motion_is_judged_beside_the_rigid_one():

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers.analysis import analyse
-from flexlin.report.advice import advise
-from flexlin.report.record import record, to_json
+from flexlin.answers import analyse
+from flexlin.report import advise, record, to_json
 
 SCENE = {"links.0.modes": 1, "control.feedforward": "tip-exact", "accuracy.tol": 1e-6, "designs": [], "drives": {}}
 

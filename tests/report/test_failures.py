@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from flexlin.cli.main import main
+from flexlin.cli import main
 
 
 def test_a_design_without_an_answer_is_told_and_the_others_stand(
@@ -20,7 +20,7 @@ def test_a_design_without_an_answer_is_told_and_the_others_stand(
     assert "weight Q" in data["designs"]["blind"]["status"]
     assert "no answer" in page
     assert "has no answer" in capsys.readouterr().out
-    assert main(["design", *scene]) == 1
+    assert main(["design", *scene]) == 4
 
 
 def test_a_motion_without_a_periodic_response_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

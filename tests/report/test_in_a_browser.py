@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexlin.cli.main import main
+from flexlin.cli import main
 
 pytestmark = pytest.mark.xdist_group("browser")
 

@@ -1,12 +1,15 @@
 """Charts of many values: the picture is of a size that can be looked at, and shows the worst of what it leaves out."""
 
+import time
+from pathlib import Path
+
 import numpy as np
 import pytest
 import xarray
 
 import flexlin as fl
-from flexlin.report.charts import draw_charts
-from flexlin.report.thinning import thin
+from flexlin.cli import main
+from flexlin.report import draw_charts, thin
 
 SCENE = fl.load_scene("single-link", {"links.0.modes": 1, "designs": [], "control": {}})
 
@@ -65,3 +68,27 @@ def test_a_search_that_met_a_limit_is_not_a_range_without_boundary():
         .drop_vars(["value", "effects.payload.mass"])
     )
     assert "the limit of 3 s was met" in draw_charts(SCENE, line, [], [])[0].caption
+
+
+@pytest.mark.parametrize("fault", ["time", "memory"])
+def test_numbers_are_written_where_a_picture_meets_a_limit(
+    fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Drawing that never ends is ended, and leaves time for writing."""
+
+    def endless(*_: object) -> None:
+        if fault == "memory":
+            raise MemoryError("cannot allocate 3 TiB")
+        while True:
+            time.sleep(0.01)
+
+    monkeypatch.setattr("flexlin.report.charts.draw_charts", endless)
+    over = ["--over", "effects.payload.mass=0:0.3:9", "--set", "links.0.modes=1", "designs=[]", "control={}"]
+    limit = ["--limit-seconds", "2"] if fault == "time" else []
+    assert main(["chart", "single-link", *over, *limit, "--out", str(tmp_path)]) == 0
+    with np.load(tmp_path / "chart.npz", allow_pickle=False) as found:
+        assert found["error"].shape == (9,)
+        assert np.isfinite(found["exponents_re" if "exponents_re" in found else "exponents"]).all()
+    said, page = capsys.readouterr().out, (tmp_path / "chart.html").read_text()
+    for text in (said, page):
+        assert "The picture was not drawn: figures:" in text

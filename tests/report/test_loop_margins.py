@@ -5,11 +5,9 @@ import math
 import pytest
 
 import flexlin as fl
-from flexlin.answers.analysis import analyse
-from flexlin.answers.clock import Clock
-from flexlin.answers.endurance import find_loop_margins
-from flexlin.periodic.margins import Margins
-from flexlin.report.margins import describe_endured, record_endured
+from flexlin.answers import Clock, analyse, find_loop_margins
+from flexlin.periodic import Margins
+from flexlin.report import describe_endured, record_endured
 
 
 def test_margins_in_words_and_as_data():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.cli.main import main
+from flexlin.cli import main
 
 DESIGN = '{name="end", kind="KIND", weights={joints="1 deg", rates="30 deg/s", deflection="10 mm", deflection_rates=1.0, input="1 N m"}}'
 MOTION = (

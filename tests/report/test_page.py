@@ -8,11 +8,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from flexlin.answers.analysis import Analysis
-from flexlin.report.figures import FIGURES, draw_pictures
-from flexlin.report.figures.multipliers import scale_radius
-from flexlin.report.page import render_page
-from flexlin.report.record import record
+from flexlin.answers import Analysis
+from flexlin.report import FIGURES, draw_pictures, record, render_page, scale_radius
 
 
 class Links(HTMLParser):
@@ -33,7 +30,7 @@ class Links(HTMLParser):
 
 @pytest.fixture(scope="module")
 def html(single_link: Analysis) -> str:
-    return render_page(single_link, record(single_link), draw_pictures(single_link), "flexlin report single-link")
+    return render_page(single_link, record(single_link), list(draw_pictures(single_link)), "flexlin report single-link")
 
 
 def test_the_page_fetches_nothing(html: str) -> None:
@@ -53,7 +50,7 @@ def test_every_parameter_and_version_is_on_the_page(html: str, single_link: Anal
 
 
 def test_each_figure_is_well_formed_and_takes_its_colours_from_the_page(single_link: Analysis) -> None:
-    drawn = draw_pictures(single_link)
+    drawn = list(draw_pictures(single_link))
     assert len(drawn) == len(FIGURES) - 1  # all but the gains: this scene asks for no design
     for picture in drawn:
         root = ElementTree.fromstring(picture.svg)
@@ -74,6 +71,6 @@ def test_extreme_multipliers_can_be_drawn(single_link: Analysis) -> None:
     found = single_link.own.floquet
     far = replace(found, exponents=np.array([2e3 + 1j, -2e3 + 0j, -1.0 + 0j, -1.0 + 0j]), verdict="unstable")
     extreme = replace(single_link, own=replace(single_link.own, floquet=far))
-    html = render_page(extreme, record(extreme), draw_pictures(extreme), "")
+    html = render_page(extreme, record(extreme), list(draw_pictures(extreme)), "")
     assert "nan" not in html.lower().replace("nanoseconds", "")
     assert "10¹⁷³⁷" in html  # exp(2e3 T) with T = 2 s

@@ -15,8 +15,8 @@ import flexlin.report.figures as figures
 from flexlin.answers.analysis import Analysis, analyse
 from flexlin.answers.judging import Loop
 from flexlin.answers.steady import find_response
-from flexlin.report.figures.campbell import follow_lines
-from flexlin.report.figures.entries import choose_shown, shift_and_scale
+from flexlin.report.figures.chart import follow_lines
+from flexlin.report.figures.coefficients import choose_shown, shift_and_scale
 from flexlin.report.figures.style import choose_colour
 from flexlin.svg import Linear, Logarithmic, Panel, Row, Symlog, measure_text
 from flexlin.svg.layout import count_lines, draw
@@ -85,7 +85,7 @@ def find_looks(panel: Panel) -> set[str]:
 
 @pytest.mark.parametrize("which", ["two_loops", "large"])
 def test_every_axis_says_its_size_and_every_line_its_name(request, drawn, which) -> None:
-    figures.draw_pictures(request.getfixturevalue(which))
+    list(figures.draw_pictures(request.getfixturevalue(which)))
     pictured = ("the arm", "its path")
     for panels, legend in drawn:
         for panel in panels:
@@ -103,7 +103,7 @@ def test_every_axis_says_its_size_and_every_line_its_name(request, drawn, which)
 
 
 def test_one_loop_has_one_colour(two_loops: Analysis, drawn) -> None:
-    figures.draw_pictures(two_loops)
+    list(figures.draw_pictures(two_loops))
     found: dict[str, set[str]] = {loop.name: set() for loop in two_loops.loops}
     for panels, legend in drawn:
         for mark in itertools.chain(legend, *(panel.legend for panel in panels)):

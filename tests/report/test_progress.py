@@ -1,15 +1,16 @@
 """Progress: shares of parts of parts add up, nothing is said of short work, lines in a pipe and not too many."""
 
 import io
+import re
 import time
 
 import pytest
 
-from flexlin.answers.clock import Clock
+from flexlin.answers import Clock
 from flexlin.progress import advance, listening, part
+from flexlin.report import Progress
 from flexlin.report import progress as shown
-from flexlin.report.progress import Progress
-from flexlin.scene.accuracy import Accuracy
+from flexlin.scene import Accuracy
 
 
 def test_parts_of_parts_say_shares_of_the_whole() -> None:
@@ -63,7 +64,20 @@ def test_a_pipe_gets_lines_with_percentage_and_time_left(
     lines = pipe.getvalue().splitlines()
     assert bool(lines) is words
     assert len(lines) <= 4
-    assert all(line.startswith("flexlin: 25 %, about ") and line.endswith("s left: first step") for line in lines)
+    assert all(line.startswith("flexlin: 25 %, ") and line.endswith(": first step") for line in lines)
+
+
+def test_the_time_left_never_counts_up() -> None:
+    """Work that stands still, or is slower than it was, takes longer than was thought: no time is shown until less is left."""
+    progress, left = Progress(), []
+    progress("step")
+    for elapsed, share in ((10, 0.5), (12, 0.5), (25, 0.5), (25, 0.6), (40, 0.9), (80, 0.91), (80, 0.99)):
+        progress._start = time.perf_counter() - elapsed
+        progress._advance(share)
+        said = re.match(r"\d+ %, (?:about (\d+) s left|\d+ s so far): step", progress.line)
+        assert said is not None
+        left.append(said[1] and int(said[1]))
+    assert left == [10, 10, None, None, 4, None, 1]
 
 
 def test_the_time_left_is_that_of_the_rest() -> None:

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers.analysis import Analysis
-from flexlin.answers.judging import Loop
-from flexlin.report.record import record, record_loop, record_numbers, to_json
+from flexlin.answers import Analysis, Loop
+from flexlin.report import record, record_loop, record_numbers, to_json
 
 
 def test_the_record_holds_what_the_library_computes(single_link: Analysis) -> None:

@@ -5,7 +5,7 @@ import json
 import pytest
 import xarray
 
-from flexlin.cli.main import main
+from flexlin.cli import main
 
 TILTED = [
     "links.0.mount.rpy=[1.5707963267948966,0,0]",

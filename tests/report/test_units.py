@@ -8,17 +8,14 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers.analysis import Analysis
-from flexlin.cli.main import main
+from flexlin.answers import Analysis
+from flexlin.cli import main
 from flexlin.errors import SceneError
-from flexlin.report.figures import draw_pictures
-from flexlin.report.page import render_page
-from flexlin.report.record import record
-from flexlin.report.wording import format_quantity, scale_values, units_of
+from flexlin.report import draw_pictures, format_quantity, record, render_page, scale_values, units_of
 
 
 def page_of(a: Analysis) -> str:
-    return render_page(a, record(a), draw_pictures(a), "")
+    return render_page(a, record(a), list(draw_pictures(a)), "")
 
 
 @pytest.mark.parametrize(("factor", "unit"), [(1.0, "mm"), (100.0, "m"), (1e-4, "µm")])
@@ -29,6 +26,7 @@ def test_deflections_are_said_in_one_unit(single_link: Analysis, factor: float, 
         s,
         tip=s.tip_rigid + factor * (s.tip - s.tip_rigid),
         tip_linear=s.tip_rigid + factor * (s.tip_linear - s.tip_rigid),
+        peaks=None,
     )
     tip = replace(r, tip=factor * r.tip, tip_by_bending=factor * r.tip_by_bending)
     page = page_of(replace(single_link, response=tip, simulation=run))

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import flexlin as fl
-from flexlin.cli.main import main
+from flexlin.cli import main
 from flexlin.errors import SceneError
 
 SCENE = """

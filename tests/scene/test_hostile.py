@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.cli.main import BAD_INPUT, main
+from flexlin.bounds import SMALLEST
+from flexlin.cli import BAD_INPUT, main
 from flexlin.errors import FlexlinError, SceneError
-from flexlin.scene.base import SMALLEST
-from flexlin.scene.overrides import parse_assignment
-from flexlin.scene.parameters import get_value, numeric_paths
+from flexlin.scene import get_value, numeric_paths, parse_assignment
 from tests.scene.hostile import TEXT, problem_of
 
 TINY = {

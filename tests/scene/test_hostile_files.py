@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import flexlin as fl
-from flexlin.cli.main import BAD_INPUT, main
+from flexlin.cli import BAD_INPUT, main
 from flexlin.errors import MotionError, SceneError
 from flexlin.files import read_text
 from tests.scene.hostile import ROWS, TEXT, linearized, with_table

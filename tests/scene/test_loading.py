@@ -9,10 +9,16 @@ from pydantic import ValidationError
 
 import flexlin as fl
 from flexlin.errors import ArgumentError, SceneError
-from flexlin.scene import builtin_scenes, parse_scene
-from flexlin.scene.names import label_number
-from flexlin.scene.overrides import apply_overrides, parse_assignment
-from flexlin.scene.parameters import get_value, numeric_paths, replace_value
+from flexlin.scene import (
+    apply_overrides,
+    builtin_scenes,
+    get_value,
+    label_number,
+    numeric_paths,
+    parse_assignment,
+    parse_scene,
+    replace_value,
+)
 
 GOOD = {
     "schema": 1,

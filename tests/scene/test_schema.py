@@ -1,6 +1,7 @@
 """The JSON schema, `new`, `show`, and what a refused value probably meant."""
 
 import json
+import re
 import tomllib
 from collections.abc import Iterator
 from functools import cache
@@ -10,12 +11,9 @@ from typing import Any
 import pytest
 
 import flexlin as fl
-from flexlin.cli.main import main
+from flexlin.cli import main
 from flexlin.errors import SceneError
-from flexlin.scene import builtin_scenes, scene_schema
-from flexlin.scene.effects import known_effects
-from flexlin.scene.problems import suggest
-from flexlin.scene.toml import write_toml
+from flexlin.scene import builtin_scenes, known_effects, scene_schema, suggest, write_toml
 
 pytestmark = pytest.mark.xdist_group("schema")
 
@@ -64,6 +62,8 @@ def accepts(node: dict[str, Any], value: Any) -> bool:
         known = set(value) <= set(keys) or node.get("additionalProperties") is not False
         inside = all(accepts(keys[key], child) for key, child in value.items() if key in keys)
         return known and set(node.get("required", ())) <= set(value) and inside
+    if isinstance(value, str) and not re.search(node.get("pattern", ""), value):
+        return False
     return not (isinstance(value, list) and "items" in node) or all(accepts(node["items"], child) for child in value)
 
 
@@ -163,9 +163,9 @@ HINTS = {
     "control.feedback.kp=5,2": "did you mean [5, 2]?",
     "control.feedback.kp=(5, 2)": "did you mean [5, 2]?",
     "control.feedback.kd=0.5": "did you mean [0.5]?",
-    "links.0.length=96cm": "did you mean 0.96? Numbers are in m",
-    "motion.joints.0.amplitude=30 deg": "did you mean 0.523598775598? Numbers are in rad or m",
-    "effects.payload.mass=30 g": "did you mean 0.03? Numbers are in kg",
+    "links.0.length=96kg": "expected a number in m, or a length such as 2 mm",
+    "motion.joints.0.amplitude=30 mm": "expected a number in rad or m",
+    "effects.payload.mass=30 m": "expected a number in kg",
     "effects.hub.inertia=3kg": "expected a number in kg m^2",
     "links.0.length=3 parsec": "expected a number in m, without a unit behind it",
     "links.0.length=[0.9]": "did you mean 0.9?",

@@ -1,10 +1,12 @@
 """Quantities with units: read right, or refused with what was expected."""
 
+import functools
 import math
 
 import pytest
 
-from flexlin.scene.units import dimension_of, in_si
+import flexlin as fl
+from flexlin.scene import dimension_of, in_si
 
 SAME = [
     ("2 mm", "m", 2e-3),
@@ -44,3 +46,43 @@ def test_dimensions_of_products_and_quotients_agree():
     """W = N m / s = V A, and an angle is a dimension of its own."""
     assert dimension_of("W")[1] == dimension_of("N m/s")[1] == dimension_of("V A")[1]
     assert dimension_of("deg/s")[1] != dimension_of("1/s")[1]
+
+
+WRITTEN = {
+    "links.0.length": ("960 mm", 0.96),
+    "links.0.bending_stiffness": ("3.6866e6 N mm^2", 3.6866),
+    "links.0.mass_per_length": ("1.6486 g/cm", 0.16486),
+    "effects.payload.mass": ("30 g", 0.03),
+    "effects.hub.inertia": ("5859.8 g cm^2", 5.8598e-4),
+    "effects.gravity.acceleration": ("981 cm/s^2", 9.81),
+    "motion.frequency": ("500 mHz", 0.5),
+    "motion.joints.0.amplitude": ("30 deg", math.pi / 6),
+    "control.feedback.kp": (["3000 mN m/rad"], (3.0,)),
+    "accuracy.seconds": ("1 min", 60.0),
+}
+"""Of conversions by hand."""
+
+
+@pytest.mark.parametrize("path", WRITTEN)
+def test_a_number_of_a_scene_may_carry_its_unit(path):
+    text, value = WRITTEN[path]
+    scene = fl.load_scene("single-link", {path: text})
+    found = functools.reduce(
+        lambda at, key: at[int(key)] if key.isdigit() else getattr(at, key), path.split("."), scene
+    )
+    assert found == pytest.approx(value, rel=1e-12)
+
+
+def test_of_joints_that_slide_and_turn_a_unit_decides_nothing():
+    """A degree passes for no metre, and a metre for no degree."""
+
+    def scene_of(*kinds, amplitude):
+        links = [{"length": 0.3, "mass_per_length": 1.0, "modes": 0, "joint": kind} for kind in kinds]
+        motion = {"kind": "harmonic", "frequency": 1.0, "joints": [{"amplitude": amplitude}] * len(kinds)}
+        return fl.parse_scene({"schema": 1, "title": "joints", "links": links, "motion": motion})
+
+    assert scene_of("prismatic", amplitude="20 mm").motion.joints[0].amplitude == pytest.approx(0.02)
+    assert scene_of("revolute", amplitude="20 deg").motion.joints[0].amplitude == pytest.approx(math.pi / 9)
+    for kinds, amplitude in ((["prismatic"], "20 deg"), (["revolute"], "20 mm"), (["prismatic", "revolute"], "20 deg")):
+        with pytest.raises(fl.errors.SceneError, match=r"amplitude: got '20 .*expected a number in rad or m"):
+            scene_of(*kinds, amplitude=amplitude)

@@ -9,10 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import flexlin as fl
-from flexlin.cli.main import BAD_INPUT, main
+from flexlin.cli import BAD_INPUT, main
 from flexlin.errors import SceneError
-from flexlin.scene.library import models_folder
-from flexlin.scene.urdf.bodies import angles_of, rotation_of
+from flexlin.scene import angles_of, models_folder, rotation_of
 from tests.mechanics.spatial import inverse_dynamics, random_chain
 
 ROBOTS = Path(__file__).parents[1] / "robots"
@@ -130,6 +129,15 @@ def test_a_link_that_bends_keeps_its_place(tmp_path):
     arms = [fl.build_manipulator(scene) for scene in (rigid, bent)]
     tips = [np.array(arm.functions["points"](np.append(q, np.zeros(arm.n - 6)), []))[:, -1] for arm in arms]
     np.testing.assert_allclose(tips[1], tips[0], rtol=0, atol=1e-12)
+    tube = {"diameter": "0.2 m", "wall": "8 mm", "material": "aluminium"}
+    other = fl.parse_scene(
+        {**raw, "flexible": {"link_2": {"modes": {"y": 1, "z": 1}, "section": tube}}}, folder=R3.parent
+    )
+    area, second = np.pi * (0.1**2 - 0.092**2), np.pi / 4 * (0.1**4 - 0.092**4)
+    assert other.links[1].mass_per_length == pytest.approx(2710.0 * area)
+    assert other.links[1].bending_stiffness == pytest.approx((68.9e9 * second,) * 2)
+    with pytest.raises(SceneError, match="no bending_stiffness beside section"):
+        fl.parse_scene({**raw, "flexible": {"link_2": {**beam, "section": tube}}}, folder=R3.parent)
 
 
 def test_what_import_writes_is_the_same_arm(tmp_path, capsys):
@@ -221,3 +229,31 @@ def test_what_resists_a_joint_that_follows_resists_its_leader(tmp_path):
     assert (rule.link, rule.multiplier, rule.offset) == (3, 0.5, 2.5)
     assert scene.effects.viscous_friction.coefficient == pytest.approx((0, 1.2, 0, 0.3 * 1.25, 0))
     assert scene.effects.coulomb_friction.torque == pytest.approx((0, 1.0, 0, 0.75, 0))
+
+
+BODY = '<inertial><mass value="0.3"/><inertia ixx="{0}" iyy="{0}" izz="{0}"/></inertial>'
+
+
+@pytest.mark.parametrize(("parent", "kind"), [("base", "fixed"), ("link_2", "revolute")])
+def test_a_negative_inertia_beside_the_chain_is_not_judged(parent, kind, tmp_path):
+    """On what stands still, and behind a joint that is left out: as the antennas of TIAGo and the legs of Romeo."""
+    beside = (
+        f'<link name="antenna">{BODY.format("-3e-3")}</link><joint name="a" type="{kind}"><parent link="{parent}"/>'
+    )
+    path = tmp_path / "robot.urdf"
+    path.write_text(TEXT.replace("</robot>", f'{beside}<child link="antenna"/></joint></robot>'), encoding="utf-8")
+    tip = fl.scene_from_urdf(R3).links[-1].name.replace("axis", "link")
+    assert fl.scene_from_urdf(path, tip=tip).links == fl.scene_from_urdf(R3).links
+    moving = path.read_text(encoding="utf-8").replace(
+        f'type="{kind}"><parent link="{parent}"', 'type="fixed"><parent link="link_2"'
+    )
+    path.write_text(moving, encoding="utf-8")
+    with pytest.raises(SceneError, match=r"line \d+.*negative principal inertia in the chain, of 'antenna'"):
+        fl.scene_from_urdf(path, tip=tip)
+
+
+def test_rounding_of_a_mass_point_is_no_negative_inertia(tmp_path):
+    """iCub's hip: 0.526 kg with -5.42e-20 kg m^2."""
+    path = tmp_path / "robot.urdf"
+    path.write_text(re.sub(r"<inertial>.*?</inertial>", BODY.format("-5.42e-20"), TEXT, count=1, flags=re.DOTALL))
+    assert fl.scene_from_urdf(path).links[0].body.inertia.xx == 0.0

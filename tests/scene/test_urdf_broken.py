@@ -7,9 +7,9 @@ import xml.etree.ElementTree as ET
 import pytest
 
 import flexlin as fl
-from flexlin.cli.main import BAD_INPUT, main
+from flexlin.cli import BAD_INPUT, main
 from flexlin.errors import SceneError
-from flexlin.scene.library import models_folder
+from flexlin.scene import models_folder
 
 R3 = models_folder() / "manutec-r3.urdf"
 TEXT = R3.read_text(encoding="utf-8")

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 import flexlin as fl
 from flexlin.errors import ArgumentError, SingularClosure, ToleranceNotReached
-from flexlin.mechanics.linkages import five_bar, four_bar, rssr
+from flexlin.mechanics import five_bar, four_bar, rssr
 
 LEFT, RIGHT, BASE = (0.3, 0.5), (0.35, 0.45), 0.25
 POSE = [2.2, -1.7, 0.9, 1.4, 0.1, 0.5]

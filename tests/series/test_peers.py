@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from flexlin.mechanics.linkages import five_bar
+from flexlin.mechanics import five_bar
 
 daceypy = pytest.importorskip("daceypy")
 pytestmark = pytest.mark.peers

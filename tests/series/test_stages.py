@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.series.recording import record_expressions
-from flexlin.series.stages import find_stages, nodes_read
-from flexlin.series.support import bytes_of
+from flexlin.series.elementary import record_expressions
+from flexlin.series.support import bytes_of, find_stages, nodes_read
 
 
 def chain(x, factors):

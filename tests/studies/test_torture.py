@@ -6,8 +6,9 @@ import pytest
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # the alarm may ring in a callback of gc
-@pytest.mark.parametrize("part", ["check", "commands", "kills", "files", "disks", "writers", "memory", "misuse"])
+@pytest.mark.parametrize(
+    "part", ["check", "commands", "whole", "inputs", "kills", "files", "disks", "writers", "memory", "misuse"]
+)
 def test_torture(part, study, pictures, tmp_path):
     module = study("torture")
     found = module.main("small", tmp_path, (part,), number=7)["rows"]

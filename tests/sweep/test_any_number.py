@@ -5,8 +5,7 @@ import pytest
 
 import flexlin as fl
 from flexlin.errors import InputError
-from flexlin.scene.parameters import get_value, numeric_paths
-from flexlin.scene.revised import revise_scene
+from flexlin.scene import get_value, numeric_paths, revise_scene
 
 LEFT_OUT = ("accuracy", "designs", "uncertainty")
 

@@ -1,5 +1,6 @@
 """A damaged store never gives a number that the whole one does not hold: a block is computed again, or the store refused."""
 
+import gc
 import shutil
 
 import numpy as np
@@ -32,15 +33,18 @@ def damage(path, kind, rng):
         file.write_bytes(other.read_bytes())
         other.write_bytes(data)
     elif kind == "truncated":
-        file.write_bytes(data[: int(rng.integers(len(data)))])
+        file.write_bytes(data[: int(rng.integers(len(data) + 1))])
     elif kind == "random":
         file.write_bytes(rng.bytes(len(data)))
-    else:
+    elif data:
         k = int(rng.integers(len(data)))
         file.write_bytes(data[:k] + bytes([data[k] ^ (1 << int(rng.integers(8)))]) + data[k + 1 :])
 
 
-@pytest.mark.parametrize("kind", ["missing", "exchanged", "truncated", "random", "one bit"])
+KINDS = ["missing", "exchanged", "truncated", "random", "one bit"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", [*range(4), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(4, 40))])
 def test_damage_is_computed_again_or_refused(kept, kind, seed, tmp_path):
     path, whole = kept
@@ -56,6 +60,27 @@ def test_damage_is_computed_again_or_refused(kept, kind, seed, tmp_path):
     for name in ("exponents", "error", "period", "verdict", "reason", "one_by_one"):
         np.testing.assert_array_equal(found[name].values, whole[name].values)
         assert np.array_equal(np.signbit(found["exponents"].values.imag), np.signbit(whole["exponents"].values.imag))
+
+
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 40))])
+def test_several_damages_at_once_too(kept, seed, tmp_path, capfd):
+    """And nothing is printed by the libraries that meet them."""
+    path, whole = kept
+    shutil.copytree(path, tmp_path / "c.zarr")
+    rng = np.random.default_rng(seed)
+    for kind in rng.choice(KINDS, int(rng.integers(2, 7))):
+        damage(tmp_path / "c.zarr", kind, rng)
+    try:
+        found = fl.sweep(SCENE, VALUES, store=tmp_path / "c.zarr", workers=1)
+    except (OutputError, ArgumentError) as error:
+        found, message = whole, str(error)
+    else:
+        message = str(tmp_path / "c.zarr")
+    assert str(tmp_path / "c.zarr") in message
+    for name in ("exponents", "error", "period", "verdict", "reason", "one_by_one"):
+        np.testing.assert_array_equal(found[name].values, whole[name].values)
+    gc.collect()
+    assert capfd.readouterr() == ("", "")
 
 
 def test_a_lost_block_is_told(kept, tmp_path):

@@ -6,8 +6,8 @@ import pytest
 from pydantic import BaseModel
 
 import flexlin as fl
-from flexlin.about.free import ParametricLoop
-from flexlin.answers.loops import choose_loop
+from flexlin.about import ParametricLoop
+from flexlin.answers import choose_loop
 from flexlin.control import design
 from flexlin.errors import ArgumentError, SceneError
 from flexlin.scene import register_model

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexlin.answers.sweep.needs import MARGIN, MOST, PILOTS, STARTS, find_rungs, learn_needs, pack, try_pilots
+from flexlin.answers.sweep.together import MARGIN, MOST, PILOTS, STARTS, find_rungs, learn_needs, pack, try_pilots
 from flexlin.periodic.many.kernel import WIDTH, Logs
 
 TOL, PERIOD = 1e-8, 3.0

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 from functools import partial
@@ -11,9 +12,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers.sweep.job import compute_here, prepare_job
-from flexlin.answers.sweep.run import keep_in
-from flexlin.answers.sweep.sharing import share_among_processes, share_on_cluster
+from flexlin.answers import compute_here, keep_in, prepare_job, share_among_processes, share_on_cluster
 from flexlin.errors import ArgumentError, OutputError
 
 SCENE = fl.load_scene("single-link", {"links.0.modes": 1, "designs": []})
@@ -98,8 +97,11 @@ def test_a_cluster_that_loses_a_worker(whole):
 
 def test_clusters_that_are_not_there_are_refused(monkeypatch):
     monkeypatch.setattr("flexlin.answers.sweep.sharing.PATIENCE", 0.5)
-    with pytest.raises(ArgumentError, match="no scheduler answers"):
-        fl.sweep(SCENE, {"effects.payload.mass": [0.1]}, client="nowhere:1")
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        closed = taken.getsockname()[1]
+    for address in ("nowhere:1", f"tcp://127.0.0.1:{closed}", "nowhere:port"):
+        with pytest.raises(ArgumentError, match="no scheduler answers"):
+            fl.sweep(SCENE, {"effects.payload.mass": [0.1]}, client=address)
     with pytest.raises(ArgumentError, match="another kind"):
         fl.sweep(SCENE, {"effects.payload.mass": [0.1]}, client=3)
     with pytest.raises(ArgumentError, match="whole number"):

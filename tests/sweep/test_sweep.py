@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.about.free import parametric_loop
-from flexlin.answers.sweep import sweep
+from flexlin import sweep
+from flexlin.about import parametric_loop
 from flexlin.errors import ArgumentError
-from flexlin.scene.parameters import replace_value
+from flexlin.scene import replace_value
 from tests.thinned import thin
 
 
@@ -77,9 +77,9 @@ def test_memory_is_little_more_than_the_results(scene):
 
 def test_values_that_the_kernel_cannot_certify_go_one_by_one(scene, monkeypatch):
     """With few segments no error estimate can be small: the kernel must say so and hand over."""
-    monkeypatch.setattr("flexlin.answers.sweep.needs.STARTS", np.array([1, 2]))
-    monkeypatch.setattr("flexlin.answers.sweep.needs.FEWEST", 1)
-    monkeypatch.setattr("flexlin.answers.sweep.needs.MOST", 2)
+    monkeypatch.setattr("flexlin.answers.sweep.together.STARTS", np.array([1, 2]))
+    monkeypatch.setattr("flexlin.answers.sweep.together.FEWEST", 1)
+    monkeypatch.setattr("flexlin.answers.sweep.together.MOST", 2)
     monkeypatch.setattr("flexlin.answers.sweep.together.MOST", 2)
     result = sweep(scene, {"effects.payload.mass": [0.03, 0.05]})
     assert result.attrs["one_by_one"] == 2

@@ -3,18 +3,15 @@
 import pickle
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.answers.loops import choose_loop
-from flexlin.answers.sweep.job import prepare_job
-from flexlin.answers.sweep.run import choose_crew
-from flexlin.answers.sweep.sharing import share_among_threads
-from flexlin.answers.sweep.together import Together
-from flexlin.periodic.circle import measure_distances
+from flexlin.answers import Found, Together, choose_crew, choose_loop, prepare_job, share_among_threads
+from flexlin.periodic import measure_distances
 from tests.thinned import thin
 
 LQR = {
@@ -118,7 +115,7 @@ def test_a_worker_loads_no_more_than_the_kernel_needs(tmp_path):
     work = Together.prepare(loop, points, 1e-8)
     (tmp_path / "work").write_bytes(pickle.dumps((work, points)))
     script = (
-        "import pickle, sys; import flexlin.answers.sweep.worker\n"
+        "import pickle, sys; import flexlin.answers.sweep.sharing\n"
         f"work, points = pickle.load(open({str(tmp_path / 'work')!r}, 'rb')); found = work.compute(points)\n"
         "assert not {'scipy', 'casadi', 'pydantic', 'flexlin.scene', 'flexlin.periodic.system'} & set(sys.modules)\n"
         f"pickle.dump(found, open({str(tmp_path / 'found')!r}, 'wb'))\n"
@@ -147,3 +144,26 @@ def test_threads_share_values_and_pass_errors_on(monkeypatch):
     monkeypatch.setattr(Together, "compute", lambda self, points: 1 / int(np.isfinite(points).all()))
     with pytest.raises(ZeroDivisionError):
         list(share_among_threads(job, 2))
+
+
+def test_threads_whose_blocks_nobody_waits_for_end_at_their_next_value(monkeypatch):
+    """Values that go to `floquet` one by one take long: an interrupted sweep does not wait for all of a block."""
+    values = {"effects.payload.mass": np.linspace(0.0, 0.3, 800)}
+    job = prepare_job(fl.load_scene("single-link", SINGLE), values, 1e-8, False, "own")
+    assert job.work.block >= 90
+    tried = []
+
+    def misses(self, points, rest, enter):
+        return rest
+
+    def slow(self, i, make, tol):
+        tried.append(i)
+        time.sleep(0.02)
+        if i == 1:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(Together, "solve", misses)
+    monkeypatch.setattr(Found, "put_alone", slow)
+    with pytest.raises(KeyboardInterrupt):
+        list(share_among_threads(job, 2))
+    assert len(tried) < 20

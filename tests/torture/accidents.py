@@ -14,7 +14,7 @@ from pathlib import Path
 
 from tests.files.reader import leftovers, standing
 from tests.torture.rows import ALL_SETS, LATER, SETS, Row, case_of
-from tests.torture.trial import run
+from tests.torture.trial import Trial, run
 
 
 def kills(count: int, number: int, out: Path) -> Row:
@@ -32,6 +32,7 @@ def kills(count: int, number: int, out: Path) -> Row:
         trial = run(words, stop_after=partial(kill_at, folder=folder, chance=chance, how=how))
         row.runs, row.slowest = row.runs + 1, max(row.slowest, trial.seconds)
         judge_rest(row, folder, command, before, f"{command} {at} {how.name}")
+        judge_words(row, trial, f"{command} {at} {how.name}")
         if at % 4 == 3 or at == count - 1:
             row.count(run(case_of(command, "title='next'", folder)), f"after {command} {at}")
             if leftovers(folder) or whole_set(folder, command) is None:
@@ -67,6 +68,14 @@ def judge_rest(row: Row, folder: Path, command: str, before: dict[str, bytes] | 
         row.wrong.append(f"mixed or half: {case}")
 
 
+def judge_words(row: Row, trial: Trial, case: str) -> None:
+    """What was said to be written is there."""
+    for line in trial.said.splitlines():
+        if line.startswith("wrote ") and not Path(line.removeprefix("wrote ")).exists():
+            row.mixed += 1
+            row.wrong.append(f"said, but not written: {case}: {line}")
+
+
 @contextmanager
 def small_disk(size: int, out: Path) -> Iterator[Path]:
     """A disk of so many bytes: a tmpfs where that may be mounted, else nothing."""
@@ -100,6 +109,7 @@ def disks(count: int, number: int, out: Path) -> Row:
             trial = run(case_of(command, "title='new'", folder))
             row.count(trial, f"{command} {at}")
             judge_rest(row, folder, command, before, f"{command} on a full disk")
+            judge_words(row, trial, f"{command} on a full disk")
             if trial.code and ("cannot be written" not in trial.said or leftovers(folder)):
                 row.left += 1
                 row.wrong.append(f"full disk: {command} {at}: {trial.code} {trial.said[-200:]} {leftovers(folder)}")

@@ -18,6 +18,12 @@ def sampled_cycle(rows: int = 64) -> str:
     return "t,q1\n" + "\n".join(lines) + "\n"
 
 
+def measured(rows: int = 60) -> str:
+    """A log of one joint: its torque, its angle, and the tip's place."""
+    times = [0.01 * k for k in range(rows)]
+    return "t,u,angle,x\n" + "".join(f"{t!r},{math.sin(9 * t)!r},{0.1 * math.cos(5 * t)!r},{t * t!r}\n" for t in times)
+
+
 def of_table() -> Raw:
     """A motion that stands in a file."""
     return {**deepcopy(BUILT_IN["single-link"]), "motion": {"kind": "table", "file": "cycle.csv"}}
@@ -64,6 +70,7 @@ BASES: dict[str, Raw] = {
 URDF = builtin_scenes()["manutec-r3"].with_suffix(".urdf").read_text(encoding="utf-8")
 FILES = {
     "cycle.csv": sampled_cycle(),
+    "log.csv": measured(),
     "manutec-r3.urdf": URDF,
     "words.csv": "t,q1\n0,secret\n1,2\n",
     "nan.csv": "t,q1\n0,nan\n1,inf\n2,0\n",

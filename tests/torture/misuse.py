@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from flexlin.answers.budget import Budget
-from flexlin.answers.limits import limited
+from flexlin.answers import Budget, limited
 from flexlin.errors import FlexlinError
-from flexlin.scene.accuracy import Accuracy
+from flexlin.scene import Accuracy
 from tests.torture.rows import Row
 from tests.torture.valid_calls import valid_calls
 

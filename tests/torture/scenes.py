@@ -8,8 +8,8 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from flexlin.scene.effects import effects_table
-from flexlin.scene.scene import Scene
+from flexlin import Scene
+from flexlin.scene import effects_table
 from tests.torture.bases import BASES, FILES, Raw
 
 

@@ -18,12 +18,13 @@ LONGEST = 300.0
 
 @dataclass(frozen=True)
 class Trial:
-    """How a run ended: exit code (None where a signal ended it), what it wrote, wall time in s, the most memory in bytes."""
+    """How a run ended: exit code (None where a signal ended it), what it wrote, wall and processor time in s, the most memory in bytes."""
 
     code: int | None
     said: str
     seconds: float
     memory: int
+    cpu: float = 0.0
 
     @property
     def uncaught(self) -> bool:
@@ -60,7 +61,8 @@ def run(arguments: Sequence[str], stop_after: Callable[[int], None] | None = Non
     _, status, usage = os.wait4(child, 0)
     code = os.waitstatus_to_exitcode(status)
     memory = 1024 * usage.ru_maxrss
-    return Trial(None if code < 0 else code, said.decode(errors="replace"), time.monotonic() - start, memory)
+    taken, cpu = time.monotonic() - start, usage.ru_utime + usage.ru_stime
+    return Trial(None if code < 0 else code, said.decode(errors="replace"), taken, memory, cpu)
 
 
 def resident(which: int = 1) -> int:
@@ -76,7 +78,7 @@ def begin(arguments: Sequence[str], writer: int, space: int | None) -> None:
         os.dup2(writer, 1)
         os.dup2(writer, 2)
         sys.stdout, sys.stderr = open(1, "w", closefd=False), open(2, "w", closefd=False)  # noqa: SIM115
-        from flexlin.cli.main import entry
+        from flexlin.cli import entry
 
         if space is not None:
             resource.setrlimit(resource.RLIMIT_AS, (resident(0) + space, resident(0) + space))

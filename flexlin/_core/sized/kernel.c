@@ -1,4 +1,4 @@
-/* Floquet exponents of E x' = A x, both functions of the phase and of p, for many p, eight at a time: exponentials of order 4 on finer and finer resolutions, eigenvalues
+/* Floquet exponents of E x' = A x, both functions of the phase and of p, for many p, L at a time: exponentials of order 4 on finer and finer resolutions, eigenvalues
  * of the product of its factors by QR sweeps, Richardson's extrapolation of the last three with its own error, until that is as small as asked.
  *
  * E = [I 0; 0 M] and A = [0 I; Z] with M (H, H), Z (H, S), time in units of the period; H = S where A is full. Compiled once for each S, H (STATES, ROWS in CMakeLists.txt):
@@ -38,9 +38,9 @@ static long tabulate(const Model *m, long nodes, const double *inputs, double *m
   return 0;
 }
 
-/* What the parameters of eight values decide, into the first slots of `memory`; returns the periods. */
-static v8 read_points(const Model *m, const double *points, int lanes, double *scratch, double *memory) {
-  v8 period = splat(0.0);
+/* What the parameters of L values decide, into the first slots of `memory`; returns the periods. */
+static vec read_points(const Model *m, const double *points, int lanes, double *scratch, double *memory) {
+  vec period = splat(0.0);
   for (int i = 0; i < m->parameters; i++)
     for (int j = 0; j < WIDE; j++) scratch[i * WIDE + j] = points[(j % L < lanes ? j % L : lanes - 1) * m->parameters + i];
   run_steps(m->point_steps, m->of_point, scratch);
@@ -50,21 +50,21 @@ static v8 read_points(const Model *m, const double *points, int lanes, double *s
 }
 
 /* M^-1 Z in place of Z by elimination without pivoting; returns where M is positive definite. */
-static m8 solve_mass(v8 *M, v8 *Z) {
-  m8 positive = every_lane();
-  v8 inverse[H];
+static mask solve_mass(vec *M, vec *Z) {
+  mask positive = every_lane();
+  vec inverse[H];
   for (int j = 0; j < H; j++) {
-    positive &= (m8)(M[j * H + j] > 0.0);
+    positive &= (mask)(M[j * H + j] > 0.0);
     inverse[j] = 1.0 / M[j * H + j];
     for (int i = j + 1; i < H; i++) {
-      const v8 factor = M[i * H + j] * inverse[j];
+      const vec factor = M[i * H + j] * inverse[j];
       for (int c = j + 1; c < H; c++) M[i * H + c] -= factor * M[j * H + c];
       for (int c = 0; c < S; c++) Z[i * S + c] -= factor * Z[j * S + c];
     }
   }
   for (int j = H - 1; j >= 0; j--)
     for (int c = 0; c < S; c++) {
-      v8 sum = Z[j * S + c];
+      vec sum = Z[j * S + c];
       for (int i = j + 1; i < H; i++) sum -= M[j * H + i] * Z[i * S + c];
       Z[j * S + c] = sum * inverse[j];
     }
@@ -72,31 +72,31 @@ static m8 solve_mass(v8 *M, v8 *Z) {
 }
 
 /* M^-1 Z at some nodes, from their rows of the table; returns where M is positive definite. */
-static m8 read_nodes(const Model *m, int nodes, const double *table, double *memory, v8 Z[NODES][H * S]) {
-  m8 positive = every_lane();
-  v8 M[H * H];
+static mask read_nodes(const Model *m, int nodes, const double *table, double *memory, vec Z[NODES][H * S]) {
+  mask positive = every_lane();
+  vec M[H * H];
   for (int i = 0; i < m->phases; i++)
-    for (int k = 0; k < NODES; k++) *(v8 *)(memory + (m->points + i) * WIDE + k * L) = splat(table[(k < nodes ? k : 0) * m->phases + i]);
+    for (int k = 0; k < NODES; k++) *(vec *)(memory + (m->points + i) * WIDE + k * L) = splat(table[(k < nodes ? k : 0) * m->phases + i]);
   run_steps(m->both_steps, m->both, memory);
   for (int k = 0; k < nodes; k++) {
     const double *here = memory + k * L;
-    for (int i = 0; i < H * S; i++) Z[k][i] = *(const v8 *)(here + (long)m->outputs[i] * WIDE);
+    for (int i = 0; i < H * S; i++) Z[k][i] = *(const vec *)(here + (long)m->outputs[i] * WIDE);
     if (!m->mass) continue;
-    for (int i = 0; i < H * H; i++) M[i] = *(const v8 *)(here + (long)m->outputs[H * S + i] * WIDE);
+    for (int i = 0; i < H * H; i++) M[i] = *(const vec *)(here + (long)m->outputs[H * S + i] * WIDE);
     positive &= solve_mass(M, Z[k]);
   }
   return positive;
 }
 
-typedef struct { v8 W[H * S], D[H * S]; double c; } Segment; /* h (A1 + A2) / 2 = c [0 I; W], sqrt(3) h (A2 - A1) / 12 = [0; D] */
+typedef struct { vec W[H * S], D[H * S]; double c; } Segment; /* h (A1 + A2) / 2 = c [0 I; W], sqrt(3) h (A2 - A1) / 12 = [0; D] */
 
 typedef struct { /* segments of one resolution, read one after the other */
   const Model *model;
   const double *table, *lengths, *scale;
   double *memory;
   int left, held;
-  v8 Z[NODES][H * S], log_det;
-  m8 positive;
+  vec Z[NODES][H * S], log_det;
+  mask positive;
 } Reader;
 
 static void read_segment(Reader *r, Segment *s) {
@@ -108,7 +108,7 @@ static void read_segment(Reader *r, Segment *s) {
     r->held = nodes;
     if (nodes < NODES) memmove(r->Z[NODES - nodes], r->Z[0], nodes * sizeof r->Z[0]);
   }
-  const v8 *Z1 = r->Z[NODES - r->held], *Z2 = r->Z[NODES - r->held + 1];
+  const vec *Z1 = r->Z[NODES - r->held], *Z2 = r->Z[NODES - r->held + 1];
   const double h = *r->lengths++, *scale = r->scale;
   r->held -= 2;
   s->c = IS_FULL ? h : h * scale[OFF];
@@ -124,11 +124,11 @@ static void read_segment(Reader *r, Segment *s) {
 
 /* ---- factors ---- */
 
-enum { PART = REGISTERS == 8 ? 2 - S % 2 : H <= 3 ? S : H <= 5 ? H : S % 4 ? S % 3 ? 2 - S % 2 : 3 : 4 }; /* columns of a solution that stay in registers */
+enum { PART = REGISTERS == 16 ? 2 - S % 2 : H <= 3 ? S : H <= 5 ? H : S % 4 ? S % 3 ? 2 - S % 2 : 3 : 4 }; /* columns of a solution that stay in registers */
 
 /* Z = (I + D_next)^-1 (D_now - D_next), its lower rows, for D = [0; d1 d2], which is small: elimination without pivoting. */
-SHORT void divide(const v8 *now, const v8 *next, v8 *Z) {
-  v8 B[H][H], inverse[H];
+SHORT void divide(const vec *now, const vec *next, vec *Z) {
+  vec B[H][H], inverse[H];
   for (int i = 0; i < H; i++)
     for (int j = 0; j < H; j++) B[i][j] = i == j ? next[i * S + OFF + j] + 1.0 : next[i * S + OFF + j];
   for (int k = 0; k < H; k++) {
@@ -139,7 +139,7 @@ SHORT void divide(const v8 *now, const v8 *next, v8 *Z) {
     }
   }
   for (int start = 0; start < S; start += PART) {
-    v8 z[H][PART];
+    vec z[H][PART];
     UNROLL for (int i = 0; i < H; i++)
       UNROLL for (int c = 0; c < PART; c++) {
         z[i][c] = now[i * S + start + c] - next[i * S + start + c];
@@ -156,8 +156,8 @@ SHORT void divide(const v8 *now, const v8 *next, v8 *Z) {
 }
 
 /* E = (I + D_next)^-1 (I + D_now) exp(A) from P = exp(A) - I. */
-static void make_factor(const Segment *now, const Segment *next, const double *reach, v8 *E) {
-  v8 Z[H * S], below[H * S];
+static void make_factor(const Segment *now, const Segment *next, const double *reach, vec *E) {
+  vec Z[H * S], below[H * S];
   exponentiate(now->W, now->c, reach, E);
   divide(now->D, next->D, Z);
   for (int i = 0; i < H * S; i++) below[i] = E[OFF * S + i] + Z[i];
@@ -177,20 +177,20 @@ static int count_groups(int segments, double spread, double accuracy) {
  * Each segment has the factor (I + D) exp(h (A1 + A2) / 2) (I + D)^-1, which is Magnus' exponential
  * exp(h (A1 + A2) / 2 - sqrt(3) h^2 [A1, A2] / 12) up to h^5 and as symmetric in time, but keeps the form of [0 I; Z]; neighbours share
  * (I + D_next)^-1 (I + D). Source: Blanes, Casas, Oteo, Ros, Physics Reports 470 (2009), Eq. (253). */
-static void multiply_out(Reader *r, int K, int G, const double *reach, v8 *F) {
+static void multiply_out(Reader *r, int K, int G, const double *reach, vec *F) {
   Segment first, two[2];
   read_segment(r, &first);
   two[0] = first;
   for (int g = 0, k = 0; g < G; g++, F += S * S) {
-    v8 E[S * S], pair[2][S * S], *product = NULL;
+    vec E[S * S], pair[2][S * S], *product = NULL;
     for (int stop = (int)((long)(g + 1) * K / G); k < stop; k++) {
       Segment *now = &two[k % 2], *next = &two[(k + 1) % 2];
       if (k + 1 < K) read_segment(r, next);
       else *next = first;
-      v8 *found = product ? E : k + 1 == stop ? F : pair[0];
+      vec *found = product ? E : k + 1 == stop ? F : pair[0];
       make_factor(now, next, reach, found);
       if (product) {
-        v8 *target = k + 1 == stop ? F : product == pair[0] ? pair[1] : pair[0];
+        vec *target = k + 1 == stop ? F : product == pair[0] ? pair[1] : pair[0];
         multiply(found, product, target);
         product = target;
       } else product = found;
@@ -205,19 +205,19 @@ static void multiply_out(Reader *r, int K, int G, const double *reach, v8 *F) {
  * times. Full matrices: with 1, three of 37 answers of an arm with filters' poles up to 600 1/s had, up to 2.4 times. */
 static const double CHANGE = 1.75, STEP = 0.05, SHARED = 0.03, CAUTION = IS_FULL ? 3.0 : 2.0;
 
-typedef struct { v8 re[S], im[S]; m8 sound; } Logs;
+typedef struct { vec re[S], im[S]; mask sound; } Logs;
 
-static v8 wrap(v8 x) { return x - TURN * v_round(x * (1.0 / TURN)); }
+static vec wrap(vec x) { return x - TURN * v_round(x * (1.0 / TURN)); }
 
-static v8 v_size(v8 x, v8 y) { return v_sqrt(x * x + y * y); }
+static vec v_size(vec x, vec y) { return v_sqrt(x * x + y * y); }
 
 /* (dr, di) = x less the one of c that lies nearest to it modulo 2 pi i, and with it the (sr, si) that belongs to that one. */
-static void subtract_nearest(v8 xr, v8 xi, const Logs *c, const v8 *steps_re, const v8 *steps_im, v8 *dr, v8 *di, v8 *sr, v8 *si) {
-  v8 best = splat(INFINITY);
+static void subtract_nearest(vec xr, vec xi, const Logs *c, const vec *steps_re, const vec *steps_im, vec *dr, vec *di, vec *sr, vec *si) {
+  vec best = splat(INFINITY);
   *dr = *di = *sr = *si = splat(NAN);
   for (int j = 0; j < S; j++) {
-    v8 r = xr - c->re[j], i = wrap(xi - c->im[j]), d = r * r + i * i;
-    m8 nearer = (m8)(d < best);
+    vec r = xr - c->re[j], i = wrap(xi - c->im[j]), d = r * r + i * i;
+    mask nearer = (mask)(d < best);
     best = v_choose(nearer, d, best);
     *dr = v_choose(nearer, r, *dr);
     *di = v_choose(nearer, i, *di);
@@ -231,16 +231,16 @@ static void subtract_nearest(v8 xr, v8 xi, const Logs *c, const v8 *steps_re, co
  * gains: what the steps a = middle - coarse and b = fine - middle add: fine + g0 b and, one resolution before, middle + g1 a are of order 6,
  * fine + g2 b + g3 a of order 8. The change between the two of order 6 is the error: stiff systems converge more slowly than by these orders. A
  * change that is small by chance is not trusted: the step counts too, and the change of the other exponents. */
-static void extrapolate(const Logs *coarse, const Logs *middle, const Logs *fine, const double *gains, double accuracy, Logs *x, v8 *error) {
+static void extrapolate(const Logs *coarse, const Logs *middle, const Logs *fine, const double *gains, double accuracy, Logs *x, vec *error) {
   const double noise = 40.0 * 2.220446049250313e-16;
-  v8 ar[S], ai[S], none[S], change[S], rest[S], most = splat(0.0), br, bi, sr, si;
+  vec ar[S], ai[S], none[S], change[S], rest[S], most = splat(0.0), br, bi, sr, si;
   for (int i = 0; i < S; i++) none[i] = splat(0.0);
   for (int i = 0; i < S; i++) subtract_nearest(middle->re[i], middle->im[i], coarse, none, none, &ar[i], &ai[i], &sr, &si);
   for (int i = 0; i < S; i++) {
     subtract_nearest(fine->re[i], fine->im[i], middle, ar, ai, &br, &bi, &sr, &si);
     x->re[i] = fine->re[i] + gains[2] * br + gains[3] * sr;
-    v8 im = wrap(fine->im[i] + gains[2] * bi + gains[3] * si);
-    x->im[i] = v_choose((m8)(im <= -0.5 * TURN), im + TURN, im);
+    vec im = wrap(fine->im[i] + gains[2] * bi + gains[3] * si);
+    x->im[i] = v_choose((mask)(im <= -0.5 * TURN), im + TURN, im);
     change[i] = v_size((1.0 + gains[0]) * br - gains[1] * sr, (1.0 + gains[0]) * bi - gains[1] * si);
     rest[i] = CAUTION * STEP * gains[0] * v_size(br, bi) + (noise + accuracy) * v_size(x->re[i], x->im[i]) + noise;
     most = v_max(most, change[i]);
@@ -249,9 +249,9 @@ static void extrapolate(const Logs *coarse, const Logs *middle, const Logs *fine
 }
 
 /* Whether every error is as small as asked, in each lane. */
-static m8 meets(const Logs *x, const v8 *error, v8 period, double tol) {
-  m8 met = every_lane();
-  for (int i = 0; i < S; i++) met &= (m8)(error[i] <= tol * v_max(period, v_size(x->re[i], x->im[i])));
+static mask meets(const Logs *x, const vec *error, vec period, double tol) {
+  mask met = every_lane();
+  for (int i = 0; i < S; i++) met &= (mask)(error[i] <= tol * v_max(period, v_size(x->re[i], x->im[i])));
   return met;
 }
 
@@ -263,11 +263,11 @@ typedef struct { /* ever more segments; lengths: h of all of them, level after l
   const double *lengths, *inputs, *gains, *scale, *reach; /* gains (levels, 4): see `extrapolate`; scale (S, S): of the states; reach: `exponentiate` */
 } Grids;
 
-/* Logs (S) and errors of eight values, until all that are sound meet tol; returns how many segments were computed. */
-static int solve_eight(const Model *m, const Grids *g, const double *table, v8 period, double accuracy, double spread, double tol, double *memory, v8 *F,
-                       v8 *R, Logs *x, v8 *error) {
+/* Logs (S) and errors of L values, until all that are sound meet tol; returns how many segments were computed. */
+static int solve_values(const Model *m, const Grids *g, const double *table, vec period, double accuracy, double spread, double tol, double *memory, vec *F,
+                       vec *R, Logs *x, vec *error) {
   Logs found[3];
-  v8 Q[S * S];
+  vec Q[S * S];
   Reader r = {.model = m, .table = table, .lengths = g->lengths, .scale = g->scale, .memory = memory, .positive = every_lane()};
   for (int i = 0; i < S * S; i++) Q[i] = splat(i % (S + 1) ? 0.0 : 1.0);
   for (int level = 0, computed = 0;;) {
@@ -295,15 +295,15 @@ CALLED int SIZED(find_exponents)(const void *model, const void *grids, long valu
   const Model *m = model;
   const Grids *g = grids;
   const long nodes = 2L * g->total;
-  const size_t most = (size_t)g->segments[g->levels - 1] * S * S * sizeof(v8);
+  const size_t most = (size_t)g->segments[g->levels - 1] * S * S * sizeof(vec);
   double *table = malloc((size_t)nodes * (m->phases + 1) * sizeof(double)), *memory = find_memory(m);
-  v8 *F = aligned_alloc(64, most), *R = aligned_alloc(64, most);
+  vec *F = aligned_alloc(64, most), *R = aligned_alloc(64, most);
   int failed = !table || !memory || !F || !R || tabulate(m, nodes, g->inputs, memory, table);
   for (long first = 0; first < values && !failed; first += L) {
     const int lanes = values - first < L ? (int)(values - first) : L;
-    v8 error[S], period = read_points(m, points + first * m->parameters, lanes, memory + (long)m->slots * WIDE, memory);
+    vec error[S], period = read_points(m, points + first * m->parameters, lanes, memory + (long)m->slots * WIDE, memory);
     Logs x;
-    const int computed = solve_eight(m, g, table, period, accuracy, spread, tol, memory, F, R, &x, error);
+    const int computed = solve_values(m, g, table, period, accuracy, spread, tol, memory, F, R, &x, error);
     for (int l = 0; l < lanes; l++) {
       const long v = first + l;
       sounds[v] = x.sound[l] != 0;
@@ -327,12 +327,12 @@ CALLED int SIZED(sample_model)(const void *model, long values, const double *poi
                                double *periods) {
   const Model *m = model;
   double *table = malloc((size_t)nodes * (m->phases + 1) * sizeof(double)), *memory = find_memory(m);
-  v8 Z[NODES][H * S];
+  vec Z[NODES][H * S];
   int failed = !table || !memory || tabulate(m, nodes, inputs, memory, table);
   for (long first = 0; first < values && !failed; first += L) {
     const int lanes = values - first < L ? (int)(values - first) : L;
-    const v8 period = read_points(m, points + first * m->parameters, lanes, memory + (long)m->slots * WIDE, memory);
-    m8 positive = every_lane();
+    const vec period = read_points(m, points + first * m->parameters, lanes, memory + (long)m->slots * WIDE, memory);
+    mask positive = every_lane();
     for (long k = 0; k < nodes; k += NODES) {
       const int many = nodes - k < NODES ? (int)(nodes - k) : NODES;
       positive &= read_nodes(m, many, table + k * m->phases, memory, Z);

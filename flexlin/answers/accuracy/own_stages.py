@@ -2,13 +2,14 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
+from functools import partial, reduce
 
 import casadi as ca
 import numpy as np
 
 from flexlin import symbolic
-from flexlin.about.linear import Linearization, linearize
+from flexlin.about.linear import linearize
+from flexlin.about.linearization import Linearization
 from flexlin.answers.accuracy.result import Row
 from flexlin.answers.accuracy.trial import Trial, compare_arrays, compare_exponents, measure_trials
 from flexlin.checks import Array
@@ -18,7 +19,6 @@ from flexlin.motion import Motion
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.fourier import FourierSeries
-from flexlin.periodic.product.balancing import multiply_scaled
 from flexlin.periodic.product.spectrum import product_logs
 from flexlin.periodic.quadratic.riccati import RiccatiSolution, periodic_riccati
 from flexlin.periodic.related import OfPlant
@@ -46,7 +46,7 @@ MOST_SEGMENTS = 4096
 """Segments of a trial of the engine at the most."""
 
 
-def measure_coefficients(closed: Linearization) -> list[Row]:
+def measure_coefficients(closed: Linearization, seconds: float) -> list[Row]:
     """A(t) over the period from samples and their Fourier series, by the number of harmonics."""
     system, T = closed.periodic_system(), closed.period
     if system.breaks:
@@ -59,7 +59,7 @@ def measure_coefficients(closed: Linearization) -> list[Row]:
             at = T * np.arange(2 * h + 1) / (2 * h + 1)
             yield Trial("Fourier series", f"{h} harmonics", partial(interpolate_samples, system, at, t))
 
-    return measure_trials("coefficients", trials(), lambda A: compare_arrays(A, exact))
+    return measure_trials("coefficients", trials(), lambda A: compare_arrays(A, exact), seconds)
 
 
 def interpolate_samples(system: PeriodicSystem, at: Array, t: Array) -> Array:
@@ -69,12 +69,11 @@ def interpolate_samples(system: PeriodicSystem, at: Array, t: Array) -> Array:
 
 def multiply_period(system: PeriodicSystem, setting: Setting) -> Array:
     """The transition matrix of one period."""
-    P, log_scale = multiply_scaled(factor_period(system, setting)[1])
     with np.errstate(over="ignore", invalid="ignore"):  # a method that is far too coarse may leave the range
-        return np.asarray(P * np.exp(log_scale))
+        return reduce(lambda P, F: F @ P, factor_period(system, setting)[1])
 
 
-def measure_transition_matrices(system: PeriodicSystem, exact: Array) -> list[Row]:
+def measure_transition_matrices(system: PeriodicSystem, exact: Array, seconds: float) -> list[Row]:
     """The setting that the engine starts from at each tol, and every method at every order."""
 
     def trials() -> Iterator[Trial]:
@@ -90,7 +89,7 @@ def measure_transition_matrices(system: PeriodicSystem, exact: Array) -> list[Ro
                     setting = Setting(method, order, count, "")
                     yield Trial(f"{method} {order}", f"{count} segments", partial(multiply_period, system, setting))
 
-    return measure_trials("transition matrices", trials(), lambda P: compare_arrays(P, exact))
+    return measure_trials("transition matrices", trials(), lambda P: compare_arrays(P, exact), seconds)
 
 
 def choose_reference(system: PeriodicSystem, order: int = REFERENCE) -> Setting:
@@ -104,7 +103,7 @@ def find_exact_exponents(system: PeriodicSystem) -> Array:
     return product_logs(factor_period(system, choose_reference(system))[1]) / system.period
 
 
-def measure_exponents(closed: Linearization, exact: Array) -> list[Row]:
+def measure_exponents(closed: Linearization, exact: Array, seconds: float) -> list[Row]:
     """floquet at each tol as it chooses by itself, then with each method, and by Hill's Fourier matrix.
 
     Each run starts from a new system, so its time holds the resolution of the coefficients.
@@ -121,7 +120,9 @@ def measure_exponents(closed: Linearization, exact: Array) -> list[Row]:
             for method in ("gauss", "hill"):
                 yield Trial(f"floquet, {method}", f"tol {tol:.0e}", partial(run, tol, method))
 
-    return measure_trials("exponents", trials(), lambda found: compare_exponents(found.exponents, exact, closed.period))
+    return measure_trials(
+        "exponents", trials(), lambda found: compare_exponents(found.exponents, exact, closed.period), seconds
+    )
 
 
 def name_setting(setting: Setting) -> str:
@@ -131,7 +132,7 @@ def name_setting(setting: Setting) -> str:
     return f"{setting.method} {setting.order} on {setting.segments}"
 
 
-def measure_riccati(plant: Linearization) -> list[Row]:
+def measure_riccati(plant: Linearization, seconds: float) -> list[Row]:
     """The periodic Riccati equation of the open loop with unit weights, X at 32 times."""
     if not plant.inputs:
         return []
@@ -143,10 +144,10 @@ def measure_riccati(plant: Linearization) -> list[Row]:
         return periodic_riccati(replace(plant).periodic_system(), Q, R, tol=tol)
 
     trials = [Trial("periodic_riccati", f"tol {tol:.0e}", partial(run, tol), f"{tol:.0e}") for tol in TOLS]
-    return measure_trials("periodic Riccati", trials, lambda solution: compare_arrays(solution.X(t), exact))
+    return measure_trials("periodic Riccati", trials, lambda solution: compare_arrays(solution.X(t), exact), seconds)
 
 
-def measure_forced_response(closed: Linearization) -> list[Row]:
+def measure_forced_response(closed: Linearization, seconds: float) -> list[Row]:
     """The periodic response to what the rigid motion leaves over, at 32 times."""
     t = closed.period * np.arange(32) / 32
 
@@ -156,10 +157,10 @@ def measure_forced_response(closed: Linearization) -> list[Row]:
 
     exact = run(FINE)(t)
     trials = [Trial("forced_response", f"tol {tol:.0e}", partial(run, tol), f"{tol:.0e}") for tol in TOLS]
-    return measure_trials("forced response", trials, lambda response: compare_arrays(response(t), exact))
+    return measure_trials("forced response", trials, lambda response: compare_arrays(response(t), exact), seconds)
 
 
-def measure_modes(scene: Scene, more: int = 2) -> list[Row]:
+def measure_modes(scene: Scene, seconds: float, more: int = 2) -> list[Row]:
     """The leading exponent with 0, 1, 2 ... modes in each link that bends, against two modes more than the scene has."""
     if not scene.links or all(not any(counts_of(link)) for link in scene.links):
         return []
@@ -178,7 +179,7 @@ def measure_modes(scene: Scene, more: int = 2) -> list[Row]:
 
     exact = leading(most)
     trials = [Trial("assumed modes", f"{k} a link", partial(leading, k)) for k in range(most)]
-    return measure_trials("number of modes", trials, lambda value: abs(value - exact) / max(1.0, abs(exact)))
+    return measure_trials("number of modes", trials, lambda value: abs(value - exact) / max(1.0, abs(exact)), seconds)
 
 
 def counts_of(link: Link) -> tuple[int, ...]:
@@ -186,7 +187,9 @@ def counts_of(link: Link) -> tuple[int, ...]:
     return tuple(link.counts.by_direction().values())
 
 
-def measure_taylor_order(arm: Manipulator, motion: Motion, orders: tuple[int, ...] = (1, 2, 3, 4)) -> list[Row]:
+def measure_taylor_order(
+    arm: Manipulator, motion: Motion, seconds: float, orders: tuple[int, ...] = (1, 2, 3, 4)
+) -> list[Row]:
     """Forces of the nonlinear equations at a displaced state by Taylor's polynomial in s, by its order."""
     q, q1, q2 = (arm.reference @ ca.DM(part[0]) for part in motion.sample(np.array([0.3 * motion.period])))
     known = ca.vertcat(arm.s_dot, arm.s_ddot, arm.parameters.symbols)
@@ -199,5 +202,5 @@ def measure_taylor_order(arm: Manipulator, motion: Motion, orders: tuple[int, ..
     maps = {order: taylor(force, arm.s, start, order) for order in orders}
     trials = [Trial("Taylor polynomial", f"order {k}", partial(maps[k], step)) for k in orders]
     return measure_trials(
-        "Taylor order", trials, lambda value: compare_arrays(np.asarray(value).reshape(exact.shape), exact)
+        "Taylor order", trials, lambda value: compare_arrays(np.asarray(value).reshape(exact.shape), exact), seconds
     )

@@ -7,7 +7,8 @@ from typing import Any
 from flexlin.summary import represent
 
 STAGES = (
-    "coefficients", "transition matrices", "exponents", "periodic Riccati", "forced response", "number of modes", "Taylor order",
+    "coefficients", "transition matrices", "exponents", "periodic Riccati", "forced response", "simulation",
+    "number of modes", "Taylor order",
 )  # fmt: skip
 DECADES = tuple(10.0**-k for k in range(2, 13))
 
@@ -63,7 +64,7 @@ class CostResult:
     rows : tuple of Row
         All settings.
     floor : float
-        Below it the reference itself is not known better.
+        Below it the reference itself is not known better; not a number where there was no time for two references.
     notes : tuple of str
         What was left out, and why.
 

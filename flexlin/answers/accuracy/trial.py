@@ -21,7 +21,7 @@ TURNS, CHOICES = 4, 0.6
 GROWTH = 4.0
 """From one tolerance to the next another program may take so many times as long."""
 STAGE_SECONDS = 5.0
-"""Wall time of the trials of a stage."""
+"""Wall time of the trials of a stage, where the whole has enough."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +36,10 @@ class Trial:
     detail: Callable[[Any], str] | None = None
 
 
-def measure_trials(stage: str, trials: Iterable[Trial], error: Callable[[Any], float]) -> list[Row]:
-    """Run the trials one after another for STAGE_SECONDS, the engine's own choices, which come first, several times in turns.
+def measure_trials(
+    stage: str, trials: Iterable[Trial], error: Callable[[Any], float], seconds: float = STAGE_SECONDS
+) -> list[Row]:
+    """Run the trials one after another for some seconds, the engine's own choices, which come first, several times in turns.
 
     One that gives up (too many segments, no time left, an outside integrator's failure) or overflows has no row. Of another program
     no trial is begun that, by its last one, would not end in time.
@@ -45,9 +47,9 @@ def measure_trials(stage: str, trials: Iterable[Trial], error: Callable[[Any], f
     rows, begin, lasted, repeated = dict[Trial, Row](), perf_counter(), dict[str, float](), False
     for trial in trials:
         if not (trial.chosen or repeated):
-            rows, repeated = repeat_choices(stage, rows, begin + CHOICES * STAGE_SECONDS), True
-        left = begin + STAGE_SECONDS - perf_counter()
-        advance(1 - left / STAGE_SECONDS)
+            rows, repeated = repeat_choices(stage, rows, begin + CHOICES * seconds), True
+        left = begin + seconds - perf_counter()
+        advance(1 - left / seconds)
         if left <= 0:
             break
         if trial.outside and GROWTH * lasted.get(trial.method, 0.0) > left:
@@ -57,7 +59,7 @@ def measure_trials(stage: str, trials: Iterable[Trial], error: Callable[[Any], f
         lasted[trial.method] = perf_counter() - started
         if row is not None:
             rows[trial] = row
-    return list((rows if repeated else repeat_choices(stage, rows, begin + STAGE_SECONDS)).values())
+    return list((rows if repeated else repeat_choices(stage, rows, begin + seconds)).values())
 
 
 def try_once(stage: str, trial: Trial, error: Callable[[Any], float], left: float) -> Row | None:

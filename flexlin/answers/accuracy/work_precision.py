@@ -1,27 +1,28 @@
 """Work and precision of every stage for one scene."""
 
+import math
 from collections.abc import Callable
+from functools import cache, partial
 from time import perf_counter
 
 from flexlin.about.linear import linearize
 from flexlin.answers.accuracy import own_stages as own
 from flexlin.answers.accuracy.result import CostResult, Row
 from flexlin.answers.accuracy.scipy_methods import measure_scipy_methods
+from flexlin.answers.accuracy.simulated import measure_simulation
 from flexlin.answers.accuracy.trial import STAGE_SECONDS, compare_arrays
 from flexlin.answers.limits import time_limit
 from flexlin.arguments import checked, instance
+from flexlin.checks import positive
 from flexlin.errors import ArgumentError, FlexlinError
 from flexlin.mechanics import build_manipulator
 from flexlin.motion import SymbolicMotion
 from flexlin.progress import part
 from flexlin.scene.scene import Scene
 
-SHARE = 0.6
-"""Of the scene's limit of time: after it no stage is begun, so that with the last one at its limit all of it ends in time."""
-
 
 @checked
-def cost(scene: Scene, *, peers: bool = True) -> CostResult:
+def cost(scene: Scene, *, peers: bool = True, seconds: float | None = None) -> CostResult:
     """Measure what accuracy costs in time, stage by stage, for the scene's own loop.
 
         error = max |result - reference| / max |reference|,   of exponents max |difference| / max(1, |exponent|)
@@ -31,7 +32,9 @@ def cost(scene: Scene, *, peers: bool = True) -> CostResult:
     scene : Scene
         A scene with a periodic motion.
     peers : bool
-        Measure SciPy's integrators on the transition matrices too.
+        Measure SciPy's integrators on the transition matrices and the simulation too.
+    seconds : float, optional
+        Wall time that all of it may take; by default the scene's limit.
 
     Returns
     -------
@@ -48,7 +51,8 @@ def cost(scene: Scene, *, peers: bool = True) -> CostResult:
     Stages: sampling the coefficients, transition matrices by every method and order, exponents, periodic Riccati equation, forced
     response, number of modes, order of Taylor's polynomial. References come from a finer resolution; how well two of them agree is
     the result's `floor`. Times are CPU times of one thread, the least of several where a run is short; building the model is left out.
-    A stage tries settings for 5 s, the engine's own first and in turns; what that does not hold is left out with a note.
+    A stage tries settings for 5 s, less where time is short, the engine's own first and in turns; what that does not hold is left out
+    with a note.
 
     Examples
     --------
@@ -60,43 +64,48 @@ def cost(scene: Scene, *, peers: bool = True) -> CostResult:
     'tol 1e-08, gauss 20 on 40'
     """
     instance("scene", scene, Scene, "load one: fl.load_scene(name or path)")
-    start, total = perf_counter(), SHARE * scene.accuracy.seconds
+    end = perf_counter() + (scene.accuracy.seconds if seconds is None else positive("seconds", seconds))
     arm = build_manipulator(scene)
     closed, plant = linearize(arm, scene.motion, scene.control), linearize(arm, scene.motion)
     if not closed.motion.periodic:
         raise ArgumentError("a one-way motion has no period, so there is nothing to measure", got=scene.motion.kind)
-    system = closed.periodic_system()
-    exact, check = (own.multiply_period(system, own.choose_reference(system, order)) for order in (own.REFERENCE, 20))
-    stages: dict[str, Callable[[], list[Row]]] = {
-        "exponents": lambda: own.measure_exponents(closed, own.find_exact_exponents(system)),
-        "forced response": lambda: own.measure_forced_response(closed),
-        "periodic Riccati": lambda: own.measure_riccati(plant),
-        "transition matrices": lambda: own.measure_transition_matrices(system, exact),
-        "coefficients": lambda: own.measure_coefficients(closed),
-        "number of modes": lambda: own.measure_modes(scene),
-        "Taylor order": lambda: own.measure_taylor_order(arm, closed.motion),
+    system, floor = closed.periodic_system(), math.nan
+    exact = cache(lambda order=own.REFERENCE: own.multiply_period(system, own.choose_reference(system, order)))
+
+    def transition_matrices(seconds: float) -> list[Row]:
+        nonlocal floor
+        floor = max(compare_arrays(exact(20), exact()), 1e-15)
+        return own.measure_transition_matrices(system, exact(), seconds)
+
+    stages: dict[str, Callable[[float], list[Row]]] = {
+        "exponents": lambda s: own.measure_exponents(closed, own.find_exact_exponents(system), s),
+        "forced response": partial(own.measure_forced_response, closed),
+        "periodic Riccati": partial(own.measure_riccati, plant),
+        "simulation": partial(measure_simulation, closed, peers),
+        "transition matrices": transition_matrices,
+        "coefficients": partial(own.measure_coefficients, closed),
+        "number of modes": partial(own.measure_modes, scene),
+        "Taylor order": partial(own.measure_taylor_order, arm, closed.motion),
     }
-    rows, notes, last = [], [], len(stages) + peers
+    rows, notes = list[Row](), list[str]()
+    if peers and closed.controller is not None:
+        notes.append("SciPy has no rows: the loop has integrals or filters, and is no system of second order")
+    elif peers and isinstance(closed.motion, SymbolicMotion):
+        stages["SciPy"] = lambda s: measure_scipy_methods(scene, exact(), s)
     for done, (name, stage) in enumerate(stages.items()):
-        begin = perf_counter()
-        left = start + total - begin
-        if left <= 0:
-            notes.append(f"{name} left out: the others took {total:g} s; allow more time (--limit-seconds)")
-            continue
-        try:
-            with time_limit(name, min(2 * STAGE_SECONDS, left)), part(done / last, (done + 1) / last):
-                rows += stage()
-        except FlexlinError as error:
-            notes.append(f"{name} left out: {error.what}")
-        else:
-            if perf_counter() - begin > STAGE_SECONDS:
-                notes.append(f"{name}: the slowest settings are left out, which {STAGE_SECONDS:g} s do not hold")
-    left = start + total - perf_counter()
-    if peers and isinstance(closed.motion, SymbolicMotion) and left > 0:
-        try:
-            with time_limit("SciPy", left + 2 * STAGE_SECONDS), part(1 - 1 / last, 1.0):
-                found, missing = measure_scipy_methods(scene, exact)
-            rows, notes = rows + found, notes + missing
-        except FlexlinError as error:
-            notes.append(f"SciPy left out: {error.what}")
-    return CostResult(scene.title, tuple(rows), max(compare_arrays(check, exact), 1e-15), tuple(notes)).marked()
+        with part(done / len(stages), (done + 1) / len(stages)):
+            found, note = measure_stage(name, stage, (end - perf_counter()) / (len(stages) - done))
+        rows, notes = [*rows, *found], [*notes, *note]
+    return CostResult(scene.title, tuple(rows), floor, tuple(notes)).marked()
+
+
+def measure_stage(name: str, stage: Callable[[float], list[Row]], most: float) -> tuple[list[Row], list[str]]:
+    """The rows of a stage that may take some s and begins with its references; a note where it has none, or not all."""
+    begin, seconds = perf_counter(), max(min(STAGE_SECONDS, most), 1e-3)
+    try:
+        with time_limit(name, max(min(2 * seconds, most), 1e-3)):
+            rows = stage(seconds)
+    except FlexlinError as error:
+        return [], [f"{name} left out: {error.what}"]
+    over = f"{name}: the slowest settings are left out, which {seconds:.2g} s do not hold"
+    return rows, [over] if perf_counter() - begin > seconds else []

@@ -5,11 +5,8 @@ from flexlin.lazy import load_lazily
 __getattr__, __dir__, __all__ = load_lazily(
     __name__,
     {
-        "Audit": "flexlin.answers.audit.result",
-        "Measure": "flexlin.answers.audit.figures",
-        "Minimal": "flexlin.answers.audit.result",
-        "Row": "flexlin.answers.audit.result",
-        "audit": "flexlin.answers.audit.comparison",
-        "measure": "flexlin.answers.audit.figures",
+        "answers.audit.comparison": "audit",
+        "answers.audit.figures": "Measure measure",
+        "answers.audit.result": "Audit Minimal Row",
     },
 )

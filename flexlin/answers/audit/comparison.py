@@ -1,17 +1,21 @@
 """Each effect switched on or off in turn and in pairs, each link given a mode more or less: what changes, and what it costs."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
 from flexlin.about.linear import linearize
-from flexlin.answers.audit.judging import Judge
-from flexlin.answers.audit.minimal import shrink
-from flexlin.answers.audit.models import list_model_versions
+from flexlin.answers.audit.judging import Judge, shrink
 from flexlin.answers.audit.result import Audit, Minimal, Row
-from flexlin.answers.audit.scale import read_scale
-from flexlin.answers.audit.together import find_interplay
-from flexlin.answers.audit.versions import Version, list_effect_versions, list_mode_versions
+from flexlin.answers.audit.versions import (
+    Version,
+    list_effect_versions,
+    list_mode_versions,
+    list_model_versions,
+    read_scale,
+)
 from flexlin.answers.steady import arm_length
 from flexlin.arguments import checked, instance
 from flexlin.checks import positive
@@ -35,10 +39,11 @@ def audit(
 ) -> Audit:
     """Switch each effect on or off, alone and in pairs, change each link's modes by one, and find the smallest scene.
 
-        significance = max(|change of margin| / larger margin, relative change of frequencies, |change of tip error| / reach)
+        significance = max(|change of margin| / larger margin, relative change of frequencies, of peak and RMS torques,
+                           distance of the tip's paths / how far the tip moves)
 
-    An effect that the scene leaves out is tried with small stated parameters; infinite significance means another verdict. Of a
-    registered model the effects and numbers in its own table are taken away in turn.
+    It is infinite where the verdict changes, or what exceeds a limit of the drives. An effect that the scene leaves out is tried with
+    small stated parameters. Of a registered model the effects and numbers in its own table are taken away in turn.
 
     Parameters
     ----------
@@ -77,18 +82,30 @@ def audit(
     report = progress or (lambda text: None)
     report("the scene as it is")
     judge = Judge.of(scene, find_reach(scene), tolerance, tol)
-    tried: list[tuple[Version, Row]] = []
-    versions = list_versions(scene)
-    for done, version in enumerate(versions):
-        report(version.change)
-        advance(SINGLE * done / len(versions))
-        tried.append((version, judge.row(version)))
-    pairs, minimal, problem = look_further(judge, tried, report) if together else ((), None, "")
+    tried, problem = try_versions(judge, list_versions(scene), report)
+    pairs: tuple[Row, ...] = ()
+    minimal: Minimal | None = None
+    if together and not problem:
+        pairs, minimal, problem = look_further(judge, tried, report)
     rows = sorted(
         (row for _, row in tried), key=lambda row: -row.significance if np.isfinite(row.significance) else -np.inf
     )
     effects, modes = (tuple(row for row in rows if row.kind == kind) for kind in ("effect", "modes"))
     return Audit(judge.base, effects, modes, tolerance, pairs, minimal, problem)
+
+
+def try_versions(judge: Judge, versions: list[Version], report: Progress) -> tuple[list[tuple[Version, Row]], str]:
+    """All single changes, as far as time allows, and what was left out."""
+    tried: list[tuple[Version, Row]] = []
+    try:
+        for done, version in enumerate(versions):
+            report(version.change)
+            advance(SINGLE * done / len(versions))
+            tried.append((version, judge.row(version)))
+    except TimeLimit as error:
+        left = ", ".join(version.change for version in versions[len(tried) :])
+        return tried, f"not tried in the time: {left}, pairs of effects, the minimal scene; {error.todo}"
+    return tried, ""
 
 
 def look_further(
@@ -122,3 +139,53 @@ def find_reach(scene: Scene) -> float:
         return reach
     length = arm_length(linearize(build_manipulator(scene), scene.motion, scene.control))
     return length if np.isfinite(length) and length > 0 else 1.0
+
+
+NEED, CANCEL = "noticed only together", "cancel each other"
+
+
+def find_interplay(
+    judge: Judge, tried: Sequence[tuple[Version, Row]], report: Callable[[str], None]
+) -> tuple[Row, ...]:
+    """Try the pairs of effects whose members are both noticed or both not, both on or both off; keep those that act otherwise together.
+
+        noticed only together: s_1 <= tolerance, s_2 <= tolerance, s_12 > tolerance
+        cancel each other:     s_1 >  tolerance, s_2 >  tolerance, s_12 <= tolerance
+
+    Of two that only one of is noticed, or of one that is on and one that is off, nothing is tried.
+    """
+    found = []
+    pairs = list(list_pairs(tried, judge.tolerance))
+    for done, ((one, first), (two, _)) in enumerate(pairs):
+        both = joined(one, two)
+        report(f"together: {both.change}")
+        advance(done / len(pairs))
+        row = judge.row(both, two.make(one.make(judge.scene)))
+        alone, together = first.significance > judge.tolerance, row.significance > judge.tolerance
+        if np.isfinite(row.significance) and row.judged and alone != together:
+            found.append(named(row, CANCEL if alone else NEED))
+        elif not alone and row.significance == np.inf:
+            found.append(named(row, NEED))
+    return tuple(sorted(found, key=lambda row: -row.significance))
+
+
+def list_pairs(tried: Sequence[tuple[Version, Row]], tolerance: float) -> Iterator[tuple[tuple[Version, Row], ...]]:
+    """Pairs of effects that were judged."""
+    known = [item for item in tried if item[1].judged and item[1].kind == "effect"]
+    for first, second in combinations(known, 2):
+        same = (first[1].significance > tolerance) == (second[1].significance > tolerance)
+        if same and first[0].on == second[0].on:
+            yield first, second
+
+
+def joined(one: Version, two: Version) -> Version:
+    """Two changes as one."""
+    change = f"{one.change} and {two.subject}"
+    table = {f"{v.subject}.{key}": value for v in (one, two) for key, value in v.table.items()}
+    units = {f"{v.subject}.{key}": value for v in (one, two) for key, value in v.units.items()}
+    return Version(one.make, change, "pair", f"{one.subject} and {two.subject}", one.on, table, units)
+
+
+def named(row: Row, advice: str) -> Row:
+    """The row with what the pair does."""
+    return replace(row, advice=advice)

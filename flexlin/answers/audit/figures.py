@@ -1,26 +1,52 @@
 """The figures by which two versions of a scene are compared."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
-from flexlin.about.linear import Linearization, linearize
+from flexlin.about.law import Law
+from flexlin.about.linear import linearize
+from flexlin.about.linearization import Linearization
+from flexlin.answers.steady import find_response
 from flexlin.checks import Array
-from flexlin.control.tracking import tip_positions
-from flexlin.errors import FlexlinError
+from flexlin.control.drives import Demand, drive_load
+from flexlin.control.tracking import CLOSINGS, tip_positions
+from flexlin.errors import FlexlinError, MotionError, TimeLimit
 from flexlin.mechanics import build_manipulator
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.fourier import fourier_differentiation
+from flexlin.periodic.fourier import FourierSeries, fourier_differentiation
+from flexlin.periodic.related import with_matrices
+from flexlin.scene.control import Drives
 from flexlin.scene.scene import Scene
 from flexlin.summary import represent
 
 PHASES, POINTS, REPEATS = 9, 257, 3
 SEGMENTS = 4000
 """A version that needs more segments than these for its margin is not judged."""
-HARMONICS = (24, 48)
-"""Of the periodic response; the difference between the two must be below RESPONSE of it."""
-RESPONSE = 0.01
+COUPLINGS = 97
+"""Times at which the equations are looked at for coordinates that nothing couples to the others."""
+NOTHING = 1e-12
+"""What is rounding, relative to the largest of its row."""
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Coordinates and controller states that nothing couples to the others; `felt`: whether motors or motion reach any of them.
+
+    margin, error: the largest growth rate in 1/s; frequencies: natural ones of the frozen loop, averaged over the period, in rad/s.
+    """
+
+    names: tuple[str, ...]
+    felt: bool
+    margin: float
+    error: float
+    verdict: str
+    frequencies: Array
+
+    __repr__ = represent
 
 
 @dataclass(frozen=True)
@@ -47,6 +73,12 @@ class Measure:
         Time to evaluate them at one time.
     problems : tuple of str
         Why figures are missing.
+    path : array, shape (N, 3), or None
+        The tip in the periodic response, at equally spaced times, in m, zeros without points; None where it is not known.
+    demands : tuple of Demand, or None
+        What the drives have to do for it; None where it is not known.
+    parts : tuple of Part
+        The parts that nothing couples, each with its own margin.
 
     Examples
     --------
@@ -66,6 +98,9 @@ class Measure:
     instructions: int
     microseconds: float
     problems: tuple[str, ...] = ()
+    path: Array | None = None
+    demands: tuple[Demand, ...] | None = None
+    parts: tuple[Part, ...] = ()
 
     __repr__ = represent
 
@@ -83,7 +118,7 @@ def measure(scene: Scene, tol: float = 1e-4) -> Measure:
     Returns
     -------
     Measure
-        Margin, frequencies, tip error, and the size of the equations.
+        Margin, frequencies, tip path and drives, and the size of the equations.
 
     Raises
     ------
@@ -100,53 +135,166 @@ def measure(scene: Scene, tol: float = 1e-4) -> Measure:
     """
     lin = linearize(build_manipulator(scene), scene.motion, scene.control)
     problems: list[str] = []
-    margin, error, verdict = _judge_margin(lin, tol, problems)
+    parts = tuple(judge_parts(lin, tol, problems))
+    worst = join_parts(parts)
+    path, away, demands = _follow(lin, scene.drives, problems)
     return Measure(
-        margin,
-        error,
-        verdict,
-        _average_frequencies(lin),
-        _measure_tip_error(lin, problems),
+        worst.margin,
+        worst.error,
+        worst.verdict,
+        worst.frequencies,
+        away,
         lin.n,
         lin.coefficients.n_instructions(),
         _time_evaluation(lin),
         tuple(problems),
+        path,
+        demands,
+        parts,
     )
 
 
-def _judge_margin(lin: Linearization, tol: float, problems: list[str]) -> tuple[float, float, str]:
+def join_parts(parts: tuple[Part, ...]) -> Part:
+    """The verdict on parts together: that of the worst."""
+    order = ("stable", "undecided", "unstable", "unknown")
+    worst = max(parts, key=lambda part: (order.index(part.verdict), part.margin))
+    return Part(
+        tuple(name for part in parts for name in part.names),
+        any(part.felt for part in parts),
+        max(part.margin for part in parts),
+        max(part.error for part in parts),
+        worst.verdict,
+        np.sort(np.concatenate([part.frequencies for part in parts])),
+    )
+
+
+def judge_parts(lin: Linearization, tol: float, problems: list[str]) -> Iterator[Part]:
+    """Each part of the loop with its margin; all of it where it is one part."""
+    labels, felt = part_coordinates(lin)
+    names = (*lin.names, *(() if lin.controller is None else lin.controller.names))
+    coefficients = lin.sample(np.linspace(0, lin.period, PHASES, endpoint=False))
+    for label in np.unique(labels):
+        places = np.flatnonzero(labels == label)
+        of_arm = places[places < lin.n]
+        block = np.ix_(np.arange(PHASES), of_arm, of_arm)
+        yield Part(
+            tuple(names[i] for i in places),
+            bool(felt[places].any()),
+            *_judge_margin(lin, places if len(np.unique(labels)) > 1 else None, tol, problems),
+            _average_frequencies(coefficients.M[block], coefficients.K[block]),
+        )
+
+
+def part_coordinates(lin: Linearization) -> tuple[Array, Array]:
+    """Which part each of the n coordinates and k controller states belongs to, and whether motors or motion act on it, (n + k,) each.
+
+    With M, D, K, h, B of coordinates of unit inertia; where nothing acts on anything, all counts as reached.
+    """
+    t = lin.period * np.arange(COUPLINGS) / COUPLINGS
+    M, D, K, h = second_order_with_states(lin, t)
+    inertia = np.einsum("tii->ti", M).max(axis=0)
+    unit = 1 / np.sqrt(np.where(inertia > 0, inertia, 1.0))
+    coupled = np.zeros(M.shape[1:], dtype=bool)
+    for matrix in (M, D, K):
+        size = np.abs(matrix * unit[:, None] * unit).max(axis=0)
+        coupled |= size > NOTHING * np.minimum(size.max(axis=1)[:, None], size.max(axis=1))
+    force = np.abs(h * unit).max(axis=0)
+    felt = force > NOTHING * force.max()
+    felt[: lin.n] |= (np.abs(lin.sample(t).B) > 0).any(axis=(0, 2))
+    labels = connected_components(coupled, directed=False)[1]
+    return labels, felt if felt.any() else np.ones_like(felt)
+
+
+def _judge_margin(
+    lin: Linearization, places: Array | None, tol: float, problems: list[str]
+) -> tuple[float, float, str]:
+    """Floquet's margin of the coordinates and controller states at some places, or of all."""
     try:
-        result = floquet(lin.periodic_system(), tol, max_segments=SEGMENTS)
+        system = lin.periodic_system()
+        if places is not None:
+            n = lin.n
+            states = np.concatenate([places[places < n], places[places < n] + n, places[places >= n] + n])
+            system = with_matrices(system, lambda t: lin.A(t)[:, states[:, None], states], None)
+        result = floquet(system, tol, max_segments=SEGMENTS)
+    except TimeLimit:
+        raise
     except FlexlinError as error:
         problems.append(f"stability: {error}")
         return float("nan"), float("nan"), "unknown"
     return float(result.exponents[0].real), float(result.errors[0]), result.verdict
 
 
-def _average_frequencies(lin: Linearization) -> Array:
+def _average_frequencies(M: Array, K: Array) -> Array:
     """sqrt |eigenvalues of M^-1 K|, each averaged over phases of the motion."""
-    c = lin.sample(np.linspace(0, lin.period, PHASES, endpoint=False))
-    squares = np.linalg.eigvals(np.linalg.solve(c.M, c.K))
-    return np.sort(np.sqrt(np.abs(squares)), axis=1).mean(axis=0)
+    squares = np.linalg.eigvals(np.linalg.solve(M, K))
+    return np.asarray(np.sort(np.sqrt(np.abs(squares)), axis=1).mean(axis=0))
 
 
-def _measure_tip_error(lin: Linearization, problems: list[str]) -> float:
-    """The largest distance of the tip from its rigid motion, with few harmonics and with more."""
+def _follow(
+    lin: Linearization, drives: Drives | None, problems: list[str]
+) -> tuple[Array | None, float, tuple[Demand, ...] | None]:
+    """The tip's path, its largest distance from the rigid motion, and what the drives do; not known where there is no response."""
+    try:
+        t, states, law = steady_motion(lin)
+    except TimeLimit:
+        raise
+    except FlexlinError as error:
+        problems.append(f"periodic response: {error}")
+        return None, float("nan"), None
+    demands = drive_load(lin, t, states, law, drives).demands if lin.about.m else ()
+    if lin.arm.near.points is None:
+        return np.zeros((len(t), 3)), float("nan"), demands
+    path, rigid = (tip_positions(lin, t, x) for x in (states, np.zeros_like(states)))
+    away = float(np.linalg.norm(path - rigid, axis=1).max())
+    return np.pad(path, ((0, 0), (0, 3 - path.shape[1]))), away, demands
+
+
+def _time_evaluation(lin: Linearization) -> float:
+    t = np.linspace(0, lin.period, POINTS)
+    lin.sample(t)
+    times = []
+    for _ in range(REPEATS):
+        start = perf_counter()
+        lin.sample(t)
+        times.append(perf_counter() - start)
+    return 1e6 * min(times) / POINTS
+
+
+HARMONICS = (24, 48, 96)
+RESPONSE = 1e-3
+"""How little more harmonics may change states and rates, relative to the largest; and the error that is asked where they change more."""
+SAMPLES = 256
+"""Times of the response, those of a report."""
+
+
+def steady_motion(lin: Linearization) -> tuple[Array, Array, Law]:
+    """Times (N,) over a period, the periodic response [y; y'; z] there, and the law that commands the torque.
+
+    Raises: MotionError for a one-way motion; what `forced_response` raises.
+    """
     if not lin.motion.periodic:
-        problems.append("periodic response: a one-way motion has none")
-        return float("nan")
-    if lin.arm.points is None:
-        return float("nan")
-    coarse, fine = (_measure_tip_distance(lin, harmonics) for harmonics in HARMONICS)
-    if not abs(fine - coarse) <= RESPONSE * fine + 1e-12:
-        problems.append(
-            f"periodic response: {HARMONICS[1]} harmonics do not resolve it, {coarse:.3g} m became {fine:.3g} m"
-        )
-    return fine
+        raise MotionError("a one-way motion has none", got="course = 'one-way'", expected="a periodic basic motion")
+    t = lin.period * np.arange(SAMPLES) / SAMPLES
+    if lin.control is None or lin.control.feedforward not in CLOSINGS:
+        before = by_harmonics(lin, HARMONICS[0], t)
+        for harmonics in HARMONICS[1:]:
+            states = by_harmonics(lin, harmonics, t)
+            change, size = np.abs(states - before).max(axis=0), np.abs(states).max(axis=0)
+            if (change <= RESPONSE * same_kind(size, lin.n)).all():
+                return t, states, lin.law
+            before = states
+    found = find_response(lin, lin.periodic_system(), t, RESPONSE)
+    return t, found.states, found.law or lin.law
 
 
-def _measure_tip_distance(lin: Linearization, harmonics: int) -> float:
-    """Solve M y'' + D y' + K y = h on 2 harmonics + 1 times by Fourier collocation: fast modes that nothing excites do not matter."""
+def same_kind(size: Array, n: int) -> Array:
+    """The largest of all coordinates, of all rates, and of all controller states, at each of them."""
+    groups = np.split(size, [n, 2 * n])
+    return np.concatenate([np.full(len(group), group.max(initial=0.0)) for group in groups])
+
+
+def by_harmonics(lin: Linearization, harmonics: int, times: Array) -> Array:
+    """Solve M y'' + D y' + K y = h on 2 harmonics + 1 times by Fourier collocation; [y; y'; z] at other times, (N, 2n + k)."""
     count, n = 2 * harmonics + 1, lin.n
     t = lin.period * np.arange(count) / count
     slope = fourier_differentiation(count, lin.period)
@@ -154,12 +302,10 @@ def _measure_tip_distance(lin: Linearization, harmonics: int) -> float:
     operator = np.einsum("tab,ts->tasb", M, slope @ slope) + np.einsum("tab,ts->tasb", D, slope)
     operator[np.arange(count), :, np.arange(count), :] += K
     try:
-        y = np.linalg.solve(operator.reshape(h.size, h.size), h.ravel()).reshape(count, -1)[:, :n]
+        y = np.linalg.solve(operator.reshape(h.size, h.size), h.ravel()).reshape(count, -1)
     except np.linalg.LinAlgError:
-        return float("nan")
-    states = np.hstack([y, slope @ y])
-    away = tip_positions(lin, t, states) - tip_positions(lin, t, np.zeros_like(states))
-    return float(np.linalg.norm(away, axis=1).max())
+        return np.full((len(times), h.shape[1] + n), np.nan)
+    return FourierSeries.through(np.hstack([y[:, :n], slope @ y[:, :n], y[:, n:]]), lin.period)(times)
 
 
 def second_order_with_states(lin: Linearization, t: Array) -> tuple[Array, Array, Array, Array]:
@@ -174,14 +320,3 @@ def second_order_with_states(lin: Linearization, t: Array) -> tuple[Array, Array
     D[:, n:, :n], D[:, n:, n:] = -rates[:, n : 2 * n], np.eye(k)
     K[:, n:, :n], K[:, n:, n:] = -rates[:, :n], -rates[:, 2 * n :]
     return M, D, K, np.concatenate([c.h, np.zeros((len(t), k))], axis=1)
-
-
-def _time_evaluation(lin: Linearization) -> float:
-    t = np.linspace(0, lin.period, POINTS)
-    lin.sample(t)
-    times = []
-    for _ in range(REPEATS):
-        start = perf_counter()
-        lin.sample(t)
-        times.append(perf_counter() - start)
-    return 1e6 * min(times) / POINTS

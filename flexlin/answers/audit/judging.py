@@ -1,15 +1,21 @@
 """How far one version of a scene is from another, and what that means."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from flexlin.answers.audit.figures import Measure, measure
-from flexlin.answers.audit.result import Row
-from flexlin.answers.audit.versions import Version
+from flexlin.answers.audit.figures import Measure, Part, join_parts, measure
+from flexlin.answers.audit.result import Minimal, Row
+from flexlin.answers.audit.versions import Version, list_mode_versions, list_model_versions
 from flexlin.answers.validity import SMALL
-from flexlin.errors import FlexlinError
+from flexlin.control.drives import Demand
+from flexlin.errors import FlexlinError, TimeLimit
+from flexlin.progress import advance
 from flexlin.scene.scene import Scene
+
+TINY = 1e-6
+"""A torque, or a motion of the tip, that is nothing beside the largest of all joints, or beside the arm."""
 
 
 @dataclass(frozen=True)
@@ -35,40 +41,96 @@ class Judge:
         head = (version.change, version.kind, version.subject, version.on, version.table)
         try:
             other = measure(version.make(self.scene) if scene is None else scene, self.tol)
+        except TimeLimit:
+            raise
         except FlexlinError as error:
             nan = float("nan")
             return Row(*head, nan, nan, nan, 0, nan, 0, "unknown", nan, "see the problem", str(error), version.units)
-        size, base = self.significance(other), self.base
-        margin, tip = other.margin - base.margin, other.tip_error - base.tip_error
-        if np.isnan(tip) and not (base.problems or other.problems):
-            tip = 0.0  # a model without points has no tip
-        judged = bool(np.isfinite(margin) and np.isfinite(tip))
+        base = self.base
+        own, theirs, unfelt = share_parts(base, other)
+        frequency, path, torque = (
+            compare_frequencies(own, theirs),
+            self.compare_paths(other),
+            compare_torques(base, other),
+        )
+        marks = changed_marks(base, other)
+        size = float(np.nanmax([compare_margins(own, theirs), frequency, path, torque]))
+        if marks or ("unknown" not in (own.verdict, theirs.verdict) and own.verdict != theirs.verdict):
+            size = float("inf")
+        margin = theirs.margin - own.margin
+        judged = bool(np.isfinite([margin, path, torque]).all())
         broken = max(other.tip_error, base.tip_error) > SMALL * self.reach
         return Row(
             *head,
             margin,
-            compare_frequencies(base, other),
-            tip,
+            frequency,
+            other.tip_error - base.tip_error,
             other.instructions - base.instructions,
             other.microseconds - base.microseconds,
             other.coordinates - base.coordinates,
-            other.verdict,
+            theirs.verdict,
             size,
-            advise(version, size > self.tolerance, judged, broken),
+            advise(version, size > self.tolerance, judged, broken, unfelt),
             "; ".join(other.problems),
             version.units,
+            path,
+            torque,
+            marks,
+            unfelt,
         )
 
-    def significance(self, other: Measure) -> float:
-        """The largest of the relative changes, infinite where the verdict is another one."""
-        base, tip = self.base, abs(other.tip_error - self.base.tip_error)
-        if "unknown" not in (base.verdict, other.verdict) and base.verdict != other.verdict:
-            return float("inf")
-        by_tip = tip / self.reach if np.isfinite(tip) else 0.0
-        return max(compare_margins(base, other), compare_frequencies(base, other), by_tip)
+    def compare_paths(self, other: Measure) -> float:
+        """The largest distance of the two tip paths, relative to how far the tip moves, or to the arm where it rests; 0 without points."""
+        first, second = self.base.path, other.path
+        if first is None or second is None:
+            return float("nan")
+        moves = float(np.linalg.norm(first - first.mean(axis=0), axis=1).max())
+        size = moves if moves > TINY * self.reach else self.reach
+        return float(np.linalg.norm(second - first, axis=1).max() / size)
 
 
-def compare_frequencies(base: Measure, other: Measure) -> float:
+def share_parts(base: Measure, other: Measure) -> tuple[Part, Part, tuple[str, ...]]:
+    """What counts of both, and the coordinates that do not.
+
+    These are coordinates of one of the two alone that neither motors nor motion reach, unless they grow by themselves.
+    """
+    shared = {name for part in base.parts for name in part.names} & {
+        name for part in other.parts for name in part.names
+    }
+
+    def counts(part: Part) -> bool:
+        return part.felt or part.verdict == "unstable" or not shared.isdisjoint(part.names)
+
+    own, theirs = (join_parts(tuple(filter(counts, m.parts))) for m in (base, other))
+    unfelt = [name for m in (base, other) for part in m.parts if not counts(part) for name in part.names]
+    return own, theirs, tuple(unfelt)
+
+
+def compare_torques(base: Measure, other: Measure) -> float:
+    """The largest relative change of a joint's peak or RMS torque; what is nothing beside the largest torque of all joints is left out."""
+    if base.demands is None or other.demands is None:
+        return float("nan")
+    pairs = [(a, b) for a, b in pair_demands(base, other) if a.what in ("peak torque", "RMS torque")]
+    largest = {
+        unit: max(max(a.value, b.value) for a, b in pairs if a.unit == unit) for unit in {a.unit for a, _ in pairs}
+    }
+    known = [(a.value, b.value) for a, b in pairs if max(a.value, b.value) > TINY * largest[a.unit]]
+    return max((abs(a - b) / max(a, b) for a, b in known), default=0.0)
+
+
+def changed_marks(base: Measure, other: Measure) -> tuple[str, ...]:
+    """The limits of the drives that one of the two exceeds and the other does not."""
+    return tuple(f"{a.what} of {a.joint}" for a, b in pair_demands(base, other) if a.exceeds != b.exceeds)
+
+
+def pair_demands(base: Measure, other: Measure) -> list[tuple[Demand, Demand]]:
+    """What both ask of the drives, drive by drive: a motor behind a spring bears another name than its joint."""
+    kinds = {demand.what: None for demand in base.demands or ()}
+    one, two = ([[d for d in m.demands or () if d.what == what] for what in kinds] for m in (base, other))
+    return [pair for first, second in zip(one, two, strict=True) for pair in zip(first, second, strict=False)]
+
+
+def compare_frequencies(base: Part, other: Part) -> float:
     """The largest relative change of the slower half of the frequencies that both have: the last modes of a basis are never accurate."""
     count = (min(len(base.frequencies), len(other.frequencies)) + 1) // 2
     first, second = base.frequencies[:count], other.frequencies[:count]
@@ -76,24 +138,110 @@ def compare_frequencies(base: Measure, other: Measure) -> float:
     return float(np.max(np.abs(first - second) / scale, initial=0.0))
 
 
-def compare_margins(base: Measure, other: Measure) -> float:
+def compare_margins(base: Part, other: Part) -> float:
     """The change of the margin against the larger of the two; 0 within their errors or where one is unknown."""
     change = abs(other.margin - base.margin)
-    if not change > base.margin_error + other.margin_error:
+    if not change > base.error + other.error:
         return 0.0
     return change / max(abs(base.margin), abs(other.margin))
 
 
-def advise(version: Version, matters: bool, judged: bool, broken: bool) -> str:
+def advise(version: Version, matters: bool, judged: bool, broken: bool, unfelt: tuple[str, ...]) -> str:
     """What to do; `broken`: the tip is so far off in one of the two that the linear model holds for it no longer."""
     if not (matters or judged):
         return "undecided: not all of it could be judged"
+    note = f"; neither motors nor motion reach {', '.join(unfelt)}" if unfelt else ""
     if version.kind == "modes":
         if version.on:
-            return "its last mode is needed" if matters else "a mode less is enough"
-        return "another mode would be noticed" if matters else "its modes are enough"
+            return "its last mode is needed" if matters else f"a mode less is enough{note}"
+        return "another mode would be noticed" if matters else f"its modes are enough{note}"
     if version.on:
-        return "keep" if matters else "may be dropped"
+        return "keep" if matters else f"may be dropped{note}"
     if matters and broken:
         return "with these figures the deflections are not small: it would be noticed, but this is no prediction of how much"
-    return "consider it: with these figures it would be noticed" if matters else "not needed with these figures"
+    return "consider it: with these figures it would be noticed" if matters else f"not needed with these figures{note}"
+
+
+MOST_GROWTH = 2
+"""Rounds in which links are given a mode more."""
+
+
+def shrink(
+    judge: Judge, tried: Sequence[tuple[Version, Row]], pairs: Sequence[Row], report: Callable[[str], None]
+) -> Minimal:
+    """Give links the modes that they lack, then drop effects and modes one after the other, as long as all of it stays unnoticed.
+
+    Changes that are not noticed alone are tried, the least significant first, and pairs that cancel. Every step is compared with
+    the scene that has modes enough, so errors add up under the same tolerance. Greedy: what is left is
+    needed, but another order may leave less.
+    """
+    judge, added = grow(judge, report)
+    row, dropped, scene = judge.row(nothing()), list[str](), judge.scene
+    cancelling = {row.subject for row in pairs if row.on and row.significance <= judge.tolerance}
+    paired = {name for subject in cancelling for name in subject.split(" and ")}
+    candidates = sorted(
+        (
+            (version, row)
+            for version, row in tried
+            if version.on and row.judged and (row.significance <= judge.tolerance or version.subject in paired)
+        ),
+        key=lambda item: item[1].significance,
+    )
+    done = 0
+    while candidates:
+        version, _ = candidates.pop(0)
+        done += 1
+        partners = [item for item in candidates if f"{version.subject} and {item[0].subject}" in cancelling]
+        partners += [item for item in candidates if f"{item[0].subject} and {version.subject}" in cancelling]
+        for partner in (None, *partners):
+            trial = version.make(scene) if partner is None else partner[0].make(version.make(scene))
+            report(f"minimal scene: {version.change}")
+            advance(done / (done + len(candidates) + 1))
+            found = judge.row(nothing(), trial)
+            if found.judged and found.significance <= judge.tolerance:
+                row, scene = found, trial
+                dropped.append(version.change)
+                if partner is not None:
+                    candidates.remove(partner)
+                    dropped.append(partner[0].change)
+                if version.kind == "modes":
+                    candidates = again(scene, version) + candidates
+                break
+    return Minimal(scene, row, tuple(dropped), added, judge.base.coordinates + row.coordinates)
+
+
+def grow(judge: Judge, report: Callable[[str], None]) -> tuple[Judge, tuple[str, ...]]:
+    """Compare from here on with a scene whose links have modes enough: one more in each would not be noticed."""
+    added = []
+    for _ in range(MOST_GROWTH):
+        before = judge
+        for version in mode_versions(judge.scene):
+            if version.on:
+                continue
+            report(f"minimal scene: {version.change}")
+            row = before.row(version)
+            if row.significance > judge.tolerance and row.judged:
+                judge = Judge.of(version.make(judge.scene), judge.reach, judge.tolerance, judge.tol)
+                added.append(version.change)
+        if judge is before:
+            break
+    return judge, tuple(added)
+
+
+def mode_versions(scene: Scene) -> list[Version]:
+    """A mode less and more in each link."""
+    versions = list_mode_versions(scene) if scene.model is None else list_model_versions(scene)
+    return [version for version in versions if version.kind == "modes"]
+
+
+def again(scene: Scene, version: Version) -> list[tuple[Version, Row]]:
+    """The same link with yet a mode less of the same kind."""
+    return [(v, UNKNOWN) for v in mode_versions(scene) if v.on and v.subject == version.subject]
+
+
+def nothing() -> Version:
+    """The change that is none."""
+    return Version(lambda scene: scene, "the minimal scene", "minimal", "scene", True, {})
+
+
+UNKNOWN = Row("", "modes", "", True, {}, 0.0, 0.0, 0.0, 0, 0.0, 0, "unknown", 0.0, "")

@@ -41,13 +41,21 @@ class Row:
     verdict : str
         Verdict on the version.
     significance : float
-        Largest of the relative changes: of margin, of frequencies, and of the tip error against the arm's reach.
+        Largest of the relative changes: of margin, frequencies, tip path and torques; infinite where the verdict or a drive's mark changes.
     advice : str
         What to do at the audit's tolerance.
     problem : str
         Why the version could not be judged.
     units : dict
         Units of the figures in `table`.
+    path : float
+        Largest distance of the two tip paths, relative to how far the tip moves.
+    torque : float
+        Largest relative change of a joint's peak or RMS torque.
+    marks : tuple of str
+        Limits of the drives that one of the two exceeds and the other does not.
+    unfelt : tuple of str
+        Coordinates of one of the two alone that neither motors nor motion reach; they change nothing.
 
     Examples
     --------
@@ -73,13 +81,17 @@ class Row:
     advice: str
     problem: str = ""
     units: dict[str, str] = field(default_factory=dict)
+    path: float = 0.0
+    torque: float = 0.0
+    marks: tuple[str, ...] = ()
+    unfelt: tuple[str, ...] = ()
 
     __repr__ = represent
 
     @property
     def judged(self) -> bool:
         """Whether all figures are known: without them nothing can be called needless."""
-        return bool(np.isfinite(self.margin) and np.isfinite(self.tip_error))
+        return bool(np.isfinite([self.margin, self.path, self.torque]).all())
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from flexlin.about.linearization import Linearization
-from flexlin.answers.disturbed.directions import Directions
-from flexlin.answers.disturbed.stated import Disturbance
+from flexlin.answers.disturbed.stated import Directions, Disturbance
 from flexlin.checks import Array
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
@@ -65,7 +64,7 @@ def answer_noise(lin: Linearization, stated: Disturbance, loop: PeriodicSystem, 
         P' = A P + P A' + S B B',   P(t + T) = P(t),   S = size^2 / (2 bandwidth)
 
     Assumes a bandwidth beyond what the loop follows. The loop must be stable; its equation is the dual one with time reversed.
-    Raises: NotStabilizable when it is not.
+    Raises: NotStable when it is not.
     """
     T = lin.period
     W = Spread(OfPlant(lin.input_matrix, 2 * lin.n, loop.n), stated.size**2 / (2 * stated.time))
@@ -73,7 +72,7 @@ def answer_noise(lin: Linearization, stated: Disturbance, loop: PeriodicSystem, 
     t = np.linspace(0.0, T, SAMPLES)
     P = solution.X(np.mod(-t, T))[:, : 2 * lin.n, : 2 * lin.n]
     tip = np.full(len(t), np.nan)
-    if lin.arm.points is not None:
+    if lin.arm.near.points is not None:
         across = Directions(lin)
         rows = np.stack([across.seen(t, np.tile(row, (len(t), 1))) for row in np.eye(2 * lin.n)], axis=1)
         tip = np.sqrt(np.maximum(np.einsum("ti,tij,tj->t", rows, P, rows), 0.0))

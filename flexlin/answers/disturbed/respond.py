@@ -2,27 +2,155 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexlin.about.law import Law
+from flexlin.about.law import Law, VectorFunction
+from flexlin.about.linear import linearize
 from flexlin.about.linearization import Linearization
-from flexlin.answers.disturbed.directions import Directions, disturbing
-from flexlin.answers.disturbed.linear import LinearAnswer, answer_linearly
-from flexlin.answers.disturbed.nonlinear import answer_nonlinearly
-from flexlin.answers.disturbed.stated import Disturbance
+from flexlin.answers.clock import Clock
+from flexlin.answers.disturbed.noise import NoiseAnswer, answer_noise
+from flexlin.answers.disturbed.stated import Directions, Disturbance, Kind, disturbing, state_disturbance
 from flexlin.checks import Array, check_size, positive
+from flexlin.control.catalogue import design
 from flexlin.control.drives import DriveLoad, drive_load
 from flexlin.errors import ArgumentError, NumericalError
+from flexlin.mechanics import build_manipulator
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.related import OfPlant
 from flexlin.periodic.response.forced import forced_response
+from flexlin.periodic.sampled.hold import STAGES, sections
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.scene.control import Drives
-from flexlin.simulation.drive import scene_drive
+from flexlin.scene.scene import Scene
+from flexlin.simulation.drive import Drive, scene_drive
+from flexlin.simulation.equations import NonlinearEquations, Places
+from flexlin.simulation.loop import NonlinearLoop
 from flexlin.summary import represent
+
+INSIDE = 8
+"""Times at which a push is looked at while it lasts."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinearAnswer:
+    """Deviations from the steady motion: phases (P,), t (S,) in s after the beginning, states (P, S, 2n)."""
+
+    phases: Array
+    t: Array
+    states: Array
+
+    def times(self, period: float) -> Array:
+        """The times of the motion, (P, S)."""
+        return self.phases[:, None] * period + self.t
+
+
+def answer_linearly(
+    loop: PeriodicSystem,
+    enters: MatrixFunction,
+    start: Array,
+    size: float,
+    duration: float,
+    count: int,
+    phases: int,
+    points: int,
+    tol: float,
+) -> LinearAnswer:
+    """Follow x' = A x + enters(t) u from x = start, u = size for `duration` s (for ever when 0), over `count` steps of T / points.
+
+    Parameters: phases divides points.
+    """
+    T, n = loop.period, loop.n
+    driven = PeriodicSystem(loop.A, T, enters, loop.breaks, loop.second_order, loop.features, loop.complete)
+    begin = np.arange(phases) / phases
+    z = np.empty((phases, n + 1))
+    z[:, :n], z[:, n] = start, size
+    kept, t = [z[:, :n].copy()], [0.0]
+    if duration:
+        edges = (begin[:, None] * T + duration * np.arange(INSIDE) / INSIDE).ravel()
+        inside = sections(driven, edges, edges + duration / INSIDE, tol, STAGES).reshape(phases, INSIDE, n + 1, n + 1)
+        for k in range(INSIDE):
+            z = np.einsum("pij,pj->pi", inside[:, k], z)
+            kept.append(z[:, :n].copy())
+            t.append(duration * (k + 1) / INSIDE)
+        z[:, n] = 0.0
+    grid = duration + T * np.arange(points) / points
+    steps, place = sections(driven, grid, grid + T / points, tol, STAGES), np.arange(phases) * (points // phases)
+    for k in range(count):
+        z = np.einsum("pij,pj->pi", steps[(place + k) % points], z)
+        kept.append(z[:, :n].copy())
+        t.append(duration + T * (k + 1) / points)
+    return LinearAnswer(begin, np.array(t), np.stack(kept, axis=1))
+
+
+class PushedEquations(NonlinearEquations):
+    """The nonlinear equations with a force `size` at the tip, in N."""
+
+    def __init__(self, lin: Linearization, law: Law, directions: Directions, size: float):
+        super().__init__(lin, law)
+        self._directions, self._size = directions, size
+
+    def push(self, t: Array, y: Array) -> Array:
+        """The generalized force (N, n)."""
+        e = self._directions.unit(t)
+        return self._size * self.lin.about.evaluate(self._directions.exact, t, y, e)[0][:, :, 0]
+
+    def residual(self, at: Places, y: Array, v: Array, w: Array) -> tuple[Array, Array]:
+        """M s'' + C s' + g + d - B torque - J' force in the coordinates kept."""
+        F, power = super().residual(at, y, v, w)
+        return F - self.push(at.t, y), power
+
+    def ready(self, at: Places) -> None:
+        """None: the push stands in no program."""
+
+
+class PushedLoop(NonlinearLoop):
+    """A nonlinear loop with a constant force at the tip."""
+
+    def __init__(self, lin: Linearization, law: Law, directions: Directions, size: float):
+        super().__init__(lin, law, Drive())
+        self.friction = None
+        self._pushing = directions, size
+
+    def _equations_under(self, law: Law) -> NonlinearEquations:
+        return PushedEquations(self.lin, law, *self._pushing)
+
+
+@dataclass(frozen=True, eq=False)
+class Shifted:
+    """A torque function with a constant added to one input."""
+
+    forward: VectorFunction
+    joint: int
+    size: float
+
+    def __call__(self, t: Array) -> Array:
+        torque = np.array(self.forward(t))
+        torque[:, self.joint] += self.size
+        return torque
+
+
+def answer_nonlinearly(
+    lin: Linearization, law: Law, drive: Drive, stated: Disturbance, begin: float, t: Array, start: Array, tol: float
+) -> tuple[Array, Array]:
+    """States (S, 2n + k) with and without the disturbance at times t (S,) after `begin`, from the steady state `start` (2n + k,)."""
+    moments = begin + t
+    without = NonlinearLoop(lin, law, drive).integrate(moments, start, tol)[:, :-1]
+    if stated.kind == "initial":
+        away = np.append(stated.start, np.zeros(len(start) - len(stated.start)))
+        return NonlinearLoop(lin, law, drive).integrate(moments, start + away, tol)[:, :-1], without
+    if stated.kind == "step":
+        shifted = replace(law, forward=Shifted(law.forward, stated.joint, stated.size))
+        return NonlinearLoop(lin, shifted, drive).integrate(moments, start, tol)[:, :-1], without
+    until = int(np.searchsorted(t, stated.time * (1 + 1e-12), side="right"))
+    pushed = PushedLoop(lin, law, Directions(lin, stated.axis), stated.size).integrate(moments[:until], start, tol)[
+        :, :-1
+    ]
+    after = NonlinearLoop(lin, law, drive).integrate(moments[until - 1 :], pushed[-1], tol)[1:, :-1]
+    return np.concatenate([pushed, after]), without
+
 
 Seen = Callable[[Array, Array], Array]
 """Times (N,) and states (N, 2n) -> what is looked at, (N,)."""
@@ -166,7 +294,7 @@ def steps_of(growth: float, period: float, periods: float | None) -> int:
 
 def observe(lin: Linearization, stated: Disturbance) -> tuple[Seen, str, str]:
     """What is looked at, as a function of times and states, its name and its unit: the tip, or the first coordinate without one."""
-    if lin.arm.points is None:
+    if lin.arm.near.points is None:
         return (lambda t, x: x[:, 0]), lin.names[0], lin.coordinates[0].unit
     where = f"along {stated.axis}" if stated.axis else "across the last link"
     return Directions(lin, stated.axis).seen, f"tip {where}", "m"
@@ -231,3 +359,33 @@ def judge_nonlinear(
     times = begin + linear.t
     load = drive_load(closed, np.mod(times, closed.period), disturbed, law, drives)
     return seen(times, disturbed - without), "", load
+
+
+LEAST = 1e-8
+"""The smallest error that is asked for: plots show three digits."""
+
+
+def answer_in_scene(
+    scene: Scene, kind: Kind, words: str, loop: str = "own", periods: float | None = None, clock: Clock | None = None
+) -> DisturbanceAnswer | NoiseAnswer:
+    """Answer a disturbance in words of the scene's own loop, or of a design by its name.
+
+    Raises: ArgumentError for words that cannot be read, an unknown loop, or one that is not stable.
+    """
+    clock, asked = clock or Clock(), scene.accuracy
+    tables = {table.name: table for table in scene.designs}
+    if loop != "own" and loop not in tables:
+        raise ArgumentError("there is no such loop", got=repr(loop), expected=" | ".join(["own", *tables]))
+    tol = max(asked.tol, LEAST)
+    arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
+    closed = clock.stage("linearization", asked, lambda: linearize(arm, scene.motion, scene.control))
+    stated = state_disturbance(kind, words, closed)
+    law, system = closed.law, closed.periodic_system()
+    if loop != "own":
+        made = clock.stage(
+            f"design: {loop}", asked, lambda: design(linearize(arm, scene.motion), tables[loop], asked.tol)
+        )
+        law, system = law.with_gain(made.K, made.controller), made.closed_loop
+    if kind == "noise":
+        return clock.stage("covariance", asked, lambda: answer_noise(closed, stated, system, tol))
+    return clock.stage("answer", asked, lambda: respond(closed, stated, law, system, periods, tol, scene.drives))

@@ -2,17 +2,99 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
 
 from flexlin.answers.nearest.box import FURTHEST, Box, Ranges, make_box
-from flexlin.answers.nearest.search import follow, scan
 from flexlin.answers.spectra import Source
 from flexlin.arguments import checked
 from flexlin.checks import Array, positive
 from flexlin.errors import NotStable
 from flexlin.summary import represent
+
+CORNERS, SPREAD, LEVELS = 64, 32, 20
+"""Directions to corners of the box, directions spread over its faces, and distances tried on each, the nearest first."""
+FEW = 8
+"""Distances tried along the growth rate's gradient and its parts alone, for a loop whose spectra take long."""
+STARTS, STEPS, SETTLED = 2, 12, 1e-7
+"""Rays from which the nearest place is sought, steps of each, and the relative shortening that ends them."""
+WIDER = (1.05, 1.3, 2.0)
+"""Multiples of a known crossing at which one on another ray is looked for."""
+
+
+def list_directions(box: Box) -> Array:
+    """Axes, corners and a spread over the faces (D, P), each with a largest entry of 1; along the growth rate's gradient where dear."""
+    from scipy.stats import qmc  # as SciPy's optimisers, it takes longer to load than most reports to compute
+
+    P = len(box.own)
+    if box.family.slow:
+        uphill = box.uphill()
+        return np.unique(np.vstack([uphill, np.diag(uphill)]), axis=0)
+    every = 2**P <= CORNERS
+    signs = (
+        list(product([-1.0, 1.0], repeat=P)) if every else np.random.default_rng(0).choice([-1.0, 1.0], (CORNERS, P))
+    )
+    inside = 2 * qmc.Sobol(P, seed=0).random(SPREAD) - 1
+    faces = inside / np.abs(inside).max(axis=1, keepdims=True) if P > 1 else inside[:0]
+    return np.unique(np.vstack([np.eye(P), -np.eye(P), signs, faces]), axis=0)
+
+
+def scan(box: Box) -> list[tuple[Array, float]]:
+    """The rays that are unstable at the nearest distance at which one is: direction and crossing."""
+    directions = list_directions(box)
+    count = FEW if box.family.slow else LEVELS
+    levels = box.furthest * np.arange(count + 1) / count
+    for before, level in pairwise(levels):
+        unstable = directions[box.family.rough(box.values(level * directions)).logs.real.max(axis=1) > 0]
+        rays = [d for d in unstable if box.growth(level * d) > 0 > box.growth(before * d)]
+        if rays:
+            found = [(d, cross(box, d, before, level)) for d in rays[: 4 * STARTS]]
+            return sorted(found, key=lambda ray: ray[1])[:STARTS]
+    return []
+
+
+def follow(box: Box, direction: Array, scale: float) -> Array:
+    """Follow the boundary of stability from r d to the smallest r: the least of r(d) for -1 <= d <= 1.
+
+    growth(r d) = 0,   dr/dd_i = -r g_i / (g . d),   g: the growth rate's gradient at r d
+    """
+    from scipy.optimize import minimize
+
+    places = [scale * direction]
+
+    def shortest(d: Array) -> tuple[float, Array]:
+        r = find_crossing(box, d, float(np.abs(places[-1]).max()))
+        if not np.isfinite(r):
+            return 4 * box.furthest, np.zeros(len(d))
+        if r * np.abs(d).max() < np.abs(places[-1]).max():
+            places.append(r * d)
+        g = box.slope(r * d)
+        return r, -r * g / float(g @ d)
+
+    bounds = [(-1.0, 1.0)] * len(direction)
+    options = {"maxiter": STEPS, "maxfun": 2 * STEPS, "ftol": SETTLED}
+    minimize(shortest, direction, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
+    return np.asarray(places[-1])
+
+
+def find_crossing(box: Box, direction: Array, near: float) -> float:
+    """The scale on a ray at which the growth rate is zero, sought about one that is known on another ray; infinite where there is none."""
+    if box.growth(near * direction) > 0:
+        return cross(box, direction, 0.0, near)
+    for wider in WIDER:
+        if box.growth(wider * near * direction) > 0:
+            return cross(box, direction, near, wider * near)
+    return float(np.inf)
+
+
+def cross(box: Box, direction: Array, stable: float, unstable: float) -> float:
+    """The scale on a ray at which the growth rate is zero, between a stable and an unstable one."""
+    from scipy.optimize import brentq
+
+    return float(brentq(lambda r: box.growth(r * direction), stable, unstable, xtol=1e-12, rtol=1e-12))
+
 
 AROUND = 1e-5
 """Relative distance on both sides of the place at which the verdicts are confirmed, where its error is not larger."""
@@ -40,6 +122,8 @@ class NearestInstability:
         The multiple up to which was searched.
     tried : int
         Spectra that were computed.
+    growth : tuple of float
+        The smallest and largest growth rate at the scene's own numbers and at the corners and faces of the stated ranges, in 1/s.
 
     Examples
     --------
@@ -59,6 +143,7 @@ class NearestInstability:
     confirmed: bool
     furthest: float
     tried: int
+    growth: tuple[float, float]
 
     __repr__ = represent
 
@@ -133,8 +218,8 @@ def nearest_instability(
     >>> def loop(stiffness, damping):
     ...     return fl.PeriodicSystem([[0.0, 1.0], [-stiffness, -damping]], 1.0)
     >>> found = fl.nearest_instability(loop, {"stiffness": (0.5, 1.5), "damping": (0.1, 0.3)}, own=[1.0, 0.2])
-    >>> round(found.scale, 9), found.confirmed
-    (2.0, True)
+    >>> round(found.scale, 9), found.confirmed, [round(rate, 9) for rate in found.growth]
+    (2.0, True, [-0.15, -0.05])
     """
     return search_box(make_box(source, ranges, loop, own, positive("furthest", furthest)))
 
@@ -144,16 +229,26 @@ def search_box(box: Box) -> NearestInstability:
     at_rest = box.judge(np.zeros(len(box.own)))
     if at_rest.verdict != "stable":
         raise NotStable(f"the loop is {at_rest.verdict} as it is", got=at_rest.status, expected="a stable loop")
+    growth = find_spread(box)
     places = [follow(box, *ray) for ray in scan(box)]
     tried = box.family.evaluations + len(box.known)
     if not places:
         nowhere = np.full(len(box.own), np.nan)
-        return NearestInstability(box.paths, box.own, nowhere, np.inf, 0.0, False, box.furthest, tried)
+        return NearestInstability(box.paths, box.own, nowhere, np.inf, 0.0, False, box.furthest, tried, growth)
     u = min(places, key=lambda place: float(np.abs(place).max()))
     scale = float(np.abs(u).max())
     error = measure_error(box, u / scale, scale)
     confirmed = confirm(box, u / scale, scale, error)
-    return NearestInstability(box.paths, box.own, box.values(u), scale, error, confirmed, box.furthest, tried)
+    return NearestInstability(box.paths, box.own, box.values(u), scale, error, confirmed, box.furthest, tried, growth)
+
+
+def find_spread(box: Box) -> tuple[float, float]:
+    """The smallest and the largest growth rate at the box's middle, corners and faces; the extremes of approximate spectra, judged."""
+    directions = list_directions(box)
+    places = np.vstack([np.zeros(len(box.own)), directions, -directions])
+    rough = box.family.rough(box.values(places)).logs.real.max(axis=1)
+    found = [box.growth(places[k]) for k in (0, int(np.nanargmin(rough)), int(np.nanargmax(rough)))]
+    return min(found), max(found)
 
 
 def record_nearest(found: NearestInstability) -> dict[str, Any]:
@@ -169,6 +264,7 @@ def record_nearest(found: NearestInstability) -> dict[str, Any]:
         "confirmed": found.confirmed,
         "furthest": found.furthest,
         "tried": found.tried,
+        "growth": list(found.growth),
         "status": found.status,
     }
 

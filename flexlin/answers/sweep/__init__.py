@@ -5,8 +5,7 @@ from flexlin.lazy import load_lazily
 __getattr__, __dir__, __all__ = load_lazily(
     __name__,
     {
-        "check_values": "flexlin.answers.sweep.axes",
-        "sweep": "flexlin.answers.sweep.run",
-        "worst_error": "flexlin.answers.sweep.found",
+        "answers.sweep.found": "check_values worst_error",
+        "answers.sweep.run": "sweep",
     },
 )

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -11,12 +12,10 @@ from numpy.typing import ArrayLike
 from flexlin.about.family import PeriodicFamily
 from flexlin.about.free import ParametricLoop
 from flexlin.answers.loops import AnyLoop, choose_loop
-from flexlin.answers.sweep.alone import OneByOne
-from flexlin.answers.sweep.axes import check_axes, check_values, lay_out
-from flexlin.answers.sweep.found import MISSING, Found, build_dataset
+from flexlin.answers.sweep.found import MISSING, Found, build_dataset, check_axes, check_values, lay_out
 from flexlin.answers.sweep.together import Together
 from flexlin.checks import Array, positive, real_array
-from flexlin.progress import advance
+from flexlin.progress import advance, part
 from flexlin.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -71,6 +70,11 @@ class Job:
         cuts = [(i, min(i + size, len(self.points))) for i in range(0, len(self.points), size)]
         return [(start, stop) for start, stop in cuts if not self.done[start:stop].all()]
 
+    def compute(self, start: int, stop: int) -> Found:
+        """A block, in this process and thread."""
+        with part(start / len(self.points), stop / len(self.points)):
+            return self.work.compute(self.points[start:stop])
+
     def enter(self, start: int, block: Found) -> None:
         """Take a finished block, and pass it on to the watchers."""
         self.found.place(start, block)
@@ -96,7 +100,7 @@ class Job:
 def compute_here(job: Job) -> Iterator[tuple[int, Found]]:
     """One block after another in this process."""
     for start, stop in job.blocks:
-        yield start, job.work.compute(job.points[start:stop])
+        yield start, job.compute(start, stop)
 
 
 def prepare_job(
@@ -130,3 +134,27 @@ def choose_work(source: AnyLoop | PeriodicFamily, points: Array, tol: float) -> 
     if isinstance(source, ParametricLoop | PeriodicFamily):
         together = Together.prepare(source, points, tol)
     return together or OneByOne(source, tol)
+
+
+@dataclass(frozen=True)
+class OneByOne:
+    """The computation of values by `floquet`."""
+
+    source: AnyLoop | PeriodicFamily
+    tol: float
+    block: int = 4
+    route = "one by one"
+    threaded = False
+
+    @property
+    def segments(self) -> int:
+        """None are chosen for all values together."""
+        return 0
+
+    def compute(self, points: Array) -> Found:
+        """All values of a block."""
+        found = Found.empty(len(points), self.source.states)
+        for i, point in enumerate(points):
+            advance(i / len(points))
+            found.put_alone(i, partial(self.source.system_at, point), self.tol)
+        return found

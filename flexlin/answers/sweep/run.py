@@ -2,7 +2,6 @@
 
 import os
 import pickle
-import time
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
@@ -19,6 +18,7 @@ from flexlin.answers.sweep.store import Store
 from flexlin.arguments import checked, instance
 from flexlin.checks import whole
 from flexlin.errors import ArgumentError
+from flexlin.resources import Stopwatch
 from flexlin.scene.library import models_folder
 from flexlin.scene.scene import Scene
 
@@ -86,7 +86,7 @@ def sweep(
 
     Notes
     -----
-    The expressions are derived once, and compiled code evaluates them for eight values at a time. Transition matrices and exponents of
+    The expressions are derived once, and compiled code evaluates them for several values at a time. Transition matrices and exponents of
     all values of a block are found together, with an error from three resolutions, for second-order systems of up to 6 coordinates and
     first-order ones of up to 8 states. Values on which that error misses tol, and larger systems, are computed one by one by `floquet`.
     The result takes about 16 n + 60 bytes a value for n states.
@@ -146,10 +146,9 @@ def predict_seconds(job: Job) -> float:
     if not job.blocks:
         return 0.0
     start, stop = job.blocks[0]
-    begin = time.perf_counter()
-    job.enter(start, job.work.compute(job.points[start:stop]))
-    seconds = time.perf_counter() - begin
-    return seconds * len(job.blocks)
+    watch = Stopwatch()
+    job.enter(start, job.compute(start, stop))
+    return watch.seconds * len(job.blocks)
 
 
 def is_portable(work: Work) -> bool:

@@ -2,20 +2,24 @@
 
 import os
 import pickle
+import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from itertools import islice
 from queue import SimpleQueue
-from typing import Any
+from threading import Event
+from typing import IO, Any
+from urllib.parse import urlsplit
 
 from flexlin.answers.sweep.found import FAILED, Found
 from flexlin.answers.sweep.job import Job, Work
-from flexlin.answers.sweep.worker import send
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, NumericalError
+from flexlin.progress import listening
 
 AHEAD = 4
 """Blocks for each worker that are given out at once: on a cluster they wait where they are computed."""
@@ -43,9 +47,25 @@ def share(job: Job, submit: Callable[[Array], "Future[Found]"], workers: int) ->
 
 
 def share_among_threads(job: Job, workers: int) -> Iterator[tuple[int, Found]]:
-    """For compiled work, which does not hold the interpreter's lock: nothing is started or copied, so it pays for short work too."""
+    """For compiled work, which does not hold the interpreter's lock: nothing is started or copied, so it pays for short work too.
+
+    What is still at work when nobody waits any more ends at its next value.
+    """
+    unwanted = Event()
+
+    def end_early(_: float) -> None:
+        if unwanted.is_set():
+            raise CancelledError
+
+    def compute(points: Array) -> Found:
+        with listening(end_early):
+            return job.work.compute(points)
+
     with ThreadPoolExecutor(workers) as pool:
-        yield from share(job, lambda points: pool.submit(job.work.compute, points), workers)
+        try:
+            yield from share(job, lambda points: pool.submit(compute, points), workers)
+        finally:
+            unwanted.set()
 
 
 def share_among_processes(job: Job, workers: int) -> Iterator[tuple[int, Found]]:
@@ -99,6 +119,7 @@ def connect(client: Any) -> Iterator[Any]:
         expected = "a distributed.Client, or the address of a scheduler"
         raise ArgumentError("client is of another kind", got=repr(client)[:80], expected=expected)
     try:
+        refuse_silence(client)
         known = Client(client, timeout=PATIENCE)
     except (OSError, ValueError, TimeoutError) as error:
         got, todo = (
@@ -108,6 +129,13 @@ def connect(client: Any) -> Iterator[Any]:
         raise ArgumentError("no scheduler answers", got=got, todo=todo) from None
     with known:
         yield known
+
+
+def refuse_silence(address: str) -> None:
+    """Raise OSError or ValueError where nobody listens; Dask's client, on a busy machine, may then wait without end."""
+    place = urlsplit(address if "://" in address else f"tcp://{address}")
+    if place.scheme in ("tcp", "tls"):
+        socket.create_connection((place.hostname, place.port or 8786), PATIENCE).close()
 
 
 class Crew:
@@ -153,7 +181,7 @@ class Crew:
         """A process that has its work. Raises: EOFError where no more are wanted."""
         if self._closed:
             raise EOFError
-        command = [sys.executable, "-c", "from flexlin.answers.sweep.worker import serve; serve()"]
+        command = [sys.executable, "-c", "from flexlin.answers.sweep.sharing import serve; serve()"]
         pipe = subprocess.PIPE
         process = subprocess.Popen(command, stdin=pipe, stdout=pipe, env=environment(), start_new_session=True)
         self._running.add(process)
@@ -177,3 +205,25 @@ def environment() -> dict[str, str]:
     """The environment of a worker: it finds the same modules, and its linear algebra keeps to one thread."""
     threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     return {**os.environ, **threads, "PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)}
+
+
+def send(stream: IO[bytes], message: Any) -> None:
+    """Write one message."""
+    pickle.dump(message, stream, protocol=pickle.HIGHEST_PROTOCOL)
+    stream.flush()
+
+
+def serve() -> None:
+    """What a fresh interpreter does: take the work, and answer until the other side is gone; errors are sent back and raised there."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that asked
+    answers, asked = os.fdopen(os.dup(sys.stdout.fileno()), "wb"), sys.stdin.buffer
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what is printed does not come between
+    with suppress(EOFError, BrokenPipeError):
+        work = pickle.loads(pickle.load(asked))
+        while True:
+            points = pickle.load(asked)
+            try:
+                answer = work.compute(points)
+            except Exception as error:
+                answer = error
+            send(answers, answer)

@@ -41,7 +41,7 @@ class Store:
         try:
             if not self.path.exists():
                 create(self.path, job, maker)
-            self._arrays, known = open_store(self.path)
+            self._arrays, known = open_store(self.path, [*layout(job)])
         except Exception as error:  # damaged metadata raises what its parser meets
             raise OutputError(f"{path} cannot be used as a store", got=describe_fault(error), todo=REMOVE) from None
         refuse_other(str(path), known, maker)
@@ -122,13 +122,16 @@ def unpack(block: dict[str, Array]) -> Found:
     return Found(exponents, block["error"], block["verdict"], block["period"], block["one_by_one"], reason)
 
 
-def open_store(path: Path) -> tuple[dict[str, Any], Any]:
-    """The arrays for reading and writing, and what the store says of its maker."""
+def open_store(path: Path, names: list[str]) -> tuple[dict[str, Any], Any]:
+    """The arrays for reading and writing, as far as they are there, and what the store says of its maker.
+
+    One after another: Zarr opens several at once, and prints a trace of each fault but the first.
+    """
     import zarr
 
     with zarr.config.set({"array.write_empty_chunks": True}):  # so that -0.0 comes back as it was
         group = zarr.open_group(str(path), mode="r+")
-        return dict(group.arrays()), group.attrs.get(MAKER)
+        return {name: group[name] for name in names if name in group}, group.attrs.get(MAKER)
 
 
 def layout(job: Job) -> dict[str, Array]:

@@ -1,22 +1,25 @@
 """The numbers of a structured controller that make the slowest decay over all scenarios as fast as possible."""
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from flexlin.about.linear import linearize
 from flexlin.answers.spectra import Source, make_family
+from flexlin.answers.steady import find_response
 from flexlin.answers.tuning.scenarios import Worst, lay_scenarios
 from flexlin.answers.tuning.search import GRID, search
-from flexlin.answers.tuning.torque import peak_torque, torque_limit
 from flexlin.checks import Array, positive, real_array, whole
+from flexlin.control.drives import drive_load
 from flexlin.errors import ArgumentError, NotStable
+from flexlin.mechanics import build_manipulator
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.scene.parameters import get_value, numeric_paths
 from flexlin.scene.revised import revise_scene
 from flexlin.scene.scene import Scene
+from flexlin.scene.units import in_si
 from flexlin.summary import represent
 
 SPAN = (0.1, 10.0)
@@ -146,7 +149,7 @@ def tune(
     >>> print(f"{fl.tune(loop, {'gain': 0.3}, starts=1).growth:.1f}")
     -1.0
     """
-    until = np.inf if seconds is None else time.perf_counter() + positive("seconds", seconds)
+    until = np.inf if seconds is None else positive("seconds", seconds)
     vary, limits = dict(vary or {}), dict(limits or {})
     own = first_gains(source, gains)
     bounds = np.array([gain_bounds(path, value, limits) for path, value in own.items()])
@@ -256,3 +259,40 @@ def report_tuning(
         f"what limits it: {'; '.join(named)}"
     )
     return Tuning(scene, numbers, float(worst), before, tuple(active), named, len(every), status)
+
+
+TIMES = 256
+RESPONSE_TOL = 1e-6
+
+
+def torque_limit(source: Source, limits: Mapping[str, Any]) -> float | None:
+    """The limit given, else that of the scene's drives or saturation: the least of all joints."""
+    if "torque" in limits:
+        return positive("the limit of the torque", limits["torque"])
+    if not isinstance(source, Scene):
+        return None
+    drives, saturation = getattr(source, "drives", None), source.control.saturation
+    known = [] if saturation is None else list(saturation.torque)
+    if drives is not None and drives.torque.peak is not None:
+        several = drives.torque.peak if isinstance(drives.torque.peak, list | tuple) else [drives.torque.peak]
+        known += [min(torque_in_si(item) for item in several)]
+    return float(min(known)) if known else None
+
+
+def torque_in_si(item: Any) -> float:
+    """A torque or a force in SI units."""
+    for unit in ("N m", "N"):
+        try:
+            return float(in_si(item, unit))
+        except ValueError:
+            continue
+    return float("inf")
+
+
+def peak_torque(scene: Scene, numbers: Mapping[str, float]) -> float:
+    """The largest torque of the scene's steady motion with other numbers, in N m."""
+    revised = revise_scene(scene, numbers)
+    lin = linearize(build_manipulator(revised), revised.motion, revised.control)
+    t = lin.period * np.arange(TIMES) / TIMES
+    states = find_response(lin, lin.periodic_system(), t, RESPONSE_TOL).states
+    return float(np.abs(drive_load(lin, t, states, lin.law).torque).max())

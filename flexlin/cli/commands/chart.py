@@ -3,9 +3,10 @@
 import argparse
 import math
 import sys
+from functools import partial
 
 from flexlin.cli.options import COMPUTED
-from flexlin.cli.shared import FAILED, command, loaded, print_paths
+from flexlin.cli.shared import NO_ANSWER, command, loaded, print_paths
 from flexlin.errors import ArgumentError, NumericalError, TooLarge
 
 PURPOSE = "stability over one or two parameters"
@@ -24,15 +25,13 @@ def run(options: argparse.Namespace) -> int:
         progress("load the numerical libraries")
         import numpy as np
 
-        from flexlin.answers.budget import Budget
-        from flexlin.answers.clock import Clock
+        from flexlin.answers.clock import DRAWING, Budget, Clock
         from flexlin.answers.sweep import check_values
         from flexlin.files import results
-        from flexlin.report.charting import compute_chart
-        from flexlin.report.charts import chart_dataset, draw_charts, find_boundary
+        from flexlin.report.charts import chart_dataset, compute_chart, draw_charts, find_boundary
+        from flexlin.report.exports import storable, write_dataset
         from flexlin.report.figures.style import Picture
         from flexlin.report.page import picture_page
-        from flexlin.report.tables import storable, write_dataset
         from flexlin.report.terminal import accuracy_lines
 
         counts = [number or (60 if len(spans) > 1 else 200) for *_, number in spans]
@@ -41,14 +40,15 @@ def run(options: argparse.Namespace) -> int:
             check_values(math.prod(counts))
             return {key: np.linspace(low, high, n) for (key, low, high, _), n in zip(spans, counts, strict=True)}
 
-        clock = Clock(progress, planned=3, budget=Budget(options.begun))
+        clock = Clock(progress, planned=3, budget=Budget(options.watch))
         how = {name: getattr(options, name) for name in ("loop", "workers", "scheduler", "store")}
         data, problem = compute_chart(scene, values, clock, progress, **how)
         ranges = {key: (low, high) for key, low, high, _ in spans}
         data.attrs |= {"search": problem} if problem else {}
         found = ([], []) if problem else find_boundary(scene, ranges, data, clock, options.loop)
         try:
-            pictures = clock.stage("figures", scene.accuracy, lambda: draw_charts(scene, data, *found), last=True)
+            work = partial(draw_charts, scene, data, *found)
+            pictures = clock.stage("figures", scene.accuracy, work, share=DRAWING, last=True)
         except (NumericalError, TooLarge) as error:  # the numbers stand without a picture
             pictures = [Picture("chart", "Stability chart", f"The picture was not drawn: {error}.", "")]
     print(pictures[0].caption)
@@ -63,4 +63,4 @@ def run(options: argparse.Namespace) -> int:
     done = print_paths(paths)
     if problem:
         print(f"flexlin: {problem}", file=sys.stderr)
-    return FAILED if problem else done
+    return NO_ANSWER if problem else done

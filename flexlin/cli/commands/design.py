@@ -3,7 +3,7 @@
 import argparse
 
 from flexlin.cli.options import COMPUTED
-from flexlin.cli.shared import DONE, FAILED, OTHER_VERDICT, loaded, meets, print_paths
+from flexlin.cli.shared import DONE, NO_ANSWER, OTHER_VERDICT, loaded, meets, print_paths
 from flexlin.errors import ArgumentError
 
 PURPOSE = "design the scene's controllers, write their gains"
@@ -20,16 +20,15 @@ def run(options: argparse.Namespace) -> int:
     with Progress() as progress:
         progress("load the numerical libraries")
         from flexlin.answers.analysis import plant_and_designs
-        from flexlin.answers.budget import Budget
-        from flexlin.answers.clock import Clock
+        from flexlin.answers.clock import Budget, Clock
         from flexlin.answers.steady import arm_length
         from flexlin.answers.validity import judge_model
         from flexlin.files import results
-        from flexlin.report.headline import reason
-        from flexlin.report.tables import check_gains, gains_dataset, write_dataset
+        from flexlin.report.exports import check_gains, gains_dataset, write_dataset
+        from flexlin.report.wording import reason
 
         check_gains(scene, options.points)
-        clock = Clock(progress, planned=3 + 3 * len(scene.designs), budget=Budget(options.begun))
+        clock = Clock(progress, planned=3 + 3 * len(scene.designs), budget=Budget(options.watch))
         plant, loops = plant_and_designs(scene, clock)
     models = [judge_model(arm_length(plant), loop.steady) for loop in loops]
     for loop, model in zip(loops, models, strict=True):
@@ -45,6 +44,6 @@ def run(options: argparse.Namespace) -> int:
             paths = write_dataset(data, files, "gains")
         print_paths(paths)
     if len(made) < len(loops):
-        return FAILED
+        return NO_ANSWER
     met = all(meets(options.require, loop.verdict, model.verdict) for loop, model in zip(loops, models, strict=True))
     return DONE if met else OTHER_VERDICT

@@ -17,15 +17,14 @@ def run(options: argparse.Namespace) -> int:
     with Progress() as progress:
         progress("load the numerical libraries")
         from flexlin.answers.audit.comparison import audit
-        from flexlin.answers.budget import Budget
-        from flexlin.answers.clock import Clock
+        from flexlin.answers.clock import Budget, Clock
         from flexlin.files import results
         from flexlin.report.minimal import minimal_text
-        from flexlin.report.record import audit_block, to_json
+        from flexlin.report.numbers import audit_block, to_json
         from flexlin.report.terminal import audit_lines, say
 
         work = partial(audit, scene, options.tolerance, progress, scene.accuracy.tol)
-        clock = Clock(progress, budget=Budget(options.begun))
+        clock = Clock(progress, budget=Budget(options.watch))
         result = clock.stage("audit of the effects", scene.accuracy, work)
     for line in audit_lines(result):
         say(line)

@@ -12,13 +12,12 @@ TAKES = (*SCENE, *LIMITS, "points")
 def run(options: argparse.Namespace) -> int:
     scene = loaded(options)
     from flexlin.about.linear import linearize
-    from flexlin.answers.budget import Budget
-    from flexlin.answers.clock import Clock
+    from flexlin.answers.clock import Budget, Clock
     from flexlin.files import results
     from flexlin.mechanics import build_manipulator
-    from flexlin.report.tables import coefficients_dataset, write_dataset
+    from flexlin.report.exports import coefficients_dataset, write_dataset
 
-    clock, asked = Clock(budget=Budget(options.begun)), scene.accuracy
+    clock, asked = Clock(budget=Budget(options.watch)), scene.accuracy
     arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
     plant, closed = clock.stage(
         "linearization", asked, lambda: [linearize(arm, scene.motion, control) for control in (None, scene.control)]

@@ -25,17 +25,16 @@ def run(options: argparse.Namespace) -> int:
 
     with Progress() as progress:
         progress("load the numerical libraries")
-        from flexlin.answers.budget import Budget
-        from flexlin.answers.clock import Clock
-        from flexlin.answers.disturbed.chosen import answer_in_scene
+        from flexlin.answers.clock import Budget, Clock
+        from flexlin.answers.disturbed.respond import answer_in_scene
         from flexlin.files import results
         from flexlin.report.answer import answer_lines, answer_record, draw
+        from flexlin.report.numbers import to_json
         from flexlin.report.page import picture_page
-        from flexlin.report.record import to_json
         from flexlin.report.terminal import accuracy_lines, say
         from flexlin.report.wording import units_of_scene
 
-        clock = Clock(progress, budget=Budget(options.begun))
+        clock = Clock(progress, budget=Budget(options.watch))
         kind, words = asked[0]
         answer = answer_in_scene(scene, kind, words, options.of, options.lasting, clock)
     with units_of_scene(scene):

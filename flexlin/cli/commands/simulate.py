@@ -12,18 +12,17 @@ TAKES = (*COMPUTED, "periods", "feedforward", "attraction", "animate")
 def run(options: argparse.Namespace) -> int:
     scene = loaded(options)
     from flexlin.about.linear import linearize
-    from flexlin.answers.budget import Budget
-    from flexlin.answers.clock import Clock
+    from flexlin.answers.clock import Budget, Clock
     from flexlin.files import results
     from flexlin.mechanics import build_manipulator
+    from flexlin.report.exports import described, write_dataset
     from flexlin.report.progress import Progress
-    from flexlin.report.tables import described, write_dataset
     from flexlin.report.terminal import accuracy_lines, say
     from flexlin.simulation.run import check_duration, simulate
 
     asked, tol, said = scene.accuracy, scene.accuracy.tol, list[str]()
     with Progress() as progress:
-        clock = Clock(progress, planned=4 + 2 * options.attraction, budget=Budget(options.begun))
+        clock = Clock(progress, planned=4 + 2 * options.attraction, budget=Budget(options.watch))
         arm = clock.stage("equations of motion", asked, lambda: build_manipulator(scene))
         closed = clock.stage("linearization", asked, lambda: linearize(arm, scene.motion, scene.control))
         clock.stage("size of the result", asked, lambda: check_duration(closed, options.periods))

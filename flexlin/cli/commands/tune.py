@@ -24,8 +24,7 @@ def run(options: argparse.Namespace) -> int:
 
     with Progress() as progress:
         progress("load the numerical libraries")
-        from flexlin.answers.budget import Budget
-        from flexlin.answers.clock import Clock
+        from flexlin.answers.clock import Budget, Clock
         from flexlin.answers.tuning.tune import tune
         from flexlin.files import results
         from flexlin.report.terminal import say
@@ -34,7 +33,7 @@ def run(options: argparse.Namespace) -> int:
 
         limits = {key: (low, high) for key, low, high, _ in options.gain}
         vary = {key: (low, high) for key, low, high, _ in options.vary}
-        clock, name = Clock(progress, budget=Budget(options.begun)), "tune the gains"
+        clock, name = Clock(progress, budget=Budget(options.watch)), "tune the gains"
         seconds = USED * clock.budget.allow(name, scene.accuracy).seconds
         work = partial(tune, scene, list(limits) or None, vary, limits, seconds=seconds)
         found = clock.stage(name, scene.accuracy, work)

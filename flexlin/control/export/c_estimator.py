@@ -11,7 +11,7 @@ from flexlin.checks import Array, c_name
 from flexlin.control.estimator import Estimator
 from flexlin.control.export.c_gain import BEYOND, WITHIN, listed, write_c
 from flexlin.control.export.c_series import SAMPLES, Form, write_series
-from flexlin.control.export.labels import Labels
+from flexlin.control.export.files import Labels
 from flexlin.errors import ArgumentError
 from flexlin.files import results
 from flexlin.periodic.related import corners_of

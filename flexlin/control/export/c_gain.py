@@ -12,7 +12,7 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, c_name, positive
 from flexlin.control.designed_loop import Design
 from flexlin.control.export.c_series import SAMPLES, Form, write_series
-from flexlin.control.export.labels import Labels
+from flexlin.control.export.files import Labels
 from flexlin.files import results
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.related import corners_of

@@ -12,7 +12,7 @@ import flexlin
 from flexlin.about.linearization import Linearization
 from flexlin.arguments import checked
 from flexlin.checks import c_name
-from flexlin.control.export.labels import Labels
+from flexlin.control.export.files import Labels
 from flexlin.errors import ArgumentError
 from flexlin.files import results
 from flexlin.motion import SymbolicMotion

@@ -5,24 +5,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.mechanics.beam.integrals import panels, remaining
-from flexlin.mechanics.beam.profile import UNIFORM, Profile
-from flexlin.mechanics.beam.shapes import Shapes
+from flexlin.mechanics.beam.integrals import UNIFORM, Profile, Shapes, panels, remaining
 
 
 @dataclass(frozen=True)
 class Couplings:
     """Products of shapes Y (bent in y), Z (bent in z) and Phi (twist), with psi the rotations of sections, dimensionless.
 
-    across = int mu Y Z^T,   both_bent = 1/2 int (psi_y psi_z'^T - psi_y' psi_z^T)
-    and of the twist with each of the two: tip = int (1 - xi) Phi psi'^T,   turn = 1/2 int (Phi' psi^T - Phi psi'^T),
+    across = int mu Y Z^T,   sections = int eps psi_y psi_z^T
+    turn: 1/2 int (psi_y psi_z'^T - psi_y' psi_z^T), and 1/2 int (Phi' psi^T - Phi psi'^T) with psi_y and with psi_z
+    turns: the same integrated over the sections, int eps (int_0^xi ... ds) dxi
+    and of the twist with each of the two: tip = int (1 - xi) Phi psi'^T,
     mass = int mu X2,   moment = int mu xi X2   with X2(xi) = int_0^xi (xi - s) Phi psi'^T ds
-        and section = int eps Phi psi^T;   sections = int eps psi_y psi_z^T
+        and section = int eps Phi psi^T
     """
 
     across: Array
-    both_bent: Array
     sections: Array
+    turn: tuple[Array, Array, Array]
+    turns: tuple[Array, Array, Array]
     y: "Twisted"
     z: "Twisted"
 
@@ -32,7 +33,6 @@ class Twisted:
     """The products of twist with bending in one direction, each (twists, modes)."""
 
     tip: Array
-    turn: Array
     mass: Array
     moment: Array
     section: Array
@@ -54,16 +54,21 @@ def couple_shapes(
     def twisted(i: int) -> Twisted:
         return Twisted(
             tip=(phi * weight * (1 - xi)) @ curvature[i].T,
-            turn=((slope * weight) @ turn[i].T - (phi * weight) @ curvature[i].T) / 2,
             mass=(phi * weight * levers[0]) @ curvature[i].T,
             moment=(phi * weight * levers[1]) @ curvature[i].T,
             section=(phi * weight * eps(xi)) @ turn[i].T,
         )
 
+    def turned(weight: Array) -> tuple[Array, Array, Array]:
+        pairs = ((turn[0], curvature[0], turn[1], curvature[1]), *((phi, slope, turn[i], curvature[i]) for i in (0, 1)))
+        x, by_y, by_z = (((a * weight) @ db.T - (da * weight) @ b.T) / 2 for a, da, b, db in pairs)
+        return x, -by_y, -by_z
+
     return Couplings(
         across=(y.values(xi) * weight * mu(xi)) @ z.values(xi).T,
-        both_bent=((turn[0] * weight) @ curvature[1].T - (curvature[0] * weight) @ turn[1].T) / 2,
         sections=(turn[0] * weight * eps(xi)) @ turn[1].T,
+        turn=turned(weight),
+        turns=turned(weight * remaining(eps, edges, order)[0]),
         y=twisted(0),
         z=twisted(1),
     )

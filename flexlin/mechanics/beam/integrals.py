@@ -1,14 +1,77 @@
 """The integrals of the shapes that the energies of a link need, computed once, before any expression graph is built."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from flexlin.checks import Array
-from flexlin.mechanics.beam.profile import UNIFORM, Profile
-from flexlin.mechanics.beam.shapes import Shapes
+from flexlin.checks import Array, real_array
+from flexlin.errors import ArgumentError
+
+
+@dataclass(frozen=True)
+class Profile:
+    """A relative property over xi in [0, 1], smooth between its breaks.
+
+    Parameters: function (N,) -> (N,); breaks: places in (0, 1) at which it or a derivative jumps.
+    """
+
+    function: Callable[[Array], Array]
+    breaks: tuple[float, ...] = ()
+
+    def __call__(self, xi: Array) -> Array:
+        return self.function(xi)
+
+    @classmethod
+    def table(cls, xi: ArrayLike, values: ArrayLike) -> "Profile":
+        """Interpolate a table linearly.
+
+        Parameters: xi (k,) increasing from 0 to 1; values (k,) positive.
+        Raises: ArgumentError when the table does not span [0, 1], does not increase or is not positive.
+        """
+        nodes = real_array("xi", xi, (None,))
+        heights = real_array("values", values, (len(nodes),))
+        if len(nodes) < 2 or nodes[0] != 0 or nodes[-1] != 1 or np.any(np.diff(nodes) <= 0):
+            raise ArgumentError("the table's xi is not a partition", got=nodes, expected="increasing from 0 to 1")
+        if np.any(heights <= 0):
+            raise ArgumentError("a section property is not positive", got=heights.min(), expected="greater than 0")
+        return cls(lambda x: np.interp(x, nodes, heights), tuple(nodes[1:-1].tolist()))
+
+
+UNIFORM = Profile(np.ones_like)
+
+
+class Shapes(Protocol):
+    """Assumed modes X_1 ... X_n of a link, dimensionless, over xi = x/l.
+
+    Attributes: n modes; beta (n,), the roots beta*l (omega = beta^2 sqrt(EI/(rhoA l^4)) for the beam the shapes belong to);
+    breaks: places in (0, 1) where a derivative of the shapes jumps, at which a quadrature must be split;
+    order: number of Gauss nodes between two breaks that integrates products of two shapes to rounding.
+    """
+
+    @property
+    def n(self) -> int: ...
+
+    @property
+    def beta(self) -> Array: ...
+
+    @property
+    def breaks(self) -> tuple[float, ...]: ...
+
+    @property
+    def order(self) -> int: ...
+
+    def values(self, xi: Array, derivative: int = 0) -> Array:
+        """Return X or its derivative (0 to 3) with respect to xi: (N,) -> (n, N)."""
+        ...
+
+    def rotation(self, xi: Array, derivative: int = 0) -> Array:
+        """Return the section's rotation psi or its derivative: (N,) -> (n, N); psi = X' where nothing shears."""
+        ...
+
 
 ROUNDING = 1e-12
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexlin.checks import Array
-from flexlin.errors import ToleranceNotReached
+from flexlin.checks import Array, real_array
+from flexlin.errors import ArgumentError, ToleranceNotReached
 from flexlin.mechanics.beam.integrals import gauss_legendre
 
 Boundary = Callable[[Array, Array, Array], Array]
@@ -128,3 +128,71 @@ def normalised(shapes: UniformShapes) -> UniformShapes:
     slope, curvature = (shapes.values(start, d)[:, 0] / shapes.beta**d for d in (1, 2))
     sign = np.where(np.abs(slope) > np.sqrt(np.finfo(float).eps) * size, np.sign(slope), np.sign(curvature))
     return UniformShapes(shapes.beta, shapes.coefficients * (sign / size)[:, None])
+
+
+def clamped_free(n: int) -> UniformShapes:
+    """Return the n lowest modes of a uniform cantilever.
+
+        X = cosh(beta xi) - cos(beta xi) - sigma (sinh(beta xi) - sin(beta xi)),   1 + cos(beta) cosh(beta) = 0
+
+    so that int X^2 = 1, X(1) = 2, -2, 2 ...
+
+    Source: any textbook of vibrations, e.g. Blevins (1979), Table 8-1.
+    """
+    return clamped_with_tip(n)
+
+
+def clamped_with_tip(n: int, mass: float = 0.0, inertia: float = 0.0, moment: float = 0.0) -> UniformShapes:
+    """Return the n lowest modes of a uniform beam, clamped, with a rigid body on its tip.
+
+        X(0) = X'(0) = 0,   X''(1) = beta^4 (inertia X'(1) + moment X(1)),   -X'''(1) = beta^4 (mass X(1) + moment X'(1))
+
+    Parameters: mass / (rhoA l), first moment along the beam / (rhoA l^2), inertia about the tip / (rhoA l^3); int X^2 = 1 along the beam.
+    Raises: ArgumentError when the numbers cannot belong to a rigid body.
+    Source: De Luca, Siciliano (1991), Eqs (9)-(11).
+    """
+    mass, inertia, moment = (
+        float(real_array(name, value, ())) for name, value in (("mass", mass), ("inertia", inertia), ("moment", moment))
+    )
+    if mass < 0 or inertia < 0 or moment**2 > mass * inertia:
+        raise ArgumentError(
+            "no rigid body has this mass, inertia and moment",
+            got=(mass, inertia, moment),
+            expected="mass >= 0, inertia >= 0, moment^2 <= mass * inertia",
+        )
+
+    def boundary(beta: Array, start: Array, end: Array) -> Array:
+        b = beta[:, None]
+        bending = end[:, 2] - inertia * b**3 * end[:, 1] - moment * b**2 * end[:, 0]
+        shear = end[:, 3] + mass * b * end[:, 0] + moment * b**2 * end[:, 1]
+        return np.stack([start[:, 0], start[:, 1], bending, shear], axis=1)
+
+    return solve_modes(n, boundary)
+
+
+def pinned_free(n: int) -> UniformShapes:
+    """Return the n lowest elastic modes of a uniform beam pinned at its base: tan(beta) = tanh(beta)."""
+    return pinned_with_hub(n)
+
+
+def pinned_with_hub(n: int, hub_inertia: float = 0.0) -> UniformShapes:
+    """Return the n lowest elastic modes of a uniform beam on a hub that turns freely.
+
+        X(0) = 0,   X''(0) = -hub_inertia beta^4 X'(0),   X''(1) = X'''(1) = 0
+
+    The rigid mode X = xi is left out: the joint angle stands for it, and the modes are orthogonal to it
+    (int xi X + hub_inertia X'(0) = 0).
+
+    Parameters: hub_inertia / (rhoA l^3). Returns: modes with int X^2 = 1 along the beam, X'(0) > 0.
+    Raises: ArgumentError when the inertia is negative.
+    Source: Bellezza, Lanari, Ulivi (1990), the "pseudo-clamped" and "pseudo-pinned" frames.
+    """
+    hub_inertia = float(real_array("hub_inertia", hub_inertia, ()))
+    if hub_inertia < 0:
+        raise ArgumentError("the hub's inertia is negative", got=hub_inertia, expected="0 or more")
+
+    def boundary(beta: Array, start: Array, end: Array) -> Array:
+        base = start[:, 2] + hub_inertia * beta[:, None] ** 3 * start[:, 1]
+        return np.stack([start[:, 0], base, end[:, 2], end[:, 3]], axis=1)
+
+    return solve_modes(n, boundary, lowest=0.5)

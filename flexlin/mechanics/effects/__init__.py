@@ -3,8 +3,7 @@
 from importlib import import_module
 
 from flexlin.errors import ArgumentError
-from flexlin.mechanics.effects.base import Chain, Effect
-from flexlin.mechanics.effects.scale import Scale
+from flexlin.mechanics.effects.base import Chain, Effect, Scale
 from flexlin.scene.effects import Effects, add_effect, known_effects
 
 SHIPPED = (
@@ -24,6 +23,7 @@ SHIPPED = (
     "coulomb_friction",
     "motor",
     "rotor_spin",
+    "tip_force",
 )
 """The file, and the scene's table, of each effect, in the order of reports; the class is the same name in capitals."""
 

@@ -1,18 +1,46 @@
 """What an effect may add to a chain and to its parts; each method's default adds nothing."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Optional
 
 import casadi as ca
 
-from flexlin.mechanics.body import Body
+from flexlin.mechanics.body import Body, InertiaForm
 from flexlin.mechanics.effects.narrow import Features, Moving
 from flexlin.mechanics.effects.parts import PartsEffect
-from flexlin.mechanics.effects.scale import Scale
 from flexlin.mechanics.frames import Frame
+from flexlin.scene.links import Link
 
 if TYPE_CHECKING:
     from flexlin.mechanics.links import BentLink
+
+
+SLENDERNESS = 0.01
+"""Radius of gyration of a section, relative to the link's length."""
+PART = 0.1
+"""A body that the scene leaves out, relative to the inertia that is there."""
+LOSS = 0.01
+"""Damping ratios, and friction relative to the inertia forces of the motion."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """The sizes of an arm, stretched out and at rest.
+
+    links: their tables; inertias: about the joint of each link, the largest where it is fixed (kg m^2); mass: of the links (kg);
+    motion: frequency of the basic motion (rad/s);
+    bending: slowest frequency of a link clamped alone (rad/s), None where no link bends.
+    """
+
+    links: tuple[Link, ...]
+    inertias: tuple[float, ...]
+    mass: float
+    motion: float
+    bending: float | None
+
+    def of_inertias(self, factor: float) -> tuple[float, ...]:
+        """Each joint's inertia times a factor."""
+        return tuple(factor * inertia for inertia in self.inertias)
 
 
 @dataclass(frozen=True)
@@ -22,7 +50,8 @@ class Chain:
     q, q_rate: the displacements of the joints that move as their bearings see them, (joints, 1), in rad or m; motor, motor_rate: the
     same as the motors see them, behind any joint flexibility; moving: the number of the link behind each of these joints. For each link:
     the frame before its joint, the joint's axis (3, 1), the frame behind it, the link, the frame at its tip, the number of the link that
-    carries it, -1 for the ground, what its bearing gives, (2, 1) or nothing, with the rates. All bodies that have mass.
+    carries it, -1 for the ground, what its bearing gives, (2, 1) or nothing, with the rates. All bodies that have mass, and as forms
+    those of links that bend far; the symbol of the basic motion's phase t/T.
     """
 
     q: ca.SX
@@ -38,7 +67,9 @@ class Chain:
     bearings: tuple[ca.SX, ...] = ()
     bearing_rates: tuple[ca.SX, ...] = ()
     bodies: tuple[Body, ...] = ()
+    masses: tuple[InertiaForm, ...] = ()
     parents: tuple[int, ...] = ()
+    phase: ca.SX = field(default_factory=lambda: ca.SX.sym("phase"))
 
 
 class Effect(PartsEffect):
@@ -71,6 +102,8 @@ class Effect(PartsEffect):
 
     smooth: ClassVar[bool] = False
     """Whether what the effect adds is as smooth in time as the motion is (sines and polynomials of it), or `features` says where not."""
+    of_curve: ClassVar[bool] = False
+    """Whether what the effect says of a bent link is the second order of what its curve says at any deflection."""
     input_unit: ClassVar[str | None] = None
     """The unit of the manipulator's inputs, where the effect changes it."""
 
@@ -165,6 +198,36 @@ class Effect(PartsEffect):
         """
         return ca.SX.zeros(len(chain.moving))
 
+    def motor_resistance(self, chain: Chain) -> ca.SX:
+        """Return the resisting force of each motor that no quadratic dissipation function gives.
+
+        Parameters
+        ----------
+        chain : Chain
+            The chain.
+
+        Returns
+        -------
+        casadi.SX, shape (joints, 1)
+            The forces, in N m or N.
+        """
+        return ca.SX.zeros(len(chain.moving))
+
+    def power(self, chain: Chain) -> ca.SX:
+        """Return the power of forces from outside: its gradient by the rates are the generalized forces.
+
+        Parameters
+        ----------
+        chain : Chain
+            The chain.
+
+        Returns
+        -------
+        casadi.SX
+            The power, in W, linear in the rates; it may hold the chain's phase.
+        """
+        return ca.SX(0)
+
     def features(self, motion: Moving) -> Features:
         """Return where the linear equations change fast in time because of the effect.
 
@@ -194,3 +257,24 @@ class Effect(PartsEffect):
             The force in N m or N; None when the effect leaves the input as it is.
         """
         return None
+
+
+def per_joint(value: Any, joint: int, *, single: str) -> Any:
+    """Read a table's value for one joint: a tuple by index; a single number stands for the `"first"` joint or for `"every"` one."""
+    if isinstance(value, tuple):
+        return value[joint] if joint < len(value) else 0.0
+    return value if single == "every" or joint == 0 else 0.0
+
+
+def at_tip(value: Any, link: int, links: int) -> Any:
+    """Read a table's value for the tip of one link: a tuple by index; a single number stands for the last link."""
+    if isinstance(value, tuple):
+        return value[link] if link < len(value) else 0.0
+    return value if link == links - 1 else 0.0
+
+
+def per_motor(value: Any, chain: Chain) -> ca.SX:
+    """Read a table's value for each joint that moves, (joints, 1): zero for a passive joint, which has no motor."""
+    links = chain.links
+    found = [0.0 if links[i].table.passive else per_joint(value, i, single="every") for i in chain.moving]
+    return ca.vertcat(ca.SX(0, 1), *found)

@@ -11,9 +11,7 @@ from typing import Annotated
 import casadi as ca
 
 from flexlin.mechanics.body import Body, about, rigid_body
-from flexlin.mechanics.effects.base import Chain, Effect
-from flexlin.mechanics.effects.scale import PART, Scale
-from flexlin.mechanics.effects.shared import per_joint
+from flexlin.mechanics.effects.base import LOSS, PART, Chain, Effect, Scale, per_joint
 from flexlin.scene.base import NonNegative, PerLink, Positive, Unit
 from flexlin.scene.effects import RawTable
 
@@ -46,7 +44,8 @@ class BearingCompliance(Effect):
     def tried_with(cls, scale: Scale) -> "BearingCompliance":
         """Bearings on which the joints alone would swing five times as fast as the slowest link, or fifty times as a rigid arm's motion."""
         fast = 5 * scale.bending if scale.bending is not None else 50 * scale.motion
-        return cls(stiffness=scale.of_inertias(fast**2), inertia=scale.of_inertias(PART))
+        losses = scale.of_inertias(2 * LOSS * fast)
+        return cls(stiffness=scale.of_inertias(fast**2), inertia=scale.of_inertias(PART), damping=losses)
 
     def bodies(self, chain: Chain) -> tuple[Body, ...]:
         turning = [i for i in chain.moving if chain.links[i].table.joint == "revolute"]

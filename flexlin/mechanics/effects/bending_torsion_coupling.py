@@ -15,8 +15,7 @@ import casadi as ca
 
 from flexlin.mechanics.body import Moments, tensor
 from flexlin.mechanics.deflection import product
-from flexlin.mechanics.effects.base import Effect
-from flexlin.mechanics.effects.scale import Scale
+from flexlin.mechanics.effects.base import Effect, Scale
 from flexlin.mechanics.frames import column
 
 if TYPE_CHECKING:
@@ -27,6 +26,7 @@ class BendingTorsionCoupling(Effect):
     """What twist and bending in two planes do together, kept to second order in kinetic and potential energy."""
 
     smooth = True
+    of_curve = True
 
     @classmethod
     def tried_with(cls, scale: Scale) -> Optional["BendingTorsionCoupling"]:
@@ -42,16 +42,9 @@ class BendingTorsionCoupling(Effect):
         return column(0, -across, up), column(0, -across_rate, up_rate)
 
     def tip_turn(self, link: "BentLink") -> tuple[ca.SX, ca.SX]:
-        k, length = link.couplings, link.table.length
-        if k is None:
+        if link.couplings is None:
             return ca.SX(3, 1), ca.SX(3, 1)
-        about = (
-            product(k.both_bent, link.y, link.z),
-            product(k.y.turn, link.torsion, link.y),
-            product(k.z.turn, link.torsion, link.z),
-        )
-        sizes = (1 / length**2, 1 / length, 1 / length)
-        return tuple(column(*[size * part[i] for size, part in zip(sizes, about, strict=True)]) for i in (0, 1))
+        return tuple(column(*part) for part in link.second_turns(link.couplings.turn))
 
     def link_moments(self, link: "BentLink") -> Moments | None:
         k, m, length = link.couplings, link.mass, link.table.length

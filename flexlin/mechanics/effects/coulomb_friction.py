@@ -4,18 +4,19 @@ The linearization takes its slope c / eps (1 - tanh^2(q' / eps)) into D_L: near 
 what a small disturbance feels while the joint slides; where the basic motion turns round the slope changes within |q'| of a few eps, and
 a disturbance larger than eps in rate feels less than the slope. With `static` the nonlinear
 simulation takes friction as the set that it is: at rest it holds up to that much, and the times at which joints stick and slide are found.
-Source: Armstrong-Helouvry, Dupont, Canudas de Wit (1994), section 2.
+With `stribeck` lubrication builds up as a joint slides: c = torque + (static - torque) exp(-(q' / stribeck)^2). Its falling branch
+is a negative damping, from which joints judder under weak feedback.
+Source: Armstrong-Helouvry, Dupont, Canudas de Wit (1994), section 2; Canudas de Wit, Olsson, Astrom, Lischinsky, A new model for control of
+systems with friction, IEEE Trans. Automatic Control 40 (1995) 419.
 """
 
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
 import casadi as ca
 from pydantic import model_validator
 
-from flexlin.mechanics.effects.base import Chain, Effect
+from flexlin.mechanics.effects.base import LOSS, Chain, Effect, Scale, per_joint
 from flexlin.mechanics.effects.narrow import Features, Moving, slow_passages
-from flexlin.mechanics.effects.scale import LOSS, Scale
-from flexlin.mechanics.effects.shared import per_joint
 from flexlin.scene.base import AllPositive, PerLink, Unit
 
 
@@ -30,9 +31,21 @@ class CoulombFriction(Effect):
     """Rate at which friction has reached three quarters of it."""
     static: Annotated[PerLink | None, Unit("N m")] = None
     """Friction at rest, at least the sliding one: with it joints stick in the nonlinear simulation, by events."""
+    at: Literal["joint", "motor"] = "joint"
+    """Whether the bearing behind a flexible joint's spring rubs, or the motor before it with its gear."""
+    stribeck: Annotated[AllPositive | None, Unit("rad/s")] = None
+    """Rate over which sliding friction falls from `static` to `torque` (Stribeck)."""
+
+    @model_validator(mode="after")
+    def _falls_from_what_holds(self) -> "CoulombFriction":
+        if self.stribeck is not None and self.static is None:
+            raise ValueError("static beside stribeck: the friction from which it falls")
+        return self
 
     @model_validator(mode="after")
     def _holds_more_than_it_brakes(self) -> "CoulombFriction":
+        if self.static is not None and self.at == "motor":
+            raise ValueError("no static friction at motors: only joints stick")
         if self.static is not None:
             count = max(len(one) if isinstance(one, tuple) else 1 for one in (self.torque, self.static))
             pairs = [[per_joint(one, i, single="every") for one in (self.torque, self.static)] for i in range(count)]
@@ -48,13 +61,25 @@ class CoulombFriction(Effect):
         """Where a joint turns round: the slope c / eps lasts while |q'| is a few eps."""
         found: list[tuple[float, float]] = []
         for i in range(motion.joints):
-            if per_joint(self.torque, i, single="every") > 0:
+            if self.sliding(i, 0.0) > 0:
                 found += slow_passages(motion, i, per_joint(self.rate, i, single="every"))
         return tuple(found)
 
+    def sliding(self, joint: int, rate: Any) -> Any:
+        """Friction of a joint that slides at a rate, without its sign."""
+        torque = per_joint(self.torque, joint, single="every")
+        if self.stribeck is None or self.static is None:
+            return torque
+        falls = rate / per_joint(self.stribeck, joint, single="every")
+        return torque + (per_joint(self.static, joint, single="every") - torque) * ca.exp(-(falls**2))
+
     def joint_resistance(self, chain: Chain) -> ca.SX:
-        joints = chain.moving
-        torque, rate = (
-            ca.vertcat(*[per_joint(v, i, single="every") for i in joints]) for v in (self.torque, self.rate)
-        )
-        return torque * ca.tanh(chain.q_rate / rate)
+        return self._slide(chain, chain.q_rate) if self.at == "joint" else super().joint_resistance(chain)
+
+    def motor_resistance(self, chain: Chain) -> ca.SX:
+        return self._slide(chain, chain.motor_rate) if self.at == "motor" else super().motor_resistance(chain)
+
+    def _slide(self, chain: Chain, rates: ca.SX) -> ca.SX:
+        slopes = [per_joint(self.rate, i, single="every") for i in chain.moving]
+        level = [self.sliding(i, rates[k]) for k, i in enumerate(chain.moving)]
+        return ca.vertcat(*level) * ca.tanh(rates / ca.vertcat(*slopes))

@@ -4,7 +4,8 @@ Kept to second order it adds to the moments of the link, with Gamma(x) = int_0^x
 
     first.x += -1/2 v^T (int rhoA Gamma) v,   second.yy, second.zz += -v^T (int rhoA x Gamma) v,
 
-and moves the tip, and with it every link beyond, by u(l). On a single link this is q'^2 G - g sin(q) H in K_L(2, 2).
+and moves the tip, and with it every link beyond, by u(l). On a single link this is q'^2 G - g sin(q) H in K_L(2, 2). About a rigid motion
+that is all; elsewhere the link is the curve of `mechanics.curve`, of which this is the second order.
 
 Source: Simo, Vu-Quoc (1987); Kane, Ryan, Banerjee (1987); Meirovitch, Analytical Methods in Vibrations (1967), section 10.4.
 """
@@ -14,8 +15,7 @@ from typing import TYPE_CHECKING, Optional
 import casadi as ca
 
 from flexlin.mechanics.body import Moments, tensor
-from flexlin.mechanics.effects.base import Effect
-from flexlin.mechanics.effects.scale import Scale
+from flexlin.mechanics.effects.base import Effect, Scale
 from flexlin.mechanics.frames import column
 
 if TYPE_CHECKING:
@@ -23,9 +23,10 @@ if TYPE_CHECKING:
 
 
 class GeometricStiffening(Effect):
-    """The shortening of a bent link, kept to second order in kinetic and potential energy."""
+    """The shortening of a bent link, an inextensible curve; linear equations hold its second order."""
 
     smooth = True
+    of_curve = True
 
     @classmethod
     def tried_with(cls, scale: Scale) -> Optional["GeometricStiffening"]:

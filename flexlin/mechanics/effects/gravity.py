@@ -7,11 +7,10 @@ from typing import Annotated
 
 import casadi as ca
 
-from flexlin.mechanics.effects.base import Chain, Effect
-from flexlin.mechanics.effects.scale import Scale
+from flexlin.mechanics.effects.base import Chain, Effect, Scale
 from flexlin.mechanics.frames import unit
 from flexlin.scene.base import Number, Unit
-from flexlin.scene.space import Axis
+from flexlin.scene.links import Axis
 
 
 class Gravity(Effect):
@@ -29,5 +28,5 @@ class Gravity(Effect):
 
     def potential_energy(self, chain: Chain) -> ca.SX:
         """V = -g direction . sum_bodies int r dm."""
-        moment = sum((body.mass_moment() for body in chain.bodies), ca.SX(3, 1))
-        return self.acceleration * ca.dot(-unit(self.direction), moment)
+        moments = [body.mass_moment() for body in chain.bodies] + [mass.mass_moment() for mass in chain.masses]
+        return self.acceleration * ca.dot(-unit(self.direction), sum(moments, ca.SX(3, 1)))

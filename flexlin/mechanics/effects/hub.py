@@ -8,9 +8,7 @@ from typing import Annotated, Any
 
 from flexlin.errors import Problem
 from flexlin.mechanics.body import Body, RigidMass, about, rigid_body
-from flexlin.mechanics.effects.base import Chain, Effect
-from flexlin.mechanics.effects.scale import PART, Scale
-from flexlin.mechanics.effects.shared import per_joint
+from flexlin.mechanics.effects.base import PART, Chain, Effect, Scale, per_joint
 from flexlin.scene.base import PerLink, Unit
 from flexlin.scene.consistency import pinned
 from flexlin.scene.effects import RawArm, RawTable

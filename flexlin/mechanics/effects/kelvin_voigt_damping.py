@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import casadi as ca
 
-from flexlin.mechanics.effects.base import Chain, Effect
-from flexlin.mechanics.effects.scale import LOSS, Scale
-from flexlin.mechanics.effects.shared import per_joint
+from flexlin.mechanics.effects.base import LOSS, Chain, Effect, Scale, per_joint
 from flexlin.scene.base import PerLink, Unit
 
 if TYPE_CHECKING:

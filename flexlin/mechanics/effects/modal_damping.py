@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Optional
 import casadi as ca
 from pydantic import Field
 
-from flexlin.mechanics.effects.base import Chain, Effect
-from flexlin.mechanics.effects.scale import LOSS, Scale
+from flexlin.mechanics.effects.base import LOSS, Chain, Effect, Scale
 from flexlin.scene.base import NonNegative, Unit
 
 if TYPE_CHECKING:

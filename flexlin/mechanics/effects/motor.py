@@ -10,9 +10,7 @@ from typing import Annotated, Any
 
 import casadi as ca
 
-from flexlin.mechanics.effects.base import Chain, Effect
-from flexlin.mechanics.effects.scale import LOSS, PART, Scale
-from flexlin.mechanics.effects.shared import per_joint, per_motor
+from flexlin.mechanics.effects.base import LOSS, PART, Chain, Effect, Scale, per_joint, per_motor
 from flexlin.scene.base import AllPositive, PerLink, Unit
 
 

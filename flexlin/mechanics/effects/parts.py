@@ -121,6 +121,21 @@ class PartsEffect(EffectTable):
         """
         return 0.0
 
+    def section_inertia(self, link: "BentLink") -> tuple[Any, Any, Any] | None:
+        """Return the inertia of a link's sections about their principal axes x, y and z.
+
+        Parameters
+        ----------
+        link : BentLink
+            The link.
+
+        Returns
+        -------
+        tuple of float or casadi.SX, or None
+            Of the whole link, in kg m^2.
+        """
+        return None
+
     def tip_displacement(self, link: "BentLink") -> tuple[ca.SX, ca.SX]:
         """Return the displacement of a link's tip beside that of its modes.
 

@@ -9,12 +9,10 @@ from typing import Annotated
 import casadi as ca
 
 from flexlin.mechanics.body import Body, RigidMass, rigid_body, tensor
-from flexlin.mechanics.effects.base import Chain, Effect
-from flexlin.mechanics.effects.scale import PART, Scale
-from flexlin.mechanics.effects.shared import at_tip
+from flexlin.mechanics.effects.base import PART, Chain, Effect, Scale, at_tip
 from flexlin.mechanics.frames import column
 from flexlin.scene.base import Number, PerLink, Unit
-from flexlin.scene.space import Inertia, Vector
+from flexlin.scene.links import Inertia, Vector
 
 
 class Payload(Effect):

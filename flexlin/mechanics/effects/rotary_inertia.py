@@ -6,11 +6,7 @@ turn out of the plane of rotation are pulled back into it: the propeller moment.
 
 from typing import TYPE_CHECKING, Annotated, Any
 
-from flexlin.mechanics.body import Moments
-from flexlin.mechanics.effects.base import Effect
-from flexlin.mechanics.effects.scale import SLENDERNESS, Scale
-from flexlin.mechanics.effects.shared import per_joint
-from flexlin.mechanics.sections import turned_sections
+from flexlin.mechanics.effects.base import SLENDERNESS, Effect, Scale, per_joint
 from flexlin.scene.base import PerLink, Unit
 
 if TYPE_CHECKING:
@@ -32,9 +28,9 @@ class RotaryInertia(Effect):
     def section_gyration(self, link: int) -> Any:
         return per_joint(self.radius_of_gyration, link, single="every")
 
-    def link_moments(self, link: "BentLink") -> Moments | None:
+    def section_inertia(self, link: "BentLink") -> tuple[Any, Any, Any]:
         """About z as given; about y what the polar inertia leaves, where the link has one."""
         about_z = link.mass * per_joint(self.radius_of_gyration, link.index, single="every") ** 2
         polar = link.table.polar_inertia
         about_y = 0.0 if polar is None else polar * link.table.length - about_z
-        return turned_sections(link, (0.0, about_y, about_z))
+        return 0.0, about_y, about_z

@@ -11,9 +11,8 @@ from typing import Annotated
 
 import casadi as ca
 
-from flexlin.mechanics.effects.base import Chain, Effect
-from flexlin.mechanics.effects.scale import PART, Scale
-from flexlin.mechanics.effects.shared import per_joint
+from flexlin.mechanics.effects.base import PART, Chain, Effect, Scale, per_joint
+from flexlin.mechanics.frames import Z
 from flexlin.scene.base import Number, PerLink, Unit
 
 RATIO = 100.0
@@ -39,7 +38,9 @@ class RotorSpin(Effect):
         """T = sum N J (a.w) theta' over the joints that turn."""
         energy = ca.SX(0)
         for place, i in enumerate(chain.moving):
-            if chain.links[i].table.joint == "revolute" and not chain.links[i].table.passive:
+            link = chain.links[i].table
+            if link.joint == "revolute" and not link.passive:
                 momentum = per_joint(self.gear_ratio, i, single="every") * per_joint(self.inertia, i, single="every")
-                energy += momentum * ca.dot(chain.axes[i], chain.mounts[i].spin) * chain.motor_rate[place]
+                before = chain.mounts[i].turned(Z, link.mount_angle)
+                energy += momentum * ca.dot(chain.axes[i], before.spin) * chain.motor_rate[place]
         return energy

@@ -11,9 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 import casadi as ca
 
 from flexlin.errors import Problem
-from flexlin.mechanics.effects.base import Chain, Effect
-from flexlin.mechanics.effects.scale import SLENDERNESS, Scale
-from flexlin.mechanics.effects.shared import per_joint
+from flexlin.mechanics.effects.base import SLENDERNESS, Chain, Effect, Scale, per_joint
 from flexlin.scene.base import AllPositive, Unit
 from flexlin.scene.effects import RawArm, RawTable
 

@@ -9,6 +9,7 @@ from flexlin.periodic.boundary.follow import EXACT, STEP, Vertices, find_directi
 from flexlin.periodic.boundary.lattice import CELLS, find_islands, find_nodes, link_nodes, spread
 from flexlin.periodic.boundary.spectra import Spectra, SpectraFunction, count_resting, drop_resting
 from flexlin.periodic.boundary.tips import Tip, find_tip
+from flexlin.periodic.precision import TINY
 
 INNER = 4
 """Cells on either side of a cell that is divided again."""
@@ -129,7 +130,7 @@ def join_through(trace: Trace, pairs: Array, tip: Tip) -> Trace:
     ends = trace.vertices.at(pairs.T.ravel())  # where the boundary comes from, then where it goes to
     chord = (tip.point - ends.points) * np.repeat([1.0, -1.0], size)[:, None]
     length = np.linalg.norm(chord, axis=1)
-    unit = chord / np.maximum(length, np.finfo(float).tiny)[:, None]
+    unit = chord / np.maximum(length, TINY)[:, None]
     bends = length * np.linalg.norm(unit - ends.directions, axis=1) ** 2
     more = replace(
         ends,
@@ -198,6 +199,6 @@ def count_points(first: Vertices, second: Vertices, tol: float) -> Array:
     """How many chords each cubic needs, so that none is farther from it than tol / 4."""
     chord = second.points - first.points
     length = np.linalg.norm(chord, axis=1)
-    unit = chord / np.maximum(length, np.finfo(float).tiny)[:, None]
+    unit = chord / np.maximum(length, TINY)[:, None]
     turn = np.linalg.norm(first.directions - unit, axis=1) + np.linalg.norm(second.directions - unit, axis=1)
     return np.where(length > 0, np.maximum(np.ceil(np.sqrt(turn * length / (2 * tol))), 1), 1).astype(int)

@@ -6,7 +6,8 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.boundary.spectra import SpectraFunction, measure_margins
-from flexlin.periodic.roots import ROOT, SignedEnds, solve_uncertain
+from flexlin.periodic.precision import ROOT, TINY
+from flexlin.periodic.roots import SignedEnds, solve_uncertain
 
 STEP = float(np.sqrt(ROOT))
 """Of the ranges: the step of the differences that give the margin's gradient, whose only use is the direction of the boundary.
@@ -54,7 +55,7 @@ def find_directions(
     margin = measure_margins(spectra, np.tile(undamped, 4), np.tile(angles, 4))[0].reshape(4, -1)
     across = (margin[0] - margin[1]) / (places[0, :, 0] - places[1, :, 0])
     up = (margin[2] - margin[3]) / (places[2, :, 1] - places[3, :, 1])
-    return np.stack([up, -across], axis=1) / np.maximum(np.hypot(across, up), np.finfo(float).tiny)[:, None]
+    return np.stack([up, -across], axis=1) / np.maximum(np.hypot(across, up), TINY)[:, None]
 
 
 def place_cubic(first: Vertices, second: Vertices, share: Array) -> Array:
@@ -77,7 +78,7 @@ def find_middles(
     middle = place_cubic(first, second, np.array([0.5]))[:, 0]
     along = 6 * (second.points - first.points) - length[:, None] * (first.directions + second.directions)
     normal = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    normal /= np.maximum(np.linalg.norm(along, axis=1), np.finfo(float).tiny)[:, None]
+    normal /= np.maximum(np.linalg.norm(along, axis=1), TINY)[:, None]
     undamped, angles = first.undamped & second.undamped, mean_angles(first.angles, second.angles)
 
     def margin(which: Array, offsets: Array) -> tuple[Array, Array]:
@@ -95,9 +96,9 @@ def find_middles(
     met = np.flatnonzero(here * there <= 0)
     start = SignedEnds(np.zeros(len(met)), outer[met], here[met], there[met])
     ends, left = solve_uncertain(lambda k, x: margin(met[k], x), start, accuracy)
-    off, error, slope = np.full(len(middle), np.inf), np.zeros(len(middle)), np.full(len(middle), np.finfo(float).tiny)
-    reach = np.maximum(start.width, np.finfo(float).tiny)
-    slope[met] = np.maximum(np.abs(there - here)[met] / reach, np.finfo(float).tiny)
+    off, error, slope = np.full(len(middle), np.inf), np.zeros(len(middle)), np.full(len(middle), TINY)
+    reach = np.maximum(start.width, TINY)
+    slope[met] = np.maximum(np.abs(there - here)[met] / reach, TINY)
     error[met] = np.minimum(left / slope[met], reach) + ends.width / 2
     off[met], middle[met] = np.abs(ends.best), middle[met] + ends.best[:, None] * normal[met]
     points, unknown = np.clip(middle, 0.0, 1.0), np.full(middle.shape, np.nan)

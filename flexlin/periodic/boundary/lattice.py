@@ -7,6 +7,7 @@ from flexlin.checks import Array
 from flexlin.periodic.boundary.follow import Vertices
 from flexlin.periodic.boundary.lines import Scan, add_quiet_strips, add_tongues, list_changes, solve_changes
 from flexlin.periodic.boundary.spectra import Spectra, SpectraFunction
+from flexlin.periodic.precision import TINY
 
 CELLS = 32
 """Cells of the coarsest scan, and of the lattice on either side."""
@@ -108,7 +109,7 @@ def link_nodes(nodes: Vertices, entered: Array, left: Array) -> Array:
         coming, going = (np.flatnonzero((cells == cell).all(axis=1)) for cells in (entered, left))
         chord = nodes.points[going][None] - nodes.points[coming][:, None]
         length = np.linalg.norm(chord, axis=2)
-        unit = chord / np.maximum(length, np.finfo(float).tiny)[..., None]
+        unit = chord / np.maximum(length, TINY)[..., None]
         ahead = np.einsum("ik,ijk->ij", nodes.directions[coming], unit)
         after = np.einsum("jk,ijk->ij", nodes.directions[going], unit)
         rows, columns = linear_sum_assignment(length * (2 - ahead - after))

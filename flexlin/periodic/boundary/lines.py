@@ -6,8 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.periodic.boundary.effort import SCAN, Effort
 from flexlin.periodic.boundary.spectra import Spectra, measure_margins, measure_meetings
-from flexlin.periodic.roots import MOST, ROOT, SignedEnds, solve_brackets, solve_uncertain
+from flexlin.periodic.circle import measure_distances
+from flexlin.periodic.precision import MINOR, ROOT, TINY
+from flexlin.periodic.roots import MOST, SignedEnds, solve_brackets, solve_uncertain
 
 REACH = 2.0
 """A pair whose decay over a period exceeds its motion across a cell by this factor is not lifted to growth inside the cell alone."""
@@ -83,21 +86,28 @@ class Zeros:
     slopes: Array
 
 
-def nowhere(spectra: Spectra) -> Array:
-    """No cell of a scan is settled, (V - 1,)."""
-    return np.zeros(len(spectra.logs) - 1, dtype=bool)
+def settles(scan: Spectra) -> Array:
+    """Between which neighbours of a scan (V,) the verdict cannot change, (V - 1,).
 
-
-def add_tongues(scan: Scan, accuracy: float, settles: Callable[[Spectra], Array] = nowhere) -> tuple[Scan, Peaks]:
-    """The scan with further values in tongues between two of its own, and all peaks that were climbed.
-
-    Parameters: accuracy: of the place of a peak; settles: spectra (V,) -> cells (V - 1,) in which none is looked for.
+    Where both are stable: every log of a multiplier is further from the axis than it moves across the cell, by the factor REACH, as for
+    peaks of a scan, and by MINOR, since one that decays less may meet others anywhere. Where both are unstable: one that grows is so.
+    Where neither has an answer there is nothing to find.
     """
-    settled = settles(scan.spectra)
-    if not (settled[0] and settled[-1]):
-        scan = scan.with_values(*list_end_peaks(scan))
-        settled = settles(scan.spectra)
-    peaks = climb_peaks(scan, accuracy, settled)
+    verdicts, known = scan.verdicts, scan.known
+    logs = np.where(known[:, None], scan.logs, 0.0)
+    apart = measure_distances(logs[:-1].T, logs[1:].T)  # (n, n, V - 1)
+    there, back = REACH * apart.min(axis=1).T, REACH * apart.min(axis=0).T
+    a, b = logs[:-1].real, logs[1:].real
+    decays = np.all((-a > there + MINOR) & (-b > back + MINOR), axis=1)
+    grows = np.any(a > there + MINOR, axis=1) & np.any(b > back + MINOR, axis=1)
+    stable, unstable = (verdicts[1:] < 0) & (verdicts[:-1] < 0), (verdicts[1:] > 0) & (verdicts[:-1] > 0)
+    return np.asarray((stable & decays) | (unstable & grows) | (~known[1:] & ~known[:-1]))
+
+
+def add_tongues(scan: Scan, accuracy: float, effort: Effort | None = None) -> tuple[Scan, Peaks]:
+    """The scan with further values in tongues between two of its own, and all peaks that were climbed; accuracy: of the place of a peak."""
+    scan = scan.with_values(*list_end_peaks(scan, settles(scan.spectra)))
+    peaks = climb_peaks(scan, accuracy, settles(scan.spectra), effort or Effort())
     return scan.with_values(peaks.line[peaks.unstable], peaks.values[peaks.unstable]), peaks
 
 
@@ -107,8 +117,9 @@ def measure_heights(spectra: Spectra) -> Array:
     return np.concatenate([meetings, spectra.logs.real.max(axis=1, keepdims=True)], axis=1)
 
 
-def list_end_peaks(scan: Scan) -> tuple[Array, Array]:
-    """Line and value inside the first and the last cell of each where a parabola through three values has its top."""
+def list_end_peaks(scan: Scan, settled: Array) -> tuple[Array, Array]:
+    """Line and value inside the first and the last cell of each, where that is not settled and a parabola through three values has its top
+    there."""
     first = np.flatnonzero(np.append(True, ~scan.joined))
     last = np.append(first[1:], len(scan.line)) - 1
     lines, values = [], []
@@ -116,7 +127,8 @@ def list_end_peaks(scan: Scan) -> tuple[Array, Array]:
         x = scan.values[three][..., None]
         top = fit_parabola(x, measure_heights(scan.spectra.at(three.ravel())).reshape(*three.shape, -1))[0]
         step = ROOT * (x[2] - x[0])
-        owner, column = np.nonzero((top > x[cell] + step) & (top < x[cell + 1] - step))
+        inside = (top > x[cell] + step) & (top < x[cell + 1] - step)
+        owner, column = np.nonzero(inside & ~settled[three[cell]][:, None])
         lines.append(scan.line[first[owner]])
         values.append(top[owner, column])
     return np.concatenate(lines), np.concatenate(values)
@@ -128,16 +140,23 @@ def list_peaks(scan: Scan, heights: Array, settled: Array) -> tuple[Array, Array
     inner = quiet[1:-1] & quiet[:-2] & quiet[2:] & scan.joined[1:] & scan.joined[:-1] & (open_[1:] | open_[:-1])
     before, here, after = heights[:-2], heights[1:-1], heights[2:]
     top = (here >= before) & (here >= after) & ((here > before) | (here > after))
-    drop = np.maximum(here - np.minimum(before, after), 0.0)
-    largest = scan.spectra.logs.real.max(axis=1, keepdims=True)
-    growth = np.concatenate([measure_meetings(scan.spectra)[1], largest], axis=1)[1:-1]
-    near = -growth <= REACH * np.concatenate([np.sqrt(drop[:, :-1]), drop[:, -1:]], axis=1)
-    index, column = np.nonzero(inner[:, None] & top & near)
+    columns = np.broadcast_to(np.arange(heights.shape[1]), here.shape)
+    may = may_grow(scan.spectra.at(np.arange(1, len(heights) - 1)), np.stack([before, here, after]), columns)
+    index, column = np.nonzero(inner[:, None] & top & may)
     return index + 1, column
 
 
-def climb_peaks(scan: Scan, accuracy: float, settled: Array) -> Peaks:
-    """Climb by parabolas through three values, until a system is unstable or two multipliers have met.
+def may_grow(spectra: Spectra, heights: Array, column: Array) -> Array:
+    """Whether what drops from spectra (V,) to its sides, heights (3, V, ...) of columns (V, ...), could rise as much again to growth."""
+    drop = np.maximum(heights[1] - np.minimum(heights[0], heights[2]), 0.0)
+    largest = spectra.logs.real.max(axis=1, keepdims=True)
+    growth = np.concatenate([measure_meetings(spectra)[1], largest], axis=1)
+    decay = -np.take_along_axis(growth, column.reshape(len(growth), -1), axis=1).reshape(column.shape)
+    return np.asarray(decay <= REACH * np.where(column < growth.shape[1] - 1, np.sqrt(drop), drop))
+
+
+def climb_peaks(scan: Scan, accuracy: float, settled: Array, effort: Effort) -> Peaks:
+    """Climb by parabolas through three values, until a system is unstable, two multipliers have met, or none can grow between the three.
 
     Source: Brent, Algorithms for Minimization without Derivatives (1973), ch. 5: successive parabolic interpolation.
     """
@@ -146,20 +165,25 @@ def climb_peaks(scan: Scan, accuracy: float, settled: Array) -> Peaks:
     three, line = index + np.arange(-1, 2)[:, None], scan.line[index]
     x, f, error = scan.values[three], heights[three, column], widest_error(scan.spectra)[index]
     unstable, climbing = np.zeros(len(index), dtype=bool), np.ones(len(index), dtype=bool)
-    bend = np.maximum(-fit_parabola(x, f)[1], 0.0)
+    bend, slow = np.maximum(-fit_parabola(x, f)[1], 0.0), np.zeros(len(index), dtype=bool)
     for _ in range(MOST):
         which = np.flatnonzero(climbing)
         if not len(which):
             break
-        new = place_top(x[:, which], f[:, which])
+        if not effort.affords(len(which), (1 + SCAN) / 2):
+            effort.gap = max(effort.gap, float(np.ptp(x[:, which], axis=0).max()))
+            break
+        new, width = place_top(x[:, which], f[:, which], slow[which]), np.ptp(x[:, which], axis=0)
         found = scan.at(line[which], new)
         value = measure_heights(found)[np.arange(len(which)), column[which]]
         error[which], unstable[which] = widest_error(found), found.verdicts > 0
         moved = np.abs(new - x[1, which])
         x[:, which], f[:, which] = enclose_peak(x[:, which], f[:, which], new, value)
+        slow[which] = ~slow[which] & (np.ptp(x[:, which], axis=0) > width / 2)
         x[1, which] = np.where(unstable[which], new, x[1, which])
         met = np.abs(f[1, which]) <= error[which] ** 2
-        climbing[which] = ~unstable[which] & (moved > accuracy) & ~met
+        may = may_grow(found, f[:, which], column[which])
+        climbing[which] = ~unstable[which] & (moved > accuracy) & ~met & may
     conjugate = (column == 0) | (column == heights.shape[1] - 2)
     return Peaks(line, x[1], unstable, 2 * np.sqrt(np.maximum(-f[1], 0.0)), bend, conjugate, error)
 
@@ -177,12 +201,13 @@ def fit_parabola(x: Array, f: Array) -> tuple[Array, Array]:
         return np.asarray(x[1] - (first + bend * (x[1] - x[0])) / (2 * bend)), np.asarray(bend)
 
 
-def place_top(x: Array, f: Array) -> Array:
-    """The top of the parabola through three points (3, V) about a peak; inside them, and off the middle one."""
+def place_top(x: Array, f: Array, slow: Array) -> Array:
+    """The top of the parabola through three points (3, V) about a peak; inside them, and off the middle one; by the golden section where
+    the parabola was slow: where multipliers change partners heights jump."""
     left, right, top = x[1] - x[0], x[2] - x[1], fit_parabola(x, f)[0]
     golden = (3 - np.sqrt(5)) / 2
     wide = np.where(left > right, x[1] - golden * left, x[1] + golden * right)
-    inside = np.isfinite(top) & (top > x[0]) & (top < x[2]) & (top != x[1])
+    inside = np.isfinite(top) & (top > x[0]) & (top < x[2]) & (top != x[1]) & ~slow
     return np.where(inside, top, wide)
 
 
@@ -233,7 +258,12 @@ def list_changes(scan: Scan) -> Changes:
 
 
 def solve_changes(
-    found: Changes, at: LinesFunction, accuracy: float, guess: Array | None = None, reach: float = 0.0
+    found: Changes,
+    at: LinesFunction,
+    accuracy: float,
+    effort: Effort | None = None,
+    guess: Array | None = None,
+    reach: float = 0.0,
 ) -> Zeros:
     """Narrow every change to `accuracy` by a function that is smooth through the boundary.
 
@@ -254,11 +284,14 @@ def solve_changes(
     if guess is not None and len(wrong):
         a[wrong], b[wrong] = found.quiet[wrong], found.unstable[wrong]
         at_a[wrong], at_b[wrong] = margin(wrong, a[wrong])[0], margin(wrong, b[wrong])[0]
-    tiny = np.finfo(float).tiny
-    start = SignedEnds(a, b, np.minimum(at_a, -tiny), np.maximum(at_b, tiny))
-    ends, left = solve_uncertain(margin, start, accuracy)
+    start = SignedEnds(a, b, np.minimum(at_a, -TINY), np.maximum(at_b, TINY))
+    effort = effort or Effort()
+    ends, left = solve_uncertain(margin, start, accuracy, effort.affords)
     with np.errstate(divide="ignore", invalid="ignore"):
         slopes = np.array([at_a / (a - ends.best), at_b / (b - ends.best)]) * np.sign(b - a)
     slope = np.nanmin(np.where(slopes > 0, slopes, np.inf), axis=0)
     error = np.minimum(left / slope, np.abs(found.unstable - found.quiet))
+    early = (ends.width > accuracy) & (ends.at_a != 0) & (ends.at_b != 0)
+    effort.unfinished |= bool(early.any())
+    error = np.where(early, ends.width, error)
     return Zeros(ends.best, error + 2 * np.spacing(np.abs(ends.best)), slope)

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.circle import wrap_angle
-from flexlin.periodic.product.perturbation import SAME
+from flexlin.periodic.precision import CUBE
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ SpectraFunction = Callable[[Array], Spectra]
 def count_resting(spectra: Spectra) -> int:
     """How many logs are zero at every value: free rigid motions, whose drift is no instability."""
     known = spectra.at(spectra.known)
-    near = np.abs(known.logs) <= np.where(np.isfinite(known.errors), known.errors, 0.0) + SAME
+    near = np.abs(known.logs) <= np.where(np.isfinite(known.errors), known.errors, 0.0) + CUBE
     return int(near.sum(axis=1).min()) if len(near) else 0
 
 
@@ -110,7 +110,7 @@ def measure_margins(spectra: Spectra, undamped: Array, angles: Array) -> tuple[A
     a, b = pair[:, 0], pair[:, -1]
     passing = -((np.hypot((a - b).real, wrap_angle((a - b).imag)) / 2) ** 2)
     neutral = np.where(spectra.verdicts > 0, growth**2, passing)
-    own = np.abs(np.sin(angles)) < SAME
+    own = np.abs(np.sin(angles)) < CUBE
     product = np.where(own, np.abs(a * b), np.abs(a.real * b.real))
     mirror = np.minimum(np.abs(wrap_angle(angles)), np.pi - np.abs(wrap_angle(angles)))
     partner = own | (np.abs(b.imag) < mirror)  # the conjugate of a is none

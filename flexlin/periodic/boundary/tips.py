@@ -10,7 +10,7 @@ from flexlin.periodic.boundary.follow import EXACT
 from flexlin.periodic.boundary.lattice import spread
 from flexlin.periodic.boundary.spectra import SpectraFunction, measure_margins
 from flexlin.periodic.chebyshev import chebyshev_nodes
-from flexlin.periodic.product.perturbation import SAME
+from flexlin.periodic.precision import CUBE
 from flexlin.periodic.resolved.panels import NODES
 
 DEGREE = 5
@@ -53,7 +53,7 @@ def find_tip(
         close = []
         for side in sides:
             point, bend = find_critical(margin, side)
-            if np.abs(point).max() <= 1 + SAME and bend > 0:
+            if np.abs(point).max() <= 1 + CUBE and bend > 0:
                 left = abs(float(value_of(margin, point)))
                 apart = np.sqrt(2 * (left + rounding + tail) / bend) * (high - low).max() / 2
                 place = np.clip((low + high) / 2 + point * (high - low) / 2, 0.0, 1.0)
@@ -77,7 +77,7 @@ def find_critical(margin: Array, side: tuple[int, int] | None) -> tuple[Array, f
     for _ in range(NODES):
         gradient = np.array([value_of(slopes[axis], point) for axis in free])
         hessian = np.array([[value_of(bends[i][j], point) for i in free] for j in free])
-        point[free] = np.clip(point[free] + np.linalg.lstsq(hessian, -gradient, rcond=SAME)[0], -2.0, 2.0)
+        point[free] = np.clip(point[free] + np.linalg.lstsq(hessian, -gradient, rcond=CUBE)[0], -2.0, 2.0)
     return point, float(np.abs(np.linalg.eigvalsh(hessian)).max())
 
 

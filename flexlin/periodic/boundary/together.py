@@ -1,20 +1,20 @@
 """Spectra of many small systems at once: each on the same parts of its own period, by two rules that share neither node nor edge."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.boundary.spectra import Spectra
+from flexlin.periodic.precision import EPS
 from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.gauss import CHUNK_BYTES, collocate, gauss, place_nodes
+from flexlin.periodic.transition.gauss import CHUNK_BYTES, collocate, collocate_accelerations, gauss, place_nodes
 
 STAGES = 4
 """Gauss stages of the rule that shows how wrong the one with a stage more may be."""
 SEGMENTS = (NODES // STAGES, NODES, NODES * STAGES)
 """Of a period; systems that miss tol on the first are tried on the next."""
-EPS = float(np.finfo(float).eps)
 
 
 def find_together(systems: Sequence[PeriodicSystem], tol: float) -> tuple[Spectra, Array]:
@@ -49,12 +49,17 @@ def solve_on(systems: Sequence[PeriodicSystem], periods: Array, segments: int) -
     grids = np.concatenate([even[:1], shifted, even[-1:]]), even
     rules = gauss(STAGES), gauss(STAGES + 1)
     shares = [place_nodes(grid, rule.c).ravel() for grid, rule in zip(grids, rules, strict=True)]
-    samples = np.array([one.A(one.period * np.concatenate(shares)) for one in systems])
+    times, twice = np.concatenate(shares), all(one.second_order is not None for one in systems)
+    sampled = [sample_either(one, one.period * times, twice) for one in systems]
+    factor: Callable[..., Array] = collocate_accelerations if twice else collocate
     products = []
     with np.errstate(over="ignore", invalid="ignore"):
-        for grid, rule, part in zip(grids, rules, np.split(samples, [len(shares[0])], axis=1), strict=True):
-            A = part.reshape(count, len(grid) - 1, len(rule.c), n, n)
-            products.append(multiply_up(collocate(A, periods[:, None] * np.diff(grid), rule)))
+        for grid, rule, first in zip(grids, rules, (0, len(shares[0])), strict=True):
+            segments, stages = len(grid) - 1, len(rule.c)
+            parts = [np.array(part)[:, first : first + segments * stages] for part in zip(*sampled, strict=True)]
+            parts = [part.reshape(count, segments, stages, *part.shape[2:]) for part in parts]
+            lengths = periods[:, None] * np.diff(grid)
+            products.append(multiply_up(factor(*parts, lengths, rule)))
     (coarse, _), (P, rounding) = products
     known = (
         np.isfinite(P).all(axis=(1, 2)) & np.isfinite(coarse).all(axis=(1, 2)) & np.isfinite(rounding).all(axis=(1, 2))
@@ -72,6 +77,11 @@ def solve_on(systems: Sequence[PeriodicSystem], periods: Array, segments: int) -
         logs[known] = np.log(values.astype(complex))
         errors[known] = np.where(share < 0.5, -np.log1p(-np.minimum(share, 0.5)), np.inf)
     return logs, errors
+
+
+def sample_either(system: PeriodicSystem, t: Array, twice: bool) -> tuple[Array, ...]:
+    """M, D and K of a second-order system at times (N,), else A."""
+    return system.second_order.sample(t) if twice and system.second_order is not None else (system.A(t),)
 
 
 def multiply_up(factors: Array) -> tuple[Array, Array]:

@@ -24,6 +24,7 @@ from flexlin.periodic.chebyshev import (
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.grid import divided
+from flexlin.periodic.precision import EPS, ROOT, TINY
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
 from flexlin.periodic.quadratic.scattering import symmetrize
 from flexlin.periodic.resolved.companion import ResolvedCompanion
@@ -32,14 +33,11 @@ from flexlin.periodic.resolved.panels import MOST_PANELS, NODES, TAIL
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
 
-LEAST = float(np.sqrt(np.finfo(float).eps))
-"""Coefficients of X that are left out, in units in which X has a diagonal of ones."""
 CLOSE = 1e-6
 """How small the last coefficients of X must be, relative to its largest values; and relative distance of a bound above the eigenvalues
 that were computed, ten times as large until it bounds the others too."""
 SHIFT = 0.9
 """Share of the decay that the Lyapunov equation is asked to prove, and of the margin that the bound between samples must leave."""
-EPS = float(np.finfo(float).eps)
 ROUNDED = NODES * EPS
 """Relative rounding of a sum of as many terms as a panel has nodes."""
 Resolved = ResolvedMatrix | ResolvedCompanion
@@ -108,7 +106,7 @@ def assemble(resolved: Resolved, edges: Array, A: Array, X: Array) -> CommonPane
     kept = trimmed(A, error / NODES)
     error = error + np.abs(A[:, kept.shape[1] :]).sum(axis=1).max(axis=0)
     error = np.where(np.any(A, axis=(0, 1)), error, 0.0)
-    return CommonPanels(edges, kept, trimmed(X, LEAST * np.outer(units, units)), error)
+    return CommonPanels(edges, kept, trimmed(X, ROOT * np.outer(units, units)), error)
 
 
 def error_of(resolved: Resolved) -> Array:
@@ -226,7 +224,7 @@ def bound_ratio(R: Array, X: Array) -> float:
     """
     some = slice(None, None, isqrt(R.shape[1]))
     most = float(largest_ratios(R[:, some], X[:, some]).max())
-    above = CLOSE * abs(most) + np.finfo(float).tiny
+    above = CLOSE * abs(most) + TINY
     while not is_bound(most + above, R, X):
         above *= 10
     return most + above
@@ -369,8 +367,8 @@ def list_weights(result: FloquetResult, resolved: Resolved) -> dict[str, Array]:
         rows = np.linalg.inv(vectors)
         weights["modes of the mean"] = 2 * symmetrize(((rows.conj().T * rates) @ rows).real)
     sizes = np.abs(mean)
-    units = np.sqrt(sizes.sum(axis=1) / np.maximum(sizes.sum(axis=0), np.finfo(float).tiny))
-    return weights | {"units of the states": np.diag(1 / np.maximum(units, LEAST) ** 2)}
+    units = np.sqrt(sizes.sum(axis=1) / np.maximum(sizes.sum(axis=0), TINY))
+    return weights | {"units of the states": np.diag(1 / np.maximum(units, ROOT) ** 2)}
 
 
 def solve_equation(result: FloquetResult, resolved: Resolved, Q: Array) -> Callable[[Array], Array]:

@@ -10,13 +10,10 @@ from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.decoupling.grouping import Group, block_mask
 from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, sylvester
 from flexlin.periodic.decoupling.waves import circle_derivative, harmonics
+from flexlin.periodic.precision import FARTHEST, SLIGHT, TINY
 
-LARGEST = 400.0
-"""Growths beyond exp(LARGEST) count as that: neither says anything."""
 STILL = 8.0
 """Modes that grow by less than exp(STILL) against each other within a period do not bring out what is hidden."""
-LINKED = 1e-3
-"""Modes whose multipliers are moved less by each other do not take each other's place."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +71,7 @@ class Coupled:
         behind *= -np.sign(behind.mean(axis=0))
         run = np.cumsum(np.concatenate([behind, behind]), axis=0) * self.period / len(self.B)
         growth = (run - np.minimum.accumulate(run, axis=0)).max(axis=0)
-        return np.asarray(np.expm1(np.minimum(growth, LARGEST) / 2))
+        return np.asarray(np.expm1(np.minimum(growth, FARTHEST) / 2))
 
 
 def block_values(B: Array, groups: tuple[Group, ...]) -> Array:
@@ -108,13 +105,13 @@ def group_separation(values: Array, period: float, groups: tuple[Group, ...]) ->
     run = np.cumsum(mean - mean.mean(axis=0), axis=0) * period / len(values)
     swing = np.ptp(run[:, :, None] - run[:, None, :], axis=0)
     oblique = np.divide(gap, damping, out=np.full_like(gap, np.inf), where=damping > 0)
-    return Separation(gap, crossing, oblique, np.exp(np.minimum(swing, LARGEST)), beat, ~block_mask(groups))
+    return Separation(gap, crossing, oblique, np.exp(np.minimum(swing, FARTHEST)), beat, ~block_mask(groups))
 
 
 def nearest_on_chords(z: Array) -> Array:
     """The least distance from zero of closed polygons with the corners z (N, ...): modes may cross between two nodes."""
     step = np.roll(z, -1, axis=0) - z
-    length = np.maximum(np.abs(step) ** 2, np.finfo(float).tiny)
+    length = np.maximum(np.abs(step) ** 2, TINY)
     part = np.clip(-(z * step.conj()).real / length, 0, 1)
     return np.abs(z + part * step).min(axis=0)
 
@@ -199,7 +196,7 @@ def hidden_effect(coupled: Coupled, rounding: Array) -> Array:
     gap = np.where(single[:, None] & single, measure_distances(logs, logs) / period, 0)
     for g in groups:
         size = np.sqrt(np.einsum("kj,jl->kjl", F[g.part], F[:, g.part])) * caught_up[g.part, :, None]
-        share = size / np.maximum(np.maximum(gap[g.part, :, None], size), np.finfo(float).tiny)
+        share = size / np.maximum(np.maximum(gap[g.part, :, None], size), TINY)
         total[g.part, g.part] = (size * share).sum(axis=1)
     return total
 
@@ -211,7 +208,7 @@ def link_modes(coupled: Coupled, rounding: Array) -> Array:
     with np.errstate(invalid="ignore"):
         seen = np.sqrt(rough * rough.T) * apart.swing
     F = hidden_couplings(coupled, rounding)
-    linked = np.maximum(seen, np.sqrt(F * F.T) * coupled.catch_up) * coupled.period > LINKED
+    linked = np.maximum(seen, np.sqrt(F * F.T) * coupled.catch_up) * coupled.period > SLIGHT
     return np.asarray(linked & apart.outside & np.isinf(apart.oblique))
 
 
@@ -228,5 +225,5 @@ def hidden_couplings(coupled: Coupled, rounding: Array) -> Array:
     Source: Berry, Histories of adiabatic quantum transitions, Proc. R. Soc. A 429 (1990).
     """
     crossing = coupled.apart.outside & np.isinf(coupled.apart.oblique)
-    shrunk = np.exp(-coupled.size / np.maximum(coupled.moved, 1e-3 * coupled.size + np.finfo(float).tiny))
+    shrunk = np.exp(-coupled.size / np.maximum(coupled.moved, SLIGHT * coupled.size + TINY))
     return np.where(crossing, coupled.size * shrunk + rounding, 0)

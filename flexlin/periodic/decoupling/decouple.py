@@ -9,25 +9,23 @@ from flexlin.checks import Array
 from flexlin.periodic.decoupling.coupling import Coupled, hidden_effect, residual_effect
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.grouping import find_eigenvectors
-from flexlin.periodic.decoupling.parting import EPS, MAX_MERGES, SPARSE, Parted, built_on, part_frame
+from flexlin.periodic.decoupling.parting import MAX_MERGES, SPARSE, Parted, built_on, part_frame
 from flexlin.periodic.decoupling.waves import aliasing, circle_derivative, interleaved, interpolated, shifted, tail
+from flexlin.periodic.precision import EPS, MINOR, PARTIAL, ROOT, SLIGHT
 from flexlin.periodic.product.perturbation import COHERENT
-from flexlin.periodic.resolved.sampling import stratified
+from flexlin.periodic.resolved.panels import NODES
+from flexlin.periodic.resolved.sampling import POINTS, RESOLVED, stratified
 from flexlin.periodic.system import MatrixFunction
 
 Uncertainty = Callable[[Array, Array, Array], Array]
-FIRST_NODES, MAX_NODES = 32, 256
-ROUGH = 1e-3
-"""Coefficients whose upper harmonics are larger than this part of the largest need more nodes."""
-STRAY, HIDDEN, ROUNDED, NEARER, LARGE = 16, 10.0, 1e-13, 0.3, 1e-8
-"""Times on no grid at which A(t) is held against its nodes; by what factor it may differ by more than is seen, or than rounding; what twice
-the nodes leave of what is seen, at the most, of waves larger than a part of their entry."""
+FIRST_NODES, MAX_NODES = NODES, 256
+HIDDEN = 10.0
+"""By what factor A(t), on no grid, may differ from its nodes' series by more than is seen half-way between these, or than rounding."""
 
 
 def decouple(
     A: MatrixFunction,
     period: float,
-    breaks: tuple[float, ...] = (),
     tol: float = 1e-9,
     uncertainty: Uncertainty | None = None,
     tries: int = MAX_MERGES,
@@ -43,7 +41,6 @@ def decouple(
     ----------
     A : function (N,) -> (N, n, n), in 1/s.
     period : in s.
-    breaks : times at which A is not smooth; there `panel_exponents` serves.
     tol : wanted error of an exponent, in 1/s up to |lambda| = 1/s and relative beyond.
     uncertainty : times, left and right vectors -> bounds on the couplings by what A is not known by (N, n, n), in 1/s.
     tries : how often groups are tried at the most, each time with those together that did not part.
@@ -69,12 +66,10 @@ def decouple(
     >>> decoupled
     Decoupled(n=2, groups=[1, 1], nodes=64, rounds=1)
     """
-    if breaks:
-        return Refusal("the coefficients have breaks")
     count = FIRST_NODES
     samples = A(period / count * np.arange(count))
     roughness = tail(samples)
-    while roughness > ROUGH:
+    while roughness > SLIGHT:
         if count == MAX_NODES:
             return Refusal(f"the coefficients are not resolved by {count} nodes")
         samples = interleaved(samples, A(period / count * (np.arange(count) + 0.5)))
@@ -130,11 +125,11 @@ def hides_waves(A: MatrixFunction, period: float, samples: Array, between: Array
     N nodes and those half-way take a harmonic k for k - 2 m N and agree on it. One that neither set holds, so that twice the nodes come
     no nearer to it, may meet a gap in resonance.
     """
-    both, t = interleaved(samples, between), period * stratified(STRAY)
+    both, t = interleaved(samples, between), period * stratified(POINTS)
     apart = np.abs(interpolated(both, period, t) - A(t)).max(axis=0)
     seen, size = np.abs(shifted(samples, 0.5) - between).max(axis=0), np.abs(both).max(axis=0)
-    wave = apart > HIDDEN * (seen + ROUNDED * size) + EPS * size.max()
-    return bool(np.any(wave | (apart > np.maximum(NEARER * seen, LARGE * size) + HIDDEN * ROUNDED * size.max())))
+    wave = apart > HIDDEN * (seen + RESOLVED * size) + EPS * size.max()
+    return bool(np.any(wave | (apart > np.maximum(PARTIAL * seen, ROOT * size) + HIDDEN * RESOLVED * size.max())))
 
 
 def checked(
@@ -175,7 +170,7 @@ def with_evidence(
     apart = np.maximum(np.abs(means[::2].mean(axis=0) - means[1::2].mean(axis=0)), aliasing(means))
     noise = 4 * np.diagonal(rounding)
     hidden = hidden_effect(coupled, rounding)
-    parted = np.diagonal(done.residual) < 0.3 * allowed + noise
+    parted = np.diagonal(done.residual) < PARTIAL * allowed + noise
     parted |= np.diagonal(hidden) > allowed  # more nodes would not help
     stated = replace(done, residual=done.residual + hidden, rounding=rounding, coupled=coupled)
-    return stated, apart < 0.1 * allowed + noise, parted
+    return stated, apart < MINOR * allowed + noise, parted

@@ -4,14 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexlin.checks import Array, times
+from flexlin.checks import Array
 from flexlin.periodic.decoupling.coupling import Coupled
 from flexlin.periodic.decoupling.grouping import Group
-from flexlin.periodic.decoupling.waves import interpolated
-from flexlin.periodic.system import PeriodicSystem
 
-SAFETY = 3.0
-"""Factor on the coupling's effect and rounding."""
 UNRESOLVED = 0.5
 """Logs of multipliers with larger errors are ill-conditioned beyond measuring; they are only enclosed."""
 
@@ -52,27 +48,13 @@ class Decoupled:
         sizes = [group.size for group in self.groups]
         return f"Decoupled(n={sum(sizes)}, groups={sizes}, nodes={len(self.times)}, rounds={self.rounds})"
 
-    def T(self, t: Array) -> Array:
-        """The coordinates' columns at the times t (N,): (N, n, n), complex."""
-        return interpolated(self.frame, self.period, times(t))
-
-    def blocks(self, t: Array) -> list[Array]:
-        """The diagonal blocks of B at the times t (N,): one (N, p, p) for each group."""
-        t = times(t)
-        return [interpolated(self.generator[:, g.part, g.part], self.period, t) for g in self.groups]
-
-    def to_system(self, index: int) -> tuple[PeriodicSystem, complex]:
-        """The small real system of one group without its mean rotation and decay, and the mean that was taken out.
+    def traceless(self, index: int) -> tuple[Array, complex]:
+        """The real generator (N, m, m) at the nodes of one group without its mean rotation and decay, and the mean that was taken out.
 
             w' = (B_g(t) - c(t)) w,   c = trace B_g / p:   exponents of the group = mean c + exponents of w
 
-        A group of p modes with a complex basis is written as 2 p real states; its system holds the conjugates of the exponents too.
+        A group of p modes with a complex basis is written as 2 p real states; that system holds the conjugates of the exponents too.
         """
-        values, mean = self.traceless(index)
-        return PeriodicSystem(lambda t: interpolated(values, self.period, t), self.period), mean
-
-    def traceless(self, index: int) -> tuple[Array, complex]:
-        """The real generator (N, m, m) of `to_system` at the nodes, and the mean of c."""
         group = self.groups[index]
         B = self.generator[:, group.part, group.part]
         c = np.trace(B, axis1=1, axis2=2) / group.size
@@ -88,16 +70,10 @@ class Decoupled:
 
 @dataclass(frozen=True)
 class DecoupledExponents:
-    """Exponents (n,) in 1/s by falling real part, imaginary parts in (-pi/T, pi/T], and their errors (n,).
-
-    discretization, coupling, rounding (n,): the parts of the errors; of larger groups all three stand in `discretization`.
-    """
+    """Exponents (n,) in 1/s by falling real part, imaginary parts in (-pi/T, pi/T], and their errors (n,)."""
 
     exponents: Array
     errors: Array
-    discretization: Array
-    coupling: Array
-    rounding: Array
 
 
 def as_real(B: Array) -> Array:

@@ -6,11 +6,8 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.assignment import assign
+from flexlin.periodic.precision import PARTIAL
 
-AMBIGUOUS = 0.3
-"""Two modes whose vectors share more than this part from one node to the next are not distinguished."""
-LOST = 0.3
-"""A constant row that sees less than this part of a subspace at some time is not enough: it turns away."""
 Eigenvectors = tuple[Array, ...]
 """Eigenvalues (N, n), right vectors (N, n, n) as columns and left ones (N, n, n) as rows, at nodes."""
 
@@ -65,14 +62,14 @@ def find_eigenvectors(A: Array) -> Eigenvectors:
     return values.astype(complex), right, np.linalg.inv(right)
 
 
-def follow_modes(found: Eigenvectors, closed: bool = True) -> Modes:
-    """Eigenvalues and vectors at the nodes of a closed curve or of an open one, in one order: that of the first node.
+def follow_modes(found: Eigenvectors) -> Modes:
+    """Eigenvalues and vectors at the nodes of a closed curve in one order: that of the first node.
 
     The share |w_i(t_k) v_j(t_k+1) w_j(t_k+1) v_i(t_k)| does not depend on the vectors' lengths; the best matching is taken.
     """
     values, right, left = found
     share = np.abs((left @ np.roll(right, -1, 0)) * np.swapaxes(np.roll(left, -1, 0) @ right, 1, 2))
-    order, near = matched(share, closed)
+    order, near = matched(share)
     values = np.take_along_axis(values, order, 1)
     right = np.take_along_axis(right, order[:, None, :], 2)
     left = np.take_along_axis(left, order[:, :, None], 1)
@@ -80,21 +77,19 @@ def follow_modes(found: Eigenvectors, closed: bool = True) -> Modes:
     return Modes(values, right, left, conjugate, near)
 
 
-def matched(share: Array, closed: bool) -> tuple[Array, Array]:
+def matched(share: Array) -> tuple[Array, Array]:
     """The order of the modes at each node (N, n), and the pairs that are ambiguous or change places after a period (n, n)."""
     count, n = share.shape[:2]
     best = share.argmax(axis=2)
-    steps_taken = count if closed else count - 1
     order, near = np.empty((count + 1, n), int), np.zeros((n, n), bool)
     order[0] = np.arange(n)
-    for k, step in enumerate(best[:steps_taken]):
+    for k, step in enumerate(best):
         if len(np.unique(step)) < n:
             step = assign(-share[k])
         order[k + 1] = step[order[k]]
-    now, then = order[:steps_taken, :, None], order[1 : steps_taken + 1, None, :]
-    near |= (share[np.arange(steps_taken)[:, None, None], now, then] > AMBIGUOUS).any(axis=0) & ~np.eye(n, dtype=bool)
-    if closed:
-        near[np.arange(n), order[-1]] = True
+    now, then = order[:-1, :, None], order[1:, None, :]
+    near |= (share[np.arange(count)[:, None, None], now, then] > PARTIAL).any(axis=0) & ~np.eye(n, dtype=bool)
+    near[np.arange(n), order[-1]] = True
     return order[:count], near | near.T
 
 
@@ -147,30 +142,29 @@ def block_mask(groups: tuple[Group, ...]) -> Array:
     return label[:, None] == label
 
 
-def find_frame(modes: Modes, groups: tuple[Group, ...], node: int = 0) -> tuple[Array, Array]:
+def find_frame(modes: Modes, groups: tuple[Group, ...]) -> tuple[Array, Array]:
     """Bases T (N, n, n) of the groups' subspaces, and the real groups whose basis is complex (G,).
 
         T_g(t) = V_g(t) (R_g V_g(t))^-1,   R_g constant rows:  R_g T_g = 1
 
-    T is as smooth as the subspace, periodic, and does not depend on the vectors V that span it. R_g: the left vectors L_g at one node,
-    real for a real group. Where the subspace turns away from them, L_g +- i L_g(t), t where they see least: (cos s, sin s) turns to
+    T is as smooth as the subspace, periodic, and does not depend on the vectors V that span it. R_g: the left vectors L_g at the first
+    node, real for a real group. Where the subspace turns away from them, L_g +- i L_g(t), t where they see least: (cos s, sin s) turns to
     (1, tan s) by the first, and to exp(-i s) (cos s, sin s) by the second.
 
     Source: Kato, Perturbation Theory for Linear Operators, II.4.2 (transformation functions), without their transport.
     """
-    mask, nodes = block_mask(groups), np.arange(len(modes.values))
-    V = np.empty_like(modes.right)
-    V[node] = start_basis(modes, groups, node)
-    for k in [*nodes[node + 1 :], *nodes[:node][::-1]]:  # carried along, so that V at one node is like V at the next
-        V[k] = modes.right[k] @ ((modes.left[k] @ V[k - 1 if k > node else k + 1]) * mask)
+    mask, V = block_mask(groups), np.empty_like(modes.right)
+    V[0] = start_basis(modes, groups)
+    for k in range(1, len(V)):  # carried along, so that V at one node is like V at the next
+        V[k] = modes.right[k] @ ((modes.left[k] @ V[k - 1]) * mask)
     L = np.linalg.solve((modes.left @ V) * mask, modes.left)
     T, complex_basis = np.empty_like(V), np.zeros(len(groups), bool)
     for i, group in enumerate(groups):
         if group.partner < i:
             T[:, :, group.part] = T[:, :, groups[group.partner].part].conj()
             continue
-        seen, R = measure_sight(L[node, group.part], V[:, :, group.part])
-        if seen.min() < LOST:
+        seen, R = measure_sight(L[0, group.part], V[:, :, group.part])
+        if seen.min() < PARTIAL:
             turned = [R + sign * L[seen.argmin(), group.part] for sign in (1j, -1j)]
             R = max(turned, key=lambda rows: measure_sight(rows, V[:, :, group.part])[0].min())
             complex_basis[i] = group.partner == i
@@ -184,16 +178,16 @@ def measure_sight(R: Array, V: Array) -> tuple[Array, Array]:
     return np.linalg.svd(R @ V, compute_uv=False)[:, -1], R
 
 
-def start_basis(modes: Modes, groups: tuple[Group, ...], node: int) -> Array:
-    """A basis at one node: real vectors for real groups, the eigenvectors for the others, conjugates in pairs."""
-    T = modes.right[node].copy()
+def start_basis(modes: Modes, groups: tuple[Group, ...]) -> Array:
+    """A basis at the first node: real vectors for real groups, the eigenvectors for the others, conjugates in pairs."""
+    T = modes.right[0].copy()
     for i, group in enumerate(groups):
         V = T[:, group.part]
         if group.partner == i:
             size = np.abs(V).max(axis=1, keepdims=True)
             size[size == 0] = 1
             U = np.linalg.svd(np.hstack([V.real, V.imag]) / size)[0][:, : group.size] * size
-            T[:, group.part] = (V @ (modes.left[node, group.part] @ U)).real
+            T[:, group.part] = (V @ (modes.left[0, group.part] @ U)).real
         elif group.partner < i:
             T[:, group.part] = T[:, groups[group.partner].part].conj()
     return T

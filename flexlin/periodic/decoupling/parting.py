@@ -10,23 +10,16 @@ from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.grouping import Eigenvectors, Group, find_frame, follow_modes, grouped_modes
 from flexlin.periodic.decoupling.superadiabatic import SLOW_PART, low_harmonics, mixing, rounds, sylvester
 from flexlin.periodic.decoupling.waves import circle_derivative, interleaved, shifted, smooth
+from flexlin.periodic.precision import EPS, MINOR, PARTIAL, SLIGHT
+from flexlin.periodic.product.balancing import GROUP_CONDITION
 
 ADIABATIC = 0.05
 """Modes stay together where the basic frequency exceeds this part of the gap between their eigenvalues at some time."""
-MIXING = 0.1
-"""Modes that a first step would mix by more than this stay together."""
-PART = 0.1
-"""The part of what is allowed that rounds aim at for each pair: the couplings of a group add up, and it may amplify them."""
-LARGEST_SWING = 1e3
-"""Modes that may grow against each other by more than this are not put together for that reason: it would not help them."""
-SETTLED, WORST = 1e-3, 0.3
-"""While modes are still mixed by more than SETTLED, only those are put together that mix by at least the part WORST of the strongest."""
 HOPELESS = 300.0
 """On the fewest nodes, modes are put together only where their coupling exceeds what is allowed by this factor: others may part on more."""
 MAX_ROUNDS, MAX_MERGES = 14, 12
 SPARSE = 4
 """Means of rounding are taken at every so many nodes: it changes slowly."""
-EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
@@ -91,14 +84,14 @@ def part_frame(frame: Frame, A: Array, period: float, tol: float) -> Parted:
     B = np.linalg.solve(T, A @ T - circle_derivative(T, period))
     S = sylvester(B, groups)
     share = mixing(S)
-    stuck, excess, made = share > MIXING, np.inf, 0
+    stuck, excess, made = share > MINOR, np.inf, 0
     if not stuck.any():
         allowed = tol * np.maximum(1, frame.size)[:, None]
         T, B, S, made, left = part_groups(T, B, S, groups, period, allowed)
-        stuck = left > 0.1 * allowed + transformation_noise(T, A)
+        stuck = left > MINOR * allowed + transformation_noise(T, A)
         share, excess = mixing(S), float((left / allowed)[stuck].max(initial=0.0))
-    if (strongest := share[stuck].max(initial=0.0)) > SETTLED:
-        stuck &= share >= WORST * strongest
+    if (strongest := share[stuck].max(initial=0.0)) > SLIGHT:  # put those together that mix the most
+        stuck &= share >= PARTIAL * strongest
     none = np.zeros(stuck.shape)
     parted = Decoupled(period, np.empty(0), T, T, B, groups, frame.turning, none, none, made)
     return Parted(parted, stuck, excess, frame.size)
@@ -109,7 +102,7 @@ def part_groups(
 ) -> tuple[Array, Array, Array, int, Array]:
     """Make the rounds: T, B, S, how many were made, and what the coupling that is left does to each mode by each other one (n, n)."""
     apart = group_separation(block_values(B, groups), period, groups)
-    apart = replace(apart, swing=np.minimum(apart.swing, LARGEST_SWING))
+    apart = replace(apart, swing=np.minimum(apart.swing, GROUP_CONDITION))
     i, j = np.nonzero(apart.outside & (SLOW_PART * apart.gap < np.pi / period * len(B)))
 
     def measure(B: Array, S: Array) -> Array:
@@ -118,7 +111,7 @@ def part_groups(
         return pair_effects(B, S, apart, rough)
 
     def effect(B: Array, S: Array) -> Array:
-        return measure(B, S) / (PART * allowed)
+        return measure(B, S) / (MINOR * allowed)  # couplings of a group add up, and it may amplify them
 
     T, B, S, made = rounds(B, T, S, groups, lambda S: low_harmonics(S, period, apart.gap), effect, MAX_ROUNDS)
     return T, B, S, made, measure(B, S)

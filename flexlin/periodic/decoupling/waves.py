@@ -5,13 +5,11 @@ from functools import lru_cache
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.fourier import fourier_waves
+from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.precision import ROOT
 
 KEPT = 1 / 3
 """The part of the nodes' harmonics that the filter keeps; the others hold the rounding that differentiation amplifies."""
-
-
-EPS = float(np.finfo(float).eps)
 
 
 def apply(operator: Array, values: Array) -> Array:
@@ -60,25 +58,16 @@ def interleaved(nodes: Array, between: Array) -> Array:
 
 
 def interpolated(values: Array, period: float, t: Array) -> Array:
-    """The trigonometric interpolant of nodes k T / N at the times t (M,), without harmonics that are nothing but rounding."""
-    count = len(values)
-    spectrum = np.fft.fft(values, axis=0).reshape(count, -1) / count
-    if count % 2 == 0:  # half of the middle harmonic on either side: a cosine
-        spectrum[count // 2] /= 2
-    H = count // 2
-    up, down = spectrum[1 : H + 1], spectrum[: -H - 1 : -1]
-    size = np.maximum(np.abs(up).max(axis=1, initial=0.0), np.abs(down).max(axis=1, initial=0.0))
-    K = int(np.flatnonzero(size > EPS / 16 * np.abs(spectrum).max()).max(initial=-1)) + 1
-    waves = fourier_waves(np.asarray(t, float) / period, K)
-    found = (spectrum[0] + waves @ up[:K] + waves.conj() @ down[:K]).reshape(len(waves), *values.shape[1:])
-    return found if np.iscomplexobj(values) else found.real
+    """The trigonometric interpolant of nodes k T / N at the times t (M,), without the middle harmonic of an even count."""
+    parts = np.ascontiguousarray(values).view(float)
+    return FourierSeries.through(parts, period)(np.asarray(t, float)).view(values.dtype)
 
 
 def tail(values: Array) -> float:
     """The largest harmonic of the upper half against the largest of all, entry by entry where that is not rounding."""
     spectrum = np.abs(np.fft.rfft(values, axis=0)).reshape(len(values) // 2 + 1, -1)
     whole = spectrum.max(axis=0)
-    moving = spectrum[1:].max(axis=0) > 1e-8 * whole
+    moving = spectrum[1:].max(axis=0) > ROOT * whole
     return float((spectrum[len(spectrum) // 2 :].max(axis=0)[moving] / whole[moving]).max()) if moving.any() else 0.0
 
 

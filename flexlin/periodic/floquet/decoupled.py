@@ -11,48 +11,40 @@ from flexlin.periodic.assignment import assign
 from flexlin.periodic.circle import pair_conjugates, wrap_angle, wrap_log
 from flexlin.periodic.decoupling.coupling import Coupled, link_modes
 from flexlin.periodic.decoupling.decouple import FIRST_NODES, decouple
-from flexlin.periodic.decoupling.decoupled import SAFETY, UNRESOLVED, Decoupled, DecoupledExponents, Refusal, as_real
+from flexlin.periodic.decoupling.decoupled import UNRESOLVED, Decoupled, DecoupledExponents, Refusal, as_real
 from flexlin.periodic.decoupling.grouping import block_mask, connected
 from flexlin.periodic.decoupling.parting import MAX_MERGES
 from flexlin.periodic.decoupling.waves import aliasing, shifted
 from flexlin.periodic.floquet.segmented import SegmentedSpectrum, solve_by_segments
 from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.precision import MINOR, SAFETY
 from flexlin.periodic.product.balancing import balance_factors
 from flexlin.periodic.resolved.companion import couple_uncertainty
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.choice import choose_setting
+from flexlin.periodic.transition.choice import BESIDE, VECTORS, choose_setting
+from flexlin.periodic.transition.setting import FEWER_SEGMENTS
 
-ENCLOSED = 0.1
-"""An exponent that is known only to this part of its size, and to lie below the others, counts as unresolved."""
-MOST = 4000
-"""Groups that need more segments are only enclosed: their modes mostly take turns."""
 MARK = 0.7
 """The angle by which the members of a complex group are turned, to separate them from their conjugates."""
 
 
-def estimate_decoupling_work(n: int, panels: int) -> float:
-    """Microseconds to decouple n states, as measured: overhead, and eigenvectors and products at every node; for each panel."""
-    nodes = (4 if panels > 1 else 2) * FIRST_NODES  # those that check included
-    return panels * (6000 + nodes * (20 + 6 * n + 0.06 * n**3))
+def estimate_decoupling_work(n: int) -> float:
+    """Multiplications to decouple n states, as measured: overhead, and eigenvectors and products at the nodes and between them."""
+    return 2 * FIRST_NODES * (BESIDE * (40 + 2.4 * n) + 6 * VECTORS * n**3)
 
 
 def solve_decoupled(
     system: PeriodicSystem, tol: float, tries: int = MAX_MERGES
-) -> tuple[Array, Array, Decoupled | None] | Refusal:
+) -> tuple[Array, Array, Decoupled] | Refusal:
     """Exponents (n,) and errors (n,) in 1/s, inf for enclosed ones, by decoupling; or why that does not serve.
 
-    What was decoupled is handed on, where it was the whole period at once. tries: as of `decouple`.
+    What was decoupled is handed on. tries: as of `decouple`.
     """
     coefficients, T = system.resolved, system.period
     if coefficients.breaks:
-        from flexlin.periodic.decoupling.panels import panel_exponents
-
-        panels = panel_exponents(coefficients, T, coefficients.breaks)
-        if isinstance(panels, Refusal):
-            return panels
-        return panels.exponents, hide_enclosed(panels.exponents, panels.errors), None
-    decoupled = decouple(coefficients, T, (), tol, partial(couple_uncertainty, coefficients), tries)
+        return Refusal("the coefficients have breaks")
+    decoupled = decouple(coefficients, T, tol, partial(couple_uncertainty, coefficients), tries)
     if isinstance(decoupled, Refusal):
         return decoupled
     found = decoupled_exponents(decoupled, tol)
@@ -61,7 +53,7 @@ def solve_decoupled(
 
 def hide_enclosed(exponents: Array, errors: Array) -> Array:
     """Mark by inf what is only enclosed, if it lies below all that is known: the others keep their enclosures as errors."""
-    known = errors <= ENCLOSED * np.maximum(1.0, np.abs(exponents))
+    known = errors <= MINOR * np.maximum(1.0, np.abs(exponents))
     if not known.any():
         return errors
     lowest = float((exponents.real - errors)[known].min())
@@ -76,26 +68,26 @@ def decoupled_exponents(decoupled: Decoupled, tol: float = 1e-9) -> DecoupledExp
     (`solve_group`); what couples it to others counts as not known of its coefficients.
     """
     T, n = decoupled.period, decoupled.generator.shape[-1]
-    values, parts = np.zeros(n, complex), np.zeros((3, n))
+    values, errors = np.zeros(n, complex), np.zeros(n)
     enclose = cache(partial(enclosures, decoupled))
     single = [i for i, group in enumerate(decoupled.groups) if group.size == 1 and group.partner >= i]
     places = [decoupled.groups[i].start for i in single]
-    values[places], parts[:, places] = singles(decoupled, single, enclose)
+    values[places], errors[places] = singles(decoupled, single, enclose)
     for i, group in enumerate(decoupled.groups):
         if group.partner < i:
             mate = decoupled.groups[group.partner].part
-            values[group.part], parts[:, group.part] = values[mate].conj(), parts[:, mate]
+            values[group.part], errors[group.part] = values[mate].conj(), errors[mate]
         elif group.size > 1:
-            values[group.part], parts[0, group.part] = solve_group(decoupled, i, tol, enclose)
+            values[group.part], errors[group.part] = solve_group(decoupled, i, tol, enclose)
     values = wrap_log(values * T) / T
     order = np.argsort(-values.real, kind="stable")
-    return DecoupledExponents(values[order], parts.sum(axis=0)[order], *parts[:, order])
+    return DecoupledExponents(values[order], errors[order])
 
 
 def singles(
     decoupled: Decoupled, indices: list[int], enclose: Callable[[], tuple[Array, Array]]
 ) -> tuple[Array, Array]:
-    """The exponents (s,) of groups of one, and their three errors (3, s).
+    """The exponents (s,) of groups of one, and their errors (s,).
 
     Where the coupling's bound exceeds what the real parts of the coupled modes `enclose`, the enclosure counts.
     """
@@ -113,7 +105,7 @@ def singles(
         low, high = (each[places] for each in enclose())
         reach = np.hypot(np.maximum(high - values.real, values.real - low), np.pi / decoupled.period)
         coupling[loose] = np.minimum(coupling, reach)[loose]
-    return values, np.array([apart, coupling, SAFETY * decoupled.rounding[places, places]])
+    return values, apart + coupling + SAFETY * decoupled.rounding[places, places]
 
 
 def solve_group(
@@ -129,7 +121,7 @@ def solve_group(
     if found is not None and found[1].max() * T < UNRESOLVED:
         return found
     own, mean = decoupled.traceless(index)
-    low, high = (mean.real + bound for bound in bound_growth(own, T))
+    low, high = (mean.real + bound for bound in bound_growth(own))
     if linked:
         below, above = (each[group.part] for each in enclose())
         low, high = min(low, below.min()), max(high, above.max())
@@ -174,7 +166,7 @@ def solve_series(values: Array, period: float, unknown: Array, tol: float) -> Se
     series = FourierSeries.through(values, period)
     system = PeriodicSystem(series, period)
     vars(system)["resolved"] = ResolvedMatrix(series, (), (), off, len(values), off[None])
-    return solve_by_segments(system, choose_setting(system, tol, "auto", None, None), tol, MOST)
+    return solve_by_segments(system, choose_setting(system, tol, "auto", None, None), tol, FEWER_SEGMENTS)
 
 
 def enclosures(decoupled: Decoupled) -> tuple[Array, Array]:
@@ -190,37 +182,13 @@ def enclosures(decoupled: Decoupled) -> tuple[Array, Array]:
     return low.mean(axis=0), high.mean(axis=0)
 
 
-def bound_growth(values: Array, period: float) -> tuple[float, float]:
-    """Bounds on the real parts of all exponents of w' = B w (N, m, m), w = S v, S diagonal or eigenvectors at the nodes.
+def bound_growth(values: Array) -> tuple[float, float]:
+    """Bounds on the real parts of all exponents of w' = B w (N, m, m), in units S in which rows and columns of B are of like size.
 
         min eig H <= d log |v| / dt <= max eig H,   H = (S^-1 B S + its transpose) / 2
 
-    |v| grows by |S_(k+1)^-1 S_k| from one node's coordinates to the next.
-
     Source: Coppel (1965), Stability and Asymptotic Behavior of Differential Equations, III.2 (Lozinskii's logarithmic norm).
     """
-    scale = balance_factors(values)[1]
-    even = values * (scale / scale[:, None])
-    plain, turned = (logarithmic_norms(even, period, vectors) for vectors in (None, np.linalg.eig(even)[1]))
-    return max(plain[0], turned[0]), min(plain[1], turned[1])
-
-
-def logarithmic_norms(values: Array, period: float, vectors: Array | None = None) -> tuple[float, float]:
-    """Bounds on the real parts of all exponents, from the coordinates of `vectors` (N, m, m) at the nodes if there are any."""
-    if vectors is None:
-        plain = np.linalg.eigvalsh((values + np.swapaxes(values, 1, 2)) / 2)
-        return float(plain[:, 0].mean()), float(plain[:, -1].mean())
-    try:
-        inverse = np.linalg.inv(vectors)
-    except np.linalg.LinAlgError:
-        return -np.inf, np.inf
-    turned = np.roll(inverse, -1, axis=0) @ vectors
-    ends = []
-    for B in (values, np.roll(values, -1, axis=0)):
-        own = inverse @ B @ vectors
-        ends.append(np.linalg.eigvalsh((own + np.conj(np.swapaxes(own, 1, 2))) / 2))
-    crossed = np.log(
-        np.maximum(np.linalg.norm(turned, 2, axis=(1, 2)), np.linalg.norm(np.linalg.inv(turned), 2, axis=(1, 2)))
-    )
-    more, (low, high) = crossed.sum() / period, (np.minimum(*ends)[:, 0].mean(), np.maximum(*ends)[:, -1].mean())
-    return float(low - more), float(high + more)
+    even = balance_factors(values)[0]
+    ends = np.linalg.eigvalsh((even + np.swapaxes(even, 1, 2)) / 2).mean(axis=0)
+    return float(ends[0]), float(ends[-1])

@@ -9,19 +9,12 @@ from flexlin.periodic.decoupling.decoupled import Decoupled
 from flexlin.periodic.decoupling.grouping import Group, block_mask
 from flexlin.periodic.decoupling.waves import harmonics, interpolated
 from flexlin.periodic.floquet.decoupled import follow_group
-from flexlin.periodic.floquet.periodic_vectors import FARTHEST, periodic_vectors
+from flexlin.periodic.floquet.periodic_vectors import periodic_vectors
+from flexlin.periodic.precision import CUBE, FAINT, FARTHEST, FOURTH, ROOT
 from flexlin.periodic.transition.gauss import gauss_transitions
 
-STAGES = 8
-"""Gauss stages between two nodes, for a group of several modes."""
-TOGETHER = 20.0
-"""The logarithm of what the modes of a group may gain against each other in a period."""
-SMALL, TURNS, SETTLED = 1e-4, 40, 1e-9
-"""What is left of the coupling may mix two modes by SMALL; what it does is found to SETTLED of itself in so many turns."""
-INDEPENDENT = 1e6
-"""Modes of a group whose condition number is larger coincide nearly: they are sought with what they share in view."""
-SAME = 1e-6
-"""How well the logs of multipliers must agree with those that were asked for."""
+TURNS = 40
+"""In which what is left of the coupling is found to a small part of itself."""
 
 
 def solve_decoupled_modes(decoupled: Decoupled, exponents: Array) -> tuple[Array, Array] | None:
@@ -46,7 +39,7 @@ def solve_decoupled_modes(decoupled: Decoupled, exponents: Array) -> tuple[Array
         own[group.part], V[:, group.part, group.part], moved[:, group.part] = found
     apart = measure_distances(exponents * period, own * period)
     column = assign(apart)
-    if not apart[np.arange(n), column].max() < SAME * max(1.0, float(np.abs(own).max()) * period):
+    if not apart[np.arange(n), column].max() < CUBE * max(1.0, float(np.abs(own).max()) * period):
         return None
     S, run = correct_modes(decoupled, V, own, moved), integrate_circle(moved, period)
     if S is None or not np.ptp(run.real, axis=0).max() < FARTHEST:
@@ -71,13 +64,13 @@ def follow_block(decoupled: Decoupled, index: int, group: Group) -> tuple[Array,
     if followed is None:
         return None
     exponents, errors = followed
-    if not errors.max() * period < SAME or not np.ptp(exponents.real) * period < TOGETHER:
+    if not errors.max() * period < CUBE:
         return None
     middle, times = exponents.mean(), np.append(decoupled.times, period)
     values = B - middle * np.eye(group.size)
-    factors = gauss_transitions(lambda t: interpolated(values, period, t), times, STAGES)
+    factors = gauss_transitions(lambda t: interpolated(values, period, t), times)
     V, known = periodic_vectors(factors, times, exponents - middle, np.zeros(group.size, int), 1)
-    if not known.all() or not np.linalg.cond(V).max() < INDEPENDENT:
+    if not known.all() or not np.linalg.cond(V).max() < 1 / ROOT:  # else modes coincide nearly
         return None
     return exponents, V, np.zeros(V.shape[:2])
 
@@ -107,8 +100,8 @@ def correct_modes(decoupled: Decoupled, V: Array, own: Array, moved: Array) -> A
         size = np.abs(S).max(axis=0)
         if not np.isfinite(size).all():
             return None
-        if np.all(np.abs(S - before).max(axis=0) <= SETTLED * (size + size @ size)):
-            return S if measure_mixing(S) < SMALL else None
+        if np.all(np.abs(S - before).max(axis=0) <= FAINT * (size + size @ size)):
+            return S if measure_mixing(S) < FOURTH else None
     return None
 
 

@@ -16,19 +16,16 @@ from flexlin.periodic.floquet.decoupled import estimate_decoupling_work, solve_d
 from flexlin.periodic.floquet.hamiltonian import is_hamiltonian, pair_hamiltonian
 from flexlin.periodic.floquet.result import FloquetResult, find_reached, judge
 from flexlin.periodic.floquet.segmented import solve_by_segments
+from flexlin.periodic.precision import CUBE, EPS, SAFETY
 from flexlin.periodic.product.balancing import balance_factors
-from flexlin.periodic.product.perturbation import EPS, bound_pairs, separate_triangular
+from flexlin.periodic.product.perturbation import bound_pairs, separate_triangular
 from flexlin.periodic.resolved.companion import couple_uncertainty
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.choice import choose_setting, estimate_segment_work, fall_back
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, Setting
 
-PATIENCE = 1e6
-"""Work of collocation (`estimate_segment_work`) that is spent where decoupling has answered, but not to the wanted accuracy."""
-ALIKE = 1e-5
-"""Exponents that agree within errors as small as this are a double one that rounding splits: segments know it no better."""
-BACKWARD = 3.0
-"""Roundings of |A| that the QR algorithm commits, beyond those of the entries."""
+PATIENCE = 4e9
+"""Multiplications of collocation that are spent where decoupling has answered, but not to the wanted accuracy."""
 FACTOR_BYTES = 2**27
 """The transition matrices of a period take at most this many bytes."""
 
@@ -156,20 +153,18 @@ def answer_by_either(system: PeriodicSystem, setting: Setting, tol: float, limit
     if decoupled is not None and not (count_missed(decoupled, tol) and is_worth_trying(system, setting, limit)):
         return decoupled
     try:
-        possible = setting if setting.segments <= limit else fall_back(system, tol)
-        answer = answer_by_segments(system, possible, tol, limit)
+        answer = answer_by_segments(system, setting, tol, limit)
     except TooManySegments:
-        if decoupled is None:
-            raise
-        return decoupled
+        if decoupled is not None:
+            return decoupled
+        answer = answer_by_segments(system, fall_back(system, tol), tol, limit)
     return answer if decoupled is None or count_missed(answer, tol) <= count_missed(decoupled, tol) else decoupled
 
 
 def try_decoupling(system: PeriodicSystem, setting: Setting, tol: float) -> FloquetResult | None:
     """The exponents by decoupling, where that promises less work than segments, and serves."""
-    panels = len(system.resolved.breaks) + 1
     by_segments = estimate_segment_work(system.n, system.second_order is not None, setting)
-    tries = by_segments / estimate_decoupling_work(system.n, panels)
+    tries = by_segments / estimate_decoupling_work(system.n)
     if tries < 1:
         return None
     found = solve_decoupled(system, tol, int(min(tries, MAX_MERGES)))
@@ -188,9 +183,10 @@ def is_worth_trying(system: PeriodicSystem, setting: Setting, limit: int) -> boo
 
 
 def count_missed(found: FloquetResult, tol: float) -> int:
-    """How many exponents miss tol; those that are enclosed only do not, nor those that coincide with another one as far as can be known."""
+    """How many exponents miss tol; those that are enclosed only do not, nor those that coincide with another one as far as can be
+    known: a double one that rounding splits, which segments know no better."""
     size, logs = np.maximum(1.0, np.abs(found.exponents)), found.exponents * found.period
-    alike = find_coinciding_within(logs, found.errors * found.period) & (found.errors <= ALIKE * size)
+    alike = find_coinciding_within(logs, found.errors * found.period) & (found.errors <= CUBE * size)
     reached = find_reached(found.exponents, found.errors, tol)
     return int(np.sum(~(reached | np.isinf(found.errors) | alike)))
 
@@ -267,7 +263,7 @@ def solve_constant(system: PeriodicSystem) -> tuple[Array, Array]:
     T, Q = complex_schur(A[0])
     X, shared = separate_triangular(T)
     right, left = Q @ X, np.linalg.solve(X, Q.conj().T)
-    size = BACKWARD * EPS * np.linalg.norm(A[0])
+    size = SAFETY * EPS * np.linalg.norm(A[0])
     coupling = size * np.outer(np.linalg.norm(left, axis=1), np.linalg.norm(right, axis=0))
     uncertain = couple_uncertainty(system.resolved, np.zeros(1), (left / scale)[None], (scale[:, None] * right)[None])
     coupling += uncertain[0] / unit

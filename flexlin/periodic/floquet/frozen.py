@@ -6,9 +6,7 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.assignment import assign
-
-REAL = 1e-9
-"""An imaginary part below this share of an eigenvalue's size is none: the mode does not oscillate."""
+from flexlin.periodic.precision import ROOT
 
 
 @dataclass(frozen=True)
@@ -21,7 +19,7 @@ class FrozenModes:
     @property
     def frequencies(self) -> Array:
         """Im / 2 pi in Hz of the eigenvalue of each pair that turns forward, (N, n); nan where a mode does not oscillate."""
-        turns = self.values.imag > REAL * np.abs(self.values)
+        turns = self.values.imag > ROOT * np.abs(self.values)
         return np.where(turns, self.values.imag / (2 * np.pi), np.nan)
 
 

@@ -9,24 +9,21 @@ from numpy.polynomial.legendre import leggauss
 from flexlin.checks import Array, check_size, whole
 from flexlin.periodic.circle import count_turns, measure_distances
 from flexlin.periodic.floquet.result import find_reached
+from flexlin.periodic.precision import EPS, FOURTH, PARTIAL, SAFETY
 from flexlin.periodic.product.balancing import balance_factors
 from flexlin.periodic.resolved.companion import couple_uncertainty
+from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choice import count_waves
 
-SEEN = 97
-"""Times at which the sizes of A's entries are looked at."""
 FIRST = 8
 """Harmonics of the first matrix at the least."""
 MAX_SIZE = 900
 """Rows of the largest Hill matrix: its eigenvalues take some seconds."""
 HELD = 5
 """Complex matrices of that size that are held together: the matrix, its eigenvectors on both sides, and work."""
-SAME, SHIFTED = 1e-4, 0.3
-"""Eigenvalues closer than SAME omega modulo i omega, whose shifted vectors differ by less than SHIFTED, are one solution."""
-
-OWN, TURN = 28, 4
-"""Gauss nodes of a panel for its polynomials, and more of them for each turn of the wave they are multiplied by."""
+TURN = 4
+"""Gauss nodes of a panel for each turn of the wave that its polynomials are multiplied by, beside NODES for these."""
 
 
 @dataclass(frozen=True)
@@ -97,15 +94,15 @@ def truncate_hill(system: PeriodicSystem, harmonics: int) -> tuple[Array, Array]
     taken = choose_copies(values, modes, w)
     angle = np.maximum(np.abs((left[:, taken].conj() * right[:, taken]).sum(axis=0)), 1e-300)
     size = np.linalg.norm(H, 2)
-    noise = 4 * np.finfo(float).eps * size + unknown
+    noise = SAFETY * EPS * size + unknown
     return values[taken], np.minimum(noise / angle, np.sqrt(noise * size))
 
 
 def look_at_entries(system: PeriodicSystem) -> tuple[Array, float]:
     """Powers of two (n,) that make rows and columns of A alike in size, and a bound on what is not known of the balanced A."""
-    t = system.period * np.arange(SEEN) / SEEN
+    t = system.period * np.arange(NODES) / NODES
     scale = balance_factors(system.resolved(t))[1]
-    shape = (SEEN, system.n, system.n)
+    shape = (NODES, system.n, system.n)
     left, right = np.broadcast_to(np.diag(1 / scale), shape), np.broadcast_to(np.diag(scale), shape)
     unknown = couple_uncertainty(system.resolved, t, left, right)
     return scale, float(np.linalg.norm(unknown, 2, axis=(1, 2)).max())
@@ -115,7 +112,7 @@ def expand_fourier(system: PeriodicSystem, count: int) -> Array:
     """A_k, k = -count ... count, of A: trapezoidal rule, or Gauss quadrature of each panel of the resolved A."""
     T, resolved = system.period, system.resolved
     if resolved.panels > 1:
-        rules = [leggauss(OWN + int(np.ceil(TURN * count * h / T))) for h in np.diff(resolved.edges)]
+        rules = [leggauss(NODES + int(np.ceil(TURN * count * h / T))) for h in np.diff(resolved.edges)]
         pieces = list(zip(pairwise(resolved.edges), rules, strict=True))
         t = np.concatenate([(c + d) / 2 + (d - c) / 2 * x for (c, d), (x, _) in pieces])
         weight = np.concatenate([(d - c) / (2 * T) * b for (c, d), (_, b) in pieces])
@@ -158,10 +155,10 @@ def is_copy(i: int, taken: list[int], values: Array, modes: Array, w: float) -> 
     span = [
         np.roll(modes[:, :, j], m, axis=0).ravel()
         for j, m, d in zip(taken, shift, apart, strict=True)
-        if m != 0 and d < SAME * w
+        if m != 0 and d < FOURTH * w  # modulo i w
     ]
     if not span:
         return False
     basis = np.linalg.qr(np.column_stack(span))[0]
     vector = modes[:, :, i].ravel()
-    return bool(np.linalg.norm(vector - basis @ (basis.conj().T @ vector)) < SHIFTED)
+    return bool(np.linalg.norm(vector - basis @ (basis.conj().T @ vector)) < PARTIAL)

@@ -1,6 +1,7 @@
 """Floquet modes: the periodic right and left eigenvectors of x' = A(t) x, computed without the period's product."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,23 +14,24 @@ from flexlin.periodic.floquet.decoupled_modes import solve_decoupled_modes
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.periodic_vectors import periodic_vectors
 from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.periodic.precision import ROOT
 from flexlin.periodic.product.balancing import balance_factors
 from flexlin.periodic.system import PeriodicSystem, as_system
 from flexlin.periodic.transition.choice import choose_setting
 from flexlin.periodic.transition.gauss import CHUNK_BYTES, gauss
-from flexlin.periodic.transition.setting import METHODS, factor_by, place_segments
-from flexlin.summary import represent
+from flexlin.periodic.transition.setting import FEWER_SEGMENTS, METHODS, factor_by, place_segments
+from flexlin.plots.view import Series, Shown, View
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
 
 MODES_TOL = 1e-9
 """Accuracy of the transition matrices where the exponents came without any."""
-MODES_SEGMENTS = 4000
-"""Beyond these an L-stable method takes over, which only knows the modes that it resolves."""
-CLUSTER = 1e-7
-"""Logs of multipliers closer than this share their null space."""
 
 
 @dataclass(frozen=True)
-class FloquetModes:
+class FloquetModes(Shown):
     """Modes p_i exp(lambda_i t) of x' = A x, and q_i of the adjoint -x' = A' x, with q_i^H p_i = 1 at every time.
 
     Attributes
@@ -67,7 +69,58 @@ class FloquetModes:
     right: Array
     left: Array
 
-    __repr__ = represent
+    def __repr__(self) -> str:
+        return (
+            f"FloquetModes({len(self.exponents)} modes at {len(self.times)} times of the period {self.period:.6g} s, "
+            f"growth rates {self.exponents.real.min():.6g} to {self.exponents.real.max():.6g} 1/s)"
+        )
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Return the modes with names and units.
+
+        Returns
+        -------
+        xarray.Dataset
+            exponents and error by mode, participation by state and mode, right and left (complex) by time, state and mode.
+        """
+        import xarray
+
+        by_time = ("time", "state", "mode")
+        values = {
+            "exponents": ("mode", self.exponents, {"units": "1/s"}),
+            "error": ("mode", self.errors, {"units": "1/s"}),
+            "participation": (("state", "mode"), self.participation),
+            "right": (by_time, self.right),
+            "left": (by_time, self.left),
+        }
+        return xarray.Dataset(
+            values, coords={"time": ("time", self.times, {"units": "s"})}, attrs={"period": self.period}
+        )
+
+    def to_dataframe(self) -> "pandas.DataFrame":
+        """Return a row for each mode: growth rate and error in 1/s, frequency in Hz, the condition of its exponent.
+
+        Returns
+        -------
+        pandas.DataFrame
+            growth_rate, error, frequency and condition by mode.
+        """
+        import pandas
+
+        columns = {
+            "growth_rate": self.exponents.real,
+            "error": self.errors,
+            "frequency": np.abs(self.exponents.imag) / (2 * np.pi),
+            "condition": self.condition,
+        }
+        return pandas.DataFrame(columns).rename_axis("mode")
+
+    def _view(self) -> View:
+        upper = self.exponents.imag >= 0
+        places = Series("exponents", self.exponents[upper].real, self.exponents[upper].imag / (2 * np.pi), "dots")
+        worst = int(np.argmax(self.condition))
+        facts = (repr(self), f"largest condition {self.condition[worst]:.3g}, of mode {worst}")
+        return View("Floquet modes", "", facts, "growth rate in 1/s", "frequency in Hz", (places,), True)
 
     @property
     def condition(self) -> Array:
@@ -175,7 +228,7 @@ def factor_at_nodes(system: PeriodicSystem, result: FloquetResult) -> tuple[Arra
     setting = result.setting
     if setting.method not in METHODS:
         setting = choose_setting(system, MODES_TOL, "auto", None, None)
-    if setting.segments > MODES_SEGMENTS:
+    if setting.segments > FEWER_SEGMENTS:  # an L-stable method only knows the modes that it resolves
         setting = choose_setting(system, MODES_TOL, "radau", None, None)
     grid = place_segments(system, setting)
     stages = max(4, setting.order // 2)
@@ -188,7 +241,7 @@ def factor_at_nodes(system: PeriodicSystem, result: FloquetResult) -> tuple[Arra
 
 def find_coinciding(logs: Array) -> Array:
     """Which logs of multipliers agree modulo 2 pi i, (n, n) booleans."""
-    return measure_distances(logs, logs) < CLUSTER
+    return measure_distances(logs, logs) < ROOT
 
 
 def biorthogonalize(left: Array, right: Array, same: Array) -> Array:

@@ -3,12 +3,8 @@
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.periodic.precision import CUBE, FARTHEST
 from flexlin.periodic.product.cyclic import cyclic_system
-
-NULL = 1e-5
-"""A singular value below this part of the matrices whose sum it belongs to is that of a null vector."""
-FARTHEST = 300.0
-"""The logarithm of what a mode may lose or gain over factors that are taken together: doubles hold its square."""
 
 
 def periodic_vectors(
@@ -47,5 +43,5 @@ def find_null_modes(G: Array, ranks: Array) -> tuple[Array, Array]:
     """Null vectors (K, n, m) of the cyclic systems of G (m, K, n, n), members of a cluster take different ones; and which exist (m,)."""
     system = cyclic_system(G)
     x, sigma = system.null_vectors(int(ranks.max()) + 1)
-    modes = [x[i, :, :, rank if sigma[i, rank] < NULL * system.size[i] else 0] for i, rank in enumerate(ranks)]
-    return np.stack(modes, axis=-1), sigma[:, 0] < NULL * system.size
+    modes = [x[i, :, :, rank if sigma[i, rank] < CUBE * system.size[i] else 0] for i, rank in enumerate(ranks)]
+    return np.stack(modes, axis=-1), sigma[:, 0] < CUBE * system.size

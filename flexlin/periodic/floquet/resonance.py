@@ -7,10 +7,9 @@ import numpy as np
 from flexlin.arguments import instance
 from flexlin.checks import Array
 from flexlin.periodic.floquet.modes import FloquetModes
+from flexlin.periodic.precision import MINOR
 from flexlin.periodic.system import PeriodicSystem, as_system
 
-MINOR = 0.05
-"""A second mode that carries less than this part of the first one's share takes no part in a resonance."""
 FAR = 1.0
 """Two modes further from the condition than so many w do not meet it: one drives the other, which follows at a frequency of its own."""
 

@@ -12,6 +12,7 @@ from flexlin.periodic.circle import measure_distances
 from flexlin.periodic.decoupling.decoupled import Decoupled
 from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
+from flexlin.periodic.resolved.sampling import RESOLVED
 from flexlin.periodic.transition.setting import Setting
 from flexlin.plots.view import Series, Shown, View
 from flexlin.summary import represent
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
 
 MARGINAL = 1e-9
 """Growth per basic frequency below which no arm shows whether a motion grows or decays."""
-ROUNDED = 1e-13
-"""Of the largest exponent, or of 1 / T: an error that rounding makes, and that no tol makes smaller."""
 MARGINAL_ADVICE = (
     "add damping, write A in coordinates in which its entries are smaller, or treat the system as marginal "
     "(undamped and rigid-body modes are)"
@@ -189,7 +188,7 @@ def judge(
         verdict = "undecided"
     facts = f"growth rate {growth[critical]:.6g} +- {off[critical]:.1e} 1/s by {setting}"
     isolated = undamped and verdict == "undecided" and are_isolated(exponents, errors, period)
-    rounded = off[critical] <= ROUNDED * max(1 / period, max(map(abs, values)))
+    rounded = off[critical] <= RESOLVED * max(1 / period, max(map(abs, values)))
     reason = explain(verdict, growth[critical], off[critical], period, tol, isolated, coarse, rounded)
     advice = {
         "stable": "every disturbance decays",

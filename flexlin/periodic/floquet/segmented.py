@@ -7,30 +7,23 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.assignment import assign
 from flexlin.periodic.circle import measure_distances
+from flexlin.periodic.grid import FINER
+from flexlin.periodic.precision import CUBE, FAINT, ROOT, SLIGHT
 from flexlin.periodic.product.spectrum import ProductSpectrum, find_spectrum
+from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.system import PeriodicSystem
-from flexlin.periodic.transition.setting import Setting, factor_twice, place_segments, report_too_many
+from flexlin.periodic.transition.setting import FEWER_SEGMENTS, Setting, factor_twice, place_segments, report_too_many
 
 SAFETY = 2.0
 """Factor on the method's error, which is measured against a better method."""
 SHARED = 0.003
 """Part of the worst mode's error, relative to what is allowed, that every mode is given: a small one may be so by accident."""
-BLIND, NARROW = 1e-8, 1 / 64
-"""Part of tol that two methods on the same segments are not believed to see, where panels are narrower than this part of the period."""
 LOST = 1e-2
 """A mode whose error exceeds this part of its size is not followed at all, and says nothing of the others."""
-HIDDEN = 1e-3
-"""A mode whose log is uncertain by this part of its distance below the largest is known to lie below, and no more."""
 TURNED, LOOKS = 2.0, 256
 """Radians by which a mode may turn in a segment of Radau's method, and segments at which the eigenvalues of A(t) are looked at."""
-NEXT = 1e-5
-"""Of the period: the time over which the change of a mode's shape is seen."""
-TRACE = 1e-11
-"""Relative error of the mean trace of A that is forgiven."""
-ANOTHER, GROWTH = 1.3, 4.0
-"""Bounds on how much finer the next resolution is: one that rounds independently, and one that is not far too fine."""
-HELPED, MANY = 0.7, 4096
-"""Where rounding alone makes segments shorter: the part of it that half as long ones leave at the most, and how many there may be."""
+HELPED = 0.7
+"""Where rounding alone makes segments shorter: the part of it that half as long ones leave at the most."""
 
 
 @dataclass(frozen=True)
@@ -72,13 +65,18 @@ def solve_by_segments(
             continue
         rounded = float((spectrum.rounding / wanted)[resolved].max(initial=0.0))
         twice = 2 * setting.segments
-        if 1 < rounded < HELPED * before and spectrum.stretched and not fixed and twice <= min(max_segments, MANY):
+        if (
+            1 < rounded < HELPED * before
+            and spectrum.stretched
+            and not fixed
+            and twice <= min(max_segments, FEWER_SEGMENTS)
+        ):
             setting, start, before = setting.with_segments(twice), spectrum.start, rounded
             continue
         if fixed or excess <= 1:
             noisy = not fixed and bool((method > wanted)[resolved].any()) and setting.segments < max_segments
             return add_blind(compare_noise(system, spectrum) if noisy else spectrum, system, tol)
-        finer = np.clip(1.1 * excess ** (1 / setting.order), ANOTHER, GROWTH) if np.isfinite(excess) else GROWTH
+        finer = np.clip(1.1 * excess ** (1 / setting.order), *FINER) if np.isfinite(excess) else FINER[1]
         count = int(np.ceil(setting.segments * finer))
         if count > max_segments:
             raise report_too_many(count, max_segments, tol)
@@ -87,9 +85,9 @@ def solve_by_segments(
 
 def add_blind(spectrum: SegmentedSpectrum, system: PeriodicSystem, tol: float) -> SegmentedSpectrum:
     """Add to the errors what both methods may miss alike at the ends of narrow panels, where neither has a node."""
-    if np.diff(system.resolved.edges).min() > NARROW * system.period:
+    if np.diff(system.resolved.edges).min() > system.period / (2 * NODES):
         return spectrum
-    return replace(spectrum, errors=spectrum.errors + BLIND * tol * np.maximum(system.period, np.abs(spectrum.logs)))
+    return replace(spectrum, errors=spectrum.errors + ROOT * tol * np.maximum(system.period, np.abs(spectrum.logs)))
 
 
 def compare_noise(system: PeriodicSystem, spectrum: SegmentedSpectrum) -> SegmentedSpectrum:
@@ -98,7 +96,7 @@ def compare_noise(system: PeriodicSystem, spectrum: SegmentedSpectrum) -> Segmen
     The rounding of a strongly non-normal factor is far above that of its entries, in both methods, which may agree by accident.
     """
     setting, panels = spectrum.setting, len(spectrum.setting.shares)
-    finer = setting.with_segments(int(np.ceil(ANOTHER * setting.segments)) + panels)  # more in every panel
+    finer = setting.with_segments(int(np.ceil(FINER[0] * setting.segments)) + panels)  # more in every panel
     other = measure_spectrum(system, finer, spectrum.start)[0]
     apart = measure_distances(spectrum.logs, other.logs)
     moved = apart[np.arange(len(apart)), assign(apart)]
@@ -110,17 +108,21 @@ def measure_spectrum(
 ) -> tuple[SegmentedSpectrum, Array]:
     """The exponents at one resolution, and the method's part of their errors (n,)."""
     grid = place_segments(system, setting)
-    (plain, better), middles, unknown = factor_twice(system, grid, setting)
+    (plain, better), steps, unknown = factor_twice(system, grid, setting)
     damped = setting.method == "radau"  # what is fast is damped: the stages do not cancel
-    found = find_spectrum(plain, better, unknown, start=start, middles=None if damped else middles)
+    found = find_spectrum(plain, better, unknown, start=start, steps=None if damped else steps)
     logs, rounding = found.logs, found.rounding
     method = share_errors(found, system.period)
     errors = SAFETY * method + rounding
     if damped:
         below, hidden = logs.real[0] - logs.real, system.period * hidden_growth(system, grid) - logs.real[0]
-        errors = np.where((errors > HIDDEN * below) & (below > errors[0]), np.inf, errors)
+        errors = np.where((errors > SLIGHT * below) & (below > errors[0]), np.inf, errors)
         method, errors = (np.append(np.maximum(part[0], hidden), part[1:]) for part in (method, errors))
     errors = errors + liouville_excess(system, logs, errors)
+    lost = (errors > 1) & np.isfinite(
+        errors
+    )  # a multiplier of which no digit is known may be any that roundings lead to
+    errors = np.where(lost, errors + np.ptp(logs.real), errors)
     return SegmentedSpectrum(logs, errors, rounding, setting, found.start, found.stretched), method
 
 
@@ -134,7 +136,7 @@ def hidden_growth(system: PeriodicSystem, grid: Array) -> float:
     """
     t = system.period * (np.arange(LOOKS) + 0.5) / LOOKS
     h = np.diff(grid)[np.searchsorted(grid, t, side="right") - 1]
-    later = NEXT * system.period
+    later = CUBE * system.period
     values, right = np.linalg.eig(system.resolved(t))
     turning = np.abs(values) * h[:, None] > TURNED
     if not turning.any():
@@ -168,6 +170,6 @@ def liouville_excess(system: PeriodicSystem, logs: Array, errors: Array) -> floa
     if not np.isfinite(errors).all():
         return 0.0
     trace = np.diagonal(system.resolved.mean())
-    known = TRACE * float(np.abs(trace).sum())
+    known = FAINT * float(np.abs(trace).sum())
     missed = abs(float(logs.real.sum()) - system.period * float(trace.sum()))
     return max(0.0, missed - float(errors.sum()) - system.period * known) / len(logs)

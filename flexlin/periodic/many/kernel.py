@@ -1,4 +1,4 @@
-"""The kernel for many values: from a model to exponents with their errors, eight values at a time."""
+"""The kernel for many values: from a model to exponents with their errors, a vector of values at a time."""
 
 import ctypes
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from flexlin.periodic.grid import divide_segments, place_edges
 from flexlin.periodic.transition.gauss import gauss, place_nodes
 
 WIDTH = 8
-"""Values in a vector: results depend on which eight values are computed together, so blocks are cut at multiples of it."""
+"""Values in a vector at the most: results depend on which values are computed together, so blocks are cut at multiples of it."""
 MULTIPLES = (2, 3, 4, 6, 8)
 """Resolutions, in multiples of a coarsest grid; three neighbouring ones give an answer."""
 ORDER = 4

@@ -8,14 +8,19 @@ from numpy.typing import ArrayLike
 
 from flexlin.checks import Array, positive
 from flexlin.errors import ArgumentError
-from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples
+from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples, has_nothing_narrow
+from flexlin.periodic.fourier import FourierSeries, fourier_nodes
 from flexlin.periodic.grid import divide_segments
+from flexlin.periodic.precision import EPS, MINOR
 from flexlin.periodic.quadratic.riccati import periodic_lyapunov
+from flexlin.periodic.quadratic.solution import RiccatiSolution
+from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.panels import MOST_PANELS, NODES
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
 
-EPS = float(np.finfo(float).eps)
+SAMPLES = 256
+"""Times of a period at which sizes are looked at."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +72,7 @@ def h2_norm(system: PeriodicSystem, C: MatrixFunction | ArrayLike, tol: float = 
     ------
     ArgumentError
         When the system has no input or C does not fit.
-    NotStabilizable
+    NotStable
         When the system is not stable.
     ToleranceNotReached
         When X misses tol by far.
@@ -86,24 +91,46 @@ def h2_norm(system: PeriodicSystem, C: MatrixFunction | ArrayLike, tol: float = 
     """
     output = check_ports(system, C)[1]
     B = system.resolved_input
+    solution = periodic_lyapunov(system, Squares(output), MINOR * positive("tol", tol))
+    square, quadrature = mean_power(solution, B)
+    t = fourier_nodes(SAMPLES, system.period)
+    X, reached = np.abs(solution.X(t)), np.abs(B(t)).sum(axis=1)
+    doubt = solution.error * float(X.max()) * float((reached**2).sum(axis=1).mean()) + quadrature
+    value = float(np.sqrt(max(square, 0.0)))
+    return H2Norm(value, float(doubt / (2 * value) if value**2 > doubt else np.sqrt(abs(square) + doubt)))
 
-    def weight(t: Array) -> Array:
-        values = output(t)
+
+@dataclass(frozen=True, eq=False)
+class Squares:
+    """C' C as a function of time, as complete as C."""
+
+    matrix: MatrixFunction
+
+    def __call__(self, t: Array) -> Array:
+        values = self.matrix(t)
         return np.swapaxes(values, 1, 2) @ values
 
-    solution = periodic_lyapunov(system, weight, positive("tol", tol))
+    @property
+    def complete(self) -> bool:
+        return has_nothing_narrow(self.matrix)
+
+
+def mean_power(solution: RiccatiSolution, B: ResolvedMatrix) -> tuple[float, float]:
+    """The mean of trace(B' X B) and what is lost in it: wave by wave where both are Fourier series, else by quadrature."""
+    X = solution.series
+    if isinstance(X, FourierSeries) and isinstance(B.series, FourierSeries):
+        values = B.series.at_nodes(4 * B.degree + 1)
+        S = FourierSeries.through(values @ np.swapaxes(values, 1, 2), B.period)
+        k = min(X.degree, S.degree)
+        products = [np.einsum("tij,tij->", part[:k], other[:k]) for part, other in zip(X.waves, S.waves, strict=True)]
+        mean = float((X.mean() * S.mean()).sum() + sum(products) / 2)
+        return mean, float(NODES * EPS * (np.abs(X.mean()) * np.abs(S.mean())).sum())
 
     def power(t: Array) -> Array:
         reached = B(t)
-        product = np.einsum("tki,tkl,tli->t", reached, solution.X(t), reached)
-        return np.stack(
-            [product, (np.abs(reached).sum(axis=1) ** 2).sum(axis=1), np.abs(solution.X(t)).max(axis=(1, 2))]
-        )
+        return np.einsum("tki,tkl,tli->t", reached, solution.X(t), reached)
 
-    (square, size, largest), quadrature = mean_of_parts(power, np.union1d(solution.edges, B.edges))
-    value = float(np.sqrt(max(square, 0.0)))
-    doubt = solution.error * largest * size + quadrature
-    return H2Norm(value, float(doubt / (2 * value) if value**2 > doubt else np.sqrt(abs(square) + doubt)))
+    return mean_of_parts(power, np.union1d(solution.edges, B.edges))
 
 
 def check_ports(system: PeriodicSystem, C: MatrixFunction | ArrayLike) -> tuple[MatrixFunction, MatrixFunction]:
@@ -117,15 +144,14 @@ def check_ports(system: PeriodicSystem, C: MatrixFunction | ArrayLike) -> tuple[
     return system.B, output
 
 
-def mean_of_parts(f: Callable[[Array], Array], edges: Array) -> tuple[Array, float]:
-    """The mean of f (rows, N) over the period, panels halved until the first row stands still, and its last change."""
+def mean_of_parts(f: Callable[[Array], Array], edges: Array) -> tuple[float, float]:
+    """The mean of f over the period, panels halved until it stands still, and its last change."""
     x, w = np.polynomial.legendre.leggauss(NODES)
     last, change = np.inf, np.inf
     while True:
         h = np.diff(edges)[:, None]
-        values = f((edges[:-1, None] + h * (x + 1) / 2).ravel())
-        mean = values @ (h * w / 2).ravel() / edges[-1]
-        change, before, last = abs(mean[0] - last), change, mean[0]
+        mean = float(f((edges[:-1, None] + h * (x + 1) / 2).ravel()) @ (h * w / 2).ravel()) / float(edges[-1])
+        change, before, last = abs(mean - last), change, mean
         if change > before or change <= EPS * abs(last) or len(h) > MOST_PANELS:
-            return np.array([mean[0], mean[1], values[2].max()]), float(change + NODES * EPS * abs(last))
+            return mean, change + NODES * EPS * abs(last)
         edges = divide_segments(edges, 2)

@@ -8,24 +8,29 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array, positive
 from flexlin.errors import ArgumentError, NotStable, ToleranceNotReached
 from flexlin.lazy import lazy
+from flexlin.periodic.assignment import assign
 from flexlin.periodic.circle import measure_distances
-from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples, has_nothing_narrow
+from flexlin.periodic.coefficients import (
+    Constant,
+    MatrixFunction,
+    as_matrix_function,
+    check_samples,
+    has_nothing_narrow,
+)
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.floquet.modes import solve_modes_at_nodes
 from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.norms.h2 import check_ports
-from flexlin.periodic.product.perturbation import SAME
+from flexlin.periodic.precision import CUBE, EPS, MINOR, SLIGHT, TINY
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.roots import MOST
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
 
-FAINT = 1e-3
-"""How far below zero an eigenvalue of X may lie by rounding, in units in which X has a diagonal of ones; and the least such unit of a
-state, relative to the largest, after the states' own units are evened: what is smaller is rounding of a state that is not seen."""
-BESIDE = 0.05
-"""Of the way from the level at which the distance is predicted to vanish to the bracket's end: how far beside it the next one is tried."""
+BESIDE, GROWTH = 0.01, 8.0
+"""Of the way from the level at which the distance is predicted to vanish to the bracket's end: how far beside it the next one is tried; and
+the factor from level to level until one is above the norm."""
 
 
 @dataclass(frozen=True)
@@ -89,46 +94,64 @@ class BoundedReal:
             lower = np.concatenate([-level * turned_C @ np.linalg.solve(S, C), -np.swapaxes(A, 1, 2)], axis=2)
             return np.concatenate([upper, lower], axis=1)
 
+        if all(one.constant for one in (self.system.resolved, self.B, self.C, self.D)):
+            return PeriodicSystem(H(np.zeros(1))[0], self.system.period)
         return PeriodicSystem(H, self.system.period, breaks=self.breaks, complete=True)
 
-    def judge(self, level: float) -> tuple[int, float, float]:
-        """On which side of the norm a level lies: 1 above, -1 below, 0 where errors hide it; the least |Re| of the exponents of H, and
-        the frequency of that exponent in [0, pi/T].
+    def judge(self, level: float) -> "Level":
+        """On which side of the norm a level lies, as far as the exponents of H show it.
 
-        Above: no multiplier lies on the unit circle, and X = V2 V1^-1 >= 0 at all times, [V1; V2] the decaying modes of H. Without the
-        second condition a level between two singular values, each of which keeps its distance at all frequencies, would pass. Below: one
-        lies there, since no other one is near that could be its mirror image in the circle; or X is indefinite.
+        Above: no multiplier lies on the unit circle, where X says so too. Below: one lies there, since no other one is near that could be
+        its mirror image in the circle.
         """
         system = self.hamiltonian(level)
         found = floquet(system)
         known = np.isfinite(found.errors)
         errors, size = np.where(known, found.errors, 0.0), np.where(known, np.abs(found.exponents.real), np.inf)
-        k = int(np.argmin(size))
-        nearest = float(size[k]), float(abs(found.exponents[k].imag))
+        frequency = float(abs(found.exponents[int(np.argmin(size))].imag))
         if np.all(size > 2 * errors):
-            return self.judge_solution(system, found), *nearest
+            return Level(level, 1, frequency, system, found)
         logs = found.log_multipliers
         apart = measure_distances(logs, logs) / system.period
         alone = (apart > 2 * (errors + errors[:, None])) | np.eye(len(logs), dtype=bool)
-        return -int(np.any((size <= errors) & alone.all(axis=1))), *nearest
+        return Level(level, -int(np.any((size <= errors) & alone.all(axis=1))), frequency, system, found)
 
     def judge_solution(self, system: PeriodicSystem, found: FloquetResult) -> int:
-        """1 where the decaying modes of H make X >= 0, -1 where X is indefinite by more than it lacks in symmetry, else 0."""
+        """1 where the decaying modes [V1; V2] of H make X = V2 V1^-1 >= 0 at all times, -1 where X is indefinite by more than it lacks
+        in symmetry, else 0. Without it a level between two singular values, each of which keeps its distance at all frequencies, would
+        be above the norm."""
         n = self.system.n
-        right = solve_modes_at_nodes(system, found, quick=True).right[:, :, np.argsort(found.exponents.real)[:n]]
+        if isinstance(system.A, Constant):
+            from scipy.linalg import schur  # takes longer to load than most matrices to solve
+
+            right = np.array([schur(system.A.value, sort="lhp")[1][:, :n]])
+        else:
+            right = solve_modes_at_nodes(system, found, quick=True).right[:, :, np.argsort(found.exponents.real)[:n]]
         with np.errstate(all="ignore"):
             X = np.linalg.solve(np.swapaxes(right[:, :n], 1, 2), np.swapaxes(right[:, n:], 1, 2)).real
         if not np.isfinite(X).all():
             return 0
-        mean = np.abs(self.system.resolved.mean()) + np.finfo(float).tiny
+        mean = np.abs(self.system.resolved.mean()) + TINY
         own = np.sqrt(mean.sum(axis=1) / mean.sum(axis=0))
         units = np.sqrt(np.abs(X[:, range(n), range(n)]).max(axis=0))
-        units = np.maximum(units, FAINT * (units / own).max() * own) + np.finfo(float).tiny
+        units = np.maximum(units, SLIGHT * (units / own).max() * own) + TINY
         scaled = X / units / units[:, None]
         turned = np.swapaxes(scaled, 1, 2)
         least, doubt = float(np.linalg.eigvalsh((scaled + turned) / 2).min()), float(np.abs(scaled - turned).max())
-        told_apart = np.abs(found.exponents.real).min() * system.period > SAME
-        return 1 if least > -FAINT else -int(told_apart and least < -n * doubt - FAINT)
+        told_apart = np.abs(found.exponents.real).min() * system.period > CUBE
+        return 1 if least > -SLIGHT else -int(told_apart and least < -n * doubt - SLIGHT)
+
+
+@dataclass(frozen=True)
+class Level:
+    """A level, its side of the norm (1 above, -1 below, 0 where errors hide it), the frequency of the multiplier nearest to the circle in
+    [0, pi/T], and its Hamiltonian system."""
+
+    value: float
+    side: int
+    frequency: float
+    system: PeriodicSystem
+    found: FloquetResult
 
 
 def hinf_norm(
@@ -225,50 +248,67 @@ def bracket_norm(problem: BoundedReal, size: float, tol: float) -> HinfNorm:
     """The middle of a level below and a level above the norm, as near to each other as tol asks, or as the exponents' errors allow.
 
     Above the norm the squared distance to the circle is linear in the level; where it is predicted to vanish, levels on both sides are
-    tried. The feedthrough's own gain is the least level.
+    tried. The feedthrough's own gain is the least level. The first and the last level above are proved by their X.
     Raises: ToleranceNotReached when no level exceeds the norm.
     """
     direct = find_direct_gain(problem.D)
     if size == 0:
         return HinfNorm(direct, tol * direct, 0.0)
     rate = max(float(np.linalg.norm(problem.system.resolved.mean(), 2)), 1 / problem.system.period)
-    low, floor = direct, max(direct * (1 + tol), np.finfo(float).eps ** 0.9 * size / rate)
-    high, frequency, above, hidden = np.inf, 0.0, list[tuple[float, float]](), list[float]()
-    level = max(2 * floor, size / rate)
+    low, floor = direct, max(direct * (1 + tol), EPS**0.9 * size / rate)
+    high, frequency, above, hidden, proved = np.inf, 0.0, list[Level](), list[float](), np.inf
+    wary, level = False, max(2 * floor, size / rate)
     for _ in range(MOST):
-        side, distance, place = problem.judge(level)
+        near = [one for one in hidden if low < one < high]
+        first, last = (min(near), max(near)) if near else (high, low)
+        closed = high - low <= tol * high or high <= floor
+        closed |= bool(near) and max(first - low, high - last) <= max(tol * high, MINOR * (high - low))
+        if proved != high < np.inf and (closed or proved == np.inf):
+            side = problem.judge_solution(above[-1].system, above[-1].found)
+            if side > 0:
+                proved = high
+            else:
+                low, hidden = (high, hidden) if side < 0 else (low, [*hidden, high])
+                level, high, above, wary = GROWTH * high, proved, [], True
+            continue
+        if high < np.inf:
+            if closed:
+                break
+            level = choose_level(low, high, above, tol, floor)
+            if near:
+                level = (low + first) / 2 if first - low > high - last else (last + high) / 2
+        one = problem.judge(level)
+        side = problem.judge_solution(one.system, one.found) if one.side > 0 and wary else one.side
         if side > 0:
-            high, frequency = level, place
-            above = [*above[-1:], (level, distance**2)]
+            proved = level if wary else proved
+            high, above = level, [*above[-1:], one]
+            frequency = one.frequency if low == direct else frequency
         elif side < 0:
-            low = level
+            low, frequency = level, one.frequency
         else:
             hidden.append(level)
-        hidden = [one for one in hidden if low < one < high]
-        if np.isinf(high):
-            level *= 2
-        elif high - low <= tol * high or high <= floor:
-            break
-        elif hidden:
-            first, last = min(hidden), max(hidden)
-            level = (low + first) / 2 if first - low > high - last else (last + high) / 2
-            if max(first - low, high - last) <= max(tol * high, BESIDE * (high - low)):
-                break
-        else:
-            level = choose_level(low, high, above, tol, floor)
-    if np.isinf(high):
+        level = GROWTH * level if np.isinf(high) else level
+    if np.isinf(proved):
         raise ToleranceNotReached(
             "no level exceeds the norm", got=f"{level:.3g}", todo="is the system nearly unstable?"
         )
-    return HinfNorm((low + high) / 2, (high - low) / 2, frequency)
+    return HinfNorm((low + proved) / 2, (proved - low) / 2, frequency)
 
 
-def choose_level(low: float, high: float, above: list[tuple[float, float]], tol: float, floor: float) -> float:
-    """The next level to look at between two: beside the predicted norm, or half-way."""
-    if len(above) > 1 and above[0][1] != above[1][1]:
-        (first, far), (second, near) = above
-        zero = second - near * (second - first) / (near - far)
-        reach = max(tol * high / 4, BESIDE * (high - zero))
+def choose_level(low: float, high: float, above: list[Level], tol: float, floor: float) -> float:
+    """The next level to look at between two: beside the predicted norm, or half-way.
+
+    The norm is predicted by the mode that meets its mirror image first; modes that no level moves are unseen or not reached.
+    """
+    if len(above) > 1:
+        first, second = above
+        far, near = (one.found.log_multipliers[one.found.exponents.real < 0] for one in (first, second))
+        partner = assign(measure_distances(near, far)) if len(near) == len(far) else np.arange(0)
+        before, now = far[partner].real ** 2, near.real[: len(partner)] ** 2
+        moved = before - now > SLIGHT * before
+        zeros = second.value - now[moved] * (first.value - second.value) / (before - now)[moved]
+        zero = float(zeros[zeros > low].max(initial=-np.inf))
+        reach = max(tol * high / 4, BESIDE * (high - zero)) if np.isfinite(zero) else 0.0
         for level in (zero + reach, zero - reach):
             if max(low, floor) < level < high * (1 - tol / 8):
                 return level

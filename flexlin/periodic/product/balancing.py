@@ -1,4 +1,4 @@
-"""Products of many factors without loss: one scaling that evens rows and columns, pairs, and rescaled products."""
+"""Products of many factors without loss: one scaling that evens rows and columns."""
 
 import numpy as np
 
@@ -16,22 +16,3 @@ def balance_factors(factors: Array) -> tuple[Array, Array]:
     if n == 1 or np.all(scale == 1):
         return factors, np.ones(n)
     return factors * (scale / scale[:, None]), scale
-
-
-def multiply_pairs(factors: Array) -> Array:
-    """The products F_1 F_0, F_3 F_2, ...; an odd last factor stays as it is."""
-    even = len(factors) - len(factors) % 2
-    pairs = factors[1:even:2] @ factors[0:even:2]
-    return pairs if even == len(factors) else np.concatenate([pairs, factors[-1:]])
-
-
-def multiply_scaled(factors: Array) -> tuple[Array, float]:
-    """The product F_(K-1) ... F_0 as (P, s) with P exp(s): neither overflows nor underflows."""
-    log_scale = 0.0
-    while True:
-        size = np.abs(factors).max(axis=(-2, -1), keepdims=True)
-        size[size == 0] = 1
-        factors, log_scale = factors / size, log_scale + float(np.log(size).sum())
-        if len(factors) == 1:
-            return factors[0], log_scale
-        factors = multiply_pairs(factors)

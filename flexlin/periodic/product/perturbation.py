@@ -3,14 +3,10 @@
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.periodic.precision import CUBE, MINOR, TINY
 
-EPS = float(np.finfo(float).eps)
 COHERENT = 0.25
 """The part of the rounding errors that may add up with one sign."""
-CLOSE = 0.1
-"""Couplings above this part of a gap move the pair by about their own size: m multipliers of a split chain have 1 / (2 m sin(pi / m))."""
-SAME = 1e-6
-"""Eigenvalues whose ratio is this close to 1 are left coupled: one of them has no eigenvector of its own in double precision."""
 
 
 def separate_triangular(T: Array) -> tuple[Array, Array]:
@@ -20,7 +16,7 @@ def separate_triangular(T: Array) -> tuple[Array, Array]:
     """
     n, t = len(T), np.diagonal(T)
     upper = np.triu(np.ones((n, n), bool), 1)
-    same = upper & (np.abs(t[:, None] - t) <= SAME * np.maximum(np.abs(t[:, None]), np.abs(t)))
+    same = upper & (np.abs(t[:, None] - t) <= CUBE * np.maximum(np.abs(t[:, None]), np.abs(t)))
     free = (upper & ~same).T
     rows, columns = free[:, :, None], free[:, None, :]
     system = np.where(rows, np.where(columns, T - t[:, None, None] * np.eye(n), 0), np.eye(n))
@@ -36,7 +32,7 @@ def bound_pairs(coupling: Array, own: Array, gap: Array, shared: Array) -> Array
     """
     gap = np.maximum(gap - own[:, None] - own, 0.0)
     size = pair_size(coupling)
-    pairs = np.where(size > CLOSE * gap, 2 * size, size**2 / np.maximum(gap, size + np.finfo(float).tiny))
+    pairs = np.where(size > MINOR * gap, 2 * size, size**2 / np.maximum(gap, size + TINY))  # as in motion.c
     return pairs.sum(axis=1) + bound_shared(coupling, np.abs(shared))
 
 

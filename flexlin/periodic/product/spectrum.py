@@ -21,16 +21,10 @@ ROUTINES = ("dgebal", "zgees", "zgeqrf", "zungqr", "dgesv")
 """Of LAPACK, as the compiled code takes them."""
 FIND_SPECTRUM = declare(
     "int find_spectrum(int n, int count, const double *plain, const double *better, const double *start, double limit, "
-    "const double *middles, double each, int p, int q, const double *left, const double *size, const double *right, "
+    "const double *steps, double each, int p, int q, const double *left, const double *size, const double *right, "
     "const void *lapack, double complex *logs, double complex *shift, double *method, double *rounding, double *end, int *stretched)",
     spectrum_shapes,
-    ("better", "start", "middles", "left", "size", "right"),
-)
-FIND_SCHUR = declare(
-    "int find_periodic_schur(int n, int count, const double *factors, const double *start, const void *lapack, double complex *Q, "
-    "double complex *T, double complex *turn, double complex *logs, double *end, double *defect)",
-    lambda n, K, *_: ((K, n, n), (n, n), (K + 1, n, n), (K, n, n), n, n, (n, n), 1),
-    ("start",),
+    ("better", "start", "steps", "left", "size", "right"),
 )
 
 
@@ -62,29 +56,13 @@ class ProductSpectrum:
     stretched: bool
 
 
-@dataclass(frozen=True)
-class PeriodicSchur:
-    """F_k Q_k = Q_(k+1) T_k, k = 0 ... K - 1, with Q_K = Q_0 diag(turn) up to `defect`.
-
-    Q (K + 1, n, n) unitary; T (K, n, n) complex, upper triangular; turn (n,) of modulus 1; logs (n,) of the product's eigenvalues;
-    start (n, n) real: the last orthogonal iterate, to begin a similar product from; defect: the coupling that was dropped, relative to 1.
-    """
-
-    Q: Array
-    T: Array
-    turn: Array
-    logs: Array
-    start: Array
-    defect: float
-
-
 def find_spectrum(
     plain: Array,
     better: Array | None = None,
     unknown: Unknown | None = None,
     *,
     start: Array | None = None,
-    middles: Array | None = None,
+    steps: Array | None = None,
     each: float = 1.0,
     limit: float = GROUP_CONDITION,
 ) -> ProductSpectrum:
@@ -97,7 +75,7 @@ def find_spectrum(
     one scaling, and multiplied together while no product's condition number exceeds `limit`; the whole product is not formed.
 
     Parameters: plain (K, n, n), the first acts first; better: the same factors by a more accurate method; each: roundings of its size that
-    a factor carries; middles (K, n, n): h A in the middle of each segment, where stages may cancel: factors carry more roundings then.
+    a factor carries; steps (K, n, n): h A at the beginning of each segment, where stages may cancel: factors carry more roundings then.
     Raises: NumericalError where a factor leaves the range of numbers.
     Source: Stewart, Sun, Matrix Perturbation Theory (1990), IV.1.3, V.2; for products Benner, Mehrmann, Xu (2002).
     """
@@ -107,7 +85,7 @@ def find_spectrum(
     p, q = (n, n) if unknown is None else unknown.size.shape[1:]
     sides = (None, None, None) if unknown is None else (unknown.left, unknown.size, unknown.right)
     lapack, made = find_routines(*ROUTINES), (logs, shift, method, rounding, end, stretched)
-    given = (contiguous(plain), contiguous(better), contiguous(start), limit, contiguous(middles), each, p, q)
+    given = (contiguous(plain), contiguous(better), contiguous(start), limit, contiguous(steps), each, p, q)
     report(FIND_SPECTRUM(n, K, *given, *map(contiguous, sides), lapack, *made))
     order = np.argsort(-logs.real, kind="stable")
     return ProductSpectrum(logs[order], shift[order], method[order], rounding[order], end, bool(stretched[0]))
@@ -130,28 +108,6 @@ def report(code: int) -> None:
         )
 
 
-def periodic_schur(factors: Array, start: Array | None = None) -> PeriodicSchur:
-    """Bring a product F_(K-1) ... F_0 of real matrices into periodic Schur form.
-
-    Cyclic QR sweeps (orthogonal iteration on the product) until only blocks of nearly equal moduli are left; inside such a block the
-    complex Schur form of its own short product gives the rest.
-
-    Parameters: factors (K, n, n), the first acts first; start (n, n): of a similar product. Raises: NumericalError as `find_spectrum`.
-    Source: Bojanczyk, Golub, Van Dooren, SPIE 1770 (1992); Watkins, SIAM Review 47 (2005).
-    """
-    K, n = factors.shape[:2]
-    Q, T, turn, logs = (np.empty(shape, complex) for shape in ((K + 1, n, n), (K, n, n), n, n))
-    end, defect, lapack = np.empty((n, n)), np.empty(1), find_routines(*ROUTINES)
-    report(FIND_SCHUR(n, K, contiguous(factors), contiguous(start), lapack, Q, T, turn, logs, end, defect))
-    return PeriodicSchur(Q, T, turn, logs, end, float(defect[0]))
-
-
 def product_logs(factors: Array) -> Array:
     """Logs of the eigenvalues of F_(K-1) ... F_0 (n,), by falling real part, imaginary parts in (-pi, pi]."""
     return find_spectrum(factors).logs
-
-
-def solve_product(factors: Array) -> tuple[Array, Array]:
-    """The logs as `product_logs` gives them, and how far rounding moves each (n,)."""
-    found = find_spectrum(factors)
-    return found.logs, found.rounding

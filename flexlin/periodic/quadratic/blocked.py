@@ -4,18 +4,14 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import NotDetectable, NotStabilizable, NumericalError
-from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
+from flexlin.periodic.precision import CUBE, EPS, ROOT, SLIGHT
+from flexlin.periodic.quadratic.linear_quadratic import SAMPLES, LinearQuadratic
 from flexlin.periodic.quadratic.scattering import Segment, carry_cost_back, combine_in_tree, transpose
 from flexlin.periodic.transition.gauss import gauss_transitions
 
-STAGES = 8
-MAX_PERIODS, GROUPS = 20, 64
+MAX_PERIODS = 20
 LARGEST = 1e100
 """A size that only growth without end reaches."""
-DECAYS, COUPLED = 1e-8, 1e-6
-"""A mode whose logarithm over a period lies below -DECAYS decays by itself; a share above COUPLED is never rounding."""
-PLAIN = 1e-3
-"""A share above this is not what makes a problem hard: its square leaves ten digits."""
 
 
 def bound_sizes(problem: LinearQuadratic, horizon: float) -> tuple[float, float]:
@@ -43,7 +39,7 @@ def name_blocked_mode(
     Parameters: segments of one period between marks; periods: a product of whole periods whose H (or G) is still sound;
     large: the size at which the direction is read off.
     """
-    steps = gauss_transitions(lambda t: problem.reduced(t)[0], marks, STAGES)
+    steps = gauss_transitions(lambda t: problem.reduced(t)[0], marks)
     grouped, counts = unite_neighbours(segments)
     if unreached:
         backward, counts, steps, size = grouped[::-1], counts[::-1], transpose(steps)[::-1], periods.H
@@ -63,9 +59,9 @@ def name_blocked_mode(
     coupling, rounding = measure_coupling(unreached, steps, vector, place, problem, marks)
     kind = NotStabilizable if unreached else NotDetectable
     what = "reached by the input" if unreached else "seen by the weight Q"
-    if growth < -DECAYS or coupling > rounding:
+    if growth < -ROOT or coupling > rounding:
         todo = "bring states, inputs and weights to like sizes, ask for a larger tol, or leave out the fastest modes"
-        if coupling > PLAIN:
+        if coupling > SLIGHT:  # its square leaves ten digits
             sizes = [float(np.abs(part).max()) for part in problem.reduced(marks[:-1])]
             return NumericalError(
                 "the problem's coefficients lie too far apart to be computed with",
@@ -119,14 +115,14 @@ def measure_coupling(
         share = max(share, float(np.linalg.norm(weight @ p) / size))
         p = step @ p
         p = p / (np.linalg.norm(p) or 1.0)
-    return share, min(COUPLED, 1e2 * len(p) * np.finfo(float).eps * condition)
+    return share, min(CUBE, 1e2 * len(p) * EPS * condition)
 
 
 def unite_neighbours(segments: Segment) -> tuple[Segment, Array]:
     """Combine neighbours until few segments are left, and count how many make each: a direction needs no more."""
     counts = np.ones(len(segments), dtype=int)
     for level in combine_in_tree(segments):
-        if len(level) <= GROUPS:
+        if len(level) <= SAMPLES:
             break
         counts = np.add.reduceat(counts, np.arange(0, len(counts), 2))
     return level, counts

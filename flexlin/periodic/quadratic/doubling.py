@@ -3,11 +3,16 @@
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.errors import IllPosedSegment
 from flexlin.periodic.quadratic.blocked import bound_sizes, name_blocked_mode
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
-from flexlin.periodic.quadratic.scattering import Segment, carry_costs_down, combine_in_tree, star_product
-
-MAX_DOUBLINGS = 64
+from flexlin.periodic.quadratic.scattering import (
+    MAX_DOUBLINGS,
+    Segment,
+    carry_costs_down,
+    combine_in_tree,
+    star_product,
+)
 
 
 def carry_costs(
@@ -33,8 +38,12 @@ def double_period(
     limits = [held * limit for limit in bound_sizes(problem, float(marks[-1]))]
     whole, scale = period, max(float(np.abs(period.F).max()), 1.0)
     for k in range(MAX_DOUBLINGS):
-        with np.errstate(over="ignore", invalid="ignore"):
-            twice = star_product(whole, whole)
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):
+                twice = star_product(whole, whole)
+        except IllPosedSegment:
+            grows = bool(np.abs(whole.H).max() * limits[1] >= np.abs(whole.G).max() * limits[0])
+            raise name_blocked_mode(grows, segments, whole, 1e-6 / held * limits[not grows], problem, marks) from None
         if not np.abs(twice.H).max() < limits[0]:
             raise name_blocked_mode(True, segments, whole, 1e-6 / held * limits[0], problem, marks)
         if not np.abs(twice.G).max() < limits[1]:

@@ -9,13 +9,12 @@ from numpy.typing import ArrayLike
 from flexlin.checks import Array, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import Constant
+from flexlin.periodic.precision import TINY
+from flexlin.periodic.resolved.sampling import stratified
 from flexlin.periodic.system import MatrixFunction, PeriodicSystem, as_matrix_function, as_system, check_samples
 
 SAMPLES = 64
-"""Times of a period at which the weights are checked before anything is solved."""
-WITHIN = np.array([0.2, 0.5, 0.8])
-"""Where in each panel they are looked at again."""
-TINY = float(np.finfo(float).tiny)
+"""Times of a period at which the weights are checked, and on which X is begun."""
 
 
 @dataclass(frozen=True)
@@ -98,11 +97,12 @@ def linear_quadratic(
     Q: MatrixFunction | ArrayLike,
     R: MatrixFunction | ArrayLike,
     N: MatrixFunction | ArrayLike | None = None,
+    definite: bool = True,
 ) -> LinearQuadratic:
     """Pose the problem of a system with an input and check its weights at samples of the period.
 
     Parameters: Q (n, n), R (m, m), N (n, m): constants or functions (N,) -> (N, ., .); a number where one entry is all; N = None: no
-    cross term.
+    cross term; definite: whether Q and R have to be.
     Returns: the problem; its weights are used as they are given.
     Raises: ArgumentError when the system has no input, a shape does not fit, a weight is not symmetric, R is not positive
     definite, or Q - N R^-1 N' is indefinite: each names the time and the eigenvalue.
@@ -117,7 +117,8 @@ def linear_quadratic(
         for name, value, shape in (("Q", Q, (n, n)), ("R", R, (m, m)), ("N", cross, (n, m)))
     ]
     problem = LinearQuadratic(system.A, system.B, *weights)
-    check_weights(problem, system.period * np.arange(SAMPLES) / SAMPLES)
+    if definite:
+        check_weights(problem, system.period * np.arange(SAMPLES) / SAMPLES)
     return problem
 
 
@@ -133,7 +134,7 @@ def check_weights(problem: LinearQuadratic, t: Array) -> None:
 def check_between(problem: LinearQuadratic, edges: Array) -> None:
     """The same inside each of several panels: a weight may lose its sign in a pulse between the samples."""
     if len(edges) > 2:
-        check_weights(problem, (edges[:-1, None] + np.diff(edges)[:, None] * WITHIN).ravel())
+        check_weights(problem, (edges[:-1, None] + np.diff(edges)[:, None] * stratified(3)).ravel())
 
 
 def check_weight(name: str, value: MatrixFunction | ArrayLike, shape: tuple[int, int], period: float) -> MatrixFunction:

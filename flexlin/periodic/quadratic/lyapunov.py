@@ -3,15 +3,18 @@
 import numpy as np
 
 from flexlin.checks import Array
+from flexlin.periodic.coefficients import Constant, MatrixFunction
+from flexlin.periodic.precision import EPS
 from flexlin.periodic.quadratic.nodes import Nodes
-from flexlin.periodic.quadratic.scattering import symmetrize, transpose
+from flexlin.periodic.quadratic.scattering import MAX_DOUBLINGS, symmetrize, transpose
+from flexlin.periodic.transition.gauss import gauss_transitions
 
 REACH = 0.25
 """Size of a step times the loop from which on a few powers give its exponential."""
 SLOW = 3
 """Doublings of a half step up to which no mode oscillates in it."""
-DOUBLINGS = 60
-"""Of a period: those of a loop that hardly forgets are 2^60."""
+SHORT, STAGES = 2.0, 8
+"""Size of a half step times A up to which so many Gauss stages are exact."""
 
 
 class LoopLyapunov:
@@ -24,10 +27,11 @@ class LoopLyapunov:
     Source: Hochbruck, Ostermann, Exponential integrators, Acta Numerica 19 (2010) 209; for whole periods: Smith, SIAM J. Appl. Math. 16
     (1968) 198.
 
-    Parameters: M (N, n, n) at the nodes; (N, 1, n, n) for several right sides (N, k, n, n) at once.
+    Parameters: M (N, n, n) at the nodes; (N, 1, n, n) for several right sides (N, k, n, n) at once; exact (2 N, ..., n, n): the transition
+    matrices of the half steps before all nodes and behind them, where they are known better: a mode that hardly decays needs them.
     """
 
-    def __init__(self, M: Array, nodes: Nodes):
+    def __init__(self, M: Array, nodes: Nodes, exact: Array | None = None):
         self.M, self.nodes = M, nodes
         self.halves = nodes.halves.reshape(*nodes.halves.shape, *np.ones(M.ndim - 1, dtype=int))
         steps = (self.halves * M).reshape(-1, *M.shape[1:])
@@ -40,7 +44,8 @@ class LoopLyapunov:
         self.powers = [power]
         while 0.5 ** (len(self.powers) - 1) > self.share:
             self.powers.append(self.powers[-1] @ self.powers[-1])
-        first, last = self._divide(self.powers[-1], self.powers[-1])
+        steps = self.powers[-1] if exact is None else exact
+        first, last = self._divide(steps, steps)
         whole = last @ first
         if not nodes.wraps:
             whole[-1] = 0.0
@@ -113,14 +118,29 @@ class LoopLyapunov:
         return behind[-N:], np.roll(before[:N], -1, axis=0)
 
 
+def step_exactly(A: MatrixFunction, nodes: Nodes, units: Array) -> Array | None:
+    """The transition matrices of x' = A x over the half steps before all nodes and behind them (2 N, n, n), in units of the states.
+
+    None where A is constant, whose exponentials are exact, or too fast for them.
+    """
+    if isinstance(A, Constant):
+        return None
+    halves = np.broadcast_to(nodes.halves, (2, nodes.count))
+    edges = np.concatenate([[-halves[0, 0]], np.cumsum(halves.T) - halves[0, 0]])
+    if not np.abs(A(nodes.t)).sum(axis=2).max() * halves.max() < SHORT:
+        return None
+    steps = gauss_transitions(lambda t: A(np.mod(t, nodes.period)), edges, STAGES) * (units[:, None] / units)
+    return np.concatenate([steps[0::2], steps[1::2]])
+
+
 def list_squares(Phi: Array) -> list[Array]:
     """Phi, Phi^2, Phi^4 ... until the next is rounding; none where Phi does not decay."""
     squares = [Phi]
-    for _ in range(DOUBLINGS):
+    for _ in range(MAX_DOUBLINGS):
         with np.errstate(over="ignore", invalid="ignore"):
             Phi = Phi @ Phi
         size = float(np.square(Phi).sum())
-        if size <= np.finfo(float).eps:
+        if size <= EPS:
             return squares
         if not np.isfinite(size):
             break

@@ -6,68 +6,27 @@ from math import sqrt
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.errors import NumericalError, ToleranceNotReached
+from flexlin.errors import NotStable, NumericalError, ToleranceNotReached
+from flexlin.periodic.precision import EPS, MINOR, PARTIAL, ROOT, SAFETY, SLIGHT
 from flexlin.periodic.quadratic.doubling import carry_costs
-from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, assemble_hamiltonian
-from flexlin.periodic.quadratic.lyapunov import LoopLyapunov, twice
-from flexlin.periodic.quadratic.nodes import FourierNodes, Nodes
+from flexlin.periodic.quadratic.linear_quadratic import SAMPLES, LinearQuadratic, assemble_hamiltonian
+from flexlin.periodic.quadratic.lyapunov import LoopLyapunov, step_exactly, twice
+from flexlin.periodic.quadratic.nodes import Nodes
+from flexlin.periodic.quadratic.samples import Samples, measure_states
 from flexlin.periodic.quadratic.scattering import Segment, scatter_exponentials, star_product, symmetrize, transpose
 from flexlin.periodic.quadratic.solution import RiccatiSolution
+from flexlin.periodic.transition.gauss import CHUNK_BYTES
 
-COARSE, FINE = 64, 1024
-"""Nodes on which X is begun, and on which a mode is named that keeps it from being."""
-MOST, MOST_ENTRIES, TRIES = 2**13, 2**21, 16
-"""Nodes, entries of X at all of them, and grids at the most."""
-ROUNDS, SLOWER = 24, 0.3
-"""Corrections on a grid, and the factor by which each has to be smaller than the one before: else the nodes show no more."""
-KNOWN, CLOSE, CLOSEST = 1e-3, 1e-3, 1e-14
-"""The change of X after which its loop is known, the one that ends corrections, relative to tol, and the least one."""
-SEEN = 0.05
-"""Part of tol below which waves need not be seen."""
-ROUNDING = 2 * np.finfo(float).eps
-"""Rounding of a sum of products, relative to the sum of their sizes."""
-NOISE, PROBE, SAFETY = 1 / 8, 20, 3.0
-"""Of it, three times the root mean square that was seen; seed of the signs that it is given; factor on the errors that are found."""
-FLOOR = 1e-3
-"""Least weight of a state in W, relative to the largest, in units in which X has a diagonal of ones."""
-MOST_LEFT, MOST_CURVED = 0.5, 0.2
-"""Largest share of W that D may miss, and the largest q, up to which the proof holds."""
+FINE, MOST = 1024, 8192
+"""Nodes on which a mode is named that keeps X from being begun, and nodes at the most."""
+ROUNDS, CLOSEST = 24, 1e-14
+"""Corrections on a grid, and the change of X that ends them however small tol is."""
+ROUNDING = 2 * EPS
+"""Of a sum of products, relative to the sum of their sizes."""
 BETTER = 0.5
 """Factor by which more nodes have to lower the error to be worth it."""
-FAR = 1e3
-"""A change of X from which no way leads back."""
-EASIER, EASED, LOOSE = 100.0, 5, 1e-3
-"""The factor on R, how often it is taken, and the accuracy of X on the way."""
-HELD = 1e-8
-"""Part of the size that rounding might make of X up to which it is believed."""
-
-
-@dataclass(frozen=True)
-class Samples:
-    """Ar, G with G G' = B R^-1 B', and Qr of a problem at times, in units of the states."""
-
-    A: Array
-    G: Array
-    Q: Array
-
-    @classmethod
-    def of(cls, problem: LinearQuadratic, t: Array, units: Array) -> "Samples":
-        A, G, Q = problem.factored(t)
-        return cls(A * (units[:, None] / units), G * units[:, None], Q / np.outer(units, units))
-
-    def compare(self, X: Array, slopes: Array) -> tuple[Array, Array]:
-        """The residual F = X' + A' X + X A - X G G' X + Q, and the loop A - G G' X."""
-        pull = transpose(self.G) @ X
-        F = slopes + twice(X @ self.A)
-        F -= transpose(pull) @ pull
-        F += self.Q
-        return F, self.A - self.G @ pull
-
-    def sum_sizes(self, X: Array, slopes: Array) -> Array:
-        """The sizes of all that is added in the residual; what is lost in G' X is multiplied by G' X."""
-        pull = transpose(self.G) @ X
-        by_pull = transpose(np.abs(pull)) @ (transpose(np.abs(self.G)) @ np.abs(X))
-        return np.abs(slopes) + twice(np.abs(X) @ np.abs(self.A) + by_pull) + np.abs(self.Q)
+EASIER, EASED = 100.0, 5
+"""The factor on R, and how often it is taken."""
 
 
 def solve_by_newton(
@@ -82,23 +41,25 @@ def solve_by_newton(
     Raises: NotStabilizable, NotDetectable; ToleranceNotReached where nothing is proved.
     """
     best: RiccatiSolution | None = None
-    begun = begin(problem, nodes.resize(COARSE), end)
-    X, seen = begun.nodes.series(begun.X)(nodes.places), SEEN * tol
-    for _ in range(TRIES):
-        if nodes.count > min(MOST, MOST_ENTRIES // X.shape[1] ** 2):
-            break
-        corrected = correct_until_closed(problem, nodes, X, max(CLOSE * tol, CLOSEST))
-        if corrected is None and begun.nodes.count < FINE:
+    coarse = nodes.resize(SAMPLES)
+    begun = begin(problem, coarse, end)
+    nodes = begun.nodes if begun.nodes.count > coarse.count else nodes
+    X, seen = begun.nodes.series(begun.X)(nodes.places), MINOR * tol
+    while nodes.count <= min(MOST, CHUNK_BYTES // (8 * X.shape[1] ** 2)):
+        corrected = correct_until_closed(problem, nodes, X, max(SLIGHT * tol, CLOSEST))
+        if corrected is None and begun.nodes.count < (MOST // 4 if begun.idle else FINE):
             begun = begin(problem, begun.nodes.resize(4 * begun.nodes.count), end)
             nodes = nodes.resize(max(nodes.count, begun.nodes.count))
             X = begun.nodes.series(begun.X)(nodes.places)
             continue
         if corrected is None:
+            if begun.idle:
+                break
             begin(problem, begun.nodes, end, exact=True)
             if best is not None or eased == EASED:
                 break
             try:
-                X = solve_by_newton(problem.ease(EASIER), nodes, end, LOOSE, eased + 1).X(nodes.places)
+                X = solve_by_newton(problem.ease(EASIER), nodes, end, SLIGHT, eased + 1).X(nodes.places)
             except NumericalError:
                 break
             eased = EASED
@@ -114,11 +75,11 @@ def solve_by_newton(
                 best = best if worse else replace(found, doublings=begun.doublings)
                 if worse or missed <= 1 or found.method_error <= BETTER * found.error:
                     break
-                seen *= SEEN / min(missed, 1 / SEEN)
+                seen *= MINOR / min(missed, 1 / MINOR)
                 finer = nodes.refine(corrected.X, seen) or nodes.resize(2 * nodes.count)
         X, nodes = nodes.series(corrected.X * np.outer(corrected.units, corrected.units))(finer.places), finer
     if best is None:
-        sizes = [float(np.abs(part).max()) for part in problem.reduced(nodes.t[:COARSE])]
+        sizes = [float(np.abs(part).max()) for part in problem.reduced(nodes.t[:SAMPLES])]
         raise ToleranceNotReached(
             "the Riccati equation was not solved to the asked accuracy: its coefficients may lie too far apart to be computed with",
             got="|A| = {:.2g}, |B R^-1 B'| = {:.2g}, |Q| = {:.2g} (less what N takes)".format(*sizes),
@@ -131,11 +92,12 @@ def solve_by_newton(
 
 @dataclass(frozen=True)
 class Begun:
-    """About X at nodes, and how often the period was doubled for it."""
+    """About X at nodes, how often the period was doubled for it, and whether there is no input."""
 
     nodes: Nodes
     X: Array
     doublings: int
+    idle: bool = False
 
 
 def begin(problem: LinearQuadratic, nodes: Nodes, end: Array | None, exact: bool = False) -> Begun:
@@ -144,14 +106,29 @@ def begin(problem: LinearQuadratic, nodes: Nodes, end: Array | None, exact: bool
     exact: an X that rounding might have made is none then.
     Raises: NotStabilizable, NotDetectable, with the mode's name.
     """
-    H = assemble_hamiltonian(*problem.reduced(nodes.t))
+    A, S, Q = problem.reduced(nodes.t)
+    if not S.any() and end is None:
+        return begin_idle(problem, nodes)
+    H = assemble_hamiltonian(A, S, Q)
     halves = scatter_exponentials((nodes.halves[:, :, None, None] * H).reshape(-1, *H.shape[1:]))
     count = nodes.count
     before = Segment(*(np.roll(part[:count], -1, axis=0) for part in (halves.F, halves.G, halves.H)))
     gaps = star_product(halves[len(halves) - count :], before)[: nodes.gaps]
     marks = np.append(nodes.t, nodes.period)[: nodes.gaps + 1]
-    X, doublings = carry_costs(gaps, end, problem, marks, HELD if exact else 1.0)
+    X, doublings = carry_costs(gaps, end, problem, marks, ROOT if exact else 1.0)
     return Begun(nodes, X[:count], doublings)
+
+
+def begin_idle(problem: LinearQuadratic, nodes: Nodes) -> Begun:
+    """X of a loop without an input, by ever more nodes until they show that it decays. Raises: NotStable where none do."""
+    while nodes.count <= min(MOST, CHUNK_BYTES // (8 * problem.A(nodes.t[:1]).shape[1] ** 2)):
+        A, Q = problem.A(nodes.t), problem.Q(nodes.t)
+        with np.errstate(over="ignore", invalid="ignore"):
+            X = LoopLyapunov(A, nodes, step_exactly(problem.A, nodes, np.ones(A.shape[1]))).solve(Q)
+        if X is not None:
+            return Begun(nodes, X, 0, True)
+        nodes = nodes.resize(4 * nodes.count)
+    raise NotStable("x' = A x does not decay", got="a mode that grows or does not change", expected="a stable system")
 
 
 @dataclass(frozen=True)
@@ -178,17 +155,17 @@ def correct_until_closed(problem: LinearQuadratic, nodes: Nodes, X: Array, near:
     for k in range(ROUNDS):
         F, M = samples.compare(X, nodes.slopes(X))
         with np.errstate(over="ignore", invalid="ignore"):  # of loops that are not stable
-            if last > KNOWN:
-                lyapunov = LoopLyapunov(M, nodes)
+            if last > SLIGHT:
+                lyapunov = LoopLyapunov(M, nodes, samples.step(problem, nodes))
             D = lyapunov.solve(F)
         if D is None:
             return None
         moved = float(np.abs(D).max())
-        X = X + (nodes.sharpen(D) if moved < KNOWN else D)
-        if not moved < FAR:
+        X = X + (nodes.sharpen(D) if moved < SLIGHT else D)
+        if not moved * SLIGHT < 1:
             return None
         small = moved <= near or (k and moved * moved / last <= near)
-        if small or (moved < KNOWN and (moved <= nodes.tail(X) or moved > SLOWER * last)):
+        if small or (moved < SLIGHT and (moved <= nodes.tail(X) or moved > PARTIAL * last)):
             return Corrected(nodes, X, units, lyapunov)
         last = moved
     return None
@@ -215,9 +192,10 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
     X_between, slopes = nodes.look_between(X)
     F, M = samples.compare(X_between, slopes)
     noise = ROUNDING * samples.sum_sizes(X_between, slopes)
-    rows = [np.abs(part).sum(axis=2).reshape(panels, -1, len(units)).max(axis=1) for part in (F, noise)]
+    doubt = samples.doubt(problem, between, X_between)
+    rows = [np.abs(part).sum(axis=2).reshape(panels, -1, len(units)).max(axis=1) for part in (F, noise + doubt)]
     W = rows[0] + rows[1]
-    W = np.maximum(W, FLOOR * W.max(axis=1, keepdims=True) + 1e-100)
+    W = np.maximum(W, SLIGHT * W.max(axis=1, keepdims=True) + 1e-100)
     W_between, W_nodes = (np.repeat(W, count // panels, axis=0) for count in (len(between), nodes.count))
     weight = W_nodes[:, :, None] * np.eye(len(units))
     D, left = np.zeros_like(X), weight
@@ -230,14 +208,14 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
         missed = D_slopes + twice(D_between @ M) + W_between[:, :, None] * np.eye(len(units))
         scale = np.sqrt(W_between)
         share = float(np.linalg.norm(missed / scale[:, :, None] / scale[:, None, :], axis=(1, 2)).max())
-        if share <= MOST_LEFT:
+        if share <= PARTIAL:
             break
         left = nodes.slopes(D) + twice(D @ lyapunov.M) + weight
-    if not share <= MOST_LEFT or not np.linalg.eigvalsh(D[0])[0] > 0:
+    if not share <= PARTIAL or not np.linalg.eigvalsh(D[0])[0] > 0:
         return None
     pulled = D_between @ samples.G / scale[:, :, None]
     q = float(np.square(pulled).sum(axis=(1, 2)).max()) / (1 - share) ** 2
-    if not q <= MOST_CURVED:
+    if not q < 0.25:
         return None
     both = np.outer(units, units)
     D = D * (2 / (1 + sqrt(1 - 4 * q)) / (1 - share) * both)
@@ -248,13 +226,14 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
     reached = ((to_gain @ D) * to_gain).sum(axis=2).max(axis=1)
     error, gain_error = float(heights.max()) / height, sqrt(float((reached * heights).max())) / gain
     method_error = error * float((rows[0] / W).max())
-    if max(error, gain_error) > tol and isinstance(nodes, FourierNodes):
-        carried = carry_residual(LoopLyapunov(M[:, None], nodes), F, noise)
+    if max(error, gain_error) > tol:
+        finer = nodes.resize(2 * nodes.count)
+        carried = carry_residual(problem, finer, nodes.series(X)(finer.places), units)
         if carried is not None:
             parts = [part * both for part in carried]
-            to_gain = np.linalg.solve(problem.R(between), transpose(problem.B(between)))
+            pulls = np.linalg.solve(problem.R(finer.t), transpose(problem.B(finer.t)))
             error = min(error, SAFETY * add_up(parts) / height)
-            gain_error = min(gain_error, SAFETY * add_up([to_gain @ part for part in parts]) / gain)
+            gain_error = min(gain_error, SAFETY * add_up([pulls @ part for part in parts]) / gain)
             method_error = min(method_error, SAFETY * float(np.abs(parts[0]).max()) / height)
     product = ROUNDING * float((np.abs(to_gain) @ np.abs(X * both)).max())
     return RiccatiSolution(
@@ -272,22 +251,37 @@ def bound_error(problem: LinearQuadratic, corrected: Corrected, tol: float) -> R
     )
 
 
-def carry_residual(lyapunov: LoopLyapunov, F: Array, noise: Array) -> list[Array] | None:
-    """What a loop makes of a residual, and of its rounding with signs that are the same at all times, and with signs that change."""
-    signs = np.random.default_rng(PROBE).choice([-1.0, 1.0], (2, *F.shape))
+def carry_residual(problem: LinearQuadratic, nodes: Nodes, X: Array, units: Array) -> list[Array] | None:
+    """What the loop makes of X's residual at finer nodes, and of its rounding with signs that are the same at all times or change.
+
+    The first is corrected until it solves its equation to PARTIAL; None where that does not settle.
+    """
+    samples = Samples.of(problem, nodes.t, units)
+    slopes = nodes.slopes(X)
+    F, M = samples.compare(X, slopes)
+    noise = MINOR * ROUNDING * samples.sum_sizes(X, slopes) + samples.doubt(problem, nodes.t, X) / SAFETY
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], (2, *F.shape))
     signs[0] = signs[0, 0]
-    solved = lyapunov.solve(np.stack([F, *(symmetrize(NOISE * noise * sign) for sign in signs)], axis=1))
-    return None if solved is None else list(np.swapaxes(solved, 0, 1))
+    exact = samples.step(problem, nodes)
+    loop = LoopLyapunov(M[:, None], nodes, None if exact is None else exact[:, None])
+    carried = loop.solve(np.stack([F, *(symmetrize(noise * sign) for sign in signs)], axis=1))
+    if carried is None:
+        return None
+    E, *others = np.swapaxes(carried, 0, 1)
+    E, moved = nodes.sharpen(E), np.inf
+    for _ in range(ROUNDS // 4):
+        more = loop.solve((F + nodes.slopes(E) + twice(E @ M))[:, None])
+        if more is None:
+            return None
+        E, before, moved = E + nodes.sharpen(more[:, 0]), moved, float(np.abs(more).max())
+        if moved <= PARTIAL * float(np.abs(E).max()):
+            return [E, *others]
+        if moved > before:
+            break
+    return None
 
 
 def add_up(parts: list[Array]) -> float:
     """The largest entry of the first part, plus the largest of all others."""
     first, *others = (float(np.abs(part).max()) for part in parts)
     return first + max(others)
-
-
-def measure_states(X: Array) -> Array:
-    """The root of the largest diagonal entries of X (N, n, n), as powers of two: (n,)."""
-    diagonal = np.sqrt(np.diagonal(X, axis1=1, axis2=2).clip(0.0).max(axis=0))
-    least = 1e-12 * diagonal.max() or 1.0
-    return np.asarray(2.0 ** np.round(np.log2(np.maximum(diagonal, least))))

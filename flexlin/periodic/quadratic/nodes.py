@@ -9,18 +9,16 @@ import numpy as np
 from flexlin.checks import Array
 from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_basis
 from flexlin.periodic.fourier import FourierSeries, fourier_nodes, real_fourier_coefficients
-from flexlin.periodic.grid import divide_segments
+from flexlin.periodic.grid import FINER, divide_segments
+from flexlin.periodic.precision import EPS, SAFETY, TINY
+from flexlin.periodic.resolved.sampling import NEAR
 
 SHOWN = 0.36
 """Waves that N equally spaced nodes show, as a part of N: a correction of the next ones could grow, see `FourierNodes.sharpen`."""
 DEGREE = 16
 """Of the polynomials on panels."""
-BESIDE = 1e-11
-"""How far inside its panel, relative to its width, an edge is looked at: a coefficient may jump there."""
-LOST = 4 * np.finfo(float).eps
+LOST = SAFETY * EPS
 """Waves below this part of the largest are rounding."""
-GROWTH = (1.3, 4.0)
-"""The least and the largest factor by which nodes are added."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +111,7 @@ class FourierNodes:
         half = max(float(heights[shown // 2 - self.count // 16 : shown // 2].max()), 2 * high)
         needed = 1 + 0.5 * np.log(high / seen) / np.log(half / high)
         step = max(16, 2 ** int(np.log2(self.count)) // 8)
-        return FourierNodes(step * int(np.ceil(self.count * np.clip(needed, *GROWTH) / step)), self.period)
+        return FourierNodes(step * int(np.ceil(self.count * np.clip(needed, *FINER) / step)), self.period)
 
     def resize(self, count: int) -> "FourierNodes":
         """So many."""
@@ -121,7 +119,7 @@ class FourierNodes:
 
     def _heights(self, X: Array) -> Array:
         waves = np.abs(np.fft.rfft(X, axis=0)).max(axis=(1, 2)) * (2 / self.count)
-        return np.asarray(waves[: int(SHOWN * self.count)]) + np.finfo(float).tiny
+        return np.asarray(waves[: int(SHOWN * self.count)]) + TINY
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +150,7 @@ class PanelNodes:
     @property
     def t(self) -> Array:
         """The times (N,), those of the edges just inside the panels."""
-        return self._place(np.clip(lobatto(DEGREE)[0], BESIDE - 1, 1 - BESIDE))
+        return self._place(np.clip(lobatto(DEGREE)[0], NEAR - 1, 1 - NEAR))
 
     @property
     def places(self) -> Array:
@@ -203,15 +201,15 @@ class PanelNodes:
         if parts.max() == 1:
             return None
         pieces = [np.linspace(a, b, p + 1)[:-1] for (a, b), p in zip(pairwise(self.edges), parts, strict=True)]
-        return PanelNodes(np.append(np.concatenate(pieces), self.edges[-1]), self.wraps)
+        return PanelNodes(np.unique(np.append(np.concatenate(pieces), self.edges[-1])), self.wraps)
 
     def resize(self, count: int) -> "PanelNodes":
-        """Each panel divided until there are so many: panels are few at first."""
-        return PanelNodes(divide_segments(self.edges, max(1, round(count / self.count))), self.wraps)
+        """Each panel divided until there are so many: panels are few at first. One of a rounding's length leaves no room for more."""
+        return PanelNodes(np.unique(divide_segments(self.edges, max(1, round(count / self.count)))), self.wraps)
 
     def _heights(self, X: Array) -> Array:
         """The largest of the middle and of the last terms of each panel (P, 2)."""
-        sizes = np.abs(self.series(X).coefficients).max(axis=(2, 3)) + np.finfo(float).tiny
+        sizes = np.abs(self.series(X).coefficients).max(axis=(2, 3)) + TINY
         return np.stack([sizes[:, DEGREE // 2 - 2 : DEGREE // 2 + 1].max(axis=1), sizes[:, -3:].max(axis=1)], axis=1)
 
     def _place(self, u: Array) -> Array:

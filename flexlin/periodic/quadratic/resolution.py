@@ -9,19 +9,17 @@ from flexlin.checks import Array
 from flexlin.periodic.coefficients import Constant, MatrixFunction, has_nothing_narrow, varies
 from flexlin.periodic.fourier import FourierSeries, fourier_nodes, real_fourier_coefficients
 from flexlin.periodic.grid import divided, edges_of_short
+from flexlin.periodic.precision import MINOR
 from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic
 from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.resolved.matrix import WAVES, ResolvedMatrix
 from flexlin.periodic.resolved.resolve import resolve, resolve_port
+from flexlin.periodic.resolved.sampling import BLOCKS
 from flexlin.periodic.system import PeriodicSystem
 
-MOST_PANELS = 128
-"""Panels of equal length, at the most, of which samples of a period show every wave."""
 FEW = 2
 """Harmonics so few that it does not matter which of them are small."""
 OTHERS = ("B", "Q", "R", "N")
-SEEN = 0.1
-"""Harmonics below this part of tol, relative to the largest coefficient, need not be seen."""
 
 
 def resolve_problem(problem: LinearQuadratic, system: PeriodicSystem) -> tuple[LinearQuadratic, Array]:
@@ -82,17 +80,17 @@ def rough_places(problem: LinearQuadratic, longest: float) -> Array:
 def highest_wave(coefficient: ResolvedMatrix | ResolvedCompanion, tol: float) -> float:
     """Return the highest harmonic above tol of the largest and above what is known of the coefficient."""
     series, T = coefficient.series, coefficient.period
-    if coefficient.breaks or np.diff(coefficient.edges).min() < T / MOST_PANELS:
+    if coefficient.breaks or np.diff(coefficient.edges).min() < T / BLOCKS:
         return np.inf
     if isinstance(series, FourierSeries) and series.degree <= FEW:
         return float(series.degree)
-    values = None if isinstance(series, FourierSeries) else series(fourier_nodes(16 * MOST_PANELS, T))
+    values = None if isinstance(series, FourierSeries) else series(fourier_nodes(16 * BLOCKS, T))
     waves = series.coefficients if values is None else real_fourier_coefficients(values)
     H, last = len(waves) // 2, 0
     parts = coefficient.split if isinstance(coefficient, ResolvedCompanion) else lambda all_: (all_,)
     for part, known in zip(parts(waves), parts(coefficient.error), strict=True):
         size = np.abs(part).max(axis=(1, 2))
-        floor = max(SEEN * tol * size.max(), float(known.max()))
+        floor = max(MINOR * tol * size.max(), float(known.max()))
         large = np.maximum(size[1 : H + 1], size[H + 1 :]) > floor
         last = max(last, int(np.flatnonzero(large).max(initial=-1)) + 1)
     return float(last)

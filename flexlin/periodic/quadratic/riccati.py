@@ -5,9 +5,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array
-from flexlin.periodic.coefficients import MatrixFunction
+from flexlin.errors import NotStable, NumericalError
+from flexlin.periodic.coefficients import Constant, MatrixFunction
+from flexlin.periodic.floquet.exponents import floquet
 from flexlin.periodic.quadratic.linear_quadratic import (
+    SAMPLES,
     LinearQuadratic,
     assemble_hamiltonian,
     check_between,
@@ -17,10 +21,11 @@ from flexlin.periodic.quadratic.newton import MOST, solve_by_newton
 from flexlin.periodic.quadratic.nodes import FourierNodes, Nodes, PanelNodes
 from flexlin.periodic.quadratic.resolution import divide_for_waves, find_edges, last_harmonic, resolve_problem
 from flexlin.periodic.quadratic.solution import RiccatiSolution
+from flexlin.periodic.related import with_matrices
 from flexlin.periodic.system import PeriodicSystem, as_system
 
-FEWEST, WAVES = 64, 4
-"""Nodes of a period, and for each wave of the coefficients, on which X is sought first."""
+WAVES = 4
+"""Nodes for each wave of the coefficients on which X is sought first."""
 
 
 def periodic_riccati(
@@ -104,7 +109,7 @@ def choose_nodes(problem: LinearQuadratic, edges: Array, tol: float) -> Nodes:
     """Equally spaced times where the coefficients are smooth all over, else panels on which they are."""
     waves = last_harmonic(problem, tol)
     if WAVES * waves <= MOST:
-        return FourierNodes(16 * int(np.ceil(max(FEWEST, WAVES * waves) / 16)), float(edges[-1]))
+        return FourierNodes(16 * int(np.ceil(max(SAMPLES, WAVES * waves) / 16)), float(edges[-1]))
     return PanelNodes(divide_for_waves(problem, edges, tol), True)
 
 
@@ -183,17 +188,20 @@ def grade_back(problem: LinearQuadratic, edges: Array, end: Array) -> Array:
     return np.unique(np.concatenate([edges, *inner]))
 
 
+@checked
 def periodic_lyapunov(system: PeriodicSystem, Q: MatrixFunction | ArrayLike, tol: float = 1e-9) -> RiccatiSolution:
-    """Find the cost x' X x of letting a stable system run: the Riccati equation without an input.
+    """Find the cost x' X x of letting a stable system run.
 
         -X' = A' X + X A + Q,   X(t + T) = X(t)
+
+    X is positive semidefinite where Q is; Q may be any symmetric matrix. For a covariance, P' = A P + P A' + W, reverse time.
 
     Parameters
     ----------
     system : PeriodicSystem
         A stable system with n states.
     Q : array_like (n, n), or function of times (N,) -> (N, n, n)
-        Weight of the states, symmetric positive semidefinite.
+        The right side, symmetric.
     tol : float
         Wanted `error`, relative to max |X|.
 
@@ -205,21 +213,34 @@ def periodic_lyapunov(system: PeriodicSystem, Q: MatrixFunction | ArrayLike, tol
     Raises
     ------
     ArgumentError
-        When the weight does not fit.
-    NotStabilizable
-        When the system is not stable; the message names the mode.
+        When Q does not fit.
+    NotStable
+        When the system is unstable or undecided.
     ToleranceNotReached
         When X misses tol by far.
+
+    References
+    ----------
+    Bittanti, Colaneri, Periodic Systems (2009), ch. 4.
 
     Examples
     --------
     >>> import flexlin as fl
-    >>> from flexlin.periodic.quadratic.riccati import periodic_lyapunov
-    >>> print(f"{periodic_lyapunov(fl.PeriodicSystem([[-2.0]], 1.0), [[1.0]]).X(0.0).item():.10f}")
+    >>> print(f"{fl.periodic_lyapunov(fl.PeriodicSystem([[-2.0]], 1.0), [[1.0]]).X(0.0).item():.10f}")
     0.2500000000
     """
     system = as_system(system)
-    idle = PeriodicSystem(
-        system.A, system.period, np.zeros((system.n, 1)), system.breaks, None, system.features, system.complete
-    )
-    return periodic_riccati(idle, Q, np.eye(1), tol=tol)
+    idle = with_matrices(system, system.A, Constant(np.zeros((system.n, 1))))
+    vars(idle)["resolved"] = system.resolved
+    posed = linear_quadratic(idle, Q, np.eye(1), definite=False)
+    problem, edges = resolve_problem(posed, idle)
+    tol = positive("tol", tol)
+    try:
+        return solve_by_newton(problem, choose_nodes(problem, edges, tol), None, tol)
+    except NumericalError:
+        found = floquet(system)
+        if found.verdict != "stable":
+            raise NotStable(
+                "the equation has no solution, or none that is known", got=found.status, expected="a stable system"
+            ) from None
+        raise

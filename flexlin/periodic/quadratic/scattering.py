@@ -1,16 +1,18 @@
 """Linear-quadratic problems in scattering form: segments that combine by the Redheffer star product and never overflow."""
 
 from dataclasses import dataclass
-from math import factorial
 
 import numpy as np
+from scipy.linalg import expm
 
 from flexlin.checks import Array
 from flexlin.errors import IllPosedSegment
+from flexlin.periodic.precision import TINY
 
-PADE = 8
-PADE_REACH = 2.0
-"""Size of a matrix up to which the [8/8] Pade approximation of its exponential is exact to 3e-17."""
+MAX_DOUBLINGS = 64
+"""Of a period: a loop that hardly forgets takes 2^64 of them."""
+REACH = 2.0
+"""Size of a matrix whose exponential takes no squaring."""
 
 
 @dataclass(frozen=True)
@@ -161,29 +163,11 @@ def solve_segments(matrix: Array, right: Array, name: str) -> Array:
 
 
 def scatter_exponentials(averages: Array) -> Segment:
-    """Exponentiate Hamiltonian matrices (K, 2 n, 2 n) in scattering form."""
+    """Exponentiate Hamiltonian matrices (K, 2 n, 2 n) in scattering form: SciPy's diagonal Pade approximations are symplectic."""
     square = averages @ averages
     size = np.linalg.norm(square @ square, 1, axis=(1, 2)).max() ** 0.25
-    doublings = int(max(0, np.ceil(np.log2(max(size, 1e-300) / PADE_REACH))))
-    segments, _ = scatter_hamiltonian(approximate_exponential(averages / 2**doublings))
+    doublings = int(max(0, np.ceil(np.log2(max(size, TINY) / REACH))))
+    segments, _ = scatter_hamiltonian(expm(averages / 2**doublings))
     for _ in range(doublings):
         segments = star_product(segments, segments)
     return segments
-
-
-def approximate_exponential(A: Array) -> Array:
-    """Return the diagonal Pade approximation of exp(A) for a stack of matrices: symplectic where A is Hamiltonian."""
-    weights = [
-        factorial(2 * PADE - j) * factorial(PADE) / (factorial(2 * PADE) * factorial(j) * factorial(PADE - j))
-        for j in range(PADE + 1)
-    ]
-    square = A @ A
-    power = np.broadcast_to(np.eye(A.shape[-1]), A.shape)
-    even, odd = np.zeros_like(A), np.zeros_like(A)
-    for j in range(0, PADE + 1, 2):
-        even = even + weights[j] * power
-        if j < PADE:
-            odd = odd + weights[j + 1] * power
-            power = power @ square
-    odd = A @ odd
-    return np.linalg.solve(even - odd, even + odd)

@@ -3,10 +3,11 @@
 import numpy as np
 
 from flexlin.checks import Array
-from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.fourier import FourierSeries, fourier_nodes
+from flexlin.periodic.precision import EPS
 from flexlin.periodic.resolved.matrix import Resolved, ResolvedMatrix
 from flexlin.periodic.resolved.panels import NODES
-from flexlin.periodic.resolved.sampling import EPS, ROUNDINGS
+from flexlin.periodic.resolved.sampling import ROUNDINGS
 from flexlin.periodic.second_order import build_companion
 
 
@@ -34,7 +35,9 @@ class ResolvedCompanion(Resolved):
         edges, T = self.edges, self.period
         if isinstance(self.series, FourierSeries):
             count = 8 * max(NODES, self.degree)
-            return np.asarray(self(T * np.arange(count) / count).mean(axis=0))
+            return np.asarray(
+                build_companion(*self.split(self.series.at_nodes(count)), fourier_nodes(count, T)).mean(axis=0)
+            )
         x, w = np.polynomial.legendre.leggauss(NODES)
         h = np.diff(edges)[:, None]
         t = (edges[:-1, None] + h * (x + 1) / 2).ravel()
@@ -59,23 +62,24 @@ def weigh_entries(blocks: Array) -> Array:
     return (weight * (weight / np.where(across > 0, across, 1.0))).reshape(n, 3 * n)
 
 
-def couple_uncertainty(resolved: ResolvedMatrix | ResolvedCompanion, t: Array, left: Array, right: Array) -> Array:
+def couple_uncertainty(
+    resolved: ResolvedMatrix | ResolvedCompanion, t: Array, left: Array, right: Array, in_mean: bool = False
+) -> Array:
     """Bounds on the entries of left dA right at times t (N,), (N, n, n) in 1/s, for left and right vectors (N, n, n).
 
         first order:   |L| |dA| |R|
         second order:  |V| (|dM| |z| + |dD| |R_v| + |dK| |R_y|),   V = L_v M^-1,   z = the accelerations that belong to R
 
-    dA: roundings of the entries and the error of the series.
+    dA: roundings of the entries and the error of the series, anywhere, or in the mean over the panel where the sum over time counts.
     The second form keeps what M^-1 does to a rounding of M: the product with the left vectors is taken before the moduli.
     """
+    error = resolved.error_near(t) if in_mean else resolved.error
     if not isinstance(resolved, ResolvedCompanion):
-        known = ROUNDINGS * EPS * np.abs(resolved(t)) + resolved.error
+        known = ROUNDINGS * EPS * np.abs(resolved(t)) + error
         return np.asarray(np.abs(left) @ (known @ np.abs(right)))
     M, D, K = resolved.sample(t)
     n = M.shape[-1]
-    dM, dD, dK = (
-        ROUNDINGS * EPS * np.abs(X) + e for X, e in zip((M, D, K), resolved.split(resolved.error), strict=True)
-    )
+    dM, dD, dK = (ROUNDINGS * EPS * np.abs(X) + e for X, e in zip((M, D, K), resolved.split(error), strict=True))
     V = np.swapaxes(np.linalg.solve(np.swapaxes(M, -1, -2), np.swapaxes(left[..., n:], -1, -2)), -1, -2)
     position, rate = right[..., :n, :], right[..., n:, :]
     z = np.linalg.solve(M, K @ position + D @ rate)

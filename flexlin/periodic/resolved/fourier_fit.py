@@ -6,15 +6,14 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.fourier import fourier_basis, fourier_nodes, fourier_waves, real_fourier_coefficients
+from flexlin.periodic.precision import EPS, SAFETY
 from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.resolved.sampling import (
     BLOCKS,
-    EPS,
+    LEAST,
     POINTS,
     ROUNDINGS,
-    SAFETY,
     SIGMAS,
-    TINY,
     WITHIN,
     Sampler,
     end_phases,
@@ -61,7 +60,7 @@ class FourierFit:
                 need_repetition(sample, first, look_beyond(sample, T + t), t, self.allowed)
                 return True
             last, worst, count = worst, float(excess.max()), len(values)
-            ahead = worst * min(worst / max(last, TINY), 1.0) ** (
+            ahead = worst * min(worst / max(last, LEAST), 1.0) ** (
                 2 * (MOST / count - 1)
             )  # if the harmonics fall on as they did
             if count >= MOST or (count > BLOCKS and not ahead <= 1 < worst):
@@ -84,7 +83,7 @@ class FourierFit:
     def allowed(self) -> Array:
         """What may be left over (E,): tol of each entry's size, noise, and A' times the rounding of t."""
         scale = self.sample.scale
-        allowed = np.maximum(self.sample.tol * scale + TINY, np.minimum(self.rounding, 1e-6 * scale))
+        allowed = np.maximum(self.sample.tol * scale + LEAST, np.minimum(self.rounding, 1e-6 * scale))
         return allowed if self.noise is None else np.maximum(allowed, SIGMAS * self.noise)
 
     def measure_noise(self) -> None:
@@ -111,7 +110,7 @@ class FourierFit:
 
     def trim(self) -> None:
         """Drop the last harmonics that are rounding or noise in every entry."""
-        floor = np.maximum(2 * EPS * self.sample.scale, self.rounding / 8) + TINY
+        floor = np.maximum(2 * EPS * self.sample.scale, self.rounding / 8) + LEAST
         floor = floor if self.noise is None else np.maximum(floor, 1.5 * self.noise)
         H, heard = len(self.size), (self.size > floor).any(axis=1)
         kept = H - int(heard[::-1].argmax()) if heard.any() else 0
@@ -132,7 +131,7 @@ class FourierFit:
         entries cancels in the sum but with probability zero.
         """
         sample, T, c = self.sample, self.sample.period, self.coefficients
-        weights = _draw(c.shape[1]) / (np.maximum(self.deviation, EPS * sample.scale) + TINY)
+        weights = _draw(c.shape[1]) / (np.maximum(self.deviation, EPS * sample.scale) + LEAST)
         heard = sample.contract(T * search_phases(), weights)
         with np.errstate(over="ignore", invalid="ignore"):
             apart = np.abs(heard - _evaluate_search(c @ weights))

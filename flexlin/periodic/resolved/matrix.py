@@ -10,8 +10,8 @@ from flexlin.errors import ArgumentError
 from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_coefficients, panel_times
 from flexlin.periodic.fourier import FourierSeries
 from flexlin.periodic.grid import divided
+from flexlin.periodic.precision import EPS, SAFETY
 from flexlin.periodic.resolved.panels import NODES
-from flexlin.periodic.resolved.sampling import EPS, SAFETY
 from flexlin.summary import represent
 
 Series = FourierSeries | ChebyshevPanels
@@ -75,6 +75,13 @@ class Resolved:
     def shape(self) -> tuple[int, int]:
         """Rows and columns of what is represented."""
         return self.error.shape[0], self.error.shape[1]
+
+    def error_near(self, t: Array) -> Array:
+        """SAFETY times the bound in the mean over the panel that holds each of the times (N,): (N, rows, columns)."""
+        if self.local is None:
+            return np.broadcast_to(self.error, (len(t), *self.shape))
+        panel = np.clip(np.searchsorted(self.edges, np.mod(t, self.period), side="right") - 1, 0, self.panels - 1)
+        return np.asarray(SAFETY * self.mean_error(self.edges)[panel])
 
     def mean_error(self, marks: Array) -> Array:
         """The bound in the mean over each interval between increasing marks (K + 1,): (K, rows, columns); the error is SAFETY times it."""

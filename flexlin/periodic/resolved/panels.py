@@ -6,7 +6,8 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_basis, chebyshev_coefficients, panel_times
-from flexlin.periodic.resolved.sampling import EPS, NEAR, SAFETY, SIGMAS, TINY, Sampler
+from flexlin.periodic.precision import EPS, SAFETY
+from flexlin.periodic.resolved.sampling import LEAST, NEAR, SIGMAS, Sampler
 
 NODES, TAIL = 32, 4
 """Nodes of a panel, and how many of its last coefficients must have vanished."""
@@ -69,7 +70,7 @@ def left_over(panels: PanelSet, sample: Sampler) -> Array:
     low = np.abs(panels.coefficients[:, : NODES // 2])
     rate = np.einsum("k,qke->qe", np.arange(NODES // 2) ** 2.0, low) * 2 / panels.width[:, None]
     rounding = np.minimum(EPS * sample.period * rate, 1e-6 * sample.scale)
-    return np.asarray(np.maximum(np.maximum(sample.tol * sample.scale + TINY, SIGMAS * panels.noise), rounding))
+    return np.asarray(np.maximum(np.maximum(sample.tol * sample.scale + LEAST, SIGMAS * panels.noise), rounding))
 
 
 def panel_error(panels: PanelSet, degree: int) -> tuple[Array, Array]:
@@ -86,7 +87,7 @@ def panel_error(panels: PanelSet, degree: int) -> tuple[Array, Array]:
 
 def shown_degree(panels: PanelSet, scale: Array) -> int:
     """The degree beyond which the coefficients are rounding or noise in every panel and entry, by the root of the sum of their squares."""
-    floor = np.maximum(2 * EPS * scale + TINY, panels.noise)
+    floor = np.maximum(2 * EPS * scale + LEAST, panels.noise)
     left = ((panels.coefficients[:, ::-1] / floor[:, None]) ** 2).cumsum(axis=1)[:, ::-1]
     return max(int(np.count_nonzero(np.any(left > 1, axis=(0, 2)))) - 1, 0)
 

@@ -9,9 +9,10 @@ from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import MatrixFunction, varies
 from flexlin.periodic.fourier import FourierSeries
+from flexlin.periodic.precision import EPS
 from flexlin.periodic.resolved.fourier_fit import FourierFit
 from flexlin.periodic.resolved.matrix import Discontinuity, ResolvedMatrix
-from flexlin.periodic.resolved.sampling import EPS, ROUNDINGS, Least, Sampler
+from flexlin.periodic.resolved.sampling import RESOLVED, ROUNDINGS, Least, Sampler
 from flexlin.periodic.resolved.search import resolve_on_panels
 
 __all__ = ["Discontinuity", "ResolvedMatrix", "resolve"]
@@ -24,7 +25,7 @@ def resolve(
     features: Sequence[tuple[float, float]] = (),
     *,
     complete: bool = False,
-    tol: float = 1e-13,
+    tol: float = RESOLVED,
     least: Least = 0.0,
     repeats: bool = True,
 ) -> ResolvedMatrix:
@@ -109,6 +110,8 @@ def check_places(period: float, breaks: ArrayLike, features: ArrayLike) -> tuple
 
     Raises: ArgumentError.
     """
+    if not np.size(breaks) and not np.size(features):
+        return np.empty(0), np.empty((0, 2))
     named = np.unique(real_array("breaks", breaks, (None,)))
     pairs = real_array("features", features if np.size(features) else np.empty((0, 2)), (None, 2))
     for name, t in (("breaks", named), ("features", pairs[:, 0])):

@@ -11,9 +11,11 @@ from flexlin.errors import ArgumentError, NotPeriodic, UnresolvedCoefficient
 from flexlin.periodic.chebyshev import chebyshev_coefficients, chebyshev_nodes
 from flexlin.periodic.coefficients import check_array, check_finite
 from flexlin.periodic.grid import golden
+from flexlin.periodic.precision import CUBE, EPS, FAINT, ROOT, SLIGHT, TINY
 
-EPS = float(np.finfo(float).eps)
-TINY = float(np.finfo(float).tiny) / EPS
+LEAST = TINY / EPS
+RESOLVED = 1e-13
+"""Of an entry's size: agreement of its series with A that is asked for."""
 CACHED = 100_000
 """Bytes of samples that one call of the coefficient returns: with what it needs on the way they stay in the processor's cache, and below
 the size (128 kB) from which memory is fetched from the system each time."""
@@ -25,17 +27,8 @@ SIGMAS = 6.0
 """Standard deviations of measured noise that count as agreement."""
 POINTS, ORDER = 16, 5
 """Times of a place at which noise is measured, and the least order of their differences."""
-LOUD = 1e-3
-"""Noise above this part of an entry's size is none, but a motion that was not followed."""
-SPACING = float(np.cbrt(EPS))
-"""Of the panel: a function that the panel nearly resolves changes by less than rounding in a fifth difference."""
-RARE = SPACING * SPACING
-"""Noise below this part of an entry's size may be at some times and not at others: roundings of a computed function, which jump where it
-pivots in another order."""
-REPEAT = float(np.sqrt(EPS))
-"""Of an entry's size: a period that is given with eight digits passes."""
-SAFETY, ROUNDINGS = 4.0, 4.0
-"""Multiple of the largest deviation seen that is stated as error anywhere; and roundings that an entry carries at one time."""
+ROUNDINGS = 4.0
+"""That an entry carries at one time."""
 AHEAD = 4
 """Periods beyond the first over which a list of pieces must stay smooth."""
 
@@ -49,7 +42,7 @@ class Sampler:
     Parameters: tol: agreement that is asked for, of each entry's size; least: sizes whose rounding is no worse than tol of an entry.
     """
 
-    def __init__(self, function: Callable[[Array], Array], period: float, tol: float = 1e-13, least: Least = 0.0):
+    def __init__(self, function: Callable[[Array], Array], period: float, tol: float = RESOLVED, least: Least = 0.0):
         self.function, self.period, self.tol, self.least = function, period, tol, least
         self.count = 0
         self.shape: tuple[int, int] | None = None
@@ -84,8 +77,9 @@ class Sampler:
     def _parts(self, t: Array) -> Iterator[Array]:
         """The times, as many at once as go into one call."""
         while len(t):
-            part, t = np.split(t, [self.chunk])
-            yield part
+            some = self.chunk
+            yield t[:some]
+            t = t[some:]
 
     @property
     def chunk(self) -> int:
@@ -157,12 +151,13 @@ def noise_level(sample: Sampler, begin: Array, end: Array) -> Array:
         sigma_k^2 = (k!)^2 / (2 k)!  mean (Delta^k f)^2
 
     The larger of two orders k, on the quieter of two places of the panel, so that a jump at one of them is not taken for noise. What
-    is rounding of the largest entry at all of them comes and goes: there the louder place counts.
+    is rounding of the largest entry at all of them comes and goes: there the louder place counts. What is louder than SLIGHT is a motion
+    that was not followed.
     Source: Moré and Wild, Estimating computational noise, SIAM J. Sci. Comput. 33 (2011), Eq. (2.4).
     """
     where = 0.1 + 0.8 * golden(1 + np.arange(2) + 0.37 * np.arange(len(begin))[:, None])
     width = (end - begin)[:, None]
-    t = (begin[:, None] + where * width)[:, :, None] + SPACING * width[:, :, None] * np.arange(POINTS)
+    t = (begin[:, None] + where * width)[:, :, None] + CUBE * width[:, :, None] * np.arange(POINTS)
     size = np.where(sample.scale > 0, sample.scale, 1.0)
     values = sample(t.ravel()).reshape(*t.shape, -1) / size
     levels = []
@@ -171,8 +166,8 @@ def noise_level(sample: Sampler, begin: Array, end: Array) -> Array:
         levels.append(np.sqrt(gamma * (np.diff(values, k, axis=2) ** 2).mean(axis=2)))
     faint = 2 ** (ORDER + 4) * EPS * sample.scale.max()
     quiet, loud = (extreme(np.maximum(*levels), axis=1) * size for extreme in (np.min, np.max))
-    level = np.where(loud <= np.maximum(RARE * sample.scale, faint), loud, quiet)
-    return np.asarray(np.where(level <= np.maximum(LOUD * sample.scale, faint), level, 0.0))
+    level = np.where(loud <= np.maximum(FAINT * sample.scale, faint), loud, quiet)
+    return np.asarray(np.where(level <= np.maximum(SLIGHT * sample.scale, faint), level, 0.0))
 
 
 def need_repeatability(sample: Sampler, t: Array) -> None:
@@ -208,18 +203,18 @@ def need_repetition(
     if beyond is None:
         return
     gap, T = np.abs(beyond - here), sample.period
-    limit = REPEAT * sample.scale + 4 * allowed
+    limit = ROOT * sample.scale + 4 * allowed
     if (gap <= limit).all():
         return
     if (np.any(np.asarray(rough) > 0) and _goes_on(sample)) or (0.0 not in rough and _settles(sample, t, limit)):
         return
     at, entry = np.unravel_index(int((gap / limit).argmax()), gap.shape)
     rows, columns = np.unravel_index(int(entry), sample.shape or (1, 1))
-    relative = gap[at, entry] / max(sample.scale[entry], np.finfo(float).tiny)
+    relative = gap[at, entry] / max(sample.scale[entry], TINY)
     raise NotPeriodic(
         f"A(t) does not repeat with the period T = {T:.15g} s",
         got=f"|A(t + T) - A(t)| = {gap[at, entry]:.3g} at t = {t[at]:.6g} s in entry ({rows}, {columns}), {relative:.3g} of its size",
-        expected=f"at most {REPEAT:.2g} of its size",
+        expected=f"at most {ROOT:.2g} of its size",
         todo="give the period of A; if A is written for 0 <= t < T only, take t modulo T in it",
     )
 
@@ -239,7 +234,7 @@ def _goes_on(sample: Sampler) -> bool:
         if values is None:
             return True
         tail = np.abs(chebyshev_coefficients(values[None])[0, -max(4, count // 16) :]).max(axis=0)
-        if np.all(tail <= REPEAT * np.maximum(sample.scale, np.abs(values).max(axis=0))):
+        if np.all(tail <= ROOT * np.maximum(sample.scale, np.abs(values).max(axis=0))):
             return True
     return False
 

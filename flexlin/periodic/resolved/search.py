@@ -11,6 +11,7 @@ from flexlin.checks import Array, check_size
 from flexlin.errors import UnresolvedCoefficient
 from flexlin.periodic.chebyshev import ChebyshevPanels, chebyshev_basis, chebyshev_nodes, chebyshev_transform
 from flexlin.periodic.grid import NAMED, divided
+from flexlin.periodic.precision import EPS
 from flexlin.periodic.resolved.matrix import Discontinuity, ResolvedMatrix
 from flexlin.periodic.resolved.panels import (
     MOST_PANELS,
@@ -26,7 +27,6 @@ from flexlin.periodic.resolved.panels import (
 )
 from flexlin.periodic.resolved.sampling import (
     BLOCKS,
-    EPS,
     NEAR,
     POINTS,
     Sampler,
@@ -202,7 +202,7 @@ def resolve_on_panels(sample: Sampler, named: Array, pairs: Array, wary: bool, r
     found = tuple(
         Discontinuity(float(t), "jump" if jump else "kink")
         for t, jump in zip(rough, jumps, strict=True)
-        if not np.any(np.abs(named - t) <= 4 * np.finfo(float).eps * T)
+        if not np.any(np.abs(named - t) <= 4 * EPS * T)
     )
     allowed = left_over(done, sample).max(axis=0)
     degree = shown_degree(done, sample.scale)

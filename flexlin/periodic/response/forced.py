@@ -9,13 +9,13 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, real_array, whole
 from flexlin.errors import ArgumentError, ResonantForcing
 from flexlin.periodic.coefficients import Constant, has_nothing_narrow, refuse_signature
-from flexlin.periodic.floquet.segmented import ANOTHER
-from flexlin.periodic.grid import edges_of_short, place_edges
+from flexlin.periodic.grid import FINER, edges_of_short, place_edges
+from flexlin.periodic.precision import EPS, MINOR, ROOT, SAFETY, TINY
 from flexlin.periodic.product.cyclic import cyclic_system
-from flexlin.periodic.product.perturbation import CLOSE, COHERENT
+from flexlin.periodic.product.perturbation import COHERENT
 from flexlin.periodic.product.spectrum import product_logs
 from flexlin.periodic.resolved.companion import couple_uncertainty
-from flexlin.periodic.resolved.panels import NODES, SAFETY, TAIL
+from flexlin.periodic.resolved.panels import NODES, TAIL
 from flexlin.periodic.resolved.resolve import resolve
 from flexlin.periodic.response.result import ForcedResponse, PiecewiseSolution
 from flexlin.periodic.system import PeriodicSystem, as_system
@@ -33,7 +33,6 @@ from flexlin.periodic.transition.gauss import (
 from flexlin.periodic.transition.setting import MAX_SEGMENTS, report_too_many
 
 VectorFunction = Callable[[Array], Array]
-EPS = float(np.finfo(float).eps)
 RESONANT = 100.0
 """A response that loses this factor beyond tol to rounding is resonant."""
 STIFF = 1024
@@ -131,7 +130,7 @@ def find_corners(system: PeriodicSystem, force: VectorFunction, breaks: Array) -
         np.union1d(known, 0.0).tolist(),
         system.features,
         complete=system.complete and has_nothing_narrow(force),
-        tol=float(np.sqrt(EPS)),
+        tol=ROOT,
         repeats=False,
     )
     return np.union1d(
@@ -157,7 +156,7 @@ def refine_response(
     while count <= limits[1]:
         grid = place_edges(system.period, corners, count, -(-count // first))
         solution, sigma, Phi = solve_periodic(system, force, grid, rule)
-        rounding = SAFETY * EPS / max(sigma, np.finfo(float).tiny)
+        rounding = SAFETY * EPS / max(sigma, TINY)
         if solution is None or rounding > RESONANT * max(tol, 1e-10):
             if count >= limits[0]:
                 raise report_resonance(Phi, sigma)
@@ -177,7 +176,7 @@ def refine_response(
                 missed = max(misses[at - 1 : at + 1])
                 return solution, sigma, max(SAFETY * missed, missed + rounded), scale
             wanted = len(previous.start) * (MARGIN * missed / (tol * scale)) ** (1 / (len(rule.c) + 1))
-        previous, count = solution, int(np.ceil(np.clip(wanted, ANOTHER * count, 2 * count)))
+        previous, count = solution, int(np.ceil(np.clip(wanted, FINER[0] * count, 2 * count)))
     raise report_too_many(count, limits[1], tol)
 
 
@@ -209,7 +208,7 @@ def solve_periodic(
     Phi, g = Y[:, -1, :, :n], Y[:, -1, :, n:]
     cyclic = cyclic_system(Phi)
     sigma = float(np.linalg.svd(cyclic.closure, compute_uv=False)[-1])
-    if sigma <= 4 * np.finfo(float).eps:
+    if sigma <= SAFETY * EPS:
         return None, sigma, Phi
     x = cyclic.solve(g)[..., 0]
     moved = (Y[:, :-1, :, :n] @ x[:, None, :, None] + Y[:, :-1, :, n:])[..., 0] - x[:, None]
@@ -272,7 +271,7 @@ def report_resonance(Phi: Array, sigma: float) -> ResonantForcing:
     logs = product_logs(Phi)
     nearest = logs[np.argmin(np.abs(logs))]
     got = f"the multiplier {np.exp(nearest):.12g} with the periodicity condition's smallest singular value {sigma:.1e}"
-    if abs(nearest) > CLOSE:
+    if abs(nearest) > MINOR:
         return ResonantForcing(
             "rounding hides the periodic response, although no multiplier is near 1",
             got=got,

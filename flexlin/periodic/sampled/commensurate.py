@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 
-import numpy as np
+from flexlin.periodic.precision import EPS
 
 MOST = 1024
 """Samples of a round, unless a single period takes more."""
-EXACT = MOST * float(np.finfo(float).eps)
+EXACT = MOST * EPS
 """Relative distance at which a sampling time counts as a whole part of whole periods."""
 
 

@@ -1,17 +1,19 @@
 """A periodic system under a held input: its exact discrete-time model from sample to sample, the delay included."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import expm
 
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, TooManySegments
 from flexlin.periodic.coefficients import MatrixFunction
 from flexlin.periodic.grid import divide_segments, edges_of_short
+from flexlin.periodic.resolved.matrix import ResolvedMatrix
 from flexlin.periodic.resolved.panels import NODES
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.choice import choose_gauss_step, measure_pace
-from flexlin.periodic.transition.exponential import exponentiate
 from flexlin.periodic.transition.gauss import gauss_transitions
 from flexlin.periodic.transition.setting import MAX_SEGMENTS
 
@@ -53,9 +55,9 @@ class HeldPlant:
     inputs: int
 
     def closed_by(self, K: Array) -> Array:
-        """F_k - G_k [K_k, 0] with gains K (N, m, n) at the instants."""
+        """F_k - G_k [K_k, 0] with gains K (N, m, n) at the instants, or (N, m, r) of all that is known there."""
         loop = self.F.copy()
-        loop[:, :, : self.states] -= self.G @ K
+        loop[:, :, : K.shape[2]] -= self.G @ K
         return loop
 
 
@@ -91,7 +93,8 @@ def hold_controller(rates: Array, step: float) -> Array:
     k = len(rates)
     block = np.zeros((2 * k, 2 * k))
     block[:k, :k], block[:k, k:] = rates[:, -k:], np.eye(k)
-    return exponentiate((step * block)[None])[0, :k, k:]
+    with np.errstate(over="ignore", invalid="ignore"):  # of a controller that grows beyond numbers
+        return np.asarray(expm(step * block)[:k, k:])
 
 
 def with_controller_states(plant: HeldPlant, rates: Array, step: float) -> HeldPlant:
@@ -108,25 +111,31 @@ def with_controller_states(plant: HeldPlant, rates: Array, step: float) -> HeldP
 
 def sections(system: PeriodicSystem, begin: Array, end: Array, tol: float, stages: int) -> Array:
     """Transition matrices (N, n + m, n + m) of the augmented system from begin (N,) to end (N,), all of one length."""
-    edges = divide(system, begin, end, tol)
     augmented = Augmented(system.resolved, system.resolved_input, system.period)
-    count = edges.shape[1] - 1
-    together = np.concatenate([edges[:, :-1].ravel(), edges[-1:, -1]])
-    if np.all(edges[1:, 0] == edges[:-1, -1]):
-        steps = gauss_transitions(augmented, together, stages)
-    else:  # gaps between the sections are integrated too and left out
-        flat = gauss_transitions(augmented, edges.ravel(), stages)
-        keep = np.arange(len(edges) * (count + 1) - 1) % (count + 1) != count
-        steps = flat[keep]
-    parts = steps.reshape(len(edges), count, *steps.shape[1:])
+    parts = step_sections(augmented, divide(system, begin, end, tol), stages)
     whole = parts[:, 0]
-    for k in range(1, count):
+    for k in range(1, parts.shape[1]):
         whole = parts[:, k] @ whole
     return whole
 
 
-def divide(system: PeriodicSystem, begin: Array, end: Array, tol: float) -> Array:
-    """Edges (N, c + 1) of steps inside sections, short enough for tol; none passes over a corner or a part of a panel of A or B."""
+def step_sections(A: MatrixFunction, edges: Array, stages: int) -> Array:
+    """Transition matrices (N, c, s, s) of x' = A x over all steps between edges (N, c + 1)."""
+    count = edges.shape[1] - 1
+    together = np.concatenate([edges[:, :-1].ravel(), edges[-1:, -1]])
+    if np.all(edges[1:, 0] == edges[:-1, -1]):
+        steps = gauss_transitions(A, together, stages)
+    else:  # gaps between the sections are integrated too and left out
+        flat = gauss_transitions(A, edges.ravel(), stages)
+        keep = np.arange(len(edges) * (count + 1) - 1) % (count + 1) != count
+        steps = flat[keep]
+    return steps.reshape(len(edges), count, *steps.shape[1:])
+
+
+def divide(
+    system: PeriodicSystem, begin: Array, end: Array, tol: float, others: Sequence[ResolvedMatrix] = ()
+) -> Array:
+    """Edges (N, c + 1) of steps inside sections, short enough for tol; none passes over a corner or a part of a panel of A, B or others."""
     T = system.period
     longest = float(choose_gauss_step(measure_pace(system).rate.max(keepdims=True), tol, STAGES).min())
     width = float((end - begin).max())
@@ -136,7 +145,7 @@ def divide(system: PeriodicSystem, begin: Array, end: Array, tol: float) -> Arra
             "the sampled loop takes too many steps", got=count * len(begin), expected=f"at most {MOST_STEPS}"
         )
     edges = begin[:, None] + (end - begin)[:, None] * np.arange(count + 1) / count
-    resolved = (system.resolved, system.resolved_input)
+    resolved = (system.resolved, system.resolved_input, *others)
     panels = (divide_segments(one.edges, PARTS) for one in resolved if one.panels > 1)
     short = [np.mod(edges_of_short(edges, width / count), T) for edges in panels]
     corners = np.unique(np.concatenate([*short, *(one.breaks for one in resolved)]))

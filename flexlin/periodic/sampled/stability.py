@@ -10,7 +10,8 @@ from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples
 from flexlin.periodic.floquet.result import FloquetResult, judge
-from flexlin.periodic.floquet.segmented import HIDDEN, SAFETY
+from flexlin.periodic.floquet.segmented import SAFETY
+from flexlin.periodic.precision import SLIGHT
 from flexlin.periodic.product.spectrum import find_spectrum
 from flexlin.periodic.sampled.commensurate import Round, find_rounds
 from flexlin.periodic.sampled.hold import STAGES, hold_plant, with_controller_states
@@ -47,7 +48,7 @@ def sampled_floquet(
     system : PeriodicSystem
         The plant without feedback, with n states and m inputs.
     gain : array_like (m, n + k), or function of times (N,) -> (N, m, n + k)
-        K, read at the instants only.
+        K, read at the instants only; of a late loop (m, n + k + m) where it feeds back the input that is held then, too.
     sample_time : float
         h, in s.
     delay : float
@@ -88,7 +89,7 @@ def sampled_floquet(
     K = as_matrix_function("gain", gain)
     own = None if rates is None else real_array("rates", rates, (None, None))
     got, states = check_samples("gain", K, system.period).shape[1:], system.n + (0 if own is None else len(own))
-    if got != (system.m, states):
+    if got != (system.m, states) and not (delay and got == (system.m, states + system.m)):
         raise ArgumentError("the gain does not fit the system", got=got, expected=f"({system.m}, {states})")
     if own is not None and own.shape[1] != states:
         raise ArgumentError("the rates do not fit the system", got=own.shape, expected=f"({len(own)}, {states})")
@@ -112,7 +113,19 @@ def solve_round(
         plant = hold_plant(system, turn.samples, turn.periods, delay, tol, stages)
         plant = plant if rates is None else with_controller_states(plant, rates, step)
         loops.append(plant.closed_by(K(np.mod(plant.instants, system.period))))
-    found = find_spectrum(loops[0], loops[1])
+    return solve_loops(*loops)
+
+
+def solve_loops(loops: Array, better: Array) -> RoundSpectrum:
+    """The multipliers of the product of a round's steps (N, r, r), with the same steps by two more stages."""
+    found = find_spectrum(loops, better)
     errors = SAFETY * found.method + found.rounding
     below = found.logs.real[0] - found.logs.real
-    return RoundSpectrum(found.logs, np.where((errors > HIDDEN * below) & (below > errors[0]), np.inf, errors))
+    return RoundSpectrum(found.logs, np.where((errors > SLIGHT * below) & (below > errors[0]), np.inf, errors))
+
+
+def judge_samples(loops: Array, better: Array, turn: Round, period: float, tol: float) -> FloquetResult:
+    """The verdict on the steps (N, r, r) of a round that is exact."""
+    spectrum, time = solve_loops(loops, better), turn.periods * period
+    setting = Setting("sampled", 0, turn.samples, f"{turn.samples} samples in {turn.periods} periods")
+    return judge(spectrum.logs / time, spectrum.errors / time, time, setting, tol)

@@ -24,8 +24,6 @@ WAVES = 3.0
 """Gauss nodes for each harmonic of the coefficients, so that none hides between them."""
 VECTORS, BESIDE = 40, 10_000
 """Multiplications, times n^3, that carrying left and right vectors through a segment takes, and those that all else counts as."""
-UNIT = 4000
-"""Multiplications in the unit of work, about a microsecond: beside these counts only that of decoupling asks for a unit."""
 PLACES = 6
 """Times of a panel at which the eigenvalues of A(t) are looked at, at the most; of all panels sixteen times as many."""
 
@@ -35,7 +33,8 @@ class Pace:
     """How fast a system moves on each panel of its resolved coefficients, (P,).
 
     length in s; rate: largest |eigenvalue| of A(t), at least the basic frequency (1/s); spread: of the real parts (1/s);
-    waves: polynomial degree or harmonics of the coefficients that matter at the wanted accuracy; top: the largest real part.
+    waves: polynomial degree or harmonics of the coefficients that matter at the wanted accuracy; top: the largest real part;
+    unknowns of each stage: the states, or the accelerations alone where the equations are, or look like, those of y'' = X y + Y y'.
     """
 
     length: Array
@@ -43,6 +42,7 @@ class Pace:
     spread: Array
     waves: Array
     top: float
+    unknowns: int
 
 
 def measure_pace(system: PeriodicSystem, accuracy: float = 1e-9) -> Pace:
@@ -51,10 +51,13 @@ def measure_pace(system: PeriodicSystem, accuracy: float = 1e-9) -> Pace:
     length = np.diff(resolved.edges)
     each = max(1, min(PLACES, 16 * PLACES // len(length)))
     t = (resolved.edges[:-1, None] + length[:, None] * (np.arange(each) + 0.37) / each).ravel()
-    values = np.linalg.eigvals(resolved(t)).reshape(len(length), -1)
+    A, (m, odd) = resolved(t), divmod(system.n, 2)
+    plain = odd or (system.second_order is None and np.any(A[:, :m] != np.eye(m, 2 * m, m)))
+    values = np.linalg.eigvals(A).reshape(len(length), -1)
     rate = np.maximum(np.abs(values).max(axis=1), 2 * np.pi / system.period)
     waves = count_waves(system, accuracy)
-    return Pace(length, rate, np.ptp(values.real, axis=1), waves, float(values.real.max()))
+    unknowns = system.n if plain else m
+    return Pace(length, rate, np.ptp(values.real, axis=1), waves, float(values.real.max()), unknowns)
 
 
 def count_waves(system: PeriodicSystem, accuracy: float) -> Array:
@@ -91,7 +94,7 @@ def choose_setting(system: PeriodicSystem, tol: float, method: str, order: int |
     stages = STAGES if order is None else np.array([order // 2])
     demand = gauss_demand(pace, tol, stages[:, None])
     counts = np.ceil(demand).sum(axis=1)
-    unknowns = count_unknowns(system)
+    unknowns = pace.unknowns
     if len(pace.rate) == 1:  # a whole number of lanes costs no more
         counts = np.where(stages * unknowns <= MOST_UNKNOWNS, LANES * np.ceil(counts / LANES), counts)
     best = int(np.argmin(estimate_work(system.n, unknowns, stages, counts)))
@@ -138,23 +141,15 @@ def gauss_constants() -> Array:
     return np.array([f(s) ** 2 / (f(2 * s) * f(2 * s + 1)) for s in range(33)])
 
 
-def count_unknowns(system: PeriodicSystem) -> int:
-    """Unknowns of each stage: the states, or the accelerations alone where the equations are, or look like, those of y'' = X y + Y y'."""
-    m, odd = divmod(system.n, 2)
-    if odd or (system.second_order is None and np.any(system.resolved(np.zeros(1))[0, :m] != np.eye(m, 2 * m, m))):
-        return system.n
-    return m
-
-
 def estimate_work(n: int, unknowns: int, stages: Array, segments: Array) -> Array:
-    """The work for n states, in UNIT multiplications: elimination for s stages and for two more, and vectors along the product."""
+    """The work for n states, in multiplications: elimination for s stages and for two more, and vectors along the product."""
     sizes = [np.asarray(unknowns * (stages + extra), dtype=float) for extra in (0, 2)]
     solved = sum(size**2 * (size / 3 + n) for size in sizes)
-    return np.asarray(segments * (solved + VECTORS * n**3 + BESIDE) / UNIT)
+    return np.asarray(segments * (solved + VECTORS * n**3 + BESIDE))
 
 
 def estimate_segment_work(n: int, second_order: bool, setting: Setting) -> float:
-    """The work of a setting for n states, in UNIT multiplications."""
+    """The work of a setting for n states, in multiplications."""
     work = estimate_work(n, n // 2 if second_order else n, np.array(setting.order // 2), np.array(setting.segments))
     return float(work)
 

@@ -1,4 +1,4 @@
-"""Transition matrices of the segments of a period by collocation, from resolved coefficients: compiled, eight segments at a time."""
+"""Transition matrices of the segments of a period by collocation, from resolved coefficients: compiled, several segments at a time."""
 
 from collections.abc import Iterator
 from functools import lru_cache
@@ -8,25 +8,37 @@ import numpy as np
 from flexlin._core import declare
 from flexlin.checks import Array
 from flexlin.lapack import LAPACK
+from flexlin.periodic.precision import EPS
 from flexlin.periodic.product.spectrum import Unknown
 from flexlin.periodic.resolved.companion import ResolvedCompanion
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
-from flexlin.periodic.resolved.sampling import EPS
-from flexlin.periodic.second_order import build_companion
+from flexlin.periodic.second_order import solve_mass, stack_companion
 from flexlin.periodic.transition.gauss import CHUNK_BYTES, Tableau, collocate, collocate_accelerations, fold_samples
 
 Resolved = ResolvedMatrix | ResolvedCompanion
 MOST_UNKNOWNS = 100
 """Stages times unknowns up to which the compiled code serves; LAPACK is as fast beyond."""
+
+
+def shape_states(n: int, s: int, K: int, *_: object) -> tuple[object, ...]:
+    """What `factor_states` takes and makes."""
+    return (K, s, n, n), (K,), s * (s + 1), (n,), (K, n, n), (K,)
+
+
+def shape_accelerations(m: int, s: int, K: int, *_: object) -> tuple[object, ...]:
+    """What `factor_accelerations` takes and makes."""
+    return (K, s, m, 3 * m), (K,), 2 * s * (s + 1), (K, 2 * m, 2 * m), (K,)
+
+
 FACTOR_STATES = declare(
     "int factor_states(int n, int stages, int segments, int stiff, const double *A, const double *lengths, const double *tableau, "
     "const double *units, double *Phi, int *good)",
-    lambda n, s, K, *_: ((K, s, n, n), (K,), s * (s + 1), (n,), (K, n, n), (K,)),
+    shape_states,
 )
 FACTOR_ACCELERATIONS = declare(
     "int factor_accelerations(int m, int stages, int segments, const double *blocks, const double *lengths, const double *tableau, "
     "double *Phi, int *good)",
-    lambda m, s, K, *_: ((K, s, m, 3 * m), (K,), 2 * s * (s + 1), (K, 2 * m, 2 * m), (K,)),
+    shape_accelerations,
 )
 
 
@@ -45,7 +57,7 @@ def factor_segments(resolved: Resolved, edges: Array, rule: Tableau) -> Array:
 def measure_segments(
     resolved: Resolved, edges: Array, rules: tuple[Tableau, Tableau]
 ) -> tuple[list[Array], Array, Unknown]:
-    """Transition matrices (K, n, n) by each of two rules; h A in the middle of each segment (K, n, n); what is not known over it.
+    """Transition matrices (K, n, n) by each of two rules; h A at the beginning of each segment (K, n, n); what is not known over it.
 
     Unknown are roundings of the coefficients and the error of their series. Of a second-order system with vectors [y; v]:
 
@@ -55,30 +67,34 @@ def measure_segments(
     """
     h, made = np.diff(edges), []
     error = resolved.mean_error(edges)
-    for part, staged, (starts, middles) in sample_segments(resolved, edges, rules, (0.0, 0.5)):
+    for part, staged, starts in sample_segments(resolved, edges, rules, True):
         lengths = h[part, None, None]
         size = lengths * (EPS * np.abs(starts) + error[part])
         factors = [factor(resolved, values, h[part], rule) for values, rule in zip(staged, rules, strict=True)]
         if not isinstance(resolved, ResolvedCompanion):
-            made.append((*factors, lengths * middles, size))
+            made.append((*factors, lengths * starts, size))
             continue
-        m, K = starts.shape[1], len(starts)
-        A = build_companion(*resolved.split(np.concatenate([starts, middles])), np.tile(edges[:-1][part], 2))
-        left, right = np.zeros((K, 2 * m, m)), np.zeros((K, 3 * m, 2 * m))
-        left[:, m:] = np.linalg.inv(starts[..., :m])
-        right[:, :m] = -A[:K, m:]
-        right[:, m : 2 * m, m:] = right[:, 2 * m :, :m] = np.eye(m)
-        made.append((*factors, lengths * A[K:], size, left, right))
-    plain, better, middles, *unknown = made[0] if len(made) == 1 else map(np.concatenate, zip(*made, strict=True))
-    return [plain, better], middles, Unknown(*unknown)
+        M, D, S = resolved.split(starts)
+        K, m = M.shape[:2]
+        eye = np.broadcast_to(np.eye(m), M.shape)
+        inverse, X, Y = np.split(solve_mass(M, np.concatenate([eye, -S, -D], axis=2), edges[:-1][part]), 3, axis=2)
+        A, left, right = stack_companion(X, Y), np.zeros((K, 2 * m, m)), np.zeros((K, 3 * m, 2 * m))
+        left[:, m:] = inverse
+        right[:, :m] = -A[:, m:]
+        right[:, m : 2 * m, m:] = right[:, 2 * m :, :m] = eye
+        made.append((*factors, lengths * A, size, left, right))
+    plain, better, hA, *unknown = made[0] if len(made) == 1 else map(np.concatenate, zip(*made, strict=True))
+    return [plain, better], hA, Unknown(*unknown)
 
 
 def sample_segments(
-    resolved: Resolved, edges: Array, rules: tuple[Tableau, ...], looks: tuple[float, ...] = ()
-) -> Iterator[tuple[slice, list[Array], list[Array]]]:
+    resolved: Resolved, edges: Array, rules: tuple[Tableau, ...], starts: bool = False
+) -> Iterator[tuple[slice, list[Array], Array]]:
     """The coefficients, A or [M D K], segment by segment, CHUNK_BYTES at a time: which, at the stages of each rule (k, s, rows, columns),
-    and at parts of each segment (k, rows, columns). A stage at the end of a segment stands just before it, so jumps there do no harm."""
-    nodes = [rule.c for rule in rules] + [np.array([part]) for part in looks]
+    and at their beginnings (k, rows, columns) where asked for.
+
+    A stage at the end of a segment stands just before it, so jumps there do no harm."""
+    nodes = [rule.c for rule in rules] + [np.zeros(1)] * starts
     rows, columns = resolved.shape
     size = max(8, CHUNK_BYTES // (8 * rows * columns * sum(map(len, nodes))))
     for i in range(0, len(edges) - 1, size):
@@ -88,13 +104,9 @@ def sample_segments(
             if rule.c[-1] == 1.0:
                 t[:, -1:] = np.nextafter(last, -np.inf)
         t = np.concatenate([part.ravel() for part in times])
-        values = fold_samples(resolved.series(t), t)
-        bounds = np.cumsum([part.size for part in times])[:-1]
-        split = [
-            part.reshape(len(first), len(c), rows, columns)
-            for part, c in zip(np.split(values, bounds), nodes, strict=True)
-        ]
-        yield slice(i, i + size), split[: len(rules)], [part[:, 0] for part in split[len(rules) :]]
+        values = np.split(fold_samples(resolved.series(t), t), np.cumsum([part.size for part in times])[:-1])
+        split = [part.reshape(len(first), -1, rows, columns) for part in values]
+        yield slice(i, i + size), split[: len(rules)], split[-1][:, 0]
 
 
 def factor(resolved: Resolved, values: Array, h: Array, rule: Tableau) -> Array:

@@ -11,6 +11,8 @@ from flexlin.checks import Array
 from flexlin.errors import SingularMassMatrix
 from flexlin.periodic.coefficients import MatrixFunction, check_finite
 
+STAGES = 8
+"""Where nobody asks for a number of them: of order 16."""
 CHUNK_BYTES = 2**25
 """What is computed at once takes at most this many bytes (one segment or one mode at the least)."""
 FIRST_NODES = 512
@@ -48,7 +50,7 @@ def place_nodes(edges: Array, c: Array) -> Array:
     return edges[:-1, None] + np.diff(edges)[:, None] * c
 
 
-def gauss_transitions(A: MatrixFunction, edges: Array, stages: int) -> Array:
+def gauss_transitions(A: MatrixFunction, edges: Array, stages: int = STAGES) -> Array:
     """Transition matrices of x' = A(t) x over the segments between consecutive edges.
 
         Y_i = I + h sum_j a_ij A_j Y_j,   Phi = I + h sum_j b_j A_j Y_j

@@ -8,13 +8,13 @@ import numpy as np
 
 from flexlin.checks import Array
 from flexlin.errors import NumericalError, TooManySegments
-from flexlin.periodic.grid import place_edges
 from flexlin.periodic.product.spectrum import Unknown
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.periodic.transition.factors import factor_segments, measure_segments
 from flexlin.periodic.transition.gauss import Tableau, gauss, radau
 
-MAX_SEGMENTS = 20_000
+MAX_SEGMENTS, FEWER_SEGMENTS = 20_000, 4000
+"""Of a period at the most, and where another way is open beyond."""
 
 
 @dataclass(frozen=True)
@@ -59,13 +59,11 @@ ORDERS = {"gauss": range(2, 65, 2), "radau": range(1, 32, 2)}
 def place_segments(system: PeriodicSystem, setting: Setting) -> Array:
     """Edges (K + 1,) of the segments of a period: every panel of the resolved coefficients is divided evenly by its share."""
     corners = system.resolved.edges
-    if len(setting.shares) != len(corners) - 1:
-        return place_edges(system.period, system.resolved.breaks, setting.segments)
-    counts = np.maximum(1, np.ceil(setting.segments * np.array(setting.shares) * (1 - 1e-12)).astype(int))
-    step = np.repeat(np.diff(corners) / counts, counts)
-    first = np.repeat(np.cumsum(counts) - counts, counts)
-    inner = np.repeat(corners[:-1], counts) + step * (np.arange(counts.sum()) - first)
-    return np.append(inner, corners[-1])
+    panels = np.diff(corners)
+    shares = np.array(setting.shares) if len(setting.shares) == len(panels) else panels / system.period
+    counts = np.maximum(1, np.ceil(setting.segments * shares * (1 - 1e-12)).astype(int))
+    which = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    return np.append(np.repeat(corners[:-1], counts) + np.repeat(panels / counts, counts) * which, corners[-1])
 
 
 def factor_by(system: PeriodicSystem, edges: Array, method: str, order: int) -> Array:

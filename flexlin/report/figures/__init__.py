@@ -1,18 +1,14 @@
 """The figures of the report, one file each."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from flexlin.answers.analysis import Analysis
-from flexlin.report.figures.arm import draw_arm
-from flexlin.report.figures.coefficients import draw_coefficients
+from flexlin.report.figures.arm import draw_arm, draw_modes
+from flexlin.report.figures.coefficients import draw_coefficients, draw_gains
 from flexlin.report.figures.comparison import draw_comparison
-from flexlin.report.figures.exponents import draw_exponents
-from flexlin.report.figures.gains import draw_gains
-from flexlin.report.figures.modes import draw_modes
-from flexlin.report.figures.multipliers import draw_multipliers
-from flexlin.report.figures.response import draw_response
+from flexlin.report.figures.exponents import draw_exponents, draw_multipliers
+from flexlin.report.figures.response import draw_response, draw_tip
 from flexlin.report.figures.style import Picture
-from flexlin.report.figures.tip import draw_tip
 from flexlin.report.wording import units_of
 
 FIGURES: tuple[Callable[[Analysis], Picture | None], ...] = (
@@ -28,16 +24,15 @@ FIGURES: tuple[Callable[[Analysis], Picture | None], ...] = (
 )
 
 
-def draw_pictures(analysis: Analysis) -> list[Picture]:
+def draw_pictures(analysis: Analysis) -> Iterator[Picture]:
     """All figures that this analysis has numbers for, in the order of the page."""
     with units_of(analysis):
-        drawn = [picture for draw in FIGURES if (picture := draw(analysis)) is not None]
+        yield from (picture for draw in FIGURES if (picture := draw(analysis)) is not None)
         if analysis.sensitivity is not None:
-            from flexlin.report.figures.sensitivity import draw_sensitivity
+            from flexlin.report.figures.effects import draw_sensitivity
 
-            drawn.append(draw_sensitivity(analysis.sensitivity))
-    if analysis.audit is None:
-        return drawn
-    from flexlin.report.figures.effects import draw_effects
+            yield draw_sensitivity(analysis.sensitivity)
+    if analysis.audit is not None:
+        from flexlin.report.figures.effects import draw_effects
 
-    return [*drawn, draw_effects(analysis.audit)]
+        yield draw_effects(analysis.audit)

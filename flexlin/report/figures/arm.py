@@ -1,26 +1,61 @@
-"""The arm along its motion, bent by the periodic response."""
+"""The arm along its motion, bent by the periodic response, and how it swings about one place of it."""
 
 import numpy as np
 
+from flexlin.about.linearization import Linearization
 from flexlin.answers.analysis import Analysis
+from flexlin.checks import Array
 from flexlin.control.tracking import arm_positions
-from flexlin.report.figures.style import Picture, make_period_panel, style_part
-from flexlin.report.tracing import trace_arm
-from flexlin.report.wording import in_unit, is_dimensionless, name_joint_unit
-from flexlin.svg import Panel, Row, draw
+from flexlin.mechanics.axes import COLUMNS
+from flexlin.periodic.precision import ROOT
+from flexlin.report.figures.style import (
+    Picture,
+    choose_colour,
+    choose_views,
+    make_period_panel,
+    make_picture,
+    style_part,
+)
+from flexlin.report.wording import format_duration, in_unit, is_dimensionless, name_joint_unit
+from flexlin.svg import Panel, Row
+
+STRAIGHT = 1e-9
+"""A link whose axis is off a straight line by less, relative to what it sweeps, is drawn as one."""
+
+
+def trace_arm(lin: Linearization, t: Array, states: Array) -> list[list[Array]]:
+    """The axis of each link at each time, (2, k) or (3, k), for deviations (N, n) or (N, 2n) from the rigid motion.
+
+    Each link begins where the one before it ends. Links of a model that does not say how they bend are straight, from joint to joint.
+    """
+    if lin.arm.near.axes is None:
+        points, _ = arm_positions(lin, t, states)
+        return [[at[:, i : i + 2] for i in range(at.shape[1] - 1)] for at in points]
+    axes = lin.about.of_arm("axes", t, states[:, : lin.n])
+    links = np.split(axes, axes.shape[2] // COLUMNS, axis=2)
+    kept = [find_corners(curves) for curves in links]
+    return [[curves[k][:, own] for curves, own in zip(links, kept, strict=True)] for k in range(len(t))]
+
+
+def find_corners(curves: Array) -> list[int]:
+    """Which points of a link's axis (N, d, COLUMNS) draw it: both ends of a straight one, all of one that bends, and a piece before it."""
+    base, tip = curves[:, :, 1:2], curves[:, :, -1:]
+    off = curves[:, :, 1:] - base - (tip - base) * np.linspace(0.0, 1.0, COLUMNS - 1)
+    size = max(float(np.ptp(curves)), 1e-300)
+    own = [1, COLUMNS - 1] if np.abs(off).max() <= STRAIGHT * size else list(range(1, COLUMNS))
+    before = np.abs(curves[:, :, 0] - curves[:, :, 1]).max() > STRAIGHT * size
+    return [0, *own] if before else own
+
 
 PHASES = 12
 """Pictures of the arm in one period."""
-VIEWS = ((0, 1), (0, 2), (1, 2))
-"""World axes across and up of the pictures: one is enough for an arm in its plane."""
-TITLE = "The arm along its motion"
 
 
 def draw_arm(a: Analysis) -> Picture:
     """The arm at equal steps of a period, and its joints' motion and feedforward torques beside it."""
     caption = "Joint motion and feedforward of the rigid motion over one period."
-    if a.arm.points is None:
-        return Picture("arm", TITLE, caption, draw([Row(draw_beside(a), 110)], TITLE))
+    if a.arm.near.points is None:
+        return make_picture("arm", "The arm along its motion", caption, [Row(draw_beside(a), 110)])
     bent = (
         "bent by the steady response under the scene's loop"
         if a.response
@@ -30,12 +65,8 @@ def draw_arm(a: Analysis) -> Picture:
         f"The arm at {PHASES} equal steps of a period, {bent}, to scale; later pictures are stronger. Grey: the rigid motion. "
         f"Red: the path of the tip. Beside it: {caption[0].lower()}{caption[1:]}"
     )
-    return Picture(
-        "arm",
-        TITLE,
-        caption,
-        draw(lay_out(draw_stroboscope(a), draw_beside(a)), TITLE),
-    )
+    rows = lay_out(draw_stroboscope(a), draw_beside(a))
+    return make_picture("arm", "The arm along its motion", caption, rows)
 
 
 def lay_out(views: list[Panel], beside: list[Panel]) -> list[Row]:
@@ -105,7 +136,7 @@ def draw_stroboscope(a: Analysis) -> list[Panel]:
         for x in (np.zeros_like(states), states)
     )
     panels, metres = [], "" if is_dimensionless() else " in m"
-    for across, up in VIEWS if bent.shape[1] == 3 else VIEWS[:1]:
+    for across, up in choose_views(bent.shape[1]):
         title = "the arm" if bent.shape[1] == 2 else f"the arm along {'xyz'[3 - across - up]}"
         panel = Panel(title, x_label=f"{'xyz'[across]}{metres}", y_label=f"{'xyz'[up]}{metres}", equal=True)
         for curve in still:
@@ -115,3 +146,93 @@ def draw_stroboscope(a: Analysis) -> list[Panel]:
         panel.line(bent[:, across, -1], bent[:, up, -1], "rose", width=1.5)
         panels.append(panel.dots(bent[picked[-1], across, :-1], bent[picked[-1], up, :-1], "ink", size=3.5))
     return panels
+
+
+ABOVE, BELOW = 8, 40
+"""Modes shown, and folded."""
+SWING = 0.15
+"""The largest displacement in a picture, against the arm's size."""
+SMALL = 1e-6
+"""The deflection from which a picture is magnified, in rad or m: it is that of the linear equations."""
+SIGHT = np.array([[-1.0, 1.0, 0.0], [-1.0, -1.0, 2.0]]) / np.sqrt([[2.0], [6.0]])
+"""An arm in space is seen from (1, 1, 1), with z upwards."""
+
+
+def draw_modes(a: Analysis) -> Picture | None:
+    """A panel for each mode of the scene's own loop at t = 0, slowest oscillation first; modes that do not oscillate come last."""
+    if a.arm.near.points is None:
+        return None
+    values, vectors = np.linalg.eig(a.closed.A(np.zeros(1))[0])
+    order = order_modes(values)[: ABOVE + BELOW]
+    energy = np.sqrt(np.maximum(np.diagonal(a.coefficients.M[0]), 0.0))
+    leading = [int(np.argmax(np.abs(vectors[: a.plant.n, i]) * energy)) for i in order]
+    rest, swings = bend_arm(a, [turn_real(vectors[: a.plant.n, i], k) for i, k in zip(order, leading, strict=True)])
+    panels = [
+        draw_mode(a, complex(values[i]), k, rest, swing) for i, k, swing in zip(order, leading, swings, strict=True)
+    ]
+    rows, others = arrange_modes(panels[:ABOVE]), panels[ABOVE:]
+    folded = [arrange_modes(others[i : i + ABOVE]) for i in range(0, len(others), ABOVE)]
+    caption = (
+        "How the arm swings under the scene's loop if it is held still at t = 0 (coefficients frozen there): the shapes behind the "
+        "frequencies above. Strong and faint: the two ends of the swing, magnified. Grey: the arm at rest. Below each: the coordinate that "
+        "moves most, by its share of the kinetic energy, and how fast the mode decays. A mode without frequency creeps back, or grows."
+    )
+    return make_picture("modes", "Mode shapes", caption, rows, (), folded, f"The {len(others)} other modes")
+
+
+def arrange_modes(panels: list[Panel]) -> list[Row]:
+    """Panels in rows of four."""
+    columns = min(4, max(3, len(panels)))
+    return [Row(panels[i : i + columns], 130, (1.0,) * columns) for i in range(0, len(panels), columns)]
+
+
+def order_modes(values: Array) -> list[int]:
+    """One of each pair by rising frequency, then those without by falling growth rate."""
+    turning = [i for i in range(len(values)) if values[i].imag > ROOT * abs(values[i])]
+    real = [i for i in range(len(values)) if abs(values[i].imag) <= ROOT * abs(values[i])]
+    return [*sorted(turning, key=lambda i: values[i].imag), *sorted(real, key=lambda i: -values[i].real)]
+
+
+def turn_real(shape: Array, leading: int) -> Array:
+    """The displacement (n,) of a mode when the leading coordinate is at the end of its swing, its largest entry 1."""
+    turned = np.real(shape * np.conj(shape[leading]) / max(abs(shape[leading]) ** 2, 1e-300))
+    return turned / (np.abs(turned).max() or 1.0)
+
+
+def draw_mode(a: Analysis, value: complex, leading: int, rest: list[Array], swing: list[Array]) -> Panel:
+    """One mode: both ends of its swing over the arm at rest."""
+    frequency = f"{value.imag / (2 * np.pi):.4g}{'' if is_dimensionless() else ' Hz'}"
+    panel = Panel(frequency if value.imag > ROOT * abs(value) else "no oscillation", equal=True, bare=True)
+    panel.footer = f"{a.plant.names[leading]}, {describe_decay(value)}"
+    for sign, opacity in ((-1, 0.35), (1, 1.0)):
+        for still, moved in zip(rest, swing, strict=True):
+            line = still + sign * moved
+            panel.line(line[0], line[1], choose_colour(a, a.own), width=1.6, opacity=opacity)
+    for still in rest:
+        panel.line(still[0], still[1], "faint", width=1.0, dash="3 2")
+    return panel.dots([rest[0][0, 0]], [rest[0][1, 0]], "ink", size=2.5)
+
+
+def describe_decay(value: complex) -> str:
+    """Halves in 12 ms, doubles in 2 s, undamped."""
+    if abs(value.real) <= ROOT * abs(value) or value.real == 0:
+        return "undamped" if abs(value) else "drifts"
+    return f"{'halves' if value.real < 0 else 'doubles'} in {format_duration(np.log(2) / abs(value.real))}"
+
+
+def bend_arm(a: Analysis, shapes: list[Array]) -> tuple[list[Array], list[list[Array]]]:
+    """Curves of the links at rest at t = 0, and their displacements along deflections (n,), scaled to be seen."""
+    states = SMALL * np.array([np.zeros(a.plant.n), *shapes])
+    seen = [
+        [curve if len(curve) == 2 else SIGHT @ curve for curve in arm]
+        for arm in trace_arm(a.closed, np.zeros(len(states)), states)
+    ]
+    rest, *bent = seen
+    size = float(np.ptp(np.concatenate(rest, axis=1), axis=1).max()) or 1.0
+    swings = []
+    for curves in bent:
+        moved = [(after - before) / SMALL for before, after in zip(rest, curves, strict=True)]
+        largest = max(float(np.linalg.norm(part, axis=0).max()) for part in moved)
+        factor = SWING * size / largest if np.isfinite(largest) and largest > 0 else 0.0
+        swings.append([factor * part for part in moved])
+    return rest, swings

@@ -1,4 +1,4 @@
-"""Stability over one or two scene parameters: the exponents over one as lines, and what is said under either picture."""
+"""Over one or two scene parameters: growth rates as lines or a map, the Campbell diagram, and what is said under them."""
 
 from collections.abc import Sequence
 
@@ -8,16 +8,15 @@ import xarray
 from flexlin.answers.critical_values import CriticalValue
 from flexlin.answers.stability_boundary import BoundaryCurve
 from flexlin.checks import Array
+from flexlin.periodic.assignment import assign
 from flexlin.report.figures.chart_map import draw_map
-from flexlin.report.figures.style import Picture
-from flexlin.report.thinning import thin
+from flexlin.report.figures.style import SERIES, Picture, make_picture
 from flexlin.report.wording import in_unit, is_dimensionless, without_units
 from flexlin.scene.names import label_number, name_number, show_unit
 from flexlin.scene.parameters import get_value
 from flexlin.scene.scene import Scene
-from flexlin.svg import Linear, Panel, Row, Symlog, draw
+from flexlin.svg import Linear, Panel, Row, Symlog
 
-TITLE = "Stability chart"
 LOOPS = {"own": "the scene's own loop", "open": "the arm without feedback"}
 
 
@@ -30,20 +29,21 @@ def draw_chart(
     """The growth rates over one parameter as lines, the largest over two as a map with the boundary and its resonances."""
     paths = list_paths(data)
     loop = name_drawn_loop(str(data.attrs.get("loop", "own")))
-    title = f"{TITLE} of {loop}"
+    title = f"Stability chart of {loop}"
     caption = write_caption(data["verdict"].to_numpy(), loop)
     labels = [label_number(scene, path) for path in paths]
     own = [float(get_value(scene, path)) for path in paths]
     if len(paths) == 1:
         found = [f"{line}." for line in list_critical(scene, critical)] or say_none_was_found(data)
         said = "\n".join([caption, *found])
-        return Picture("chart", title, said, draw_line(labels[0], own[0], thin(data), critical, title))
+        return make_picture("chart", title, said, [draw_line(labels[0], own[0], thin(data), critical)])
     nearest = find_nearest(own, data, paths, curves)
     inside = all(data[path].min() <= value <= data[path].max() for path, value in zip(paths, own, strict=True))
     said = describe_distance(scene, paths, own, nearest, inside) if nearest is not None else say_none_was_found(data)[0]
     shade = f"Stronger: faster growth or decay; lines of equal {in_unit('growth rate', '1/s')}; hatched: undecided."
-    svg = draw_map(labels, own, nearest, thin(data), curves, title)
-    return Picture("chart", title, f"{caption} {shade}\n{said}", svg)
+    return make_picture(
+        "chart", title, f"{caption} {shade}\n{said}", [draw_map(labels, own, nearest, thin(data), curves)]
+    )
 
 
 def list_paths(data: xarray.Dataset) -> list[str]:
@@ -123,7 +123,7 @@ APART, BELOW = 0.08, 0.05
 """Of the width: labels of critical values closer than this are left out; of the height: how far below the top they stand."""
 
 
-def draw_line(label: str, own: float, data: xarray.Dataset, critical: Sequence[CriticalValue], title: str) -> str:
+def draw_line(label: str, own: float, data: xarray.Dataset, critical: Sequence[CriticalValue]) -> Row:
     """All growth rates; the largest in the colour of its verdict; the unstable intervals shaded; critical values marked."""
     x = data[next(str(name) for name in data.coords)].to_numpy()
     growth, verdict = data["exponents"].real.to_numpy(), data["verdict"].to_numpy()
@@ -145,7 +145,7 @@ def draw_line(label: str, own: float, data: xarray.Dataset, critical: Sequence[C
             panel.dots(x[chosen], growth[chosen, 0], name, size=2.2, label=name, texts=texts)
     mark_critical(panel, critical, x, scale)
     mark_own(panel, own, x, scale)
-    return draw([Row([panel], 300)], title)
+    return Row([panel], 300)
 
 
 def choose_scale(growth: Array, error: Array) -> Linear | Symlog:
@@ -203,3 +203,96 @@ def mark_own(panel: Panel, own: float, x: Array, scale: Linear | Symlog) -> None
     if x.min() <= own <= x.max():
         low, high = limits_of(scale)
         panel.line([own, own], [low, high], "blue", width=1.2, dash="6 3", label=f"the scene: {own:.4g}")
+
+
+MOST = {1: 2000, 2: 300}
+"""Values along an axis of a picture, by the number of axes: about two a pixel, and two pixels a cell."""
+
+
+def thin(data: xarray.Dataset) -> xarray.Dataset:
+    """The sweep itself where it is small; else blocks of neighbours, each with the numbers of its fastest growing value."""
+    dims = [str(dim) for dim in data["verdict"].dims]
+    most = MOST[len(dims)]
+    if max(data["verdict"].shape) <= most:
+        return data
+    size = [-(-n // most) for n in data["verdict"].shape]
+    chosen = find_fastest(np.nan_to_num(data["exponents"].real.max("mode").to_numpy(), nan=-np.inf), size)
+    if len(dims) == 1:
+        return data.isel({dims[0]: chosen[0].ravel()})
+    where = {dim: xarray.DataArray(index, dims=dims) for dim, index in zip(dims, chosen, strict=True)}
+    axes = {dim: thin_axis(data[dim].to_numpy(), step) for dim, step in zip(dims, size, strict=True)}
+    return data.isel(where).drop_vars(dims).assign_coords(axes)
+
+
+def find_fastest(growth: Array, size: list[int]) -> tuple[Array, ...]:
+    """The indices of the largest value of each block of `size` neighbours."""
+    blocks = [-(-n // step) for n, step in zip(growth.shape, size, strict=True)]
+    padded = np.full([count * step for count, step in zip(blocks, size, strict=True)], -np.inf)
+    padded[tuple(slice(n) for n in growth.shape)] = growth
+    cut = padded.reshape([part for pair in zip(blocks, size, strict=True) for part in pair])
+    order = [*range(0, cut.ndim, 2), *range(1, cut.ndim, 2)]
+    inner = np.unravel_index(cut.transpose(order).reshape(*blocks, -1).argmax(axis=-1), size)
+    starts = np.meshgrid(*(np.arange(count) * step for count, step in zip(blocks, size, strict=True)), indexing="ij")
+    return tuple(
+        np.minimum(start + offset, n - 1) for start, offset, n in zip(starts, inner, growth.shape, strict=True)
+    )
+
+
+def thin_axis(values: Array, step: int) -> Array:
+    """The middle of each block of neighbours; the ends stay."""
+    middle = values[np.minimum(np.arange(0, len(values), step) + step // 2, len(values) - 1)].copy()
+    middle[0], middle[-1] = values[0], values[-1]
+    return middle
+
+
+MULTIPLES = 12
+"""Multiples of the motion's frequency that are drawn."""
+CLOSE = 0.03
+"""Of the sides: labels of multiples closer than this are left out."""
+CAMPBELL = (
+    "Frequencies of the Floquet modes, each taken near the mode of the averaged equations that it comes from. Thin lines: multiples of "
+    "the motion's frequency, halves dashed; a mode that meets k/2 of it may resonate (order k), two modes where their sum or "
+    "difference meets a multiple."
+)
+
+
+def draw_campbell(label: str, data: xarray.Dataset, error: float) -> Picture:
+    """Frequencies in Hz, unstable ones marked; whole multiples of the motion's frequency as lines, halves dashed."""
+    x, motion = data["value"].to_numpy(), data["motion"].to_numpy() / (2 * np.pi)
+    frequency, growth = data["frequency"].to_numpy() / (2 * np.pi), data["growth"].to_numpy()
+    shown = np.isfinite(frequency) & (frequency > 0)
+    top = 1.08 * float(frequency[shown].max(initial=float(np.nanmax(motion))))
+    panel = Panel(
+        in_unit("frequencies", "Hz"), x=Linear(float(x.min()), float(x.max())), y=Linear(0.0, top), x_label=label
+    )
+    labelled = np.inf
+    for k in range(1, 2 * MULTIPLES + 1):
+        multiple = np.where(k * motion / 2 <= top, k * motion / 2, np.nan)
+        if np.isfinite(multiple).any():
+            panel.line(x, multiple, "faint", width=0.7 if k % 2 == 0 else 0.5, dash="" if k % 2 == 0 else "2 3")
+            last = int(np.flatnonzero(np.isfinite(multiple))[-1])
+            at = float(x[last] / np.ptp(x) + multiple[last] / top)
+            if abs(at - labelled) > CLOSE:
+                text, labelled = f"{k // 2}" if k % 2 == 0 else f"{k}/2", at
+                panel.words(float(x[last]), float(multiple[last]), text, anchor="end", halo=True)
+    ordered = follow_lines(np.sort(frequency, axis=1)[:, ::2])
+    for i in range(ordered.shape[1]):
+        panel.line(x, ordered[:, i], SERIES[i % len(SERIES)], width=1.6)
+    unstable = (growth > max(error, FLOOR)) & np.isfinite(frequency)
+    row, mode = np.nonzero(unstable)
+    if len(row):
+        cycle, rate = ("", "") if is_dimensionless() else (" Hz", " 1/s")
+        pairs = zip(frequency[row, mode], growth[row, mode], strict=True)
+        texts = [f"frequency {f:.4g}{cycle} grows by {g:.3g}{rate}" for f, g in pairs]
+        panel.dots(x[row], frequency[row, mode], "unstable", size=3.0, label="unstable", texts=texts)
+    return make_picture("campbell", "Campbell diagram", CAMPBELL, [Row([panel], 320)])
+
+
+def follow_lines(values: Array) -> Array:
+    """Values (V, k) with each row in the order in which the lines through the rows before go on: lines that cross go straight on."""
+    found, known = values.copy(), np.flatnonzero(np.isfinite(values).all(axis=1))
+    for k, row in enumerate(known[1:], start=1):
+        last, before = found[known[k - 1]], found[known[max(k - 2, 0)]]
+        cost = np.abs(2 * last[:, None] - before[:, None] - values[row])
+        found[row] = values[row][assign(cost)]
+    return found

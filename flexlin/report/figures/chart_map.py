@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import xarray
@@ -9,7 +10,7 @@ import xarray
 from flexlin.answers.stability_boundary import BoundaryCurve
 from flexlin.checks import Array
 from flexlin.report.wording import is_dimensionless
-from flexlin.svg import Linear, Panel, Row, draw
+from flexlin.svg import Linear, Panel, Row
 
 SHADES = 14
 """Strengths of a colour: they follow the square root of the rate, so that slow growth is seen beside fast."""
@@ -26,8 +27,7 @@ def draw_map(
     nearest: Array | None,
     data: xarray.Dataset,
     curves: Sequence[BoundaryCurve],
-    title: str,
-) -> str:
+) -> Row:
     """A cell for each pair of values, contours, the boundary, the scene's own point, and a bar of colours."""
     paths = [str(path) for path in data["verdict"].dims]
     axes = [data[path].to_numpy() for path in paths]
@@ -41,7 +41,7 @@ def draw_map(
     label_resonances(panel, curves, x, y)
     mark_scene(panel, own, nearest, axes)
     panel.probe(write_probe(labels, axes, growth, verdict))
-    return draw([Row([panel, draw_bar(growth, verdict, levels)], 430, (0.86, 0.14))], title)
+    return Row([panel, draw_bar(growth, verdict, levels)], 430, (0.86, 0.14))
 
 
 def fill_cells(panel: Panel, x: Array, y: Array, growth: Array, verdict: Array) -> None:
@@ -158,7 +158,7 @@ def find_edges(values: Array) -> Array:
     return np.concatenate([[values[0]], middle, [values[-1]]])
 
 
-EDGES = (((0, 0), (1, 0)), ((1, 0), (1, 1)), ((1, 1), (0, 1)), ((0, 1), (0, 0)))
+EDGES = tuple(pairwise(((0, 0), (1, 0), (1, 1), (0, 1), (0, 0))))
 """The edges of a cell, corner to corner."""
 
 

@@ -1,29 +1,90 @@
-"""The coefficients that vary over a period, entry by entry: those that matter first, the others folded."""
+"""Entries of matrices over a period, of the coefficients and of gains: those that matter first, the others folded."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from flexlin.answers.analysis import Analysis
 from flexlin.checks import Array
-from flexlin.report.figures.entries import (
-    choose_shown,
-    name_entry,
-    name_force_unit,
-    name_matrix_unit,
-    shift_and_scale,
+from flexlin.report.figures.style import (
+    Picture,
+    arrange_in_columns,
+    choose_colour,
+    choose_dash,
+    fold,
+    make_period_panel,
+    make_picture,
 )
-from flexlin.report.figures.style import Picture, arrange_in_columns, draw_folded, make_period_panel
-from flexlin.svg import Panel, draw
+from flexlin.report.wording import format_decimal, in_unit, is_dimensionless, name_coordinate_unit
+from flexlin.svg import Panel
+from flexlin.svg.scales import SUPERSCRIPTS
+
+UNITS = {"M": ("kg", "kg m", "kg m²"), "D": ("N s/m", "N s", "N m s"), "K": ("N/m", "N", "N m")}
+GAINS = {("N m", "m"): "N", ("N m", "rad"): "N m/rad", ("N", "m"): "N/m", ("N", "rad"): "N/rad"}
+RATES = {("N m", "m"): "N s", ("N m", "rad"): "N m s/rad", ("N", "m"): "N s/m", ("N", "rad"): "N s/rad"}
+PLAIN = (1e-2, 1e4)
+"""Sizes between which numbers are shown as they are; others as multiples of a power of ten."""
+FLAT = 1e-3
+"""A curve that varies by less than this share of its size is drawn from its mean."""
+
+
+def name_entry(a: Analysis, matrix: str, i: int, j: int | None = None) -> str:
+    """An entry by its coordinates: K(q1, w11), h(q1)."""
+    return f"{matrix}({', '.join(a.plant.names[k] for k in (i, j) if k is not None)})"
+
+
+def name_force_unit(a: Analysis, i: int) -> str:
+    """N m for a row of a rotation, N for one of a displacement."""
+    return "N" if name_coordinate_unit(a, i) == "m" else "N m"
+
+
+def name_matrix_unit(a: Analysis, name: str, i: int, j: int) -> str:
+    """The unit of an entry of M, D or K, by how many of its row and its column are rotations; none without dimensions."""
+    return "" if is_dimensionless() else UNITS[name][sum(name_coordinate_unit(a, k) == "rad" for k in (i, j))]
+
+
+def name_gain_unit(a: Analysis, i: int, j: int) -> str:
+    """The unit of what input i gets from state j of x = [y; y']."""
+    n, force = a.plant.n, a.plant.input_units[i]
+    unit = name_coordinate_unit(a, j % n)
+    known = GAINS if j < n else RATES
+    return known.get((force, unit), f"{force}{'' if j < n else ' s'}/{unit}")
+
+
+def shift_and_scale(title: str, values: Array, unit: str) -> tuple[str, Array]:
+    """A title with unit, and values whose axis can be read: in powers of ten where large or small, from the mean where nearly flat."""
+    largest, swing = float(np.abs(values).max(initial=0.0)), float(np.ptp(values))
+    if 0 < swing < FLAT * largest:
+        mean = float(f"{np.mean(values):.5g}")
+        title, values, largest = (
+            f"{title} {'−' if mean > 0 else '+'} {format_decimal(abs(mean), 5)}",
+            values - mean,
+            swing,
+        )
+    if largest == 0 or not np.isfinite(largest) or PLAIN[0] <= largest < PLAIN[1]:
+        return in_unit(title, unit), values
+    power = 3 * int(np.floor(np.log10(largest) / 3))
+    times = f"10{str(power).translate(SUPERSCRIPTS)}"
+    return in_unit(title, unit, times), values / 10.0**power
+
+
+def choose_shown(weights: Array, groups: Sequence[Sequence[int]], most: int) -> list[int]:
+    """Which of some panels are shown: the heaviest of each group (one a joint, say), then the heaviest of all, in their own order."""
+    heaviest = [max(group, key=lambda i: weights[i]) for group in groups if len(group)]
+    shown = dict.fromkeys(heaviest)
+    for i in np.argsort(-weights, kind="stable"):
+        if len(shown) >= most:
+            break
+        shown[int(i)] = None
+    return sorted(shown)
+
 
 MOST, FOLDED = 12, 240
 """Entries shown, and folded; the others stand in the file that `flexlin linearize` writes."""
 THIN = 4
 """Every so many times are drawn of what is folded."""
 NOISE = 1e-9
-HEIGHT = 75.0
-TITLE = "The coefficients over a period"
 COLOURS = {"M": "teal", "D": "wine", "K": "indigo", "h": "rose"}
 
 
@@ -47,10 +108,12 @@ def draw_coefficients(a: Analysis) -> Picture:
     rest = sorted((k for k in range(len(varying)) if k not in shown), key=lambda k: -varying[k].weight)
     folded = [varying[k] for k in sorted(rest[:FOLDED])]
     panels = [draw_entry(a, varying[k]) for k in shown]
-    svg = draw(arrange_in_columns(panels, HEIGHT), TITLE) if panels else ""
-    under = draw_folded([draw_entry(a, entry, THIN) for entry in folded], HEIGHT, TITLE)
-    heading = f"The {len(folded)} other entries that vary"
-    return Picture("coefficients", TITLE, write_caption(len(varying), len(shown), len(folded)), svg, under, heading)
+    rows, under = arrange_in_columns(panels), fold([draw_entry(a, entry, THIN) for entry in folded])
+    caption, heading = (
+        describe_shown(len(varying), len(shown), len(folded)),
+        f"The {len(folded)} other entries that vary",
+    )
+    return make_picture("coefficients", "The coefficients over a period", caption, rows, (), under, heading)
 
 
 def list_joints(a: Analysis) -> list[int]:
@@ -65,7 +128,7 @@ def draw_entry(a: Analysis, entry: Entry, every: int = 1) -> Panel:
     return make_period_panel(a.plant.period, title).line(a.t[::every], values[::every], COLOURS[entry.matrix])
 
 
-def write_caption(varying: int, shown: int, folded: int) -> str:
+def describe_shown(varying: int, shown: int, folded: int) -> str:
     """What is shown, and what is not."""
     if not varying:
         return (
@@ -122,3 +185,54 @@ def weigh_entries(a: Analysis) -> dict[str, Array]:
     largest = float((np.ptp(a.coefficients.h, axis=0) * force).max(initial=0.0)) or 1.0
     geometric = np.sqrt(np.outer(rate, rate))
     return {"M": 1 / both, "D": 1 / (both * geometric), "K": 1 / (both * geometric**2), "h": force[:, None] / largest}
+
+
+OWN_DASH = "2 3"
+
+
+def draw_gains(a: Analysis) -> Picture | None:
+    """A panel for each entry of the gain; each input has one at the least."""
+    if not any(loop.design is not None for loop in a.loops):
+        return None
+    states = 2 * a.plant.n
+    gains = [(loop, loop.design.K(a.t), choose_dash(a, loop)) for loop in a.loops if loop.design is not None]
+    own = a.closed.law.gain(a.t)
+    gains += [(a.own, own, OWN_DASH)] if np.any(own) else []
+    remembers = any(gain.shape[2] > states for _, gain, _ in gains)
+    gains = [(loop, gain[:, :, :states], dash) for loop, gain, dash in gains]
+    weights = weigh_gains(a, np.max([np.abs(gain).max(axis=0) for _, gain, _ in gains], axis=0))
+    groups = [range(i * states, (i + 1) * states) for i in range(len(a.plant.inputs))]
+    shown = choose_shown(weights.ravel(), groups, MOST)
+    rest = sorted((k for k in range(weights.size) if k not in shown), key=lambda k: -weights.flat[k])
+    panels = {k: make_period_panel(a.plant.period, name_gain(a, *divmod(k, states))) for k in (*shown, *rest[:FOLDED])}
+    for loop, gain, dash in gains:
+        for k, panel in panels.items():
+            (i, j), every = divmod(k, states), 1 if k in shown else THIN
+            panel.line(a.t[::every], gain[::every, i, j], choose_colour(a, loop), dash=dash, label=loop.name)
+    legend = next(iter(panels.values())).legend
+    for panel in panels.values():
+        panel.marks = [replace(mark, label="") for mark in panel.marks]
+    rows, folded = arrange_in_columns([panels[k] for k in shown]), fold([panels[k] for k in sorted(rest[:FOLDED])])
+    caption = "Entries of the feedback gain in u = −gain(t) [y; y′]: gain(input, state)."
+    if remembers:
+        caption += " What a controller's integrals and filters add is not drawn."
+    if rest:
+        caption += " Shown are those that act most on deflections of equal energy, one of each input at the least; others are folded below."
+    heading = f"The {len(rest[:FOLDED])} other entries"
+    return make_picture("gains", "Gains over a period", caption, rows, legend, folded, heading)
+
+
+def name_gain(a: Analysis, i: int, j: int) -> str:
+    """The title of an entry: gain(q1, w11′) in N s."""
+    n = a.plant.n
+    state = f"{a.plant.names[j % n]}{'′' if j >= n else ''}"
+    return in_unit(f"gain({a.plant.inputs[i]}, {state})", name_gain_unit(a, i, j))
+
+
+def weigh_gains(a: Analysis, size: Array) -> Array:
+    """What each input gives to deflections of equal energy, against its largest: |gain_ij| times 1/(m_j w_j), or 1/m_j for rates."""
+    scales = weigh_entries(a)
+    deflection = 1 / np.sqrt(1 / np.diagonal(scales["K"]))
+    speed = np.sqrt(np.diagonal(scales["M"]))
+    weight = size * np.concatenate([deflection, speed])
+    return weight / np.maximum(weight.max(axis=1, keepdims=True), 1e-300)

@@ -1,16 +1,27 @@
-"""The nonlinear equations beside the linear prediction."""
+"""Two answers over time: nonlinear beside linear, with a disturbance and without, measured beside predicted."""
 
 import numpy as np
 
 from flexlin.answers.analysis import Analysis
+from flexlin.answers.disturbed.noise import NoiseAnswer
+from flexlin.answers.disturbed.respond import DisturbanceAnswer
 from flexlin.checks import Array
+from flexlin.identification.maximum_likelihood import Identification
+from flexlin.identification.prediction import Prediction
 from flexlin.report.advice import agreement, sentence
-from flexlin.report.figures.style import Picture, choose_colour
-from flexlin.report.wording import in_unit, name_coordinate_unit, scale_values, time_label
+from flexlin.report.figures.style import Picture, choose_colour, make_period_panel, make_picture
+from flexlin.report.wording import (
+    format_duration,
+    format_quantity,
+    in_unit,
+    name_coordinate_unit,
+    scale_values,
+    time_label,
+)
+from flexlin.scene.parameters import get_value
+from flexlin.scene.scene import Scene
 from flexlin.simulation.result import Simulation
-from flexlin.svg import Linear, Panel, Row, draw
-
-TITLE = "Nonlinear against linear"
+from flexlin.svg import Linear, Panel, Row
 
 
 def draw_comparison(a: Analysis) -> Picture | None:
@@ -33,7 +44,7 @@ def draw_comparison(a: Analysis) -> Picture | None:
         f"The full nonlinear equations over {s.t[-1] / a.plant.period:g} {spans} under the scene's loop, started on the rigid motion, "
         f"beside the linear prediction from the same start. {sentence(agreement(a, s))}"
     )
-    return Picture("comparison", TITLE, caption, draw([Row([upper], 120), Row([lower], 60)], TITLE))
+    return make_picture("comparison", "Nonlinear against linear", caption, [Row([upper], 120), Row([lower], 60)])
 
 
 Curves = tuple[str, str, Array, Array, Array]
@@ -51,3 +62,117 @@ def compare_first_coordinate(a: Analysis, s: Simulation) -> Curves:
     """The first coordinate's deviation."""
     nonlinear, linear = s.nonlinear[:, 0], s.linear[:, 0]
     return f"{a.plant.names[0]}", name_coordinate_unit(a, 0), nonlinear, linear, nonlinear - linear
+
+
+def draw_answer(a: DisturbanceAnswer) -> Picture:
+    """All phases faint, the worst one dark, the nonlinear answer beside it; below, settling time by phase."""
+    everything, unit = scale_values(a.linear, a.unit)
+    factor = float(np.abs(everything).max() / (np.abs(a.linear).max() or 1.0))
+    upper = Panel(
+        in_unit(a.seen, unit), x=Linear(0.0, float(a.t[-1])), x_label=in_unit("time after the disturbance", "s")
+    ).zero()
+    for k, row in enumerate(everything):
+        upper.line(a.t, row, "faint", width=0.6, label="linear, all phases" if k == 0 else "")
+    if a.nonlinear is not None:
+        upper.line(a.t, factor * a.nonlinear, "blue", width=4.5, opacity=0.5, label="nonlinear, worst phase")
+    upper.line(a.t, everything[a.worst], "ink", dash="5 3", label="linear, worst phase")
+    lower = Panel(
+        f"{in_unit('settling time', 's')} by phase", x=Linear(0.0, 1.0), x_label="phase t/T of the disturbance"
+    )
+    shown = np.isfinite(a.settling)
+    lower.dots(a.phases[shown], a.settling[shown], "blue", size=2.5)
+    return make_picture("answer", "Answer to a disturbance", describe_answer(a), [Row([upper], 200), Row([lower], 90)])
+
+
+def describe_answer(a: DisturbanceAnswer) -> str:
+    """The answer in words."""
+    settled = a.settling[a.worst]
+    when = (
+        f"settles to 2 % in {format_duration(settled)}"
+        if np.isfinite(settled)
+        else f"has not settled after {a.t[-1]:.3g} s"
+    )
+    text = (
+        f"{a.words}: at the worst phase, {a.phases[a.worst]:.3g} of the period, the {a.seen} moves by {format_quantity(a.peak, a.unit)}, "
+        f"overshoots by {100 * a.overshoot[a.worst]:.3g} % and {when}; over all phases settling takes "
+        f"{format_duration(float(a.settling.min()))} at the least. "
+    )
+    if a.nonlinear is None:
+        return f"{text}There is no nonlinear answer: {a.problem}."
+    return f"{text}The nonlinear answer differs by {100 * a.difference:.2g} % of the peak."
+
+
+def draw_noise(a: NoiseAnswer) -> Picture:
+    """The root mean square of the tip over a period, or of the first coordinate without one."""
+    known = bool(np.all(np.isfinite(a.tip)))
+    values, unit = scale_values(a.tip if known else a.states[:, 0], "m" if known else "")
+    panel = make_period_panel(
+        float(a.t[-1]), in_unit(f"root mean square of the {'tip' if known else 'first coordinate'}", unit)
+    ).zero()
+    panel.line(a.t, values, "blue")
+    return make_picture("answer", "Answer to a disturbance", describe_noise(a), [Row([panel], 200)])
+
+
+def describe_noise(a: NoiseAnswer) -> str:
+    """The answer in words."""
+    if not np.all(np.isfinite(a.tip)):
+        return f"{a.words}: the first coordinate moves by up to {a.states[:, 0].max():.3g}, root mean square, by the linear equations."
+    low, high = (format_quantity(float(v), "m") for v in (a.tip.min(), a.tip.max()))
+    return f"{a.words}: the tip moves by {low} to {high} across the last link, root mean square over the period, by the linear equations."
+
+
+POINTS = 1500
+"""Points of a curve."""
+
+
+def draw_prediction(found: Prediction) -> Picture:
+    """A panel for each column; curves are broken where a window begins."""
+    last = len(found.fit) - 1
+    rows = [Row([draw_column(found, name, i == last)], 120.0) for i, name in enumerate(found.fit)]
+    caption = f"Predicted from the inputs alone. {found.status[0].upper()}{found.status[1:]}."
+    return make_picture("prediction", "Measured and predicted", caption, rows)
+
+
+def draw_column(found: Prediction, name: str, labelled: bool) -> Panel:
+    """One column."""
+    ends = Linear(float(found.time[0]), float(found.time[-1]))
+    label = "time in s" if labelled else ""
+    panel = Panel(f"{name}: fit {found.fit[name]:.1f} %", x=ends, x_label=label, ticked=(labelled, True))
+    t, measured = thin_curve(found.time, found.measured[name])
+    panel.line(t, measured, "faint", width=3.0, label="measured")
+    for k, (start, end) in enumerate(zip(found.starts, [*found.starts[1:], np.inf], strict=True)):
+        inside = (found.time >= start) & (found.time < end)
+        t, predicted = thin_curve(found.time[inside], found.outputs[name][inside])
+        panel.line(t, predicted, "blue", width=1.2, label="" if k else "predicted")
+    return panel
+
+
+def thin_curve(t: Array, values: Array) -> tuple[Array, Array]:
+    """So many points of a curve at the most."""
+    step = 1 + len(t) // POINTS
+    return t[::step], values[::step]
+
+
+def draw_errors(found: Prediction) -> Picture:
+    """What is left of each column."""
+    rows = []
+    for i, name in enumerate(found.fit):
+        label = "time in s" if i == len(found.fit) - 1 else ""
+        ends = Linear(float(found.time[0]), float(found.time[-1]))
+        panel = Panel(name, x=ends, x_label=label, ticked=(bool(label), True)).zero()
+        rows.append(
+            Row([panel.line(*thin_curve(found.time, found.measured[name] - found.outputs[name]), "blue")], 80.0)
+        )
+    caption = "Measured less predicted; white noise would leave no pattern."
+    return make_picture("residuals", "What is left", caption, rows)
+
+
+def say_numbers(scene: Scene, found: Identification) -> list[str]:
+    """Each number with its error and what it was before, then the status."""
+    said = []
+    for path, value in found.values.items():
+        before, error = float(get_value(scene, path)), found.errors[path]
+        around = f" ± {error:.2g} (one standard error)" if np.isfinite(error) else ", at the end of what is possible"
+        said.append(f"{path} = {value:.5g}{around}; it was {before:.5g}")
+    said += [f"{pair}: correlated by {value:.3f}" for pair, value in found.correlations.items()]
+    return [*said, *found.status.split("; ")]

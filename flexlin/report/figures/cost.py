@@ -4,12 +4,11 @@ import math
 
 from flexlin.answers.accuracy import CostResult, Row
 from flexlin.answers.accuracy.result import STAGES
-from flexlin.report.figures.style import DASHES, PARTS, SERIES, SHAPES, Picture
-from flexlin.svg import Logarithmic, Panel, draw
+from flexlin.report.figures.style import DASHES, PARTS, SERIES, SHAPES, Picture, make_picture
+from flexlin.svg import Logarithmic, Panel
 from flexlin.svg import Row as Panels
 from flexlin.svg.scales import format_power_of_ten
 
-TITLE = "What accuracy costs"
 UNSEEN = 1e-17
 """An error of exactly zero is drawn here."""
 ROOM, CLOSE, ABOVE = 5.0, 3.0, 1.12
@@ -26,7 +25,7 @@ def draw_cost(result: CostResult) -> Picture:
     panels = [draw_stage(result, stage) for stage in stages]
     rows = [Panels([panels[0]], 360.0)] if panels else []
     rows += [Panels(panels[i : i + 2], 200.0, (1.0, 1.0)) for i in range(1, len(panels), 2)]
-    return Picture("cost", TITLE, write_caption(result), draw(rows, TITLE))
+    return make_picture("cost", "What accuracy costs", write_caption(result), rows)
 
 
 def draw_stage(result: CostResult, stage: str) -> Panel:
@@ -92,8 +91,10 @@ def describe_row(row: Row) -> str:
 def write_caption(result: CostResult) -> str:
     """How to read the picture."""
     notes = f" {'; '.join(result.notes)}." if result.notes else ""
+    agreement = f" Two references of high resolution agree to {result.floor:.0e}; errors below that mean nothing."
+    agreement = agreement if math.isfinite(result.floor) else ""
     return (
         "Each mark is one setting of one method: further left is more accurate, lower is faster. Dashed: other programs, their set-up and "
         "compilation left out. Black diamonds: what the engine chooses by itself for each tol; the dotted staircase is the least time in "
-        f"which it reaches an error. Two references of high resolution agree to {result.floor:.0e}; errors below that mean nothing.{notes}"
+        f"which it reaches an error.{agreement}{notes}"
     )

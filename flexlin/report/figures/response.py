@@ -1,4 +1,4 @@
-"""The periodic response of the scene's loop, coordinate by coordinate, with the torques it takes."""
+"""The steady motion of the scene's loop: each coordinate over the period with the torques it takes, and the tip beside its rigid path."""
 
 from dataclasses import replace
 
@@ -7,16 +7,23 @@ import numpy as np
 from flexlin.answers.analysis import Analysis
 from flexlin.checks import Array
 from flexlin.report.figures.coefficients import list_joints, weigh_entries
-from flexlin.report.figures.style import Picture, arrange_in_columns, choose_colour, draw_folded, make_period_panel
-from flexlin.report.wording import in_unit, name_coordinate_unit, scale_values
-from flexlin.svg import Panel, draw
+from flexlin.report.figures.style import (
+    Picture,
+    arrange_in_columns,
+    choose_colour,
+    choose_views,
+    fold,
+    make_period_panel,
+    make_picture,
+    style_part,
+)
+from flexlin.report.wording import format_power, format_quantity, in_unit, name_coordinate_unit, scale_values
+from flexlin.svg import Panel, Row
 
 MOST = 12
 """Panels shown, or one for each joint and each input where these are more."""
-HEIGHT = 85.0
 ROUNDING = 1e-12
 """A deflection below this share of the largest of its unit is rounding, and drawn as none."""
-TITLE = "Forced periodic response"
 
 
 def draw_response(a: Analysis) -> Picture | None:
@@ -37,9 +44,9 @@ def draw_response(a: Analysis) -> Picture | None:
         "Steady deviations from the rigid motion under the scene's loop: q of joints, w of bending, phi of twist, theta of motors; and "
         "what each joint is given." + " Further coordinates are folded below." * bool(rest)
     )
-    folded = draw_folded([draw_deviation(a, i) for i in rest], HEIGHT, TITLE)
-    svg = draw(arrange_in_columns(panels, HEIGHT), TITLE, legend)
-    return Picture("response", TITLE, caption, svg, folded, f"The {len(rest)} other coordinates")
+    folded, heading = fold([draw_deviation(a, i) for i in rest]), f"The {len(rest)} other coordinates"
+    rows = arrange_in_columns(panels)
+    return make_picture("response", "Forced periodic response", caption, rows, legend, folded, heading)
 
 
 def draw_deviation(a: Analysis, i: int) -> Panel:
@@ -65,3 +72,38 @@ def compute_torques(a: Analysis) -> Array:
     """Feedforward and feedback together in the periodic response, (N, m)."""
     assert a.response is not None
     return a.closed.law.torque(a.t, a.response.states)
+
+
+def draw_tip(a: Analysis) -> Picture | None:
+    """The components over the period on the left, the path of the error on the right; in space its three views below."""
+    if a.response is None or not np.all(np.isfinite(a.response.tip)):
+        return None
+    xyz, unit = scale_values(a.response.tip, "m")
+    left = make_period_panel(a.plant.period, in_unit("tip minus rigid tip", unit)).zero()
+    left.line(a.t, np.linalg.norm(xyz, axis=1), "ink", width=2.0, label="distance")
+    for k, values in enumerate(xyz.T):
+        colour, _ = style_part(k)
+        left.line(a.t, values, colour, label="xyz"[k], dash=("", "6 2", "2 2")[k])
+    paths = [
+        draw_path(xyz[:, across], xyz[:, up], "xyz"[across], "xyz"[up], unit)
+        for across, up in choose_views(xyz.shape[1])
+    ]
+    rows = [Row([left, *paths], 150, (1.8, 1.0))] if len(paths) == 1 else [Row([left], 130), Row(paths, 150)]
+    return make_picture("tip", "Tip error in steady motion", describe_tip_error(a), rows)
+
+
+def draw_path(x: np.ndarray, y: np.ndarray, across: str, up: str, unit: str) -> Panel:
+    """The path of the error in one view."""
+    panel = Panel("its path", equal=True, x_label=in_unit(across, unit), y_label=in_unit(up, unit))
+    return panel.line(x, y, "ink", label="tip").dots([0], [0], "ink", "cross", 6, label="rigid tip")
+
+
+def describe_tip_error(a: Analysis) -> str:
+    """Its size, and how well that is known."""
+    assert a.response is not None
+    distance, error = a.response.tip_error, a.response.solution.error
+    rms = float(np.sqrt(np.mean(distance[:-1] ** 2)))
+    return (
+        f"Largest {format_quantity(float(distance.max()), 'm')}, root mean square {format_quantity(rms, 'm')}, by the linear model; "
+        f"the states behind it are known to {format_power(error)}."
+    )

@@ -8,6 +8,7 @@ from flexlin.answers.judging import Loop
 from flexlin.report.wording import time_label
 from flexlin.svg import Linear, Panel, Row, draw, measure_text
 from flexlin.svg.layout import GAP, WIDTH
+from flexlin.svg.panel import Mark
 
 SERIES = ("blue", "vermilion", "green", "purple", "orange", "sky")
 """Of loops, methods and modes: distinguishable with every kind of colour blindness. Source: Okabe, Ito (2002), Color Universal Design;
@@ -16,6 +17,8 @@ PARTS = ("indigo", "rose", "teal", "olive", "wine", "ink")
 """Of joints, inputs and components, which are no loops. Source: Tol (2021), the muted scheme."""
 SHAPES = ("circle", "square", "diamond", "triangle")
 DASHES = ("", "6 3", "2 2.5", "8 3 2 3")
+BAR = 17.0
+"""Height of a bar with its name."""
 OPEN = "faint"
 """The colour of the arm without feedback, where it stands beside other loops."""
 FOLDED_ROWS = 3
@@ -34,6 +37,25 @@ class Picture:
     heading: str = ""
 
 
+def make_picture(
+    name: str,
+    title: str,
+    caption: str,
+    rows: Sequence[Row],
+    legend: Sequence[Mark] = (),
+    folded: Sequence[Sequence[Row]] = (),
+    heading: str = "",
+) -> Picture:
+    """Draw a figure: rows of panels below its legend, and further drawings that are folded under a heading."""
+    svg = draw(rows, title, legend) if rows else ""
+    return Picture(name, title, caption, svg, tuple(draw(part, title) for part in folded), heading)
+
+
+def choose_views(dimension: int) -> tuple[tuple[int, int], ...]:
+    """World axes across and up of the pictures of a path: one is enough for an arm in its plane."""
+    return ((0, 1), (0, 2), (1, 2)) if dimension == 3 else ((0, 1),)
+
+
 def make_period_panel(period: float, title: str, label: bool = True) -> Panel:
     """A panel of something over one period; without `label` the panel below bears the times."""
     return Panel(title, x=Linear(0.0, period), x_label=time_label() if label else "", ticked=(label, True))
@@ -47,20 +69,20 @@ def count_columns(panels: Sequence[Panel]) -> int:
     return max(1, min(columns, len(panels), fitting))
 
 
-def arrange_in_columns(panels: Sequence[Panel], height: float, columns: int | None = None) -> list[Row]:
+def arrange_in_columns(panels: Sequence[Panel], columns: int | None = None) -> list[Row]:
     """Panels row by row; the last of each column bears the times."""
     columns = columns or count_columns(panels)
     for i, panel in enumerate(panels):
         last = i + columns >= len(panels)
         panel.ticked, panel.x_label = (last, True), time_label() if last else ""
-    return [Row(panels[i : i + columns], height, (1.0,) * columns) for i in range(0, len(panels), columns)]
+    return [Row(panels[i : i + columns], 80.0, (1.0,) * columns) for i in range(0, len(panels), columns)]
 
 
-def draw_folded(panels: Sequence[Panel], height: float, title: str) -> tuple[str, ...]:
+def fold(panels: Sequence[Panel]) -> list[list[Row]]:
     """Panels in several drawings of a few rows each, so that a page may end between them."""
     columns = count_columns(panels)
     parts = [panels[i : i + columns * FOLDED_ROWS] for i in range(0, len(panels), columns * FOLDED_ROWS)]
-    return tuple(draw(arrange_in_columns(part, height, columns), title) for part in parts)
+    return [arrange_in_columns(part, columns) for part in parts]
 
 
 def choose_colour(a: Analysis, loop: Loop) -> str:

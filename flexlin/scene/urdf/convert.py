@@ -1,14 +1,90 @@
 """A chain of a robot as the tables of a scene: joints followed from base to tip, fixed ones merged, bodies added up, frames composed."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexlin.errors import Problem, SceneError
-from flexlin.scene.urdf.bodies import Array, Mass, angles_of, as_numbers, rotation_of
-from flexlin.scene.urdf.robot import Robot, UrdfJoint, UrdfLink
+from flexlin.scene.urdf.robot import POINT, Robot, UrdfJoint, UrdfLink
+
+Array = NDArray[np.float64]
+ENTRIES = {
+    row + column: ("xyz".index(row), "xyz".index(column)) for row, column in ("xx", "yy", "zz", "xy", "xz", "yz")
+}
+ROUNDING = 1e-15
+
+
+@dataclass
+class Mass:
+    """A rigid body that others are added to: mass, first moment and inertia about the origin."""
+
+    mass: float = 0.0
+    first: Array = field(default_factory=lambda: np.zeros(3))
+    second: Array = field(default_factory=lambda: np.zeros((3, 3)))
+
+    def add(self, link: UrdfLink, rotation: Array, place: Array) -> None:
+        """Add a link whose frame lies at `place`, turned by `rotation`."""
+        turn = rotation @ rotation_of(link.rpy)
+        c = place + rotation @ np.array(link.centre)
+        own = np.zeros((3, 3))
+        for key, (i, j) in ENTRIES.items():
+            own[i, j] = own[j, i] = link.inertia.get(key, 0.0)
+        check_inertia(link, own)
+        self.mass += link.mass
+        self.first = self.first + link.mass * c
+        self.second = self.second + turn @ own @ turn.T + link.mass * (c @ c * np.eye(3) - np.outer(c, c))
+
+    def table(self) -> dict[str, Any]:
+        """The body as a table of a scene's link."""
+        c = self.first / self.mass if self.mass else np.zeros(3)
+        J = self.second - self.mass * (c @ c * np.eye(3) - np.outer(c, c))
+        size = np.abs(self.second).max() + POINT / ROUNDING * self.mass
+        inertia = {key: tidy(J[place], size) for key, place in ENTRIES.items()}
+        inertia |= {key: max(inertia[key], 0.0) for key in ("xx", "yy", "zz")}
+        return {"mass": self.mass, "centre": as_numbers(c), "inertia": inertia}
+
+
+def check_inertia(link: UrdfLink, own: Array) -> None:
+    """Refuse a negative principal inertia of a body that is used, but for rounding. Raises: SceneError, naming the line."""
+    least = min(float(np.linalg.eigvalsh(own).min()) + 1e-9 * np.abs(own).max(), own.diagonal().min())
+    if least < -POINT * link.mass:
+        matrix = link.element.all("inertial")[0].all("inertia")[0]
+        raise matrix.refuse(f"a matrix with a negative principal inertia in the chain, of {link.name!r}", "an inertia")
+
+
+def tidy(value: float, size: float) -> float:
+    """A number, or zero where it is rounding of numbers of some size."""
+    return float(value) if abs(value) > 10 * ROUNDING * size else 0.0
+
+
+def rotation_of(rpy: tuple[float, ...]) -> Array:
+    """Rz(yaw) Ry(pitch) Rx(roll), with zeros for what is only rounding of quarter turns."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
+    R = np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+    return np.where(np.abs(R) < ROUNDING, 0.0, R)
+
+
+def angles_of(R: Array) -> list[float]:
+    """Roll, pitch and yaw of a rotation; the roll undoes what the yaw says, so that a pitch near a quarter turn loses nothing."""
+    flat = float(np.hypot(R[0, 0], R[1, 0]))
+    yaw = float(np.arctan2(R[1, 0], R[0, 0])) if flat > ROUNDING else 0.0
+    c, s = np.cos(yaw), np.sin(yaw)
+    roll = float(np.arctan2(s * R[0, 2] - c * R[1, 2], c * R[1, 1] - s * R[0, 1]))
+    return as_numbers((roll, float(np.arctan2(-R[2, 0], flat)), yaw))
+
+
+def as_numbers(values: Iterable[float]) -> list[float]:
+    """Numbers as a list, with 0 for minus 0."""
+    return [float(value) + 0.0 for value in values]
 
 
 def choose_chain(robot: Robot, base: str | None, tip: str | None) -> list[UrdfJoint]:
@@ -161,14 +237,15 @@ def list_drives(joints: list[UrdfJoint]) -> dict[str, Any]:
 
 
 def chain_tables(robot: Robot, base: str | None = None, tip: str | None = None) -> ChainTables:
-    """The raw tables of a chain."""
+    """The raw tables of a chain; what stands still before the first joint that moves has no body."""
     joints = choose_chain(robot, base, tip)
     moving = [joint for joint in joints if joint.kind != "fixed"]
     rules, notes = trace_rules(robot, moving)
     behind = joints.index(moving[-1]) + 1
-    links, R, p, mass = list[dict[str, Any]](), np.eye(3), np.zeros(3), Mass()
+    links, R, p = list[dict[str, Any]](), np.eye(3), np.zeros(3)
     along = {joint.name for joint in joints}
-    left = add_rigid(robot, robot.links[joints[0].parent], Mass(), along, np.eye(3), np.zeros(3))
+    mass: Mass | None = None
+    left = add_rigid(robot, robot.links[joints[0].parent], None, along, np.eye(3), np.zeros(3))
     for joint in joints[:behind]:
         p, R = p + R @ np.array(joint.xyz), R @ rotation_of(joint.rpy)
         if joint.kind != "fixed":
@@ -176,8 +253,9 @@ def chain_tables(robot: Robot, base: str | None = None, tip: str | None = None) 
             links.append(link_table(joint, R, p))
             R, p = np.eye(3), np.zeros(3)
         left += add_rigid(robot, robot.links[joint.child], mass, along, R, p)
-        if links:
+        if mass is not None:
             links[-1]["body"] = mass.table()
+    assert mass is not None
     left += add_tip(robot, joints[behind:], mass, along, links)
     names = [joint.name for joint in moving]
     for name, rule in rules.items():
@@ -233,12 +311,13 @@ def effect_tables(moving: list[UrdfJoint], rules: Mapping[str, Rule], links: int
     return effects
 
 
-def add_rigid(robot: Robot, link: UrdfLink, mass: Mass, along: set[str], R: Array, p: Array) -> list[str]:
-    """Add a link and all that hangs on it by fixed joints beside the chain; returns the joints beside it that move."""
+def add_rigid(robot: Robot, link: UrdfLink, mass: Mass | None, along: set[str], R: Array, p: Array) -> list[str]:
+    """Add a link and all that hangs on it by fixed joints beside the chain to a body that moves; returns the joints beside it that move."""
     left, waiting = list[str](), [(link, R, p)]
     while waiting:
         link, R, p = waiting.pop()
-        mass.add(link, R, p)
+        if mass is not None:
+            mass.add(link, R, p)
         for joint in robot.joints.values():
             if joint.parent == link.name and joint.name not in along:
                 if joint.kind == "fixed":

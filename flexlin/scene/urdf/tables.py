@@ -5,16 +5,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ValidationError
 
+from flexlin.bounds import printable
 from flexlin.errors import Problem, SceneError
-from flexlin.scene.named_files import place_below
-from flexlin.scene.problems import schema_problems
-from flexlin.scene.robot import FlexibleTable, JointTable, RobotTable
-from flexlin.scene.urdf.bodies import angles_of, as_numbers, rotation_of
-from flexlin.scene.urdf.convert import ChainTables, chain_tables
+from flexlin.scene.library import place_below
+from flexlin.scene.problems import read_table
+from flexlin.scene.scene import FlexibleTable, JointTable, RobotTable
+from flexlin.scene.urdf.convert import ChainTables, angles_of, as_numbers, chain_tables, rotation_of
 from flexlin.scene.urdf.robot import read_robot
-from flexlin.text import printable
 
 
 def expand_robot(data: dict[str, Any], folders: Sequence[Path]) -> list[Problem]:
@@ -55,18 +53,6 @@ def expand_robot(data: dict[str, Any], folders: Sequence[Path]) -> list[Problem]
         data["effects"] = {**chain.effects, **(stated or {})}
     data.setdefault("source", "; ".join(("URDF", *chain.notes)))
     return problems
-
-
-def read_table(schema: type[BaseModel], raw: Any, key: str, problems: list[Problem]) -> Any:
-    """One table by its schema, or None with its problems added."""
-    try:
-        return schema.model_validate(raw)
-    except ValidationError as error:
-        problems += [
-            Problem(f"{key}.{p.key}" if p.key != "scene" else key, p.got, p.expected)
-            for p in schema_problems(schema, error)
-        ]
-        return None
 
 
 def pairs(tables: Any, key: str, problems: list[Problem]) -> list[tuple[str, Any]]:
@@ -151,8 +137,8 @@ def bend_link(chain: ChainTables, index: int, table: Mapping[str, Any]) -> None:
     B = turn_to(along / reach)
     link["mount"]["rpy"] = angles_of(rotation_of(link["mount"]["rpy"]) @ B)
     link["axis"] = as_numbers(B.T @ np.array(link["axis"]))
-    link |= {"length": float(length), "mass_per_length": table.get("mass_per_length", body["mass"] / length)}
-    link |= {name: value for name, value in table.items() if name not in ("length", "mass_per_length")}
+    own = {} if "section" in table else {"mass_per_length": body["mass"] / length}
+    link |= own | {"length": float(length)} | {name: value for name, value in table.items() if name != "length"}
     del link["body"]
     if after:
         after["mount"]["xyz"] = as_numbers(B.T @ along - np.array([length, 0.0, 0.0]))

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 
 from flexlin.errors import ArgumentError
-from flexlin.mechanics.beam import Profile, clamped_free, clamped_with_tip, pinned_with_hub, shape_integrals
+from flexlin.mechanics import Profile, clamped_free, clamped_with_tip, pinned_with_hub, shape_integrals
 
 
 def test_cantilever_constants():

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexlin.errors import ArgumentError
-from flexlin.mechanics.beam import (
+from flexlin.mechanics import (
     Ends,
     Profile,
     clamped_free,

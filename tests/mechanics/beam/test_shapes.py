@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexlin.errors import ArgumentError
-from flexlin.mechanics.beam import clamped_free, clamped_with_tip, pinned_free, pinned_with_hub
+from flexlin.mechanics import clamped_free, clamped_with_tip, pinned_free, pinned_with_hub
 
 ENDS = np.array([0.0, 1.0])
 KINDS = {

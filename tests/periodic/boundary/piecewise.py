@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.linalg import expm
 
-from flexlin.periodic.boundary.spectra import Spectra
+from flexlin.periodic import Spectra
 
 
 def piecewise(

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from flexlin.periodic.boundary.crossings import find_crossings
-from flexlin.periodic.roots import SignedEnds, solve_brackets
+from flexlin.periodic import Effort, SignedEnds, find_crossings, solve_brackets
+from flexlin.resources import Stopwatch
 from tests.periodic.boundary.piecewise import meissner, piecewise
 from tests.thinned import thin
 
@@ -80,8 +80,8 @@ def test_random_pairs_of_oscillators_against_a_dense_scan(seed):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_sparse_scan_finds_what_a_full_one_finds(seed):
-    """Two coupled modes with damping from light to heavy: the same values, of which a heavily damped system needs few."""
+def test_a_scan_that_leaves_values_out_finds_what_a_full_one_finds(seed):
+    """Two coupled modes with damping from light to heavy: in each of 512 cells as many changes as its ends' verdicts say."""
     rng = np.random.default_rng(seed)
     turn = np.linalg.qr(rng.standard_normal((2, 2)))[0]
     mean = turn @ np.diag(rng.uniform(0.5, 6.0, 2)) @ turn.T
@@ -92,28 +92,47 @@ def test_a_sparse_scan_finds_what_a_full_one_finds(seed):
         return lambda p: np.broadcast_to(mean + sign * swing, (len(p), 2, 2))
 
     damping = [0.02, 0.1, 0.3][seed % 3] * np.diag(rng.uniform(0.3, 1.0, 2))
-    spectra, counts = piecewise(stiffness(1.0), stiffness(-1.0), damping, lambda p: np.pi / p), [0, 0]
-
-    def counted(values, which):
-        counts[which] += len(values)
-        return spectra(values)
-
-    full, sparse = (
-        find_crossings(*[lambda v, k=k: counted(v, k)] * 2, 0.5, 4.0, 1e-9, samples=513, sparse=bool(k)) for k in (0, 1)
-    )
-    assert len(sparse) == len(full)
-    assert np.allclose([one.value for one in sparse], [one.value for one in full], rtol=0, atol=2e-9)
-    assert counts[1] < counts[0]
+    spectra = piecewise(stiffness(1.0), stiffness(-1.0), damping, lambda p: np.pi / p)
+    found = np.array([one.value for one in find_crossings(spectra, spectra, 0.5, 4.0, 1e-9, samples=513)])
+    grid = np.linspace(0.5, 4.0, 513)
+    unstable = spectra(grid).verdicts > 0
+    assert np.array_equal(np.histogram(found, grid)[0] % 2 == 1, unstable[1:] != unstable[:-1])
+    beside = spectra(np.concatenate([found - 1e-7, found + 1e-7])).verdicts.reshape(2, -1) > 0
+    assert (beside[0] != beside[1]).all()
 
 
-def test_a_sparse_scan_of_a_heavily_damped_system_is_short():
+@pytest.mark.parametrize("seconds", [1.5, 4.0, 12.0, 40.0, 80.0, 150.0, 400.0])
+def test_a_search_that_ends_early_says_what_it_knows(monkeypatch, seconds):
+    """A clock that goes by one second a value: what is found holds a root each, and what may hide is called a gap."""
+    spectra, made = meissner(0.3), []
+
+    def counted(x):
+        made.extend(x)
+        return spectra(x)
+
+    monkeypatch.setattr(Stopwatch, "seconds", property(lambda _: float(len(made))))
+    effort, exact = Effort(seconds), trace_roots(0.3, 0.8, 4.0)
+    found = find_crossings(counted, counted, 0.8, 4.0, 1e-9, effort=effort)
+    assert len(made) <= 1.2 * seconds + 8
+    assert effort.values == len(made)
+    for one in found:
+        assert np.abs(exact - one.value).min() <= one.error
+    if len(found) < len(exact):
+        assert effort.gap > 0
+    if seconds < 50:
+        assert effort.gap > 0
+    if len(found) and seconds < 100:
+        assert effort.unfinished or max(one.error for one in found) < 1e-8
+
+
+def test_a_scan_of_a_heavily_damped_system_is_short():
     spectra, values = meissner(0.3, damping=0.4), []
 
     def counted(x):
         values.extend(x)
         return spectra(x)
 
-    assert find_crossings(counted, counted, 1.4, 3.0, 1e-9, sparse=True) == []
+    assert find_crossings(counted, counted, 1.4, 3.0, 1e-9) == []
     assert len(values) < 200
 
 

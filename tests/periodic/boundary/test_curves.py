@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from flexlin.periodic.boundary.curves import find_curves
-from flexlin.periodic.boundary.spectra import Spectra
+from flexlin.periodic import Spectra, find_curves
 from tests.thinned import thin
 
 LOW, SPAN = np.array([0.3, 0.2]), np.array([8.7, 2.8])

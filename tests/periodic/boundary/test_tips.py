@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from flexlin.periodic.boundary.curves import find_curves
-from flexlin.periodic.boundary.spectra import Spectra
-from flexlin.periodic.boundary.tips import find_tip
+from flexlin.periodic import Spectra, find_curves, find_tip
 from tests.periodic.boundary import test_curves as meissner
 
 CENTRE = np.array([0.5003, 0.4991])

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.periodic.boundary.together import find_together
-from flexlin.periodic.circle import match_logs
+from flexlin.periodic import find_together, match_logs
 from tests.periodic.systems import lyapunov_transformed
 
 

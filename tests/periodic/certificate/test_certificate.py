@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 import flexlin as fl
 from flexlin.errors import NotCertified
-from flexlin.periodic.certificate.lyapunov import digest
+from flexlin.periodic import digest
 from tests.periodic.systems import lyapunov_transformed, meissner
 
 STUDY = Path(__file__).parents[3] / "studies" / "check_certificate.py"

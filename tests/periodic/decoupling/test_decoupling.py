@@ -15,7 +15,6 @@ from flexlin.periodic.decoupling.coupling import Coupled, residual_effect
 from flexlin.periodic.decoupling.decouple import decouple
 from flexlin.periodic.decoupling.decoupled import Decoupled, Refusal
 from flexlin.periodic.decoupling.grouping import Group, block_mask
-from flexlin.periodic.decoupling.panels import panel_exponents
 from flexlin.periodic.decoupling.superadiabatic import sylvester
 from flexlin.periodic.decoupling.waves import circle_derivative, interpolated, shifted
 from flexlin.periodic.floquet import exponents as routes
@@ -134,11 +133,11 @@ def test_the_generator_is_that_of_the_transformed_system():
     system = fast_and_slow(1e4)
     decoupled = decouple(system, system.period)
     t = system.period * np.random.default_rng(1).random(9)
-    T, h = decoupled.T(t), 1e-6
-    slope = (decoupled.T(t + h) - decoupled.T(t - h)) / (2 * h)
-    B = np.linalg.solve(T, system(t) @ T - slope)
-    for group, block in zip(decoupled.groups, decoupled.blocks(t), strict=True):
-        assert np.abs(B[:, group.part, group.part] - block).max() < 1e-5
+    h, blocks = 1e-6, interpolated(decoupled.generator, system.period, t)
+    T, later, before = (interpolated(decoupled.frame, system.period, t + off) for off in (0.0, h, -h))
+    B = np.linalg.solve(T, system(t) @ T - (later - before) / (2 * h))
+    for group in decoupled.groups:
+        assert np.abs((B - blocks)[:, group.part, group.part]).max() < 1e-5
     assert np.abs(B[:, ~block_mask(decoupled.groups)]).max() < 1e-5
 
 
@@ -262,46 +261,45 @@ def test_a_decoupled_system_pickles_and_is_short_in_print():
     decoupled = decouple(fast_and_slow(1e4), 2.0)
     copy = pickle.loads(pickle.dumps(decoupled))
     assert isinstance(copy, Decoupled)
-    assert np.array_equal(copy.T(np.array([0.3])), decoupled.T(np.array([0.3])))
+    assert np.array_equal(copy.frame, decoupled.frame)
     assert len(repr(decoupled)) < 120
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(5))
-def test_panels_between_any_breaks_give_the_same_exponents(seed):
-    system = random_system(seed, KINDS[seed])
-    breaks = (0.0, *np.sort(np.random.default_rng(seed).random(4)) * system.period)
-    answer = panel_exponents(system, system.period, breaks)
-    if isinstance(answer, Refusal):
-        assert any(word in answer.reason for word in ("factors", "shrink"))
-        return
-    assert (misses(answer, system.exponents, system.period) <= 3 * answer.errors).all()
-
-
 @pytest.mark.parametrize("jump", [0.015, 0.05001, 0.095])
-def test_panels_where_the_coefficients_jump(jump):
+def test_fast_modes_where_the_coefficients_jump_are_left_to_segments(jump):
     """The reference is the product of two matrix exponentials, good to 1e-11 for the slow modes over so short a period."""
     rng, period = np.random.default_rng(7), 0.1
     first, second = (np.diag([-1.0, -2, -60, -90]) + 5 * rng.standard_normal((4, 4)) for _ in range(2))
     first[2:, 2:] += 1e3 * np.array([[0, 1], [-1, 0]])
     product = expm((period - jump) * second) @ expm(jump * first)
     known = np.sort(np.log(np.abs(np.linalg.eigvals(product))))[::-1] / period
-    answer = panel_exponents(lambda t: np.where(t[:, None, None] < jump, first, second), period, (0.0, jump))
-    assert np.abs(answer.exponents.real[:2] - known[:2]).max() <= 3 * answer.errors[:2].max() + 1e-11
+    system = fl.PeriodicSystem(lambda t: np.where(t[:, None, None] < jump, first, second), period, breaks=(0.0, jump))
+    answer = fl.floquet(system)
+    assert np.abs(answer.exponents.real[:2] - known[:2]).max() <= answer.errors[:2].max() + 1e-11
     total = (jump * np.trace(first) + (period - jump) * np.trace(second)) / period
     assert answer.exponents.real.sum() == pytest.approx(total, abs=answer.errors.sum())
-    assert answer.errors.max() < 1e-8
 
 
 @pytest.mark.slow
-def test_panels_agree_with_the_engine_on_pick_and_place():
-    scene = fl.load_scene("pick-and-place")
-    system = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control).periodic_system()
-    answer, engine = panel_exponents(system.A, system.period, system.breaks), fl.floquet(system, 1e-8)
-    apart = np.abs(answer.exponents.real - engine.exponents.real)
-    assert (apart <= answer.errors + engine.errors).all()
-    assert answer.errors.max() < 1e-8
-    assert isinstance(decouple(system.A, system.period, system.breaks), Refusal)
+def test_stiff_links_between_points_are_followed_or_bounded():
+    """Accelerations jump: with stiffer links than segments can follow, the slow modes stay known and the fast ones are bounded."""
+    found = []
+    for stiffer in (1.0, 300.0, 3000.0):
+        changed = {
+            "links.0.modes": 3,
+            "links.1.modes": 3,
+            "links.0.bending_stiffness": 671.0 * stiffer,
+            "links.1.bending_stiffness": 189.0 * stiffer,
+        }
+        scene = fl.load_scene("pick-and-place", changed)
+        found.append(
+            fl.floquet(fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control).periodic_system())
+        )
+    assert [one.verdict for one in found] == 3 * ["stable"]
+    assert [one.setting.method for one in found] == ["gauss", "radau", "radau"]
+    assert max(one.errors[0] for one in found) < 1e-9
+    apart = np.diff([one.exponents[0].real for one in found])
+    assert abs(apart[1]) < abs(apart[0]) / 100
 
 
 def test_what_is_hidden_lies_below_all_that_is_known():
@@ -397,9 +395,31 @@ def test_growth_is_bounded_from_both_sides(seed):
     def B(t):
         return mean + np.cos(t)[:, None, None] * waves[0] + np.sin(2 * t)[:, None, None] * waves[1]
 
-    low, high = bound_growth(B(2 * np.pi * np.arange(128) / 128), 2 * np.pi)
+    low, high = bound_growth(B(2 * np.pi * np.arange(128) / 128))
     real = fl.floquet(fl.PeriodicSystem(B, 2 * np.pi)).exponents.real
     assert low <= real.min()
     assert real.max() <= high
     assert high < real.max() + 2
     assert low > real.min() - 4
+
+
+def two_oscillators(t):
+    """Two weakly modulated oscillators, one of 3e4 rad/s, coupled and damped."""
+    K = np.zeros((len(t), 2, 2))
+    K[:, 0, 0] = 4 + 0.5 * np.cos(t)
+    K[:, 1, 1] = 9e8 * (1 + 0 * t)
+    K[:, 0, 1] = K[:, 1, 0] = np.sin(t)
+    return K
+
+
+def test_fast_modes_are_decoupled():
+    system = fl.PeriodicSystem.from_second_order(np.eye(2), 0.02 * np.eye(2), two_oscillators, 2 * np.pi)
+    result = fl.floquet(system, tol=1e-8)
+    assert result.setting.method == "decoupling"
+    np.testing.assert_allclose(result.exponents.real, -0.01, atol=1e-9)
+    assert result.verdict == "stable"
+    slow = fl.PeriodicSystem.from_second_order(
+        np.eye(1), 0.02 * np.eye(1), lambda t: two_oscillators(t)[:, :1, :1], 2 * np.pi
+    )
+    reference = fl.floquet(slow, tol=1e-12).exponents
+    assert np.abs(result.exponents[:, None] - reference).min(axis=0).max() < 1e-8

@@ -4,8 +4,7 @@ import itertools
 
 import numpy as np
 
-from flexlin.periodic.decoupling.grouping import Group
-from flexlin.periodic.decoupling.superadiabatic import sylvester
+from flexlin.periodic import Group, sylvester
 
 
 def test_every_block_solves_its_equation():

@@ -9,11 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
-from flexlin.periodic.decoupling.coupling import Coupled
-from flexlin.periodic.decoupling.decouple import decouple
-from flexlin.periodic.decoupling.decoupled import Refusal, as_real
-from flexlin.periodic.decoupling.grouping import Group
-from flexlin.periodic.floquet.decoupled import decoupled_exponents
+from flexlin.periodic import Coupled, Group, Refusal, as_real, decouple, decoupled_exponents
 
 PERIOD = 2 * np.pi
 

@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.periodic.circle import match_logs
-from flexlin.periodic.decoupling.decouple import decouple
-from flexlin.periodic.decoupling.decoupled import Refusal
-from flexlin.periodic.floquet.decoupled import decoupled_exponents
+from flexlin.periodic import Refusal, decouple, decoupled_exponents, match_logs
 from tests.periodic.gentle import gentle_system
 
 T = 2.0

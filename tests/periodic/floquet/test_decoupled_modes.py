@@ -2,11 +2,16 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.periodic.decoupling.decouple import decouple
-from flexlin.periodic.decoupling.decoupled import Refusal
-from flexlin.periodic.floquet.decoupled import decoupled_exponents
-from flexlin.periodic.floquet.decoupled_modes import solve_decoupled_modes
-from flexlin.periodic.floquet.modes import solve_modes_at_nodes
+from flexlin.periodic import (
+    Refusal,
+    decouple,
+    decoupled_exponents,
+    differentiate_exponents,
+    match_logs,
+    solve_decoupled_modes,
+    solve_modes_at_nodes,
+    wrap_log,
+)
 from tests.periodic.gentle import gentle_system
 
 
@@ -117,3 +122,24 @@ def test_modes_that_coincide_are_right_or_left_to_others(apart, coupling):
         assert apart == coupling == 0.0
     else:
         assert miss(modes[0], A(decoupled.times), exponents, 2 * np.pi).max() < 1e-12
+
+
+def test_modes_of_an_arm_whose_slow_modes_part_by_much_are_those_of_its_frame():
+    """They say how damping moves the exponents, as exponents with a little more and less damping do; segments took them five seconds."""
+    scene = fl.load_scene("de-luca-siciliano-1991")
+    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+
+    def damped(factor):
+        return fl.PeriodicSystem.from_second_order(lin.M, lambda t: factor * lin.D(t), lin.K, lin.period)
+
+    system, h = damped(1.0), 1e-4
+    found = fl.floquet(system)
+    modes = fl.floquet_modes(system, found)
+    assert np.ptp(found.exponents.real) * lin.period > 30
+    assert np.array_equal(modes.times, found.decoupled.times)
+    more, less = (damped(1 + sign * h) for sign in (1, -1))
+    change = differentiate_exponents(modes, (more.A(modes.times) - less.A(modes.times)) / (2 * h))
+    ends = [fl.floquet(one).log_multipliers for one in (more, less)]
+    near = [logs[match_logs(found.log_multipliers, logs)[0]] for logs in ends]
+    quotient = wrap_log(near[0] - near[1]) / (2 * h * lin.period)
+    np.testing.assert_allclose(change, quotient, atol=1e-4 * np.abs(quotient).max())

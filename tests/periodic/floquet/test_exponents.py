@@ -5,8 +5,7 @@ from scipy.special import mathieu_a, mathieu_b
 
 import flexlin as fl
 from flexlin.errors import ArgumentError, NumericalError, TooManySegments
-from flexlin.periodic.floquet.result import judge
-from flexlin.periodic.transition.setting import Setting
+from flexlin.periodic import Setting, judge
 from tests.periodic.judge import judged
 from tests.periodic.random_systems import draw
 from tests.periodic.systems import colaneri, lyapunov_transformed, mathieu, mathieu_second_order, meissner

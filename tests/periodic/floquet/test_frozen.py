@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from flexlin.periodic.floquet.frozen import follow_frozen_modes
-from flexlin.periodic.second_order import stack_companion
+from flexlin.periodic import follow_frozen_modes, stack_companion
 
 T = np.linspace(0.0, 1.0, 129)
 RNG = np.random.default_rng(7)

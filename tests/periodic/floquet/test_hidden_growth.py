@@ -5,7 +5,7 @@ import pytest
 
 import flexlin as fl
 from flexlin.errors import TooManySegments
-from flexlin.periodic.floquet.segmented import hidden_growth
+from flexlin.periodic import hidden_growth
 from tests.periodic.judge import judged
 from tests.periodic.random_systems import draw
 

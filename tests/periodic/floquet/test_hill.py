@@ -4,7 +4,7 @@ from scipy.linalg import block_diag
 from scipy.special import mathieu_a
 
 import flexlin as fl
-from flexlin.periodic.floquet.hill import hill_spectrum
+from flexlin.periodic import hill_spectrum
 from tests.periodic.systems import colaneri, lyapunov_transformed, mathieu, meissner
 
 

@@ -3,10 +3,9 @@ import pytest
 from scipy.linalg import block_diag
 
 import flexlin as fl
+from flexlin import floquet_modes
 from flexlin.errors import ArgumentError
-from flexlin.periodic.floquet.modes import differentiate_exponents, floquet_modes
-from flexlin.periodic.floquet.resonance import find_resonances
-from flexlin.periodic.transition.gauss import gauss_transitions
+from flexlin.periodic import differentiate_exponents, find_resonances, gauss_transitions
 from tests.periodic.systems import colaneri, lyapunov_transformed, mathieu, meissner
 
 

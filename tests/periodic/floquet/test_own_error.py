@@ -6,7 +6,7 @@ import pytest
 from scipy.linalg import block_diag
 
 import flexlin as fl
-from flexlin.periodic.circle import match_logs
+from flexlin.periodic import match_logs
 from tests.periodic.systems import lyapunov_transformed
 
 SYSTEMS = 200

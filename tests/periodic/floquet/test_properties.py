@@ -8,10 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import flexlin as fl
+from flexlin import floquet as floquet_of
 from flexlin.errors import TooManySegments
-from flexlin.periodic.circle import match_logs
-from flexlin.periodic.floquet.exponents import floquet as floquet_of
-from flexlin.periodic.transition.setting import METHODS
+from flexlin.periodic import METHODS, match_logs
 
 
 def random_system(seed, n):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.periodic.circle import match_logs
+from flexlin.periodic import match_logs
 
 
 def wavy(rng, shape, decay):

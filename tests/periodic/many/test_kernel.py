@@ -8,9 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import flexlin as fl
-from flexlin.about.kernel_model import make_kernel, record_model
-from flexlin.periodic.circle import measure_distances
-from flexlin.periodic.many.kernel import MULTIPLES, SIZES, Kernel, find_gains, take_phases
+from flexlin.about import make_kernel, record_model
+from flexlin.periodic import MULTIPLES, SIZES, Kernel, find_gains, measure_distances, take_phases
 
 T, A, B = ca.SX.sym("t"), ca.SX.sym("a"), ca.SX.sym("b")
 TURN = 2 * np.pi

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.about.kernel_model import make_kernel
-from flexlin.periodic.circle import measure_distances
+from flexlin.about import make_kernel
+from flexlin.periodic import measure_distances
 
 TOL, TURN = 1e-8, 2 * np.pi
 T, P, Q = (ca.SX.sym(name) for name in "tpq")

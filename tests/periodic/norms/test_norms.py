@@ -1,15 +1,16 @@
 """Norms of periodic systems: rotated constant systems, whose norms are those of the constant one, and Hill's truncated equations."""
 
+import mpmath
 import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_lyapunov
 from scipy.optimize import minimize_scalar
 
 import flexlin as fl
-from flexlin.about.linear import linearize
-from flexlin.errors import ArgumentError, NotStabilizable, NotStable
-from flexlin.periodic.norms.hinf import find_direct_gain
-from flexlin.periodic.resolved.resolve import resolve
+from flexlin import linearize
+from flexlin.errors import ArgumentError, NotStable
+from flexlin.periodic import find_direct_gain, resolve
+from tests.thinned import thin
 
 A0, B0, C0 = np.array([[-1.0, -0.5], [-3.0, -5.0]]), np.array([[3.0], [1.0]]), np.array([[1.0, 2.0]])
 
@@ -133,10 +134,9 @@ def test_arms_against_hills_truncated_equations(name):
 
 def test_wrong_and_unstable_systems_are_refused():
     unstable = fl.PeriodicSystem([[0.1]], 1.0, B=[[1.0]])
-    with pytest.raises(NotStabilizable):
-        fl.h2_norm(unstable, [[1.0]])
-    with pytest.raises(NotStable):
-        fl.hinf_norm(unstable, [[1.0]])
+    for norm in (fl.h2_norm, fl.hinf_norm):
+        with pytest.raises(NotStable, match="stable"):
+            norm(unstable, [[1.0]])
     stable = fl.PeriodicSystem([[-0.1]], 1.0, B=[[1.0]])
     with pytest.raises(ArgumentError, match="C does not fit"):
         fl.hinf_norm(stable, [[1.0, 2.0]])
@@ -199,3 +199,31 @@ def test_no_norm_misses_by_more_than_its_error(case, period):
     assert abs(found.value - exact) <= found.error + 1e-9 * exact
     damping = -np.linalg.eigvals(A).real.max()
     assert found.error < 1e-6 * exact or damping * period < 1e-4
+
+
+def hardly_damped(seed):
+    """Oscillators of damping ratios 1e-6 to 0.1 in mixed coordinates that turn: refused, or stated too well, by steps of second order."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 6))
+    A = np.diag(-(10 ** rng.uniform(-2, 1, n)))
+    for i in range(0, n - 1, 2):
+        w, z = 10 ** rng.uniform(-1, 1.3), 10 ** rng.uniform(-6, -1)
+        A[i : i + 2, i : i + 2] = [[0, w], [-w, -2 * z * w]]
+    mix = np.linalg.qr(rng.standard_normal((n, n)))[0] * 10 ** rng.uniform(-1, 1, n)
+    back = np.linalg.inv(mix)
+    return mix @ A @ back, mix @ rng.standard_normal((n, 1)), rng.standard_normal((1, n)) @ back, rng
+
+
+@pytest.mark.parametrize("seed", thin(range(12), 2))
+def test_systems_that_are_hardly_damped(seed):
+    """Against A P + P A' + B B' = 0 with 40 digits."""
+    A, B, C, rng = hardly_damped(seed)
+    n = len(A)
+    with mpmath.workdps(40):
+        operator = mpmath.matrix(np.kron(A, np.eye(n)).tolist()) + mpmath.matrix(np.kron(np.eye(n), A).tolist())
+        square = mpmath.matrix(B.tolist()) * mpmath.matrix(B.tolist()).T
+        P = mpmath.lu_solve(operator, -mpmath.matrix(list(square)))
+        exact = float(mpmath.sqrt(sum(C[0, i] * P[i * n + j] * C[0, j] for i in range(n) for j in range(n))))
+    system, output = rotated(A, B, C, speed=float(10 ** rng.uniform(-1, 1)))
+    found = fl.h2_norm(system, output)
+    assert abs(found.value - exact) <= found.error <= 1e-2 * exact

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexlin.periodic.product.cyclic import cyclic_system
+from flexlin.periodic import cyclic_system
 
 
 @pytest.fixture

@@ -4,9 +4,8 @@ import mpmath
 import numpy as np
 import pytest
 
-from flexlin.periodic.circle import match_logs
-from flexlin.periodic.product.perturbation import separate_triangular
-from flexlin.periodic.product.spectrum import find_spectrum, periodic_schur
+from flexlin.periodic import find_spectrum, match_logs, separate_triangular
+from tests.periodic.product.schur import periodic_schur
 
 
 @pytest.fixture
@@ -37,13 +36,11 @@ CASES = [(1, 3, 1.0), (2, 5, 3.0), (17, 4, 4.0), (64, 9, 0.5), (100, 7, 3.0)]
 @pytest.mark.parametrize(("count", "n", "spread"), CASES)
 def test_schur_form_reproduces_every_factor(count, n, spread, rng):
     F = factors_of(rng, count, n, spread)
-    form = periodic_schur(F)
-    np.testing.assert_allclose(form.Q[1:] @ form.T, F @ form.Q[:-1], atol=1e-13)
-    assert np.abs(np.tril(form.T, -1)).max() == 0
-    np.testing.assert_allclose(
-        np.conj(np.swapaxes(form.Q, 1, 2)) @ form.Q, np.broadcast_to(np.eye(n), form.Q.shape), atol=1e-13
-    )
-    np.testing.assert_allclose(form.Q[-1], form.Q[0] * form.turn, atol=1e-12)
+    Q, T, turn = periodic_schur(F)
+    np.testing.assert_allclose(Q[1:] @ T, F @ Q[:-1], atol=1e-13)
+    assert np.abs(np.tril(T, -1)).max() == 0
+    np.testing.assert_allclose(np.conj(np.swapaxes(Q, 1, 2)) @ Q, np.broadcast_to(np.eye(n), Q.shape), atol=1e-13)
+    np.testing.assert_allclose(Q[-1], Q[0] * turn, atol=1e-12)
 
 
 def exact_logs(factors):

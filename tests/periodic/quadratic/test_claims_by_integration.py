@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from flexlin.periodic.quadratic.riccati import periodic_riccati
-from flexlin.periodic.system import PeriodicSystem
+from flexlin import PeriodicSystem
+from flexlin.periodic import periodic_riccati
 
 PERIOD, JUMP = 2.0, 0.7
 KINDS = ("smooth", "jumps", "unnamed jumps", "semidefinite", "units", "cheap")

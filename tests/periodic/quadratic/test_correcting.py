@@ -5,10 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flexlin as fl
-from flexlin.periodic.quadratic.linear_quadratic import linear_quadratic
-from flexlin.periodic.quadratic.lyapunov import LoopLyapunov
-from flexlin.periodic.quadratic.nodes import FourierNodes
-from flexlin.periodic.quadratic.riccati import periodic_riccati
+from flexlin.periodic import FourierNodes, LoopLyapunov, linear_quadratic, periodic_riccati
 from studies import scaling
 from tests.thinned import thin
 

@@ -3,10 +3,13 @@
 import control
 import numpy as np
 import pytest
+from scipy.linalg import solve_continuous_lyapunov
+from scipy.special import erf
 
+from flexlin import PeriodicSystem, periodic_lyapunov
 from flexlin.control import periodic_lqr
-from flexlin.periodic.quadratic.riccati import periodic_lyapunov, periodic_riccati
-from flexlin.periodic.system import PeriodicSystem
+from flexlin.errors import NotStable
+from flexlin.periodic import periodic_riccati
 from tests.thinned import thin
 
 
@@ -117,3 +120,76 @@ def test_jump_of_the_input_that_was_not_named_is_found():
 def test_nothing_to_weigh_gives_zero():
     system = PeriodicSystem(lambda t: -(2 + np.sin(t))[:, None, None] * np.eye(2), 2 * np.pi)
     assert not periodic_lyapunov(system, np.zeros((2, 2))).X(np.array([0.3, 1.0])).any()
+
+
+@pytest.mark.parametrize("damping", [1e-1, 1e-6])
+def test_any_symmetric_right_side_of_lyapunovs_equation(damping):
+    """X(t) is made up, and Q = -X' - A' X - X A, which is indefinite: also where modes hardly decay."""
+    J = np.array([[-damping, 3.0], [-3.0, -damping]])
+
+    def A(t):
+        return J + np.cos(t)[:, None, None] * np.array([[0.0, 1.0], [-1.0, 0.0]])
+
+    def X(t):
+        c, s = np.cos(t)[:, None, None], np.sin(2 * t)[:, None, None]
+        return np.diag([1.0, -2.0]) + c * np.array([[1.0, 2.0], [2.0, 0.0]]) + s * np.eye(2)
+
+    def Q(t):
+        c, s = -np.sin(t)[:, None, None], 2 * np.cos(2 * t)[:, None, None]
+        product = X(t) @ A(t)
+        return -(c * np.array([[1.0, 2.0], [2.0, 0.0]]) + s * np.eye(2)) - product - np.swapaxes(product, 1, 2)
+
+    found = periodic_lyapunov(PeriodicSystem(A, 2 * np.pi), Q)
+    t = np.random.default_rng(2).uniform(0, 7, 100)
+    assert np.abs(found.X(t) - X(t)).max() <= found.error * np.abs(X(t)).max() < 1e-6
+
+
+def test_lyapunovs_equation_with_jumps_and_a_mode_that_hardly_decays():
+    """x' = a(t) x with a = -1 + 1e-7 for half of the period, then 1: X over a whole period by its closed form."""
+    low = -1 + 1e-7
+
+    def a(t):
+        return np.where(np.mod(t, 2.0) < 1.0, 1.0 - 4e-7, low)[:, None, None]
+
+    found = periodic_lyapunov(PeriodicSystem(a, 2.0, breaks=(0.0, 1.0)), [[1.0]])
+    rates = (1.0 - 4e-7, low)
+    parts = [np.expm1(2 * r) / (2 * r) for r in rates]
+    exact = (parts[0] + np.exp(2 * rates[0]) * parts[1]) / -np.expm1(2 * sum(rates))
+    assert abs(found.X(0.0).item() - exact) <= found.error * np.abs(found.X(np.linspace(0, 2, 50))).max()
+    assert found.error < 1e-6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(6))
+def test_claims_beside_steps_pulses_and_jumps_are_sharp(seed):
+    """A = P' P^-1 + P J P^-1 and Q = P^-T P^-1 have X = P^-T Y P^-1, J' Y + Y J + I = 0; P = I + f N, f a step of an error function less a
+    saw (a pulse in A), a triangle (jumps), or both."""
+    rng = np.random.default_rng([seed, 11])
+    T, place, width = rng.uniform(0.3, 5.0), rng.uniform(0.1, 0.4), 10 ** rng.uniform(-4, -2.5)
+    a, decay = rng.standard_normal(2), 10 ** rng.uniform(-1, 0.5, 2)
+    N, J = np.outer(a, [-a[1], a[0]]) / (a @ a), np.array([[-decay[0], 3.0], [0.0, -decay[1]]])
+    Y = solve_continuous_lyapunov(J.T, -np.eye(2))
+
+    def P(t, sign):
+        apart = np.mod(t / T - place + 0.5, 1.0) - 0.5
+        f = (seed % 3 != 1) * (erf(apart / width) / 2 - apart) + (seed % 3 != 0) * np.abs(apart)
+        return np.eye(2) + sign * f[:, None, None] * N
+
+    def A(t):
+        apart = np.mod(t / T - place + 0.5, 1.0) - 0.5
+        rate = (seed % 3 != 1) * (np.exp(-((apart / width) ** 2)) / (width * np.sqrt(np.pi)) - 1)
+        rate += (seed % 3 != 0) * np.sign(apart)
+        return rate[:, None, None] / T * N @ P(t, -1) + P(t, 1) @ J @ P(t, -1)
+
+    found = periodic_lyapunov(PeriodicSystem(A, T), lambda t: flip(P(t, -1)) @ P(t, -1))
+    t = T * np.append(rng.uniform(0, 1, 200), place + width * rng.uniform(-3, 3, 100))
+    exact = flip(P(t, -1)) @ Y @ P(t, -1)
+    assert np.abs(found.X(t) - exact).max() <= found.error * np.abs(exact).max()
+    assert found.error <= 1e-9
+    assert found.status == "converged"
+
+
+@pytest.mark.parametrize("rate", [0.1, 0.0])
+def test_an_unstable_system_has_no_lyapunov_matrix(rate):
+    with pytest.raises(NotStable, match="expected a stable system"):
+        periodic_lyapunov(PeriodicSystem(lambda t: (rate + np.cos(t))[:, None, None], 2 * np.pi), [[1.0]])

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.periodic.fourier import FourierSeries
-from flexlin.periodic.resolved.resolve import resolve
+from flexlin.periodic import FourierSeries, resolve
 
 T = 1.3
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexlin.errors import ArgumentError, NotPeriodic, UnresolvedCoefficient
-from flexlin.periodic.resolved.resolve import resolve
+from flexlin.periodic import resolve
 from tests.periodic.resolved.functions import scalar
 
 

@@ -10,8 +10,7 @@ from scipy.integrate import quad
 
 import flexlin as fl
 from flexlin.errors import ArgumentError
-from flexlin.periodic.fourier import FourierSeries
-from flexlin.periodic.resolved.resolve import resolve
+from flexlin.periodic import FourierSeries, resolve
 from tests.periodic.resolved.functions import SMOOTH, background, covered, scalar
 from tests.thinned import thin
 

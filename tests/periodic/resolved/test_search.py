@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexlin.errors import ArgumentError
-from flexlin.periodic.resolved.resolve import resolve
+from flexlin.periodic import resolve
 from tests.thinned import thin
 
 T = 2.0

@@ -3,8 +3,7 @@
 import numpy as np
 
 import flexlin as fl
-from flexlin.periodic.fourier import FourierSeries
-from flexlin.periodic.resolved.companion import weigh_entries
+from flexlin.periodic import FourierSeries, weigh_entries
 
 
 def noisy_system():

@@ -7,7 +7,7 @@ from scipy.linalg import expm
 
 import flexlin as fl
 from flexlin.control import lifted_model, sampled_floquet
-from flexlin.errors import ArgumentError
+from flexlin.errors import ArgumentError, NumericalError
 from flexlin.periodic.sampled.commensurate import MOST, find_rounds
 
 T = np.pi
@@ -148,3 +148,9 @@ def test_what_does_not_fit_is_refused():
     ):
         with pytest.raises(ArgumentError, match=words):
             sampled_floquet(system, *arguments)
+
+
+def test_a_controller_that_grows_beyond_numbers_is_an_error_and_none():
+    system = fl.PeriodicSystem([[-1.0]], 1.0, B=[[1.0]])
+    with pytest.raises(NumericalError, match="leaves the range of numbers"):
+        sampled_floquet(system, [[1.0, 1.0]], 1.0, rates=[[1.0, 1000.0]])

@@ -78,9 +78,13 @@ def test_inertias_far_apart_lose_no_more_than_with_rows_exchanged(seed, monkeypa
     found = factor_segments(system.resolved, edges, gauss(9))[0]
     assert not left
     right = exact_transition(M, D, K, gauss(9))
-    other = second_order_transitions(system.resolved.sample, edges, 9)[0]
-    apart, allowed = (np.linalg.norm(one - right, 2) for one in (found, other))
-    assert apart <= 4 * allowed + 20 * EPS * np.linalg.norm(right, 2)
+    units = [1.0, 1 / 3, 0.7, 1.9]  # of the forces: the same equations, rounded in another way each
+    others = [
+        second_order_transitions(lambda t, u=u: [u * part for part in system.resolved.sample(t)], edges, 9)[0]
+        for u in units
+    ]
+    allowed = max(np.linalg.norm(other - right, 2) for other in others)
+    assert np.linalg.norm(found - right, 2) <= 2 * allowed + 20 * EPS * np.linalg.norm(right, 2)
 
 
 def test_what_needs_rows_exchanged_is_seen_and_left_to_numpy(monkeypatch):

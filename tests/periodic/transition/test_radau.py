@@ -2,9 +2,7 @@ import numpy as np
 import pytest
 
 import flexlin as fl
-from flexlin.periodic.grid import place_edges
-from flexlin.periodic.transition.gauss import gauss_transitions, radau
-from flexlin.periodic.transition.setting import factor_by
+from flexlin.periodic import factor_by, gauss_transitions, place_edges, radau
 from tests.periodic.systems import colaneri, mathieu, meissner
 
 

@@ -1,0 +1,278 @@
+/* Steps of collocation in the accelerations of M y'' + D y' + K y = -F, L at a time: factored once, and solved for one F after another. */
+#include "accelerations.h"
+#include "program.h"
+#include <stdint.h>
+
+enum { REFINED = 3 }; /* times that a solution is refined at the most */
+
+/* Of L steps: the equations G of their stages and its factors (n, n), n = stages m; units (m,); refine: whether solutions are refined. */
+typedef struct { vec *G, *factors, *units, *refine; } Group;
+
+static Group find_group(double *kept, long n, int m, int which) {
+  vec *G = (vec *)(((uintptr_t)kept + 63) & ~(uintptr_t)63) + which * (2 * n * n + m + 1);
+  return (Group){G, G + n * n, G + 2 * n * n, G + 2 * n * n + m};
+}
+
+/* Refine w until it solves G w = right to rounding. Returns how often that took, or more than REFINED where it does not help. */
+static int refine_group(int n, int columns, Group e, const vec *right, vec *w, vec *left) {
+  for (int turn = 0;; turn++) {
+    vec off = measure_residual(n, columns, e.G, right, w, left);
+    int good = 1;
+    for (int l = 0; l < L; l++) good &= off[l] <= ACCURATE;
+    if (good || turn == REFINED) return good ? turn : turn + 1;
+    solve_again(n, columns, e.factors, left);
+    for (long k = 0; k < (long)n * columns; k++) w[k] += left[k];
+  }
+}
+
+/* Factor the equations of steps from [M D K] at all stages (steps, stages, m, 3 m) and lengths h; tableau: c, a, a a, b. kept: room for
+ * (steps + 7) (2 n n + m + 1) + 8 numbers, n = stages m; by_start (steps, n, 2 m): the accelerations by the state at the
+ * beginning; Phi (steps, 2 m, 2 m). Returns 1, 0 where the equations cannot be solved without exchanging rows, -1 without memory. */
+CALLED int factor_steps(int m, int stages, int steps, const double *blocks, const double *lengths, const double *tableau, double *kept,
+                        double *by_start, double *Phi) {
+  Rule r = read_rule(m, stages, tableau);
+  long n = (long)stages * m, columns = 2 * m;
+  int sound = 1;
+  vec *memory = aligned_alloc(sizeof(vec), (3 * m * n + 3 * n * columns) * sizeof(vec));
+  if (!memory) return -1;
+  vec *own = memory, *right = own + 3 * m * n, *w = right + n * columns, *left = w + n * columns;
+  for (int k = 0; k < steps; k += L) {
+    int count = steps - k < L ? steps - k : L;
+    const double *from = blocks + 3 * m * n * k;
+    Group e = find_group(kept, n, m, k / L);
+    double d[m];
+    vec h;
+    choose_units(m, 3 * m, from, d);
+    for (int p = 0; p < m; p++) e.units[p] = splat(d[p]);
+    for (int l = 0; l < L; l++) h[l] = lengths[k + (l < count ? l : count - 1)];
+    gather_blocks(&r, count, from, d, own);
+    build_equations(&r, own, h, e.G, right);
+    memcpy(e.factors, e.G, n * n * sizeof(vec));
+    memcpy(w, right, n * columns * sizeof(vec));
+    eliminate(n, columns, e.factors, w);
+    int turns = refine_group(n, columns, e, right, w, left);
+    sound &= turns <= REFINED;
+    *e.refine = splat(turns > 0);
+    for (int l = 0; l < count; l++) {
+      double *to = by_start + (k + l) * n * columns;
+      for (long i = 0; i < n; i++)
+        for (int c = 0; c < columns; c++) to[i * columns + c] = d[i % m] * w[i * columns + c][l] / d[c % m];
+    }
+    combine_stages(&r, count, h, w, d, Phi + k * columns * columns);
+  }
+  free(memory);
+  return sound;
+}
+
+/* free (steps, n) = -G^-1 F. Returns 0 without memory. */
+static int solve_steps(int m, int stages, int steps, double *kept, const double *F, double *free_) {
+  long n = (long)stages * m;
+  vec *right = aligned_alloc(sizeof(vec), 3 * n * sizeof(vec)), *w = right + n, *left = w + n;
+  if (!right) return 0;
+  for (int k = 0; k < steps; k += L) {
+    int count = steps - k < L ? steps - k : L;
+    Group e = find_group(kept, n, m, k / L);
+    for (long i = 0; i < n; i++)
+      for (int l = 0; l < L; l++) right[i][l] = -e.units[i % m][0] * F[(k + (l < count ? l : count - 1)) * n + i];
+    memcpy(w, right, n * sizeof(vec));
+    solve_again(n, 1, e.factors, w);
+    if ((*e.refine)[0]) refine_group(n, 1, e, right, w, left);
+    for (long i = 0; i < n; i++)
+      for (int l = 0; l < count; l++) free_[(k + l) * n + i] = e.units[i % m][0] * w[i][l];
+  }
+  free(right);
+  return 1;
+}
+
+/* y and v (stages, m) at the stages of a step from a state x (2 m) with accelerations w (stages, m). */
+static void follow_step(const Rule *r, double h, const double *x, const double *w, double *y, double *v) {
+  int m = r->m, s = r->stages;
+  for (int i = 0; i < s; i++)
+    for (int p = 0; p < m; p++) {
+      double rate = 0.0, place = 0.0;
+      for (int j = 0; j < s; j++) { rate += r->a[i * s + j] * w[j * m + p]; place += r->square[i * s + j] * w[j * m + p]; }
+      v[i * m + p] = x[m + p] + h * rate;
+      y[i * m + p] = x[p] + h * r->c[i] * x[m + p] + h * h * place;
+    }
+}
+
+/* The motion that states x (steps + 1, 2 m) at the edges and accelerations w (steps, stages, m) make: y and v at the stages. */
+CALLED void follow_steps(int m, int stages, int steps, const double *lengths, const double *tableau, const double *x, const double *w, double *y,
+                         double *v) {
+  Rule r = read_rule(m, stages, tableau);
+  long n = (long)stages * m;
+  for (int k = 0; k < steps; k++) follow_step(&r, lengths[k], x + 2 * m * k, w + n * k, y + n * k, v + n * k);
+}
+
+/* Newton's step from a motion whose residuals are F (steps, stages, m) to one that begins at `start` (2 m): states x (steps + 1, 2 m) at the edges,
+ * y, v and accelerations w (steps, stages, m) are changed; added: room as for w. Returns the largest change of a state against scale (2 m):
+ * infinite where one is no number, negative without memory. */
+static double correct(const Rule *r, int steps, const double *lengths, double *kept, const double *by_start, const double *Phi, const double *F,
+                      const double *start, const double *scale, double *added, double *x, double *y, double *v, double *w) {
+  int m = r->m, stages = r->stages, columns = 2 * m;
+  long n = (long)stages * m;
+  double step[columns], next[columns], change = 0.0;
+  if (!solve_steps(m, stages, steps, kept, F, added)) return -1.0;
+  for (int c = 0; c < columns; c++) step[c] = start[c] - x[c];
+  for (int k = 0; k <= steps; k++) {
+    double *to = x + k * columns, *own = w + k * n;
+    const double *moved = added + k * n;
+    for (int c = 0; c < columns; c++) {
+      double part = fabs(step[c]) / scale[c];
+      to[c] += step[c];
+      change = part <= change ? change : isfinite(part) ? part : INFINITY;
+    }
+    if (k == steps) break;
+    double h = lengths[k];
+    for (int c = 0; c < columns; c++) {
+      next[c] = 0.0;
+      for (int q = 0; q < columns; q++) next[c] += Phi[(k * columns + c) * columns + q] * step[q];
+    }
+    for (int i = 0; i < stages; i++)
+      for (int p = 0; p < m; p++) {
+        next[p] += h * h * r->b[i] * (1.0 - r->c[i]) * moved[i * m + p];
+        next[m + p] += h * r->b[i] * moved[i * m + p];
+      }
+    for (long i = 0; i < n; i++) {
+      own[i] += moved[i];
+      for (int c = 0; c < columns; c++) own[i] += by_start[(k * n + i) * columns + c] * step[c];
+    }
+    follow_step(r, h, to, own, y + k * n, v + k * n);
+    memcpy(step, next, sizeof step);
+  }
+  return change;
+}
+
+/* torque (points, inputs) = offset - gain [y; v], gain (points, inputs, 2 m). */
+static void command(int m, int inputs, long points, const double *gain, const double *offset, const double *y, const double *v, double *torque) {
+  for (long j = 0; j < points; j++)
+    for (int i = 0; i < inputs; i++) {
+      const double *row = gain + (j * inputs + i) * 2 * m;
+      double sum = offset[j * inputs + i];
+      for (int p = 0; p < m; p++) sum -= row[p] * y[j * m + p] + row[m + p] * v[j * m + p];
+      torque[j * inputs + i] = sum;
+    }
+}
+
+/* Whether what the sweeps still leave over does not count: rule: slow, share, stalled; left: the share of the last change that a sweep leaves. */
+static int settled(double change, double left, const double *rule, double tol) {
+  if (left >= rule[0]) return change <= (isfinite(left) ? rule[2] : rule[1]) * tol;
+  return change * left / (1.0 - left) <= rule[1] * tol;
+}
+
+/* Newton's sweeps over a window of steps with the same factors, until they settle or call for others. A sweep corrects the motion x, y, v, w by its
+ * residuals F, of which those at hand are taken where known > 0; others come from the torque, offset - gain [y; v], and the program in code, whose
+ * inputs `in` and outputs `out` are these arrays, among them F. Without a program (count 0), or where `once` > 0, one sweep is made.
+ * state: sweeps so far, and the last change; rule: slow, share, stalled, grown, the most sweeps; tol.
+ * Returns 0 where another sweep is to be made, 1 settled, 2 slow, 3 lost, -1 without memory; what is settled has the outputs of its motion. */
+CALLED int sweep_steps(int m, int stages, int steps, int inputs, const double *lengths, const double *tableau, double *kept, const double *by_start,
+                       const double *Phi, const double *gain, const double *offset, const double *start, const double *scale, double tol,
+                       const double *rule, int known, int once, long count, const Step *code, const double *const *in, const long *rows, double *const *out,
+                       const long *sizes, double *work, double *state, double *F, double *torque, double *x, double *y, double *v, double *w) {
+  Rule r = read_rule(m, stages, tableau);
+  long points = (long)steps * stages, numbers = points * m;
+  double *added = malloc(numbers * sizeof(double));
+  int found = 0;
+  if (!added) return -1;
+  while (!found) {
+    if (!known) {
+      command(m, inputs, points, gain, offset, y, v, torque);
+      run_program(count, code, points, in, rows, out, sizes, work);
+    }
+    known = 0;
+    double sum = 0.0;
+    for (long i = 0; i < numbers; i++) sum += 0.0 * F[i];
+    if (!(sum == 0.0)) { found = 3; break; }
+    double change = correct(&r, steps, lengths, kept, by_start, Phi, F, start, scale, added, x, y, v, w);
+    double left = state[1] > 0.0 ? change / state[1] : 0.0;
+    state[0] += 1.0;
+    if (change < 0.0) found = -1;
+    else if (!isfinite(change)) found = 3;
+    else if (settled(change, state[0] > 1.0 ? left : INFINITY, rule, tol)) found = 1;
+    else if ((state[0] > 2.0 && left > rule[3]) || state[0] >= rule[4]) found = 3;
+    else if (state[0] > 1.0 && left >= rule[0]) found = 2;
+    state[1] = change;
+    if (once || !count) break;
+  }
+  if (found == 1) command(m, inputs, points, gain, offset, y, v, torque);
+  if (found == 1 && count) run_program(count, code, points, in, rows, out, sizes, work);
+  free(added);
+  return found;
+}
+
+/* Errors (steps, 2 m) of steps: how far the stages miss the rate at the beginning, filtered: (I - g J)^-1 g (x'(0) - sum_j l_j x'_j), g = h / (s + 1).
+ * blocks: of `factor_steps`; l (stages,): their Lagrange polynomials at the beginning; before (m,): the acceleration before the first step.
+ * Returns 0 without memory. */
+CALLED int estimate_steps(int m, int stages, int steps, const double *blocks, const double *lengths, const double *l, const double *before,
+                          const double *x, const double *v, const double *w, double *errors) {
+  long n = (long)stages * m, square = (long)m * m;
+  vec *G = aligned_alloc(sizeof(vec), (2 * square + 4 * m) * sizeof(vec)), *right = G + square, *rates = right + m, *apart = rates + m, *work = apart + m;
+  if (!G) return 0;
+  for (int k = 0; k < steps; k += L) {
+    int count = steps - k < L ? steps - k : L;
+    for (int lane = 0; lane < L; lane++) {
+      long which = k + (lane < count ? lane : count - 1);
+      const double *M = blocks + 3 * m * n * which, *D = M + m, *K = D + m, *last = which ? w + which * n - m : before;
+      double g = lengths[which] / (stages + 1), a[m], b[m];
+      for (int p = 0; p < m; p++) {
+        a[p] = last[p];
+        b[p] = x[which * 2 * m + m + p];
+        for (int i = 0; i < stages; i++) { a[p] -= l[i] * w[which * n + i * m + p]; b[p] -= l[i] * v[which * n + i * m + p]; }
+        apart[p][lane] = b[p];
+      }
+      for (int p = 0; p < m; p++) {
+        double sum = 0.0;
+        for (int q = 0; q < m; q++) {
+          long at = p * 3 * m + q;
+          G[p * m + q][lane] = M[at] + g * D[at] + g * g * K[at];
+          sum += g * (M[at] * a[q] - g * K[at] * b[q]);
+        }
+        right[p][lane] = sum;
+      }
+    }
+    solve_together(m, 1, count, G, right, rates, work);
+    for (int lane = 0; lane < count; lane++) {
+      double *to = errors + (k + lane) * 2 * m, g = lengths[k + lane] / (stages + 1);
+      for (int p = 0; p < m; p++) { to[p] = g * (rates[p][lane] + apart[p][lane]); to[m + p] = rates[p][lane]; }
+    }
+  }
+  free(G);
+  return 1;
+}
+
+/* States (points, 2 m) at times t between the edges (steps + 1,), and the work done since the first of them, by the polynomials through the
+ * stages: powers (stages, stages) makes their coefficients, power (steps, stages) is the rate of the work. */
+CALLED void read_steps(int m, int stages, int steps, long points, const double *edges, const double *tableau, const double *powers, const double *x,
+                       const double *w, const double *power, const double *t, double *states, double *work) {
+  const Rule r = read_rule(m, stages, tableau);
+  long n = (long)stages * m;
+  double once[stages], twice[stages], done[steps];
+  for (int k = 0; k < steps; k++) {
+    done[k] = k ? done[k - 1] : 0.0;
+    for (int i = 0; i < stages && k; i++) done[k] += (edges[k] - edges[k - 1]) * r.b[i] * power[(k - 1) * stages + i];
+  }
+  for (long j = 0; j < points; j++) {
+    int k = 0, past = steps;
+    while (past - k > 1) { /* edges[k] < t <= edges[k + 1] */
+      int middle = (k + past) / 2;
+      if (edges[middle] < t[j]) k = middle;
+      else past = middle;
+    }
+    double h = edges[k + 1] - edges[k], u = (t[j] - edges[k]) / h, factor = u;
+    const double *from = x + k * 2 * m, *own = w + k * n;
+    for (int i = 0; i < stages; i++) once[i] = twice[i] = 0.0;
+    for (int q = 0; q < stages; q++, factor *= u)
+      for (int i = 0; i < stages; i++) {
+        once[i] += factor / (q + 1) * powers[q * stages + i];
+        twice[i] += factor * u / ((q + 1) * (q + 2)) * powers[q * stages + i];
+      }
+    work[j] = done[k];
+    for (int i = 0; i < stages; i++) work[j] += h * once[i] * power[k * stages + i];
+    for (int p = 0; p < m; p++) {
+      double rate = 0.0, place = 0.0;
+      for (int i = 0; i < stages; i++) { rate += once[i] * own[i * m + p]; place += twice[i] * own[i * m + p]; }
+      states[j * 2 * m + p] = from[p] + h * u * from[m + p] + h * h * place;
+      states[j * 2 * m + m + p] = from[m + p] + h * rate;
+    }
+  }
+}

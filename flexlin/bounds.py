@@ -1,0 +1,90 @@
+"""The one door for what somebody else wrote, in TOML, URDF, CSV, JSON, --set or Python: bounds of files, digits, sizes and depths."""
+
+import math
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from typing import Any
+from unicodedata import category
+
+LARGEST_SCENE, LARGEST_ROBOT, LARGEST_TABLE, LARGEST_MANIFEST, LARGEST_LOG = 2**20, 2**22, 2**26, 2**24, 2**30
+"""Bytes of a scene, a URDF file, a table of a motion, a list of results, and a log."""
+MOST_ROWS, MOST_COLUMNS, MOST_ELEMENTS, MOST_ITEMS = 2**18, 1000, 50_000, 200
+"""Rows of a table, columns of a log, elements of a URDF file, and links, or designs, of one scene."""
+DEEPEST = 32
+"""Tables, lists or elements in each other; a scene needs five."""
+SHALLOW = f"at most {DEEPEST} tables and lists in each other"
+LONGEST_NUMBER = 400
+"""Characters of a number; Python itself refuses whole numbers of more than 4,300 digits, and takes time by the square of these."""
+WHOLE_NUMBERS = 2**63
+"""A whole number has 64 bits."""
+LARGEST = 1e30
+"""No number of an arm is larger; squares and cubes of it stay far from overflow."""
+SMALLEST = 1e-30
+"""A figure of an arm that is smaller must be zero; quotients and powers then stay numbers."""
+IN_RANGE = f"a number from {-LARGEST:g} to {LARGEST:g}"
+WHOLE_IN_RANGE = "a number between -2^63 and 2^63, or one with a decimal point"
+
+
+def read_number(text: str) -> float:
+    """A number as somebody wrote it. Raises: ValueError with what was expected."""
+    value = math.nan
+    if len(text) <= LONGEST_NUMBER:
+        with suppress(ValueError):
+            value = float(text)
+    if not abs(value) <= LARGEST:
+        raise ValueError(IN_RANGE)
+    return value
+
+
+def list_excesses(raw: Any) -> Iterator[tuple[str, str, str]]:
+    """What plain data hold beyond the bounds: path, what was got, what was expected; what they mean is for a schema to judge."""
+    if is_too_deep(raw):
+        yield "scene", "tables in tables without end", SHALLOW
+    else:
+        yield from ((path, "a whole number beyond 64 bits", WHOLE_IN_RANGE) for path in list_endless_numbers(raw, ""))
+
+
+def is_too_deep(raw: Any) -> bool:
+    """Whether plain data hold more than `DEEPEST` tables and lists in each other; looks no further than that."""
+    level = [raw]
+    for _ in range(DEEPEST):
+        inner = (node.values() if isinstance(node, dict) else node for node in level)
+        level = [child for nodes in inner for child in nodes if isinstance(child, (dict, list, tuple))]
+        if not level:
+            return False
+    return True
+
+
+def list_endless_numbers(raw: Any, path: str) -> Iterator[str]:
+    """The dotted paths of whole numbers that no 64 bits hold; most of them no floating-point number holds either."""
+    if isinstance(raw, int) and not -WHOLE_NUMBERS <= raw < WHOLE_NUMBERS:
+        yield path
+    items = raw.items() if isinstance(raw, dict) else enumerate(raw) if isinstance(raw, (list, tuple)) else ()
+    for step, child in items:
+        yield from list_endless_numbers(child, f"{path}.{step}" if path else str(step))
+
+
+JOINERS = "\u200c\u200d"
+"""Format characters that some scripts spell with."""
+
+
+def printable(text: object, longest: int = 200) -> str:
+    """Text that a terminal shows as it stands: control characters escaped, the middle of a long text left out."""
+    whole = str(text)
+    ends = whole if len(whole) <= 2 * longest else whole[:longest] + whole[-longest:]
+    shown = "".join(c.encode("unicode_escape").decode() if steers(c) else c for c in ends)
+    half = longest // 2 - 2
+    return shown if len(shown) <= longest else f"{shown[:half]} ... {shown[-half:]}"
+
+
+def hint_at(word: str, known: Iterable[str], alike: float = 0.6) -> str:
+    """What a message says behind the words that are known, where one of these is like a word that is not."""
+    from difflib import get_close_matches  # 6 ms, which only a mistake needs
+
+    close = get_close_matches(word, known, n=1, cutoff=alike)
+    return f"; did you mean {close[0]!r}?" if close else ""
+
+
+def steers(character: str) -> bool:
+    """Whether a character is no part of a line of text: controls, line ends, changes of direction, halves of a pair."""
+    return category(character) in ("Cc", "Cf", "Cs", "Zl", "Zp") and character not in JOINERS

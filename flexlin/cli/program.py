@@ -1,0 +1,218 @@
+"""The command line: parses, calls, prints.
+
+Exit codes: 0 done, 2 bad input or usage (a request too large for memory too), 3 a verdict other than the required one, 4 a sound question
+without a trustworthy answer, or without all of it in its time, 1 anything else.
+"""
+
+import argparse
+import io
+import os
+import signal
+import sys
+import threading
+import time
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Any, NoReturn
+
+from flexlin import __version__
+from flexlin.bounds import printable
+from flexlin.cli.commands import COMMANDS
+from flexlin.cli.options import OPTIONS
+from flexlin.cli.shared import BAD_INPUT, FAILED, NO_ANSWER
+from flexlin.cli.supervised import INTERRUPTED, NO_MEMORY, PASSED_ON, Channel, is_supervised, supervise, take_signals
+from flexlin.errors import FlexlinError, InputError, NumericalError, OutputError, SceneError, TooLarge
+from flexlin.errors.root import lacks_memory
+from flexlin.resources import Stopwatch
+
+THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
+"""Variables by which a user says how many threads linear algebra has."""
+LONGEST = 1000
+"""Characters of a line that says what is wrong: it may repeat what somebody else wrote."""
+AGAIN = 1.0
+"""Seconds within which requests to end the program count as one: a terminal, and `timeout`, send theirs to all processes."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code; an error is one message on stderr."""
+    options = parser().parse_args(arguments, argparse.Namespace(watch=Stopwatch(Channel.begun)))
+    try:
+        with ended_by_signal():
+            return int(options.run(options))
+    except FlexlinError as error:
+        said = (printable(line, LONGEST) for line in with_scene(error, options).split("\n"))
+        print("flexlin:", "\n".join(said), file=sys.stderr)
+        if isinstance(error, (InputError, TooLarge)):
+            return BAD_INPUT
+        return NO_ANSWER if isinstance(error, NumericalError) else FAILED
+    except MemoryError:
+        print(f"flexlin: {NO_MEMORY}", file=sys.stderr)
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        print(f"flexlin: {INTERRUPTED}", file=sys.stderr)
+        return FAILED
+
+
+@contextmanager
+def ended_by_signal() -> Iterator[None]:
+    """Let a request to end the program (SIGTERM) act as Ctrl-C does, and take several at once for one; handlers are restored."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    last = -AGAIN
+
+    def end(number: int, frame: Any) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if is_loading(frame):  # a library whose loading breaks off may say so in words of its own
+            ring_later(number, 0.1)
+        elif now - last >= AGAIN:
+            last = now
+            signal.default_int_handler(number, frame)
+
+    handlers = {number: signal.signal(number, end) for number in PASSED_ON}
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+
+def is_loading(frame: FrameType | None) -> bool:
+    """Whether a module is being imported."""
+    while frame is not None and frame.f_code.co_filename != "<frozen importlib._bootstrap>":
+        frame = frame.f_back
+    return frame is not None
+
+
+def ring_later(number: int, seconds: float) -> None:
+    """Send a signal to this process after some time."""
+    again = threading.Timer(seconds, os.kill, (os.getpid(), number))
+    again.daemon = True
+    again.start()
+
+
+def with_scene(error: FlexlinError, options: argparse.Namespace) -> str:
+    """The error's message, after the scene's name where it does not name one itself."""
+    scene = getattr(options, "scene", None)
+    return str(error) if scene is None or isinstance(error, (SceneError, OutputError)) else f"{scene}: {error}"
+
+
+def entry() -> None:
+    """The program `flexlin`, which says in one line whatever goes wrong."""
+    open_closed_streams()
+    if is_supervised():
+        sys.exit(run_to_its_end(run_program))
+    path = (
+        [] if sys.path[0] in ("", os.getcwd()) else ["-P"]
+    )  # a module in the folder of a scene is none of the program's
+    sys.exit(supervise([sys.executable, *path, "-m", "flexlin", *sys.argv[1:]]))
+
+
+def run_to_its_end(work: Callable[[], int]) -> int:
+    """Do the work and let the parent know how it ended, once nothing is left to say; without memory for a message, the parent has one."""
+    try:
+        take_signals()
+        code = work()
+    except SystemExit as end:
+        Channel.send("ended", end.code if isinstance(end.code, int) else FAILED)
+        raise
+    except BaseException as fault:
+        try:
+            report_fault(type(fault), fault, fault.__traceback__)
+        except BaseException:
+            return FAILED
+        code = FAILED
+    Channel.send("ended", code)
+    return code
+
+
+def open_closed_streams() -> None:
+    """Let what is written to a stream that the caller has closed, as in `flexlin list >&-`, go nowhere."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+
+
+def run_program() -> int:
+    """Run the command that the program was called with: a fault of flexlin itself is one line too, with exit code 1."""
+    sys.unraisablehook, warnings.showwarning = pass_over, report_warning
+    need_one_thread()
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal that knows no ± gets a question mark
+    try:
+        code = main()
+        sys.stdout.flush()
+    except BrokenPipeError:  # the reader has gone, as in `flexlin list | head -1`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = FAILED
+    except OSError as error:
+        why = NO_MEMORY if lacks_memory(error) else f"the output cannot be written: {error.strerror}"
+        print(f"flexlin: {why}", file=sys.stderr)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = FAILED
+    return code
+
+
+def need_one_thread() -> None:
+    """Let linear algebra use one thread, unless the user says how many: with a few dozen rows threads wait for each other.
+
+    It must be said before NumPy is loaded.
+    """
+    if not any(name in os.environ for name in THREADS):
+        os.environ.update(dict.fromkeys(THREADS, "1"))
+
+
+def report_warning(
+    message: Warning | str, category: type[Warning], filename: str, lineno: int, file: Any = None, line: Any = None
+) -> None:
+    """Say in one line what a library warns of outside the stages of the work, whose own notes hold theirs."""
+    print(f"flexlin: note: {category.__name__} in {Path(filename).stem}: {message}", file=sys.stderr)
+
+
+def report_fault(kind: type[BaseException], fault: BaseException, trace: Any) -> None:
+    """Say in one line what went wrong inside flexlin, and where; memory that gave out, and Ctrl-C, are nobody's fault."""
+    if isinstance(fault, KeyboardInterrupt) or lacks_memory(fault):
+        print(f"flexlin: {INTERRUPTED if isinstance(fault, KeyboardInterrupt) else NO_MEMORY}", file=sys.stderr)
+        return
+    while trace.tb_next is not None:
+        trace = trace.tb_next
+    where = f"{Path(trace.tb_frame.f_code.co_filename).name}, line {trace.tb_lineno}"
+    print(f"flexlin: a fault of flexlin, please report it: {kind.__name__} in {where}: {fault}", file=sys.stderr)
+
+
+def pass_over(lost: Any) -> None:
+    """Take what was raised where Python can raise nothing, as in a destructor: a request to end rings again."""
+    if isinstance(lost.exc_value, KeyboardInterrupt):
+        ring_later(signal.SIGINT, 1.1 * AGAIN)
+    else:
+        kind = "" if lost.exc_type is None else lost.exc_type.__name__
+        print(f"flexlin: note: {kind} where nothing can be raised: {lost.exc_value}", file=sys.stderr)
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser that repeats of a mistake what a terminal can show."""
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong with the command line, and exit."""
+        super().error(printable(message, LONGEST))
+
+
+def parser() -> argparse.ArgumentParser:
+    """All commands and their options."""
+    top = Parser(
+        prog="flexlin", description="Linearization, Floquet stability and control of light robot arms whose links bend."
+    )
+    top.add_argument("--version", action="version", version=f"flexlin {__version__}")
+    names = top.add_subparsers(metavar="COMMAND", dest="command", required=True)
+    for name, module in COMMANDS.items():
+        command = names.add_parser(name, help=module.PURPOSE, description=module.PURPOSE)
+        for option in module.TAKES:
+            flags, settings = OPTIONS[option]
+            command.add_argument(*flags, **settings)
+        command.set_defaults(run=module.run)
+    return top

@@ -1,0 +1,205 @@
+"""The best static feedback of what is measured: a constant gain on outputs, optimal in the mean over states and times."""
+
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexlin.arguments import checked
+from flexlin.checks import Array, positive, real_array
+from flexlin.control.designed_loop import RunningCost
+from flexlin.control.periodic import periodic_lqr
+from flexlin.errors import ArgumentError, NotStabilizable, NotStable
+from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples, has_nothing_narrow
+from flexlin.periodic.fourier import fourier_nodes
+from flexlin.periodic.quadratic.linear_quadratic import LinearQuadratic, linear_quadratic
+from flexlin.periodic.quadratic.riccati import periodic_lyapunov
+from flexlin.periodic.quadratic.scattering import transpose
+from flexlin.periodic.related import dual_system
+from flexlin.periodic.system import PeriodicSystem, as_system
+from flexlin.summary import represent
+
+SAMPLES, ROUNDS, HALVINGS = 256, 300, 30
+"""Times of a period in the means; steps at the most, and how often one is halved."""
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """K C(t) for a constant K (m, p), as complete as C."""
+
+    K: Array
+    C: MatrixFunction
+
+    def __call__(self, t: Array) -> Array:
+        return self.K @ self.C(t)
+
+    @property
+    def complete(self) -> bool:
+        return has_nothing_narrow(self.C)
+
+
+@dataclass(frozen=True, eq=False)
+class OutputDesign:
+    """A static output feedback u = -K y, y = C(t) x.
+
+    Attributes
+    ----------
+    K : array, shape (m, p)
+        The gain.
+    closed_loop : PeriodicSystem
+        x' = (A - B K C) x, for Floquet's verdict.
+    cost : float
+        The mean over starting times of the cost from states of covariance I.
+    change : float
+        The last relative change of K: how near to stationary it is.
+    status : str
+        What to make of it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[0.0, 1.0], [-1.0, -0.1]], 1.0, B=[[0.0], [1.0]])
+    >>> made = fl.output_lqr(system, [[0.0, 1.0]], np.eye(2), np.eye(1))
+    >>> made.K.round(4).tolist(), fl.floquet(made.closed_loop).verdict
+    ([[1.0576]], 'stable')
+    """
+
+    K: Array
+    closed_loop: PeriodicSystem
+    cost: float
+    change: float
+    status: str
+
+    __repr__ = represent
+
+
+@checked
+def output_lqr(
+    system: PeriodicSystem,
+    C: MatrixFunction | ArrayLike,
+    Q: MatrixFunction | ArrayLike,
+    R: ArrayLike,
+    start: ArrayLike | None = None,
+    tol: float = 1e-6,
+) -> OutputDesign:
+    """Design the constant gain on measurements that minimises a quadratic cost, u = -K C(t) x.
+
+        J = mean over t of trace X,   -X' = Ac' X + X Ac + Q + C' K' R K C,   Ac = A - B K C
+        K <- K + a (R^-1 [B' X P C'] [C P C']^-1 - K),   P' = Ac P + P Ac' + I,   [.] the mean over t
+
+    Each step goes downhill, and is halved until it lowers J. What is found is a local optimum: another start may lead to another one.
+
+    Parameters
+    ----------
+    system : PeriodicSystem
+        The plant with n states and m inputs.
+    C : array_like (p, n), or function of times (N,) -> (N, p, n)
+        What is measured.
+    Q : array_like (n, n), or function of times (N,) -> (N, n, n)
+        Weight of the states.
+    R : array_like (m, m)
+        Weight of the inputs, positive definite.
+    start : array_like (m, p), optional
+        A gain that stabilises; by default none at all, or what is nearest to the full state feedback.
+    tol : float
+        Relative change of K that ends the steps.
+
+    Returns
+    -------
+    OutputDesign
+        The gain, its loop and its cost.
+
+    Raises
+    ------
+    ArgumentError
+        When a matrix does not fit.
+    NotStabilizable
+        When no start stabilises.
+
+    References
+    ----------
+    Moerder, Calise, Convergence of a numerical algorithm for calculating optimal output feedback gains, IEEE TAC 30 (1985) 900.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[0.0, 1.0], [0.0, 0.0]], 1.0, B=[[0.0], [1.0]])
+    >>> made = fl.output_lqr(system, np.eye(2), np.eye(2), np.eye(1))
+    >>> made.K.round(4).tolist()
+    [[1.0, 1.7321]]
+    """
+    system, tol = as_system(system), positive("tol", tol)
+    posed = linear_quadratic(system, Q, real_array("R", R, (system.m, system.m)))
+    output = as_matrix_function("C", C)
+    p, columns = check_samples("C", output, system.period).shape[1:]
+    if columns != system.n:
+        raise ArgumentError("C does not fit the system", got=f"{columns} columns", expected=str(system.n))
+    problem = OutputProblem(system, posed, output)
+    K, J, best = problem.begin(None if start is None else real_array("start", start, (system.m, p)))
+    change = inf
+    for _ in range(ROUNDS):
+        step, share = best - K, 1.0
+        change = float(np.abs(step).max() / (np.abs(best).max() or 1.0))
+        if change <= tol:
+            break
+        for _ in range(HALVINGS):
+            lower = problem.judge(K + share * step)
+            if lower is not None and lower[0] < J:
+                K, (J, best) = K + share * step, lower
+                break
+            share /= 2
+        else:
+            break
+    status = (
+        "converged to a local optimum"
+        if change <= tol
+        else f"not converged: the next step would change K by {change:.1g} of it"
+    )
+    return OutputDesign(K, system.feedback(Measured(K, output)), J, change, status)
+
+
+@dataclass(frozen=True, eq=False)
+class OutputProblem:
+    """The cost of an output gain, and the gain that its gramians ask for."""
+
+    system: PeriodicSystem
+    problem: LinearQuadratic
+    C: MatrixFunction
+
+    def judge(self, K: Array) -> tuple[float, Array] | None:
+        """J and R^-1 [B' X P C'] [C P C']^-1; none where the loop is not stable."""
+        return self.improve(Measured(K, self.C))
+
+    def improve(self, gain: MatrixFunction) -> tuple[float, Array] | None:
+        """The same of a loop with any gain on the states."""
+        system, t = self.system, fourier_nodes(SAMPLES, self.system.period)
+        loop = system.feedback(gain)
+        try:
+            X = periodic_lyapunov(loop, RunningCost(self.problem, gain)).X(t)
+            P = periodic_lyapunov(dual_system(loop), np.eye(system.n)).X(-t)
+        except NotStable:
+            return None
+        B, C = self.problem.B(t), self.C(t)
+        pulled = (transpose(B) @ X @ P @ transpose(C)).mean(axis=0)
+        seen = (C @ P @ transpose(C)).mean(axis=0)
+        wanted = np.linalg.solve(self.problem.R(t[:1])[0], np.linalg.solve(seen, pulled.T).T)
+        return float(np.trace(X, axis1=1, axis2=2).mean()), wanted
+
+    def begin(self, start: Array | None) -> tuple[Array, float, Array]:
+        """A gain that stabilises, with its cost and the gain that its gramians ask for. Raises: NotStabilizable."""
+        m, p = self.system.m, self.C(np.zeros(1)).shape[1]
+        K = np.zeros((m, p)) if start is None else start
+        if (found := self.judge(K)) is not None:
+            return K, *found
+        if start is None:
+            full = self.improve(periodic_lqr(self.system, self.problem.Q, self.problem.R).K)
+            if full is not None and (found := self.judge(full[1])) is not None:
+                return full[1], *found
+        raise NotStabilizable(
+            "no gain on these measurements was found that stabilises",
+            got="none at all and the nearest to a state feedback" if start is None else "the given start",
+            todo="give a start that stabilises, or measure more (rates beside angles)",
+        )

@@ -1,0 +1,147 @@
+"""The arm's equations as a log needs them: s'' and readings of state, inputs and free numbers, and their slopes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.errors import ArgumentError
+from flexlin.identification.channels import Channel, read_inputs, read_outputs
+from flexlin.identification.log import Log
+from flexlin.lazy import lazy
+from flexlin.mechanics.chain import build_manipulator
+from flexlin.mechanics.manipulator import Manipulator
+from flexlin.program import Layout, Program
+from flexlin.scene.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Compiled:
+    """Several expressions of the same columns, carried out at many points at once."""
+
+    layout: Layout
+    shapes: tuple[tuple[int, int], ...]
+
+    @classmethod
+    def of(cls, inputs: Sequence[ca.SX], outputs: Sequence[ca.SX]) -> "Compiled":
+        dense = [ca.densify(one) for one in outputs]
+        layout = Program.read(ca.Function("f", list(inputs), dense)).lay_out()
+        return cls(layout, tuple(one.shape for one in dense))
+
+    def __call__(self, *inputs: Array) -> list[Array]:
+        """Each input (N, rows); each output (N, rows, columns)."""
+        points = len(inputs[0])
+        outputs = [np.empty((points, columns, rows)) for rows, columns in self.shapes]
+        self.layout([np.ascontiguousarray(one) for one in inputs], outputs)
+        return [one.transpose(0, 2, 1) for one in outputs]
+
+
+@dataclass(frozen=True, eq=False)
+class Logged:
+    """An arm with its log's columns: x' = f(x, u, p), reading = h(x, u, p), with x = [s; s'] and p the free numbers.
+
+    A delay d in p shifts an input by its slope, u - (d - d0) u', and a reading by its own; d0 is taken into account by the windows.
+    """
+
+    arm: Manipulator
+    inputs: tuple[Channel, ...]
+    outputs: tuple[Channel, ...]
+
+    @classmethod
+    def of(cls, scene: Scene, log: Log, free: Sequence[str] = ()) -> "Logged":
+        """Build the equations of a scene for the columns of a log.
+
+        Raises: ArgumentError where a column fits no joint or sensor, or the arm has closed loops or prescribed joints.
+        """
+        arm = build_manipulator(scene, free)
+        if arm.loops is not None:
+            raise ArgumentError(
+                "arms with closed loops cannot follow a log yet", got="loops", todo="write the open chain"
+            )
+        return cls(arm, tuple(read_inputs(scene, arm, log)), tuple(read_outputs(scene, arm, log)))
+
+    @property
+    def n(self) -> int:
+        """Coordinates of the arm, and one of each filter behind a sensor."""
+        return self.arm.n + len(self.filtered)
+
+    @property
+    def filtered(self) -> list[int]:
+        """The outputs behind a filter."""
+        return [j for j, one in enumerate(self.outputs) if one.lowpass is not None]
+
+    @lazy
+    def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Columns of the inputs, their slopes in time, and the delays that the windows know of, as symbols."""
+        return tuple(ca.SX.sym(name, len(self.inputs)) for name in ("u", "du", "known"))
+
+    @lazy
+    def motion(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Coordinates of arm and filters, their rates and accelerations, each (n, 1)."""
+        own = (self.arm.s, self.arm.s_dot, self.arm.s_ddot)
+        behind = [ca.SX.sym(name, len(self.filtered)) for name in ("z", "z_dot", "z_ddot")]
+        return tuple(ca.vertcat(*pair) for pair in zip(own, behind, strict=True))
+
+    @lazy
+    def left(self) -> ca.SX:
+        """M s'' + C s' + g + d - B torque of the arm; z'' + 2 zeta w z' + w^2 (z - y) of each filter; (n, 1)."""
+        u, du, known = self.symbols
+        force = ca.SX.zeros(self.arm.B.size2())
+        for k, column in enumerate(self.inputs):
+            force[column.place] = column.gain * (u[k] - (column.delay - known[k]) * du[k]) + column.offset
+        z, rate, acceleration = (one[self.arm.n :] for one in self.motion)
+        filters = [(self.outputs[j].value, self.outputs[j].lowpass) for j in self.filtered]
+        behind = [
+            acceleration[k] + 2 * low[1] * low[0] * rate[k] + low[0] ** 2 * (z[k] - value)
+            for k, (value, low) in enumerate(filters)
+            if low is not None
+        ]
+        return ca.vertcat(self.arm.residual - self.arm.B @ force, *behind)
+
+    @property
+    def given(self) -> list[ca.SX]:
+        return [*self.motion[:2], *self.symbols, self.arm.parameters.symbols]
+
+    @lazy
+    def acceleration(self) -> ca.SX:
+        """s'' and z'' of state, inputs and free numbers."""
+        accelerations, own = self.motion[2], self.arm.n
+        bare = ca.substitute(self.left, accelerations, ca.SX.zeros(self.n))
+        arm = ca.ldl_solve(-bare[:own], *ca.ldl(self.arm.M, False))
+        if not self.filtered:
+            return arm
+        seen = ca.substitute(self.left[own:], accelerations, ca.vertcat(arm, ca.SX.zeros(self.n - own)))
+        return ca.vertcat(arm, -seen)
+
+    @lazy
+    def accelerate(self) -> Compiled:
+        return Compiled.of(self.given, [self.acceleration])
+
+    @lazy
+    def slopes(self) -> Compiled:
+        """The slopes of the left side by accelerations (the mass matrix), coordinates, rates and p."""
+        at, rate, acceleration = self.motion
+        by = [ca.jacobian(self.left, one) for one in (acceleration, at, rate, self.arm.parameters.symbols)]
+        return Compiled.of([*self.given, acceleration], by)
+
+    @lazy
+    def readings(self) -> ca.SX:
+        z = {j: self.motion[0][self.arm.n + k] for k, j in enumerate(self.filtered)}
+        return ca.vertcat(*[(z.get(j, one.value) - one.offset) / one.gain for j, one in enumerate(self.outputs)])
+
+    @property
+    def accelerated(self) -> bool:
+        """Whether a sensor without a filter sees accelerations."""
+        return bool(ca.depends_on(self.readings, self.arm.s_ddot))
+
+    @lazy
+    def read(self) -> Compiled:
+        return Compiled.of([*self.given, self.motion[2]], [self.readings])
+
+    @lazy
+    def reading_slopes(self) -> Compiled:
+        """Slopes of the readings by coordinates, rates, accelerations and p."""
+        by = [ca.jacobian(self.readings, one) for one in (*self.motion, self.arm.parameters.symbols)]
+        return Compiled.of([*self.given, self.motion[2]], by)

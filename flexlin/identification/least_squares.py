@@ -1,0 +1,154 @@
+"""Gauss-Newton steps over starting states of windows and numbers that all windows share, damped after Levenberg and Marquardt.
+
+Each window's states are eliminated by an orthogonal factorization of its own rows; what is left of all windows is a small problem for
+the shared numbers, with bounds. Source: Golub, Pereyra (2003), Separable nonlinear least squares, Inverse Problems 19, R1.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.identification.shooting import Shooting
+
+SMALLEST = 1e-5
+"""Share of the largest column below which a column's norm counts as this much: what no reading sees then stays where it was."""
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """Starting states (W, 2n), shared numbers (n_p,), and what they leave: residuals over their standard deviations, (W, N, outputs)."""
+
+    start: Array
+    p: Array
+    states: Array
+    residual: Array
+
+    @property
+    def costs(self) -> Array:
+        """Half the sum of squares of each window; infinite where it diverges."""
+        found = 0.5 * np.einsum("wnj,wnj->w", self.residual, self.residual)
+        return np.where(np.isfinite(found), found, np.inf)
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Readings (W, N, outputs) to be met within sigma (outputs,), and bounds of the shared numbers; no bounds, no numbers are moved."""
+
+    shooting: Shooting
+    readings: Array
+    sigma: Array
+    low: Array
+    high: Array
+
+    def at(self, start: Array, p: Array) -> Point:
+        """Simulate from a point."""
+        with np.errstate(all="ignore"):
+            states = self.shooting.run(start, p)
+            residual = self.weigh(self.readings - self.shooting.predict(states, p), p)
+        return Point(start, p, states, residual)
+
+    def weigh(self, values: Array, p: Array) -> Array:
+        """Over sigma, and zero where nothing was measured or the window had not begun when the sensor saw it."""
+        seen = np.isfinite(self.readings)
+        for j, delay in enumerate(self.shooting.delays(p)[1]):
+            seen[:, :, j] &= self.shooting.windows.lookup(delay)[3]
+        extra = (1,) * (values.ndim - 3)
+        weights = (seen / self.sigma).reshape(*seen.shape, *extra)
+        return np.where(weights > 0, values * weights, 0.0)
+
+    def slopes(self, point: Point) -> Array:
+        """Of the weighted readings by start and p, (W, N outputs, 2n + n_p)."""
+        found = self.weigh(self.shooting.jacobian(point.states, point.p), point.p)
+        found = found[..., : point.start.shape[1] + len(self.low)]
+        return found.reshape(found.shape[0], -1, found.shape[3])
+
+
+def solve(
+    problem: Problem,
+    start: Array,
+    p: Array,
+    iterations: int = 30,
+    tol: float = 1e-6,
+    listen: Callable[[float], None] | None = None,
+) -> Point:
+    """The least sum of squares that damped Gauss-Newton steps find from here; without shared numbers each window goes its own way."""
+    point = problem.at(start, p)
+    damping = np.full(len(start), 1e-3)
+    for k in range(iterations):
+        if not np.isfinite(point.costs).any():
+            break
+        slopes = problem.slopes(point)
+        gained = np.zeros(len(start))
+        for _ in range(8):
+            trial = problem.at(*take_step(problem, point, slopes, damping))
+            gain = together(problem, point.costs - trial.costs)
+            better = gain > 0
+            point, gained = choose(point, trial, better), np.where(better, gain, gained)
+            damping = np.where(better, damping / 5, damping * 5)
+            if better.any():
+                break
+        if listen is not None:
+            listen((k + 1) / iterations)
+        if np.all(gained <= tol * together(problem, point.costs)):
+            break
+    return point
+
+
+def together(problem: Problem, costs: Array) -> Array:
+    """Of all windows where they share numbers, else of each."""
+    costs = np.where(np.isnan(costs), -np.inf, costs)
+    return np.full(len(costs), costs.sum()) if len(problem.low) else costs
+
+
+def choose(point: Point, trial: Point, better: Array) -> Point:
+    """The trial in the windows in which it is better."""
+    if better.all():
+        return trial
+    wide = better[None, :, None]
+    return replace(
+        point,
+        start=np.where(better[:, None], trial.start, point.start),
+        states=np.where(wide, trial.states, point.states),
+        residual=np.where(better[:, None, None], trial.residual, point.residual),
+    )
+
+
+def eliminate(slopes: Array, residual: Array, size: int, damping: Array) -> tuple[Array, Array, Array, Array]:
+    """Take the starting states out: scales D (W, size), factor R, what projects onto it, and the rest of columns of p and residual.
+
+    min |J_x dx + J_p dp - r|: with J_x D^-1 = Q R, the rest is (I - Q Q') [J_p, r].
+    """
+    J, other = slopes[:, :, :size], np.concatenate([slopes[:, :, size:], residual[:, :, None]], axis=2)
+    norms = np.linalg.norm(J, axis=1)
+    scale = np.maximum(norms, SMALLEST * norms.max(axis=1, keepdims=True)) + 1e-300
+    damped = np.sqrt(damping)[:, None, None] * np.eye(size)
+    Q, R = np.linalg.qr(np.concatenate([J / scale[:, None, :], damped], axis=1))
+    other = np.concatenate([other, np.zeros((len(J), size, other.shape[2]))], axis=1)
+    onto = np.swapaxes(Q, 1, 2) @ other
+    return scale, R, onto, other - Q @ onto
+
+
+def take_step(problem: Problem, point: Point, slopes: Array, damping: Array) -> tuple[Array, Array]:
+    """Starting states and shared numbers after a damped step; the shared numbers stay within their bounds."""
+    from scipy.optimize import lsq_linear
+
+    windows, size = point.start.shape
+    residual = point.residual.reshape(windows, -1)
+    lost = ~np.isfinite(point.costs)
+    slopes = np.where(lost[:, None, None] | ~np.isfinite(slopes), 0.0, slopes)
+    residual = np.where(lost[:, None], 0.0, residual)
+    scale, R, onto, rest = eliminate(slopes, residual, size, damping)
+    move = np.zeros(len(problem.low))
+    if len(move):
+        R_p = np.asarray(np.linalg.qr(rest.reshape(-1, rest.shape[2]), mode="r"))
+        norms = np.linalg.norm(R_p[:, :-1], axis=0)
+        sizes = 1 / np.maximum(norms, SMALLEST * norms.max() + 1e-300)
+        rows = np.concatenate([R_p[:, :-1] * sizes, np.sqrt(damping[0]) * np.eye(len(move))])
+        wanted = np.concatenate([R_p[:, -1], np.zeros(len(move))])
+        ends = (problem.low - point.p) / sizes - 1e-12, (problem.high - point.p) / sizes + 1e-12
+        move = np.clip(point.p + sizes * lsq_linear(rows, wanted, ends).x, problem.low, problem.high) - point.p
+    move_all = np.concatenate([move, np.zeros(len(point.p) - len(move))])
+    y = np.linalg.solve(R, onto[:, :, -1:] - onto[:, :, :-1] @ move[:, None])[:, :, 0]
+    return point.start + y / scale, point.p + move_all

@@ -1,0 +1,226 @@
+"""What a machine was given and what its sensors read, by time."""
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexlin.checks import Array, real_array, whole
+from flexlin.errors import ArgumentError, TooLarge
+from flexlin.plots.view import Series, Shown, View
+from flexlin.summary import represent
+
+if TYPE_CHECKING:
+    import xarray
+
+MOST = 2_000_000
+"""Samples of one log."""
+FEWEST = 20
+"""Samples of a stretch without a gap: fewer say nothing about an arm that moves."""
+GAP = 5.0
+"""A gap is a time between rows of more than so many usual ones; over shorter ones inputs are interpolated."""
+
+
+@dataclass(frozen=True, eq=False)
+class Log(Shown):
+    """A measured log: inputs and sensors as they were recorded.
+
+    What a reading means (gain, offset, delay, kind of sensor) says the scene's [log] table; without one an input's name is that of a
+    joint, and an output's that of a coordinate (q1), its rate (q1_rate), or the tip's place (tip.x). A reading that is not a number is
+    missing. Times may jitter; over a gap in them, or where an input is missing, no prediction goes.
+
+    Attributes
+    ----------
+    time : array, shape (N,)
+        Increasing times in s.
+    inputs, outputs : mapping of str to array, shape (N,)
+        Readings by name.
+    columns : mapping of str to str
+        Names of the columns that they came from, where these are others.
+    source : str
+        Where it was read from.
+
+    Raises
+    ------
+    ArgumentError
+        When lengths differ, times do not increase, or there are too few samples.
+    TooLarge
+        When there are more than two million samples.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> t = np.arange(100) * 0.01
+    >>> log = fl.Log(t, inputs={"q1": np.sin(t)}, outputs={"tip.y": np.cos(t)})
+    >>> print(log.summary())
+    log of 0.99 s, 100 samples at 100 Hz
+      inputs q1; outputs tip.y
+    """
+
+    time: Array
+    inputs: Mapping[str, Array]
+    outputs: Mapping[str, Array]
+    columns: Mapping[str, str] = field(default_factory=dict)
+    source: str = ""
+
+    __repr__ = represent
+
+    def __post_init__(self) -> None:
+        time = check_times(self.time)
+        groups = {
+            kind: {name: check_readings(name, values, len(time)) for name, values in getattr(self, kind).items()}
+            for kind in ("inputs", "outputs")
+        }
+        if not groups["outputs"] or not groups["inputs"]:
+            missing = "inputs" if groups["outputs"] else "outputs"
+            raise ArgumentError(f"the log has no {missing}", expected="one of each at the least")
+        for name, value in ({"time": time} | groups).items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def step(self) -> float:
+        """The usual time between two rows, in s."""
+        return float(np.median(np.diff(self.time)))
+
+    @property
+    def stretches(self) -> list[slice]:
+        """The rows between gaps, where there are enough of them."""
+        known = np.all([np.isfinite(values) for values in self.inputs.values()], axis=0)
+        near = np.diff(self.time) <= GAP * self.step
+        ends = np.flatnonzero(~(near & known[1:] & known[:-1])) + 1
+        edges = [0, *ends.tolist(), len(self.time)]
+        return [slice(a, b) for a, b in itertools.pairwise(edges) if b - a >= FEWEST]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is missing or odd in it, in words."""
+        said, spacing = [], np.diff(self.time)
+        gaps = np.flatnonzero(spacing > GAP * self.step)
+        if len(gaps):
+            longest = gaps[np.argmax(spacing[gaps])]
+            where = f"the longest of {spacing[longest]:.3g} s at {self.time[longest]:.4g} s"
+            said.append(f"{len(gaps)} gap{'s' if len(gaps) > 1 else ''}, {where}: no prediction goes over one")
+        jitter = float(np.abs(spacing[spacing <= GAP * self.step] - self.step).max(initial=0.0))
+        if jitter > 0.05 * self.step:
+            said.append(f"times jitter by up to {1e3 * jitter:.3g} ms: readings are taken at their own times")
+        for name, values in {**self.inputs, **self.outputs}.items():
+            missing = int(np.isnan(values).sum())
+            if missing:
+                said.append(f"{missing} readings of {name} are missing and are not used")
+            elif np.ptp(values) == 0:
+                said.append(f"{name} is constant, so nothing can be learnt from it")
+        return tuple(said)
+
+    def part(self, start: float, end: float) -> "Log":
+        """Return the rows from one time to another.
+
+        Parameters
+        ----------
+        start, end : float
+            Times in s.
+
+        Returns
+        -------
+        Log
+            Those rows.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import flexlin as fl
+        >>> t = np.arange(100) * 0.01
+        >>> len(fl.Log(t, {"q1": t}, {"q1": t}).part(0.2, 0.6).time)
+        41
+        """
+        return self._taken(np.flatnonzero((self.time >= start - 1e-9) & (self.time <= end + 1e-9)))
+
+    def thinned(self, by: int) -> "Log":
+        """Return every so-manieth row, without a filter: what moves faster than half the new rate folds down.
+
+        Parameters
+        ----------
+        by : int
+            Rows for each one that is kept.
+
+        Returns
+        -------
+        Log
+            Those rows.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import flexlin as fl
+        >>> t = np.arange(100) * 0.01
+        >>> round(fl.Log(t, {"q1": t}, {"q1": t}).thinned(4).step, 6)
+        0.04
+        """
+        return self._taken(np.arange(0, len(self.time), whole("by", by)))
+
+    def _taken(self, rows: Array) -> "Log":
+        """The rows of these numbers."""
+        inputs, outputs = ({k: v[rows] for k, v in group.items()} for group in (self.inputs, self.outputs))
+        return replace(self, time=self.time[rows], inputs=inputs, outputs=outputs)
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Return the readings as a dataset.
+
+        Returns
+        -------
+        xarray.Dataset
+            Inputs and outputs by time, each marked by its role; an input that shares a name with an output ends in _input.
+        """
+        import xarray
+
+        named = {f"{k}_input" if k in self.outputs else k: v for k, v in self.inputs.items()}
+        groups = {"input": named, "output": self.outputs}
+        series = {
+            name: ("time", values, {"role": role}) for role, group in groups.items() for name, values in group.items()
+        }
+        return xarray.Dataset(series, coords={"time": ("time", self.time, {"units": "s"})})
+
+    def _view(self) -> View:
+        length, rate = self.time[-1] - self.time[0], 1 / self.step
+        title = f"log of {length:.4g} s, {len(self.time)} samples at {rate:.4g} Hz"
+        names = f"inputs {', '.join(self.inputs)}; outputs {', '.join(self.outputs)}"
+        series = tuple(Series(name, self.time, values) for name, values in self.outputs.items())
+        return View(title, "", (names, *self.notes), "time in s", "reading", series)
+
+
+def check_times(given: Array) -> Array:
+    """Times that increase, enough and not too many of them."""
+    time = real_array("time", given, (None,))
+    if len(time) > MOST:
+        todo = "give a part of it, or thin it: every tenth row, after a low-pass filter"
+        raise TooLarge("the log has too many samples", got=len(time), expected=f"{MOST} at most", todo=todo)
+    if len(time) < FEWEST:
+        raise ArgumentError("the log is too short", got=f"{len(time)} samples", expected=f"{FEWEST} at the least")
+    late = np.flatnonzero(np.diff(time) <= 0)
+    if len(late):
+        row = int(late[0])
+        raise ArgumentError(
+            "the times of the log do not increase",
+            got=f"{time[row]:.9g} s before {time[row + 1]:.9g} s in rows {row + 1} and {row + 2}",
+            todo="remove rows that are there twice, and sort the others",
+        )
+    return time
+
+
+def check_readings(name: str, given: Array, count: int) -> Array:
+    """Readings, some of which may be missing."""
+    try:
+        values = np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        raise ArgumentError(f"{name} is not numeric", got=repr(given)[:80], expected="numbers") from None
+    if values.shape != (count,):
+        raise ArgumentError(f"{name} has the wrong shape", got=values.shape, expected=f"({count},), a reading a time")
+    if np.isinf(values).any():
+        raise ArgumentError(
+            f"{name} is infinite", got=f"row {int(np.argmax(np.isinf(values))) + 1}", expected="numbers"
+        )
+    if not np.isfinite(values).any():
+        raise ArgumentError(f"{name} has no reading", got="nan everywhere", expected="numbers")
+    return values

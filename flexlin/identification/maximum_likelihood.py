@@ -1,0 +1,315 @@
+"""Numbers of a scene that make a log most likely, with their errors, and what the log cannot say."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexlin.arguments import checked
+from flexlin.checks import Array, positive, whole
+from flexlin.errors import ArgumentError, NumericalError, SceneError
+from flexlin.identification.equations import Logged
+from flexlin.identification.evidence import Evidence, weigh_evidence
+from flexlin.identification.least_squares import Point, Problem, solve
+from flexlin.identification.log import Log
+from flexlin.identification.prediction import Prediction, deviations, find_starts, predict, prepare
+from flexlin.identification.windows import Windows
+from flexlin.plots.view import Series, Shown, View
+from flexlin.progress import part
+from flexlin.scene.parameters import get_value, path_in
+from flexlin.scene.revised import raw_tables, revise_scene
+from flexlin.scene.scene import MOST, Scene
+from flexlin.summary import represent
+
+if TYPE_CHECKING:
+    import xarray
+
+ROUNDS = 6
+"""Times that noise, and shapes of links that carry fitted masses, are found anew."""
+UNEXPLAINED = 0.2
+"""Share of the readings' deviations below which a start is good, and no other is tried."""
+SETTLED = 0.02
+"""Relative change of the noise below which it is known."""
+SCREENED = 4
+"""Windows, and Gauss-Newton steps, by which starting values are compared."""
+
+
+@dataclass(frozen=True, eq=False)
+class Identification(Shown):
+    """Numbers of a scene by a measured log.
+
+    Attributes
+    ----------
+    scene : Scene
+        With the fitted numbers, and two standard errors of each to both sides as its [uncertainty].
+    values, errors : dict of str to float
+        The numbers that the log knows, and one standard error of each; not a number at a limit.
+    unknown : tuple of tuple of str
+        Numbers that it does not know: those of a group can change together without any reading's changing.
+    covariance : array, shape (k, k)
+        Of `values`.
+    correlations : dict of str to float
+        Of pairs of numbers that go together by 0.9 or more.
+    fit : dict of str to float
+        By column in percent, over the part that was kept back, else over what was fitted.
+    noise : dict of str to float
+        Standard deviation of each column about its prediction.
+    colour : dict of str to float
+        Correlation of neighbouring residuals of each column; the errors allow for it.
+    prediction : Prediction
+        Of the part that `fit` is about.
+    status : str
+        What was found, and what to do.
+
+    Examples
+    --------
+    >>> from dataclasses import fields
+    >>> from flexlin.identification import Identification
+    >>> [field.name for field in fields(Identification)][:3]
+    ['scene', 'values', 'errors']
+    """
+
+    scene: Scene
+    values: dict[str, float]
+    errors: dict[str, float]
+    unknown: tuple[tuple[str, ...], ...]
+    covariance: Array
+    correlations: dict[str, float]
+    fit: dict[str, float]
+    noise: dict[str, float]
+    colour: dict[str, float]
+    prediction: Prediction
+    status: str
+
+    __repr__ = represent
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Return numbers, errors and covariance as a dataset.
+
+        Returns
+        -------
+        xarray.Dataset
+            By the numbers' paths, with the prediction's readings.
+        """
+        import xarray
+
+        numbers = {
+            "value": ("path", list(self.values.values())),
+            "error": ("path", list(self.errors.values())),
+            "covariance": (("path", "other"), self.covariance),
+        }
+        paths = list(self.values)
+        return self.prediction.to_xarray().merge(xarray.Dataset(numbers, coords={"path": paths, "other": paths}))
+
+    def _view(self) -> View:
+        facts = [f"{path} = {value:.5g} ± {self.errors[path]:.2g}" for path, value in self.values.items()]
+        facts += [f"{name}: fit {value:.1f} %" for name, value in self.fit.items()]
+        view = self.prediction._view()
+        gone = {name: m - self.prediction.outputs[name] for name, m in self.prediction.measured.items()}
+        worst = min(self.fit, key=lambda name: self.fit[name])
+        series = (*view.series, Series("residual", self.prediction.time, gone[worst]))
+        return View("identification", "", (*facts, self.status), view.x_label, view.y_label, series)
+
+
+@checked
+def identify(
+    scene: Scene,
+    log: Log,
+    free: Iterable[str],
+    window: float = 2.0,
+    hold_back: float = 0.0,
+    starts: int = 3,
+) -> Identification:
+    """Find numbers of a scene from a measured log by maximum likelihood.
+
+        min over p and the starting state of each window   sum_j N_j log |reading_j - h_j(x, u, p)|
+
+    Each window is simulated from a free starting state (output errors, multiple shooting), so drift of a window does not reach the next;
+    the noise of each column is white, of a size that is found. Where residuals are coloured, errors come from sums over blocks of a
+    quarter of a window. Derivatives are exact. Assumes inputs without noise.
+
+    Parameters
+    ----------
+    scene : Scene
+        The arm; its numbers are where the search begins.
+    log : Log
+        What was measured.
+    free : iterable of str
+        Dotted paths of numbers to find; gains, offsets and delays of the [log] table too.
+    window : float
+        Length of a window, in s.
+    hold_back : float
+        Share of the log, at its end, that is not fitted but predicted.
+    starts : int
+        Sets of values tried at the most: the scene's own, then, while a fifth of the readings stays unexplained, others
+        within a factor of about two.
+
+    Returns
+    -------
+    Identification
+        The numbers, their errors, and the scene with them.
+
+    Raises
+    ------
+    ArgumentError
+        When a path leads to no number, or the log does not fit the scene.
+    NumericalError
+        When the equations diverge from every start.
+
+    References
+    ----------
+    Ljung, System Identification (1999), chapters 7 and 9; Bock (1983), multiple shooting with Gauss-Newton.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> scene = fl.load_scene("single-link", {"links.0.modes": 0, "effects.gravity": "off", "designs": []})
+    >>> t = np.arange(300) * 0.01
+    >>> log = fl.Log(t, inputs={"q1": 0 * t}, outputs={"q1": 0 * t})
+    >>> fl.identify(scene, log, ["effects.payload.mass"], starts=1).unknown
+    (('effects.payload.mass',),)
+    """
+    paths = [path_in(scene, path) for path in free]
+    if not paths or len(set(paths)) < len(paths):
+        raise ArgumentError("free numbers are named once each", got=", ".join(paths) or "none", expected="dotted paths")
+    if not 0 <= hold_back < 0.9:
+        raise ArgumentError("the share that is kept back does not fit", got=hold_back, expected="0 to 0.9")
+    edge = log.time[-1] - hold_back * (log.time[-1] - log.time[0])
+    fitted = log if hold_back == 0 else log.part(log.time[0], edge)
+    low, high = find_limits(scene, paths)
+    windows = Windows.of(fitted, positive("window", window))
+    with part(0.0, 0.3):
+        values = choose_start(scene, fitted, windows, paths, (low, high), whole("starts", starts))
+    with part(0.3, 0.9):
+        found, point, problem = refine(scene, fitted, windows, paths, values, (low, high))
+    evidence = weigh_evidence(problem, point, paths)
+    known = {path: float(point.p[k]) for k, path in enumerate(paths) if path in evidence.known}
+    made = place_uncertainty(revise_scene(scene, known), evidence, (low, high), paths)
+    held = log.part(edge, log.time[-1]) if hold_back else log
+    prediction = predict(found, held, window)
+    return Identification(
+        made, known, evidence.errors, evidence.unknown, evidence.covariance, evidence.correlations, prediction.fit,
+        dict(zip(prediction.fit, problem.sigma.tolist(), strict=True)),
+        dict(zip(prediction.fit, evidence.colour.tolist(), strict=True)),
+        prediction, describe(evidence, prediction, hold_back),
+    )  # fmt: skip
+
+
+def find_limits(scene: Scene, paths: list[str]) -> tuple[Array, Array]:
+    """The ends of what the scene's schema takes: 0 where it refuses a negative number, 1 where it refuses 2, else none."""
+    raw, low, high = raw_tables(scene), [], []
+    for path in paths:
+        value = get_value(scene, path)
+        if not isinstance(value, float):
+            raise ArgumentError(f"{path} cannot be fitted", got=repr(value)[:60], expected="a real number of the scene")
+        size = max(abs(value), 1e-3)
+        low.append(
+            -np.inf if accepts(scene, path, -size, raw) else 0.0 if accepts(scene, path, 0.0, raw) else 1e-6 * size
+        )
+        high.append(np.inf if accepts(scene, path, 1e3 * max(size, 1.0), raw) else 1.0)
+    return np.array(low), np.array(high)
+
+
+def accepts(scene: Scene, path: str, value: float, raw: Any) -> bool:
+    """Whether a scene may have this number."""
+    try:
+        revise_scene(scene, {path: value}, raw)
+    except SceneError:
+        return False
+    return True
+
+
+def pose(
+    scene: Scene, log: Log, windows: Windows, paths: list[str], limits: tuple[Array, Array], sigma: Array | None
+) -> Problem:
+    """The least-squares problem of a scene's equations."""
+    shooting = prepare(Logged.of(scene, log, paths), windows)
+    readings = shooting.windows.readings()
+    return Problem(shooting, readings, deviations(readings) if sigma is None else sigma, *limits)
+
+
+def choose_start(
+    scene: Scene, log: Log, windows: Windows, paths: list[str], limits: tuple[Array, Array], starts: int
+) -> Array:
+    """The values, of several sets, from which a few windows are best met after a few steps."""
+    own = np.array([float(get_value(scene, path)) for path in paths])
+    if starts == 1:
+        return own
+    some = windows.chosen(np.unique(np.linspace(0, windows.count - 1, SCREENED).astype(int)))
+    problem = pose(scene, log, some, paths, limits, None)
+    rng, tried = np.random.default_rng(0), []
+    for k in range(starts):
+        values = own * (np.exp(rng.normal(0, 0.5, len(own))) if k else 1.0)
+        point = solve(problem, start_states(problem, values), np.clip(values, *limits), SCREENED)
+        tried.append((float(point.costs.sum()), k, point.p))
+        if tried[-1][0] < 0.5 * UNEXPLAINED**2 * np.count_nonzero(point.residual):
+            break
+    cost, _, values = min(tried, key=lambda one: one[:2])
+    if not np.isfinite(cost):
+        raise NumericalError("the equations diverge from every start", todo="check signs and gains of the inputs")
+    return values
+
+
+def start_states(problem: Problem, values: Array) -> Array:
+    """Starting states for these values."""
+    return find_starts(problem.shooting, 0.2, values).start
+
+
+def refine(
+    scene: Scene, log: Log, windows: Windows, paths: list[str], values: Array, limits: tuple[Array, Array]
+) -> tuple[Scene, Point, Problem]:
+    """The maximum of the likelihood: noise and shapes of links are found anew until neither changes."""
+    sigma, start = None, None
+    for k in range(ROUNDS):
+        with part(k / ROUNDS, (k + 1) / ROUNDS):
+            found = revise_scene(scene, dict(zip(paths, values.tolist(), strict=True)))
+            problem = pose(found, log, windows, paths, limits, sigma)
+            start = start_states(problem, values) if start is None else start
+            point = solve(problem, start, values)
+        if not np.isfinite(point.costs).any():
+            raise NumericalError("the equations diverge", todo="check signs and gains, or fit fewer numbers")
+        seen = np.count_nonzero(problem.weigh(np.ones_like(point.residual), point.p), axis=(0, 1))
+        size = problem.sigma * np.sqrt(np.sum(point.residual**2, axis=(0, 1)) / np.maximum(seen, 1))
+        moved = np.abs(point.p - values) > 1e-3 * np.abs(values)
+        settled = sigma is not None and bool(np.all(np.abs(size / sigma - 1) < SETTLED)) and not moved.any()
+        sigma, values, start = np.maximum(size, 1e-9 * deviations(problem.readings)), point.p, point.start
+        if settled:
+            break
+    return found, point, replace(problem, sigma=problem.sigma)
+
+
+def place_uncertainty(scene: Scene, evidence: Evidence, limits: tuple[Array, Array], paths: list[str]) -> Scene:
+    """The scene with two standard errors to both sides of each number of the arm as its [uncertainty]."""
+    from flexlin.scene.loading import parse_scene
+
+    table: dict[str, dict[str, float]] = {}
+    for path, error in list(evidence.errors.items()):
+        k, value = paths.index(path), float(get_value(scene, path))
+        if np.isfinite(error) and not path.startswith(("log.", "uncertainty.")) and len(table) < MOST:
+            ends = max(value - 2 * error, float(limits[0][k])), min(value + 2 * error, float(limits[1][k]))
+            table[path] = {"low": ends[0], "high": ends[1]}
+    return parse_scene(raw_tables(scene), scene.title, {"uncertainty": table}) if table else scene
+
+
+def describe(evidence: Evidence, prediction: Prediction, hold_back: float) -> str:
+    """What was found, and what to do."""
+    said = []
+    for group in evidence.unknown:
+        names = " and ".join(group)
+        if len(group) == 1:
+            said.append(f"{names} cannot be known from this log: excite what depends on it, or keep it fixed")
+        else:
+            said.append(f"{names} cannot be parted by this log: vary what changes one of them alone, or keep one fixed")
+    if evidence.limited:
+        said.append(f"{', '.join(evidence.limited)} went to the end of what is possible: the effect may not be there")
+    if evidence.coloured:
+        said.append(
+            "residuals are coloured, so something is missing in the equations or the noise; the errors allow for it"
+        )
+    low = [f"{name} ({value:.0f} %)" for name, value in prediction.fit.items() if value < 50]
+    if low:
+        said.append(f"less than half is predicted of {', '.join(low)}: try other effects, delays or filters")
+    kept = "the last part of the log, which was not fitted" if hold_back else "what was fitted"
+    return "; ".join([*(said or ["all numbers are known"]), f"the fit is over {kept}"])

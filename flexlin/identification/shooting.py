@@ -1,0 +1,196 @@
+"""Simulation of all windows side by side by the classical Runge-Kutta method, and the exact derivative of that method."""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.identification.equations import Compiled, Logged
+from flexlin.identification.windows import Windows
+from flexlin.lazy import lazy
+
+FASTEST = 0.5
+"""Largest step times the fastest angular frequency of the equations: the method's error is then below 3e-4 of that motion."""
+DECAYING = 2.0
+"""Largest step times the fastest rate of decay, as that of joints that stick: the method damps up to 2.78."""
+FINEST = 64
+"""Steps for one of the log's, at the most."""
+BLOCK = 2**14
+"""Nodes whose slopes are held at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shooting:
+    """The predictions of a log's windows from starting states (W, 2n) and free numbers p (n_p,)."""
+
+    model: Logged
+    windows: Windows
+
+    @lazy
+    def step(self) -> Compiled:
+        """x(t + h) of x(t), the inputs at t, t + h/2, t + h, their slopes, known delays, p and h.
+
+        k1 = f(x), k2 = f(x + h/2 k1), k3 = f(x + h/2 k2), k4 = f(x + h k3), x + h/6 (k1 + 2 k2 + 2 k3 + k4)
+        """
+        model, m = self.model, len(self.model.inputs)
+        f = ca.Function("f", model.given, [ca.vertcat(model.motion[1], model.acceleration)])
+        x, h, p = ca.SX.sym("x", 2 * model.n), ca.SX.sym("h"), model.arm.parameters.symbols
+        u, du, known = ca.SX.sym("u", m, 3), ca.SX.sym("du", m, 3), model.symbols[2]
+
+        def rate(at: ca.SX, phase: int) -> ca.SX:
+            return f(at[: model.n], at[model.n :], u[:, phase], du[:, phase], known, p)
+
+        k1 = rate(x, 0)
+        k2 = rate(x + h / 2 * k1, 1)
+        k3 = rate(x + h / 2 * k2, 1)
+        k4 = rate(x + h * k3, 2)
+        made = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        return Compiled.of([x, ca.vec(u), ca.vec(du), known, p, h], [made])
+
+    def delays(self, p: Array) -> tuple[Array, Array]:
+        """Of inputs and of outputs, in s."""
+        both = [
+            ca.vertcat(ca.SX(0, 1), *[one.delay for one in group]) for group in (self.model.inputs, self.model.outputs)
+        ]
+        found = ca.Function("delays", [self.model.arm.parameters.symbols], both)(p)
+        return np.array(found[0])[:, 0], np.array(found[1])[:, 0]
+
+    def run(self, start: Array, p: Array) -> Array:
+        """States at all nodes, (K + 1, W, 2n); a window that diverges holds numbers that are none."""
+        w, count = self.windows, self.windows.count
+        known = self.delays(p)[0]
+        u, du = w.drive(known)
+        phases = [np.concatenate([one[:-1:2], one[1::2], one[2::2]], axis=2) for one in (u, du)]
+        same = [np.tile(value, (count, 1)) for value in (known, p, np.array([w.h]))]
+        states = np.empty((w.steps + 1, count, 2 * self.model.n))
+        states[0] = start
+        for k in range(w.steps):
+            states[k + 1] = self.step(states[k], phases[0][k], phases[1][k], *same)[0][:, :, 0]
+        return states
+
+    def around(self, p: Array, count: int) -> list[Array]:
+        """Known delays and free numbers, for so many points."""
+        return [np.tile(value, (count, 1)) for value in (self.delays(p)[0], p)]
+
+    def nodes(self, states: Array, p: Array) -> Array:
+        """Readings at all nodes without their delays, (K + 1, W, outputs)."""
+        n, (nodes, count, _) = self.model.n, states.shape
+        u, du = (one[::2].reshape(nodes * count, -1) for one in self.windows.drive(self.delays(p)[0]))
+        flat = states.reshape(nodes * count, 2 * n)
+        given = [flat[:, :n], flat[:, n:], u, du, *self.around(p, nodes * count)]
+        return self.model.read(*given, self.model.accelerate(*given)[0][:, :, 0])[0].reshape(nodes, count, -1)
+
+    def predict(self, states: Array, p: Array) -> Array:
+        """The readings that the outputs should have at the samples' times, (W, N, outputs)."""
+        at_nodes = self.nodes(states, p)
+        return np.stack([self.look(at_nodes[:, :, j], d)[0] for j, d in enumerate(self.delays(p)[1])], axis=-1)
+
+    def look(self, values: Array, delay: float) -> tuple[Array, Array]:
+        """Values of nodes (K + 1, W, ...) at the samples, (W, N, ...), and their slopes in time."""
+        first, *kinds, _ = self.windows.lookup(delay)
+        which = np.arange(self.windows.count)[:, None]
+        taken = np.stack([values[first + i, which] for i in range(4)], axis=2)
+        value, slope = (np.einsum("wni,wni...->wn...", one, taken) for one in kinds)
+        return value, slope
+
+    def fastest(self, p: Array) -> float:
+        """The rate of the equations at rest and in the middle of what was measured that steps have to follow, in 1/s."""
+        n = self.model.n
+        zero = [np.zeros((1, n)), np.zeros((1, n)), *[np.zeros((1, len(self.model.inputs)))] * 2]
+        given = [*zero, *self.around(p, 1)]
+        F = self.linear(given)[0][0][:, : 2 * n]
+        values = np.linalg.eigvals(F)
+        return float(np.maximum(np.abs(values.imag), np.abs(values) * FASTEST / DECAYING).max())
+
+    def linear(self, given: list[Array]) -> tuple[Array, Array]:
+        """Slopes of x' by x and p, (N, 2n, 2n + n_p), and s'', at N points."""
+        n, count = self.model.n, len(given[0])
+        a = self.model.accelerate(*given)[0][:, :, 0]
+        M, *by = self.model.slopes(*given, a)
+        F = np.zeros((count, 2 * n, 2 * n + by[2].shape[2]))
+        F[:, np.arange(n), n + np.arange(n)] = 1
+        F[:, n:] = -np.linalg.solve(M, np.concatenate(by, axis=2))
+        return F, a
+
+    def stages(self, states: Array, u: Array, du: Array, p: Array) -> Array:
+        """The slope of each step by x and p, (steps, W, 2n, 2n + n_p), by the chain of the four stages.
+
+        dk_i = F_i [E + c_i h dk_(i-1); I],   d x(t + h) = E + h/6 (dk1 + 2 dk2 + 2 dk3 + dk4)
+        """
+        n, h, (nodes, count) = self.model.n, self.windows.h, states.shape[:2]
+        points = (nodes - 1) * count
+        x, around = states[:-1].reshape(points, 2 * n), self.around(p, points)
+        slope = total = np.zeros((1, 2 * n, 2 * n + len(p)))
+        rate = np.zeros_like(x)
+        for c, phase, weight in ((0.0, 0, 1.0), (0.5, 1, 2.0), (0.5, 1, 2.0), (1.0, 2, 1.0)):
+            at = x + c * h * rate
+            end = len(u) - 2 + phase
+            inputs = [one[phase:end:2].reshape(points, -1) for one in (u, du)]
+            F, a = self.linear([at[:, :n], at[:, n:], *inputs, *around])
+            rate = np.concatenate([at[:, n:], a], axis=1)
+            before = np.eye(2 * n, F.shape[2]) + c * h * slope
+            slope = F[:, :, : 2 * n] @ before
+            slope[:, :, 2 * n :] += F[:, :, 2 * n :]
+            total = total + weight * slope
+        made = np.eye(2 * n, total.shape[2]) + h / 6 * total
+        return made.reshape(nodes - 1, count, *made.shape[1:])
+
+    def sensitivities(self, states: Array, p: Array) -> Array:
+        """Slopes of the readings at all nodes by start and p, (K + 1, W, outputs, 2n + n_p)."""
+        w, n = self.windows, self.model.n
+        u, du = w.drive(self.delays(p)[0])
+        S = np.zeros((w.count, 2 * n, 2 * n + len(p)))
+        S[:, :, : 2 * n] = np.eye(2 * n)
+        found = np.empty((w.steps + 1, w.count, len(self.model.outputs), S.shape[2]))
+        block = max(2, BLOCK // w.count)
+        for first in range(0, w.steps, block):
+            last = min(first + block, w.steps)
+            inputs = u[2 * first : 2 * last + 1], du[2 * first : 2 * last + 1]
+            steps = self.stages(states[first : last + 1], *inputs, p)
+            carried = np.empty((last - first + 1, *S.shape))
+            carried[0] = S
+            for k, one in enumerate(steps):
+                S = one[:, :, : 2 * n] @ S
+                S[:, :, 2 * n :] += one[:, :, 2 * n :]
+                carried[k + 1] = S
+            found[first : last + 1] = self.seen(states[first : last + 1], *inputs, p, carried)
+        return found
+
+    def seen(self, states: Array, u: Array, du: Array, p: Array, carried: Array) -> Array:
+        """Slopes of the readings, from those of the states at some nodes."""
+        n, (nodes, count) = self.model.n, states.shape[:2]
+        flat, S = states.reshape(nodes * count, 2 * n), carried.reshape(nodes * count, *carried.shape[2:])
+        inputs = [one[::2].reshape(nodes * count, -1) for one in (u, du)]
+        given = [flat[:, :n], flat[:, n:], *inputs, *self.around(p, len(flat))]
+        if self.model.accelerated:
+            F, a = self.linear(given)
+        else:
+            F, a = None, np.zeros((len(flat), n))
+        by_s, by_rate, by_a, by_p = self.model.reading_slopes(*given, a)
+        made = by_s @ S[:, :n] + by_rate @ S[:, n:]
+        made[:, :, 2 * n :] += by_p
+        if F is not None:
+            moved = F[:, n:, : 2 * n] @ S
+            moved[:, :, 2 * n :] += F[:, n:, 2 * n :]
+            made += by_a @ moved
+        return made.reshape(nodes, count, *made.shape[1:])
+
+    def jacobian(self, states: Array, p: Array) -> Array:
+        """Slopes of the predicted readings at the samples by start and p, (W, N, outputs, 2n + n_p); delays are moved by their slopes."""
+        n, at_nodes, slopes = self.model.n, self.nodes(states, p), self.sensitivities(states, p)
+        delays = ca.vertcat(*[one.delay for one in self.model.outputs])
+        symbols = self.model.arm.parameters.symbols
+        by = ca.DM(ca.densify(ca.jacobian(delays, symbols))).full()
+        columns = []
+        for j, delay in enumerate(self.delays(p)[1]):
+            column = self.look(slopes[:, :, j], delay)[0]
+            column[..., 2 * n :] -= self.look(at_nodes[:, :, j], delay)[1][..., None] * by[j]
+            columns.append(column)
+        return np.stack(columns, axis=2)
+
+
+def count_substeps(shooting: Shooting) -> int:
+    """Steps for one of the log's, so that the fastest motion of the equations is followed."""
+    rate = shooting.fastest(shooting.model.arm.parameters.values)
+    return int(np.clip(np.ceil(rate * shooting.windows.log.step / FASTEST), 1, FINEST))

@@ -1,0 +1,194 @@
+"""What a periodic system does from a state on: under steps, pushes and other inputs, and under noise."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexlin.arguments import checked
+from flexlin.checks import Array, positive, real_array
+from flexlin.errors import ArgumentError, TooManySegments
+from flexlin.periodic.precision import SAFETY
+from flexlin.periodic.system import PeriodicSystem, as_system
+from flexlin.periodic.transition.choice import choose_gauss_step, measure_pace
+from flexlin.periodic.transition.gauss import gauss_transitions
+from flexlin.periodic.transition.setting import MAX_SEGMENTS
+from flexlin.summary import represent
+
+STAGES = 6
+"""Gauss stages of a step; two more show the error."""
+Input = Callable[[Array], Array] | ArrayLike
+
+
+@dataclass(frozen=True, eq=False)
+class Transient:
+    """States from a time on, and how far noise spreads them.
+
+    Attributes
+    ----------
+    t : array, shape (N,)
+        Times in s.
+    x : array, shape (N, n)
+        The states, their mean where there is noise.
+    covariance : array, shape (N, n, n)
+        Of the states; zero without noise.
+    error : float
+        Of the states and of the roots of their variances, by two more stages of each step, relative to the largest.
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> found = fl.respond(fl.PeriodicSystem([[-2.0]], 1.0, B=[[1.0]]), [0.0, 0.5, 9.0], u=[4.0])
+    >>> found.x[:, 0].round(6).tolist()
+    [0.0, 1.264241, 2.0]
+    """
+
+    t: Array
+    x: Array
+    covariance: Array
+    error: float
+
+    __repr__ = represent
+
+
+@checked
+def respond(
+    system: PeriodicSystem,
+    t: Sequence[float] | Array,
+    x0: ArrayLike | None = None,
+    u: Input | None = None,
+    push: ArrayLike | None = None,
+    noise: ArrayLike | None = None,
+    tol: float = 1e-9,
+) -> Transient:
+    """Compute the states from t[0] on.
+
+        x' = A x + B u(t),   x(t[0]) = x0 + B push,   P' = A P + P A' + B S B',   P(t[0]) = 0
+
+    Assumes inputs that are smooth between the times and the system's breaks.
+
+    Parameters
+    ----------
+    system : PeriodicSystem
+        The system, with n states and m inputs.
+    t : array_like, shape (N,)
+        Increasing times in s, at which the states are wanted.
+    x0 : array_like (n,), optional
+        The state at t[0]; zero by default.
+    u : array_like (m,), or function of times (N,) -> (N, m), optional
+        A step at t[0], or any input.
+    push : array_like (m,), optional
+        The integral of a short push of the inputs at t[0].
+    noise : array_like (m, m), optional
+        Intensity S of white noise on the inputs.
+    tol : float
+        Wanted error of a step, relative.
+
+    Returns
+    -------
+    Transient
+        States, covariance and error.
+
+    Raises
+    ------
+    ArgumentError
+        When an input does not fit.
+    TooManySegments
+        When the times lie too far apart for tol.
+
+    Examples
+    --------
+    The variance of x' = -x + w grows to 1/2:
+
+    >>> import flexlin as fl
+    >>> found = fl.respond(fl.PeriodicSystem([[-1.0]], 1.0, B=[[1.0]]), [0.0, 1.0, 9.0], noise=[[1.0]])
+    >>> found.covariance[:, 0, 0].round(6).tolist()
+    [0.0, 0.432332, 0.5]
+    """
+    system, times = as_system(system), real_array("t", t, (None,))
+    if len(times) < 2 or not np.all(np.diff(times) > 0):
+        raise ArgumentError("t does not increase", got=f"{len(times)} times", expected="two or more, increasing")
+    n, m = system.n, system.m
+    if system.B is None and not (u is None and push is None and noise is None):
+        raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
+    driven = Driven(system, as_input(u, m), np.zeros((m, m)) if noise is None else real_array("noise", noise, (m, m)))
+    start = np.zeros(n) if x0 is None else real_array("x0", x0, (n,))
+    if push is not None:
+        start = start + system.resolved_input(times[:1])[0] @ real_array("push", push, (m,))
+    edges = divide_times(system, times, positive("tol", tol))
+    runs = [driven.run(start, edges, stages) for stages in (STAGES, STAGES + 2)]
+    at = np.searchsorted(edges, times)
+    (x, P), (better, spread) = ((states[at], covariance[at]) for states, covariance in runs)
+    roots = [np.sqrt(np.abs(np.diagonal(one, axis1=1, axis2=2))) for one in (P, spread)]
+    change = max(np.abs(x - better).max(), np.abs(roots[0] - roots[1]).max())
+    size = max(np.abs(better).max(), roots[1].max(), np.finfo(float).tiny)
+    return Transient(times, better, spread, float(SAFETY * change / size + np.finfo(float).eps * len(edges)))
+
+
+def as_input(u: Input | None, m: int) -> Callable[[Array], Array] | None:
+    """An input as a function of times."""
+    if u is None or callable(u):
+        return u
+    value = real_array("u", u, (m,))
+    return lambda t: np.broadcast_to(value, (len(t), m))
+
+
+def divide_times(system: PeriodicSystem, times: Array, tol: float) -> Array:
+    """The times, the corners of A and B between them, and steps short enough for tol."""
+    T, parts = system.period, [system.resolved] if system.B is None else [system.resolved, system.resolved_input]
+    corners = np.unique(np.concatenate([one.breaks if one.panels == 1 else one.edges[:-1] for one in parts]))
+    turns = np.arange(np.floor(times[0] / T), np.floor(times[-1] / T) + 1)
+    marks = np.union1d(times, (turns[:, None] * T + corners).ravel())
+    marks = marks[(marks >= times[0]) & (marks <= times[-1])]
+    longest = float(choose_gauss_step(measure_pace(system).rate.max(keepdims=True), tol, STAGES).min())
+    counts = np.maximum(np.ceil(np.diff(marks) / longest), 1).astype(int)
+    if counts.sum() > 16 * MAX_SEGMENTS:
+        raise TooManySegments(
+            "the response takes too many steps", got=int(counts.sum()), expected=f"at most {16 * MAX_SEGMENTS}"
+        )
+    inner = np.repeat(marks[:-1], counts) + np.concatenate([np.arange(k) / k for k in counts]) * np.repeat(
+        np.diff(marks), counts
+    )
+    return np.append(inner, marks[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """A system under inputs (functions of time) and noise of some intensity."""
+
+    system: PeriodicSystem
+    u: Callable[[Array], Array] | None
+    noise: Array
+
+    def forced(self, t: Array) -> Array:
+        """[[A, B u], [0, 0]] (N, n + 1, n + 1)."""
+        n, now = self.system.n, np.mod(t, self.system.period)
+        out = np.zeros((len(t), n + 1, n + 1))
+        out[:, :n, :n] = self.system.resolved(now)
+        if self.u is not None:
+            out[:, :n, n] = np.einsum("tij,tj->ti", self.system.resolved_input(now), self.u(t))
+        return out
+
+    def excited(self, t: Array) -> Array:
+        """[[A, B S B'], [0, -A']] (N, 2 n, 2 n)."""
+        n, now = self.system.n, np.mod(t, self.system.period)
+        A, B = self.system.resolved(now), self.system.resolved_input(now)
+        out = np.zeros((len(t), 2 * n, 2 * n))
+        out[:, :n, :n], out[:, :n, n:], out[:, n:, n:] = A, B @ self.noise @ np.swapaxes(B, 1, 2), -np.swapaxes(A, 1, 2)
+        return out
+
+    def run(self, start: Array, edges: Array, stages: int) -> tuple[Array, Array]:
+        """States (K, n) and covariance (K, n, n) at the edges."""
+        n = self.system.n
+        steps, state = gauss_transitions(self.forced, edges, stages), np.append(start, 1.0)
+        x, P = np.zeros((len(edges), n)), np.zeros((len(edges), n, n))
+        x[0] = start
+        for k, step in enumerate(steps):
+            state = step @ state
+            x[k + 1] = state[:n]
+        if self.noise.any():
+            for k, step in enumerate(gauss_transitions(self.excited, edges, stages)):
+                F = step[:n, :n]
+                P[k + 1] = F @ P[k] @ F.T + step[:n, n:] @ F.T
+        return x, P

@@ -1,0 +1,268 @@
+"""Invariant zeros: the motions that a system may make while its output stays zero."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexlin.arguments import checked
+from flexlin.checks import Array, positive
+from flexlin.errors import ArgumentError, NumericalError
+from flexlin.periodic.assignment import assign
+from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples
+from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.precision import FAINT, SAFETY, SLIGHT, TINY
+from flexlin.periodic.resolved.companion import ResolvedCompanion
+from flexlin.periodic.resolved.matrix import ResolvedMatrix
+from flexlin.periodic.resolved.resolve import resolve, resolve_port
+from flexlin.periodic.resolved.sampling import stratified
+from flexlin.periodic.system import PeriodicSystem, as_system
+from flexlin.summary import represent
+
+TIMES = 1024
+"""Times of the period at which the input's way to the output is looked at."""
+
+
+@dataclass(frozen=True, eq=False)
+class InvariantZeros:
+    """The zeros of x' = A x + B u, y = C x + D u, as exponents.
+
+    Attributes
+    ----------
+    exponents : complex array, shape (n - sum of the relative degrees,)
+        In 1/s, by falling real part; imaginary parts in (-pi/T, pi/T].
+    errors : array
+        Bounds on the error of each, in 1/s.
+    relative_degree : tuple of int
+        How often each output is differentiated until the input appears in it.
+    verdict : str
+        "minimum phase" where all decay, "non-minimum phase" where one grows, else "undecided".
+
+    Examples
+    --------
+    >>> import flexlin as fl
+    >>> system = fl.PeriodicSystem([[0.0, 1.0], [-2.0, -3.0]], 1.0, B=[[0.0], [1.0]])
+    >>> found = fl.invariant_zeros(system, [[-1.0, 1.0]])
+    >>> print(f"{found.exponents.real.item():.6f} {found.verdict}")
+    1.000000 non-minimum phase
+    """
+
+    exponents: Array
+    errors: Array
+    relative_degree: tuple[int, ...]
+    verdict: str
+
+    __repr__ = represent
+
+
+@checked
+def invariant_zeros(
+    system: PeriodicSystem,
+    C: MatrixFunction | ArrayLike,
+    D: MatrixFunction | ArrayLike | None = None,
+    tol: float = 1e-9,
+) -> InvariantZeros:
+    """Find the invariant zeros of a periodic system with as many inputs as outputs.
+
+        h_0 = C_i,   h_(j+1) = h_j' + h_j A,   y_i^(k) = h_k x + h_(k-1) B u   with the least k where the last term is not zero
+
+    u = -E^-1 [h_k x + ...], E the matrix of the rows h_(k-1) B, gives each output poles that are chosen; the other exponents of this loop
+    are those of the motions along which the output stays zero. Assumes that E is invertible at all times.
+
+    Parameters
+    ----------
+    system : PeriodicSystem
+        With inputs; n states, m inputs.
+    C : array_like (m, n), or function of times (N,) -> (N, m, n)
+        The output matrix.
+    D : array_like (m, m), or function of times (N,) -> (N, m, m), optional
+        The feedthrough; zero where it is not given.
+    tol : float
+        Wanted error of the exponents, in 1/s.
+
+    Returns
+    -------
+    InvariantZeros
+        Exponents with errors, relative degrees, verdict.
+
+    Raises
+    ------
+    ArgumentError
+        When the system has no input, or a matrix does not fit.
+    NumericalError
+        When the input does not reach an output, or reaches it in another derivative at other times.
+
+    References
+    ----------
+    Isidori, Nonlinear Control Systems (1995), section 5.1 (vector relative degree, zero dynamics); Bittanti, Colaneri, Periodic Systems
+    (2009), section 5.6.
+
+    Examples
+    --------
+    Bittanti and Colaneri's example 1.2 has the zero 4 / sqrt(3) - 3, the mean of (3 sin t - 2) / (2 - sin t):
+
+    >>> import numpy as np
+    >>> import flexlin as fl
+    >>> def A(t):
+    ...     c, s, none = np.cos(t), np.sin(t), np.zeros_like(t)
+    ...     return np.array([[s - 1, none], [1 - c, none - 3]]).transpose(2, 0, 1)
+    >>> def B(t):
+    ...     return np.array([[-1 - np.cos(t)], [2 - np.sin(t)]]).transpose(2, 0, 1)
+    >>> found = fl.invariant_zeros(fl.PeriodicSystem(A, 2 * np.pi, B), [[0.0, 1.0]])
+    >>> print(f"{found.exponents.real.item():.9f} {4 / 3**0.5 - 3:.9f}")
+    -0.690598923 -0.690598923
+    """
+    system, tol = as_system(system), positive("tol", tol)
+    if system.B is None:
+        raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
+    n, m = system.n, system.m
+    output = as_matrix_function("C", C)
+    through = as_matrix_function("D", np.zeros((m, m)) if D is None else D)
+    for name, given, shape in (("C", output, (m, n)), ("D", through, (m, m))):
+        got = check_samples(name, given, system.period).shape[1:]
+        if got != shape:
+            raise ArgumentError(f"{name} does not fit the system", got=got, expected=f"{shape}: outputs as inputs")
+    named = system.period, system.breaks, system.features, system.complete
+    chains = find_chains(system, resolve_port(output, *named), resolve_port(through, *named))
+    poles = [2 * np.pi / system.period * (0.5 + 0.23 * k) for k in range(sum(one.degree for one in chains))]
+    loop = ZeroedOutput(system, tuple(chains), tuple(poles))
+    loop.check()
+    found = floquet(PeriodicSystem(loop, system.period, breaks=loop.breaks, complete=True), tol)
+    apart = np.abs(found.exponents[:, None] + np.array(poles)) if poles else np.empty((n, 0))
+    kept = np.setdiff1d(np.arange(n), assign(apart.T)) if poles else np.arange(n)
+    exponents, errors = found.exponents[kept], found.errors[kept] + loop.unknown()
+    real = exponents.real
+    grows, decays = np.any(real > errors), np.all(real < -errors)
+    verdict = "non-minimum phase" if grows else "minimum phase" if decays else "undecided"
+    return InvariantZeros(exponents, errors, tuple(one.degree for one in chains), verdict)
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """One output and its derivatives: h_0 ... h_k, each (1, n), and the row by which u acts on the last."""
+
+    rows: tuple[ResolvedMatrix, ...]
+    by_input: MatrixFunction
+
+    @property
+    def degree(self) -> int:
+        """The output's relative degree k."""
+        return len(self.rows) - 1
+
+
+@dataclass(frozen=True, eq=False)
+class Derivative:
+    """h' + h A as a function of time."""
+
+    row: ResolvedMatrix
+    slope: ResolvedMatrix
+    A: ResolvedMatrix | ResolvedCompanion
+
+    def __call__(self, t: Array) -> Array:
+        return self.slope(t) + self.row(t) @ self.A(t)
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """One row of D, or of h B, as a function of time."""
+
+    left: ResolvedMatrix
+    right: ResolvedMatrix | None = None
+    row: int = 0
+
+    def __call__(self, t: Array) -> Array:
+        values = self.left(t)[:, self.row : self.row + 1]
+        return values if self.right is None else values @ self.right(t)
+
+
+def find_chains(system: PeriodicSystem, C: ResolvedMatrix, D: ResolvedMatrix) -> list[Chain]:
+    """Each output's derivatives until the input appears. Raises: NumericalError where it never does, or a derivative jumps before."""
+    t, B, chains = system.period * stratified(TIMES), system.resolved_input, []
+    for i in range(system.m):
+        row = take(system, Row(C, row=i), C.breaks)
+        rows, by_input = [row], Row(D, row=i)
+        size = np.abs(D(t)).max()
+        while not np.abs(by_input(t)).max() > FAINT * size:
+            if len(rows) > system.n:
+                raise NumericalError(
+                    f"the input does not reach output {i + 1}", expected="an output that the input moves"
+                )
+            if jumps(row):
+                raise NumericalError(
+                    f"a derivative of output {i + 1} jumps before the input acts on it",
+                    got=f"{len(rows) - 1} derivatives",
+                    todo="smooth the coefficients",
+                )
+            by_input = Row(row, B)
+            size = float((np.abs(row(t)) @ np.abs(B(t))).max()) + TINY
+            row = take(system, Derivative(row, row.derivative(), system.resolved), row.breaks)
+            rows.append(row)
+        chains.append(Chain(tuple(rows), by_input))
+    return chains
+
+
+def take(system: PeriodicSystem, function: MatrixFunction, breaks: tuple[float, ...]) -> ResolvedMatrix:
+    """What is made of series, as a series: smooth between the edges of their panels."""
+    corners = set(breaks)
+    for one in (system.resolved, system.resolved_input):
+        corners |= set(one.edges[:-1].tolist()) if one.panels > 1 else set(one.breaks)
+    return resolve(function, system.period, tuple(sorted(corners)), complete=True)
+
+
+def jumps(row: ResolvedMatrix) -> bool:
+    """Whether a row is not the same on both sides of an edge."""
+    if row.panels == 1:
+        return False
+    edges = row.edges[:-1]
+    apart = np.abs(row(edges) - row(edges, left=True)).max(axis=0)
+    return bool(np.any(apart > SAFETY * row.error + FAINT * np.abs(row(edges)).max()))
+
+
+@dataclass(frozen=True, eq=False)
+class ZeroedOutput:
+    """A - B E^-1 [h_k + sum of a_j h_j] as a function of time, for outputs that decay with the poles given."""
+
+    system: PeriodicSystem
+    chains: tuple[Chain, ...]
+    poles: tuple[float, ...]
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Edges of all panels."""
+        every = [self.system.resolved, self.system.resolved_input, *(row for one in self.chains for row in one.rows)]
+        return tuple(sorted({float(t) for one in every if one.panels > 1 for t in one.edges[:-1]}))
+
+    def __call__(self, t: Array) -> Array:
+        return self.system.resolved(t) - self.system.resolved_input(t) @ np.linalg.solve(*self._gain(t))
+
+    def _gain(self, t: Array) -> tuple[Array, Array]:
+        E, wanted, left = [], [], list(self.poles)
+        for one in self.chains:
+            own, left = left[: one.degree], left[one.degree :]
+            weights = np.poly(-np.array(own))[::-1] if own else np.ones(1)
+            wanted.append(sum(a * row(t) for a, row in zip(weights, one.rows, strict=True)))
+            E.append(one.by_input(t))
+        return np.concatenate(E, axis=1), np.concatenate(wanted, axis=1)
+
+    def check(self) -> None:
+        """Raises: NumericalError where E is singular at some time."""
+        t = self.system.period * stratified(TIMES)
+        E = self._gain(t)[0]
+        E = E / (np.abs(E).max(axis=(0, 2)) + TINY)[:, None]
+        E = E / (np.abs(E).max(axis=(0, 1)) + TINY)
+        sizes = np.linalg.svd(E, compute_uv=False)
+        k = int(np.argmin(sizes[:, -1]))
+        signs = np.sign(np.linalg.det(E))
+        if sizes[k, -1] < SLIGHT * sizes.max() or np.any(signs != signs[0]):
+            raise NumericalError(
+                "the input does not act on the outputs in the same derivatives at all times",
+                got=f"a matrix E whose smallest singular value at t = {t[k]:.4g} s is {sizes[k, -1]:.1g} of the largest",
+                expected="outputs and inputs of a uniform relative degree",
+            )
+
+    def unknown(self) -> float:
+        """What is not known of the rows, as it acts on the states, in 1/s."""
+        t = self.system.period * stratified(64)
+        by_row = np.abs(self.system.resolved_input(t) @ np.linalg.inv(self._gain(t)[0]))
+        known = np.concatenate([one.rows[-1].error for one in self.chains])
+        return float(np.linalg.norm(by_row @ known, 2, axis=(1, 2)).max())

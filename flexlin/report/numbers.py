@@ -1,0 +1,290 @@
+"""report.json: the truth of a report, versioned by its `schema`; complex numbers as [re, im], SI units and radians."""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict
+from platform import libc_ver, machine, python_version, release, system
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pydantic_core
+
+import flexlin
+from flexlin.answers.analysis import Analysis
+from flexlin.answers.clock import Step
+from flexlin.answers.judging import Loop
+from flexlin.checks import Array
+from flexlin.report.drive_words import describe_controller, record_load
+from flexlin.report.margins import record_endured, record_margin
+from flexlin.report.wording import reason
+from flexlin.scene.effects import known_effects
+from flexlin.scene.scene import Scene
+
+if TYPE_CHECKING:
+    import xarray
+
+    from flexlin.answers.audit.result import Audit, Minimal, Row
+
+SCHEMA = 1
+PACKAGES = ("casadi", "control", "numpy", "pydantic", "scipy")
+
+
+def record(analysis: Analysis) -> dict[str, Any]:
+    """Everything that the report says, as data that JSON can hold.
+
+    A number that is not finite (a multiplier beyond 1e308, say) becomes null; its logarithm stands in `log_multipliers`.
+    """
+    a, nearest = analysis, {}
+    if a.nearest is not None:
+        from flexlin.answers.nearest.instability import record_nearest
+
+        nearest = {"nearest_instability": record_nearest(a.nearest)}
+    return {
+        **record_scene(a.scene, a.steps),
+        "coordinates": list(a.plant.names),
+        "inputs": list(a.plant.inputs),
+        "period": a.plant.period,
+        "validity": record_validity(a, a.own),
+        "floquet": record_loop(a.own) | record_load(a, a.own) | record_controller(a),
+        "open_loop": record_loop(a.open_loop)
+        | {"validity": record_validity(a, a.open_loop)}
+        | record_load(a, a.open_loop),
+        **({} if a.elastic is None else {"elastic_motion": record_loop(a.elastic)}),
+        "resonances": None if "resonances" in a.problems else [str(resonance) for resonance in a.resonances],
+        "designs": {
+            loop.name: record_loop(loop) | {"validity": record_validity(a, loop)} | record_load(a, loop)
+            for loop in a.designs
+        },
+        **({"estimated": {loop.name: record_loop(loop) for loop in a.estimated}} if a.estimated else {}),
+        **({"sampled": {loop.name: record_loop(loop) for loop in a.sampled}} if a.sampled else {}),
+        "t": a.t.tolist(),
+        "coefficients": {
+            name: record_numbers(getattr(a.coefficients, name)) for name in ("M", "D", "K", "h", "B", "tau")
+        },
+        "forced_response": record_response(a),
+        "simulation": record_simulation(a),
+        "linear_range": record_linear_range(a),
+        "zeros": None
+        if a.zeros is None
+        else {"verdict": a.zeros.verdict, "real_parts": a.zeros.exponents.real.tolist()},
+        "margins": [record_margin(margin) for margin in a.margins],
+        **({"loop_margins": {name: record_endured(one) for name, one in a.endured.items()}} if a.endured else {}),
+        **nearest,
+        **({} if a.audit is None else {"effects_audit": audit_block(a.audit)}),
+        **({} if a.sensitivity is None else {"sensitivity": record_sensitivity(a.sensitivity)}),
+    }
+
+
+def record_scene(scene: Scene, steps: Sequence[Step]) -> dict[str, Any]:
+    """What was asked, and what each stage of the work took."""
+    return {
+        "schema": SCHEMA,
+        "title": scene.title,
+        "scene": scene.model_dump(mode="json", by_alias=True, exclude_none=True),
+        "effects": effects(scene),
+        "versions": list_versions(),
+        "accuracy": scene.accuracy.model_dump(mode="json"),
+        "steps": [step_block(step) for step in steps],
+    }
+
+
+def step_block(step: Step) -> dict[str, Any]:
+    """What one stage took; the error that was asked and the one that was reached, what libraries warned of, why it has no answer."""
+    block: dict[str, Any] = {"name": step.name, "seconds": round(step.seconds, 4)}
+    block["cpu_seconds"] = round(step.cpu_seconds, 4)
+    if step.asked is not None:
+        block |= {"asked": step.asked, "reached": None if step.reached is None else record_number(step.reached)}
+    block |= {"notes": list(step.notes)} if step.notes else {}
+    return block | ({"problem": step.problem} if step.problem else {})
+
+
+def to_json(data: dict[str, Any]) -> str:
+    """The text of report.json: a line for each of its first keys, since indentation would take longer than all else of a long one.
+
+    By Pydantic's own writer, which prints numbers, with every digit, ten times as fast as Python; what is no number becomes null.
+    """
+    lines = (f" {write_json(key)}: {write_json(value)}" for key, value in data.items())
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def write_json(value: Any) -> str:
+    """One value in a line."""
+    return pydantic_core.to_json(value, inf_nan_mode="null").decode()
+
+
+def effects(scene: Scene) -> dict[str, Any]:
+    """Which effects are on, and which are off; what those that are on mean, and the units of their figures."""
+    on = scene.effects.on()
+    return {
+        "on": list(on),
+        "off": [name for name in known_effects() if name not in on],
+        "meaning": {name: effect.summary() for name, effect in on.items()},
+        "units": {name: effect.units() for name, effect in on.items()},
+    }
+
+
+def record_loop(loop: Loop) -> dict[str, Any]:
+    """What is known of one loop."""
+    block: dict[str, Any] = {"name": loop.name, "kind": loop.kind, "verdict": loop.verdict}
+    if loop.design is not None:
+        block |= {"design_error": record_number(loop.design.error), "design_status": loop.design.status}
+    if loop.floquet is None:
+        return block | {"status": loop.problem}
+    result, setting = loop.floquet, loop.floquet.setting
+    growth, growth_error = loop.growth
+    return block | {
+        "status": result.status,
+        "growth_rate": growth,
+        "growth_rate_error": growth_error,
+        "exponents": record_numbers(result.exponents),
+        "errors": record_numbers(result.errors),
+        "error": record_number(result.error),
+        "log_multipliers": record_numbers(result.log_multipliers),
+        "multipliers": record_numbers(result.multipliers),
+        "setting": {
+            "method": setting.method,
+            "order": setting.order,
+            "segments": setting.segments,
+            "reason": setting.reason,
+        },
+        "certificate": None if loop.certificate is None else loop.certificate.record(),
+    }
+
+
+def record_controller(a: Analysis) -> dict[str, Any]:
+    """What the scene's own loop remembers, and what it holds beside its gains; nothing where there is nothing."""
+    controller, said = a.closed.controller, describe_controller(a.scene.control)
+    block: dict[str, Any] = {} if controller is None else {"controller_states": list(controller.names)}
+    return block | ({"controller": said} if said else {})
+
+
+def record_validity(a: Analysis, loop: Loop) -> dict[str, Any]:
+    """Whether the linear model holds along the motion under a loop, and the figures that say so: each with its bound, both in `unit`."""
+    found = a.validity(loop)
+    figures = [
+        {
+            "what": figure.what,
+            "value": record_number(figure.value),
+            "bound": record_number(figure.bound),
+            "unit": figure.unit,
+            "share": record_number(figure.share),
+            "against": figure.against,
+        }
+        for figure in found.evidence
+    ]
+    return {"verdict": found.verdict, "reason": reason(found), "figures": figures}
+
+
+def record_response(analysis: Analysis) -> dict[str, Any]:
+    """The periodic response of the scene's own loop at the times `t`."""
+    response = analysis.response
+    if response is None:
+        return {"problem": analysis.problems["response"]}
+    return {
+        "states": record_numbers(response.states),
+        "tip_error_xy": record_numbers(response.tip),
+        "largest_tip_error": record_number(response.tip_error.max()),
+        "rms_tip_error": record_number(np.sqrt(np.mean(response.tip_error[:-1] ** 2))),
+        "error": record_number(response.solution.error),
+        "amplification": record_number(response.solution.amplification),
+        "status": response.solution.status,
+    }
+
+
+def record_simulation(analysis: Analysis) -> dict[str, Any]:
+    """The nonlinear equations beside the linear prediction."""
+    simulation = analysis.simulation
+    if simulation is None:
+        return {"problem": analysis.problems["simulation"]}
+    return {
+        "t": record_numbers(simulation.t),
+        "nonlinear": record_numbers(simulation.nonlinear),
+        "linear": record_numbers(simulation.linear),
+        "torque": record_numbers(simulation.torque),
+        "tip": record_numbers(simulation.tip),
+        "tip_linear": record_numbers(simulation.tip_linear),
+        "tip_rigid": record_numbers(simulation.tip_rigid),
+        "largest_tip_difference": record_number(simulation.difference),
+        "largest_tip_error": record_number(simulation.tip_error),
+        "error": record_number(simulation.error),
+        "linear_error": record_number(simulation.linear_error),
+        "largest_tip_difference_error": record_number(simulation.difference_error),
+        "status": simulation.status,
+        **({"events": [list(event) for event in simulation.events]} if simulation.events else {}),
+    }
+
+
+def record_linear_range(analysis: Analysis) -> dict[str, Any]:
+    """Amplitudes, in rad or m, at which second-order terms count along the slowest modes of the scene's own loop."""
+    found = analysis.linear_range
+    if found is None:
+        return {"status": analysis.problems["linear range"]}
+    return {
+        "status": found.status,
+        "share": found.share,
+        "directions": record_numbers(found.directions),
+        "amplitudes": record_numbers(found.amplitudes),
+        "errors": record_numbers(found.errors),
+    }
+
+
+def audit_block(audit: "Audit") -> dict[str, Any]:
+    """Which effects and modes the scene needs; a significance that is not finite (another verdict) is null."""
+    return {
+        "tolerance": audit.tolerance,
+        "needed": list(audit.needed),
+        "droppable": list(audit.droppable),
+        "missing": list(audit.missing),
+        "rows": [audit_row(row) for row in (*audit.effects, *audit.modes)],
+        "pairs": [audit_row(row) for row in audit.pairs],
+        "minimal": None if audit.minimal is None else record_minimal(audit.minimal),
+        **({"problem": audit.problem} if audit.problem else {}),
+    }
+
+
+def audit_row(row: "Row") -> dict[str, Any]:
+    """One change; a figure that is not finite is null."""
+    return {key: record_number(value) if isinstance(value, float) else value for key, value in asdict(row).items()}
+
+
+def record_minimal(minimal: "Minimal") -> dict[str, Any]:
+    """The smallest scene that was found to be enough, and its error."""
+    return {
+        "dropped": list(minimal.dropped),
+        "added": list(minimal.added),
+        "coordinates": minimal.coordinates,
+        "error": audit_row(minimal.error),
+        "scene": minimal.scene.model_dump(mode="json", by_alias=True, exclude_none=True),
+    }
+
+
+def record_sensitivity(data: "xarray.Dataset") -> dict[str, Any]:
+    """What one percent more of each number does to each growth rate, in 1/s, beside the number and the exponents."""
+    return {
+        "parameters": [str(path) for path in data["parameter"].values],
+        "values": record_numbers(data["value"].values),
+        "exponents": record_numbers(data["exponents"].values),
+        "condition": record_numbers(data["condition"].values),
+        "percent": record_numbers(data["percent"].values),
+    }
+
+
+def list_versions() -> dict[str, str]:
+    """Versions of flexlin, Python and the packages that made the numbers: of those that may, the ones that are loaded."""
+    packages = {package: str(sys.modules[package].__version__) for package in PACKAGES if package in sys.modules}
+    place = "-".join(filter(None, (system(), release(), machine(), "".join(libc_ver()))))  # platform() starts a program
+    return {"flexlin": flexlin.__version__, "python": python_version(), "platform": place, **packages}
+
+
+def record_numbers(array: Array) -> Any:
+    """An array as nested lists, complex numbers as [re, im]."""
+    if np.iscomplexobj(array):
+        return record_numbers(np.stack([array.real, array.imag], axis=-1))
+    if np.all(np.isfinite(array)):
+        return np.asarray(array, dtype=float).tolist()
+    return [record_numbers(part) if np.ndim(part) else record_number(part) for part in array]
+
+
+def record_number(value: float) -> float | None:
+    """A number, or nothing where it is not finite."""
+    return float(value) if np.isfinite(value) else None

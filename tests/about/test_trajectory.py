@@ -1,0 +1,167 @@
+"""Own equations along a trajectory, against finite differences; what does not fit is refused by name."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import flexlin as fl
+
+T = 2.0
+SEEDS = range(12)
+
+
+def draw_problem(seed):
+    """x' = f(t, x, u) with a trajectory that solves it, as NumPy functions and as CasADi expressions.
+
+    Of a free field g(x) and a chosen path x*(t) the field f = g(x) + B(x) u + x*'(t) - g(x*(t)) - B(x*(t)) u*(t) has it as its solution.
+    """
+    rng = np.random.default_rng(seed)
+    n, m = int(rng.integers(1, 13)), int(rng.integers(0, 4))
+    W, c, V = rng.normal(size=(n, n)), rng.normal(size=n), rng.normal(size=(n, n))
+    G, means = rng.normal(size=(n, max(m, 1)))[:, :m], rng.normal(size=n)
+    w = 2 * np.pi / T
+
+    def write(of, t):
+        path = [means[i] + 0.5 * of.sin(w * (1 + i % 3) * t + i) for i in range(n)]
+        rate = [0.5 * w * (1 + i % 3) * of.cos(w * (1 + i % 3) * t + i) for i in range(n)]
+        return path, rate, [of.cos(w * t + j) for j in range(m)]
+
+    def field(of, x):
+        inner = [sum(W[i, j] * x[j] for j in range(n)) + c[i] for i in range(n)]
+        return [sum(V[i, j] * of.sin(inner[j]) for j in range(n)) for i in range(n)]
+
+    def gains(of, x):
+        return [[G[i, j] * (2 + of.sin(x[i])) for j in range(m)] for i in range(n)]
+
+    def f(of, t, x, u):
+        path, rate, led = write(of, t)
+        here, there, now, then = field(of, x), field(of, path), gains(of, x), gains(of, path)
+        push = [sum(now[i][j] * u[j] - then[i][j] * led[j] for j in range(m)) for i in range(n)]
+        return [here[i] - there[i] + push[i] + rate[i] for i in range(n)]
+
+    return n, m, write, f
+
+
+def slopes(f, t, x, u):
+    """df/dx and df/du by central differences with Richardson's extrapolation, in NumPy alone."""
+    both = np.concatenate([x, u])
+
+    def central(k, h):
+        step = np.eye(len(both))[k] * h
+        high, low = both + step, both - step
+        return (np.array(f(np, t, *np.split(high, [len(x)]))) - np.array(f(np, t, *np.split(low, [len(x)])))) / (2 * h)
+
+    columns = [(64 * central(k, 5e-3) - 20 * central(k, 1e-2) + central(k, 2e-2)) / 45 for k in range(len(both))]
+    return np.split(np.array(columns).T, [len(x)], axis=1)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_of_random_functions_the_jacobians_are_those_of_differences(seed):
+    n, m, write, f = draw_problem(seed)
+    t, x, u = ca.SX.sym("t"), ca.SX.sym("x", n), ca.SX.sym("u", m)
+    inputs = [t, x, u] if m else [t, x]
+    own = ca.Function("own", inputs, [ca.vertcat(*f(ca, t, ca.vertsplit(x), ca.vertsplit(u)))])
+    path, _, led = write(ca, t)
+    by_expression = fl.Trajectory(ca.vertcat(*path), ca.vertcat(*led) if m else None, period=T, t=t)
+
+    def sampled(which):
+        return lambda times: np.stack(np.broadcast_arrays(*write(np, times)[which]), axis=1)
+
+    by_numbers = fl.Trajectory(sampled(0), sampled(2) if m else None, period=T)
+    systems = [fl.linearize(own, one) for one in (by_expression, by_numbers)]
+    for at in (0.0, 0.37, 1.9):
+        path, _, led = write(np, at)
+        A, B = slopes(f, at, np.array(path), np.array(led))
+        for system in systems:
+            np.testing.assert_allclose(system.A(at), A, atol=1e-10 * np.abs(A).max())
+            if m:
+                np.testing.assert_allclose(system.B(np.array([at]))[0], B, atol=1e-10 * np.abs(B).max())
+    assert (systems[0].n, systems[0].m) == (n, m)
+
+
+def pendulum():
+    x, u = ca.SX.sym("x", 2), ca.SX.sym("u")
+    return ca.Function("f", [x, u], [ca.vertcat(x[1], 9.81 * ca.sin(x[0]) + u)])
+
+
+def swing(**changes):
+    """A pendulum about its upper rest led along 0.2 sin(2 pi t / T)."""
+    t, w = ca.SX.sym("t"), 2 * np.pi / T
+    angle = 0.2 * ca.sin(w * t)
+    u = -(w**2) * angle - 9.81 * ca.sin(angle)
+    given = {"x": ca.vertcat(angle, ca.jacobian(angle, t)), "u": u, "period": T, "t": t} | changes
+    return fl.Trajectory(given.pop("x"), given.pop("u"), **given)
+
+
+def test_the_loop_of_a_design_along_a_trajectory_holds_the_function_itself():
+    """LQR of the linear system brings the nonlinear pendulum back to its trajectory, at the rate that Floquet states."""
+    from scipy.integrate import solve_ivp
+
+    f, path = pendulum(), swing()
+    system = fl.linearize(f, path)
+    assert fl.floquet(system).verdict == "unstable"
+    design = fl.periodic_lqr(system, np.eye(2), np.eye(1))
+    slowest = fl.floquet(design.closed_loop)
+    assert slowest.verdict == "stable"
+
+    def rate(t, x):
+        y = x - path(t)
+        return np.array(f(x, path.u(np.array([t]))[0] - design.K(np.array([t]))[0] @ y)).ravel()
+
+    start = path(0.0) + np.array([1e-4, 0.0])
+    run = solve_ivp(rate, (0, 6 * T), start, rtol=1e-11, atol=1e-14, t_eval=[2 * T, 3 * T])
+    sizes = [np.linalg.norm(design.X(np.array([0.0]))[0] @ (x - path(t))) for t, x in zip(run.t, run.y.T, strict=True)]
+    decay = np.log(sizes[1] / sizes[0]) / T
+    assert decay < 0.9 * slowest.exponents[0].real
+
+
+def test_a_finite_trajectory_is_a_horizon():
+    """Anderson, Moore (1990), ch. 2: for x' = u with unit weights and no cost at the end X = tanh(T - t)."""
+    x, u = ca.SX.sym("x"), ca.SX.sym("u")
+    t = ca.SX.sym("t")
+    system = fl.linearize(ca.Function("f", [x, u], [u]), fl.Trajectory(t, 1, period=1.0, t=t, periodic=False))
+    design = fl.control.finite_horizon_lqr(system, [[1.0]], [[1.0]], end=[[0.0]])
+    assert abs(design.X(0.25).item() - np.tanh(0.75)) < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        ({"u": 0}, r"does not solve x' = f.*in x\[1\]"),
+        ({"x": ca.DM([0, 0, 0])}, r"f does not fit the trajectory.*\(3, 1\)"),
+        ({"u": ca.DM([0, 0])}, r"f does not fit the trajectory"),
+        ({"u": None}, r"f does not fit the trajectory"),
+        ({"t": None}, r"x holds symbols that are not known.*got t"),
+        ({"x": ca.DM([[0, 0]])}, r"x is no column"),
+        ({"breaks": (3.0,)}, r"a break lies outside the trajectory"),
+        ({"period": -1.0}, r"period"),
+        ({"x": lambda t: np.zeros((3, 2))}, r"x"),
+        ({"x": lambda t: np.full((len(t), 2), np.nan)}, r"x.*finite"),
+        ({"x": "a path"}, r"x is of another kind"),
+    ],
+)
+def test_what_does_not_fit_is_refused_by_name(change, match):
+    with pytest.raises(fl.errors.FlexlinError, match=match):
+        fl.linearize(pendulum(), swing(**change))
+
+
+def test_a_measured_trajectory_may_miss_by_tol():
+    rng = np.random.default_rng(3)
+    noise = 1e-5 * rng.normal(size=(64, 2))
+
+    def measured(t):
+        return swing()(t) + noise[(np.asarray(t) / T * 63.999 % 64).astype(int)]
+
+    with pytest.raises(fl.errors.MotionError, match="give tol="):
+        fl.linearize(pendulum(), swing(x=measured))
+    assert fl.linearize(pendulum(), swing(x=measured, tol=1e-2)).n == 2
+
+
+def test_functions_of_other_kinds_are_refused():
+    for arm, motion in ((pendulum(), fl.load_scene("single-link").motion), (pendulum(), {"kind": "harmonic"})):
+        with pytest.raises(fl.errors.ArgumentError, match="along a trajectory"):
+            fl.linearize(arm, motion)
+    with pytest.raises(fl.errors.ArgumentError, match="belongs to a function"):
+        fl.linearize(fl.build_manipulator(fl.load_scene("single-link")), swing())
+    with pytest.raises(fl.errors.ArgumentError, match="another kind"):
+        fl.linearize(lambda x, u: x, swing())

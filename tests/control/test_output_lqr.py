@@ -1,0 +1,65 @@
+"""Static output feedback: against a search by SciPy on constant Lyapunov equations, and the same in turning coordinates."""
+
+import numpy as np
+import pytest
+from scipy.linalg import solve_continuous_lyapunov
+from scipy.optimize import minimize
+
+import flexlin as fl
+from flexlin.errors import ArgumentError, NotStabilizable
+
+A0 = np.array([[0.0, 1.0, 0.0], [-1.0, -0.1, 0.5], [0.2, 0.0, -0.3]])
+B0, C0 = np.array([[0.0], [1.0], [0.2]]), np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.3]])
+Q, R = np.diag([3.0, 1.0, 2.0]), np.array([[0.2]])
+
+
+def best_gain():
+    def cost(k):
+        K = k.reshape(1, 2)
+        loop = A0 - B0 @ K @ C0
+        if np.linalg.eigvals(loop).real.max() >= 0:
+            return 1e9
+        return np.trace(solve_continuous_lyapunov(loop.T, -(Q + C0.T @ K.T @ R @ K @ C0)))
+
+    found = minimize(cost, np.zeros(2), method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-12, "maxiter": 2000})
+    return found.x, found.fun
+
+
+def test_a_constant_plant_gets_the_gain_that_a_search_finds():
+    made = fl.output_lqr(fl.PeriodicSystem(A0, 1.0, B=B0), C0, Q, R)
+    K, cost = best_gain()
+    np.testing.assert_allclose(made.K[0], K, rtol=1e-4)
+    assert made.cost == pytest.approx(cost, rel=1e-8)
+    assert made.status.startswith("converged")
+
+
+@pytest.mark.slow
+def test_the_same_plant_in_turning_coordinates_gets_the_same_gain():
+    J = np.zeros((3, 3))
+    J[0, 1], J[1, 0] = 2.0, -2.0
+
+    def P(t):
+        turn = np.tile(np.eye(3), (len(t), 1, 1))
+        turn[:, 0, 0] = turn[:, 1, 1] = np.cos(2 * t)
+        turn[:, 0, 1], turn[:, 1, 0] = np.sin(2 * t), -np.sin(2 * t)
+        return turn
+
+    def turned(M):
+        return lambda t: P(t) @ M @ np.swapaxes(P(t), 1, 2)
+
+    system = fl.PeriodicSystem(lambda t: J + turned(A0)(t), np.pi, B=lambda t: P(t) @ B0)
+    made = fl.output_lqr(system, lambda t: C0 @ np.swapaxes(P(t), 1, 2), turned(Q), R)
+    K, cost = best_gain()
+    np.testing.assert_allclose(made.K[0], K, rtol=1e-4)
+    assert made.cost == pytest.approx(cost, rel=1e-8)
+    assert fl.floquet(made.closed_loop).verdict == "stable"
+
+
+def test_an_unstable_plant_begins_at_a_state_feedback_or_is_refused():
+    system = fl.PeriodicSystem([[0.0, 1.0], [0.0, 0.0]], 1.0, B=[[0.0], [1.0]])
+    made = fl.output_lqr(system, np.eye(2), np.eye(2), np.eye(1))
+    np.testing.assert_allclose(made.K, [[1.0, np.sqrt(3.0)]], rtol=1e-5)
+    with pytest.raises(NotStabilizable, match="rates beside angles"):
+        fl.output_lqr(system, [[1.0, 0.0]], np.eye(2), np.eye(1))
+    with pytest.raises(ArgumentError, match="C does not fit"):
+        fl.output_lqr(system, [[1.0]], np.eye(2), np.eye(1))

@@ -1,0 +1,198 @@
+"""Logs: what is read, what is said of what is missing, and broken ones."""
+
+import numpy as np
+import pandas
+import pytest
+import xarray
+
+import flexlin as fl
+from tests.torture.inputs import boast
+
+T = np.arange(200) * 0.005
+TABLE = {
+    "time": "ms",
+    "second": 0.001,
+    "inputs": {"q1": {"column": "current_A", "gain": 8.9}},
+    "outputs": {"q1": {"column": "angle_rad"}},
+}
+SCENE = fl.load_scene("single-link", {"log": TABLE})
+COLUMNS = {"ms": 1000 * T, "current_A": np.sin(T), "angle_rad": np.cos(T), "other": T}
+
+
+def write_csv(path):
+    path.write_text(pandas.DataFrame(COLUMNS).to_csv(index=False))
+    return path
+
+
+def write_npz(path):
+    np.savez(path.with_suffix(".npz"), **COLUMNS)
+    return path.with_suffix(".npz")
+
+
+def write_netcdf(path):
+    made = xarray.Dataset({k: ("row", v) for k, v in COLUMNS.items()})
+    made.to_netcdf(path.with_suffix(".nc"), engine="scipy")
+    return path.with_suffix(".nc")
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        write_csv,
+        write_npz,
+        write_netcdf,
+        lambda path: pandas.DataFrame(COLUMNS),
+        lambda path: xarray.Dataset({k: ("row", v) for k, v in COLUMNS.items()}),
+        lambda path: COLUMNS,
+    ],
+)
+def test_every_kind_of_file_and_table_is_read_alike(given, tmp_path):
+    log = fl.read_log(given(tmp_path / "log.csv"), SCENE)
+    assert np.allclose(log.time, T)
+    assert log.step == pytest.approx(0.005)
+    assert np.allclose(log.inputs["q1"], np.sin(T))
+    assert np.allclose(log.outputs["q1"], np.cos(T))
+    assert log.columns == {"q1": "angle_rad"}
+
+
+def test_parts_and_every_tenth_row():
+    log = fl.read_log(COLUMNS, SCENE)
+    assert log.part(0.1, 0.6).time[[0, -1]] == pytest.approx([0.1, 0.6])
+    assert len(log.thinned(10).time) == 20
+    assert sorted(log.to_xarray()) == ["q1", "q1_input"]
+
+
+def spoiled(**columns):
+    return {**COLUMNS, **columns}
+
+
+def late(row):
+    time = 1000 * T
+    time[row] = time[row - 1]
+    return time
+
+
+@pytest.mark.parametrize(
+    ("columns", "said"),
+    [
+        (spoiled(ms=late(7)), "do not increase; got 0.03 s before 0.03 s in rows 7 and 8"),
+        ({"ms": T, "current_A": T}, "lacks columns.*expected angle_rad"),
+        ({k: v[:10] for k, v in COLUMNS.items()}, "too short; got 10 samples, expected 20"),
+        (spoiled(angle_rad=np.full(200, np.nan)), "q1 has no reading"),
+        (spoiled(angle_rad=np.array([*"ab"] * 100)), "angle_rad is not numeric; got 'a' in row 1"),
+        (spoiled(current_A=np.where(T[3] == T, np.inf, T)), "current_A is not numeric; got .inf. in row 4"),
+        (spoiled(ms=np.where(T[3] == T, np.nan, T)), "time is not finite"),
+        (spoiled(angle_rad=T[:-1]), "wrong shape"),
+    ],
+)
+def test_broken_logs_are_refused_in_words(columns, said):
+    with pytest.raises(fl.errors.ArgumentError, match=said):
+        fl.read_log(columns, SCENE)
+
+
+def test_a_log_of_endless_columns_and_one_that_boasts_are_refused(tmp_path):
+    """Pandas takes time by the square of columns of one name; NumPy asks for the memory that the head of an array states."""
+    (tmp_path / "wide.csv").write_text("ms" + ",q" * 50_000 + "\n" + "0," * 50_000 + "0\n")
+    (tmp_path / "boast.npz").write_bytes(boast(10**12, ("ms", "current_A", "angle_rad")))
+    np.savez(
+        tmp_path / "objects.npz", **COLUMNS | {"current_A": np.array([{}] * len(T), dtype=object)}, allow_pickle=True
+    )
+    for name, said in (("wide.csv", "50000 columns"), ("boast.npz", "less than it says"), ("objects.npz", "objects")):
+        with pytest.raises(fl.errors.ArgumentError, match=f"cannot be read.*{said}"):
+            fl.read_log(tmp_path / name, SCENE)
+
+
+LINES = pandas.DataFrame(COLUMNS).to_csv(index=False).splitlines()
+TWICE = LINES[0].replace("other", "angle_rad")
+
+
+@pytest.mark.parametrize(
+    ("lines", "said"),
+    [
+        ([TWICE, *LINES[1:]], "several columns named angle_rad"),
+        (["", "# a note", TWICE.replace(",", ", "), *LINES[1:]], "several columns named angle_rad"),
+        ([LINES[0], *(line + ",7" for line in LINES[1:])], "header"),
+        ([*LINES[:50], LINES[50] + ",7", *LINES[51:]], "Expected 4 fields in line 51, saw 5"),
+    ],
+)
+def test_cells_that_could_be_of_another_column_are_refused(lines, said, tmp_path):
+    """Pandas takes the first of two columns, and the first cell of longer rows for their name: all others shift."""
+    (tmp_path / "log.csv").write_text("\n".join(lines))
+    with pytest.raises(fl.errors.ArgumentError, match=f"cannot be read.*{said}"):
+        fl.read_log(tmp_path / "log.csv", SCENE)
+
+
+def test_rows_that_end_in_a_comma_are_read(tmp_path):
+    (tmp_path / "log.csv").write_text("\n".join([LINES[0], *(line + "," for line in LINES[1:])]))
+    assert np.array_equal(fl.read_log(tmp_path / "log.csv", SCENE).outputs["q1"], np.cos(T))
+
+
+@pytest.mark.parametrize("second", [1.0, 1e25])
+def test_windows_of_fewer_than_twenty_samples_are_refused(second):
+    log = fl.Log(T * second, {"q1": T}, {"q1": T})
+    with pytest.raises(fl.errors.ArgumentError, match=r"windows of the log are too short; got 0\.09 s"):
+        fl.predict(SCENE, log, window=0.09)
+
+
+def test_ten_million_samples_are_refused_before_anything_is_done():
+    time = np.arange(10**7, dtype=float)
+    with pytest.raises(fl.errors.TooLarge, match="too many samples; got 10000000, expected 2000000"):
+        fl.Log(time, {"q1": time}, {"q1": time})
+
+
+def test_what_is_odd_is_said():
+    log = fl.Log(np.r_[T[:60], T[90:]], {"q1": np.ones(170)}, {"r1": np.r_[np.nan, T[:169]]})
+    assert log.notes == (
+        "1 gap, the longest of 0.155 s at 0.295 s: no prediction goes over one",
+        "q1 is constant, so nothing can be learnt from it",
+        "1 readings of r1 are missing and are not used",
+    )
+    assert [one.stop - one.start for one in log.stretches] == [60, 110]
+
+
+def test_a_gauge_whose_bias_is_taken_reads_nothing_at_first():
+    gauge = {"column": "gauge", "sensor": "strain", "link": 0}
+    scene = fl.load_scene("single-link", {"log": TABLE | {"outputs": {"base": gauge, "q1": {"column": "angle_rad"}}}})
+    rest = np.where(T < 0.5, 0.0, 1.0)
+    log = fl.read_log(COLUMNS | {"gauge": rest * T, "angle_rad": rest * T}, scene)
+    assert np.isnan(log.outputs["base"]).tolist() == (T < 0.5).tolist()
+    assert np.isfinite(log.outputs["q1"]).all()  # an encoder at rest repeats itself
+    assert np.isfinite(fl.read_log(COLUMNS | {"gauge": 0 * T}, scene).outputs["base"]).all()
+
+
+def test_files_that_are_none_and_scenes_without_a_table(tmp_path):
+    for name, said in (("nothing.csv", "No such file"), (".", "no regular file"), ("a\0b", "null byte")):
+        with pytest.raises(fl.errors.ArgumentError, match=f"cannot be read.*{said}"):
+            fl.read_log(tmp_path / name, SCENE)
+    with pytest.raises(fl.errors.ArgumentError, match="does not say what the columns"):
+        fl.read_log(COLUMNS, fl.load_scene("single-link"))
+    with pytest.raises(fl.errors.ArgumentError, match="no inputs"):
+        fl.Log(T, {}, {"q1": T})
+
+
+@pytest.mark.slow
+def test_the_command_writes_the_fit_of_each_column(tmp_path, capsys):
+    from flexlin.cli import main
+
+    path = write_csv(tmp_path / "log.csv")
+    table = '{time="ms",second=0.001,inputs={q1={column="current_A"}},outputs={q1={column="angle_rad"}}}'
+    out = tmp_path / "out"
+    words = [
+        "predict",
+        "single-link",
+        "--set",
+        f"log={table}",
+        "links.0.modes=1",
+        "--log",
+        str(path),
+        "--out",
+        str(out),
+    ]
+    assert main([*words, "--window", "0.5"]) == 0
+    import json
+
+    found = json.loads((out / "predict.json").read_text())
+    assert list(found["fit"]) == ["angle_rad"]
+    assert len(found["starts"]) == 2
+    assert "angle_rad" in (out / "predict.html").read_text()
+    assert "angle_rad: fit" in capsys.readouterr().out

@@ -1,0 +1,116 @@
+"""Numbers found from synthetic logs, made by SciPy's integrator with noise."""
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.scene import get_value, revise_scene
+from tests.identification.logs import coordinate, simulated, swing, tip
+
+TIME = np.arange(400) * 0.005
+RUBBING = {"links.0.modes": 1, "designs": [], "effects.viscous_friction": {"coefficient": 0.05}}
+FREE = ["effects.payload.mass", "links.0.bending_stiffness", "effects.viscous_friction.coefficient"]
+SENSORS = {"q1": coordinate("q1"), "tip.x": tip(0), "tip.y": tip(1)}
+NOISE = {"q1": 1e-3, "tip.x": 5e-4, "tip.y": 5e-4}
+
+
+@lru_cache
+def clean(seconds=2.0):
+    scene = fl.load_scene("single-link", RUBBING)
+    time = np.arange(int(seconds / 0.005)) * 0.005
+    return scene, time, simulated(scene, time, lambda t: 0.3 * swing(t), SENSORS)[0]
+
+
+def noisy(time, readings, torques, seed, noise=NOISE):
+    rng = np.random.default_rng(seed)
+    names = [f"q{k + 1}" for k in range(len(torques))]
+    measured = {name: values + noise[name] * rng.standard_normal(len(time)) for name, values in readings.items()}
+    return fl.Log(time, dict(zip(names, torques, strict=True)), measured)
+
+
+def beside(scene, paths, seed=0):
+    """The scene with other numbers, from which the search begins."""
+    rng = np.random.default_rng(seed)
+    return revise_scene(scene, {p: get_value(scene, p) * float(np.exp(rng.uniform(-0.4, 0.4))) for p in paths})
+
+
+def test_three_numbers_are_found_within_their_errors():
+    scene, time, readings = clean()
+    log = noisy(time, readings, [0.3 * swing(time)[0]], 3)
+    found = fl.identify(beside(scene, FREE), log, FREE, window=1.0, starts=1)
+    for path in FREE:
+        true = get_value(scene, path)
+        assert found.errors[path] < 0.03 * true
+        assert abs(found.values[path] - true) < 3.5 * found.errors[path]
+        assert get_value(found.scene, path) == found.values[path]
+        ends = found.scene.uncertainty[path]
+        assert ends.high - ends.low == pytest.approx(4 * found.errors[path])
+    assert found.unknown == ()
+    assert all(found.noise[name] == pytest.approx(NOISE[name], rel=0.1) for name in NOISE)
+    assert "coloured" not in found.status
+
+
+@pytest.mark.slow
+def test_what_goes_together_is_named_and_not_returned():
+    """The torque's gain, with all inertias and stiffnesses, scales the equations: none of them is known alone."""
+    scene, time, readings = clean()
+    tables = {"inputs": {"q1": {"column": "u"}}, "outputs": {}}
+    scene = fl.load_scene("single-link", RUBBING | {"effects.gravity": "off", "log": tables})
+    link = ["links.0.mass_per_length", "links.0.bending_stiffness", "effects.payload.mass"]
+    free = [*link, "effects.hub.inertia", "effects.viscous_friction.coefficient", "log.inputs.q1.gain"]
+    readings, _ = simulated(scene, time, lambda t: 0.3 * swing(t), SENSORS)
+    log = noisy(time, readings, [0.3 * swing(time)[0]], 3)
+    found = fl.identify(scene, log, [*free, "effects.modal_damping.ratio"], window=1.0, starts=1)
+    together = {path for group in found.unknown for path in group}
+    assert {"log.inputs.q1.gain", "links.0.mass_per_length", "links.0.bending_stiffness"} <= together
+    assert not together & set(found.values)
+    assert "cannot be parted by this log" in found.status
+
+
+def test_what_no_reading_sees_is_unknown():
+    """At rest, in the horizontal plane, nothing depends on the payload."""
+    scene, time, _ = clean()
+    scene = fl.load_scene("single-link", RUBBING | {"effects.gravity": "off"})
+    at_rest = fl.Log(time, {"q1": 0 * time}, {"q1": 0 * time, "tip.y": 0 * time})
+    found = fl.identify(scene, at_rest, ["effects.payload.mass"], starts=1)
+    assert found.values == {}
+    assert found.unknown == (("effects.payload.mass",),)
+    assert "cannot be known from this log" in found.status
+
+
+@pytest.mark.slow
+def test_coloured_residuals_widen_the_errors():
+    scene, time, readings = clean()
+    rng = np.random.default_rng(5)
+    slow = np.convolve(rng.standard_normal(len(time) + 60), np.ones(60) / 60, "valid")[: len(time)]
+    log = noisy(time, {**readings, "q1": readings["q1"] + 2e-2 * slow}, [0.3 * swing(time)[0]], 3)
+    white = fl.identify(scene, noisy(time, readings, [0.3 * swing(time)[0]], 3), FREE, window=1.0, starts=1)
+    found = fl.identify(scene, log, FREE, window=1.0, starts=1)
+    assert "coloured" in found.status
+    assert found.colour["q1"] > 0.3
+    assert found.noise["q1"] > 1.5 * white.noise["q1"]
+    assert max(found.errors[path] / white.errors[path] for path in FREE) > 1.3
+
+
+@pytest.mark.parametrize(
+    ("free", "said"), [([], "named once each"), (["title"], "cannot be"), ([FREE[0], FREE[0]], "named once each")]
+)
+def test_paths_that_lead_to_no_number_are_refused(free, said):
+    scene, time, readings = clean()
+    with pytest.raises(fl.errors.ArgumentError, match=said):
+        fl.identify(scene, noisy(time, readings, [0 * time], 0), free)
+
+
+@pytest.mark.slow
+def test_the_errors_are_those_of_repeated_logs():
+    """Twelve draws of the noise: true numbers within three errors, and the errors those of the spread within what twelve draws say."""
+    scene, time, readings = clean()
+    draws = [noisy(time, readings, [0.3 * swing(time)[0]], seed) for seed in range(12)]
+    found = [fl.identify(scene, log, FREE, window=1.0, starts=1) for log in draws]
+    values = np.array([[one.values[path] for path in FREE] for one in found])
+    errors = np.array([[one.errors[path] for path in FREE] for one in found])
+    true = np.array([get_value(scene, path) for path in FREE])
+    assert np.mean(np.abs(values - true) < 3 * errors) >= 0.95
+    assert np.allclose(np.std(values, axis=0, ddof=1) / errors.mean(axis=0), 1.0, atol=0.6)

@@ -1,0 +1,187 @@
+"""Links that bend far: the elastica, an inextensible curve of segments, positive kinetic energy, and the second order of small bending."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq, root
+
+import flexlin as fl
+from flexlin.mechanics import clamped_free
+from flexlin.scene import builtin_scenes, parse_scene
+from tests.thinned import thin
+
+from .scenes import LINK, arm_of, scene_of
+from .segments import Segments
+from .test_jury import random_scene
+
+STIFFENED = {"geometric_stiffening": {}}
+THIN = {"length": 1.0, "mass_per_length": 0.162, "bending_stiffness": 1.4}
+
+
+def held(modes, **more):
+    """A thin link that is clamped to the ground: a joint that a motion prescribes."""
+    return arm_of({**THIN, "modes": modes, **more}, effects=STIFFENED)
+
+
+# Deflection and shortening of a cantilever with a transverse force P at its tip, by P l^2 / EI.
+# Source: Bisshopp, Drucker, Quarterly of Applied Mathematics 3 (1945) 272, Eqs (5)-(10), by elliptic integrals; here by shooting.
+@pytest.mark.parametrize("load", [0.5, 1.0, 2.0, 5.0, 10.0])
+def test_a_cantilever_under_a_transverse_force_is_the_elastica(load):
+    """EI theta'' = -P cos(theta), theta(0) = 0, theta'(l) = 0."""
+    arm, force = held(6), load * THIN["bending_stiffness"]
+    tip, w = arm.points[:, -1], arm.s[1:]
+    balance = ca.substitute(arm.g[1:] - ca.jacobian(tip[1], w).T * force, arm.s[0], 0)
+    residual = ca.Function("residual", [w], [balance, ca.jacobian(balance, w)])
+    found = root(lambda x: residual(x)[0].full()[:, 0], np.zeros(6), jac=lambda x: residual(x)[1].full(), tol=1e-13)
+    at = np.array(arm.functions["points"](np.r_[0.0, found.x], []))[:, -1]
+
+    def shoot(curvature):
+        rates = lambda x, y: [y[1], -load * np.cos(y[0]), np.cos(y[0]), np.sin(y[0])]  # noqa: E731
+        return solve_ivp(rates, (0.0, 1.0), [0.0, curvature, 0.0, 0.0], "DOP853", rtol=1e-11, atol=1e-13).y[:, -1]
+
+    exact = shoot(brentq(lambda curvature: shoot(curvature)[1], 0.0, load + 1.0, xtol=1e-13))
+    np.testing.assert_allclose(at, exact[2:], atol=6e-5)
+    if load == 1.0:
+        assert at[1] == pytest.approx(0.30172, abs=6e-5)  # Bisshopp and Drucker's figure
+
+
+def swing(arm, start, t, dissipated=0.0):
+    """The tip (N, 2) and the energy of an arm that is let go at rest."""
+    n = arm.n
+    M, left = arm.functions["M"], ca.Function("left", [arm.s, arm.s_dot], [ca.substitute(arm.residual, arm.s_ddot, 0)])
+
+    def rates(_, x):
+        return np.r_[x[n:], np.linalg.solve(M(x[:n], []).full(), -left(x[:n], x[n:]).full()[:, 0])]
+
+    run = solve_ivp(rates, (0.0, t[-1]), np.r_[start, np.zeros(n)], "DOP853", t, rtol=1e-10, atol=1e-12)
+    assert run.success
+    energy = np.array([float(arm.functions["energy"](x[:n], x[n:], [])) for x in run.y.T])
+    return np.array([arm.functions["points"](x[:n], []).full()[:, -1] for x in run.y.T]), energy
+
+
+def swing_segments(link, size, payload, count, t):
+    """The tip of rigid segments with springs, let go from the first mode's slopes."""
+    model, h = Segments.of_links([link], count, payload), 1.0 / count
+    own = np.array([h / 2, *[h] * (count - 1), h / 2])
+    centres = np.cumsum(own) - own / 2
+    phi = size * clamped_free(1).values(centres, 1)[0] / clamped_free(1).values(np.ones(1))[0, 0]
+    K, n = model.stiffness(), len(own)
+
+    def rates(_, x):
+        phi, rate = x[:n], x[n:]
+        turned = model.a * np.sin(phi[:, None] - phi) @ rate**2
+        return np.r_[rate, np.linalg.solve(model.mass(phi), -K @ phi - turned)]
+
+    run = solve_ivp(rates, (0.0, t[-1]), np.r_[phi, np.zeros(n)], "LSODA", t, rtol=1e-7, atol=1e-9)
+    return np.stack([own @ np.cos(run.y[:n]), own @ np.sin(run.y[:n])], axis=1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [0.1, 0.25])
+def test_a_free_link_swings_as_an_inextensible_curve(size):
+    """No hub, a payload of half the mass: against segments by Richardson's rule."""
+    payload, t = 0.08, np.linspace(0.0, 0.3, 31)
+    arm = arm_of({**THIN, "modes": 4}, effects={**STIFFENED, "payload": {"mass": payload}})
+    first = size / clamped_free(1).values(np.ones(1))[0, 0]
+    tip, energy = swing(arm, np.r_[0.0, first, np.zeros(3)], t)
+    coarse, fine = (swing_segments(THIN, size, payload, count, t) for count in (10, 20))
+    exact = fine + (fine - coarse) / 3
+    assert np.abs(tip - exact).max() < {0.1: 0.005, 0.25: 0.02}[size] * size
+    assert np.ptp(energy) < 1e-8 * energy[0]
+
+
+def light_arm(seed):
+    """A thin link without a hub, on any axis in space or in the plane, that carries another; sections up to a fifth as high as long."""
+    rng = np.random.default_rng(seed)
+    space, n, height = bool(seed % 2), int(rng.integers(1, 7)), rng.choice([0.01, 0.2])
+    about_y, about_z = (height * rng.uniform(0.3, 1.0, 2)) ** 2
+    modes = {"y": n, "z": int(rng.integers(1, 4)), "torsion": int(rng.integers(0, 4))} if space else n
+    more = {"bending_stiffness": [1.4, 2.3], "torsional_stiffness": 1.0, "polar_inertia": 0.162 * (about_y + about_z)}
+    axis = [[0, 0, 1], [1, 0, 0], rng.normal(size=3).tolist()][rng.integers(3)]
+    effects = {**STIFFENED, "payload": {"mass": float(0.16 * rng.uniform(0, 1))}}
+    if rng.random() < 0.7:
+        effects["rotary_inertia"] = {"radius_of_gyration": [float(about_z**0.5), 0.0]}
+    if space and rng.random() < 0.7:
+        effects["bending_torsion_coupling"] = {}
+    first = {**THIN, "modes": modes, **({**more, "axis": axis} if space else {})}
+    return arm_of(first, {**THIN, "modes": 2}, effects=effects), rng
+
+
+@pytest.mark.parametrize("seed", thin(range(60), quick=4))
+def test_the_mass_matrix_is_positive_definite_however_far_a_link_bends(seed):
+    """Random light links in the plane and in space, 1 to 6 modes, no hub, tips bent by 2 to 30 % of the length."""
+    arm, rng = light_arm(seed)
+    for _ in range(10):
+        w = rng.normal(size=arm.n)
+        w *= rng.uniform(0.02, 0.3) / 2 / np.abs(w[2:]).sum()
+        w[:2] = rng.uniform(-3, 3, 2)
+        M = arm.functions["M"](w, []).full()
+        scale = 1 / np.sqrt(np.diag(M))
+        assert np.linalg.eigvalsh(M * np.outer(scale, scale))[0] > 1e-9
+        np.testing.assert_allclose(M, M.T, atol=1e-14 * np.abs(M).max())
+
+
+def test_a_payload_that_may_vanish_and_a_link_that_bends_upward_alone():
+    """Free numbers give what written ones do, also a payload of no mass whose centre lies beyond the tip."""
+    for mass in (0.0, 0.2):
+        links = {**THIN, "modes": {"z": 2}, "bending_stiffness": [1.4, 2.3]}, {**THIN, "modes": 2}
+        effects = {**STIFFENED, "gravity": {}, "payload": {"mass": 0.2, "offset": 0.1, "inertia": 1e-3}}
+        scene = scene_of(*links, effects=effects)
+        free = fl.build_manipulator(scene, ["effects.payload.mass"])
+        written = fl.build_manipulator(
+            scene_of(*links, effects={**effects, "payload": {**effects["payload"], "mass": mass}})
+        )
+        state = np.random.default_rng(0).normal(size=(2, free.n)) * np.r_[1, 1, np.full(free.n - 2, 0.05)]
+        for name, at in (("M", state[:1]), ("energy", state)):
+            one, other = free.functions[name](*at, [mass]).full(), written.functions[name](*at, []).full()
+            np.testing.assert_allclose(one, other, rtol=1e-11, atol=1e-13)
+
+
+OPEN = [name for name in builtin_scenes() if "geometric_stiffening" in fl.load_scene(name).effects.on()]
+TREES = (0, 2, 3, 6, 7, 19, 20, 25, 26, 36, 39, 42, 45, 46, 50, 51, 57, 58)
+"""Random scenes with the effect: tapered links, shear, and sections with inertia are among them."""
+
+
+@pytest.mark.parametrize("case", thin([*OPEN, *TREES], quick=4))
+def test_to_first_order_the_curve_is_the_energy_of_second_order(case):
+    """Residual and slopes of both forms of the equations agree on a rigid motion: they share neither integrals nor kinematics."""
+    scene = fl.load_scene(case) if isinstance(case, str) else random_scene(case)
+    arm = fl.build_manipulator(scene)
+    assert arm is not arm.near
+    lin, rng = fl.linearize(arm, scene.motion), np.random.default_rng(0)
+    state = [part[0] for part in lin.about.positions(rng.uniform(0, lin.period, 1), *np.zeros((3, 1, lin.n)))]
+    found = []
+    for form in (arm, arm.near):
+        by = ca.vertcat(form.s, form.s_dot, form.s_ddot)
+        phase = ca.SX.sym("phase") if form.phase is None else form.phase
+        inputs, outputs = [by, form.parameters.symbols, phase], [ca.jacobian(form.residual, by), form.residual]
+        slopes = ca.Function("slopes", inputs, outputs)(np.concatenate(state), form.parameters.values, 0.3)
+        found.append([part.full() for part in slopes])
+    for curve, second in zip(*found, strict=True):
+        np.testing.assert_allclose(curve, second, atol=1e-12 + 1e-8 * np.abs(second).max())
+
+
+def test_a_strip_that_bends_is_judged_alike_with_any_number_of_modes():
+    """A strip of 1 m without a hub, 30 x 2 mm of aluminium: with 2 and 3 modes it used to end in a mass matrix without meaning."""
+    errors = []
+    for modes in (1, 2, 3, 4):
+        scene = parse_scene(
+            {
+                "schema": 1,
+                "title": "strip",
+                "links": [{**THIN, "modes": modes}],
+                "effects": {**STIFFENED, "payload": {"mass": 0.1}, "modal_damping": {"ratio": 0.01}},
+                "motion": {"kind": "harmonic", "frequency": 0.5, "joints": [{"mean": 0.0, "amplitude": 0.3}]},
+                "control": {"feedforward": "rigid", "feedback": {"kind": "pd", "kp": [20.0], "kd": [3.0]}},
+            }
+        )
+        run = fl.simulate(fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control), 1.0, tol=1e-6)
+        assert "the linear model holds here" in run.status
+        errors.append(run.tip_error)
+    np.testing.assert_allclose(errors[1:], errors[-1], rtol=0.02)
+
+
+def test_scenes_without_the_effect_pay_nothing():
+    arm = arm_of({**LINK, "modes": 2}, effects={"payload": {"mass": 0.1}})
+    assert arm.near is arm

@@ -1,0 +1,99 @@
+"""The nonlinear arm in python-control: its simulation, its linearization at rest, its parameters and loads."""
+
+from typing import Any
+
+import control
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.errors import ArgumentError
+
+from .scenes import arm_of, random_state, value
+
+FREE = {
+    "designs": [],
+    "motion.joints": [{"mean": -1.2, "amplitude": 0.0}],
+    "control.feedforward": "none",
+    "control.feedback": {"kind": "none"},
+}
+
+
+def falling(**more: Any) -> tuple[fl.Scene, fl.Linearization]:
+    """The single link at rest, without control: it falls."""
+    scene = fl.load_scene("single-link", {**FREE, **more})
+    return scene, fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+
+
+def test_names() -> None:
+    plant = arm_of(
+        {}, {"modes": 0}, effects={"joint_flexibility": {"stiffness": [50.0, 0.0], "motor_inertia": 0.05}}
+    ).to_control("plant")
+    assert plant.name == "plant"
+    assert plant.state_labels == plant.output_labels
+    assert plant.state_labels[:4] == ["q1", "q2", "w11", "w12"]
+    assert plant.state_labels[-1] == "theta1_rate"
+    assert plant.input_labels == ["theta1", "q2"]
+
+
+def test_its_rates_solve_the_equations() -> None:
+    """M s'' + C s' + g + d = B u, by the arm's own residual."""
+    arm = arm_of(
+        {},
+        {},
+        effects={
+            "gravity": {},
+            "geometric_stiffening": {},
+            "motor": {"torque_constant": 0.05, "resistance": 2.0, "gear_ratio": 50.0},
+        },
+    )
+    s, s_dot, _ = random_state(arm)
+    u = np.array([3.0, -2.0])
+    rates = arm.to_control().dynamics(0.0, np.concatenate([s, s_dot]), u)
+    np.testing.assert_array_equal(rates[: arm.n], s_dot)
+    left = value(arm, "residual", s, s_dot, rates[arm.n :])[:, 0]
+    np.testing.assert_allclose(left, np.append(1.25 * u, np.zeros(4)), atol=1e-10)
+
+
+@pytest.mark.slow
+def test_python_control_simulates_what_flexlin_simulates() -> None:
+    """A link that is let go: it falls, and rings."""
+    _, lin = falling(**{"links.0.modes": 1})
+    run = fl.simulate(lin, 0.15, tol=1e-9, points_per_period=64)
+    start = np.append(lin.about.positions(np.zeros(1), np.zeros((1, lin.n)))[0][0], np.zeros(lin.n))
+    method = {"solve_ivp_method": "LSODA", "solve_ivp_kwargs": {"rtol": 1e-8, "atol": 1e-10}}
+    found = control.input_output_response(lin.arm.to_control(), run.t, 0.0, start, **method)
+    np.testing.assert_allclose(found.states.T, run.nonlinear + start, atol=1e-6)
+    assert np.ptp(found.states[0]) > 0.1
+
+
+def test_its_linearization_is_that_of_flexlin() -> None:
+    """[0, I; -M^-1 K, -M^-1 D] and M^-1 B where the arm hangs at rest: python-control differs."""
+    _, lin = falling(**{"motion.joints.0.mean": -np.pi / 2})
+    hanging = np.array([-np.pi / 2, *np.zeros(2 * lin.n - 1)])
+    plant, expected = lin.arm.to_control(), lin.periodic_system()
+    np.testing.assert_allclose(plant.dynamics(0.0, hanging, np.zeros(1)), 0.0, atol=1e-12)
+    linear = plant.linearize(hanging, 0.0)
+    scale = np.abs(lin.K(0.0)).max()
+    np.testing.assert_allclose(linear.A, expected.A(np.zeros(1))[0], rtol=1e-5, atol=1e-6 * scale)
+    np.testing.assert_allclose(linear.B, expected.B(np.zeros(1))[0], rtol=1e-6)
+
+
+def test_free_parameters_are_those_of_the_system() -> None:
+    scene, _ = falling()
+    arm = fl.build_manipulator(scene, ["effects.payload.mass"])
+    plant, x, u = arm.to_control(), np.array([-1.0, 0.01, 0.0, 0.2, 0.0, 0.1]), np.zeros(1)
+    assert plant.params == {"effects.payload.mass": scene.effects.payload.mass}
+    heavy = falling(**{"effects.payload.mass": 0.3})[1].arm.to_control()
+    np.testing.assert_allclose(
+        plant.dynamics(0.0, x, u, params={"effects.payload.mass": 0.3}), heavy.dynamics(0.0, x, u), rtol=1e-10
+    )
+
+
+def test_a_periodic_load_needs_the_period() -> None:
+    arm = arm_of({"modes": 0}, effects={"tip_force": {"torque": [0.0, 0.0, 0.4], "harmonic": 2}})
+    with pytest.raises(ArgumentError, match="a periodic load needs a period"):
+        arm.to_control()
+    plant, inertia = arm.to_control(period=0.5), value(arm, "M", np.zeros(1))[0, 0]
+    found = [plant.dynamics(t, np.zeros(2), np.zeros(1))[1] for t in (0.0, 0.05, 0.625)]
+    np.testing.assert_allclose(found, 0.4 / inertia * np.cos(8 * np.pi * np.array([0.0, 0.05, 0.625])), atol=1e-9)

@@ -1,0 +1,196 @@
+"""Loads at the tip against closed forms: columns that buckle and flutter, prestressed frequencies, a pendulum under a force.
+
+A unit column l = EI = rhoA = 1, clamped at its base; eight clamped-free modes come from above to within 1.3e-4 of its buckling load.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.linalg import eigvals
+from scipy.optimize import brentq, root
+from scipy.special import jv
+
+import flexlin as fl
+from flexlin.checks import Array
+from flexlin.errors import SceneError
+from flexlin.motion import SampledMotion
+
+from .scenes import arm_of, scene_of, value
+
+
+def column(effects: dict[str, Any], angle: float = 0.0) -> tuple[Array, Array]:
+    """M and K of the unit column with eight modes, its joint held at an angle."""
+    motion = {
+        "kind": "harmonic",
+        "frequency": 1.0,
+        "drive": "prescribed",
+        "joints": [{"mean": angle, "amplitude": 0.0}],
+    }
+    links = [{"length": 1.0, "mass_per_length": 1.0, "bending_stiffness": 1.0, "modes": 8}]
+    tables = {"geometric_stiffening": {}, **effects}
+    scene = fl.parse_scene({"schema": 1, "title": "column", "links": links, "effects": tables, "motion": motion})
+    lin = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    return lin.M(0.0), lin.K(0.0)
+
+
+def push(load: float, frame: str = "world", angle: float = 0.0) -> dict[str, Any]:
+    """A force against the column's axis."""
+    x, y = (1.0, 0.0) if frame == "tip" else (np.cos(angle), np.sin(angle))
+    return {"tip_force": {"force": [-load * x, -load * y, 0.0], "frame": frame}}
+
+
+def smallest_load(loaded: dict[str, Any], angle: float = 0.0) -> float:
+    """The smallest P with det(K_0 + P (K_1 - K_0)) = 0: K is linear in the load."""
+    bare, unit = column({}, angle)[1], column(loaded, angle)[1]
+    found = eigvals(bare, bare - unit)
+    return float(found[(abs(found.imag) < 1e-9) & (found.real > 0)].real.min())
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7])
+def test_euler_buckling(angle: float) -> None:
+    """P = pi^2 EI / (4 l^2), at any angle of the column against the world."""
+    assert 0 < smallest_load(push(1.0, angle=angle), angle) / (np.pi**2 / 4) - 1 < 1.3e-4
+
+
+def test_buckling_under_the_own_weight() -> None:
+    """q l^3 = 7.8373 EI, where J_-1/3(2/3 sqrt(q)) = 0 (Greenhill 1881)."""
+    exact = brentq(lambda q: jv(-1 / 3, 2 / 3 * np.sqrt(q)), 7.0, 8.5)
+    assert 0 < smallest_load({"gravity": {"acceleration": 1.0, "direction": [-1.0, 0.0, 0.0]}}) / exact - 1 < 1e-5
+
+
+def test_beck_column() -> None:
+    """A follower never buckles the column; at P = 20.05 EI/l^2 two frequencies meet at omega = 11.02 (Beck 1952)."""
+    (M, bare), (_, unit) = column({}), column(push(1.0, "tip"))
+
+    def squares(load: float) -> Array:
+        found = eigvals(bare + load * (unit - bare), M)
+        return found[np.argsort(found.real)]
+
+    low, high = 10.0, 30.0
+    while high - low > 1e-6:
+        middle = (low + high) / 2
+        low, high = (low, middle) if abs(squares(middle)[:2].imag).max() > 1e-6 else (middle, high)
+    assert low == pytest.approx(20.0509, rel=1e-4)
+    assert np.sqrt(squares(low)[0].real) == pytest.approx(11.016, rel=1e-3)
+    assert all(np.linalg.det(bare + load * (unit - bare)) > 0 for load in np.linspace(0.0, 20.0, 9))
+
+
+def characteristic(load: float, follows: bool) -> Callable[[float], float]:
+    """Determinant of EI w'''' + P w'' = rhoA omega^2 w, w = w' = 0 at the base, w'' = 0 and w''' + P w' (follower: w''') = 0 at the tip."""
+
+    def determinant(omega: float) -> float:
+        roots = np.roots([1.0, 0.0, load, 0.0, -(omega**2)]).astype(complex)
+        tip = np.exp(roots)
+        shear = roots**3 + (0 if follows else load * roots)
+        found = np.linalg.det(np.array([np.ones(4), roots, roots**2 * tip, shear * tip]))
+        return float((found / np.linalg.det(np.vander(roots))).real)
+
+    return determinant
+
+
+@pytest.mark.parametrize(("load", "frame"), [(2.0, "world"), (-5.0, "world"), (8.0, "tip"), (-5.0, "tip")])
+def test_prestressed_frequencies(load: float, frame: str) -> None:
+    M, K = column(push(load, frame))
+    exact = characteristic(load, frame == "tip")
+    for omega in np.sqrt(np.sort(eigvals(K, M).real)[:2]):
+        assert brentq(exact, 0.97 * omega, 1.03 * omega) == pytest.approx(omega, rel=2e-3)
+
+
+@pytest.mark.parametrize("frame", ["world", "tip"])
+def test_forces_on_a_rigid_pendulum(frame: str) -> None:
+    """Q = l (F_y cos q - F_x sin q) + m_z in the world's axes, l F_y + m_z in the tip's."""
+    arm = arm_of(
+        {"modes": 0}, effects={"tip_force": {"force": [2.0, 3.0, 0.0], "torque": [0.0, 0.0, 0.4], "frame": frame}}
+    )
+    q = 0.6
+    expected = 0.5 * (3.0 if frame == "tip" else 3.0 * np.cos(q) - 2.0 * np.sin(q)) + 0.4
+    assert value(arm, "damping", np.array([q]), np.zeros(1))[0, 0] == pytest.approx(-expected, rel=1e-13)
+
+
+def test_a_torque_bends_the_tip() -> None:
+    """w(l) = m l^2 / (2 EI) under a torque m at the tip."""
+    links = {"length": 1.0, "bending_stiffness": 1.0, "modes": 8}
+    arm = arm_of(links, effects={"tip_force": {"torque": [0.0, 0.0, 0.01]}})
+    K = ca.Function("K", [arm.s], [ca.jacobian(arm.g, arm.s)])(np.zeros(arm.n)).full()[1:, 1:]
+    s = np.append(0.0, np.linalg.solve(K, -value(arm, "damping", np.zeros(arm.n), np.zeros(arm.n))[1:, 0]))
+    assert value(arm, "points", s)[1, -1] == pytest.approx(0.005, rel=5e-3)
+
+
+def test_a_force_in_the_world_is_the_gradient_of_its_potential() -> None:
+    """-F . r, in space too, where links bend both ways and twist."""
+    spatial = {"modes": {"y": 1, "z": 1, "torsion": 1}, "torsional_stiffness": 0.8, "polar_inertia": 1e-3}
+    force = [1.0, -2.0, 3.0]
+    effects = {"geometric_stiffening": {}, "tip_force": {"force": force}}
+    arm = arm_of(spatial, {"axis": [0, 1, 0]}, effects=effects)
+    s = 0.1 * np.random.default_rng(0).normal(size=arm.n)
+    slopes = ca.Function("slopes", [arm.s], [ca.jacobian(arm.points[:, -1], arm.s)])(s).full()
+    np.testing.assert_allclose(value(arm, "damping", s, np.zeros(arm.n))[:, 0], -slopes.T @ force, atol=1e-12)
+
+
+def test_a_frame_that_is_not_known_is_refused() -> None:
+    with pytest.raises(SceneError, match=r"effects\.tip_force\.frame: got 'base'"):
+        scene_of({}, effects={"tip_force": {"frame": "base"}})
+
+
+SHAKEN = {
+    "schema": 1,
+    "title": "a unit column with one mode, its joint held, under a harmonic of a motion of 0.4 s",
+    "links": [{"length": 1.0, "mass_per_length": 1.0, "bending_stiffness": 1.0, "modes": 1}],
+    "effects": {
+        "tip_force": {"force": [0.0, 1e-3, 0.0], "harmonic": 3, "phase": 0.4},
+        "modal_damping": {"ratio": 0.1},
+    },
+    "motion": {
+        "kind": "harmonic",
+        "frequency": 2.5,
+        "drive": "prescribed",
+        "joints": [{"mean": 0.0, "amplitude": 0.0}],
+    },
+}
+
+
+def test_a_periodic_force_shakes_a_beam() -> None:
+    """w = Re(X(l) F e^(i (3 W t + phase)) / (w1^2 - (3 W)^2 + 2 i z w1 3 W)), X(l) = 2, w1 = 1.8751^2; simulated, too."""
+    scene = fl.parse_scene(SHAKEN)
+    lin, t = fl.linearize(fl.build_manipulator(scene), scene.motion), np.linspace(0.0, 0.4, 9)
+    W, w1 = 3 * 2 * np.pi * 2.5, 1.8751040687119611**2
+    phasor = 2e-3 * np.exp(1j * (W * t + 0.4)) / (w1**2 - W**2 + 0.2j * w1 * W)
+    expected = np.stack([phasor.real, (1j * W * phasor).real], axis=1)
+    np.testing.assert_allclose(fl.forced_response(lin.periodic_system(), lin.forcing)(t), expected, atol=1e-12)
+    run = fl.simulate(lin, 1.0, initial=expected[0], tol=1e-9, points_per_period=8)
+    np.testing.assert_allclose(run.nonlinear, expected, atol=1e-8)
+    assert run.energy_error < 1e-5
+
+
+def test_a_periodic_force_along_a_motion_of_numbers() -> None:
+    """What the place on the motion is passed by, a phase or angles, makes no difference; nor does one equation or all."""
+    scene = fl.parse_scene(SHAKEN)
+    arm, t = fl.build_manipulator(scene), np.array([0.0, 0.05, 0.31])
+    still = SampledMotion(1, 0.4, (True,), sampler=lambda t: (np.zeros((len(t), 1)),) * 3)
+    by_phase, by_angles = fl.linearize(arm, scene.motion), fl.linearize(arm, still)
+    np.testing.assert_allclose(by_angles.h(t), by_phase.h(t), atol=1e-15)
+    np.testing.assert_allclose(by_phase.h(t)[:, 0], 2e-3 * np.cos(6 * np.pi * t / 0.4 + 0.4), rtol=1e-10)
+    whole = by_phase.about.of_arm("residual", t, *np.zeros((3, 3, 1)))
+    np.testing.assert_allclose(whole[:, 1, 0], -by_phase.h(t)[:, 0], rtol=1e-12)
+
+
+def test_a_phase_needs_a_harmonic() -> None:
+    with pytest.raises(SceneError, match="harmonic of at least 1 beside phase"):
+        scene_of({}, effects={"tip_force": {"phase": 0.4}})
+
+
+def test_a_force_across_a_cantilever_bends_it_into_the_elastica() -> None:
+    """w(l)/l = 0.30172, 0.49346, 0.71379, 0.81061 at P l^2/EI = 1, 2, 5, 10 (Bisshopp, Drucker 1945; Mattiasson 1981)."""
+    load = {"geometric_stiffening": {}, "tip_force": {"force": [0.0, 1.0, 0.0]}}
+    link = {"length": 1.0, "mass_per_length": 1.0, "bending_stiffness": 1.0, "modes": 4}
+    arm = fl.build_manipulator(scene_of(link, effects=load), ["effects.tip_force.force.1"])
+    residual, points, still = arm.functions["residual"], arm.functions["points"], np.zeros(arm.n)
+    found = []
+    for P in (1.0, 2.0, 5.0, 10.0):
+        bent = root(lambda w, P=P: residual([0.0, *w], still, still, P).full()[1:, 0], np.zeros(4), tol=1e-10)
+        assert bent.success
+        found.append(points([0.0, *bent.x], P).full()[1, -1])
+    np.testing.assert_allclose(found, [0.30172, 0.49346, 0.71379, 0.81061], rtol=5e-4)

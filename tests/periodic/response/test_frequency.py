@@ -1,0 +1,66 @@
+"""Harmonic transfer functions: rotated constant systems, whose sidebands are known, a simulation, and what is refused."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import flexlin as fl
+from flexlin.errors import ArgumentError, NotStable, ToleranceNotReached
+
+A0, B0, C0 = np.array([[-0.2, 1.5], [-1.5, -0.3]]), np.array([[1.0], [0.4]]), np.array([[1.0, 2.0]])
+
+
+def test_a_plant_in_turning_coordinates_answers_in_two_sidebands():
+    """x = exp(J t) z, y = C0 x: with P+- = (I -+ i J) / 2 the answer at w + k is C0 P_k (i w - A0)^-1 B0."""
+    J = np.array([[0.0, 1.0], [-1.0, 0.0]])
+
+    def P(t):
+        return np.cos(t)[:, None, None] * np.eye(2) + np.sin(t)[:, None, None] * J
+
+    def A(t):
+        return J + P(t) @ A0 @ np.swapaxes(P(t), 1, 2)
+
+    system = fl.PeriodicSystem(A, 2 * np.pi, B=lambda t: P(t) @ B0)
+    omega = np.array([0.0, 0.7, 3.0])
+    found = fl.frequency_response(system, C0, omega)
+    for w, H in zip(omega, found.H[:, :, 0, 0], strict=True):
+        z = np.linalg.solve(1j * w * np.eye(2) - A0, B0)
+        exact = {k: (C0 @ (np.eye(2) - 1j * k * J) / 2 @ z).item() for k in (-1, 1)}
+        for k, value in zip(found.orders, H, strict=True):
+            assert abs(value - exact.get(int(k), 0.0)) <= found.error * np.abs(H).max() + 1e-13
+
+
+def test_the_answer_of_mathieus_equation_is_what_a_simulation_ends_in():
+    def A(t):
+        out = np.zeros((len(t), 2, 2))
+        out[:, 0, 1], out[:, 1, 1], out[:, 1, 0] = 1.0, -0.4, -2.0 - 0.8 * np.cos(2 * t)
+        return out
+
+    system, w = fl.PeriodicSystem(A, np.pi, B=[[0.0], [1.0]]), 0.9
+    found = fl.frequency_response(system, [[1.0, 0.0]], [w])
+
+    def rate(t, x):
+        return A(np.array([t]))[0] @ x + [0.0, np.cos(w * t)]
+
+    t = np.linspace(120.0, 130.0, 50)
+    run = solve_ivp(rate, (0.0, 130.0), [0.0, 0.0], "DOP853", t_eval=t, rtol=1e-11, atol=1e-12)
+    waves = np.exp(1j * np.outer(t, w + 2 * found.orders))
+    np.testing.assert_allclose((waves @ found.H[0, :, 0, 0]).real, run.y[0], atol=1e-8)
+
+
+def test_what_has_no_answer_is_refused():
+    with pytest.raises(NotStable):
+        fl.frequency_response(fl.PeriodicSystem([[0.1]], 1.0, B=[[1.0]]), [[1.0]], [1.0])
+    with pytest.raises(ArgumentError, match="no input"):
+        fl.frequency_response(fl.PeriodicSystem([[-0.1]], 1.0), [[1.0]], [1.0])
+    with pytest.raises(ArgumentError, match="C does not fit"):
+        fl.frequency_response(fl.PeriodicSystem([[-0.1]], 1.0, B=[[1.0]]), [[1.0, 0.0]], [1.0])
+
+
+@pytest.mark.slow
+def test_coefficients_that_jump_are_refused():
+    jumping = fl.PeriodicSystem(
+        lambda t: np.where(np.mod(t, 1.0) < 0.5, -1.0, -9.0)[:, None, None], 1.0, B=[[1.0]], breaks=(0.0, 0.5)
+    )
+    with pytest.raises(ToleranceNotReached, match="not resolved"):
+        fl.frequency_response(jumping, [[1.0]], [1.0])

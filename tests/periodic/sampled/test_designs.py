@@ -1,0 +1,187 @@
+"""Digital designs against python-control at constant A, and against the lifted problem, integrated by SciPy, where A varies."""
+
+import control
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+import flexlin as fl
+from flexlin.errors import ArgumentError, NotDetectable, NotStabilizable
+
+T, SAMPLES = np.pi, 5
+H = T / SAMPLES
+Q, R = np.diag([2.0, 0.5]), np.array([[0.3]])
+
+
+def A(t):
+    t = np.asarray(t)
+    out = np.zeros((*t.shape, 2, 2))
+    out[..., 0, 1], out[..., 1, 1] = 1.0, -0.1
+    out[..., 1, 0] = 0.6 + 0.5 * np.cos(2 * t)
+    return out
+
+
+def B(t):
+    t = np.asarray(t)
+    out = np.zeros((*t.shape, 2, 1))
+    out[..., 1, 0] = 1.0 + 0.3 * np.sin(2 * t)
+    return out
+
+
+def weight(t):
+    return (1.5 + np.sin(2 * np.asarray(t)))[..., None, None] * Q
+
+
+PLANT = fl.PeriodicSystem(A, T, B)
+
+
+def span(begin, end):
+    """Transition matrix and cost of [x; u] over a span, u held, by DOP853."""
+
+    def rate(t, y):
+        P = y[:9].reshape(3, 3)
+        whole, W = np.zeros((3, 3)), np.zeros((3, 3))
+        whole[:2, :2], whole[:2, 2:], W[:2, :2], W[2:, 2:] = A(t), B(t), weight(t), R
+        return np.concatenate([(whole @ P).ravel(), (P.T @ W @ P).ravel()])
+
+    start = np.concatenate([np.eye(3).ravel(), np.zeros(9)])
+    y = solve_ivp(rate, (begin, end), start, "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+    return y[:9].reshape(3, 3), y[9:].reshape(3, 3)
+
+
+def lifted_problem(delay):
+    """F, G and the cost of [z; u_0 ... u_(N-1)] over a period, z = [x; u_(-1)]."""
+    now = np.eye(3, 3 + SAMPLES)
+    cost = np.zeros((3 + SAMPLES, 3 + SAMPLES))
+    for k in range(SAMPLES):
+        for begin, end, late in ((k * H, k * H + delay, True), (k * H + delay, (k + 1) * H, False)):
+            if not late:
+                now[2] = np.eye(3 + SAMPLES)[3 + k]
+            if end > begin:
+                P, S = span(begin, end)
+                cost += now.T @ S @ now
+                now = P @ now
+    return now[:, :3], now[:, 3:], cost
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.4 * H, H])
+def test_the_lifted_problem_has_the_same_cost_and_gain(delay):
+    F, G, S = lifted_problem(delay)
+    S = (S + S.T) / 2
+    made = fl.sampled_lqr(PLANT, weight, R, H, delay)
+    if (
+        delay == H
+    ):  # the last input costs in the next round only: R h of that is counted here, where dare needs a weight
+        S[-1, -1] += R[0, 0] * H
+        S[2, 2] -= R[0, 0] * H
+    X, _, K = control.dare(F, G, S[:3, :3], S[3:, 3:], S[:3, 3:], np.eye(3))
+    X = np.array(X)
+    if delay == H:
+        X[2, 2] += R[0, 0] * H
+    r = made.X.shape[1]
+    np.testing.assert_allclose(made.X[0], X[:r, :r], rtol=0, atol=1e-8 * np.abs(X).max())
+    np.testing.assert_allclose(made.K[0, 0], K[0, :r], rtol=0, atol=1e-8 * np.abs(K).max())
+    assert made.error < 1e-9
+    assert made.floquet().verdict == "stable"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_constant_plants_against_python_control(seed):
+    rng = np.random.default_rng(seed)
+    n, m, h = int(rng.integers(2, 6)), int(rng.integers(1, 3)), float(rng.uniform(0.05, 0.5))
+    A0, B0 = rng.standard_normal((n, n)), rng.standard_normal((n, m))
+    root = rng.standard_normal((n, n))
+    W, V = root @ root.T, np.diag(rng.uniform(0.1, 1, m))
+    system = fl.PeriodicSystem(A0, 4 * h, B=B0)
+    hamiltonian = np.zeros((2 * (n + m), 2 * (n + m)))
+    hamiltonian[n + m : 2 * n + m, n + m :] = np.hstack([A0, B0])
+    hamiltonian[: n + m, : n + m] = -hamiltonian[n + m :, n + m :].T
+    hamiltonian[:n, n + m : 2 * n + m], hamiltonian[n : n + m, 2 * n + m :] = W, V
+    block = expm(h * hamiltonian)
+    P = block[n + m :, n + m :]
+    S = P.T @ block[: n + m, n + m :]
+    S = (S + S.T) / 2
+    K, X, _ = control.dlqr(P[:n, :n], P[:n, n:], S[:n, :n], S[n:, n:], S[:n, n:])
+    made = fl.sampled_lqr(system, W, V, h)
+    np.testing.assert_allclose(made.K, np.broadcast_to(K, made.K.shape), rtol=0, atol=1e-10 * np.abs(K).max())
+    np.testing.assert_allclose(made.X, np.broadcast_to(X, made.X.shape), rtol=0, atol=1e-10 * np.abs(X).max())
+    block = expm(h * np.block([[-A0, W], [np.zeros((n, n)), A0.T]]))
+    F = block[n:, n:].T
+    noise = F @ block[:n, n:]
+    L, covariance, _ = control.dlqe(F, np.eye(n), B0.T, (noise + noise.T) / 2, V)
+    estimator = fl.sampled_estimator(system, B0.T, W, V, h)
+    np.testing.assert_allclose(estimator.P[0], covariance, rtol=0, atol=1e-10 * np.abs(covariance).max())
+    assert min(np.abs(gain - L).max() for gain in (estimator.L[0], estimator.M[0])) < 1e-10 * np.abs(L).max()
+    np.testing.assert_allclose(estimator.L, F @ estimator.M, rtol=0, atol=1e-10 * np.abs(L).max())
+
+
+def test_the_covariance_of_a_varying_plant_repeats():
+    """One round of the filter's own recursion from P, with F and W_k by DOP853."""
+    C, V = np.array([[1.0, 0.0]]), np.array([[0.02]])
+    made = fl.sampled_estimator(PLANT, C, weight, V, H)
+    P = made.P[0]
+    for k in range(SAMPLES):
+        np.testing.assert_allclose(made.P[k], P, rtol=0, atol=1e-8 * np.abs(P).max())
+        P = P - P @ C.T @ np.linalg.solve(C @ P @ C.T + V, C @ P)
+
+        def rate(t, y):
+            Y = A(t) @ y.reshape(2, 2)
+            return (Y + Y.T + weight(t)).ravel()
+
+        P = solve_ivp(rate, (k * H, (k + 1) * H), P.ravel(), "DOP853", rtol=1e-12, atol=1e-13).y[:, -1].reshape(2, 2)
+    np.testing.assert_allclose(made.P[0], P, rtol=0, atol=1e-8 * np.abs(P).max())
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.4 * H])
+def test_a_loop_with_an_estimator_decays_as_its_multipliers_say(delay):
+    """The filter as a device would run it, sample by sample, on the plant integrated by DOP853; and the separation of multipliers."""
+    design = fl.sampled_lqr(PLANT, weight, R, H, delay)
+    C = np.array([[1.0, 0.0]])
+    estimator = fl.sampled_estimator(PLANT, C, weight, [[0.02]], H)
+    found = estimator.floquet(design)
+    parts = np.concatenate([design.floquet().exponents.real, estimator.floquet().exponents.real])
+    known = np.sort(found.exponents.real)[::-1][:4]
+    np.testing.assert_allclose(known, np.sort(parts)[::-1][:4], rtol=1e-7)
+    spans = [
+        (span(k * H, k * H + delay)[0] if delay else np.eye(3), span(k * H + delay, (k + 1) * H)[0])
+        for k in range(SAMPLES)
+    ]
+    x, predicted, held, sizes = np.array([1.0, -0.5]), np.zeros(2), np.zeros(1), []
+    for k in range(40 * SAMPLES):
+        first, second = spans[k % SAMPLES]
+        corrected = predicted + estimator.M[k % SAMPLES] @ (C @ (x - predicted))
+        u = -design.K[k % SAMPLES] @ np.concatenate([corrected, held])[: design.K.shape[2]]
+        x, predicted = (
+            (second @ np.concatenate([(first @ np.concatenate([state, held]))[:2], u]))[:2] for state in (x, corrected)
+        )
+        held = u
+        sizes.append(np.linalg.norm([*x, *predicted]))
+    rate = np.log(sizes[35 * SAMPLES] / sizes[5 * SAMPLES]) / (30 * T)
+    assert rate == pytest.approx(found.exponents[0].real, rel=0.03)
+
+
+def test_samples_that_fill_several_periods_share_their_gains_by_phase():
+    made = fl.sampled_lqr(PLANT, Q, R, 2 * T / 5)
+    assert made.K.shape == (5, 1, 2)
+    at = np.mod(made.instants, T)
+    np.testing.assert_array_equal(made.gain(at), made.K)
+    assert made.floquet().verdict == "stable"
+
+
+def test_what_cannot_be_designed_is_refused():
+    with pytest.raises(ArgumentError, match="begin anew together"):
+        fl.sampled_lqr(PLANT, Q, R, 0.1234567)
+    with pytest.raises(ArgumentError, match="delay"):
+        fl.sampled_lqr(PLANT, Q, R, H, 1.1 * H)
+    oscillator = np.array([[0.0, 1.0], [-1.0, 0.0]])
+    hidden = fl.PeriodicSystem(oscillator, 2 * np.pi, B=[[0.0], [1.0]])
+    with pytest.raises((NotStabilizable, NotDetectable)):  # sampled once a turn
+        fl.sampled_lqr(hidden, np.eye(2), np.eye(1), 2 * np.pi)
+    with pytest.raises(NotDetectable):
+        fl.sampled_estimator(hidden, [[1.0, 0.0]], np.eye(2), np.eye(1), 2 * np.pi)
+    unseen = fl.PeriodicSystem(np.diag([0.5, -1.0]), 1.0, B=[[1.0], [1.0]])
+    with pytest.raises(NotDetectable):
+        fl.sampled_lqr(unseen, np.diag([0.0, 1.0]), np.eye(1), 0.1)
+    with pytest.raises(NotStabilizable):
+        fl.sampled_lqr(fl.PeriodicSystem(np.diag([0.5, -1.0]), 1.0, B=[[0.0], [1.0]]), np.eye(2), np.eye(1), 0.1)

@@ -1,0 +1,75 @@
+"""Connected periodic systems: python-control at constant matrices, and an integration of the parts where they vary."""
+
+import control
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import flexlin as fl
+from flexlin.errors import ArgumentError
+
+
+def plant(seed, n, m, p, through):
+    rng = np.random.default_rng(seed)
+    A, B, C = rng.standard_normal((n, n)) - 2 * np.eye(n), rng.standard_normal((n, m)), rng.standard_normal((p, n))
+    return A, B, C, 0.3 * through * rng.standard_normal((p, m))
+
+
+def ours(A, B, C, D):
+    return fl.PeriodicStateSpace(fl.PeriodicSystem(A, 1.0, B=B), C, D)
+
+
+@pytest.mark.parametrize("through", [0.0, 1.0])
+def test_constant_systems_answer_as_those_of_python_control(through):
+    first, second = plant(1, 3, 2, 2, through), plant(2, 2, 2, 2, through)
+    G, H = ours(*first), ours(*second)
+    g, h = control.ss(*first), control.ss(*second)
+    for got, want in (
+        (G * H, g * h),
+        (G + H, g + h),
+        (G.feedback(H), g.feedback(h)),
+        (G.feedback(H, 0.2), g.feedback(0.2 * h, 1)),
+    ):
+        A, B, C, D = (part(np.zeros(1))[0] for part in (got.system.A, got.system.B, got.C, got.D))
+        for s in (0.3j, 1 + 2j):
+            np.testing.assert_allclose(C @ np.linalg.solve(s * np.eye(len(A)) - A, B) + D, want(s), atol=1e-12)
+
+
+def test_varying_systems_move_as_their_parts_do():
+    """u = sin 3t into H, whose output and a feedback through H2 drive G: both integrated, whole and part by part."""
+
+    def wave(size):
+        return lambda t: (size * (1 + 0.5 * np.cos(2 * np.pi * t)))[:, None, None]
+
+    G = fl.PeriodicStateSpace(fl.PeriodicSystem(wave(-1.0), 1.0, B=wave(2.0)), wave(0.7), wave(0.2))
+    H = fl.PeriodicStateSpace(fl.PeriodicSystem(wave(-0.5), 1.0, B=[[1.0]]), wave(1.0), [[0.4]])
+    whole = G.feedback(H) * H + G
+
+    def at(f, t):
+        return f(np.array([t]))[0].item()
+
+    def direct(t, x):
+        u, (g, h, before, alone) = np.sin(3 * t), x
+        r = at(H.C, t) * before + 0.4 * u  # H, then G in feedback with another H, and G alone beside them
+        g_in = (r - at(H.C, t) * h - 0.4 * at(G.C, t) * g) / (1 + 0.4 * at(G.D, t))
+        y = at(G.C, t) * g + at(G.D, t) * g_in
+        a, b = at(G.system.A, t), at(G.system.B, t)
+        return [a * g + b * g_in, at(H.system.A, t) * h + y, at(H.system.A, t) * before + u, a * alone + b * u]
+
+    def joined(t, x):
+        return whole.system.A(np.array([t]))[0] @ x + whole.system.B(np.array([t]))[0] @ [np.sin(3 * t)]
+
+    ends = [solve_ivp(f, (0.0, 3.0), np.zeros(4), rtol=1e-10, atol=1e-12).y[:, -1] for f in (direct, joined)]
+    np.testing.assert_allclose(*ends, atol=1e-8)
+
+
+def test_what_does_not_fit_is_refused():
+    G = ours(*plant(1, 3, 2, 2, 0.0))
+    with pytest.raises(ArgumentError, match="two periods"):
+        _ = G + fl.PeriodicStateSpace(fl.PeriodicSystem(-np.eye(3), 2.0, B=np.ones((3, 2))), np.ones((2, 3)))
+    with pytest.raises(ArgumentError, match="inputs and outputs"):
+        _ = G * ours(*plant(1, 3, 2, 1, 0.0))
+    with pytest.raises(ArgumentError, match="no solution"):
+        ours([[-1.0]], [[1.0]], [[1.0]], [[1.0]]).feedback(ours([[-1.0]], [[1.0]], [[1.0]], [[-1.0]]))
+    with pytest.raises(ArgumentError, match="does not fit the system"):
+        ours([[-1.0]], [[1.0]], np.ones((1, 2)), None)

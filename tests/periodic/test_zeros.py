@@ -1,0 +1,97 @@
+"""Invariant zeros: published examples, turned constant systems beside SciPy's pencil, a plant that jumps."""
+
+import numpy as np
+import pytest
+from scipy.linalg import eigvals
+
+import flexlin as fl
+from flexlin.errors import ArgumentError, NumericalError
+
+
+def zhou(t):
+    s, c = np.sin(2 * t), np.cos(2 * t)
+    sine = 0.5 * np.sin(4 * t)
+    return np.array([[-1 - s**2, 2 - sine], [-2 - sine, -1 - c**2]]).transpose(2, 0, 1)
+
+
+@pytest.mark.parametrize("strength", [0.1, 0.4])
+def test_published_examples(strength):
+    """Zhou, Hagiwara, Automatica 38 (2002): C = [1, 1], zero -3.5; Zhou, IEEE Trans. Automat. Control 54 (2009): C = [0, 1], zero -1.5.
+
+    Both for any strength of the input's waves; also in the tests of PeriodicSystems.jl (Varga), there with 0.5, where the input vanishes.
+    """
+
+    def smooth(t):
+        return (1 - 2 * strength * np.cos(2 * t))[:, None, None] * np.array([[0.0], [1.0]])
+
+    def half(t):
+        wave = np.where(np.mod(t, np.pi) < np.pi / 2, np.sin(2 * t), 0.0)
+        return (1 - 2 * strength * wave)[:, None, None] * np.array([[0.0], [1.0]])
+
+    for B, C, zero in ((half, [[1.0, 1.0]], -3.5), (smooth, [[0.0, 1.0]], -1.5)):
+        found = fl.invariant_zeros(fl.PeriodicSystem(zhou, np.pi, B), C)
+        assert abs(found.exponents.item() - zero) <= found.errors.item() + 1e-13
+        assert found.errors.item() < 1e-8
+        assert (found.relative_degree, found.verdict) == ((1,), "minimum phase")
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_turned_constant_systems_have_the_zeros_of_rosenbrocks_pencil(seed):
+    rng = np.random.default_rng(seed)
+    n, m = int(rng.integers(3, 7)), int(rng.integers(1, 3))
+    A0, B0, C0 = rng.standard_normal((n, n)), rng.standard_normal((n, m)), rng.standard_normal((m, n))
+    if seed % 2:  # relative degree 2
+        C0 -= C0 @ B0 @ np.linalg.pinv(B0)
+    w, J = 2.0, np.zeros((n, n))
+    J[0, 1], J[1, 0] = w, -w
+
+    def P(t):
+        turn = np.tile(np.eye(n), (len(t), 1, 1))
+        turn[:, 0, 0] = turn[:, 1, 1] = np.cos(w * t)
+        turn[:, 0, 1] = np.sin(w * t)
+        turn[:, 1, 0] = -turn[:, 0, 1]
+        return turn
+
+    def back(t):
+        return np.swapaxes(P(t), 1, 2)
+
+    pencil = np.block([[A0, B0], [C0, np.zeros((m, m))]])
+    zeros = eigvals(pencil, np.diag([1.0] * n + [0.0] * m))
+    zeros = zeros[np.abs(zeros) < 1e4]
+    system = fl.PeriodicSystem(lambda t: J + P(t) @ A0 @ back(t), 2 * np.pi / w, B=lambda t: P(t) @ B0)
+    found = fl.invariant_zeros(system, lambda t: C0 @ back(t))
+    assert found.relative_degree == (1 + seed % 2,) * m
+    assert len(found.exponents) == len(zeros) == n - sum(found.relative_degree)
+    for zero in zeros:
+        turns = np.round((found.exponents - zero).imag / w)
+        k = int(np.argmin(np.abs(found.exponents - zero - 1j * w * turns)))
+        assert abs(found.exponents[k] - zero - 1j * w * turns[k]) <= found.errors[k] + 1e-9 * (1 + abs(zero))
+    assert found.errors.max(initial=0.0) < 1e-6
+
+
+def test_a_plant_that_jumps():
+    """x1' = a x1 + b x2 with x2 the output: the zero is the mean of a(t)."""
+
+    def A(t):
+        out = np.zeros((len(t), 2, 2))
+        out[:, 0, 0], out[:, 0, 1] = np.where(np.mod(t, 2.0) < 0.7, 1.0, -0.3), np.cos(np.pi * t)
+        out[:, 1] = [1.0, -2.0]
+        return out
+
+    found = fl.invariant_zeros(fl.PeriodicSystem(A, 2.0, [[0.0], [1.0]]), [[0.0, 1.0]])
+    assert abs(found.exponents.item() - (0.7 - 0.3 * 1.3) / 2) <= found.errors.item() < 1e-8
+    assert found.verdict == "non-minimum phase"
+
+
+def test_what_has_no_zeros_is_refused():
+    system = fl.PeriodicSystem([[0.0, 1.0], [-1.0, -1.0]], 1.0, B=[[0.0], [1.0]])
+    with pytest.raises(ArgumentError, match="outputs as inputs"):
+        fl.invariant_zeros(system, np.eye(2))
+    with pytest.raises(ArgumentError, match="no input"):
+        fl.invariant_zeros(fl.PeriodicSystem([[0.1]], 1.0), [[1.0]])
+    with pytest.raises(NumericalError, match="does not reach"):
+        fl.invariant_zeros(fl.PeriodicSystem(np.diag([-1.0, -2.0]), 1.0, B=[[1.0], [0.0]]), [[0.0, 1.0]])
+    with pytest.raises(NumericalError, match="same derivatives"):
+        fl.invariant_zeros(system, lambda t: np.stack([np.ones_like(t), np.cos(2 * np.pi * t)], axis=1)[:, None])
+    feedthrough = fl.invariant_zeros(system, [[1.0, 0.0]], [[1.0]])  # A - B C
+    np.testing.assert_allclose(np.sort_complex(feedthrough.exponents), np.roots([1, 1, 2])[::-1], atol=1e-9)

@@ -1,0 +1,137 @@
+"""What no arm can have is refused alike wherever it comes in: TOML, URDF, CSV, JSON, --set, quantities with units, ranges of a chart."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import flexlin as fl
+from flexlin.bounds import LARGEST, LONGEST_NUMBER, read_number
+from flexlin.cli import main
+from tests.torture.bases import sampled_cycle
+from tests.torture.lone_files import ROBOT
+
+SCENE = """
+schema = 1
+title = "a strip"
+[[links]]
+length = 1.0
+mass_per_length = {number}
+[motion]
+kind = "table"
+file = "cycle.csv"
+"""
+
+
+def of_toml(folder: Path, number: str) -> list[str]:
+    return ["check", put(folder, SCENE.format(number=number))]
+
+
+def of_table(folder: Path, number: str) -> list[str]:
+    put(folder, SCENE.format(number=0.2))
+    (folder / "cycle.csv").write_text(sampled_cycle().replace("0.0,0.0\n", f"0.0,{number}\n", 1))
+    return ["check", str(folder / "scene.toml")]
+
+
+def of_first_row(folder: Path, number: str) -> list[str]:
+    """Which is no line of names where it holds a number."""
+    put(folder, SCENE.format(number=0.2))
+    (folder / "cycle.csv").write_text(sampled_cycle().replace("t,q1\n0.0,0.0\n", f"0.0,{number}\n", 1))
+    return ["check", str(folder / "scene.toml")]
+
+
+def of_robot(folder: Path, number: str) -> list[str]:
+    (folder / "robot.urdf").write_text(ROBOT.format(mass=number))
+    return ["import", str(folder / "robot.urdf"), "--out", str(folder / "robot.toml")]
+
+
+def of_set(folder: Path, number: str) -> list[str]:
+    return ["check", "single-link", "--set", f"effects.payload.mass={number}"]
+
+
+def of_json(folder: Path, number: str) -> list[str]:
+    """A scene as JSON says it, which is TOML where a value stands on one line."""
+    whole = json.dumps({"mass": 0.03}).replace("0.03", number).replace(":", "=").replace('"', "")
+    return ["check", "single-link", "--set", f"effects.payload={whole}"]
+
+
+def of_quantity(folder: Path, number: str) -> list[str]:
+    return ["respond", "single-link", "--push", f"tip {number} N 20 ms", "--out", str(folder / "out")]
+
+
+def of_range(folder: Path, number: str) -> list[str]:
+    return ["chart", "single-link", "--over", f"motion.frequency=0.5:{number}", "--out", str(folder / "out")]
+
+
+DOORS = [of_toml, of_table, of_first_row, of_robot, of_set, of_json, of_quantity, of_range]
+NUMBERS = {
+    "digits": "9" * 5000,
+    "decimals": "0." + "1" * 5000,
+    "exponent": "1e999",
+    "an endless exponent": "1e" + "9" * 500,
+    "beyond an arm's": "1e31",
+    "below": "-1e31",
+    "no number": "nan",
+    "infinite": "inf",
+}
+
+
+def put(folder: Path, text: str) -> str:
+    """A scene with a table of its motion beside it."""
+    (folder / "cycle.csv").write_text(sampled_cycle())
+    path = folder / "scene.toml"
+    path.write_text(text)
+    return str(path)
+
+
+@pytest.mark.parametrize("number", NUMBERS.values(), ids=NUMBERS)
+@pytest.mark.parametrize("door", DOORS)
+def test_no_door_lets_it_in(
+    door: Callable[[Path, str], list[str]], number: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    try:
+        code = main(door(tmp_path, number))
+    except SystemExit as end:  # from the reader of the command line
+        code = end.code
+    said = capsys.readouterr().err
+    assert code == 2
+    assert len(said) < 2000
+    assert "fault" not in said
+
+
+@pytest.mark.parametrize("door", DOORS[:6])
+def test_what_an_arm_can_have_is_let_in(door: Callable[[Path, str], list[str]], tmp_path: Path) -> None:
+    assert main(door(tmp_path, "0.0" if door in (of_table, of_first_row) else "0.25")) == 0
+
+
+@pytest.mark.parametrize("wrong", ["", "x", "1" * (LONGEST_NUMBER + 1), "1e31", "nan", "-inf", "1,5"])
+def test_read_number_refuses(wrong: str) -> None:
+    with pytest.raises(ValueError, match=r"a number from -1e\+30 to 1e\+30"):
+        read_number(wrong)
+
+
+def test_read_number_reads_to_its_bounds() -> None:
+    assert [read_number(text) for text in (" 1e30", "-1E30 ", ".5", "0" * (LONGEST_NUMBER - 1) + "7")] == [
+        LARGEST,
+        -LARGEST,
+        0.5,
+        7.0,
+    ]
+
+
+def test_tables_in_tables_are_refused_at_every_door(tmp_path: Path) -> None:
+    deep: object = 1.0
+    for _ in range(2000):
+        deep = {"a": [deep]}
+    raw = {"schema": 1, "title": "deep", "links": deep}
+    text = 'schema = 1\ntitle = "deep"\nlinks = ' + "[" * 2000 + "]" * 2000
+    for read in (
+        lambda: fl.parse_scene(raw),
+        lambda: fl.load_scene("single-link", {"links": deep}),
+        lambda: fl.load_scene(put(tmp_path, text)),
+        lambda: fl.load_scene("single-link", {".".join(["links"] * 2000): 1.0}),
+    ):
+        with pytest.raises(fl.errors.SceneError, match="at most 32 tables and lists in each other"):
+            read()
+    assert main(["check", "single-link", "--set", "links=" + "[" * 2000 + "]" * 2000]) == 2

@@ -1,0 +1,93 @@
+"""Natural frequencies with the joints held, and quasi-static bending, against closed forms."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.answers import examine
+from flexlin.cli import main
+
+from .mechanics.scenes import scene_of
+
+UNIT = {"length": 1.0, "mass_per_length": 1.0, "bending_stiffness": 1.0, "modes": 6}
+
+
+def examined(*links, effects=None, **motion):
+    joints = [{"mean": 0.0, "amplitude": 0.0, **motion} for _ in links]
+    scene = scene_of(*links, effects=effects).model_copy()
+    raw = scene.model_dump(mode="json", by_alias=True, exclude_unset=True)
+    raw["motion"] = {"kind": "harmonic", "frequency": 0.01, "joints": joints}
+    scene = fl.parse_scene(raw)
+    plant = fl.linearize(fl.build_manipulator(scene), scene.motion)
+    return examine(plant, np.array([link.length for link in scene.links]))
+
+
+def test_a_cantilever_with_its_own_mass_at_the_tip():
+    """beta l = 1.24792, 4.03114 for a tip mass of the beam's own; the joint is held although a torque drives it."""
+    rest = examined({**UNIT, "mode_shapes": "clamped-loaded"}, effects={"payload": {"mass": 1.0}})
+    assert 2 * np.pi * rest.frequencies[:2] == pytest.approx([1.24792**2, 4.03114**2], rel=1e-5)
+    assert not rest.gives_way
+
+
+def test_bending_under_gravity_and_along_a_motion():
+    """w = rhoA g l^4 / (8 EI) where the link lies level; turned at q'' = -a W^2 it bends by 11/120 rhoA q'' l^5 / EI more."""
+    gravity = {"gravity": {"acceleration": 0.08}}
+    still = examined(UNIT, effects=gravity)
+    assert still.bending.at_rest[0] == pytest.approx(0.01, rel=1e-3)
+    assert still.bending.moving[0] == pytest.approx(0.01, rel=1e-3)
+    swung = examined(UNIT, effects={}, amplitude=0.5)
+    assert swung.bending.at_rest[0] == 0
+    assert swung.bending.moving[0] == pytest.approx(11 / 120 * 0.5 * (2 * np.pi * 0.01) ** 2, rel=1e-3)
+    assert still.bending.largest[0] == pytest.approx(0.01, rel=1e-3)
+
+
+def test_the_second_of_two_links_bends_by_itself():
+    """Each link's deflection is against its own base, whatever those before it do."""
+    two = examined({**UNIT, "bending_stiffness": 100.0}, UNIT, effects={"gravity": {"acceleration": 0.08}})
+    assert two.bending.at_rest[1] == pytest.approx(0.01, rel=2e-3)
+    assert two.bending.at_rest[0] == pytest.approx(0.01 * (1 / 8 + 1 / 3 + 1 / 4) * 8 / 100, rel=5e-3)
+
+
+def test_an_arm_that_buckles_or_has_nothing_to_bend():
+    pressed = {"geometric_stiffening": {}, "tip_force": {"force": [-2.6, 0.0, 0.0]}}
+    assert examined(UNIT, effects=pressed).gives_way
+    assert not examined(UNIT, effects={**pressed, "tip_force": {"force": [-2.4, 0.0, 0.0]}}).gives_way
+    follower = {"geometric_stiffening": {}, "tip_force": {"force": [-21.0, 0.0, 0.0], "frame": "tip"}}
+    assert examined(UNIT, effects=follower).gives_way
+    assert examined({**UNIT, "modes": 0}) is None
+
+
+def test_check_prints_sections_frequencies_and_what_bends_too_far(tmp_path, capsys):
+    path = tmp_path / "strip.toml"
+    path.write_text(
+        """schema = 1
+title = "A strip"
+motion = { kind = "harmonic", frequency = 0.1, joints = [{ amplitude = 0.3 }] }
+effects = { gravity = {} }
+[[links]]
+length = 1.0
+section = { width = "30 mm", thickness = "2 mm", material = "aluminium" }
+modes = 3
+"""
+    )
+    assert main(["check", str(path)]) == 0
+    said = capsys.readouterr().out
+    assert (
+        "link 1       0.1626 kg/m, EI in y 1.378 N m^2, EI in z 310.1 N m^2, GJ 1.956 N m^2, rho I_p 1.225e-05 kg m"
+        in said
+    )
+    assert "at rest      1.629, 10.21, 28.59 Hz, its joints held where the motion begins" in said
+    assert "link 1       bends by 0.145 m under gravity" in said
+    assert "stiffen" not in said
+    assert main(["check", str(path), "--set", "links.0.section.thickness=1 mm"]) == 0
+    assert "58 % of its length: further than linear equations hold; stiffen the link" in capsys.readouterr().out
+
+
+def test_a_coordinate_without_a_spring_gives_way():
+    """An arm of one's own, whose mass slides along it freely."""
+    s, s_dot = ca.SX.sym("s", 2), ca.SX.sym("s_dot", 2)
+    T = (2 + (1 + s[1]) ** 2) * s_dot[0] ** 2 / 2 + s_dot[1] ** 2 / 2
+    arm = fl.Manipulator.from_lagrangian(s, s_dot, T, 9.81 * ca.sin(s[0]), B=ca.DM([1, 0]))
+    plant = fl.linearize(arm, scene_of({}).motion)
+    assert examine(plant, np.ones(1)).gives_way

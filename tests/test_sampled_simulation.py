@@ -1,0 +1,71 @@
+"""Sampled designs on the nonlinear arm: its own period map beside the multipliers, and what rounded readings and torques do to it."""
+
+import numpy as np
+import pytest
+
+import flexlin as fl
+from flexlin.errors import ArgumentError, SceneError
+from flexlin.periodic.sampled.hold import hold_plant
+from flexlin.simulation import Drive, simulate
+
+SAMPLES = 25
+CHANGES = {"links.0.modes": 1, "designs": [], "control.feedback": {"kind": "none"}}
+
+
+@pytest.fixture(scope="module")
+def arm():
+    scene = fl.load_scene("single-link", CHANGES)
+    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    system = lin.periodic_system()
+    return lin, fl.sampled_lqr(system, np.diag([9.0, 9.0, 0.1, 0.1]), 2.0, system.period / SAMPLES)
+
+
+def run(arm, initial, **steps):
+    lin, made = arm
+    drive = Drive(sample_time=made.sample_time, **steps)
+    law = lin.law.with_gain(made.gain)
+    return simulate(lin, 1.0, initial, tol=1e-8, points_per_period=SAMPLES, drive=drive, law=law)
+
+
+@pytest.mark.slow
+def test_the_nonlinear_period_map_has_the_multipliers_of_the_design(arm):
+    step = 1e-4
+    still, *moved = (run(arm, x).nonlinear[-1] for x in (np.zeros(4), *(step * np.eye(4))))
+    found = np.linalg.eigvals((np.array(moved) - still).T / step)
+    rates, known = (np.sort(np.log(np.abs(one)))[:0:-1] for one in (found, arm[1].floquet().multipliers))
+    np.testing.assert_allclose(rates, known, rtol=0.01)
+
+
+@pytest.mark.slow
+def test_rounding_moves_the_arm_no_further_than_its_loop_lets_it(arm):
+    """|x_k| <= sum over j of |Phi_kj G_j| (|K_j| e / 2 + s / 2) for steps e of the encoder and s of the torque."""
+    made = arm[1]
+    encoder, torque = 2e-3, 5e-3
+    plant = hold_plant(made.system, SAMPLES, 1, 0.0, 1e-10, 6)
+    bound, maps = np.zeros(4), []
+    for F, G, K in zip(plant.F, plant.G, made.K, strict=True):
+        maps = [(F - G @ K) @ one for one in maps] + [G]
+        wide = np.abs(K[:, :1]) * encoder / 2 + torque / 2  # the encoder reads the joint alone
+        bound = sum(np.abs(one) @ np.full(1, wide.max()) for one in maps)
+    exact = run(arm, np.zeros(4))
+    rounded = run(arm, np.zeros(4), encoders=(encoder,), steps=(torque,))
+    apart = np.abs(rounded.nonlinear - exact.nonlinear)[-1]
+    assert np.all(apart <= 1.05 * bound)
+    assert apart.max() > 1e-6
+    np.testing.assert_allclose(rounded.torque / torque, np.round(rounded.torque / torque), atol=1e-9)
+
+
+def test_steps_need_samples_and_one_number_a_motor(arm):
+    with pytest.raises(ArgumentError, match="where a device samples"):
+        Drive(encoders=(1e-3,))
+    with pytest.raises(ArgumentError, match="encoders do not fit"):
+        run(arm, np.zeros(4), encoders=(1e-3, 1e-3))
+    with pytest.raises(SceneError, match="one for each torque-driven joint"):
+        fl.load_scene("single-link", {"control.sampling": {"period": 0.01, "encoders": [1e-3, 1e-3]}})
+    scene = fl.load_scene("single-link", {**CHANGES, "control.sampling": {"period": 0.01, "torque": [1e-2]}})
+    lin = fl.linearize(fl.build_manipulator(scene), scene.motion, scene.control)
+    found = simulate(lin, 0.05, tol=1e-4).torque
+    np.testing.assert_allclose(found / 1e-2, np.round(found / 1e-2), atol=1e-9)
+    delayed = fl.sampled_lqr(arm[1].system, np.eye(4), 1.0, arm[1].sample_time, arm[1].sample_time / 2)
+    with pytest.raises(ArgumentError, match="held before"):
+        _ = delayed.law
