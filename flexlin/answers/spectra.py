@@ -10,7 +10,7 @@ from flexlin.about.family import PeriodicFamily
 from flexlin.about.free import ParametricLoop, loop_of
 from flexlin.about.linearization import Linearization
 from flexlin.answers.loops import choose_loop
-from flexlin.answers.sweep.found import check_axes
+from flexlin.answers.sweep.job import check_axes
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, FlexlinError, TimeLimit
 from flexlin.lazy import lazy

@@ -34,7 +34,7 @@ __getattr__, __dir__, __all__ = load_lazily(
         "periodic.grid": "place_edges",
         "periodic.many.kernel": "find_gains Kernel MULTIPLES SIZES take_phases",
         "periodic.margins": "Margins",
-        "periodic.norms.hinf": "find_direct_gain",
+        "periodic.norms.hinf": "find_largest_gain",
         "periodic.product.cyclic": "cyclic_system",
         "periodic.product.perturbation": "separate_triangular",
         "periodic.product.spectrum": "find_spectrum product_logs Unknown",

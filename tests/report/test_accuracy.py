@@ -111,7 +111,7 @@ def test_an_own_loop_without_verdict_leaves_the_rest(
 
     monkeypatch.setattr("flexlin.answers.judging.floquet", refuse)
     options = ["--set", *SMALL, DESIGN, "--out", str(tmp_path)]
-    assert main(["report", "single-link", *options]) == 0
+    assert main(["report", "single-link", *options]) == 4
     assert main(["report", "single-link", *options, "--require", "stable"]) == 3
     data, page = json.loads((tmp_path / "report.json").read_text()), (tmp_path / "report.html").read_text()
     assert data["floquet"] == {**data["floquet"], "verdict": "failed", "status": "this needs 10^9 segments"}

@@ -9,8 +9,10 @@ import pytest
 @pytest.mark.parametrize(
     "part", ["check", "commands", "whole", "inputs", "kills", "files", "disks", "writers", "memory", "misuse"]
 )
-def test_torture(part, study, pictures, tmp_path):
+def test_torture(part, study, pictures, tmp_path, monkeypatch):
     module = study("torture")
+    monkeypatch.setattr("tests.torture.whole_commands.SECONDS", 6.0)  # how punctual they are, the study measures
+    monkeypatch.setattr("tests.torture.whole_commands.LATEST", 20.0)
     found = module.main("small", tmp_path, (part,), number=7)["rows"]
     if part == "disks" and not found:
         pytest.skip("this user may not mount a disk; tests/files/test_full_disk.py limits the size of files instead")

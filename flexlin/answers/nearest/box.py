@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from flexlin.answers.spectra import Family, Source, make_family
-from flexlin.answers.sweep.found import check_axes
+from flexlin.answers.sweep.job import check_axes
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, InputError
 from flexlin.lazy import lazy

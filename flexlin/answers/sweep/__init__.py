@@ -5,7 +5,8 @@ from flexlin.lazy import load_lazily
 __getattr__, __dir__, __all__ = load_lazily(
     __name__,
     {
-        "answers.sweep.found": "check_values worst_error",
+        "answers.sweep.found": "worst_error",
+        "answers.sweep.job": "check_values",
         "answers.sweep.run": "sweep",
     },
 )

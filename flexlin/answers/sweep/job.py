@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import product
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -12,10 +13,13 @@ from numpy.typing import ArrayLike
 from flexlin.about.family import PeriodicFamily
 from flexlin.about.free import ParametricLoop
 from flexlin.answers.loops import AnyLoop, choose_loop
-from flexlin.answers.sweep.found import MISSING, Found, build_dataset, check_axes, check_values, lay_out
+from flexlin.answers.sweep.found import MISSING, Found, build_dataset
 from flexlin.answers.sweep.together import Together
-from flexlin.checks import Array, positive, real_array
+from flexlin.checks import Array, check_size, positive, real_array
+from flexlin.errors import ArgumentError
 from flexlin.progress import advance, part
+from flexlin.scene.parameters import get_value
+from flexlin.scene.revised import raw_tables, revise_scene
 from flexlin.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -24,6 +28,10 @@ if TYPE_CHECKING:
 
 DESIGN_TOL = 1e-9
 """Gains of designs are at least as accurate as this."""
+MOST_CHECKED = 10
+"""Values of a path that are checked one by one; of more, both ends, the one nearest to zero, and so many in between."""
+MOST_CORNERS = 6
+"""Paths of a grid whose corners are checked together."""
 
 
 class Work(Protocol):
@@ -126,6 +134,51 @@ def prepare_job(
     found.verdict[:], found.reason[:] = MISSING, "not computed"
     work = choose_work(chosen, points, tol)
     return Job(scene, axes, shape, dims, loop, tol, points, work, found, np.zeros(len(points), dtype=bool))
+
+
+def lay_out(axes: dict[str, Array], grid: bool) -> tuple[Array, tuple[int, ...], tuple[str, ...]]:
+    """All points (V, P), the shape of the result and the names of its dimensions."""
+    lengths = tuple(len(axis) for axis in axes.values())
+    if not axes or 0 in lengths:
+        raise ArgumentError("there is nothing to sweep", got=str(lengths), expected="at least one path with values")
+    if grid:
+        mesh = np.meshgrid(*axes.values(), indexing="ij")
+        return np.stack([axis.ravel() for axis in mesh], axis=1), lengths, tuple(axes)
+    if len(set(lengths)) > 1:
+        raise ArgumentError(
+            "the paths have different numbers of values", got=str(lengths), expected="one number, or grid=True"
+        )
+    return np.stack(list(axes.values()), axis=1), lengths[:1], ("value",)
+
+
+def check_axes(scene: Scene, axes: dict[str, Array], grid: bool) -> None:
+    """Refuse values that the scene's schema refuses, each path by itself and the corners of a grid together, before any computation.
+
+    Raises: SceneError with the key.
+    """
+    raw = raw_tables(scene)
+    for path, values in axes.items():
+        get_value(scene, path)
+        for value in pick_values(values):
+            revise_scene(scene, {path: value}, raw)
+    if grid and 1 < len(axes) <= MOST_CORNERS:
+        for corner in product(*[(axis.min(), axis.max()) for axis in axes.values()]):
+            revise_scene(scene, dict(zip(axes, map(float, corner), strict=True)), raw)
+
+
+def pick_values(values: Array) -> list[float]:
+    """All values of a path, or of many those that an interval, perhaps without zero, would refuse first."""
+    distinct = np.unique(values)
+    if len(distinct) <= MOST_CHECKED:
+        return list(map(float, distinct))
+    away = distinct[distinct != 0]
+    few = distinct[np.linspace(0, len(distinct) - 1, MOST_CHECKED).round().astype(int)]
+    return [float(away[np.abs(away).argmin()]), *map(float, few)]
+
+
+def check_values(count: int, states: int = 2) -> None:
+    """Refuse a sweep of too many values before anything is allocated for them."""
+    check_size(f"a sweep of {count} values", count * (16 * states + 60), "ask for fewer values")
 
 
 def choose_work(source: AnyLoop | PeriodicFamily, points: Array, tol: float) -> Work:

@@ -10,7 +10,7 @@ from flexlin.checks import Array
 
 ARMIJO, WOLFE = 1e-4, 0.5
 """Share of the linear decrease that a step must reach, and of the slope that it may leave."""
-BISECTIONS = 30
+BISECTIONS = 10
 PATIENCE = 5
 """Steps over which too small a decrease ends the search."""
 
@@ -124,8 +124,8 @@ DIFFERENCE = 0.02
 """Step of differences by x, in mu per growth rate."""
 SCREENED, GRID = 40, 3
 """Gains that are tried roughly before the best of them are starts, and scenarios of an axis at first."""
-FINE, RANDOM = 7, 200
-"""Scenarios of an axis, and quasi-random ones, of the verification."""
+FINE, RANDOM = {1: 129, 2: 33, 3: 9}, 200
+"""Scenarios of an axis by the number of axes, and quasi-random ones, of the verification: a narrow parametric resonance lies at an edge."""
 ALONE = 8
 """How many fewer where scenarios are computed one by one."""
 ROUNDS, WORSE, ADDED = 6, 1e-3, 3
@@ -138,7 +138,8 @@ def search(problem: Worst, own: Array, ranges: Array, starts: int, steps: int, s
     Returns: the gains, and the finer set of scenarios; where time gives out the best gains so far, and as many scenarios as it does for.
     """
     drawn_scenarios = RANDOM if problem.batched else RANDOM // ALONE
-    fine = np.concatenate([lay_scenarios(ranges, FINE), draw_scenarios(ranges, drawn_scenarios, seed + 2)])
+    each = FINE.get(len(ranges), 0) if problem.batched else 7
+    fine = np.concatenate([lay_scenarios(ranges, each), draw_scenarios(ranges, drawn_scenarios, seed + 2)])
     try:
         return minimise(problem, own, ranges, starts, steps, seed, fine), fine
     except OutOfTimeError:
@@ -161,13 +162,16 @@ def minimise(problem: Worst, own: Array, ranges: Array, starts: int, steps: int,
     growth, x = min(raced, key=lambda one: one[0])
     if len(chosen) > 1:
         growth, x = follow_levels(problem, x, steps, levels[RACED:])
+    seen = [x for _, x in raced]
     for _ in range(ROUNDS):
         growths = problem.growths(problem.gains(x), fine)
         if growths.max() <= growth + WORSE * abs(growth):
             break
+        seen.append(x)
         problem.scenarios = np.concatenate([problem.scenarios, fine[np.argsort(-growths)[:ADDED]]])
         problem.ever = np.inf, x
-        growth, x = follow_levels(problem, x, steps, levels[RACED:])
+        x = min((*seen, *drawn), key=lambda one: float(problem.growths(problem.gains(one)).max()))
+        growth, x = follow_levels(problem, x, steps, levels[RACED:] if x is seen[-1] else levels)
     return problem.gains(x)
 
 

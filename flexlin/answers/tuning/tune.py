@@ -133,7 +133,7 @@ def tune(
     ArgumentError
         For paths that lead to no free number, and limits that are none.
     NotStable
-        When no gains within the limits are stable in all scenarios.
+        When the search found no gains that are stable in all scenarios.
 
     References
     ----------
@@ -233,7 +233,7 @@ def report_tuning(
         scenario = dict(zip(vary, map(float, every[k]), strict=True))
         if result.verdict != "stable":
             raise NotStable(
-                "no gains within the limits are stable in all scenarios", got=f"{result.verdict} at {scenario}",
+                "the search found no gains that are stable in all scenarios", got=f"{result.verdict} at {scenario}",
                 expected="gains that hold everywhere", todo="widen the limits, or narrow the scenarios",
             )  # fmt: skip
         for exponent, error in zip(result.exponents, result.errors, strict=True):

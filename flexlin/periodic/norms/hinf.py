@@ -206,7 +206,7 @@ def hinf_norm(
     >>> print(f"{fl.hinf_norm(system, [[1.0, 0.0]]).value:.6f} {1 / (0.2 * 0.99**0.5):.6f}")
     5.025189 5.025189
     """
-    B, output = check_ports(system, C)
+    _, output = check_ports(system, C)
     tol = positive("tol", tol)
     rows = check_samples("C", output, system.period).shape[1]
     through = as_matrix_function("D", np.zeros((rows, system.m)) if D is None else D)
@@ -223,15 +223,11 @@ def hinf_norm(
         for one in (output, through)
     )
     problem = BoundedReal(system, system.resolved_input, *known)
-    t = np.linspace(0.0, system.period, 1025)[:-1]
-    return bracket_norm(problem, float(np.abs(B(t)).max() * np.abs(output(t)).max()), tol)
+    return bracket_norm(problem, find_largest_gain(problem.B) * find_largest_gain(problem.C), tol)
 
 
-def find_direct_gain(D: ResolvedMatrix) -> float:
-    """The largest singular value of D(t), sought in every panel and then about the largest that was seen, closer and closer.
-
-    No level below it has a Hamiltonian system.
-    """
+def find_largest_gain(D: ResolvedMatrix) -> float:
+    """The largest singular value of D(t), sought in every panel and then about the largest that was seen, closer and closer."""
     if D.constant:
         return float(np.linalg.norm(D.mean(), 2))
     edges = np.union1d(D.edges, np.linspace(0.0, D.period, 65))
@@ -251,7 +247,7 @@ def bracket_norm(problem: BoundedReal, size: float, tol: float) -> HinfNorm:
     tried. The feedthrough's own gain is the least level. The first and the last level above are proved by their X.
     Raises: ToleranceNotReached when no level exceeds the norm.
     """
-    direct = find_direct_gain(problem.D)
+    direct = find_largest_gain(problem.D)  # no level below it has a Hamiltonian system
     if size == 0:
         return HinfNorm(direct, tol * direct, 0.0)
     rate = max(float(np.linalg.norm(problem.system.resolved.mean(), 2)), 1 / problem.system.period)

@@ -9,7 +9,7 @@ from scipy.optimize import minimize_scalar
 import flexlin as fl
 from flexlin import linearize
 from flexlin.errors import ArgumentError, NotStable
-from flexlin.periodic import find_direct_gain, resolve
+from flexlin.periodic import find_largest_gain, resolve
 from tests.thinned import thin
 
 A0, B0, C0 = np.array([[-1.0, -0.5], [-3.0, -5.0]]), np.array([[3.0], [1.0]]), np.array([[1.0, 2.0]])
@@ -153,7 +153,7 @@ def narrow_feedthrough(t):
 
 
 def test_the_peak_of_a_narrow_feedthrough_is_found():
-    assert find_direct_gain(resolve(narrow_feedthrough, 1.0)) == pytest.approx(6.0, rel=1e-12)
+    assert find_largest_gain(resolve(narrow_feedthrough, 1.0)) == pytest.approx(6.0, rel=1e-12)
 
 
 @pytest.mark.slow
