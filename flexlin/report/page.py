@@ -62,7 +62,7 @@ def fill_page(analysis: Analysis, data: dict[str, Any], pictures: list[Picture],
         pictures=pictures,
         dimensionless=is_dimensionless(),
         constants=list_constants(analysis),
-        parameters=list_inputs(data["scene"], data["effects"]["units"]),
+        inputs=list_inputs(data["scene"], data["effects"]["units"]),
         effects=data["effects"],
         versions=data["versions"],
         command=command,
@@ -209,15 +209,18 @@ def list_constants(a: Analysis) -> list[tuple[str, str, str]]:
     return found
 
 
-def list_inputs(scene: dict[str, Any], units: dict[str, dict[str, str]]) -> list[tuple[str, str, str]]:
-    """Every value of the scene by its dotted path, with the unit where an effect states one."""
+def list_inputs(scene: dict[str, Any], units: dict[str, dict[str, str]]) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Each table of the scene by its dotted path, with its keys and values, and the unit where an effect states one."""
     stated = {f"effects.{name}.{key}": unit for name, keys in units.items() for key, unit in keys.items()}
-    found = flatten_table({key: value for key, value in scene.items() if key not in ("title", "source")})
-    return [(path, value, stated.get(path, "")) for path, value in found]
+    tables: dict[str, list[tuple[str, str]]] = {}
+    for path, value in flatten_table({key: value for key, value in scene.items() if key not in ("title", "source")}):
+        table, _, key = path.rpartition(".")
+        tables.setdefault(table or "scene", []).append((key, f"{value} {stated.get(path, '')}".strip()))
+    return list(tables.items())
 
 
 def flatten_table(node: Any, path: str = "") -> list[tuple[str, str]]:
-    """Every value below a table by its dotted path; a list of numbers is one value."""
+    """Every value below a table by its dotted path; a list of numbers is one value, and rounding does not show."""
     if node in ([], {}):
         return []
     if isinstance(node, dict):
@@ -225,5 +228,6 @@ def flatten_table(node: Any, path: str = "") -> list[tuple[str, str]]:
     elif isinstance(node, list) and any(isinstance(child, dict) for child in node):
         children = list(enumerate(node))
     else:
-        return [(path, ", ".join(map(str, node)) if isinstance(node, list) else str(node))]
+        values = node if isinstance(node, list) else [node]
+        return [(path, ", ".join(f"{one:.12g}" if isinstance(one, float) else str(one) for one in values))]
     return [leaf for name, child in children for leaf in flatten_table(child, f"{path}.{name}" if path else str(name))]

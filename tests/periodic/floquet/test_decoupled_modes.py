@@ -119,7 +119,7 @@ def test_modes_that_coincide_are_right_or_left_to_others(apart, coupling):
     exponents = decoupled_exponents(decoupled).exponents
     modes = solve_decoupled_modes(decoupled, exponents)
     if modes is None:
-        assert apart == coupling == 0.0
+        assert coupling or not apart  # what is neither coupled nor alike is solved
     else:
         assert miss(modes[0], A(decoupled.times), exponents, 2 * np.pi).max() < 1e-12
 
