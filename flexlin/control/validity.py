@@ -67,23 +67,22 @@ class Validity:
     @property
     def status(self) -> str:
         """What the smallest amplitude means."""
-        worst, percent = int(np.argmin(self.amplitudes)), f"{100 * self.share:g} % of the linear ones"
+        worst, percent = int(np.argmin(self.amplitudes)), f"{100 * self.share:g} % of what it keeps"
         smallest, at = self.amplitudes[worst], self.leading[worst]
         where = f"{at.unit} in {at.name}"
         if not np.isfinite(smallest):
             return (
-                f"along the slowest modes the nonlinear terms stay below {percent} for deflections up to {LARGEST:g} {where}, "
-                "the largest tried"
+                f"the linear model serves for disturbances of up to {LARGEST:g} {where}, the largest tried: along the slowest modes "
+                f"what it leaves out stays below {percent}"
             )
         if smallest == 0.0:
             return (
-                f"the nonlinear terms exceed {percent} already at deflections of {SMALLEST:g} {where} along the slowest modes: "
-                "the linear model holds nowhere here; trust the nonlinear simulation, or smooth what is abrupt (Coulomb friction)"
+                f"what the linear model leaves out exceeds {percent} already at deflections of {SMALLEST:g} {where}: "
+                "it holds nowhere here; trust the nonlinear simulation, or smooth what is abrupt (Coulomb friction)"
             )
         return (
-            f"deflections below {smallest:.3g} ± {self.errors[worst]:.0e} {where} along the slowest modes keep the nonlinear terms "
-            f"below {percent}; "
-            "a disturbance that is larger is a matter for the nonlinear simulation"
+            f"the linear model serves for disturbances of up to {smallest:.3g} ± {self.errors[worst]:.0e} {where}, where along the slowest "
+            f"modes what it leaves out reaches {percent}; simulate larger ones"
         )
 
 

@@ -12,6 +12,8 @@ from flexlin.svg.scales import Linear, Scale
 
 WIDTH = 760.0
 """Units of the drawing's width; the page scales it to its column."""
+NARROW, ABREAST = 380.0, 520.0
+"""The same for the screen of a phone, and how wide in units of a page are the panels that stand side by side there."""
 GAP, TITLE, LEGEND, TICK, LABEL = 16.0, 20.0, 16.0, 15.0, 15.0
 KEY, DOT, BETWEEN, RIGHT, ROUGH_MARGIN = 22.0, 16.0, 14.0, 19.0, 56.0
 
@@ -52,30 +54,50 @@ class Fitted:
     margin: float
 
 
-def draw(rows: Sequence[Row], description: str, legend: Sequence[Mark] = ()) -> str:
+def draw(rows: Sequence[Row], description: str, legend: Sequence[Mark] = (), narrow: bool = False) -> str:
     """Lay out rows of panels from the top down; returns one svg element, `legend` above all panels."""
-    parts, top = draw_legend(legend, 4.0, 12.0, WIDTH - 8.0), 4.0 + LEGEND * count_lines(legend, WIDTH - 8.0)
+    width, rows = (NARROW, stack(rows)) if narrow else (WIDTH, rows)
+    parts, top = draw_legend(legend, 4.0, 12.0, width - 8.0), 4.0 + LEGEND * count_lines(legend, width - 8.0)
     grid = [
-        [fit(panel, width, row.height) for panel, width in zip(row.panels, measure_widths(row), strict=False)]
+        [fit(panel, room, row.height) for panel, room in zip(row.panels, measure_widths(row, width), strict=False)]
         for row in rows
     ]
     for row, fitted in zip(rows, grid, strict=True):
         margins = [
             max(other[k].margin for other in grid if share_columns(other, fitted, k)) for k in range(len(fitted))
         ]
-        drawn, top = draw_row(row, fitted, margins, top)
+        drawn, top = draw_row(row, fitted, margins, top, measure_widths(row, width))
         parts += drawn
     body = "\n".join(parts)
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:.0f} {top:.0f}" role="img" aria-label="{escape(description)}" '
+        f'<svg xmlns="http://www.w3.org/2000/svg" class="{"narrow" if narrow else "broad"}" viewBox="0 0 {width:.0f} {top:.0f}" '
+        f'role="img" aria-label="{escape(description)}" '
         f'style="font-size:{FONT}px;fill:var(--ink)">\n{body}\n</svg>'
     )
 
 
-def measure_widths(row: Row) -> list[float]:
+def stack(rows: Sequence[Row]) -> list[Row]:
+    """The same panels in rows for a narrow screen: as many side by side as leaves their words legible, in columns where all are alike."""
+    stacked = []
+    for row in rows:
+        widths, groups = measure_widths(row, WIDTH)[: len(row.panels)], list[list[int]]()
+        for k, width in enumerate(widths):
+            slight = 4 * width < max(widths)  # the bar of colours beside a map
+            if groups and (slight or sum(widths[i] for i in groups[-1]) + width <= ABREAST):
+                groups[-1].append(k)
+            else:
+                groups.append([k])
+        columns = max(map(len, groups), default=1) if len(set(widths)) == 1 else 0
+        for group in groups:
+            shares = [widths[k] for k in group] + [widths[0]] * (columns - len(group))
+            stacked.append(Row([row.panels[k] for k in group], row.height, shares))
+    return stacked
+
+
+def measure_widths(row: Row, width: float) -> list[float]:
     """The width of each cell of a row."""
     shares = np.array(row.shares or [1.0] * len(row.panels))
-    return [float(width) for width in (WIDTH - GAP * (len(shares) - 1)) * shares / shares.sum()]
+    return [float(one) for one in (width - GAP * (len(shares) - 1)) * shares / shares.sum()]
 
 
 def share_columns(one: list[Fitted], other: list[Fitted], k: int) -> bool:
@@ -96,9 +118,10 @@ def fit(panel: Panel, width: float, height: float) -> Fitted:
     return Fitted(panel, x, y, y_ticks, max(margin, ROUGH_MARGIN) if panel.equal else margin)
 
 
-def draw_row(row: Row, fitted: list[Fitted], margins: list[float], top: float) -> tuple[list[str], float]:
+def draw_row(
+    row: Row, fitted: list[Fitted], margins: list[float], top: float, widths: list[float]
+) -> tuple[list[str], float]:
     """Draw one row; returns its elements and where the next row begins."""
-    widths = measure_widths(row)
     rooms = [width - margin for width, margin in zip(widths, margins, strict=False)]
     lines = max(count_lines(panel.legend, room) for panel, room in zip(row.panels, rooms, strict=False))
     head = (TITLE if any(panel.title for panel in row.panels) else 6.0) + LEGEND * lines
@@ -168,11 +191,12 @@ def draw_mark(mark: Mark, box: Box, x: Scale, y: Scale) -> str:
     across, up = box.x(x, mark.x), box.y(y, mark.y)
     if mark.kind == "hatch":
         lines = f'<path d="M0,6L6,0" style="{mark.style};stroke-width:1"/>'
+        name = f"hatch{box.width:.0f}"
         pattern = (
-            f'<defs><pattern id="hatch" width="6" height="6" patternUnits="userSpaceOnUse">{lines}</pattern></defs>'
+            f'<defs><pattern id="{name}" width="6" height="6" patternUnits="userSpaceOnUse">{lines}</pattern></defs>'
         )
         shape = draw_rectangles(across.reshape(2, -1), up.reshape(2, -1))
-        return f'{pattern}<path d="{shape}" style="fill:url(#hatch);stroke:none"/>'
+        return f'{pattern}<path d="{shape}" style="fill:url(#{name});stroke:none"/>'
     if mark.kind == "words":
         return write_text(*place_words(mark, box, float(across[0]), float(up[0])), mark.texts[0], mark.style)
     if mark.kind == "cells":

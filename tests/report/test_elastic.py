@@ -24,4 +24,4 @@ def test_the_report_says_how_far_the_linear_equations_hold(single_link):
     assert single_link.linear_range.amplitudes.min() > 0
     block = record(single_link)["linear_range"]
     assert block["share"] == 0.1
-    assert any("nonlinear terms" in said for said in advise(single_link))
+    assert any("disturbances of up to" in said for said in advise(single_link))

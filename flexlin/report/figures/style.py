@@ -27,7 +27,10 @@ FOLDED_ROWS = 3
 
 @dataclass(frozen=True)
 class Picture:
-    """One figure of the page: its name, title, caption, its SVG element, and further elements that are folded, under a heading."""
+    """One figure of the page: its name, title, caption, its SVG element, and further elements that are folded, under a heading.
+
+    `narrow`: the same for the screen of a phone.
+    """
 
     name: str
     title: str
@@ -35,6 +38,7 @@ class Picture:
     svg: str
     folded: tuple[str, ...] = ()
     heading: str = ""
+    narrow: str = ""
 
 
 def make_picture(
@@ -47,8 +51,9 @@ def make_picture(
     heading: str = "",
 ) -> Picture:
     """Draw a figure: rows of panels below its legend, and further drawings that are folded under a heading."""
-    svg = draw(rows, title, legend) if rows else ""
-    return Picture(name, title, caption, svg, tuple(draw(part, title) for part in folded), heading)
+    svg, narrow = (draw(rows, title, legend, small) if rows else "" for small in (False, True))
+    more = tuple(draw(part, title) + draw(part, title, narrow=True) for part in folded)
+    return Picture(name, title, caption, svg, more, heading, narrow)
 
 
 def choose_views(dimension: int) -> tuple[tuple[int, int], ...]:
