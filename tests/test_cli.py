@@ -12,6 +12,7 @@ import xarray
 
 import flexlin as fl
 from flexlin.cli import main
+from flexlin.cli.commands import COMMANDS
 from flexlin.scene import builtin_scenes
 from tests.test_stability_boundary import distances
 
@@ -255,3 +256,12 @@ def test_no_command_loads_a_library_that_it_does_not_need(run_of_its_own: list[b
     assert any(b"periodic" in line and b"stable" in line for line in run_of_its_own)
     assert after_list == b"[]"
     assert after_report == b"[] 0"
+
+
+def test_completion_knows_every_command(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(["--print-completion", "bash"])
+    script = capsys.readouterr().out
+    assert end.value.code == 0
+    assert all(f"_shtab_flexlin_{name}_option_strings" in script for name in COMMANDS)
+    assert subprocess.run(["bash", "-n"], input=script, text=True, check=False).returncode == 0

@@ -21,7 +21,7 @@ from typing import Any, NoReturn
 from flexlin import __version__
 from flexlin.bounds import printable
 from flexlin.cli.commands import COMMANDS
-from flexlin.cli.options import OPTIONS
+from flexlin.cli.options import OPTIONS, parse_place
 from flexlin.cli.shared import BAD_INPUT, FAILED, NO_ANSWER
 from flexlin.cli.supervised import INTERRUPTED, NO_MEMORY, PASSED_ON, Channel, is_supervised, supervise, take_signals
 from flexlin.errors import FlexlinError, InputError, NumericalError, OutputError, SceneError, TooLarge
@@ -202,12 +202,38 @@ class Parser(argparse.ArgumentParser):
         super().error(printable(message, LONGEST))
 
 
+class PrintCompletion(argparse.Action):
+    """Print what a shell needs to complete commands, options and the names of files, and exit."""
+
+    def __call__(self, top: argparse.ArgumentParser, given: Any, shell: Any, option: str | None = None) -> None:
+        try:
+            import shtab
+        except ImportError:
+            top.error("completion needs shtab: pip install flexlin[completion]")
+        pending = [top]
+        while pending:
+            for action in pending.pop()._actions:
+                if isinstance(action, argparse._SubParsersAction):
+                    pending += action.choices.values()
+                elif action.dest in ("scene", "like", "robot") or action.type is parse_place:
+                    action.complete = shtab.FILE  # type: ignore[attr-defined]
+        print(shtab.complete(top, shell))
+        top.exit()
+
+
 def parser() -> argparse.ArgumentParser:
     """All commands and their options."""
     top = Parser(
         prog="flexlin", description="Linearization, Floquet stability and control of light robot arms whose links bend."
     )
     top.add_argument("--version", action="version", version=f"flexlin {__version__}")
+    top.add_argument(
+        "--print-completion",
+        action=PrintCompletion,
+        metavar="SHELL",
+        choices=("bash", "zsh", "tcsh"),
+        help="print the completion script of bash, zsh or tcsh",
+    )
     names = top.add_subparsers(metavar="COMMAND", dest="command", required=True)
     for name, module in COMMANDS.items():
         command = names.add_parser(name, help=module.PURPOSE, description=module.PURPOSE)
