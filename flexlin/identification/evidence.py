@@ -65,6 +65,12 @@ def weigh_evidence(problem: Problem, point: Point, paths: list[str]) -> Evidence
     return Evidence(known, every, whole, name_correlations(list(errors), C), unknown, limited, colour, coloured)
 
 
+def leave_unknown(problem: Problem, point: Point, paths: list[str]) -> Evidence:
+    """Of a point at which no search has settled: its numbers, without a word on their errors."""
+    errors, unsure = dict.fromkeys(paths, float("nan")), np.full((len(paths), len(paths)), np.nan)
+    return Evidence(tuple(paths), errors, unsure, {}, (), (), find_colour(problem, point)[0], False)
+
+
 def group_directions(members: Array) -> list[list[int]]:
     """Numbers that share a direction (columns), joined where two directions share a number."""
     groups: list[set[int]] = []

@@ -71,13 +71,14 @@ def solve(
     p: Array,
     iterations: int = 30,
     tol: float = 1e-6,
-    listen: Callable[[float], None] | None = None,
+    late: Callable[[], bool] = bool,
 ) -> Point:
-    """The least sum of squares that damped Gauss-Newton steps find from here; without shared numbers each window goes its own way."""
+    """The least sum of squares that damped Gauss-Newton steps find from here until it is late; without shared numbers each window goes
+    its own way."""
     point = problem.at(start, p)
     damping = np.full(len(start), 1e-3)
-    for k in range(iterations):
-        if not np.isfinite(point.costs).any():
+    for _ in range(iterations):
+        if late() or not np.isfinite(point.costs).any():
             break
         slopes = problem.slopes(point)
         gained = np.zeros(len(start))
@@ -87,10 +88,8 @@ def solve(
             better = gain > 0
             point, gained = choose(point, trial, better), np.where(better, gain, gained)
             damping = np.where(better, damping / 5, damping * 5)
-            if better.any():
+            if better.any() or late():
                 break
-        if listen is not None:
-            listen((k + 1) / iterations)
         if np.all(gained <= tol * together(problem, point.costs)):
             break
     return point

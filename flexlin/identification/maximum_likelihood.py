@@ -1,7 +1,7 @@
 """Numbers of a scene that make a log most likely, with their errors, and what the log cannot say."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,13 +10,14 @@ from flexlin.arguments import checked
 from flexlin.checks import Array, positive, whole
 from flexlin.errors import ArgumentError, NumericalError, SceneError
 from flexlin.identification.equations import Logged
-from flexlin.identification.evidence import Evidence, weigh_evidence
+from flexlin.identification.evidence import Evidence, leave_unknown, weigh_evidence
 from flexlin.identification.least_squares import Point, Problem, solve
 from flexlin.identification.log import Log
 from flexlin.identification.prediction import Prediction, deviations, find_starts, predict, prepare
 from flexlin.identification.windows import Windows
 from flexlin.plots.view import Series, Shown, View
 from flexlin.progress import part
+from flexlin.resources import Stopwatch
 from flexlin.scene.parameters import get_value, path_in
 from flexlin.scene.revised import raw_tables, revise_scene
 from flexlin.scene.scene import MOST, Scene
@@ -33,6 +34,8 @@ SETTLED = 0.02
 """Relative change of the noise below which it is known."""
 SCREENED = 4
 """Windows, and Gauss-Newton steps, by which starting values are compared."""
+SEARCHED = 0.6
+"""Share of the time after which no step is begun: one may take long, and so may the prediction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +47,7 @@ class Identification(Shown):
     scene : Scene
         With the fitted numbers, and two standard errors of each to both sides as its [uncertainty].
     values, errors : dict of str to float
-        The numbers that the log knows, and one standard error of each; not a number at a limit.
+        The numbers that the log knows, and one standard error of each; not a number at a limit, or where the search has not settled.
     unknown : tuple of tuple of str
         Numbers that it does not know: those of a group can change together without any reading's changing.
     covariance : array, shape (k, k)
@@ -59,6 +62,8 @@ class Identification(Shown):
         Correlation of neighbouring residuals of each column; the errors allow for it.
     prediction : Prediction
         Of the part that `fit` is about.
+    settled : bool
+        Whether the search ended before its time did.
     status : str
         What was found, and what to do.
 
@@ -80,6 +85,7 @@ class Identification(Shown):
     noise: dict[str, float]
     colour: dict[str, float]
     prediction: Prediction
+    settled: bool
     status: str
 
     __repr__ = represent
@@ -120,6 +126,7 @@ def identify(
     window: float = 2.0,
     hold_back: float = 0.0,
     starts: int = 3,
+    seconds: float | None = None,
 ) -> Identification:
     """Find numbers of a scene from a measured log by maximum likelihood.
 
@@ -144,6 +151,8 @@ def identify(
     starts : int
         Sets of values tried at the most: the scene's own, then, while a fifth of the readings stays unexplained, others
         within a factor of about two.
+    seconds : float
+        Time after which the most likely numbers so far are handed back, by default as long as it takes.
 
     Returns
     -------
@@ -176,15 +185,17 @@ def identify(
         raise ArgumentError("free numbers are named once each", got=", ".join(paths) or "none", expected="dotted paths")
     if not 0 <= hold_back < 0.9:
         raise ArgumentError("the share that is kept back does not fit", got=hold_back, expected="0 to 0.9")
+    watch, most = Stopwatch(), np.inf if seconds is None else SEARCHED * positive("seconds", seconds)
+    late = lambda: watch.clock >= most  # noqa: E731
     edge = log.time[-1] - hold_back * (log.time[-1] - log.time[0])
     fitted = log if hold_back == 0 else log.part(log.time[0], edge)
     low, high = find_limits(scene, paths)
     windows = Windows.of(fitted, positive("window", window))
     with part(0.0, 0.3):
-        values = choose_start(scene, fitted, windows, paths, (low, high), whole("starts", starts))
+        values = choose_start(scene, fitted, windows, paths, (low, high), whole("starts", starts), late)
     with part(0.3, 0.9):
-        found, point, problem = refine(scene, fitted, windows, paths, values, (low, high))
-    evidence = weigh_evidence(problem, point, paths)
+        found, point, problem, settled = refine(scene, fitted, windows, paths, values, (low, high), late)
+    evidence = (weigh_evidence if settled else leave_unknown)(problem, point, paths)
     known = {path: float(point.p[k]) for k, path in enumerate(paths) if path in evidence.known}
     made = place_uncertainty(revise_scene(scene, known), evidence, (low, high), paths)
     held = log.part(edge, log.time[-1]) if hold_back else log
@@ -193,7 +204,7 @@ def identify(
         made, known, evidence.errors, evidence.unknown, evidence.covariance, evidence.correlations, prediction.fit,
         dict(zip(prediction.fit, problem.sigma.tolist(), strict=True)),
         dict(zip(prediction.fit, evidence.colour.tolist(), strict=True)),
-        prediction, describe(evidence, prediction, hold_back),
+        prediction, settled, describe(evidence, prediction, hold_back, settled),
     )  # fmt: skip
 
 
@@ -231,9 +242,15 @@ def pose(
 
 
 def choose_start(
-    scene: Scene, log: Log, windows: Windows, paths: list[str], limits: tuple[Array, Array], starts: int
+    scene: Scene,
+    log: Log,
+    windows: Windows,
+    paths: list[str],
+    limits: tuple[Array, Array],
+    starts: int,
+    late: Callable[[], bool],
 ) -> Array:
-    """The values, of several sets, from which a few windows are best met after a few steps."""
+    """The values, of several sets, from which a few windows are best met after a few steps; no set is tried when it is late."""
     own = np.array([float(get_value(scene, path)) for path in paths])
     if starts == 1:
         return own
@@ -242,9 +259,9 @@ def choose_start(
     rng, tried = np.random.default_rng(0), []
     for k in range(starts):
         values = own * (np.exp(rng.normal(0, 0.5, len(own))) if k else 1.0)
-        point = solve(problem, start_states(problem, values), np.clip(values, *limits), SCREENED)
+        point = solve(problem, start_states(problem, values), np.clip(values, *limits), SCREENED, late=late)
         tried.append((float(point.costs.sum()), k, point.p))
-        if tried[-1][0] < 0.5 * UNEXPLAINED**2 * np.count_nonzero(point.residual):
+        if late() or tried[-1][0] < 0.5 * UNEXPLAINED**2 * np.count_nonzero(point.residual):
             break
     cost, _, values = min(tried, key=lambda one: one[:2])
     if not np.isfinite(cost):
@@ -258,16 +275,23 @@ def start_states(problem: Problem, values: Array) -> Array:
 
 
 def refine(
-    scene: Scene, log: Log, windows: Windows, paths: list[str], values: Array, limits: tuple[Array, Array]
-) -> tuple[Scene, Point, Problem]:
-    """The maximum of the likelihood: noise and shapes of links are found anew until neither changes."""
+    scene: Scene,
+    log: Log,
+    windows: Windows,
+    paths: list[str],
+    values: Array,
+    limits: tuple[Array, Array],
+    late: Callable[[], bool],
+) -> tuple[Scene, Point, Problem, bool]:
+    """The maximum of the likelihood: noise and shapes of links are found anew until neither changes; whether it came so far before it was
+    late."""
     sigma, start = None, None
     for k in range(ROUNDS):
         with part(k / ROUNDS, (k + 1) / ROUNDS):
             found = revise_scene(scene, dict(zip(paths, values.tolist(), strict=True)))
             problem = pose(found, log, windows, paths, limits, sigma)
             start = start_states(problem, values) if start is None else start
-            point = solve(problem, start, values)
+            point = solve(problem, start, values, late=late)
         if not np.isfinite(point.costs).any():
             raise NumericalError("the equations diverge", todo="check signs and gains, or fit fewer numbers")
         seen = np.count_nonzero(problem.weigh(np.ones_like(point.residual), point.p), axis=(0, 1))
@@ -275,9 +299,9 @@ def refine(
         moved = np.abs(point.p - values) > 1e-3 * np.abs(values)
         settled = sigma is not None and bool(np.all(np.abs(size / sigma - 1) < SETTLED)) and not moved.any()
         sigma, values, start = np.maximum(size, 1e-9 * deviations(problem.readings)), point.p, point.start
-        if settled:
+        if settled or late():
             break
-    return found, point, replace(problem, sigma=problem.sigma)
+    return found, point, problem, settled or not late()
 
 
 def place_uncertainty(scene: Scene, evidence: Evidence, limits: tuple[Array, Array], paths: list[str]) -> Scene:
@@ -293,9 +317,9 @@ def place_uncertainty(scene: Scene, evidence: Evidence, limits: tuple[Array, Arr
     return parse_scene(raw_tables(scene), scene.title, {"uncertainty": table}) if table else scene
 
 
-def describe(evidence: Evidence, prediction: Prediction, hold_back: float) -> str:
+def describe(evidence: Evidence, prediction: Prediction, hold_back: float, settled: bool) -> str:
     """What was found, and what to do."""
-    said = []
+    said = [] if settled else ["the time ended before the search had settled, so errors are not known: allow more"]
     for group in evidence.unknown:
         names = " and ".join(group)
         if len(group) == 1:

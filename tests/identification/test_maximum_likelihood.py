@@ -52,6 +52,20 @@ def test_three_numbers_are_found_within_their_errors():
     assert "coloured" not in found.status
 
 
+def test_numbers_are_handed_back_when_the_time_ends_first():
+    """They are then not the most likely ones, and what errors they have nobody knows."""
+    scene, time, readings = clean()
+    log = noisy(time, readings, [0.3 * swing(time)[0]], 3)
+    found = fl.identify(beside(scene, FREE), log, FREE, window=1.0, seconds=1e-6)
+    assert not found.settled
+    assert "allow more" in found.status
+    assert set(found.values) == set(FREE)
+    assert np.isnan(list(found.errors.values())).all()
+    assert np.isnan(found.covariance).all()
+    assert found.scene.uncertainty == {}
+    assert found.fit["q1"] > 0
+
+
 @pytest.mark.slow
 def test_what_goes_together_is_named_and_not_returned():
     """The torque's gain, with all inertias and stiffnesses, scales the equations: none of them is known alone."""

@@ -12,6 +12,7 @@ from flexlin.cli import main
 from flexlin.errors import ArgumentError
 from flexlin.report import animation_page, collect_frames
 from flexlin.simulation import simulate
+from tests.files.reader import standing
 
 
 @pytest.fixture(scope="module")
@@ -90,6 +91,18 @@ def test_the_command_writes_it(tmp_path):
     options = ["simulate", "single-link", "--periods", "0.3", "--feedforward", "tip-exact", "--animate"]
     assert main([*options, "--out", str(tmp_path)]) == 0
     assert "--feedforward tip-exact" in (tmp_path / "animation.html").read_text()
+
+
+def test_the_simulation_stands_where_its_animation_meets_a_limit(tmp_path, monkeypatch, capsys):
+    def endless(*_):
+        assert set(standing(tmp_path / "out", "simulation")) == {"simulation.nc", "simulation.npz"}
+        raise MemoryError("cannot allocate 3 TiB")
+
+    monkeypatch.setattr("flexlin.report.animation.animation_page", endless)
+    options = ["simulate", "single-link", "--periods", "0.3", "--animate", "--set", "links.0.modes=0"]
+    assert main([*options, "--out", str(tmp_path / "out")]) == 4
+    assert "animation: there is not enough memory" in capsys.readouterr().out
+    assert set(standing(tmp_path / "out", "simulation")) == {"simulation.nc", "simulation.npz"}
 
 
 def test_a_model_without_points_is_refused(played):

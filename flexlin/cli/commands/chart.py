@@ -4,9 +4,11 @@ import argparse
 import math
 import sys
 from functools import partial
+from pathlib import Path
 
 from flexlin.cli.options import COMPUTED
 from flexlin.cli.shared import NO_ANSWER, command, loaded, print_paths
+from flexlin.cli.supervised import send_written
 from flexlin.errors import ArgumentError, NumericalError, TooLarge
 
 PURPOSE = "stability over one or two parameters"
@@ -46,20 +48,29 @@ def run(options: argparse.Namespace) -> int:
         ranges = {key: (low, high) for key, low, high, _ in spans}
         data.attrs |= {"search": problem} if problem else {}
         found = ([], []) if problem else find_boundary(scene, ranges, data, clock, options.loop)
+        numbers = storable(chart_dataset(scene, data, *found))
+
+        def without(why: object) -> list[Picture]:
+            return [Picture("chart", "Stability chart", f"The picture was not drawn: {why}.", "")]
+
+        def write(pictures: list[Picture]) -> list[Path]:
+            page = picture_page(scene.title, pictures[0], command(options), pictures[1:])
+            with results(options.out, "chart") as made:
+                (made / "chart.html").write_text(page, encoding="utf-8")
+                return made.placed("chart.html") + write_dataset(numbers, made, "chart")
+
+        send_written(write(without("the program was ended before")))
         try:
             work = partial(draw_charts, scene, data, *found)
             pictures = clock.stage("figures", scene.accuracy, work, share=DRAWING, last=True)
         except (NumericalError, TooLarge) as error:  # the numbers stand without a picture
-            pictures = [Picture("chart", "Stability chart", f"The picture was not drawn: {error}.", "")]
+            pictures, problem = without(error), problem or str(error)
+        paths = write(pictures)
     print(pictures[0].caption)
     if "repaired" in data.attrs:
         print(f"{options.store}: {data.attrs['repaired']} damaged blocks were computed again")
     for line in accuracy_lines(tuple(clock.steps)):
         print(line)
-    with results(options.out, "chart") as made:
-        page = picture_page(scene.title, pictures[0], command(options), pictures[1:])
-        (made / "chart.html").write_text(page, encoding="utf-8")
-        paths = made.placed("chart.html") + write_dataset(storable(chart_dataset(scene, data, *found)), made, "chart")
     done = print_paths(paths)
     if problem:
         print(f"flexlin: {problem}", file=sys.stderr)

@@ -4,7 +4,7 @@ import argparse
 from functools import partial
 
 from flexlin.cli.options import LIMITS, SCENE
-from flexlin.cli.shared import command, loaded, print_paths
+from flexlin.cli.shared import NO_ANSWER, command, loaded, print_paths
 
 PURPOSE = "find numbers of the scene, with their errors, from a measured log"
 TAKES = (*SCENE, *LIMITS, "log", "free", "window", "hold_back")
@@ -28,10 +28,11 @@ def run(options: argparse.Namespace) -> int:
         from flexlin.scene.revised import raw_tables
         from flexlin.scene.toml import write_toml
 
-        clock = Clock(progress, budget=Budget(options.watch))
+        clock, name = Clock(progress, budget=Budget(options.watch)), "fit the log"
         log = clock.stage("read the log", scene.accuracy, partial(read_log, options.log, scene))
-        work = partial(identify, scene, log, options.free, options.window, options.hold_back)
-        found = clock.stage("fit the log", scene.accuracy, work)
+        seconds = clock.budget.allow(name, scene.accuracy).seconds
+        work = partial(identify, scene, log, options.free, options.window, options.hold_back, seconds=seconds)
+        found = clock.stage(name, scene.accuracy, work)
     for line in found.summary().splitlines():
         say(line)
     record = {
@@ -44,6 +45,7 @@ def run(options: argparse.Namespace) -> int:
         "correlations": found.correlations,
         "fit": found.fit,
         "noise": found.noise,
+        "settled": found.settled,
         "status": found.status,
     }
     with results(options.out, "identify") as made:
@@ -52,4 +54,5 @@ def run(options: argparse.Namespace) -> int:
         (made / "identify.html").write_text(page, encoding="utf-8")
         (made / "identify.json").write_text(to_json(record), encoding="utf-8")
         (made / "fitted.toml").write_text(write_toml(raw_tables(found.scene)), encoding="utf-8")
-    return print_paths(made.placed("identify.html", "identify.json", "fitted.toml"))
+    done = print_paths(made.placed("identify.html", "identify.json", "fitted.toml"))
+    return done if found.settled else NO_ANSWER

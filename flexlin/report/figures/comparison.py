@@ -172,7 +172,8 @@ def say_numbers(scene: Scene, found: Identification) -> list[str]:
     said = []
     for path, value in found.values.items():
         before, error = float(get_value(scene, path)), found.errors[path]
-        around = f" ± {error:.2g} (one standard error)" if np.isfinite(error) else ", at the end of what is possible"
+        around = f" ± {error:.2g} (one standard error)" if np.isfinite(error) else ""
+        around = around or (", at the end of what is possible" if found.settled else "")
         said.append(f"{path} = {value:.5g}{around}; it was {before:.5g}")
     said += [f"{pair}: correlated by {value:.3f}" for pair, value in found.correlations.items()]
     return [*said, *found.status.split("; ")]
