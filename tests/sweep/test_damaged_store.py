@@ -3,8 +3,10 @@
 import gc
 import shutil
 
+import casadi as ca
 import numpy as np
 import pytest
+import xarray
 
 import flexlin as fl
 from flexlin.errors import ArgumentError, OutputError
@@ -18,6 +20,13 @@ VALUES = {"effects.payload.mass": np.linspace(0.0, 0.3, 200)}
 def kept(tmp_path_factory):
     path = tmp_path_factory.mktemp("store") / "chart.zarr"
     return path, fl.sweep(SCENE, VALUES, store=path, workers=1)
+
+
+def hold_against(path, whole):
+    """What another program reads there, once it has been made whole, is what it reads in the undamaged store."""
+    found, expected = (xarray.open_zarr(place, consolidated=False) for place in (path, whole))
+    for name in expected.variables:
+        np.testing.assert_array_equal(found[name].values, expected[name].values)
 
 
 def damage(path, kind, rng):
@@ -56,6 +65,7 @@ def test_damage_is_computed_again_or_refused(kept, kind, seed, tmp_path):
         found, message = whole, str(error)
     else:
         message = str(tmp_path / "c.zarr")
+        hold_against(tmp_path / "c.zarr", path)
     assert str(tmp_path / "c.zarr") in message
     for name in ("exponents", "error", "period", "verdict", "reason", "one_by_one"):
         np.testing.assert_array_equal(found[name].values, whole[name].values)
@@ -76,6 +86,7 @@ def test_several_damages_at_once_too(kept, seed, tmp_path, capfd):
         found, message = whole, str(error)
     else:
         message = str(tmp_path / "c.zarr")
+        hold_against(tmp_path / "c.zarr", path)
     assert str(tmp_path / "c.zarr") in message
     for name in ("exponents", "error", "period", "verdict", "reason", "one_by_one"):
         np.testing.assert_array_equal(found[name].values, whole[name].values)
@@ -90,3 +101,22 @@ def test_a_lost_block_is_told(kept, tmp_path):
     found = fl.sweep(SCENE, VALUES, store=tmp_path / "c.zarr", workers=1)
     assert found.attrs["repaired"] == 1
     assert "repaired" not in fl.sweep(SCENE, VALUES, store=tmp_path / "c.zarr", workers=1).attrs
+
+
+def test_a_store_of_a_family_holds_each_number_under_its_name(tmp_path):
+    """In whatever order they are asked for."""
+    t, a, b = (ca.SX.sym(name) for name in "tab")
+    family = fl.PeriodicFamily(ca.blockcat([[0, 1], [-a, -b * (1 + 0.1 * ca.cos(t))]]), t, [a, b], 2 * np.pi)
+    values = {"b": [0.1, 0.2, 0.3], "a": [1.0, 2.0, 3.0]}
+    found = fl.sweep(family, values, store=tmp_path / "c.zarr", workers=1)
+    kept = xarray.open_zarr(tmp_path / "c.zarr", consolidated=False)
+    for name, numbers in values.items():
+        assert kept[name].values.tolist() == found[name].values.tolist() == numbers
+
+
+@pytest.mark.parametrize("name", ["error", "period", "mode", "checksum"])
+def test_a_number_with_the_name_of_a_result_is_refused(name):
+    t, p = ca.SX.sym("t"), ca.SX.sym(name)
+    family = fl.PeriodicFamily(ca.blockcat([[0, 1], [-p, -0.2]]), t, [p], 2 * np.pi)
+    with pytest.raises(ArgumentError, match=name):
+        fl.sweep(family, {name: [1.0, 2.0]})

@@ -22,6 +22,12 @@ VERDICTS = np.array(["undecided", "stable", "unstable", "failed", "missing"])
 FAILED, MISSING = np.flatnonzero(np.isin(VERDICTS, ["failed", "missing"]))
 LONGEST = 240
 """Characters of a reason."""
+TAKEN = {"exponents", "error", "verdict", "period", "one_by_one", "reason", "mode"} | {
+    "exponents_re",
+    "exponents_im",
+    "checksum",
+}
+"""Names of what a result or its store holds beside the numbers that vary."""
 WITHIN = "the growth rate is zero to within its error: a smaller tol may decide"
 
 

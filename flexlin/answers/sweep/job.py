@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from flexlin.about.family import PeriodicFamily
 from flexlin.about.free import ParametricLoop
 from flexlin.answers.loops import AnyLoop, choose_loop
-from flexlin.answers.sweep.found import MISSING, Found, build_dataset
+from flexlin.answers.sweep.found import MISSING, TAKEN, Found, build_dataset
 from flexlin.answers.sweep.together import Together
 from flexlin.checks import Array, check_size, positive, real_array
 from flexlin.errors import ArgumentError
@@ -120,6 +120,8 @@ def prepare_job(
     """
     tol = positive("tol", tol)
     axes = {path: real_array(path, value, (None,)) for path, value in values.items()}
+    if taken := TAKEN.intersection(axes):
+        raise ArgumentError("a result has that name itself", got=min(taken), expected="a parameter of another name")
     count = math.prod(map(len, axes.values())) if grid else max(map(len, axes.values()), default=0)
     check_values(count)
     points, shape, dims = lay_out(axes, grid)

@@ -14,7 +14,7 @@ import numpy as np
 import flexlin
 from flexlin.about.family import PeriodicFamily
 from flexlin.answers.sweep.found import LONGEST, VERDICTS, Found
-from flexlin.answers.sweep.job import Job
+from flexlin.answers.sweep.job import Job, lay_out
 from flexlin.checks import Array
 from flexlin.errors import ArgumentError, OutputError
 from flexlin.scene.revised import raw_tables
@@ -46,6 +46,7 @@ class Store:
             raise OutputError(f"{path} cannot be used as a store", got=describe_fault(error), todo=REMOVE) from None
         refuse_other(str(path), known, maker)
         self._refuse_other_shapes(job)
+        self._place_values(job)
         self._read(job)
 
     def _refuse_other_shapes(self, job: Job) -> None:
@@ -56,6 +57,17 @@ class Store:
             expected = f"{array.dtype}, {array.shape} in blocks of {chunks(array, job)}"
             if got != expected:
                 raise OutputError(f"{self.path}: {name} is damaged", got=got, expected=expected, todo=REMOVE)
+
+    def _place_values(self, job: Job) -> None:
+        """Write what varies anew where it is not what was asked."""
+        for name, values in list_values(job).items():
+            try:
+                whole = np.array_equal(self._arrays[name][:], values)
+            except Exception:  # whatever the decoder of a damaged chunk meets
+                whole = False
+            if not whole:
+                self._arrays[name][:] = values
+                self.repaired += 1
 
     def _read(self, job: Job) -> None:
         """Take over the blocks that are done and whole."""
@@ -139,8 +151,13 @@ def layout(job: Job) -> dict[str, Array]:
     V, n = job.found.exponents.shape
     empty = pack(Found.empty(V, n))
     blocks = -(-V // job.work.block)
-    points = {name: np.ascontiguousarray(job.points[:, i]) for i, name in enumerate(job.axes)}
-    return {**empty, "checksum": np.zeros((blocks, 32), dtype=np.uint8), **points}
+    return {**empty, "checksum": np.zeros((blocks, 32), dtype=np.uint8), **list_values(job)}
+
+
+def list_values(job: Job) -> dict[str, Array]:
+    """What varies, each number by itself for all values."""
+    points = lay_out(job.axes, job.dims != ("value",))[0]
+    return {name: np.ascontiguousarray(points[:, i]) for i, name in enumerate(job.axes)}
 
 
 def chunks(array: Array, job: Job) -> tuple[int, ...]:
