@@ -6,7 +6,7 @@ __getattr__, __dir__, __all__ = load_lazily(
     __name__,
     {},
     within={
-        "cli.program": "BAD_INPUT entry main parser pass_over",
+        "cli.program": "BAD_INPUT ended_by_signal entry main parser pass_over",
         "cli.shared": "meets",
         "cli.supervised": "read_limit",
     },

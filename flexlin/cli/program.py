@@ -56,9 +56,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return FAILED
 
 
+class Interruption(KeyboardInterrupt):
+    """A request to end the work; one that a library drops, in whose midst it strikes, comes again."""
+
+    works = False
+
+    def __del__(self) -> None:
+        reached = self.__traceback__  # the outermost call that it came to
+        if (
+            reached is None
+            or reached.tb_next is None
+            or not str(reached.tb_frame.f_globals["__name__"]).startswith("flexlin.")
+        ):
+            ring_later(signal.SIGINT, 1.1 * AGAIN)
+
+
 @contextmanager
 def ended_by_signal() -> Iterator[None]:
-    """Let a request to end the program (SIGTERM) act as Ctrl-C does, and take several at once for one; handlers are restored."""
+    """Let a request to end the program (SIGTERM) act as Ctrl-C does, and take several at once for one; handlers are restored.
+
+    Raises: KeyboardInterrupt, also where a library has made an error of its own of it.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -71,12 +89,17 @@ def ended_by_signal() -> Iterator[None]:
             ring_later(number, 0.1)
         elif now - last >= AGAIN:
             last = now
-            signal.default_int_handler(number, frame)
+            raise Interruption
 
-    handlers = {number: signal.signal(number, end) for number in PASSED_ON}
+    handlers, Interruption.works = {number: signal.signal(number, end) for number in PASSED_ON}, True
     try:
         yield
+    except Exception as error:
+        if time.monotonic() - last < AGAIN:
+            raise KeyboardInterrupt from error
+        raise
     finally:
+        Interruption.works = False
         for number, handler in handlers.items():
             signal.signal(number, handler)
 
@@ -89,8 +112,13 @@ def is_loading(frame: FrameType | None) -> bool:
 
 
 def ring_later(number: int, seconds: float) -> None:
-    """Send a signal to this process after some time."""
-    again = threading.Timer(seconds, os.kill, (os.getpid(), number))
+    """Send a signal to this process after some time, if it is still at work."""
+
+    def ring() -> None:
+        if Interruption.works:
+            os.kill(os.getpid(), number)
+
+    again = threading.Timer(seconds, ring)
     again.daemon = True
     again.start()
 
