@@ -1,36 +1,28 @@
 """The H-infinity norm of a periodic system: the level at which a Hamiltonian system's multipliers leave the unit circle."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlin.checks import Array, positive
+from flexlin.checks import positive
 from flexlin.errors import ArgumentError, NotStable, ToleranceNotReached
-from flexlin.lazy import lazy
-from flexlin.periodic.assignment import assign
-from flexlin.periodic.circle import measure_distances
+from flexlin.periodic.circle import wrap_angle
 from flexlin.periodic.coefficients import (
-    Constant,
     MatrixFunction,
     as_matrix_function,
     check_samples,
     has_nothing_narrow,
 )
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.floquet.modes import solve_modes_at_nodes
-from flexlin.periodic.floquet.result import FloquetResult
 from flexlin.periodic.norms.h2 import check_ports
-from flexlin.periodic.precision import CUBE, EPS, MINOR, SLIGHT, TINY
+from flexlin.periodic.norms.levels import BoundedReal, PeakSearch
+from flexlin.periodic.precision import TINY
 from flexlin.periodic.resolved.matrix import ResolvedMatrix
-from flexlin.periodic.resolved.resolve import resolve
+from flexlin.periodic.resolved.resolve import resolve, resolve_constant
 from flexlin.periodic.roots import MOST
 from flexlin.periodic.system import PeriodicSystem
 from flexlin.summary import represent
-
-BESIDE, GROWTH = 0.01, 8.0
-"""Of the way from the level at which the distance is predicted to vanish to the bracket's end: how far beside it the next one is tried; and
-the factor from level to level until one is above the norm."""
 
 
 @dataclass(frozen=True)
@@ -61,99 +53,6 @@ class HinfNorm:
     __repr__ = represent
 
 
-@dataclass(frozen=True)
-class BoundedReal:
-    """The Hamiltonian system of a level g, with R = g^2 - D'D, S = g^2 - D D':
-
-        H = [[A + B R^-1 D' C,  g B R^-1 B'], [-g C' S^-1 C,  -(A + B R^-1 D' C)']]
-
-    The norm is below g where no multiplier of H lies on the unit circle and g exceeds every singular value of D(t).
-    """
-
-    system: PeriodicSystem
-    B: ResolvedMatrix
-    C: ResolvedMatrix
-    D: ResolvedMatrix
-
-    @lazy
-    def breaks(self) -> tuple[float, ...]:
-        """Edges of all panels of the coefficients, so that nothing narrow between them is overlooked; none where all are smooth."""
-        every = (self.system.resolved, self.B, self.C, self.D)
-        return tuple(sorted({time for one in every if one.panels > 1 for time in one.edges[:-1].tolist()}))
-
-    def hamiltonian(self, level: float) -> PeriodicSystem:
-        """The system x' = H(t) x of 2 n states."""
-
-        def H(t: Array) -> Array:
-            B, C, D = self.B(t), self.C(t), self.D(t)
-            turned_B, turned_C, turned_D = (np.swapaxes(one, 1, 2) for one in (B, C, D))
-            R = level**2 * np.eye(D.shape[2]) - turned_D @ D
-            S = level**2 * np.eye(D.shape[1]) - D @ turned_D
-            A = self.system.resolved(t) + B @ np.linalg.solve(R, turned_D @ C)
-            upper = np.concatenate([A, level * B @ np.linalg.solve(R, turned_B)], axis=2)
-            lower = np.concatenate([-level * turned_C @ np.linalg.solve(S, C), -np.swapaxes(A, 1, 2)], axis=2)
-            return np.concatenate([upper, lower], axis=1)
-
-        if all(one.constant for one in (self.system.resolved, self.B, self.C, self.D)):
-            return PeriodicSystem(H(np.zeros(1))[0], self.system.period)
-        return PeriodicSystem(H, self.system.period, breaks=self.breaks, complete=True)
-
-    def judge(self, level: float) -> "Level":
-        """On which side of the norm a level lies, as far as the exponents of H show it.
-
-        Above: no multiplier lies on the unit circle, where X says so too. Below: one lies there, since no other one is near that could be
-        its mirror image in the circle.
-        """
-        system = self.hamiltonian(level)
-        found = floquet(system)
-        known = np.isfinite(found.errors)
-        errors, size = np.where(known, found.errors, 0.0), np.where(known, np.abs(found.exponents.real), np.inf)
-        frequency = float(abs(found.exponents[int(np.argmin(size))].imag))
-        if np.all(size > 2 * errors):
-            return Level(level, 1, frequency, system, found)
-        logs = found.log_multipliers
-        apart = measure_distances(logs, logs) / system.period
-        alone = (apart > 2 * (errors + errors[:, None])) | np.eye(len(logs), dtype=bool)
-        return Level(level, -int(np.any((size <= errors) & alone.all(axis=1))), frequency, system, found)
-
-    def judge_solution(self, system: PeriodicSystem, found: FloquetResult) -> int:
-        """1 where the decaying modes [V1; V2] of H make X = V2 V1^-1 >= 0 at all times, -1 where X is indefinite by more than it lacks
-        in symmetry, else 0. Without it a level between two singular values, each of which keeps its distance at all frequencies, would
-        be above the norm."""
-        n = self.system.n
-        if isinstance(system.A, Constant):
-            from scipy.linalg import schur  # takes longer to load than most matrices to solve
-
-            right = np.array([schur(system.A.value, sort="lhp")[1][:, :n]])
-        else:
-            right = solve_modes_at_nodes(system, found, quick=True).right[:, :, np.argsort(found.exponents.real)[:n]]
-        with np.errstate(all="ignore"):
-            X = np.linalg.solve(np.swapaxes(right[:, :n], 1, 2), np.swapaxes(right[:, n:], 1, 2)).real
-        if not np.isfinite(X).all():
-            return 0
-        mean = np.abs(self.system.resolved.mean()) + TINY
-        own = np.sqrt(mean.sum(axis=1) / mean.sum(axis=0))
-        units = np.sqrt(np.abs(X[:, range(n), range(n)]).max(axis=0))
-        units = np.maximum(units, SLIGHT * (units / own).max() * own) + TINY
-        scaled = X / units / units[:, None]
-        turned = np.swapaxes(scaled, 1, 2)
-        least, doubt = float(np.linalg.eigvalsh((scaled + turned) / 2).min()), float(np.abs(scaled - turned).max())
-        told_apart = np.abs(found.exponents.real).min() * system.period > CUBE
-        return 1 if least > -SLIGHT else -int(told_apart and least < -n * doubt - SLIGHT)
-
-
-@dataclass(frozen=True)
-class Level:
-    """A level, its side of the norm (1 above, -1 below, 0 where errors hide it), the frequency of the multiplier nearest to the circle in
-    [0, pi/T], and its Hamiltonian system."""
-
-    value: float
-    side: int
-    frequency: float
-    system: PeriodicSystem
-    found: FloquetResult
-
-
 def hinf_norm(
     system: PeriodicSystem,
     C: MatrixFunction | ArrayLike,
@@ -163,9 +62,8 @@ def hinf_norm(
     """Compute the H-infinity norm of x' = A x + B u, y = C x + D u: the largest |y| / |u| in mean square.
 
     The norm lies between two levels: above, the Hamiltonian system has no multiplier on the unit circle, whose product is never
-    formed, and its decaying modes make a nonnegative solution of the Riccati equation; below, one lies there. Two of them meet at the
-    norm, so the squared distance to the circle is smooth in the level and says where to look next. The error is half of the distance of
-    the two levels. Assumes a stable system.
+    formed; below, one lies there. They are tried beside the largest gain at single frequencies. The error is half of their distance, and
+    what modes can add that are hardly seen or reached. Assumes a stable system.
 
     Parameters
     ----------
@@ -222,8 +120,15 @@ def hinf_norm(
         )
         for one in (output, through)
     )
-    problem = BoundedReal(system, system.resolved_input, *known)
-    return bracket_norm(problem, find_largest_gain(problem.B) * find_largest_gain(problem.C), tol)
+    problem = BoundedReal(system, verdict, system.resolved_input, *known)
+    if not problem.constant:
+        return bracket_norm(problem, tol)
+    A = system.resolved.mean()
+    period = min(system.period, 1 / (float(np.linalg.norm(A)) + TINY))  # no frequency is folded
+    short = PeriodicSystem(A, period, B=problem.B.mean())
+    ports = (resolve_constant(one.mean(), period) for one in (problem.B, problem.C, problem.D))
+    found = bracket_norm(BoundedReal(short, floquet(short), *ports), tol)
+    return replace(found, frequency=abs(float(wrap_angle(np.array(found.frequency * system.period)))) / system.period)
 
 
 def find_largest_gain(D: ResolvedMatrix) -> float:
@@ -240,72 +145,42 @@ def find_largest_gain(D: ResolvedMatrix) -> float:
     return best
 
 
-def bracket_norm(problem: BoundedReal, size: float, tol: float) -> HinfNorm:
-    """The middle of a level below and a level above the norm, as near to each other as tol asks, or as the exponents' errors allow.
+def bracket_norm(problem: BoundedReal, tol: float) -> HinfNorm:
+    """The middle of a level below and a level above the norm, as near to the largest gain that was found as the exponents' errors allow.
 
-    Above the norm the squared distance to the circle is linear in the level; where it is predicted to vanish, levels on both sides are
-    tried. The feedthrough's own gain is the least level. The first and the last level above are proved by their X.
-    Raises: ToleranceNotReached when no level exceeds the norm.
+    A level that no gain equals is above all of them where it is above one: that at the frequency where the least was found.
+    The feedthrough's own gain is the least level. Raises: ToleranceNotReached when no level exceeds the norm.
     """
     direct = find_largest_gain(problem.D)  # no level below it has a Hamiltonian system
-    if size == 0:
+    largest = find_largest_gain(problem.B), find_largest_gain(problem.C)
+    if 0 in largest:
         return HinfNorm(direct, tol * direct, 0.0)
-    rate = max(float(np.linalg.norm(problem.system.resolved.mean(), 2)), 1 / problem.system.period)
-    low, floor = direct, max(direct * (1 + tol), EPS**0.9 * size / rate)
-    high, frequency, above, hidden, proved = np.inf, 0.0, list[Level](), list[float](), np.inf
-    wary, level = False, max(2 * floor, size / rate)
+    search = PeakSearch(problem, largest)
+    peak, least = max(search.best[0], direct), search.least()
+    low, high, aside, hidden = direct, np.inf, tol / 2, list[float]()
     for _ in range(MOST):
-        near = [one for one in hidden if low < one < high]
-        first, last = (min(near), max(near)) if near else (high, low)
-        closed = high - low <= tol * high or high <= floor
-        closed |= bool(near) and max(first - low, high - last) <= max(tol * high, MINOR * (high - low))
-        if proved != high < np.inf and (closed or proved == np.inf):
-            side = problem.judge_solution(above[-1].system, above[-1].found)
-            if side > 0:
-                proved = high
-            else:
-                low, hidden = (high, hidden) if side < 0 else (low, [*hidden, high])
-                level, high, above, wary = GROWTH * high, proved, [], True
-            continue
-        if high < np.inf:
-            if closed:
-                break
-            level = choose_level(low, high, above, tol, floor)
-            if near:
-                level = (low + first) / 2 if first - low > high - last else (last + high) / 2
-        one = problem.judge(level)
-        side = problem.judge_solution(one.system, one.found) if one.side > 0 and wary else one.side
-        if side > 0:
-            proved = level if wary else proved
-            high, above = level, [*above[-1:], one]
-            frequency = one.frequency if low == direct else frequency
-        elif side < 0:
-            low, frequency = level, one.frequency
+        unbounded, narrow = np.isinf(high), high - low <= 2 * tol * high or any(low < one < high for one in hidden)
+        if unbounded or (low == direct < peak * (1 - aside)):
+            level = peak * (1 + aside if unbounded else 1 - aside)
+        elif narrow:
+            break
+        else:
+            level = (low + high) / 2
+        one, lost = search.judge(level, aside * peak)
+        if one.side < 0:
+            low = max(low, level - lost)
+            if unbounded and search.look_between(one.frequencies):
+                peak, aside = search.best[0], tol / 2
+                continue
+        elif one.side > 0 and level > least:
+            high = level + lost
+            if unbounded:
+                continue
         else:
             hidden.append(level)
-        level = GROWTH * level if np.isinf(high) else level
-    if np.isinf(proved):
+        aside = search.go_aside(aside, one.hidden)
+    if np.isinf(high):
         raise ToleranceNotReached(
             "no level exceeds the norm", got=f"{level:.3g}", todo="is the system nearly unstable?"
         )
-    return HinfNorm((low + proved) / 2, (proved - low) / 2, frequency)
-
-
-def choose_level(low: float, high: float, above: list[Level], tol: float, floor: float) -> float:
-    """The next level to look at between two: beside the predicted norm, or half-way.
-
-    The norm is predicted by the mode that meets its mirror image first; modes that no level moves are unseen or not reached.
-    """
-    if len(above) > 1:
-        first, second = above
-        far, near = (one.found.log_multipliers[one.found.exponents.real < 0] for one in (first, second))
-        partner = assign(measure_distances(near, far)) if len(near) == len(far) else np.arange(0)
-        before, now = far[partner].real ** 2, near.real[: len(partner)] ** 2
-        moved = before - now > SLIGHT * before
-        zeros = second.value - now[moved] * (first.value - second.value) / (before - now)[moved]
-        zero = float(zeros[zeros > low].max(initial=-np.inf))
-        reach = max(tol * high / 4, BESIDE * (high - zero)) if np.isfinite(zero) else 0.0
-        for level in (zero + reach, zero - reach):
-            if max(low, floor) < level < high * (1 - tol / 8):
-                return level
-    return max(floor, (low + high) / 2 if low > high / 4 else high / 4 if low < floor else float(np.sqrt(low * high)))
+    return HinfNorm((low + high) / 2, (high - low) / 2, search.best[1])

@@ -10,13 +10,17 @@ from flexlin.checks import Array, positive, real_array
 from flexlin.errors import ArgumentError, NotStable, ToleranceNotReached
 from flexlin.periodic.coefficients import MatrixFunction, as_matrix_function, check_samples
 from flexlin.periodic.floquet.exponents import floquet
-from flexlin.periodic.fourier import fourier_differentiation
-from flexlin.periodic.precision import SAFETY
+from flexlin.periodic.grid import place_edges
+from flexlin.periodic.precision import EPS, SAFETY, TINY
+from flexlin.periodic.product.cyclic import cyclic_system
+from flexlin.periodic.resolved.matrix import ResolvedMatrix
+from flexlin.periodic.resolved.resolve import resolve_port
 from flexlin.periodic.system import PeriodicSystem, as_system
+from flexlin.periodic.transition.gauss import place_nodes, radau, sample_at, solve_stages
 from flexlin.summary import represent
 
-FEWEST, LARGEST = 8, 2000
-"""Harmonics that are tried first, and unknowns of one frequency at the most."""
+STAGES, FEWEST, LARGEST, FARTHEST_ORDER = 8, 8, 4000, 64
+"""Radau stages of a segment; segments that are tried first, and the most; and harmonics of an answer at the most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +70,8 @@ def frequency_response(
 
         x = exp(i omega t) p(t),   p' + i omega p = A p + B,   p(t + T) = p(t),   H_k = the k-th Fourier coefficient of C p
 
-    p by Fourier collocation on ever more times. Assumes a stable system with smooth coefficients.
+    p by Radau collocation on ever more segments, none of which holds a jump. Assumes a stable system. The orders end where no entry
+    beyond exceeds tol, or at 64.
 
     Parameters
     ----------
@@ -91,7 +96,7 @@ def frequency_response(
     NotStable
         When the system is unstable or undecided.
     ToleranceNotReached
-        When coefficients jump, or change too fast for the harmonics that can be computed.
+        When coefficients change too fast for the segments that can be computed.
 
     References
     ----------
@@ -105,53 +110,89 @@ def frequency_response(
     >>> import flexlin as fl
     >>> system = fl.PeriodicSystem([[-1.0]], 2 * np.pi, B=[[1.0]])
     >>> found = fl.frequency_response(system, lambda t: np.cos(t)[:, None, None], [0.0])
-    >>> [(int(k), round(float(abs(H)), 6)) for k, H in zip(found.orders, found.H[0, :, 0, 0]) if abs(H) > 1e-12]
+    >>> [(int(k), round(float(abs(H)), 6)) for k, H in zip(found.orders, found.H[0, :, 0, 0]) if abs(H) > 1e-8]
     [(-1, 0.5), (1, 0.5)]
     """
     system, tol = as_system(system), positive("tol", tol)
     frequencies = np.atleast_1d(real_array("omega", omega))
     if system.B is None:
         raise ArgumentError("the system has no input", got="B = None", expected="an input matrix B(t)")
-    output = as_matrix_function("C", C)
-    if check_samples("C", output, system.period).shape[2] != system.n:
+    given = as_matrix_function("C", C)
+    if check_samples("C", given, system.period).shape[2] != system.n:
         raise ArgumentError("C does not fit the system", expected=f"(p, {system.n})")
     verdict = floquet(system)
     if verdict.verdict != "stable":
         raise NotStable("there is no response that lasts", got=verdict.status, expected="a stable system")
-    harmonics, before = FEWEST, solve_harmonics(system, output, frequencies, FEWEST)
+    output = resolve_port(given, system.period, system.breaks, system.features, system.complete)
+    count, before = FEWEST, np.zeros((len(frequencies), 1, *output.shape[:1], system.m), complex)
     while True:
-        harmonics *= 2
-        found = solve_harmonics(system, output, frequencies, harmonics)
-        shared = found[:, harmonics // 2 : 3 * harmonics // 2 + 1]
-        size = np.abs(found).max(axis=(1, 2, 3)) + np.finfo(float).tiny
-        left = np.abs(found).max(axis=(2, 3))
-        beyond = np.maximum(left[:, : harmonics // 2].max(axis=1), left[:, 3 * harmonics // 2 + 1 :].max(axis=1))
-        change = float((np.maximum(np.abs(shared - before).max(axis=(1, 2, 3)), beyond) / size).max(initial=0.0))
+        found = Collocated(system, output, None, count).harmonics(frequencies, min(count, FARTHEST_ORDER))
+        size = np.abs(found).max(axis=(1, 2, 3)) + TINY
+        beyond = (found.shape[1] - before.shape[1]) // 2
+        apart = found - np.pad(before, ((0, 0), (beyond, beyond), (0, 0), (0, 0)))
+        change = float((np.abs(apart).max(axis=(1, 2, 3)) / size).max(initial=0.0))
         if SAFETY * change <= tol:
-            orders = np.arange(-harmonics, harmonics + 1)
-            return FrequencyResponse(
-                frequencies, orders, found, SAFETY * change + np.finfo(float).eps * harmonics, system.period
-            )
-        if (4 * harmonics + 1) * system.n > LARGEST:
+            orders = np.arange(found.shape[1]) - found.shape[1] // 2
+            return FrequencyResponse(frequencies, orders, found, SAFETY * change + EPS * count, system.period)
+        if 2 * count > LARGEST:
             raise ToleranceNotReached(
                 "the response was not resolved",
-                got=f"a change of {change:.2g} at {harmonics} harmonics",
+                got=f"a change of {change:.2g} at {count} segments",
                 expected=f"at most {tol / SAFETY:.2g}",
                 todo="smooth the coefficients, or ask for a larger tol",
             )
-        before = found
+        count, before = 2 * count, found
 
 
-def solve_harmonics(system: PeriodicSystem, output: MatrixFunction, omega: Array, harmonics: int) -> Array:
-    """H (W, 2 H + 1, p, m) by collocation at 2 H + 1 times."""
-    assert system.B is not None
-    count, n = 2 * harmonics + 1, system.n
-    t = system.period * np.arange(count) / count
-    operator = np.einsum("ts,ab->tasb", fourier_differentiation(count, system.period), np.eye(n)).copy()
-    operator[np.arange(count), :, np.arange(count), :] -= system.resolved(t)
-    matrix, right, C = operator.reshape(count * n, count * n), system.resolved_input(t), output(t)
-    eye = np.eye(count * n)
-    waves = [
-        C @ np.linalg.solve(matrix + 1j * w * eye, right.reshape(count * n, -1)).reshape(count, n, -1) for w in omega
-    ]
-    return np.fft.fftshift(np.fft.fft(np.array(waves), axis=1), axes=1) / count
+class Collocated:
+    """x' = A x + B u, y = C x + D u under u = exp(i omega t) v(t), v periodic, on segments between all edges of the coefficients.
+
+    Parameters: through: D, None for none; count: of segments in a period.
+    """
+
+    def __init__(self, system: PeriodicSystem, C: ResolvedMatrix, D: ResolvedMatrix | None, count: int):
+        ports = [system.resolved_input, C, *([] if D is None else [D])]
+        every = (system.resolved, *ports)
+        least = max((-(-2 * one.degree // STAGES) for one in every if one.panels > 1), default=1)
+        edges = place_edges(system.period, np.unique(np.concatenate([one.edges for one in every])), count, least)
+        self.rule, h = radau(STAGES), np.diff(edges)
+        t = place_nodes(edges, self.rule.c)
+        t[:, -1] = np.nextafter(edges[1:], -np.inf)  # before a jump
+        self.t, self.h, self.period, self.weights = (
+            t,
+            h[:, None, None, None],
+            system.period,
+            h[:, None] * self.rule.b / system.period,
+        )
+        self.A, self.ports = sample_at(system.resolved, t), [sample_at(one, t) for one in ports]
+
+    def answer(self, omega: float, v: Array) -> Array:
+        """What stands beside exp(i omega t) in y at the stages (K, s, p, r), for v there (K, s, m, r)."""
+        B, C, *D = self.ports
+        n = self.A.shape[-1]
+        hA = self.h * (self.A - 1j * omega * np.eye(n))
+        pushed = np.einsum("ij,kjnr->kinr", self.rule.a, self.h * (B @ v))
+        start = np.broadcast_to(np.eye(n), self.A.shape)
+        within = solve_stages(hA, self.rule, np.concatenate([start, pushed], axis=-1))
+        free, forced = within[..., :n], within[..., n:]
+        x = cyclic_system(free[:, -1]).solve(forced[:, -1])
+        y = C @ (free @ x[:, None] + forced)
+        return y + D[0] @ v if D else y
+
+    def harmonics(self, omega: Array, highest: int) -> Array:
+        """H (W, 2 highest + 1, p, m)."""
+        v = np.broadcast_to(np.eye(self.ports[0].shape[-1]), (*self.t.shape, *[self.ports[0].shape[-1]] * 2))
+        back = self.weights * self.waves(-np.arange(-highest, highest + 1))
+        return np.array([np.tensordot(back, self.answer(w, v), axes=((1, 2), (0, 1))) for w in omega.tolist()])
+
+    def gain(self, omega: float, highest: int) -> float:
+        """The largest |y| / |u| in mean square, for inputs with so many harmonics."""
+        m = self.ports[0].shape[-1]
+        waves = self.waves(np.arange(-highest, highest + 1))
+        v = np.einsum("lks,ij->ksilj", waves, np.eye(m)).reshape(*self.t.shape, m, -1)
+        y = (np.sqrt(self.weights)[..., None, None] * self.answer(omega, v)).reshape(-1, v.shape[-1])
+        return float(np.sqrt(np.linalg.eigvalsh(y.conj().T @ y)[-1]))
+
+    def waves(self, orders: Array) -> Array:
+        """exp(2 pi i k t / T) at the stages, (k, K, s)."""
+        return np.asarray(np.exp(2j * np.pi / self.period * orders[:, None, None] * self.t))

@@ -1,0 +1,188 @@
+"""Levels of the H-infinity norm, judged by a Hamiltonian system's multipliers, and the gains beside which they are tried."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexlin.checks import Array
+from flexlin.lazy import lazy
+from flexlin.periodic.circle import measure_distances, wrap_angle, wrap_log
+from flexlin.periodic.floquet.exponents import floquet
+from flexlin.periodic.floquet.modes import solve_floquet_modes
+from flexlin.periodic.floquet.result import FloquetResult
+from flexlin.periodic.precision import EPS, MINOR, PARTIAL, SAFETY
+from flexlin.periodic.resolved.matrix import ResolvedMatrix
+from flexlin.periodic.response.frequency import STAGES, Collocated
+from flexlin.periodic.system import PeriodicSystem
+
+WIDER = 4.0
+"""The least factor on the distance to the largest gain that was found, from a level whose side is hidden to the next."""
+WAVES, MOST_WAVES, STARTS, CLIMBS = 8, 48, 3, 3
+"""Harmonics of inputs beside those of the fastest mode, and the most; modes about whose frequencies the largest gain is sought; and steps
+to it."""
+
+
+@dataclass(frozen=True)
+class BoundedReal:
+    """The Hamiltonian system of a level g, with R = g^2 - D'D, S = g^2 - D D':
+
+        H = [[A + B R^-1 D' C,  g B R^-1 B'], [-g C' S^-1 C,  -(A + B R^-1 D' C)']]
+
+    The norm is below g where no multiplier of H lies on the unit circle and g exceeds every singular value of D(t).
+    """
+
+    system: PeriodicSystem
+    found: FloquetResult
+    B: ResolvedMatrix
+    C: ResolvedMatrix
+    D: ResolvedMatrix
+
+    @property
+    def constant(self) -> bool:
+        """Whether nothing depends on t."""
+        return all(one.constant for one in (self.system.resolved, self.B, self.C, self.D))
+
+    @lazy
+    def breaks(self) -> tuple[float, ...]:
+        """Edges of all panels of the coefficients, so that nothing narrow between them is overlooked; none where all are smooth."""
+        every = (self.system.resolved, self.B, self.C, self.D)
+        return tuple(sorted({time for one in every if one.panels > 1 for time in one.edges[:-1].tolist()}))
+
+    def hamiltonian(self, level: float) -> PeriodicSystem:
+        """The system x' = H(t) x of 2 n states."""
+
+        def H(t: Array) -> Array:
+            B, C, D = self.B(t), self.C(t), self.D(t)
+            turned_B, turned_C, turned_D = (np.swapaxes(one, 1, 2) for one in (B, C, D))
+            R = level**2 * np.eye(D.shape[2]) - turned_D @ D
+            S = level**2 * np.eye(D.shape[1]) - D @ turned_D
+            A = self.system.resolved(t) + B @ np.linalg.solve(R, turned_D @ C)
+            upper = np.concatenate([A, level * B @ np.linalg.solve(R, turned_B)], axis=2)
+            lower = np.concatenate([-level * turned_C @ np.linalg.solve(S, C), -np.swapaxes(A, 1, 2)], axis=2)
+            return np.concatenate([upper, lower], axis=1)
+
+        if self.constant:
+            return PeriodicSystem(H(np.zeros(1))[0], self.system.period)
+        return PeriodicSystem(H, self.system.period, breaks=self.breaks, complete=True)
+
+    def judge(self, level: float, unseen: Array) -> "Level":
+        """On which side of the norm a level lies, as far as the exponents of H show it, and the frequencies of what it meets.
+
+        Below: a multiplier lies on the circle, since no other one is near that could be its mirror image in it. Above: none does, but for
+        the pairs of modes that are `unseen` or not reached, which no level moves, where no other one is near.
+        """
+        found = floquet(self.hamiltonian(level))
+        known = np.isfinite(found.errors)
+        errors, size = np.where(known, found.errors, 0.0), np.where(known, np.abs(found.exponents.real), np.inf)
+        logs = found.log_multipliers
+        apart = measure_distances(logs, logs) / found.period
+        alone = (apart > 2 * (errors + errors[:, None])) | np.eye(len(logs), dtype=bool)
+        seen = np.ones(len(logs), dtype=bool)
+        for mode in unseen.tolist():
+            distance = np.abs(wrap_log(logs - mode * found.period)) / found.period
+            pair = np.argsort(distance)[:2]
+            others = np.delete(distance - 2 * errors, pair)
+            if others.min(initial=np.inf) > 2 * distance[pair].max() + 2 * abs(mode.real):
+                seen[pair] = False
+        crossing = (size <= errors) & alone.all(axis=1) & seen
+        side = 1 if np.all((size > 2 * errors)[seen]) else -int(crossing.any())
+        hidden = float(errors[seen & (size <= 2 * errors)].max(initial=0.0))
+        return Level(level, side, np.unique(np.abs(found.exponents.imag[crossing])), hidden)
+
+
+@dataclass(frozen=True)
+class Level:
+    """A level, its side of the norm (1 above, -1 below, 0 where errors hide it), frequencies at which a gain equals it, and the largest
+    error that hides something, in 1/s."""
+
+    value: float
+    side: int
+    frequencies: Array
+    hidden: float
+
+
+class PeakSearch:
+    """The largest gain |y| / |u| under inputs exp(i omega t) v(t), v periodic, sought about the frequencies of the modes.
+
+    shares: what each mode adds to a gain at the most, |c_i| |b_i| / |Re lambda_i| with the largest b_i = q_i^H B and c_i = C p_i;
+    best: the largest gain and its frequency; width: of the resonance there, in rad/s.
+    """
+
+    def __init__(self, problem: BoundedReal, largest: tuple[float, float]):
+        self.problem, system, found = problem, problem.system, problem.found
+        rate = max(float(np.linalg.norm(system.resolved.mean(), 2)), 1 / system.period)
+        self.floor = EPS * largest[0] * largest[1] / rate  # what rounding makes of nothing
+        modes = solve_floquet_modes(system, found, quick=True)
+        ports = np.swapaxes(problem.B(modes.times), 1, 2), problem.C(modes.times)
+        reached, seen = (
+            np.linalg.norm(port @ vectors, axis=1).max(axis=0)
+            if np.linalg.norm(port, 2, axis=(1, 2)).max() > (1 - MINOR) * most  # else a pulse hides between the times
+            else np.inf
+            for port, vectors, most in zip(ports, (modes.left.conj(), modes.right), largest, strict=True)
+        )
+        self.exponents, self.period = modes.exponents, system.period
+        self.shares = np.where(np.isfinite(modes.errors), reached * seen / np.abs(self.exponents.real), np.inf)
+        fastest = int(found.setting.rate * self.period / (2 * np.pi))
+        self.highest = 0 if problem.constant else min(WAVES + fastest, MOST_WAVES)
+        self.segments = max(1, self.highest // 2, found.setting.segments * found.setting.order // STAGES)
+        self.loop = Collocated(system, problem.C, problem.D, self.segments)
+        self.gains: dict[float, float] = {}
+        first = self.exponents[np.argsort(-self.shares)].imag[: 2 * STARTS]
+        for omega in (0.0, np.pi / self.period, *first.tolist()):
+            self.gain(omega)
+        self.width = 0.0
+        self.climb(self.best[1])
+
+    @property
+    def best(self) -> tuple[float, float]:
+        """The largest gain that was found, and its frequency."""
+        return max((gain, omega) for omega, gain in self.gains.items())
+
+    def gain(self, omega: float) -> float:
+        """The gain at a frequency, remembered for it folded into [0, pi/T]."""
+        omega = abs(float(wrap_angle(np.array(omega * self.period)))) / self.period
+        if omega not in self.gains:
+            self.gains[omega] = max(self.loop.gain(omega, self.highest), self.floor)
+        return self.gains[omega]
+
+    def climb(self, omega: float) -> None:
+        """Go to the largest gain near a frequency: about a resonance 1 / gain^2 is a parabola, as wide as the mode is damped."""
+        step = PARTIAL * abs(float(self.exponents[np.abs(np.abs(self.exponents.imag) - omega).argmin()].real))
+        for _ in range(CLIMBS):
+            before, middle, behind = (self.gain(omega + k * step) ** -2.0 for k in (-1, 0, 1))
+            bend = before - 2 * middle + behind
+            turn = STARTS * float(np.sign(before - behind))
+            if bend > 0:
+                self.width, turn = step * float(np.sqrt(2 * middle / bend)), (before - behind) / (2 * bend)
+            omega += step * float(np.clip(turn, -STARTS, STARTS))
+            step *= MINOR if abs(turn) < 1 else 1.0
+        self.gain(omega)
+
+    def look_between(self, crossings: Array) -> bool:
+        """Climb from the middles between frequencies at which gains equal a level that lies below some; whether a larger one is there."""
+        before = self.best[0]
+        marks = np.concatenate([[0.0], crossings, [np.pi / self.period]])
+        middles = ((marks[1:] + marks[:-1]) / 2).tolist()
+        self.climb(max(middles, key=self.gain))
+        return self.best[0] > before
+
+    def judge(self, level: float, slight: float) -> tuple[Level, float]:
+        """The side of a level, but for the modes that add no more than something slight to any gain, and what they add together."""
+        unseen = self.shares <= slight
+        return self.problem.judge(level, self.exponents[unseen]), 2 * float(self.shares[unseen].sum())
+
+    def go_aside(self, aside: float, hidden: float) -> float:
+        """How far beside the norm the next level is tried, as a part of it.
+
+        Multipliers part by width sqrt(2 aside), and their errors are as large as those of a nearly double root.
+        """
+        apart = self.width * np.sqrt(2 * aside)
+        wanted = (SAFETY * hidden * max(hidden, apart) / (2 * self.width**2)) if self.width else 0.0
+        return float(np.clip(wanted, WIDER * aside, WIDER**STARTS * aside))
+
+    def least(self) -> float:
+        """A little more than the least gain that was found, by a second resolution that is twice as fine."""
+        omega = min(self.gains, key=lambda one: self.gains[one])
+        finer = Collocated(self.problem.system, self.problem.C, self.problem.D, 2 * self.segments)
+        again = finer.gain(omega, 2 * self.highest)
+        return max(again, self.gains[omega]) + SAFETY * abs(again - self.gains[omega])
