@@ -227,6 +227,8 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong with the command line, and exit."""
+        if message.endswith("required: SCENE"):
+            message += ", before options that take several words, as --set does"
         super().error(printable(message, LONGEST))
 
 

@@ -10,7 +10,7 @@ from flexlin.checks import Array
 
 ARMIJO, WOLFE = 1e-4, 0.5
 """Share of the linear decrease that a step must reach, and of the slope that it may leave."""
-BISECTIONS = 10
+BISECTIONS = 20
 PATIENCE = 5
 """Steps over which too small a decrease ends the search."""
 

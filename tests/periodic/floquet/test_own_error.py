@@ -10,6 +10,7 @@ from flexlin.periodic import match_logs
 from tests.periodic.systems import lyapunov_transformed
 
 SYSTEMS = 200
+EPS = float(np.finfo(float).eps)
 
 
 def random_constant(rng, n):
@@ -45,7 +46,7 @@ def test_own_error_covers_the_true_error_without_exaggeration(tol):
     true, own, covered, verdict, reached = np.transpose([errors_of(seed, tol) for seed in range(SYSTEMS)])
     assert np.mean(true <= own) >= 0.999
     assert np.mean(covered) >= 0.999
-    assert np.median(own / np.maximum(true, 1e-300)) < 30
+    assert np.median(own / np.maximum(true, 10 * EPS)) < 30  # true errors below rounding are luck
     assert verdict.all()
     assert np.mean(reached) > (0.99 if tol > 1e-11 else 0.9)
 
