@@ -37,7 +37,7 @@ def test_a_limit_ends_in_its_time() -> None:
 
     with pytest.raises(TimeLimit), time_limit("the stage", 0.1):
         endless()
-    assert time.perf_counter() - start < 10.0
+    assert time.perf_counter() - start < 20.0
 
 
 @pytest.mark.usefixtures("back")
