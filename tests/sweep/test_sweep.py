@@ -64,6 +64,12 @@ def test_two_paths_make_points_or_a_grid(scene):
     assert np.allclose(chosen.exponents, points.exponents[1], rtol=2e-8, atol=0)
 
 
+def test_more_workers_than_blocks_are_none(scene):
+    values = {"effects.payload.mass": [0.02, 0.05, 0.1]}
+    found, alone = (sweep(scene, values, workers=count) for count in (10**20, 1))
+    np.testing.assert_array_equal(found.exponents, alone.exponents)
+
+
 def test_memory_is_little_more_than_the_results(scene):
     values = np.linspace(0.01, 0.2, 20_000)
     path = "effects.payload.mass"

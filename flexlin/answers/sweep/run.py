@@ -127,7 +127,8 @@ def choose_crew(
         need_portable(job.work)
         return partial(share_on_cluster, client=client)
     if workers is not None:
-        if whole("workers", workers) == 1:
+        workers = min(whole("workers", workers), max(1, len(job.blocks)))
+        if workers == 1:
             return compute_here
         if job.work.threaded:
             return partial(share_among_threads, workers=workers)
