@@ -1,5 +1,6 @@
 """The audit: an effect that matters is called so, one that does not is not, and its figures are those of the two scenes."""
 
+import json
 import tomllib
 
 import casadi as ca
@@ -13,6 +14,7 @@ from flexlin.answers.audit import audit, figures
 from flexlin.answers.audit.comparison import find_reach
 from flexlin.answers.audit.judging import Judge, again, mode_versions
 from flexlin.answers.audit.versions import Version, list_model_versions, read_scale, with_modes
+from flexlin.cli import main
 from flexlin.errors import TimeLimit
 from flexlin.periodic.floquet.exponents import floquet
 from flexlin.report.figures.effects import draw_effects
@@ -158,7 +160,7 @@ def test_a_registered_model_s_own_table_is_switched():
     assert row.table == {"payload_mass": 0.1}
 
 
-def test_what_time_allows_is_handed_back_with_what_was_left_out(monkeypatch):
+def test_what_time_allows_is_handed_back_with_what_was_left_out(monkeypatch, tmp_path):
     """The limit may ring in the middle of a version, where it must not be taken for that version's own failure."""
     calls = []
 
@@ -177,6 +179,9 @@ def test_what_time_allows_is_handed_back_with_what_was_left_out(monkeypatch):
     assert found.problem in draw_effects(found).caption
     assert found.problem in audit_lines(found)
     assert audit_block(found)["problem"] == found.problem
+    calls.clear()
+    assert main(["effects", "khang-2019", "--set", "designs=[]", "--out", str(tmp_path)]) == 4
+    assert json.loads((tmp_path / "effects.json").read_text())["problem"] == found.problem
 
 
 def test_modes_inside_a_model_s_table_are_found():

@@ -279,3 +279,10 @@ def test_command_writes_page_and_record(which, request, tmp_path, capsys, monkey
     assert "<svg" in page
     assert "choice" in page
     assert "cheapest" in capsys.readouterr().out
+
+
+def test_nothing_measured_in_the_time_is_exit_code_4(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("flexlin.answers.accuracy.cost", lambda scene, seconds: CostResult("t", (), 0.0, ("left out",)))
+    assert main(["cost", "single-link", "--out", str(tmp_path)]) == 4
+    assert "left out" in capsys.readouterr().out
+    assert json.loads((tmp_path / "cost.json").read_text())["notes"] == ["left out"]

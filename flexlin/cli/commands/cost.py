@@ -5,7 +5,7 @@ import os
 import sys
 
 from flexlin.cli.options import LIMITS, SCENE
-from flexlin.cli.shared import command, loaded, print_paths
+from flexlin.cli.shared import NO_ANSWER, command, loaded, print_paths
 
 PURPOSE = "measure what accuracy costs in time, beside other programs (a minute)"
 TAKES = (*SCENE, *LIMITS)
@@ -40,4 +40,5 @@ def run(options: argparse.Namespace) -> int:
             encoding="utf-8",
         )
         (made / "cost.json").write_text(to_json(result.record()), encoding="utf-8")
-    return print_paths(made.placed("cost.html", "cost.json"))
+    done = print_paths(made.placed("cost.html", "cost.json"))
+    return done if result.rows else NO_ANSWER

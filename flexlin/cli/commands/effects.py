@@ -4,7 +4,7 @@ import argparse
 from functools import partial
 
 from flexlin.cli.options import COMPUTED
-from flexlin.cli.shared import command, loaded, print_paths
+from flexlin.cli.shared import NO_ANSWER, command, loaded, print_paths
 
 PURPOSE = "find which effects and modes the scene needs"
 TAKES = (*COMPUTED, "tolerance")
@@ -34,4 +34,5 @@ def run(options: argparse.Namespace) -> int:
     with results(options.out, "effects") as made:
         for name, text in texts.items():
             (made / name).write_text(text, encoding="utf-8")
-    return print_paths(made.placed(*texts))
+    done = print_paths(made.placed(*texts))
+    return NO_ANSWER if result.problem else done
