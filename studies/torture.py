@@ -29,15 +29,15 @@ from tests.torture.whole_commands import whole_commands
 
 SIZES = {
     "small": {
-        "check": 25,
-        "commands": 3,
-        "whole": 11,
+        "check": 12,
+        "commands": 2,
+        "whole": 8,
         "inputs": 300,
-        "kills": 4,
-        "files": 4,
-        "disks": 2,
-        "writers": 30,
-        "memory": 2,
+        "kills": 3,
+        "files": 3,
+        "disks": 1,
+        "writers": 20,
+        "memory": 1,
         "misuse": 2,
     },
     "full": {

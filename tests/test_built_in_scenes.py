@@ -19,6 +19,7 @@ REFUSED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WITH_DESIGNS)
 def test_a_scene_with_designs_takes_any_number_of_modes(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     for modes in (1, 5):

@@ -29,6 +29,7 @@ def test_check_says_what_moves(capsys: pytest.CaptureFixture[str]) -> None:
     assert "q1, w11, w12" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_report_writes_both_files_and_nothing_else(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["report", "single-link", *SMALL, "--out", str(tmp_path / "new")]) == 0
     assert sorted(p.name for p in (tmp_path / "new").iterdir()) == [
@@ -80,6 +81,7 @@ def test_linearize_writes_what_the_library_samples(tmp_path: Path) -> None:
         assert np.array_equal(arrays["M"], lin.M(t))
 
 
+@pytest.mark.slow
 def test_design_writes_the_gains(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scene = ["design", "khang-2019", "--points", "8", "--out", str(tmp_path), "--require"]
     assert main([*scene, "linear-stable"]) == 0
@@ -92,6 +94,7 @@ def test_design_writes_the_gains(tmp_path: Path, capsys: pytest.CaptureFixture[s
         assert data["K"].shape == (1, 8, 1, 4)
 
 
+@pytest.mark.slow
 def test_a_chart_over_one_parameter_agrees_with_single_verdicts(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

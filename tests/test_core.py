@@ -73,6 +73,7 @@ def variants() -> list[str]:
     return sorted(built & {"baseline", *(name for needs, name in _core.VARIANTS.items() if needs <= level)})
 
 
+@pytest.mark.slow
 def test_each_variant_gives_the_same_answer() -> None:
     code = (
         "import flexlin as fl; from flexlin import _core; s = fl.load_scene('single-link')\n"
@@ -130,6 +131,7 @@ print(*sorted(set(seen)), sep="\\n")
 """
 
 
+@pytest.mark.slow
 def test_nothing_is_compiled_or_kept_on_a_users_machine(tmp_path: Path) -> None:
     """With no program on the path and an empty home: verdicts, a design and a sweep load the library that was built, and no more."""
     environment = {"HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path), "PATH": "", "PYTHONDONTWRITEBYTECODE": "1"}

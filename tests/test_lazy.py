@@ -85,6 +85,7 @@ def waving(depth: float) -> fl.PeriodicSystem:
     return fl.PeriodicSystem(A, np.pi)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no fork")
 @pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork.*:DeprecationWarning")
 def test_no_process_hangs_that_is_forked_while_threads_compute():

@@ -129,6 +129,7 @@ def test_an_alarm_that_compiled_code_hands_on_as_its_own_error_is_the_time_limit
         raise RuntimeError("its own")
 
 
+@pytest.mark.slow
 def test_a_block_that_takes_too_much_memory_is_ended() -> None:
     """What nobody has predicted is noticed on the way."""
     taken: list[np.ndarray] = []
@@ -151,6 +152,7 @@ def test_a_block_that_takes_too_much_memory_is_ended() -> None:
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_an_alarm_of_before_rings_in_its_time() -> None:
     rung: list[int] = []
     handler = signal.signal(signal.SIGALRM, lambda number, _: rung.append(number))
@@ -166,6 +168,7 @@ def test_an_alarm_of_before_rings_in_its_time() -> None:
         signal.signal(signal.SIGALRM, handler)
 
 
+@pytest.mark.slow
 def test_a_limit_around_another_one_holds_within_it_and_after_it() -> None:
     def part_and_rest() -> None:
         with time_limit("a part", 60.0):
@@ -188,6 +191,7 @@ def test_a_limit_around_another_one_holds_within_it_and_after_it() -> None:
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_a_timer_that_repeats_and_a_hook_put_in_the_block_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
     rung: list[int] = []
@@ -288,6 +292,7 @@ def test_stages_without_end_leave_the_others_time_and_all_end_within_the_limit()
     assert clock.failures["0"].__traceback__ is None
 
 
+@pytest.mark.slow
 def test_what_is_advised_helps() -> None:
     """A proof gets a share of the whole: more seconds let it end, as its message says; it names no tol, which would not."""
 

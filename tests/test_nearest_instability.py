@@ -31,6 +31,7 @@ def brute_force(A0, parts, directions):
     return best
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_random_systems_against_brute_force(seed):
     rng = np.random.default_rng([seed, 71])

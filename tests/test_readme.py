@@ -17,6 +17,7 @@ def block(language: str) -> str:
     return found.group(1)
 
 
+@pytest.mark.slow
 def test_the_tour_runs_and_says_what_it_promises(capsys: pytest.CaptureFixture[str]) -> None:
     exec(compile(block("python"), "README.md", "exec"), {})
     lines = capsys.readouterr().out.splitlines()

@@ -86,6 +86,7 @@ def test_results_carry_names_errors_and_units():
     np.testing.assert_allclose(np.linalg.norm(run.tip_rigid, axis=1), 0.96, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_diverging_loop_is_told():
     lin = loop(control={"feedforward": "none", "feedback": {"kind": "pd", "kp": [0.0], "kd": [0.0]}})
     with pytest.raises(FlexlinError):

@@ -134,6 +134,7 @@ def steps_of(lin, start, tol=1e-6):
     return counts[-1]
 
 
+@pytest.mark.slow
 def test_ten_thousand_times_stiffer_links_take_hardly_more_steps():
     """On the periodic motion no step follows the modes of 7e3 and 2e4 rad/s; from rest they ring, and are followed till they are damped."""
     soft = closed()
@@ -189,6 +190,7 @@ def test_a_torque_that_is_cut_changes_the_integrator_and_not_the_answer():
     np.testing.assert_allclose(near.nonlinear, free.nonlinear, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_motion_in_which_the_mass_vanishes_is_named():
     """(1 - s) s'' - s'^2 / 2 = 1 from rest cannot pass s = 1."""
     s, rate = ca.SX.sym("s"), ca.SX.sym("rate")
@@ -222,6 +224,7 @@ def test_the_linear_answer_beside_the_nonlinear_one_is_that_of_a_run_of_its_own(
         assert np.abs(beside - alone).max() <= 1e-7 * np.abs(alone).max()
 
 
+@pytest.mark.slow
 def test_steps_that_cannot_suffice_are_foreseen_and_fewer_periods_are_the_advice():
     with pytest.raises(NumericalError, match=r"about \S+ steps would be needed.*simulate fewer periods") as caught:
         simulate(closed("single-link"), 1e5, tol=1e-9, points_per_period=1)

@@ -95,6 +95,7 @@ def test_nonlinear_share_grows_with_the_amplitude(lin):
     assert np.isinf(linear_range(mathieu).amplitudes).all()
 
 
+@pytest.mark.slow
 def test_region_of_attraction_is_bracketed():
     """An arm that is held upright against gravity with little damping: beyond a good part of half a turn it is lost."""
     upright = {"control.feedback.kd": [0.1], "motion.joints": [{"mean": np.pi / 2, "amplitude": 0.2}]}
@@ -103,6 +104,7 @@ def test_region_of_attraction_is_bracketed():
     assert "come back" in found.status
 
 
+@pytest.mark.slow
 def test_drives_come_from_the_scene():
     scene = fl.load_scene(
         "single-link",

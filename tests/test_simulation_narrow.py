@@ -15,6 +15,7 @@ from flexlin.periodic import FourierSeries
 from flexlin.simulation import Drive
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("place", "width"), [(0.3123, 1e-3), (0.3123, 2e-4), (0.7171, 2e-4)])
 def test_a_pulse_of_the_gain_brakes_the_joint_as_it_should(place: float, width: float) -> None:
     """It takes a factor e from the rate: by DOP853, with its place. Steps over it claimed 6e-12 and missed by 1.5e-7;

@@ -50,6 +50,7 @@ def test_peaks_do_not_depend_on_the_output_times(changes):
     assert np.abs(many.torque).max() <= many.peak_torque[0] * (1 + 1e-12)
 
 
+@pytest.mark.slow
 def test_peaks_of_a_torque_that_is_cut_or_held():
     """Through corners no parabola is laid: the limit is the peak."""
     lin = loop(**{"links.0.modes": 1})

@@ -19,6 +19,7 @@ def arm(rate, torque=1e6, **changes):
     return loop(**{key.replace(".", "__"): value for key, value in (BLOCK | limits | changes).items()})
 
 
+@pytest.mark.slow
 def test_a_torque_that_cannot_follow_is_a_ramp_until_it_has_caught_up():
     """J x'' = g, where g is the limit of ever faster lags g' = clip((asked - g) / lag, -rate, rate), by SciPy's Radau."""
     lin, limit = arm(0.5), 0.5
@@ -47,6 +48,7 @@ def test_a_rate_that_is_never_reached_changes_nothing():
     np.testing.assert_allclose(runs[0].torque, runs[1].torque, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_rate_and_size_are_limited_together_on_an_elastic_arm():
     changes = {"designs": [], "control.saturation": {"torque": [0.9], "rate": [3.0]}}
     lin = loop(**{key.replace(".", "__"): value for key, value in changes.items()})

@@ -40,6 +40,7 @@ def test_a_sliding_block_stops_at_its_time_and_place_and_stays():
     assert run.sticking == "q1 comes to rest 1 times and sticks for 23.1 % of the time"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sliding", "static", "stiffness", "pull"), [(0.05, 0.08, 4.0, 0.3), (0.2, 0.25, 9.0, 1.1), (0.02, 0.3, 2.0, 0.7)]
 )
@@ -131,6 +132,7 @@ def test_the_falling_branch_of_friction_is_a_negative_damping():
         np.testing.assert_allclose(found.exponents.real, -(kd + slope) / (2 * lin.M(0.0)[0, 0]), rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_mass_slips_along_the_falling_branch_from_static_to_sliding_friction():
     """M x'' = k (V t - x) - F(x'): it breaks loose at F_s/(k V); when it rests again is SciPy's answer to the same equation."""
     stiffness, pull = 4.0, 0.3

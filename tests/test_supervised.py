@@ -240,6 +240,7 @@ def test_little_memory_from_the_start_ends_in_one_message(space: float, tmp_path
     assert "fault of flexlin" not in run.stderr
 
 
+@pytest.mark.slow
 @LINUX
 @pytest.mark.parametrize(("words", "closed", "code"), [("list", 1, 0), ("show no-such-scene", 2, 2)])
 def test_a_stream_that_is_closed_stops_nothing(words: str, closed: int, code: int) -> None:
@@ -281,6 +282,7 @@ def test_an_interrupt_inside_compiled_code_ends_a_chart_with_what_is_known(tmp_p
         assert not out.exists() or not list(out.iterdir())
 
 
+@pytest.mark.slow
 @LINUX
 @pytest.mark.parametrize("wait", thin([0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5], quick=2))
 def test_an_interrupt_while_the_program_is_loaded_leaves_no_trace(wait: float) -> None:

@@ -59,6 +59,7 @@ def build_wheel(tree: Path, **environment: str) -> subprocess.CompletedProcess:
     return subprocess.run(build, cwd=tree, env={**os.environ, **environment}, capture_output=True, text=True)
 
 
+@pytest.mark.slow
 def test_the_wheel_has_the_same_bytes_each_time_and_serves_every_python(tmp_path: Path) -> None:
     """From two places, at two times, with other rights on the files: one wheel, whose library no C source travels with."""
     pytest.importorskip("hatchling")
@@ -82,6 +83,7 @@ def test_the_wheel_has_the_same_bytes_each_time_and_serves_every_python(tmp_path
     assert not [name for name in names if "_core" in name and (name.endswith((".c", ".h")) or "sanitized" in name)]
 
 
+@pytest.mark.slow
 def test_without_a_compiler_the_sources_say_so_in_a_sentence(tmp_path: Path) -> None:
     pytest.importorskip("hatchling")
     copy_sources(tmp_path / "tree")

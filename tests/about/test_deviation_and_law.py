@@ -17,6 +17,7 @@ def lin():
     return closed()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["single-link", "flexible-joint-link", "spinning-link", "de-luca-siciliano-1991"])
 def test_expressions_and_numbers_agree_on_where_the_arm_is(name):
     """A lifted function of s, s', s'' at random deviations equals the same function of the lifted numbers."""

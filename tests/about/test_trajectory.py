@@ -55,6 +55,7 @@ def slopes(f, t, x, u):
     return np.split(np.array(columns).T, [len(x)], axis=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_of_random_functions_the_jacobians_are_those_of_differences(seed):
     n, m, write, f = draw_problem(seed)
@@ -93,6 +94,7 @@ def swing(**changes):
     return fl.Trajectory(given.pop("x"), given.pop("u"), **given)
 
 
+@pytest.mark.slow
 def test_the_loop_of_a_design_along_a_trajectory_holds_the_function_itself():
     """LQR of the linear system brings the nonlinear pendulum back to its trajectory, at the rate that Floquet states."""
     from scipy.integrate import solve_ivp

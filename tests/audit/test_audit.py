@@ -146,6 +146,7 @@ def test_what_cannot_be_judged_is_not_called_needless():
     assert row.advice.startswith("undecided")
 
 
+@pytest.mark.slow
 def test_a_registered_model_s_own_table_is_switched():
     """Khang's arm: what may be zero is taken away in turn; its margins are those of the scenes without it."""
     result = audit(fl.load_scene("khang-2019", {"designs": []}))

@@ -50,6 +50,7 @@ def arm():
     return scene, plant, fl.linearize(manipulator, scene.motion, scene.control)
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_the_c_controller_moves_the_arm_as_python_does(arm, tmp_path):
     """The whole nonlinear loop, gain and feedforward computed by C; and the header says where each state stands."""
@@ -76,6 +77,7 @@ def test_the_c_controller_moves_the_arm_as_python_does(arm, tmp_path):
     assert order == [(str(i % 4), name, unit) for i, (name, unit) in enumerate(zip(names, units, strict=True))]
 
 
+@pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize(("kind", "least"), thin([("frozen-lqr", 1e-9), ("finite-horizon-lqr", 1e-5)]))
 def test_a_gain_with_corners_is_met_on_either_side(kind, least, tmp_path):
@@ -119,6 +121,7 @@ def test_steps_of_friction_are_met_inside(tmp_path):
         assert error < 1e-6
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_a_sampled_gain_converges_with_its_samples(arm, tmp_path):
     scene, plant, _ = arm
@@ -133,6 +136,7 @@ def test_a_sampled_gain_converges_with_its_samples(arm, tmp_path):
         gain_source(made, plant.period, tmp_path, form="table")
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_the_c_estimator_follows_the_filter(arm, tmp_path):
     """Its rate is that of the filter, and its step is of fourth order against an independent integrator."""

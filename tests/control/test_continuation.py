@@ -49,6 +49,7 @@ def test_a_motion_followed_from_rest_is_the_one_that_newtons_method_finds():
     assert np.abs(residual).max() < 1e-9 * np.abs(lin.sample(solver.given[0]).tau).max()
 
 
+@pytest.mark.slow
 def test_where_it_ends_the_error_names_the_speed_and_the_singular_inertia():
     """The speed at which the inertia becomes singular is one frequency, whatever the motion's own; at it, the sign changes by a formula
     that shares nothing with the solver."""

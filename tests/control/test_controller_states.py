@@ -216,6 +216,7 @@ def test_a_sampled_controller_against_its_difference_equation(delay):
     assert apart(expected, found.multipliers[known]) < 1e-9
 
 
+@pytest.mark.slow
 def test_a_sampled_simulation_tends_to_the_continuous_one():
     slow = [{"kind": "low-pass", "cutoff": 4.0}]
     lin, start = (
@@ -262,6 +263,7 @@ def test_a_loop_broken_where_the_torque_enters_holds_its_margins_controller_and_
         assert fl.floquet(closed).verdict == verdict
 
 
+@pytest.mark.slow
 def test_other_answers_take_the_whole_loop(small):
     assert np.all(fl.control.linear_range(small, tol=1e-3).amplitudes > 0)
     assert linearize_about(periodic_motion(small, tol=1e-6)).n == small.states == 7

@@ -83,6 +83,7 @@ def test_cost_is_the_integral_along_the_loop(kind):
     assert made.cost(x0) == pytest.approx(integrated_cost(made, x0), rel=1e-7)
 
 
+@pytest.mark.slow
 @given(st.lists(st.floats(-1, 1), min_size=4, max_size=4), st.floats(0, 3))
 @settings(max_examples=6, deadline=None)
 def test_no_design_is_cheaper_than_the_periodic_one(start, t):

@@ -78,6 +78,7 @@ def test_no_peak_between_the_samples_is_missed(name: str) -> None:
         assert found.errors[k] < 2e-3 * exact
 
 
+@pytest.mark.slow
 def test_the_range_does_not_depend_on_how_many_samples_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
     plant, lin, fine = ranges("single-link")
     monkeypatch.setattr("flexlin.control.validity.SAMPLES", 100)

@@ -55,6 +55,7 @@ def test_the_same_plant_in_turning_coordinates_gets_the_same_gain():
     assert fl.floquet(made.closed_loop).verdict == "stable"
 
 
+@pytest.mark.slow
 def test_an_unstable_plant_begins_at_a_state_feedback_or_is_refused():
     system = fl.PeriodicSystem([[0.0, 1.0], [0.0, 0.0]], 1.0, B=[[0.0], [1.0]])
     made = fl.output_lqr(system, np.eye(2), np.eye(2), np.eye(1))

@@ -64,6 +64,7 @@ def test_fast_modes_ask_for_no_more_nodes(name):
     assert solution.error < 1e-9
 
 
+@pytest.mark.slow
 def test_one_more_mode_leaves_the_gain_of_the_others():
     """The sizes do not depend on the number of modes, so the gain converges as modes are added."""
     gains = []

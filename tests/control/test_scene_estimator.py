@@ -46,6 +46,7 @@ def test_the_filter_is_the_one_made_by_hand():
     assert len(found.names) == 5
 
 
+@pytest.mark.slow
 def test_the_report_judges_the_design_with_its_states_estimated():
     """Separation: the exponents are those of the design and of the filter together."""
     found = analyse(scene_with(TABLE))
@@ -57,6 +58,7 @@ def test_the_report_judges_the_design_with_its_states_estimated():
     assert record(found)["estimated"]["LQG, estimated"]["verdict"] == "stable"
 
 
+@pytest.mark.slow
 def test_the_export_writes_the_filter_beside_the_gain(tmp_path):
     scene = scene_with(TABLE)
     plant, loops = plant_and_designs(scene, Clock())

@@ -71,6 +71,7 @@ def test_tip_exact_leaves_only_the_shortening_of_the_link(lin):
     assert across(lin, exact) < 1e-10
 
 
+@pytest.mark.slow
 def test_two_links_reach_their_tips():
     two = closed("de-luca-siciliano-1991")
     rigid, exact = feedforward(two, "rigid"), feedforward(two, "tip-exact")
@@ -95,6 +96,7 @@ def hold_tip(lin):
     return fl.PeriodicSystem.from_second_order(*(reduced(f) for f in (lin.M, lin.D, lin.K)), lin.period)
 
 
+@pytest.mark.slow
 def test_linearization_about_the_elastic_motion(lin):
     """At a hundredth of the amplitude and without gravity both basic motions give one verdict; bent links give damping terms."""
     calm = closed(changes={"motion.joints": [{"mean": 0.0, "amplitude": 0.005}], "effects.gravity": None})

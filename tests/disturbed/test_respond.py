@@ -32,6 +32,7 @@ def tip_and_force(lin, t):
     return across, np.concatenate([0 * across, np.linalg.solve(lin.M(t), across[:, :, None])[:, :, 0]], axis=1)
 
 
+@pytest.mark.slow
 def test_a_push_is_answered_as_by_runge_kutta(closed):
     """At two phases, with a push longer than the distance of two phases; the tip by differences of positions."""
     stated = state_disturbance("push", "tip 0.2 N 0.3 s", closed)

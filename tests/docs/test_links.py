@@ -46,6 +46,7 @@ def test_links_are_recognised():
     assert sorted(set(collect_links(text))) == ["b.md", "d.png", "https://e.org/f", "i.png"]
 
 
+@pytest.mark.slow
 def test_every_study_has_a_card_and_a_page(tmp_path: Path):
     spec = importlib.util.spec_from_file_location("docs_gallery", DOCS / "gallery.py")
     gallery = importlib.util.module_from_spec(spec)

@@ -91,6 +91,7 @@ def no_disk(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "fsync", lambda handle: None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("prepare", thin(PLACES[::-1], 2))
 def test_a_writer_killed_at_any_step_leaves_one_whole_set(prepare: Callable, tmp_path: Path) -> None:
     """In a folder of flexlin's own the files agree at every moment; beside foreign files the manifest says when they do not."""

@@ -36,6 +36,7 @@ def beside(scene, paths, seed=0):
     return revise_scene(scene, {p: get_value(scene, p) * float(np.exp(rng.uniform(-0.4, 0.4))) for p in paths})
 
 
+@pytest.mark.slow
 def test_three_numbers_are_found_within_their_errors():
     scene, time, readings = clean()
     log = noisy(time, readings, [0.3 * swing(time)[0]], 3)
@@ -52,6 +53,7 @@ def test_three_numbers_are_found_within_their_errors():
     assert "coloured" not in found.status
 
 
+@pytest.mark.slow
 def test_numbers_are_handed_back_when_the_time_ends_first():
     """They are then not the most likely ones, and what errors they have nobody knows."""
     scene, time, readings = clean()
@@ -83,6 +85,7 @@ def test_what_goes_together_is_named_and_not_returned():
     assert "cannot be parted by this log" in found.status
 
 
+@pytest.mark.slow
 def test_what_no_reading_sees_is_unknown():
     """At rest, in the horizontal plane, nothing depends on the payload."""
     scene, time, _ = clean()

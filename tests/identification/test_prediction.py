@@ -24,6 +24,7 @@ def log_of(time):
     return fl.Log(time, {"q1": 0.3 * swing(time)[0]}, readings), states
 
 
+@pytest.mark.slow
 def test_a_log_of_the_scene_itself_is_predicted():
     log, states = usual_log()
     found = fl.predict(SCENE, log, window=1.0)
@@ -38,6 +39,7 @@ def test_another_payload_is_seen():
     assert fl.predict(other, log).fit["q1"] < 90
 
 
+@pytest.mark.slow
 def test_gain_offset_delay_and_sensors_are_taken_into_account():
     """Reading = (value - offset) / gain, of the value `delay` ago; torque = gain reading + offset, `delay` later."""
     strain = {"sensor": "strain", "link": 0, "gain": -3.0, "offset": 0.02, "delay": 0.012}
@@ -62,6 +64,7 @@ def test_gain_offset_delay_and_sensors_are_taken_into_account():
     assert min(found.fit.values()) > 99.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wrong", [{"gain": -1.0}, {"gain": 0.8}, {"delay": 0.06}])
 def test_a_wrong_sign_gain_or_delay_of_the_torque_is_seen(wrong):
     table = {"inputs": {"q1": {"column": "u"} | wrong}, "outputs": {"q1": {"column": "q"}}}
@@ -69,6 +72,7 @@ def test_a_wrong_sign_gain_or_delay_of_the_torque_is_seen(wrong):
     assert fl.predict(fl.load_scene("single-link", {"links.0.modes": 1, "log": table}), log).fit["q1"] < 97
 
 
+@pytest.mark.slow
 def test_jittered_times_and_missing_readings_are_no_trouble():
     rng = np.random.default_rng(0)
     time = np.sort(TIME + rng.uniform(-0.002, 0.002, len(TIME)))
@@ -82,6 +86,7 @@ def test_jittered_times_and_missing_readings_are_no_trouble():
     assert "jitter" in found.status
 
 
+@pytest.mark.slow
 def test_no_window_goes_over_a_gap():
     log, _ = usual_log()
     with_gap = log._taken(np.r_[0:150, 230:400])
@@ -132,6 +137,7 @@ def test_the_acceleration_of_the_tip_is_its_second_derivative():
     assert fl.predict(SCENE, both).fit["tip_acceleration.y"] > 98
 
 
+@pytest.mark.slow
 def test_arms_with_loops_and_unknown_names_are_refused_in_words():
     log, _ = usual_log()
     with pytest.raises(fl.errors.ArgumentError, match="closed loops"):
@@ -145,6 +151,7 @@ def test_arms_with_loops_and_unknown_names_are_refused_in_words():
             fl.predict(SCENE, fl.Log(TIME, inputs, outputs))
 
 
+@pytest.mark.slow
 def test_a_filter_behind_a_sensor_is_followed():
     """Against SciPy's lsim of w^2 / (s^2 + 2 zeta w s + w^2) on the true angle."""
     from scipy.signal import lsim

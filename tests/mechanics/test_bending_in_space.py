@@ -62,6 +62,7 @@ def test_bending_has_a_stiffness_in_each_plane():
     assert lin.names == ("w11", "w12", "wz11", "wz12")
 
 
+@pytest.mark.slow
 def test_lateral_buckling():
     """A clamped strip under a transverse load at its tip turns over at 4.0126 sqrt(EI_z GJ) / l^2 (Timoshenko, Gere)."""
     length, weak, twist = 1.3, 0.4, 0.25

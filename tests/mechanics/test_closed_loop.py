@@ -131,6 +131,7 @@ def test_floquet_and_lqr_as_for_any_arm(arm, scene):
     assert closed.exponents.real.max() < -1
 
 
+@pytest.mark.slow
 def test_second_order_terms_by_the_series(arm):
     """r''[z, z] at a place of the motion, by fl.taylor in one variable and by CasADi."""
     z, t = np.array([0.3, -0.2, 1.0, 0.4]), ca.SX.sym("t")
@@ -150,6 +151,7 @@ def test_stiff_links_tend_to_rigid_ones(scene):
     assert np.log10(np.divide(deflections[:-1], deflections[1:])) == pytest.approx([1, 1], abs=0.02)
 
 
+@pytest.mark.slow
 def test_a_motion_out_of_reach_is_refused(arm, scene):
     motion = scene.motion.model_copy(
         update={"joints": [j.model_copy(update={"amplitude": 3.0}) for j in scene.motion.joints]}

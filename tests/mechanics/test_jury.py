@@ -125,6 +125,7 @@ def random_scene(seed):
     return parse_scene({"schema": 1, "title": "tree", "links": links, "effects": effects, "motion": motion})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", thin([43, *range(43), *range(44, 80)]))
 def test_a_random_tree_entry_by_entry(seed):
     scene = random_scene(seed)

@@ -108,6 +108,7 @@ def light_arm(seed):
     return arm_of(first, {**THIN, "modes": 2}, effects=effects), rng
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", thin(range(60), quick=4))
 def test_the_mass_matrix_is_positive_definite_however_far_a_link_bends(seed):
     """Random light links in the plane and in space, 1 to 6 modes, no hub, tips bent by 2 to 30 % of the length."""
@@ -122,6 +123,7 @@ def test_the_mass_matrix_is_positive_definite_however_far_a_link_bends(seed):
         np.testing.assert_allclose(M, M.T, atol=1e-14 * np.abs(M).max())
 
 
+@pytest.mark.slow
 def test_a_payload_that_may_vanish_and_a_link_that_bends_upward_alone():
     """Free numbers give what written ones do, also a payload of no mass whose centre lies beyond the tip."""
     for mass in (0.0, 0.2):
@@ -143,6 +145,7 @@ TREES = (0, 2, 3, 6, 7, 19, 20, 25, 26, 36, 39, 42, 45, 46, 50, 51, 57, 58)
 """Random scenes with the effect: tapered links, shear, and sections with inertia are among them."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", thin([*OPEN, *TREES], quick=4))
 def test_to_first_order_the_curve_is_the_energy_of_second_order(case):
     """Residual and slopes of both forms of the equations agree on a rigid motion: they share neither integrals nor kinematics."""
@@ -162,6 +165,7 @@ def test_to_first_order_the_curve_is_the_energy_of_second_order(case):
         np.testing.assert_allclose(curve, second, atol=1e-12 + 1e-8 * np.abs(second).max())
 
 
+@pytest.mark.slow
 def test_a_strip_that_bends_is_judged_alike_with_any_number_of_modes():
     """A strip of 1 m without a hub, 30 x 2 mm of aluminium: with 2 and 3 modes it used to end in a mass matrix without meaning."""
     errors = []

@@ -33,6 +33,7 @@ def test_a_dead_point_is_refused_with_its_time():
         fl.linearize(fl.build_manipulator(scene), scene.motion)
 
 
+@pytest.mark.slow
 def test_a_singular_closure_is_refused_with_its_time():
     """A parallelogram goes flat when its crank lies along the base, here at t = 0.125 s: it closes there, and might turn over."""
     links = [

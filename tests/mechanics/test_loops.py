@@ -61,6 +61,7 @@ def test_a_rigid_delta_is_three_rods_between_arms_and_a_body_that_shifts():
     assert_allclose(accelerations(arm, q, rate, torque), judge[:3], rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", thin(["spatial-four-bar", "delta"]))
 def test_flexible_loops_obey_multipliers_on_the_open_tree(name):
     """The same links with all joints driven and no loop; the gap from their tips, a multiplier for each of its rows."""
@@ -161,6 +162,7 @@ def test_both_routes_agree(flexible):
     assert_allclose(one.D, two.D, rtol=0, atol=1e-10 * np.abs(one.D).max())
 
 
+@pytest.mark.slow
 def test_free_numbers_move_the_closure(flexible):
     """A length left free as a symbol is one that is built in."""
     scene, _, _ = flexible

@@ -43,6 +43,7 @@ def test_frequencies_of_a_bent_elbow():
     check(chain[2:], approximations, 4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", thin([6.0, 0.0, 15.0]))
 def test_stiffening_through_the_chain(rate):
     """The stretched-out arm spins with both joints locked: link 1 carries the pull of link 2 and of the payload."""

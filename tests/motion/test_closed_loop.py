@@ -45,6 +45,7 @@ def test_tip_of_the_scene_follows_the_circle(motion):
         assert_allclose(points[:, -1], there, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_it_serves_as_basic_motion(motion):
     scene = fl.load_scene("five-bar")
     lin = fl.linearize(fl.build_manipulator(scene), motion, scene.control)

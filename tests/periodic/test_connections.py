@@ -35,6 +35,7 @@ def test_constant_systems_answer_as_those_of_python_control(through):
             np.testing.assert_allclose(C @ np.linalg.solve(s * np.eye(len(A)) - A, B) + D, want(s), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_varying_systems_move_as_their_parts_do():
     """u = sin 3t into H, whose output and a feedback through H2 drive G: both integrated, whole and part by part."""
 

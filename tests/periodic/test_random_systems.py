@@ -52,6 +52,7 @@ def test_products_of_exponentials_are_those_of_panels(kind):
         assert miss(case, truth.exponents) <= 1e-16 + case.doubt.max() + truth.doubt.max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", thin(["undamped oscillators", "jumps not named, smooth between", "pulses"]))
 def test_panels_agree_with_a_runge_kutta_method(kind):
     """DOP853 from one corner or narrow place to the next."""

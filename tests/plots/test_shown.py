@@ -130,6 +130,7 @@ def test_charts_of_one_and_two_parameters_are_drawn():
         fl.plots.compare({"b": 3})
 
 
+@pytest.mark.slow
 def test_drawing_without_matplotlib_says_what_to_install():
     program = """
 import sys

@@ -36,6 +36,7 @@ def test_every_stage_with_an_error_is_asked_for_the_scene_s_tol(two_accuracies) 
         )  # three loops and one about the elastic motion, that motion, the gain, two responses, simulation
 
 
+@pytest.mark.slow
 def test_the_nonlinear_check_has_a_tol_of_its_own_only_where_none_is_given() -> None:
     scene = fl.load_scene("single-link", {"links.0.modes": 1, "designs": []})
     steps = {step.name: step for step in analyse(scene).steps}

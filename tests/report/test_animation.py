@@ -87,6 +87,7 @@ def test_bending_is_magnified_and_modes_are_played(played):
     assert all(f">{name}</option>" in page for name in names)
 
 
+@pytest.mark.slow
 def test_the_command_writes_it(tmp_path):
     options = ["simulate", "single-link", "--periods", "0.3", "--feedforward", "tip-exact", "--animate"]
     assert main([*options, "--out", str(tmp_path)]) == 0

@@ -14,6 +14,7 @@ from flexlin.cli import main
 from flexlin.report import advise, draw_sensitivity, record
 
 
+@pytest.mark.slow
 def test_a_parametric_resonance_is_named() -> None:
     # The link is Mathieu's equation with a near 4: its second tongue, where the mean frequency equals that of rotation.
     scene = fl.load_scene(
@@ -29,6 +30,7 @@ def test_a_stable_loop_has_no_cause(single_link) -> None:
     assert single_link.resonances == ()
 
 
+@pytest.mark.slow
 def test_the_sensitivities_are_those_of_the_library(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scene = ["single-link", "--set", "links.0.modes=0", "designs=[]"]
     assert main(["report", *scene, "--sensitivity", "--out", str(tmp_path)]) == 0

@@ -7,6 +7,7 @@ from flexlin.answers import analyse
 from flexlin.report import advise, record
 
 
+@pytest.mark.slow
 def test_the_elastic_motion_is_judged_beside_the_rigid_one():
     scene = fl.load_scene(
         "single-link", {"links.0.modes": 1, "designs": [], "control.about": "elastic", "accuracy.tol": 1e-6}

@@ -10,6 +10,7 @@ from flexlin.report import advise, record, to_json
 SCENE = {"links.0.modes": 1, "control.feedforward": "tip-exact", "accuracy.tol": 1e-6, "designs": [], "drives": {}}
 
 
+@pytest.mark.slow
 def test_the_report_follows_the_elastic_motion():
     scene = fl.load_scene("single-link", SCENE)
     found, plain = analyse(scene), analyse(fl.load_scene("single-link", {**SCENE, "control.feedforward": "rigid"}))

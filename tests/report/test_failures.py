@@ -8,6 +8,7 @@ import pytest
 from flexlin.cli import main
 
 
+@pytest.mark.slow
 def test_a_design_without_an_answer_is_told_and_the_others_stand(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -71,6 +71,7 @@ def test_a_search_that_met_a_limit_is_not_a_range_without_boundary():
     assert "the limit of 3 s was met" in draw_charts(SCENE, line, [], [])[0].caption
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", ["time", "memory"])
 def test_numbers_are_written_where_a_picture_meets_a_limit(
     fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

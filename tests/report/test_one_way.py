@@ -22,6 +22,7 @@ SETS = [
 ]
 
 
+@pytest.mark.slow
 def test_a_report_of_a_motion_that_ends(tmp_path, capsys):
     assert main(["report", "single-link", *SETS, "--out", str(tmp_path)]) == 0
     said = capsys.readouterr().out
@@ -33,6 +34,7 @@ def test_a_report_of_a_motion_that_ends(tmp_path, capsys):
     assert "Multipliers" not in (tmp_path / "report.html").read_text()
 
 
+@pytest.mark.slow
 def test_its_gain_is_designed_and_exported(tmp_path, capsys):
     assert main(["design", "single-link", *SETS, "--points", "32", "--out", str(tmp_path / "d")]) == 0
     with np.load(tmp_path / "d" / "gains.npz") as arrays:

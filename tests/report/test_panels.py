@@ -84,6 +84,7 @@ def find_looks(panel: Panel) -> set[str]:
     return {re.sub(r"stroke-(width|opacity):[^;]*;?", "", mark.style).strip(";") for mark in lines}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("which", ["two_loops", "large"])
 def test_every_axis_says_its_size_and_every_line_its_name(request, drawn, which) -> None:
     list(figures.draw_pictures(request.getfixturevalue(which)))

@@ -37,6 +37,7 @@ def test_pipes_and_devices_are_not_opened(tmp_path):
             fl.load_scene(tmp_path / source)
 
 
+@pytest.mark.slow
 def test_a_scene_opens_no_file_outside_its_folder(tmp_path, capsys):
     """Neither by a path, nor by .., nor by a link; there is no telling whether such a file is there."""
     folder, secret = tmp_path / "scenes", tmp_path / "secret.csv"

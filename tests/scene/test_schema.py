@@ -67,6 +67,7 @@ def accepts(node: dict[str, Any], value: Any) -> bool:
     return not (isinstance(value, list) and "items" in node) or all(accepts(node["items"], child) for child in value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", builtin_scenes())
 def test_every_scene_fits_the_schema(name: str) -> None:
     raw = tomllib.loads(builtin_scenes()[name].read_text(encoding="utf-8"))

@@ -79,6 +79,7 @@ def test_each_loop_agrees_with_one_built_by_hand(path, values):
             assert data["verdict"].values[i] == exact.verdict
 
 
+@pytest.mark.slow
 def test_a_model_written_in_python_is_swept_by_symbols_or_rebuilt_at_each_value():
     """A pendulum whose code takes symbols, one that refuses them, and one that means something else with them."""
 

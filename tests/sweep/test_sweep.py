@@ -70,6 +70,7 @@ def test_more_workers_than_blocks_are_none(scene):
     np.testing.assert_array_equal(found.exponents, alone.exponents)
 
 
+@pytest.mark.slow
 def test_memory_is_little_more_than_the_results(scene):
     values = np.linspace(0.01, 0.2, 20_000)
     path = "effects.payload.mass"
@@ -94,6 +95,7 @@ def test_values_that_the_kernel_cannot_certify_go_one_by_one(scene, monkeypatch)
     assert np.allclose(result.exponents[1], exact.exponents, rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_motion_with_breaks(scene):
     joints = [{"waypoints": [0.0, 1.0, 0.4]}]
     moves = {"kind": "point-to-point", "move_time": 0.4, "dwell_time": 0.1, "joints": joints}

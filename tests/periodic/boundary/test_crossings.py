@@ -52,6 +52,7 @@ def test_a_tongue_as_narrow_as_rounding_is_told_as_touching():
     assert [one.onset for one in found] == [True, False]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", thin(range(4)))
 def test_random_pairs_of_oscillators_against_a_dense_scan(seed):
     """Two coupled modes with and without damping, frequency as the parameter: tongues of all orders and combinations."""

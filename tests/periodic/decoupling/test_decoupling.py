@@ -141,6 +141,7 @@ def test_the_generator_is_that_of_the_transformed_system():
     assert np.abs(B[:, ~block_mask(decoupled.groups)]).max() < 1e-5
 
 
+@pytest.mark.slow
 def test_conjugates_are_paired_exactly():
     system = random_system(3, "plain")
     decoupled = decouple(system, system.period)

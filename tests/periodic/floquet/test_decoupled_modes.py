@@ -44,6 +44,7 @@ def miss(vectors, A, exponents, period):
     return np.array(missed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("near_resonance", [False, True])
 def test_columns_of_the_frame_solve_the_equation_and_its_adjoint(near_resonance):
     served = 0
@@ -124,6 +125,7 @@ def test_modes_that_coincide_are_right_or_left_to_others(apart, coupling):
         assert miss(modes[0], A(decoupled.times), exponents, 2 * np.pi).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_modes_of_an_arm_whose_slow_modes_part_by_much_are_those_of_its_frame():
     """They say how damping moves the exponents, as exponents with a little more and less damping do; segments took them five seconds."""
     scene = fl.load_scene("de-luca-siciliano-1991")

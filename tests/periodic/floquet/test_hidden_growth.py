@@ -37,6 +37,7 @@ def test_no_mode_is_thought_away(growth: float, turning: float, segments: int | 
     assert found.verdict == "undecided" or abs(found.exponents[0].real - growth) <= found.errors[0]
 
 
+@pytest.mark.slow
 def test_growth_by_the_change_of_a_shape_counts():
     """Unequal segments, and eigenvectors that turn: a fast pair that grows by 0.11 1/s was held to decay by 0.12 1/s."""
     case = draw("kept shapes", 77003000077)

@@ -15,6 +15,7 @@ def pairs(first, second, period):
     return max(apart.min(axis=0).max(), apart.min(axis=1).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_both_routes_agree(seed):
     rng = np.random.default_rng(seed)
@@ -68,6 +69,7 @@ def fast_pendulum(waves, swing=300.0, stiffness=-1.0):
     return fl.PeriodicSystem(A, 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("waves", [7, 40])
 def test_waves_beyond_the_first_harmonics_are_not_left_out(waves):
     """Kapitza's pendulum stands because its support shakes: truncations without that wave agree with each other that it falls."""

@@ -52,6 +52,7 @@ def test_weights_that_lie_too_far_apart_are_not_said_to_hide_a_mode() -> None:
     assert not isinstance(caught.value, NotDetectable | NotStabilizable)
 
 
+@pytest.mark.slow
 def test_noise_that_lies_too_far_apart_is_not_said_to_excite_no_mode() -> None:
     """An estimator's problem is the dual one: its names for blocked modes stood over this reason too."""
     plant = fl.PeriodicSystem(np.array([[0.0, 1.0], [-1.0, -0.1]]), 2.0, np.array([[0.0], [1.0]]))
@@ -70,6 +71,7 @@ def test_an_input_that_costs_next_to_nothing_has_an_honest_gain(effort: float) -
     assert np.abs(design.X(0.3) - [[1, r], [r, r]]).max() <= design.solution.error + 2 * r
 
 
+@pytest.mark.slow
 def test_an_input_that_costs_nothing_is_refused() -> None:
     system = fl.PeriodicSystem(np.array([[0.0, 1.0], [-1.0, -0.1]]), 1.0, np.array([[0.0], [1.0]]))
     with pytest.raises(ToleranceNotReached, match="lie too far apart"):

@@ -57,6 +57,7 @@ def integrate(
     return solve_ivp(rate, (-T, -times[-1]), x, t_eval=-times, **options).y.T.reshape(-1, n, n)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", thin(range(12), 3))
 def test_the_error_and_that_of_the_gain_hold_between_the_nodes(seed: int) -> None:
     system, Q, R = draw(seed)
@@ -70,6 +71,7 @@ def test_the_error_and_that_of_the_gain_hold_between_the_nodes(seed: int) -> Non
     assert np.abs(found.K(times) - K).max() <= (found.gain_error + 1e-10) * np.abs(K).max()
 
 
+@pytest.mark.slow
 def test_cheap_control_of_a_turning_field_is_no_longer_limited_by_rounding() -> None:
     """A satellite's torques act across the field alone: where control is cheap, segments lost seven digits of the gain."""
     w = 1e-3

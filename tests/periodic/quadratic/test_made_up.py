@@ -189,6 +189,7 @@ def test_claims_beside_steps_pulses_and_jumps_are_sharp(seed):
     assert found.status == "converged"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [0.1, 0.0])
 def test_an_unstable_system_has_no_lyapunov_matrix(rate):
     with pytest.raises(NotStable, match="expected a stable system"):

@@ -121,6 +121,7 @@ def test_varying_weights_and_breaks_against_scipy():
     assert np.abs(found.X(stops) - X).max() < 1e-8 * np.abs(X).max()
 
 
+@pytest.mark.slow
 def test_finite_horizon_against_scipy():
     end = np.array([[2.0, 0.3], [0.3, 1.0]])
     found = finite_horizon_riccati(rotated(), np.eye(2), np.eye(1), end, tol=1e-10)

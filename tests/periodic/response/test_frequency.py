@@ -30,6 +30,7 @@ def test_a_plant_in_turning_coordinates_answers_in_two_sidebands():
             assert abs(value - exact.get(int(k), 0.0)) <= found.error * np.abs(H).max() + 1e-13
 
 
+@pytest.mark.slow
 def test_the_answer_of_mathieus_equation_is_what_a_simulation_ends_in():
     def A(t):
         out = np.zeros((len(t), 2, 2))
